@@ -2,15 +2,19 @@
 
 use sarrus_proto::actuators::Reason;
 
+use super::stop::{Chatter, Reference};
 use crate::config::MotorConfig;
-use crate::drive::{Measurement, Watchdog};
-use crate::mapping::ActuatorMeasurement;
+use crate::drive::{Measurement, Mode, Watchdog};
+use crate::mapping::{ActuatorMeasurement, Mapping};
 
 /// A motor.
 #[derive(Debug)]
 pub(super) struct Motor {
     pub(super) config: MotorConfig,
     pub(super) measured: ActuatorMeasurement,
+    /// Its velocity: measured, or of the last two positions where it does not tell it `[rad/s,
+    /// m/s]`.
+    pub(super) velocity: f64,
     /// When it last measured `[ns]`.
     pub(super) measured_ns: Option<u64>,
     /// It answers; its drive has something to forget.
@@ -19,25 +23,55 @@ pub(super) struct Motor {
     pub(super) sent_ns: Option<u64>,
     /// Bits of what was limited in the last set-point.
     pub(super) flags: u32,
-    /// Where it was when it began to follow `[rad, m]`.
+    /// Where it was when it began to follow, or when commands became late `[rad, m]`.
     pub(super) hold: f64,
+    /// How far its spring was drawn when commands became late `[rad, m]`.
+    deflection: f64,
     /// The last set-point's position and effort.
     pub(super) last_position: f64,
     pub(super) last_effort: f64,
+    /// What spring, damper and effort of the last set-point came to `[N m, N]`.
+    pub(super) last_total: f64,
+    /// What keeps it still against gravity, by the model; 0 without one `[N m, N]`.
+    pub(super) gravity: f64,
+    /// Damping of stops: the configured one, or more where that could not stop `[N m s/rad, N
+    /// s/m]`.
+    pub(super) stop_damping: f64,
+    pub(super) stop: Reference,
+    pub(super) chatter: Chatter,
 }
 
 impl Motor {
     pub(super) fn new(config: MotorConfig) -> Motor {
+        let stop_damping = config.damping.max(config.limits.damping());
+        let stop_damping = match config.common.mode {
+            // whose damper has the rate of the bridge, and is no better for being stronger
+            Mode::Torque if config.damping > 0.0 => config.damping,
+            // no more than the motor has, which the spring goes with; NaN where nothing limits it
+            Mode::Impedance => {
+                let Mapping { gear, torque_constant, .. } = config.mapping;
+                let range = config.settings.number("damping_range");
+                stop_damping.min(range * gear * gear * torque_constant)
+            }
+            _ => stop_damping,
+        };
         Motor {
             config,
             measured: ActuatorMeasurement::NONE,
+            velocity: 0.0,
             measured_ns: None,
             is_known: false,
             sent_ns: None,
             flags: 0,
             hold: 0.0,
+            deflection: 0.0,
             last_position: 0.0,
             last_effort: 0.0,
+            last_total: 0.0,
+            gravity: 0.0,
+            stop_damping,
+            stop: Reference::default(),
+            chatter: Chatter::default(),
         }
     }
 
@@ -46,7 +80,16 @@ impl Motor {
         if !measured.position.is_finite() {
             return None;
         }
+        let before = self.measured.position;
         self.measured = self.config.mapping.to_actuator(measured);
+        self.velocity = match self.measured_ns {
+            _ if self.measured.velocity.is_finite() => self.measured.velocity,
+            Some(last) if before.is_finite() && now_ns > last => {
+                (self.measured.position - before) / ((now_ns - last) as f64 * 1e-9)
+            }
+            Some(_) => self.velocity,
+            None => 0.0,
+        };
         (self.measured_ns, self.is_known) = (Some(now_ns), true);
         self.sent_ns.take().map(|sent| now_ns.saturating_sub(sent))
     }
@@ -63,12 +106,34 @@ impl Motor {
         }
     }
 
-    /// Begins anew from where it is.
+    /// Where it is, as far as it ever said.
+    pub(super) fn place(&self) -> f64 {
+        if self.measured.position.is_finite() { self.measured.position } else { self.hold }
+    }
+
+    /// Begins to follow from where it is.
     pub(super) fn hold(&mut self) {
-        if self.measured.position.is_finite() {
-            self.hold = self.measured.position;
-        }
+        self.hold = self.place();
         (self.last_position, self.last_effort) = (self.hold, 0.0);
+        self.chatter = Chatter::default();
+    }
+
+    /// Commands became late.
+    pub(super) fn late(&mut self) {
+        self.hold = self.place();
+        self.deflection = match self.config.common.mode {
+            Mode::Impedance | Mode::Torque => self.last_position - self.hold,
+            // whose controllers hold loads by themselves
+            Mode::Position | Mode::Velocity => 0.0,
+        };
+    }
+
+    /// Commands came back: the way to the desired position begins where the actuator is, or as far
+    /// on the way as its spring was drawn before, so that a load is held as before.
+    pub(super) fn resume(&mut self, desired: f64) {
+        let place = self.place();
+        self.last_position =
+            (place + self.deflection).max(place.min(desired)).min(place.max(desired));
     }
 
     /// Why it cannot be armed, however long one waits.

@@ -1,51 +1,68 @@
-//! From a command to the set-point of one motor: limits, ramps, damping. One function for all modes
-//! and all paths.
+//! From a command to the set-point of one motor: limits, ramps, damping, stops. One function for
+//! all modes and all paths.
 
 use sarrus_proto::actuators::{ActuatorCommand, flag};
 
+use super::mechanism::Course;
 use super::motor::Motor;
 use crate::drive::{Mode, Setpoint};
 use crate::mapping::ActuatorSetpoint;
 
 impl Motor {
-    /// The set-point of this cycle, on the motor's side. `ramp` goes from 0 to 1 after arming,
-    /// `elapsed` is the time since the last set-point `[s]`. Marks what was limited.
+    /// The set-point of this cycle, on the motor's side. `elapsed` is the time since the last
+    /// set-point `[s]`. Marks what was limited.
     pub(super) fn setpoint(
         &mut self,
         command: &ActuatorCommand,
-        ramp: f64,
-        is_damped: bool,
+        course: Course,
         elapsed: f64,
     ) -> Setpoint {
         self.flags = 0;
-        let mut setpoint =
-            if is_damped { self.damped() } else { self.following(command, ramp, elapsed) };
+        let mut setpoint = match course {
+            Course::Follow(ramp) => self.following(command, ramp, elapsed),
+            Course::Damp => self.damped(),
+            Course::Brake(part) => self.braking(part, elapsed),
+            Course::QuickStop => self.braking(0.0, elapsed),
+            Course::Lower(speed) => self.lowering(speed, elapsed),
+        };
+        // a motor that does not tell its velocity counts as still while it follows
+        let velocity = match course {
+            Course::Follow(_) if !self.measured.velocity.is_finite() => 0.0,
+            _ => self.velocity,
+        };
         if self.config.common.mode == Mode::Torque {
             // a motor without gains of its own gets their sum
+            if !matches!(course, Course::Follow(_)) {
+                let error = setpoint.damping * (setpoint.velocity - velocity);
+                let gain = self.chatter.gain(error, self.config.limits.effort);
+                (setpoint.stiffness, setpoint.damping) =
+                    (gain * setpoint.stiffness, gain * setpoint.damping);
+            }
             setpoint = ActuatorSetpoint {
-                effort: setpoint.effort + self.by_gains(&setpoint),
+                effort: setpoint.effort + self.by_gains(&setpoint, velocity),
                 stiffness: 0.0,
                 damping: 0.0,
                 ..setpoint
             };
         }
-        if !is_damped {
+        if let Course::Follow(_) = course {
             let change = self.config.limits.effort_rate * elapsed;
             let (least, most) = (self.last_effort - change, self.last_effort + change);
             setpoint.effort = self.limited(setpoint.effort, least, most, flag::RATE_LIMITED);
         }
-        let setpoint = self.within_effort(setpoint);
+        let setpoint = self.within_effort(setpoint, velocity);
         (self.last_position, self.last_effort) = (setpoint.position, setpoint.effort);
         self.config.mapping.to_motor(&setpoint)
     }
 
-    /// Stays where it is by damping alone: as a velocity of zero where the motor follows
-    /// velocities, and as the position where commands stayed away where it follows positions.
+    /// Stays where it is by damping alone, and by what gravity needs where that is known: as a
+    /// velocity of zero where the motor follows velocities, and as the position where commands
+    /// stayed away where it follows positions.
     fn damped(&self) -> ActuatorSetpoint {
         ActuatorSetpoint {
-            position: self.hold,
+            position: self.hold.max(self.config.limits.lower).min(self.config.limits.upper),
             velocity: 0.0,
-            effort: 0.0,
+            effort: self.gravity,
             stiffness: 0.0,
             damping: self.config.damping,
         }
@@ -100,24 +117,23 @@ impl Motor {
     }
 
     /// What stiffness and damping make of the last measurement `[N m, N]`.
-    fn by_gains(&self, setpoint: &ActuatorSetpoint) -> f64 {
+    fn by_gains(&self, setpoint: &ActuatorSetpoint, velocity: f64) -> f64 {
         if matches!(self.config.common.mode, Mode::Position | Mode::Velocity) {
             return 0.0;
         }
-        // a motor that does not tell its velocity counts as still
-        let known =
-            |number: f64, otherwise: f64| if number.is_finite() { number } else { otherwise };
-        let behind = setpoint.position - known(self.measured.position, setpoint.position);
-        let slower = setpoint.velocity - known(self.measured.velocity, 0.0);
+        let place = self.measured.position;
+        let behind = if place.is_finite() { setpoint.position - place } else { 0.0 };
+        let slower = setpoint.velocity - velocity;
         setpoint.stiffness * behind + setpoint.damping * slower
     }
 
     /// Spring, damper and effort together stay within the limit, as far as the last measurement
     /// tells. All three shrink alike, so that none of them is left alone where the motor itself
     /// saturates another.
-    fn within_effort(&mut self, setpoint: ActuatorSetpoint) -> ActuatorSetpoint {
+    fn within_effort(&mut self, setpoint: ActuatorSetpoint, velocity: f64) -> ActuatorSetpoint {
         let most = self.config.limits.effort;
-        let total = setpoint.effort + self.by_gains(&setpoint);
+        let total = setpoint.effort + self.by_gains(&setpoint, velocity);
+        self.last_total = total.max(-most).min(most);
         if total.abs() <= most {
             return setpoint;
         }

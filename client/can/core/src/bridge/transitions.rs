@@ -1,8 +1,8 @@
 //! From state to state: what brings a mechanism to power, keeps it there and takes it away.
 
-use sarrus_proto::actuators::{MechanismState, Reason};
+use sarrus_proto::actuators::Reason;
 
-use super::mechanism::Mechanism;
+use super::mechanism::{Change, Mechanism, Members};
 use super::motor::Motor;
 use super::{Bridge, BusState};
 use crate::config::Stop;
@@ -29,9 +29,7 @@ impl Bridge {
                 Reason::FeedbackStale
             } else if let Some(reason) = motor.config.missing_watchdog() {
                 reason
-            } else if mechanism.state == MechanismState::Enabled
-                && motor.config.drive.state().power != Power::On
-            {
+            } else if mechanism.needs_power() && motor.config.drive.state().power != Power::On {
                 Reason::PowerLost
             } else {
                 continue;
@@ -109,25 +107,37 @@ impl Bridge {
         self.mechanisms.get(*number)
     }
 
-    /// A mechanism whose motors all have power follows; one whose commands stay away loses power.
+    /// A mechanism whose motors all have power follows; one whose commands stay away is stopped.
     pub(super) fn follow(&mut self, number: usize, now_ns: u64, is_late: bool, is_lost: bool) {
         let mechanisms = &self.configuration.mechanisms;
         let is_member = |motor: &Motor| mechanisms.get(motor.config.actuator) == Some(&number);
-        let all_on = self
-            .motors
-            .iter()
-            .filter(|motor| is_member(motor))
-            .all(|motor| motor.config.drive.state().power == Power::On);
         let Some(mechanism) = self.mechanisms.get_mut(number) else { return };
-        let changed = mechanism.follow(
+        let mut members = Members { all_on: true, all_off: true, runs_away: false, moves: false };
+        for motor in self.motors.iter().filter(|motor| is_member(motor)) {
+            let is_on = motor.config.drive.state().power == Power::On;
+            members.all_on &= is_on;
+            members.all_off &= !is_on;
+            members.runs_away |= motor.runs_away();
+            members.moves |= motor.velocity.abs() > mechanism.still();
+        }
+        let change = mechanism.follow(
             now_ns,
             self.configuration.timeouts.arming_ns,
-            all_on,
+            members,
             is_late,
             is_lost,
         );
-        if changed {
-            self.motors.iter_mut().filter(|motor| is_member(motor)).for_each(Motor::hold);
+        let Some(change) = change else { return };
+        for motor in self.motors.iter_mut().filter(|motor| is_member(motor)) {
+            match change {
+                Change::Begin => motor.hold(),
+                Change::Late => motor.late(),
+                Change::Resume => {
+                    let desired = self.command.position.get(motor.config.actuator).copied();
+                    motor.resume(desired.unwrap_or(motor.hold));
+                }
+                Change::Stop(reaction) => motor.begin_stop(reaction),
+            }
         }
     }
 }

@@ -8,6 +8,10 @@
 //! timeouts: {damping_ms: 20, disable_ms: 100, feedback_ms: 20}
 //! ramp_ms: 500              # gains and efforts grow to their full size in this time after arming
 //! stop: mechanism           # or `robot`: what stops when a motor fails
+//! stop_function: ss1        # how it stops: to a standstill within `stop_ms`, then no torque
+//! stop_ms: 500
+//! mechanisms:               # those that stop otherwise, each named by one of its actuators
+//! - {actuator: ALElbowAct, stop_function: lower, hold_ms: 5000, lower_velocity: 0.02}
 //! buses:
 //! - {name: left_arm, interface: socketcan, channel: can0, bitrate: 1000000}
 //! motors:
@@ -29,9 +33,11 @@ mod files;
 mod keys;
 mod motors;
 mod read;
+mod stops;
 
 #[cfg(feature = "files")]
 pub use files::ConfigurationError;
+pub use stops::{MechanismStop, StopFunction};
 
 use crate::drive::{Drive, Watchdog};
 use crate::mapping::Mapping;
@@ -64,6 +70,8 @@ pub struct Configuration {
     pub ramp_ns: u64,
     /// What stops when a motor fails.
     pub stop: Stop,
+    /// How each mechanism is stopped, by its number in `mechanisms`.
+    pub stops: Vec<MechanismStop>,
     /// The buses.
     pub buses: Vec<BusConfig>,
     /// The motors, in the order of the file.
@@ -77,7 +85,7 @@ pub struct Configuration {
 pub struct Timeouts {
     /// T1: commands older than this bring damping `[ns]`.
     pub damping_ns: u64,
-    /// T2: commands older than this disable `[ns]`.
+    /// T2: commands older than this bring a stop `[ns]`.
     pub disable_ns: u64,
     /// A motor that has not measured for this time has failed `[ns]`.
     pub feedback_ns: u64,
@@ -132,7 +140,8 @@ pub struct MotorConfig {
     pub watchdog_believed: bool,
     /// Limits of the actuator.
     pub limits: Limits,
-    /// Damping while commands are late `[N m s/rad, N s/m]`.
+    /// Damping while commands are late `[N m s/rad, N s/m]`; where the file has none it is
+    /// [`Limits::damping`].
     pub damping: f64,
 }
 
@@ -149,6 +158,21 @@ pub struct Limits {
     pub effort: f64,
     /// Greatest change of the effort in time `[N m/s, N/s]`.
     pub effort_rate: f64,
+}
+
+impl Limits {
+    /// Speed that the greatest effort is to brake where no limit is known `[rad/s, m/s]`.
+    const SPEED: f64 = 10.0;
+
+    /// The greatest velocity, ten units in a second where there is no limit `[rad/s, m/s]`.
+    pub fn speed(&self) -> f64 {
+        if self.velocity.is_finite() { self.velocity } else { Self::SPEED }
+    }
+
+    /// A damping that brakes [`Limits::speed`] with the greatest effort `[N m s/rad, N s/m]`.
+    pub fn damping(&self) -> f64 {
+        self.effort / self.speed()
+    }
 }
 
 impl MotorConfig {
@@ -193,6 +217,7 @@ impl Configuration {
             source: self.source.clone(),
             actuators: self.actuators.clone(),
             mechanisms: self.mechanisms.clone(),
+            stops: self.stops.clone(),
             buses: self.buses.clone(),
             motors: Vec::new(),
             warnings: self.warnings.clone(),

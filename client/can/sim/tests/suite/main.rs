@@ -10,4 +10,5 @@ mod cia402;
 mod closed_loop;
 mod moteus;
 mod motors;
+mod stops;
 mod support;
