@@ -19,9 +19,9 @@
 //! new; 15 to 17 (hexadecimal) are its ranges, 0 the voltage at which it turns its torque off, 7
 //! and 8 its identifiers, A its mode, E its firmware, 14 the reduction of its gear.
 //!
-//! Sources: B. Katz, firmware of the mini cheetah's motor controller, as of July 2023 (can.c); CubeMars, *AK series manual*;
-//! Damiao, *DM-J4310 manual* and its list of registers; RobStride, *RS00 manual*, chapter on the
-//! MIT protocol.
+//! Sources: B. Katz, firmware of the mini cheetah's motor controller, as of July 2023 (can.c);
+//! CubeMars, *AK series manual*; Damiao, *DM-J4310 manual* and its list of registers; RobStride,
+//! *RS00 manual*, chapter on the MIT protocol.
 
 use super::{Firmware, Plant, standard};
 use sarrus_can_core::drive::Setpoint;

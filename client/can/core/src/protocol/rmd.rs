@@ -15,8 +15,8 @@
 //! speed and the torque beside it are those of the answer before. Faults are asked for all the
 //! time. Nothing tells whether the drive has power: two answers to torques count as having it. B3
 //! is kept in the drive's ROM: it is written until it is answered, at most three times, and again
-//! only after a silence. The drive's own loops of speed and position (A2, A4) are left out: the protocol has no
-//! limit of torque for them.
+//! only after a silence. The drive's own loops of speed and position (A2, A4) are left out: the
+//! protocol has no limit of torque for them.
 
 use super::number::{limited, steps_toward_zero};
 use super::power_up::{Action, PowerUp, Stage};

@@ -299,9 +299,8 @@ fn what_only_the_bridge_sends_is_foreign() {
 
 #[test]
 fn the_reply_of_the_mini_cheetahs_author_is_read() {
-    // pack_reply of can.c in bgkatz/motorcontrol (2023-07-02), ranges P 12.5, V 65, T 18, VB 0 … 40,
-    // compiled and called with id 1, 3.0 rad, -20.0 rad/s, 5.0 N m, 24.0 V; and unpack_cmd of the
-    // same file on what is sent here, 0.1 rad, -0.5 rad/s, 20 N m/rad, 0.5 N m s/rad, 1 N m
+    // pack_reply of can.c in bgkatz/motorcontrol (2023-07-02), with the ranges P 12.5, V 65, T 18,
+    // VB 0 … 40, compiled and called with id 1, 3.0 rad, -20.0 rad/s, 5.0 N m, 24.0 V
     let ranges = RANGES.replace("velocity_range: 45", "velocity_range: 65");
     let yaml = format!("{{variant: mini_cheetah, id: 1, reply_id: 0, {ranges}}}");
     let mut drive = drive("mit", &yaml, COMMON);
@@ -331,6 +330,9 @@ fn a_robstride_is_asked_for_its_faults() {
     assert_eq!(drive.state().fault, 0x4001);
     receive(&mut *drive, "011#0180007FF7FF0131");
     assert_eq!(drive.state().fault, 0x4001, "feedback does not say that it is gone");
+    at(&mut *drive, 40);
+    let cold = receive(&mut *drive, "011#0180007FF8000000");
+    assert!(matches!(cold, Receipt::Measured(_)), "a motor at 0.0 °C with no torque");
     cycle(&mut *drive, DriveCommand::Reset);
     assert_eq!(drive.state().fault, 0);
 }

@@ -8,7 +8,7 @@ use crate::protocol::fault;
 const TIMEOUT_NS: u64 = 50_000_000;
 /// The unit of 60C2 as drives are delivered, which many of them do not change.
 const MILLISECONDS: u32 = -3_i8 as u8 as u32;
-/// A mode that is not shown is asked for so often, one timeout apart: before the start and after it.
+/// A mode that is not shown is asked for so often, one timeout apart: before the start, after it.
 const TRIES: [u8; 2] = [10, 30];
 /// How far the rated torque may be from the configured one, relatively: it is in whole mN m.
 const SAME_TORQUE: f64 = 1e-3;

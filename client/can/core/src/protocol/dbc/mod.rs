@@ -7,8 +7,9 @@
 //! values saturate. Units: `position_unit` and so on are how many rad, rad/s, N m, N m/rad and N m
 //! s/rad are 1 of the file.
 //!
-//! Torque, gains and the largest torque are rounded towards zero. In the modes position and velocity
-//! the motor's own loops make the torque: without the signal `torque_limit` they are refused.
+//! Torque, gains and the largest torque are rounded towards zero. In the modes position and
+//! velocity the motor's own loops make the torque: without the signal `torque_limit` they are
+//! refused.
 //!
 //! The motor has power while `enable` has the value `enable_value`. Without power it is told the
 //! position that it measured, and nothing else; the first set-point goes out a cycle before power.

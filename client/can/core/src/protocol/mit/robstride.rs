@@ -1,9 +1,10 @@
 //! Faults of a RobStride in MIT mode: its feedback has no room for them, so it is asked.
 //!
 //! Source: RobStride 00 manual, "MIT protocol", command 5. FF ×6, any byte but FF, FB asks; the
-//! answer has the identifier of feedback: the motor's id and 32 bits. Feedback of the same bytes
-//! would be that of a motor at 0.0 °C with a torque code that ends in 00, or at the lower end of
-//! position, velocity and torque at once: while an answer is awaited both are taken for it.
+//! answer has the identifier of feedback: the motor's id and 32 bits, of which one end is always 0.
+//! While an answer is awaited, what could be one is taken for it: four bytes of 0, or 0 at one end
+//! and behind. Feedback of these bytes would be that of a motor at 0.0 °C at the lower end of its
+//! position, or of its velocity and torque, and there nobody is by chance.
 
 use crate::frame::{Frame, Id};
 
@@ -45,7 +46,8 @@ impl Question {
     /// Takes the answer; false for feedback.
     pub(super) fn answers(&mut self, bytes: [u8; 8]) -> bool {
         let [_, a, b, c, d, e, f, g] = bytes;
-        let is_answer = self.is_open && ([a, b, c, d] == [0; 4] || [e, f, g] == [0; 3]);
+        let is_word = [e, f, g] == [0; 3] && (a == 0 || d == 0);
+        let is_answer = self.is_open && ([a, b, c, d] == [0; 4] || is_word);
         if is_answer {
             self.is_open = false;
             self.fault = u32::from_le_bytes([a, b, c, d]);

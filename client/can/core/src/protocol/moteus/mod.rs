@@ -21,11 +21,11 @@
 //! way to the position and not the position. Where the motor's own integrator has no part in what
 //! it shall do, in the modes torque and impedance, its limit is scaled to 0. In the mode torque
 //! there is no position, and it takes 27, sent as 32. Torques and scales are rounded towards zero,
-//! and the motor holds the largest torque over all of its loops. A motor with servo.bemf_feedforward takes no command without such a limit and says so by a
-//! fault. The answer takes 24: mode, position, velocity, torque single, voltage, temperature, fault
-//! int8. The motor makes the damping's scale no larger than the stiffness's: what is left of the
-//! damping is added as torque, at the bus's rate. What it does when its watchdog ends is
-//! servo.timeout_mode.
+//! and the motor holds the largest torque over all of its loops. A motor with
+//! servo.bemf_feedforward takes no command without such a limit and says so by a fault. The answer
+//! takes 24: mode, position, velocity, torque single, voltage, temperature, fault int8. The motor
+//! makes the damping's scale no larger than the stiffness's: what is left of the damping is added
+//! as torque, at the bus's rate. What it does when its watchdog ends is servo.timeout_mode.
 
 mod keys;
 mod subframes;

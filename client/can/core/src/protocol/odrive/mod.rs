@@ -7,8 +7,8 @@
 //!   singles. Positions in turns, velocities in turns/s, torques in N m.
 //! - Sent: 07 state u32 (1 idle, 8 closed loop), 0B control and input mode u32 u32, 0C position
 //!   f32, velocity i16 × `velocity_scale` turns/s, torque i16 × `torque_scale` N m, 0D velocity
-//!   f32, torque f32, 0E torque f32, 0F largest velocity f32 and current f32 [A], 18 forget errors, 19 position is now f32, 04 write or read an
-//!   endpoint: u8 1 | 0, endpoint u16, 0, value.
+//!   f32, torque f32, 0E torque f32, 0F largest velocity f32 and current f32 [A], 18 forget errors,
+//!   19 position is now f32, 04 write or read an endpoint: u8 1 | 0, endpoint u16, 0, value.
 //! - Received: 01 heartbeat: errors u32, state u8, three more; 03 errors u32, reason of the last
 //!   fall u32; 05 endpoint: 0, endpoint u16, 0, value; 09 position f32, velocity f32; 15
 //!   temperatures of bridge and motor f32 f32; 1C desired and estimated torque f32 f32.
