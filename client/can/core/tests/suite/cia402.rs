@@ -144,13 +144,19 @@ fn a_drive_with_another_rated_torque_or_mode_or_without_them_gets_no_power() {
 }
 
 #[test]
-fn a_drive_that_shows_its_mode_later_is_asked_again_and_for_two_seconds() {
-    let shown = |since_ms: u64| {
+fn a_drive_that_shows_its_mode_later_is_asked_again() {
+    // what it shows first, and until when; from 2 s on it is to have power, and has it
+    let shown = |first: &str, since_ms: u64| {
         let mut drive = cia402(Mode::Torque);
-        let mut started_ms = None;
+        let (mut started_ms, mut seen) = (None, Vec::new());
         for now_ms in (0..4_000).step_by(2) {
             let mut queue = FrameQueue::new(8);
-            drive.cycle(now_ms * 1_000_000, DriveCommand::Off, &mut queue);
+            let command = if now_ms < 2_000 {
+                DriveCommand::Off
+            } else {
+                DriveCommand::On(Setpoint::default())
+            };
+            drive.cycle(now_ms * 1_000_000, command, &mut queue);
             for frame in queue.frames() {
                 let text = frame.to_string();
                 if text == "000#0105" {
@@ -158,7 +164,7 @@ fn a_drive_that_shows_its_mode_later_is_asked_again_and_for_two_seconds() {
                 }
                 let Some(request) = text.strip_prefix("605#") else { continue };
                 let object = &request[2..8];
-                let mode = if now_ms < since_ms { "00" } else { "0A" };
+                let mode = if now_ms < since_ms { first } else { "0A" };
                 let answer = match (&request[..2], object) {
                     ("40", "161001") => HEARTBEAT_OF.to_owned(),
                     ("40", "076000") => WITHOUT_IT.to_owned(),
@@ -169,16 +175,25 @@ fn a_drive_that_shows_its_mode_later_is_asked_again_and_for_two_seconds() {
                 drive.receive(now_ms * 1_000_000, &crate::support::frame(&answer));
             }
             if started_ms.is_some() {
-                let status = crate::support::frame("185#5002000000000000");
+                let status = if now_ms < 2_100 { "5002" } else { "3702" };
+                let status = crate::support::frame(&format!("185#{status}000000000000"));
                 drive.receive(now_ms * 1_000_000, &status);
             }
+            if [1_998, 2_500, 3_998].contains(&now_ms) {
+                seen.push((drive.state().fault, drive.state().power));
+            }
         }
-        (drive.state().fault, drive.state().power, started_ms.is_some())
+        assert!(started_ms.is_some());
+        seen
     };
-    assert_eq!(shown(0), (0, Power::Off, true));
-    assert_eq!(shown(300), (0, Power::Off, true), "before the start");
-    assert_eq!(shown(1_500), (0, Power::Off, true), "once it is operational");
-    assert_eq!(shown(100_000), (fault::MODE_REFUSED, Power::Unknown, true));
+    let (off, on) = ((0, Power::Off), (0, Power::On));
+    assert_eq!(shown("00", 0), [off, on, on]);
+    assert_eq!(shown("01", 200), [off, on, on], "before the start");
+    assert_eq!(shown("01", 1_000), [off, on, on], "once it is operational");
+    let [before, starts, late] = shown("00", 2_800)[..] else { panic!() };
+    assert_eq!((before, starts.1, late), (off, Power::Starting, on), "with power");
+    assert_eq!(shown("00", 100_000)[2].0, fault::MODE_REFUSED, "not even with power");
+    assert_eq!(shown("01", 100_000)[0].0, fault::MODE_REFUSED, "no power in another mode");
 }
 
 #[test]

@@ -10,6 +10,7 @@ mod ak_servo;
 mod cia402;
 mod cybergear;
 mod dbc;
+mod limits;
 mod mit;
 mod mit_power;
 mod moteus;

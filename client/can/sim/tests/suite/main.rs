@@ -9,6 +9,7 @@
 mod authors;
 mod cia402;
 mod closed_loop;
+mod limits;
 mod moteus;
 mod motors;
 mod support;

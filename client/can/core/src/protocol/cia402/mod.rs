@@ -21,7 +21,8 @@
 //! heartbeat and what follows from its loss are read back, and in the modes position and velocity,
 //! where the drive's own loops make the torque, the largest torque: a drive that does not hold it
 //! gets no power. A drive that shows another mode in 6061 is asked again, before its start and
-//! after it, for two seconds. All of it is done anew after a boot, and
+//! after it; one that shows none may get power, stays where it is until it shows the mode, and has
+//! a second for it. All of it is done anew after a boot, and
 //! when a drive that should be operational is not: after a lost NMT command, or when it missed the
 //! heartbeat and went back by itself (1029).
 //!
@@ -161,7 +162,7 @@ impl Cia402 {
             self.heard_ns = Some(now_ns);
         }
         out.push_some(self.command(DISABLE_VOLTAGE, &self.neutral()));
-        out.push_some(self.setup.request(now_ns));
+        out.push_some(self.setup.request(now_ns, false));
     }
 
     fn status(&mut self, status: u16) {
@@ -229,6 +230,7 @@ impl Drive for Cia402 {
                     _ => DISABLE_VOLTAGE,
                 };
                 out.push_some(self.command(control, &setpoint));
+                out.push_some(self.setup.request(now_ns, true));
             }
         }
     }
@@ -302,7 +304,7 @@ impl Drive for Cia402 {
     fn state(&self) -> DriveState {
         let power = match self.state {
             None => Power::Unknown,
-            Some(State::Enabled | State::QuickStop) => Power::On,
+            Some(State::Enabled | State::QuickStop) if self.setup.is_mode_shown() => Power::On,
             Some(_) if self.power_up.is_asked() => Power::Starting,
             Some(_) => Power::Off,
         };

@@ -9,7 +9,9 @@ const TIMEOUT_NS: u64 = 50_000_000;
 /// The unit of 60C2 as drives are delivered, which many of them do not change.
 const MILLISECONDS: u32 = -3_i8 as u8 as u32;
 /// A mode that is not shown is asked for so often, one timeout apart: before the start, after it.
-const TRIES: [u8; 2] = [10, 30];
+const TRIES: [u8; 2] = [5, 25];
+/// So often after the start a drive shows no mode at all before it may get power without.
+const TRIES_OF_NONE: u8 = 5;
 /// How far the rated torque may be from the configured one, relatively: it is in whole mN m.
 const SAME_TORQUE: f64 = 1e-3;
 
@@ -83,7 +85,8 @@ pub(super) struct Setup {
     sent_ns: Option<u64>,
     /// Answers without the desired mode.
     n_tries: u8,
-    is_mode_shown: bool,
+    /// What 6061 showed.
+    shown: u32,
     pub(super) watchdog: Watchdog,
     /// What is wrong, or 0.
     pub(super) fault: u32,
@@ -212,7 +215,7 @@ impl Setup {
             next: 0,
             sent_ns: None,
             n_tries: 0,
-            is_mode_shown: false,
+            shown: 0,
             watchdog: Watchdog::Unknown,
             fault: 0,
         }
@@ -221,16 +224,30 @@ impl Setup {
     /// Begins again.
     pub(super) fn again(&mut self) {
         (self.next, self.sent_ns, self.watchdog, self.fault) = (0, None, Watchdog::Unknown, 0);
-        (self.n_tries, self.is_mode_shown) = (0, false);
+        (self.n_tries, self.shown) = (0, 0);
     }
 
+    /// Whether the drive may get power.
     pub(super) fn is_done(&self) -> bool {
-        self.next == self.steps.len()
+        self.next == self.steps.len() || self.shows_none()
     }
 
-    /// The next request, or the last one again when it was not answered.
-    pub(super) fn request(&mut self, now_ns: u64) -> Option<Frame> {
+    /// It may be a drive that shows its mode only with power.
+    fn shows_none(&self) -> bool {
+        let is_last = matches!(self.steps.get(self.next), Some(Step::ReadMode(_, true)));
+        is_last && self.shown == 0 && self.n_tries >= TRIES_OF_NONE
+    }
+
+    /// Whether the drive has shown the desired mode.
+    pub(super) fn is_mode_shown(&self) -> bool {
+        self.shown == u32::from(mode_of(self.desired.mode))
+    }
+
+    /// The next request, or the last one again when it was not answered. A drive that shows no mode
+    /// is asked with power only.
+    pub(super) fn request(&mut self, now_ns: u64, has_power: bool) -> Option<Frame> {
         if self.fault != 0
+            || !has_power && self.shows_none()
             || self.sent_ns.is_some_and(|sent| now_ns.saturating_sub(sent) < TIMEOUT_NS)
         {
             return None;
@@ -240,7 +257,7 @@ impl Setup {
         match *self.steps.get(self.next)? {
             Step::Network(command) => {
                 self.proceed();
-                if self.is_mode_shown {
+                if self.is_mode_shown() {
                     // the second look at the mode is not needed
                     self.next = self.steps.len().min(self.next + 1);
                 }
@@ -318,11 +335,10 @@ impl Setup {
     /// Takes what 6061 shows.
     fn show(&mut self, tries: u8, is_last: bool, value: Option<u32>) {
         self.n_tries += 1;
-        let desired = u32::from(mode_of(self.desired.mode));
+        self.shown = value.unwrap_or_default();
         if value.is_none() {
             self.fault = fault::SETTING_REFUSED;
-        } else if value == Some(desired) {
-            self.is_mode_shown = true;
+        } else if self.is_mode_shown() {
             self.proceed();
         } else if self.n_tries < tries {
             // asked again after the timeout
