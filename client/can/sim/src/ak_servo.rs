@@ -3,8 +3,8 @@
 //! Extended identifiers: control mode << 8 | number; big-endian. It hears 1 (current i32 in mA), 2
 //! (brake current) and 5 (zero here), and uploads, every 2 ms here, position i16 in .1°, speed i16
 //! in 10 electrical rpm, current i16 in .01 A, temperature i8, error u8. It has power while its
-//! current is not 0. Without a command for its timeout it lets go. Source: CubeMars, *AK series
-//! actuator driver manual* V1.0.8, chapters 5.1 and 5.2.
+//! current is not 0. Without a command for its timeout its torque is off. Source: CubeMars, *AK
+//! series actuator driver manual* V1.0.8, chapters 5.1 and 5.2.
 
 use core::f64::consts::TAU;
 

@@ -6,7 +6,7 @@
 //! current i16 in .1 A, duty i16), 16 (temperatures i16 of bridge and motor in .1 °C, input current
 //! i16, position i16 in .02 ° of one turn) and 27 (tachometer i32 in sixths of an electrical turn,
 //! voltage i16 in .1 V). It has power while it has a command that is not a current of 0. Without
-//! one for its timeout it lets go. Source: B. Vedder, *bldc*, documentation/comm_can.md,
+//! one for its timeout its torque is off. Source: B. Vedder, *bldc*, documentation/comm_can.md,
 //! comm_can.c.
 
 use core::f64::consts::TAU;

@@ -82,11 +82,11 @@ struct Vesc {
     constant: f64,
     pole_pairs: f64,
     power_up: PowerUp,
-    /// The position as last told, and without jumps.
+    /// The position as last reported, and without jumps.
     counted: Option<(i64, i64)>,
     velocity: f64,
     torque: f64,
-    told_ns: Option<u64>,
+    reported_ns: Option<u64>,
 }
 
 fn make(
@@ -104,7 +104,7 @@ fn make(
         counted: None,
         velocity: f64::NAN,
         torque: f64::NAN,
-        told_ns: None,
+        reported_ns: None,
     }))
 }
 
@@ -208,11 +208,13 @@ impl Drive for Vesc {
                 let rpm = f64::from(i32::from_be_bytes([*a, *b, *c, *d]));
                 self.velocity = rpm / self.pole_pairs * TAU / 60.0;
                 self.torque = f64::from(whole(e, f)) * 0.1 * self.constant;
-                self.told_ns = Some(now_ns);
+                self.reported_ns = Some(now_ns);
                 Receipt::Noted
             }
             (STATUS_4, [a, b, c, d, _, _, g, h]) => {
-                let is_old = self.told_ns.is_none_or(|told| now_ns.saturating_sub(told) > STALE_NS);
+                let is_old = self
+                    .reported_ns
+                    .is_none_or(|reported| now_ns.saturating_sub(reported) > STALE_NS);
                 let [velocity, torque] =
                     if is_old { [f64::NAN; 2] } else { [self.velocity, self.torque] };
                 self.power_up.count_reply(REPLIES_TO_POWER);
@@ -241,7 +243,7 @@ impl Drive for Vesc {
 
     fn forget(&mut self) {
         self.power_up.forget();
-        (self.counted, self.told_ns) = (None, None);
+        (self.counted, self.reported_ns) = (None, None);
     }
 
     /// The commands of this side and the messages of the other.
