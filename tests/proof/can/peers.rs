@@ -78,8 +78,13 @@ fn drive_of(name: &str, text: &str, mode: Mode, file: &str) -> Box<dyn Drive> {
         &|_| Ok(file.to_owned()),
         &mut diagnostics,
     );
-    let common =
-        Common { mode, watchdog_ms: 50, torque_limit: f64::INFINITY, period_ns: 2_000_000 };
+    let common = Common {
+        mode,
+        watchdog_ms: 50,
+        torque_limit: f64::INFINITY,
+        velocity_limit: f64::INFINITY,
+        period_ns: 2_000_000,
+    };
     let drive = settings.and_then(|settings| (protocol.make)(&settings, common, &mut diagnostics));
     drive.unwrap_or_else(|| panic!("{}", diagnostics.into_report()))
 }
@@ -117,6 +122,14 @@ fn near(found: &Value, setpoint: f64, by: f64, what: &str) {
     );
 }
 
+/// Torques and gains are rounded towards zero; beside zero a range has codes of half a step.
+fn toward_zero(found: &Value, setpoint: f64, step: f64, what: &str) {
+    near(found, setpoint, step * (1.0 + 1e-5), what);
+    let size = found.as_f64().unwrap().abs();
+    let most = setpoint.abs().max(0.5 * step);
+    assert!(size <= most + 1e-5 * step + 1e-7 * most, "{what}: {found} is beyond {setpoint}");
+}
+
 #[test]
 fn cantools_reads_mit_cybergear_and_odrive_commands() {
     let mut peers = Peers::new();
@@ -135,15 +148,15 @@ fn cantools_reads_mit_cybergear_and_odrive_commands() {
         let read = peers.decode("mit", &encode(&*mit, setpoint)[0]);
         near(&read["position"], setpoint.position, 12.5 / 65535.0, "MIT position");
         near(&read["velocity"], setpoint.velocity, 45.0 / 4095.0, "MIT velocity");
-        near(&read["torque"], setpoint.torque, 18.0 / 4095.0, "MIT torque");
-        near(&read["stiffness"], setpoint.stiffness, 250.0 / 4095.0, "MIT stiffness");
-        near(&read["damping"], setpoint.damping, 2.5 / 4095.0, "MIT damping");
+        toward_zero(&read["torque"], setpoint.torque, 36.0 / 4095.0, "MIT torque");
+        toward_zero(&read["stiffness"], setpoint.stiffness, 500.0 / 4095.0, "MIT stiffness");
+        toward_zero(&read["damping"], setpoint.damping, 5.0 / 4095.0, "MIT damping");
         let setpoint = random.setpoint([12.5, 30.0, 12.0, 500.0, 5.0]);
         let read = peers.decode("cybergear", &encode(&*cybergear, setpoint)[0]);
         near(&read["position"], setpoint.position, 12.5 / 65535.0, "CyberGear position");
         near(&read["velocity"], setpoint.velocity, 30.0 / 65535.0, "CyberGear velocity");
-        near(&read["stiffness"], setpoint.stiffness, 250.0 / 65535.0, "CyberGear stiffness");
-        near(&read["damping"], setpoint.damping, 2.5 / 65535.0, "CyberGear damping");
+        toward_zero(&read["stiffness"], setpoint.stiffness, 500.0 / 65535.0, "CyberGear stiffness");
+        toward_zero(&read["damping"], setpoint.damping, 5.0 / 65535.0, "CyberGear damping");
         let setpoint = random.setpoint([100.0, 200.0, 30.0, 0.0, 0.0]);
         let read = peers.decode("odrive", &encode(&*odrive, setpoint)[0]);
         near(&read["position"], setpoint.position / std::f64::consts::TAU, 0.0, "ODrive position");
@@ -153,7 +166,7 @@ fn cantools_reads_mit_cybergear_and_odrive_commands() {
             0.0005,
             "ODrive velocity",
         );
-        near(&read["torque"], setpoint.torque, 0.0005, "ODrive torque");
+        toward_zero(&read["torque"], setpoint.torque, 0.001, "ODrive torque");
     }
 }
 
@@ -173,14 +186,15 @@ fn the_moteus_client_reads_commands_and_replies_as_the_bridge_does() {
         assert_eq!(read["0"], 10);
         near(&read["32"], setpoint.position / tau, 0.0, "position");
         near(&read["33"], setpoint.velocity / tau, 0.0, "velocity");
-        near(&read["34"], setpoint.torque, 0.005, "torque");
-        near(&read["35"], stiffness * tau / 4.0, 0.5 / 32767.0, "stiffness");
-        near(&read["36"], damping * tau / 0.05, 0.5 / 32767.0, "damping");
+        toward_zero(&read["34"], setpoint.torque, 0.01, "torque");
+        toward_zero(&read["35"], stiffness * tau / 4.0, 1.0 / 32767.0, "stiffness");
+        toward_zero(&read["36"], damping * tau / 0.05, 1.0 / 32767.0, "damping");
         assert!(read["37"].is_null(), "the controller's own largest torque");
         near(&read["39"], 0.05, 1e-9, "watchdog");
         // below 0: no limit
         near(&read["40"], -0.1, 1e-9, "velocity limit");
         near(&read["41"], -0.05, 1e-9, "acceleration limit");
+        near(&read["43"], 0.0, 1e-9, "scale of the integrator's limit");
 
         let kind = (random.next().abs() * 3.0) as usize;
         let (head, len) = [(0x20_u8, 1), (0x24, 2), (0x28, 4)][kind];
@@ -309,7 +323,7 @@ fn cantools_reads_what_is_sent_by_a_dbc_file() {
             (&read[0]["Mux"], &read[0]["Enable"], &read[1]["Mux"]),
             (&json!(1), &json!(1), &json!(2))
         );
-        near(&read[0]["Torque"], setpoint.torque, 0.005, "torque");
+        toward_zero(&read[0]["Torque"], setpoint.torque, 0.01, "torque");
         near(&read[1]["Position"], setpoint.position, 0.001, "position");
         near(&read[1]["Velocity"], setpoint.velocity, 0.025, "velocity");
     }

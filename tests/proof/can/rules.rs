@@ -16,7 +16,7 @@ use crate::allocation::calls;
 const MS: u64 = 1_000_000;
 
 /// One motor of each protocol, each on a bus of its own.
-const ONE_OF_EACH: [(&str, &str); 6] = [
+const ONE_OF_EACH: [(&str, &str); 9] = [
     (
         "mit",
         "variant: damiao, id: 1, reply_id: 17, position_range: 12.5, velocity_range: 30, \
@@ -26,6 +26,9 @@ const ONE_OF_EACH: [(&str, &str); 6] = [
     ("odrive", "node: 3, watchdog_timeout_endpoint: 300, enable_watchdog_endpoint: 301"),
     ("moteus", "id: 1"),
     ("cia402", "node: 5, rated_torque: 2.0, counts_per_turn: 65536"),
+    ("rmd", "id: 2, motor_torque_constant: 2"),
+    ("vesc", "id: 23, motor_torque_constant: 0.1, pole_pairs: 7"),
+    ("ak_servo", "id: 6, motor_torque_constant: 1, pole_pairs: 21, reduction: 9"),
     (
         "dbc",
         "file: motor.dbc, enable: Set.Power, torque: Set.Torque, measured_position: Is.Turn, \
@@ -54,7 +57,7 @@ fn configuration() -> Configuration {
                 -1\n  gear: 2\n  offset: 0.1\n"
         );
         text += "  limits: {effort: 2, velocity: 5}\n  damping: 0.1\n  watchdog_ms: 100\n";
-        if name == "dbc" {
+        if matches!(name, "vesc" | "ak_servo" | "dbc") {
             text += "  watchdog: believed\n";
         }
     }

@@ -31,11 +31,11 @@ fn a_motor_is_enabled_follows_and_goes_safe_by_itself() {
     let folder = Folder::new();
     let mut motors = simulate(&folder, &[MOTOR], &[]);
     let mut host = Host::opened(&folder.path("bus"));
-    assert_eq!(&host.ask(HOLD_2_RAD)[..7], "t013603");
+    assert_eq!(&host.ask(HOLD_2_RAD)[..7], "t013703");
     assert_eq!(motors.report()["power"], false);
 
     // half a second of set-points
-    assert_eq!(&host.ask(POWER_ON)[..7], "t013603");
+    assert_eq!(&host.ask(POWER_ON)[..7], "t013703");
     assert_eq!(motors.event("power")["value"], true);
     let end = Instant::now() + Duration::from_millis(500);
     let mut last = String::new();
@@ -72,7 +72,7 @@ fn hosts_come_and_go_and_the_link_goes_with_the_motors() {
     let motors = simulate(&folder, &[MOTOR], &[]);
     for _ in 0..3 {
         let mut host = Host::opened(&folder.path("bus"));
-        assert_eq!(&host.ask(POWER_OFF)[..7], "t013603");
+        assert_eq!(&host.ask(POWER_OFF)[..7], "t013703");
         host.write("C\r");
     }
     let pid = motors.child.id();
@@ -103,7 +103,7 @@ fn an_adapter_answers_and_refuses_as_the_manual_says() {
     assert_eq!(host.ask("S8"), "bell", "the channel is open");
     assert_eq!(host.ask("t0039"), "bell");
     assert_eq!(host.ask(&"t".repeat(10_000)), "bell");
-    assert_eq!(&host.ask(POWER_OFF)[..7], "t013603");
+    assert_eq!(&host.ask(POWER_OFF)[..7], "t013703");
     // another motor's frame is nobody's here
     host.write("t0048FFFFFFFFFFFFFFFC\r");
     assert!(host.is_silent(Duration::from_millis(50)));
@@ -124,7 +124,7 @@ fn mischief_is_done_on_demand() {
 
     now(&mut motors, "silence elbow off");
     now(&mut motors, "wrong_id elbow on");
-    assert_eq!(&host.ask(POWER_OFF)[..7], "t213603");
+    assert_eq!(&host.ask(POWER_OFF)[..7], "t213703");
     now(&mut motors, "wrong_id elbow off");
     now(&mut motors, "loss 1");
     host.write(&format!("{POWER_ON}\r"));
@@ -134,7 +134,7 @@ fn mischief_is_done_on_demand() {
     now(&mut motors, "loss 0");
     now(&mut motors, "delay 60");
     let asked = Instant::now();
-    assert_eq!(&host.ask(POWER_OFF)[..7], "t013603");
+    assert_eq!(&host.ask(POWER_OFF)[..7], "t013703");
     assert!(asked.elapsed() >= Duration::from_millis(60));
     now(&mut motors, "delay 0");
     now(&mut motors, "busoff");
@@ -142,7 +142,7 @@ fn mischief_is_done_on_demand() {
     assert_eq!(host.ask(POWER_ON), "bell");
     now(&mut motors, "active");
     assert_eq!(host.line(), "sa000000");
-    assert_eq!(&host.ask(POWER_ON)[..7], "t013603");
+    assert_eq!(&host.ask(POWER_ON)[..7], "t013703");
     motors.tell("fault elbow 5");
     assert_eq!(motors.event("fault")["value"], 5);
     assert_eq!(motors.report()["power"], false);
@@ -172,7 +172,7 @@ fn a_robot_moves_behind_its_motors() {
     assert!(motors.line().starts_with("ready arm "));
     let mut host = Host::opened(&folder.path("bus"));
     let held = motors.report()["actuator_position"].as_f64().unwrap();
-    assert!(held.abs() < 1e-3, "the brake holds: {held}");
+    assert!(held.abs() < 1e-3, "it is on its stand until it first has power: {held}");
 
     // stiffness alone would hold at 2 rad; gravity, 9.81 N m cos q, pulls the rod down from there
     host.ask(POWER_ON);
@@ -185,4 +185,20 @@ fn a_robot_moves_behind_its_motors() {
     let position: f64 = report["actuator_position"].as_f64().unwrap();
     let balance: f64 = 50.0 * (2.0 - position) + 9.81 * position.cos();
     assert!((position - 2.0).abs() > 0.02 && balance.abs() < 0.2, "{position} {balance} {report}");
+
+    // without power it is limp: it falls and swings
+    host.ask(POWER_OFF);
+    wait_for_fall(&mut motors, position);
+}
+
+fn wait_for_fall(motors: &mut Program, from: f64) {
+    let end = Instant::now() + Duration::from_secs(20);
+    loop {
+        let position = motors.report()["actuator_position"].as_f64().unwrap();
+        if (position - from).abs() > 0.3 {
+            return;
+        }
+        assert!(Instant::now() < end, "{position}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
 }

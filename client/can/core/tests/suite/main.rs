@@ -6,11 +6,15 @@
     reason = "a test that fails panics"
 )]
 
+mod ak_servo;
 mod cia402;
 mod cybergear;
 mod dbc;
+mod limits;
 mod mit;
 mod mit_power;
 mod moteus;
 mod odrive;
+mod rmd;
 mod support;
+mod vesc;

@@ -6,8 +6,10 @@
     reason = "a test that fails panics"
 )]
 
+mod authors;
 mod cia402;
 mod closed_loop;
+mod limits;
 mod moteus;
 mod motors;
 mod stops;
