@@ -20,14 +20,15 @@ use sarrus_proto::run::{Link, Run, free_shared_memory};
 use sarrus_proto::service::{ComputeServer, serve_compute};
 use sarrus_proto::socket::{ControlListener, ControlSocket, MAX_MESSAGE, timespec};
 
+use crate::arrivals::Arrivals;
 use crate::bus_guard::replaced_pages;
 use crate::hot::{End, Order, Retired};
 use crate::refusals::{failed, no_space, take_down};
 
 /// Connections without a lane or a service that a server takes besides.
 const MAX_OBSERVERS: usize = 64;
-/// How many that connect are taken in at one look.
-const MAX_ARRIVALS: usize = 32;
+/// How long one of more clients than are served may say nothing where others wait behind it.
+const SILENCE: Duration = Duration::from_millis(100);
 /// How long a client that wants an end waits for one that is just being given back.
 const HAND_BACK: Duration = Duration::from_millis(100);
 /// Shared memory that the transport takes for a lane beside its numbers, and that stays free for
@@ -41,10 +42,11 @@ pub(crate) struct Connection {
     pub(crate) socket: ControlSocket,
     /// Where its end is among the places.
     place: Option<usize>,
-    /// Came when there were as many as are served: that is all it hears.
-    pub(crate) is_surplus: bool,
-    /// Has overwritten the transport's records: it is ended at the next look.
-    pub(crate) is_broken: bool,
+    /// When it came, where there were as many as are served: that is all it hears.
+    pub(crate) surplus_since: Option<Instant>,
+    /// Has overwritten the transport's records, or stands in the way and says nothing: it is ended
+    /// at the next look.
+    pub(crate) is_over: bool,
     /// The server's port of a service whose client has not opened its own.
     unserved: Option<ComputeServer<Threadsafe>>,
 }
@@ -59,7 +61,7 @@ struct Place {
 
 /// All clients of a run.
 pub(crate) struct Connections {
-    listener: ControlListener,
+    arrivals: Arrivals,
     /// By the numbers that plans know them under.
     clients: BTreeMap<u64, Connection>,
     /// Connections so far.
@@ -70,8 +72,6 @@ pub(crate) struct Connections {
     orders: Producer<Order>,
     retired: Consumer<Retired>,
     lanes_made: u64,
-    /// New connections are not taken before this: there were no descriptors left.
-    paused_until: Option<Instant>,
 }
 
 impl Connections {
@@ -83,7 +83,7 @@ impl Connections {
     ) -> Connections {
         let places = (0..n_lanes + MAX_SERVICE_CLIENTS).map(|_| None).collect();
         Connections {
-            listener,
+            arrivals: Arrivals::new(listener),
             clients: BTreeMap::new(),
             numbers: 0,
             places,
@@ -91,7 +91,6 @@ impl Connections {
             orders,
             retired,
             lanes_made: 0,
-            paused_until: None,
         }
     }
 
@@ -133,7 +132,7 @@ impl Connections {
     }
 
     pub(crate) fn listener_mut(&mut self) -> &mut ControlListener {
-        &mut self.listener
+        self.arrivals.listener_mut()
     }
 
     pub(crate) fn get(&self, number: u64) -> Option<&Connection> {
@@ -145,10 +144,9 @@ impl Connections {
     pub(crate) fn wait(&mut self, span: Duration) -> Vec<u64> {
         let leaving = self.places.iter().flatten().any(|place| place.is_leaving);
         let span = if leaving { span.min(Duration::from_millis(1)) } else { span };
-        let open = self.paused_until.is_none_or(|until| Instant::now() >= until);
+        let room = self.room();
         let mut descriptors: Vec<PollFd<'_>> = Vec::with_capacity(self.clients.len() + 1);
-        let interest = if open { PollFlags::IN } else { PollFlags::empty() };
-        descriptors.push(PollFd::new(&self.listener, interest));
+        descriptors.push(self.arrivals.awaited(room));
         descriptors
             .extend(self.clients.values().map(|client| PollFd::new(&client.socket, PollFlags::IN)));
         // an interrupted wait is a short one
@@ -156,45 +154,36 @@ impl Connections {
         let news = |descriptor: &PollFd<'_>| !descriptor.revents().is_empty();
         let new_clients = news(&descriptors[0]);
         let clients = descriptors[1..].iter().zip(&self.clients);
-        let ready = clients.filter(|(one, (_, client))| news(one) || client.is_broken);
+        let ready = clients.filter(|(one, (_, client))| news(one) || client.is_over);
         let ready = ready.map(|(_, (number, _))| *number).collect();
         if new_clients {
-            self.accept();
+            for socket in self.arrivals.take(room) {
+                self.numbers += 1;
+                let is_surplus = self.clients.len() >= self.limit();
+                let client = Connection {
+                    socket,
+                    place: None,
+                    surplus_since: is_surplus.then(Instant::now),
+                    is_over: false,
+                    unserved: None,
+                };
+                self.clients.insert(self.numbers, client);
+            }
         }
         ready
     }
 
-    fn accept(&mut self) {
-        self.paused_until = None;
-        // the others wait for the next look
-        for _ in 0..MAX_ARRIVALS {
-            match self.listener.accept() {
-                Ok(Some(socket)) => {
-                    // the folder is this user's alone; whoever came in otherwise is not answered
-                    let us = rustix::process::geteuid().as_raw();
-                    let is_ours = socket.peer().is_ok_and(|peer| peer.user == us);
-                    // who went meanwhile takes no room; beyond the limit clients are refused, and
-                    // far beyond it nobody is heard
-                    if is_ours && !socket.is_closed() && self.clients.len() < 2 * self.limit() {
-                        self.numbers += 1;
-                        let is_surplus = self.clients.len() >= self.limit();
-                        let client = Connection {
-                            socket,
-                            place: None,
-                            is_surplus,
-                            is_broken: false,
-                            unserved: None,
-                        };
-                        self.clients.insert(self.numbers, client);
-                    }
-                }
-                Ok(None) => return,
-                Err(_) => {
-                    self.paused_until = Some(Instant::now() + Duration::from_millis(20));
-                    return;
-                }
+    /// How many more are taken in: beyond the limit they are refused as soon as they speak, and far
+    /// beyond it they wait until one of those before them was.
+    fn room(&mut self) -> usize {
+        let room = (2 * self.limit()).saturating_sub(self.clients.len());
+        if room == 0 {
+            let is_silent = |since: Instant| since.elapsed() > SILENCE;
+            for client in self.clients.values_mut() {
+                client.is_over |= client.surplus_since.is_some_and(is_silent);
             }
         }
+        room
     }
 
     /// Ends a connection: what it has goes back.
@@ -209,7 +198,7 @@ impl Connections {
             if matches!(end, End::Broken) {
                 let mut clients = self.clients.values_mut();
                 if let Some(client) = clients.find(|client| client.place == Some(index)) {
-                    (client.place, client.is_broken) = (None, true);
+                    (client.place, client.is_over) = (None, true);
                 }
             }
             // here, not on the answering thread: unmapping is a system call
