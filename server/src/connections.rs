@@ -6,6 +6,7 @@
 //! is removed whole.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
 
@@ -66,8 +67,9 @@ pub(crate) struct Connections {
     clients: BTreeMap<u64, Connection>,
     /// Connections so far.
     numbers: u64,
-    /// The lanes, then the services; `None` where one is free.
+    /// Those of lanes, then those of services; `None` where one is free.
     places: Vec<Option<Place>>,
+    /// How many clients may have a lane.
     n_lanes: usize,
     orders: Producer<Order>,
     retired: Consumer<Retired>,
@@ -81,7 +83,7 @@ impl Connections {
         orders: Producer<Order>,
         retired: Consumer<Retired>,
     ) -> Connections {
-        let places = (0..n_lanes + MAX_SERVICE_CLIENTS).map(|_| None).collect();
+        let places = (0..Connections::places(n_lanes)).map(|_| None).collect();
         Connections {
             arrivals: Arrivals::new(listener),
             clients: BTreeMap::new(),
@@ -94,9 +96,15 @@ impl Connections {
         }
     }
 
+    /// Places of a server with so many lanes: two for each end that a client may have, so that
+    /// nobody waits for one that is on its way back from the answering thread.
+    pub(crate) fn places(n_lanes: usize) -> usize {
+        2 * (n_lanes + MAX_SERVICE_CLIENTS)
+    }
+
     /// How many clients are served.
     pub(crate) fn limit(&self) -> usize {
-        self.places.len() + MAX_OBSERVERS
+        self.n_lanes + MAX_SERVICE_CLIENTS + MAX_OBSERVERS
     }
 
     pub(crate) fn n_lanes(&self) -> usize {
@@ -108,7 +116,12 @@ impl Connections {
     }
 
     pub(crate) fn lanes_taken(&self) -> usize {
-        self.places[..self.n_lanes].iter().flatten().count()
+        self.taken(0..2 * self.n_lanes)
+    }
+
+    /// How many of these places clients have.
+    fn taken(&self, among: Range<usize>) -> usize {
+        self.places[among].iter().flatten().filter(|place| !place.is_leaving).count()
     }
 
     /// Who is connected, with what; `plans` and `late` know the rest.
@@ -121,7 +134,7 @@ impl Connections {
             process: client.socket.peer().map_or(0, |peer| peer.process.into()),
             end: match client.place {
                 None => "none",
-                Some(place) if place < self.n_lanes => "lane",
+                Some(place) if place < 2 * self.n_lanes => "lane",
                 Some(_) => "service",
             }
             .to_owned(),
@@ -256,7 +269,7 @@ impl Connections {
         classes: [usize; 2],
     ) -> Result<u64, Refusal> {
         self.give_back(number);
-        let lanes = 0..self.n_lanes;
+        let lanes = 0..2 * self.n_lanes;
         let index = self.free_place(lanes).ok_or(Refusal::NoLane { limit: self.n_lanes })?;
         let bytes = 2 * 8 * (classes[0] + classes[1]) as u64;
         let (name, place, lane) = make(run, bytes + LANE_MARGIN, |node, link| {
@@ -274,7 +287,7 @@ impl Connections {
     /// Makes the server's side of a service for a client, in place of what it has.
     pub(crate) fn make_service(&mut self, run: &Run, number: u64) -> Result<u64, Refusal> {
         self.give_back(number);
-        let services = self.n_lanes..self.places.len();
+        let services = 2 * self.n_lanes..self.places.len();
         let index =
             self.free_place(services).ok_or(Refusal::NoService { limit: MAX_SERVICE_CLIENTS })?;
         let (name, place, port) = make(run, SERVICE_NEEDS, |node, link| {
@@ -325,18 +338,21 @@ impl Connections {
         Ok(())
     }
 
-    fn free_place(&mut self, among: std::ops::Range<usize>) -> Option<usize> {
+    /// A free place among these, of which clients have half at most.
+    fn free_place(&mut self, among: Range<usize>) -> Option<usize> {
+        self.collect();
+        if 2 * self.taken(among.clone()) >= among.len() {
+            return None;
+        }
         let start = Instant::now();
         loop {
-            self.collect();
-            let places = &self.places[among.clone()];
-            let leaving = places.iter().flatten().any(|place| place.is_leaving);
-            match places.iter().position(Option::is_none) {
-                None if leaving && start.elapsed() < HAND_BACK => {
-                    std::thread::sleep(Duration::from_micros(200));
-                }
-                found => return found.map(|index| among.start + index),
+            let free = self.places[among.clone()].iter().position(Option::is_none);
+            // clients came and went faster than the answering thread gives back
+            if free.is_some() || start.elapsed() > HAND_BACK {
+                return free.map(|index| among.start + index);
             }
+            std::thread::sleep(Duration::from_micros(200));
+            self.collect();
         }
     }
 }
@@ -379,3 +395,6 @@ impl Connection {
         Ok(self.socket.receive(buffer)?.map(|(bytes, _)| bytes))
     }
 }
+
+#[cfg(test)]
+mod tests;
