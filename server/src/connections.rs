@@ -10,20 +10,19 @@ use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
 
-use iceoryx2::node::Node;
 use rtrb::{Consumer, Producer};
 use rustix::event::{PollFd, PollFlags, poll};
 use sarrus_proto::board::ServedLane;
 use sarrus_proto::control::Refusal;
 use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::message::{ClientStatistics, MAX_SERVICE_CLIENTS};
-use sarrus_proto::run::{Link, Run, free_shared_memory};
+use sarrus_proto::run::Run;
 use sarrus_proto::service::{ComputeServer, serve_compute};
 use sarrus_proto::socket::{ControlListener, ControlSocket, MAX_MESSAGE, timespec};
 
 use crate::arrivals::Arrivals;
-use crate::bus_guard::replaced_pages;
 use crate::hot::{End, Order, Retired};
+use crate::places::Place;
 use crate::refusals::{failed, no_space, take_down};
 
 /// Connections without a lane or a service that a server takes besides.
@@ -50,14 +49,6 @@ pub(crate) struct Connection {
     pub(crate) is_over: bool,
     /// The server's port of a service whose client has not opened its own.
     unserved: Option<ComputeServer<Threadsafe>>,
-}
-
-/// What a place beside the answering thread is taken by; it goes when the ports are gone.
-struct Place {
-    node: Node<Threadsafe>,
-    link: Link,
-    /// Ordered back from the answering thread.
-    is_leaving: bool,
 }
 
 /// All clients of a run.
@@ -116,7 +107,12 @@ impl Connections {
     }
 
     pub(crate) fn lanes_taken(&self) -> usize {
-        self.taken(0..2 * self.n_lanes)
+        self.taken(self.lanes())
+    }
+
+    /// The places of lanes.
+    fn lanes(&self) -> Range<usize> {
+        0..2 * self.n_lanes
     }
 
     /// How many of these places clients have.
@@ -134,7 +130,7 @@ impl Connections {
             process: client.socket.peer().map_or(0, |peer| peer.process.into()),
             end: match client.place {
                 None => "none",
-                Some(place) if place < 2 * self.n_lanes => "lane",
+                Some(place) if self.lanes().contains(&place) => "lane",
                 Some(_) => "service",
             }
             .to_owned(),
@@ -221,9 +217,8 @@ impl Connections {
     }
 
     fn free(&mut self, index: usize) {
-        if let Some(Place { node, link, .. }) = self.places[index].take() {
-            take_down(node);
-            link.remove();
+        if let Some(place) = self.places[index].take() {
+            place.free();
         }
     }
 
@@ -269,10 +264,10 @@ impl Connections {
         classes: [usize; 2],
     ) -> Result<u64, Refusal> {
         self.give_back(number);
-        let lanes = 0..2 * self.n_lanes;
-        let index = self.free_place(lanes).ok_or(Refusal::NoLane { limit: self.n_lanes })?;
+        let limit = self.n_lanes;
+        let index = self.free_place(self.lanes()).ok_or(Refusal::NoLane { limit })?;
         let bytes = 2 * 8 * (classes[0] + classes[1]) as u64;
-        let (name, place, lane) = make(run, bytes + LANE_MARGIN, |node, link| {
+        let (name, place, lane) = Place::make(run, bytes + LANE_MARGIN, |node, link| {
             let mut lane = ServedLane::create(node, classes).map_err(|error| failed(&error))?;
             link.reserve().map_err(|error| no_space(&error))?;
             lane.map();
@@ -287,10 +282,10 @@ impl Connections {
     /// Makes the server's side of a service for a client, in place of what it has.
     pub(crate) fn make_service(&mut self, run: &Run, number: u64) -> Result<u64, Refusal> {
         self.give_back(number);
-        let services = 2 * self.n_lanes..self.places.len();
+        let services = self.lanes().end..self.places.len();
         let index =
             self.free_place(services).ok_or(Refusal::NoService { limit: MAX_SERVICE_CLIENTS })?;
-        let (name, place, port) = make(run, SERVICE_NEEDS, |node, link| {
+        let (name, place, port) = Place::make(run, SERVICE_NEEDS, |node, link| {
             let port = serve_compute(node).map_err(|error| failed(&error))?;
             link.reserve().map_err(|error| no_space(&error))?;
             Ok(port)
@@ -353,37 +348,6 @@ impl Connections {
             }
             std::thread::sleep(Duration::from_micros(200));
             self.collect();
-        }
-    }
-}
-
-/// Makes something in a link of its own, with the number of that; nothing is left where that fails.
-fn make<T>(
-    run: &Run,
-    needed: u64,
-    make: impl FnOnce(&Node<Threadsafe>, &Link) -> Result<T, Refusal>,
-) -> Result<(u64, Place, T), Refusal> {
-    let free = free_shared_memory();
-    if free < needed {
-        return Err(Refusal::NoSpace { needed, free });
-    }
-    let (number, link) = run.new_link().map_err(|error| failed(&error))?;
-    let pages = replaced_pages();
-    let made = catch_unwind(AssertUnwindSafe(|| {
-        let node = link.node().map_err(|error| failed(&error))?;
-        let made = make(&node, &link)?;
-        // a page was missing meanwhile: what was made there is of no use
-        match replaced_pages() == pages {
-            true => Ok((node, made)),
-            false => Err(Refusal::NoSpace { needed, free: free_shared_memory() }),
-        }
-    }));
-    let damaged = "its shared memory was damaged while it was made".to_owned();
-    match made.unwrap_or(Err(Refusal::Failed { reason: damaged })) {
-        Ok((node, made)) => Ok((number, Place { node, link, is_leaving: false }, made)),
-        Err(refusal) => {
-            link.remove();
-            Err(refusal)
         }
     }
 }

@@ -16,6 +16,7 @@ mod engine;
 mod error;
 mod hot;
 mod placement;
+mod places;
 mod plans;
 pub mod pool;
 mod pulse;
