@@ -106,8 +106,9 @@ impl Connections {
         self.lanes_made
     }
 
+    /// Those that clients have, and those that are on their way back while there is room.
     pub(crate) fn lanes_taken(&self) -> usize {
-        self.taken(self.lanes())
+        self.places[self.lanes()].iter().flatten().count().min(self.n_lanes)
     }
 
     /// The places of lanes.
