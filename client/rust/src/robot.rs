@@ -128,8 +128,9 @@ impl Robot {
         }
     }
 
-    /// How long the last answer took, where its query has [`QueryBuilder::times`]; `None` without,
-    /// and where no answer came or a checksum failed. In process the age is 0. Costs nothing.
+    /// How long the last answer took, where that is asked by [`QueryBuilder::times`] or
+    /// [`Robot::set_options`]; `None` without, and where no answer came or a checksum failed. In
+    /// process the age is 0. Costs nothing.
     pub fn times(&self) -> Option<Times> {
         self.seen.times
     }

@@ -74,7 +74,7 @@ fn judge(root: &Path, number: u32, trial: impl FnOnce() -> Option<[Duration; 2]>
     );
     let help = match kind {
         Kind::Memory => return Vec::new(),
-        Kind::Disk | Kind::Unknown => "clients wait for it when they attach and while others write",
+        Kind::Disk | Kind::Unknown => "attaching is slow there while others write",
         Kind::Layers => {
             "an image's layers are slow; in a container `--tmpfs /run/sarrus` is another"
         }
