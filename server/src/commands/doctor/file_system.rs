@@ -102,9 +102,9 @@ fn trial(folder: &Path) -> io::Result<[Duration; 2]> {
         let start = Instant::now();
         let mut file = fs::File::create_new(&path)?;
         // as the transport does
-        file.write_all(&[0; 64])?;
-        file.sync_all()?;
+        let written = file.write_all(&[0; 64]).and_then(|()| file.sync_all());
         fs::remove_file(&path)?;
+        written?;
         *time = start.elapsed();
     }
     times.sort_unstable();
