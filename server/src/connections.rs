@@ -6,28 +6,29 @@
 //! is removed whole.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
 
-use iceoryx2::node::Node;
 use rtrb::{Consumer, Producer};
 use rustix::event::{PollFd, PollFlags, poll};
 use sarrus_proto::board::ServedLane;
 use sarrus_proto::control::Refusal;
 use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::message::{ClientStatistics, MAX_SERVICE_CLIENTS};
-use sarrus_proto::run::{Link, Run, free_shared_memory};
+use sarrus_proto::run::Run;
 use sarrus_proto::service::{ComputeServer, serve_compute};
 use sarrus_proto::socket::{ControlListener, ControlSocket, MAX_MESSAGE, timespec};
 
-use crate::bus_guard::replaced_pages;
+use crate::arrivals::Arrivals;
 use crate::hot::{End, Order, Retired};
+use crate::places::Place;
 use crate::refusals::{failed, no_space, take_down};
 
 /// Connections without a lane or a service that a server takes besides.
 const MAX_OBSERVERS: usize = 64;
-/// How many that connect are taken in at one look.
-const MAX_ARRIVALS: usize = 32;
+/// How long one of more clients than are served may say nothing where others wait behind it.
+const SILENCE: Duration = Duration::from_millis(100);
 /// How long a client that wants an end waits for one that is just being given back.
 const HAND_BACK: Duration = Duration::from_millis(100);
 /// Shared memory that the transport takes for a lane beside its numbers, and that stays free for
@@ -41,37 +42,29 @@ pub(crate) struct Connection {
     pub(crate) socket: ControlSocket,
     /// Where its end is among the places.
     place: Option<usize>,
-    /// Came when there were as many as are served: that is all it hears.
-    pub(crate) is_surplus: bool,
-    /// Has overwritten the transport's records: it is ended at the next look.
-    pub(crate) is_broken: bool,
+    /// When it came, where there were as many as are served: that is all it hears.
+    pub(crate) surplus_since: Option<Instant>,
+    /// Has overwritten the transport's records, or stands in the way and says nothing: it is ended
+    /// at the next look.
+    pub(crate) is_over: bool,
     /// The server's port of a service whose client has not opened its own.
     unserved: Option<ComputeServer<Threadsafe>>,
 }
 
-/// What a place beside the answering thread is taken by; it goes when the ports are gone.
-struct Place {
-    node: Node<Threadsafe>,
-    link: Link,
-    /// Ordered back from the answering thread.
-    is_leaving: bool,
-}
-
 /// All clients of a run.
 pub(crate) struct Connections {
-    listener: ControlListener,
+    arrivals: Arrivals,
     /// By the numbers that plans know them under.
     clients: BTreeMap<u64, Connection>,
     /// Connections so far.
     numbers: u64,
-    /// The lanes, then the services; `None` where one is free.
+    /// Those of lanes, then those of services; `None` where one is free.
     places: Vec<Option<Place>>,
+    /// How many clients may have a lane.
     n_lanes: usize,
     orders: Producer<Order>,
     retired: Consumer<Retired>,
     lanes_made: u64,
-    /// New connections are not taken before this: there were no descriptors left.
-    paused_until: Option<Instant>,
 }
 
 impl Connections {
@@ -81,9 +74,9 @@ impl Connections {
         orders: Producer<Order>,
         retired: Consumer<Retired>,
     ) -> Connections {
-        let places = (0..n_lanes + MAX_SERVICE_CLIENTS).map(|_| None).collect();
+        let places = (0..Connections::places(n_lanes)).map(|_| None).collect();
         Connections {
-            listener,
+            arrivals: Arrivals::new(listener),
             clients: BTreeMap::new(),
             numbers: 0,
             places,
@@ -91,13 +84,18 @@ impl Connections {
             orders,
             retired,
             lanes_made: 0,
-            paused_until: None,
         }
+    }
+
+    /// Places of a server with so many lanes: two for each end that a client may have, so that
+    /// nobody waits for one that is on its way back from the answering thread.
+    pub(crate) fn places(n_lanes: usize) -> usize {
+        2 * (n_lanes + MAX_SERVICE_CLIENTS)
     }
 
     /// How many clients are served.
     pub(crate) fn limit(&self) -> usize {
-        self.places.len() + MAX_OBSERVERS
+        self.n_lanes + MAX_SERVICE_CLIENTS + MAX_OBSERVERS
     }
 
     pub(crate) fn n_lanes(&self) -> usize {
@@ -108,8 +106,19 @@ impl Connections {
         self.lanes_made
     }
 
+    /// Those that clients have, and those that are on their way back while there is room.
     pub(crate) fn lanes_taken(&self) -> usize {
-        self.places[..self.n_lanes].iter().flatten().count()
+        self.places[self.lanes()].iter().flatten().count().min(self.n_lanes)
+    }
+
+    /// The places of lanes.
+    fn lanes(&self) -> Range<usize> {
+        0..2 * self.n_lanes
+    }
+
+    /// How many of these places clients have.
+    fn taken(&self, among: Range<usize>) -> usize {
+        self.places[among].iter().flatten().filter(|place| !place.is_leaving).count()
     }
 
     /// Who is connected, with what; `plans` and `late` know the rest.
@@ -122,7 +131,7 @@ impl Connections {
             process: client.socket.peer().map_or(0, |peer| peer.process.into()),
             end: match client.place {
                 None => "none",
-                Some(place) if place < self.n_lanes => "lane",
+                Some(place) if self.lanes().contains(&place) => "lane",
                 Some(_) => "service",
             }
             .to_owned(),
@@ -133,7 +142,7 @@ impl Connections {
     }
 
     pub(crate) fn listener_mut(&mut self) -> &mut ControlListener {
-        &mut self.listener
+        self.arrivals.listener_mut()
     }
 
     pub(crate) fn get(&self, number: u64) -> Option<&Connection> {
@@ -145,10 +154,9 @@ impl Connections {
     pub(crate) fn wait(&mut self, span: Duration) -> Vec<u64> {
         let leaving = self.places.iter().flatten().any(|place| place.is_leaving);
         let span = if leaving { span.min(Duration::from_millis(1)) } else { span };
-        let open = self.paused_until.is_none_or(|until| Instant::now() >= until);
+        let room = self.room();
         let mut descriptors: Vec<PollFd<'_>> = Vec::with_capacity(self.clients.len() + 1);
-        let interest = if open { PollFlags::IN } else { PollFlags::empty() };
-        descriptors.push(PollFd::new(&self.listener, interest));
+        descriptors.push(self.arrivals.awaited(room));
         descriptors
             .extend(self.clients.values().map(|client| PollFd::new(&client.socket, PollFlags::IN)));
         // an interrupted wait is a short one
@@ -156,45 +164,36 @@ impl Connections {
         let news = |descriptor: &PollFd<'_>| !descriptor.revents().is_empty();
         let new_clients = news(&descriptors[0]);
         let clients = descriptors[1..].iter().zip(&self.clients);
-        let ready = clients.filter(|(one, (_, client))| news(one) || client.is_broken);
+        let ready = clients.filter(|(one, (_, client))| news(one) || client.is_over);
         let ready = ready.map(|(_, (number, _))| *number).collect();
         if new_clients {
-            self.accept();
+            for socket in self.arrivals.take(room) {
+                self.numbers += 1;
+                let is_surplus = self.clients.len() >= self.limit();
+                let client = Connection {
+                    socket,
+                    place: None,
+                    surplus_since: is_surplus.then(Instant::now),
+                    is_over: false,
+                    unserved: None,
+                };
+                self.clients.insert(self.numbers, client);
+            }
         }
         ready
     }
 
-    fn accept(&mut self) {
-        self.paused_until = None;
-        // the others wait for the next look
-        for _ in 0..MAX_ARRIVALS {
-            match self.listener.accept() {
-                Ok(Some(socket)) => {
-                    // the folder is this user's alone; whoever came in otherwise is not answered
-                    let us = rustix::process::geteuid().as_raw();
-                    let is_ours = socket.peer().is_ok_and(|peer| peer.user == us);
-                    // who went meanwhile takes no room; beyond the limit clients are refused, and
-                    // far beyond it nobody is heard
-                    if is_ours && !socket.is_closed() && self.clients.len() < 2 * self.limit() {
-                        self.numbers += 1;
-                        let is_surplus = self.clients.len() >= self.limit();
-                        let client = Connection {
-                            socket,
-                            place: None,
-                            is_surplus,
-                            is_broken: false,
-                            unserved: None,
-                        };
-                        self.clients.insert(self.numbers, client);
-                    }
-                }
-                Ok(None) => return,
-                Err(_) => {
-                    self.paused_until = Some(Instant::now() + Duration::from_millis(20));
-                    return;
-                }
+    /// How many more are taken in: beyond the limit they are refused as soon as they speak, and far
+    /// beyond it they wait until one of those before them was.
+    fn room(&mut self) -> usize {
+        let room = (2 * self.limit()).saturating_sub(self.clients.len());
+        if room == 0 {
+            let is_silent = |since: Instant| since.elapsed() > SILENCE;
+            for client in self.clients.values_mut() {
+                client.is_over |= client.surplus_since.is_some_and(is_silent);
             }
         }
+        room
     }
 
     /// Ends a connection: what it has goes back.
@@ -209,7 +208,7 @@ impl Connections {
             if matches!(end, End::Broken) {
                 let mut clients = self.clients.values_mut();
                 if let Some(client) = clients.find(|client| client.place == Some(index)) {
-                    (client.place, client.is_broken) = (None, true);
+                    (client.place, client.is_over) = (None, true);
                 }
             }
             // here, not on the answering thread: unmapping is a system call
@@ -219,9 +218,8 @@ impl Connections {
     }
 
     fn free(&mut self, index: usize) {
-        if let Some(Place { node, link, .. }) = self.places[index].take() {
-            take_down(node);
-            link.remove();
+        if let Some(place) = self.places[index].take() {
+            place.free();
         }
     }
 
@@ -267,10 +265,10 @@ impl Connections {
         classes: [usize; 2],
     ) -> Result<u64, Refusal> {
         self.give_back(number);
-        let lanes = 0..self.n_lanes;
-        let index = self.free_place(lanes).ok_or(Refusal::NoLane { limit: self.n_lanes })?;
+        let limit = self.n_lanes;
+        let index = self.free_place(self.lanes()).ok_or(Refusal::NoLane { limit })?;
         let bytes = 2 * 8 * (classes[0] + classes[1]) as u64;
-        let (name, place, lane) = make(run, bytes + LANE_MARGIN, |node, link| {
+        let (name, place, lane) = Place::make(run, bytes + LANE_MARGIN, |node, link| {
             let mut lane = ServedLane::create(node, classes).map_err(|error| failed(&error))?;
             link.reserve().map_err(|error| no_space(&error))?;
             lane.map();
@@ -285,10 +283,10 @@ impl Connections {
     /// Makes the server's side of a service for a client, in place of what it has.
     pub(crate) fn make_service(&mut self, run: &Run, number: u64) -> Result<u64, Refusal> {
         self.give_back(number);
-        let services = self.n_lanes..self.places.len();
+        let services = self.lanes().end..self.places.len();
         let index =
             self.free_place(services).ok_or(Refusal::NoService { limit: MAX_SERVICE_CLIENTS })?;
-        let (name, place, port) = make(run, SERVICE_NEEDS, |node, link| {
+        let (name, place, port) = Place::make(run, SERVICE_NEEDS, |node, link| {
             let port = serve_compute(node).map_err(|error| failed(&error))?;
             link.reserve().map_err(|error| no_space(&error))?;
             Ok(port)
@@ -336,49 +334,21 @@ impl Connections {
         Ok(())
     }
 
-    fn free_place(&mut self, among: std::ops::Range<usize>) -> Option<usize> {
+    /// A free place among these, of which clients have half at most.
+    fn free_place(&mut self, among: Range<usize>) -> Option<usize> {
+        self.collect();
+        if 2 * self.taken(among.clone()) >= among.len() {
+            return None;
+        }
         let start = Instant::now();
         loop {
-            self.collect();
-            let places = &self.places[among.clone()];
-            let leaving = places.iter().flatten().any(|place| place.is_leaving);
-            match places.iter().position(Option::is_none) {
-                None if leaving && start.elapsed() < HAND_BACK => {
-                    std::thread::sleep(Duration::from_micros(200));
-                }
-                found => return found.map(|index| among.start + index),
+            let free = self.places[among.clone()].iter().position(Option::is_none);
+            // clients came and went faster than the answering thread gives back
+            if free.is_some() || start.elapsed() > HAND_BACK {
+                return free.map(|index| among.start + index);
             }
-        }
-    }
-}
-
-/// Makes something in a link of its own, with the number of that; nothing is left where that fails.
-fn make<T>(
-    run: &Run,
-    needed: u64,
-    make: impl FnOnce(&Node<Threadsafe>, &Link) -> Result<T, Refusal>,
-) -> Result<(u64, Place, T), Refusal> {
-    let free = free_shared_memory();
-    if free < needed {
-        return Err(Refusal::NoSpace { needed, free });
-    }
-    let (number, link) = run.new_link().map_err(|error| failed(&error))?;
-    let pages = replaced_pages();
-    let made = catch_unwind(AssertUnwindSafe(|| {
-        let node = link.node().map_err(|error| failed(&error))?;
-        let made = make(&node, &link)?;
-        // a page was missing meanwhile: what was made there is of no use
-        match replaced_pages() == pages {
-            true => Ok((node, made)),
-            false => Err(Refusal::NoSpace { needed, free: free_shared_memory() }),
-        }
-    }));
-    let damaged = "its shared memory was damaged while it was made".to_owned();
-    match made.unwrap_or(Err(Refusal::Failed { reason: damaged })) {
-        Ok((node, made)) => Ok((number, Place { node, link, is_leaving: false }, made)),
-        Err(refusal) => {
-            link.remove();
-            Err(refusal)
+            std::thread::sleep(Duration::from_micros(200));
+            self.collect();
         }
     }
 }
@@ -390,3 +360,6 @@ impl Connection {
         Ok(self.socket.receive(buffer)?.map(|(bytes, _)| bytes))
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -55,7 +55,7 @@ impl Control {
     ) {
         let Some(connection) = self.connections.get(client) else { return };
         // what a client said before it went is of no use to anybody
-        if connection.is_broken || connection.socket.is_closed() {
+        if connection.is_over || connection.socket.is_closed() {
             return self.end(client);
         }
         let bytes = match connection.receive(&mut self.buffer) {
@@ -115,7 +115,7 @@ impl Control {
         if fingerprint != 0 && fingerprint != self.fingerprint {
             return Err(Refusal::WrongModel);
         }
-        if self.connections.get(client).is_none_or(|connection| connection.is_surplus) {
+        if self.connections.get(client).is_none_or(|one| one.surplus_since.is_some()) {
             return Err(Refusal::TooManyClients { limit: self.connections.limit() });
         }
         match call {

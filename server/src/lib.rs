@@ -1,13 +1,13 @@
 //! The sarrus server: one process holds a model and answers over shared memory.
 //!
 //! [`serve()`] runs it. Two threads share the work: the answering thread (`hot.rs`) polls both
-//! transports and runs plans (`engine.rs`); the thread that called makes and retires lanes
-//! (`connections.rs`) and plans (`plans.rs`), answers the control socket (`control.rs`) and counts
-//! (`counters.rs`). A third one keeps the last seconds in a file where that is asked ([`record`]).
-//! Which processors and policies they have is decided in `placement/`. They meet in counters and in
-//! bounded channels, never in a lock.
-//! They meet in counters and in bounded channels, never in a lock.
+//! transports and runs plans (`engine.rs`); the thread that called takes clients in
+//! (`arrivals.rs`), makes and retires lanes (`connections.rs`) and plans (`plans.rs`), answers the
+//! control socket (`control.rs`) and counts (`counters.rs`). A third one keeps the last seconds in
+//! a file where that is asked ([`record`]). Which processors and policies they have is decided in
+//! `placement/`. They meet in counters and in bounded channels, never in a lock.
 
+mod arrivals;
 mod bus_guard;
 mod connections;
 mod control;
@@ -16,6 +16,7 @@ mod engine;
 mod error;
 mod hot;
 mod placement;
+mod places;
 mod plans;
 pub mod pool;
 mod pulse;

@@ -11,7 +11,7 @@ use rtrb::RingBuffer;
 use rustix::process::{Resource, getrlimit, setrlimit};
 use sarrus_dynamics::Model;
 use sarrus_proto::heartbeat::HeartbeatWriter;
-use sarrus_proto::message::{MAX_PLANS, MAX_SERVICE_CLIENTS, Statistics};
+use sarrus_proto::message::{MAX_PLANS, Statistics};
 use sarrus_proto::run::{Run, RunError};
 use sarrus_proto::{Domain, ModelInfo, ServerName};
 
@@ -120,7 +120,7 @@ fn run(
     let run = take_name(domain, name)?;
 
     // the answering thread
-    let places = options.lanes + MAX_SERVICE_CLIENTS;
+    let places = Connections::places(options.lanes);
     let counters = Counters::new(places);
     let shared = Arc::new(Shared { counters, stopping: AtomicBool::new(false) });
     let (plan_orders_in, plan_orders) = RingBuffer::new(MAX_ORDERS);

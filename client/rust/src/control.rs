@@ -13,15 +13,15 @@ use sarrus_proto::heartbeat::HeartbeatReader;
 use sarrus_proto::lane::{ComputeClient, Threadsafe};
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, Statistics};
 use sarrus_proto::run::Link;
-use sarrus_proto::service::open_compute;
+use sarrus_proto::service::{ServiceError, open_compute};
 use sarrus_proto::socket::ControlSocket;
 use sarrus_proto::{Domain, ModelInfo, PROTOCOL_VERSION, ServerName, supervision};
 
 use crate::life::Life;
 use crate::{ConnectError, Error, Prepared};
 
-/// Between two attempts to reach a server that others reach as well: its queue is short.
-const RETRY: Duration = Duration::from_micros(100);
+/// Between two attempts to reach a server that others reach as well, at first and after some.
+const RETRY: [Duration; 2] = [Duration::from_micros(100), Duration::from_millis(5)];
 
 /// How long a client that leaves waits for the server.
 const LEAVE: Duration = Duration::from_millis(250);
@@ -60,13 +60,22 @@ impl Control {
         deadline: Instant,
     ) -> Result<Control, ConnectError> {
         let start = Instant::now();
-        let socket = connect(domain, name, deadline)?;
-        let process = socket.peer().map_or(0, |peer| peer.process);
         let head = CallHead { version: PROTOCOL_VERSION, nonce: 1 };
         let request =
             ControlRequest { head, fingerprint: fingerprint.unwrap_or(0), call: Call::Hello };
-        let (response, descriptor) = exchange(&socket, &request, deadline)
-            .map_err(|error| failed(error, name.as_str(), start, || Life::of(process, None)))?;
+        let (socket, process, response, descriptor) = loop {
+            let socket = connect(domain, name, deadline)?;
+            let process = socket.peer().map_or(0, |peer| peer.process);
+            match exchange(&socket, &request, deadline) {
+                Ok((response, descriptor)) => break (socket, process, response, descriptor),
+                // connecting again says whether the server is gone, or only this connection
+                Err(NoResponse::Gone) if Instant::now() < deadline => std::thread::sleep(RETRY[0]),
+                Err(error) => {
+                    let life = || Life::of(process, None);
+                    return Err(failed(error, domain, name.as_str(), start, life));
+                }
+            }
+        };
         let expected = request.fingerprint;
         let Grant::Hello { root, pages } = granted(&response, expected)? else {
             return Err(ConnectError::BadAnswer { what: "to an attach" });
@@ -173,7 +182,7 @@ impl Control {
         };
         let node = self.link(link)?.node()?;
         let lane = ClaimedLane::claim(&node, [class_in, class_out]);
-        let lane = lane.map_err(|error| ConnectError::of_service(&self.name, error))?;
+        let lane = lane.map_err(|error| self.of_service(error))?;
         Ok((node, lane, [class_in, class_out]))
     }
 
@@ -186,10 +195,13 @@ impl Control {
             return Err(ConnectError::BadAnswer { what: "for a service" });
         };
         let node = self.link(link)?.node()?;
-        let client =
-            open_compute(&node).map_err(|error| ConnectError::of_service(&self.name, error))?;
+        let client = open_compute(&node).map_err(|error| self.of_service(error))?;
         self.granted(Call::Serve, deadline)?;
         Ok((node, client))
+    }
+
+    fn of_service(&self, error: ServiceError) -> ConnectError {
+        ConnectError::of_service(&self.name, &self.domain, error)
     }
 
     fn link(&self, number: u64) -> Result<Link, ConnectError> {
@@ -207,7 +219,7 @@ impl Control {
         let request = ControlRequest { head, fingerprint: self.fingerprint, call };
         match exchange(&self.socket, &request, deadline) {
             Ok((response, _)) => Ok(response),
-            Err(error) => Err(failed(error, &self.name, start, || self.life())),
+            Err(error) => Err(failed(error, &self.domain, &self.name, start, || self.life())),
         }
     }
 }
@@ -219,6 +231,7 @@ fn connect(
     deadline: Instant,
 ) -> Result<ControlSocket, ConnectError> {
     let start = Instant::now();
+    let mut pause = RETRY[0];
     loop {
         let mut busy = false;
         for folder in domain.server_folders(name) {
@@ -236,23 +249,20 @@ fn connect(
                 },
             }
         }
-        if busy && Instant::now() >= deadline {
+        if !busy {
+            return Err(match supervision::given_up(domain.root(), name) {
+                Some(reason) => ConnectError::GivenUp { name: name.as_str().to_owned(), reason },
+                None => ConnectError::no_server(name.as_str(), domain),
+            });
+        }
+        // it is there, but others wait for it as well
+        let left = deadline.saturating_duration_since(Instant::now());
+        if left.is_zero() {
             let (name, timeout) = (name.as_str().to_owned(), start.elapsed());
             return Err(ConnectError::NoAnswer { name, timeout, life: Life::of(0, None) });
         }
-        if !busy {
-            let name_text = name.as_str().to_owned();
-            if busy {
-                // it is there, but others wait for it as well
-                let (timeout, life) = (start.elapsed(), Life::of(0, None));
-                return Err(ConnectError::NoAnswer { name: name_text, timeout, life });
-            }
-            return Err(match supervision::given_up(domain.root(), name) {
-                Some(reason) => ConnectError::GivenUp { name: name_text, reason },
-                None => ConnectError::NoServer { name: name_text },
-            });
-        }
-        std::thread::sleep(RETRY);
+        std::thread::sleep(pause.min(left));
+        pause = (2 * pause).min(RETRY[1]);
     }
 }
 
@@ -263,14 +273,17 @@ fn is_ours(socket: &ControlSocket) -> bool {
 
 fn failed(
     error: NoResponse,
+    domain: &Domain,
     name: &str,
     start: Instant,
     life: impl FnOnce() -> Life,
 ) -> ConnectError {
-    let name = name.to_owned();
     match error {
-        NoResponse::Gone => ConnectError::NoServer { name },
-        NoResponse::Late => ConnectError::NoAnswer { name, timeout: start.elapsed(), life: life() },
+        NoResponse::Gone => ConnectError::no_server(name, domain),
+        NoResponse::Late => {
+            let (name, timeout) = (name.to_owned(), start.elapsed());
+            ConnectError::NoAnswer { name, timeout, life: life() }
+        }
         NoResponse::OtherVersion(found) => ConnectError::WrongVersion { found },
         NoResponse::Nonsense => ConnectError::BadAnswer { what: "to a call" },
     }

@@ -1,11 +1,11 @@
 //! What most programs ask, one method for each question: the plan is prepared on first use, sizes
 //! are checked, and a state that cannot be answered is an error.
 
-use sarrus_proto::{Field, FieldSet, Query, Request, Warnings};
+use sarrus_proto::{Field, FieldSet, Query, QueryOptions, Request, Warnings};
 
 use crate::{Error, PlanId, Robot};
 
-/// The questions, by their place in [`QUERIES`] and in `Robot::direct`.
+/// The questions, by their place in [`QUERIES`] and in [`Direct::plans`].
 #[derive(Clone, Copy)]
 enum Question {
     InverseDynamics,
@@ -19,7 +19,14 @@ const INDEPENDENT: &[Field] = &[Field::Y, Field::Yd, Field::Ydd];
 const ACTUATORS: &[Field] = &[Field::U, Field::Ud, Field::Udd];
 const TREE: &[Field] = &[Field::Q, Field::Qd, Field::Qdd];
 
-pub(crate) const QUESTIONS: usize = 5;
+const QUESTIONS: usize = 5;
+
+/// What a robot has for the simple questions.
+#[derive(Default)]
+pub(crate) struct Direct {
+    options: QueryOptions,
+    plans: [Option<PlanId>; QUESTIONS],
+}
 
 const QUERIES: [Query; QUESTIONS] = [
     query(Request::InverseDynamics, INDEPENDENT, &[Field::TauU]),
@@ -39,6 +46,28 @@ const fn query(request: Request, given: &[Field], want: &[Field]) -> Query {
 /// lane and in process. `prepare_…` does the same ahead of time. Each writes its results and gives
 /// the warnings; after an error all results are NaN.
 impl Robot {
+    /// Has every simple question from now on carry a checksum, times or both, as
+    /// [`crate::QueryBuilder::checksum`] and [`crate::QueryBuilder::times`] do for other queries;
+    /// none at first. Memory that was changed on the way is then [`Error::Failed`] with the status
+    /// `corrupt_answer`.
+    ///
+    /// The next call of each question prepares its plan, and allocates, unless it had these options
+    /// before; plans that `prepare_…` gave stay what they are.
+    ///
+    /// ```no_run
+    /// use sarrus_client::{QueryOptions, Robot};
+    ///
+    /// let mut robot = Robot::connect("elbow")?;
+    /// robot.set_options(QueryOptions::CHECKSUM.with(QueryOptions::TIMES));
+    /// let mut tau_u = [0.0];
+    /// robot.inverse_dynamics(&[0.2], &[1.0], &[0.0], &mut tau_u)?;
+    /// println!("{tau_u:?} {:?}", robot.times());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn set_options(&mut self, options: QueryOptions) {
+        self.direct = Direct { options, ..Direct::default() };
+    }
+
     /// Actuator forces for a motion: τ_u = G_u⁻ᵀ (M_y ÿ + C_y).
     ///
     /// `y` `[m, rad]` (n_qy), `yd` and `ydd` (n_vy), `tau_u` `[N, N m]` (n_u).
@@ -178,13 +207,13 @@ impl Robot {
 
     /// The plan of a question, prepared where it is not there or was released.
     fn direct_plan(&mut self, question: Question) -> Result<PlanId, Error> {
-        if let Some(plan) = self.direct[question as usize]
+        if let Some(plan) = self.direct.plans[question as usize]
             && self.plans.find(plan).is_ok()
         {
             return Ok(plan);
         }
-        let plan = self.prepare(&QUERIES[question as usize])?;
-        self.direct[question as usize] = Some(plan);
+        let plan = self.prepare(&QUERIES[question as usize].with_options(self.direct.options))?;
+        self.direct.plans[question as usize] = Some(plan);
         Ok(plan)
     }
 

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use sarrus_proto::control::{ControlResponse, Refusal};
 use sarrus_proto::service::ServiceError;
-use sarrus_proto::{DomainError, FailedState, Field, PROTOCOL_VERSION, QueryError};
+use sarrus_proto::{Domain, DomainError, FailedState, Field, PROTOCOL_VERSION, QueryError};
 
 use crate::UnknownName;
 use crate::life::Life;
@@ -13,11 +13,17 @@ use crate::life::Life;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConnectError {
-    /// No server has this name.
-    #[error("no server named `{name}` runs; start one with `sarrus serve --name {name}`")]
+    /// No server has this name in this domain.
+    #[error(
+        "no server named `{name}` runs below {}; start one with `sarrus serve --name {name}`, or \
+         name its folder in SARRUS_ROOT",
+        root.display()
+    )]
     NoServer {
         /// The name.
         name: String,
+        /// The domain's folder, where servers of other domains are not found.
+        root: PathBuf,
     },
     /// The server's supervisor has given it up.
     #[error(
@@ -234,9 +240,13 @@ fn seconds(timeout: &Duration) -> String {
 }
 
 impl ConnectError {
-    pub(crate) fn of_service(name: &str, error: ServiceError) -> ConnectError {
+    pub(crate) fn no_server(name: &str, domain: &Domain) -> ConnectError {
+        ConnectError::NoServer { name: name.to_owned(), root: domain.root().to_owned() }
+    }
+
+    pub(crate) fn of_service(name: &str, domain: &Domain, error: ServiceError) -> ConnectError {
         match error {
-            ServiceError::Absent { .. } => ConnectError::NoServer { name: name.to_owned() },
+            ServiceError::Absent { .. } => ConnectError::no_server(name, domain),
             ServiceError::OtherVersion { .. } => ConnectError::WrongVersion { found: 0 },
             ServiceError::Full { limit, .. } => ConnectError::NoFreeSlot {
                 transport: "ports of the server",

@@ -6,7 +6,7 @@ use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, Statistics};
 use sarrus_proto::{Answer, Domain, ModelInfo, Query, Request, Status, Warnings};
 
 use crate::describe::{describe, describe_model};
-use crate::direct::QUESTIONS;
+use crate::direct::Direct;
 use crate::head::{Seen, Times};
 use crate::local::Local;
 use crate::plan::Plans;
@@ -36,8 +36,8 @@ pub struct Robot {
     side: Side,
     info: ModelInfo,
     pub(crate) plans: Plans,
-    /// The plans of the simple questions.
-    pub(crate) direct: [Option<PlanId>; QUESTIONS],
+    /// The simple questions.
+    pub(crate) direct: Direct,
     /// The input of the methods that pack fields.
     pub(crate) packed: Vec<f64>,
     /// The output of the methods that unpack fields.
@@ -108,7 +108,7 @@ impl Robot {
             side,
             info,
             plans: Plans::new(),
-            direct: [None; QUESTIONS],
+            direct: Direct::default(),
             packed: Vec::new(),
             unpacked: Vec::new(),
             seen: Seen::default(),
@@ -128,8 +128,9 @@ impl Robot {
         }
     }
 
-    /// How long the last answer took, where its query has [`QueryBuilder::times`]; `None` without,
-    /// and where no answer came or a checksum failed. In process the age is 0. Costs nothing.
+    /// How long the last answer took, where that is asked by [`QueryBuilder::times`] or
+    /// [`Robot::set_options`]; `None` without, and where no answer came or a checksum failed. In
+    /// process the age is 0. Costs nothing.
     pub fn times(&self) -> Option<Times> {
         self.seen.times
     }

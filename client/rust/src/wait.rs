@@ -11,7 +11,7 @@ const POLITE: Duration = Duration::from_micros(20);
 /// After this long nobody waits for microseconds any more.
 const LONG: Duration = Duration::from_millis(5);
 /// Between two looks at the server's sign of life.
-const LIFE: Duration = Duration::from_millis(10);
+const LIFE: Duration = Duration::from_millis(1);
 
 /// One wait, from its beginning.
 pub(crate) struct Waiter {

@@ -11,6 +11,7 @@ use sarrus_proto::ServerName;
 use sarrus_proto::control::Call;
 use sarrus_proto::lane::send_request;
 use sarrus_proto::message::MAX_SERVICE_CLIENTS;
+use sarrus_proto::socket::{ControlListener, ControlSocket};
 
 use crate::lies::Liar;
 use crate::support::{Asker, Sandbox, options};
@@ -164,6 +165,55 @@ fn one_client_too_many_of_the_service_is_told_so() {
     askers.pop();
     let mut next = Asker::new(sandbox.connect("crowd", Transport::Service).unwrap());
     assert_eq!(next.ask().unwrap().status, Status::Ok);
+}
+
+#[test]
+fn a_client_behind_a_crowd_that_says_nothing_is_told_that_there_is_no_room() {
+    let sandbox = Sandbox::new();
+    let server = sandbox.serve("queue", &["--lanes", "1"]);
+    let mut honest = Asker::new(sandbox.connect("queue", Transport::Lane).unwrap());
+    let open = descriptors(server.id());
+    let folder = sandbox.domain.server_folders(&ServerName::new("queue").unwrap()).next().unwrap();
+    // three times as many as are served: neither heard nor refused, since they say nothing
+    let crowd: Vec<ControlSocket> =
+        (0..3 * 97).map(|_| ControlSocket::connect(&folder).unwrap()).collect();
+    let timeout = Duration::from_secs(20);
+    for _ in 0..3 {
+        let options = ConnectOptions { timeout, ..options() };
+        let error = sandbox.connect_with("queue", options).err().unwrap();
+        assert!(matches!(error, ConnectError::NoFreeSlot { limit: 97, .. }), "{error}");
+        assert!(error.to_string().starts_with("all 97 connections of the server are taken;"));
+    }
+    // those that were heard before stay
+    assert_eq!(honest.ask().unwrap().status, Status::Ok);
+    assert!(!crowd[0].is_closed());
+    drop(crowd);
+    wait_until("all is as before", || descriptors(server.id()) == open);
+    assert!(sandbox.connect("queue", Transport::Service).is_ok());
+}
+
+#[test]
+fn a_client_whose_connection_ends_before_it_is_heard_comes_again() {
+    let sandbox = Sandbox::new();
+    let folder = sandbox.domain.root().join("server/door");
+    fs::create_dir_all(&folder).unwrap();
+    // one that ends every connection, then nobody, then a server
+    let listener = ControlListener::new(&folder).unwrap();
+    let (sender, refused) = std::sync::mpsc::channel();
+    let stop = std::thread::spawn(move || {
+        let mut n = 0;
+        while n < 5 {
+            n += usize::from(listener.accept().unwrap().is_some());
+        }
+        listener.unlink();
+        sender.send(n).unwrap();
+    });
+    let error = sandbox.connect("door", Transport::Lane).err().unwrap();
+    assert!(matches!(error, ConnectError::NoServer { .. }), "{error}");
+    assert_eq!(refused.recv().unwrap(), 5);
+    stop.join().unwrap();
+    let _server = sandbox.serve("door", &[]);
+    assert!(sandbox.connect("door", Transport::Lane).is_ok());
 }
 
 #[test]

@@ -1,6 +1,14 @@
 //! The simple questions: one method each, the same in process and connected.
 
-use sarrus_client::{Error, Field, Model, Options, Robot, Source, Status, Transport, Warnings};
+use std::fs;
+use std::io::{Read, Seek, SeekFrom};
+use std::os::unix::fs::FileExt;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+
+use sarrus_client::{
+    Error, Field, Model, Options, QueryOptions, Robot, Source, Status, Transport, Warnings,
+};
 use sarrus_server::pool;
 
 use crate::support::{ROBOT, Sandbox};
@@ -103,6 +111,87 @@ fn a_state_without_an_answer_is_an_error_with_its_status() {
         robot.inverse_dynamics(&[0.2], &[2.0 * limits.unwrap()], &[0.0], &mut tau_u).unwrap();
     assert!(warnings.contains(Warnings::LIMITS_EXCEEDED));
     assert!(tau_u[0].is_finite());
+}
+
+/// Longer than a scribbler needs.
+const LONG: Duration = Duration::from_secs(20);
+
+/// Writes over every number of lanes that is this one, again and again.
+fn scribble(sandbox: &Sandbox, number: f64, stop: &AtomicBool) {
+    let files: Vec<fs::File> = sandbox
+        .leftovers()
+        .iter()
+        .filter(|path| path.extension().is_some_and(|ending| ending == "blackboard_data"))
+        .map(|path| fs::OpenOptions::new().read(true).write(true).open(path).unwrap())
+        .collect();
+    let (mut bytes, start) = (Vec::new(), Instant::now());
+    while !stop.load(Relaxed) && start.elapsed() < LONG {
+        for mut file in &files {
+            bytes.clear();
+            file.seek(SeekFrom::Start(0)).unwrap();
+            file.read_to_end(&mut bytes).unwrap();
+            let words = bytes.chunks_exact(8).enumerate();
+            for (k, _) in words.filter(|(_, word)| **word == number.to_ne_bytes()) {
+                file.write_all_at(&(number + 1.0).to_ne_bytes(), 8 * k as u64).unwrap();
+            }
+        }
+    }
+}
+
+#[test]
+fn a_simple_question_with_a_checksum_takes_no_changed_number() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve_robot("lambda", "sealed", &[]);
+    let mut tau_u = [0.0];
+    let mut local = Robot::load(&Source::Bundled("lambda".into()), &Options::default()).unwrap();
+    local.inverse_dynamics(&[0.2], &[1.0], &[0.0], &mut tau_u).unwrap();
+    let expected = tau_u;
+
+    let mut robot = sandbox.connect("sealed", Transport::Lane).unwrap();
+    robot.set_options(QueryOptions::CHECKSUM);
+    let mut ask = || {
+        let outcome = robot.inverse_dynamics(&[0.2], &[1.0], &[0.0], &mut tau_u);
+        (outcome, tau_u)
+    };
+    assert_eq!((ask().0.unwrap(), ask().1), (Warnings::NONE, expected));
+    let (stop, start) = (AtomicBool::new(false), Instant::now());
+    let corrupt = std::thread::scope(|scope| {
+        scope.spawn(|| scribble(&sandbox, expected[0], &stop));
+        let mut corrupt = 0;
+        while corrupt < 20 && start.elapsed() < LONG {
+            match ask() {
+                (Ok(_), tau_u) => assert_eq!(tau_u, expected),
+                (Err(Error::Failed(failed)), tau_u) => {
+                    assert_eq!(failed.status, Status::CorruptAnswer);
+                    assert!(tau_u[0].is_nan());
+                    corrupt += 1;
+                }
+                (Err(error), _) => panic!("{error}"),
+            }
+        }
+        stop.store(true, Relaxed);
+        corrupt
+    });
+    assert_eq!(corrupt, 20);
+}
+
+#[test]
+fn options_of_simple_questions_change_no_bit_and_can_be_changed() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("optional", &[]);
+    for mut robot in [local(), sandbox.connect("optional", Transport::Lane).unwrap()] {
+        let plain = ask_all(&mut robot, 0.1).unwrap();
+        assert_eq!(robot.times(), None);
+        let plan = robot.prepare_inverse_dynamics().unwrap();
+        for options in [QueryOptions::TIMES, QueryOptions::CHECKSUM, QueryOptions::NONE] {
+            robot.set_options(options);
+            assert_eq!(ask_all(&mut robot, 0.1).unwrap(), plain);
+            assert_eq!(robot.times().is_some(), options == QueryOptions::TIMES);
+        }
+        // a plan that was given out stays, and is the one without options
+        assert_eq!(robot.prepare_inverse_dynamics().unwrap(), plan);
+        assert!(robot.plan(plan).is_some());
+    }
 }
 
 #[test]

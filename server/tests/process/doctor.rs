@@ -26,7 +26,7 @@ fn a_finding_is_a_line_with_what_to_do_and_exit_code_1() {
     let object: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(output.status.code(), Some(1));
     assert_eq!(object["findings"][0]["check"], "huge pages");
-    assert!(object["checks"].as_u64().unwrap() >= 15);
+    assert!(object["checks"].as_u64().unwrap() >= 16);
 
     fs::write(folder.join("enabled"), "always [madvise] never\n").unwrap();
     let output = doctor(&root_flags);
@@ -35,4 +35,26 @@ fn a_finding_is_a_line_with_what_to_do_and_exit_code_1() {
     assert_eq!(doctor(&["--fromat", "json"]).status.code(), Some(2));
     // this machine, whatever it is like, has lines and no breakdown
     assert!(matches!(doctor(&[]).status.code(), Some(0 | 1)));
+}
+
+#[test]
+fn a_folder_that_is_not_in_memory_is_named() {
+    let found = |root: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
+        let output = command.arg("doctor").env("SARRUS_ROOT", root).output().unwrap();
+        let words = String::from_utf8(output.stdout).unwrap();
+        let line = words.lines().find(|line| line.starts_with("file system: "));
+        line.map(str::to_owned)
+    };
+    let line = found("/proc/sarrus").unwrap();
+    assert!(line.starts_with("file system: /proc/sarrus lies on type 0x9fa0, "), "{line}");
+    assert!(line.contains("SARRUS_ROOT=/dev/shm/sarrus-"), "{line}");
+    let is_memory = fs::read_to_string("/proc/self/mounts")
+        .is_ok_and(|mounts| mounts.lines().any(|line| line.contains(" /dev/shm tmpfs ")));
+    if is_memory {
+        let root = format!("/dev/shm/sarrus-doctor-test-{}", std::process::id());
+        assert_eq!(found(&root), None);
+        // looking leaves nothing
+        assert!(!fs::exists(root).unwrap());
+    }
 }

@@ -13,6 +13,7 @@ mod load;
 mod placement;
 mod plans;
 mod record;
+mod roots;
 mod supervise;
 mod support;
 
@@ -121,9 +122,13 @@ fn no_server_is_reported_at_once() {
     let start = Instant::now();
     let error = sandbox.connect("nobody", Transport::Lane).err().unwrap();
     assert!(matches!(error, ConnectError::NoServer { .. }), "{error}");
+    let root = sandbox.domain.root().display();
     assert_eq!(
         error.to_string(),
-        "no server named `nobody` runs; start one with `sarrus serve --name nobody`"
+        format!(
+            "no server named `nobody` runs below {root}; start one with `sarrus serve --name \
+             nobody`, or name its folder in SARRUS_ROOT"
+        )
     );
     assert!(start.elapsed() < Duration::from_secs(1));
     assert!(matches!(sandbox.connect("no/body", Transport::Lane), Err(ConnectError::Domain(_))));

@@ -132,6 +132,42 @@ fn clients_go_on_when_the_server_is_killed() {
 }
 
 #[test]
+fn a_process_that_waits_needs_no_file_any_more() {
+    let sandbox = Sandbox::new();
+    let root = sandbox.domain.root().to_owned();
+    fs::create_dir_all(&root).unwrap();
+    let [urdf, recording] = ["pendulum.urdf", "pendulum.rec"].map(|name| root.join(name));
+    let inertial = r#"<inertial><origin xyz="0 0 -0.5"/><mass value="1"/>
+        <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>"#;
+    let text = format!(
+        r#"<robot name="pendulum"><link name="base"/><link name="bar">{inertial}</link>
+        <joint name="hinge" type="continuous"><parent link="base"/><child link="bar"/>
+        <axis xyz="0 1 0"/></joint></robot>"#
+    );
+    fs::write(&urdf, text).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
+    command.args(["serve", "--name", "filed", "--supervise", "--short-life", "0", "--urdf"]);
+    let server = sandbox.start(command.arg(&urdf).arg("--record").arg(&recording));
+    two(server.id());
+    fs::remove_file(&urdf).unwrap();
+    let process = serving(server.id());
+    kill(process);
+    // whoever is next was loaded before, with what goes into the recording
+    let next = until("another process", || {
+        children(server.id())
+            .into_iter()
+            .find(|child| *child != process && answering_thread(*child).is_some())
+    });
+    let robot = until("clients attach", || sandbox.connect("filed", Transport::Lane).ok());
+    assert_eq!(robot.statistics().unwrap().process, u64::from(next));
+    drop(robot);
+    assert!(server.stop("-TERM").success());
+    for name in ["pendulum.rec", "pendulum.rec.1"] {
+        let _ = fs::remove_file(root.join(name));
+    }
+}
+
+#[test]
 fn a_stop_of_the_supervisor_leaves_nothing() {
     for signal in ["-TERM", "-INT"] {
         let sandbox = Sandbox::new();

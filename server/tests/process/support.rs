@@ -31,12 +31,21 @@ static DOMAINS: AtomicU32 = AtomicU32::new(0);
 /// A domain of one test; tests run one at a time as long as they hold it.
 pub(crate) struct Sandbox {
     pub(crate) domain: Domain,
-    _alone: MutexGuard<'static, ()>,
+    _alone: Option<MutexGuard<'static, ()>>,
 }
 
 impl Sandbox {
     pub(crate) fn new() -> Sandbox {
         let alone = ALONE.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        Sandbox::make(Some(alone))
+    }
+
+    /// Another domain of the same test.
+    pub(crate) fn another(&self) -> Sandbox {
+        Sandbox::make(None)
+    }
+
+    fn make(alone: Option<MutexGuard<'static, ()>>) -> Sandbox {
         let number = DOMAINS.fetch_add(1, Relaxed);
         let domain = Domain::at(
             &std::env::temp_dir().join(format!("sarrus-test-{}-{number}", std::process::id())),

@@ -173,9 +173,13 @@ fn without_a_server_there_is_nothing_to_ask() {
     let refused =
         Run::of(&mut place.command(&["ask", "kinematics", "--connect", "nobody"]), b"{\"y\":[0]}");
     assert_eq!((refused.code, refused.out.as_str()), (Some(2), ""));
+    let root = place.root.display();
     assert_eq!(
         refused.err,
-        "sarrus ask: no server named `nobody` runs; start one with `sarrus serve --name nobody`\n"
+        format!(
+            "sarrus ask: no server named `nobody` runs below {root}; start one with `sarrus serve \
+             --name nobody`, or name its folder in SARRUS_ROOT\n"
+        )
     );
     let refused = Run::of(&mut place.command(&["ask", "kinematics", "--connect", "no/body"]), b"");
     assert_eq!((refused.code, refused.out.as_str()), (Some(2), ""));

@@ -2,6 +2,7 @@
 //!
 //! Each check is a function of texts that the kernel writes, below a folder that tests replace.
 
+mod file_system;
 mod files;
 mod folders;
 mod kernel;
@@ -58,7 +59,7 @@ struct Results {
 /// A check; one that cannot be made on this machine finds nothing.
 type Check = fn(&Files) -> Vec<Finding>;
 
-const CHECKS: [Check; 15] = [
+const CHECKS: [Check; 16] = [
     processors::count,
     processors::instructions,
     processors::governor,
@@ -74,6 +75,7 @@ const CHECKS: [Check; 15] = [
     folders::free_space,
     folders::runtime_folder,
     folders::cleaner,
+    file_system::file_system,
 ];
 
 impl Doctor {

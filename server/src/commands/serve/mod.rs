@@ -104,6 +104,16 @@ impl Serve {
             }
         };
         let info = describe(&loaded);
+        // all that takes long, before the order
+        options.record = match self.record() {
+            Ok(record) => record,
+            Err(error) => {
+                self.reply(&Message::Failed(first_line(&error)));
+                return refuse("serve", &error);
+            }
+        };
+        let is_whole = |record: &RecordOptions| is_whole(&record.robot, info.fingerprint);
+        let is_whole = options.record.as_ref().is_none_or(is_whole);
         let mut warn = true;
         if self.standby.is_some() {
             self.reply(&Message::Loaded(info.fingerprint));
@@ -117,14 +127,13 @@ impl Serve {
             }
         }
 
-        options.record = match self.record(info.fingerprint) {
-            Ok(record) => record,
-            Err(error) => {
-                self.reply(&Message::Failed(first_line(&error)));
-                return refuse("serve", &error);
-            }
-        };
         if warn {
+            if !is_whole {
+                eprintln!(
+                    "sarrus serve: warning: the recording cannot hold this robot, whose files name \
+                     further ones; replay it with --urdf"
+                );
+            }
             info.warnings.iter().for_each(|warning| eprintln!("sarrus serve: warning: {warning}"));
         }
         let ready = || {
@@ -152,15 +161,9 @@ impl Serve {
     }
 
     /// What to record, if anything is: the robot's files go with it.
-    fn record(&self, fingerprint: u64) -> Result<Option<RecordOptions>, LoadError> {
+    fn record(&self) -> Result<Option<RecordOptions>, LoadError> {
         let Some(file) = self.record.clone() else { return Ok(None) };
         let robot = self.robot.recorded()?;
-        if !is_whole(&robot, fingerprint) {
-            eprintln!(
-                "sarrus serve: warning: the recording cannot hold this robot, whose files name \
-                 further ones; replay it with --urdf"
-            );
-        }
         Ok(Some(RecordOptions { file, seconds: self.record_seconds, robot }))
     }
 
