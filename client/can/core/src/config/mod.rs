@@ -28,6 +28,7 @@ mod check;
 mod files;
 mod keys;
 mod motors;
+mod plausible;
 mod read;
 
 #[cfg(feature = "files")]

@@ -19,6 +19,8 @@ pub const NOT_FINITE: u32 = 0x8000_0006;
 pub const UNKNOWN: u32 = 0x8000_0007;
 /// What the motor tells of its fault or its power has stopped coming.
 pub const SILENT: u32 = 0x8000_0008;
+/// The motor answers, and what it answers is none of its frames: found by the bridge.
+pub const MALFORMED: u32 = 0x8000_0020;
 
 /// What a drive's own fault means; `None` for the codes of motors.
 pub fn describe(fault: u32) -> Option<&'static str> {
@@ -31,6 +33,9 @@ pub fn describe(fault: u32) -> Option<&'static str> {
         NOT_FINITE => "the motor sent a number that is not finite",
         UNKNOWN => "the motor has a fault without a code",
         SILENT => "the motor does not tell its state any more",
+        MALFORMED => {
+            "the motor's answers are malformed: protocol, variant or firmware is another one"
+        }
         _ => return None,
     })
 }

@@ -1,5 +1,6 @@
 mod bench;
 mod limits;
+mod malformed;
 
 use std::sync::atomic::Ordering;
 

@@ -1,4 +1,4 @@
-//! Settings of the protocol, and the motor's parameters.
+//! Settings of the protocol, the motor's parameters, and the kinds of frames.
 
 use crate::drive::Parameter;
 use crate::protocol::{Key, KeyKind};
@@ -59,3 +59,25 @@ pub(super) const PARAMETERS: &[Parameter] = &[
 ];
 /// Their indices; the last one is the motor's.
 pub(super) const INDICES: [u16; 6] = [RUN_MODE, 0x700B, 0x7019, 0x701A, 0x701B, 0x701C];
+
+/// Ranges of a CyberGear, in the order of [`RANGES`].
+pub(super) const CYBERGEAR_RANGES: [f64; 4] = [30.0, 12.0, 500.0, 5.0];
+pub(super) const RANGES: [&str; 4] =
+    ["velocity_range", "torque_range", "stiffness_range", "damping_range"];
+
+pub(super) const WHO: u32 = 0;
+pub(super) const SETPOINT: u32 = 1;
+pub(super) const FEEDBACK: u32 = 2;
+pub(super) const POWER_ON: u32 = 3;
+pub(super) const POWER_OFF: u32 = 4;
+pub(super) const ZERO: u32 = 6;
+pub(super) const SET_ID: u32 = 7;
+pub(super) const READ: u32 = 17;
+pub(super) const WRITE: u32 = 18;
+pub(super) const FAULTS: u32 = 21;
+pub(super) const SAVE: u32 = 22;
+
+/// Units of canTimeout in a millisecond: one is 50 µs.
+pub(super) const TIMEOUT_PER_MS: u32 = 20;
+/// Feedback's mode of a motor that runs.
+pub(super) const RUNS: u32 = 2;

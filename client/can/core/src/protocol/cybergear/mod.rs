@@ -8,7 +8,8 @@
 //!   damping, each 16 bits big-endian. Code 0 is the low end of a range and FFFF the high end: ±
 //!   `position_range` rad, ± `velocity_range` rad/s, ± `torque_range` N m, 0 … `stiffness_range` N
 //!   m/rad, 0 … `damping_range` N m s/rad. 3 power on, 4 power off (byte 0 = 1: forget faults), 6
-//!   zero here (byte 0 = 1), 17 read and 18 write a parameter: index u16, 0 0, value of 4 bytes,
+//!   zero here (byte 0 = 1), 7 another identifier (upper half of the data), 22 store (RobStride,
+//!   bytes 1 … 8), 17 read and 18 write a parameter: index u16, 0 0, value of 4 bytes,
 //!   little-endian. There the identifier's data is the host.
 //! - 2 feedback to the host: data = mode (2 bits: 0 reset, 1 calibration, 2 runs), faults (6 bits),
 //!   motor (8 bits); bytes position, velocity, torque, temperature × 10, big-endian. 17 answers a
@@ -30,7 +31,10 @@ use crate::drive::{
     Watchdog,
 };
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
-use keys::{INDICES, KEYS, PARAMETERS, RUN_MODE};
+use keys::{
+    CYBERGEAR_RANGES, FAULTS, FEEDBACK, INDICES, KEYS, PARAMETERS, POWER_OFF, POWER_ON, RANGES,
+    READ, RUN_MODE, RUNS, SAVE, SET_ID, SETPOINT, TIMEOUT_PER_MS, WHO, WRITE, ZERO,
+};
 use sarrus_models::Diagnostics;
 
 /// CyberGear and RobStride.
@@ -42,25 +46,6 @@ pub(super) const CYBERGEAR: Protocol = Protocol {
     keys: KEYS,
     make,
 };
-
-/// Ranges of a CyberGear, in the order of [`RANGES`].
-const CYBERGEAR_RANGES: [f64; 4] = [30.0, 12.0, 500.0, 5.0];
-const RANGES: [&str; 4] = ["velocity_range", "torque_range", "stiffness_range", "damping_range"];
-
-const WHO: u32 = 0;
-const SETPOINT: u32 = 1;
-const FEEDBACK: u32 = 2;
-const POWER_ON: u32 = 3;
-const POWER_OFF: u32 = 4;
-const ZERO: u32 = 6;
-const READ: u32 = 17;
-const WRITE: u32 = 18;
-const FAULTS: u32 = 21;
-
-/// Units of canTimeout in a millisecond: one is 50 µs.
-const TIMEOUT_PER_MS: u32 = 20;
-/// Feedback's mode of a motor that runs.
-const RUNS: u32 = 2;
 
 /// What is set and read before the motor gets power, in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,6 +61,8 @@ enum Step {
 struct CyberGear {
     id: u32,
     host: u32,
+    /// Its zero can be stored; a CyberGear forgets it.
+    can_save: bool,
     mode: Mode,
     torque_limit: f64,
     position: Scale,
@@ -130,6 +117,7 @@ fn make(
         Box::new(CyberGear {
             id: settings.integer("id") as u32,
             host: settings.integer("host_id") as u32,
+            can_save: !is_cybergear,
             mode: common.mode,
             torque_limit: common.torque_limit,
             position: Scale::around_zero(settings.number("position_range"), 16),
@@ -391,5 +379,22 @@ impl Drive for CyberGear {
     fn read_parameter(&mut self, parameter: usize, out: &mut FrameQueue) {
         let index = INDICES.get(parameter).copied().unwrap_or(self.watchdog_index);
         out.push_some(self.parameter(READ, index, 0));
+    }
+
+    fn ranges(&self) -> [f64; 3] {
+        [self.position, self.velocity, self.torque].map(Scale::end)
+    }
+
+    fn save_zero(&mut self, out: &mut FrameQueue) -> bool {
+        if self.can_save {
+            out.push_some(self.frame(SAVE, self.host, [1, 2, 3, 4, 5, 6, 7, 8]));
+        }
+        self.can_save
+    }
+
+    fn set_id(&mut self, id: u32, out: &mut FrameQueue) -> bool {
+        let frame = self.frame(SET_ID, id << 8 | self.host, [1, 0, 0, 0, 0, 0, 0, 0]);
+        out.push_some(frame.filter(|_| id <= 127));
+        id <= 127
     }
 }
