@@ -5,13 +5,14 @@
 //! overtaken is gone. Only operations queue.
 
 use core::fmt::Debug;
+use std::time::Duration;
 
-use iceoryx2::node::Node;
+use iceoryx2::node::{Node, NodeState, NodeView};
 use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
 use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
-use iceoryx2::prelude::{BackpressureStrategy, ServiceName, ZeroCopySend};
+use iceoryx2::prelude::{BackpressureStrategy, CallbackProgression, ServiceName, ZeroCopySend};
 use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
-use iceoryx2::service::port_factory::publish_subscribe;
+use iceoryx2::service::port_factory::{PortFactory, publish_subscribe};
 
 use crate::actuators::{ActuatorCommand, ActuatorState, OperatorRequest};
 use crate::lane::Threadsafe;
@@ -21,6 +22,9 @@ use crate::{PROTOCOL_VERSION, ServerName};
 
 /// Processes that may watch one bridge.
 const MAX_OBSERVERS: usize = 32;
+/// Looks for what a running bridge says of itself, and the time between two.
+const OWNER_LOOKS: usize = 60;
+const OWNER_PAUSE: Duration = Duration::from_millis(20);
 /// Operations that may wait for the bridge's next cycle.
 const OPERATIONS: usize = 8;
 
@@ -61,7 +65,8 @@ impl BridgeEnd {
         let services = names(name)?;
         let [commands, operations, states, statistics] = &services;
         // ports that only one bridge can have come first
-        let states = sender(&make(node, states, 1, MAX_OBSERVERS, 1)?, states, 1)?;
+        let states = sender(&make(node, states, 1, MAX_OBSERVERS, 1)?, states, 1)
+            .map_err(|error| taken(node, name, commands, error, true))?;
         let statistics = sender(&make(node, statistics, 1, MAX_OBSERVERS, 1)?, statistics, 1)?;
         let commands = receiver(&make(node, commands, 1, 1, 1)?, commands, 1)?;
         let operations =
@@ -99,7 +104,8 @@ impl ControllerEnd {
     pub fn open(node: &Node<Threadsafe>, name: &ServerName) -> Result<ControllerEnd, ServiceError> {
         let [commands, ..] = &names(name)?;
         Ok(ControllerEnd {
-            commands: sender(&open(node, commands)?, commands, 1)?,
+            commands: sender(&open(node, commands)?, commands, 1)
+                .map_err(|error| taken(node, name, commands, error, false))?,
             observer: ObserverEnd::open(node, name)?,
         })
     }
@@ -218,6 +224,55 @@ fn receiver<T: Debug + ZeroCopySend + 'static>(
             ServiceError::Full { service: service.to_string(), limit }
         }
         other => ServiceError::memory(service, &other),
+    })
+}
+
+/// What to say of an end that only one process can have: which one has it. The service of commands
+/// knows the bridge and its controller, and no observers.
+fn taken(
+    node: &Node<Threadsafe>,
+    name: &ServerName,
+    commands: &ServiceName,
+    error: ServiceError,
+    is_bridge: bool,
+) -> ServiceError {
+    if !matches!(error, ServiceError::Full { .. }) {
+        return error;
+    }
+    let bridge = process_of_bridge(node, name);
+    let mut owners = Vec::new();
+    let holders = open::<ActuatorCommand>(node, commands).ok();
+    let _ = holders.map(|commands| {
+        commands.nodes(|state| {
+            if let NodeState::Alive(holder) = state
+                && holder.id() != node.id()
+                && let Some(details) = holder.details()
+            {
+                let process = u64::from(details.process_id().value().unsigned_abs());
+                if bridge.is_none_or(|bridge| (process == bridge) == is_bridge) {
+                    owners.push(format!("process {process} ({})", details.executable()));
+                }
+            }
+            CallbackProgression::Continue
+        })
+    });
+    let owner = match owners.is_empty() {
+        true => "a process that does not say who it is".to_owned(),
+        false => owners.join(" or "),
+    };
+    let name = name.as_str().to_owned();
+    match is_bridge {
+        true => ServiceError::BridgeRuns { name, owner },
+        false => ServiceError::HasController { name, owner },
+    }
+}
+
+/// The process of a running bridge, from what it says of itself twice a second.
+fn process_of_bridge(node: &Node<Threadsafe>, name: &ServerName) -> Option<u64> {
+    let observer = ObserverEnd::open(node, name).ok()?;
+    (0..OWNER_LOOKS).find_map(|_| {
+        std::thread::sleep(OWNER_PAUSE);
+        observer.statistics().map(|statistics| statistics.process)
     })
 }
 

@@ -45,6 +45,28 @@ pub enum ServiceError {
         /// Name of the service.
         service: String,
     },
+    /// A bridge of this name runs.
+    #[error(
+        "a bridge named `{name}` runs already: {owner}; end it, or give this one another name with \
+         --name"
+    )]
+    BridgeRuns {
+        /// Name of the bridge.
+        name: String,
+        /// Its process.
+        owner: String,
+    },
+    /// The bridge has its controller.
+    #[error(
+        "the bridge `{name}` has a controller already: {owner}; it takes one at a time, so end \
+         that one first"
+    )]
+    HasController {
+        /// Name of the bridge.
+        name: String,
+        /// The controller's process.
+        owner: String,
+    },
     /// All ports are in use.
     #[error(
         "`{service}` has no port left, expected fewer than {limit} clients; close some or use \

@@ -58,29 +58,35 @@ impl PyBridge {
     }
 
     /// Takes a command for all actuators; the verdict is `accepted`, `not_finite`, `negative`,
-    /// `old`, `ahead`, `wrong_model` or `wrong_size`. Without a fingerprint it is that of the
-    /// configuration's model.
+    /// `old`, `ahead`, `wrong_model` or `wrong_size`. Lists that are not given are zeros. Without a
+    /// fingerprint it is that of the configuration's model.
     #[pyo3(signature = (
-        now_ns, sequence, stamp_ns, position, velocity, effort, stiffness, damping,
-        fingerprint = None
+        now_ns, sequence, stamp_ns, position = None, velocity = None, effort = None,
+        stiffness = None, damping = None, fingerprint = None
     ))]
     fn command(
         &self,
         now_ns: u64,
         sequence: u64,
         stamp_ns: u64,
-        position: Vec<f64>,
-        velocity: Vec<f64>,
-        effort: Vec<f64>,
-        stiffness: Vec<f64>,
-        damping: Vec<f64>,
+        position: Option<Vec<f64>>,
+        velocity: Option<Vec<f64>>,
+        effort: Option<Vec<f64>>,
+        stiffness: Option<Vec<f64>>,
+        damping: Option<Vec<f64>>,
         fingerprint: Option<u64>,
     ) -> PyResult<&'static str> {
-        let fingerprint = fingerprint.unwrap_or_else(|| self.lock().configuration().fingerprint);
+        let (of_model, n_u) = {
+            let bridge = self.lock();
+            (bridge.configuration().fingerprint, bridge.configuration().actuators.len())
+        };
+        let [position, velocity, effort, stiffness, damping] =
+            [position, velocity, effort, stiffness, damping]
+                .map(|numbers| numbers.unwrap_or_else(|| vec![0.0; n_u]));
         let command = self::command(
             sequence,
             stamp_ns,
-            fingerprint,
+            fingerprint.unwrap_or(of_model),
             [&position, &velocity, &effort, &stiffness, &damping],
         )?;
         Ok(self.obey(now_ns, &command).name())
@@ -137,12 +143,17 @@ impl PyBridge {
         self.lock().shutdown();
     }
 
-    /// Where the robot stands, `disabled`, `arming`, `enabled`, `stopping` or `fault`, and
-    /// why.
+    /// How the first mechanism that has motors is, `disabled`, `arming`, `enabled`, `stopping` or
+    /// `fault`, and why; the worst of all is in [`PyBridge::state`].
     #[getter]
     fn mechanism_state(&self) -> (&'static str, &'static str) {
         let bridge = self.lock();
-        (state_name(bridge.state().state), reason(bridge.state().reason))
+        let state = bridge.state();
+        let places = state.flags.iter().zip(state.states.iter().zip(&state.reasons));
+        let first = places.take(state.n_u as usize).find(|(flags, _)| *flags & flag::NO_MOTOR == 0);
+        let (code, why) =
+            first.map_or((state.state, state.reason), |(_, (code, why))| (*code, *why));
+        (state_name(code), reason(why))
     }
 
     /// What is known of all actuators after the last cycle, by field; lists in the order of

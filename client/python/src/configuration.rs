@@ -74,6 +74,18 @@ impl PyConfiguration {
         self.with(Configuration::period_ns)
     }
 
+    /// Times after which a silent motor has failed and arming has failed, in seconds: `{feedback,
+    /// arming}`.
+    #[getter]
+    fn timeouts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        self.with(|configuration| {
+            let timeouts = PyDict::new(py);
+            timeouts.set_item("feedback", configuration.timeouts.feedback_ns as f64 * 1e-9)?;
+            timeouts.set_item("arming", configuration.timeouts.arming_ns as f64 * 1e-9)?;
+            Ok(timeouts)
+        })?
+    }
+
     /// The buses: `[{name, interface, channel, bitrate, data_bitrate}]`.
     #[getter]
     fn buses<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
@@ -91,8 +103,10 @@ impl PyConfiguration {
         })?
     }
 
-    /// The motors: `[{actuator, bus, protocol, identifiers, sign, gear, offset, torque_constant}]`;
-    /// `bus` is the bus's place, `offset` is `None` for a motor that is not calibrated.
+    /// The motors: `[{actuator, bus, protocol, variant, id, identifiers, sign, gear, offset,
+    /// torque_constant, limits}]`; `bus` is the bus's place, `variant` is empty and `id` is `None`
+    /// for a protocol without, `offset` is `None` for a motor that is not calibrated, `limits` are
+    /// the actuator's `{lower, upper, velocity, effort}`, infinite where there is none.
     #[getter]
     fn motors<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         self.with(|configuration| {
@@ -103,11 +117,21 @@ impl PyConfiguration {
                 entry.set_item("actuator", configuration.actuators.get(motor.actuator))?;
                 entry.set_item("bus", motor.bus)?;
                 entry.set_item("protocol", motor.protocol.name)?;
+                let word = ["variant", "model"].map(|key| motor.settings.text(key)).concat();
+                entry.set_item("variant", word)?;
+                let key = ["id", "node"].into_iter().find(|key| motor.settings.has(key));
+                entry.set_item("id", key.map(|key| motor.settings.integer(key)))?;
                 entry.set_item("identifiers", identifiers)?;
                 entry.set_item("sign", motor.mapping.sign)?;
                 entry.set_item("gear", motor.mapping.gear)?;
                 entry.set_item("offset", motor.is_calibrated.then_some(motor.mapping.offset))?;
                 entry.set_item("torque_constant", motor.mapping.torque_constant)?;
+                let limits = PyDict::new(py);
+                limits.set_item("lower", motor.limits.lower)?;
+                limits.set_item("upper", motor.limits.upper)?;
+                limits.set_item("velocity", motor.limits.velocity)?;
+                limits.set_item("effort", motor.limits.effort)?;
+                entry.set_item("limits", limits)?;
                 Ok(entry)
             };
             configuration.motors.iter().map(entry).collect()

@@ -80,6 +80,21 @@ impl PyDrives {
         Ok(known.then(|| list(out.frames())))
     }
 
+    /// Frames that store the zero that was set; `None` where the protocol has no such command.
+    fn save_zero(&self, motor: usize) -> PyResult<Option<Vec<PyFrame>>> {
+        let mut out = FrameQueue::new(FRAMES);
+        let known = self.motor(motor, |motor| motor.drive.save_zero(&mut out))?;
+        Ok(known.then(|| list(out.frames())))
+    }
+
+    /// Frames that give the motor another identifier and store it; `None` where the protocol has no
+    /// such command, or no such identifier.
+    fn set_id(&self, motor: usize, id: u32) -> PyResult<Option<Vec<PyFrame>>> {
+        let mut out = FrameQueue::new(FRAMES);
+        let known = self.motor(motor, |motor| motor.drive.set_id(id, &mut out))?;
+        Ok(known.then(|| list(out.frames())))
+    }
+
     /// Parameters that can be read: `[(name, unit)]`.
     fn parameters(&self, motor: usize) -> PyResult<Vec<(&'static str, &'static str)>> {
         self.motor(motor, |motor| {

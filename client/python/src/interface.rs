@@ -35,6 +35,13 @@ pub(crate) fn check_interface(
     }
 }
 
+/// What there is to advise of an interface that can be used as it is; `None` where there is
+/// nothing, or no answer.
+#[pyfunction]
+pub(crate) fn interface_advice(answer: &[u8], name: &str) -> Option<String> {
+    Interface::read(answer).ok()?.advice(name)
+}
+
 /// Events of a SocketCAN error frame, from its class and its data.
 #[pyfunction]
 pub(crate) fn events_of_error_frame(error_class: u32, data: &[u8]) -> Vec<(&'static str, u32)> {

@@ -3,6 +3,7 @@
 use pyo3::prelude::*;
 
 mod bridge;
+mod candidates;
 mod configuration;
 mod drives;
 mod frames;
@@ -19,13 +20,17 @@ mod native {
     #[pymodule_export]
     use crate::bridge::PyBridge;
     #[pymodule_export]
+    use crate::candidates::{PyCandidate, candidates};
+    #[pymodule_export]
     use crate::configuration::PyConfiguration;
     #[pymodule_export]
     use crate::drives::PyDrives;
     #[pymodule_export]
     use crate::frames::PyFrame;
     #[pymodule_export]
-    use crate::interface::{check_interface, events_of_error_frame, interface_question};
+    use crate::interface::{
+        check_interface, events_of_error_frame, interface_advice, interface_question,
+    };
     #[pymodule_export]
     use crate::protocols::protocols;
     #[pymodule_export]

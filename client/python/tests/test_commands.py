@@ -14,6 +14,7 @@ from pathlib import Path
 from unittest import mock
 
 import can
+from lateness import slowness
 from sarrus.can.__main__ import main
 
 TWO = "- {name: two, interface: virtual, channel: sarrus-two}"
@@ -31,8 +32,9 @@ MOTOR = """
     velocity_range: 30, torque_range: 10,
     stiffness_range: 500, damping_range: 5}}
   offset: 0
-  limits: {{effort: 2, velocity: 5}}
-  watchdog_ms: 200
+  limits: {{effort: 2, velocity: 5, position: [-3, 3]}}
+  damping: 0.1
+  watchdog_ms: 100
 """
 MOVE = ("--distance", "0.1", "--stiffness", "1", "--damping", "1")
 SHORT = ("--seconds", "0.02")
@@ -76,7 +78,7 @@ class Commands(unittest.TestCase):
     def test_every_command_has_its_help(self):
         code, out, _ = self.can("--help")
         self.assertEqual(code, 0)
-        for command in ("run", "record", "replay", "scan", "read", "zero", "direction"):
+        for command in ("run", "record", "replay", "scan", "read", "zero", "direction", "set-id"):
             self.assertIn(command, out)
             code, of_command, _ = self.can(command, "--help")
             self.assertEqual(code, 0)
@@ -269,7 +271,7 @@ class Commands(unittest.TestCase):
         )
         self.assertIn(b" one 001#", process.stdout.readline())
         process.stdout.close()
-        self.assertEqual((process.stderr.read(), process.wait(20)), (b"", 0))
+        self.assertEqual((process.stderr.read(), process.wait(20 * slowness())), (b"", 0))
         process.stderr.close()
 
     def test_the_bridge_goes_on_when_nobody_reads_what_it_says(self):
@@ -281,14 +283,14 @@ class Commands(unittest.TestCase):
             self.config,
             "--no-realtime",
             "--seconds",
-            "0.5",
+            str(0.5 * slowness()),
             "--record",
             recording,
             stdout=writer,
             stderr=writer,
         )
         os.close(writer)
-        self.assertEqual(process.wait(20), 0)
+        self.assertEqual(process.wait(20 * slowness()), 0)
         # it sent to both motors to the end
         self.assertGreater(recording.read_text().count("one 001#"), 5)
 

@@ -8,6 +8,7 @@ import time
 import unittest
 from pathlib import Path
 
+from lateness import slowness
 from sarrus.can.leaving import IGNORED
 
 SCRIPT = """
@@ -78,7 +79,7 @@ def ends(kind, *numbers):
             if place == 0:
                 process.stdout.readline()
             process.send_signal(number)
-        process.communicate(timeout=20)
+        process.communicate(timeout=20 * slowness())
         return log.read_text() if log.exists() else f"nothing; exit code {process.returncode}"
 
 
@@ -138,9 +139,9 @@ class Ends(unittest.TestCase):
             subprocess.run(
                 [sys.executable, "-c", middle, sys.executable, "-c", SCRIPT, "loop", str(log)],
                 check=True,
-                timeout=20,
+                timeout=20 * slowness(),
             )
-            end = time.monotonic() + 10
+            end = time.monotonic() + 10 * slowness()
             while not log.exists() and time.monotonic() < end:
                 time.sleep(0.02)
             self.assertEqual(log.read_text(), "safe\n")

@@ -5,6 +5,7 @@
 //! first, and arm with `sarrus-can arm` while this runs.
 
 use std::f64::consts::PI;
+use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use sarrus_client::actuators::{ActuatorCommand, MechanismState};
@@ -17,7 +18,17 @@ const GAINS: (f64, f64) = (100.0, 20.0);
 /// How far and how fast they swing `[rad, s]`.
 const SWING: (f64, f64) = (0.1, 4.0);
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() -> ExitCode {
+    match follow() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("follow: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn follow() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
     let server = arguments.next().unwrap_or_else(|| "default".to_owned());
     let bridge = arguments.next().unwrap_or_else(|| "default".to_owned());

@@ -7,6 +7,7 @@
 //! closed loop.
 
 use std::f64::consts::PI;
+use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use sarrus_client::actuators::ActuatorCommand;
@@ -17,7 +18,17 @@ const RATE: f64 = 250.0;
 /// Time of one swing `[s]`.
 const PERIOD: f64 = 4.0;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() -> ExitCode {
+    match hold() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("hold: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn hold() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
     let bridge = arguments.next().unwrap_or_else(|| "default".to_owned());
     let numbers: Vec<f64> = arguments.map(|text| text.parse()).collect::<Result<_, _>>()?;

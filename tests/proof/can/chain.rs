@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use super::harness::{BUSES, Frontend, N_U, Process, Stage, TIMES, sarrus_can, wait_for};
+use super::harness::{BUSES, Frontend, N_U, Process, Stage, sarrus_can, wait_for};
 
 #[test]
 fn motors_go_safe_when_the_server_is_stopped_or_killed() {
@@ -61,7 +61,7 @@ fn run_chain(frontend: Frontend, stage: &Stage, signal: &str) {
         motor["tripped"] == false && motor["frame"].as_str().unwrap().ends_with("#FFFFFFFFFFFFFFFD")
     };
     assert!(report.len() == N_U && report.iter().all(took), "{frontend:?} {signal}: {report:?}");
-    let end = Instant::now() + Duration::from_millis(2 * TIMES[1]);
+    let end = Instant::now() + Duration::from_millis(2 * stage.times[1]);
     while Instant::now() < end {
         assert!(powers(&mut motors).iter().all(|power| !*power), "{frontend:?} {signal}");
     }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 
 use super::harness::{
-    BUSES, FRONTENDS, Frontend, N_U, Process, Stage, TIMEOUT, TIMES, gear, sign, wait_for,
+    BUSES, FRONTENDS, Frontend, N_U, Patience, Process, Stage, gear, sign, wait_for,
 };
 
 /// Motors, a bridge and a controller, with power on all motors.
@@ -42,8 +42,8 @@ impl System {
 
     fn controller_sees(&mut self, expected: &str) {
         let mut state = Value::Null;
-        let begin = Instant::now();
-        while begin.elapsed() < TIMEOUT {
+        let mut patience = Patience::new();
+        while patience.is_left() {
             state = self.controller.state();
             if state["state"] == expected {
                 return;
@@ -68,7 +68,7 @@ impl System {
 
     /// No motor gets power for longer than every time-out.
     fn stays_safe(&mut self) {
-        let end = Instant::now() + Duration::from_millis(2 * TIMES[1]);
+        let end = Instant::now() + Duration::from_millis(2 * self.stage.times[1]);
         while Instant::now() < end {
             assert!(self.report().iter().all(|motor| motor["power"] == false));
         }
@@ -236,7 +236,7 @@ fn motors_go_safe_by_themselves_when_the_bridge_is_stopped_or_killed() {
         let report = system.safe();
         assert!(report.iter().all(|motor| motor["tripped"] == true), "{frontend:?}: {report:?}");
         for motor in &report {
-            assert!(number(&motor["watchdog_ms"]) == TIMES[2] as f64, "{motor}");
+            assert!(number(&motor["watchdog_ms"]) == system.stage.times[2] as f64, "{motor}");
         }
         system.bridge.signal("-CONT");
         system.stays_safe();
@@ -320,7 +320,7 @@ fn motors_of_other_buses_go_on_when_those_of_one_bus_are_stopped_or_killed() {
             if signal == "-STOP" {
                 // what comes back has tripped its watchdog meanwhile, and gets no power
                 system.motors[torso].signal("-CONT");
-                let end = Instant::now() + Duration::from_millis(2 * TIMES[1]);
+                let end = Instant::now() + Duration::from_millis(2 * system.stage.times[1]);
                 wait_for("the torso without power", || {
                     system.motors[torso]
                         .report()

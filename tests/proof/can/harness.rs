@@ -7,11 +7,13 @@ use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Mutex, MutexGuard, OnceLock};
-use std::time::{Duration, Instant};
 
 use sarrus_proto::Domain;
 use sarrus_tests::python::environment;
 use serde_json::Value;
+
+pub(super) use super::patience::{Patience, wait_for};
+use super::patience::{next, slowness};
 
 /// Buses of the end-to-end tests, and the actuators of the upper body on them.
 pub(super) const BUSES: [(&str, &[&str]); 3] = [
@@ -21,10 +23,10 @@ pub(super) const BUSES: [(&str, &[&str]); 3] = [
 ];
 /// Actuators of the upper body.
 pub(super) const N_U: usize = 13;
-/// T1, T2 and the motors' watchdog `[ms]`; long, since computers that test are busy.
-pub(super) const TIMES: [u64; 3] = [200, 800, 2000];
-/// How long something may take that takes no time of its own.
-pub(super) const TIMEOUT: Duration = Duration::from_secs(15);
+/// T1, T2 and the motors' watchdog `[ms]` on a computer with nothing else at work; on others they
+/// are as much longer as it is late, up to the longest that a configuration may have.
+const TIMES: [u64; 3] = [200, 800, 2000];
+const LONGEST: f64 = 5.0;
 
 /// Motor's turn for the actuator's: rad/m for the linear ones, rad/rad for the others.
 pub(super) fn gear(actuator: &str) -> f64 {
@@ -87,21 +89,29 @@ pub(super) const FRONTENDS: [Frontend; 2] = [Frontend::Rust, Frontend::Python];
 pub(super) struct Stage {
     pub(super) folder: PathBuf,
     pub(super) configuration: String,
+    /// T1, T2 and the motors' watchdog `[ms]`.
+    pub(super) times: [u64; 3],
     _alone: Option<MutexGuard<'static, ()>>,
 }
 
 impl Stage {
     pub(super) fn new() -> Stage {
         static ALONE: Mutex<()> = Mutex::new(());
-        Stage::with(Some(ALONE.lock().unwrap_or_else(|poisoned| poisoned.into_inner())))
+        let alone = ALONE.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        Stage::with(Some(alone), slowness().min(LONGEST))
+    }
+
+    /// A stage for simulated time, which no machine is too slow for.
+    pub(super) fn of_simulated_time() -> Stage {
+        Stage::with(None, 1.0)
     }
 
     /// Another stage of the same test; it has nothing in common with this one.
     pub(super) fn beside(&self) -> Stage {
-        Stage::with(None)
+        Stage::with(None, slowness().min(LONGEST))
     }
 
-    fn with(alone: Option<MutexGuard<'static, ()>>) -> Stage {
+    fn with(alone: Option<MutexGuard<'static, ()>>, slowness: f64) -> Stage {
         static STAGES: AtomicU32 = AtomicU32::new(0);
         let folder = std::env::temp_dir().join(format!(
             "sarrus-can-{}-{}",
@@ -110,8 +120,10 @@ impl Stage {
         ));
         std::fs::create_dir_all(&folder).unwrap();
         let configuration = folder.join("robot.yml");
-        std::fs::write(&configuration, upper_body(&folder)).unwrap();
-        Stage { configuration: configuration.to_str().unwrap().to_owned(), folder, _alone: alone }
+        let times = TIMES.map(|ms| (ms as f64 * slowness) as u64);
+        std::fs::write(&configuration, upper_body(&folder, times)).unwrap();
+        let configuration = configuration.to_str().unwrap().to_owned();
+        Stage { configuration, folder, times, _alone: alone }
     }
 
     /// Where its shared memory is named.
@@ -193,12 +205,13 @@ impl Drop for Stage {
 }
 
 /// The upper body's 13 actuators on three slcan buses, with Damiao motors.
-fn upper_body(folder: &Path) -> String {
-    let [damping_ms, disable_ms, watchdog_ms] = TIMES;
+fn upper_body(folder: &Path, times: [u64; 3]) -> String {
+    let [damping_ms, disable_ms, watchdog_ms] = times;
+    let feedback_ms = disable_ms * 7 / 8;
     let mut text = format!(
         "robot: rh5v2_upper_body\nrate_hz: 250\nramp_ms: 200\n\
-         timeouts: {{damping_ms: {damping_ms}, disable_ms: {disable_ms}, feedback_ms: 700, \
-         arming_ms: 10000}}\nbuses:\n"
+         timeouts: {{damping_ms: {damping_ms}, disable_ms: {disable_ms}, feedback_ms: \
+         {feedback_ms}, arming_ms: 60000}}\nbuses:\n"
     );
     for (bus, _) in BUSES {
         let channel = folder.join(bus);
@@ -231,7 +244,7 @@ pub(super) struct Process {
     name: String,
     child: Child,
     stdin: Option<ChildStdin>,
-    lines: Receiver<(Instant, String)>,
+    lines: Receiver<String>,
 }
 
 impl Process {
@@ -242,7 +255,7 @@ impl Process {
         let stdout = BufReader::new(child.stdout.take().unwrap());
         std::thread::spawn(move || {
             for line in stdout.lines().map_while(Result::ok) {
-                if sender.send((Instant::now(), line)).is_err() {
+                if sender.send(line).is_err() {
                     return;
                 }
             }
@@ -256,13 +269,13 @@ impl Process {
 
     /// Its next line.
     pub(super) fn line(&self) -> String {
-        self.lines.recv_timeout(TIMEOUT).unwrap_or_else(|_| panic!("{} says nothing", self.name)).1
+        next(&self.lines, &format!("line of {}", self.name))
     }
 
     /// Its next line as JSON that a reader wants; others are passed over.
     pub(super) fn until(&self, desired: impl Fn(&Value) -> bool) -> Value {
-        let begin = Instant::now();
-        while begin.elapsed() < TIMEOUT {
+        let mut patience = Patience::new();
+        while patience.is_left() {
             let line = self.line();
             let value: Value = serde_json::from_str(&line)
                 .unwrap_or_else(|error| panic!("{}: {error}: {line}", self.name));
@@ -275,7 +288,7 @@ impl Process {
 
     /// All lines that are already there, as JSON.
     pub(super) fn said(&self) -> Vec<Value> {
-        self.lines.try_iter().map(|(_, line)| serde_json::from_str(&line).unwrap()).collect()
+        self.lines.try_iter().map(|line| serde_json::from_str(&line).unwrap()).collect()
     }
 
     pub(super) fn tell(&mut self, line: &str) {
@@ -312,16 +325,4 @@ impl Drop for Process {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
-}
-
-/// Waits until there is something.
-pub(super) fn wait_for<T>(what: &str, mut there: impl FnMut() -> Option<T>) -> T {
-    let begin = Instant::now();
-    while begin.elapsed() < TIMEOUT {
-        if let Some(found) = there() {
-            return found;
-        }
-        std::thread::sleep(Duration::from_millis(10));
-    }
-    panic!("{what} does not come")
 }

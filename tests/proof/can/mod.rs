@@ -6,7 +6,12 @@ mod end_to_end;
 mod frontends;
 mod harness;
 mod kernel;
+mod owners;
+// the one place for patience with processes
+#[path = "../../../client/can/cli/tests/program/patience.rs"]
+mod patience;
 mod peers;
 mod python;
 mod rules;
+mod session;
 mod watch;

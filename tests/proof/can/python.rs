@@ -118,6 +118,108 @@ fn commissioning_finds_reads_zeroes_and_moves_one_motor() {
     assert_eq!(missing.status.code(), Some(2));
 }
 
+/// `python -m sarrus.can` with a configuration: code, stdout, stderr.
+fn can(configuration: &str, arguments: &[&str]) -> (Option<i32>, String, String) {
+    let mut command = environment().can(&arguments[..1]);
+    command.arg(configuration).args(&arguments[1..]);
+    let output = command.stdin(std::process::Stdio::null()).output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (output.status.code(), text(output.stdout), text(output.stderr))
+}
+
+#[test]
+fn motors_that_no_configuration_knows_are_found_and_get_another_identifier() {
+    let stage = Stage::new();
+    let mut motors = stage.motors("left");
+    let text = std::fs::read_to_string(&stage.configuration).unwrap();
+    let other = stage.folder.join("other.yml");
+    std::fs::write(&other, text.replace("id: 7, reply_id: 263", "id: 77, reply_id: 333")).unwrap();
+    let other = other.to_str().unwrap();
+    let stranger = |id: u32| format!("left  mit  damiao  id {id}  replies on 0x107");
+    let (code, out, err) = can(other, &["scan", "ALElbowAct", "--all"]);
+    assert_eq!(code, Some(1), "{out}{err}");
+    assert!(out.contains("no answer") && out.contains(&stranger(7)), "{out}{err}");
+    assert_eq!(out.matches("replies on").count(), 1, "{out}");
+    assert!(err.contains("left: mit damiao: 2046 of 2046"), "{err}");
+    // nobody said yes; somebody has it; and it can be changed
+    let (code, _, err) = can(&stage.configuration, &["set-id", "ALElbowAct", "0x17"]);
+    assert!(code == Some(1) && err.contains("not confirmed"), "{err}");
+    let (code, _, err) = can(&stage.configuration, &["set-id", "ALElbowAct", "8", "--yes"]);
+    assert!(code == Some(1) && err.contains("somebody answers on 8 already"), "{err}");
+    let (code, out, err) = can(&stage.configuration, &["set-id", "ALElbowAct", "0x17", "--yes"]);
+    assert!(code == Some(0) && out.contains("answers as 23"), "{out}{err}");
+    let (_, out, err) = can(&stage.configuration, &["scan", "ALElbowAct", "--all"]);
+    assert!(out.contains("no answer") && out.contains(&stranger(23)), "{out}{err}");
+    assert!(motors.report().iter().all(|motor| motor["power"] == false));
+    assert!(motors.said().iter().all(|event| event["event"] != "power"));
+    // what cannot be
+    let (code, _, err) = can(&stage.configuration, &["scan", "--all", "--protocol", "dbc"]);
+    assert!(code == Some(2) && err.contains("cannot be asked"), "{err}");
+    let (code, _, err) =
+        can(&stage.configuration, &["scan", "ALElbowAct", "--all", "--protocol", "mit:none"]);
+    assert!(code == Some(2) && err.contains("no variant `none`"), "{err}");
+}
+
+#[test]
+fn a_zero_is_stored_where_the_protocol_can_and_refused_where_it_cannot() {
+    let stage = Stage::new();
+    let _motors = stage.motors("left");
+    let (code, out, err) = can(&stage.configuration, &["zero", "ALElbowAct", "--save", "--yes"]);
+    assert!(code == Some(0) && out.contains("stored"), "{out}{err}");
+    let (code, _, err) = can(&stage.configuration, &["zero", "ALElbowAct", "--save", "--at", "1"]);
+    assert_eq!(code, Some(2), "{err}");
+    let text = std::fs::read_to_string(&stage.configuration).unwrap();
+    std::fs::write(&stage.configuration, text.replace("variant: damiao", "variant: t_motor"))
+        .unwrap();
+    let (code, _, err) = can(&stage.configuration, &["zero", "ALElbowAct", "--save", "--yes"]);
+    assert!(code == Some(1) && err.contains("mit t_motor cannot store its zero"), "{err}");
+}
+
+#[test]
+fn a_limit_that_stops_a_motion_is_named_and_not_the_motor_and_so_are_malformed_answers() {
+    let stage = Stage::new();
+    let motors = stage.motors("left");
+    let text = std::fs::read_to_string(&stage.configuration).unwrap();
+    let limits = "limits: {position: [-0.05, 0.05], velocity: 5, effort: 500}";
+    let text = text.replace("limits: {effort: 500, velocity: 5}", limits);
+    std::fs::write(&stage.configuration, &text).unwrap();
+    let move_by = |distance: &str, stiffness: &str, seconds: &str| {
+        let (code, out, err) = can(
+            &stage.configuration,
+            &[
+                "direction",
+                "ALElbowAct",
+                "--yes",
+                "--distance",
+                distance,
+                "--stiffness",
+                stiffness,
+                "--damping",
+                "100",
+                "--seconds",
+                seconds,
+            ],
+        );
+        assert_eq!(code, Some(1), "{out}{err}");
+        err
+    };
+    let err = move_by("0.2", "100", "2");
+    assert!(err.contains("beyond its upper limit of position, 0.05: the limit stops it"), "{err}");
+    let err = move_by("-0.04", "100", "0.001");
+    assert!(err.contains("beyond its limit of velocity, 5"), "{err}");
+    let err = move_by("0.04", "100000", "2");
+    assert!(err.contains("beyond its limit of effort, 500"), "{err}");
+    assert!(motors.said().iter().all(|event| event["event"] != "power"));
+    // a motor that speaks otherwise than configured
+    drop(motors);
+    let short = text.replace("variant: damiao", "variant: mini_cheetah");
+    std::fs::write(&stage.configuration, short).unwrap();
+    let _motors = stage.motors("left");
+    std::fs::write(&stage.configuration, &text).unwrap();
+    let (code, _, err) = can(&stage.configuration, &["zero", "ALElbowAct", "--at", "0"]);
+    assert!(code == Some(1) && err.contains("answer(s) are malformed"), "{err}");
+}
+
 #[test]
 fn the_controller_of_the_readme_holds_the_robot_where_it_is() {
     let stage = Stage::new();

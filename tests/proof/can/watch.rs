@@ -27,7 +27,11 @@ fn look(stage: &Stage, format: &str) -> String {
 
 /// Looks until something is seen.
 fn until(stage: &Stage, what: &str, is_seen: impl Fn(&Value) -> bool) -> Value {
-    wait_for(what, || Some(serde_json::from_str(&look(stage, "json")).unwrap()).filter(&is_seen))
+    wait_for(what, || {
+        // on a busy computer the first words may come too late for one look
+        let output = Some(top(stage, "json")).filter(|output| output.status.success())?;
+        Some(serde_json::from_slice(&output.stdout).unwrap()).filter(&is_seen)
+    })
 }
 
 fn count(value: &Value) -> u64 {

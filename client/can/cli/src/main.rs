@@ -4,6 +4,7 @@
 
 mod bus;
 mod check;
+mod doctor;
 mod listen;
 mod operate;
 mod replay;
@@ -35,6 +36,12 @@ enum Command {
     /// Each fault is one line, FILE:LINE:COLUMN first. Ends with 0 for a valid configuration, 1 for
     /// a faulty one, 2 for a file that cannot be opened and wrong flags.
     Check(check::Check),
+    /// What of this computer, its buses and a configuration stands in the way, and what to do.
+    ///
+    /// One line a finding: bit rates, queues and states of the buses, real-time rights, locked
+    /// memory, watchdogs, and what `check` warns of. Ends with 0 for none, 1 for a finding or a
+    /// faulty configuration, 2 for a file that cannot be opened and wrong flags.
+    Doctor(doctor::Doctor),
     /// Run the bridge between controllers and motors.
     ///
     /// Prints `ready NAME FINGERPRINT` when controllers can connect. The motors have no power until
@@ -61,6 +68,7 @@ enum Command {
 fn main() -> ExitCode {
     match Arguments::parse().command {
         Command::Check(check) => check.run(),
+        Command::Doctor(doctor) => doctor.run(),
         Command::Run(run) => run.run(),
         Command::Arm(operate) => operate.run(Operation::Arm),
         Command::Disarm(operate) => operate.run(Operation::Disarm),

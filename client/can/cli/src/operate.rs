@@ -9,6 +9,8 @@ use clap::Args;
 use sarrus_client::Observer;
 use sarrus_client::actuators::{ActuatorState, MechanismState, Operation, Reason, flag};
 
+use crate::top::meanings;
+
 /// Flags of the three.
 #[derive(Args)]
 pub(crate) struct Operate {
@@ -48,6 +50,7 @@ impl Operate {
             }
             Err(states) => {
                 eprintln!("sarrus-can {name}: {states}");
+                tell_meanings(&observer);
                 ExitCode::from(1)
             }
         }
@@ -94,6 +97,23 @@ impl Operate {
         }
         Err(last.to_string())
     }
+}
+
+/// What is known of single actuators beyond their reasons; names come twice a second.
+fn tell_meanings(observer: &Observer) {
+    let (mut state, mut statistics) = (None, None);
+    for _ in 0..60 {
+        thread::sleep(Duration::from_millis(10));
+        state = observer.state().or(state);
+        statistics = observer.statistics().or(statistics);
+        let is_told = statistics.is_some()
+            || state.as_ref().is_some_and(|state| meanings(state, None).is_empty());
+        if state.is_some() && is_told {
+            break;
+        }
+    }
+    let lines = state.map(|state| meanings(&state, statistics.as_ref())).unwrap_or_default();
+    lines.iter().for_each(|line| eprintln!("  {line}"));
 }
 
 /// What people read when all went well.

@@ -7,6 +7,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use sarrus_can_core::protocol::fault;
 use sarrus_client::actuators::{ActuatorState, MechanismState, Reason, flag};
 use sarrus_client::watch::{BridgeStatistics, Times};
 use sarrus_client::{ConnectError, Observer};
@@ -81,6 +82,27 @@ fn state_name(code: u32) -> &'static str {
 
 fn reason(code: u32) -> &'static str {
     Reason::from_code(code).map_or("unknown", Reason::name)
+}
+
+/// A motor's own code as a number, and what this side found in words.
+fn fault_words(code: u32) -> String {
+    fault::describe(code).map_or_else(|| format!("{code:#x}"), str::to_owned)
+}
+
+/// A line for each actuator of which more is known than its reason.
+pub(crate) fn meanings(
+    state: &ActuatorState,
+    statistics: Option<&BridgeStatistics>,
+) -> Vec<String> {
+    (0..state.n_u as usize)
+        .filter_map(|place| {
+            let words = fault::describe(of(&state.faults, place))?;
+            let name = statistics.and_then(|statistics| statistics.actuators.get(place));
+            let name =
+                name.map_or_else(|| format!("actuator {place}"), |name| name.as_str().to_owned());
+            Some(format!("{name}: {words}"))
+        })
+        .collect()
 }
 
 fn flags(bits: u32) -> Vec<&'static str> {
@@ -167,7 +189,7 @@ fn text(state: &ActuatorState, statistics: &BridgeStatistics) -> String {
             format!("{:.3}", of(&state.velocity, place)),
             format!("{:.3}", of(&state.effort, place)),
             format!("{:.0}", of(&state.temperature, place)),
-            format!("{:#x}", of(&state.faults, place)),
+            fault_words(of(&state.faults, place)),
             flags(of(&state.flags, place)).join(" "),
         ]);
     }
@@ -218,6 +240,7 @@ fn object(state: &ActuatorState, s: &BridgeStatistics) -> Value {
                "position": number(&state.position), "velocity": number(&state.velocity),
                "effort": number(&state.effort),
                "temperature": number(&state.temperature), "fault": of(&state.faults, place),
+               "meaning": fault::describe(of(&state.faults, place)),
                "flags": flags(of(&state.flags, place)),
                "measured_ns": of(&state.measured_ns, place)})
         })

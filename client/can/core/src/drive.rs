@@ -145,6 +145,13 @@ pub struct Parameter {
     pub unit: &'static str,
 }
 
+impl Parameter {
+    /// Tells the version of the motor's firmware.
+    pub fn is_version(&self) -> bool {
+        matches!(self.name, "sw_ver" | "register map version")
+    }
+}
+
 /// What a motor sends back, for the load of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reply {
@@ -243,6 +250,20 @@ pub trait Drive: Send + core::fmt::Debug {
         false
     }
 
+    /// Stores the zero that [`Drive::set_zero`] made, so that it is there after the supply was
+    /// away; false where the protocol has no such command.
+    fn save_zero(&mut self, out: &mut FrameQueue) -> bool {
+        let _ = out;
+        false
+    }
+
+    /// Gives the motor another identifier and stores it; what answers afterwards is another drive's
+    /// motor. False where the protocol has no such command, or no such identifier.
+    fn set_id(&mut self, id: u32, out: &mut FrameQueue) -> bool {
+        let _ = (id, out);
+        false
+    }
+
     /// Parameters that can be read.
     fn parameters(&self) -> &'static [Parameter] {
         &[]
@@ -251,5 +272,11 @@ pub trait Drive: Send + core::fmt::Debug {
     /// Asks for a parameter by its place.
     fn read_parameter(&mut self, parameter: usize, out: &mut FrameQueue) {
         let _ = (parameter, out);
+    }
+
+    /// Ends of the protocol's ranges of position, velocity and torque `[rad, rad/s, N m]`: it has
+    /// no numbers beyond them. Infinite where it has no ranges.
+    fn ranges(&self) -> [f64; 3] {
+        [f64::INFINITY; 3]
     }
 }

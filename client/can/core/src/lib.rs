@@ -9,6 +9,7 @@
 
 pub mod bit_stuffing;
 pub mod bridge;
+pub mod commissioning;
 pub mod config;
 pub mod drive;
 mod event;

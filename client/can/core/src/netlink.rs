@@ -19,9 +19,11 @@ const HEAD: usize = 16;
 const INFO: usize = 16;
 /// `IFF_UP` in the flags of `ifinfomsg`.
 const UP: u32 = 1;
-/// `IFLA_IFNAME`, `IFLA_MTU`, `IFLA_LINKINFO`, and in the last one `IFLA_INFO_DATA`.
+/// `IFLA_IFNAME`, `IFLA_MTU`, `IFLA_TXQLEN`, `IFLA_LINKINFO`, and in the last one
+/// `IFLA_INFO_DATA`.
 const NAME: u16 = 3;
 const MTU: u16 = 4;
+const QUEUE: u16 = 13;
 const LINK_INFO: u16 = 18;
 const DATA: u16 = 2;
 /// `IFLA_CAN_BITTIMING`, `IFLA_CAN_STATE`, `IFLA_CAN_DATA_BITTIMING`.
@@ -56,6 +58,8 @@ pub struct Interface {
     pub is_up: bool,
     /// Largest frame: 16 without CAN FD, 72 with it.
     pub mtu: u32,
+    /// Frames that may wait in the kernel; 0 where it does not tell.
+    pub queue: u32,
     /// Bit rate `[bit/s]`; `None` where there is none (`vcan`), or where the kernel does not know
     /// it.
     pub bitrate: Option<u32>,
@@ -151,6 +155,7 @@ impl Interface {
         Ok(Interface {
             is_up: flags & UP != 0,
             mtu,
+            queue: find(list, QUEUE).and_then(|bytes| word(bytes, 0)).unwrap_or(0),
             bitrate: rate(TIMING),
             data_bitrate: rate(DATA_TIMING),
             controller,
@@ -198,8 +203,22 @@ impl Interface {
             _ => None,
         })
     }
+
+    /// What may stay, but makes torques old: a queue in which more than a cycle's frames wait.
+    pub fn advice(&self, name: &str) -> Option<String> {
+        (self.queue > LONGEST_QUEUE).then(|| {
+            format!(
+                "{name} has a txqueuelen of {}, expected about {QUEUE_SET}: a long queue only \
+                 makes torques old; `ip link set {name} txqueuelen {QUEUE_SET}`",
+                self.queue
+            )
+        })
+    }
 }
 
+/// The queue that is advised, and the longest that is not spoken of.
+const QUEUE_SET: u32 = 10;
+const LONGEST_QUEUE: u32 = 20;
 /// MTU of an interface that carries CAN FD.
 const FD_MTU: u32 = 72;
 

@@ -12,6 +12,8 @@
 //! | 3 | host | host | power |
 //! | 4 | host | host | no power; first byte 1 forgets the fault |
 //! | 6 | host | host | first byte 1: zero here |
+//! | 7 | host | new number, host | the motor has that number from now on, and answers as to type 0 |
+//! | 22 | host | host | 1 to 8: stores its zero (RobStride) |
 //! | 17 | host | host | reads a parameter: index 16 bits, zero, then in the answer the value in bytes 4 to 7 |
 //! | 18 | host | host | writes one; answered by type 2 |
 //!
@@ -202,6 +204,15 @@ impl Firmware for CyberGear {
                 }
                 self.tell(host, plant, out);
             }
+            7 => {
+                // the upper half of the content is the new number, the lower one the host's
+                self.id = high;
+                out.push_some(extended(
+                    u32::from(self.id) << 8 | 0xFE,
+                    &[self.id, 1, 2, 3, 4, 5, 6, 7],
+                ));
+            }
+            22 => self.tell(host, plant, out),
             17 => self.read(host, index, plant, out),
             18 => {
                 self.write(now_ns, index, [e, f, g, h], plant);

@@ -17,7 +17,8 @@
 //! A Damiao has registers at 7FF: `id low, id high, 33 (read) or 55 (write), register, four bytes`,
 //! little-endian, answered on the reply's identifier. Register 9 is its watchdog in 50 µs, off when
 //! new; 15 to 17 (hexadecimal) are its ranges, 0 the voltage at which it turns its torque off, 7
-//! and 8 its identifiers, A its mode, E its firmware, 14 the reduction of its gear.
+//! and 8 its identifiers (a written one counts at once), AA 01 stores them, A its mode, E its
+//! firmware, 14 the reduction of its gear.
 //!
 //! Sources: B. Katz, firmware of the mini cheetah's motor controller, as of July 2023 (can.c);
 //! CubeMars, *AK series manual*; Damiao, *DM-J4310 manual* and its list of registers; RobStride,
@@ -180,6 +181,13 @@ impl Mit {
         let value = value.first_chunk::<4>().copied();
         if let (0x55, 9, Some(value)) = (access, register, value) {
             plant.watchdog_ns = u64::from(u32::from_le_bytes(value)) * COUNT_NS;
+        }
+        if let (0x55, 8, Some(value)) = (access, register, value) {
+            self.id = u32::from_le_bytes(value) as u16;
+        }
+        if access == 0xAA {
+            out.push_some(standard(self.reply_id, &[low, high, access, register, 0, 0, 0, 0]));
+            return true;
         }
         let content = match register {
             0x00 => UNDER_VOLTAGE.to_le_bytes(),

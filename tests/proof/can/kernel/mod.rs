@@ -8,12 +8,11 @@
 
 use std::os::unix::process::CommandExt;
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
 
 use sarrus_tests::python::environment;
 use serde_json::Value;
 
-use super::harness::{FRONTENDS, Frontend, Stage, sarrus_can};
+use super::harness::{FRONTENDS, Frontend, Patience, Stage, sarrus_can};
 
 /// Completes the state of a processor for a kernel that is older than it.
 const WHOLE_STATE: &str = include_str!("whole_state.c");
@@ -301,9 +300,9 @@ fn boot(frontend: Frontend, script: &str) -> Option<String> {
         .spawn()
         .unwrap();
     // a kernel that hangs is ended, and what it said tells where
-    let end = Instant::now() + Duration::from_secs(240);
-    while child.try_wait().unwrap().is_none() && Instant::now() < end {
-        std::thread::sleep(Duration::from_millis(50));
+    let mut patience: [Patience; 16] = std::array::from_fn(|_| Patience::new());
+    for patience in &mut patience {
+        while child.try_wait().unwrap().is_none() && patience.pause() {}
     }
     if child.try_wait().unwrap().is_none() {
         let group = format!("-{}", child.id());

@@ -21,6 +21,7 @@ use thiserror::Error;
 
 pub(crate) use pseudo::Pseudo;
 pub(crate) use reconnecting::Reconnecting;
+pub(crate) use socketcan::interface;
 
 /// A bus that is open. Nothing here waits; [`wait_for`] does.
 pub(crate) trait Bus: Send {

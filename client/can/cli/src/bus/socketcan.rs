@@ -19,6 +19,7 @@ use sarrus_can_core::netlink::{Interface, InterfaceError, error_events, question
 use socketcan::{CanFdSocket, Socket, SocketOptions};
 
 use super::{Address, Bus, BusError, Heard, Sent};
+use crate::stderr::say;
 
 /// Bytes of `can_frame` and `canfd_frame`.
 const CLASSIC: usize = 16;
@@ -56,6 +57,9 @@ impl SocketCan {
         // after the filter, so that no change of the state is missed
         let interface = interface(name).map_err(failed)?;
         let state = interface.check(name, address.bitrate, address.data_bitrate)?;
+        if let Some(advice) = interface.advice(name) {
+            say(format_args!("warning: {advice}"));
+        }
         Ok(SocketCan {
             name: name.to_owned(),
             socket,
@@ -80,7 +84,7 @@ impl SocketCan {
 }
 
 /// Asks the kernel for an interface.
-fn interface(name: &str) -> io::Result<Interface> {
+pub(crate) fn interface(name: &str) -> io::Result<Interface> {
     let socket = socket_with(AddressFamily::NETLINK, SocketType::RAW, SocketFlags::CLOEXEC, None)?;
     send(&socket, &question(name), SendFlags::empty())?;
     let mut answer = [0; 16384];

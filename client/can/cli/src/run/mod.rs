@@ -33,6 +33,7 @@ use signal_hook::consts::{
 use crate::bus::{Address, own};
 use crate::stderr::{self, say};
 use bus::BusThread;
+pub(crate) use realtime::{lock_memory, permits_priority};
 use rules::Rules;
 use sarrus_client::now_ns;
 

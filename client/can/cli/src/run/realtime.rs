@@ -29,12 +29,21 @@ pub(crate) fn lock_memory() -> Option<String> {
         .map(|error| format!("memory is not locked: {error}"))
 }
 
-/// Puts this thread under SCHED_FIFO where that is permitted, and says so where it is not.
-pub(crate) fn be_first(priority: u8) {
+/// Whether a thread of this process gets a real-time priority.
+pub(crate) fn permits_priority() -> bool {
+    std::thread::spawn(|| set_priority(1)).join().unwrap_or(false)
+}
+
+fn set_priority(priority: u8) -> bool {
     let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     let value = ThreadPriorityValue::try_from(priority).map(ThreadPriority::Crossplatform);
     let set = value.map(|value| set_thread_priority_and_policy(thread_native_id(), value, policy));
-    if !matches!(set, Ok(Ok(()))) {
+    matches!(set, Ok(Ok(())))
+}
+
+/// Puts this thread under SCHED_FIFO where that is permitted, and says so where it is not.
+pub(crate) fn be_first(priority: u8) {
+    if !set_priority(priority) {
         say(format_args!(
             "no SCHED_FIFO: not permitted, expected CAP_SYS_NICE or LimitRTPRIO; deadlines depend \
                 on other programs"

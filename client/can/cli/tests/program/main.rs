@@ -7,6 +7,8 @@
     reason = "a test that fails panics"
 )]
 
+mod doctor;
+mod patience;
 mod simulated;
 
 use std::fs::{File, OpenOptions};
@@ -20,8 +22,8 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-/// Long enough for a loaded computer; no test waits for it unless it fails.
-const TIMEOUT: Duration = Duration::from_secs(20);
+use patience::next;
+
 /// `O_NOCTTY`: the terminal of a bus is nobody's console.
 const NO_CONSOLE: i32 = 0o400;
 
@@ -90,7 +92,7 @@ impl Program {
     }
 
     fn line(&self) -> String {
-        self.lines.recv_timeout(TIMEOUT).expect("a line in time")
+        next(&self.lines, "line")
     }
 
     /// The next event of a kind, which may have come before others.
@@ -98,8 +100,8 @@ impl Program {
         if let Some(place) = self.passed.iter().position(|event| event["event"] == kind) {
             return self.passed.remove(place);
         }
-        let end = Instant::now() + TIMEOUT;
-        while Instant::now() < end {
+        let mut patience = patience::Patience::new();
+        while patience.is_left() {
             match serde_json::from_str::<Value>(&self.line()) {
                 Ok(event) if event["event"] == kind => return event,
                 Ok(event) => self.passed.push(event),
@@ -165,7 +167,7 @@ impl Host {
     fn line(&self) -> String {
         let mut line = String::new();
         loop {
-            let byte = self.bytes.recv_timeout(TIMEOUT).expect("a byte in time");
+            let byte = next(&self.bytes, "byte");
             match byte {
                 b'\r' if line.is_empty() || line == "z" || line == "Z" => line.clear(),
                 b'\r' => return line,

@@ -3,7 +3,8 @@
 
 use std::time::{Duration, Instant};
 
-use super::{Folder, Host, Program, TIMEOUT};
+use super::patience::{slowness, wait_for};
+use super::{Folder, Host, Program};
 
 const MOTOR: &str = "{actuator: elbow, bus: arm, sign: -1, gear: 10, offset: 0.5, watchdog_ms: \
     1000, watchdog: believed, limits: {effort: 10}, \
@@ -29,25 +30,30 @@ fn simulate(folder: &Folder, motors: &[&str], more: &[&str]) -> Program {
 #[test]
 fn a_motor_is_enabled_follows_and_goes_safe_by_itself() {
     let folder = Folder::new();
-    let mut motors = simulate(&folder, &[MOTOR], &[]);
+    // a watchdog that no pause of this machine trips
+    let watchdog_ms = (1000.0 * slowness()).clamp(1000.0, 10_000.0) as u64;
+    let motor = MOTOR.replace("watchdog_ms: 1000", &format!("watchdog_ms: {watchdog_ms}"));
+    let mut motors = simulate(&folder, &[&motor], &[]);
     let mut host = Host::opened(&folder.path("bus"));
     assert_eq!(&host.ask(HOLD_2_RAD)[..7], "t013703");
     assert_eq!(motors.report()["power"], false);
 
-    // half a second of set-points
+    // set-points until it is there
     assert_eq!(&host.ask(POWER_ON)[..7], "t013703");
     assert_eq!(motors.event("power")["value"], true);
-    let end = Instant::now() + Duration::from_millis(500);
-    let mut last = String::new();
-    while Instant::now() < end {
-        last = host.ask(HOLD_2_RAD);
+    wait_for("the motor at 2 rad", || {
+        let last = host.ask(HOLD_2_RAD);
+        let code = u32::from_str_radix(&last[7..11], 16).unwrap();
+        ((f64::from(code) / 65535.0 * 25.0 - 14.5).abs() < 0.01).then_some(())
+    });
+    // and until it has stopped swinging about it
+    for _ in 0..100 {
+        host.ask(HOLD_2_RAD);
         std::thread::sleep(Duration::from_millis(2));
     }
     let silent = motors.report();
     let first = motors.event("first_setpoint");
     assert!((first["value"]["position"].as_f64().unwrap() - 2.0).abs() < 2e-4, "{first}");
-    let position = u32::from_str_radix(&last[7..11], 16).unwrap() as f64 / 65535.0 * 25.0 - 12.5;
-    assert!((position - 2.0).abs() < 0.01, "{position} {silent}");
     assert_eq!(silent["frame"], "003#947A7FF199333800");
     assert!((silent["setpoint"]["position"].as_f64().unwrap() - 2.0).abs() < 2e-4, "{silent}");
     assert!((silent["setpoint"]["stiffness"].as_f64().unwrap() - 50.0).abs() < 0.07, "{silent}");
@@ -58,7 +64,7 @@ fn a_motor_is_enabled_follows_and_goes_safe_by_itself() {
     let heard =
         silent["t"].as_u64().unwrap() as f64 - silent["frame_age_ms"].as_f64().unwrap() * 1e6;
     let took_ms = (tripped["t"].as_u64().unwrap() as f64 - heard) * 1e-6;
-    assert!(took_ms >= 1000.0, "{took_ms}");
+    assert!(took_ms >= watchdog_ms as f64, "{took_ms}");
     let report = motors.report();
     assert_eq!(report["tripped"], true);
     assert_eq!(report["setpoint"]["stiffness"], 0.0, "{report}");
@@ -83,11 +89,9 @@ fn hosts_come_and_go_and_the_link_goes_with_the_motors() {
             .unwrap()
             .success()
     );
-    let end = Instant::now() + TIMEOUT;
-    while folder.path("bus").symlink_metadata().is_ok() {
-        assert!(Instant::now() < end, "the link stays");
-        std::thread::sleep(Duration::from_millis(5));
-    }
+    wait_for("the end of the link", || {
+        folder.path("bus").symlink_metadata().is_err().then_some(())
+    });
 }
 
 #[test]
@@ -158,8 +162,9 @@ fn a_robot_moves_behind_its_motors() {
         xyz=\"0 1 0\"/>\
         <limit lower=\"-6\" upper=\"6\" effort=\"20\" velocity=\"10\"/></joint></robot>";
     std::fs::write(folder.path("pendulum.urdf"), urdf).unwrap();
-    let configuration = folder
-        .configuration(&[&MOTOR.replace("sign: -1, gear: 10, offset: 0.5", "gear: 1, offset: 0")]);
+    let configuration = folder.configuration(&[&MOTOR
+        .replace("sign: -1, gear: 10, offset: 0.5", "gear: 1, offset: 0")
+        .replace("watchdog_ms: 1000", "watchdog_ms: 10000")]);
     let text = std::fs::read_to_string(&configuration).unwrap();
     std::fs::write(&configuration, format!("urdf: pendulum.urdf\n{text}")).unwrap();
     let mut motors = Program::start(&[
@@ -176,29 +181,21 @@ fn a_robot_moves_behind_its_motors() {
 
     // stiffness alone would hold at 2 rad; gravity, 9.81 N m cos q, pulls the rod down from there
     host.ask(POWER_ON);
-    let end = Instant::now() + Duration::from_secs(3);
-    while Instant::now() < end {
+    wait_for("the rod at rest where spring and gravity balance", || {
         host.ask(HOLD_2_RAD_DAMPED);
-        std::thread::sleep(Duration::from_millis(2));
-    }
-    let report = motors.report();
-    let position: f64 = report["actuator_position"].as_f64().unwrap();
-    let balance: f64 = 50.0 * (2.0 - position) + 9.81 * position.cos();
-    assert!((position - 2.0).abs() > 0.02 && balance.abs() < 0.2, "{position} {balance} {report}");
+        let report = motors.report();
+        let number = |key: &str| report[key].as_f64().unwrap();
+        let (position, velocity) = (number("actuator_position"), number("actuator_velocity"));
+        let balance = 50.0 * (2.0 - position) + 9.81 * position.cos();
+        let is_balanced = (position - 2.0).abs() > 0.02 && balance.abs() < 0.2;
+        (is_balanced && velocity.abs() < 1e-3).then_some(())
+    });
 
     // without power it is limp: it falls and swings
+    let position = motors.report()["actuator_position"].as_f64().unwrap();
     host.ask(POWER_OFF);
-    wait_for_fall(&mut motors, position);
-}
-
-fn wait_for_fall(motors: &mut Program, from: f64) {
-    let end = Instant::now() + Duration::from_secs(20);
-    loop {
-        let position = motors.report()["actuator_position"].as_f64().unwrap();
-        if (position - from).abs() > 0.3 {
-            return;
-        }
-        assert!(Instant::now() < end, "{position}");
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    wait_for("a fall", || {
+        let now = motors.report()["actuator_position"].as_f64().unwrap();
+        ((now - position).abs() > 0.3).then_some(())
+    });
 }

@@ -133,7 +133,10 @@ impl Bridge {
         for motor in self.motors.iter_mut().filter(|motor| motor.config.bus == bus) {
             match motor.config.drive.receive(now_ns, frame) {
                 Receipt::NotMine => continue,
-                Receipt::Malformed => of_bus.counters.counts.malformed += 1,
+                Receipt::Malformed => {
+                    of_bus.counters.counts.malformed += 1;
+                    motor.is_malformed = true;
+                }
                 Receipt::Foreign | Receipt::Noted | Receipt::Parameter(..) => {}
                 Receipt::Measured(measured) => {
                     if let Some(reply_ns) = motor.measured(now_ns, &measured) {

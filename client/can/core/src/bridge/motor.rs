@@ -6,6 +6,7 @@ use super::stop::{Chatter, Reference};
 use crate::config::MotorConfig;
 use crate::drive::{Measurement, Mode, Watchdog};
 use crate::mapping::{ActuatorMeasurement, Mapping};
+use crate::protocol::fault;
 
 /// A motor.
 #[derive(Debug)]
@@ -17,6 +18,8 @@ pub(super) struct Motor {
     pub(super) velocity: f64,
     /// When it last measured `[ns]`.
     pub(super) measured_ns: Option<u64>,
+    /// Its last answer was none of its frames.
+    pub(super) is_malformed: bool,
     /// It answers; its drive has something to forget.
     is_known: bool,
     /// When it was last asked `[ns]`; `None` once it has answered.
@@ -60,6 +63,7 @@ impl Motor {
             measured: ActuatorMeasurement::NONE,
             velocity: 0.0,
             measured_ns: None,
+            is_malformed: false,
             is_known: false,
             sent_ns: None,
             flags: 0,
@@ -90,12 +94,20 @@ impl Motor {
             Some(_) => self.velocity,
             None => 0.0,
         };
-        (self.measured_ns, self.is_known) = (Some(now_ns), true);
+        (self.measured_ns, self.is_known, self.is_malformed) = (Some(now_ns), true, false);
         self.sent_ns.take().map(|sent| now_ns.saturating_sub(sent))
     }
 
     pub(super) fn is_stale(&self, now_ns: u64, feedback_ns: u64) -> bool {
         self.measured_ns.is_none_or(|measured| now_ns.saturating_sub(measured) > feedback_ns)
+    }
+
+    /// The motor's fault, or what the bridge finds in its answers instead; 0 without either.
+    pub(super) fn fault(&self, now_ns: u64, feedback_ns: u64) -> u32 {
+        match self.config.drive.state().fault {
+            0 if self.is_malformed && self.is_stale(now_ns, feedback_ns) => fault::MALFORMED,
+            fault => fault,
+        }
     }
 
     /// A motor that no longer answers may come back without what it was given.

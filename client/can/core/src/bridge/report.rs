@@ -46,7 +46,8 @@ impl Bridge {
                 flags |= if is_set { bit } else { 0 };
             }
             put(&mut state.flags, actuator, flags);
-            put(&mut state.faults, actuator, drive.fault);
+            let feedback_ns = self.configuration.timeouts.feedback_ns;
+            put(&mut state.faults, actuator, motor.fault(now_ns, feedback_ns));
             put(&mut state.measured_ns, actuator, motor.measured_ns.unwrap_or(0));
             put(&mut state.position, actuator, motor.measured.position);
             put(&mut state.velocity, actuator, motor.measured.velocity);

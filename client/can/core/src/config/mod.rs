@@ -32,6 +32,7 @@ mod check;
 mod files;
 mod keys;
 mod motors;
+mod plausible;
 mod read;
 mod stops;
 

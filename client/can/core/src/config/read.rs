@@ -10,6 +10,7 @@ use super::motors::Robot;
 use super::stops::Stopped;
 use super::{
     BusConfig, Configuration, MAX_BUSES, MotorConfig, Stop, Surroundings, Timeouts, check,
+    plausible,
 };
 use crate::settings::{Key, Settings};
 
@@ -110,6 +111,8 @@ impl Reader<'_, '_> {
             warnings: Vec::new(),
         };
         check::whole(&configuration, &places, top.place("rate_hz"), self.diagnostics);
+        plausible::ramp(&top, self.diagnostics);
+        plausible::motors(&configuration, &places, self.diagnostics);
         Some(configuration)
     }
 
@@ -129,6 +132,7 @@ impl Reader<'_, '_> {
                 "make disable_ms larger",
             );
         }
+        plausible::timeouts(&read, self.diagnostics);
         Some(Timeouts { damping_ns, disable_ns, feedback_ns, arming_ns })
     }
 

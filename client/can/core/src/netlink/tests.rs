@@ -50,12 +50,23 @@ fn read(text: &str) -> Interface {
 
 #[test]
 fn answers_of_a_kernel_are_read() {
-    let vcan =
-        Interface { is_up: true, mtu: 72, bitrate: None, data_bitrate: None, controller: None };
+    let vcan = Interface {
+        is_up: true,
+        mtu: 72,
+        queue: 1000,
+        bitrate: None,
+        data_bitrate: None,
+        controller: None,
+    };
     assert_eq!(read(VCAN), vcan);
     assert_eq!(read(DOWN), Interface { is_up: false, ..vcan });
-    let slcan =
-        Interface { mtu: 16, bitrate: Some(500_000), controller: Some(Controller::Active), ..vcan };
+    let slcan = Interface {
+        mtu: 16,
+        queue: 10,
+        bitrate: Some(500_000),
+        controller: Some(Controller::Active),
+        ..vcan
+    };
     assert_eq!(read(SLCAN), slcan);
     assert_eq!(read(OFF), Interface { bitrate: None, controller: Some(Controller::Off), ..slcan });
     assert_eq!(Interface::read(&bytes(NONE)), Err(InterfaceError::Refused(19)));
@@ -131,6 +142,16 @@ fn an_interface_that_is_not_as_configured_is_refused_with_the_command_that_sets_
         read(VCAN).check("vcan0", Some(1_000_000), Some(5_000_000)).is_ok(),
         "no bit rate to compare"
     );
+}
+
+#[test]
+fn a_long_queue_is_spoken_of_with_the_command_that_shortens_it() {
+    assert_eq!(
+        read(VCAN).advice("vcan0").unwrap(),
+        "vcan0 has a txqueuelen of 1000, expected about 10: a long queue only makes torques old; \
+            `ip link set vcan0 txqueuelen 10`"
+    );
+    assert_eq!(read(SLCAN).advice("slcan0"), None);
 }
 
 #[test]

@@ -18,6 +18,11 @@ pub(super) struct Codes {
 }
 
 impl Codes {
+    /// Ends of the ranges of position, velocity and torque.
+    pub(super) fn ranges(&self) -> [f64; 3] {
+        [self.position, self.velocity, self.torque].map(Scale::end)
+    }
+
     /// Codes of position, velocity, stiffness, damping and torque, within ± `limit` N m for a motor
     /// whose position and velocity were last `measured`. `odd` as for [`Scale::code`].
     pub(super) fn of(

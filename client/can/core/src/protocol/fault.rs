@@ -21,6 +21,8 @@ pub const UNKNOWN: u32 = 0x8000_0007;
 pub const SILENT: u32 = 0x8000_0008;
 /// The motor does not hold the limit of torque that it was given.
 pub const LIMIT_REFUSED: u32 = 0x8000_0009;
+/// The motor answers, and what it answers is none of its frames: found by the bridge.
+pub const MALFORMED: u32 = 0x8000_0020;
 
 /// What a drive's own fault means; `None` for the codes of motors.
 pub fn describe(fault: u32) -> Option<&'static str> {
@@ -34,6 +36,9 @@ pub fn describe(fault: u32) -> Option<&'static str> {
         UNKNOWN => "the motor has a fault without a code",
         SILENT => "the motor does not tell its state any more",
         LIMIT_REFUSED => "the motor does not hold the limit of torque",
+        MALFORMED => {
+            "the motor's answers are malformed: protocol, variant or firmware is another one"
+        }
         _ => return None,
     })
 }

@@ -23,6 +23,11 @@ impl Scale {
         ((1_u32 << self.bits) - 1) as f64
     }
 
+    /// The upper end.
+    pub(super) const fn end(self) -> f64 {
+        self.high
+    }
+
     /// The nearest code; values beyond an end get its code, and NaN gets that of zero. `odd`
     /// decides values exactly between two codes: a range around zero has no code for zero, and
     /// taking the two beside it in turn makes zero right on average.

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from sarrus import __version__
 from sarrus._native import Configuration, Frame
-from sarrus.can import commissioning
+from sarrus.can import commissioning, finding, moving
 from sarrus.can.adapters import Address, BusError, close_all
 from sarrus.can.leaving import Leave, ending
 from sarrus.can.record import Recorder
@@ -138,6 +138,19 @@ def parser() -> argparse.ArgumentParser:
         "scan", parents=[where, some], help="which motors answer, and who else talks"
     )
     command.add_argument("--seconds", type=positive, default=1.0, help="time to listen for answers")
+    command.add_argument(
+        "--all",
+        action="store_true",
+        help="also ask every identifier, for motors that the configuration does not know; those "
+        "under power lose it",
+    )
+    command.add_argument(
+        "--protocol",
+        action="append",
+        default=[],
+        metavar="NAME[:VARIANT]",
+        help="with --all: look for these, and not for what is configured on a bus; may be repeated",
+    )
     command.set_defaults(command=scan)
 
     command = commands.add_parser(
@@ -159,7 +172,18 @@ def parser() -> argparse.ArgumentParser:
         metavar="Q",
         help="the actuator is at Q now (rad or m): print the offset and change nothing",
     )
+    command.add_argument(
+        "--save",
+        action="store_true",
+        help="also have the motor store its zero, so that it outlasts the supply",
+    )
     command.set_defaults(command=zero)
+
+    command = commands.add_parser(
+        "set-id", parents=[where, one], help="give a motor another identifier, where that is known"
+    )
+    command.add_argument("id", type=identifier, metavar="ID", help="the new one, also as 0x…")
+    command.set_defaults(command=set_id)
 
     command = commands.add_parser(
         "direction", parents=[where, one], help="move a little and back: direction, sign and scale"
@@ -202,6 +226,17 @@ def finite(text: str) -> float:
         raise argparse.ArgumentTypeError(f"{text} is no number") from None
     if not math.isfinite(number):
         raise argparse.ArgumentTypeError(f"{text} is not finite")
+    return number
+
+
+def identifier(text: str) -> int:
+    """A whole number that is not negative."""
+    try:
+        number = int(text, 0)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text} is no whole number") from None
+    if number < 0:
+        raise argparse.ArgumentTypeError(f"{text} is negative")
     return number
 
 
@@ -326,9 +361,35 @@ def scan(options: argparse.Namespace) -> int:
     with opened(options) as motors:
         rows, complete = commissioning.scan(motors, options.seconds)
         table(rows)
-        for (bus, identifier), count in sorted(motors.unknown.items()):
-            print(f"{bus}: 0x{identifier} of no motor of the configuration, {count} frame(s)")
+        for (bus, number), count in sorted(motors.unknown.items()):
+            print(f"{bus}: 0x{number} of no motor of the configuration, {count} frame(s)")
+        if options.all:
+            found = finding.scan_all(motors, options.seconds, options.protocol, progress)
+            say(f"{len(found)} motor(s) that the configuration does not know")
+            table(found)
     return 0 if complete else 1
+
+
+def progress(name: str, done: int, all_of_them: int) -> None:
+    """Say how far a scan is: in one line on a terminal, else at its quarters."""
+    if sys.stderr is not None and sys.stderr.isatty():
+        ends = "\n" if done == all_of_them else "\r"
+        print(f"{name}: {done} of {all_of_them}", end=ends, file=sys.stderr, flush=True)
+    elif done == all_of_them or done % max(all_of_them // 4, 1) == 0:
+        say(f"{name}: {done} of {all_of_them}")
+
+
+def set_id(options: argparse.Namespace) -> int:
+    """Give a motor another identifier."""
+    with opened(options) as motors:
+        commissioning.confirm(
+            f"{options.motor} gets the identifier {options.id}. It has no power; no other motor of "
+            "its bus may have that one.",
+            options.yes,
+        )
+        finding.set_id(motors, motors.chosen[0], options.id)
+    print(f"{options.motor} answers as {options.id}: write it into the configuration")
+    return 0
 
 
 def read(options: argparse.Namespace) -> int:
@@ -341,6 +402,8 @@ def read(options: argparse.Namespace) -> int:
 
 def zero(options: argparse.Namespace) -> int:
     """Set a motor's zero, or find the offset for the zero that it has."""
+    if options.at is not None and options.save:
+        raise WrongFlags("--at changes nothing, so there is nothing to --save; give one of them")
     with opened(options) as motors:
         motor = motors.chosen[0]
         if options.at is None:
@@ -349,7 +412,10 @@ def zero(options: argparse.Namespace) -> int:
                 "power; it must not move.",
                 options.yes,
             )
-            print(f"motor position {commissioning.zero(motors, motor):g} rad")
+            position = commissioning.zero(motors, motor, save=options.save)
+            print(f"motor position {position:g} rad")
+            if options.save:
+                print("stored: switch its supply off and on and `read` it, it must say the same")
             return 0
         measured = motors.measure(motor, motors.off(motor))
         print(f"offset: {commissioning.offset_at(motors.motors[motor], measured, options.at):.9g}")
@@ -363,7 +429,7 @@ def direction(options: argparse.Namespace) -> int:
             actuator=options.motor, distance=options.distance, seconds=2 * options.seconds
         )
         commissioning.confirm(hazard, options.yes)
-        result = commissioning.direction(
+        result = moving.direction(
             motors,
             motors.chosen[0],
             options.distance,

@@ -37,9 +37,11 @@ from sarrus._native import (
     SlcanReader,
     check_interface,
     events_of_error_frame,
+    interface_advice,
     interface_question,
     slcan_line,
 )
+from sarrus.can.telling import say
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -472,6 +474,8 @@ class SocketcanAdapter(AnyAdapter):
             event = check_interface(answer, name, bitrate, self.address.data_bitrate)
         except (OSError, ValueError) as error:
             raise BusError(f"{self.address.name}: {error}") from error
+        if (advice := interface_advice(answer, name)) is not None:
+            say(f"sarrus.can: warning: {advice}")
         return [] if event is None else [event]
 
     def send(self, frames: Sequence[Frame]) -> int:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from sarrus._native import Drives, Frame
 from sarrus.can.adapters import Adapter, Address, BusError, close_all, open_bus
-from sarrus.can.leaving import Ending, Leave, at_the_end
+from sarrus.can.leaving import Ending, Leave
 from sarrus.can.telling import WrongFlags
 
 if TYPE_CHECKING:
@@ -21,9 +21,12 @@ if TYPE_CHECKING:
 PERIOD = 0.005
 """Time between two cycles of one motor `[s]`."""
 SILENCE = 0.1
-"""A motor under power that has not measured for this time has failed `[s]`."""
-READY = 2.0
-"""Time in which a motor's watchdog is set and read back `[s]`."""
+"""A motor under power that has not measured for this time has failed, and for longer where the
+configuration's `feedback_ms` is longer `[s]`."""
+STORING = 0.5
+"""Time in which a motor stores what it was given `[s]`."""
+ANSWER = 1.0
+"""Time in which a motor answers, and longer where the configuration's `arming_ms` is `[s]`."""
 
 
 class Failed(Exception):
@@ -50,6 +53,9 @@ class Commissioning:
                 f"expected one of {', '.join(names)}"
             )
         self.chosen = [names.index(only)] if only is not None else list(range(len(names)))
+        timeouts = configuration.timeouts
+        self.silence = max(SILENCE, timeouts["feedback"])
+        self.ready = max(ANSWER, timeouts["arming"])
         self.drives = Drives(configuration)
         self._adapters: dict[int, Adapter] = {}
         try:
@@ -73,14 +79,37 @@ class Commissioning:
 
     def send(self, motor: int, frames: list[Frame]) -> None:
         """Send frames to a motor."""
-        if dropped := self._adapters[self.motors[motor]["bus"]].send(frames):
+        self.send_to(self.motors[motor]["bus"], frames)
+
+    def send_to(self, bus: int, frames: list[Frame]) -> None:
+        """Send frames on a bus."""
+        if dropped := self._adapters[bus].send(frames):
             raise BusError(
-                f"{self._buses[self.motors[motor]['bus']]['name']}: "
+                f"{self.bus_name(bus)}: "
                 f"no room for {dropped} frame(s); is the bus connected and powered?"
             )
 
+    def bus_name(self, bus: int) -> str:
+        """The name of a bus."""
+        return cast("str", self._buses[bus]["name"])
+
+    def open_buses(self) -> list[tuple[int, dict[str, Any]]]:
+        """The buses that are open."""
+        return [(place, self._buses[place]) for place in self._adapters]
+
     def hear(self, seconds: float) -> Iterator[tuple[int, str, Any]]:
-        """What motors say within a time: `(motor, what, value)`.
+        """What motors say within a time: `(motor, what, value)`."""
+        for _, _, of_motors in self._hear(seconds):
+            yield from of_motors
+
+    def hear_frames(self, bus: int, seconds: float) -> Iterator[Frame]:
+        """Frames of a bus within a time, whosever they are."""
+        for place, frame, _ in self._hear(seconds):
+            if place == bus:
+                yield frame
+
+    def _hear(self, seconds: float) -> Iterator[tuple[int, Frame, list[tuple[int, str, Any]]]]:
+        """Frames within a time, with their buses and what they are to motors.
 
         Raise `Leave` when somebody asks for the end.
         """
@@ -94,7 +123,7 @@ class Commissioning:
                         if not of_motors:
                             kind = "X" if heard.extended else ""
                             self.unknown[self._buses[place]["name"], f"{heard.id:X}{kind}"] += 1
-                        yield from of_motors
+                        yield place, heard, of_motors
                     elif heard[0] in ("bus_off", "error_passive"):
                         raise BusError(
                             f"{self._buses[place]['name']} is {heard[0].replace('_', '-')}: "
@@ -104,16 +133,21 @@ class Commissioning:
                 return
             time.sleep(0.0005)
 
-    def measure(
-        self, motor: int, frames: Callable[[], list[Frame]], seconds: float = 1.0
-    ) -> dict[str, float]:
+    def measure(self, motor: int, frames: Callable[[], list[Frame]]) -> dict[str, float]:
         """Send the frames of a cycle until the motor measures."""
-        end = time.monotonic() + seconds
+        end = time.monotonic() + self.ready
+        malformed = 0
         while time.monotonic() < end:
             self.send(motor, frames())
             for place, what, value in self.hear(PERIOD):
                 if place == motor and what == "measured":
                     return cast("dict[str, float]", value)
+                malformed += place == motor and what == "malformed"
+        if malformed:
+            raise Failed(
+                f"{self.name(motor)} answers, and its {malformed} answer(s) are malformed; correct "
+                "protocol, variant or model in the configuration"
+            )
         raise Failed(
             f"{self.name(motor)} does not answer; is it powered, and are its identifiers right?"
         )
@@ -131,13 +165,13 @@ class Commissioning:
 
         Give the actuator's position then.
         """
-        end = time.monotonic() + READY
+        end = time.monotonic() + self.ready
         while True:
             position = self.measure(motor, self.off(motor))["position"]
             if (why := self.drives.unguarded(motor)) is None:
                 return position
-            if time.monotonic() > end:
-                state = self.drives.state(motor)["watchdog"]
+            state = self.drives.state(motor)["watchdog"]
+            if state == "unreadable" or time.monotonic() > end:
                 raise Failed(
                     f"{self.name(motor)} gets no power: {why}, its watchdog is {state}; "
                     "see `watchdog` of the configuration"
@@ -227,11 +261,19 @@ def offset_at(motor: dict[str, Any], measured: dict[str, float], at: float) -> f
     return at - float(motor["sign"] / motor["gear"]) * measured["motor_position"]
 
 
-def zero(motors: Commissioning, motor: int) -> float:
-    """Make the motor's present position its zero.
+def zero(motors: Commissioning, motor: int, *, save: bool = False) -> float:
+    """Make the motor's present position its zero, and have it stored if that is wanted.
 
     Give what it says afterwards, at its own shaft `[rad]`.
     """
+    stored = motors.drives.save_zero(motor) if save else []
+    if stored is None:
+        entry = motors.motors[motor]
+        raise Failed(
+            f"{motors.name(motor)}: {entry['protocol']} {entry['variant']}".rstrip()
+            + " cannot store its zero by command: it is lost with the supply; use `zero --at` and "
+            "the offset, or the maker's tool"
+        )
     motors.disable(motor)
     motors.measure(motor, motors.off(motor))
     frames = motors.drives.set_zero(motor)
@@ -243,78 +285,10 @@ def zero(motors: Commissioning, motor: int) -> float:
     motors.send(motor, frames)
     time.sleep(0.1)
     list(motors.hear(0.05))
+    if stored:
+        motors.send(motor, stored)
+        list(motors.hear(STORING))
     return motors.measure(motor, motors.off(motor))["motor_position"]
-
-
-def direction(
-    motors: Commissioning,
-    motor: int,
-    distance: float,
-    stiffness: float,
-    damping: float,
-    seconds: float,
-) -> dict[str, float]:
-    """Move an actuator by a little and back, softly.
-
-    Give how far it came `[rad, m]` and what share that is of the distance.
-
-
-    Power comes when the motor's own watchdog is known to be on. The set-point follows p₀ + d (1 -
-    cos(π t / T)) / 2. Power goes when the motor tells a fault, is silent, or is farther from its
-    set-point than the whole distance and a half: then the sign of the motor's own control, or the
-    load, is not as it should be. It also goes when somebody asks for the end.
-    """
-    limit = 1.5 * abs(distance)
-
-    def cycle(position: float, velocity: float) -> dict[str, float] | None:
-        motors.send(
-            motor,
-            motors.drives.on(
-                motor, time.monotonic_ns(), [position, velocity, 0.0, stiffness, damping]
-            ),
-        )
-        latest = None
-        for place, what, value in motors.hear(PERIOD):
-            if place == motor and what == "measured":
-                latest = value
-        if fault := motors.drives.state(motor)["fault"]:
-            raise Failed(f"{motors.name(motor)} tells its fault {fault}")
-        return latest
-
-    motors.ending.defer()
-    with at_the_end(lambda: motors.disable(motor)):
-        start = motors.guarded(motor)
-        end = time.monotonic() + 1.0
-        while motors.drives.state(motor)["power"] != "on":
-            if time.monotonic() > end:
-                raise Failed(
-                    f"{motors.name(motor)} does not take power; "
-                    f"its state is {motors.drives.state(motor)}"
-                )
-            cycle(start, 0.0)
-        begin = heard_at = time.monotonic()
-        farthest = position = start
-        while (now := time.monotonic()) < begin + 2 * seconds:
-            phase = math.pi * (now - begin) / seconds
-            setpoint = start + distance * (1 - math.cos(phase)) / 2
-            measured = cycle(setpoint, distance * math.sin(phase) * math.pi / seconds / 2)
-            if measured is not None:
-                heard_at, position = now, measured["position"]
-                if abs(position - start) > abs(farthest - start):
-                    farthest = position
-            if now - heard_at > SILENCE:
-                raise Failed(f"{motors.name(motor)} went silent")
-            if abs(position - setpoint) > limit:
-                raise Failed(
-                    f"{motors.name(motor)} is {position - setpoint:+.4g} from its set-point; sign, "
-                    "load or stiffness are not right"
-                )
-    return {
-        "start": start,
-        "farthest": farthest,
-        "end": position,
-        "share": (farthest - start) / distance,
-    }
 
 
 def confirm(question: str, yes: bool) -> None:

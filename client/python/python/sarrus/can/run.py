@@ -234,6 +234,9 @@ def run(
         stderr = stderr_worker()
         stack.callback(stderr.end, 1.0)
         bridge = Bridge(configuration)
+        # before the buses: who has the name says more than who has a bus
+        service = Service(name)
+        stack.callback(service.close)
         frontend = Frontend(bridge, open_all(buses, address), stderr.put, dry_run=dry_run)
         stack.callback(frontend.close)
         # a bus that cannot be opened leaves an earlier recording as it is
@@ -241,8 +244,6 @@ def run(
             frontend.recorder = stack.enter_context(
                 Recorder(record, [bus["name"] for bus in buses])
             )
-        service = Service(name)
-        stack.callback(service.close)
         if log is not None:
             bridge.begin_log(log)
             stack.callback(bridge.end_log)

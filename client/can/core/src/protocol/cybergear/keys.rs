@@ -1,4 +1,4 @@
-//! Settings of the protocol, and the motor's parameters.
+//! Settings of the protocol, the motor's parameters, and the kinds of frames.
 
 use crate::drive::Parameter;
 use crate::protocol::{Key, KeyKind};

@@ -47,6 +47,7 @@ pub(super) fn make(
         Box::new(CyberGear {
             id: settings.integer("id") as u32,
             host: settings.integer("host_id") as u32,
+            can_save: !is_cybergear,
             mode: common.mode,
             torque_limit: common.torque_limit,
             codes: Codes {

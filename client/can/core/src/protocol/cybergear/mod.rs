@@ -8,7 +8,8 @@
 //!   damping, each 16 bits big-endian. Code 0 is the low end of a range and FFFF the high end: ±
 //!   `position_range` rad, ± `velocity_range` rad/s, ± `torque_range` N m, 0 … `stiffness_range` N
 //!   m/rad, 0 … `damping_range` N m s/rad. 3 power on, 4 power off (byte 0 = 1: forget faults), 6
-//!   zero here (byte 0 = 1), 17 read and 18 write a parameter: index u16, 0 0, value of 4 bytes,
+//!   zero here (byte 0 = 1), 7 another identifier (upper half of the data), 22 store (RobStride,
+//!   bytes 1 … 8), 17 read and 18 write a parameter: index u16, 0 0, value of 4 bytes,
 //!   little-endian. There the identifier's data is the host.
 //! - 2 feedback to the host: data = mode (2 bits: 0 reset, 1 calibration, 2 runs), faults (6 bits),
 //!   motor (8 bits); bytes position, velocity, torque, temperature × 10, big-endian. 17 answers a
@@ -51,9 +52,11 @@ const FEEDBACK: u32 = 2;
 const POWER_ON: u32 = 3;
 const POWER_OFF: u32 = 4;
 const ZERO: u32 = 6;
+const SET_ID: u32 = 7;
 const READ: u32 = 17;
 const WRITE: u32 = 18;
 const FAULTS: u32 = 21;
+const SAVE: u32 = 22;
 
 /// Units of canTimeout in a millisecond: one is 50 µs.
 const TIMEOUT_PER_MS: u32 = 20;
@@ -76,6 +79,8 @@ enum Step {
 struct CyberGear {
     id: u32,
     host: u32,
+    /// Its zero can be stored; a CyberGear forgets it.
+    can_save: bool,
     mode: Mode,
     torque_limit: f64,
     codes: Codes,
@@ -372,5 +377,22 @@ impl Drive for CyberGear {
     fn read_parameter(&mut self, parameter: usize, out: &mut FrameQueue) {
         let index = INDICES.get(parameter).copied().unwrap_or(self.watchdog_index);
         out.push_some(self.parameter(READ, index, 0));
+    }
+
+    fn ranges(&self) -> [f64; 3] {
+        self.codes.ranges()
+    }
+
+    fn save_zero(&mut self, out: &mut FrameQueue) -> bool {
+        if self.can_save {
+            out.push_some(self.frame(SAVE, self.host, [1, 2, 3, 4, 5, 6, 7, 8]));
+        }
+        self.can_save
+    }
+
+    fn set_id(&mut self, id: u32, out: &mut FrameQueue) -> bool {
+        let frame = self.frame(SET_ID, id << 8 | self.host, [1, 0, 0, 0, 0, 0, 0, 0]);
+        out.push_some(frame.filter(|_| id <= 127));
+        id <= 127
     }
 }

@@ -1,8 +1,8 @@
 //! Registers of Damiao motors: read, written and compared while the motor has no power.
 //!
 //! Source: DM-J4310-2EC manual V1.1 and the register table of the debugging tool. Requests go to
-//! 7FF as [id low, id high, 33 read | 55 write, register, 4 bytes little-endian]; the motor answers
-//! with the same 8 bytes on its reply identifier.
+//! 7FF as [id low, id high, 33 read | 55 write | AA store, register, 4 bytes little-endian]; the
+//! motor answers with the same 8 bytes on its reply identifier.
 
 use crate::drive::{Parameter, Receipt, Watchdog};
 use crate::frame::{Frame, Id};
@@ -11,6 +11,7 @@ use crate::protocol::fault;
 const READ: u8 = 0x33;
 const WRITE: u8 = 0x55;
 const SAVE: u8 = 0xAA;
+const ESC_ID: u8 = 8;
 const TIMEOUT: u8 = 9;
 const CONTROL_MODE: u8 = 10;
 const PMAX: u8 = 21;
@@ -122,6 +123,16 @@ impl Registers {
     /// Asks for a parameter by its place.
     pub(super) fn read_parameter(&self, parameter: usize) -> Option<Frame> {
         self.read(READABLE.get(parameter)?.0)
+    }
+
+    /// Writes another identifier.
+    pub(super) fn set_id(&self, id: u16) -> Option<Frame> {
+        self.frame(WRITE, ESC_ID, u32::from(id).to_le_bytes())
+    }
+
+    /// Asks the motor of this identifier to store its registers and its zero.
+    pub(super) fn save(&self, id: u16) -> Option<Frame> {
+        Registers { id, ..*self }.frame(SAVE, 1, [0; 4])
     }
 
     fn read(&self, register: u8) -> Option<Frame> {

@@ -379,4 +379,27 @@ impl Drive for Mit {
     fn read_parameter(&mut self, parameter: usize, out: &mut FrameQueue) {
         out.push_some(self.registers.and_then(|registers| registers.read_parameter(parameter)));
     }
+
+    fn ranges(&self) -> [f64; 3] {
+        self.codes.ranges()
+    }
+
+    fn save_zero(&mut self, out: &mut FrameQueue) -> bool {
+        out.push_some(self.registers.and_then(|registers| registers.save(self.id)));
+        self.registers.is_some()
+    }
+
+    fn set_id(&mut self, id: u32, out: &mut FrameQueue) -> bool {
+        let Some((registers, id)) = self.registers.zip(u16::try_from(id).ok()) else {
+            return false;
+        };
+        if !(1..=0x7FE).contains(&id) || id == self.reply_id {
+            return false;
+        }
+        out.push_some(registers.set_id(id));
+        // whether it listens to its new identifier already, or after it has stored it
+        out.push_some(registers.save(self.id));
+        out.push_some(registers.save(id));
+        true
+    }
 }

@@ -1,0 +1,186 @@
+//! `sarrus-can doctor`: what of this computer, its buses and a configuration stands in the way of a
+//! robot, a line each with what to do. Nothing is changed; with `--motors` they are asked, and get
+//! no power.
+
+mod machine;
+mod motors;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::Args;
+use sarrus_can_core::bridge::BusEvent;
+use sarrus_can_core::config::{BusConfig, Configuration, MotorConfig};
+use sarrus_can_core::drive::Watchdog;
+use serde_json::{Value, json};
+
+use crate::bus::interface;
+use crate::check::Format;
+use machine::Machine;
+
+/// Flags of `doctor`.
+#[derive(Args)]
+pub(crate) struct Doctor {
+    /// The configuration of the robot's buses and motors
+    config: PathBuf,
+    /// Also ask every motor whether it answers, and for its firmware where it tells it; no bridge
+    /// may run on the buses meanwhile
+    #[arg(long)]
+    motors: bool,
+    /// As text or as one JSON object
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+}
+
+/// Something that is not as it should be.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Finding {
+    /// What was looked at.
+    check: String,
+    /// What there is, what was expected and what to do.
+    text: String,
+}
+
+impl Finding {
+    fn new(check: impl Into<String>, text: impl Into<String>) -> Finding {
+        Finding { check: check.into(), text: text.into() }
+    }
+}
+
+impl Doctor {
+    /// 0 when all is well, 1 for a finding, 2 for a file that cannot be opened.
+    pub(crate) fn run(&self) -> ExitCode {
+        let mut configuration = match crate::configuration(&self.config) {
+            Ok(configuration) => configuration,
+            Err(code) => return code,
+        };
+        let mut findings: Vec<Finding> = configuration
+            .warnings
+            .iter()
+            .map(|warning| Finding::new("configuration", warning.to_string()))
+            .collect();
+        findings.extend(configuration.buses.iter().flat_map(bus));
+        findings.extend(
+            configuration
+                .motors
+                .iter()
+                .filter_map(|motor| believed(motor, name(&configuration, motor.actuator))),
+        );
+        findings.extend(Machine::here().findings());
+        let mut firmware = Vec::new();
+        if self.motors {
+            let (silent, versions) = motors::ask(&mut configuration);
+            findings.extend(silent);
+            firmware = versions;
+        }
+        match self.format {
+            Format::Text => {
+                for Finding { check, text } in &findings {
+                    println!("{check}: {text}");
+                }
+                for (motor, version) in &firmware {
+                    eprintln!("firmware of {motor}: {version}");
+                }
+                eprintln!("{} finding(s)", findings.len());
+            }
+            Format::Json => println!("{}", object(&findings, &firmware)),
+        }
+        ExitCode::from(u8::from(!findings.is_empty()))
+    }
+}
+
+fn object(findings: &[Finding], firmware: &[(String, String)]) -> Value {
+    let findings: Vec<Value> = findings
+        .iter()
+        .map(|Finding { check, text }| json!({"check": check, "finding": text}))
+        .collect();
+    let firmware: Vec<Value> = firmware
+        .iter()
+        .map(|(motor, version)| json!({"motor": motor, "firmware": version}))
+        .collect();
+    json!({"findings": findings, "firmware": firmware})
+}
+
+fn name(configuration: &Configuration, actuator: usize) -> &str {
+    configuration.actuators.get(actuator).map_or("", String::as_str)
+}
+
+/// What the system says of a bus: whether it is there, its bit rates, its state, its queue.
+fn bus(bus: &BusConfig) -> Vec<Finding> {
+    let check = format!("bus {}", bus.name);
+    let one = |text: String| vec![Finding::new(&check, text)];
+    match bus.interface.as_str() {
+        "socketcan" => {}
+        "slcan" => return serial_port(&bus.channel).map_or_else(Vec::new, one),
+        other => {
+            return one(format!(
+                "`{other}` is not looked at here, expected socketcan or slcan; \
+                 `python -m sarrus.can scan` tries it"
+            ));
+        }
+    }
+    let channel = &bus.channel;
+    let interface = match interface(channel) {
+        Ok(interface) => interface,
+        Err(error) => {
+            return one(format!(
+                "{channel}: {error}, expected an interface; plug the adapter in and see \
+                 `ip -details link`"
+            ));
+        }
+    };
+    let mut findings = Vec::new();
+    match interface.check(channel, Some(bus.bitrate), bus.data_bitrate) {
+        Err(error) => findings.extend(one(error.to_string())),
+        Ok(Some(BusEvent::ErrorWarning | BusEvent::ErrorPassive)) => findings.extend(one(format!(
+            "{channel} counts many errors, expected an error-active controller; look at wires, \
+             termination and the bit rate of every node"
+        ))),
+        Ok(_) => {}
+    }
+    findings.extend(interface.advice(channel).map(|text| Finding::new(&check, text)));
+    findings
+}
+
+/// Why a serial port cannot be used. A program that has it open is not disturbed.
+fn serial_port(channel: &str) -> Option<String> {
+    let (path, speed) = match channel.rsplit_once('@') {
+        Some((path, speed)) => (path, Some(speed)),
+        None => (channel, None),
+    };
+    let flags = rustix::fs::OFlags::RDWR
+        | rustix::fs::OFlags::NOCTTY
+        | rustix::fs::OFlags::NONBLOCK
+        | rustix::fs::OFlags::CLOEXEC;
+    match rustix::fs::open(path, flags, rustix::fs::Mode::empty()) {
+        Err(error) => Some(format!(
+            "{path} cannot be opened: {error}, expected a serial port; plug the adapter in, and \
+             see that this user may use it (group `dialout`)"
+        )),
+        Ok(_) if speed.is_none() && !is_pseudo_terminal(Path::new(path)) => Some(format!(
+            "{path} has no speed in the configuration, expected `{path}@SPEED`; without it \
+             nobody knows whether the port is fast enough for its bus"
+        )),
+        Ok(_) => None,
+    }
+}
+
+/// Simulated motors' end has no speed.
+fn is_pseudo_terminal(path: &Path) -> bool {
+    std::fs::canonicalize(path).is_ok_and(|path| path.starts_with("/dev/pts"))
+}
+
+/// A watchdog that nobody can read is believed: somebody should have seen it work.
+fn believed(motor: &MotorConfig, name: &str) -> Option<Finding> {
+    let is_unreadable = motor.drive.state().watchdog == Watchdog::Unreadable;
+    (is_unreadable && motor.watchdog_believed).then(|| {
+        Finding::new(
+            format!("watchdog of {name}"),
+            format!(
+                "{} ms are believed, expected a watchdog that is read back, which {} cannot; see \
+                 it work once: unplug the bus while the motor holds something light",
+                motor.common.watchdog_ms, motor.protocol.name
+            ),
+        )
+    })
+}

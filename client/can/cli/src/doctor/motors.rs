@@ -1,0 +1,97 @@
+//! Motors asked one by one, without power: whether they answer, and their firmware.
+
+use std::time::{Duration, Instant};
+
+use rustix::event::{PollFd, PollFlags};
+use sarrus_can_core::config::{Configuration, MotorConfig};
+use sarrus_can_core::drive::Receipt;
+use sarrus_can_core::frame::FrameQueue;
+use sarrus_client::now_ns;
+
+use super::{Finding, name};
+use crate::bus::{self, Address, Bus, BusError, Heard, own, wait_for};
+
+/// Time for an answer, and between two questions.
+const TIMEOUT: Duration = Duration::from_secs(1);
+const AGAIN: Duration = Duration::from_millis(20);
+
+/// Findings, and the firmware of motors that tell it.
+pub(super) fn ask(configuration: &mut Configuration) -> (Vec<Finding>, Vec<(String, String)>) {
+    let (mut findings, mut firmware) = (Vec::new(), Vec::new());
+    let mut motors = std::mem::take(&mut configuration.motors);
+    for (number, of_bus) in configuration.buses.iter().enumerate() {
+        let opened =
+            own(Address::of(of_bus)).and_then(|mark| Ok((mark, bus::open(Address::of(of_bus))?)));
+        let (_mark, mut port) = match opened {
+            Ok(opened) => opened,
+            Err(error) => {
+                findings.push(Finding::new(format!("bus {}", of_bus.name), error.to_string()));
+                continue;
+            }
+        };
+        for motor in motors.iter_mut().filter(|motor| motor.bus == number) {
+            let name = name(configuration, motor.actuator).to_owned();
+            match one(port.as_mut(), motor) {
+                Ok(Answer { version: Some(version), .. }) => firmware.push((name, version)),
+                Ok(Answer { heard: true, .. }) => {}
+                Ok(Answer { malformed, .. }) => {
+                    findings.push(Finding::new(format!("motor {name}"), silence(malformed)));
+                }
+                Err(error) => {
+                    findings.push(Finding::new(format!("motor {name}"), error.to_string()))
+                }
+            }
+        }
+    }
+    configuration.motors = motors;
+    (findings, firmware)
+}
+
+fn silence(is_malformed: bool) -> &'static str {
+    if is_malformed {
+        "its answers are malformed, expected those of its protocol; correct protocol, variant or \
+         model"
+    } else {
+        "no answer, expected one; is it powered, are its identifiers and the bit rate right? \
+         `python -m sarrus.can scan --all` finds others"
+    }
+}
+
+/// What came of a motor.
+#[derive(Default)]
+struct Answer {
+    heard: bool,
+    malformed: bool,
+    version: Option<String>,
+}
+
+fn one(port: &mut dyn Bus, motor: &mut MotorConfig) -> Result<Answer, BusError> {
+    let version = motor.drive.parameters().iter().position(|parameter| parameter.is_version());
+    let (begin, mut answer) = (Instant::now(), Answer::default());
+    let mut out = FrameQueue::new(32);
+    while begin.elapsed() < TIMEOUT && !(answer.heard && version.is_none()) {
+        out.clear();
+        match version {
+            Some(version) => motor.drive.read_parameter(version, &mut out),
+            None => motor.drive.probe(&mut out),
+        }
+        for frame in out.frames() {
+            port.send(frame)?;
+        }
+        wait_for(&mut [PollFd::from_borrowed_fd(port.readable(), PollFlags::IN)], AGAIN)?;
+        while let Some(heard) = port.next()? {
+            let Heard::Frame(frame) = heard else { continue };
+            match motor.drive.receive(now_ns(), &frame) {
+                Receipt::Parameter(place, value) if Some(place) == version => {
+                    let name = motor.drive.parameters().get(place).map_or("", |known| known.name);
+                    let version = Some(format!("{name} {value}"));
+                    return Ok(Answer { heard: true, version, ..answer });
+                }
+                Receipt::Malformed => answer.malformed = true,
+                Receipt::NotMine | Receipt::Foreign => {}
+                _ => answer.heard = true,
+            }
+        }
+    }
+    Ok(answer)
+}

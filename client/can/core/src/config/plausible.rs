@@ -1,0 +1,137 @@
+//! Values that can be written and that hardly anybody means: each is a warning.
+
+use sarrus_models::Diagnostics;
+use sarrus_models::yaml::{Span, quoted};
+
+use super::{Configuration, MotorConfig};
+use crate::drive::Mode;
+use crate::settings::Settings;
+
+/// What falls is five metres lower after this time: no watchdog and no time-out is to be longer
+/// `[ms]`.
+const LONGEST_MS: f64 = 1000.0;
+
+/// Times of the whole robot.
+pub(super) fn timeouts(timeouts: &Settings, diagnostics: &mut Diagnostics) {
+    for (key, what) in [
+        ("disable_ms", "commands that stay away are believed for so long"),
+        ("feedback_ms", "a motor that says nothing is believed for so long"),
+    ] {
+        let ms = timeouts.number(key);
+        if ms > LONGEST_MS {
+            diagnostics.warning(
+                timeouts.place(key),
+                format!("`{key}` is {ms} ms: {what}"),
+                format!("at most {LONGEST_MS} ms"),
+                "make it shorter: some ten cycles of the controller are enough",
+            );
+        }
+    }
+}
+
+/// The ramp after arming.
+pub(super) fn ramp(top: &Settings, diagnostics: &mut Diagnostics) {
+    if top.number("ramp_ms") == 0.0 {
+        diagnostics.warning(
+            top.place("ramp_ms"),
+            "`ramp_ms` is 0: gains and efforts come with a jump when a mechanism gets power",
+            "some hundred milliseconds",
+            "remove it for 500",
+        );
+    }
+}
+
+/// Watchdog, limits and damping of each motor.
+pub(super) fn motors(
+    configuration: &Configuration,
+    places: &[Span],
+    diagnostics: &mut Diagnostics,
+) {
+    for (motor, place) in configuration.motors.iter().zip(places) {
+        let name = quoted(configuration.actuators.get(motor.actuator).map_or("", String::as_str));
+        let mut warn = |found: String, expected: &str, help: &str| {
+            diagnostics.warning(*place, found, expected.to_owned(), help.to_owned());
+        };
+        watchdog(motor, &name, configuration.timeouts.disable_ns, &mut warn);
+        limits(motor, &name, &mut warn);
+        ranges(motor, &name, &mut warn);
+        let has_gains = matches!(motor.common.mode, Mode::Impedance | Mode::Torque);
+        if has_gains && motor.damping == 0.0 {
+            warn(
+                format!("{name} has a `damping` of 0"),
+                "a damping that brakes it",
+                "give one: while commands are late and in a stop nothing else slows it down",
+            );
+        }
+    }
+}
+
+fn watchdog(
+    motor: &MotorConfig,
+    name: &str,
+    disable_ns: u64,
+    warn: &mut impl FnMut(String, &str, &str),
+) {
+    let (ms, disable_ms) = (f64::from(motor.common.watchdog_ms), disable_ns as f64 * 1e-6);
+    if ms > LONGEST_MS {
+        warn(
+            format!("the watchdog of {name} is {ms} ms: it follows its last set-point for so long"),
+            &format!("at most {LONGEST_MS} ms"),
+            "make `watchdog_ms` shorter: it is all that is left when the bridge is gone",
+        );
+    } else if ms > disable_ms {
+        warn(
+            format!("the watchdog of {name}, {ms} ms, is longer than `disable_ms`, {disable_ms}"),
+            "a watchdog no longer than the bridge waits",
+            "make `watchdog_ms` shorter",
+        );
+    }
+}
+
+fn limits(motor: &MotorConfig, name: &str, warn: &mut impl FnMut(String, &str, &str)) {
+    let limits = motor.limits;
+    if limits.lower == f64::NEG_INFINITY && limits.upper == f64::INFINITY {
+        warn(
+            format!("{name} has no limits of position"),
+            "`limits: {position: [lower, upper]}`",
+            "add them, unless it may turn for ever",
+        );
+    }
+    if limits.velocity == f64::INFINITY {
+        warn(
+            format!("{name} has no limit of velocity"),
+            "`limits: {velocity: …}`",
+            "add it: without it no speed is too high",
+        );
+    }
+}
+
+/// Limits that the motor's protocol has no numbers for.
+fn ranges(motor: &MotorConfig, name: &str, warn: &mut impl FnMut(String, &str, &str)) {
+    let [position, velocity, torque] = motor.drive.ranges();
+    let (limits, mapping) = (motor.limits, motor.mapping);
+    let farthest = [limits.lower, limits.upper]
+        .map(|limit| ((limit - mapping.offset) * mapping.gear).abs())
+        .into_iter()
+        .filter(|limit| limit.is_finite())
+        .fold(0.0, f64::max);
+    let speed = Some(limits.velocity * mapping.gear).filter(|speed| speed.is_finite());
+    for (what, limit, range, unit) in [
+        ("position", farthest, position, "rad"),
+        ("velocity", speed.unwrap_or(0.0), velocity, "rad/s"),
+        ("effort", motor.common.torque_limit, torque, "N m"),
+    ] {
+        // as far as the roundings of gear and limit go
+        if limit > range * (1.0 + 1e-6) {
+            warn(
+                format!(
+                    "the limit of {what} of {name} is {} {unit} at its motor, which has numbers \
+                     up to {range}",
+                    (limit * 1e6).round() / 1e6
+                ),
+                "a limit within the motor's range",
+                "correct the limit, the gear or the range",
+            );
+        }
+    }
+}

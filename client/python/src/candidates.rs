@@ -1,0 +1,75 @@
+//! Motors that no configuration knows, by protocol and identifier: to find them.
+
+use std::sync::{Mutex, MutexGuard};
+
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use sarrus_can_core::commissioning::{Candidate, identifiers, variants};
+use sarrus_can_core::drive::Receipt;
+use sarrus_can_core::frame::FrameQueue;
+use sarrus_can_core::protocol::{Protocol, protocol};
+
+use crate::frames::{PyFrame, list};
+
+/// Room for the frames of one question.
+const FRAMES: usize = 32;
+
+/// A motor that there may be: it can be asked whether it is there, and gets no power.
+#[pyclass(name = "Candidate", module = "sarrus.can", frozen)]
+pub(crate) struct PyCandidate {
+    candidate: Mutex<Candidate>,
+}
+
+#[pymethods]
+impl PyCandidate {
+    /// A motor of this protocol, variant (empty where there is none) and identifier; a `ValueError`
+    /// where there can be none.
+    #[new]
+    fn new(protocol: &str, variant: &str, id: i64) -> PyResult<PyCandidate> {
+        let candidate = Candidate::new(known(protocol)?, variant, id).ok_or_else(|| {
+            PyValueError::new_err(format!("{protocol} {variant} has no identifier {id}"))
+        })?;
+        Ok(PyCandidate { candidate: Mutex::new(candidate) })
+    }
+
+    /// Frames that ask for an answer without giving power or changing anything.
+    fn probe(&self) -> Vec<PyFrame> {
+        let mut out = FrameQueue::new(FRAMES);
+        self.lock().probe(&mut out);
+        list(out.frames())
+    }
+
+    /// What a frame is of this motor's, on whatever identifier it replies: `"measured"`,
+    /// `"parameter"`, `"noted"` or `"malformed"`; `None` for another's frame.
+    fn hears(&self, now_ns: u64, frame: &PyFrame) -> Option<&'static str> {
+        match self.lock().hears(now_ns, &frame.0) {
+            Receipt::NotMine | Receipt::Foreign => None,
+            Receipt::Malformed => Some("malformed"),
+            Receipt::Noted => Some("noted"),
+            Receipt::Measured(_) => Some("measured"),
+            Receipt::Parameter(..) => Some("parameter"),
+        }
+    }
+}
+
+impl PyCandidate {
+    fn lock(&self) -> MutexGuard<'_, Candidate> {
+        self.candidate.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+    }
+}
+
+fn known(name: &str) -> PyResult<&'static Protocol> {
+    protocol(name).ok_or_else(|| PyValueError::new_err(format!("no protocol `{name}`")))
+}
+
+/// Variants of a protocol, and of each the least and greatest identifier that its motors may have;
+/// an empty list for a protocol whose motors cannot be asked.
+#[pyfunction]
+pub(crate) fn candidates(protocol: &str) -> PyResult<Vec<(&'static str, i64, i64)>> {
+    let protocol = known(protocol)?;
+    let words = variants(protocol);
+    let words = if words.is_empty() { &[""] } else { words };
+    let of =
+        |word: &&'static str| identifiers(protocol, word).map(|(least, most)| (*word, least, most));
+    Ok(words.iter().filter_map(of).collect())
+}
