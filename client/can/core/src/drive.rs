@@ -212,6 +212,19 @@ pub trait Drive: Send + core::fmt::Debug {
         Vec::new()
     }
 
+    /// One step of each number's codes, of measurements and of gains, on the motor's side; 0 for
+    /// numbers that are as good as exact.
+    fn steps(&self) -> Setpoint {
+        Setpoint::default()
+    }
+
+    /// Whether the motor answers the frames of a cycle with one measurement: its requests and
+    /// replies can be paired. Not while it is set up, where answers are of other kinds, and never
+    /// for motors that measure without being asked.
+    fn is_paired(&self) -> bool {
+        false
+    }
+
     /// What the motor sends back in one cycle while it is on.
     fn replies(&self) -> Vec<Reply>;
 

@@ -53,6 +53,11 @@ impl Mechanism {
         self.phase == Phase::Waiting
     }
 
+    /// Follows commands of now.
+    pub(super) fn is_following(&self) -> bool {
+        matches!(self.phase, Phase::Following(_))
+    }
+
     pub(super) fn is_damped(&self) -> bool {
         self.phase == Phase::Damped
     }

@@ -10,6 +10,7 @@
 
 mod counters;
 mod mechanism;
+mod monitors;
 mod motor;
 mod report;
 mod setpoint;
@@ -63,26 +64,57 @@ pub struct Bridge {
 #[derive(Debug)]
 struct Bus {
     queue: FrameQueue,
+    /// Frames of the cycle before.
+    sent: FrameQueue,
+    /// Whose frame is likely to come next: motors answer in the order in which they are asked.
+    next: usize,
+    /// One of its motors has power.
+    has_power: bool,
+    /// None of those that wait for its frame pauses.
+    is_synchronous: bool,
     sync: Option<Frame>,
     state: BusState,
     backlog: u32,
     counters: BusCounters,
 }
 
+impl Bus {
+    /// A cycle begins.
+    fn begin(&mut self) {
+        std::mem::swap(&mut self.queue, &mut self.sent);
+        self.queue.clear();
+        (self.has_power, self.is_synchronous) = (false, true);
+    }
+
+    /// Whether a frame is one of the last two cycles, which some adapters give back.
+    fn is_echo(&self, frame: &Frame) -> bool {
+        self.queue.frames().contains(frame) || self.sent.frames().contains(frame)
+    }
+}
+
 impl Bridge {
     /// A bridge whose motors are all disabled. Allocates; nothing after it does.
     pub fn new(mut configuration: Configuration) -> Bridge {
         let of_bus = |bus: usize| configuration.motors.iter().filter(move |motor| motor.bus == bus);
+        let room = |bus: usize| FrameQueue::new((of_bus(bus).count() + 1) * FRAMES_PER_MOTOR);
         let buses = (0..configuration.buses.len()).map(|bus| Bus {
-            queue: FrameQueue::new((of_bus(bus).count() + 1) * FRAMES_PER_MOTOR),
+            queue: room(bus),
+            sent: room(bus),
+            next: 0,
+            has_power: false,
+            is_synchronous: true,
             sync: of_bus(bus).find_map(|motor| motor.drive.sync()),
             state: BusState::Active,
             backlog: 0,
             counters: BusCounters::default(),
         });
         let buses = buses.collect();
-        let motors: Vec<Motor> =
-            std::mem::take(&mut configuration.motors).into_iter().map(Motor::new).collect();
+        let (period_ns, feedback_ns) =
+            (configuration.period_ns(), configuration.timeouts.feedback_ns);
+        let motors: Vec<Motor> = std::mem::take(&mut configuration.motors)
+            .into_iter()
+            .map(|motor| Motor::new(motor, period_ns, feedback_ns))
+            .collect();
         let with_motors = |mechanism: usize| {
             motors.iter().any(|motor| {
                 configuration.mechanisms.get(motor.config.actuator) == Some(&mechanism)
@@ -121,12 +153,21 @@ impl Bridge {
     pub fn receive(&mut self, now_ns: u64, bus: usize, frame: &Frame) {
         let Some(of_bus) = self.buses.get_mut(bus) else { return };
         of_bus.counters.counts.received += 1;
-        let mut is_known = false;
-        for motor in self.motors.iter_mut().filter(|motor| motor.config.bus == bus) {
+        let n_motors = self.motors.len();
+        for i in (of_bus.next..n_motors).chain(0..of_bus.next) {
+            let Some(motor) = self.motors.get_mut(i).filter(|motor| motor.config.bus == bus) else {
+                continue;
+            };
             match motor.config.drive.receive(now_ns, frame) {
                 Receipt::NotMine => continue,
                 Receipt::Malformed => of_bus.counters.counts.malformed += 1,
-                Receipt::Foreign | Receipt::Noted | Receipt::Parameter(..) => {}
+                Receipt::Foreign => {
+                    of_bus.counters.foreign += 1;
+                    if !of_bus.is_echo(frame) {
+                        motor.monitors.foreign.hear(now_ns);
+                    }
+                }
+                Receipt::Noted | Receipt::Parameter(..) => {}
                 Receipt::Measured(measured) => {
                     if let Some(reply_ns) = motor.measured(now_ns, &measured) {
                         self.counters.reply_ns = reply_ns;
@@ -136,12 +177,10 @@ impl Bridge {
                     }
                 }
             }
-            is_known = true;
-            break;
+            of_bus.next = i + 1;
+            return;
         }
-        if !is_known {
-            of_bus.counters.counts.unknown += 1;
-        }
+        of_bus.counters.counts.unknown += 1;
     }
 
     /// Takes what happened on a bus besides frames.
@@ -228,13 +267,14 @@ impl Bridge {
         let gap_ns = self.last_cycle_ns.map_or(0, |last| now_ns.saturating_sub(last));
         self.last_cycle_ns = Some(now_ns);
         self.counters.cycles += 1;
-        self.buses.iter_mut().for_each(|bus| bus.queue.clear());
+        self.buses.iter_mut().for_each(Bus::begin);
 
         // what failed since the last cycle
         if gap_ns > self.configuration.timeouts.disable_ns {
             self.mechanisms.iter_mut().for_each(|mechanism| mechanism.torque_off(Reason::Stalled));
         }
         self.look_for_faults(now_ns);
+        self.look_at_measurements(now_ns);
         let feedback_ns = self.configuration.timeouts.feedback_ns;
         self.motors.iter_mut().for_each(|motor| motor.forget_if_stale(now_ns, feedback_ns));
 
@@ -248,6 +288,14 @@ impl Bridge {
         self.arm(now_ns, is_late);
         for number in 0..self.mechanisms.len() {
             self.follow(number, now_ns, is_late, is_lost);
+        }
+
+        // who may pause
+        for motor in &self.motors {
+            let is_powered = self.mechanism(motor).is_some_and(Mechanism::is_powered);
+            if let Some(bus) = self.buses.get_mut(motor.config.bus).filter(|_| is_powered) {
+                bus.has_power = true;
+            }
         }
 
         // what each motor is given
@@ -274,11 +322,16 @@ impl Bridge {
                 None if is_reset && motor.config.drive.state().fault != 0 => DriveCommand::Reset,
                 None => DriveCommand::Off,
             };
+            if motor.pauses(now_ns, mechanism.is_powered(), bus.has_power) {
+                bus.is_synchronous &= motor.config.drive.sync().is_none();
+                continue;
+            }
             motor.sent_ns = Some(now_ns);
             motor.config.drive.cycle(now_ns, command, &mut bus.queue);
+            motor.asked();
         }
         for bus in &mut self.buses {
-            bus.queue.push_some(bus.sync);
+            bus.queue.push_some(bus.sync.filter(|_| bus.is_synchronous));
         }
         self.report(now_ns);
     }

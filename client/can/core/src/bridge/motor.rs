@@ -2,9 +2,11 @@
 
 use sarrus_proto::actuators::Reason;
 
+use super::BusState;
+use super::monitors::Monitors;
 use crate::config::MotorConfig;
 use crate::drive::{Measurement, Watchdog};
-use crate::mapping::ActuatorMeasurement;
+use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint};
 
 /// A motor.
 #[derive(Debug)]
@@ -24,11 +26,20 @@ pub(super) struct Motor {
     /// The last set-point's position and effort.
     pub(super) last_position: f64,
     pub(super) last_effort: f64,
+    pub(super) monitors: Monitors,
+    /// The last measurement that the monitors saw, and when it came `[ns]`.
+    pub(super) before: ActuatorMeasurement,
+    pub(super) seen_ns: Option<u64>,
+    /// The last two set-points, and the stiffness before the last one's effort was limited.
+    pub(super) asked: [ActuatorSetpoint; 2],
+    pub(super) stiffness: f64,
 }
 
 impl Motor {
-    pub(super) fn new(config: MotorConfig) -> Motor {
+    /// A motor without power; a cycle and the time after which it counts as silent in ns.
+    pub(super) fn new(config: MotorConfig, period_ns: u64, feedback_ns: u64) -> Motor {
         Motor {
+            monitors: Monitors::new(&config, period_ns, feedback_ns),
             config,
             measured: ActuatorMeasurement::NONE,
             measured_ns: None,
@@ -38,6 +49,10 @@ impl Motor {
             hold: 0.0,
             last_position: 0.0,
             last_effort: 0.0,
+            before: ActuatorMeasurement::NONE,
+            seen_ns: None,
+            asked: [ActuatorSetpoint::default(); 2],
+            stiffness: 0.0,
         }
     }
 
@@ -48,6 +63,10 @@ impl Motor {
         }
         self.measured = self.config.mapping.to_actuator(measured);
         (self.measured_ns, self.is_known) = (Some(now_ns), true);
+        if self.config.drive.is_paired() {
+            self.monitors.age.take(now_ns);
+            self.monitors.answers.take();
+        }
         self.sent_ns.take().map(|sent| now_ns.saturating_sub(sent))
     }
 
@@ -59,6 +78,7 @@ impl Motor {
     pub(super) fn forget_if_stale(&mut self, now_ns: u64, feedback_ns: u64) {
         if self.is_known && self.is_stale(now_ns, feedback_ns) {
             self.is_known = false;
+            self.monitors.age.forget();
             self.config.drive.forget();
         }
     }
@@ -75,6 +95,7 @@ impl Motor {
     pub(super) fn never_ready(&self) -> Option<Reason> {
         match self.config.drive.state().watchdog {
             _ if !self.config.is_calibrated => Some(Reason::NotCalibrated),
+            _ if self.is_beyond() => Some(Reason::OutsideLimits),
             Watchdog::Unreadable => self.config.missing_watchdog(),
             _ => None,
         }
@@ -89,6 +110,12 @@ impl Motor {
         if state.fault != 0 {
             return Some(Reason::MotorFault);
         }
-        self.config.missing_watchdog()
+        if let Some(reason) = self.config.missing_watchdog() {
+            return Some(reason);
+        }
+        if self.config.drive.is_paired() && self.monitors.age.is_unknown() {
+            return Some(Reason::FeedbackLate);
+        }
+        self.monitors.check_bus(now_ns, BusState::Active)
     }
 }

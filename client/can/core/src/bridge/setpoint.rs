@@ -3,6 +3,7 @@
 
 use sarrus_proto::actuators::{ActuatorCommand, flag};
 
+use super::monitors::Outside;
 use super::motor::Motor;
 use crate::drive::{Mode, Setpoint};
 use crate::mapping::ActuatorSetpoint;
@@ -20,6 +21,7 @@ impl Motor {
         self.flags = 0;
         let mut setpoint =
             if is_damped { self.damped() } else { self.following(command, ramp, elapsed) };
+        let stiffness = setpoint.stiffness;
         if self.config.common.mode == Mode::Torque {
             // a motor without gains of its own gets their sum
             setpoint = ActuatorSetpoint {
@@ -34,8 +36,12 @@ impl Motor {
             let (least, most) = (self.last_effort - change, self.last_effort + change);
             setpoint.effort = self.limited(setpoint.effort, least, most, flag::RATE_LIMITED);
         }
+        self.stiffness = stiffness;
+        let setpoint = self.within_limits(setpoint);
         let setpoint = self.within_effort(setpoint);
         (self.last_position, self.last_effort) = (setpoint.position, setpoint.effort);
+        let [last, _] = self.asked;
+        self.asked = [setpoint, last];
         self.config.mapping.to_motor(&setpoint)
     }
 
@@ -112,11 +118,35 @@ impl Motor {
         setpoint.stiffness * behind + setpoint.damping * slower
     }
 
+    /// Beyond a position limit nothing pushes or leads outwards; damping against the motion stays.
+    fn within_limits(&mut self, setpoint: ActuatorSetpoint) -> ActuatorSetpoint {
+        let outwards = match self.monitors.outside(&self.config.limits, self.measured.position) {
+            Outside::No => return setpoint,
+            Outside::Above => 1.0,
+            Outside::Below => -1.0,
+        };
+        let total = setpoint.effort + self.by_gains(&setpoint);
+        let velocity = if outwards * setpoint.velocity > 0.0 { 0.0 } else { setpoint.velocity };
+        if outwards * total <= 0.0 && velocity == setpoint.velocity {
+            return setpoint;
+        }
+        self.flags |= flag::OUTWARD_LIMITED;
+        if outwards * total <= 0.0 {
+            return ActuatorSetpoint { velocity, ..setpoint };
+        }
+        let damping = if setpoint.damping > 0.0 { setpoint.damping } else { self.config.damping };
+        ActuatorSetpoint { velocity: 0.0, effort: 0.0, stiffness: 0.0, damping, ..setpoint }
+    }
+
     /// Spring, damper and effort together stay within the limit, as far as the last measurement
     /// tells. All three shrink alike, so that none of them is left alone where the motor itself
     /// saturates another.
     fn within_effort(&mut self, setpoint: ActuatorSetpoint) -> ActuatorSetpoint {
-        let most = self.config.limits.effort;
+        let part = self.monitors.derated();
+        if part < 1.0 {
+            self.flags |= flag::DERATED;
+        }
+        let most = part * self.config.limits.effort;
         let total = setpoint.effort + self.by_gains(&setpoint);
         if total.abs() <= most {
             return setpoint;

@@ -27,11 +27,13 @@ mod check;
 #[cfg(feature = "files")]
 mod files;
 mod keys;
+mod monitors;
 mod motors;
 mod read;
 
 #[cfg(feature = "files")]
 pub use files::ConfigurationError;
+pub use monitors::MonitorBounds;
 
 use crate::drive::{Drive, Watchdog};
 use crate::mapping::Mapping;
@@ -134,6 +136,8 @@ pub struct MotorConfig {
     pub limits: Limits,
     /// Damping while commands are late `[N m s/rad, N s/m]`.
     pub damping: f64,
+    /// From where on what it measures is doubted.
+    pub monitors: MonitorBounds,
 }
 
 /// Limits of an actuator; infinite where there is none.

@@ -47,8 +47,7 @@ impl Scale {
     }
 
     /// The value of one step.
-    #[cfg(test)]
-    fn step(self) -> f64 {
+    pub(super) fn step(self) -> f64 {
         (self.high - self.low) / self.most()
     }
 }

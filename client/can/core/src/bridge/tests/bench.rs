@@ -8,7 +8,7 @@ use sarrus_proto::actuators::MAX_ACTUATORS;
 
 use super::super::*;
 use crate::config::Stop;
-use crate::config::{BusConfig, Limits, MotorConfig, Timeouts};
+use crate::config::{BusConfig, Limits, MonitorBounds, MotorConfig, Timeouts};
 use crate::drive::Power;
 use crate::drive::{Drive, DriveState, Measurement, Mode, Reply, Setpoint, Watchdog};
 use crate::frame::Id;
@@ -146,6 +146,7 @@ impl Bench {
                 effort_rate: f64::INFINITY,
             },
             damping: 3.0,
+            monitors: MonitorBounds::USUAL,
         };
         let bus = |name: &str| BusConfig {
             name: name.into(),

@@ -329,6 +329,19 @@ impl Drive for Cia402 {
             .to_vec()
     }
 
+    fn steps(&self) -> Setpoint {
+        Setpoint {
+            position: TAU / self.counts,
+            velocity: TAU / self.velocity_counts,
+            torque: self.rated_torque / 1000.0,
+            ..Setpoint::default()
+        }
+    }
+
+    fn is_paired(&self) -> bool {
+        self.setup.is_done() && self.state.is_some()
+    }
+
     fn replies(&self) -> Vec<Reply> {
         let reply = |base: u16, len| Reply {
             id: Id::Standard(base + self.node),

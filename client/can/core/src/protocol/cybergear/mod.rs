@@ -365,6 +365,20 @@ impl Drive for CyberGear {
         ]
     }
 
+    fn steps(&self) -> Setpoint {
+        Setpoint {
+            position: self.position.step(),
+            velocity: self.velocity.step(),
+            torque: self.torque.step(),
+            stiffness: self.stiffness.step(),
+            damping: self.damping.step(),
+        }
+    }
+
+    fn is_paired(&self) -> bool {
+        self.step == Step::Done
+    }
+
     fn replies(&self) -> Vec<Reply> {
         vec![Reply {
             id: Id::Extended(FEEDBACK << 24 | self.id << 8 | self.host),

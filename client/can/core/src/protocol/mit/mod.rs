@@ -342,6 +342,20 @@ impl Drive for Mit {
         if self.registers.is_some() { vec![reply, shared(0x7FF, 0xFFFF)] } else { vec![reply] }
     }
 
+    fn steps(&self) -> Setpoint {
+        Setpoint {
+            position: self.position.step(),
+            velocity: self.velocity.step(),
+            torque: self.torque.step(),
+            stiffness: self.stiffness.step(),
+            damping: self.damping.step(),
+        }
+    }
+
+    fn is_paired(&self) -> bool {
+        self.registers.is_none_or(|registers| registers.done())
+    }
+
     fn replies(&self) -> Vec<Reply> {
         let len = if self.variant == Variant::MiniCheetah { 6 } else { 8 };
         vec![Reply { id: Id::Standard(self.reply_id), kind: FrameKind::Classic, len }]

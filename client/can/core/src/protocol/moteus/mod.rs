@@ -352,6 +352,21 @@ impl Drive for Moteus {
         ]
     }
 
+    fn steps(&self) -> Setpoint {
+        let [kp, kd] = self.gains.map(|gain| gain / TAU / f64::from(WHOLE));
+        let known = |gain: f64| if gain.is_finite() { gain } else { 0.0 };
+        Setpoint {
+            torque: TORQUE_STEP,
+            stiffness: known(kp),
+            damping: known(kd),
+            ..Setpoint::default()
+        }
+    }
+
+    fn is_paired(&self) -> bool {
+        true
+    }
+
     fn replies(&self) -> Vec<Reply> {
         let answer = self.id << 8 | self.source;
         let id = Id::standard(answer).unwrap_or(Id::Extended(answer));
