@@ -8,6 +8,8 @@
 //! timeouts: {damping_ms: 20, disable_ms: 100, feedback_ms: 20}
 //! ramp_ms: 500              # gains and efforts grow to their full size in this time after arming
 //! stop: mechanism           # or `robot`: what stops when a motor fails
+//! stop_function: ss1        # how it stops: to a standstill within `stop_ms`, then no torque
+//! stop_ms: 500
 //! buses:
 //! - {name: left_arm, interface: socketcan, channel: can0, bitrate: 1000000}
 //! motors:
@@ -30,10 +32,12 @@ mod keys;
 mod monitors;
 mod motors;
 mod read;
+mod stops;
 
 #[cfg(feature = "files")]
 pub use files::ConfigurationError;
 pub use monitors::MonitorBounds;
+pub use stops::{MechanismStop, StopFunction};
 
 use crate::drive::{Drive, Watchdog};
 use crate::mapping::Mapping;
@@ -66,6 +70,8 @@ pub struct Configuration {
     pub ramp_ns: u64,
     /// What stops when a motor fails.
     pub stop: Stop,
+    /// How each mechanism is stopped, by its number in `mechanisms`.
+    pub stops: Vec<MechanismStop>,
     /// The buses.
     pub buses: Vec<BusConfig>,
     /// The motors, in the order of the file.
@@ -79,7 +85,7 @@ pub struct Configuration {
 pub struct Timeouts {
     /// T1: commands older than this bring damping `[ns]`.
     pub damping_ns: u64,
-    /// T2: commands older than this disable `[ns]`.
+    /// T2: commands older than this bring a stop `[ns]`.
     pub disable_ns: u64,
     /// A motor that has not measured for this time has failed `[ns]`.
     pub feedback_ns: u64,
@@ -134,7 +140,8 @@ pub struct MotorConfig {
     pub watchdog_believed: bool,
     /// Limits of the actuator.
     pub limits: Limits,
-    /// Damping while commands are late `[N m s/rad, N s/m]`.
+    /// Damping while commands are late `[N m s/rad, N s/m]`; where the file has none it is
+    /// [`Limits::damping`].
     pub damping: f64,
     /// From where on what it measures is doubted.
     pub monitors: MonitorBounds,
@@ -153,6 +160,17 @@ pub struct Limits {
     pub effort: f64,
     /// Greatest change of the effort in time `[N m/s, N/s]`.
     pub effort_rate: f64,
+}
+
+impl Limits {
+    /// Speed that the greatest effort is to brake where no limit is known `[rad/s, m/s]`.
+    const SPEED: f64 = 10.0;
+
+    /// A damping that brakes the greatest velocity with the greatest effort, and without a limit of
+    /// the velocity ten units in a second `[N m s/rad, N s/m]`.
+    pub fn damping(&self) -> f64 {
+        self.effort / if self.velocity.is_finite() { self.velocity } else { Self::SPEED }
+    }
 }
 
 impl MotorConfig {
@@ -197,6 +215,7 @@ impl Configuration {
             source: self.source.clone(),
             actuators: self.actuators.clone(),
             mechanisms: self.mechanisms.clone(),
+            stops: self.stops.clone(),
             buses: self.buses.clone(),
             motors: Vec::new(),
             warnings: self.warnings.clone(),

@@ -80,7 +80,7 @@ pub(super) struct Monitors {
     pub(super) age: age::Age,
     pub(super) answers: answers::Answers,
     pub(super) foreign: foreign::Foreign,
-    pub(super) temperature: temperature::Temperature,
+    temperature: temperature::Temperature,
     rules: Rules,
 }
 
