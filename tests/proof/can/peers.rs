@@ -78,8 +78,13 @@ fn drive_of(name: &str, text: &str, mode: Mode, file: &str) -> Box<dyn Drive> {
         &|_| Ok(file.to_owned()),
         &mut diagnostics,
     );
-    let common =
-        Common { mode, watchdog_ms: 50, torque_limit: f64::INFINITY, period_ns: 2_000_000 };
+    let common = Common {
+        mode,
+        watchdog_ms: 50,
+        torque_limit: f64::INFINITY,
+        velocity_limit: f64::INFINITY,
+        period_ns: 2_000_000,
+    };
     let drive = settings.and_then(|settings| (protocol.make)(&settings, common, &mut diagnostics));
     drive.unwrap_or_else(|| panic!("{}", diagnostics.into_report()))
 }

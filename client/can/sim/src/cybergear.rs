@@ -20,7 +20,7 @@
 //! (measured), 7028 and 200C time without commands in 50 µs after which it turns its torque off, 0
 //! when new. Source: Xiaomi, *CyberGear user manual*, chapter 4.
 
-use super::{Firmware, Plant};
+use super::{Firmware, Plant, extended};
 use sarrus_can_core::drive::Setpoint;
 use sarrus_can_core::frame::{Frame, FrameQueue, Id};
 use sarrus_can_core::protocol::Common;
@@ -217,11 +217,6 @@ impl Firmware for CyberGear {
             plant.stop();
         }
     }
-}
-
-/// A frame with an extended identifier.
-fn extended(id: u32, bytes: &[u8]) -> Option<Frame> {
-    Frame::classic(Id::extended(id)?, bytes)
 }
 
 /// A number as 16 bits over ± `range`; beyond it wraps around.

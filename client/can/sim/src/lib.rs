@@ -7,6 +7,7 @@
 
 #![forbid(unsafe_code)]
 
+mod ak_servo;
 mod cia402;
 mod cybergear;
 mod dbc;
@@ -14,6 +15,8 @@ mod mit;
 mod moteus;
 mod odrive;
 mod plant;
+mod rmd;
+mod vesc;
 
 pub use plant::{Physics, Plant};
 
@@ -85,8 +88,13 @@ impl Simulated {
         let Plant { position, velocity, zero, .. } = self.plant;
         let mut plant = Plant::new(*physics);
         (plant.position, plant.velocity, plant.zero) = (position, velocity, zero);
+        let kept_ns = self.plant.watchdog_ns;
         if let Some(firmware) = firmware(protocol, settings, *common, &mut plant) {
             (self.plant, self.firmware) = (plant, firmware);
+            if protocol == "rmd" {
+                // it is in the motor's ROM
+                self.plant.watchdog_ns = kept_ns;
+            }
         }
         self.replies.clear();
     }
@@ -180,12 +188,20 @@ fn firmware(
     Some(match protocol {
         "mit" => Box::new(mit::Mit::new(settings, common, plant)),
         "cybergear" => Box::new(cybergear::CyberGear::new(settings, common, plant)),
-        "odrive" => Box::new(odrive::Odrive::new(settings, common)),
+        "odrive" => Box::new(odrive::Odrive::new(settings, common, plant)),
         "moteus" => Box::new(moteus::Moteus::new(settings, common, plant)),
         "cia402" => Box::new(cia402::Cia402::new(settings, common)),
+        "rmd" => Box::new(rmd::Rmd::new(settings)),
+        "vesc" => Box::new(vesc::Vesc::new(settings, common, plant)),
+        "ak_servo" => Box::new(ak_servo::AkServo::new(settings, common, plant)),
         "dbc" => Box::new(dbc::Dbc::new(settings, common, plant)?),
         _ => return None,
     })
+}
+
+/// A frame with an extended identifier.
+fn extended(id: u32, bytes: &[u8]) -> Option<Frame> {
+    Frame::classic(Id::extended(id)?, bytes)
 }
 
 /// A standard frame of at most eight bytes; more are cut off.

@@ -9,7 +9,7 @@
 //!
 //! | variant | reply | without commands |
 //! |---|---|---|
-//! | `mini_cheetah` | id, p, v, t | no torque until the next command |
+//! | `mini_cheetah` | id, p, v, t, voltage of the supply 0 … 40 V | no torque until the next command |
 //! | `t_motor` | id, p, v, t, temperature + 40 °C, error | the same |
 //! | `damiao` | state in the high, id in the low half of the first byte, p, v, t, temperatures of bridge and winding | no power, state D |
 //! | `robstride` | id, p, v, t, temperature ×10 in 16 bits | no power |
@@ -19,7 +19,7 @@
 //! new; 15 to 17 (hexadecimal) are its ranges, 0 the voltage at which it turns its torque off, 7
 //! and 8 its identifiers, A its mode, E its firmware, 14 the reduction of its gear.
 //!
-//! Sources: B. Katz, firmware of the mini cheetah's motor controller; CubeMars, *AK series manual*;
+//! Sources: B. Katz, firmware of the mini cheetah's motor controller, as of July 2023 (can.c); CubeMars, *AK series manual*;
 //! Damiao, *DM-J4310 manual* and its list of registers; RobStride, *RS00 manual*, chapter on the
 //! MIT protocol.
 
@@ -38,6 +38,8 @@ const COUNT_NS: u64 = 50_000;
 const UNDER_VOLTAGE: f32 = 15.0;
 const SOFTWARE: u32 = 5013;
 const REDUCTION: f32 = 10.0;
+/// Voltage of the supply `[V]`.
+const SUPPLY: f64 = 24.0;
 /// A Damiao's state after its watchdog.
 const COMMUNICATION_LOST: u32 = 0xD;
 
@@ -141,7 +143,10 @@ impl Mit {
         let temperature = plant.temperature;
         let id = self.id as u8;
         let frame = match self.variant {
-            Variant::MiniCheetah => standard(self.reply_id, &[id, p, q, v, w, t]),
+            Variant::MiniCheetah => {
+                let supply = (SUPPLY / 40.0 * 255.0) as u8;
+                standard(self.reply_id, &[id, p, q, v, w, t, supply])
+            }
             Variant::TMotor => standard(
                 self.reply_id,
                 &[id, p, q, v, w, t, (temperature + 40.0) as u8, plant.fault as u8],

@@ -15,6 +15,7 @@
 //! | 0C position | host | f32, velocity i16 × `velocity_scale`, torque i16 × `torque_scale` |
 //! | 0D velocity | host | f32, torque f32 |
 //! | 0E torque | host | f32 |
+//! | 0F limits | host | velocity f32, current f32 in A |
 //! | 15 temperatures, 1C torques, cyclic | motor | f32, f32 |
 //! | 18 forget errors | host | |
 //! | 19 position is now | host | f32 |
@@ -39,6 +40,8 @@ const FEEDBACK_NS: u64 = 2_000_000;
 const WATCHDOG_EXPIRED: u32 = 0x0100_0000;
 const IDLE: u8 = 1;
 const CLOSED_LOOP: u8 = 8;
+/// What its limit of current as delivered comes to `[N m]`.
+const OWN_LIMIT: f64 = 20.0;
 /// Gains of its own loops: torque for position `[N m/rad]`, for velocity `[N m s/rad]`.
 const OWN_GAINS: [f64; 2] = [40.0, 2.0];
 
@@ -48,6 +51,10 @@ pub(super) struct Odrive {
     control_mode: u32,
     velocity_scale: f64,
     torque_scale: f64,
+    torque_constant: f64,
+    /// What the current may make `[N m]`; the ODrive's own is 20.
+    torque_limit: f64,
+    physical_limit: f64,
     tells_torque: bool,
     enable_watchdog: bool,
     timeout_s: f32,
@@ -58,12 +65,17 @@ pub(super) struct Odrive {
 }
 
 impl Odrive {
-    pub(super) fn new(settings: &Settings, _common: Common) -> Odrive {
+    pub(super) fn new(settings: &Settings, _common: Common, plant: &Plant) -> Odrive {
         Odrive {
             node: settings.integer("node") as u16,
             control_mode: 3,
             velocity_scale: settings.number("velocity_scale"),
             torque_scale: settings.number("torque_scale"),
+            torque_constant: Some(settings.number("motor_torque_constant"))
+                .filter(|constant| constant.is_finite())
+                .unwrap_or(1.0),
+            torque_limit: OWN_LIMIT,
+            physical_limit: plant.physics.torque_limit,
             tells_torque: settings.flag("torque_feedback"),
             enable_watchdog: false,
             timeout_s: 0.0,
@@ -152,6 +164,10 @@ impl Firmware for Odrive {
                 self.control_mode = u32::from(a);
                 return true;
             }
+            (0x0F, 8) => {
+                self.torque_limit = f64::from(second) * self.torque_constant;
+                return true;
+            }
             (0x18, _) => {
                 plant.fault = 0;
                 return true;
@@ -184,6 +200,7 @@ impl Firmware for Odrive {
             (0x01 | 0x03 | 0x05 | 0x09 | 0x15 | 0x1C, _) => return false,
             _ => return true,
         };
+        plant.physics.torque_limit = self.physical_limit.min(self.torque_limit);
         plant.follow(now_ns, law);
         true
     }

@@ -8,7 +8,9 @@
 //! ```
 //!
 //! where u̇ = G ẏ, R are the rotors' inertias and D, K the motors' damping and stiffness as the
-//! actuators feel them, and c is the bias with gravity. A motor without power is held by its brake.
+//! actuators feel them, and c is the bias with gravity. A motor without power is limp: its actuator
+//! falls with the robot. Only until it first gets power it stands as if on a stand, where somebody
+//! has put the robot.
 
 // the symbols of the equation
 #![allow(non_snake_case)]
@@ -18,8 +20,8 @@ use sarrus_can_core::mapping::Mapping;
 use sarrus_can_sim::{Physics, Plant};
 use sarrus_client::{Options, PlanId, Request, Robot, Status};
 
-/// Time constant in which a brake stops its own rotor `[s]`.
-const BRAKE: f64 = 1e-7;
+/// Time constant in which the stand stops a rotor `[s]`.
+const STAND: f64 = 1e-7;
 
 /// A robot under way.
 pub(super) struct Moving {
@@ -32,6 +34,8 @@ pub(super) struct Moving {
     input: Vec<f64>,
     output: Vec<f64>,
     laws: Vec<Law>,
+    /// Actuators whose motor never had power.
+    on_stand: Vec<bool>,
     stuck: bool,
 }
 
@@ -65,7 +69,7 @@ impl Moving {
             force: 0.0,
             stiffness: 0.0,
             target: 0.0,
-            damping: physics.inertia / BRAKE,
+            damping: physics.inertia / STAND,
             inertia: physics.inertia,
         };
         let output = vec![0.0; 2 * n_u + n_u * n_y + n_y * n_y + n_y];
@@ -80,6 +84,7 @@ impl Moving {
             input,
             output,
             laws: vec![still; n_u],
+            on_stand: vec![true; n_u],
             stuck: false,
         };
         moving.ask()?;
@@ -98,7 +103,12 @@ impl Moving {
         let (u, _) = self.actuator(actuator);
         let square = gear * gear;
         let law = plant.law;
-        let Some(place) = self.laws.get_mut(actuator) else { return };
+        let (Some(place), Some(on_stand)) =
+            (self.laws.get_mut(actuator), self.on_stand.get_mut(actuator))
+        else {
+            return;
+        };
+        *on_stand &= !plant.power;
         let (friction, inertia) = (self.physics.friction * square, self.physics.inertia * square);
         // where the actuator is when the motor's coordinate is that of the set-point
         let target = sign * (law.position + plant.zero) / gear + offset;
@@ -108,7 +118,10 @@ impl Moving {
                 force: 0.0,
                 stiffness: 0.0,
                 target: u,
-                damping: self.physics.inertia.max(1e-9) * square / BRAKE,
+                damping: match on_stand {
+                    true => self.physics.inertia.max(1e-9) * square / STAND,
+                    false => friction,
+                },
                 inertia,
             }
         } else if held {

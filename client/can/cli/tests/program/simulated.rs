@@ -172,7 +172,7 @@ fn a_robot_moves_behind_its_motors() {
     assert!(motors.line().starts_with("ready arm "));
     let mut host = Host::opened(&folder.path("bus"));
     let held = motors.report()["actuator_position"].as_f64().unwrap();
-    assert!(held.abs() < 1e-3, "the brake holds: {held}");
+    assert!(held.abs() < 1e-3, "it is on its stand until it first has power: {held}");
 
     // stiffness alone would hold at 2 rad; gravity, 9.81 N m cos q, pulls the rod down from there
     host.ask(POWER_ON);
@@ -185,4 +185,20 @@ fn a_robot_moves_behind_its_motors() {
     let position: f64 = report["actuator_position"].as_f64().unwrap();
     let balance: f64 = 50.0 * (2.0 - position) + 9.81 * position.cos();
     assert!((position - 2.0).abs() > 0.02 && balance.abs() < 0.2, "{position} {balance} {report}");
+
+    // without power it is limp: it falls and swings
+    host.ask(POWER_OFF);
+    wait_for_fall(&mut motors, position);
+}
+
+fn wait_for_fall(motors: &mut Program, from: f64) {
+    let end = Instant::now() + Duration::from_secs(20);
+    loop {
+        let position = motors.report()["actuator_position"].as_f64().unwrap();
+        if (position - from).abs() > 0.3 {
+            return;
+        }
+        assert!(Instant::now() < end, "{position}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
 }

@@ -334,8 +334,9 @@ impl Bridge {
                 continue;
             }
             motor.sent_ns = Some(now_ns);
+            let n_before = bus.queue.frames().len();
             motor.config.drive.cycle(now_ns, command, &mut bus.queue);
-            motor.asked();
+            motor.ask(bus.queue.frames().len() - n_before);
         }
         for bus in &mut self.buses {
             bus.queue.push_some(bus.sync.filter(|_| bus.is_synchronous));

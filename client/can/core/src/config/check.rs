@@ -8,8 +8,9 @@ use sarrus_models::yaml::{Span, quoted};
 use super::Configuration;
 use super::bus_load::{self, REFUSED, WARNED};
 use super::read::Read;
-use crate::drive::{Setpoint, Shared, Watchdog};
+use crate::drive::{Mode, Setpoint, Shared, Watchdog};
 use crate::frame::{FrameQueue, Id};
+use crate::mapping::ActuatorSetpoint;
 
 /// Motors against each other and against the robot's mechanisms.
 pub(super) fn motors(
@@ -183,6 +184,23 @@ pub(super) fn whole(
                 found,
                 "a watchdog longer than a cycle",
                 "the motor would turn its torque off between two commands; make it longer",
+            );
+        }
+        let [still, damped] = [0.0, motor.damping].map(|damping| {
+            // with all the stiffness that there is: some motors have no damping without any
+            let damped = ActuatorSetpoint { stiffness: 1e60, damping, ..Default::default() };
+            let mut frames = FrameQueue::new(16);
+            motor.drive.encode(&motor.mapping.to_motor(&damped), &mut frames);
+            frames
+        });
+        let has_damping = motor.common.mode == Mode::Impedance && motor.damping > 0.0;
+        if has_damping && still.frames() == damped.frames() {
+            let found = format!("a damping of {} is no code of this motor", motor.damping);
+            diagnostics.warning(
+                *place,
+                found,
+                "a damping that its protocol can say",
+                "make it larger: codes are rounded towards zero, so this is none",
             );
         }
         let mut frames = FrameQueue::new(16);

@@ -220,6 +220,7 @@ impl Reader<'_, '_> {
             mode,
             watchdog_ms: read.integer("watchdog_ms") as u32,
             torque_limit,
+            velocity_limit: limits.velocity * read.number("gear"),
             period_ns: self.period_ns,
         };
         let drive = (protocol.make)(&settings, common, self.diagnostics)?;

@@ -19,6 +19,8 @@ pub const NOT_FINITE: u32 = 0x8000_0006;
 pub const UNKNOWN: u32 = 0x8000_0007;
 /// What the motor tells of its fault or its power has stopped coming.
 pub const SILENT: u32 = 0x8000_0008;
+/// The motor does not hold the limit of torque that it was given.
+pub const LIMIT_REFUSED: u32 = 0x8000_0009;
 
 /// What a drive's own fault means; `None` for the codes of motors.
 pub fn describe(fault: u32) -> Option<&'static str> {
@@ -31,6 +33,7 @@ pub fn describe(fault: u32) -> Option<&'static str> {
         NOT_FINITE => "the motor sent a number that is not finite",
         UNKNOWN => "the motor has a fault without a code",
         SILENT => "the motor does not tell its state any more",
+        LIMIT_REFUSED => "the motor does not hold the limit of torque",
         _ => return None,
     })
 }

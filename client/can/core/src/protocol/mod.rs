@@ -1,6 +1,8 @@
 //! The protocols. To add one: a file here with its [`Protocol`], and its line in [`PROTOCOLS`].
 
+mod ak_servo;
 mod cia402;
+mod codes;
 mod cybergear;
 mod dbc;
 pub mod fault;
@@ -9,8 +11,10 @@ mod moteus;
 mod number;
 mod odrive;
 mod power_up;
+mod rmd;
 mod scale;
 mod turns;
+mod vesc;
 
 use sarrus_models::Diagnostics;
 
@@ -27,6 +31,9 @@ pub struct Common {
     /// Torque that the motor must never be asked for `[N m]`, for drives that hold a limit of their
     /// own; infinite without one.
     pub torque_limit: f64,
+    /// Speed that the motor must never be asked for `[rad/s]`, for the same drives; infinite
+    /// without one.
+    pub velocity_limit: f64,
     /// Time between two cycles `[ns]`; 0 where it is not known.
     pub period_ns: u64,
 }
@@ -56,6 +63,9 @@ pub const PROTOCOLS: &[&Protocol] = &[
     &cybergear::CYBERGEAR,
     &moteus::MOTEUS,
     &cia402::CIA402,
+    &rmd::RMD,
+    &vesc::VESC,
+    &ak_servo::AK_SERVO,
     &dbc::DBC,
 ];
 

@@ -12,6 +12,13 @@ pub(super) fn steps(value: f64, step: f64, most: i32) -> i32 {
     if steps.is_nan() { 0 } else { steps as i32 }
 }
 
+/// As [`steps`], towards zero, to a millionth of a step: for torques and gains, which no rounding
+/// may enlarge.
+pub(super) fn steps_toward_zero(value: f64, step: f64, most: i32) -> i32 {
+    let whole = (value / step).abs() + 1e-6;
+    steps(whole.floor().copysign(value), 1.0, most)
+}
+
 /// A torque within ± `limit`.
 pub(super) fn limited(torque: f64, limit: f64) -> f64 {
     if limit >= 0.0 { torque.clamp(-limit, limit) } else { torque }
@@ -33,6 +40,11 @@ mod tests {
             (1_000_000_000, -i32::MAX)
         );
         assert_eq!((steps(0.0014, 0.001, 32_767), steps(0.0016, 0.001, 32_767)), (1, 2));
+        assert_eq!(
+            [0.0019, -0.0019, 0.002, f64::NAN, -1e300]
+                .map(|value| steps_toward_zero(value, 0.001, 32_767)),
+            [1, -1, 2, 0, -32_767]
+        );
         assert_eq!(
             (limited(5.0, 2.0), limited(-5.0, 2.0), limited(5.0, f64::INFINITY)),
             (2.0, -2.0, 5.0)

@@ -36,6 +36,28 @@ impl Scale {
         (below as u16).saturating_add(u16::from(up))
     }
 
+    /// The code next to a value on the side of zero, to a millionth of a step; where there is none,
+    /// as beside zero itself, the nearest.
+    pub(super) fn toward_zero(self, value: f64, odd: bool) -> u16 {
+        let nearest = self.code(value, odd);
+        let inward =
+            if value > 0.0 { nearest.saturating_sub(1) } else { nearest.saturating_add(1) };
+        let (size, inner) = (self.value(nearest).abs(), self.value(inward).abs());
+        let is_beyond = size > value.abs() + 1e-6 * self.step();
+        if is_beyond && size - inner > 0.5 * self.step() { inward } else { nearest }
+    }
+
+    /// A code, or the one beside it whose value is between two bounds.
+    pub(super) fn within(self, code: u16, least: f64, most: f64) -> u16 {
+        let slack = 1e-6 * self.step();
+        let last = self.most() as u16;
+        match self.value(code) {
+            value if value < least - slack => code.saturating_add(1).min(last),
+            value if value > most + slack => code.saturating_sub(1),
+            _ => code,
+        }
+    }
+
     /// The value of a code.
     pub(super) fn value(self, code: u16) -> f64 {
         self.value_at(i64::from(code))
@@ -70,6 +92,24 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn towards_zero_no_code_is_larger_than_its_value() {
+        let scale = Scale::around_zero(18.0, 12);
+        let half = 0.5 * scale.step();
+        for n in 0..20_000 {
+            let value = -18.0 + 36.0 * f64::from(n) / 19_999.0;
+            let sent = scale.value(scale.toward_zero(value, n % 2 == 0));
+            assert!(sent.abs() <= value.abs() + 1e-8 || value.abs() < half, "{value} {sent}");
+            assert!((sent - value).abs() <= scale.step() * (1.0 + 1e-6), "{value} {sent}");
+        }
+        for code in 0..=4095 {
+            assert_eq!(scale.toward_zero(scale.value(code), true), code, "a code's own value");
+        }
+        let gain = Scale::from_zero(500.0, 12);
+        assert_eq!((gain.toward_zero(0.12, false), gain.toward_zero(0.13, false)), (0, 1));
+        assert_eq!(gain.toward_zero(1e300, false), 4095);
     }
 
     #[test]

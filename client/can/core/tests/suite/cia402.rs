@@ -3,7 +3,8 @@
 use std::f64::consts::TAU;
 
 use crate::support::{
-    COMMON, Random, cycle, drive, receive, survives_hostile_frames, torque, try_drive,
+    COMMON, Random, cycle, drive, is_toward_zero, receive, survives_hostile_frames, torque,
+    try_drive,
 };
 use sarrus_can_core::drive::{Drive, DriveCommand, Mode, Power, Receipt, Setpoint, Watchdog};
 use sarrus_can_core::frame::{Frame, FrameQueue};
@@ -16,7 +17,8 @@ const WITHOUT_IT: &str = "585#4B07600002000000";
 const RATED: &str = "585#43766000D0070000";
 
 fn cia402(mode: Mode) -> Box<dyn Drive> {
-    drive("cia402", YAML, Common { mode, watchdog_ms: 50, torque_limit: 4.0, period_ns: 2_000_000 })
+    let common = Common { torque_limit: 4.0, period_ns: 2_000_000, ..COMMON };
+    drive("cia402", YAML, Common { mode, watchdog_ms: 50, ..common })
 }
 
 /// Answers requests as a drive with nothing to complain would; gives the requests.
@@ -112,6 +114,7 @@ fn a_drive_is_set_up_by_sdo_and_then_started() {
         "605#2B726000D0070000",
         "605#2B07600002000000",
         "605#2316100132007F00",
+        "605#4072600000000000",
         "605#4016100100000000",
         "605#4007600000000000",
         "605#4076600000000000",
@@ -126,7 +129,6 @@ fn a_drive_is_set_up_by_sdo_and_then_started() {
 fn a_drive_with_another_rated_torque_or_mode_or_without_them_gets_no_power() {
     for (answer, fault) in [
         ("585#43766000B80B0000", fault::RANGES_DIFFER),
-        ("585#4F61600001000000", fault::MODE_REFUSED),
         ("585#8076600000000206", fault::SETTING_REFUSED),
         ("585#8061600000000206", fault::SETTING_REFUSED),
         ("585#8060600000000206", fault::SETTING_REFUSED),
@@ -138,6 +140,59 @@ fn a_drive_with_another_rated_torque_or_mode_or_without_them_gets_no_power() {
         receive(&mut *drive, "185#5002000000000000");
         let sent = cycle(&mut *drive, DriveCommand::On(torque(1.0)));
         assert_eq!(sent, ["205#00000000"]);
+    }
+}
+
+#[test]
+fn a_drive_that_shows_its_mode_later_is_asked_again_and_for_two_seconds() {
+    let shown = |since_ms: u64| {
+        let mut drive = cia402(Mode::Torque);
+        let mut started_ms = None;
+        for now_ms in (0..4_000).step_by(2) {
+            let mut queue = FrameQueue::new(8);
+            drive.cycle(now_ms * 1_000_000, DriveCommand::Off, &mut queue);
+            for frame in queue.frames() {
+                let text = frame.to_string();
+                if text == "000#0105" {
+                    started_ms = Some(now_ms);
+                }
+                let Some(request) = text.strip_prefix("605#") else { continue };
+                let object = &request[2..8];
+                let mode = if now_ms < since_ms { "00" } else { "0A" };
+                let answer = match (&request[..2], object) {
+                    ("40", "161001") => HEARTBEAT_OF.to_owned(),
+                    ("40", "076000") => WITHOUT_IT.to_owned(),
+                    ("40", "766000") => RATED.to_owned(),
+                    ("40", _) => format!("585#4F{object}{mode}000000"),
+                    _ => format!("585#60{object}00000000"),
+                };
+                drive.receive(now_ms * 1_000_000, &crate::support::frame(&answer));
+            }
+            if started_ms.is_some() {
+                let status = crate::support::frame("185#5002000000000000");
+                drive.receive(now_ms * 1_000_000, &status);
+            }
+        }
+        (drive.state().fault, drive.state().power, started_ms.is_some())
+    };
+    assert_eq!(shown(0), (0, Power::Off, true));
+    assert_eq!(shown(300), (0, Power::Off, true), "before the start");
+    assert_eq!(shown(1_500), (0, Power::Off, true), "once it is operational");
+    assert_eq!(shown(100_000), (fault::MODE_REFUSED, Power::Unknown, true));
+}
+
+#[test]
+fn its_own_loops_are_limited_or_get_no_power() {
+    for (mode, number, answer, expected) in [
+        (Mode::Position, 8, "585#8072600000000206", fault::LIMIT_REFUSED),
+        (Mode::Velocity, 9, "585#4B726000B80B0000", fault::LIMIT_REFUSED),
+        (Mode::Velocity, 9, "585#4B726000D0070000", 0),
+        (Mode::Torque, 10, "585#8072600000000206", 0),
+    ] {
+        let mut drive = cia402(mode);
+        let requests = set_up_but(&mut *drive, number, answer);
+        assert_eq!(drive.state().fault, expected, "{answer}");
+        assert_eq!(requests.contains(&"000#0105".to_owned()), expected == 0, "{answer}");
     }
 }
 
@@ -166,8 +221,8 @@ fn a_watchdog_counts_if_the_drive_says_what_it_does() {
 #[test]
 fn the_time_between_set_points_is_told_in_a_unit_that_holds_it() {
     let offers = |period_ns: u64, mode: Mode, number: u8, other: &str| {
-        let mut drive =
-            drive("cia402", YAML, Common { mode, watchdog_ms: 50, torque_limit: 4.0, period_ns });
+        let common = Common { torque_limit: 4.0, period_ns, ..COMMON };
+        let mut drive = drive("cia402", YAML, Common { mode, watchdog_ms: 50, ..common });
         let requests = set_up_but(&mut *drive, number, other);
         requests
             .into_iter()
@@ -222,9 +277,10 @@ fn random_values_are_within_half_a_step_both_ways() {
         };
         let sent = encode(&mut *position);
         half(f64::from(number(&sent)) * count, setpoint.position, count);
-        half(f64::from(last_two(&sent)) * 0.002, setpoint.torque, 0.002);
         half(f64::from(number(&encode(&mut *velocity))) * count, setpoint.velocity, count);
-        half(f64::from(last_two(&encode(&mut *torque_drive))) * 0.002, setpoint.torque, 0.002);
+        for sent in [sent, encode(&mut *torque_drive)] {
+            assert!(is_toward_zero(f64::from(last_two(&sent)) * 0.002, setpoint.torque, 0.002));
+        }
 
         let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02X}")).collect::<String>();
         let p = (setpoint.position / count).round() as i32;
@@ -364,9 +420,13 @@ fn the_heartbeat_goes_out_four_times_in_its_time() {
 #[test]
 fn frames_of_others_and_malformed_ones_are_told_apart() {
     let mut drive = cia402(Mode::Torque);
-    for text in ["186#5002000000000000", "00000185#5002000000000000", "205#0000", "080#"] {
+    for text in ["186#5002000000000000", "00000185#5002000000000000", "206#0000", "080#"] {
         assert_eq!(receive(&mut *drive, text), Receipt::NotMine, "{text}");
     }
+    for text in ["205#0F000000", "605#4061600000000000", "000#0105", "000#8200", "77F#05"] {
+        assert_eq!(receive(&mut *drive, text), Receipt::Foreign, "{text}");
+    }
+    assert_eq!(receive(&mut *drive, "000#0106"), Receipt::NotMine);
     for text in ["185#5002", "085#00", "585#00", "705#", "285#0000"] {
         assert_eq!(receive(&mut *drive, text), Receipt::Malformed, "{text}");
     }

@@ -1,7 +1,7 @@
 //! CyberGear and RobStride's private protocol.
 
 use crate::support::{
-    COMMON, Random, cycle, drive, last, receive, survives_hostile_frames, try_drive,
+    COMMON, Random, cycle, drive, is_toward_zero, last, receive, survives_hostile_frames, try_drive,
 };
 use sarrus_can_core::drive::{Drive, DriveCommand, Mode, Power, Receipt, Setpoint, Watchdog};
 use sarrus_can_core::protocol::{Common, fault};
@@ -62,7 +62,7 @@ fn known_frames_come_out() {
 }
 
 #[test]
-fn random_values_are_within_half_a_step_both_ways() {
+fn random_values_are_the_nearest_and_no_torque_or_gain_grows() {
     let mut random = Random(8);
     let mut drive = enabled(COMMON);
     let steps = [25.0, 60.0, 24.0, 500.0, 5.0].map(|span| span / 65535.0);
@@ -93,12 +93,12 @@ fn random_values_are_within_half_a_step_both_ways() {
             setpoint.damping,
         ];
         for i in 0..5 {
-            assert!(
-                (sent[i] - setpoint[i]).abs() <= 0.5 * steps[i] * (1.0 + 1e-9),
-                "{i}: {} {}",
-                sent[i],
-                setpoint[i]
-            );
+            let (sent, desired) = (sent[i], setpoint[i]);
+            let is_right = match i {
+                0 | 1 => (sent - desired).abs() <= 0.5 * steps[i] * (1.0 + 1e-9),
+                _ => is_toward_zero(sent, desired, steps[i]),
+            };
+            assert!(is_right, "{i}: {sent} {desired}");
         }
         let code = |value: f64, half: f64| ((value + half) / (2.0 * half) * 65535.0).round() as u16;
         let (p, v, t) = (code(setpoint[0], 12.5), code(setpoint[1], 30.0), code(setpoint[2], 12.0));
@@ -141,6 +141,44 @@ fn faults_and_frames_of_others_are_told_apart() {
         cycle(&mut *drive, DriveCommand::On(Setpoint::default())),
         ["0400FD0A#0000000000000000"]
     );
+}
+
+#[test]
+fn the_largest_torque_is_set_and_read_back_before_power() {
+    let yaml = "{id: 10, position_range: 12.5, watchdog_index: 0}";
+    let mut drive = drive("cybergear", yaml, Common { torque_limit: 2.0, ..COMMON });
+    let mut sent = Vec::new();
+    for _ in 0..3 {
+        sent.extend(cycle(&mut *drive, DriveCommand::Off));
+        sent.extend(cycle(&mut *drive, DriveCommand::Off));
+        receive(&mut *drive, "11000AFD#0570000000000000");
+    }
+    // limit_torque 2.0
+    assert!(sent.contains(&"1200FD0A#0B70000000000040".to_owned()), "{sent:?}");
+    let is_ready = |drive: &mut dyn Drive| {
+        receive(drive, STOPPED);
+        cycle(drive, DriveCommand::On(Setpoint::default()))[0].starts_with("01")
+    };
+    assert!(!is_ready(&mut *drive), "it was not read");
+    cycle(&mut *drive, DriveCommand::Off);
+    receive(&mut *drive, "11000AFD#0B70000000004041");
+    assert_eq!(drive.state().fault, fault::LIMIT_REFUSED, "12 N m");
+    (0..4).for_each(|_| {
+        cycle(&mut *drive, DriveCommand::Off);
+    });
+    receive(&mut *drive, "11000AFD#0B70000000000040");
+    assert_eq!(drive.state().fault, 0);
+    assert!(is_ready(&mut *drive));
+}
+
+#[test]
+fn what_only_a_host_sends_is_foreign() {
+    let mut drive = enabled(COMMON);
+    for text in ["017FFF0A#7FFF7FFF00000000", "0300FD0A#0000000000000000", "040001 0A#00"] {
+        let text = text.replace(' ', "");
+        assert_eq!(receive(&mut *drive, &text), Receipt::Foreign, "{text}");
+    }
+    assert_eq!(receive(&mut *drive, "0300FD0B#0000000000000000"), Receipt::NotMine);
 }
 
 #[test]

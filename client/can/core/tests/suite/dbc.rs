@@ -1,6 +1,6 @@
 //! Motors that a DBC file describes.
 
-use crate::support::{COMMON, Random, survives_hostile_frames, try_drive};
+use crate::support::{COMMON, Random, is_toward_zero, survives_hostile_frames, try_drive};
 use sarrus_can_core::drive::{Drive, DriveCommand, Mode, Power, Receipt, Setpoint};
 use sarrus_can_core::frame::{Frame, FrameQueue};
 use sarrus_can_core::protocol::{Common, fault};
@@ -91,7 +91,7 @@ fn random_values_are_within_half_a_step_both_ways() {
         drive.encode(&setpoint, &mut queue);
         let [velocity, torque] = queue.frames() else { panic!() };
         let sent = f64::from(i16::from_be_bytes([torque.data()[1], torque.data()[2]])) * 0.01;
-        assert!((sent - setpoint.torque).abs() <= 0.005 * (1.0 + 1e-9));
+        assert!(is_toward_zero(sent, setpoint.torque, 0.01));
         let bytes = velocity.data();
         // the file's unit is degrees a second
         let unit = 1_f64.to_radians();
@@ -139,6 +139,29 @@ fn frames_of_others_and_malformed_ones_are_told_apart() {
     }
     assert_eq!(receive(&mut *drive, "00000401#00000000000001"), Receipt::Malformed);
     survives_hostile_frames(&mut *drive, 5);
+}
+
+#[test]
+fn its_own_loops_are_limited_by_a_signal_or_refused() {
+    let common = Common { mode: Mode::Velocity, torque_limit: 2.005, ..COMMON };
+    let report = try_drive("dbc", YAML, common, FILE).unwrap_err();
+    assert!(report.contains("nothing limits the torque of the motor in the mode velocity"));
+    let file = FILE.replace(
+        " SG_ Velocity m2 ",
+        " SG_ Most m1 : 24|16@1+ (0.01,0) [0|0] \"Nm\" Motor\n SG_ Velocity m2 ",
+    );
+    let yaml = YAML.replace("constants:", "torque_limit: Command.Most, constants:");
+    let drive = try_drive("dbc", &yaml, common, &file).unwrap_or_else(|report| panic!("{report}"));
+    let mut queue = FrameQueue::new(4);
+    drive.encode(&Setpoint::default(), &mut queue);
+    // 200 hundredths, not 201
+    assert!(queue.frames().iter().any(|frame| frame.data()[3..5] == [0xC8, 0x00]));
+}
+
+#[test]
+fn what_only_a_host_sends_is_foreign() {
+    let mut drive = dbc(Mode::Torque);
+    assert_eq!(receive(&mut *drive, "101#A1FF6A0000000000"), Receipt::Foreign);
 }
 
 /// Power and set-point in messages of their own, as many drives have them; what is measured is in

@@ -6,6 +6,7 @@
     reason = "a test that fails panics"
 )]
 
+mod ak_servo;
 mod cia402;
 mod cybergear;
 mod dbc;
@@ -13,4 +14,6 @@ mod mit;
 mod mit_power;
 mod moteus;
 mod odrive;
+mod rmd;
 mod support;
+mod vesc;

@@ -1,7 +1,8 @@
 //! MIT mode in its four variants.
 
 use crate::support::{
-    COMMON, Random, cycle, drive, frame, last, receive, survives_hostile_frames, torque, try_drive,
+    COMMON, Random, cycle, drive, frame, is_toward_zero, last, receive, survives_hostile_frames,
+    torque, try_drive,
 };
 use sarrus_can_core::drive::{Drive, DriveCommand, Measurement, Mode, Power, Receipt, Setpoint};
 use sarrus_can_core::frame::FrameQueue;
@@ -100,7 +101,7 @@ fn known_frames_come_out() {
 }
 
 #[test]
-fn random_set_points_are_within_half_a_step() {
+fn random_set_points_are_the_nearest_and_no_torque_or_gain_grows() {
     let mut drive = enabled("mini_cheetah", COMMON);
     let mut random = Random(5);
     let steps = [25.0 / 65535.0, 90.0 / 4095.0, 500.0 / 4095.0, 5.0 / 4095.0, 36.0 / 4095.0];
@@ -121,12 +122,12 @@ fn random_set_points_are_within_half_a_step() {
             setpoint.torque,
         ];
         for i in 0..5 {
-            assert!(
-                (sent[i] - setpoint[i]).abs() <= 0.5 * steps[i] * (1.0 + 1e-9),
-                "{i}: {} {}",
-                sent[i],
-                setpoint[i]
-            );
+            let (sent, desired) = (sent[i], setpoint[i]);
+            let is_right = match i {
+                0 | 1 => (sent - desired).abs() <= 0.5 * steps[i] * (1.0 + 1e-9),
+                _ => is_toward_zero(sent, desired, steps[i]),
+            };
+            assert!(is_right, "{i}: {sent} {desired}");
         }
     }
 }
@@ -224,10 +225,8 @@ fn set_points_saturate() {
     };
     assert_eq!(cycle(&mut *drive, DriveCommand::On(beyond)), ["001#0000FFFFFF000000"]);
     let mut drive = enabled("mini_cheetah", Common { torque_limit: 9.0, ..COMMON });
-    assert!(
-        (decode(last(&mut *drive, DriveCommand::On(torque(18.0))).data())[4] - 9.0).abs()
-            <= 18.0 / 4095.0
-    );
+    let sent = decode(last(&mut *drive, DriveCommand::On(torque(18.0))).data())[4];
+    assert!(is_toward_zero(sent, 9.0, 36.0 / 4095.0), "{sent}");
     let mut drive = enabled("mini_cheetah", Common { mode: Mode::Torque, ..COMMON });
     let sent = decode(last(&mut *drive, DriveCommand::On(MOST)).data());
     assert_eq!((sent[2], sent[3], sent[4]), (0.0, 0.0, 18.0));
@@ -263,19 +262,77 @@ fn frames_of_others_and_malformed_ones_are_told_apart() {
         ] {
             assert_eq!(receive(&mut *drive, text), Receipt::NotMine, "{variant} {text}");
         }
-        for text in ["011#", "011#01", "011#0180007FF7FF00", "011##10180007FF7FF0000"] {
+        for text in ["011#", "011#01", "011#0180007FF7", "011##10180007FF7FF0000"] {
             assert_eq!(receive(&mut *drive, text), Receipt::Malformed, "{variant} {text}");
         }
-        let wrong =
-            if variant == "mini_cheetah" { "011#0180007FF7FF0000" } else { "011#0180007FF7FF" };
-        let receipt = receive(&mut *drive, wrong);
-        if variant == "t_motor" {
-            assert!(matches!(receipt, Receipt::Measured(_)), "older motors send six bytes");
-        } else {
-            assert_eq!(receipt, Receipt::Malformed, "{variant}");
-            assert_eq!(drive.state().power, Power::Unknown);
+        assert_eq!(drive.state().power, Power::Unknown);
+        for (len, known) in [
+            (6, &["mini_cheetah", "t_motor"][..]),
+            (7, &["mini_cheetah"]),
+            (8, &["mini_cheetah", "t_motor", "damiao", "robstride"]),
+        ] {
+            let receipt = receive(&mut *drive, &"011#0180007FF7FF1E1E"[..4 + 2 * len]);
+            match known.contains(&variant) {
+                true => assert!(matches!(receipt, Receipt::Measured(_)), "{variant} {len}"),
+                false => assert_eq!(receipt, Receipt::Malformed, "{variant} {len}"),
+            }
         }
     }
+}
+
+#[test]
+fn what_only_the_bridge_sends_is_foreign() {
+    for variant in ["mini_cheetah", "t_motor", "damiao", "robstride"] {
+        let mut drive = mit(variant, COMMON);
+        for text in ["001#FFFFFFFFFFFFFFFC", "001#7FFF7FF0000007FF"] {
+            assert_eq!(receive(&mut *drive, text), Receipt::Foreign, "{variant}");
+        }
+        let of_registers = [
+            receive(&mut *drive, "7FF#0100330A00000000"),
+            receive(&mut *drive, "7FF#0200330A00000000"),
+        ];
+        let has_registers = variant == "damiao";
+        let first = if has_registers { Receipt::Foreign } else { Receipt::NotMine };
+        assert_eq!(of_registers, [first, Receipt::NotMine], "{variant}");
+    }
+}
+
+#[test]
+fn the_reply_of_the_mini_cheetahs_author_is_read() {
+    // pack_reply of can.c in bgkatz/motorcontrol (2023-07-02), ranges P 12.5, V 65, T 18, VB 0 … 40,
+    // compiled and called with id 1, 3.0 rad, -20.0 rad/s, 5.0 N m, 24.0 V; and unpack_cmd of the
+    // same file on what is sent here, 0.1 rad, -0.5 rad/s, 20 N m/rad, 0.5 N m s/rad, 1 N m
+    let ranges = RANGES.replace("velocity_range: 45", "velocity_range: 65");
+    let yaml = format!("{{variant: mini_cheetah, id: 1, reply_id: 0, {ranges}}}");
+    let mut drive = drive("mit", &yaml, COMMON);
+    let Receipt::Measured(measured) = receive(&mut *drive, "000#019EB7589A3899") else { panic!() };
+    assert!((measured.position - 3.0).abs() < 4e-4, "{measured:?}");
+    assert!((measured.velocity + 20.0).abs() < 0.032, "{measured:?}");
+    assert!((measured.torque - 5.0).abs() < 0.009, "{measured:?}");
+}
+
+#[test]
+fn a_robstride_is_asked_for_its_faults() {
+    // RobStride 00 manual (2026-01), command 5: F_CMD other than FF reads; the answer is the
+    // motor's id and 32 bits, of which bit 0 is over-temperature and bit 14 overload
+    let at = |drive: &mut dyn Drive, now_ms: u64| {
+        let mut queue = FrameQueue::new(4);
+        drive.cycle(now_ms * 1_000_000, DriveCommand::Off, &mut queue);
+        queue.frames().iter().map(ToString::to_string).collect::<Vec<_>>()
+    };
+    let mut drive = mit("robstride", COMMON);
+    assert_eq!(at(&mut *drive, 0), ["001#FFFFFFFFFFFF00FB", "001#FFFFFFFFFFFFFFFD"]);
+    assert!(matches!(receive(&mut *drive, "011#0180007FF7FF0131"), Receipt::Measured(_)));
+    assert_eq!(receive(&mut *drive, "011#0100000000000000"), Receipt::Noted, "none");
+    assert_eq!(drive.state().fault, 0);
+    assert_eq!(at(&mut *drive, 10).len(), 1, "not yet");
+    assert_eq!(at(&mut *drive, 20).len(), 2);
+    assert_eq!(receive(&mut *drive, "011#0101400000000000"), Receipt::Noted);
+    assert_eq!(drive.state().fault, 0x4001);
+    receive(&mut *drive, "011#0180007FF7FF0131");
+    assert_eq!(drive.state().fault, 0x4001, "feedback does not say that it is gone");
+    cycle(&mut *drive, DriveCommand::Reset);
+    assert_eq!(drive.state().fault, 0);
 }
 
 #[test]

@@ -3,7 +3,8 @@
 use std::f64::consts::TAU;
 
 use crate::support::{
-    COMMON, Random, cycle, drive, last, receive, survives_hostile_frames, torque, try_drive,
+    COMMON, Random, cycle, drive, is_toward_zero, last, receive, survives_hostile_frames, torque,
+    try_drive,
 };
 use sarrus_can_core::drive::{Drive, DriveCommand, Mode, Power, Receipt, Setpoint, Watchdog};
 use sarrus_can_core::frame::FrameQueue;
@@ -85,7 +86,7 @@ fn random_set_points_are_within_half_a_step() {
         near(singles(&bytes[..4])[0], setpoint.position / TAU);
         let step = |i: usize| f64::from(i16::from_le_bytes([bytes[i], bytes[i + 1]])) * 1e-3;
         assert!((step(4) - setpoint.velocity / TAU).abs() <= 0.5001e-3);
-        assert!((step(6) - setpoint.torque).abs() <= 0.5001e-3);
+        assert!(is_toward_zero(step(6), setpoint.torque, 1e-3));
         let sent = singles(last(&mut *velocity, DriveCommand::On(setpoint)).data());
         near(sent[0], setpoint.velocity / TAU);
         near(sent[1], setpoint.torque);
@@ -125,6 +126,38 @@ fn velocity_and_torque_beside_a_position_saturate() {
     let mut queue = FrameQueue::new(1);
     limited.encode(&torque(-9.0), &mut queue);
     assert_eq!(singles(queue.frames()[0].data()), [-2.0]);
+}
+
+#[test]
+fn its_own_loops_are_limited_or_refused() {
+    let common = Common { mode: Mode::Position, torque_limit: 0.5, ..COMMON };
+    for (yaml, velocity_limit) in
+        [("{node: 3}", 10.0), ("{node: 3, motor_torque_constant: 0.25}", f64::INFINITY)]
+    {
+        let common = Common { velocity_limit, ..common };
+        let report = try_drive("odrive", yaml, common, "").unwrap_err();
+        assert!(report.contains("nothing limits the torque of the ODrive's mode position"));
+    }
+    let common = Common { velocity_limit: TAU, ..common };
+    let mut drive = drive("odrive", "{node: 3, motor_torque_constant: 0.25}", common);
+    receive(&mut *drive, IDLE);
+    receive(&mut *drive, STILL);
+    let mut sent: Vec<String> =
+        (0..6).flat_map(|_| cycle(&mut *drive, DriveCommand::Off)).collect();
+    // ODrive's DBC, Set_Limits: velocity 1 turn/s and current 2 A as singles
+    const LIMITS: &str = "06F#0000803F00000040";
+    sent.retain(|frame| frame == LIMITS);
+    assert_eq!(sent.len(), 1);
+    assert_eq!(cycle(&mut *drive, DriveCommand::On(Setpoint::default()))[0], LIMITS);
+}
+
+#[test]
+fn what_only_a_host_sends_is_foreign() {
+    let mut drive = odrive(Mode::Torque);
+    for text in ["06E#0000803F", "067#08000000", "06F#0000803F00000040", "078#00"] {
+        assert_eq!(receive(&mut *drive, text), Receipt::Foreign, "{text}");
+    }
+    assert_eq!(receive(&mut *drive, "08E#0000803F"), Receipt::NotMine);
 }
 
 #[test]

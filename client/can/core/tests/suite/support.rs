@@ -6,8 +6,13 @@ use sarrus_can_core::protocol::{Common, Settings, protocol};
 use sarrus_models::{Diagnostics, yaml};
 
 /// No limit, no watchdog.
-pub(crate) const COMMON: Common =
-    Common { mode: Mode::Impedance, watchdog_ms: 0, torque_limit: f64::INFINITY, period_ns: 0 };
+pub(crate) const COMMON: Common = Common {
+    mode: Mode::Impedance,
+    watchdog_ms: 0,
+    torque_limit: f64::INFINITY,
+    velocity_limit: f64::INFINITY,
+    period_ns: 0,
+};
 
 /// A drive of a protocol from the text of its settings, or the report of what is wrong with them.
 pub(crate) fn try_drive(
@@ -79,6 +84,14 @@ pub(crate) fn receive(drive: &mut dyn Drive, text: &str) -> Receipt {
 /// A set-point of torque alone.
 pub(crate) fn torque(torque: f64) -> Setpoint {
     Setpoint { torque, ..Setpoint::default() }
+}
+
+/// Whether `sent` is `value` or the next number of `step`s on the side of zero; beside zero, where
+/// a range has no code for it, half a step.
+pub(crate) fn is_toward_zero(sent: f64, value: f64, step: f64) -> bool {
+    let slack = 1e-5 * step;
+    (sent - value).abs() <= step + slack
+        && (sent.abs() <= value.abs() + slack || sent.abs() <= 0.5 * step + slack)
 }
 
 /// Numbers from a fixed seed (SplitMix64).

@@ -62,7 +62,7 @@ pub(super) struct Moteus {
     stepped_ns: u64,
 }
 
-/// The mode, and the registers 20 to 29 (hexadecimal), in their own units; NaN where they stand for
+/// The mode, and the registers 20 to 2B (hexadecimal), in their own units; NaN where they stand for
 /// something else.
 #[derive(Clone, Copy, Debug)]
 struct Command {
@@ -76,6 +76,7 @@ struct Command {
     timeout: f64,
     velocity_limit: f64,
     acceleration_limit: f64,
+    ilimit_scale: f64,
 }
 
 impl Command {
@@ -91,6 +92,7 @@ impl Command {
         timeout: 0.0,
         velocity_limit: f64::NAN,
         acceleration_limit: f64::NAN,
+        ilimit_scale: 1.0,
     };
 }
 
@@ -163,7 +165,8 @@ impl Moteus {
             0x027 => self.command.timeout = value,
             0x028 => self.command.velocity_limit = value,
             0x029 => self.command.acceleration_limit = value,
-            0x026 | 0x02A..=0x02F => {}
+            0x02B => self.command.ilimit_scale = value,
+            0x026 | 0x02A | 0x02C..=0x02F => {}
             0x130 => {
                 // the whole turn nearest to the value stays
                 let turn = (plant.measured() / TAU - value).round();
@@ -297,6 +300,7 @@ impl Moteus {
             0x027 => self.command.timeout,
             0x028 => self.command.velocity_limit,
             0x029 => self.command.acceleration_limit,
+            0x02B => self.command.ilimit_scale,
             0x038 => {
                 if plant.power {
                     plant.law.position / TAU

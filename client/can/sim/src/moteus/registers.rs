@@ -35,7 +35,7 @@ pub(super) fn units(register: u32) -> Option<Units> {
         0x029 => ACCELERATIONS,
         0x003 | 0x022 | 0x025 | 0x030..=0x034 | 0x03A => TORQUES,
         0x004 | 0x005 => CURRENTS,
-        0x023 | 0x024 => SCALES,
+        0x023 | 0x024 | 0x02B => SCALES,
         0x027 => TIMES,
         0x00A | 0x00E => TEMPERATURES,
         0x00D => VOLTAGES,

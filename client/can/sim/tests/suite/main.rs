@@ -6,6 +6,7 @@
     reason = "a test that fails panics"
 )]
 
+mod authors;
 mod cia402;
 mod closed_loop;
 mod moteus;

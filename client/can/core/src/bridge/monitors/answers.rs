@@ -2,7 +2,8 @@
 //!
 //! Of a motor that answers each cycle with one measurement, requests and answers are counted. An
 //! answer that is late comes together with the next one and finds its request still open; one that
-//! finds none is too many. As each second of two is, three are soon there; single ones are forgotten
+//! finds none is too many, unless there were other frames in that cycle or the one before that the
+//! motor may have answered alike. As each second of two is, three are soon there; single ones are forgotten
 //! at one in 16 requests. So are open requests where no pause (`age`) can forgive them.
 
 use crate::config::MonitorBounds;
@@ -16,13 +17,17 @@ const MOST: u32 = 1 << 16;
 pub(in crate::bridge) struct Answers {
     /// Requests without an answer.
     pub(super) open: u32,
+    /// Frames besides them in the last two cycles.
+    others: [usize; 2],
     too_many: u32,
     n_requests: u32,
 }
 
 impl Answers {
-    /// A request goes out that one measurement answers.
-    pub(in crate::bridge) fn ask(&mut self, is_forgotten: bool) {
+    /// So many frames go out, one of which a measurement answers.
+    pub(in crate::bridge) fn ask(&mut self, n_frames: usize, is_forgotten: bool) {
+        let [last, _] = self.others;
+        self.others = [n_frames.saturating_sub(1), last];
         self.open = (self.open + 1).min(MOST);
         self.n_requests += 1;
         if self.n_requests == FORGOTTEN {
@@ -36,9 +41,12 @@ impl Answers {
 
     /// A measurement came.
     pub(in crate::bridge) fn take(&mut self) {
-        match self.open.checked_sub(1) {
-            Some(open) => self.open = open,
-            None => self.too_many = self.too_many.saturating_add(1),
+        if self.open > 0 {
+            self.open -= 1;
+        } else if let Some(others) = self.others.iter_mut().find(|others| **others > 0) {
+            *others -= 1;
+        } else {
+            self.too_many = self.too_many.saturating_add(1);
         }
     }
 

@@ -86,10 +86,10 @@ impl Motor {
         self.monitors.age.pauses(now_ns, has_power, &mut self.monitors.answers)
     }
 
-    /// It was asked for a measurement.
-    pub(in crate::bridge) fn asked(&mut self) {
+    /// It was asked for a measurement, with so many frames.
+    pub(in crate::bridge) fn ask(&mut self, n_frames: usize) {
         if self.config.drive.is_paired() {
-            self.monitors.answers.ask(self.config.drive.sync().is_some());
+            self.monitors.answers.ask(n_frames, self.config.drive.sync().is_some());
         } else {
             self.monitors.answers.forgive();
         }

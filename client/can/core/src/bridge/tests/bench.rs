@@ -184,6 +184,7 @@ impl Bench {
                 mode: Mode::Impedance,
                 watchdog_ms: 50,
                 torque_limit: 10.0,
+                velocity_limit: 100.0,
                 period_ns: 0,
             },
             drive: Box::new(Plain {

@@ -18,7 +18,10 @@
 //! Without power the drive is set up by SDO, one request at a time: PDOs, mode 6060 (8, 9, 10), the
 //! largest torque 6072, the heartbeat that it waits for 1016 with what it does when that is late
 //! 6007 (2: no voltage), and the time between set-points 60C2. The rated torque, the mode, the
-//! heartbeat and what follows from its loss are read back. All of it is done anew after a boot, and
+//! heartbeat and what follows from its loss are read back, and in the modes position and velocity,
+//! where the drive's own loops make the torque, the largest torque: a drive that does not hold it
+//! gets no power. A drive that shows another mode in 6061 is asked again, before its start and
+//! after it, for two seconds. All of it is done anew after a boot, and
 //! when a drive that should be operational is not: after a lost NMT command, or when it missed the
 //! heartbeat and went back by itself (1029).
 //!
@@ -32,7 +35,7 @@ mod states;
 
 use std::f64::consts::TAU;
 
-use super::number::{limited, steps};
+use super::number::{limited, steps, steps_toward_zero};
 use super::power_up::{Action, PowerUp, Stage};
 use super::{Protocol, fault};
 use crate::drive::{
@@ -97,8 +100,8 @@ impl Cia402 {
     /// The control word with a set-point.
     fn command(&self, control: u16, setpoint: &Setpoint) -> Option<Frame> {
         let per_mille = self.rated_torque / 1000.0;
-        let torque = (steps(limited(setpoint.torque, self.torque_limit), per_mille, 32_767) as i16)
-            .to_le_bytes();
+        let torque = limited(setpoint.torque, self.torque_limit);
+        let torque = (steps_toward_zero(torque, per_mille, 32_767) as i16).to_le_bytes();
         let [low, high] = control.to_le_bytes();
         let target = match self.mode {
             Mode::Position => steps(setpoint.position, TAU / self.counts, i32::MAX),
@@ -182,6 +185,15 @@ impl Cia402 {
         whole as f64 * TAU / self.counts
     }
 
+    /// What only a master says: set-points, requests by SDO, NMT commands, and the heartbeat that
+    /// this side sends.
+    fn is_command(&self, id: u16, bytes: &[u8]) -> bool {
+        let is_network = id == 0
+            && matches!(bytes, [_, node, ..] if *node == 0 || u16::from(*node) == self.node);
+        let is_heartbeat = id == 0x700 + self.master && self.watchdog_ms > 0;
+        is_network || is_heartbeat || id == 0x200 + self.node || id == 0x600 + self.node
+    }
+
     fn measured(&self, velocity: f64) -> Receipt {
         let position = self.neutral().position;
         Receipt::Measured(Measurement {
@@ -235,6 +247,9 @@ impl Drive for Cia402 {
 
     fn receive(&mut self, now_ns: u64, frame: &Frame) -> Receipt {
         let Id::Standard(id) = frame.id else { return Receipt::NotMine };
+        if self.is_command(id, frame.data()) {
+            return Receipt::Foreign;
+        }
         let Some(base) = id.checked_sub(self.node) else { return Receipt::NotMine };
         if !matches!(base, 0x080 | 0x180 | 0x280 | 0x580 | 0x700) {
             return Receipt::NotMine;

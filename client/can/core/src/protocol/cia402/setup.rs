@@ -8,6 +8,8 @@ use crate::protocol::fault;
 const TIMEOUT_NS: u64 = 50_000_000;
 /// The unit of 60C2 as drives are delivered, which many of them do not change.
 const MILLISECONDS: u32 = -3_i8 as u8 as u32;
+/// A mode that is not shown is asked for so often, one timeout apart: before the start and after it.
+const TRIES: [u8; 2] = [10, 30];
 /// How far the rated torque may be from the configured one, relatively: it is in whole mN m.
 const SAME_TORQUE: f64 = 1e-3;
 
@@ -51,6 +53,13 @@ pub(super) struct Desired {
     pub(super) period_ns: u64,
 }
 
+impl Desired {
+    /// Object 6072.
+    fn most_torque(&self) -> Option<u32> {
+        self.torque_limit.is_finite().then(|| self.torque_limit.clamp(0.0, 65_535.0) as u32)
+    }
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     /// An NMT command; has no answer.
@@ -61,6 +70,9 @@ enum Step {
     Offer(u16, u8, u8, u32),
     /// An object that is assessed when it was read.
     Read(u16, u8),
+    /// The mode that the drive shows, unless it was shown already; if it is not after so many
+    /// answers the set-up goes on, or, where it is the last chance, has failed.
+    ReadMode(u8, bool),
 }
 
 #[derive(Debug)]
@@ -69,6 +81,9 @@ pub(super) struct Setup {
     steps: Vec<Step>,
     next: usize,
     sent_ns: Option<u64>,
+    /// Answers without the desired mode.
+    n_tries: u8,
+    is_mode_shown: bool,
     pub(super) watchdog: Watchdog,
     /// What is wrong, or 0.
     pub(super) fault: u32,
@@ -163,8 +178,13 @@ impl Setup {
             steps.push(Step::Offer(0x60C2, 2, 1, u32::from(exponent as u8)));
             steps.push(Step::Offer(0x60C2, 1, 1, u32::from(value)));
         }
-        if desired.torque_limit.is_finite() {
-            steps.push(Step::Offer(0x6072, 0, 2, desired.torque_limit.clamp(0.0, 65_535.0) as u32));
+        // in the mode torque the targets themselves are within the limit
+        let has_own_loops = matches!(desired.mode, Mode::Position | Mode::Velocity);
+        let limit = desired.most_torque();
+        match (limit, has_own_loops) {
+            (Some(limit), true) => steps.push(Step::Write(0x6072, 0, 2, limit)),
+            (Some(limit), false) => steps.push(Step::Offer(0x6072, 0, 2, limit)),
+            (None, _) => {}
         }
         if desired.watchdog_ms > 0 {
             steps.push(Step::Offer(0x6007, 0, 2, 2));
@@ -175,15 +195,33 @@ impl Setup {
                 u32::from(desired.master) << 16 | u32::from(desired.watchdog_ms),
             ));
         }
-        let read_back = [(0x1016, 1), (0x6007, 0), (0x6076, 0), (0x6061, 0)];
+        if limit.is_some() && has_own_loops {
+            steps.push(Step::Read(0x6072, 0));
+        }
+        let read_back = [(0x1016, 1), (0x6007, 0), (0x6076, 0)];
         steps.extend(read_back.map(|(index, sub)| Step::Read(index, sub)));
-        steps.push(Step::Network(0x01));
-        Setup { desired, steps, next: 0, sent_ns: None, watchdog: Watchdog::Unknown, fault: 0 }
+        let [before, after] = TRIES;
+        steps.extend([
+            Step::ReadMode(before, false),
+            Step::Network(0x01),
+            Step::ReadMode(after, true),
+        ]);
+        Setup {
+            desired,
+            steps,
+            next: 0,
+            sent_ns: None,
+            n_tries: 0,
+            is_mode_shown: false,
+            watchdog: Watchdog::Unknown,
+            fault: 0,
+        }
     }
 
     /// Begins again.
     pub(super) fn again(&mut self) {
         (self.next, self.sent_ns, self.watchdog, self.fault) = (0, None, Watchdog::Unknown, 0);
+        (self.n_tries, self.is_mode_shown) = (0, false);
     }
 
     pub(super) fn is_done(&self) -> bool {
@@ -202,12 +240,17 @@ impl Setup {
         match *self.steps.get(self.next)? {
             Step::Network(command) => {
                 self.proceed();
+                if self.is_mode_shown {
+                    // the second look at the mode is not needed
+                    self.next = self.steps.len().min(self.next + 1);
+                }
                 Frame::classic(Id::Standard(0), &[command, node as u8])
             }
             Step::Write(index, sub, len, value) | Step::Offer(index, sub, len, value) => {
                 write(node, index, sub, len, value)
             }
             Step::Read(index, sub) => read(node, index, sub),
+            Step::ReadMode(..) => read(node, 0x6061, 0),
         }
     }
 
@@ -229,7 +272,9 @@ impl Setup {
                 if (*i, *s) == (index, sub) && (is_refused || command == 0x60) =>
             {
                 if is_refused {
-                    self.fault = fault::SETTING_REFUSED;
+                    let is_limit = index == 0x6072;
+                    self.fault =
+                        if is_limit { fault::LIMIT_REFUSED } else { fault::SETTING_REFUSED };
                 } else {
                     self.proceed();
                 }
@@ -250,6 +295,12 @@ impl Setup {
                 self.assess(index, (!is_refused).then_some(value));
                 self.proceed();
             }
+            Some(Step::ReadMode(tries, is_last))
+                if (index, sub) == (0x6061, 0) && (is_refused || command & 0xE2 == 0x42) =>
+            {
+                let (tries, is_last) = (*tries, *is_last);
+                self.show(tries, is_last, (!is_refused).then_some(value));
+            }
             _ => {}
         }
         if command & 0xE2 != 0x42 {
@@ -262,6 +313,25 @@ impl Setup {
         let unused = 8 * (4 - u32::from(n_bytes));
         let signed = (value << unused) as i32 >> unused;
         Receipt::Parameter(parameter, if is_signed { f64::from(signed) } else { f64::from(value) })
+    }
+
+    /// Takes what 6061 shows.
+    fn show(&mut self, tries: u8, is_last: bool, value: Option<u32>) {
+        self.n_tries += 1;
+        let desired = u32::from(mode_of(self.desired.mode));
+        if value.is_none() {
+            self.fault = fault::SETTING_REFUSED;
+        } else if value == Some(desired) {
+            self.is_mode_shown = true;
+            self.proceed();
+        } else if self.n_tries < tries {
+            // asked again after the timeout
+        } else if is_last {
+            self.fault = fault::MODE_REFUSED;
+        } else {
+            self.n_tries = 0;
+            self.proceed();
+        }
     }
 
     fn assess(&mut self, index: u16, value: Option<u32>) {
@@ -288,10 +358,12 @@ impl Setup {
                     self.fault = fault::RANGES_DIFFER;
                 }
             }
-            (0x6061, Some(value)) if value != u32::from(mode_of(self.desired.mode)) => {
-                self.fault = fault::MODE_REFUSED
+            (0x6072, value)
+                if value.zip(self.desired.most_torque()).is_none_or(|(held, most)| held > most) =>
+            {
+                self.fault = fault::LIMIT_REFUSED;
             }
-            (0x6076 | 0x6061, None) => self.fault = fault::SETTING_REFUSED,
+            (0x6076, None) => self.fault = fault::SETTING_REFUSED,
             _ => {}
         }
     }

@@ -47,6 +47,7 @@ const fn range(name: &'static str, about: &'static str) -> Key {
 }
 
 pub(super) const RUN_MODE: u16 = 0x7005;
+pub(super) const LIMIT_TORQUE: u16 = 0x700B;
 
 pub(super) const PARAMETERS: &[Parameter] = &[
     Parameter { name: "run_mode", unit: "" },
@@ -58,4 +59,4 @@ pub(super) const PARAMETERS: &[Parameter] = &[
     Parameter { name: "canTimeout", unit: "50 µs" },
 ];
 /// Their indices; the last one is the motor's.
-pub(super) const INDICES: [u16; 6] = [RUN_MODE, 0x700B, 0x7019, 0x701A, 0x701B, 0x701C];
+pub(super) const INDICES: [u16; 6] = [RUN_MODE, LIMIT_TORQUE, 0x7019, 0x701A, 0x701B, 0x701C];

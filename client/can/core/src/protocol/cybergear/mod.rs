@@ -14,24 +14,26 @@
 //!   motor (8 bits); bytes position, velocity, torque, temperature × 10, big-endian. 17 answers a
 //!   read, 21 tells faults u32 and warnings u32, 0 answers who is there.
 //!
+//! The largest torque is the parameter limit_torque: it is set and read back before power.
+//!
 //! Around zero a range has no code for zero: the two codes beside it are sent in turn. Beyond ±
 //! `position_range` the feedback is followed, and reported as a fault. The motor's watchdog is the
 //! parameter canTimeout in units of 50 µs; it is off as motors are delivered.
 
 mod keys;
+mod make;
 
-use super::number::limited;
+use super::codes::Codes;
 use super::power_up::{Action, PowerUp, Stage};
-use super::scale::Scale;
 use super::turns::Turns;
-use super::{Common, Protocol, Settings, fault};
+use super::{Protocol, fault};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
     Watchdog,
 };
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
-use keys::{INDICES, KEYS, PARAMETERS, RUN_MODE};
-use sarrus_models::Diagnostics;
+use keys::{INDICES, KEYS, LIMIT_TORQUE, PARAMETERS, RUN_MODE};
+use make::make;
 
 /// CyberGear and RobStride.
 pub(super) const CYBERGEAR: Protocol = Protocol {
@@ -42,10 +44,6 @@ pub(super) const CYBERGEAR: Protocol = Protocol {
     keys: KEYS,
     make,
 };
-
-/// Ranges of a CyberGear, in the order of [`RANGES`].
-const CYBERGEAR_RANGES: [f64; 4] = [30.0, 12.0, 500.0, 5.0];
-const RANGES: [&str; 4] = ["velocity_range", "torque_range", "stiffness_range", "damping_range"];
 
 const WHO: u32 = 0;
 const SETPOINT: u32 = 1;
@@ -67,6 +65,8 @@ const RUNS: u32 = 2;
 enum Step {
     WriteMode,
     ReadMode,
+    WriteLimit,
+    ReadLimit,
     WriteTimeout,
     ReadTimeout,
     Done,
@@ -78,11 +78,9 @@ struct CyberGear {
     host: u32,
     mode: Mode,
     torque_limit: f64,
-    position: Scale,
-    velocity: Scale,
-    torque: Scale,
-    stiffness: Scale,
-    damping: Scale,
+    codes: Codes,
+    /// What the motor is to limit its torque to `[N m]`, where there is a limit.
+    limit: Option<f32>,
     watchdog_index: u16,
     watchdog_ms: u32,
     watchdog: Watchdog,
@@ -93,63 +91,12 @@ struct CyberGear {
     /// Faults of the feedback, and those that the motor reported by themselves.
     motor_fault: u32,
     reported_fault: u32,
-    refused: bool,
+    /// What the motor did not take, as a fault; 0 without one.
+    refused: u32,
     turns: Turns,
+    /// Position and velocity as last measured `[rad, rad/s]`.
+    measured: Option<[f64; 2]>,
     odd: bool,
-}
-
-fn make(
-    settings: &Settings,
-    common: Common,
-    diagnostics: &mut Diagnostics,
-) -> Option<Box<dyn Drive>> {
-    let is_cybergear = settings.text("model") == "cybergear";
-    let mut ranges = CYBERGEAR_RANGES;
-    let mut good = true;
-    for (key, range) in RANGES.iter().zip(&mut ranges) {
-        if settings.has(key) {
-            *range = settings.number(key);
-        } else if !is_cybergear {
-            let found = format!("the drive has no `{key}`");
-            diagnostics.error(
-                settings.place("model"),
-                found,
-                "the range of this RobStride",
-                "add it from the motor's manual",
-            );
-            good = false;
-        }
-    }
-    let [velocity, torque, stiffness, damping] = ranges;
-    let watchdog_index = match settings.has("watchdog_index") {
-        true => settings.integer("watchdog_index") as u16,
-        false if is_cybergear => 0x200C,
-        false => 0x7028,
-    };
-    good.then(|| {
-        Box::new(CyberGear {
-            id: settings.integer("id") as u32,
-            host: settings.integer("host_id") as u32,
-            mode: common.mode,
-            torque_limit: common.torque_limit,
-            position: Scale::around_zero(settings.number("position_range"), 16),
-            velocity: Scale::around_zero(velocity, 16),
-            torque: Scale::around_zero(torque, 16),
-            stiffness: Scale::from_zero(stiffness, 16),
-            damping: Scale::from_zero(damping, 16),
-            watchdog_index,
-            watchdog_ms: common.watchdog_ms,
-            watchdog: unknown(watchdog_index),
-            step: Step::WriteMode,
-            power_up: PowerUp::primed(),
-            runs: None,
-            motor_fault: 0,
-            reported_fault: 0,
-            refused: false,
-            turns: Turns::default(),
-            odd: false,
-        }) as Box<dyn Drive>
-    })
 }
 
 const fn unknown(watchdog_index: u16) -> Watchdog {
@@ -171,15 +118,16 @@ impl CyberGear {
     }
 
     fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
-        let Setpoint { position, velocity, torque, stiffness, damping } = match self.mode {
+        let setpoint = match self.mode {
             Mode::Torque => Setpoint { torque: setpoint.torque, ..Setpoint::default() },
             _ => *setpoint,
         };
-        let torque = self.torque.code(limited(torque, self.torque_limit), self.odd);
-        let [a, b] = self.position.code(position, self.odd).to_be_bytes();
-        let [c, d] = self.velocity.code(velocity, self.odd).to_be_bytes();
-        let [e, f] = self.stiffness.code(stiffness, self.odd).to_be_bytes();
-        let [g, h] = self.damping.code(damping, self.odd).to_be_bytes();
+        let codes = self.codes.of(&setpoint, self.torque_limit, self.measured, self.odd);
+        let [position, velocity, stiffness, damping, torque] = codes;
+        let [a, b] = position.to_be_bytes();
+        let [c, d] = velocity.to_be_bytes();
+        let [e, f] = stiffness.to_be_bytes();
+        let [g, h] = damping.to_be_bytes();
         self.frame(SETPOINT, u32::from(torque), [a, b, c, d, e, f, g, h])
     }
 
@@ -198,6 +146,10 @@ impl CyberGear {
         match self.step {
             Step::WriteMode => self.parameter(WRITE, RUN_MODE, 0),
             Step::ReadMode => self.parameter(READ, RUN_MODE, 0),
+            Step::WriteLimit => {
+                self.parameter(WRITE, LIMIT_TORQUE, self.limit.unwrap_or_default().to_bits())
+            }
+            Step::ReadLimit => self.parameter(READ, LIMIT_TORQUE, 0),
             Step::WriteTimeout => self.parameter(WRITE, self.watchdog_index, self.timeout()),
             Step::ReadTimeout => self.parameter(READ, self.watchdog_index, 0),
             Step::Done => None,
@@ -213,9 +165,18 @@ impl CyberGear {
         // a write has no answer of its own: what counts is what is read afterwards
         self.step = match self.step {
             Step::WriteMode => Step::ReadMode,
+            Step::WriteLimit => Step::ReadLimit,
             Step::WriteTimeout => Step::ReadTimeout,
             step => step,
         };
+    }
+
+    fn after_limit(&self) -> Step {
+        match (self.watchdog_index, self.watchdog_ms) {
+            (0, _) => Step::Done,
+            (_, 0) => Step::ReadTimeout,
+            _ => Step::WriteTimeout,
+        }
     }
 
     fn read(&mut self, bytes: [u8; 8]) -> Receipt {
@@ -223,14 +184,19 @@ impl CyberGear {
         let index = u16::from_le_bytes([low, high]);
         let number = u32::from_le_bytes([a, b, c, d]);
         if index == RUN_MODE && self.step == Step::ReadMode {
-            self.refused = a != 0;
-            self.step = match (self.watchdog_index, self.watchdog_ms) {
+            self.refused = if a != 0 { fault::MODE_REFUSED } else { 0 };
+            self.step = match self.limit {
                 // the write may have been lost
-                _ if self.refused => Step::WriteMode,
-                (0, _) => Step::Done,
-                (_, 0) => Step::ReadTimeout,
-                _ => Step::WriteTimeout,
+                _ if self.refused != 0 => Step::WriteMode,
+                Some(_) => Step::WriteLimit,
+                None => self.after_limit(),
             };
+        }
+        if index == LIMIT_TORQUE && self.step == Step::ReadLimit {
+            let held = f32::from_bits(number);
+            let is_held = self.limit.is_some_and(|limit| held.abs() <= limit);
+            self.refused = if is_held { 0 } else { fault::LIMIT_REFUSED };
+            self.step = if is_held { self.after_limit() } else { Step::WriteLimit };
         }
         if index == self.watchdog_index && index != 0 {
             if self.step == Step::ReadTimeout {
@@ -262,10 +228,13 @@ impl CyberGear {
             self.prepare();
         }
         let whole = self.turns.follow(u16::from_be_bytes([a, b]));
+        let position = self.codes.position.value_at(whole);
+        let velocity = self.codes.velocity.value(u16::from_be_bytes([c, d]));
+        self.measured = Some([position, velocity]);
         Receipt::Measured(Measurement {
-            position: self.position.value_at(whole),
-            velocity: self.velocity.value(u16::from_be_bytes([c, d])),
-            torque: self.torque.value(u16::from_be_bytes([e, f])),
+            position,
+            velocity,
+            torque: self.codes.torque.value(u16::from_be_bytes([e, f])),
             temperature: f64::from(i16::from_be_bytes([g, h])) / 10.0,
         })
     }
@@ -278,7 +247,6 @@ impl Drive for CyberGear {
             Action::Idle(n) => self.idle(n, out),
             Action::Reset => {
                 self.reported_fault = 0;
-                self.turns.trust();
                 self.prepare();
                 out.push_some(self.power_off(1));
             }
@@ -305,6 +273,10 @@ impl Drive for CyberGear {
         let (kind, data, receiver) = (id >> 24, id >> 8 & 0xFFFF, id & 0xFF);
         // a set-point has no room for the host's identifier: its answer goes to the one that the
         // motor keeps, 0 as delivered
+        // what only a host sends, to this motor; reads have the same kind as their answers
+        if receiver == self.id && matches!(kind, SETPOINT | POWER_ON | POWER_OFF | ZERO | WRITE) {
+            return Receipt::Foreign;
+        }
         let is_ours = receiver == self.host || (kind == FEEDBACK && receiver == 0);
         let is_answer = matches!(kind, FEEDBACK | READ | FAULTS) && is_ours;
         let is_who = kind == WHO && receiver == 0xFE;
@@ -317,7 +289,14 @@ impl Drive for CyberGear {
         match kind {
             FEEDBACK => self.feedback(data, bytes),
             // the upper half of the data tells that the parameter does not exist
-            READ if data >> 8 != 0 => Receipt::Noted,
+            READ if data >> 8 != 0 => {
+                let [low, high, ..] = bytes;
+                let is_limit = u16::from_le_bytes([low, high]) == LIMIT_TORQUE;
+                if is_limit && self.step == Step::ReadLimit {
+                    self.refused = fault::LIMIT_REFUSED;
+                }
+                Receipt::Noted
+            }
             READ => self.read(bytes),
             FAULTS => {
                 let [a, b, c, d, ..] = bytes;
@@ -338,7 +317,7 @@ impl Drive for CyberGear {
         let fault = match self.power_up.stage() {
             _ if self.reported_fault != 0 => self.reported_fault,
             _ if self.motor_fault != 0 => self.motor_fault,
-            _ if self.refused => fault::MODE_REFUSED,
+            _ if self.refused != 0 => self.refused,
             Stage::Lost => fault::POWER_LOST,
             _ => self.turns.fault(self.mode),
         };
@@ -346,13 +325,14 @@ impl Drive for CyberGear {
     }
 
     fn prepare(&mut self) {
-        (self.step, self.refused) = (Step::WriteMode, false);
+        (self.step, self.refused) = (Step::WriteMode, 0);
         self.watchdog = unknown(self.watchdog_index);
     }
 
     fn forget(&mut self) {
         self.power_up.forget();
         (self.runs, self.motor_fault, self.reported_fault) = (None, 0, 0);
+        self.measured = None;
         self.turns.forget();
         self.prepare();
     }
@@ -366,13 +346,7 @@ impl Drive for CyberGear {
     }
 
     fn steps(&self) -> Setpoint {
-        Setpoint {
-            position: self.position.step(),
-            velocity: self.velocity.step(),
-            torque: self.torque.step(),
-            stiffness: self.stiffness.step(),
-            damping: self.damping.step(),
-        }
+        self.codes.steps()
     }
 
     fn is_paired(&self) -> bool {

@@ -202,7 +202,23 @@ impl Signal {
     /// Sets the physical value: the nearest one, or the end that it is beyond; NaN is the value of
     /// raw 0.
     pub(super) fn set_value(&self, value: f64, bytes: &mut [u8]) {
+        self.set_number((value - self.offset) / self.factor, bytes);
+    }
+
+    /// As [`Signal::set_value`], and between two raw values that of the smaller size, to a
+    /// millionth of a step.
+    pub(super) fn set_toward_zero(&self, value: f64, bytes: &mut [u8]) {
         let number = (value - self.offset) / self.factor;
+        let is_down = (value >= 0.0) == (self.factor > 0.0);
+        let whole = match self.kind {
+            Kind::Single | Kind::Double => number,
+            _ if is_down => (number + 1e-6).floor(),
+            _ => (number - 1e-6).ceil(),
+        };
+        self.set_number(whole, bytes);
+    }
+
+    fn set_number(&self, number: f64, bytes: &mut [u8]) {
         let number = if number.is_nan() { 0.0 } else { number };
         let half = 2_f64.powi(self.bits as i32 - 1);
         let unused = 64 - self.bits;
@@ -277,6 +293,20 @@ SIG_VALTYPE_ 2147484672 Angle : 1;
             ("SG_MUL_VAL_ 1 A B 1-2;", 1),
         ] {
             assert_eq!(parse(text).unwrap_err().0, line, "{text}");
+        }
+    }
+
+    #[test]
+    fn towards_zero_no_value_grows() {
+        let messages = parse(FILE).unwrap();
+        let temperature = &messages[0].signals[0];
+        let set = |value: f64| {
+            let mut bytes = [0; 8];
+            temperature.set_toward_zero(value, &mut bytes);
+            temperature.value(&bytes)
+        };
+        for (value, sent) in [(250.558, 250.55), (249.998, 249.99), (250.55, 250.55)] {
+            assert!((set(value) - sent).abs() < 1e-9, "{value} {}", set(value));
         }
     }
 

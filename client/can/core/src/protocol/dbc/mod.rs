@@ -7,6 +7,9 @@
 //! values saturate. Units: `position_unit` and so on are how many rad, rad/s, N m, N m/rad and N m
 //! s/rad are 1 of the file.
 //!
+//! Torque, gains and the largest torque are rounded towards zero. In the modes position and velocity
+//! the motor's own loops make the torque: without the signal `torque_limit` they are refused.
+//!
 //! The motor has power while `enable` has the value `enable_value`. Without power it is told the
 //! position that it measured, and nothing else; the first set-point goes out a cycle before power.
 //! In each cycle the frames with `enable` come last when they give power and first when they take
@@ -15,17 +18,18 @@
 //! it cannot be read.
 
 mod file;
+mod make;
 mod signals;
 
 use super::number::limited;
 use super::power_up::{Action, PowerUp, Stage};
-use super::{Common, Key, KeyKind, Protocol, Settings, fault};
+use super::{Key, KeyKind, Protocol, fault};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Power, Receipt, Reply, Setpoint, Watchdog,
 };
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
-use sarrus_models::Diagnostics;
-use signals::{Finder, Named, Reported, Role, Sent, frames, value};
+use make::make;
+use signals::{Named, Reported, Role, Sent, value};
 
 /// Any DBC file.
 pub(super) const DBC: Protocol = Protocol {
@@ -43,6 +47,11 @@ pub(super) const DBC: Protocol = Protocol {
         signal("torque", Some(""), "signal of the desired torque"),
         signal("stiffness", Some(""), "signal of the desired stiffness"),
         signal("damping", Some(""), "signal of the desired damping"),
+        signal(
+            "torque_limit",
+            Some(""),
+            "signal of the largest torque, which the modes position and velocity need",
+        ),
         signal(
             "constants",
             Some(""),
@@ -106,105 +115,6 @@ struct Dbc {
     power_up: PowerUp,
 }
 
-const SETPOINTS: [&str; 5] = ["position", "velocity", "torque", "stiffness", "damping"];
-const UNITS: [&str; 5] =
-    ["position_unit", "velocity_unit", "torque_unit", "stiffness_unit", "damping_unit"];
-
-fn make(
-    settings: &Settings,
-    common: Common,
-    diagnostics: &mut Diagnostics,
-) -> Option<Box<dyn Drive>> {
-    let messages = match file::parse(settings.text("file")) {
-        Ok(messages) => messages,
-        Err((line, what)) => {
-            diagnostics.error(
-                settings.place("file"),
-                format!("line {line} of the DBC file: {what}"),
-                "a DBC file",
-                "fix it there",
-            );
-            return None;
-        }
-    };
-    let mut finder = Finder { messages: &messages, settings, diagnostics, good: true };
-    let mut desired: Vec<(Named, Role)> = Vec::new();
-    desired.extend(finder.of("enable").map(|named| (named, Role::Enable)));
-    for (i, key) in SETPOINTS.iter().enumerate() {
-        desired.extend(finder.of(key).map(|named| (named, Role::Setpoint(i))));
-    }
-    for constant in settings.text("constants").split(',').filter(|text| !text.trim().is_empty()) {
-        match constant
-            .split_once('=')
-            .map(|(name, value)| (name.trim(), value.trim().parse::<f64>()))
-        {
-            Some((name, Ok(value))) if value.is_finite() => {
-                desired.extend(
-                    finder.named("constants", name).map(|named| (named, Role::Constant(value))),
-                );
-            }
-            _ => finder.wrong(
-                "constants",
-                format!("`{constant}` is no constant"),
-                "Message.Signal=number",
-                "correct it",
-            ),
-        }
-    }
-    let needed: &[usize] = match common.mode {
-        Mode::Impedance => &[0, 1, 2, 3, 4],
-        Mode::Position => &[0],
-        Mode::Velocity => &[1],
-        Mode::Torque => &[2],
-    };
-    for key in needed.iter().filter_map(|i| SETPOINTS.get(*i)) {
-        if !settings.has(key) {
-            let found = format!("the mode {} has no signal `{key}`", common.mode.name());
-            finder.wrong(key, found, "the signal that takes it", "add it, or choose another mode");
-        }
-    }
-    let position = finder.reported("measured_position");
-    let [velocity, torque, temperature, fault, enabled] =
-        ["measured_velocity", "measured_torque", "temperature", "fault", "enabled"]
-            .map(|key| finder.reported(key));
-    let units = UNITS.map(|key| settings.number(key));
-    if let Some(key) = UNITS.iter().zip(units).find_map(|(key, unit)| (unit == 0.0).then_some(*key))
-    {
-        finder.wrong(key, format!("`{key}` is 0"), "what 1 of the file is", "correct it");
-    }
-    let sent = frames(desired).unwrap_or_else(|switch| {
-        let found = format!(
-            "`{switch}` is the switch of its message, and other signals of that \
-            message say what it is"
-        );
-        finder.wrong("constants", found, "a signal that is no switch", "remove it");
-        Vec::new()
-    });
-    if !finder.good {
-        return None;
-    }
-    Some(Box::new(Dbc {
-        torque_limit: common.torque_limit,
-        sent,
-        enable: [settings.number("disable_value"), settings.number("enable_value")],
-        units,
-        position: position?,
-        velocity,
-        torque,
-        temperature,
-        fault,
-        enabled,
-        enabled_value: settings.number("enabled_value"),
-        stale_ns: settings.integer("stale_ms").unsigned_abs() * 1_000_000,
-        silent: false,
-        place: f64::NAN,
-        code: 0,
-        not_finite: false,
-        power: Power::Unknown,
-        power_up: PowerUp::primed(),
-    }))
-}
-
 impl Dbc {
     fn send(&self, power: bool, desired: &Setpoint, out: &mut FrameQueue) {
         let Setpoint { position, velocity, torque, stiffness, damping } = *desired;
@@ -217,7 +127,7 @@ impl Dbc {
                 (Some(value), Some(unit)) => value / unit,
                 _ => 0.0,
             },
-            Role::Constant(value) => value,
+            Role::Constant(value) | Role::Limit(value) => value,
         };
         // no power before its set-point, and no set-point before power is gone
         for has_power in [!power, power] {
@@ -288,6 +198,10 @@ impl Drive for Dbc {
     }
 
     fn receive(&mut self, now_ns: u64, frame: &Frame) -> Receipt {
+        let is_reported = self.reported().any(|reported| reported.named.id == frame.id);
+        if !is_reported && self.sent.iter().any(|sent| sent.id == frame.id) {
+            return Receipt::Foreign;
+        }
         let Some(len) = self
             .reported()
             .find(|reported| reported.named.id == frame.id)
@@ -372,6 +286,19 @@ impl Drive for Dbc {
         ids.sort_unstable();
         ids.dedup();
         ids
+    }
+
+    fn steps(&self) -> Setpoint {
+        let [position_unit, velocity_unit, torque_unit, ..] = self.units;
+        let step = |reported: Option<&Reported>, unit: f64| {
+            reported.map_or(0.0, |reported| reported.named.step() * unit.abs())
+        };
+        Setpoint {
+            position: step(Some(&self.position), position_unit),
+            velocity: step(self.velocity.as_ref(), velocity_unit),
+            torque: step(self.torque.as_ref(), torque_unit),
+            ..Setpoint::default()
+        }
     }
 
     fn replies(&self) -> Vec<Reply> {

@@ -2,7 +2,7 @@
 //! tells, with when it told them.
 
 use super::super::Settings;
-use super::file::{Message, Multiplexing, Signal};
+use super::file::{Kind, Message, Multiplexing, Signal};
 use crate::frame::{Frame, Id};
 use sarrus_models::Diagnostics;
 
@@ -13,6 +13,15 @@ pub(super) enum Role {
     /// Span in position, velocity, torque, stiffness, damping.
     Setpoint(usize),
     Constant(f64),
+    /// The largest torque, in the file's unit.
+    Limit(f64),
+}
+
+impl Role {
+    /// What no rounding may enlarge: torque, gains, and the limit.
+    fn is_toward_zero(self) -> bool {
+        matches!(self, Role::Setpoint(2..) | Role::Limit(_))
+    }
 }
 
 /// A frame that is sent: its message, and the signals in it.
@@ -52,7 +61,12 @@ impl Sent {
     pub(super) fn frame(&self, value: impl Fn(Role) -> f64) -> Option<Frame> {
         let mut bytes = [0; 8];
         self.switch.iter().for_each(|(switch, value)| switch.set_raw(*value, &mut bytes));
-        self.signals.iter().for_each(|(signal, role)| signal.set_value(value(*role), &mut bytes));
+        for (signal, role) in &self.signals {
+            match role.is_toward_zero() {
+                true => signal.set_toward_zero(value(*role), &mut bytes),
+                false => signal.set_value(value(*role), &mut bytes),
+            }
+        }
         Frame::classic(self.id, bytes.get(..self.len)?)
     }
 }
@@ -96,6 +110,16 @@ pub(super) fn frames(desired: Vec<(Named, Role)>) -> Result<Vec<Sent>, String> {
         }
     }
     Ok(sent)
+}
+
+impl Named {
+    /// What one code is; 0 for floating-point numbers.
+    pub(super) fn step(&self) -> f64 {
+        match self.signal.kind {
+            Kind::Unsigned | Kind::Signed => self.signal.factor.abs(),
+            Kind::Single | Kind::Double => 0.0,
+        }
+    }
 }
 
 impl Reported {

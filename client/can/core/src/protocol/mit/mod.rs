@@ -11,11 +11,14 @@
 //!   `damping_range` N m s/rad, ± `torque_range` N m. Ranges belong to the motor's firmware; public
 //!   tables for one motor differ.
 //! - Special commands: FF ×7, then FC power on, FD power off, FE zero here, FB forget faults
-//!   (Damiao and RobStride only: the others would take FB for a set-point).
+//!   (Damiao and RobStride only: the others would take FB for a set-point). To a RobStride FF ×6,
+//!   00, FB asks for its faults.
 //! - Reply on `reply_id`: byte 0 the motor's id (Damiao: id in the low, state in the high half),
-//!   position 16, velocity 12, torque 12; then nothing (`mini_cheetah`, older `t_motor`),
+//!   position 16, velocity 12, torque 12; then nothing or the voltage of its supply and one byte
+//!   more at most (`mini_cheetah`, whose firmware sends 7 bytes since July 2023), nothing or
 //!   temperature + 40 °C and error (`t_motor`), temperatures of bridge and winding (`damiao`), or
-//!   the winding's temperature × 10 in 16 bits (`robstride`).
+//!   the winding's temperature × 10 in 16 bits (`robstride`). Faults of a RobStride: its id, 32
+//!   bits, none of which is set without a fault.
 //!
 //! A set-point with all of position, velocity, gains at their maximum could be byte for byte a
 //! special command: then the torque code FFA is sent, and to a RobStride, which reads more such
@@ -24,18 +27,22 @@
 //! end: it is followed there, and reported as a fault, since no set-point can be said there.
 
 mod damiao;
+mod keys;
+mod robstride;
 
-use super::number::limited;
+use super::codes::Codes;
 use super::power_up::{Action, PowerUp, Stage};
 use super::scale::Scale;
 use super::turns::Turns;
-use super::{Common, Key, KeyKind, Protocol, Settings, fault};
+use super::{Common, Protocol, Settings, fault};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
     Shared, Watchdog,
 };
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 use damiao::Registers;
+use keys::KEYS;
+use robstride::Question;
 use sarrus_models::Diagnostics;
 
 /// MIT mode.
@@ -44,37 +51,9 @@ pub(super) const MIT: Protocol = Protocol {
     about: "MIT mode: mini cheetah, T-Motor AK, Damiao, RobStride",
     modes: &[Mode::Impedance, Mode::Torque],
     fd: false,
-    keys: &[
-        Key {
-            name: "variant",
-            kind: KeyKind::Word(&["mini_cheetah", "t_motor", "damiao", "robstride"]),
-            default: None,
-            about: "whose MIT mode it is",
-        },
-        Key {
-            name: "id",
-            kind: KeyKind::Integer(1, 0x7FE),
-            default: None,
-            about: "identifier of the motor's commands",
-        },
-        Key {
-            name: "reply_id",
-            kind: KeyKind::Integer(0, 0x7FE),
-            default: None,
-            about: "identifier of the motor's replies",
-        },
-        range("position_range", "position at the end of the range [rad]"),
-        range("velocity_range", "velocity at the end of the range [rad/s]"),
-        range("torque_range", "torque at the end of the range [N m]"),
-        range("stiffness_range", "largest stiffness [N m/rad]"),
-        range("damping_range", "largest damping [N m s/rad]"),
-    ],
+    keys: KEYS,
     make,
 };
-
-const fn range(name: &'static str, about: &'static str) -> Key {
-    Key { name, kind: KeyKind::Number(1e-3, 1e5), default: None, about }
-}
 
 const POWER_ON: u8 = 0xFC;
 const POWER_OFF: u8 = 0xFD;
@@ -100,16 +79,16 @@ struct Mit {
     reply_id: u16,
     mode: Mode,
     torque_limit: f64,
-    position: Scale,
-    velocity: Scale,
-    torque: Scale,
-    stiffness: Scale,
-    damping: Scale,
+    codes: Codes,
     registers: Option<Registers>,
+    /// Faults of a RobStride.
+    question: Option<Question>,
     power_up: PowerUp,
     power: Power,
     motor_fault: u32,
     turns: Turns,
+    /// Position and velocity as last measured `[rad, rad/s]`.
+    measured: Option<[f64; 2]>,
     odd: bool,
 }
 
@@ -144,17 +123,21 @@ fn make(
         reply_id,
         mode: common.mode,
         torque_limit: common.torque_limit,
-        position: Scale::around_zero(position, 16),
-        velocity: Scale::around_zero(velocity, 12),
-        torque: Scale::around_zero(torque, 12),
-        stiffness: Scale::from_zero(settings.number("stiffness_range"), 12),
-        damping: Scale::from_zero(settings.number("damping_range"), 12),
+        codes: Codes {
+            position: Scale::around_zero(position, 16),
+            velocity: Scale::around_zero(velocity, 12),
+            torque: Scale::around_zero(torque, 12),
+            stiffness: Scale::from_zero(settings.number("stiffness_range"), 12),
+            damping: Scale::from_zero(settings.number("damping_range"), 12),
+        },
         registers: (variant == Variant::Damiao)
             .then(|| Registers::new(id, common.watchdog_ms, ranges)),
+        question: (variant == Variant::RobStride).then(|| Question::new(id)),
         power_up: PowerUp::primed(),
         power: Power::Unknown,
         motor_fault: 0,
         turns: Turns::default(),
+        measured: None,
         odd: false,
     }))
 }
@@ -166,16 +149,16 @@ impl Mit {
 
     /// A set-point in its 8 bytes, never those of a special command.
     fn setpoint(&self, setpoint: Setpoint) -> Option<Frame> {
-        let Setpoint { position, velocity, torque, stiffness, damping } = match self.mode {
+        let setpoint = match self.mode {
             Mode::Torque => Setpoint { torque: setpoint.torque, ..Setpoint::default() },
             _ => setpoint,
         };
-        let odd = self.odd;
-        let torque = self.torque.code(limited(torque, self.torque_limit), odd);
-        let [p_high, p_low] = self.position.code(position, odd).to_be_bytes();
-        let [v_high, v_low] = (self.velocity.code(velocity, odd) << 4).to_be_bytes();
-        let [k_high, k_low] = self.stiffness.code(stiffness, odd).to_be_bytes();
-        let [d_high, d_low] = (self.damping.code(damping, odd) << 4).to_be_bytes();
+        let codes = self.codes.of(&setpoint, self.torque_limit, self.measured, self.odd);
+        let [position, velocity, stiffness, damping, torque] = codes;
+        let [p_high, p_low] = position.to_be_bytes();
+        let [v_high, v_low] = (velocity << 4).to_be_bytes();
+        let [k_high, k_low] = stiffness.to_be_bytes();
+        let [d_high, d_low] = (damping << 4).to_be_bytes();
         let [t_high, t_low] = torque.to_be_bytes();
         let mut bytes =
             [p_high, p_low, v_high, v_low | k_high, k_low, d_high, d_low | t_high, t_low];
@@ -185,6 +168,14 @@ impl Mit {
             _ => {}
         }
         Frame::classic(Id::Standard(self.id), &bytes)
+    }
+
+    /// A set-point, special command or request for a register that was sent to this motor.
+    fn is_command(&self, frame: &Frame) -> bool {
+        let is_request = self.registers.is_some()
+            && frame.id == Id::Standard(0x7FF)
+            && frame.data().starts_with(&self.id.to_le_bytes());
+        frame.id == Id::Standard(self.id) || is_request
     }
 
     /// Bits of the identifier that a reply has room for.
@@ -221,7 +212,8 @@ impl Mit {
                 self.power = if state == 1 { Power::On } else { Power::Off };
             }
             Variant::MiniCheetah | Variant::TMotor | Variant::RobStride => {
-                self.motor_fault = u32::from(error);
+                self.motor_fault =
+                    self.question.map_or(u32::from(error), |question| question.fault);
                 self.power_up.count_reply(REPLIES_TO_POWER);
                 let is_on = self.power_up.stage() == Stage::On;
                 self.power = if is_on { Power::On } else { Power::Off };
@@ -231,13 +223,19 @@ impl Mit {
 }
 
 impl Drive for Mit {
-    fn cycle(&mut self, _now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
+    fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         let is_ready = self.ready();
+        if let Some(question) = &mut self.question {
+            out.push_some(question.ask(now_ns));
+        }
         match self.power_up.action(command, is_ready) {
             Action::Idle(n) => out.push_some(self.idle(n)),
             Action::Reset => {
-                self.turns.trust();
                 self.prepare();
+                if let Some(question) = &mut self.question {
+                    question.forget();
+                    self.motor_fault = 0;
+                }
                 if matches!(self.variant, Variant::Damiao | Variant::RobStride) {
                     out.push_some(self.special(FORGET_FAULT));
                 }
@@ -261,6 +259,9 @@ impl Drive for Mit {
 
     fn receive(&mut self, _now_ns: u64, frame: &Frame) -> Receipt {
         let bytes = frame.data();
+        if self.is_command(frame) {
+            return Receipt::Foreign;
+        }
         if frame.id != Id::Standard(self.reply_id) {
             return Receipt::NotMine;
         }
@@ -268,18 +269,23 @@ impl Drive for Mit {
         if !bytes.is_empty() && (u16::from(first) ^ self.id) & self.id_mask() != 0 {
             return Receipt::NotMine;
         }
-        let (bytes, short) = match (frame.is_fd(), bytes) {
-            (false, [a, b, c, d, e, f]) => ([*a, *b, *c, *d, *e, *f, 0, 0], true),
-            (false, [a, b, c, d, e, f, g, h]) => ([*a, *b, *c, *d, *e, *f, *g, *h], false),
-            _ => return Receipt::Malformed,
+        let is_expected = match self.variant {
+            Variant::MiniCheetah => matches!(bytes.len(), 6..=8),
+            Variant::TMotor => matches!(bytes.len(), 6 | 8),
+            Variant::Damiao | Variant::RobStride => bytes.len() == 8,
         };
-        let expected = match self.variant {
-            Variant::MiniCheetah => short,
-            Variant::TMotor => true,
-            Variant::Damiao | Variant::RobStride => !short,
-        };
-        if !expected {
+        if !is_expected || frame.is_fd() {
             return Receipt::Malformed;
+        }
+        let short = bytes.len() < 8;
+        let mut all = [0; 8];
+        all.iter_mut().zip(bytes).for_each(|(byte, given)| *byte = *given);
+        let bytes = all;
+        if let Some(question) = &mut self.question
+            && question.answers(bytes)
+        {
+            self.motor_fault = question.fault;
+            return Receipt::Noted;
         }
         if let Some(receipt) =
             self.registers.as_mut().and_then(|registers| registers.receive(bytes))
@@ -296,13 +302,11 @@ impl Drive for Mit {
             Variant::RobStride => (0, 0, f64::from(u16::from_be_bytes([g, h])) / 10.0),
         };
         self.learn(state, error);
-        let whole = self.turns.follow(code);
-        Receipt::Measured(Measurement {
-            position: self.position.value_at(whole),
-            velocity: self.velocity.value(u16::from_be_bytes([v_high, v_low]) >> 4),
-            torque: self.torque.value(u16::from_be_bytes([v_low & 0x0F, t_low])),
-            temperature,
-        })
+        let position = self.codes.position.value_at(self.turns.follow(code));
+        let velocity = self.codes.velocity.value(u16::from_be_bytes([v_high, v_low]) >> 4);
+        self.measured = Some([position, velocity]);
+        let torque = self.codes.torque.value(u16::from_be_bytes([v_low & 0x0F, t_low]));
+        Receipt::Measured(Measurement { position, velocity, torque, temperature })
     }
 
     fn state(&self) -> DriveState {
@@ -327,7 +331,8 @@ impl Drive for Mit {
 
     fn forget(&mut self) {
         self.power_up.forget();
-        (self.power, self.motor_fault) = (Power::Unknown, 0);
+        (self.power, self.motor_fault, self.measured) = (Power::Unknown, 0, None);
+        self.question.iter_mut().for_each(Question::forget);
         self.turns.forget();
         self.prepare();
     }
@@ -343,13 +348,7 @@ impl Drive for Mit {
     }
 
     fn steps(&self) -> Setpoint {
-        Setpoint {
-            position: self.position.step(),
-            velocity: self.velocity.step(),
-            torque: self.torque.step(),
-            stiffness: self.stiffness.step(),
-            damping: self.damping.step(),
-        }
+        self.codes.steps()
     }
 
     fn is_paired(&self) -> bool {
@@ -357,8 +356,12 @@ impl Drive for Mit {
     }
 
     fn replies(&self) -> Vec<Reply> {
-        let len = if self.variant == Variant::MiniCheetah { 6 } else { 8 };
+        let len = if self.variant == Variant::MiniCheetah { 7 } else { 8 };
         vec![Reply { id: Id::Standard(self.reply_id), kind: FrameKind::Classic, len }]
+    }
+
+    fn heartbeat(&self) -> Option<(Frame, u64)> {
+        Some((self.question?.frame()?, robstride::PERIOD_NS))
     }
 
     /// Damiao motors are asked for a register; the others answer set-points and special commands

@@ -11,14 +11,17 @@
 //! - Registers: 000 mode (0 stopped, 1 fault, 2 … 4 starts, 10 position, 11 timeout), 001 position,
 //!   002 velocity, 003 torque, 00E temperature, 00F fault, 020 position, 021 velocity, 022 torque,
 //!   023 and 024 scales of the motor's own gains, 025 largest torque, 027 watchdog (0: its own
-//!   default; NaN: none), 028 and 029 limits of velocity and acceleration. Positions in turns,
-//!   velocities in turns/s, torques in N m, all at the output.
+//!   default; NaN: none), 028 and 029 limits of velocity and acceleration, 02B scale of the
+//!   integrator's limit. Positions in turns, velocities in turns/s, torques in N m, all at the
+//!   output.
 //!
-//! A command takes 34 bytes, which FD sends as 48: mode int8, position and velocity single, torque
+//! A command takes 37 bytes, which FD sends as 48: mode int8, position and velocity single, torque
 //! and largest torque int16 in .01 N m, scales int16 in 1/32767, watchdog int8 in .01 s, and both
 //! limits int8 below 0: with a limit, its own or servo.default_accel_limit, a motor would follow a
-//! way to the position and not the position. In the mode torque there is no position, and it takes
-//! 24. A motor with servo.bemf_feedforward takes no command without such a limit and says so by a
+//! way to the position and not the position. Where the motor's own integrator has no part in what
+//! it shall do, in the modes torque and impedance, its limit is scaled to 0. In the mode torque
+//! there is no position, and it takes 27, sent as 32. Torques and scales are rounded towards zero,
+//! and the motor holds the largest torque over all of its loops. A motor with servo.bemf_feedforward takes no command without such a limit and says so by a
 //! fault. The answer takes 24: mode, position, velocity, torque single, voltage, temperature, fault
 //! int8. The motor makes the damping's scale no larger than the stiffness's: what is left of the
 //! damping is added as torque, at the bus's rate. What it does when its watchdog ends is
@@ -29,7 +32,7 @@ mod subframes;
 
 use std::f64::consts::TAU;
 
-use super::number::{limited, single, steps};
+use super::number::{limited, single, steps_toward_zero};
 use super::power_up::{Action, PowerUp, Stage};
 use super::{Common, Protocol, Settings, fault};
 use crate::drive::{
@@ -58,6 +61,7 @@ const POSITION: u8 = 10;
 const MODE_REGISTER: u32 = 0x000;
 const FAULT_REGISTER: u32 = 0x00F;
 const WATCHDOG: u8 = 0x27;
+const ILIMIT_SCALE: u8 = 0x2B;
 /// No limit of velocity or acceleration: anything below 0.
 const NO_LIMIT: u8 = -1_i8 as u8;
 
@@ -168,12 +172,15 @@ impl Moteus {
             torque +=
                 (setpoint.damping - kd * own / TAU).max(0.0) * (setpoint.velocity - self.velocity);
         }
-        let torque = steps(limited(torque, self.torque_limit), TORQUE_STEP, WHOLE) as i16;
+        let torque = limited(torque, self.torque_limit);
+        let torque = steps_toward_zero(torque, TORQUE_STEP, WHOLE) as i16;
         // rounded towards less; the lowest value means the controller's own limit
         let most = (self.torque_limit / TORQUE_STEP).floor();
         let most =
             if most.is_finite() { most.clamp(0.0, f64::from(WHOLE)) as i16 } else { i16::MIN };
-        let scale = |gain: f64| (steps(gain, 1.0 / f64::from(WHOLE), WHOLE) as i16).to_le_bytes();
+        let scale = |gain: f64| {
+            (steps_toward_zero(gain, 1.0 / f64::from(WHOLE), WHOLE) as i16).to_le_bytes()
+        };
         let payload = EMPTY.add(&[0x01, 0x00, POSITION]);
         let payload = match self.mode {
             Mode::Torque | Mode::Velocity => payload,
@@ -189,6 +196,10 @@ impl Moteus {
             .add(&scale(kd))
             .add(&most.to_le_bytes())
             .add(&[0x03, WATCHDOG, self.watchdog_steps, NO_LIMIT, NO_LIMIT]);
+        let payload = match self.mode {
+            Mode::Position => payload,
+            _ => payload.add(&[0x01, ILIMIT_SCALE, 0]),
+        };
         self.frame(&Moteus::query(payload))
     }
 
@@ -252,6 +263,10 @@ impl Drive for Moteus {
     }
 
     fn receive(&mut self, _now_ns: u64, frame: &Frame) -> Receipt {
+        // to this motor, with an answer desired, whoever it says that it is from
+        if frame.id.number() & !0x7F00 == 0x8000 | self.id {
+            return Receipt::Foreign;
+        }
         if frame.id.number() != self.id << 8 | self.source {
             return Receipt::NotMine;
         }

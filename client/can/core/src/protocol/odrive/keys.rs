@@ -22,6 +22,12 @@ pub(super) const KEYS: &[Key] = &[
         about: "1 / input_torque_scale: one step of the torque beside a position [N m]",
     },
     Key {
+        name: "motor_torque_constant",
+        kind: KeyKind::Number(1e-6, 1e6),
+        default: Some(""),
+        about: "axis0.config.motor.torque_constant [N m/A], for the limit of current",
+    },
+    Key {
         name: "torque_feedback",
         kind: KeyKind::Flag,
         default: Some("false"),

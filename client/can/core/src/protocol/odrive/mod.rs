@@ -7,11 +7,16 @@
 //!   singles. Positions in turns, velocities in turns/s, torques in N m.
 //! - Sent: 07 state u32 (1 idle, 8 closed loop), 0B control and input mode u32 u32, 0C position
 //!   f32, velocity i16 × `velocity_scale` turns/s, torque i16 × `torque_scale` N m, 0D velocity
-//!   f32, torque f32, 0E torque f32, 18 forget errors, 19 position is now f32, 04 write or read an
+//!   f32, torque f32, 0E torque f32, 0F largest velocity f32 and current f32 [A], 18 forget errors, 19 position is now f32, 04 write or read an
 //!   endpoint: u8 1 | 0, endpoint u16, 0, value.
 //! - Received: 01 heartbeat: errors u32, state u8, three more; 03 errors u32, reason of the last
 //!   fall u32; 05 endpoint: 0, endpoint u16, 0, value; 09 position f32, velocity f32; 15
 //!   temperatures of bridge and motor f32 f32; 1C desired and estimated torque f32 f32.
+//!
+//! In the modes position and velocity the ODrive's own loops make the torque. What they may make is
+//! its limit of current, `limits.effort` / `motor_torque_constant`; with it goes the largest
+//! velocity. Nothing answers either, so they are said again and again while the motor has no power,
+//! and once more before it gets power. Without all three numbers these modes are refused.
 //!
 //! An ODrive tells its position by itself: set `encoder_msg_rate_ms` (and `torques_msg_rate_ms` if
 //! needed) to the bridge's cycle. The velocity beside a position saturates at ± 32767 steps (32.8
@@ -23,7 +28,7 @@ mod setup;
 
 use std::f64::consts::TAU;
 
-use super::number::{limited, single, steps};
+use super::number::{limited, single, steps, steps_toward_zero};
 use super::power_up::{Action, PowerUp, Stage};
 use super::{Common, Protocol, Settings, fault};
 use crate::drive::{
@@ -53,6 +58,7 @@ const CONTROL_MODE: u16 = 0x0B;
 const POSITION: u16 = 0x0C;
 const VELOCITY: u16 = 0x0D;
 const TORQUE: u16 = 0x0E;
+const LIMITS: u16 = 0x0F;
 const TEMPERATURES: u16 = 0x15;
 const FORGET_ERRORS: u16 = 0x18;
 const POSITION_IS: u16 = 0x19;
@@ -68,6 +74,8 @@ const PASSTHROUGH: u32 = 1;
 #[derive(Debug)]
 struct ODrive {
     node: u16,
+    /// Largest velocity and current `[turn/s, A]`.
+    limits: Option<[f64; 2]>,
     mode: Mode,
     torque_limit: f64,
     velocity_scale: f64,
@@ -107,8 +115,24 @@ fn make(
             }
         };
     let node = settings.integer("node") as u16;
+    let limits = settings.has("motor_torque_constant").then(|| {
+        let current = common.torque_limit / settings.number("motor_torque_constant");
+        [common.velocity_limit / TAU, current]
+    });
+    let limits = limits.filter(|limits| limits.iter().all(|limit| limit.is_finite()));
+    let has_own_loops = matches!(common.mode, Mode::Position | Mode::Velocity);
+    if has_own_loops && common.torque_limit.is_finite() && limits.is_none() {
+        diagnostics.error(
+            settings.place("motor_torque_constant"),
+            format!("nothing limits the torque of the ODrive's mode {}", common.mode.name()),
+            "`motor_torque_constant`, and `limits` with `velocity`",
+            "add axis0.config.motor.torque_constant and the greatest speed, or use the mode torque",
+        );
+        return None;
+    }
     Some(Box::new(ODrive {
         node,
+        limits,
         mode: common.mode,
         torque_limit: common.torque_limit,
         velocity_scale: settings.number("velocity_scale"),
@@ -142,7 +166,8 @@ impl ODrive {
             Mode::Position => {
                 let [a, b, c, d] = single(setpoint.position / TAU).to_le_bytes();
                 let [e, f] = (steps(velocity, self.velocity_scale, 32_767) as i16).to_le_bytes();
-                let [g, h] = (steps(torque, self.torque_scale, 32_767) as i16).to_le_bytes();
+                let torque = steps_toward_zero(torque, self.torque_scale, 32_767) as i16;
+                let [g, h] = torque.to_le_bytes();
                 self.frame(POSITION, &[a, b, c, d, e, f, g, h])
             }
             Mode::Velocity => {
@@ -174,13 +199,21 @@ impl ODrive {
         self.frame(CONTROL_MODE, &[a, b, c, d, e, f, g, h])
     }
 
+    fn limits(&self) -> Option<Frame> {
+        let [[a, b, c, d], [e, f, g, h]] = self.limits?.map(|limit| single(limit).to_le_bytes());
+        self.frame(LIMITS, &[a, b, c, d, e, f, g, h])
+    }
+
     /// Nothing but idling: the set-point that feeds the watchdog, the request to idle, and what is
     /// to be set and read, in turn.
     fn idle(&mut self, n: u64, out: &mut FrameQueue) {
         let frame = match n % 3 {
             1 => self.state_request(IDLE),
             2 => self.setpoint(&self.neutral()),
-            _ => self.setup.request().or_else(|| self.control_mode()),
+            _ => self.setup.request().or_else(|| match n % 2 {
+                0 => self.limits().or_else(|| self.control_mode()),
+                _ => self.control_mode(),
+            }),
         };
         out.push_some(frame);
     }
@@ -225,6 +258,7 @@ impl Drive for ODrive {
                 out.push_some(self.frame(FORGET_ERRORS, &[0]));
             }
             Action::Prime(setpoint) => {
+                out.push_some(self.limits());
                 out.push_some(self.control_mode());
                 out.push_some(self.setpoint(&setpoint));
             }
@@ -291,6 +325,8 @@ impl Drive for ODrive {
                 _ => Receipt::Malformed,
             },
             (HEARTBEAT | ERRORS | ENDPOINT_REPLY, _) => Receipt::Malformed,
+            // endpoints are left out: earlier firmware tells errors of its encoder there
+            (STATE | CONTROL_MODE..=LIMITS | FORGET_ERRORS | POSITION_IS, _) => Receipt::Foreign,
             _ => Receipt::Noted,
         }
     }

@@ -1,0 +1,123 @@
+//! A drive from its settings and its DBC file.
+
+use sarrus_models::Diagnostics;
+
+use super::signals::{Finder, Named, Role, frames};
+use super::{Dbc, file};
+use crate::drive::{Drive, Mode, Power};
+use crate::protocol::power_up::PowerUp;
+use crate::protocol::{Common, Settings};
+
+const SETPOINTS: [&str; 5] = ["position", "velocity", "torque", "stiffness", "damping"];
+const UNITS: [&str; 5] =
+    ["position_unit", "velocity_unit", "torque_unit", "stiffness_unit", "damping_unit"];
+
+pub(super) fn make(
+    settings: &Settings,
+    common: Common,
+    diagnostics: &mut Diagnostics,
+) -> Option<Box<dyn Drive>> {
+    let messages = match file::parse(settings.text("file")) {
+        Ok(messages) => messages,
+        Err((line, what)) => {
+            diagnostics.error(
+                settings.place("file"),
+                format!("line {line} of the DBC file: {what}"),
+                "a DBC file",
+                "fix it there",
+            );
+            return None;
+        }
+    };
+    let mut finder = Finder { messages: &messages, settings, diagnostics, good: true };
+    let mut desired: Vec<(Named, Role)> = Vec::new();
+    desired.extend(finder.of("enable").map(|named| (named, Role::Enable)));
+    for (i, key) in SETPOINTS.iter().enumerate() {
+        desired.extend(finder.of(key).map(|named| (named, Role::Setpoint(i))));
+    }
+    if settings.has("torque_limit") && common.torque_limit.is_finite() {
+        let limit = common.torque_limit / settings.number("torque_unit").abs();
+        desired.extend(finder.of("torque_limit").map(|named| (named, Role::Limit(limit))));
+    }
+    for constant in settings.text("constants").split(',').filter(|text| !text.trim().is_empty()) {
+        match constant
+            .split_once('=')
+            .map(|(name, value)| (name.trim(), value.trim().parse::<f64>()))
+        {
+            Some((name, Ok(value))) if value.is_finite() => {
+                desired.extend(
+                    finder.named("constants", name).map(|named| (named, Role::Constant(value))),
+                );
+            }
+            _ => finder.wrong(
+                "constants",
+                format!("`{constant}` is no constant"),
+                "Message.Signal=number",
+                "correct it",
+            ),
+        }
+    }
+    let needed: &[usize] = match common.mode {
+        Mode::Impedance => &[0, 1, 2, 3, 4],
+        Mode::Position => &[0],
+        Mode::Velocity => &[1],
+        Mode::Torque => &[2],
+    };
+    for key in needed.iter().filter_map(|i| SETPOINTS.get(*i)) {
+        if !settings.has(key) {
+            let found = format!("the mode {} has no signal `{key}`", common.mode.name());
+            finder.wrong(key, found, "the signal that takes it", "add it, or choose another mode");
+        }
+    }
+    let has_own_loops = matches!(common.mode, Mode::Position | Mode::Velocity);
+    if has_own_loops && common.torque_limit.is_finite() && !settings.has("torque_limit") {
+        let found =
+            format!("nothing limits the torque of the motor in the mode {}", common.mode.name());
+        finder.wrong(
+            "torque_limit",
+            found,
+            "the signal `torque_limit`",
+            "add it, or choose the mode torque",
+        );
+    }
+    let position = finder.reported("measured_position");
+    let [velocity, torque, temperature, fault, enabled] =
+        ["measured_velocity", "measured_torque", "temperature", "fault", "enabled"]
+            .map(|key| finder.reported(key));
+    let units = UNITS.map(|key| settings.number(key));
+    if let Some(key) = UNITS.iter().zip(units).find_map(|(key, unit)| (unit == 0.0).then_some(*key))
+    {
+        finder.wrong(key, format!("`{key}` is 0"), "what 1 of the file is", "correct it");
+    }
+    let sent = frames(desired).unwrap_or_else(|switch| {
+        let found = format!(
+            "`{switch}` is the switch of its message, and other signals of that \
+            message say what it is"
+        );
+        finder.wrong("constants", found, "a signal that is no switch", "remove it");
+        Vec::new()
+    });
+    if !finder.good {
+        return None;
+    }
+    Some(Box::new(Dbc {
+        torque_limit: common.torque_limit,
+        sent,
+        enable: [settings.number("disable_value"), settings.number("enable_value")],
+        units,
+        position: position?,
+        velocity,
+        torque,
+        temperature,
+        fault,
+        enabled,
+        enabled_value: settings.number("enabled_value"),
+        stale_ns: settings.integer("stale_ms").unsigned_abs() * 1_000_000,
+        silent: false,
+        place: f64::NAN,
+        code: 0,
+        not_finite: false,
+        power: Power::Unknown,
+        power_up: PowerUp::primed(),
+    }))
+}

@@ -1,0 +1,266 @@
+//! VESC: single frame commands and status messages.
+//!
+//! Source: B. Vedder, VESC firmware, documentation/comm_can.md and comm/comm_can.c.
+//!
+//! - Extended identifier: command in bits 15 … 8, the VESC's `id` in 7 … 0. Numbers are big-endian.
+//! - Sent: 1 current i32 [mA], 3 speed i32 [electrical rpm], 4 position i32 [1e-6 °, 0 … 360], 21
+//!   least and largest motor current i32 i32 [mA], not stored.
+//! - Received by themselves, as configured in VESC Tool: 9 electrical rpm i32, current i16 [.1 A],
+//!   duty i16; 16 temperatures of bridge and motor i16 [.1 °C], input current i16, position i16
+//!   [.02 °]; 27 tachometer i32, input voltage i16 [.1 V].
+//!
+//! Status 1 and 4 are to come in each cycle of the bridge. Everything is the rotor's: `pole_pairs`
+//! electrical turns are one of it, and the position is followed over the ends of its one turn. A
+//! current of zero takes the power; that it was taken, and faults, no message tells. In the modes
+//! velocity and position the limit of current is the VESC's: it is said all the time without power
+//! and once more before power, and nothing answers it. The timeout is an application setting that
+//! no single frame reads or sets.
+
+use std::f64::consts::TAU;
+
+use super::number::{limited, steps, steps_toward_zero};
+use super::power_up::{Action, PowerUp, Stage};
+use super::{Common, Key, KeyKind, Protocol, Settings};
+use crate::drive::{
+    Drive, DriveCommand, DriveState, Measurement, Mode, Power, Receipt, Reply, Setpoint, Watchdog,
+};
+use crate::frame::{Frame, FrameKind, FrameQueue, Id};
+use sarrus_models::Diagnostics;
+
+/// VESC.
+pub(super) const VESC: Protocol = Protocol {
+    name: "vesc",
+    about: "VESC by its CAN commands and status messages 1, 4 and 5",
+    modes: &[Mode::Torque, Mode::Velocity, Mode::Position],
+    fd: false,
+    keys: &[
+        Key {
+            name: "id",
+            kind: KeyKind::Integer(0, 254),
+            default: None,
+            about: "VESC ID of the controller",
+        },
+        Key {
+            name: "motor_torque_constant",
+            kind: KeyKind::Number(1e-6, 1e6),
+            default: None,
+            about: "torque of the motor for its current [N m/A]",
+        },
+        Key {
+            name: "pole_pairs",
+            kind: KeyKind::Integer(1, 1000),
+            default: None,
+            about: "electrical turns in one of the rotor",
+        },
+    ],
+    make,
+};
+
+const CURRENT: u32 = 1;
+const SPEED: u32 = 3;
+const POSITION: u32 = 4;
+const STATUS_1: u32 = 9;
+const STATUS_4: u32 = 16;
+const LIMITS: u32 = 21;
+const STATUS_5: u32 = 27;
+
+/// A step of a current `[A]`.
+const MILLIAMPERE: f64 = 1e-3;
+/// Status 1 counts for this time `[ns]`.
+const STALE_NS: u64 = 200_000_000;
+/// Measurements after which the motor counts as having power: earlier ones may be older than the
+/// set-point.
+const REPLIES_TO_POWER: u8 = 2;
+/// Steps of the position in a turn.
+const POSITIONS: i64 = 18_000;
+
+#[derive(Debug)]
+struct Vesc {
+    id: u32,
+    mode: Mode,
+    torque_limit: f64,
+    constant: f64,
+    pole_pairs: f64,
+    power_up: PowerUp,
+    /// The position as last told, and without jumps.
+    counted: Option<(i64, i64)>,
+    velocity: f64,
+    torque: f64,
+    told_ns: Option<u64>,
+}
+
+fn make(
+    settings: &Settings,
+    common: Common,
+    _diagnostics: &mut Diagnostics,
+) -> Option<Box<dyn Drive>> {
+    Some(Box::new(Vesc {
+        id: settings.integer("id") as u32,
+        mode: common.mode,
+        torque_limit: common.torque_limit,
+        constant: settings.number("motor_torque_constant"),
+        pole_pairs: settings.number("pole_pairs"),
+        power_up: PowerUp::primed(),
+        counted: None,
+        velocity: f64::NAN,
+        torque: f64::NAN,
+        told_ns: None,
+    }))
+}
+
+impl Vesc {
+    fn frame(&self, command: u32, number: i32) -> Option<Frame> {
+        Frame::classic(Id::Extended(command << 8 | self.id), &number.to_be_bytes())
+    }
+
+    fn current(&self, torque: f64) -> i32 {
+        let current = limited(torque, self.torque_limit) / self.constant;
+        steps_toward_zero(current, MILLIAMPERE, i32::MAX)
+    }
+
+    fn release(&self) -> Option<Frame> {
+        self.frame(CURRENT, 0)
+    }
+
+    fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
+        match self.mode {
+            Mode::Torque | Mode::Impedance => self.frame(CURRENT, self.current(setpoint.torque)),
+            Mode::Velocity => {
+                let turns = setpoint.velocity * 60.0 / TAU;
+                self.frame(SPEED, steps(turns * self.pole_pairs, 1.0, i32::MAX))
+            }
+            Mode::Position => {
+                let degrees = setpoint.position.to_degrees().rem_euclid(360.0);
+                self.frame(POSITION, steps(degrees, 1e-6, 360_000_000))
+            }
+        }
+    }
+
+    /// The limit of current for its own loops.
+    fn limits(&self) -> Option<Frame> {
+        let has_own_loops = matches!(self.mode, Mode::Velocity | Mode::Position);
+        if !has_own_loops || self.torque_limit.is_infinite() {
+            return None;
+        }
+        let most = self.current(self.torque_limit);
+        let ([a, b, c, d], [e, f, g, h]) = ((-most).to_be_bytes(), most.to_be_bytes());
+        Frame::classic(Id::Extended(LIMITS << 8 | self.id), &[a, b, c, d, e, f, g, h])
+    }
+
+    /// A position without jumps.
+    fn follow(&mut self, code: i16) -> f64 {
+        let code = i64::from(code);
+        let whole = match self.counted {
+            Some((last, whole)) => {
+                let way = (code - last).rem_euclid(POSITIONS);
+                whole + if way > POSITIONS / 2 { way - POSITIONS } else { way }
+            }
+            None => code,
+        };
+        self.counted = Some((code, whole));
+        whole as f64 * TAU / POSITIONS as f64
+    }
+}
+
+impl Drive for Vesc {
+    fn cycle(&mut self, _now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
+        match self.power_up.action(command, self.counted.is_some()) {
+            Action::Idle(n) => {
+                out.push_some(self.release());
+                if n % 8 == 1 {
+                    out.push_some(self.limits());
+                }
+            }
+            Action::Reset | Action::Withhold => out.push_some(self.release()),
+            Action::Prime(_) => {
+                out.push_some(self.limits());
+                out.push_some(self.release());
+            }
+            Action::Ask(setpoint) | Action::Await(setpoint) | Action::Follow(setpoint) => {
+                out.push_some(self.setpoint(&setpoint));
+            }
+        }
+    }
+
+    fn encode(&self, setpoint: &Setpoint, out: &mut FrameQueue) {
+        out.push_some(self.setpoint(setpoint));
+    }
+
+    fn disable(&self, out: &mut FrameQueue) {
+        out.push_some(self.release());
+    }
+
+    fn receive(&mut self, now_ns: u64, frame: &Frame) -> Receipt {
+        let Id::Extended(id) = frame.id else { return Receipt::NotMine };
+        if id & 0xFF != self.id {
+            return Receipt::NotMine;
+        }
+        let status = match id >> 8 {
+            status @ (STATUS_1 | STATUS_4 | STATUS_5) => status,
+            // duty, currents, speed, position, absolute and relative; limits
+            0..=4 | 10..=13 | LIMITS | 22 => return Receipt::Foreign,
+            _ => return Receipt::NotMine,
+        };
+        let whole = |high: &u8, low: &u8| i16::from_be_bytes([*high, *low]);
+        match (status, frame.data()) {
+            _ if frame.is_fd() => Receipt::Malformed,
+            (STATUS_1, [a, b, c, d, e, f, _, _]) => {
+                let rpm = f64::from(i32::from_be_bytes([*a, *b, *c, *d]));
+                self.velocity = rpm / self.pole_pairs * TAU / 60.0;
+                self.torque = f64::from(whole(e, f)) * 0.1 * self.constant;
+                self.told_ns = Some(now_ns);
+                Receipt::Noted
+            }
+            (STATUS_4, [a, b, c, d, _, _, g, h]) => {
+                let is_old = self.told_ns.is_none_or(|told| now_ns.saturating_sub(told) > STALE_NS);
+                let [velocity, torque] =
+                    if is_old { [f64::NAN; 2] } else { [self.velocity, self.torque] };
+                self.power_up.count_reply(REPLIES_TO_POWER);
+                Receipt::Measured(Measurement {
+                    position: self.follow(whole(g, h)),
+                    velocity,
+                    torque,
+                    temperature: f64::from(whole(a, b).max(whole(c, d))) * 0.1,
+                })
+            }
+            // nothing of it is needed
+            (STATUS_5, [_, _, _, _, _, _, ..]) => Receipt::Noted,
+            _ => Receipt::Malformed,
+        }
+    }
+
+    fn state(&self) -> DriveState {
+        let power = match self.power_up.stage() {
+            _ if self.counted.is_none() => Power::Unknown,
+            Stage::On => Power::On,
+            Stage::Primed | Stage::Asked(_) => Power::Starting,
+            Stage::Off | Stage::Lost => Power::Off,
+        };
+        DriveState { power, fault: 0, watchdog: Watchdog::Unreadable }
+    }
+
+    fn forget(&mut self) {
+        self.power_up.forget();
+        (self.counted, self.told_ns) = (None, None);
+    }
+
+    /// The commands of this side and the messages of the other.
+    fn identifiers(&self) -> Vec<Id> {
+        [CURRENT, SPEED, POSITION, STATUS_1, STATUS_4, LIMITS, STATUS_5]
+            .map(|command| Id::Extended(command << 8 | self.id))
+            .to_vec()
+    }
+
+    fn replies(&self) -> Vec<Reply> {
+        [STATUS_1, STATUS_4]
+            .map(|status| Reply {
+                id: Id::Extended(status << 8 | self.id),
+                kind: FrameKind::Classic,
+                len: 8,
+            })
+            .to_vec()
+    }
+
+    /// Nothing: status messages come by themselves.
+    fn probe(&mut self, _out: &mut FrameQueue) {}
+}
