@@ -7,8 +7,10 @@
 )]
 
 mod authors;
+mod attacks;
 mod cia402;
 mod closed_loop;
 mod moteus;
 mod motors;
 mod support;
+mod world;

@@ -72,9 +72,8 @@ impl Age {
             }
             Phase::Pause => {
                 // one lost answer is no silence
-                if now_ns.saturating_sub(self.asked_ns) > self.late_ns
-                    && now_ns.saturating_sub(self.answered_ns) > self.late_ns / 2
-                {
+                let last_ns = self.asked_ns.max(self.answered_ns);
+                if now_ns.saturating_sub(last_ns) > self.late_ns {
                     self.phase = if self.is_late { Phase::Unknown } else { Phase::Good };
                     answers.forgive();
                 }

@@ -1,6 +1,6 @@
 //! A position code that repeats itself bit for bit although it must have moved.
 //!
-//! From the measurement on that the code last changed with, and with four repetitions in 12 ms:
+//! From the measurement on that the code last changed with:
 //!
 //! - the reported velocity, less its noise, goes on over more than five codes; or
 //! - the effort that the motor is asked for changed by more than a part of the limit; or
@@ -18,6 +18,9 @@ use crate::config::MonitorBounds;
 use crate::drive::Mode;
 use crate::mapping::ActuatorSetpoint;
 
+/// Repetitions that follow each other and the time between the first and the last `[s]`, where the
+/// motor contradicts itself, and where it does not.
+const CONTRARY: (u32, f64) = (3, 8e-3);
 const REPEATED: (u32, f64) = (4, 12e-3);
 /// Codes that a moving joint passes.
 const PASSED: f64 = 5.0;
@@ -73,9 +76,9 @@ impl Frozen {
         let fast = FAST * steps.position;
         let stopped = one.abs() > fast && two.abs() > fast && one * two > 0.0;
         let is_frozen = [
-            self.moved.count(moved, seen.elapsed, REPEATED),
+            self.moved.count(moved, seen.elapsed, CONTRARY),
             self.pushed.count(pushed, seen.elapsed, REPEATED),
-            self.stopped.count(stopped, seen.elapsed, REPEATED),
+            self.stopped.count(stopped, seen.elapsed, CONTRARY),
         ];
         is_frozen.contains(&true).then_some(Reason::FeedbackFrozen)
     }
