@@ -218,6 +218,12 @@ pub trait Drive: Send + core::fmt::Debug {
         Setpoint::default()
     }
 
+    /// The largest stiffness and damping that it can say `[N m/rad, N m s/rad]`; larger ones become
+    /// these.
+    fn largest_gains(&self) -> [f64; 2] {
+        [f64::INFINITY; 2]
+    }
+
     /// Whether the motor answers the frames of a cycle with one measurement: its requests and
     /// replies can be paired. Not while it is set up, where answers are of other kinds, and never
     /// for motors that measure without being asked.

@@ -44,7 +44,7 @@ impl Motor {
         let setpoint = self.within_effort(setpoint);
         (self.last_position, self.last_effort) = (setpoint.position, setpoint.effort);
         let [last, _] = self.asked;
-        self.asked = [setpoint, last];
+        self.asked = [self.monitors.given(setpoint), last];
         self.config.mapping.to_motor(&setpoint)
     }
 

@@ -42,6 +42,11 @@ impl Codes {
         [position, velocity, stiffness, damping, torque]
     }
 
+    /// Stiffness and damping at the ends of their ranges.
+    pub(super) fn largest_gains(&self) -> [f64; 2] {
+        [self.stiffness, self.damping].map(|scale| scale.value(scale.code(f64::INFINITY, false)))
+    }
+
     /// One step of each.
     pub(super) fn steps(&self) -> Setpoint {
         Setpoint {

@@ -13,4 +13,5 @@ mod closed_loop;
 mod moteus;
 mod motors;
 mod support;
+mod swing;
 mod world;

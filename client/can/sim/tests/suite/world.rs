@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 
 use sarrus_can_core::bridge::{Bridge, CommandVerdict};
 use sarrus_can_core::config::{Configuration, Limits, Surroundings};
-use sarrus_can_core::drive::{Mode, Setpoint};
+use sarrus_can_core::drive::Setpoint;
 use sarrus_can_core::frame::{Frame, FrameQueue};
 use sarrus_can_core::mapping::Mapping;
 use sarrus_can_sim::{Physics, Simulated};
@@ -58,7 +58,6 @@ pub(crate) struct Shaft {
     pub(crate) actuator: usize,
     pub(crate) mapping: Mapping,
     pub(crate) limits: Limits,
-    pub(crate) mode: Mode,
     steps: Setpoint,
     pub(crate) position: f64,
     pub(crate) velocity: f64,
@@ -150,7 +149,6 @@ impl World {
                     actuator: motor.actuator,
                     mapping: motor.mapping,
                     limits: motor.limits,
-                    mode: motor.common.mode,
                     steps: motor.drive.steps(),
                     position: 0.0,
                     velocity: 0.0,

@@ -51,15 +51,16 @@ impl Frozen {
         if bounds.frozen == f64::INFINITY {
             return None;
         }
-        let [last, _] = seen.asked;
-        let asked = match seen.mode {
-            Mode::Impedance | Mode::Torque => seen.effort_of(last),
+        let [last, before] = seen.asked.map(|asked| match seen.mode {
+            Mode::Impedance | Mode::Torque => seen.effort_of(&asked),
             Mode::Position | Mode::Velocity => 0.0,
-        };
+        });
         let way = seen.way();
         if way != 0.0 {
-            let [_, before] = self.ways;
-            *self = Frozen { low: asked, high: asked, ways: [before, way], ..Frozen::default() };
+            // what was asked last acts after the code changed
+            let (low, high) = (last.min(before), last.max(before));
+            let [_, earlier] = self.ways;
+            *self = Frozen { low, high, ways: [earlier, way], ..Frozen::default() };
             return None;
         }
         // comparisons of NaN fail: a velocity that is not told passes nothing
@@ -67,7 +68,7 @@ impl Frozen {
         if velocity.abs() > NOISE * steps.velocity {
             self.passed += velocity * seen.elapsed;
         }
-        (self.low, self.high) = (self.low.min(asked), self.high.max(asked));
+        (self.low, self.high) = (self.low.min(last), self.high.max(last));
         let (moved, pushed) = (
             self.passed.abs() > PASSED * steps.position,
             self.high - self.low > bounds.frozen * seen.limits.effort,

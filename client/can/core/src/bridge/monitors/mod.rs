@@ -77,6 +77,8 @@ pub(super) struct Monitors {
     bounds: MonitorBounds,
     /// One code of each number.
     steps: ActuatorSetpoint,
+    /// The largest stiffness and damping that the motor can be given.
+    largest_gains: [f64; 2],
     pub(super) age: age::Age,
     pub(super) answers: answers::Answers,
     pub(super) foreign: foreign::Foreign,
@@ -100,6 +102,9 @@ impl Monitors {
         Monitors {
             bounds: config.monitors,
             steps: steps(config),
+            largest_gains: config.drive.largest_gains().map(|gain| {
+                gain * config.mapping.gear * config.mapping.gear * config.mapping.torque_constant
+            }),
             age: age::Age::new(config.monitors.late, period_ns, feedback_ns),
             answers: answers::Answers::default(),
             foreign: foreign::Foreign::default(),
@@ -140,6 +145,16 @@ impl Monitors {
             Some(Reason::BusPassive)
         } else {
             None
+        }
+    }
+
+    /// A set-point as the motor gets it.
+    pub(super) fn given(&self, setpoint: ActuatorSetpoint) -> ActuatorSetpoint {
+        let [stiffness, damping] = self.largest_gains;
+        ActuatorSetpoint {
+            stiffness: setpoint.stiffness.min(stiffness),
+            damping: setpoint.damping.min(damping),
+            ..setpoint
         }
     }
 

@@ -349,6 +349,10 @@ impl Drive for CyberGear {
         self.codes.steps()
     }
 
+    fn largest_gains(&self) -> [f64; 2] {
+        self.codes.largest_gains()
+    }
+
     fn is_paired(&self) -> bool {
         self.step == Step::Done
     }

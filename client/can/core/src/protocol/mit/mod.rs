@@ -351,6 +351,10 @@ impl Drive for Mit {
         self.codes.steps()
     }
 
+    fn largest_gains(&self) -> [f64; 2] {
+        self.codes.largest_gains()
+    }
+
     fn is_paired(&self) -> bool {
         self.registers.is_none_or(|registers| registers.done())
     }

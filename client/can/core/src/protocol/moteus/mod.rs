@@ -378,6 +378,12 @@ impl Drive for Moteus {
         }
     }
 
+    /// More damping than its own gain makes is added as torque.
+    fn largest_gains(&self) -> [f64; 2] {
+        let [kp, _] = self.gains;
+        [if kp.is_finite() { kp / TAU } else { f64::INFINITY }, f64::INFINITY]
+    }
+
     fn is_paired(&self) -> bool {
         true
     }
