@@ -188,6 +188,13 @@ pub trait Drive: Send + core::fmt::Debug {
     /// Sent on every way out.
     fn disable(&self, out: &mut FrameQueue);
 
+    /// Frames of a cycle in which the drive stops its motor by itself and then takes the power
+    /// away; false where the protocol has no such command.
+    fn quick_stop(&mut self, now_ns: u64, out: &mut FrameQueue) -> bool {
+        let _ = (now_ns, out);
+        false
+    }
+
     /// Reads a frame from the bus.
     fn receive(&mut self, now_ns: u64, frame: &Frame) -> Receipt;
 

@@ -8,6 +8,11 @@ use crate::config::{MechanismStop, StopFunction};
 /// Part of a stop's time in which the velocity goes to zero along a ramp.
 const RAMP: f64 = 1.0 / 3.0;
 
+/// What is lowered and moves slower than this part of its greatest speed stands still.
+const STILL: f64 = 0.1;
+/// What stands still for this time is down `[ns]`.
+const STILL_NS: u64 = 300_000_000;
+
 /// How far a mechanism is with arming, and how commands reach it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
@@ -34,6 +39,23 @@ pub(super) enum Course {
     Damp,
     /// The speed from the beginning of a stop, of which this part is left.
     Brake(f64),
+    /// No more than this speed down with gravity `[rad/s, m/s]`.
+    Lower(f64),
+    /// The quick stop of the drive.
+    QuickStop,
+}
+
+/// What is to be known of all motors of a mechanism.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Members {
+    /// All have power.
+    pub(super) all_on: bool,
+    /// None has.
+    pub(super) all_off: bool,
+    /// One is faster than before it was stopped.
+    pub(super) runs_away: bool,
+    /// One moves.
+    pub(super) moves: bool,
 }
 
 /// What the motors have to know of a new phase.
@@ -61,8 +83,17 @@ pub(super) struct Mechanism {
     stop: MechanismStop,
     /// Where a stop ends.
     end: MechanismState,
+    /// When it last moved while it was lowered `[ns]`.
+    moved_ns: u64,
     /// An operator disarmed it while it was stopped, or by that.
     is_disarmed: bool,
+}
+
+impl Course {
+    /// Part of a stop.
+    pub(super) fn is_stop(self) -> bool {
+        !matches!(self, Course::Follow(_) | Course::Damp)
+    }
 }
 
 impl Mechanism {
@@ -75,6 +106,7 @@ impl Mechanism {
             armed_ns: 0,
             stop,
             end: MechanismState::Disabled,
+            moved_ns: 0,
             is_disarmed: false,
         }
     }
@@ -102,6 +134,16 @@ impl Mechanism {
         matches!(self.phase, Phase::Stopping(_))
     }
 
+    /// Its motors must have power.
+    pub(super) fn needs_power(&self) -> bool {
+        self.follows() || self.is_stopping() && self.stop.function != StopFunction::QuickStop
+    }
+
+    /// The speed below which its motors stand still `[rad/s, m/s]`.
+    pub(super) fn still(&self) -> f64 {
+        STILL * self.stop.lower_velocity
+    }
+
     /// The worst comes last. What is stopped still has power, which `disabled` would deny.
     pub(super) fn severity(&self) -> u32 {
         match self.state {
@@ -123,6 +165,12 @@ impl Mechanism {
             Phase::Following(_) if ramp_ns == 0 => Some(Course::Follow(1.0)),
             Phase::Following(since) => {
                 Some(Course::Follow((passed(since) / ramp_ns as f64).min(1.0)))
+            }
+            Phase::Stopping(_) if self.stop.function == StopFunction::QuickStop => {
+                Some(Course::QuickStop)
+            }
+            Phase::Stopping(Some(since)) if self.lowers(now_ns, since) => {
+                Some(Course::Lower(self.stop.lower_velocity))
             }
             Phase::Stopping(since) => {
                 let ramp = match Reaction::to(self.reason) {
@@ -187,10 +235,20 @@ impl Mechanism {
         if is_able && self.follows() {
             self.stop(reason, MechanismState::Fault);
         } else if self.is_live() && !(is_able && self.is_stopping()) {
-            let is_first = !(self.is_stopping() && self.end == MechanismState::Fault);
-            self.reason = if is_first { reason } else { self.reason };
-            (self.state, self.phase) = (MechanismState::Fault, Phase::Off);
+            self.fail_now(reason);
         }
+    }
+
+    fn fail_now(&mut self, reason: Reason) {
+        let is_first = !(self.is_stopping() && self.end == MechanismState::Fault);
+        self.reason = if is_first { reason } else { self.reason };
+        (self.state, self.phase) = (MechanismState::Fault, Phase::Off);
+    }
+
+    /// A stop by lowering goes down from when it stood still.
+    fn lowers(&self, now_ns: u64, since: u64) -> bool {
+        self.stop.function == StopFunction::Lower
+            && now_ns.saturating_sub(since) >= self.stop.stop_ns
     }
 
     fn follows(&self) -> bool {
@@ -238,7 +296,7 @@ impl Mechanism {
         &mut self,
         now_ns: u64,
         arming_ns: u64,
-        all_on: bool,
+        members: Members,
         is_late: bool,
         is_lost: bool,
     ) -> Option<Change> {
@@ -247,10 +305,12 @@ impl Mechanism {
                 self.stop(Reason::CommandLost, MechanismState::Disabled);
             }
             Phase::Starting if is_lost => self.disable(Reason::CommandLost),
+            // what is to brake accelerates: a sign is wrong, or the load is too much
+            Phase::Stopping(Some(_)) if members.runs_away => self.fail_now(Reason::VelocityLimit),
             _ => {}
         }
         let (phase, change) = match self.phase {
-            Phase::Starting if all_on => {
+            Phase::Starting if members.all_on => {
                 self.state = MechanismState::Enabled;
                 (Phase::Following(now_ns), Change::Begin)
             }
@@ -261,8 +321,17 @@ impl Mechanism {
             Phase::Following(since) if is_late => (Phase::Damped(since), Change::Late),
             Phase::Damped(since) if !is_late => (Phase::Following(since), Change::Resume),
             Phase::Stopping(None) => (Phase::Stopping(Some(now_ns)), Change::Stop),
-            Phase::Stopping(Some(since)) if now_ns.saturating_sub(since) >= self.stop.stop_ns => {
-                self.finish();
+            Phase::Stopping(Some(since)) => {
+                if members.moves || !self.lowers(now_ns, since) {
+                    self.moved_ns = now_ns;
+                }
+                let MechanismStop { function, stop_ns, hold_ns, .. } = self.stop;
+                if now_ns.saturating_sub(since) >= stop_ns + hold_ns
+                    || now_ns.saturating_sub(self.moved_ns) > STILL_NS
+                    || function == StopFunction::QuickStop && members.all_off
+                {
+                    self.finish();
+                }
                 return None;
             }
             _ => return None,

@@ -32,7 +32,7 @@ use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Operation, Operato
 use crate::config::Configuration;
 use crate::drive::{DriveCommand, Receipt};
 use crate::frame::{Frame, FrameQueue};
-use mechanism::Mechanism;
+use mechanism::{Course, Mechanism};
 use motor::Motor;
 
 /// Requests for power that are older than this are of another time `[ns]`.
@@ -324,16 +324,22 @@ impl Bridge {
             else {
                 continue;
             };
-            let command = match mechanism.course(now_ns, self.configuration.ramp_ns) {
-                Some(course) => DriveCommand::On(motor.setpoint(&self.command, course, elapsed)),
-                None if is_reset && motor.config.drive.state().fault != 0 => DriveCommand::Reset,
-                None => DriveCommand::Off,
-            };
             if motor.pauses(now_ns, mechanism.is_powered(), bus.has_power) {
                 bus.is_synchronous &= motor.config.drive.sync().is_none();
                 continue;
             }
             motor.sent_ns = Some(now_ns);
+            let course = mechanism.course(now_ns, self.configuration.ramp_ns);
+            if course == Some(Course::QuickStop)
+                && motor.config.drive.quick_stop(now_ns, &mut bus.queue)
+            {
+                continue;
+            }
+            let command = match course {
+                Some(course) => DriveCommand::On(motor.setpoint(&self.command, course, elapsed)),
+                None if is_reset && motor.config.drive.state().fault != 0 => DriveCommand::Reset,
+                None => DriveCommand::Off,
+            };
             let n_before = bus.queue.frames().len();
             motor.config.drive.cycle(now_ns, command, &mut bus.queue);
             motor.ask(bus.queue.frames().len() - n_before);

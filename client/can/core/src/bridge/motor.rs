@@ -4,7 +4,7 @@ use sarrus_proto::actuators::Reason;
 
 use super::BusState;
 use super::monitors::Monitors;
-use super::stop::Reference;
+use super::stop::{Chatter, Reference};
 use crate::config::MotorConfig;
 use crate::drive::{Measurement, Mode, Watchdog};
 use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint};
@@ -14,6 +14,9 @@ use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint};
 pub(super) struct Motor {
     pub(super) config: MotorConfig,
     pub(super) measured: ActuatorMeasurement,
+    /// Its velocity: measured, or of the last two positions where it does not tell it `[rad/s,
+    /// m/s]`.
+    pub(super) velocity: f64,
     /// When it last measured `[ns]`.
     pub(super) measured_ns: Option<u64>,
     /// It answers; its drive has something to forget.
@@ -35,6 +38,7 @@ pub(super) struct Motor {
     /// s/m]`.
     pub(super) stop_damping: f64,
     pub(super) stop: Reference,
+    pub(super) chatter: Chatter,
     pub(super) monitors: Monitors,
     /// The last measurement that the monitors saw, and when it came `[ns]`.
     pub(super) before: ActuatorMeasurement,
@@ -56,6 +60,7 @@ impl Motor {
             monitors: Monitors::new(&config, period_ns, feedback_ns),
             config,
             measured: ActuatorMeasurement::NONE,
+            velocity: 0.0,
             measured_ns: None,
             is_known: false,
             sent_ns: None,
@@ -67,6 +72,7 @@ impl Motor {
             gravity: 0.0,
             stop_damping,
             stop: Reference::default(),
+            chatter: Chatter::default(),
             before: ActuatorMeasurement::NONE,
             seen_ns: None,
             asked: [ActuatorSetpoint::default(); 2],
@@ -79,7 +85,16 @@ impl Motor {
         if !measured.position.is_finite() {
             return None;
         }
+        let before = self.measured.position;
         self.measured = self.config.mapping.to_actuator(measured);
+        self.velocity = match self.measured_ns {
+            _ if self.measured.velocity.is_finite() => self.measured.velocity,
+            Some(last) if before.is_finite() && now_ns > last => {
+                (self.measured.position - before) / ((now_ns - last) as f64 * 1e-9)
+            }
+            Some(_) => self.velocity,
+            None => 0.0,
+        };
         (self.measured_ns, self.is_known) = (Some(now_ns), true);
         if self.config.drive.is_paired() {
             self.monitors.age.take(now_ns);
@@ -110,6 +125,7 @@ impl Motor {
     pub(super) fn hold(&mut self) {
         self.hold = self.place();
         (self.last_position, self.last_effort) = (self.hold, 0.0);
+        self.chatter = Chatter::default();
     }
 
     /// Commands became late.

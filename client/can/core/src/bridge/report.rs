@@ -37,7 +37,7 @@ impl Bridge {
             let mut flags = motor.flags;
             for (is_set, bit) in [
                 (course == Some(Course::Damp), flag::DAMPED),
-                (matches!(course, Some(Course::Brake(_))), flag::STOPPING),
+                (course.is_some_and(Course::is_stop), flag::STOPPING),
                 (is_ramping, flag::RAMPING),
                 (motor.is_stale(now_ns, self.configuration.timeouts.feedback_ns), flag::STALE),
                 (drive.fault != 0, flag::MOTOR_FAULT),

@@ -1,5 +1,5 @@
-//! From a command to the set-point of one motor: limits, ramps, damping. One function for all modes
-//! and all paths.
+//! From a command to the set-point of one motor: limits, ramps, damping, stops. One function for
+//! all modes and all paths.
 
 use sarrus_proto::actuators::{ActuatorCommand, flag};
 
@@ -23,12 +23,25 @@ impl Motor {
             Course::Follow(ramp) => self.following(command, ramp, elapsed),
             Course::Damp => self.damped(),
             Course::Brake(part) => self.braking(part, elapsed),
+            Course::QuickStop => self.braking(0.0, elapsed),
+            Course::Lower(speed) => self.lowering(speed, elapsed),
+        };
+        // a motor that does not tell its velocity counts as still while it follows
+        let velocity = match course {
+            Course::Follow(_) if !self.measured.velocity.is_finite() => 0.0,
+            _ => self.velocity,
         };
         let stiffness = setpoint.stiffness;
         if self.config.common.mode == Mode::Torque {
             // a motor without gains of its own gets their sum
+            if !matches!(course, Course::Follow(_)) {
+                let error = setpoint.damping * (setpoint.velocity - velocity);
+                let gain = self.chatter.gain(error, self.config.limits.effort);
+                (setpoint.stiffness, setpoint.damping) =
+                    (gain * setpoint.stiffness, gain * setpoint.damping);
+            }
             setpoint = ActuatorSetpoint {
-                effort: setpoint.effort + self.by_gains(&setpoint),
+                effort: setpoint.effort + self.by_gains(&setpoint, velocity),
                 stiffness: 0.0,
                 damping: 0.0,
                 ..setpoint
@@ -40,19 +53,20 @@ impl Motor {
             setpoint.effort = self.limited(setpoint.effort, least, most, flag::RATE_LIMITED);
         }
         self.stiffness = stiffness;
-        let setpoint = self.within_limits(setpoint);
-        let setpoint = self.within_effort(setpoint);
+        let setpoint = self.within_limits(setpoint, velocity);
+        let setpoint = self.within_effort(setpoint, velocity);
         (self.last_position, self.last_effort) = (setpoint.position, setpoint.effort);
         let [last, _] = self.asked;
         self.asked = [self.monitors.given(setpoint), last];
         self.config.mapping.to_motor(&setpoint)
     }
 
-    /// Stays where it is by damping alone, and by what gravity needs where that is known: as a velocity of zero where the motor follows
-    /// velocities, and as the position where commands stayed away where it follows positions.
+    /// Stays where it is by damping alone, and by what gravity needs where that is known: as a
+    /// velocity of zero where the motor follows velocities, and as the position where commands
+    /// stayed away where it follows positions.
     fn damped(&self) -> ActuatorSetpoint {
         ActuatorSetpoint {
-            position: self.hold,
+            position: self.hold.max(self.config.limits.lower).min(self.config.limits.upper),
             velocity: 0.0,
             effort: self.gravity,
             stiffness: 0.0,
@@ -109,48 +123,52 @@ impl Motor {
     }
 
     /// What stiffness and damping make of the last measurement `[N m, N]`.
-    fn by_gains(&self, setpoint: &ActuatorSetpoint) -> f64 {
+    fn by_gains(&self, setpoint: &ActuatorSetpoint, velocity: f64) -> f64 {
         if matches!(self.config.common.mode, Mode::Position | Mode::Velocity) {
             return 0.0;
         }
-        // a motor that does not tell its velocity counts as still
-        let known =
-            |number: f64, otherwise: f64| if number.is_finite() { number } else { otherwise };
-        let behind = setpoint.position - known(self.measured.position, setpoint.position);
-        let slower = setpoint.velocity - known(self.measured.velocity, 0.0);
+        let place = self.measured.position;
+        let behind = if place.is_finite() { setpoint.position - place } else { 0.0 };
+        let slower = setpoint.velocity - velocity;
         setpoint.stiffness * behind + setpoint.damping * slower
     }
 
     /// Beyond a position limit nothing pushes or leads outwards; damping against the motion stays.
-    fn within_limits(&mut self, setpoint: ActuatorSetpoint) -> ActuatorSetpoint {
+    fn within_limits(&mut self, setpoint: ActuatorSetpoint, velocity: f64) -> ActuatorSetpoint {
         let outwards = match self.monitors.outside(&self.config.limits, self.measured.position) {
             Outside::No => return setpoint,
             Outside::Above => 1.0,
             Outside::Below => -1.0,
         };
-        let total = setpoint.effort + self.by_gains(&setpoint);
-        let velocity = if outwards * setpoint.velocity > 0.0 { 0.0 } else { setpoint.velocity };
-        if outwards * total <= 0.0 && velocity == setpoint.velocity {
+        let leads = outwards * setpoint.velocity > 0.0;
+        let pushes = outwards * (setpoint.effort + self.by_gains(&setpoint, velocity)) > 0.0;
+        if leads || pushes {
+            self.flags |= flag::OUTWARD_LIMITED;
+        }
+        let setpoint =
+            ActuatorSetpoint { velocity: if leads { 0.0 } else { setpoint.velocity }, ..setpoint };
+        if !pushes {
             return setpoint;
         }
-        self.flags |= flag::OUTWARD_LIMITED;
-        if outwards * total <= 0.0 {
-            return ActuatorSetpoint { velocity, ..setpoint };
-        }
-        let damping = if setpoint.damping > 0.0 { setpoint.damping } else { self.config.damping };
-        ActuatorSetpoint { velocity: 0.0, effort: 0.0, stiffness: 0.0, damping, ..setpoint }
+        let damping = setpoint.damping.max(self.config.damping);
+        let (effort, damping) = match self.config.common.mode {
+            Mode::Torque if outwards * velocity > 0.0 => (-damping * velocity, 0.0),
+            Mode::Torque => (0.0, 0.0),
+            _ => (0.0, damping),
+        };
+        ActuatorSetpoint { velocity: 0.0, effort, stiffness: 0.0, damping, ..setpoint }
     }
 
     /// Spring, damper and effort together stay within the limit, as far as the last measurement
     /// tells. All three shrink alike, so that none of them is left alone where the motor itself
     /// saturates another.
-    fn within_effort(&mut self, setpoint: ActuatorSetpoint) -> ActuatorSetpoint {
+    fn within_effort(&mut self, setpoint: ActuatorSetpoint, velocity: f64) -> ActuatorSetpoint {
         let part = self.monitors.derated();
         if part < 1.0 {
             self.flags |= flag::DERATED;
         }
         let most = part * self.config.limits.effort;
-        let total = setpoint.effort + self.by_gains(&setpoint);
+        let total = setpoint.effort + self.by_gains(&setpoint, velocity);
         if total.abs() <= most {
             return setpoint;
         }

@@ -12,6 +12,16 @@
 //! farther from p than where the spring alone has the greatest effort, so that a load which that
 //! effort cannot stop at once is not thrown back. Against an inertia J the servo does not oscillate
 //! where d ≥ 40/s · J.
+//!
+//! Lowering has no spring, and v* = −g/d, no faster than the speed that it may have: τ = g −
+//! clamp(g, ±d v) − d v. It comes to rest where gravity has no more hold on it, or on whatever it
+//! lies on.
+//!
+//! A motor that follows torques gets the sum at the bridge's rate, with a cycle of delay, Δt: the
+//! speed goes on as v₊ = v − a v₋ with a = d Δt / J, which is stable for a < 1 (with two cycles of
+//! delay for a < 0.61). Nobody knows J, so [`Chatter`] halves spring and damper as often as it has
+//! to. Where the greatest effort turns the motor round in one cycle nothing helps, and it is found
+//! to run away.
 
 use super::motor::Motor;
 use crate::mapping::ActuatorSetpoint;
@@ -19,34 +29,54 @@ use crate::mapping::ActuatorSetpoint;
 /// Stiffness of a stop for its damping `[1/s]`.
 const STIFFNESS: f64 = 10.0;
 
+/// A motor that is faster than at the beginning of its stop by this part of the greatest velocity
+/// runs away.
+const AWAY: f64 = 0.5;
+
 /// Where a stop is to lead a motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Reference {
     /// Position of this cycle `[rad, m]`.
     position: f64,
-    /// Velocity at the beginning `[rad/s, m/s]`.
+    /// Velocity at the beginning, no faster than the limit `[rad/s, m/s]`.
     velocity: f64,
+    /// Speed beyond which the motor runs away `[rad/s, m/s]`.
+    away: f64,
 }
 
 impl Motor {
     /// A stop begins from where the motor is, as fast as it is.
     pub(super) fn begin_stop(&mut self) {
-        let limit = self.config.limits.velocity;
-        let velocity = self.measured.velocity;
+        let limits = self.config.limits;
         self.stop = Reference {
             position: self.place(),
-            velocity: if velocity.is_nan() { 0.0 } else { velocity.max(-limit).min(limit) },
+            velocity: self.velocity.max(-limits.velocity).min(limits.velocity),
+            away: self.velocity.abs() + AWAY * limits.speed(),
         };
+    }
+
+    /// It is accelerated by what is to stop it.
+    pub(super) fn runs_away(&self) -> bool {
+        self.velocity.abs() > self.stop.away
     }
 
     /// The set-point of a stop, with this part of the first velocity.
     pub(super) fn braking(&mut self, part: f64, elapsed: f64) -> ActuatorSetpoint {
-        let (limits, damping) = (self.config.limits, self.stop_damping);
-        let stiffness = STIFFNESS * damping;
-        let velocity = part * self.stop.velocity;
+        let stiffness = STIFFNESS * self.stop_damping;
+        ActuatorSetpoint { stiffness, ..self.moving(part * self.stop.velocity, elapsed) }
+    }
 
-        // no farther away than the effort holds, and within the limits
-        let (place, reach) = (self.place(), limits.effort / stiffness);
+    /// The set-point of a way down with gravity, no faster than `speed`.
+    pub(super) fn lowering(&mut self, speed: f64, elapsed: f64) -> ActuatorSetpoint {
+        self.moving((-self.gravity / self.stop_damping).max(-speed).min(speed), elapsed)
+    }
+
+    /// A velocity, without a spring.
+    fn moving(&mut self, velocity: f64, elapsed: f64) -> ActuatorSetpoint {
+        let (limits, damping) = (self.config.limits, self.stop_damping);
+
+        // no farther away than a spring could hold, and within the limits
+        let (place, reach) = (self.place(), limits.effort / (STIFFNESS * damping));
         let free = self.stop.position + velocity * elapsed;
         let free = free.max(place - reach).min(place + reach);
         self.stop.position = free.max(limits.lower).min(limits.upper);
@@ -55,8 +85,56 @@ impl Motor {
             position: self.stop.position,
             velocity: if self.stop.position == free { velocity } else { 0.0 },
             effort: self.gravity,
-            stiffness,
+            stiffness: 0.0,
             damping,
         }
+    }
+}
+
+/// Watches a damper at the bridge's rate, and weakens it until it damps.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Chatter {
+    /// What is left of spring and damper.
+    gain: f64,
+    /// Greatest effort of the damper since the last change of its sign, and between the two changes
+    /// before that `[N m, N]`.
+    peaks: [f64; 2],
+    /// The effort of the last cycle `[N m, N]`.
+    last: f64,
+    /// Cycles since the last change of sign.
+    n_cycles: u32,
+}
+
+impl Default for Chatter {
+    fn default() -> Chatter {
+        Chatter { gain: 1.0, peaks: [0.0, f64::INFINITY], last: 0.0, n_cycles: 0 }
+    }
+}
+
+impl Chatter {
+    /// Half waves of more cycles are not those of a delay of one or two.
+    const CYCLES: u32 = 8;
+    /// What decays by more than this from one half wave to the next is damped.
+    const DECAY: f64 = 0.5;
+    /// Half waves below this part of the greatest effort are noise.
+    const NOISE: f64 = 0.1;
+
+    /// Takes the effort that the damper has of itself, gives the part of it that is to be used.
+    pub(super) fn gain(&mut self, effort: f64, most: f64) -> f64 {
+        let effort = self.gain * effort;
+        self.n_cycles += 1;
+        if effort * self.last < 0.0 {
+            let [peak, before] = self.peaks;
+            let is_large = peak > Self::NOISE * most && peak > Self::DECAY * before.min(most);
+            if is_large && self.n_cycles <= Self::CYCLES {
+                self.gain *= 0.5;
+            }
+            (self.peaks, self.n_cycles) = ([0.0, peak], 0);
+        }
+        if effort != 0.0 {
+            self.last = effort;
+        }
+        self.peaks[0] = self.peaks[0].max(effort.abs());
+        self.gain
     }
 }

@@ -1,8 +1,8 @@
 //! From state to state: what brings a mechanism to power, keeps it there and takes it away.
 
-use sarrus_proto::actuators::{MechanismState, Reason};
+use sarrus_proto::actuators::Reason;
 
-use super::mechanism::{Change, Mechanism};
+use super::mechanism::{Change, Mechanism, Members};
 use super::motor::Motor;
 use super::{Bridge, BusState};
 use crate::config::Stop;
@@ -29,9 +29,7 @@ impl Bridge {
                 Reason::FeedbackStale
             } else if let Some(reason) = motor.config.missing_watchdog() {
                 reason
-            } else if mechanism.state != MechanismState::Arming
-                && motor.config.drive.state().power != Power::On
-            {
+            } else if mechanism.needs_power() && motor.config.drive.state().power != Power::On {
                 Reason::PowerLost
             } else {
                 continue;
@@ -113,16 +111,19 @@ impl Bridge {
     pub(super) fn follow(&mut self, number: usize, now_ns: u64, is_late: bool, is_lost: bool) {
         let mechanisms = &self.configuration.mechanisms;
         let is_member = |motor: &Motor| mechanisms.get(motor.config.actuator) == Some(&number);
-        let all_on = self
-            .motors
-            .iter()
-            .filter(|motor| is_member(motor))
-            .all(|motor| motor.config.drive.state().power == Power::On);
         let Some(mechanism) = self.mechanisms.get_mut(number) else { return };
+        let mut members = Members { all_on: true, all_off: true, runs_away: false, moves: false };
+        for motor in self.motors.iter().filter(|motor| is_member(motor)) {
+            let is_on = motor.config.drive.state().power == Power::On;
+            members.all_on &= is_on;
+            members.all_off &= !is_on;
+            members.runs_away |= motor.runs_away();
+            members.moves |= motor.velocity.abs() > mechanism.still();
+        }
         let change = mechanism.follow(
             now_ns,
             self.configuration.timeouts.arming_ns,
-            all_on,
+            members,
             is_late,
             is_lost,
         );

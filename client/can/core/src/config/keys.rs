@@ -31,6 +31,28 @@ pub(super) const TOP: &[Key] = &[
     ),
     key("stop_ms", KeyKind::Number(1.0, 10_000.0), Some("500"), "time to come to a standstill"),
 ];
+pub(super) const MECHANISM: &[Key] = &[
+    key("actuator", KeyKind::Text, None, "one of its actuators"),
+    key(
+        "stop_function",
+        KeyKind::Word(StopFunction::NAMES),
+        Some(""),
+        "how it stops, in the words of IEC 61800-5-2",
+    ),
+    key("stop_ms", KeyKind::Number(1.0, 10_000.0), Some(""), "time to come to a standstill"),
+    key(
+        "hold_ms",
+        KeyKind::Number(0.0, 600_000.0),
+        Some(""),
+        "longest time of holding or lowering",
+    ),
+    key(
+        "lower_velocity",
+        KeyKind::Number(1e-9, LARGE),
+        Some(""),
+        "greatest speed of lowering, rad/s or m/s",
+    ),
+];
 pub(super) const TIMEOUTS: &[Key] = &[
     key(
         "damping_ms",

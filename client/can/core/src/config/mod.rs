@@ -10,6 +10,8 @@
 //! stop: mechanism           # or `robot`: what stops when a motor fails
 //! stop_function: ss1        # how it stops: to a standstill within `stop_ms`, then no torque
 //! stop_ms: 500
+//! mechanisms:               # those that stop otherwise, each named by one of its actuators
+//! - {actuator: ALElbowAct, stop_function: lower, hold_ms: 5000, lower_velocity: 0.02}
 //! buses:
 //! - {name: left_arm, interface: socketcan, channel: can0, bitrate: 1000000}
 //! motors:
@@ -166,10 +168,14 @@ impl Limits {
     /// Speed that the greatest effort is to brake where no limit is known `[rad/s, m/s]`.
     const SPEED: f64 = 10.0;
 
-    /// A damping that brakes the greatest velocity with the greatest effort, and without a limit of
-    /// the velocity ten units in a second `[N m s/rad, N s/m]`.
+    /// The greatest velocity, ten units in a second where there is no limit `[rad/s, m/s]`.
+    pub fn speed(&self) -> f64 {
+        if self.velocity.is_finite() { self.velocity } else { Self::SPEED }
+    }
+
+    /// A damping that brakes [`Limits::speed`] with the greatest effort `[N m s/rad, N s/m]`.
     pub fn damping(&self) -> f64 {
-        self.effort / if self.velocity.is_finite() { self.velocity } else { Self::SPEED }
+        self.effort / self.speed()
     }
 }
 

@@ -7,9 +7,9 @@ use sarrus_models::{Diagnostics, LoadError, Report, Source};
 
 use super::keys::{BUS, TIMEOUTS, TOP};
 use super::motors::Robot;
+use super::stops::Stopped;
 use super::{
-    BusConfig, Configuration, MAX_BUSES, MechanismStop, MotorConfig, Stop, StopFunction,
-    Surroundings, Timeouts, check,
+    BusConfig, Configuration, MAX_BUSES, MotorConfig, Stop, Surroundings, Timeouts, check,
 };
 use crate::settings::{Key, Settings};
 
@@ -65,7 +65,8 @@ impl Reader<'_, '_> {
     }
 
     fn configuration(&mut self, root: &Node) -> Option<Configuration> {
-        let top = self.settings(root, "the file", TOP, &["timeouts", "monitors", "buses", "motors"]);
+        const GROUPS: &[&str] = &["timeouts", "monitors", "buses", "motors", "mechanisms"];
+        let top = self.settings(root, "the file", TOP, GROUPS);
         self.period_ns = top.as_ref().map_or(0, |top| (1e9 / top.number("rate_hz")) as u64);
         let timeouts = self.timeouts(root);
         let buses = self.buses(root);
@@ -78,18 +79,21 @@ impl Reader<'_, '_> {
         };
         let mechanisms =
             robot.as_ref().map_or_else(|| (0..actuators.len()).collect(), Robot::mechanisms);
-        let read: Vec<Read> = read.into_iter().map(|(_, read)| read).collect();
+        let mut read: Vec<Read> = read.into_iter().map(|(_, read)| read).collect();
         if self.diagnostics.has_errors() {
             return None;
         }
         check::motors(&read, &actuators, &mechanisms, robot.is_some(), root.span, self.diagnostics);
         let places: Vec<Span> = read.iter().map(|read| read.place).collect();
-        let stop = MechanismStop {
-            function: StopFunction::named(top.text("stop_function")),
-            stop_ns: nanoseconds(top.number("stop_ms")),
+        let of = Stopped {
+            actuators: &actuators,
+            mechanisms: &mechanisms,
+            motors: &mut read,
+            has_model: robot.is_some(),
         };
+        let stops = self.stops(root, &top, of);
         let configuration = Configuration {
-            stops: vec![stop; mechanisms.iter().max().map_or(0, |last| last + 1)],
+            stops,
             robot: robot.as_ref().map(|robot| robot.loaded.compiled.model.name().to_owned()),
             fingerprint: robot
                 .as_ref()
@@ -249,6 +253,6 @@ impl Reader<'_, '_> {
     }
 }
 
-fn nanoseconds(ms: f64) -> u64 {
+pub(super) fn nanoseconds(ms: f64) -> u64 {
     (ms * 1e6).round() as u64
 }

@@ -1,21 +1,37 @@
 //! How mechanisms are stopped.
 
+use sarrus_models::yaml::{self, Node, quoted};
+
+use super::keys::MECHANISM;
+use super::read::{Read, Reader, nanoseconds};
+use crate::frame::FrameQueue;
+use crate::settings::Settings;
+
 /// How a mechanism is stopped, in the words of IEC 61800-5-2 where it has them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StopFunction {
     /// SS1: to a standstill within a time, then no torque.
     Ss1,
+    /// SS2: to a standstill within a time, and held for another time, then no torque.
+    Ss2,
+    /// The drives' own quick stop, then no torque.
+    QuickStop,
+    /// To a standstill within a time, then down with gravity at a capped speed until it stands
+    /// still, then no torque.
+    Lower,
     /// STO: no torque at once.
     Sto,
 }
 
 impl StopFunction {
     /// The names in configurations.
-    pub(super) const NAMES: &[&str] = &["ss1", "sto"];
+    pub(super) const NAMES: &[&str] = &["ss1", "ss2", "quick_stop", "lower", "sto"];
 
-    /// The function of a name; SS1 for any other.
-    pub(super) fn named(name: &str) -> StopFunction {
+    fn named(name: &str) -> StopFunction {
         match name {
+            "ss2" => StopFunction::Ss2,
+            "quick_stop" => StopFunction::QuickStop,
+            "lower" => StopFunction::Lower,
             "sto" => StopFunction::Sto,
             _ => StopFunction::Ss1,
         }
@@ -27,12 +43,133 @@ impl StopFunction {
 pub struct MechanismStop {
     /// What it does.
     pub function: StopFunction,
-    /// Time in which the mechanism stands still `[ns]`.
+    /// Time to come to a standstill `[ns]`.
     pub stop_ns: u64,
+    /// Longest time after that, in which it is held or lowered; 0 for the other functions `[ns]`.
+    pub hold_ns: u64,
+    /// Greatest speed of an actuator that is lowered `[rad/s, m/s]`.
+    pub lower_velocity: f64,
 }
 
 impl Default for MechanismStop {
     fn default() -> MechanismStop {
-        MechanismStop { function: StopFunction::Ss1, stop_ns: 500_000_000 }
+        MechanismStop {
+            function: StopFunction::Ss1,
+            stop_ns: 500_000_000,
+            hold_ns: 0,
+            lower_velocity: 0.0,
+        }
     }
 }
+
+/// Part of the limit of the velocity at which is lowered where the file does not say it.
+const LOWER: f64 = 0.1;
+
+/// What the stops of mechanisms depend on.
+pub(super) struct Stopped<'a> {
+    pub(super) actuators: &'a [String],
+    /// By actuator.
+    pub(super) mechanisms: &'a [usize],
+    pub(super) motors: &'a mut [Read],
+    pub(super) has_model: bool,
+}
+
+impl Reader<'_, '_> {
+    /// The stop of each mechanism: its entry under `mechanisms`, else what the top level says.
+    pub(super) fn stops(
+        &mut self,
+        root: &Node,
+        top: &Settings,
+        of: Stopped<'_>,
+    ) -> Vec<MechanismStop> {
+        let Stopped { actuators, mechanisms, motors, has_model } = of;
+        let n = mechanisms.iter().max().map_or(0, |last| last + 1);
+        let mut entries: Vec<Option<Settings>> = vec![None; n];
+        for node in yaml::list(root, "mechanisms", self.diagnostics) {
+            let Some(read) = self.settings(node, "the mechanism", MECHANISM, &[]) else { continue };
+            let name = read.text("actuator");
+            let place = actuators.iter().position(|known| known == name);
+            let Some(number) = place.and_then(|place| mechanisms.get(place)) else {
+                let names = actuators.iter().map(String::as_str);
+                let help = self.diagnostics.did_you_mean(name, names, "correct the name");
+                let found = format!("there is no actuator {}", quoted(name));
+                self.diagnostics.error(read.place("actuator"), found, actuators.join(", "), help);
+                continue;
+            };
+            let Some(entry) = entries.get_mut(*number) else { continue };
+            if entry.is_some() {
+                let found = format!("a second entry for the mechanism of {}", quoted(name));
+                self.diagnostics.error(node.span, found, "one", "remove one of them");
+            }
+            *entry = Some(read);
+        }
+        let stop = |(number, entry): (usize, Option<Settings>)| {
+            let mut members: Vec<&mut Read> = motors
+                .iter_mut()
+                .filter(|read| mechanisms.get(read.motor.actuator) == Some(&number))
+                .collect();
+            self.mechanism_stop(top, entry.as_ref(), &mut members, has_model)
+        };
+        entries.into_iter().enumerate().map(stop).collect()
+    }
+
+    fn mechanism_stop(
+        &mut self,
+        top: &Settings,
+        entry: Option<&Settings>,
+        members: &mut [&mut Read],
+        has_model: bool,
+    ) -> MechanismStop {
+        let of = |key: &str| entry.filter(|entry| entry.has(key)).unwrap_or(top);
+        let ms = |key: &str, otherwise: f64| {
+            nanoseconds(entry.filter(|entry| entry.has(key)).map_or(otherwise, |e| e.number(key)))
+        };
+        let function = StopFunction::named(of("stop_function").text("stop_function"));
+        let place = of("stop_function").place("stop_function");
+        let slowest = members.iter().map(|read| read.motor.limits.velocity);
+        let slowest = LOWER * slowest.fold(f64::INFINITY, f64::min);
+        let lower_velocity = entry
+            .filter(|entry| entry.has("lower_velocity"))
+            .map_or(slowest, |entry| entry.number("lower_velocity"));
+        let mut refuse = |found: String, expected: &str, help: &str| {
+            self.diagnostics.error(place, found, expected, help);
+        };
+        match function {
+            StopFunction::QuickStop => {
+                let mut frames = FrameQueue::new(16);
+                let unable = members.iter_mut().find_map(|read| {
+                    let is_able = read.motor.drive.quick_stop(0, &mut frames);
+                    (!is_able).then_some(read.motor.protocol.name)
+                });
+                if let Some(name) = unable {
+                    refuse(
+                        format!("`quick_stop`, and {name} has no command for one"),
+                        "drives of CiA 402",
+                        "use `ss1`, by which the bridge brakes",
+                    );
+                }
+            }
+            StopFunction::Lower if !has_model => refuse(
+                "`lower` without a model".to_owned(),
+                "a robot, whose model knows what gravity needs",
+                "add `robot` or `urdf`, or use `ss1`",
+            ),
+            StopFunction::Lower if lower_velocity.is_infinite() && !members.is_empty() => refuse(
+                "`lower` without a speed".to_owned(),
+                "`lower_velocity`, or `velocity` under `limits`",
+                "add one of them",
+            ),
+            _ => {}
+        }
+        let holds = matches!(function, StopFunction::Ss2 | StopFunction::Lower);
+        MechanismStop {
+            function,
+            stop_ns: ms("stop_ms", top.number("stop_ms")),
+            hold_ns: if holds { ms("hold_ms", HOLD_MS) } else { 0 },
+            lower_velocity,
+        }
+    }
+}
+
+/// Holding and lowering end after this time where the file does not say it `[ms]`.
+const HOLD_MS: f64 = 5000.0;

@@ -33,6 +33,8 @@ use sarrus_can_core::frame::{Frame, FrameQueue, Id};
 use sarrus_can_core::protocol::Common;
 use sarrus_can_core::protocol::Settings;
 
+/// Slower than this it stands still `[rad/s]`.
+const STILL: f64 = 0.05;
 /// Gains of its own loops: torque for position `[N m/rad]`, for velocity `[N m s/rad]`.
 const OWN_GAINS: [f64; 2] = [60.0, 2.0];
 const HEARTBEAT_LOST: u16 = 0x8130;
@@ -107,10 +109,19 @@ impl Cia402 {
         if self.drive.control(self.objects.control) {
             plant.fault = 0;
         }
-        if self.drive.state == State::OperationEnabled {
-            plant.start(now_ns);
-        } else {
-            plant.stop();
+        match self.drive.state {
+            State::OperationEnabled => plant.start(now_ns),
+            // 605A is 2: the speed goes to zero, then the power
+            State::QuickStop if plant.power && plant.velocity.abs() > STILL => {
+                let [_, damping] = OWN_GAINS;
+                plant.follow(now_ns, Setpoint { damping, ..Setpoint::default() });
+                return;
+            }
+            State::QuickStop => {
+                self.drive.disable();
+                plant.stop();
+            }
+            _ => plant.stop(),
         }
         let rad = TAU / self.counts_per_turn;
         let rad_per_second = TAU / self.velocity_counts_per_turn;

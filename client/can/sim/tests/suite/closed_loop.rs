@@ -9,17 +9,17 @@ use sarrus_can_core::frame::FrameQueue;
 use sarrus_can_core::protocol::Common;
 use sarrus_can_sim::{Physics, Simulated};
 
-const RANGES: &str = "position_range: 12.5, velocity_range: 45, torque_range: 18, \
+pub(crate) const RANGES: &str = "position_range: 12.5, velocity_range: 45, torque_range: 18, \
     stiffness_range: 500, damping_range: 5";
 const MS: u64 = 1_000_000;
 /// A motor whose torque is Motorola and whose measurements are Intel.
-const DBC_FILE: &str = "BO_ 32 Set: 8 Host\n SG_ Power : 0|1@1+ (1,0) [0|1] \"\" Motor\n SG_ \
+pub(crate) const DBC_FILE: &str = "BO_ 32 Set: 8 Host\n SG_ Power : 0|1@1+ (1,0) [0|1] \"\" Motor\n SG_ \
     Torque : 23|16@0- (0.001,0) [0|0] \"Nm\" Motor\n\
     BO_ 33 Is: 8 Motor\n SG_ Power : 0|1@1+ (1,0) [0|1] \"\" Host\n SG_ Fault : 1|7@1+ (1,0) \
     [0|0] \"\" Host\n\
      SG_ Turn : 8|24@1- (0.0001,0) [0|0] \"rad\" Host\n SG_ Speed : 32|16@1- (0.01,0) [0|0] \
      \"rad/s\" Host\n";
-const DBC: &str = "{file: motor.dbc, enable: Set.Power, torque: Set.Torque, measured_position: \
+pub(crate) const DBC: &str = "{file: motor.dbc, enable: Set.Power, torque: Set.Torque, measured_position: \
     Is.Turn, measured_velocity: Is.Speed, \
     fault: Is.Fault, enabled: Is.Power}";
 

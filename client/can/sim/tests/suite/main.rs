@@ -12,6 +12,7 @@ mod cia402;
 mod closed_loop;
 mod moteus;
 mod motors;
+mod stops;
 mod support;
 mod swing;
 mod world;

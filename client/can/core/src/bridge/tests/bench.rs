@@ -98,6 +98,10 @@ pub(super) struct Shaft {
     pub(super) velocity: f64,
     /// Torque of the motor `[N m]`.
     pub(super) torque: f64,
+    /// Where the load lies on something `[rad]`.
+    pub(super) floor: f64,
+    /// Which way its sensor counts.
+    pub(super) sensor: f64,
 }
 
 impl Default for Shaft {
@@ -109,14 +113,16 @@ impl Default for Shaft {
             position: 0.0,
             velocity: 0.0,
             torque: 0.0,
+            floor: f64::NEG_INFINITY,
+            sensor: 1.0,
         }
     }
 }
 
 impl Shaft {
-    /// One millisecond in steps of ten microseconds.
+    /// One millisecond in steps of fifty microseconds.
     fn turn(&mut self, command: DriveCommand) {
-        for _ in 0..100 {
+        for _ in 0..20 {
             let setpoint = match command {
                 DriveCommand::On(setpoint) => setpoint,
                 _ => Setpoint::default(),
@@ -130,8 +136,11 @@ impl Shaft {
             self.torque = setpoint.torque
                 + self.inertia * stiffness * (setpoint.position - self.position)
                 + self.inertia * damping * (setpoint.velocity - self.velocity);
-            self.velocity += 1e-5 * (self.torque + self.load) / self.inertia;
-            self.position += 1e-5 * self.velocity;
+            self.velocity += 5e-5 * (self.torque + self.load) / self.inertia;
+            self.position += 5e-5 * self.velocity;
+            if self.position < self.floor {
+                (self.position, self.velocity) = (self.floor, 0.0);
+            }
         }
     }
 }
@@ -287,8 +296,9 @@ impl Bench {
                     Some(shafts) => {
                         shafts[i].turn(*self.given[i].lock().unwrap().last().unwrap());
                         let mut answer = vec![is_on, fault, 0, 0];
-                        answer.extend((shafts[i].position as f32).to_le_bytes());
-                        answer.extend((shafts[i].velocity as f32).to_le_bytes());
+                        let Shaft { position, velocity, sensor, .. } = shafts[i];
+                        answer.extend(((sensor * position) as f32).to_le_bytes());
+                        answer.extend(((sensor * velocity) as f32).to_le_bytes());
                         Frame::fd(id, false, &answer).unwrap()
                     }
                 };

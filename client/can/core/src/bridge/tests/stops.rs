@@ -2,6 +2,7 @@
 
 use super::bench::{Bench, Shaft};
 use super::*;
+use crate::config::{MechanismStop, StopFunction};
 
 #[test]
 fn late_commands_bring_damping_and_lost_ones_a_stop() {
@@ -73,6 +74,54 @@ fn disarming_stops_and_disarming_again_takes_the_torque_off() {
 }
 
 #[test]
+fn a_request_to_disarm_that_is_repeated_at_once_is_no_second_one() {
+    let mut bench = Bench::armed();
+    let disarm = |bench: &mut Bench| {
+        let request = OperatorRequest {
+            stamp_ns: bench.now_ns,
+            operation: Operation::Disarm as u32,
+            actuator: 0,
+        };
+        bench.bridge.request(bench.now_ns, &request)
+    };
+    assert_eq!(disarm(&mut bench), Some(Operation::Disarm));
+    bench.steps(50);
+    assert_eq!(disarm(&mut bench), None);
+    bench.steps(2);
+    assert_eq!(bench.states(), [MechanismState::Stopping; 3]);
+    bench.steps(150);
+    assert_eq!(disarm(&mut bench), Some(Operation::Disarm));
+    bench.step();
+    assert_eq!(bench.states(), [MechanismState::Disabled; 3]);
+}
+
+#[test]
+fn disarming_once_does_not_cut_a_stop_for_another_reason_short() {
+    let mut bench = Bench::armed();
+    bench.bridge.fail_mechanism(0, Reason::FollowingError);
+    bench.steps(50);
+    bench.bridge.operate(bench.now_ns, Operation::Disarm);
+    bench.steps(50);
+    assert_eq!(bench.states(), [MechanismState::Stopping; 3]);
+    assert_eq!((bench.reason(0), bench.reason(2)), (Reason::FollowingError, Reason::Disarmed));
+    bench.bridge.operate(bench.now_ns, Operation::Disarm);
+    bench.step();
+    let (disabled, fault) = (MechanismState::Disabled, MechanismState::Fault);
+    assert_eq!(bench.states(), [fault, fault, disabled]);
+}
+
+#[test]
+fn a_bridge_that_was_stopped_during_a_stop_for_a_fault_is_in_fault() {
+    let mut bench = Bench::armed();
+    bench.bridge.fail_mechanism(0, Reason::FollowingError);
+    bench.steps(50);
+    bench.now_ns += 2_000 * MS;
+    bench.step();
+    assert_eq!((bench.states()[0], bench.last(0)), (MechanismState::Fault, DriveCommand::Off));
+    assert_eq!(bench.reason(0), Reason::FollowingError);
+}
+
+#[test]
 fn a_motor_that_fails_while_it_is_stopped_takes_the_torque_off_at_once() {
     let mut bench = Bench::armed();
     bench.bridge.operate(bench.now_ns, Operation::Disarm);
@@ -108,7 +157,13 @@ const MODES: [Mode; 4] = [Mode::Impedance, Mode::Position, Mode::Velocity, Mode:
 
 /// A bench whose shafts hold still in one mode.
 fn turning(mode: Mode, inertia: f64) -> Bench {
+    stopping(mode, inertia, MechanismStop::default())
+}
+
+/// The same with another stop.
+fn stopping(mode: Mode, inertia: f64, stop: MechanismStop) -> Bench {
     let mut bench = Bench::new(|configuration| {
+        configuration.stops = vec![stop; 2];
         for motor in &mut configuration.motors {
             motor.common.mode = mode;
             motor.limits = Limits { velocity: 5.0, ..motor.limits };
@@ -205,5 +260,154 @@ fn a_command_late_once_lets_a_load_sink_for_the_time_of_its_lateness_alone() {
         }
         assert!(least > -0.005, "{mode:?}: {least}");
         assert_eq!(bench.states()[0], MechanismState::Enabled);
+    }
+}
+
+/// Steps until the mechanism has no power; how many.
+fn steps_to_the_end(bench: &mut Bench) -> usize {
+    (0..20_000)
+        .find(|_| {
+            bench.step();
+            bench.last(0) == DriveCommand::Off
+        })
+        .expect("an end")
+}
+
+#[test]
+fn a_motor_without_torque_at_once_is_given_none() {
+    let stop = MechanismStop { function: StopFunction::Sto, ..MechanismStop::default() };
+    let mut bench = stopping(Mode::Impedance, 0.01, stop);
+    bench.bridge.operate(bench.now_ns, Operation::Disarm);
+    bench.step();
+    assert_eq!((bench.states()[0], bench.last(0)), (MechanismState::Disabled, DriveCommand::Off));
+}
+
+#[test]
+fn a_motor_that_is_held_is_held_for_its_time() {
+    let function = StopFunction::Ss2;
+    let stop = MechanismStop { function, hold_ns: 700 * MS, ..MechanismStop::default() };
+    for mode in MODES {
+        let mut bench = stopping(mode, 0.01, stop);
+        bench.target.torque = 1.0;
+        bench.shafts.iter_mut().flatten().for_each(|shaft| shaft.load = -1.0);
+        bench.bridge.motors.iter_mut().for_each(|motor| motor.gravity = 1.0);
+        bench.steps(300);
+        bench.bridge.operate(bench.now_ns, Operation::Disarm);
+        let before = bench.shaft().position;
+        bench.steps(1200);
+        assert_eq!(bench.states()[0], MechanismState::Stopping);
+        assert!((bench.shaft().position - before).abs() < 1e-3, "{mode:?}");
+        bench.step();
+        assert_eq!(bench.last(0), DriveCommand::Off);
+    }
+}
+
+#[test]
+fn a_load_is_lowered_at_its_speed_until_it_lies() {
+    let stop = MechanismStop {
+        function: StopFunction::Lower,
+        stop_ns: 200 * MS,
+        hold_ns: 3000 * MS,
+        lower_velocity: 0.5,
+    };
+    for mode in MODES {
+        for floor in [-0.4, f64::NEG_INFINITY] {
+            let mut bench = stopping(mode, 0.01, stop);
+            bench.target.torque = 1.5;
+            for shaft in bench.shafts.iter_mut().flatten() {
+                (shaft.load, shaft.floor) = (-1.5, floor);
+            }
+            bench.bridge.motors.iter_mut().for_each(|motor| motor.gravity = 1.5);
+            bench.steps(300);
+            bench.bridge.operate(bench.now_ns, Operation::Disarm);
+            bench.steps(200);
+            assert!(bench.shaft().position > -0.05, "{mode:?}: {:?}", bench.shaft());
+            bench.steps(500);
+            let velocity = bench.shaft().velocity;
+            assert!((velocity + 0.5).abs() < 0.06, "{mode:?}: {velocity}");
+            let steps = steps_to_the_end(&mut bench);
+            if floor.is_finite() {
+                assert!(steps < 700, "{mode:?}: {steps}");
+            } else {
+                // to the limit of the position, where nothing lowers it any more
+                let position = bench.shaft().position;
+                assert!((-1.5..-0.9).contains(&position), "{mode:?}: {position}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_motor_that_is_accelerated_by_its_stop_loses_its_torque() {
+    let mut bench = turning(Mode::Torque, 0.01);
+    let shaft = bench.shaft();
+    (shaft.sensor, shaft.velocity) = (-1.0, 3.0);
+    bench.bridge.fail_mechanism(0, Reason::FollowingError);
+    assert!(steps_to_the_end(&mut bench) < 30);
+    assert!(bench.shaft().velocity < 7.0, "{:?}", bench.shaft());
+    assert_eq!(
+        (bench.states()[0], bench.reason(0)),
+        (MechanismState::Fault, Reason::FollowingError)
+    );
+}
+
+#[test]
+fn a_rotor_too_light_for_the_damper_of_the_bridge_is_stopped_by_a_weaker_one() {
+    // d dt / J from 0.2 to 2; beyond, the greatest effort turns the motor round in one cycle
+    for inertia in [0.01, 0.005, 0.002, 0.001] {
+        let mut bench = turning(Mode::Torque, 0.01);
+        bench.shafts.iter_mut().flatten().for_each(|shaft| shaft.inertia = inertia);
+        bench.shaft().velocity = 4.0;
+        bench.step();
+        bench.bridge.fail_mechanism(0, Reason::FollowingError);
+        bench.steps(450);
+        let mut most: f64 = 0.0;
+        for _ in 0..50 {
+            bench.step();
+            most = most.max(bench.shaft().velocity.abs());
+        }
+        assert!(most < 0.05, "{inertia}: {most}");
+    }
+}
+
+#[test]
+fn while_it_is_stopped_efforts_and_positions_stay_within_their_limits() {
+    let mut seed = 7_u64;
+    let mut random = |least: f64, most: f64| {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        least + (most - least) * (seed >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    for _ in 0..200 {
+        let mode = MODES[random(0.0, 4.0) as usize];
+        let function =
+            [StopFunction::Ss1, StopFunction::Ss2, StopFunction::Lower][random(0.0, 3.0) as usize];
+        let stop =
+            MechanismStop { function, stop_ns: 300 * MS, hold_ns: 300 * MS, lower_velocity: 0.5 };
+        let mut bench = stopping(mode, 10_f64.powf(random(-3.5, 0.5)), stop);
+        let (load, velocity) = (random(-8.0, 8.0), random(-9.0, 9.0));
+        let position = random(-1.2, 1.2);
+        for shaft in bench.shafts.iter_mut().flatten() {
+            (shaft.load, shaft.velocity, shaft.position) = (load, velocity, position);
+        }
+        bench.step();
+        let known = random(-1.0, 1.0).max(0.0) * -load;
+        bench.bridge.motors.iter_mut().for_each(|motor| motor.gravity = known);
+        bench.bridge.fail_mechanism(0, Reason::FollowingError);
+        loop {
+            let measured = bench.shaft().position;
+            let speed = bench.shaft().velocity;
+            bench.step();
+            let DriveCommand::On(given) = bench.last(0) else { break };
+            assert!((-1.0..=1.0).contains(&given.position), "{mode:?}: {given:?}");
+            let total = match mode {
+                Mode::Impedance | Mode::Torque => {
+                    given.torque
+                        + given.stiffness * (given.position - measured)
+                        + given.damping * (given.velocity - speed)
+                }
+                Mode::Position | Mode::Velocity => given.torque,
+            };
+            assert!(total.abs() <= 10.0 + 1e-3, "{mode:?}: {given:?}");
+        }
     }
 }

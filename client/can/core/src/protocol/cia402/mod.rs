@@ -46,7 +46,7 @@ use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 use keys::KEYS;
 use make::make;
 use setup::{PARAMETERS, READABLE, Setup};
-use states::{DISABLE_VOLTAGE, ENABLE, FORGET_FAULT, SHUTDOWN, SWITCH_ON, State};
+use states::{DISABLE_VOLTAGE, ENABLE, FORGET_FAULT, QUICK_STOP, SHUTDOWN, SWITCH_ON, State};
 
 /// CANopen CiA 402.
 pub(super) const CIA402: Protocol = Protocol {
@@ -243,6 +243,15 @@ impl Drive for Cia402 {
         out.push_some(self.command(DISABLE_VOLTAGE, &self.neutral()));
         out.push_some(self.sync());
         out.push_some(setup::write(self.node, 0x6040, 0, 2, 0));
+    }
+
+    /// The ramp and what comes after it are the drive's, 6085 and 605A; so is its brake.
+    fn quick_stop(&mut self, now_ns: u64, out: &mut FrameQueue) -> bool {
+        self.beat(now_ns, out);
+        // power that goes by this command is not lost
+        self.power_up.forget();
+        out.push_some(self.command(QUICK_STOP, &self.neutral()));
+        true
     }
 
     fn receive(&mut self, now_ns: u64, frame: &Frame) -> Receipt {

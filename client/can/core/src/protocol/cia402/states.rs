@@ -1,6 +1,7 @@
 //! The state machine of CiA 402: control words, 6040, and what the status word, 6041, says.
 
 pub(super) const DISABLE_VOLTAGE: u16 = 0x00;
+pub(super) const QUICK_STOP: u16 = 0x02;
 pub(super) const SHUTDOWN: u16 = 0x06;
 pub(super) const SWITCH_ON: u16 = 0x07;
 pub(super) const ENABLE: u16 = 0x0F;
