@@ -248,22 +248,7 @@ impl Bridge {
     /// Does what an operator asks.
     pub fn operate(&mut self, now_ns: u64, operation: Operation) {
         match operation {
-            Operation::Arm => {
-                self.armed_at = self.command.stamp_ns;
-                let unready = self.motors.iter().find_map(Motor::never_ready);
-                let Bridge { motors, mechanisms, configuration, .. } = self;
-                for (number, mechanism) in mechanisms.iter_mut().enumerate() {
-                    if mechanism.arm(now_ns, unready) {
-                        let is_member = |motor: &&mut Motor| {
-                            configuration.mechanisms.get(motor.config.actuator) == Some(&number)
-                        };
-                        motors
-                            .iter_mut()
-                            .filter(is_member)
-                            .for_each(|motor| motor.config.drive.prepare());
-                    }
-                }
-            }
+            Operation::Arm | Operation::Return => self.give_power(now_ns, operation),
             // a second time takes the power away at once
             Operation::Disarm => self.mechanisms.iter_mut().for_each(Mechanism::disarm),
             Operation::Reset => {
@@ -271,6 +256,28 @@ impl Bridge {
                 self.reset_ns = Some(now_ns);
             }
             _ => {}
+        }
+    }
+
+    /// Arms mechanisms, or those that are outside their limits for the way back.
+    fn give_power(&mut self, now_ns: u64, operation: Operation) {
+        let returns = operation == Operation::Return;
+        if !returns {
+            self.armed_at = self.command.stamp_ns;
+        }
+        let unready = self.motors.iter().find_map(|motor| motor.never_ready(returns));
+        let Bridge { motors, mechanisms, configuration, .. } = self;
+        for (number, mechanism) in mechanisms.iter_mut().enumerate() {
+            let is_member = |motor: &Motor| {
+                configuration.mechanisms.get(motor.config.actuator) == Some(&number)
+            };
+            let mut members = motors.iter().filter(|motor| is_member(motor));
+            let begins = match returns {
+                true => members.any(Motor::is_outside) && mechanism.come_back(now_ns, unready),
+                false => mechanism.arm(now_ns, unready),
+            };
+            let members = motors.iter_mut().filter(|motor| begins && is_member(motor));
+            members.for_each(|motor| motor.config.drive.prepare());
         }
     }
 

@@ -146,11 +146,11 @@ impl Motor {
             (place + self.deflection).max(place.min(desired)).min(place.max(desired));
     }
 
-    /// Why it cannot be armed, however long one waits.
-    pub(super) fn never_ready(&self) -> Option<Reason> {
+    /// Why it cannot be armed, or come back inside its limits, however long one waits.
+    pub(super) fn never_ready(&self, returns: bool) -> Option<Reason> {
         match self.config.drive.state().watchdog {
             _ if !self.config.is_calibrated => Some(Reason::NotCalibrated),
-            _ if self.is_beyond() => Some(Reason::OutsideLimits),
+            _ if self.is_beyond() && !returns => Some(Reason::OutsideLimits),
             Watchdog::Unreadable => self.config.missing_watchdog(),
             _ => None,
         }

@@ -9,6 +9,9 @@ use super::motor::Motor;
 use crate::drive::{Mode, Setpoint};
 use crate::mapping::ActuatorSetpoint;
 
+/// Part of the greatest effort with which an actuator comes back inside its limits.
+pub(super) const RETURN_EFFORT: f64 = 0.5;
+
 impl Motor {
     /// The set-point of this cycle, on the motor's side. `elapsed` is the time since the last
     /// set-point `[s]`. Marks what was limited.
@@ -25,6 +28,7 @@ impl Motor {
             Course::Brake(part) => self.braking(part, elapsed),
             Course::QuickStop => self.braking(0.0, elapsed),
             Course::Lower(speed) => self.lowering(speed, elapsed),
+            Course::Return => self.returning(elapsed),
         };
         // a motor that does not tell its velocity counts as still while it follows
         let velocity = match course {
@@ -54,7 +58,8 @@ impl Motor {
         }
         self.stiffness = stiffness;
         let setpoint = self.within_limits(setpoint, velocity);
-        let setpoint = self.within_effort(setpoint, velocity);
+        let part = if course == Course::Return { RETURN_EFFORT } else { 1.0 };
+        let setpoint = self.within_effort(setpoint, velocity, part);
         (self.last_position, self.last_effort) = (setpoint.position, setpoint.effort);
         let [last, _] = self.asked;
         self.asked = [self.monitors.given(setpoint), last];
@@ -160,14 +165,19 @@ impl Motor {
     }
 
     /// Spring, damper and effort together stay within the limit, as far as the last measurement
-    /// tells. All three shrink alike, so that none of them is left alone where the motor itself
+    /// tells, or within a part of it. All three shrink alike, so that none of them is left alone where the motor itself
     /// saturates another.
-    fn within_effort(&mut self, setpoint: ActuatorSetpoint, velocity: f64) -> ActuatorSetpoint {
-        let part = self.monitors.derated();
-        if part < 1.0 {
+    fn within_effort(
+        &mut self,
+        setpoint: ActuatorSetpoint,
+        velocity: f64,
+        part: f64,
+    ) -> ActuatorSetpoint {
+        let derated = self.monitors.derated();
+        if derated < 1.0 {
             self.flags |= flag::DERATED;
         }
-        let most = part * self.config.limits.effort;
+        let most = part * derated * self.config.limits.effort;
         let total = setpoint.effort + self.by_gains(&setpoint, velocity);
         if total.abs() <= most {
             return setpoint;

@@ -15,7 +15,7 @@ const CIA402: &str = "{protocol: cia402, node: 5, rated_torque: 2.0, counts_per_
 const ODRIVE: &str = "{protocol: odrive, node: 3, torque_feedback: true";
 
 /// Drives by their names in the table.
-fn drives() -> Vec<(&'static str, String)> {
+pub(crate) fn drives() -> Vec<(&'static str, String)> {
     vec![
         ("robstride impedance", format!("{{protocol: mit, variant: robstride, {MIT}}}")),
         ("damiao impedance", format!("{{protocol: mit, variant: damiao, {MIT}}}")),
@@ -203,9 +203,8 @@ fn is_possible(attack: &str, drive: &str) -> bool {
         "150 °C" => !drive.contains("cia402"),
         "two motors on one id" => !drive.contains("odrive"),
         "limp under load" | "frozen at rest, then 1.5 N m" => !is_position,
-        "runaway, and the motor says that it stands" | "runaway under an effort within its limit" => {
-            !is_position
-        }
+        "runaway, and the motor says that it stands"
+        | "runaway under an effort within its limit" => !is_position,
         "sensor against the motor" => !is_position,
         _ => true,
     }
@@ -291,8 +290,7 @@ fn nothing_is_armed_outside_its_limits() {
 #[test]
 fn a_second_master_is_found_by_one_frame() {
     let mut world = armed(&drives()[0].1);
-    world.intruder =
-        Frame::classic(Id::Standard(4), &[0x7F, 0xFF, 0x7F, 0xF0, 0, 0, 0x0F, 0xFF]);
+    world.intruder = Frame::classic(Id::Standard(4), &[0x7F, 0xFF, 0x7F, 0xF0, 0, 0, 0x0F, 0xFF]);
     let outcome = watch(&mut world, 1.0, always);
     println!("{:?} {:?} {:.2} N m", outcome.ms, outcome.reason, world.shafts[0].torque);
     assert!(outcome.ms.is_some_and(|ms| ms <= 20.0));

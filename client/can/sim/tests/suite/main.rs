@@ -6,8 +6,9 @@
     reason = "a test that fails panics"
 )]
 
-mod authors;
 mod attacks;
+mod authors;
+mod chance;
 mod cia402;
 mod closed_loop;
 mod moteus;

@@ -10,9 +10,7 @@ use sarrus_can_core::frame::{Frame, FrameQueue};
 use sarrus_can_core::mapping::Mapping;
 use sarrus_can_sim::{Physics, Simulated};
 use sarrus_models::LoadError;
-use sarrus_proto::actuators::{
-    ActuatorCommand, MAX_ACTUATORS, MechanismState, Operation, Reason,
-};
+use sarrus_proto::actuators::{ActuatorCommand, MAX_ACTUATORS, MechanismState, Operation, Reason};
 
 pub(crate) const MS: u64 = 1_000_000;
 /// Time from a cycle to the motors, and from their answers to the bridge `[ns]`.
@@ -46,7 +44,10 @@ pub(crate) enum Encoder {
     /// Turned against the motor.
     Reversed,
     /// The position repeats itself; the velocity is true, or zero.
-    Frozen { position: f64, velocity_too: bool },
+    Frozen {
+        position: f64,
+        velocity_too: bool,
+    },
     /// Its position is off by this.
     Off(f64),
 }
@@ -255,10 +256,8 @@ impl World {
     fn collect(&mut self, i: usize, now_ns: u64, out: &mut FrameQueue, back_ns: u64) {
         let shaft = &mut self.shafts[i];
         for frame in out.frames() {
-            let at_ns = now_ns
-                + BACK_NS
-                + shaft.delay_ns
-                + self.chance.within(0.0, back_ns as f64) as u64;
+            let at_ns =
+                now_ns + BACK_NS + shaft.delay_ns + self.chance.within(0.0, back_ns as f64) as u64;
             // a bus keeps the order
             let at_ns = shaft.answers.back().map_or(at_ns, |(last, _)| at_ns.max(*last));
             for _ in 0..1 + usize::from(shaft.is_doubled) {

@@ -45,7 +45,8 @@ impl Age {
         Age {
             phase: if is_off { Phase::Good } else { Phase::Unknown },
             late_ns: if is_off { u64::MAX } else { late_ns },
-            most_open: (late_ns / period_ns.max(1)).saturating_add(2).min(u64::from(u32::MAX)) as u32,
+            most_open: (late_ns / period_ns.max(1)).saturating_add(2).min(u64::from(u32::MAX))
+                as u32,
             asked_ns: 0,
             answered_ns: 0,
             is_answered: false,
@@ -79,8 +80,8 @@ impl Age {
                 }
             }
             Phase::Unknown | Phase::Good => {
-                let is_doubtful = self.phase == Phase::Unknown && !has_power
-                    || answers.open > self.most_open;
+                let is_doubtful =
+                    self.phase == Phase::Unknown && !has_power || answers.open > self.most_open;
                 if self.is_answered && is_doubtful {
                     self.phase = Phase::Pause;
                     self.is_late = false;

@@ -89,8 +89,8 @@ impl Effort {
         let is_off = reported > self.high + tolerance || reported < self.low - tolerance;
         // the least of what was asked, if it had one sign
         let least = self.low.max(-self.high);
-        let is_limp =
-            least > WORTH * limit + noise && reported.abs() < REPORTED * least + NOISE * steps.effort;
+        let is_limp = least > WORTH * limit + noise
+            && reported.abs() < REPORTED * least + NOISE * steps.effort;
         let is_off = self.off.count(is_off, seen.elapsed, OFF);
         let is_limp = self.limp.count(is_limp, seen.elapsed, LIMP);
         (is_off || is_limp).then_some(Reason::EffortMismatch)

@@ -26,7 +26,10 @@ impl Default for Position {
 pub(super) fn margin(limits: &Limits, bounds: &MonitorBounds, steps: &ActuatorSetpoint) -> f64 {
     let range = limits.upper - limits.lower;
     let noise = NOISE * steps.position;
-    if range < f64::INFINITY { noise.max(bounds.position * range) } else { noise }
+    // also where the monitor is off there is a limit to what is armed
+    let part = bounds.position;
+    let part = if part < f64::INFINITY { part } else { MonitorBounds::USUAL.position };
+    if range < f64::INFINITY { noise.max(part * range) } else { noise }
 }
 
 impl Position {

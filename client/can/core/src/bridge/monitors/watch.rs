@@ -19,7 +19,7 @@ impl Bridge {
             };
             if !mechanism.is_powered() {
                 motor.unwatched();
-                if mechanism.is_waiting() && motor.is_beyond() {
+                if mechanism.is_waiting() && motor.is_beyond() && !mechanism.returns() {
                     mechanism.disable(Reason::OutsideLimits);
                 }
                 continue;
@@ -70,6 +70,12 @@ impl Motor {
     /// Whether it is too far outside its limits to be armed.
     pub(in crate::bridge) fn is_beyond(&self) -> bool {
         self.monitors.is_beyond(&self.config.limits, self.measured.position)
+    }
+
+    /// Whether it is outside its limits at all.
+    pub(in crate::bridge) fn is_outside(&self) -> bool {
+        let (position, limits) = (self.measured.position, self.config.limits);
+        position > limits.upper || position < limits.lower
     }
 
     /// Whether it goes without a request in this cycle; a bus that waits for one frame of all

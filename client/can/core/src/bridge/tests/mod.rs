@@ -1,5 +1,6 @@
 mod bench;
 mod limits;
+mod monitors;
 mod stops;
 
 use std::sync::atomic::Ordering;
