@@ -9,6 +9,7 @@
 //! act at once; older than T2 they, `disarm` and faults that leave the motors able bring a
 //! controlled stop: STOPPING, then DISABLED or FAULT. Nothing ever arms by itself.
 
+mod bus;
 mod counters;
 mod mechanism;
 mod monitors;
@@ -32,6 +33,7 @@ use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Operation, Operato
 use crate::config::Configuration;
 use crate::drive::{DriveCommand, Receipt};
 use crate::frame::{Frame, FrameQueue};
+use bus::Bus;
 use mechanism::{Course, Mechanism};
 use motor::Motor;
 
@@ -66,52 +68,13 @@ pub struct Bridge {
     counters: Counters,
 }
 
-#[derive(Debug)]
-struct Bus {
-    queue: FrameQueue,
-    /// Frames of the cycle before.
-    sent: FrameQueue,
-    /// Whose frame is likely to come next: motors answer in the order in which they are asked.
-    next: usize,
-    /// One of its motors has power.
-    has_power: bool,
-    /// None of those that wait for its frame pauses.
-    is_synchronous: bool,
-    sync: Option<Frame>,
-    state: BusState,
-    backlog: u32,
-    counters: BusCounters,
-}
-
-impl Bus {
-    /// A cycle begins.
-    fn begin(&mut self) {
-        std::mem::swap(&mut self.queue, &mut self.sent);
-        self.queue.clear();
-        (self.has_power, self.is_synchronous) = (false, true);
-    }
-
-    /// Whether a frame is one of the last two cycles, which some adapters give back.
-    fn is_echo(&self, frame: &Frame) -> bool {
-        self.queue.frames().contains(frame) || self.sent.frames().contains(frame)
-    }
-}
-
 impl Bridge {
     /// A bridge whose motors are all disabled. Allocates; nothing after it does.
     pub fn new(mut configuration: Configuration) -> Bridge {
         let of_bus = |bus: usize| configuration.motors.iter().filter(move |motor| motor.bus == bus);
-        let room = |bus: usize| FrameQueue::new((of_bus(bus).count() + 1) * FRAMES_PER_MOTOR);
-        let buses = (0..configuration.buses.len()).map(|bus| Bus {
-            queue: room(bus),
-            sent: room(bus),
-            next: 0,
-            has_power: false,
-            is_synchronous: true,
-            sync: of_bus(bus).find_map(|motor| motor.drive.sync()),
-            state: BusState::Active,
-            backlog: 0,
-            counters: BusCounters::default(),
+        let buses = (0..configuration.buses.len()).map(|bus| {
+            let room = (of_bus(bus).count() + 1) * FRAMES_PER_MOTOR;
+            Bus::new(room, of_bus(bus).find_map(|motor| motor.drive.sync()))
         });
         let buses = buses.collect();
         let (period_ns, feedback_ns) =
@@ -336,19 +299,24 @@ impl Bridge {
                 continue;
             }
             motor.sent_ns = Some(now_ns);
+            let n_before = bus.queue.frames().len();
             let course = mechanism.course(now_ns, self.configuration.ramp_ns);
             if course == Some(Course::QuickStop)
                 && motor.config.drive.quick_stop(now_ns, &mut bus.queue)
             {
-                continue;
+                motor.is_asked_nothing();
+            } else {
+                let command = match course {
+                    Some(course) => {
+                        DriveCommand::On(motor.setpoint(&self.command, course, elapsed))
+                    }
+                    None if is_reset && motor.config.drive.state().fault != 0 => {
+                        DriveCommand::Reset
+                    }
+                    None => DriveCommand::Off,
+                };
+                motor.config.drive.cycle(now_ns, command, &mut bus.queue);
             }
-            let command = match course {
-                Some(course) => DriveCommand::On(motor.setpoint(&self.command, course, elapsed)),
-                None if is_reset && motor.config.drive.state().fault != 0 => DriveCommand::Reset,
-                None => DriveCommand::Off,
-            };
-            let n_before = bus.queue.frames().len();
-            motor.config.drive.cycle(now_ns, command, &mut bus.queue);
             motor.ask(bus.queue.frames().len() - n_before);
         }
         for bus in &mut self.buses {

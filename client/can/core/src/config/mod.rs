@@ -6,6 +6,7 @@
 //! robot: rh5v2_upper_body
 //! rate_hz: 500
 //! timeouts: {damping_ms: 20, disable_ms: 100, feedback_ms: 20}
+//! monitors: {temperature: 100}   # from where on measurements are doubted; each may be `off`
 //! ramp_ms: 500              # gains and efforts grow to their full size in this time after arming
 //! stop: mechanism           # or `robot`: what stops when a motor fails
 //! stop_function: ss1        # how it stops: to a standstill within `stop_ms`, then no torque

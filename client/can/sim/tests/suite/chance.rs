@@ -27,6 +27,7 @@ fn whatever_happens_limits_hold_and_nothing_limp_is_enabled() {
     let n_runs = number("SARRUS_CHANCE_RUNS", 200);
     let drives = drives();
     let (mut n_ended, mut n_failed) = (0, Vec::new());
+    println!("{n_runs} runs from seed {first}");
     for seed in first..first + n_runs {
         match run(seed, &drives) {
             Ok(ended) => n_ended += u64::from(ended),
@@ -36,7 +37,7 @@ fn whatever_happens_limits_hold_and_nothing_limp_is_enabled() {
             }
         }
     }
-    println!("{n_runs} runs from seed {first}, {n_ended} of them ended by a fault");
+    println!("{n_ended} of them ended by a fault");
     assert!(n_failed.is_empty(), "seeds {n_failed:?}");
 }
 
@@ -52,9 +53,11 @@ fn run(seed: u64, drives: &[(&'static str, String)]) -> Result<bool, String> {
     }
     world.shafts[0].inertia = 0.004 * (chance.within(0.0, 3.0)).exp();
     world.shafts[0].friction = chance.within(0.0, 0.05);
-    if world.arm().is_none() {
+    // where the request to begin is lost, a CANopen drive is set up anew
+    if (0..3).all(|_| world.arm().is_none()) {
         return Err(format!("{name} is not armed: {:?}", world.state(0)));
     }
+    let is_wild = chance.within(0.0, 1.0) < 0.3;
     let fault = chance.bits() % 8;
     let fault_cycle = 50 + chance.bits() % 250;
     let mut beyond_ns = [0; 3];
@@ -63,13 +66,14 @@ fn run(seed: u64, drives: &[(&'static str, String)]) -> Result<bool, String> {
     for cycle in 0..500 {
         if cycle >= next {
             next = cycle + 10 + chance.bits() % 80;
-            let position = chance.within(-3.5, 3.5);
+            let [position, velocity, torque] =
+                if is_wild { [3.5, 2.0, 1.5] } else { [0.4, 0.2, 0.3] };
             world.give(Setpoint {
-                position,
-                velocity: chance.within(-2.0, 2.0),
-                torque: chance.within(-1.5, 1.5),
-                stiffness: chance.within(0.0, 8.0),
-                damping: chance.within(0.0, 0.3),
+                position: chance.within(-position, position),
+                velocity: chance.within(-velocity, velocity),
+                torque: chance.within(-torque, torque),
+                stiffness: chance.within(0.0, 4.0),
+                damping: chance.within(0.1, 0.4),
             });
         }
         if cycle == fault_cycle {

@@ -92,6 +92,11 @@ impl Motor {
         self.monitors.age.pauses(now_ns, has_power, &mut self.monitors.answers)
     }
 
+    /// It stops by itself: nobody knows what its effort is to be.
+    pub(in crate::bridge) fn is_asked_nothing(&mut self) {
+        self.asked = [ActuatorSetpoint { effort: f64::NAN, ..ActuatorSetpoint::default() }; 2];
+    }
+
     /// It was asked for a measurement, with so many frames.
     pub(in crate::bridge) fn ask(&mut self, n_frames: usize) {
         if self.config.drive.is_paired() {

@@ -137,8 +137,13 @@ fn a_jump_is_what_neither_speed_explains() {
         assert_eq!(Line::new().run(9, jump(by, 0.0)), Some((5, Reason::FeedbackJump)), "{by}");
         assert_eq!(Line::new().run(9, jump(by, f64::NAN)), Some((5, Reason::FeedbackJump)), "{by}");
     }
-    // as far as it goes at the limit in the time of a lost frame
-    assert_eq!(Line::new().run(9, jump(0.03, 4.0)), None);
+    // twice as far as usual at 4 rad/s, after a frame that was late
+    let late = |i: f64| ActuatorMeasurement {
+        position: -0.5 + 0.016 * (i + if i < 5.0 { 0.0 } else { 1.0 }),
+        velocity: 4.0,
+        ..STILL
+    };
+    assert_eq!(Line::new().run(9, late), None);
 }
 
 #[test]
