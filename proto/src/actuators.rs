@@ -118,6 +118,8 @@ wire_enum! {
         Disarm = 2, "disarm";
         /// Forget a fault; what is armed stays as it is.
         Reset = 3, "reset";
+        /// Bring what is outside its limits back inside, slowly, and take the power away there.
+        Return = 4, "return";
     }
 }
 

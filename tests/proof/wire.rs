@@ -185,7 +185,7 @@ fn what_a_bridge_says_keeps_its_numbers_and_names() {
     let states = MechanismState::ALL.iter().map(|state| (*state as u32, state.name()));
     assert!(states.eq((0..).zip(["disabled", "arming", "enabled", "fault", "stopping"])));
     let operations = Operation::ALL.iter().map(|operation| (*operation as u32, operation.name()));
-    assert!(operations.eq((1..).zip(["arm", "disarm", "reset"])));
+    assert!(operations.eq((1..).zip(["arm", "disarm", "reset", "return"])));
     const REASONS: [&str; 33] = [
         "none",
         "disarmed",

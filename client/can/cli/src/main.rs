@@ -55,6 +55,9 @@ enum Command {
     Disarm(operate::Operate),
     /// Forget faults, after somebody looked at what caused them.
     Reset(operate::Operate),
+    /// Bring what is outside its limits back inside, slowly and without a controller; the motors
+    /// have no power before and after it.
+    Return(operate::Operate),
     /// Watch a running bridge: states, times, counts.
     Top(top::Top),
     /// Run the rules on a recorded input, without buses.
@@ -73,6 +76,7 @@ fn main() -> ExitCode {
         Command::Arm(operate) => operate.run(Operation::Arm),
         Command::Disarm(operate) => operate.run(Operation::Disarm),
         Command::Reset(operate) => operate.run(Operation::Reset),
+        Command::Return(operate) => operate.run(Operation::Return),
         Command::Top(top) => top.run(),
         Command::Replay(replay) => replay.run(),
         Command::Listen(listen) => listen::run(&listen),

@@ -1,4 +1,4 @@
-//! `sarrus-can arm`, `disarm` and `reset`: what an operator tells a running bridge.
+//! `sarrus-can arm`, `disarm`, `reset` and `return`: what an operator tells a running bridge.
 
 use std::io::{self, Write};
 use std::process::ExitCode;
@@ -26,8 +26,9 @@ pub(crate) struct Operate {
 /// A request may find a bridge that does not know of this program yet: it is repeated after this
 /// time.
 const AGAIN: Duration = Duration::from_millis(50);
-/// Timeout without a flag `[s]`.
+/// Timeout without a flag `[s]`, and that of the way back inside the limits.
 const SECONDS: f64 = 5.0;
+const RETURN_SECONDS: f64 = 70.0;
 /// After this time without a change a request to arm was refused at once.
 const REFUSED: Duration = Duration::from_millis(300);
 
@@ -58,7 +59,10 @@ impl Operate {
 
     /// Asks until the bridge is where it is to go, or will not get there.
     fn ask(&self, observer: &Observer, operation: Operation) -> Result<(), String> {
-        let seconds = self.timeout.unwrap_or(SECONDS);
+        let seconds = self.timeout.unwrap_or(match operation {
+            Operation::Return => RETURN_SECONDS,
+            _ => SECONDS,
+        });
         let timeout = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
         let begin = Instant::now();
         let (mut asked, mut begun, mut repeated) = (observer.operate(operation), false, begin);
@@ -78,6 +82,10 @@ impl Operate {
                         return Ok(());
                     }
                     Operation::Reset if now.fault == 0 => return Ok(()),
+                    Operation::Return if begun && now.arming + now.stopping == 0 => {
+                        let is_back = now.reason == Reason::Disarmed as u32 && now != before;
+                        return if is_back { Ok(()) } else { Err(now.to_string()) };
+                    }
                     Operation::Arm if now.enabled == now.all && now.all > 0 => return Ok(()),
                     // refused, or given up
                     Operation::Arm if begun && now.arming == 0 => return Err(now.to_string()),
@@ -121,6 +129,7 @@ fn goal(operation: Operation) -> &'static str {
     match operation {
         Operation::Arm => "enabled",
         Operation::Disarm => "disarmed",
+        Operation::Return => "inside the limits",
         _ => "reset",
     }
 }

@@ -226,6 +226,25 @@ pub trait Drive: Send + core::fmt::Debug {
         Vec::new()
     }
 
+    /// One step of each number's codes, of measurements and of gains, on the motor's side; 0 for
+    /// numbers that are as good as exact.
+    fn steps(&self) -> Setpoint {
+        Setpoint::default()
+    }
+
+    /// The largest stiffness and damping that it can say `[N m/rad, N m s/rad]`; larger ones become
+    /// these.
+    fn largest_gains(&self) -> [f64; 2] {
+        [f64::INFINITY; 2]
+    }
+
+    /// Whether the motor answers the frames of a cycle with one measurement: its requests and
+    /// replies can be paired. Not while it is set up, where answers are of other kinds, and never
+    /// for motors that measure without being asked.
+    fn is_paired(&self) -> bool {
+        false
+    }
+
     /// What the motor sends back in one cycle while it is on.
     fn replies(&self) -> Vec<Reply>;
 

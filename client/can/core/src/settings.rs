@@ -26,6 +26,8 @@ pub enum KeyKind {
     Integer(i64, i64),
     /// A finite number between two bounds, both included.
     Number(f64, f64),
+    /// The same, or `off`, which is infinite.
+    NumberOrOff(f64, f64),
     /// One of these words.
     Word(&'static [&'static str]),
     /// Any text.
@@ -173,7 +175,8 @@ impl Key {
                 };
                 (least <= number && number <= most).then_some(Setting::Integer(number))
             }
-            KeyKind::Number(least, most) => {
+            KeyKind::NumberOrOff(..) if text == "off" => Some(Setting::Number(f64::INFINITY)),
+            KeyKind::Number(least, most) | KeyKind::NumberOrOff(least, most) => {
                 let number: f64 = text.parse().ok()?;
                 (number.is_finite() && least <= number && number <= most)
                     .then_some(Setting::Number(number))
@@ -188,6 +191,7 @@ impl Key {
         match self.kind {
             KeyKind::Integer(least, most) => format!("a whole number from {least} to {most}"),
             KeyKind::Number(least, most) => format!("a number from {least} to {most}"),
+            KeyKind::NumberOrOff(least, most) => format!("a number from {least} to {most}, or off"),
             KeyKind::Word(words) => words.join(", "),
             KeyKind::Text => "a text".to_owned(),
             KeyKind::File => "the name of a file".to_owned(),

@@ -51,6 +51,8 @@ pub struct BusCounters {
     pub counts: BusCounts,
     /// Times that it came back.
     pub restarted: u64,
+    /// Frames with identifiers that only this bridge sends on, its own echo among them.
+    pub foreign: u64,
 }
 
 impl BusCounters {

@@ -13,6 +13,9 @@ const STILL: f64 = 0.1;
 /// What stands still for this time is down `[ns]`.
 const STILL_NS: u64 = 300_000_000;
 
+/// A way back that takes longer has failed `[ns]`.
+const RETURN_NS: u64 = 60_000_000_000;
+
 /// How far a mechanism is with arming, and how commands reach it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
@@ -43,6 +46,8 @@ pub(super) enum Course {
     Lower(f64),
     /// The quick stop of the drive.
     QuickStop,
+    /// Slowly back inside the limits.
+    Return,
 }
 
 /// What is to be known of all motors of a mechanism.
@@ -56,6 +61,8 @@ pub(super) struct Members {
     pub(super) runs_away: bool,
     /// One moves.
     pub(super) moves: bool,
+    /// One is outside its limits.
+    pub(super) is_outside: bool,
 }
 
 /// What the motors have to know of a new phase.
@@ -87,12 +94,14 @@ pub(super) struct Mechanism {
     moved_ns: u64,
     /// An operator disarmed it while it was stopped, or by that.
     is_disarmed: bool,
+    /// It has power to come back inside its limits, and follows no commands.
+    returns: bool,
 }
 
 impl Course {
     /// Part of a stop.
     pub(super) fn is_stop(self) -> bool {
-        !matches!(self, Course::Follow(_) | Course::Damp)
+        !matches!(self, Course::Follow(_) | Course::Damp | Course::Return)
     }
 }
 
@@ -108,6 +117,7 @@ impl Mechanism {
             end: MechanismState::Disabled,
             moved_ns: 0,
             is_disarmed: false,
+            returns: false,
         }
     }
 
@@ -123,6 +133,15 @@ impl Mechanism {
 
     pub(super) fn is_waiting(&self) -> bool {
         self.phase == Phase::Waiting
+    }
+
+    /// Follows commands of now.
+    pub(super) fn is_following(&self) -> bool {
+        matches!(self.phase, Phase::Following(_)) && !self.returns
+    }
+
+    pub(super) fn returns(&self) -> bool {
+        self.returns
     }
 
     pub(super) fn is_stopping(&self) -> bool {
@@ -157,6 +176,7 @@ impl Mechanism {
             Phase::Off | Phase::Waiting => None,
             Phase::Starting => Some(Course::Follow(0.0)),
             Phase::Damped(_) => Some(Course::Damp),
+            Phase::Following(_) if self.returns => Some(Course::Return),
             Phase::Following(_) if ramp_ns == 0 => Some(Course::Follow(1.0)),
             Phase::Following(since) => {
                 Some(Course::Follow((passed(since) / ramp_ns as f64).min(1.0)))
@@ -190,8 +210,14 @@ impl Mechanism {
         }
         (self.state, self.reason, self.phase) =
             (MechanismState::Arming, Reason::None, Phase::Waiting);
-        self.armed_ns = now_ns;
+        (self.armed_ns, self.returns) = (now_ns, false);
         true
+    }
+
+    /// An operator brings it back inside its limits.
+    pub(super) fn come_back(&mut self, now_ns: u64, unready: Option<Reason>) -> bool {
+        self.returns = self.arm(now_ns, unready);
+        self.returns
     }
 
     /// Takes the power away, unless it is latched in a fault, which has none.
@@ -295,7 +321,16 @@ impl Mechanism {
         is_late: bool,
         is_lost: bool,
     ) -> Option<Change> {
+        // what comes back needs no commands
+        let (is_late, is_lost) = (is_late && !self.returns, is_lost && !self.returns);
         match self.phase {
+            Phase::Following(since) if self.returns => {
+                if !members.is_outside {
+                    self.stop(Reason::Disarmed, MechanismState::Disabled);
+                } else if now_ns.saturating_sub(since) > RETURN_NS {
+                    self.stop(Reason::OutsideLimits, MechanismState::Disabled);
+                }
+            }
             Phase::Following(_) | Phase::Damped(_) if is_lost => {
                 self.stop(Reason::CommandLost, MechanismState::Disabled);
             }
@@ -306,7 +341,10 @@ impl Mechanism {
         }
         let (phase, change) = match self.phase {
             Phase::Starting if members.all_on => {
-                self.state = MechanismState::Enabled;
+                (self.state, self.reason) = match self.returns {
+                    true => (MechanismState::Arming, Reason::OutsideLimits),
+                    false => (MechanismState::Enabled, self.reason),
+                };
                 (Phase::Following(now_ns), Change::Begin)
             }
             Phase::Starting if now_ns.saturating_sub(self.armed_ns) > arming_ns => {

@@ -9,8 +9,10 @@
 //! act at once; older than T2 they, `disarm` and faults that leave the motors able bring a
 //! controlled stop: STOPPING, then DISABLED or FAULT. Nothing ever arms by itself.
 
+mod bus;
 mod counters;
 mod mechanism;
+mod monitors;
 mod motor;
 mod reaction;
 mod report;
@@ -31,6 +33,7 @@ use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Operation, Operato
 use crate::config::Configuration;
 use crate::drive::{DriveCommand, Receipt};
 use crate::frame::{Frame, FrameQueue};
+use bus::Bus;
 use mechanism::{Course, Mechanism};
 use motor::Motor;
 
@@ -65,29 +68,21 @@ pub struct Bridge {
     counters: Counters,
 }
 
-#[derive(Debug)]
-struct Bus {
-    queue: FrameQueue,
-    sync: Option<Frame>,
-    state: BusState,
-    backlog: u32,
-    counters: BusCounters,
-}
-
 impl Bridge {
     /// A bridge whose motors are all disabled. Allocates; nothing after it does.
     pub fn new(mut configuration: Configuration) -> Bridge {
         let of_bus = |bus: usize| configuration.motors.iter().filter(move |motor| motor.bus == bus);
-        let buses = (0..configuration.buses.len()).map(|bus| Bus {
-            queue: FrameQueue::new((of_bus(bus).count() + 1) * FRAMES_PER_MOTOR),
-            sync: of_bus(bus).find_map(|motor| motor.drive.sync()),
-            state: BusState::Active,
-            backlog: 0,
-            counters: BusCounters::default(),
+        let buses = (0..configuration.buses.len()).map(|bus| {
+            let room = (of_bus(bus).count() + 1) * FRAMES_PER_MOTOR;
+            Bus::new(room, of_bus(bus).find_map(|motor| motor.drive.sync()))
         });
         let buses = buses.collect();
-        let motors: Vec<Motor> =
-            std::mem::take(&mut configuration.motors).into_iter().map(Motor::new).collect();
+        let (period_ns, feedback_ns) =
+            (configuration.period_ns(), configuration.timeouts.feedback_ns);
+        let motors: Vec<Motor> = std::mem::take(&mut configuration.motors)
+            .into_iter()
+            .map(|motor| Motor::new(motor, period_ns, feedback_ns))
+            .collect();
         let with_motors = |mechanism: usize| {
             motors.iter().any(|motor| {
                 configuration.mechanisms.get(motor.config.actuator) == Some(&mechanism)
@@ -129,15 +124,24 @@ impl Bridge {
     pub fn receive(&mut self, now_ns: u64, bus: usize, frame: &Frame) {
         let Some(of_bus) = self.buses.get_mut(bus) else { return };
         of_bus.counters.counts.received += 1;
-        let mut is_known = false;
-        for motor in self.motors.iter_mut().filter(|motor| motor.config.bus == bus) {
+        let n_motors = self.motors.len();
+        for i in (of_bus.next..n_motors).chain(0..of_bus.next) {
+            let Some(motor) = self.motors.get_mut(i).filter(|motor| motor.config.bus == bus) else {
+                continue;
+            };
             match motor.config.drive.receive(now_ns, frame) {
                 Receipt::NotMine => continue,
                 Receipt::Malformed => {
                     of_bus.counters.counts.malformed += 1;
                     motor.is_malformed = true;
                 }
-                Receipt::Foreign | Receipt::Noted | Receipt::Parameter(..) => {}
+                Receipt::Foreign => {
+                    of_bus.counters.foreign += 1;
+                    if !of_bus.is_echo(frame) {
+                        motor.monitors.foreign.hear(now_ns);
+                    }
+                }
+                Receipt::Noted | Receipt::Parameter(..) => {}
                 Receipt::Measured(measured) => {
                     if let Some(reply_ns) = motor.measured(now_ns, &measured) {
                         self.counters.reply_ns = reply_ns;
@@ -147,12 +151,10 @@ impl Bridge {
                     }
                 }
             }
-            is_known = true;
-            break;
+            of_bus.next = i + 1;
+            return;
         }
-        if !is_known {
-            of_bus.counters.counts.unknown += 1;
-        }
+        of_bus.counters.counts.unknown += 1;
     }
 
     /// Takes what happened on a bus besides frames.
@@ -212,22 +214,7 @@ impl Bridge {
     /// Does what an operator asks.
     pub fn operate(&mut self, now_ns: u64, operation: Operation) {
         match operation {
-            Operation::Arm => {
-                self.armed_at = self.command.stamp_ns;
-                let unready = self.motors.iter().find_map(Motor::never_ready);
-                let Bridge { motors, mechanisms, configuration, .. } = self;
-                for (number, mechanism) in mechanisms.iter_mut().enumerate() {
-                    if mechanism.arm(now_ns, unready) {
-                        let is_member = |motor: &&mut Motor| {
-                            configuration.mechanisms.get(motor.config.actuator) == Some(&number)
-                        };
-                        motors
-                            .iter_mut()
-                            .filter(is_member)
-                            .for_each(|motor| motor.config.drive.prepare());
-                    }
-                }
-            }
+            Operation::Arm | Operation::Return => self.give_power(now_ns, operation),
             // a second time takes the power away at once
             Operation::Disarm => self.mechanisms.iter_mut().for_each(Mechanism::disarm),
             Operation::Reset => {
@@ -238,18 +225,41 @@ impl Bridge {
         }
     }
 
+    /// Arms mechanisms, or those that are outside their limits for the way back.
+    fn give_power(&mut self, now_ns: u64, operation: Operation) {
+        let returns = operation == Operation::Return;
+        if !returns {
+            self.armed_at = self.command.stamp_ns;
+        }
+        let unready = self.motors.iter().find_map(|motor| motor.never_ready(returns));
+        let Bridge { motors, mechanisms, configuration, .. } = self;
+        for (number, mechanism) in mechanisms.iter_mut().enumerate() {
+            let is_member = |motor: &Motor| {
+                configuration.mechanisms.get(motor.config.actuator) == Some(&number)
+            };
+            let mut members = motors.iter().filter(|motor| is_member(motor));
+            let begins = match returns {
+                true => members.any(Motor::is_outside) && mechanism.come_back(now_ns, unready),
+                false => mechanism.arm(now_ns, unready),
+            };
+            let members = motors.iter_mut().filter(|motor| begins && is_member(motor));
+            members.for_each(|motor| motor.config.drive.prepare());
+        }
+    }
+
     /// One cycle: assesses, decides, and makes the frames to be sent now.
     pub fn cycle(&mut self, now_ns: u64) {
         let gap_ns = self.last_cycle_ns.map_or(0, |last| now_ns.saturating_sub(last));
         self.last_cycle_ns = Some(now_ns);
         self.counters.cycles += 1;
-        self.buses.iter_mut().for_each(|bus| bus.queue.clear());
+        self.buses.iter_mut().for_each(Bus::begin);
 
         // what failed since the last cycle
         if gap_ns > self.configuration.timeouts.disable_ns {
             self.mechanisms.iter_mut().for_each(|mechanism| mechanism.torque_off(Reason::Stalled));
         }
         self.look_for_faults(now_ns);
+        self.look_at_measurements(now_ns);
         let feedback_ns = self.configuration.timeouts.feedback_ns;
         self.motors.iter_mut().for_each(|motor| motor.forget_if_stale(now_ns, feedback_ns));
 
@@ -263,6 +273,14 @@ impl Bridge {
         self.arm(now_ns, is_late);
         for number in 0..self.mechanisms.len() {
             self.follow(number, now_ns, is_late, is_lost);
+        }
+
+        // who may pause
+        for motor in &self.motors {
+            let is_powered = self.mechanism(motor).is_some_and(Mechanism::is_powered);
+            if let Some(bus) = self.buses.get_mut(motor.config.bus).filter(|_| is_powered) {
+                bus.has_power = true;
+            }
         }
 
         // what each motor is given
@@ -279,22 +297,33 @@ impl Bridge {
             else {
                 continue;
             };
+            if motor.pauses(now_ns, mechanism.is_powered(), bus.has_power) {
+                bus.is_synchronous &= motor.config.drive.sync().is_none();
+                continue;
+            }
             motor.sent_ns = Some(now_ns);
+            let n_before = bus.queue.frames().len();
             let course = mechanism.course(now_ns, self.configuration.ramp_ns);
             if course == Some(Course::QuickStop)
                 && motor.config.drive.quick_stop(now_ns, &mut bus.queue)
             {
-                continue;
+                motor.is_asked_nothing();
+            } else {
+                let command = match course {
+                    Some(course) => {
+                        DriveCommand::On(motor.setpoint(&self.command, course, elapsed))
+                    }
+                    None if is_reset && motor.config.drive.state().fault != 0 => {
+                        DriveCommand::Reset
+                    }
+                    None => DriveCommand::Off,
+                };
+                motor.config.drive.cycle(now_ns, command, &mut bus.queue);
             }
-            let command = match course {
-                Some(course) => DriveCommand::On(motor.setpoint(&self.command, course, elapsed)),
-                None if is_reset && motor.config.drive.state().fault != 0 => DriveCommand::Reset,
-                None => DriveCommand::Off,
-            };
-            motor.config.drive.cycle(now_ns, command, &mut bus.queue);
+            motor.ask(bus.queue.frames().len() - n_before);
         }
         for bus in &mut self.buses {
-            bus.queue.push_some(bus.sync);
+            bus.queue.push_some(bus.sync.filter(|_| bus.is_synchronous));
         }
         self.report(now_ns);
     }

@@ -2,10 +2,12 @@
 
 use sarrus_proto::actuators::Reason;
 
+use super::BusState;
+use super::monitors::Monitors;
 use super::stop::{Chatter, Reference};
 use crate::config::MotorConfig;
 use crate::drive::{Measurement, Mode, Watchdog};
-use crate::mapping::{ActuatorMeasurement, Mapping};
+use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint, Mapping};
 use crate::protocol::fault;
 
 /// A motor.
@@ -42,10 +44,18 @@ pub(super) struct Motor {
     pub(super) stop_damping: f64,
     pub(super) stop: Reference,
     pub(super) chatter: Chatter,
+    pub(super) monitors: Monitors,
+    /// The last measurement that the monitors saw, and when it came `[ns]`.
+    pub(super) before: ActuatorMeasurement,
+    pub(super) seen_ns: Option<u64>,
+    /// The last two set-points, and the stiffness before the last one's effort was limited.
+    pub(super) asked: [ActuatorSetpoint; 2],
+    pub(super) stiffness: f64,
 }
 
 impl Motor {
-    pub(super) fn new(config: MotorConfig) -> Motor {
+    /// A motor without power; a cycle and the time after which it counts as silent in ns.
+    pub(super) fn new(config: MotorConfig, period_ns: u64, feedback_ns: u64) -> Motor {
         let stop_damping = config.damping.max(config.limits.damping());
         let stop_damping = match config.common.mode {
             // whose damper has the rate of the bridge, and is no better for being stronger
@@ -59,6 +69,7 @@ impl Motor {
             _ => stop_damping,
         };
         Motor {
+            monitors: Monitors::new(&config, period_ns, feedback_ns),
             config,
             measured: ActuatorMeasurement::NONE,
             velocity: 0.0,
@@ -76,6 +87,10 @@ impl Motor {
             stop_damping,
             stop: Reference::default(),
             chatter: Chatter::default(),
+            before: ActuatorMeasurement::NONE,
+            seen_ns: None,
+            asked: [ActuatorSetpoint::default(); 2],
+            stiffness: 0.0,
         }
     }
 
@@ -95,6 +110,10 @@ impl Motor {
             None => 0.0,
         };
         (self.measured_ns, self.is_known, self.is_malformed) = (Some(now_ns), true, false);
+        if self.config.drive.is_paired() {
+            self.monitors.age.take(now_ns);
+            self.monitors.answers.take();
+        }
         self.sent_ns.take().map(|sent| now_ns.saturating_sub(sent))
     }
 
@@ -114,6 +133,7 @@ impl Motor {
     pub(super) fn forget_if_stale(&mut self, now_ns: u64, feedback_ns: u64) {
         if self.is_known && self.is_stale(now_ns, feedback_ns) {
             self.is_known = false;
+            self.monitors.age.forget();
             self.config.drive.forget();
         }
     }
@@ -148,10 +168,11 @@ impl Motor {
             (place + self.deflection).max(place.min(desired)).min(place.max(desired));
     }
 
-    /// Why it cannot be armed, however long one waits.
-    pub(super) fn never_ready(&self) -> Option<Reason> {
+    /// Why it cannot be armed, or come back inside its limits, however long one waits.
+    pub(super) fn never_ready(&self, returns: bool) -> Option<Reason> {
         match self.config.drive.state().watchdog {
             _ if !self.config.is_calibrated => Some(Reason::NotCalibrated),
+            _ if self.is_beyond() && !returns => Some(Reason::OutsideLimits),
             Watchdog::Unreadable => self.config.missing_watchdog(),
             _ => None,
         }
@@ -166,6 +187,12 @@ impl Motor {
         if state.fault != 0 {
             return Some(Reason::MotorFault);
         }
-        self.config.missing_watchdog()
+        if let Some(reason) = self.config.missing_watchdog() {
+            return Some(reason);
+        }
+        if self.config.drive.is_paired() && self.monitors.age.is_unknown() {
+            return Some(Reason::FeedbackLate);
+        }
+        self.monitors.check_bus(now_ns, BusState::Active)
     }
 }

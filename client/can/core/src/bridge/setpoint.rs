@@ -4,9 +4,13 @@
 use sarrus_proto::actuators::{ActuatorCommand, flag};
 
 use super::mechanism::Course;
+use super::monitors::Outside;
 use super::motor::Motor;
 use crate::drive::{Mode, Setpoint};
 use crate::mapping::ActuatorSetpoint;
+
+/// Part of the greatest effort with which an actuator comes back inside its limits.
+pub(super) const RETURN_EFFORT: f64 = 0.5;
 
 impl Motor {
     /// The set-point of this cycle, on the motor's side. `elapsed` is the time since the last
@@ -24,12 +28,14 @@ impl Motor {
             Course::Brake(part) => self.braking(part, elapsed),
             Course::QuickStop => self.braking(0.0, elapsed),
             Course::Lower(speed) => self.lowering(speed, elapsed),
+            Course::Return => self.returning(elapsed),
         };
         // a motor that does not tell its velocity counts as still while it follows
         let velocity = match course {
             Course::Follow(_) if !self.measured.velocity.is_finite() => 0.0,
             _ => self.velocity,
         };
+        let stiffness = setpoint.stiffness;
         if self.config.common.mode == Mode::Torque {
             // a motor without gains of its own gets their sum
             if !matches!(course, Course::Follow(_)) {
@@ -50,8 +56,13 @@ impl Motor {
             let (least, most) = (self.last_effort - change, self.last_effort + change);
             setpoint.effort = self.limited(setpoint.effort, least, most, flag::RATE_LIMITED);
         }
-        let setpoint = self.within_effort(setpoint, velocity);
+        self.stiffness = stiffness;
+        let setpoint = self.within_limits(setpoint, velocity);
+        let part = if course == Course::Return { RETURN_EFFORT } else { 1.0 };
+        let setpoint = self.within_effort(setpoint, velocity, part);
         (self.last_position, self.last_effort) = (setpoint.position, setpoint.effort);
+        let [last, _] = self.asked;
+        self.asked = [self.monitors.given(setpoint), last];
         self.config.mapping.to_motor(&setpoint)
     }
 
@@ -127,11 +138,46 @@ impl Motor {
         setpoint.stiffness * behind + setpoint.damping * slower
     }
 
+    /// Beyond a position limit nothing pushes or leads outwards; damping against the motion stays.
+    fn within_limits(&mut self, setpoint: ActuatorSetpoint, velocity: f64) -> ActuatorSetpoint {
+        let outwards = match self.monitors.outside(&self.config.limits, self.measured.position) {
+            Outside::No => return setpoint,
+            Outside::Above => 1.0,
+            Outside::Below => -1.0,
+        };
+        let leads = outwards * setpoint.velocity > 0.0;
+        let pushes = outwards * (setpoint.effort + self.by_gains(&setpoint, velocity)) > 0.0;
+        if leads || pushes {
+            self.flags |= flag::OUTWARD_LIMITED;
+        }
+        let setpoint =
+            ActuatorSetpoint { velocity: if leads { 0.0 } else { setpoint.velocity }, ..setpoint };
+        if !pushes {
+            return setpoint;
+        }
+        let damping = setpoint.damping.max(self.config.damping);
+        let (effort, damping) = match self.config.common.mode {
+            Mode::Torque if outwards * velocity > 0.0 => (-damping * velocity, 0.0),
+            Mode::Torque => (0.0, 0.0),
+            _ => (0.0, damping),
+        };
+        ActuatorSetpoint { velocity: 0.0, effort, stiffness: 0.0, damping, ..setpoint }
+    }
+
     /// Spring, damper and effort together stay within the limit, as far as the last measurement
-    /// tells. All three shrink alike, so that none of them is left alone where the motor itself
+    /// tells, or within a part of it. All three shrink alike, so that none of them is left alone where the motor itself
     /// saturates another.
-    fn within_effort(&mut self, setpoint: ActuatorSetpoint, velocity: f64) -> ActuatorSetpoint {
-        let most = self.config.limits.effort;
+    fn within_effort(
+        &mut self,
+        setpoint: ActuatorSetpoint,
+        velocity: f64,
+        part: f64,
+    ) -> ActuatorSetpoint {
+        let derated = self.monitors.derated();
+        if derated < 1.0 {
+            self.flags |= flag::DERATED;
+        }
+        let most = part * derated * self.config.limits.effort;
         let total = setpoint.effort + self.by_gains(&setpoint, velocity);
         self.last_total = total.max(-most).min(most);
         if total.abs() <= most {

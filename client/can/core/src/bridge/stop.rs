@@ -26,6 +26,7 @@
 
 use super::motor::Motor;
 use super::reaction::Reaction;
+use super::setpoint::RETURN_EFFORT;
 use crate::mapping::ActuatorSetpoint;
 
 /// Stiffness of a stop for its damping `[1/s]`.
@@ -33,6 +34,11 @@ const STIFFNESS: f64 = 10.0;
 
 /// A motor slower than this part of its greatest velocity carries a load rather than accelerates.
 const SLOW: f64 = 0.1;
+
+/// Part of the greatest velocity at which an actuator comes back inside its limits, and how far it
+/// comes, as part of the range between them.
+const RETURN_SPEED: f64 = 0.05;
+const RETURN_INSIDE: f64 = 0.02;
 
 /// Where a stop is to lead a motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -76,6 +82,20 @@ impl Motor {
     /// The set-point of a way down with gravity, no faster than `speed`.
     pub(super) fn lowering(&mut self, speed: f64, elapsed: f64) -> ActuatorSetpoint {
         self.moving((-self.gravity / self.stop_damping).max(-speed).min(speed), elapsed)
+    }
+
+    /// The set-point of the way back inside the limits: a spring whose other end goes there slowly,
+    /// and no farther ahead than where it has the effort of that way.
+    pub(super) fn returning(&mut self, elapsed: f64) -> ActuatorSetpoint {
+        let (limits, damping) = (self.config.limits, self.stop_damping);
+        let stiffness = STIFFNESS * damping;
+        let (place, reach) = (self.place(), RETURN_EFFORT * limits.effort / stiffness);
+        let inside = (RETURN_INSIDE * (limits.upper - limits.lower)).min(reach);
+        let target = place.max(limits.lower + inside).min(limits.upper - inside);
+        let speed = (target - self.last_position).signum() * RETURN_SPEED * limits.speed();
+        let way = (target - self.last_position).abs().min(speed.abs() * elapsed) * speed.signum();
+        let position = (self.last_position + way).max(place - reach).min(place + reach);
+        ActuatorSetpoint { position, velocity: speed, effort: self.gravity, stiffness, damping }
     }
 
     /// A velocity, without a spring.

@@ -96,8 +96,10 @@ impl Bridge {
         };
         let feedback_ns = self.configuration.timeouts.feedback_ns;
         let of_motor = |motor: &Motor| of_bus(motor).or_else(|| motor.missing(now_ns, feedback_ns));
-        let no_command =
-            (is_late || self.command.stamp_ns <= self.armed_at).then_some(Reason::NoCommand);
+        let follows = |mechanism: &Mechanism| mechanism.is_waiting() && !mechanism.returns();
+        let no_command = (is_late || self.command.stamp_ns <= self.armed_at)
+            && self.mechanisms.iter().any(follows);
+        let no_command = no_command.then_some(Reason::NoCommand);
         self.motors.iter().filter(is_waiting).find_map(of_motor).or(no_command)
     }
 
@@ -112,12 +114,19 @@ impl Bridge {
         let mechanisms = &self.configuration.mechanisms;
         let is_member = |motor: &Motor| mechanisms.get(motor.config.actuator) == Some(&number);
         let Some(mechanism) = self.mechanisms.get_mut(number) else { return };
-        let mut members = Members { all_on: true, all_off: true, runs_away: false, moves: false };
+        let mut members = Members {
+            all_on: true,
+            all_off: true,
+            runs_away: false,
+            moves: false,
+            is_outside: false,
+        };
         for motor in self.motors.iter().filter(|motor| is_member(motor)) {
             let is_on = motor.config.drive.state().power == Power::On;
             members.all_on &= is_on;
             members.all_off &= !is_on;
             members.runs_away |= motor.runs_away();
+            members.is_outside |= motor.is_outside();
             members.moves |= motor.velocity.abs() > mechanism.still();
         }
         let change = mechanism.follow(

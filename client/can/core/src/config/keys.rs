@@ -143,6 +143,30 @@ pub(super) const LIMITS: &[Key] = &[
     ),
 ];
 
+/// All may be left out: what stands there then is in [`super::MonitorBounds::USUAL`].
+pub(super) const MONITORS: &[Key] = &[
+    bound("position", 10.0, "distance beyond a position limit, as part of the range"),
+    bound("velocity", 100.0, "speed beyond its limit, as part of it"),
+    bound("following_ms", 600_000.0, "time far behind the set-point"),
+    bound("effort", 100.0, "difference of reported and asked effort, as part of the limit"),
+    bound("frozen", 100.0, "change of effort under one position code, as part of the limit"),
+    bound("jump", 1000.0, "speed between two measurements, as multiple of the velocity limit"),
+    bound("late_ms", 10_000.0, "age of a measurement"),
+    bound("second_answer", 1e6, "answers more than asked for"),
+    switch("second_master", "frames with the bridge's own identifiers"),
+    bound("derate", 1000.0, "temperature in °C from which the effort is reduced"),
+    bound("temperature", 1000.0, "temperature in °C that is a fault"),
+    switch("bus_passive", "error-passive while there is power"),
+];
+
+const fn bound(name: &'static str, most: f64, about: &'static str) -> Key {
+    key(name, KeyKind::NumberOrOff(1e-6, most), Some(""), about)
+}
+
+const fn switch(name: &'static str, about: &'static str) -> Key {
+    key(name, KeyKind::Word(&["on", "off"]), Some(""), about)
+}
+
 const fn key(
     name: &'static str,
     kind: KeyKind,

@@ -6,6 +6,7 @@
 //! robot: rh5v2_upper_body
 //! rate_hz: 500
 //! timeouts: {damping_ms: 20, disable_ms: 100, feedback_ms: 20}
+//! monitors: {temperature: 100}   # from where on measurements are doubted; each may be `off`
 //! ramp_ms: 500              # gains and efforts grow to their full size in this time after arming
 //! stop: mechanism           # or `robot`: what stops when a motor fails
 //! stop_function: ss1        # how it stops: to a standstill within `stop_ms`, then no torque
@@ -31,6 +32,7 @@ mod check;
 #[cfg(feature = "files")]
 mod files;
 mod keys;
+mod monitors;
 mod motors;
 mod plausible;
 mod read;
@@ -38,6 +40,7 @@ mod stops;
 
 #[cfg(feature = "files")]
 pub use files::ConfigurationError;
+pub use monitors::MonitorBounds;
 pub use stops::{MechanismStop, StopFunction};
 
 use crate::drive::{Drive, Watchdog};
@@ -144,6 +147,8 @@ pub struct MotorConfig {
     /// Damping while commands are late `[N m s/rad, N s/m]`; where the file has none it is
     /// [`Limits::damping`].
     pub damping: f64,
+    /// From where on what it measures is doubted.
+    pub monitors: MonitorBounds,
 }
 
 /// Limits of an actuator; infinite where there is none.

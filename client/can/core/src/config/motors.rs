@@ -5,7 +5,7 @@ use sarrus_models::{Loaded, Source};
 
 use super::keys::{LIMITS, MOTOR};
 use super::read::{Read, Reader};
-use super::{BusConfig, Limits, MAX_ACTUATORS, MotorConfig};
+use super::{BusConfig, Limits, MAX_ACTUATORS, MonitorBounds, MotorConfig};
 use crate::mapping::Mapping;
 use crate::protocol::{self, Common, PROTOCOLS};
 use crate::settings::Settings;
@@ -19,10 +19,12 @@ impl Reader<'_, '_> {
         robot: Option<&Robot>,
     ) -> Vec<(String, Read)> {
         let nodes = self.list(root, "motors", MAX_ACTUATORS);
+        let usual = self.monitors(root, MonitorBounds::USUAL);
         let mut motors = Vec::new();
         for node in nodes {
-            let read = self.settings(node, "the motor", MOTOR, &["drive", "limits"]);
+            let read = self.settings(node, "the motor", MOTOR, &["drive", "limits", "monitors"]);
             let limits = self.limits(node, read.as_ref(), robot);
+            let monitors = self.monitors(node, usual);
             let drive = self.drive(node, read.as_ref(), &limits);
             let (Some(read), Some((protocol, settings, common, drive))) = (read, drive) else {
                 continue;
@@ -85,6 +87,7 @@ impl Reader<'_, '_> {
                 } else {
                     limits.damping()
                 },
+                monitors,
             };
             motors.push((name, Read { motor, place: node.span }));
         }

@@ -66,8 +66,8 @@ impl Reader<'_, '_> {
     }
 
     fn configuration(&mut self, root: &Node) -> Option<Configuration> {
-        let top =
-            self.settings(root, "the file", TOP, &["timeouts", "buses", "motors", "mechanisms"]);
+        const GROUPS: &[&str] = &["timeouts", "monitors", "buses", "motors", "mechanisms"];
+        let top = self.settings(root, "the file", TOP, GROUPS);
         self.period_ns = top.as_ref().map_or(0, |top| (1e9 / top.number("rate_hz")) as u64);
         let timeouts = self.timeouts(root);
         let buses = self.buses(root);

@@ -199,6 +199,15 @@ impl Drive for AkServo {
         [CURRENT, ZERO, self.upload].map(|what| Id::Extended(what << 8 | self.id)).to_vec()
     }
 
+    fn steps(&self) -> Setpoint {
+        Setpoint {
+            position: 0.1_f64.to_radians(),
+            velocity: 10.0 * self.speed.abs(),
+            torque: 0.01 * self.constant,
+            ..Setpoint::default()
+        }
+    }
+
     fn replies(&self) -> Vec<Reply> {
         let id = Id::Extended(self.upload << 8 | self.id);
         vec![Reply { id, kind: FrameKind::Classic, len: 8 }]

@@ -46,6 +46,22 @@ impl Codes {
         let torque = self.torque.within(self.torque.toward_zero(torque, odd), least, most);
         [position, velocity, stiffness, damping, torque]
     }
+
+    /// Stiffness and damping at the ends of their ranges.
+    pub(super) fn largest_gains(&self) -> [f64; 2] {
+        [self.stiffness, self.damping].map(|scale| scale.value(scale.code(f64::INFINITY, false)))
+    }
+
+    /// One step of each.
+    pub(super) fn steps(&self) -> Setpoint {
+        Setpoint {
+            position: self.position.step(),
+            velocity: self.velocity.step(),
+            torque: self.torque.step(),
+            stiffness: self.stiffness.step(),
+            damping: self.damping.step(),
+        }
+    }
 }
 
 #[cfg(test)]

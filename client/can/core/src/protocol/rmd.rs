@@ -268,6 +268,15 @@ impl Drive for Rmd {
         vec![Id::Standard(0x140 + self.id), Id::Standard(0x240 + self.id)]
     }
 
+    fn steps(&self) -> Setpoint {
+        Setpoint {
+            position: STEP.to_radians(),
+            velocity: 1_f64.to_radians(),
+            torque: STEP * self.constant,
+            ..Setpoint::default()
+        }
+    }
+
     fn replies(&self) -> Vec<Reply> {
         let id = Id::Standard(0x240 + self.id);
         vec![Reply { id, kind: FrameKind::Classic, len: 8 }; 2]

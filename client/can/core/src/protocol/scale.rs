@@ -74,7 +74,7 @@ impl Scale {
     }
 
     /// The value of one step.
-    fn step(self) -> f64 {
+    pub(super) fn step(self) -> f64 {
         (self.high - self.low) / self.most()
     }
 }

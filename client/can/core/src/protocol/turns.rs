@@ -24,14 +24,10 @@ impl Turns {
         whole
     }
 
-    /// The motor may count anew from now on.
+    /// The motor may count anew from now on. Where it was outside its range, no reset makes what it
+    /// says then right: only a new zero does, which begins with new turns.
     pub(super) fn forget(&mut self) {
         *self = Turns { last: None, uncounted: self.uncounted || self.is_outside() };
-    }
-
-    /// An operator says that the motor's position is right as it is.
-    pub(super) fn trust(&mut self) {
-        self.uncounted = false;
     }
 
     /// [`fault::OUT_OF_RANGE`] where set-points of a mode cannot be said, or the position is not
@@ -76,7 +72,8 @@ mod tests {
         turns.forget();
         turns.follow(100);
         assert_eq!(turns.fault(Mode::Torque), fault::OUT_OF_RANGE);
-        turns.trust();
-        assert_eq!((turns.fault(Mode::Torque), turns.fault(Mode::Impedance)), (0, 0));
+        turns.forget();
+        turns.follow(30_000);
+        assert_eq!(turns.fault(Mode::Torque), fault::OUT_OF_RANGE);
     }
 }

@@ -253,6 +253,15 @@ impl Drive for Vesc {
             .to_vec()
     }
 
+    fn steps(&self) -> Setpoint {
+        Setpoint {
+            position: 0.02_f64.to_radians(),
+            velocity: TAU / 60.0 / self.pole_pairs,
+            torque: 0.1 * self.constant,
+            ..Setpoint::default()
+        }
+    }
+
     fn replies(&self) -> Vec<Reply> {
         [STATUS_1, STATUS_4]
             .map(|status| Reply {

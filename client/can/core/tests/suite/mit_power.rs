@@ -3,6 +3,7 @@
 use crate::mit::{MOST, RANGES, enabled, mit};
 use crate::support::{COMMON, cycle, drive, receive};
 use sarrus_can_core::drive::{Drive, DriveCommand, Mode, Power, Receipt, Watchdog};
+use sarrus_can_core::frame::FrameQueue;
 use sarrus_can_core::protocol::{Common, fault};
 
 #[test]
@@ -91,7 +92,7 @@ fn motors_that_replies_cannot_tell_apart_are_told_apart_here() {
 }
 
 #[test]
-fn a_motor_that_was_outside_its_range_when_it_fell_silent_is_a_fault_until_reset() {
+fn a_motor_that_was_outside_its_range_when_it_fell_silent_is_a_fault_until_it_has_a_new_zero() {
     let mut drive = enabled("mini_cheetah", Common { mode: Mode::Torque, ..COMMON });
     for code in ["C000", "FFF0", "0010"] {
         receive(&mut *drive, &format!("011#01{code}7FF7FF"));
@@ -102,5 +103,9 @@ fn a_motor_that_was_outside_its_range_when_it_fell_silent_is_a_fault_until_reset
     assert_eq!(drive.state().fault, fault::OUT_OF_RANGE, "it may be a whole range away");
     cycle(&mut *drive, DriveCommand::Reset);
     receive(&mut *drive, "011#0100107FF7FF");
+    assert_eq!(drive.state().fault, fault::OUT_OF_RANGE, "a reset tells nothing of where it is");
+    let mut frames = FrameQueue::new(4);
+    assert!(drive.set_zero(&mut frames));
+    receive(&mut *drive, "011#0180007FF7FF");
     assert_eq!(drive.state().fault, 0);
 }

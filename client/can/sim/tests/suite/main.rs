@@ -6,7 +6,9 @@
     reason = "a test that fails panics"
 )]
 
+mod attacks;
 mod authors;
+mod chance;
 mod cia402;
 mod closed_loop;
 mod limits;
@@ -14,3 +16,5 @@ mod moteus;
 mod motors;
 mod stops;
 mod support;
+mod swing;
+mod world;

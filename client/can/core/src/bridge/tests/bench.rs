@@ -7,7 +7,7 @@ use sarrus_models::yaml;
 use sarrus_proto::actuators::MAX_ACTUATORS;
 
 use super::super::*;
-use crate::config::{BusConfig, Limits, MechanismStop, MotorConfig, Stop, Timeouts};
+use crate::config::{BusConfig, Limits, MechanismStop, MonitorBounds, MotorConfig, Stop, Timeouts};
 use crate::drive::Power;
 use crate::drive::{Drive, DriveState, Measurement, Mode, Reply, Setpoint, Watchdog};
 use crate::frame::Id;
@@ -48,6 +48,9 @@ impl Drive for Plain {
         out.push_some(Frame::classic(Id::Standard(self.id), &[0]));
     }
     fn receive(&mut self, _now_ns: u64, frame: &Frame) -> Receipt {
+        if frame.id == Id::Standard(self.id) {
+            return Receipt::Foreign;
+        }
         if frame.id != Id::Standard(self.id + 16) {
             return Receipt::NotMine;
         }
@@ -211,6 +214,7 @@ impl Bench {
                 effort_rate: f64::INFINITY,
             },
             damping: 3.0,
+            monitors: MonitorBounds::OFF,
         };
         let bus = |name: &str| BusConfig {
             name: name.into(),

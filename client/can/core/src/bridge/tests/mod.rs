@@ -1,6 +1,7 @@
 mod bench;
 mod limits;
 mod malformed;
+mod monitors;
 mod stops;
 
 use std::sync::atomic::Ordering;

@@ -59,7 +59,7 @@ pub(super) fn make(
         emergency: 0,
         emergency_holds: false,
         counted: None,
-        is_new: false,
+        n_new: 0,
         heard_ns: None,
         torque: f64::NAN,
         heartbeat_ns: None,

@@ -85,8 +85,8 @@ struct Cia402 {
     emergency_holds: bool,
     /// Of the last measurement.
     counted: Option<(i32, i64)>,
-    /// The first PDO came, and not yet the second one of its cycle.
-    is_new: bool,
+    /// First PDOs that came, and not yet the second one of their cycle.
+    n_new: u8,
     /// When it last reported its status, or was set up `[ns]`.
     heard_ns: Option<u64>,
     torque: f64,
@@ -144,7 +144,7 @@ impl Cia402 {
     /// It is not what it was set up to be any more.
     fn set_up_again(&mut self) {
         self.lose();
-        (self.state, self.is_new) = (None, false);
+        (self.state, self.n_new) = (None, 0);
         self.setup.again();
     }
 
@@ -276,14 +276,14 @@ impl Drive for Cia402 {
                 Receipt::Noted
             }
             (0x180, [low, high, a, b, c, d, e, f]) => {
-                (self.is_new, self.heard_ns) = (true, Some(now_ns));
+                (self.n_new, self.heard_ns) = ((self.n_new + 1).min(2), Some(now_ns));
                 self.status(u16::from_le_bytes([*low, *high]));
                 self.follow(i32::from_le_bytes([*a, *b, *c, *d]));
                 self.torque = f64::from(i16::from_le_bytes([*e, *f])) * self.rated_torque / 1000.0;
                 if self.velocity_feedback { Receipt::Noted } else { self.measured(f64::NAN) }
             }
-            (0x280, [a, b, c, d]) if self.velocity_feedback && self.is_new => {
-                self.is_new = false;
+            (0x280, [a, b, c, d]) if self.velocity_feedback && self.n_new > 0 => {
+                self.n_new -= 1;
                 self.measured(
                     f64::from(i32::from_le_bytes([*a, *b, *c, *d])) * TAU / self.velocity_counts,
                 )
@@ -353,6 +353,19 @@ impl Drive for Cia402 {
         [0, SYNC, 0x700 + self.master]
             .map(|id| Shared { id: Id::Standard(id), tag: self.node, mask: 0x7F })
             .to_vec()
+    }
+
+    fn steps(&self) -> Setpoint {
+        Setpoint {
+            position: TAU / self.counts,
+            velocity: TAU / self.velocity_counts,
+            torque: self.rated_torque / 1000.0,
+            ..Setpoint::default()
+        }
+    }
+
+    fn is_paired(&self) -> bool {
+        self.setup.is_done() && self.state.is_some()
     }
 
     fn replies(&self) -> Vec<Reply> {

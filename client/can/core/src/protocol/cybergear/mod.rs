@@ -252,7 +252,6 @@ impl Drive for CyberGear {
             Action::Idle(n) => self.idle(n, out),
             Action::Reset => {
                 self.reported_fault = 0;
-                self.turns.trust();
                 self.prepare();
                 out.push_some(self.power_off(1));
             }
@@ -349,6 +348,18 @@ impl Drive for CyberGear {
             Id::Extended(POWER_ON << 24 | self.host << 8 | self.id),
             Id::Extended(FEEDBACK << 24 | self.id << 8 | self.host),
         ]
+    }
+
+    fn steps(&self) -> Setpoint {
+        self.codes.steps()
+    }
+
+    fn largest_gains(&self) -> [f64; 2] {
+        self.codes.largest_gains()
+    }
+
+    fn is_paired(&self) -> bool {
+        self.step == Step::Done
     }
 
     fn replies(&self) -> Vec<Reply> {

@@ -289,6 +289,19 @@ impl Drive for Dbc {
         ids
     }
 
+    fn steps(&self) -> Setpoint {
+        let [position_unit, velocity_unit, torque_unit, ..] = self.units;
+        let step = |reported: Option<&Reported>, unit: f64| {
+            reported.map_or(0.0, |reported| reported.named.step() * unit.abs())
+        };
+        Setpoint {
+            position: step(Some(&self.position), position_unit),
+            velocity: step(self.velocity.as_ref(), velocity_unit),
+            torque: step(self.torque.as_ref(), torque_unit),
+            ..Setpoint::default()
+        }
+    }
+
     fn replies(&self) -> Vec<Reply> {
         let mut replies: Vec<Reply> = Vec::new();
         for reported in self.reported() {

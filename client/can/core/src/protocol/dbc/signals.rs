@@ -2,7 +2,7 @@
 //! tells, with when it told them.
 
 use super::super::Settings;
-use super::file::{Message, Multiplexing, Signal};
+use super::file::{Kind, Message, Multiplexing, Signal};
 use crate::frame::{Frame, Id};
 use sarrus_models::Diagnostics;
 
@@ -110,6 +110,16 @@ pub(super) fn frames(desired: Vec<(Named, Role)>) -> Result<Vec<Sent>, String> {
         }
     }
     Ok(sent)
+}
+
+impl Named {
+    /// What one code is; 0 for floating-point numbers.
+    pub(super) fn step(&self) -> f64 {
+        match self.signal.kind {
+            Kind::Unsigned | Kind::Signed => self.signal.factor.abs(),
+            Kind::Single | Kind::Double => 0.0,
+        }
+    }
 }
 
 impl Reported {

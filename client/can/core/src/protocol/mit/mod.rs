@@ -231,7 +231,6 @@ impl Drive for Mit {
         match self.power_up.action(command, is_ready) {
             Action::Idle(n) => out.push_some(self.idle(n)),
             Action::Reset => {
-                self.turns.trust();
                 self.prepare();
                 if let Some(question) = &mut self.question {
                     question.forget();
@@ -346,6 +345,18 @@ impl Drive for Mit {
         let shared = |id, mask| Shared { id: Id::Standard(id), tag: self.id, mask };
         let reply = shared(self.reply_id, self.id_mask());
         if self.registers.is_some() { vec![reply, shared(0x7FF, 0xFFFF)] } else { vec![reply] }
+    }
+
+    fn steps(&self) -> Setpoint {
+        self.codes.steps()
+    }
+
+    fn largest_gains(&self) -> [f64; 2] {
+        self.codes.largest_gains()
+    }
+
+    fn is_paired(&self) -> bool {
+        self.registers.is_none_or(|registers| registers.done())
     }
 
     fn replies(&self) -> Vec<Reply> {

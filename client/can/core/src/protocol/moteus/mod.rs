@@ -367,6 +367,27 @@ impl Drive for Moteus {
         ]
     }
 
+    fn steps(&self) -> Setpoint {
+        let [kp, kd] = self.gains.map(|gain| gain / TAU / f64::from(WHOLE));
+        let known = |gain: f64| if gain.is_finite() { gain } else { 0.0 };
+        Setpoint {
+            torque: TORQUE_STEP,
+            stiffness: known(kp),
+            damping: known(kd),
+            ..Setpoint::default()
+        }
+    }
+
+    /// More damping than its own gain makes is added as torque.
+    fn largest_gains(&self) -> [f64; 2] {
+        let [kp, _] = self.gains;
+        [if kp.is_finite() { kp / TAU } else { f64::INFINITY }, f64::INFINITY]
+    }
+
+    fn is_paired(&self) -> bool {
+        true
+    }
+
     fn replies(&self) -> Vec<Reply> {
         let answer = self.id << 8 | self.source;
         let id = Id::standard(answer).unwrap_or(Id::Extended(answer));

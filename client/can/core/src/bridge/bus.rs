@@ -1,0 +1,51 @@
+//! One bus: what is sent on it in a cycle, and how it is.
+
+use super::{BusCounters, BusState};
+use crate::frame::{Frame, FrameQueue};
+
+#[derive(Debug)]
+pub(super) struct Bus {
+    pub(super) queue: FrameQueue,
+    /// Frames of the cycle before.
+    pub(super) sent: FrameQueue,
+    /// Whose frame is likely to come next: motors answer in the order in which they are asked.
+    pub(super) next: usize,
+    /// One of its motors has power.
+    pub(super) has_power: bool,
+    /// None of those that wait for its frame pauses.
+    pub(super) is_synchronous: bool,
+    pub(super) sync: Option<Frame>,
+    pub(super) state: BusState,
+    pub(super) backlog: u32,
+    pub(super) counters: BusCounters,
+}
+
+impl Bus {
+    /// A bus on which nothing was sent yet; room for so many frames of a cycle, and the frame that
+    /// its motors wait for.
+    pub(super) fn new(room: usize, sync: Option<Frame>) -> Bus {
+        Bus {
+            queue: FrameQueue::new(room),
+            sent: FrameQueue::new(room),
+            next: 0,
+            has_power: false,
+            is_synchronous: true,
+            sync,
+            state: BusState::Active,
+            backlog: 0,
+            counters: BusCounters::default(),
+        }
+    }
+
+    /// A cycle begins.
+    pub(super) fn begin(&mut self) {
+        std::mem::swap(&mut self.queue, &mut self.sent);
+        self.queue.clear();
+        (self.has_power, self.is_synchronous) = (false, true);
+    }
+
+    /// Whether a frame is one of the last two cycles, which some adapters give back.
+    pub(super) fn is_echo(&self, frame: &Frame) -> bool {
+        self.queue.frames().contains(frame) || self.sent.frames().contains(frame)
+    }
+}

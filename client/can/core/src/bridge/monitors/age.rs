@@ -1,0 +1,120 @@
+//! How old a measurement is: requests and answers, paired by pauses.
+//!
+//! A motor whose replies wait in some queue answers once a cycle like any other. So the bridge stops
+//! asking and listens: a motor in time is silent soon, a late one goes on answering what was asked
+//! before, and an answer that comes later than `late_ms` after the last request is at least that
+//! old. Where nothing is lost open requests bound the age, so there is a pause when answers begin
+//! to come, without power, and then only when more requests are open than that time holds. With
+//! power the pause begins in a cycle whose request was answered, and one cycle without an answer
+//! ends it: what is open is forgiven then, as lost. A motor is armed after such a pause alone.
+//!
+//! It does not see the age of measurements that the motor itself gives out late, nor of motors that
+//! measure without being asked; their efforts and positions contradict what is asked (`effort`,
+//! `frozen`).
+
+use super::answers::Answers;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    /// Nothing is known yet.
+    Unknown,
+    /// Asks nothing and listens.
+    Pause,
+    /// In time.
+    Good,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(in crate::bridge) struct Age {
+    phase: Phase,
+    late_ns: u64,
+    /// More open requests than this are a reason to pause.
+    most_open: u32,
+    /// When the motor was last asked, and whether it answered since.
+    asked_ns: u64,
+    answered_ns: u64,
+    is_answered: bool,
+    is_late: bool,
+}
+
+impl Age {
+    pub(super) fn new(late: f64, period_ns: u64, feedback_ns: u64) -> Age {
+        let late_ns = ((late * 1e9) as u64).max(period_ns * 5 / 2);
+        // a pause must not look like a motor that fell silent
+        let is_off = late == f64::INFINITY || late_ns + 2 * period_ns > feedback_ns;
+        Age {
+            phase: if is_off { Phase::Good } else { Phase::Unknown },
+            late_ns: if is_off { u64::MAX } else { late_ns },
+            most_open: (late_ns / period_ns.max(1)).saturating_add(2).min(u64::from(u32::MAX))
+                as u32,
+            asked_ns: 0,
+            answered_ns: 0,
+            is_answered: false,
+            is_late: false,
+        }
+    }
+
+    /// Whether the motor goes without a request in this cycle.
+    pub(in crate::bridge) fn pauses(
+        &mut self,
+        now_ns: u64,
+        has_power: bool,
+        answers: &mut Answers,
+    ) -> bool {
+        if self.late_ns == u64::MAX {
+            return false;
+        }
+        match self.phase {
+            Phase::Pause if has_power => {
+                if !self.is_answered {
+                    self.phase = Phase::Good;
+                    answers.forgive();
+                }
+            }
+            Phase::Pause => {
+                // one lost answer is no silence
+                let last_ns = self.asked_ns.max(self.answered_ns);
+                if now_ns.saturating_sub(last_ns) > self.late_ns {
+                    self.phase = if self.is_late { Phase::Unknown } else { Phase::Good };
+                    answers.forgive();
+                }
+            }
+            Phase::Unknown | Phase::Good => {
+                let is_doubtful =
+                    self.phase == Phase::Unknown && !has_power || answers.open > self.most_open;
+                if self.is_answered && is_doubtful {
+                    self.phase = Phase::Pause;
+                    self.is_late = false;
+                }
+            }
+        }
+        self.is_answered = false;
+        if self.phase != Phase::Pause {
+            self.asked_ns = now_ns;
+        }
+        self.phase == Phase::Pause
+    }
+
+    /// A measurement came.
+    pub(in crate::bridge) fn take(&mut self, now_ns: u64) {
+        (self.is_answered, self.answered_ns) = (true, now_ns);
+        self.is_late |=
+            self.phase == Phase::Pause && now_ns.saturating_sub(self.asked_ns) > self.late_ns;
+    }
+
+    /// The motor may be another one when it answers again.
+    pub(in crate::bridge) fn forget(&mut self) {
+        if self.late_ns != u64::MAX {
+            self.phase = Phase::Unknown;
+        }
+    }
+
+    /// Whether it is not known to be in time.
+    pub(in crate::bridge) fn is_unknown(&self) -> bool {
+        self.phase != Phase::Good
+    }
+
+    pub(super) fn is_late(&self) -> bool {
+        self.is_late
+    }
+}

@@ -1,0 +1,98 @@
+//! An effort that is not the one that was asked for: a limp motor, a stuck one, a second master.
+//!
+//! With gains in the motor what it is asked for depends on what it measures, and a reply shows the
+//! effort of some set-points ago. So the last two set-points are laid on the newest measurement, and
+//! the range of what they make is remembered for about 8 ms. The report may be outside by a part of
+//! the limit, by the noise of its own codes, and by what gains and noise of position and velocity
+//! make. A motor that reports next to nothing while all of the range is beyond 5 % of the limit is
+//! limp, however small the difference. Motors that follow positions or velocities by themselves may
+//! use all of the limit, and not more.
+
+use sarrus_proto::actuators::Reason;
+
+use super::{NOISE, Seen};
+use crate::config::MonitorBounds;
+use crate::drive::Mode;
+use crate::mapping::ActuatorSetpoint;
+
+/// How long what was asked is remembered `[s]`.
+const MEMORY: f64 = 8e-3;
+/// Measurements outside that follow each other, and the time between the first and the last `[s]`.
+const OFF: (u32, f64) = (3, 6e-3);
+const LIMP: (u32, f64) = (5, 12e-3);
+/// What is worth being reported, as part of the limit, and what of it must be.
+const WORTH: f64 = 0.05;
+const REPORTED: f64 = 0.2;
+
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Effort {
+    /// What was asked of late.
+    low: f64,
+    high: f64,
+    off: Run,
+    limp: Run,
+}
+
+/// Measurements that follow each other, after the first one.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Run {
+    n: u32,
+    time: f64,
+}
+
+impl Run {
+    /// Counts on or ends; whether it is long enough.
+    pub(super) fn count(&mut self, goes_on: bool, elapsed: f64, (n, time): (u32, f64)) -> bool {
+        if !goes_on {
+            *self = Run::default();
+            return false;
+        }
+        self.time += if self.n > 0 { elapsed } else { 0.0 };
+        self.n += 1;
+        self.n >= n && self.time >= time
+    }
+}
+
+impl Effort {
+    pub(super) fn check(
+        &mut self,
+        seen: &Seen<'_>,
+        bounds: &MonitorBounds,
+        steps: &ActuatorSetpoint,
+    ) -> Option<Reason> {
+        let reported = seen.measured.effort;
+        let limit = seen.limits.effort;
+        if !reported.is_finite() || bounds.effort == f64::INFINITY {
+            return None;
+        }
+        let [last, before] = seen.asked;
+        let mut noise = NOISE * steps.effort;
+        if matches!(seen.mode, Mode::Position | Mode::Velocity) {
+            (self.low, self.high) = (-limit, limit);
+        } else {
+            let (one, two) = (seen.effort_of(last), seen.effort_of(before));
+            if !(one + two).is_finite() {
+                return None;
+            }
+            let forget = (seen.elapsed / MEMORY).min(1.0);
+            self.low = (self.low + forget * (one - self.low)).min(one).min(two);
+            self.high = (self.high + forget * (one - self.high)).max(one).max(two);
+            noise += NOISE * (last.stiffness * steps.position + last.damping * steps.velocity);
+            if last.stiffness != 0.0 {
+                noise += steps.stiffness * (last.position - seen.measured.position).abs();
+            }
+            if last.damping != 0.0 {
+                noise += steps.damping * (last.velocity - seen.measured.velocity).abs();
+            }
+        }
+        let tolerance = bounds.effort * limit + noise;
+        let is_off = reported > self.high + tolerance || reported < self.low - tolerance;
+        // the least of what was asked, if it had one sign
+        let least = self.low.max(-self.high);
+        let is_limp = least > WORTH * limit + noise
+            && reported.abs() < REPORTED * least + NOISE * steps.effort;
+        let is_off = self.off.count(is_off, seen.elapsed, OFF);
+        let is_limp = self.limp.count(is_limp, seen.elapsed, LIMP);
+        (is_off || is_limp).then_some(Reason::EffortMismatch)
+    }
+}

@@ -1,0 +1,23 @@
+//! A second master: a frame with an identifier that only this bridge sends on came from the bus.
+//!
+//! One is enough. An adapter that gives back what it sent itself is not meant: the bridge takes
+//! frames for its own that are bit for bit those of its last two cycles.
+
+/// So long a frame of somebody else keeps a motor from being armed `[ns]`.
+const HEARD_NS: u64 = 1_000_000_000;
+
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::bridge) struct Foreign {
+    heard_ns: Option<u64>,
+}
+
+impl Foreign {
+    /// Such a frame came.
+    pub(in crate::bridge) fn hear(&mut self, now_ns: u64) {
+        self.heard_ns = Some(now_ns);
+    }
+
+    pub(super) fn is_heard(&self, now_ns: u64) -> bool {
+        self.heard_ns.is_some_and(|heard| now_ns.saturating_sub(heard) < HEARD_NS)
+    }
+}

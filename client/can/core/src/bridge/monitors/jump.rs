@@ -1,0 +1,29 @@
+//! A position that changed by more than the speed allows.
+//!
+//! |Δq| > v (Δt + T) + noise, where v is the limit of the speed by `jump`, or what both reported
+//! speeds explain, 2 max|q̇| and a quarter of the limit, whichever is less. A cycle T is added since
+//! replies come when they like within it. Where neither is known, nothing can be judged.
+
+use sarrus_proto::actuators::Reason;
+
+use super::{NOISE, Seen};
+use crate::config::MonitorBounds;
+use crate::mapping::ActuatorSetpoint;
+
+/// Where there is no limit a speed may still change by so many codes between two measurements.
+const FREE: f64 = 500.0;
+
+pub(super) fn check(
+    seen: &Seen<'_>,
+    bounds: &MonitorBounds,
+    steps: &ActuatorSetpoint,
+) -> Option<Reason> {
+    let limit = seen.limits.velocity;
+    let free = if limit < f64::INFINITY { 0.25 * limit } else { FREE * steps.velocity };
+    let reported = seen.measured.velocity.abs().max(seen.before.velocity.abs());
+    // a speed that is not told explains nothing
+    let explained = if reported.is_nan() { f64::INFINITY } else { 2.0 * reported + free };
+    let most = (bounds.jump * limit).min(explained);
+    let allowed = most * (seen.elapsed + seen.period) + NOISE * steps.position;
+    (bounds.jump < f64::INFINITY && seen.way().abs() > allowed).then_some(Reason::FeedbackJump)
+}

@@ -1,0 +1,206 @@
+//! What is measured, doubted: one small rule a file, each with its reason.
+//!
+//! A rule is a struct with the state that it keeps of one motor. Those that look at measurements
+//! have `check(&mut self, seen)`; it is called for each new measurement while the motor has power.
+//! Noise of two codes on every number must never be a fault, so bounds are [`NOISE`] codes wider.
+
+mod age;
+mod answers;
+mod effort;
+mod following;
+mod foreign;
+mod frozen;
+mod jump;
+mod position;
+mod temperature;
+mod velocity;
+mod watch;
+
+use sarrus_proto::actuators::Reason;
+
+use super::BusState;
+use crate::config::{Limits, MonitorBounds, MotorConfig};
+use crate::drive::Mode;
+use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint};
+
+/// Codes by which two numbers may differ that are the same, with two codes of noise on each.
+const NOISE: f64 = 4.5;
+/// Codes of protocols that say numbers exactly: those of an encoder of 14 bits, and of a speed that
+/// is derived from it `[rad, rad/s]`.
+const EXACT: [f64; 2] = [3.8e-4, 0.015];
+/// The same for an effort, as part of its limit.
+const EXACT_EFFORT: f64 = 0.002;
+
+/// What all rules look at, on the actuator's side.
+#[derive(Debug)]
+pub(super) struct Seen<'a> {
+    /// Time between two cycles `[s]`.
+    pub(super) period: f64,
+    /// The newest measurement.
+    pub(super) measured: &'a ActuatorMeasurement,
+    /// The one before, and the time between the two `[s]`.
+    pub(super) before: &'a ActuatorMeasurement,
+    pub(super) elapsed: f64,
+    /// What the motor was given last, and before that.
+    pub(super) asked: &'a [ActuatorSetpoint; 2],
+    /// The stiffness before spring and effort were made to stay within the limit.
+    pub(super) stiffness: f64,
+    pub(super) limits: &'a Limits,
+    pub(super) mode: Mode,
+    /// It follows commands: neither late ones, nor a stop.
+    pub(super) is_following: bool,
+}
+
+impl Seen<'_> {
+    /// What a set-point makes of the newest measurement `[N m, N]`; NaN where it needs a velocity
+    /// that is not told.
+    fn effort_of(&self, asked: &ActuatorSetpoint) -> f64 {
+        let mut total = asked.effort;
+        if asked.stiffness != 0.0 {
+            total += asked.stiffness * (asked.position - self.measured.position);
+        }
+        if asked.damping != 0.0 {
+            total += asked.damping * (asked.velocity - self.measured.velocity);
+        }
+        total
+    }
+
+    /// How far the actuator moved between the two measurements.
+    fn way(&self) -> f64 {
+        self.measured.position - self.before.position
+    }
+}
+
+/// The rules of one motor.
+#[derive(Debug)]
+pub(super) struct Monitors {
+    bounds: MonitorBounds,
+    /// One code of each number.
+    steps: ActuatorSetpoint,
+    /// The largest stiffness and damping that the motor can be given.
+    largest_gains: [f64; 2],
+    pub(super) age: age::Age,
+    pub(super) answers: answers::Answers,
+    pub(super) foreign: foreign::Foreign,
+    temperature: temperature::Temperature,
+    rules: Rules,
+}
+
+/// Those that begin anew with power.
+#[derive(Clone, Copy, Debug, Default)]
+struct Rules {
+    effort: effort::Effort,
+    following: following::Following,
+    frozen: frozen::Frozen,
+    position: position::Position,
+    velocity: velocity::Velocity,
+}
+
+impl Monitors {
+    /// For a motor; a cycle and the time after which it counts as silent in ns.
+    pub(super) fn new(config: &MotorConfig, period_ns: u64, feedback_ns: u64) -> Monitors {
+        Monitors {
+            bounds: config.monitors,
+            steps: steps(config),
+            largest_gains: config.drive.largest_gains().map(|gain| {
+                gain * config.mapping.gear * config.mapping.gear * config.mapping.torque_constant
+            }),
+            age: age::Age::new(config.monitors.late, period_ns, feedback_ns),
+            answers: answers::Answers::default(),
+            foreign: foreign::Foreign::default(),
+            temperature: temperature::Temperature::default(),
+            rules: Rules::default(),
+        }
+    }
+
+    /// The motor has no power: what is seen when it has is a beginning.
+    pub(super) fn begin(&mut self) {
+        self.rules = Rules::default();
+    }
+
+    /// What a new measurement is doubted for. What cannot be believed comes first.
+    pub(super) fn check(&mut self, seen: &Seen<'_>) -> Option<Reason> {
+        let Monitors { bounds, steps, rules, .. } = self;
+        let found = [
+            jump::check(seen, bounds, steps),
+            rules.frozen.check(seen, bounds, steps),
+            rules.effort.check(seen, bounds, steps),
+            rules.velocity.check(seen, bounds, steps),
+            rules.position.check(seen, bounds, steps),
+            rules.following.check(seen, bounds),
+            self.temperature.check(seen, bounds),
+        ];
+        found.into_iter().flatten().next()
+    }
+
+    /// What needs no measurement: the bus, and who else is on it.
+    pub(super) fn check_bus(&self, now_ns: u64, bus: BusState) -> Option<Reason> {
+        if self.age.is_late() {
+            Some(Reason::FeedbackLate)
+        } else if self.answers.is_second(&self.bounds) {
+            Some(Reason::SecondAnswer)
+        } else if self.bounds.second_master && self.foreign.is_heard(now_ns) {
+            Some(Reason::SecondMaster)
+        } else if self.bounds.bus_passive && bus == BusState::Passive {
+            Some(Reason::BusPassive)
+        } else {
+            None
+        }
+    }
+
+    /// A set-point as the motor gets it.
+    pub(super) fn given(&self, setpoint: ActuatorSetpoint) -> ActuatorSetpoint {
+        let [stiffness, damping] = self.largest_gains;
+        ActuatorSetpoint {
+            stiffness: setpoint.stiffness.min(stiffness),
+            damping: setpoint.damping.min(damping),
+            ..setpoint
+        }
+    }
+
+    /// What of the effort's limit a hot motor keeps, from 0 to 1.
+    pub(super) fn derated(&self) -> f64 {
+        self.temperature.part(&self.bounds)
+    }
+
+    /// Whether a position is outside the limits by more than its noise: efforts outwards end.
+    pub(super) fn outside(&self, limits: &Limits, position: f64) -> Outside {
+        let noise = NOISE * self.steps.position;
+        if position > limits.upper + noise {
+            Outside::Above
+        } else if position < limits.lower - noise {
+            Outside::Below
+        } else {
+            Outside::No
+        }
+    }
+
+    /// Whether a position is so far outside the limits that nothing may be armed there.
+    pub(super) fn is_beyond(&self, limits: &Limits, position: f64) -> bool {
+        let margin = position::margin(limits, &self.bounds, &self.steps);
+        position > limits.upper + margin || position < limits.lower - margin
+    }
+}
+
+/// Where a position is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Outside {
+    No,
+    Above,
+    Below,
+}
+
+/// One code of each number, on the actuator's side.
+fn steps(config: &MotorConfig) -> ActuatorSetpoint {
+    let said = config.drive.steps();
+    let (gear, limit) = (config.mapping.gear, config.limits.effort);
+    let by_effort = gear * config.mapping.torque_constant;
+    let [position, velocity] = EXACT;
+    ActuatorSetpoint {
+        position: if said.position > 0.0 { said.position } else { position } / gear,
+        velocity: if said.velocity > 0.0 { said.velocity } else { velocity } / gear,
+        effort: if said.torque > 0.0 { said.torque * by_effort } else { EXACT_EFFORT * limit },
+        stiffness: said.stiffness * gear * by_effort,
+        damping: said.damping * gear * by_effort,
+    }
+}

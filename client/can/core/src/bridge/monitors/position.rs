@@ -1,0 +1,59 @@
+//! A position beyond its limit that moves outwards.
+//!
+//! The margin is a part of the range between the limits, and at least its noise. Standing beyond or
+//! moving back is none: outwards it moves by its reported speed, by the last two measurements, or
+//! from the least distance beyond on that there was.
+
+use sarrus_proto::actuators::Reason;
+
+use super::{NOISE, Seen};
+use crate::config::{Limits, MonitorBounds};
+use crate::mapping::ActuatorSetpoint;
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Position {
+    /// Least distance beyond the margin since it was last within.
+    least: f64,
+}
+
+impl Default for Position {
+    fn default() -> Position {
+        Position { least: f64::INFINITY }
+    }
+}
+
+/// How far beyond a limit a position may be measured.
+pub(super) fn margin(limits: &Limits, bounds: &MonitorBounds, steps: &ActuatorSetpoint) -> f64 {
+    let range = limits.upper - limits.lower;
+    let noise = NOISE * steps.position;
+    // also where the monitor is off there is a limit to what is armed
+    let part = bounds.position;
+    let part = if part < f64::INFINITY { part } else { MonitorBounds::USUAL.position };
+    if range < f64::INFINITY { noise.max(part * range) } else { noise }
+}
+
+impl Position {
+    pub(super) fn check(
+        &mut self,
+        seen: &Seen<'_>,
+        bounds: &MonitorBounds,
+        steps: &ActuatorSetpoint,
+    ) -> Option<Reason> {
+        let (position, limits) = (seen.measured.position, seen.limits);
+        let (beyond, outwards) = if position > limits.upper {
+            (position - limits.upper, 1.0)
+        } else {
+            (limits.lower - position, -1.0)
+        };
+        if beyond <= 0.0 || beyond <= margin(limits, bounds, steps) {
+            self.least = f64::INFINITY;
+            return None;
+        }
+        self.least = self.least.min(beyond);
+        let noise = NOISE * steps.position;
+        let moves = outwards * seen.measured.velocity > NOISE * steps.velocity
+            || outwards * seen.way() > noise
+            || beyond - self.least > noise;
+        (moves && bounds.position < f64::INFINITY).then_some(Reason::PositionLimit)
+    }
+}

@@ -1,0 +1,44 @@
+//! A hot motor: less effort from one temperature on, a fault at another.
+//!
+//! The effort's limit shrinks linearly from `derate` to nothing at `temperature`. One measurement
+//! alone says nothing, and a temperature that is not told is none.
+
+use sarrus_proto::actuators::Reason;
+
+use super::Seen;
+use crate::config::MonitorBounds;
+
+const MEASUREMENTS: u32 = 3;
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Temperature {
+    n_hot: u32,
+    /// The lower one of the last two `[°C]`.
+    lower: f64,
+}
+
+impl Default for Temperature {
+    fn default() -> Temperature {
+        Temperature { n_hot: 0, lower: f64::NAN }
+    }
+}
+
+impl Temperature {
+    pub(super) fn check(&mut self, seen: &Seen<'_>, bounds: &MonitorBounds) -> Option<Reason> {
+        let now = seen.measured.temperature;
+        self.lower = now.min(seen.before.temperature);
+        self.n_hot = if now >= bounds.temperature { self.n_hot + 1 } else { 0 };
+        (self.n_hot >= MEASUREMENTS).then_some(Reason::OverTemperature)
+    }
+
+    /// What is left of the limit, from 0 to 1.
+    pub(super) fn part(&self, bounds: &MonitorBounds) -> f64 {
+        // not so for NaN, and for bounds that are off
+        if self.lower > bounds.derate {
+            let part = (bounds.temperature - self.lower) / (bounds.temperature - bounds.derate);
+            if part.is_nan() { 1.0 } else { part.clamp(0.0, 1.0) }
+        } else {
+            1.0
+        }
+    }
+}

@@ -1,0 +1,108 @@
+//! The monitors in each cycle: what they are shown, and what becomes of what they find.
+
+use sarrus_proto::actuators::Reason;
+
+use super::Seen;
+use crate::bridge::motor::Motor;
+use crate::bridge::{Bridge, BusState};
+use crate::mapping::ActuatorSetpoint;
+
+impl Bridge {
+    /// Motors whose measurements are doubted fail; nothing waits for power outside its limits.
+    pub(in crate::bridge) fn look_at_measurements(&mut self, now_ns: u64) {
+        let period = self.configuration.period_ns() as f64 * 1e-9;
+        for i in 0..self.motors.len() {
+            let Some(motor) = self.motors.get_mut(i) else { continue };
+            let number = self.configuration.mechanisms.get(motor.config.actuator).copied();
+            let Some(mechanism) = number.and_then(|number| self.mechanisms.get_mut(number)) else {
+                continue;
+            };
+            if !mechanism.is_powered() {
+                motor.unwatched();
+                if mechanism.is_waiting() && motor.is_beyond() && !mechanism.returns() {
+                    mechanism.disable(Reason::OutsideLimits);
+                }
+                continue;
+            }
+            let bus = self.buses.get(motor.config.bus).map_or(BusState::Active, |bus| bus.state);
+            let found = motor
+                .doubt(period, mechanism.is_following())
+                .or_else(|| motor.monitors.check_bus(now_ns, bus));
+            if let (Some(reason), Some(number)) = (found, number) {
+                self.fail_mechanism(number, reason);
+            }
+        }
+    }
+}
+
+impl Motor {
+    /// What the newest measurement is doubted for, if it is new.
+    fn doubt(&mut self, period: f64, is_following: bool) -> Option<Reason> {
+        if self.measured_ns == self.seen_ns {
+            return None;
+        }
+        let since = self.seen_ns.zip(self.measured_ns);
+        let found = since.and_then(|(before, measured)| {
+            self.monitors.check(&Seen {
+                period,
+                measured: &self.measured,
+                before: &self.before,
+                elapsed: measured.saturating_sub(before) as f64 * 1e-9,
+                asked: &self.asked,
+                stiffness: self.stiffness,
+                limits: &self.config.limits,
+                mode: self.config.common.mode,
+                is_following,
+            })
+        });
+        (self.seen_ns, self.before) = (self.measured_ns, self.measured);
+        found
+    }
+
+    /// Without power nothing is doubted, and what comes with power is a beginning.
+    fn unwatched(&mut self) {
+        if self.seen_ns.take().is_some() {
+            self.monitors.begin();
+            (self.asked, self.stiffness) = ([ActuatorSetpoint::default(); 2], 0.0);
+        }
+    }
+
+    /// Whether it is too far outside its limits to be armed.
+    pub(in crate::bridge) fn is_beyond(&self) -> bool {
+        self.monitors.is_beyond(&self.config.limits, self.measured.position)
+    }
+
+    /// Whether it is outside its limits at all.
+    pub(in crate::bridge) fn is_outside(&self) -> bool {
+        let (position, limits) = (self.measured.position, self.config.limits);
+        position > limits.upper || position < limits.lower
+    }
+
+    /// Whether it goes without a request in this cycle; a bus that waits for one frame of all
+    /// pauses as a whole.
+    pub(in crate::bridge) fn pauses(
+        &mut self,
+        now_ns: u64,
+        has_power: bool,
+        bus_has_power: bool,
+    ) -> bool {
+        if !self.config.drive.is_paired() || bus_has_power && self.config.drive.sync().is_some() {
+            return false;
+        }
+        self.monitors.age.pauses(now_ns, has_power, &mut self.monitors.answers)
+    }
+
+    /// It stops by itself: nobody knows what its effort is to be.
+    pub(in crate::bridge) fn is_asked_nothing(&mut self) {
+        self.asked = [ActuatorSetpoint { effort: f64::NAN, ..ActuatorSetpoint::default() }; 2];
+    }
+
+    /// It was asked for a measurement, with so many frames.
+    pub(in crate::bridge) fn ask(&mut self, n_frames: usize) {
+        if self.config.drive.is_paired() {
+            self.monitors.answers.ask(n_frames, self.config.drive.sync().is_some());
+        } else {
+            self.monitors.answers.forgive();
+        }
+    }
+}

@@ -1,0 +1,312 @@
+//! A bridge and its motors on simulated time: shafts with inertia, friction and load of their own,
+//! which the motors' firmware turns, and everything that can go wrong between the two.
+
+use std::collections::VecDeque;
+
+use sarrus_can_core::bridge::{Bridge, CommandVerdict};
+use sarrus_can_core::config::{Configuration, Limits, Surroundings};
+use sarrus_can_core::drive::Setpoint;
+use sarrus_can_core::frame::{Frame, FrameQueue};
+use sarrus_can_core::mapping::Mapping;
+use sarrus_can_sim::{Physics, Simulated};
+use sarrus_models::LoadError;
+use sarrus_proto::actuators::{ActuatorCommand, MAX_ACTUATORS, MechanismState, Operation, Reason};
+
+pub(crate) const MS: u64 = 1_000_000;
+/// Time from a cycle to the motors, and from their answers to the bridge `[ns]`.
+const THERE_NS: u64 = 100_000;
+const BACK_NS: u64 = 200_000;
+/// Step of the shafts `[ns]`.
+const STEP_NS: u64 = 250_000;
+
+/// Numbers by chance (SplitMix64).
+#[derive(Clone, Debug)]
+pub(crate) struct Chance(pub(crate) u64);
+
+impl Chance {
+    pub(crate) fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ z >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ z >> 31
+    }
+
+    pub(crate) fn within(&mut self, low: f64, high: f64) -> f64 {
+        low + (self.bits() >> 11) as f64 / (1_u64 << 53) as f64 * (high - low)
+    }
+}
+
+/// What an encoder says instead of the truth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Encoder {
+    True,
+    /// Turned against the motor.
+    Reversed,
+    /// The position repeats itself; the velocity is true, or zero.
+    Frozen {
+        position: f64,
+        velocity_too: bool,
+    },
+    /// Its position is off by this.
+    Off(f64),
+}
+
+/// A motor with its shaft, in the motor's coordinate.
+pub(crate) struct Shaft {
+    pub(crate) motor: Simulated,
+    pub(crate) bus: usize,
+    pub(crate) actuator: usize,
+    pub(crate) mapping: Mapping,
+    pub(crate) limits: Limits,
+    steps: Setpoint,
+    pub(crate) position: f64,
+    pub(crate) velocity: f64,
+    pub(crate) torque: f64,
+    pub(crate) inertia: f64,
+    pub(crate) friction: f64,
+    pub(crate) load: f64,
+    pub(crate) is_blocked: bool,
+    /// The motor's torque, whatever it is told.
+    pub(crate) stuck: Option<f64>,
+    pub(crate) encoder: Encoder,
+    /// What it says of its own velocity is 0.
+    pub(crate) hides_velocity: bool,
+    pub(crate) temperature: f64,
+    /// Each answer comes twice.
+    pub(crate) is_doubled: bool,
+    pub(crate) delay_ns: u64,
+    answers: VecDeque<(u64, Frame)>,
+}
+
+impl Shaft {
+    fn sensed(&self) -> (f64, f64) {
+        match self.encoder {
+            Encoder::True => (self.position, self.velocity),
+            Encoder::Reversed => (-self.position, -self.velocity),
+            Encoder::Frozen { position, velocity_too: false } => (position, self.velocity),
+            Encoder::Frozen { position, velocity_too: true } => (position, 0.0),
+            Encoder::Off(by) => (self.position + by, self.velocity),
+        }
+    }
+
+    fn turn(&mut self, seconds: f64) {
+        let (position, velocity) = self.sensed();
+        self.motor.plant.carry(position, velocity);
+        self.torque = self.stuck.unwrap_or(self.motor.plant.drive_torque());
+        if self.is_blocked {
+            self.velocity = 0.0;
+            return;
+        }
+        let total = self.torque + self.load - self.friction * self.velocity;
+        self.velocity += seconds * total / self.inertia;
+        self.position += seconds * self.velocity;
+    }
+
+    /// What the motor is about to say: with noise of so many codes on each number.
+    fn say(&mut self, noise: f64, chance: &mut Chance) {
+        let (position, velocity) = self.sensed();
+        let mut off = |step: f64| {
+            if noise == 0.0 { 0.0 } else { chance.within(-noise - 0.5, noise + 0.5).round() * step }
+        };
+        let plant = &mut self.motor.plant;
+        plant.position = position + off(self.steps.position);
+        plant.velocity = if self.hides_velocity { 0.0 } else { velocity };
+        plant.velocity += off(self.steps.velocity);
+        plant.torque = self.torque + off(self.steps.torque);
+        plant.temperature = self.temperature;
+    }
+}
+
+pub(crate) struct World {
+    pub(crate) bridge: Bridge,
+    pub(crate) shafts: Vec<Shaft>,
+    pub(crate) now_ns: u64,
+    pub(crate) period_ns: u64,
+    pub(crate) command: ActuatorCommand,
+    pub(crate) chance: Chance,
+    /// Part of the frames that are lost, there and back.
+    pub(crate) loss: f64,
+    /// Codes of noise.
+    pub(crate) noise: f64,
+    /// Largest lateness of a cycle, and of an answer `[ns]`.
+    pub(crate) jitter_ns: [u64; 2],
+    /// A frame of a second master in each cycle.
+    pub(crate) intruder: Option<Frame>,
+}
+
+impl World {
+    pub(crate) fn new(configuration: Configuration, seed: u64) -> World {
+        let shafts = configuration
+            .motors
+            .iter()
+            .map(|motor| {
+                let physics = Physics { inertia: 1.0, friction: 0.0, torque_limit: 1e3 };
+                let protocol = motor.protocol.name;
+                let simulated = Simulated::new(protocol, &motor.settings, motor.common, physics);
+                Shaft {
+                    motor: simulated.expect("a simulated motor"),
+                    bus: motor.bus,
+                    actuator: motor.actuator,
+                    mapping: motor.mapping,
+                    limits: motor.limits,
+                    steps: motor.drive.steps(),
+                    position: 0.0,
+                    velocity: 0.0,
+                    torque: 0.0,
+                    inertia: 0.011,
+                    friction: 0.008,
+                    load: 0.0,
+                    is_blocked: false,
+                    stuck: None,
+                    encoder: Encoder::True,
+                    hides_velocity: false,
+                    temperature: 30.0,
+                    is_doubled: false,
+                    delay_ns: 0,
+                    answers: VecDeque::new(),
+                }
+            })
+            .collect();
+        let command = ActuatorCommand {
+            fingerprint: configuration.fingerprint,
+            n_u: configuration.actuators.len() as u64,
+            ..ActuatorCommand::default()
+        };
+        World {
+            period_ns: configuration.period_ns(),
+            bridge: Bridge::new(configuration),
+            shafts,
+            now_ns: 1_000 * MS,
+            command,
+            chance: Chance(seed),
+            loss: 0.0,
+            noise: 0.0,
+            jitter_ns: [0, 0],
+            intruder: None,
+        }
+    }
+
+    /// One motor of a drive, as the first one on a bench: 250 Hz, ± 3 rad, 5 rad/s, 2 N m.
+    pub(crate) fn one(drive: &str, more: &str) -> World {
+        let text = format!(
+            "rate_hz: 250\nbuses:\n- {{name: bench, interface: none, channel: none, bitrate: \
+            1000000, data_bitrate: 5000000}}\nramp_ms: 100\nmotors:\n- actuator: motor\n  bus: \
+            bench\n  drive: {drive}\n  offset: 0\n  limits: {{position: [-3, 3], velocity: 5, \
+            effort: 2}}\n  damping: 0.1\n  watchdog_ms: 50\n  watchdog: believed\n{more}"
+        );
+        let surroundings = Surroundings {
+            file: &|_| Err("absent".into()),
+            robot: &|_| Err(LoadError::Open { file: "robot".into(), reason: "absent".into() }),
+        };
+        let read = Configuration::read("bench.yml", text.into_bytes(), &surroundings);
+        World::new(read.unwrap_or_else(|report| panic!("{report}")), 1)
+    }
+
+    /// One cycle: a command, what the bridge says, and the time until the next one.
+    pub(crate) fn cycle(&mut self) {
+        let [late_ns, back_ns] = self.jitter_ns;
+        let later = |chance: &mut Chance, most: u64| chance.within(0.0, most as f64) as u64;
+        let begin_ns = self.now_ns;
+        let cycle_ns = begin_ns + later(&mut self.chance, late_ns);
+        self.command.sequence += 1;
+        self.command.stamp_ns = cycle_ns;
+        assert_eq!(self.bridge.command(cycle_ns, &self.command), CommandVerdict::Accepted);
+        self.bridge.cycle(cycle_ns);
+
+        // to the motors
+        let mut out = FrameQueue::new(64);
+        for i in 0..self.shafts.len() {
+            let mut sent: Vec<Frame> = self.bridge.frames(self.shafts[i].bus).to_vec();
+            sent.extend(self.intruder);
+            let heard_ns = cycle_ns + THERE_NS;
+            for frame in &sent {
+                if self.chance.within(0.0, 1.0) < self.loss {
+                    continue;
+                }
+                self.shafts[i].say(self.noise, &mut self.chance);
+                self.shafts[i].motor.receive(heard_ns, frame, &mut out);
+                self.collect(i, heard_ns, &mut out, back_ns);
+            }
+        }
+        if let Some(frame) = self.intruder {
+            self.bridge.receive(cycle_ns + THERE_NS, 0, &frame);
+        }
+
+        // and time goes by
+        let end_ns = begin_ns + self.period_ns;
+        while self.now_ns < end_ns {
+            self.now_ns = (self.now_ns + STEP_NS).min(end_ns);
+            for i in 0..self.shafts.len() {
+                self.shafts[i].turn(STEP_NS as f64 * 1e-9);
+                self.shafts[i].say(self.noise, &mut self.chance);
+                self.shafts[i].motor.tick(self.now_ns, &mut out);
+                self.collect(i, self.now_ns, &mut out, back_ns);
+                while let Some((at_ns, frame)) = self.shafts[i].answers.front().copied() {
+                    if at_ns > self.now_ns {
+                        break;
+                    }
+                    self.shafts[i].answers.pop_front();
+                    self.bridge.receive(at_ns, self.shafts[i].bus, &frame);
+                }
+            }
+        }
+    }
+
+    fn collect(&mut self, i: usize, now_ns: u64, out: &mut FrameQueue, back_ns: u64) {
+        let shaft = &mut self.shafts[i];
+        for frame in out.frames() {
+            let at_ns =
+                now_ns + BACK_NS + shaft.delay_ns + self.chance.within(0.0, back_ns as f64) as u64;
+            // a bus keeps the order
+            let at_ns = shaft.answers.back().map_or(at_ns, |(last, _)| at_ns.max(*last));
+            for _ in 0..1 + usize::from(shaft.is_doubled) {
+                if self.chance.within(0.0, 1.0) >= self.loss {
+                    shaft.answers.push_back((at_ns, *frame));
+                }
+            }
+        }
+        out.clear();
+    }
+
+    pub(crate) fn cycles(&mut self, n: usize) {
+        (0..n).for_each(|_| self.cycle());
+    }
+
+    pub(crate) fn state(&self, actuator: usize) -> (MechanismState, Reason) {
+        let state = self.bridge.state();
+        (
+            MechanismState::from_code(state.states[actuator]).expect("a state"),
+            Reason::from_code(state.reasons[actuator]).expect("a reason"),
+        )
+    }
+
+    /// Whether all follow.
+    pub(crate) fn is_enabled(&self) -> bool {
+        self.shafts.iter().all(|shaft| self.state(shaft.actuator).0 == MechanismState::Enabled)
+    }
+
+    /// Asks for power until all have it; the milliseconds that it took, or `None` after three
+    /// seconds.
+    pub(crate) fn arm(&mut self) -> Option<u64> {
+        let begin_ns = self.now_ns;
+        self.cycles((1_500 * MS / self.period_ns) as usize);
+        self.bridge.operate(self.now_ns, Operation::Arm);
+        while self.now_ns < begin_ns + 4_500 * MS {
+            self.cycle();
+            if self.is_enabled() {
+                return Some((self.now_ns - begin_ns) / MS - 1_500);
+            }
+        }
+        None
+    }
+
+    /// The same command for all.
+    pub(crate) fn give(&mut self, setpoint: Setpoint) {
+        self.command.position = [setpoint.position; MAX_ACTUATORS];
+        self.command.velocity = [setpoint.velocity; MAX_ACTUATORS];
+        self.command.effort = [setpoint.torque; MAX_ACTUATORS];
+        self.command.stiffness = [setpoint.stiffness; MAX_ACTUATORS];
+        self.command.damping = [setpoint.damping; MAX_ACTUATORS];
+    }
+}
