@@ -163,9 +163,9 @@ impl Motor {
     /// Commands came back: the way to the desired position begins where the actuator is, or as far
     /// on the way as its spring was drawn before, so that a load is held as before.
     pub(super) fn resume(&mut self, desired: f64) {
-        let place = self.place();
-        self.last_position =
-            (place + self.deflection).max(place.min(desired)).min(place.max(desired));
+        let (place, limits) = (self.place(), self.config.limits);
+        let drawn = (place + self.deflection).max(place.min(desired)).min(place.max(desired));
+        self.last_position = drawn.max(limits.lower).min(limits.upper);
     }
 
     /// Why it cannot be armed, or come back inside its limits, however long one waits.

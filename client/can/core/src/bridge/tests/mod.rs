@@ -1,4 +1,5 @@
 mod bench;
+mod braking;
 mod limits;
 mod malformed;
 mod monitors;
