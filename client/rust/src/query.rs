@@ -135,6 +135,20 @@ impl<'a> QueryBuilder<'a> {
         self
     }
 
+    /// How far redundant rows of the loops may be open, in radians or lengths of the cluster, before
+    /// an answer has the warning `loop_open`; without it 1e-6.
+    pub fn loop_tolerance(mut self, tolerance: f64) -> Self {
+        self.query = self.query.with_loop_tolerance(tolerance);
+        self
+    }
+
+    /// How far an answer may be from the q or q̇ that was given, in radians or lengths of the
+    /// cluster, before it has the warning `input_projected`; without it 1e-6.
+    pub fn projection_tolerance(mut self, tolerance: f64) -> Self {
+        self.query = self.query.with_projection_tolerance(tolerance);
+        self
+    }
+
     /// The query as it is, without the names that are unknown.
     pub fn query(&self) -> &Query {
         &self.query

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use sarrus_client::{
     Error, Field, FieldSet, Options, PlanId, Query, Request, Robot, Source, Status, Transport,
+    Warnings,
 };
 use sarrus_proto::PROTOCOL_VERSION;
 use sarrus_proto::control::{Call, Grant};
@@ -270,4 +271,24 @@ fn all_unknown_names_of_a_query_are_reported_at_once() {
     let by_name = by_name.prepare().unwrap();
     let typed = robot.query(Request::InverseDynamics).given((Field::Y | Field::Yd).iter());
     assert_eq!(typed.want([Field::TauU]).prepare().unwrap(), by_name);
+}
+
+#[test]
+fn a_tolerance_of_a_query_decides_what_is_a_projection() {
+    let mut robot = local();
+    let (n_y, n_q) = (robot.model().independent_q.len(), robot.model().tree_q.len());
+    let pose = robot.query(Request::Kinematics).given(["y"]).want(["q"]).prepare().unwrap();
+    let mut q = vec![0.0; n_q];
+    robot.ask(pose, &vec![0.1; n_y], &mut q).unwrap().ok().unwrap();
+    // what no loop lets the measured coordinates be
+    q.iter_mut().for_each(|x| *x += 1e-3 * x.sin());
+    let mut y = vec![0.0; n_y];
+    for (tolerance, is_projected) in [(0.0, true), (1.0, false)] {
+        let query = robot.query(Request::Kinematics).given(["q"]).want(["y"]);
+        let query = query.loop_tolerance(1.0).projection_tolerance(tolerance);
+        let plan = query.prepare().unwrap();
+        let answer = robot.ask(plan, &q, &mut y).unwrap();
+        assert_eq!(answer.status, Status::Ok);
+        assert_eq!(answer.warnings.contains(Warnings::INPUT_PROJECTED), is_projected);
+    }
 }
