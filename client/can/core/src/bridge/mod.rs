@@ -8,8 +8,10 @@
 //! position then grow together. Commands older than T1 bring damping, older than T2 take the power
 //! away. Nothing ever arms by itself.
 
+mod assess;
 mod counters;
 mod mechanism;
+mod model;
 mod motor;
 mod report;
 mod setpoint;
@@ -29,6 +31,7 @@ use crate::config::Configuration;
 use crate::drive::{DriveCommand, Receipt};
 use crate::frame::{Frame, FrameQueue};
 use mechanism::Mechanism;
+use model::RobotModel;
 use motor::Motor;
 
 /// Requests for power that are older than this are of another time `[ns]`.
@@ -44,6 +47,8 @@ pub struct Bridge {
     configuration: Configuration,
     motors: Vec<Motor>,
     mechanisms: Vec<Mechanism>,
+    /// `None` without a model.
+    model: Option<RobotModel>,
     buses: Vec<Bus>,
     command: ActuatorCommand,
     /// Stamp of the command when the robot was last asked to arm `[ns]`; arming waits for a later
@@ -72,6 +77,7 @@ struct Bus {
 impl Bridge {
     /// A bridge whose motors are all disabled. Allocates; nothing after it does.
     pub fn new(mut configuration: Configuration) -> Bridge {
+        let model = RobotModel::new(&configuration);
         let of_bus = |bus: usize| configuration.motors.iter().filter(move |motor| motor.bus == bus);
         let buses = (0..configuration.buses.len()).map(|bus| Bus {
             queue: FrameQueue::new((of_bus(bus).count() + 1) * FRAMES_PER_MOTOR),
@@ -100,6 +106,7 @@ impl Bridge {
             configuration,
             motors,
             mechanisms,
+            model,
             buses,
             command: ActuatorCommand::default(),
             armed_at: 0,
@@ -234,6 +241,7 @@ impl Bridge {
         if gap_ns > self.configuration.timeouts.disable_ns {
             self.mechanisms.iter_mut().for_each(|mechanism| mechanism.torque_off(Reason::Stalled));
         }
+        self.assess_mechanisms(now_ns);
         self.look_for_faults(now_ns);
         let feedback_ns = self.configuration.timeouts.feedback_ns;
         self.motors.iter_mut().for_each(|motor| motor.forget_if_stale(now_ns, feedback_ns));

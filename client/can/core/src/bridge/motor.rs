@@ -24,6 +24,8 @@ pub(super) struct Motor {
     /// The last set-point's position and effort.
     pub(super) last_position: f64,
     pub(super) last_effort: f64,
+    /// What keeps it still against gravity, by the model; 0 without one `[N m, N]`.
+    pub(super) gravity: f64,
 }
 
 impl Motor {
@@ -38,6 +40,7 @@ impl Motor {
             hold: 0.0,
             last_position: 0.0,
             last_effort: 0.0,
+            gravity: 0.0,
         }
     }
 

@@ -38,6 +38,13 @@ impl Bridge {
             };
             self.fail_mechanism(number, reason);
         }
+        for number in 0..self.mechanisms.len() {
+            let is_powered = self.mechanisms.get(number).is_some_and(Mechanism::is_powered);
+            let fault = self.model.as_ref().and_then(|model| model.fault(number));
+            if let (true, Some(reason)) = (is_powered, fault) {
+                self.fail_mechanism(number, reason);
+            }
+        }
     }
 
     pub(super) fn fail(&mut self, is_meant: impl Fn(&Motor) -> bool, reason: Reason) {

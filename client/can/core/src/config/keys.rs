@@ -44,6 +44,20 @@ pub(super) const TIMEOUTS: &[Key] = &[
         "arming that takes longer has failed",
     ),
 ];
+pub(super) const MODEL: &[Key] = &[
+    key(
+        "effort",
+        KeyKind::Number(0.0, 10.0),
+        Some("0.3"),
+        "part of limits.effort by which efforts may differ from the model's, 0 for not compared",
+    ),
+    key(
+        "clearance",
+        KeyKind::Number(0.0, 0.9),
+        Some("0.2"),
+        "least clearance from singular poses, 1 at the best pose, 0 for not assessed",
+    ),
+];
 pub(super) const BUS: &[Key] = &[
     key("name", KeyKind::Text, None, "what motors call it"),
     key("interface", KeyKind::Text, Some("socketcan"), "how it is reached, in python-can's words"),

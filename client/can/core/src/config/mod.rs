@@ -8,6 +8,7 @@
 //! timeouts: {damping_ms: 20, disable_ms: 100, feedback_ms: 20}
 //! ramp_ms: 500              # gains and efforts grow to their full size in this time after arming
 //! stop: mechanism           # or `robot`: what stops when a motor fails
+//! model: {effort: 0.3, clearance: 0.2}  # how far the robot may be from its model
 //! buses:
 //! - {name: left_arm, interface: socketcan, channel: can0, bitrate: 1000000}
 //! motors:
@@ -33,9 +34,12 @@ mod read;
 #[cfg(feature = "files")]
 pub use files::ConfigurationError;
 
+use std::sync::Arc;
+
 use crate::drive::{Drive, Watchdog};
 use crate::mapping::Mapping;
 use crate::protocol::{Common, Protocol, Settings};
+use sarrus_dynamics::Model;
 use sarrus_models::{Diagnostic, LoadError, Loaded, Source};
 pub use sarrus_proto::actuators::MAX_ACTUATORS;
 use sarrus_proto::actuators::Reason;
@@ -51,6 +55,10 @@ pub struct Configuration {
     pub source: Option<Source>,
     /// Fingerprint of the model; 0 without one.
     pub fingerprint: u64,
+    /// The robot's model; `None` without one.
+    pub model: Option<Arc<Model>>,
+    /// From when on the model finds something wrong.
+    pub model_rules: ModelRules,
     /// Names of the actuators, in the order of u (n_u).
     pub actuators: Vec<String>,
     /// The closed mechanism that each actuator acts on (n_u); actuators of one number stop
@@ -83,6 +91,17 @@ pub struct Timeouts {
     pub feedback_ns: u64,
     /// Arming that takes longer has failed `[ns]`.
     pub arming_ns: u64,
+}
+
+/// From when on the model finds something wrong with a mechanism.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ModelRules {
+    /// Part of `limits.effort` by which reported efforts may differ from those of the model; 0 where
+    /// they are not compared.
+    pub effort: f64,
+    /// The least clearance from a singular pose, from 0 to 1 at the mechanism's best pose; 0 where
+    /// it is not assessed.
+    pub clearance: f64,
 }
 
 /// What stops when a motor fails.
@@ -191,6 +210,7 @@ impl Configuration {
         Configuration {
             robot: self.robot.clone(),
             source: self.source.clone(),
+            model: self.model.clone(),
             actuators: self.actuators.clone(),
             mechanisms: self.mechanisms.clone(),
             buses: self.buses.clone(),
