@@ -137,7 +137,8 @@ impl PyBridge {
         self.lock().shutdown();
     }
 
-    /// Where the robot stands, `disabled`, `arming`, `enabled` or `fault`, and why.
+    /// Where the robot stands, `disabled`, `arming`, `enabled`, `stopping` or `fault`, and
+    /// why.
     #[getter]
     fn mechanism_state(&self) -> (&'static str, &'static str) {
         let bridge = self.lock();

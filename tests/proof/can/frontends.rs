@@ -223,8 +223,8 @@ impl Session {
         // late, and in time again
         self.cycles(80, false);
         self.cycles(60, true);
-        // lost
-        self.cycles(230, false);
+        // lost, and stopped
+        self.cycles(400, false);
         self.operate(Operation::Arm);
         self.cycles(120, true);
         self.event(0, "error_warning", BusEvent::ErrorWarning, 1);

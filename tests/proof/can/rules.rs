@@ -84,7 +84,7 @@ fn a_cycle_allocates_nothing_whatever_the_protocol_and_whatever_happens() {
     let (mut now_ns, mut calls_of_bridge, mut seen) = (10 * MS, 0, Vec::new());
     for step in 0..3000_u64 {
         now_ns += 2 * MS;
-        // armed, late, lost, armed again, a number that is none, a fault
+        // armed, late, lost and stopped, armed again, a number that is none, a fault
         match step {
             200 | 1600 => bridge.operate(now_ns, Operation::Arm),
             2500 => motors[0].fault(0xA),
@@ -118,6 +118,7 @@ fn a_cycle_allocates_nothing_whatever_the_protocol_and_whatever_happens() {
         MechanismState::Disabled,
         MechanismState::Arming,
         MechanismState::Enabled,
+        MechanismState::Stopping,
         MechanismState::Fault,
     ] {
         assert!(seen.contains(&(state as u32)), "never {}", state.name());

@@ -15,14 +15,17 @@ pub(crate) struct Operate {
     /// Name of the bridge
     #[arg(default_value = "default")]
     name: String,
-    /// Wait at most this long for the bridge to be where it is to go `[s]`
-    #[arg(long, default_value_t = 5.0)]
-    timeout: f64,
+    /// Wait at most this long for the bridge to be where it is to go `[s]`; without it 5 s, and as
+    /// long as motors are being stopped
+    #[arg(long)]
+    timeout: Option<f64>,
 }
 
 /// A request may find a bridge that does not know of this program yet: it is repeated after this
 /// time.
 const AGAIN: Duration = Duration::from_millis(50);
+/// Timeout without a flag `[s]`.
+const SECONDS: f64 = 5.0;
 /// After this time without a change a request to arm was refused at once.
 const REFUSED: Duration = Duration::from_millis(300);
 
@@ -52,20 +55,25 @@ impl Operate {
 
     /// Asks until the bridge is where it is to go, or will not get there.
     fn ask(&self, observer: &Observer, operation: Operation) -> Result<(), String> {
-        let timeout = Duration::try_from_secs_f64(self.timeout).unwrap_or(Duration::MAX);
+        let seconds = self.timeout.unwrap_or(SECONDS);
+        let timeout = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
         let begin = Instant::now();
         let (mut asked, mut begun, mut repeated) = (observer.operate(operation), false, begin);
-        let (mut before, mut last) = (None, None);
-        while begin.elapsed() < timeout {
+        let (mut before, mut last) = (None, None::<StateCounts>);
+        let is_stopping = |last: Option<StateCounts>| last.is_some_and(|last| last.stopping > 0);
+        while begin.elapsed() < timeout || self.timeout.is_none() && is_stopping(last) {
             thread::sleep(Duration::from_millis(5));
             let Some(state) = observer.state() else { continue };
             let now = StateCounts::of(&state);
             let before = *before.get_or_insert(now);
             last = Some(now);
             if state.stamp_ns > asked {
-                begun |= now != before || begin.elapsed() > REFUSED;
+                // a stop that somebody saw begin is not asked for twice: that would cut it short
+                begun |= now != before || now.stopping > 0 || begin.elapsed() > REFUSED;
                 match operation {
-                    Operation::Disarm if now.enabled + now.arming == 0 => return Ok(()),
+                    Operation::Disarm if now.enabled + now.arming + now.stopping == 0 => {
+                        return Ok(());
+                    }
                     Operation::Reset if now.fault == 0 => return Ok(()),
                     Operation::Arm if now.enabled == now.all && now.all > 0 => return Ok(()),
                     // refused, or given up
@@ -82,7 +90,7 @@ impl Operate {
             // power that comes when nobody waits for it any more would be a surprise
             observer.operate(Operation::Disarm);
             thread::sleep(AGAIN);
-            return Err(format!("{last}; given up after {} s and disarmed", self.timeout));
+            return Err(format!("{last}; given up after {seconds} s and disarmed"));
         }
         Err(last.to_string())
     }
@@ -103,6 +111,7 @@ struct StateCounts {
     all: usize,
     enabled: usize,
     arming: usize,
+    stopping: usize,
     fault: usize,
     state: u32,
     reason: u32,
@@ -121,6 +130,7 @@ impl StateCounts {
             all: with_motor.len(),
             enabled: count(MechanismState::Enabled),
             arming: count(MechanismState::Arming),
+            stopping: count(MechanismState::Stopping),
             fault: count(MechanismState::Fault),
             state: state.state,
             reason: state.reason,
@@ -135,7 +145,8 @@ impl core::fmt::Display for StateCounts {
         write!(
             f,
             "the bridge is {state}: {reason}; {} of {} actuators have power",
-            self.enabled, self.all
+            self.enabled + self.stopping,
+            self.all
         )
     }
 }

@@ -34,8 +34,7 @@ impl Bridge {
         }
         for (number, mechanism) in mechanisms.iter().enumerate() {
             let ramp = mechanism.ramp(now_ns, configuration.ramp_ns);
-            let is_following =
-                mechanism.state == MechanismState::Enabled && !mechanism.is_damped();
+            let is_following = mechanism.state == MechanismState::Enabled && !mechanism.is_damped();
             let activity = match ramp {
                 None => Activity::Idle,
                 Some(ramp) if is_following && ramp < 1.0 => Activity::Ramping,

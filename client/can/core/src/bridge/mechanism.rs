@@ -2,6 +2,12 @@
 
 use sarrus_proto::actuators::{MechanismState, Reason};
 
+use super::reaction::Reaction;
+use crate::config::{MechanismStop, StopFunction};
+
+/// Part of a stop's time in which the velocity goes to zero along a ramp.
+const RAMP: f64 = 1.0 / 3.0;
+
 /// How far a mechanism is with arming, and how commands reach it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
@@ -13,8 +19,34 @@ enum Phase {
     Starting,
     /// Follows commands, with gains that began to grow at this time `[ns]`.
     Following(u64),
-    /// Commands are late.
-    Damped,
+    /// Commands are late; the gains began to grow at this time `[ns]`.
+    Damped(u64),
+    /// Is stopped; since this time `[ns]`, or from the next cycle on.
+    Stopping(Option<u64>),
+}
+
+/// What the motors of a mechanism with power are given.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Course {
+    /// The commands, grown this far from 0 to 1.
+    Follow(f64),
+    /// Damping.
+    Damp,
+    /// The speed from the beginning of a stop, of which this part is left.
+    Brake(f64),
+}
+
+/// What the motors have to know of a new phase.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Change {
+    /// They follow from where they are.
+    Begin,
+    /// Commands became late.
+    Late,
+    /// Commands came back.
+    Resume,
+    /// They are stopped.
+    Stop,
 }
 
 /// A closed mechanism.
@@ -26,22 +58,30 @@ pub(super) struct Mechanism {
     phase: Phase,
     /// When it was asked to arm `[ns]`.
     armed_ns: u64,
+    stop: MechanismStop,
+    /// Where a stop ends.
+    end: MechanismState,
+    /// An operator disarmed it while it was stopped, or by that.
+    is_disarmed: bool,
 }
 
 impl Mechanism {
-    pub(super) fn new(has_motors: bool) -> Mechanism {
+    pub(super) fn new(has_motors: bool, stop: MechanismStop) -> Mechanism {
         Mechanism {
             state: MechanismState::Disabled,
             reason: Reason::None,
             has_motors,
             phase: Phase::Off,
             armed_ns: 0,
+            stop,
+            end: MechanismState::Disabled,
+            is_disarmed: false,
         }
     }
 
-    /// Arms, or takes power.
+    /// Arms, or has power.
     pub(super) fn is_live(&self) -> bool {
-        matches!(self.state, MechanismState::Arming | MechanismState::Enabled)
+        self.phase != Phase::Off
     }
 
     /// Its motors have power, or are taking it.
@@ -53,29 +93,39 @@ impl Mechanism {
         self.phase == Phase::Waiting
     }
 
-    pub(super) fn is_damped(&self) -> bool {
-        self.phase == Phase::Damped
+    pub(super) fn is_stopping(&self) -> bool {
+        matches!(self.phase, Phase::Stopping(_))
     }
 
-    /// The worst comes last.
+    /// The worst comes last. What is stopped still has power, which `disabled` would deny.
     pub(super) fn severity(&self) -> u32 {
         match self.state {
             MechanismState::Enabled => 0,
             MechanismState::Arming => 1,
             MechanismState::Disabled => 2,
-            _ => 3,
+            MechanismState::Stopping => 3,
+            _ => 4,
         }
     }
 
-    /// How far gains and efforts have grown, from 0 to 1; `None` without power.
-    pub(super) fn ramp(&self, now_ns: u64, ramp_ns: u64) -> Option<f64> {
+    /// What its motors are given; `None` without power.
+    pub(super) fn course(&self, now_ns: u64, ramp_ns: u64) -> Option<Course> {
+        let passed = |since: u64| now_ns.saturating_sub(since) as f64;
         match self.phase {
             Phase::Off | Phase::Waiting => None,
-            Phase::Starting => Some(0.0),
-            Phase::Damped => Some(1.0),
-            Phase::Following(_) if ramp_ns == 0 => Some(1.0),
+            Phase::Starting => Some(Course::Follow(0.0)),
+            Phase::Damped(_) => Some(Course::Damp),
+            Phase::Following(_) if ramp_ns == 0 => Some(Course::Follow(1.0)),
             Phase::Following(since) => {
-                Some((now_ns.saturating_sub(since) as f64 / ramp_ns as f64).min(1.0))
+                Some(Course::Follow((passed(since) / ramp_ns as f64).min(1.0)))
+            }
+            Phase::Stopping(since) => {
+                let ramp = match Reaction::to(self.reason) {
+                    Reaction::Ramp => RAMP * self.stop.stop_ns as f64,
+                    _ => 0.0,
+                };
+                let passed = since.map_or(0.0, passed);
+                Some(Course::Brake(if passed < ramp { 1.0 - passed / ramp } else { 0.0 }))
             }
         }
     }
@@ -105,16 +155,55 @@ impl Mechanism {
 
     /// As [`Mechanism::disable`] where there is power to take.
     pub(super) fn torque_off(&mut self, reason: Reason) {
-        if self.is_powered() {
+        if self.is_stopping() {
+            self.finish();
+        } else if self.is_powered() {
             self.disable(reason);
         }
     }
 
-    /// Something failed; the first reason stays.
-    pub(super) fn fail(&mut self, reason: Reason) {
-        if self.is_live() {
-            (self.state, self.reason, self.phase) = (MechanismState::Fault, reason, Phase::Off);
+    /// An operator disarms: what follows commands is stopped, and loses its power at once when it
+    /// is disarmed a second time meanwhile.
+    pub(super) fn disarm(&mut self) {
+        match self.phase {
+            Phase::Following(_) | Phase::Damped(_) => {
+                self.stop(Reason::Disarmed, MechanismState::Disabled);
+            }
+            Phase::Stopping(_) if self.is_disarmed => self.finish(),
+            Phase::Stopping(_) => self.is_disarmed = true,
+            Phase::Off | Phase::Waiting | Phase::Starting => self.disable(Reason::Disarmed),
         }
+    }
+
+    /// Something failed: a stop where the motors are able to, which a stop under way is already,
+    /// or else no power. The first reason for a fault stays.
+    pub(super) fn fail(&mut self, reason: Reason) {
+        let is_able = Reaction::to(reason) != Reaction::TorqueOff;
+        if is_able && self.follows() {
+            self.stop(reason, MechanismState::Fault);
+        } else if self.is_live() && !(is_able && self.is_stopping()) {
+            let is_first = !(self.is_stopping() && self.end == MechanismState::Fault);
+            self.reason = if is_first { reason } else { self.reason };
+            (self.state, self.phase) = (MechanismState::Fault, Phase::Off);
+        }
+    }
+
+    fn follows(&self) -> bool {
+        matches!(self.phase, Phase::Following(_) | Phase::Damped(_))
+    }
+
+    fn stop(&mut self, reason: Reason, end: MechanismState) {
+        (self.state, self.reason, self.end) = (MechanismState::Stopping, reason, end);
+        self.phase = Phase::Stopping(None);
+        self.is_disarmed = reason == Reason::Disarmed;
+        if self.stop.function == StopFunction::Sto {
+            self.finish();
+        }
+    }
+
+    /// A stop ends without power.
+    fn finish(&mut self) {
+        (self.state, self.phase) = (self.end, Phase::Off);
     }
 
     pub(super) fn reset(&mut self) {
@@ -138,8 +227,8 @@ impl Mechanism {
         }
     }
 
-    /// From power to following, to damping and back, and to no power. True where it is to begin
-    /// anew from the measured position.
+    /// From power to following, to damping and back, to a stop and to no power; says what its
+    /// motors have to know.
     pub(super) fn follow(
         &mut self,
         now_ns: u64,
@@ -147,21 +236,33 @@ impl Mechanism {
         all_on: bool,
         is_late: bool,
         is_lost: bool,
-    ) -> bool {
-        let before = self.phase;
+    ) -> Option<Change> {
         match self.phase {
-            Phase::Off | Phase::Waiting => {}
-            _ if is_lost => self.disable(Reason::CommandLost),
-            Phase::Starting if all_on => {
-                (self.state, self.phase) = (MechanismState::Enabled, Phase::Following(now_ns));
+            Phase::Following(_) | Phase::Damped(_) if is_lost => {
+                self.stop(Reason::CommandLost, MechanismState::Disabled);
             }
-            Phase::Starting if now_ns.saturating_sub(self.armed_ns) > arming_ns => {
-                self.fail(Reason::ArmingTimeout)
-            }
-            Phase::Following(_) if is_late => self.phase = Phase::Damped,
-            Phase::Damped if !is_late => self.phase = Phase::Following(now_ns),
+            Phase::Starting if is_lost => self.disable(Reason::CommandLost),
             _ => {}
         }
-        self.phase != before
+        let (phase, change) = match self.phase {
+            Phase::Starting if all_on => {
+                self.state = MechanismState::Enabled;
+                (Phase::Following(now_ns), Change::Begin)
+            }
+            Phase::Starting if now_ns.saturating_sub(self.armed_ns) > arming_ns => {
+                self.fail(Reason::ArmingTimeout);
+                return None;
+            }
+            Phase::Following(since) if is_late => (Phase::Damped(since), Change::Late),
+            Phase::Damped(since) if !is_late => (Phase::Following(since), Change::Resume),
+            Phase::Stopping(None) => (Phase::Stopping(Some(now_ns)), Change::Stop),
+            Phase::Stopping(Some(since)) if now_ns.saturating_sub(since) >= self.stop.stop_ns => {
+                self.finish();
+                return None;
+            }
+            _ => return None,
+        };
+        self.phase = phase;
+        Some(change)
     }
 }

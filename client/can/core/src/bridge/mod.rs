@@ -5,16 +5,19 @@
 //! until every motor measures, is calibrated, has no fault and a watchdog that is on, until the
 //! buses are error-active with nothing left to send, and until a controller commands. The first
 //! set-point is the measured position without gains; gains, efforts and the way to the commanded
-//! position then grow together. Commands older than T1 bring damping, older than T2 take the power
-//! away. Nothing ever arms by itself.
+//! position then grow together. Commands older than T1 bring damping, and when they come back they
+//! act at once; older than T2 they, `disarm` and faults that leave the motors able bring a
+//! controlled stop: STOPPING, then DISABLED or FAULT. Nothing ever arms by itself.
 
 mod assess;
 mod counters;
 mod mechanism;
 mod model;
 mod motor;
+mod reaction;
 mod report;
 mod setpoint;
+mod stop;
 #[cfg(test)]
 mod tests;
 mod transitions;
@@ -36,6 +39,8 @@ use motor::Motor;
 
 /// Requests for power that are older than this are of another time `[ns]`.
 const OPERATION_NS: u64 = 1_000_000_000;
+/// Requests to disarm that are no farther apart are one `[ns]`.
+const REPEATED_NS: u64 = 100_000_000;
 /// A reset is repeated for this long to motors that keep a fault `[ns]`.
 const RESET_NS: u64 = 1_000_000_000;
 /// Room for frames of one motor in one cycle.
@@ -95,7 +100,10 @@ impl Bridge {
             })
         };
         let mechanisms = (0..configuration.n_mechanisms())
-            .map(|number| Mechanism::new(with_motors(number)))
+            .map(|number| {
+                let stop = configuration.stops.get(number).copied().unwrap_or_default();
+                Mechanism::new(with_motors(number), stop)
+            })
             .collect();
         let state = ActuatorState {
             fingerprint: configuration.fingerprint,
@@ -186,11 +194,16 @@ impl Bridge {
     }
 
     /// Takes a request of an operator. Power is given for requests of now only, and not for those
-    /// before the last one to disarm, in whatever order they come.
+    /// before the last one to disarm, in whatever order they come. One to disarm is no second one
+    /// where it is repeated at once, as clients do until they see it done.
     pub fn request(&mut self, now_ns: u64, request: &OperatorRequest) -> Option<Operation> {
         let operation = Operation::from_code(request.operation)?;
         if operation == Operation::Disarm {
+            let is_repeated = request.stamp_ns.abs_diff(self.disarmed_at) <= REPEATED_NS;
             self.disarmed_at = self.disarmed_at.max(request.stamp_ns);
+            if is_repeated && self.mechanisms.iter().any(Mechanism::is_stopping) {
+                return None;
+            }
         } else if now_ns.abs_diff(request.stamp_ns) > OPERATION_NS
             || request.stamp_ns <= self.disarmed_at
         {
@@ -219,9 +232,8 @@ impl Bridge {
                     }
                 }
             }
-            Operation::Disarm => {
-                self.mechanisms.iter_mut().for_each(|mechanism| mechanism.disable(Reason::Disarmed))
-            }
+            // a second time takes the power away at once
+            Operation::Disarm => self.mechanisms.iter_mut().for_each(Mechanism::disarm),
             Operation::Reset => {
                 self.mechanisms.iter_mut().for_each(Mechanism::reset);
                 self.reset_ns = Some(now_ns);
@@ -272,13 +284,8 @@ impl Bridge {
             else {
                 continue;
             };
-            let command = match mechanism.ramp(now_ns, self.configuration.ramp_ns) {
-                Some(ramp) => DriveCommand::On(motor.setpoint(
-                    &self.command,
-                    ramp,
-                    mechanism.is_damped(),
-                    elapsed,
-                )),
+            let command = match mechanism.course(now_ns, self.configuration.ramp_ns) {
+                Some(course) => DriveCommand::On(motor.setpoint(&self.command, course, elapsed)),
                 None if is_reset && motor.config.drive.state().fault != 0 => DriveCommand::Reset,
                 None => DriveCommand::Off,
             };

@@ -2,8 +2,9 @@
 
 use sarrus_proto::actuators::Reason;
 
+use super::stop::Reference;
 use crate::config::MotorConfig;
-use crate::drive::{Measurement, Watchdog};
+use crate::drive::{Measurement, Mode, Watchdog};
 use crate::mapping::ActuatorMeasurement;
 
 /// A motor.
@@ -19,17 +20,28 @@ pub(super) struct Motor {
     pub(super) sent_ns: Option<u64>,
     /// Bits of what was limited in the last set-point.
     pub(super) flags: u32,
-    /// Where it was when it began to follow `[rad, m]`.
+    /// Where it was when it began to follow, or when commands became late `[rad, m]`.
     pub(super) hold: f64,
+    /// How far its spring was drawn when commands became late `[rad, m]`.
+    deflection: f64,
     /// The last set-point's position and effort.
     pub(super) last_position: f64,
     pub(super) last_effort: f64,
     /// What keeps it still against gravity, by the model; 0 without one `[N m, N]`.
     pub(super) gravity: f64,
+    /// Damping of stops: the configured one, or more where that could not stop `[N m s/rad, N
+    /// s/m]`.
+    pub(super) stop_damping: f64,
+    pub(super) stop: Reference,
 }
 
 impl Motor {
     pub(super) fn new(config: MotorConfig) -> Motor {
+        let stop_damping = match config.common.mode {
+            // whose damper has the rate of the bridge, and is no better for being stronger
+            Mode::Torque if config.damping > 0.0 => config.damping,
+            _ => config.damping.max(config.limits.damping()),
+        };
         Motor {
             config,
             measured: ActuatorMeasurement::NONE,
@@ -38,9 +50,12 @@ impl Motor {
             sent_ns: None,
             flags: 0,
             hold: 0.0,
+            deflection: 0.0,
             last_position: 0.0,
             last_effort: 0.0,
             gravity: 0.0,
+            stop_damping,
+            stop: Reference::default(),
         }
     }
 
@@ -66,12 +81,33 @@ impl Motor {
         }
     }
 
-    /// Begins anew from where it is.
+    /// Where it is, as far as it ever said.
+    pub(super) fn place(&self) -> f64 {
+        if self.measured.position.is_finite() { self.measured.position } else { self.hold }
+    }
+
+    /// Begins to follow from where it is.
     pub(super) fn hold(&mut self) {
-        if self.measured.position.is_finite() {
-            self.hold = self.measured.position;
-        }
+        self.hold = self.place();
         (self.last_position, self.last_effort) = (self.hold, 0.0);
+    }
+
+    /// Commands became late.
+    pub(super) fn late(&mut self) {
+        self.hold = self.place();
+        self.deflection = match self.config.common.mode {
+            Mode::Impedance | Mode::Torque => self.last_position - self.hold,
+            // whose controllers hold loads by themselves
+            Mode::Position | Mode::Velocity => 0.0,
+        };
+    }
+
+    /// Commands came back: the way to the desired position begins where the actuator is, or as far
+    /// on the way as its spring was drawn before, so that a load is held as before.
+    pub(super) fn resume(&mut self, desired: f64) {
+        let place = self.place();
+        self.last_position =
+            (place + self.deflection).max(place.min(desired)).min(place.max(desired));
     }
 
     /// Why it cannot be armed, however long one waits.

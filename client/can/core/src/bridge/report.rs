@@ -3,6 +3,7 @@
 use sarrus_proto::actuators::{MAX_ACTUATORS, MechanismState, Reason, flag};
 
 use super::Bridge;
+use super::mechanism::Course;
 use crate::drive::Power;
 
 impl Bridge {
@@ -29,14 +30,14 @@ impl Bridge {
                 .mechanisms
                 .get(actuator)
                 .and_then(|number| self.mechanisms.get(*number));
-            let is_damped = number.is_some_and(|mechanism| mechanism.is_damped());
-            let is_ramping = number.is_some_and(|mechanism| {
-                mechanism.ramp(now_ns, self.configuration.ramp_ns).is_some_and(|ramp| ramp < 1.0)
-            });
+            let course =
+                number.and_then(|mechanism| mechanism.course(now_ns, self.configuration.ramp_ns));
+            let is_ramping = matches!(course, Some(Course::Follow(ramp)) if ramp < 1.0);
             let drive = motor.config.drive.state();
             let mut flags = motor.flags;
             for (is_set, bit) in [
-                (is_damped, flag::DAMPED),
+                (course == Some(Course::Damp), flag::DAMPED),
+                (matches!(course, Some(Course::Brake(_))), flag::STOPPING),
                 (is_ramping, flag::RAMPING),
                 (motor.is_stale(now_ns, self.configuration.timeouts.feedback_ns), flag::STALE),
                 (drive.fault != 0, flag::MOTOR_FAULT),

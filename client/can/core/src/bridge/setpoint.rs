@@ -3,23 +3,26 @@
 
 use sarrus_proto::actuators::{ActuatorCommand, flag};
 
+use super::mechanism::Course;
 use super::motor::Motor;
 use crate::drive::{Mode, Setpoint};
 use crate::mapping::ActuatorSetpoint;
 
 impl Motor {
-    /// The set-point of this cycle, on the motor's side. `ramp` goes from 0 to 1 after arming,
-    /// `elapsed` is the time since the last set-point `[s]`. Marks what was limited.
+    /// The set-point of this cycle, on the motor's side. `elapsed` is the time since the last
+    /// set-point `[s]`. Marks what was limited.
     pub(super) fn setpoint(
         &mut self,
         command: &ActuatorCommand,
-        ramp: f64,
-        is_damped: bool,
+        course: Course,
         elapsed: f64,
     ) -> Setpoint {
         self.flags = 0;
-        let mut setpoint =
-            if is_damped { self.damped() } else { self.following(command, ramp, elapsed) };
+        let mut setpoint = match course {
+            Course::Follow(ramp) => self.following(command, ramp, elapsed),
+            Course::Damp => self.damped(),
+            Course::Brake(part) => self.braking(part, elapsed),
+        };
         if self.config.common.mode == Mode::Torque {
             // a motor without gains of its own gets their sum
             setpoint = ActuatorSetpoint {
@@ -29,7 +32,7 @@ impl Motor {
                 ..setpoint
             };
         }
-        if !is_damped {
+        if let Course::Follow(_) = course {
             let change = self.config.limits.effort_rate * elapsed;
             let (least, most) = (self.last_effort - change, self.last_effort + change);
             setpoint.effort = self.limited(setpoint.effort, least, most, flag::RATE_LIMITED);
@@ -39,13 +42,13 @@ impl Motor {
         self.config.mapping.to_motor(&setpoint)
     }
 
-    /// Stays where it is by damping alone: as a velocity of zero where the motor follows
+    /// Stays where it is by damping alone, and by what gravity needs where that is known: as a velocity of zero where the motor follows
     /// velocities, and as the position where commands stayed away where it follows positions.
     fn damped(&self) -> ActuatorSetpoint {
         ActuatorSetpoint {
             position: self.hold,
             velocity: 0.0,
-            effort: 0.0,
+            effort: self.gravity,
             stiffness: 0.0,
             damping: self.config.damping,
         }

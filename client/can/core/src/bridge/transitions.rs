@@ -2,7 +2,7 @@
 
 use sarrus_proto::actuators::{MechanismState, Reason};
 
-use super::mechanism::Mechanism;
+use super::mechanism::{Change, Mechanism};
 use super::motor::Motor;
 use super::{Bridge, BusState};
 use crate::config::Stop;
@@ -29,7 +29,7 @@ impl Bridge {
                 Reason::FeedbackStale
             } else if let Some(reason) = motor.config.missing_watchdog() {
                 reason
-            } else if mechanism.state == MechanismState::Enabled
+            } else if mechanism.state != MechanismState::Arming
                 && motor.config.drive.state().power != Power::On
             {
                 Reason::PowerLost
@@ -116,7 +116,7 @@ impl Bridge {
         self.mechanisms.get(*number)
     }
 
-    /// A mechanism whose motors all have power follows; one whose commands stay away loses power.
+    /// A mechanism whose motors all have power follows; one whose commands stay away is stopped.
     pub(super) fn follow(&mut self, number: usize, now_ns: u64, is_late: bool, is_lost: bool) {
         let mechanisms = &self.configuration.mechanisms;
         let is_member = |motor: &Motor| mechanisms.get(motor.config.actuator) == Some(&number);
@@ -126,15 +126,24 @@ impl Bridge {
             .filter(|motor| is_member(motor))
             .all(|motor| motor.config.drive.state().power == Power::On);
         let Some(mechanism) = self.mechanisms.get_mut(number) else { return };
-        let changed = mechanism.follow(
+        let change = mechanism.follow(
             now_ns,
             self.configuration.timeouts.arming_ns,
             all_on,
             is_late,
             is_lost,
         );
-        if changed {
-            self.motors.iter_mut().filter(|motor| is_member(motor)).for_each(Motor::hold);
+        let Some(change) = change else { return };
+        for motor in self.motors.iter_mut().filter(|motor| is_member(motor)) {
+            match change {
+                Change::Begin => motor.hold(),
+                Change::Late => motor.late(),
+                Change::Resume => {
+                    let desired = self.command.position.get(motor.config.actuator).copied();
+                    motor.resume(desired.unwrap_or(motor.hold));
+                }
+                Change::Stop => motor.begin_stop(),
+            }
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Settings of a configuration: top level, timeouts, buses, motors, limits.
 
+use super::StopFunction;
 use crate::settings::{Key, KeyKind};
 
 /// A time or a size that nobody sensible exceeds.
@@ -22,6 +23,13 @@ pub(super) const TOP: &[Key] = &[
         Some("mechanism"),
         "what stops when a motor fails",
     ),
+    key(
+        "stop_function",
+        KeyKind::Word(StopFunction::NAMES),
+        Some("ss1"),
+        "how a mechanism stops, in the words of IEC 61800-5-2",
+    ),
+    key("stop_ms", KeyKind::Number(1.0, 10_000.0), Some("500"), "time to come to a standstill"),
 ];
 pub(super) const TIMEOUTS: &[Key] = &[
     key(
@@ -30,7 +38,12 @@ pub(super) const TIMEOUTS: &[Key] = &[
         Some("20"),
         "T1: older commands bring damping",
     ),
-    key("disable_ms", KeyKind::Number(0.1, 60_000.0), Some("100"), "T2: older commands disable"),
+    key(
+        "disable_ms",
+        KeyKind::Number(0.1, 60_000.0),
+        Some("100"),
+        "T2: older commands bring a stop",
+    ),
     key(
         "feedback_ms",
         KeyKind::Number(0.1, 10_000.0),
@@ -100,7 +113,7 @@ pub(super) const MOTOR: &[Key] = &[
     key(
         "damping",
         KeyKind::Number(0.0, LARGE),
-        Some("0"),
+        Some(""),
         "damping while commands are late, N m s/rad or N s/m",
     ),
     key("watchdog_ms", KeyKind::Integer(1, 10_000), None, "the motor's own watchdog in ms"),

@@ -9,6 +9,8 @@
 //! ramp_ms: 500              # gains and efforts grow to their full size in this time after arming
 //! stop: mechanism           # or `robot`: what stops when a motor fails
 //! model: {effort: 0.3, clearance: 0.2}  # how far the robot may be from its model
+//! stop_function: ss1        # how it stops: to a standstill within `stop_ms`, then no torque
+//! stop_ms: 500
 //! buses:
 //! - {name: left_arm, interface: socketcan, channel: can0, bitrate: 1000000}
 //! motors:
@@ -30,9 +32,11 @@ mod files;
 mod keys;
 mod motors;
 mod read;
+mod stops;
 
 #[cfg(feature = "files")]
 pub use files::ConfigurationError;
+pub use stops::{MechanismStop, StopFunction};
 
 use std::sync::Arc;
 
@@ -72,6 +76,8 @@ pub struct Configuration {
     pub ramp_ns: u64,
     /// What stops when a motor fails.
     pub stop: Stop,
+    /// How each mechanism is stopped, by its number in `mechanisms`.
+    pub stops: Vec<MechanismStop>,
     /// The buses.
     pub buses: Vec<BusConfig>,
     /// The motors, in the order of the file.
@@ -85,7 +91,7 @@ pub struct Configuration {
 pub struct Timeouts {
     /// T1: commands older than this bring damping `[ns]`.
     pub damping_ns: u64,
-    /// T2: commands older than this disable `[ns]`.
+    /// T2: commands older than this bring a stop `[ns]`.
     pub disable_ns: u64,
     /// A motor that has not measured for this time has failed `[ns]`.
     pub feedback_ns: u64,
@@ -151,7 +157,8 @@ pub struct MotorConfig {
     pub watchdog_believed: bool,
     /// Limits of the actuator.
     pub limits: Limits,
-    /// Damping while commands are late `[N m s/rad, N s/m]`.
+    /// Damping while commands are late `[N m s/rad, N s/m]`; where the file has none it is
+    /// [`Limits::damping`].
     pub damping: f64,
 }
 
@@ -168,6 +175,17 @@ pub struct Limits {
     pub effort: f64,
     /// Greatest change of the effort in time `[N m/s, N/s]`.
     pub effort_rate: f64,
+}
+
+impl Limits {
+    /// Speed that the greatest effort is to brake where no limit is known `[rad/s, m/s]`.
+    const SPEED: f64 = 10.0;
+
+    /// A damping that brakes the greatest velocity with the greatest effort, and without a limit of
+    /// the velocity ten units in a second `[N m s/rad, N s/m]`.
+    pub fn damping(&self) -> f64 {
+        self.effort / if self.velocity.is_finite() { self.velocity } else { Self::SPEED }
+    }
 }
 
 impl MotorConfig {
@@ -213,6 +231,7 @@ impl Configuration {
             model: self.model.clone(),
             actuators: self.actuators.clone(),
             mechanisms: self.mechanisms.clone(),
+            stops: self.stops.clone(),
             buses: self.buses.clone(),
             motors: Vec::new(),
             warnings: self.warnings.clone(),

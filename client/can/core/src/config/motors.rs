@@ -80,7 +80,11 @@ impl Reader<'_, '_> {
                 is_calibrated: read.has("offset"),
                 watchdog_believed: read.text("watchdog") == "believed",
                 limits,
-                damping: read.number("damping"),
+                damping: if read.has("damping") {
+                    read.number("damping")
+                } else {
+                    limits.damping()
+                },
             };
             motors.push((name, Read { motor, place: node.span }));
         }

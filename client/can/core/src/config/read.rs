@@ -9,7 +9,8 @@ use sarrus_models::{Diagnostics, LoadError, Report, Source};
 use super::keys::{BUS, MODEL, TIMEOUTS, TOP};
 use super::motors::Robot;
 use super::{
-    BusConfig, Configuration, MAX_BUSES, ModelRules, MotorConfig, Stop, Surroundings, Timeouts, check,
+    BusConfig, Configuration, MAX_BUSES, MechanismStop, ModelRules, MotorConfig, Stop,
+    StopFunction, Surroundings, Timeouts, check,
 };
 use crate::settings::{Key, Settings};
 
@@ -85,7 +86,12 @@ impl Reader<'_, '_> {
         }
         check::motors(&read, &actuators, &mechanisms, robot.is_some(), root.span, self.diagnostics);
         let places: Vec<Span> = read.iter().map(|read| read.place).collect();
+        let stop = MechanismStop {
+            function: StopFunction::named(top.text("stop_function")),
+            stop_ns: nanoseconds(top.number("stop_ms")),
+        };
         let configuration = Configuration {
+            stops: vec![stop; mechanisms.iter().max().map_or(0, |last| last + 1)],
             robot: robot.as_ref().map(|robot| robot.loaded.compiled.model.name().to_owned()),
             fingerprint: robot
                 .as_ref()

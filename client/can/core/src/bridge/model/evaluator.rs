@@ -118,7 +118,12 @@ impl Evaluator {
     }
 }
 
-fn run(model: &Model, workspace: &mut Workspace<f64>, prepared: &mut Prepared, pose: &mut Pose) -> bool {
+fn run(
+    model: &Model,
+    workspace: &mut Workspace<f64>,
+    prepared: &mut Prepared,
+    pose: &mut Pose,
+) -> bool {
     prepared.give(Field::Y, &pose.y);
     prepared.give(Field::QGuess, &pose.q);
     let answer = prepared.plan.run(model, workspace, &prepared.input, &mut prepared.output);

@@ -77,7 +77,10 @@ impl Linkage {
             for j in 0..=i {
                 self.factor.matrix[i * m + j] =
                     self.actuators.iter().zip(&self.weights).fold(0.0, |sum, (&u, w)| {
-                        sum + w * w * self.actuation(rows, pose, u, i) * self.actuation(rows, pose, u, j)
+                        sum + w
+                            * w
+                            * self.actuation(rows, pose, u, i)
+                            * self.actuation(rows, pose, u, j)
                     });
             }
         }
@@ -114,15 +117,17 @@ impl Linkage {
         let mut side = std::mem::take(&mut self.side);
         for (i, side) in side.iter_mut().enumerate() {
             let (v, _) = self.independents[i];
-            *side = self.actuators.iter().fold(tau_y[v], |sum, &u| {
-                sum - self.actuation(rows, pose, u, i) * given(u)
-            });
+            *side = self
+                .actuators
+                .iter()
+                .fold(tau_y[v], |sum, &u| sum - self.actuation(rows, pose, u, i) * given(u));
         }
         self.factor.solve(&mut side);
         for (&u, w) in self.actuators.iter().zip(&self.weights) {
-            let effort = side.iter().enumerate().fold(0.0, |sum, (i, x)| {
-                sum + w * w * self.actuation(rows, pose, u, i) * x
-            });
+            let effort = side
+                .iter()
+                .enumerate()
+                .fold(0.0, |sum, (i, x)| sum + w * w * self.actuation(rows, pose, u, i) * x);
             each(u, effort);
         }
         self.side = side;
@@ -138,9 +143,10 @@ impl Linkage {
             }
             self.factor.solve(&mut side);
             for (&u, w) in self.actuators.iter().zip(&self.weights) {
-                let entry = side.iter().enumerate().fold(0.0, |sum, (i, x)| {
-                    sum + w * w * self.actuation(rows, pose, u, i) * x
-                });
+                let entry = side
+                    .iter()
+                    .enumerate()
+                    .fold(0.0, |sum, (i, x)| sum + w * w * self.actuation(rows, pose, u, i) * x);
                 sum += entry * entry;
             }
         }

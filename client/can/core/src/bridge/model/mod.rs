@@ -410,9 +410,15 @@ impl RobotModel {
                 let (gravity, part) = (&self.gravity, self.rules.effort);
                 let room = &mut self.moving;
                 let tau_y = &self.pose.tau_y;
-                linkage.efforts_of(&self.rows, &self.pose, tau_y, |_| 0.0, |u, effort| {
-                    room[u] = effort - gravity[u];
-                });
+                linkage.efforts_of(
+                    &self.rows,
+                    &self.pose,
+                    tau_y,
+                    |_| 0.0,
+                    |u, effort| {
+                        room[u] = effort - gravity[u];
+                    },
+                );
                 let reported = |u: usize| efforts[u].rate;
                 linkage.efforts_of(&self.rows, &self.pose, tau_y, reported, |u, deviation| {
                     let allowed = part * limits[u].effort;
@@ -500,9 +506,15 @@ impl RobotModel {
             let gravity = &mut self.gravity;
             if is_weighable && linkage.factorise(&self.rows, &self.pose) {
                 let tau_y = &self.pose.tau_y;
-                linkage.efforts_of(&self.rows, &self.pose, tau_y, |_| 0.0, |u, effort| {
-                    gravity[u] = effort;
-                });
+                linkage.efforts_of(
+                    &self.rows,
+                    &self.pose,
+                    tau_y,
+                    |_| 0.0,
+                    |u, effort| {
+                        gravity[u] = effort;
+                    },
+                );
             } else {
                 linkage.actuators.iter().for_each(|u| gravity[*u] = 0.0);
             }

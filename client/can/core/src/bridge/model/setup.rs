@@ -70,9 +70,8 @@ pub(super) fn structure(
     let owners: Vec<Option<usize>> = (0..sizes.n_vy).map(mechanism_of).collect();
     let mut linkages: Vec<Linkage> = Vec::new();
     for number in 0..configuration.n_mechanisms() {
-        let actuators: Vec<usize> = (0..sizes.n_u)
-            .filter(|u| configuration.mechanisms.get(*u) == Some(&number))
-            .collect();
+        let actuators: Vec<usize> =
+            (0..sizes.n_u).filter(|u| configuration.mechanisms.get(*u) == Some(&number)).collect();
         let columns: Vec<usize> =
             (0..sizes.n_vy).filter(|column| owners[*column] == Some(number)).collect();
         let joints = (0..sizes.n_v)
@@ -95,9 +94,10 @@ pub(super) fn structure(
     // the best pose of each among those that its actuators can have
     for linkage in linkages.iter_mut().filter(|linkage| linkage.is_determined()) {
         let is_within = |pose: &Pose| {
-            linkage.actuators.iter().all(|&u| {
-                limits.get(u).is_none_or(|of| (of.lower..=of.upper).contains(&pose.u[u]))
-            })
+            linkage
+                .actuators
+                .iter()
+                .all(|&u| limits.get(u).is_none_or(|of| (of.lower..=of.upper).contains(&pose.u[u])))
         };
         let within: Vec<&Pose> = poses.iter().filter(|pose| is_within(pose)).collect();
         let chosen = if within.is_empty() { poses.iter().collect() } else { within };
@@ -129,8 +129,11 @@ fn samples(
             let step = (0.754_877_666_246_693 * (v as f64 + 1.0)).fract().max(0.01);
             let part = (0.5 + k as f64 * step).fract();
             let (lower, upper) = (range[0].max(-UNBOUNDED), range[1].min(UNBOUNDED));
-            let (lower, upper) =
-                if range[0].is_finite() && range[1].is_finite() { (range[0], range[1]) } else { (lower, upper) };
+            let (lower, upper) = if range[0].is_finite() && range[1].is_finite() {
+                (range[0], range[1])
+            } else {
+                (lower, upper)
+            };
             pose.y[*place] = lower + part * (upper - lower);
         }
         if evaluator.pose(&mut pose) {
@@ -149,11 +152,8 @@ fn coupled(
     n_mechanisms: usize,
 ) -> Option<Vec<Vec<usize>>> {
     let model = &evaluator.model;
-    let query = Query::new(
-        Request::InverseDynamics,
-        FieldSet::of(&[Field::Y]),
-        FieldSet::of(&[Field::MY]),
-    );
+    let query =
+        Query::new(Request::InverseDynamics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::MY]));
     let plan = Plan::new(model, &query).ok()?;
     let (mut workspace, mut matrix) = (Workspace::new(model), vec![0.0; plan.want().len()]);
     plan.run(model, &mut workspace, &zero.y, &mut matrix).ok().ok()?;

@@ -7,8 +7,7 @@ use sarrus_models::yaml;
 use sarrus_proto::actuators::MAX_ACTUATORS;
 
 use super::super::*;
-use crate::config::Stop;
-use crate::config::{BusConfig, Limits, MotorConfig, Timeouts};
+use crate::config::{BusConfig, Limits, MechanismStop, MotorConfig, Stop, Timeouts};
 use crate::drive::Power;
 use crate::drive::{Drive, DriveState, Measurement, Mode, Reply, Setpoint, Watchdog};
 use crate::frame::Id;
@@ -52,8 +51,15 @@ impl Drive for Plain {
         if frame.id != Id::Standard(self.id + 16) {
             return Receipt::NotMine;
         }
-        let Some([is_on, fault, position]) = frame.exactly::<3>() else {
-            return Receipt::Malformed;
+        let (is_on, fault, position, velocity) = match frame.data() {
+            [is_on, fault, position] => (*is_on, *fault, f64::from(*position) / 100.0, 0.0),
+            [is_on, fault, _, _, rest @ ..] if rest.len() == 8 => {
+                let (position, velocity) = rest.split_at(4);
+                let number =
+                    |bytes: &[u8]| f64::from(f32::from_le_bytes(bytes.try_into().unwrap()));
+                (*is_on, *fault, number(position), number(velocity))
+            }
+            _ => return Receipt::Malformed,
         };
         let watchdog = Watchdog::Set(self.watchdog_ms.load(Ordering::Relaxed));
         self.state = DriveState {
@@ -61,12 +67,7 @@ impl Drive for Plain {
             fault: u32::from(fault),
             watchdog,
         };
-        Receipt::Measured(Measurement {
-            position: f64::from(position) / 100.0,
-            velocity: 0.0,
-            torque: 0.0,
-            temperature: 30.0,
-        })
+        Receipt::Measured(Measurement { position, velocity, torque: 0.0, temperature: 30.0 })
     }
     fn state(&self) -> DriveState {
         self.state
@@ -81,6 +82,56 @@ impl Drive for Plain {
         Vec::new()
     }
     fn probe(&mut self, _out: &mut FrameQueue) {}
+}
+
+/// A shaft with an inertia and a load, turned by a motor of a mode.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shaft {
+    pub(super) mode: Mode,
+    /// `[kg m²]`
+    pub(super) inertia: f64,
+    /// Torque of the load `[N m]`.
+    pub(super) load: f64,
+    pub(super) position: f64,
+    pub(super) velocity: f64,
+    /// Torque of the motor `[N m]`.
+    pub(super) torque: f64,
+}
+
+impl Default for Shaft {
+    fn default() -> Shaft {
+        Shaft {
+            mode: Mode::Impedance,
+            inertia: 1.0,
+            load: 0.0,
+            position: 0.0,
+            velocity: 0.0,
+            torque: 0.0,
+        }
+    }
+}
+
+impl Shaft {
+    /// One millisecond in steps of ten microseconds.
+    fn turn(&mut self, command: DriveCommand) {
+        for _ in 0..100 {
+            let setpoint = match command {
+                DriveCommand::On(setpoint) => setpoint,
+                _ => Setpoint::default(),
+            };
+            // drives that follow positions or velocities have stiff controllers of their own
+            let (stiffness, damping) = match (command, self.mode) {
+                (DriveCommand::On(_), Mode::Position) => (1e4, 200.0),
+                (DriveCommand::On(_), Mode::Velocity) => (0.0, 200.0),
+                _ => (setpoint.stiffness / self.inertia, setpoint.damping / self.inertia),
+            };
+            self.torque = setpoint.torque
+                + self.inertia * stiffness * (setpoint.position - self.position)
+                + self.inertia * damping * (setpoint.velocity - self.velocity);
+            self.velocity += 1e-5 * (self.torque + self.load) / self.inertia;
+            self.position += 1e-5 * self.velocity;
+        }
+    }
 }
 
 static PLAIN: Protocol = Protocol {
@@ -103,9 +154,13 @@ pub(super) struct Bench {
     pub(super) fault: [u8; 3],
     pub(super) answers: [bool; 3],
     pub(super) position: u8,
+    /// Shafts that the motors turn, instead of the position of all.
+    pub(super) shafts: Option<[Shaft; 3]>,
     /// What each motor's watchdog is when it is read `[ms]`.
     pub(super) watchdog_ms: [std::sync::Arc<AtomicU32>; 3],
     pub(super) commands: bool,
+    /// What is commanded.
+    pub(super) target: Setpoint,
 }
 
 impl Bench {
@@ -171,6 +226,7 @@ impl Bench {
             },
             ramp_ns: 100 * MS,
             stop: Stop::Mechanism,
+            stops: vec![MechanismStop::default(); 2],
             buses: vec![bus("x"), bus("y")],
             motors: (0..3).map(motor).collect(),
             warnings: Vec::new(),
@@ -184,8 +240,10 @@ impl Bench {
             fault: [0; 3],
             answers: [true; 3],
             position: 20,
+            shafts: None,
             watchdog_ms,
             commands: true,
+            target: Setpoint { position: 0.5, torque: 1.0, stiffness: 2.0, ..Setpoint::default() },
         }
     }
 
@@ -195,9 +253,11 @@ impl Bench {
             stamp_ns: self.now_ns,
             fingerprint: 7,
             n_u: 3,
-            position: [0.5; MAX_ACTUATORS],
-            effort: [1.0; MAX_ACTUATORS],
-            stiffness: [2.0; MAX_ACTUATORS],
+            position: [self.target.position; MAX_ACTUATORS],
+            velocity: [self.target.velocity; MAX_ACTUATORS],
+            effort: [self.target.torque; MAX_ACTUATORS],
+            stiffness: [self.target.stiffness; MAX_ACTUATORS],
+            damping: [self.target.damping; MAX_ACTUATORS],
             ..ActuatorCommand::default()
         }
     }
@@ -218,8 +278,18 @@ impl Bench {
                 .find(|frame| frame.id == Id::Standard(i as u16))
                 .copied();
             if let (Some(frame), true) = (sent, self.answers[i]) {
-                let answer = [frame.data()[0], self.fault[i], self.position];
-                let answer = Frame::classic(Id::Standard(i as u16 + 16), &answer).unwrap();
+                let id = Id::Standard(i as u16 + 16);
+                let [is_on, fault] = [frame.data()[0], self.fault[i]];
+                let answer = match &mut self.shafts {
+                    None => Frame::classic(id, &[is_on, fault, self.position]).unwrap(),
+                    Some(shafts) => {
+                        shafts[i].turn(*self.given[i].lock().unwrap().last().unwrap());
+                        let mut answer = vec![is_on, fault, 0, 0];
+                        answer.extend((shafts[i].position as f32).to_le_bytes());
+                        answer.extend((shafts[i].velocity as f32).to_le_bytes());
+                        Frame::fd(id, false, &answer).unwrap()
+                    }
+                };
                 self.bridge.receive(self.now_ns + MS / 4, i / 2, &answer);
             }
         }

@@ -1,5 +1,6 @@
 mod bench;
 mod limits;
+mod stops;
 
 use std::sync::atomic::Ordering;
 
@@ -89,39 +90,6 @@ fn a_motor_that_is_not_calibrated_is_never_armed() {
 }
 
 #[test]
-fn late_commands_bring_damping_and_lost_ones_no_power() {
-    let mut bench = Bench::armed();
-    bench.commands = false;
-    bench.steps(20);
-    assert!(bench.setpoint(0).stiffness > 0.0);
-    bench.steps(2);
-    assert_eq!(bench.setpoint(0), Setpoint { position: 0.2, damping: 3.0, ..Setpoint::default() });
-    assert_ne!(bench.bridge.state().flags[0] & flag::DAMPED, 0);
-    bench.steps(80);
-    assert_eq!(bench.states(), [MechanismState::Disabled; 3]);
-    assert_eq!((bench.last(0), bench.reason(0)), (DriveCommand::Off, Reason::CommandLost));
-    // commands that come back do not arm
-    bench.commands = true;
-    bench.steps(200);
-    assert_eq!(bench.states(), [MechanismState::Disabled; 3]);
-}
-
-#[test]
-fn commands_that_come_back_in_time_grow_again_from_where_the_actuator_is() {
-    let mut bench = Bench::armed();
-    bench.steps(200);
-    bench.commands = false;
-    bench.steps(30);
-    bench.position = 90;
-    bench.step();
-    bench.commands = true;
-    bench.step();
-    assert_eq!(bench.states(), [MechanismState::Enabled; 3]);
-    let first = bench.setpoint(0);
-    assert_eq!((first.position, first.stiffness), (0.9, 0.0));
-}
-
-#[test]
 fn one_number_that_is_none_rejects_the_whole_command() {
     let mut bench = Bench::armed();
     let position = bench.setpoint(0).position;
@@ -205,8 +173,12 @@ fn a_robot_that_stops_as_a_whole_stops_as_a_whole() {
     bench.arm();
     bench.fault[2] = 1;
     bench.steps(3);
-    assert_eq!(bench.states(), [MechanismState::Fault; 3]);
+    let (stopping, fault) = (MechanismState::Stopping, MechanismState::Fault);
+    assert_eq!(bench.states(), [stopping, stopping, fault]);
     assert_eq!((bench.reason(0), bench.reason(2)), (Reason::OtherMechanism, Reason::MotorFault));
+    bench.steps(500);
+    assert_eq!(bench.states(), [fault; 3]);
+    assert_eq!((bench.reason(0), bench.last(0)), (Reason::OtherMechanism, DriveCommand::Off));
 }
 
 #[test]

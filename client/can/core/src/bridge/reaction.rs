@@ -1,0 +1,60 @@
+//! What is done about each reason: whether it leaves the motors able to stop.
+
+use sarrus_proto::actuators::Reason;
+
+/// How a mechanism loses its power.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Reaction {
+    /// A stop along a ramp: nothing is wrong with the robot itself.
+    Ramp,
+    /// A stop that brakes as much as it can from the beginning.
+    Brake,
+    /// No torque from now on: what would brake, or what it would be judged by, cannot be believed.
+    TorqueOff,
+}
+
+impl Reaction {
+    /// What is done about a reason.
+    pub(super) fn to(reason: Reason) -> Reaction {
+        match reason {
+            // nobody wants more of a robot that is in order
+            Reason::Disarmed | Reason::OtherMechanism => Reaction::Ramp,
+            // it was damped for T2 - T1; what is left of the speed may be that of a falling load
+            Reason::CommandLost => Reaction::Brake,
+            // the robot is where or as fast as it must not be, or behind what it is asked for, and
+            // its motors measure and follow
+            Reason::PositionLimit
+            | Reason::VelocityLimit
+            | Reason::FollowingError
+            | Reason::MechanismLimit
+            | Reason::NearSingular
+            | Reason::ModelEffort => Reaction::Brake,
+            // the motor is hot and the bus loses frames, but both still do their part, for the
+            // time of a stop
+            Reason::OverTemperature | Reason::BusPassive => Reaction::Brake,
+            // the measurement is missing, old or wrong: a brake would push anywhere. Positions that
+            // no pose of the mechanism has are wrong, at least one of them
+            Reason::FeedbackStale
+            | Reason::FeedbackFrozen
+            | Reason::FeedbackJump
+            | Reason::FeedbackLate
+            | Reason::SecondAnswer
+            | Reason::LoopResidual
+            | Reason::Unreachable => Reaction::TorqueOff,
+            // the motor does not do what it is asked for, or not only what this side asks for;
+            // braking with the others of its mechanism would load the loop on one side. A second
+            // master can bring no torque back but by giving power
+            Reason::MotorFault
+            | Reason::PowerLost
+            | Reason::EffortMismatch
+            | Reason::SecondMaster
+            | Reason::BusOff => Reaction::TorqueOff,
+            // nothing would end the torque if this side failed while it stops
+            Reason::WatchdogOff | Reason::WatchdogUnknown | Reason::WatchdogLong => {
+                Reaction::TorqueOff
+            }
+            // of bridges that stood still, and of mechanisms that do not follow yet
+            _ => Reaction::TorqueOff,
+        }
+    }
+}
