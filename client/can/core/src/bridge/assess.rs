@@ -3,6 +3,7 @@
 use sarrus_proto::actuators::MechanismState;
 
 use super::Bridge;
+use super::mechanism::Course;
 use super::model::{Activity, Measured};
 use super::motor::Motor;
 use crate::drive::Mode;
@@ -33,12 +34,12 @@ impl Bridge {
             );
         }
         for (number, mechanism) in mechanisms.iter().enumerate() {
-            let ramp = mechanism.ramp(now_ns, configuration.ramp_ns);
-            let is_following = mechanism.state == MechanismState::Enabled && !mechanism.is_damped();
-            let activity = match ramp {
+            let course = mechanism.course(now_ns, configuration.ramp_ns);
+            let is_enabled = mechanism.state == MechanismState::Enabled;
+            let activity = match course {
                 None => Activity::Idle,
-                Some(ramp) if is_following && ramp < 1.0 => Activity::Ramping,
-                Some(_) if is_following => Activity::Following,
+                Some(Course::Follow(ramp)) if is_enabled && ramp < 1.0 => Activity::Ramping,
+                Some(Course::Follow(_)) if is_enabled => Activity::Following,
                 Some(_) => Activity::Powered,
             };
             model.activity(number, activity);

@@ -36,6 +36,7 @@ use crate::frame::{Frame, FrameQueue};
 use mechanism::Mechanism;
 use model::RobotModel;
 use motor::Motor;
+use transitions::is_of;
 
 /// Requests for power that are older than this are of another time `[ns]`.
 const OPERATION_NS: u64 = 1_000_000_000;
@@ -61,10 +62,12 @@ pub struct Bridge {
     armed_at: u64,
     /// Stamp of the newest request to disarm `[ns]`.
     disarmed_at: u64,
+    /// Whom it meant, as it travelled.
+    disarmed: u32,
     /// Whether there was a command yet.
     commanded: bool,
-    /// Since when a reset is under way.
-    reset_ns: Option<u64>,
+    /// Since when a reset of each mechanism is under way `[ns]`.
+    reset_ns: Vec<Option<u64>>,
     last_cycle_ns: Option<u64>,
     state: ActuatorState,
     counters: Counters,
@@ -105,6 +108,7 @@ impl Bridge {
                 Mechanism::new(with_motors(number), stop)
             })
             .collect();
+        let reset_ns = vec![None; configuration.n_mechanisms()];
         let state = ActuatorState {
             fingerprint: configuration.fingerprint,
             n_u: configuration.actuators.len() as u64,
@@ -119,8 +123,9 @@ impl Bridge {
             command: ActuatorCommand::default(),
             armed_at: 0,
             disarmed_at: 0,
+            disarmed: 0,
             commanded: false,
-            reset_ns: None,
+            reset_ns,
             last_cycle_ns: None,
             state,
             counters: Counters::default(),
@@ -198,10 +203,18 @@ impl Bridge {
     /// where it is repeated at once, as clients do until they see it done.
     pub fn request(&mut self, now_ns: u64, request: &OperatorRequest) -> Option<Operation> {
         let operation = Operation::from_code(request.operation)?;
+        let actuator = request.actuator.checked_sub(1).map(|actuator| actuator as usize);
+        let meant = self.meant(actuator)?;
         if operation == Operation::Disarm {
-            let is_repeated = request.stamp_ns.abs_diff(self.disarmed_at) <= REPEATED_NS;
+            let is_repeated = request.stamp_ns.abs_diff(self.disarmed_at) <= REPEATED_NS
+                && request.actuator == self.disarmed;
             self.disarmed_at = self.disarmed_at.max(request.stamp_ns);
-            if is_repeated && self.mechanisms.iter().any(Mechanism::is_stopping) {
+            self.disarmed = request.actuator;
+            let is_meant = |number: usize| meant.is_none_or(|meant| meant == number);
+            let mut mechanisms = self.mechanisms.iter().enumerate();
+            if is_repeated
+                && mechanisms.any(|(number, mechanism)| is_meant(number) && mechanism.is_stopping())
+            {
                 return None;
             }
         } else if now_ns.abs_diff(request.stamp_ns) > OPERATION_NS
@@ -209,36 +222,60 @@ impl Bridge {
         {
             return None;
         }
-        self.operate(now_ns, operation);
+        self.operate_mechanism(now_ns, operation, actuator);
         Some(operation)
     }
 
-    /// Does what an operator asks.
+    /// Does what an operator asks of the whole robot.
     pub fn operate(&mut self, now_ns: u64, operation: Operation) {
-        match operation {
-            Operation::Arm => {
-                self.armed_at = self.command.stamp_ns;
-                let unready = self.motors.iter().find_map(Motor::never_ready);
-                let Bridge { motors, mechanisms, configuration, .. } = self;
-                for (number, mechanism) in mechanisms.iter_mut().enumerate() {
+        self.operate_mechanism(now_ns, operation, None);
+    }
+
+    /// Does what an operator asks of the mechanism that an actuator acts on, by its place in u, or
+    /// of all of them; nothing where there is no such actuator.
+    pub fn operate_mechanism(
+        &mut self,
+        now_ns: u64,
+        operation: Operation,
+        actuator: Option<usize>,
+    ) {
+        let Some(meant) = self.meant(actuator) else { return };
+        if operation == Operation::Arm {
+            self.armed_at = self.command.stamp_ns;
+        }
+        let Bridge { motors, mechanisms, configuration, reset_ns, .. } = self;
+        for (number, mechanism) in mechanisms.iter_mut().enumerate() {
+            if meant.is_some_and(|meant| meant != number) {
+                continue;
+            }
+            let is_member = |motor: &Motor| is_of(&configuration.mechanisms, motor, number);
+            match operation {
+                Operation::Arm => {
+                    let members = motors.iter().filter(|motor| is_member(motor));
+                    let unready = members.into_iter().find_map(Motor::never_ready);
                     if mechanism.arm(now_ns, unready) {
-                        let is_member = |motor: &&mut Motor| {
-                            configuration.mechanisms.get(motor.config.actuator) == Some(&number)
-                        };
-                        motors
-                            .iter_mut()
-                            .filter(is_member)
-                            .for_each(|motor| motor.config.drive.prepare());
+                        let members = motors.iter_mut().filter(|motor| is_member(motor));
+                        members.for_each(|motor| motor.config.drive.prepare());
                     }
                 }
+                // a second time takes the power away at once
+                Operation::Disarm => mechanism.disarm(),
+                Operation::Reset => {
+                    mechanism.reset();
+                    if let Some(since) = reset_ns.get_mut(number) {
+                        *since = Some(now_ns);
+                    }
+                }
+                _ => {}
             }
-            // a second time takes the power away at once
-            Operation::Disarm => self.mechanisms.iter_mut().for_each(Mechanism::disarm),
-            Operation::Reset => {
-                self.mechanisms.iter_mut().for_each(Mechanism::reset);
-                self.reset_ns = Some(now_ns);
-            }
-            _ => {}
+        }
+    }
+
+    /// The mechanism of an actuator, if one is named; `None` for an actuator that is not there.
+    fn meant(&self, actuator: Option<usize>) -> Option<Option<usize>> {
+        match actuator {
+            None => Some(None),
+            Some(actuator) => self.configuration.mechanisms.get(actuator).copied().map(Some),
         }
     }
 
@@ -271,19 +308,17 @@ impl Bridge {
         }
 
         // what each motor is given
-        let is_reset = self.reset_ns.is_some_and(|since| now_ns.saturating_sub(since) < RESET_NS);
         let elapsed = gap_ns.min(2 * self.configuration.period_ns()) as f64 * 1e-9;
         for motor in &mut self.motors {
             let actuator = motor.config.actuator;
-            let mechanism = self
-                .configuration
-                .mechanisms
-                .get(actuator)
-                .and_then(|number| self.mechanisms.get(*number));
-            let (Some(mechanism), Some(bus)) = (mechanism, self.buses.get_mut(motor.config.bus))
+            let Some(number) = self.configuration.mechanisms.get(actuator) else { continue };
+            let (Some(mechanism), Some(bus)) =
+                (self.mechanisms.get(*number), self.buses.get_mut(motor.config.bus))
             else {
                 continue;
             };
+            let since = self.reset_ns.get(*number).copied().flatten();
+            let is_reset = since.is_some_and(|since| now_ns.saturating_sub(since) < RESET_NS);
             let command = match mechanism.course(now_ns, self.configuration.ramp_ns) {
                 Some(course) => DriveCommand::On(motor.setpoint(&self.command, course, elapsed)),
                 None if is_reset && motor.config.drive.state().fault != 0 => DriveCommand::Reset,

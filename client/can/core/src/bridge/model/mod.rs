@@ -479,7 +479,7 @@ impl RobotModel {
                 let Assessed { commanded, fault, .. } = &mut self.mechanisms[k];
                 commanded.lost = if commanded.is_found { 0 } else { commanded.lost + 1 };
                 if commanded.lost >= LOST {
-                    *fault = Some(Reason::Unreachable);
+                    *fault = Some(Reason::MechanismLimit);
                 }
             }
         }

@@ -1,5 +1,8 @@
 mod bench;
 mod limits;
+mod mechanisms;
+mod model;
+mod robot;
 mod stops;
 
 use std::sync::atomic::Ordering;
