@@ -12,6 +12,7 @@ pub mod bridge;
 pub mod config;
 pub mod drive;
 mod event;
+pub mod fault_log;
 pub mod frame;
 pub mod log;
 pub mod mapping;

@@ -8,6 +8,7 @@
 //! {"t": 2200000, "operate": "reset", "actuator": "ALElbowAct"}
 //! {"t": 2300000, "command": {"sequence": 1, "stamp_ns": 2300000, "effort": [0.5, 0]}}
 //! {"t": 4000000, "cycle": true}
+//! {"t": 9000000000, "resume": true}
 //! ```
 //!
 //! `t` is the monotonic clock `[ns]`; frames are as `candump -L` writes them. Of a command, what is
@@ -43,6 +44,8 @@ pub enum What {
     Command(Box<ActuatorCommand>),
     /// It was time for a cycle.
     Cycle,
+    /// What was given since the line before is left out.
+    Resume,
 }
 
 impl Line {
@@ -98,6 +101,8 @@ impl Line {
             What::Command(Box::new(command(fields, configuration)?))
         } else if line.get("cycle").is_some() {
             What::Cycle
+        } else if line.get("resume").is_some() {
+            What::Resume
         } else {
             return Err("the line says nothing, expected frame, event, operate, command or cycle"
                 .to_owned());
@@ -115,6 +120,7 @@ impl Line {
             }
             What::Command(command) => drop(bridge.command(self.t, command)),
             What::Cycle => bridge.cycle(self.t),
+            What::Resume => bridge.resume(self.t),
         }
     }
 
@@ -169,6 +175,7 @@ impl Line {
                 json!({"t": t, "command": fields})
             }
             What::Cycle => json!({"t": t, "cycle": true}),
+            What::Resume => json!({"t": t, "resume": true}),
         };
         line.to_string()
     }
@@ -269,6 +276,7 @@ mod tests {
             What::Operate(Operation::Arm, Some(0)),
             What::Command(Box::new(command)),
             What::Cycle,
+            What::Resume,
         ];
         for what in whats {
             let line = Line { t: u64::MAX, what };

@@ -28,10 +28,13 @@ pub use sarrus_proto::counts::CommandVerdict;
 
 pub use crate::event::BusEvent;
 
-use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Operation, OperatorRequest, Reason};
+use sarrus_proto::actuators::{
+    ActuatorCommand, ActuatorState, MechanismState, Operation, OperatorRequest, Reason,
+};
 
 use crate::config::Configuration;
 use crate::drive::{DriveCommand, Receipt};
+use crate::fault_log::Progress;
 use crate::frame::{Frame, FrameQueue};
 use mechanism::Mechanism;
 use model::RobotModel;
@@ -71,6 +74,8 @@ pub struct Bridge {
     last_cycle_ns: Option<u64>,
     state: ActuatorState,
     counters: Counters,
+    faults: u64,
+    last_fault: Option<(usize, Reason)>,
 }
 
 #[derive(Debug)]
@@ -129,6 +134,8 @@ impl Bridge {
             last_cycle_ns: None,
             state,
             counters: Counters::default(),
+            faults: 0,
+            last_fault: None,
         }
     }
 
@@ -331,6 +338,30 @@ impl Bridge {
             bus.queue.push_some(bus.sync);
         }
         self.report(now_ns);
+    }
+
+    /// Goes over a time that a log leaves out, up to `now_ns`: what was measured last counts as
+    /// measured now, and what has power goes on from there.
+    pub fn resume(&mut self, now_ns: u64) {
+        self.last_cycle_ns = None;
+        self.motors.iter_mut().for_each(|motor| motor.resume_log(now_ns));
+    }
+
+    /// How many faults there were since the start, and the mechanism and reason of the last one.
+    pub fn faults(&self) -> (u64, Option<(usize, Reason)>) {
+        (self.faults, self.last_fault)
+    }
+
+    /// How far the bridge is, for a log of what it is given.
+    pub fn progress(&self) -> Progress {
+        let mut mechanisms = self.mechanisms.iter();
+        if mechanisms.any(|mechanism| mechanism.state == MechanismState::Arming) {
+            Progress::Arming
+        } else if self.mechanisms.iter().any(Mechanism::is_live) {
+            Progress::Powered
+        } else {
+            Progress::Idle
+        }
     }
 
     /// The frames of the last cycle for a bus, in the order in which they are to be sent. What

@@ -61,7 +61,13 @@ impl Bridge {
     }
 
     pub(super) fn fail_mechanism(&mut self, number: usize, reason: Reason) {
-        self.mechanisms.get_mut(number).into_iter().for_each(|mechanism| mechanism.fail(reason));
+        let Some(mechanism) = self.mechanisms.get_mut(number) else { return };
+        let before = (mechanism.state, mechanism.reason);
+        mechanism.fail(reason);
+        if (mechanism.state, mechanism.reason) != before {
+            self.faults += 1;
+            self.last_fault = Some((number, reason));
+        }
         if self.configuration.stop == Stop::Robot {
             self.mechanisms.iter_mut().for_each(|mechanism| mechanism.fail(Reason::OtherMechanism));
         }

@@ -29,6 +29,10 @@ const LOST: u32 = 2;
 const RARELY: u64 = 16;
 /// Part of the range of an independent by which it may be beyond its limits.
 const MARGIN: f64 = 0.01;
+/// Least clearance at which gravity is given, and at which efforts are compared: what the model is
+/// wrong by grows with one by it.
+const WEIGHED: f64 = 0.02;
+const COMPARED: f64 = 0.15;
 /// Part of its clearance by which a mechanism may come nearer to a singular pose than it was.
 const NEARER: f64 = 0.9;
 
@@ -78,6 +82,16 @@ impl Assessed {
     /// Whether something is closed that its actuators determine.
     fn is_closed(&self) -> bool {
         self.linkage.is_determined() && !self.linkage.is_serial()
+    }
+
+    /// What it means that no pose has the measured actuators: more of them than it has degrees of
+    /// freedom contradict each other.
+    fn no_pose(&self) -> Reason {
+        if self.linkage.actuators.len() > self.linkage.independents.len() {
+            Reason::LoopResidual
+        } else {
+            Reason::Unreachable
+        }
     }
 
     /// A mechanism that has no pose is tried again rarely.
@@ -229,7 +243,7 @@ impl RobotModel {
     pub(super) fn missing(&self, number: usize) -> Option<Reason> {
         let mechanism = self.mechanisms.get(number)?;
         let is_assessed = mechanism.is_closed() && self.is_measured(mechanism);
-        (is_assessed && !mechanism.measured.is_found).then_some(Reason::Unreachable)
+        (is_assessed && !mechanism.measured.is_found).then_some(mechanism.no_pose())
     }
 
     /// The effort that holds an actuator against gravity; 0 where that is not known `[N m, N]`.
@@ -250,11 +264,11 @@ impl RobotModel {
     }
 
     /// The forces of a mechanism can be told: the poses that they depend on are known.
-    fn is_weighable(&self, number: usize) -> bool {
+    fn is_weighable(&self, number: usize, least_clearance: f64) -> bool {
         let is_known = |v: &usize| self.owners[*v].is_some_and(|owner| self.is_known(owner));
         self.mechanisms[number].linkage.is_determined()
             && self.coupled[number].iter().all(is_known)
-            && self.mechanisms[number].measured.clearance > 0.5 * self.rules.clearance
+            && self.mechanisms[number].measured.clearance > least_clearance
     }
 
     /// The pose and the forces of what was measured.
@@ -325,7 +339,7 @@ impl RobotModel {
             if tracker.is_found {
                 mechanism.assess_limits(self.rules.clearance);
             } else if tracker.lost >= LOST {
-                mechanism.fault = Some(Reason::Unreachable);
+                mechanism.fault = Some(mechanism.no_pose());
             }
         }
         if self.rules.effort > 0.0 && has_forces && h > 0.0 {
@@ -402,7 +416,7 @@ impl RobotModel {
             let is_following = self.mechanisms[k].activity == Activity::Following;
             let is_told = |u: &usize| self.measured[*u].effort.is_finite();
             let is_told = self.mechanisms[k].linkage.actuators.iter().all(is_told);
-            let is_compared = is_following && is_told && self.is_weighable(k);
+            let is_compared = is_following && is_told && self.is_weighable(k, COMPARED);
             let Assessed { linkage, contradiction, fault, .. } = &mut self.mechanisms[k];
             let mut is_beyond = false;
             if is_compared && linkage.factorise(&self.rows, &self.pose) {
@@ -501,7 +515,7 @@ impl RobotModel {
             return;
         }
         for k in 0..self.mechanisms.len() {
-            let is_weighable = self.is_weighable(k);
+            let is_weighable = self.is_weighable(k, WEIGHED);
             let Assessed { linkage, .. } = &mut self.mechanisms[k];
             let gravity = &mut self.gravity;
             if is_weighable && linkage.factorise(&self.rows, &self.pose) {

@@ -270,6 +270,14 @@ impl Bench {
             self.bridge.command(self.now_ns, &self.command());
         }
         self.bridge.cycle(self.now_ns);
+        for (bus, reply) in self.replies() {
+            self.bridge.receive(self.now_ns + MS / 4, bus, &reply);
+        }
+    }
+
+    /// What the motors answer to the frames of the last cycle, with their buses.
+    pub(super) fn replies(&mut self) -> Vec<(usize, Frame)> {
+        let mut replies = Vec::new();
         for i in 0..3_usize {
             let sent = self
                 .bridge
@@ -290,9 +298,15 @@ impl Bench {
                         Frame::fd(id, false, &answer).unwrap()
                     }
                 };
-                self.bridge.receive(self.now_ns + MS / 4, i / 2, &answer);
+                replies.push((i / 2, answer));
             }
         }
+        replies
+    }
+
+    /// The same happens on both buses.
+    pub(super) fn each_bus(&mut self, event: BusEvent) {
+        (0..2).for_each(|bus| self.bridge.bus_event(0, bus, event));
     }
 
     pub(super) fn steps(&mut self, n: usize) {

@@ -68,7 +68,7 @@ fn an_independent_beyond_its_limit_stops_its_mechanism() {
 
 #[test]
 fn commands_that_no_pose_has_do_not_press_the_screws_against_each_other() {
-    let mut bench = RobotBench::new(as_it_is, "model: {clearance: 0}");
+    let mut bench = RobotBench::new(as_it_is, "model: {clearance: 0, effort: 0}");
     bench.arm();
     let mut commanded = vec![0.0; bench.names.len()];
     let (left, right) = (bench.actuator("BodyActL"), bench.actuator("BodyActR"));
@@ -133,7 +133,7 @@ fn efforts_that_contradict_the_model_stop_the_mechanism() {
     bench.until_it_stops("ALElbowAct", 2 * SOON);
     assert_eq!(bench.state("ALElbowAct"), (MechanismState::Stopping, Reason::ModelEffort));
 
-    // one of the torso's twins is limp while the other carries it
+    // what one of the torso's twins gives does not arrive, and the other carries it
     let mut bench = RobotBench::new(as_it_is, "model: {effort: 0.1}");
     bench.arm();
     let (pitch, left) = (bench.independent("BodyPitch"), bench.actuator("BodyActL"));

@@ -29,7 +29,7 @@ pub(super) struct Shaft {
     pub(super) position: f64,
     pub(super) velocity: f64,
     pub(super) effort: f64,
-    /// It has power and gives no effort.
+    /// It has power and says that it gives efforts, but none comes through.
     pub(super) is_limp: bool,
     /// What its encoder is wrong by.
     pub(super) slip: f64,
@@ -89,6 +89,8 @@ struct Plant {
     yd: Vec<f64>,
     /// What pushes on the independents from outside.
     push: Vec<f64>,
+    /// Independents that a brake holds.
+    held: Vec<bool>,
     /// u, u̇ and G_u.
     u: Vec<f64>,
     ud: Vec<f64>,
@@ -110,6 +112,7 @@ impl Plant {
             y: vec![0.0; n_y],
             yd: vec![0.0; n_y],
             push: vec![0.0; n_y],
+            held: vec![false; n_y],
             u: vec![0.0; n_u],
             ud: vec![0.0; n_u],
             jacobian: vec![0.0; n_u * n_y],
@@ -129,6 +132,14 @@ impl Plant {
         self.jacobian.copy_from_slice(&output[2 * n_u..]);
     }
 
+    /// Holds the independents that an actuator moves.
+    fn brake(&mut self, actuator: usize) {
+        let n_y = self.y.len();
+        let row = &self.jacobian[actuator * n_y..(actuator + 1) * n_y];
+        let moved = self.held.iter_mut().zip(row).filter(|(_, entry)| entry.abs() > 1e-9);
+        moved.for_each(|(held, _)| *held = true);
+    }
+
     /// Goes on by `h` seconds under actuator forces.
     fn step(&mut self, tau_u: &[f64], h: f64) {
         let n_y = self.y.len();
@@ -142,9 +153,10 @@ impl Plant {
         let mut ydd = vec![0.0; n_y];
         self.forward.run(&self.model, &mut self.workspace, &input, &mut ydd).ok().unwrap();
         for i in 0..n_y {
-            self.yd[i] += h * ydd[i];
+            self.yd[i] = if self.held[i] { 0.0 } else { self.yd[i] + h * ydd[i] };
             self.y[i] += h * self.yd[i];
         }
+        self.held.fill(false);
         self.evaluate();
     }
 }
@@ -286,7 +298,7 @@ impl RobotBench {
         self.bridge.cycle(self.now_ns);
 
         // the robot under its motors, each with its own law
-        let mut efforts = vec![0.0; n_u];
+        let (mut efforts, mut reported) = (vec![0.0; n_u], vec![0.0; n_u]);
         let limits: Vec<f64> =
             self.bridge.motors.iter().map(|motor| motor.config.limits.effort).collect();
         let is_live = self.shafts.iter().any(|shaft| shaft.lock().unwrap().setpoint.is_some());
@@ -294,16 +306,18 @@ impl RobotBench {
             for u in 0..n_u {
                 let shaft = *self.shafts[u].lock().unwrap();
                 let (position, velocity) = (self.plant.u[u] + shaft.slip, self.plant.ud[u]);
-                let effort = shaft.setpoint.filter(|_| !shaft.is_limp).map_or(0.0, |setpoint| {
+                let effort = shaft.setpoint.map_or(0.0, |setpoint| {
                     setpoint.torque
                         + setpoint.stiffness * (setpoint.position - position)
                         + setpoint.damping * (setpoint.velocity - velocity)
                 });
                 let friction = FRICTION[usize::from(!self.is_screw(u))];
-                efforts[u] = effort.clamp(-limits[u], limits[u]);
-                // without power the brake holds
-                let brake = if shaft.setpoint.is_some() || shaft.is_limp { 0.0 } else { 1.0 };
-                efforts[u] -= (friction + brake * 20.0 * friction) * velocity;
+                reported[u] = effort.clamp(-limits[u], limits[u]);
+                efforts[u] = if shaft.is_limp { 0.0 } else { reported[u] } - friction * velocity;
+                // without power a brake holds
+                if shaft.setpoint.is_none() {
+                    self.plant.brake(u);
+                }
             }
             let efforts = efforts.clone();
             self.plant.step(&efforts, PERIOD as f64 * 1e-9 / STEPS as f64);
@@ -316,7 +330,7 @@ impl RobotBench {
                 let mut shaft = self.shafts[u].lock().unwrap();
                 shaft.position = self.plant.u[u] + shaft.slip + size[0] * noise[0];
                 shaft.velocity = self.plant.ud[u] + size[1] * noise[1];
-                shaft.effort = efforts[u] + size[2] * noise[2];
+                shaft.effort = reported[u] + size[2] * noise[2];
             }
             // one answer in a hundred is lost
             if self.noise() > -0.98 && !self.silent.contains(&u) {
