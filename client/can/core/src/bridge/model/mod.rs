@@ -6,9 +6,12 @@
 //! when this holds of all mechanisms that carry it or that it carries. Limits are ratchets: what is
 //! beyond one when it gets power may come back, and may then not go out again.
 
+mod assessed;
 mod cholesky;
 mod effort;
 mod evaluator;
+mod follow;
+mod forces;
 mod linkage;
 mod setup;
 mod tracker;
@@ -16,25 +19,10 @@ mod tracker;
 use sarrus_proto::actuators::Reason;
 
 use crate::config::{Configuration, Limits, ModelRules, MotorConfig};
-use effort::{Contradiction, Filtered};
+use assessed::Assessed;
+use effort::Filtered;
 use evaluator::{Evaluator, Pose};
-use linkage::{Linkage, Rows};
-use tracker::Tracker;
-
-/// Evaluations in one cycle at most, beside those that find out which mechanism cannot be closed.
-const ROUNDS: usize = 4;
-/// Assessed cycles without a pose after which there is none.
-const LOST: u32 = 2;
-/// A mechanism that is lost for longer is tried again only every so many assessments.
-const RARELY: u64 = 16;
-/// Part of the range of an independent by which it may be beyond its limits.
-const MARGIN: f64 = 0.01;
-/// Least clearance at which gravity is given, and at which efforts are compared: what the model is
-/// wrong by grows with one by it.
-const WEIGHED: f64 = 0.02;
-const COMPARED: f64 = 0.15;
-/// Part of its clearance by which a mechanism may come nearer to a singular pose than it was.
-const NEARER: f64 = 0.9;
+use linkage::Rows;
 
 /// What a mechanism does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -62,70 +50,6 @@ pub(super) struct Measured {
 impl Measured {
     const NONE: Measured =
         Measured { position: f64::NAN, velocity: f64::NAN, effort: f64::NAN, setpoint: None };
-}
-
-/// One mechanism and its assessment.
-#[derive(Debug)]
-struct Assessed {
-    linkage: Linkage,
-    measured: Tracker,
-    commanded: Tracker,
-    activity: Activity,
-    /// What its independents and its clearance may reach.
-    bounds: Vec<[f64; 2]>,
-    least_clearance: f64,
-    contradiction: Contradiction,
-    fault: Option<Reason>,
-}
-
-impl Assessed {
-    /// Whether something is closed that its actuators determine.
-    fn is_closed(&self) -> bool {
-        self.linkage.is_determined() && !self.linkage.is_serial()
-    }
-
-    /// What it means that no pose has the measured actuators: more of them than it has degrees of
-    /// freedom contradict each other.
-    fn no_pose(&self) -> Reason {
-        if self.linkage.actuators.len() > self.linkage.independents.len() {
-            Reason::LoopResidual
-        } else {
-            Reason::Unreachable
-        }
-    }
-
-    /// A mechanism that has no pose is tried again rarely.
-    fn is_due(&self, assessment: u64) -> bool {
-        self.measured.lost <= LOST || assessment.is_multiple_of(RARELY)
-    }
-
-    /// Limits and the clearance, as ratchets: without power they are where the mechanism is.
-    fn assess_limits(&mut self, least_clearance: f64) {
-        let is_powered = self.activity > Activity::Idle;
-        let (mut is_beyond, clearance) = (false, self.measured.clearance);
-        for (i, limits) in self.linkage.limits.iter().enumerate() {
-            let y = self.measured.next[i];
-            let range = limits[1] - limits[0];
-            let margin = if range.is_finite() { MARGIN * range } else { MARGIN };
-            let bounds = &mut self.bounds[i];
-            is_beyond |= is_powered && (y < bounds[0] || y > bounds[1]);
-            let lower = (limits[0] - margin).min(y - margin);
-            let upper = (limits[1] + margin).max(y + margin);
-            *bounds = if is_powered {
-                [bounds[0].max(lower), bounds[1].min(upper)]
-            } else {
-                [lower, upper]
-            };
-        }
-        let is_near = is_powered && clearance < self.least_clearance;
-        let least = least_clearance.min(NEARER * clearance);
-        self.least_clearance = if is_powered { self.least_clearance.max(least) } else { least };
-        if is_near {
-            self.fault = Some(Reason::NearSingular);
-        } else if is_beyond {
-            self.fault = Some(Reason::MechanismLimit);
-        }
-    }
 }
 
 /// The model of a bridge's robot.
@@ -173,16 +97,8 @@ impl RobotModel {
             }
         }
         let structure = setup::structure(&mut evaluator, &zero, configuration, &limits)?;
-        let mechanisms = structure.linkages.into_iter().map(|linkage| Assessed {
-            measured: Tracker::new(&linkage, &zero),
-            commanded: Tracker::new(&linkage, &zero),
-            activity: Activity::Idle,
-            bounds: vec![[f64::NEG_INFINITY, f64::INFINITY]; linkage.independents.len()],
-            least_clearance: 0.0,
-            contradiction: Contradiction::default(),
-            fault: None,
-            linkage,
-        });
+        let mechanisms =
+            structure.linkages.into_iter().map(|linkage| Assessed::new(linkage, &zero));
         Some(RobotModel {
             rules: configuration.model_rules,
             rows: structure.rows,
@@ -269,269 +185,5 @@ impl RobotModel {
         self.mechanisms[number].linkage.is_determined()
             && self.coupled[number].iter().all(is_known)
             && self.mechanisms[number].measured.clearance > least_clearance
-    }
-
-    /// The pose and the forces of what was measured.
-    fn follow_measured(&mut self, now_ns: u64) {
-        let h = self.last_ns.map_or(0.0, |last| now_ns.saturating_sub(last) as f64 * 1e-9);
-        self.last_ns = Some(now_ns);
-        for (u, measured) in self.u.iter_mut().zip(&self.measured) {
-            if measured.position.is_finite() {
-                *u = measured.position;
-            }
-        }
-        let assessment = self.cycle / 2;
-        for k in 0..self.mechanisms.len() {
-            let is_measured = self.is_measured(&self.mechanisms[k]);
-            let mechanism = &mut self.mechanisms[k];
-            mechanism.fault = None;
-            if !is_measured || !mechanism.linkage.is_determined() {
-                continue;
-            }
-            if mechanism.linkage.is_serial() {
-                mechanism.measured.next[0] = self.u[mechanism.linkage.actuators[0]];
-            } else if !mechanism.is_due(assessment) {
-                mechanism.measured.go_back();
-            } else if mechanism.measured.lost > LOST && mechanism.activity == Activity::Idle {
-                let y = mechanism.linkage.independents.iter().map(|(_, place)| self.zero.y[*place]);
-                mechanism.measured.restart(y);
-            }
-            mechanism.measured.put(&mechanism.linkage, &mut self.pose.y);
-        }
-
-        // Newton's method until all are found
-        let mut has_forces = false;
-        for round in 0..ROUNDS {
-            let is_closed = if round == 0 {
-                has_forces = self.evaluator.motion(&mut self.pose, &self.yd, &self.ydd);
-                has_forces
-            } else {
-                self.evaluator.pose(&mut self.pose)
-            };
-            if !is_closed {
-                self.follow_each(assessment);
-                break;
-            }
-            let mut is_complete = true;
-            for k in 0..self.mechanisms.len() {
-                if !self.is_followed(k, assessment) {
-                    continue;
-                }
-                let Assessed { linkage, measured, .. } = &mut self.mechanisms[k];
-                measured.assess(linkage, &self.rows, &self.pose, &self.u);
-                measured.put(linkage, &mut self.pose.y);
-                is_complete &= measured.is_found;
-            }
-            if is_complete {
-                break;
-            }
-        }
-
-        // what it says of each mechanism
-        for k in 0..self.mechanisms.len() {
-            let is_measured = self.is_measured(&self.mechanisms[k]);
-            let mechanism = &mut self.mechanisms[k];
-            if !is_measured || !mechanism.is_closed() {
-                continue;
-            }
-            let tracker = &mut mechanism.measured;
-            tracker.lost = if tracker.is_found { 0 } else { tracker.lost.saturating_add(1) };
-            if tracker.is_found {
-                mechanism.assess_limits(self.rules.clearance);
-            } else if tracker.lost >= LOST {
-                mechanism.fault = Some(mechanism.no_pose());
-            }
-        }
-        if self.rules.effort > 0.0 && has_forces && h > 0.0 {
-            self.compare_efforts(now_ns);
-            self.filter(h);
-        }
-    }
-
-    /// A closed mechanism whose pose is followed in this assessment.
-    fn is_followed(&self, number: usize, assessment: u64) -> bool {
-        let mechanism = &self.mechanisms[number];
-        mechanism.is_closed() && mechanism.is_due(assessment) && self.is_measured(mechanism)
-    }
-
-    /// Some mechanism cannot be closed: each is tried alone, the others where they were last.
-    fn follow_each(&mut self, assessment: u64) {
-        for k in 0..self.mechanisms.len() {
-            if !self.is_followed(k, assessment) {
-                continue;
-            }
-            for (other, mechanism) in self.mechanisms.iter().enumerate() {
-                if other == k {
-                    mechanism.measured.put(&mechanism.linkage, &mut self.pose.y);
-                } else if mechanism.is_closed() {
-                    mechanism.measured.put_good(&mechanism.linkage, &mut self.pose.y);
-                }
-            }
-            let is_closed = self.evaluator.pose(&mut self.pose);
-            let Assessed { linkage, measured, .. } = &mut self.mechanisms[k];
-            if is_closed {
-                measured.assess(linkage, &self.rows, &self.pose, &self.u);
-            } else {
-                measured.is_found = false;
-                measured.halve();
-            }
-        }
-    }
-
-    /// ẏ and ÿ from what was measured, and the efforts, all filtered; `h` since the last time `[s]`.
-    fn filter(&mut self, h: f64) {
-        for k in 0..self.mechanisms.len() {
-            let is_known = self.is_known(k);
-            let Assessed { linkage, measured, .. } = &mut self.mechanisms[k];
-            let rates = &mut self.rates[..linkage.independents.len()];
-            let velocity = |u: usize| self.measured[u].velocity;
-            let is_told = linkage.actuators.iter().all(|u| velocity(*u).is_finite());
-            let is_told = is_told && linkage.factorise(&self.rows, &self.pose);
-            if is_told {
-                linkage.independents_of(&self.rows, &self.pose, |_, u| velocity(u), rates);
-            }
-            for (i, &(v, _)) in linkage.independents.iter().enumerate() {
-                let change = (measured.next[i] - self.y_before[v]) / h;
-                let rate = if is_told { rates[i] } else { change };
-                self.y_before[v] = if is_known { measured.next[i] } else { f64::NAN };
-                let motion = &mut self.motion[v];
-                if is_known && rate.is_finite() && h > 0.0 {
-                    motion.update(rate, h);
-                } else {
-                    *motion = Filtered::default();
-                }
-                (self.yd[v], self.ydd[v]) = (motion.value, motion.rate);
-            }
-        }
-        for (effort, measured) in self.efforts.iter_mut().zip(&self.measured) {
-            if measured.effort.is_finite() {
-                effort.update_twice(measured.effort, h);
-            }
-        }
-    }
-
-    /// Reported efforts against those of the model.
-    fn compare_efforts(&mut self, now_ns: u64) {
-        for k in 0..self.mechanisms.len() {
-            let is_following = self.mechanisms[k].activity == Activity::Following;
-            let is_told = |u: &usize| self.measured[*u].effort.is_finite();
-            let is_told = self.mechanisms[k].linkage.actuators.iter().all(is_told);
-            let is_compared = is_following && is_told && self.is_weighable(k, COMPARED);
-            let Assessed { linkage, contradiction, fault, .. } = &mut self.mechanisms[k];
-            let mut is_beyond = false;
-            if is_compared && linkage.factorise(&self.rows, &self.pose) {
-                let (efforts, limits) = (&self.efforts, &self.limits);
-                let (gravity, part) = (&self.gravity, self.rules.effort);
-                let room = &mut self.moving;
-                let tau_y = &self.pose.tau_y;
-                linkage.efforts_of(
-                    &self.rows,
-                    &self.pose,
-                    tau_y,
-                    |_| 0.0,
-                    |u, effort| {
-                        room[u] = effort - gravity[u];
-                    },
-                );
-                let reported = |u: usize| efforts[u].rate;
-                linkage.efforts_of(&self.rows, &self.pose, tau_y, reported, |u, deviation| {
-                    let allowed = part * limits[u].effort;
-                    is_beyond |= Contradiction::is_beyond(deviation, room[u], allowed);
-                });
-            }
-            if contradiction.update(now_ns, is_beyond) && fault.is_none() {
-                *fault = Some(Reason::ModelEffort);
-            }
-        }
-    }
-
-    /// Whether there are poses that have the commanded positions.
-    fn follow_commanded(&mut self) {
-        let mut is_any = false;
-        self.commanded.y.copy_from_slice(&self.pose.y);
-        for k in 0..self.mechanisms.len() {
-            if !self.is_commanded(k) {
-                let Assessed { measured, commanded, .. } = &mut self.mechanisms[k];
-                commanded.begin_at(measured);
-            } else {
-                is_any = true;
-            }
-            let Assessed { linkage, commanded, .. } = &self.mechanisms[k];
-            if linkage.is_determined() && !linkage.is_serial() {
-                commanded.put(linkage, &mut self.commanded.y);
-            }
-        }
-        for (target, measured) in self.target.iter_mut().zip(&self.measured) {
-            *target = measured.setpoint.unwrap_or(f64::NAN);
-        }
-        if !is_any {
-            return;
-        }
-        for _ in 0..ROUNDS {
-            let is_closed = self.evaluator.pose(&mut self.commanded);
-            let mut is_complete = true;
-            for k in 0..self.mechanisms.len() {
-                if !self.is_commanded(k) {
-                    continue;
-                }
-                let Assessed { linkage, commanded, .. } = &mut self.mechanisms[k];
-                if is_closed {
-                    commanded.assess(linkage, &self.rows, &self.commanded, &self.target);
-                } else {
-                    commanded.is_found = false;
-                    commanded.halve();
-                }
-                commanded.put(linkage, &mut self.commanded.y);
-                is_complete &= commanded.is_found;
-            }
-            if is_complete {
-                break;
-            }
-        }
-        for k in 0..self.mechanisms.len() {
-            if self.is_commanded(k) {
-                let Assessed { commanded, fault, .. } = &mut self.mechanisms[k];
-                commanded.lost = if commanded.is_found { 0 } else { commanded.lost + 1 };
-                if commanded.lost >= LOST {
-                    *fault = Some(Reason::MechanismLimit);
-                }
-            }
-        }
-    }
-
-    /// A closed mechanism whose motors are all told positions.
-    fn is_commanded(&self, number: usize) -> bool {
-        let mechanism = &self.mechanisms[number];
-        let is_told = |u: &usize| self.measured[*u].setpoint.is_some();
-        mechanism.is_closed()
-            && mechanism.activity >= Activity::Ramping
-            && mechanism.measured.is_found
-            && mechanism.linkage.actuators.iter().all(is_told)
-    }
-
-    /// The efforts that hold the robot against gravity where it is.
-    fn weigh(&mut self) {
-        if !self.evaluator.rest(&mut self.pose) {
-            return;
-        }
-        for k in 0..self.mechanisms.len() {
-            let is_weighable = self.is_weighable(k, WEIGHED);
-            let Assessed { linkage, .. } = &mut self.mechanisms[k];
-            let gravity = &mut self.gravity;
-            if is_weighable && linkage.factorise(&self.rows, &self.pose) {
-                let tau_y = &self.pose.tau_y;
-                linkage.efforts_of(
-                    &self.rows,
-                    &self.pose,
-                    tau_y,
-                    |_| 0.0,
-                    |u, effort| {
-                        gravity[u] = effort;
-                    },
-                );
-            } else {
-                linkage.actuators.iter().for_each(|u| gravity[*u] = 0.0);
-            }
-        }
     }
 }
