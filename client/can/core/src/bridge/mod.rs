@@ -166,7 +166,8 @@ impl Bridge {
             is_known = true;
             break;
         }
-        if !is_known {
+        if !is_known && !self.model.as_mut().is_some_and(|model| model.receive(now_ns, bus, frame))
+        {
             of_bus.counters.counts.unknown += 1;
         }
     }

@@ -117,7 +117,7 @@ impl Bridge {
         };
         let feedback_ns = self.configuration.timeouts.feedback_ns;
         let of_motor = |motor: &Motor| of_bus(motor).or_else(|| motor.missing(now_ns, feedback_ns));
-        let of_model = || self.model.as_ref().and_then(|model| model.missing(number));
+        let of_model = || self.model.as_ref().and_then(|model| model.missing(number, now_ns));
         let no_command =
             (is_late || self.command.stamp_ns <= self.armed_at).then_some(Reason::NoCommand);
         let is_member = |motor: &&Motor| is_of(&self.configuration.mechanisms, motor, number);

@@ -27,6 +27,7 @@
 
 pub mod bus_load;
 mod check;
+mod encoders;
 #[cfg(feature = "files")]
 mod files;
 mod keys;
@@ -34,6 +35,7 @@ mod motors;
 mod read;
 mod stops;
 
+pub use encoders::EncoderConfig;
 #[cfg(feature = "files")]
 pub use files::ConfigurationError;
 pub use stops::{MechanismStop, StopFunction};
@@ -82,6 +84,8 @@ pub struct Configuration {
     pub buses: Vec<BusConfig>,
     /// The motors, in the order of the file.
     pub motors: Vec<MotorConfig>,
+    /// Encoders besides those of the motors.
+    pub encoders: Vec<EncoderConfig>,
     /// What may stay but should be known.
     pub warnings: Vec<Diagnostic>,
 }
@@ -102,8 +106,8 @@ pub struct Timeouts {
 /// From when on the model finds something wrong with a mechanism.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModelRules {
-    /// Part of `limits.effort` by which reported efforts may differ from those of the model; 0 where
-    /// they are not compared.
+    /// Part of `limits.effort` by which reported efforts may differ from those of the model; 0
+    /// where they are not compared.
     pub effort: f64,
     /// The least clearance from a singular pose, from 0 to 1 at the mechanism's best pose; 0 where
     /// it is not assessed.
@@ -234,6 +238,7 @@ impl Configuration {
             stops: self.stops.clone(),
             buses: self.buses.clone(),
             motors: Vec::new(),
+            encoders: self.encoders.clone(),
             warnings: self.warnings.clone(),
             ..*self
         }

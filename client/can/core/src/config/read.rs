@@ -66,13 +66,19 @@ impl Reader<'_, '_> {
     }
 
     fn configuration(&mut self, root: &Node) -> Option<Configuration> {
-        let top = self.settings(root, "the file", TOP, &["timeouts", "model", "buses", "motors"]);
+        let top = self.settings(
+            root,
+            "the file",
+            TOP,
+            &["timeouts", "model", "buses", "motors", "encoders"],
+        );
         self.period_ns = top.as_ref().map_or(0, |top| (1e9 / top.number("rate_hz")) as u64);
         let timeouts = self.timeouts(root);
         let model_rules = self.model_rules(root);
         let buses = self.buses(root);
         let robot = top.as_ref().and_then(|top| self.robot(top));
         let read = self.motors(root, buses.as_deref(), robot.as_ref());
+        let encoders = self.encoders(root, buses.as_deref(), robot.as_ref(), &read);
         let (top, timeouts, buses) = (top?, timeouts?, buses?);
         let actuators: Vec<String> = match &robot {
             Some(robot) => robot.loaded.compiled.model.active_names().to_vec(),
@@ -107,6 +113,7 @@ impl Reader<'_, '_> {
             stop: if top.text("stop") == "robot" { Stop::Robot } else { Stop::Mechanism },
             buses,
             motors: read.into_iter().map(|read| read.motor).collect(),
+            encoders,
             warnings: Vec::new(),
         };
         check::whole(&configuration, &places, top.place("rate_hz"), self.diagnostics);

@@ -80,6 +80,7 @@ impl RobotModel {
                 mechanism.fault = Some(mechanism.no_pose());
             }
         }
+        self.compare_encoders(now_ns);
         if self.rules.effort > 0.0 && has_forces && h > 0.0 {
             self.compare_efforts(now_ns);
             self.filter(h);

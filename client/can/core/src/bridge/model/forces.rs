@@ -12,7 +12,7 @@ const WEIGHED: f64 = 0.02;
 const COMPARED: f64 = 0.15;
 
 impl RobotModel {
-    /// ẏ and ÿ from what was measured, and the efforts, all filtered; `h` since the last time `[s]`.
+    /// ẏ and ÿ from what was measured, and the efforts, all filtered, after `h` seconds.
     pub(super) fn filter(&mut self, h: f64) {
         for k in 0..self.mechanisms.len() {
             let is_known = self.is_known(k);

@@ -104,8 +104,8 @@ impl Linkage {
         self.factor.solve(out);
     }
 
-    /// Forces of the actuators for forces on the independents, less what the actuators give already:
-    /// `each` gets an actuator's place in u and its force.
+    /// Forces of the actuators for forces on the independents, less what the actuators give
+    /// already: `each` gets an actuator's place in u and its force.
     pub(super) fn efforts_of(
         &mut self,
         rows: &Rows,

@@ -9,6 +9,7 @@
 mod assessed;
 mod cholesky;
 mod effort;
+mod encoder;
 mod evaluator;
 mod follow;
 mod forces;
@@ -21,6 +22,7 @@ use sarrus_proto::actuators::Reason;
 use crate::config::{Configuration, Limits, ModelRules, MotorConfig};
 use assessed::Assessed;
 use effort::Filtered;
+use encoder::Encoder;
 use evaluator::{Evaluator, Pose};
 use linkage::Rows;
 
@@ -62,6 +64,8 @@ pub(super) struct RobotModel {
     coupled: Vec<Vec<usize>>,
     limits: Vec<Limits>,
     mechanisms: Vec<Assessed>,
+    encoders: Vec<Encoder>,
+    feedback_ns: u64,
     measured: Vec<Measured>,
     /// The newest positions, measured and commanded (n_u).
     u: Vec<f64>,
@@ -99,13 +103,15 @@ impl RobotModel {
         let structure = setup::structure(&mut evaluator, &zero, configuration, &limits)?;
         let mechanisms =
             structure.linkages.into_iter().map(|linkage| Assessed::new(linkage, &zero));
-        Some(RobotModel {
+        let mut model = RobotModel {
             rules: configuration.model_rules,
             rows: structure.rows,
             owners: structure.owners,
             coupled: structure.coupled,
             limits,
             mechanisms: mechanisms.collect(),
+            encoders: Vec::new(),
+            feedback_ns: configuration.timeouts.feedback_ns,
             measured: vec![Measured::NONE; n_u],
             u: zero.u.clone(),
             target: zero.u.clone(),
@@ -123,7 +129,9 @@ impl RobotModel {
             cycle: 0,
             last_ns: None,
             evaluator,
-        })
+        };
+        model.add_encoders(configuration);
+        Some(model)
     }
 
     /// Takes what is known of an actuator.
@@ -156,10 +164,12 @@ impl RobotModel {
     }
 
     /// What keeps a mechanism whose motors all measure from getting power.
-    pub(super) fn missing(&self, number: usize) -> Option<Reason> {
+    pub(super) fn missing(&self, number: usize, now_ns: u64) -> Option<Reason> {
         let mechanism = self.mechanisms.get(number)?;
         let is_assessed = mechanism.is_closed() && self.is_measured(mechanism);
-        (is_assessed && !mechanism.measured.is_found).then_some(mechanism.no_pose())
+        (is_assessed && !mechanism.measured.is_found)
+            .then_some(mechanism.no_pose())
+            .or_else(|| self.of_encoders(number, now_ns))
     }
 
     /// The effort that holds an actuator against gravity; 0 where that is not known `[N m, N]`.

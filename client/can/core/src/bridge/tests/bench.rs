@@ -229,6 +229,7 @@ impl Bench {
             stops: vec![MechanismStop::default(); 2],
             buses: vec![bus("x"), bus("y")],
             motors: (0..3).map(motor).collect(),
+            encoders: Vec::new(),
             warnings: Vec::new(),
         };
         change(&mut configuration);

@@ -169,3 +169,34 @@ fn a_missing_motor_keeps_only_its_own_mechanism_from_arming() {
         assert_eq!(bench.state(name), expected, "{name}");
     }
 }
+
+#[test]
+fn an_encoder_beside_the_motors_shows_that_a_sensor_slipped() {
+    let keys = "encoders:\n- {joint: ALElbow, bus: left_arm, id: 0x181, byte: 1, bits: 16, scale: \
+        1e-4, margin: 0.03}";
+    let mut bench = RobotBench::new(as_it_is, keys);
+    bench.encoder = Some(0.0);
+    bench.arm();
+    let elbow = bench.independent("ALElbow");
+    for cycle in 0..2000 {
+        bench.target[elbow] = 0.2 * (std::f64::consts::TAU * cycle as f64 / 1000.0).sin();
+        bench.step();
+        assert_eq!(bench.state("ALElbowAct").1, Reason::None, "{cycle}");
+    }
+    // the motor's sensor slips by half a millimetre a cycle, too little for anybody else
+    let actuator = bench.actuator("ALElbowAct");
+    for _ in 0..20 {
+        bench.shafts[actuator].lock().unwrap().slip += 0.0005;
+        bench.step();
+    }
+    assert_eq!(bench.state("ALElbowAct"), (MechanismState::Fault, Reason::LoopResidual));
+    assert_eq!(bench.state("BodyActL").0, MechanismState::Enabled);
+    // it is not armed as long as they contradict, nor when the encoder is silent
+    for (encoder, reason) in [(Some(0.0), Reason::LoopResidual), (None, Reason::FeedbackStale)] {
+        bench.encoder = encoder;
+        bench.bridge.operate(bench.now_ns, Operation::Reset);
+        bench.bridge.operate(bench.now_ns, Operation::Arm);
+        bench.steps(1200);
+        assert_eq!(bench.state("ALElbowAct"), (MechanismState::Disabled, reason));
+    }
+}

@@ -170,6 +170,8 @@ pub(super) struct RobotBench {
     pub(super) target: Vec<f64>,
     /// Commanded actuators instead of those of the target.
     pub(super) commanded: Option<Vec<f64>>,
+    /// Whether there is an encoder on the left elbow, and by how much it is wrong.
+    pub(super) encoder: Option<f64>,
     /// Actuators that do not answer.
     pub(super) silent: Vec<usize>,
     pub(super) names: Vec<String>,
@@ -233,6 +235,7 @@ impl RobotBench {
             now_ns: 10 * MS,
             target: vec![0.0; model.sizes().n_vy],
             commanded: None,
+            encoder: None,
             silent: Vec::new(),
             independents: model.independent_names().to_vec(),
             names,
@@ -296,6 +299,7 @@ impl RobotBench {
         }
         self.bridge.command(self.now_ns, &command);
         self.bridge.cycle(self.now_ns);
+        self.report_encoder();
 
         // the robot under its motors, each with its own law
         let (mut efforts, mut reported) = (vec![0.0; n_u], vec![0.0; n_u]);
@@ -339,6 +343,16 @@ impl RobotBench {
                 let answer = Frame::classic(Id::Standard(u as u16), &[0]).unwrap();
                 self.bridge.receive(self.now_ns + PERIOD / 2, bus, &answer);
             }
+        }
+    }
+
+    /// What the encoder of the left elbow says, in steps of 0.1 mrad on bus 1.
+    fn report_encoder(&mut self) {
+        if let Some(wrong) = self.encoder {
+            let number = ((self.y("ALElbow") + wrong) * 1e4).round() as i16;
+            let data = number.to_le_bytes();
+            let frame = Frame::classic(Id::Standard(0x181), &[0, data[0], data[1]]).unwrap();
+            self.bridge.receive(self.now_ns + PERIOD / 2, 1, &frame);
         }
     }
 
