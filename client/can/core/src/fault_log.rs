@@ -8,29 +8,19 @@
 //!
 //! The bridge's own state is not in the log. What was given while some mechanism armed is kept from
 //! the first one that got power on, and brings a new bridge and its drives to where they were; the
-//! line `resume` goes over the time that is left out ([`Bridge::resume`](crate::bridge::Bridge)).
+//! line `resume` goes over the time that is left out ([`Bridge::resume`](crate::bridge::Bridge::resume)).
 //! So a replay stops for the same reason; set-points may differ at its beginning, as those after
 //! late commands do. No I/O; it allocates, and belongs into another thread than the bridge.
 
 use std::collections::VecDeque;
 
+use crate::bridge::Progress;
 use crate::log::{Line, What};
 
 /// The time before a fault that is kept in full `[ns]`.
 pub const WINDOW_NS: u64 = 2_000_000_000;
 /// Lines of arming that are kept at most; what comes after them is left out.
 const ARMING: usize = 400_000;
-
-/// How far a bridge is, after a cycle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Progress {
-    /// No mechanism has power or is on the way to it.
-    Idle,
-    /// Some mechanism arms.
-    Arming,
-    /// Some have power, none arms.
-    Powered,
-}
 
 /// The lines that are kept.
 #[derive(Debug)]

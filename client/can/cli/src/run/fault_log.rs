@@ -10,9 +10,9 @@ use std::thread;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use rtrb::{Consumer, Producer, RingBuffer};
-use sarrus_can_core::bridge::{Bridge, BusEvent};
+use sarrus_can_core::bridge::{Bridge, BusEvent, Progress};
 use sarrus_can_core::config::Configuration;
-use sarrus_can_core::fault_log::{FaultLog, Progress};
+use sarrus_can_core::fault_log::FaultLog;
 use sarrus_can_core::frame::Frame;
 use sarrus_can_core::log::{Line, What};
 use sarrus_client::actuators::{ActuatorCommand, Operation, Reason};

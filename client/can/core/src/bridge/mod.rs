@@ -23,7 +23,7 @@ mod tests;
 mod transitions;
 mod verdict;
 
-pub use counters::{BusCounters, BusState, Counters};
+pub use counters::{BusCounters, BusState, Counters, Progress};
 pub use sarrus_proto::counts::CommandVerdict;
 
 pub use crate::event::BusEvent;
@@ -34,7 +34,6 @@ use sarrus_proto::actuators::{
 
 use crate::config::Configuration;
 use crate::drive::{DriveCommand, Receipt};
-use crate::fault_log::Progress;
 use crate::frame::{Frame, FrameQueue};
 use mechanism::Mechanism;
 use model::RobotModel;
