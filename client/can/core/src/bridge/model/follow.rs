@@ -31,7 +31,7 @@ impl RobotModel {
             } else if !mechanism.is_due(assessment) {
                 mechanism.measured.go_back();
             } else if mechanism.measured.lost > LOST && mechanism.activity == Activity::Idle {
-                let y = mechanism.linkage.independents.iter().map(|(_, place)| self.zero.y[*place]);
+                let y = mechanism.linkage.independents.iter().map(|(_, place)| self.home[*place]);
                 mechanism.measured.restart(y);
             }
             mechanism.measured.put(&mechanism.linkage, &mut self.pose.y);

@@ -70,7 +70,8 @@ pub(super) struct RobotModel {
     /// The newest positions, measured and commanded (n_u).
     u: Vec<f64>,
     target: Vec<f64>,
-    zero: Pose,
+    /// Where mechanisms are looked for at first.
+    home: Vec<f64>,
     pose: Pose,
     commanded: Pose,
     /// y of the last assessment, filtered ẏ with ÿ (n_vy), and efforts (n_u).
@@ -92,7 +93,7 @@ impl RobotModel {
     /// The model of a configuration that has one. Allocates; nothing after it does.
     pub(super) fn new(configuration: &Configuration) -> Option<RobotModel> {
         let mut evaluator = Evaluator::new(configuration.model.clone()?)?;
-        let zero = evaluator.zero()?;
+        let mut zero = evaluator.zero()?;
         let (n_vy, n_u) = (evaluator.model.sizes().n_vy, evaluator.model.sizes().n_u);
         let mut limits = vec![Limits::NONE; n_u];
         for MotorConfig { actuator, limits: of_motor, .. } in &configuration.motors {
@@ -101,6 +102,7 @@ impl RobotModel {
             }
         }
         let structure = setup::structure(&mut evaluator, &zero, configuration, &limits)?;
+        zero.y.copy_from_slice(&structure.home);
         let mechanisms =
             structure.linkages.into_iter().map(|linkage| Assessed::new(linkage, &zero));
         let mut model = RobotModel {
@@ -117,7 +119,7 @@ impl RobotModel {
             target: zero.u.clone(),
             pose: zero.clone(),
             commanded: zero.clone(),
-            zero,
+            home: zero.y,
             y_before: vec![f64::NAN; n_vy],
             motion: vec![Filtered::default(); n_vy],
             efforts: vec![Filtered::default(); n_u],

@@ -13,6 +13,8 @@ const SAMPLES: usize = 128;
 const UNBOUNDED: f64 = 0.5;
 /// Part of the range of an actuator that counts as no deviation.
 const MARGIN: f64 = 0.002;
+/// Clearance of a pose that Newton's method can begin at.
+const SOUND: f64 = 0.05;
 /// Entries less than this are none.
 const NONE: f64 = 1e-9;
 
@@ -20,6 +22,9 @@ const NONE: f64 = 1e-9;
 pub(super) struct Structure {
     pub(super) rows: Rows,
     pub(super) linkages: Vec<Linkage>,
+    /// Where mechanisms are looked for at first: zero, and the best of the samples where zero is
+    /// near a singular pose (n_qy).
+    pub(super) home: Vec<f64>,
     /// The mechanism of each independent; `None` where no actuator moves it (n_vy).
     pub(super) owners: Vec<Option<usize>>,
     /// For each mechanism the independents whose positions its forces depend on.
@@ -92,6 +97,7 @@ pub(super) fn structure(
     }
 
     // the best pose of each among those that its actuators can have
+    let mut home = zero.y.clone();
     for linkage in linkages.iter_mut().filter(|linkage| linkage.is_determined()) {
         let is_within = |pose: &Pose| {
             linkage
@@ -101,16 +107,21 @@ pub(super) fn structure(
         };
         let within: Vec<&Pose> = poses.iter().filter(|pose| is_within(pose)).collect();
         let chosen = if within.is_empty() { poses.iter().collect() } else { within };
-        let mut least = f64::INFINITY;
+        let (mut least, mut best) = (f64::INFINITY, zero);
         for pose in chosen {
-            if linkage.factorise(&rows, pose) {
-                least = least.min(linkage.reach_of_joints(&rows, pose));
+            let is_sound = linkage.factorise(&rows, pose);
+            let reach = linkage.reach_of_joints(&rows, pose);
+            if is_sound && reach < least {
+                (least, best) = (reach, pose);
             }
         }
         linkage.least = if least.is_finite() { least } else { 0.0 };
+        if !linkage.factorise(&rows, zero) || linkage.clearance(&rows, zero) < SOUND {
+            linkage.independents.iter().for_each(|(_, place)| home[*place] = best.y[*place]);
+        }
     }
     let coupled = coupled(evaluator, zero, &owners, linkages.len())?;
-    Some(Structure { rows, linkages, owners, coupled })
+    Some(Structure { rows, linkages, home, owners, coupled })
 }
 
 /// Poses within the limits of the independents; the first is the zero pose.
