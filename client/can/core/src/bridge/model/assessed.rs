@@ -48,7 +48,7 @@ impl Assessed {
 
     /// Whether something is closed that its actuators determine.
     pub(super) fn is_closed(&self) -> bool {
-        self.linkage.is_determined() && !self.linkage.is_serial()
+        self.linkage.is_determined() && !self.linkage.is_serial
     }
 
     /// What it means that no pose has the measured actuators: more of them than it has degrees of

@@ -26,7 +26,7 @@ impl RobotModel {
             if !is_measured || !mechanism.linkage.is_determined() {
                 continue;
             }
-            if mechanism.linkage.is_serial() {
+            if mechanism.linkage.is_serial {
                 mechanism.measured.next[0] = self.u[mechanism.linkage.actuators[0]];
             } else if !mechanism.is_due(assessment) {
                 mechanism.measured.go_back();
@@ -69,6 +69,8 @@ impl RobotModel {
         for k in 0..self.mechanisms.len() {
             let is_measured = self.is_measured(&self.mechanisms[k]);
             let mechanism = &mut self.mechanisms[k];
+            let is_found = mechanism.linkage.is_serial || mechanism.measured.is_found;
+            self.known[k] = is_measured && is_found;
             if !is_measured || !mechanism.is_closed() {
                 continue;
             }
@@ -129,7 +131,7 @@ impl RobotModel {
                 is_any = true;
             }
             let Assessed { linkage, commanded, .. } = &self.mechanisms[k];
-            if linkage.is_determined() && !linkage.is_serial() {
+            if linkage.is_determined() && !linkage.is_serial {
                 commanded.put(linkage, &mut self.commanded.y);
             }
         }

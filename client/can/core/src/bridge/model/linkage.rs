@@ -31,6 +31,8 @@ pub(super) struct Linkage {
     pub(super) weights: Vec<f64>,
     /// Limits of the independents `[m, rad]`.
     pub(super) limits: Vec<[f64; 2]>,
+    /// Nothing is closed: the one actuator is the one independent.
+    pub(super) is_serial: bool,
     /// The least ‖B‖; 0 where nothing but actuators moves.
     pub(super) least: f64,
     /// N as its Cholesky factor, at the pose that was last taken.
@@ -49,6 +51,7 @@ impl Linkage {
     ) -> Linkage {
         let m = independents.len();
         Linkage {
+            is_serial: joints.is_empty() && actuators.len() == 1 && m == 1,
             actuators,
             independents,
             joints,
@@ -65,13 +68,11 @@ impl Linkage {
         !self.independents.is_empty() && self.actuators.len() >= self.independents.len()
     }
 
-    /// Nothing is closed: the one actuator is the one independent.
-    pub(super) fn is_serial(&self) -> bool {
-        self.joints.is_empty() && self.actuators.len() == 1 && self.independents.len() == 1
-    }
-
     /// Takes N at a pose; false where the actuators have lost control.
     pub(super) fn factorise(&mut self, rows: &Rows, pose: &Pose) -> bool {
+        if self.is_serial {
+            return true;
+        }
         let m = self.independents.len();
         for i in 0..m {
             for j in 0..=i {
@@ -95,6 +96,10 @@ impl Linkage {
         change: impl Fn(usize, usize) -> f64,
         out: &mut [f64],
     ) {
+        if self.is_serial {
+            out[0] = change(0, self.actuators[0]);
+            return;
+        }
         for (i, out) in out.iter_mut().enumerate() {
             *out = 0.0;
             for (k, (&u, w)) in self.actuators.iter().zip(&self.weights).enumerate() {
@@ -114,6 +119,10 @@ impl Linkage {
         given: impl Fn(usize) -> f64,
         mut each: impl FnMut(usize, f64),
     ) {
+        if self.is_serial {
+            let (u, (v, _)) = (self.actuators[0], self.independents[0]);
+            return each(u, tau_y[v] - given(u));
+        }
         let mut side = std::mem::take(&mut self.side);
         for (i, side) in side.iter_mut().enumerate() {
             let (v, _) = self.independents[i];

@@ -82,6 +82,8 @@ pub(super) struct RobotModel {
     ydd: Vec<f64>,
     /// Efforts against gravity (n_u).
     gravity: Vec<f64>,
+    /// Whether the pose of each mechanism is known.
+    known: Vec<bool>,
     /// Room for numbers of one mechanism (n_vy, n_u).
     rates: Vec<f64>,
     moving: Vec<f64>,
@@ -126,6 +128,7 @@ impl RobotModel {
             yd: vec![0.0; n_vy],
             ydd: vec![0.0; n_vy],
             gravity: vec![0.0; n_u],
+            known: vec![false; configuration.n_mechanisms()],
             rates: vec![0.0; n_vy],
             moving: vec![0.0; n_u],
             cycle: 0,
@@ -186,9 +189,7 @@ impl RobotModel {
 
     /// The pose of a mechanism is known.
     fn is_known(&self, number: usize) -> bool {
-        let Some(mechanism) = self.mechanisms.get(number) else { return false };
-        self.is_measured(mechanism)
-            && (mechanism.linkage.is_serial() || mechanism.measured.is_found)
+        self.known.get(number).copied().unwrap_or(false)
     }
 
     /// The forces of a mechanism can be told: the poses that they depend on are known.
