@@ -92,11 +92,22 @@ impl PyBridge {
         Ok(self.obey(now_ns, &command).name())
     }
 
-    /// Does what an operator asks: `arm`, `disarm` or `reset`.
-    fn operate(&self, now_ns: u64, operation: &str) -> PyResult<()> {
+    /// Does what an operator asks: `arm`, `disarm` or `reset`, of all mechanisms or of the one that
+    /// an actuator acts on, by its name. An actuator that is not there is a `ValueError`.
+    #[pyo3(signature = (now_ns, operation, actuator = None))]
+    fn operate(&self, now_ns: u64, operation: &str, actuator: Option<&str>) -> PyResult<()> {
         let operation = operation_of(operation)?;
-        self.note(now_ns, || What::Operate(operation));
-        self.lock().operate(now_ns, operation);
+        let mut bridge = self.lock();
+        let place = |name: &str| {
+            let known = &bridge.configuration().actuators;
+            known.iter().position(|known| known == name).ok_or_else(|| {
+                let known = known.join(", ");
+                PyValueError::new_err(format!("there is no actuator {name}, expected {known}"))
+            })
+        };
+        let actuator = actuator.map(place).transpose()?;
+        self.note(now_ns, || What::Operate(operation, actuator));
+        bridge.operate_mechanism(now_ns, operation, actuator);
         Ok(())
     }
 
@@ -207,7 +218,8 @@ impl PyBridge {
     pub(crate) fn request(&self, now_ns: u64, request: &OperatorRequest) {
         let done = self.lock().request(now_ns, request);
         if let Some(operation) = done {
-            self.note(now_ns, || What::Operate(operation));
+            let actuator = request.actuator.checked_sub(1).map(|actuator| actuator as usize);
+            self.note(now_ns, || What::Operate(operation, actuator));
         }
     }
 

@@ -133,10 +133,13 @@ impl PyController {
         }
     }
 
-    /// Asks the bridge to `arm`, `disarm` or `reset`; false where that could not be sent.
-    fn operate(&self, stamp_ns: u64, operation: &str) -> PyResult<bool> {
+    /// Asks the bridge to `arm`, `disarm` or `reset` all mechanisms, or the one that an actuator
+    /// acts on, by its place in u; false where that could not be sent.
+    #[pyo3(signature = (stamp_ns, operation, actuator = None))]
+    fn operate(&self, stamp_ns: u64, operation: &str, actuator: Option<u32>) -> PyResult<bool> {
         let operation = operation_of(operation)?;
-        let request = OperatorRequest { stamp_ns, operation: operation as u32, actuator: 0 };
+        let actuator = actuator.map_or(0, |actuator| actuator.saturating_add(1));
+        let request = OperatorRequest { stamp_ns, operation: operation as u32, actuator };
         Ok(self.observer().is_some_and(|end| end.operate(&request)))
     }
 

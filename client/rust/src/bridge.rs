@@ -60,7 +60,12 @@ impl Controller {
     /// show it. Stay until one does, and ask again: a bridge that does not know of this program yet
     /// does not hear it.
     pub fn operate(&self, operation: Operation) -> u64 {
-        operate(self.end.observer(), operation)
+        operate(self.end.observer(), operation, None)
+    }
+
+    /// The same of the one mechanism that an actuator acts on, by its place in u.
+    pub fn operate_mechanism(&self, operation: Operation, actuator: usize) -> u64 {
+        operate(self.end.observer(), operation, Some(actuator))
     }
 }
 
@@ -88,13 +93,19 @@ impl Observer {
     /// show it. Stay until one does, and ask again: a bridge that does not know of this program yet
     /// does not hear it.
     pub fn operate(&self, operation: Operation) -> u64 {
-        operate(&self.end, operation)
+        operate(&self.end, operation, None)
+    }
+
+    /// The same of the one mechanism that an actuator acts on, by its place in u.
+    pub fn operate_mechanism(&self, operation: Operation, actuator: usize) -> u64 {
+        operate(&self.end, operation, Some(actuator))
     }
 }
 
-fn operate(end: &ObserverEnd, operation: Operation) -> u64 {
+fn operate(end: &ObserverEnd, operation: Operation, actuator: Option<usize>) -> u64 {
     let stamp_ns = now_ns();
-    end.operate(&OperatorRequest { stamp_ns, operation: operation as u32, actuator: 0 });
+    let actuator = actuator.map_or(0, |actuator| u32::try_from(actuator + 1).unwrap_or(u32::MAX));
+    end.operate(&OperatorRequest { stamp_ns, operation: operation as u32, actuator });
     stamp_ns
 }
 

@@ -7,8 +7,8 @@ use sarrus_can_core::drive::Measurement;
 use sarrus_can_core::frame::FrameQueue;
 use sarrus_can_core::mapping::{ActuatorSetpoint, Mapping};
 use sarrus_can_sim::{Physics, Simulated};
-use sarrus_models::LoadError;
-use sarrus_proto::actuators::{ActuatorCommand, MechanismState, Operation};
+use sarrus_models::{LoadError, Options, Source, load};
+use sarrus_proto::actuators::{ActuatorCommand, MechanismState, Operation, Reason};
 use sarrus_tests::seed::Seeded;
 
 use crate::allocation::calls;
@@ -126,6 +126,64 @@ fn a_cycle_allocates_nothing_whatever_the_protocol_and_whatever_happens() {
     ] {
         assert!(seen.contains(&(state as u32)), "never {}", state.name());
     }
+}
+
+#[test]
+fn a_cycle_with_the_model_of_a_robot_allocates_nothing() {
+    let text = include_str!("../../../client/can/examples/rh5v2_upper_body.yml");
+    let robot = |_: &Source| load(&Source::Bundled("rh5v2_upper_body".into()), &Options::default());
+    let surroundings = Surroundings { file: &|_| Err("absent".into()), robot: &robot };
+    let config = Configuration::read("robot.yml", text.into(), &surroundings)
+        .unwrap_or_else(|report| panic!("{report}"));
+    let physics = Physics { inertia: 1e-3, friction: 0.01, torque_limit: f64::INFINITY };
+    let mut motors: Vec<(usize, Simulated)> = config
+        .motors
+        .iter()
+        .map(|motor| {
+            let name = motor.protocol.name;
+            let made = Simulated::new(name, &motor.settings, motor.common, physics).unwrap();
+            (motor.bus, made)
+        })
+        .collect();
+    let (n_u, fingerprint) = (config.actuators.len(), config.fingerprint);
+    let mut bridge = Bridge::new(config);
+    let mut out = FrameQueue::new(64);
+    let mut command =
+        ActuatorCommand { n_u: n_u as u64, fingerprint, ..ActuatorCommand::default() };
+    command.stiffness[..n_u].fill(10.0);
+    command.damping[..n_u].fill(1.0);
+    let (mut now_ns, mut calls_of_bridge, mut seen) = (10 * MS, 0, Vec::new());
+    for step in 0..2000_u64 {
+        now_ns += 2 * MS;
+        if step == 50 {
+            bridge.operate(now_ns, Operation::Arm);
+        }
+        // positions that no pose of the torso has
+        if step == 1000 {
+            command.position[..2].fill(0.09);
+            command.stiffness[..2].fill(20_000.0);
+        }
+        command.sequence += 1;
+        command.stamp_ns = now_ns;
+        let before = calls();
+        bridge.command(now_ns, &command);
+        bridge.cycle(now_ns);
+        calls_of_bridge += calls() - before;
+        seen.push((bridge.state().states[0], bridge.state().reasons[0]));
+        for (bus, motor) in &mut motors {
+            out.clear();
+            for frame in bridge.frames(*bus) {
+                motor.receive(now_ns, frame, &mut out);
+            }
+            motor.step(now_ns + MS, &mut out);
+            let before = calls();
+            out.frames().iter().for_each(|frame| bridge.receive(now_ns + MS, *bus, frame));
+            calls_of_bridge += calls() - before;
+        }
+    }
+    assert_eq!(calls_of_bridge, 0);
+    assert!(seen.contains(&(MechanismState::Enabled as u32, Reason::None as u32)));
+    assert_ne!(seen.last().unwrap().0, MechanismState::Enabled as u32);
 }
 
 #[test]

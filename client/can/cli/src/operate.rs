@@ -17,6 +17,9 @@ pub(crate) struct Operate {
     /// Name of the bridge
     #[arg(default_value = "default")]
     name: String,
+    /// Only the mechanism that this actuator acts on
+    #[arg(long)]
+    actuator: Option<String>,
     /// Wait at most this long for the bridge to be where it is to go `[s]`; without it 5 s, and as
     /// long as motors are being stopped
     #[arg(long)]
@@ -29,6 +32,8 @@ const AGAIN: Duration = Duration::from_millis(50);
 /// Timeout without a flag `[s]`, and that of the way back inside the limits.
 const SECONDS: f64 = 5.0;
 const RETURN_SECONDS: f64 = 70.0;
+/// Statistics with the names of the actuators come within this time.
+const NAMES: Duration = Duration::from_secs(3);
 /// After this time without a change a request to arm was refused at once.
 const REFUSED: Duration = Duration::from_millis(300);
 
@@ -43,7 +48,15 @@ impl Operate {
                 return ExitCode::from(2);
             }
         };
-        match self.ask(&observer, operation) {
+        let actuator = match self.actuator.as_deref().map(|name| place(&observer, name)).transpose()
+        {
+            Ok(actuator) => actuator,
+            Err(error) => {
+                eprintln!("sarrus-can {name}: {error}");
+                return ExitCode::from(2);
+            }
+        };
+        match self.ask(&observer, operation, actuator) {
             Ok(()) => {
                 // whoever asked may not want to know
                 let _ = writeln!(io::stdout(), "{}", goal(operation));
@@ -58,20 +71,29 @@ impl Operate {
     }
 
     /// Asks until the bridge is where it is to go, or will not get there.
-    fn ask(&self, observer: &Observer, operation: Operation) -> Result<(), String> {
+    fn ask(
+        &self,
+        observer: &Observer,
+        operation: Operation,
+        actuator: Option<usize>,
+    ) -> Result<(), String> {
+        let operate = |operation: Operation| match actuator {
+            Some(actuator) => observer.operate_mechanism(operation, actuator),
+            None => observer.operate(operation),
+        };
         let seconds = self.timeout.unwrap_or(match operation {
             Operation::Return => RETURN_SECONDS,
             _ => SECONDS,
         });
         let timeout = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
         let begin = Instant::now();
-        let (mut asked, mut begun, mut repeated) = (observer.operate(operation), false, begin);
+        let (mut asked, mut begun, mut repeated) = (operate(operation), false, begin);
         let (mut before, mut last) = (None, None::<StateCounts>);
         let is_stopping = |last: Option<StateCounts>| last.is_some_and(|last| last.stopping > 0);
         while begin.elapsed() < timeout || self.timeout.is_none() && is_stopping(last) {
             thread::sleep(Duration::from_millis(5));
             let Some(state) = observer.state() else { continue };
-            let now = StateCounts::of(&state);
+            let now = StateCounts::of(&state, actuator);
             let before = *before.get_or_insert(now);
             last = Some(now);
             if state.stamp_ns > asked {
@@ -93,13 +115,13 @@ impl Operate {
                 }
             }
             if !begun && repeated.elapsed() > AGAIN {
-                (asked, repeated) = (observer.operate(operation), Instant::now());
+                (asked, repeated) = (operate(operation), Instant::now());
             }
         }
         let Some(last) = last else { return Err("the bridge is silent".to_owned()) };
         if operation == Operation::Arm && last.enabled == 0 && last.arming > 0 {
             // power that comes when nobody waits for it any more would be a surprise
-            observer.operate(Operation::Disarm);
+            operate(Operation::Disarm);
             thread::sleep(AGAIN);
             return Err(format!("{last}; given up after {seconds} s and disarmed"));
         }
@@ -122,6 +144,27 @@ fn tell_meanings(observer: &Observer) {
     }
     let lines = state.map(|state| meanings(&state, statistics.as_ref())).unwrap_or_default();
     lines.iter().for_each(|line| eprintln!("  {line}"));
+}
+
+/// The place in u of an actuator, by the names that the bridge tells twice a second.
+fn place(observer: &Observer, name: &str) -> Result<usize, String> {
+    let begin = Instant::now();
+    while begin.elapsed() < NAMES {
+        let Some(statistics) = observer.statistics() else {
+            thread::sleep(Duration::from_millis(5));
+            continue;
+        };
+        let names = statistics.actuators.iter().take(statistics.n_u as usize);
+        let names: Vec<&str> = names.map(|name| name.as_str()).collect();
+        return names.iter().position(|known| *known == name).ok_or_else(|| {
+            format!("the bridge has no actuator {name}, expected {}", names.join(", "))
+        });
+    }
+    Err("the bridge is silent".to_owned())
+}
+
+fn of_actuator(codes: &[u32], place: usize) -> u32 {
+    codes.get(place).copied().unwrap_or(u32::MAX)
 }
 
 /// What people read when all went well.
@@ -147,11 +190,14 @@ struct StateCounts {
 }
 
 impl StateCounts {
-    fn of(state: &ActuatorState) -> StateCounts {
-        let flags = state.flags.iter().zip(&state.states).take(state.n_u as usize);
+    /// Of all mechanisms, or of that of an actuator.
+    fn of(state: &ActuatorState, actuator: Option<usize>) -> StateCounts {
+        let flags = state.flags.iter().zip(&state.states).take(state.n_u as usize).enumerate();
         let with_motor: Vec<u32> = flags
-            .filter(|(flags, _)| *flags & flag::NO_MOTOR == 0)
-            .map(|(_, state)| *state)
+            .filter(|(place, (flags, _))| {
+                *flags & flag::NO_MOTOR == 0 && actuator.is_none_or(|meant| meant == *place)
+            })
+            .map(|(_, (_, state))| *state)
             .collect();
         let count =
             |state: MechanismState| with_motor.iter().filter(|of| **of == state as u32).count();
@@ -161,8 +207,8 @@ impl StateCounts {
             arming: count(MechanismState::Arming),
             stopping: count(MechanismState::Stopping),
             fault: count(MechanismState::Fault),
-            state: state.state,
-            reason: state.reason,
+            state: actuator.map_or(state.state, |place| of_actuator(&state.states, place)),
+            reason: actuator.map_or(state.reason, |place| of_actuator(&state.reasons, place)),
         }
     }
 }

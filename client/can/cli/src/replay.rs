@@ -84,7 +84,18 @@ enum Fault {
 /// Does what one line says; the frames of a cycle are written.
 fn step(bridge: &mut Bridge, text: &str, out: &mut impl Write) -> Result<(), Fault> {
     let line = Line::read(text, bridge.configuration()).map_err(Fault::Line)?;
+    let (faults, _) = bridge.faults();
     line.apply(bridge);
+    if let (now, Some((mechanism, reason))) = bridge.faults()
+        && now != faults
+    {
+        let configuration = bridge.configuration();
+        let of = configuration.actuators.iter().zip(&configuration.mechanisms);
+        let names: Vec<&str> =
+            of.filter(|(_, of)| **of == mechanism).map(|(name, _)| name.as_str()).collect();
+        let (t, names) = (line.t, names.join(", "));
+        eprintln!("sarrus-can replay: at {t} ns {names}: {}", reason.name());
+    }
     if line.what == What::Cycle {
         log::sent(bridge, line.t)
             .try_for_each(|frame| writeln!(out, "{frame}"))

@@ -13,6 +13,7 @@ pub mod commissioning;
 pub mod config;
 pub mod drive;
 mod event;
+pub mod fault_log;
 pub mod frame;
 pub mod log;
 pub mod mapping;

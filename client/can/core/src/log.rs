@@ -5,8 +5,10 @@
 //! {"t": 2000000, "frame": "123#0011AA", "bus": "left_arm"}
 //! {"t": 2100000, "event": "dropped", "count": 3, "bus": "left_arm"}
 //! {"t": 2200000, "operate": "arm"}
+//! {"t": 2200000, "operate": "reset", "actuator": "ALElbowAct"}
 //! {"t": 2300000, "command": {"sequence": 1, "stamp_ns": 2300000, "effort": [0.5, 0]}}
 //! {"t": 4000000, "cycle": true}
+//! {"t": 9000000000, "resume": true}
 //! ```
 //!
 //! `t` is the monotonic clock `[ns]`; frames are as `candump -L` writes them. Of a command, what is
@@ -36,12 +38,14 @@ pub enum What {
     Frame(usize, Frame),
     /// Something else happened on a bus.
     Event(usize, BusEvent),
-    /// An operator asked for something.
-    Operate(Operation),
+    /// An operator asked for something, of all mechanisms or of that of an actuator.
+    Operate(Operation, Option<usize>),
     /// A controller commanded.
     Command(Box<ActuatorCommand>),
     /// It was time for a cycle.
     Cycle,
+    /// What was given since the line before is left out.
+    Resume,
 }
 
 impl Line {
@@ -83,13 +87,22 @@ impl Line {
         } else if let Some(name) = line.get("operate") {
             let operation =
                 Operation::ALL.iter().find(|operation| Some(operation.name()) == name.as_str());
-            What::Operate(
-                *operation.ok_or("there is no such operation, expected arm, disarm or reset")?,
-            )
+            let operation =
+                *operation.ok_or("there is no such operation, expected arm, disarm or reset")?;
+            let actuator = line.get("actuator").map(|name| {
+                let place = configuration
+                    .actuators
+                    .iter()
+                    .position(|known| Some(known.as_str()) == name.as_str());
+                place.ok_or(format!("there is no actuator {name} in the configuration"))
+            });
+            What::Operate(operation, actuator.transpose()?)
         } else if let Some(fields) = line.get("command") {
             What::Command(Box::new(command(fields, configuration)?))
         } else if line.get("cycle").is_some() {
             What::Cycle
+        } else if line.get("resume").is_some() {
+            What::Resume
         } else {
             return Err("the line says nothing, expected frame, event, operate, command or cycle"
                 .to_owned());
@@ -102,9 +115,12 @@ impl Line {
         match &self.what {
             What::Frame(bus, frame) => bridge.receive(self.t, *bus, frame),
             What::Event(bus, event) => bridge.bus_event(self.t, *bus, *event),
-            What::Operate(operation) => bridge.operate(self.t, *operation),
+            What::Operate(operation, actuator) => {
+                bridge.operate_mechanism(self.t, *operation, *actuator);
+            }
             What::Command(command) => drop(bridge.command(self.t, command)),
             What::Cycle => bridge.cycle(self.t),
+            What::Resume => bridge.resume(self.t),
         }
     }
 
@@ -120,7 +136,12 @@ impl Line {
                 }
                 None => json!({"t": t, "event": event.name(), "bus": bus(*of)}),
             },
-            What::Operate(operation) => json!({"t": t, "operate": operation.name()}),
+            What::Operate(operation, actuator) => {
+                match actuator.and_then(|actuator| configuration.actuators.get(actuator)) {
+                    Some(name) => json!({"t": t, "operate": operation.name(), "actuator": name}),
+                    None => json!({"t": t, "operate": operation.name()}),
+                }
+            }
             What::Command(command) => {
                 let ActuatorCommand {
                     sequence,
@@ -154,6 +175,7 @@ impl Line {
                 json!({"t": t, "command": fields})
             }
             What::Cycle => json!({"t": t, "cycle": true}),
+            What::Resume => json!({"t": t, "resume": true}),
         };
         line.to_string()
     }
@@ -250,9 +272,11 @@ mod tests {
             What::Frame(0, Frame::classic(Id::Extended(0x1234), &[1, 2]).unwrap()),
             What::Event(0, BusEvent::Dropped(u32::MAX)),
             What::Event(0, BusEvent::BusOff),
-            What::Operate(Operation::Reset),
+            What::Operate(Operation::Reset, None),
+            What::Operate(Operation::Arm, Some(0)),
             What::Command(Box::new(command)),
             What::Cycle,
+            What::Resume,
         ];
         for what in whats {
             let line = Line { t: u64::MAX, what };
@@ -285,6 +309,7 @@ mod tests {
                 "`count`",
             ),
             ("{\"t\": 1, \"operate\": \"run\"}", "no such operation"),
+            ("{\"t\": 1, \"operate\": \"arm\", \"actuator\": \"b\"}", "no actuator"),
             ("{\"t\": 1, \"command\": {\"position\": [NaN]}}", "not JSON"),
             ("{\"t\": 1, \"command\": {\"position\": [\"1\"]}}", "`position` holds"),
             ("{\"t\": 1, \"command\": {\"positions\": [1]}}", "no `positions`"),

@@ -5,6 +5,7 @@
 //! Threads share nothing but queues of fixed size: nothing locks.
 
 mod bus;
+mod fault_log;
 mod realtime;
 mod rules;
 
@@ -68,6 +69,10 @@ pub(crate) struct Run {
     /// Priority of the threads under SCHED_FIFO, where that is permitted
     #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u8).range(1..=98))]
     priority: u8,
+    /// Folder for what led to each fault, which `replay` reads; without it `sarrus/faults` where
+    /// programs keep their state
+    #[arg(long, value_name = "FOLDER")]
+    fault_log: Option<PathBuf>,
 }
 
 impl Run {
@@ -108,6 +113,9 @@ impl Run {
         let services = BridgeEnd::create(&node, &name)?;
 
         let (loads, fingerprint) = (bus_load::loads(&configuration), configuration.fingerprint);
+        let folder = self.fault_log.clone().unwrap_or_else(fault_log::usual_folder);
+        let (log, keeper) =
+            fault_log::fault_log(&self.name, folder, configuration.without_motors());
         let bridge = Bridge::new(configuration);
         let (mut threads, mut ends, mut owned) = (Vec::new(), Vec::new(), Vec::new());
         for (number, config) in bridge.configuration().buses.iter().enumerate() {
@@ -125,7 +133,8 @@ impl Run {
                 .into_iter()
                 .map(|thread| scope.spawn(|| thread.run(self.priority)))
                 .collect();
-            let mut rules = Rules { bridge, telemetry, services, ends, stop: &stop };
+            scope.spawn(move || keeper.run());
+            let mut rules = Rules { bridge, telemetry, services, ends, log, stop: &stop };
             // however this thread ends, also by a panic, its queues end with it, and each bus says
             // its shutdown frames
             let rules = scope.spawn(move || {

@@ -9,6 +9,7 @@ use sarrus_can_core::telemetry::{CycleTimes, Telemetry};
 use sarrus_proto::bridge::BridgeEnd;
 
 use super::bus::BusEnd;
+use super::fault_log::FaultLogEnd;
 use crate::bus::Heard;
 use sarrus_client::now_ns;
 
@@ -20,6 +21,7 @@ pub(super) struct Rules<'a> {
     pub(super) bridge: Bridge,
     pub(super) telemetry: Telemetry,
     pub(super) services: BridgeEnd,
+    pub(super) log: FaultLogEnd,
     pub(super) stop: &'a AtomicBool,
 }
 
@@ -52,22 +54,34 @@ impl Rules<'_> {
         for (bus, end) in self.ends.iter_mut().enumerate() {
             for (at_ns, heard) in end.heard() {
                 match heard {
-                    Heard::Frame(frame) => self.bridge.receive(at_ns, bus, &frame),
-                    Heard::Event(event) => self.bridge.bus_event(at_ns, bus, event),
+                    Heard::Frame(frame) => {
+                        self.log.frame(at_ns, bus, &frame);
+                        self.bridge.receive(at_ns, bus, &frame);
+                    }
+                    Heard::Event(event) => {
+                        self.log.event(at_ns, bus, event);
+                        self.bridge.bus_event(at_ns, bus, event);
+                    }
                 }
             }
         }
         while let Some(request) = self.services.operation() {
-            self.bridge.request(now, &request);
+            if let Some(operation) = self.bridge.request(now, &request) {
+                let actuator = request.actuator.checked_sub(1).map(|place| place as usize);
+                self.log.operate(now, operation, actuator);
+            }
         }
         if let Some(command) = self.services.command() {
+            self.log.command(now, &command);
             self.bridge.command(now, &command);
         }
         self.bridge.cycle(now);
+        self.log.cycle(now, &self.bridge);
         let number = self.bridge.counters().cycles;
         for (bus, end) in self.ends.iter_mut().enumerate() {
             let dropped = end.send(number, self.bridge.frames(bus));
             if dropped > 0 {
+                self.log.event(now, bus, BusEvent::Dropped(dropped));
                 self.bridge.bus_event(now, bus, BusEvent::Dropped(dropped));
             }
         }

@@ -29,6 +29,17 @@ impl BusState {
     }
 }
 
+/// How far a bridge is, after a cycle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Progress {
+    /// No mechanism has power or is on the way to it.
+    Idle,
+    /// Some mechanism arms.
+    Arming,
+    /// Some have power, none arms.
+    Powered,
+}
+
 /// Counts of the bridge since its start, and the newest times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {

@@ -9,9 +9,11 @@
 //! act at once; older than T2 they, `disarm` and faults that leave the motors able bring a
 //! controlled stop: STOPPING, then DISABLED or FAULT. Nothing ever arms by itself.
 
+mod assess;
 mod bus;
 mod counters;
 mod mechanism;
+mod model;
 mod monitors;
 mod motor;
 mod reaction;
@@ -23,19 +25,23 @@ mod tests;
 mod transitions;
 mod verdict;
 
-pub use counters::{BusCounters, BusState, Counters};
+pub use counters::{BusCounters, BusState, Counters, Progress};
 pub use sarrus_proto::counts::CommandVerdict;
 
 pub use crate::event::BusEvent;
 
-use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Operation, OperatorRequest, Reason};
+use sarrus_proto::actuators::{
+    ActuatorCommand, ActuatorState, MechanismState, Operation, OperatorRequest, Reason,
+};
 
 use crate::config::Configuration;
 use crate::drive::{DriveCommand, Receipt};
 use crate::frame::{Frame, FrameQueue};
 use bus::Bus;
 use mechanism::{Course, Mechanism};
+use model::RobotModel;
 use motor::Motor;
+use transitions::is_of;
 
 /// Requests for power that are older than this are of another time `[ns]`.
 const OPERATION_NS: u64 = 1_000_000_000;
@@ -52,6 +58,8 @@ pub struct Bridge {
     configuration: Configuration,
     motors: Vec<Motor>,
     mechanisms: Vec<Mechanism>,
+    /// `None` without a model.
+    model: Option<RobotModel>,
     buses: Vec<Bus>,
     command: ActuatorCommand,
     /// Stamp of the command when the robot was last asked to arm `[ns]`; arming waits for a later
@@ -59,18 +67,23 @@ pub struct Bridge {
     armed_at: u64,
     /// Stamp of the newest request to disarm `[ns]`.
     disarmed_at: u64,
+    /// Whom it meant, as it travelled.
+    disarmed: u32,
     /// Whether there was a command yet.
     commanded: bool,
-    /// Since when a reset is under way.
-    reset_ns: Option<u64>,
+    /// Since when a reset of each mechanism is under way `[ns]`.
+    reset_ns: Vec<Option<u64>>,
     last_cycle_ns: Option<u64>,
     state: ActuatorState,
     counters: Counters,
+    faults: u64,
+    last_fault: Option<(usize, Reason)>,
 }
 
 impl Bridge {
     /// A bridge whose motors are all disabled. Allocates; nothing after it does.
     pub fn new(mut configuration: Configuration) -> Bridge {
+        let model = RobotModel::new(&configuration);
         let of_bus = |bus: usize| configuration.motors.iter().filter(move |motor| motor.bus == bus);
         let buses = (0..configuration.buses.len()).map(|bus| {
             let room = (of_bus(bus).count() + 1) * FRAMES_PER_MOTOR;
@@ -94,6 +107,7 @@ impl Bridge {
                 Mechanism::new(with_motors(number), stop)
             })
             .collect();
+        let reset_ns = vec![None; configuration.n_mechanisms()];
         let state = ActuatorState {
             fingerprint: configuration.fingerprint,
             n_u: configuration.actuators.len() as u64,
@@ -103,15 +117,19 @@ impl Bridge {
             configuration,
             motors,
             mechanisms,
+            model,
             buses,
             command: ActuatorCommand::default(),
             armed_at: 0,
             disarmed_at: 0,
+            disarmed: 0,
             commanded: false,
-            reset_ns: None,
+            reset_ns,
             last_cycle_ns: None,
             state,
             counters: Counters::default(),
+            faults: 0,
+            last_fault: None,
         }
     }
 
@@ -154,7 +172,9 @@ impl Bridge {
             of_bus.next = i + 1;
             return;
         }
-        of_bus.counters.counts.unknown += 1;
+        if !self.model.as_mut().is_some_and(|model| model.receive(now_ns, bus, frame)) {
+            of_bus.counters.counts.unknown += 1;
+        }
     }
 
     /// Takes what happened on a bus besides frames.
@@ -196,10 +216,18 @@ impl Bridge {
     /// where it is repeated at once, as clients do until they see it done.
     pub fn request(&mut self, now_ns: u64, request: &OperatorRequest) -> Option<Operation> {
         let operation = Operation::from_code(request.operation)?;
+        let actuator = request.actuator.checked_sub(1).map(|actuator| actuator as usize);
+        let meant = self.meant(actuator)?;
         if operation == Operation::Disarm {
-            let is_repeated = request.stamp_ns.abs_diff(self.disarmed_at) <= REPEATED_NS;
+            let is_repeated = request.stamp_ns.abs_diff(self.disarmed_at) <= REPEATED_NS
+                && request.actuator == self.disarmed;
             self.disarmed_at = self.disarmed_at.max(request.stamp_ns);
-            if is_repeated && self.mechanisms.iter().any(Mechanism::is_stopping) {
+            self.disarmed = request.actuator;
+            let is_meant = |number: usize| meant.is_none_or(|meant| meant == number);
+            let mut mechanisms = self.mechanisms.iter().enumerate();
+            if is_repeated
+                && mechanisms.any(|(number, mechanism)| is_meant(number) && mechanism.is_stopping())
+            {
                 return None;
             }
         } else if now_ns.abs_diff(request.stamp_ns) > OPERATION_NS
@@ -207,43 +235,66 @@ impl Bridge {
         {
             return None;
         }
-        self.operate(now_ns, operation);
+        self.operate_mechanism(now_ns, operation, actuator);
         Some(operation)
     }
 
-    /// Does what an operator asks.
+    /// Does what an operator asks of the whole robot.
     pub fn operate(&mut self, now_ns: u64, operation: Operation) {
-        match operation {
-            Operation::Arm | Operation::Return => self.give_power(now_ns, operation),
-            // a second time takes the power away at once
-            Operation::Disarm => self.mechanisms.iter_mut().for_each(Mechanism::disarm),
-            Operation::Reset => {
-                self.mechanisms.iter_mut().for_each(Mechanism::reset);
-                self.reset_ns = Some(now_ns);
+        self.operate_mechanism(now_ns, operation, None);
+    }
+
+    /// Does what an operator asks of the mechanism that an actuator acts on, by its place in u, or
+    /// of all of them; nothing where there is no such actuator.
+    pub fn operate_mechanism(
+        &mut self,
+        now_ns: u64,
+        operation: Operation,
+        actuator: Option<usize>,
+    ) {
+        let Some(meant) = self.meant(actuator) else { return };
+        if operation == Operation::Arm {
+            self.armed_at = self.command.stamp_ns;
+        }
+        let Bridge { motors, mechanisms, configuration, reset_ns, .. } = self;
+        for (number, mechanism) in mechanisms.iter_mut().enumerate() {
+            if meant.is_some_and(|meant| meant != number) {
+                continue;
             }
-            _ => {}
+            let is_member = |motor: &Motor| is_of(&configuration.mechanisms, motor, number);
+            match operation {
+                // for the way back, those that are outside their limits
+                Operation::Arm | Operation::Return => {
+                    let returns = operation == Operation::Return;
+                    let mut members = motors.iter().filter(|motor| is_member(motor));
+                    let unready = members.clone().find_map(|motor| motor.never_ready(returns));
+                    let begins = match returns {
+                        true => {
+                            members.any(Motor::is_outside) && mechanism.come_back(now_ns, unready)
+                        }
+                        false => mechanism.arm(now_ns, unready),
+                    };
+                    let members = motors.iter_mut().filter(|motor| begins && is_member(motor));
+                    members.for_each(|motor| motor.config.drive.prepare());
+                }
+                // a second time takes the power away at once
+                Operation::Disarm => mechanism.disarm(),
+                Operation::Reset => {
+                    mechanism.reset();
+                    if let Some(since) = reset_ns.get_mut(number) {
+                        *since = Some(now_ns);
+                    }
+                }
+                _ => {}
+            }
         }
     }
 
-    /// Arms mechanisms, or those that are outside their limits for the way back.
-    fn give_power(&mut self, now_ns: u64, operation: Operation) {
-        let returns = operation == Operation::Return;
-        if !returns {
-            self.armed_at = self.command.stamp_ns;
-        }
-        let unready = self.motors.iter().find_map(|motor| motor.never_ready(returns));
-        let Bridge { motors, mechanisms, configuration, .. } = self;
-        for (number, mechanism) in mechanisms.iter_mut().enumerate() {
-            let is_member = |motor: &Motor| {
-                configuration.mechanisms.get(motor.config.actuator) == Some(&number)
-            };
-            let mut members = motors.iter().filter(|motor| is_member(motor));
-            let begins = match returns {
-                true => members.any(Motor::is_outside) && mechanism.come_back(now_ns, unready),
-                false => mechanism.arm(now_ns, unready),
-            };
-            let members = motors.iter_mut().filter(|motor| begins && is_member(motor));
-            members.for_each(|motor| motor.config.drive.prepare());
+    /// The mechanism of an actuator, if one is named; `None` for an actuator that is not there.
+    fn meant(&self, actuator: Option<usize>) -> Option<Option<usize>> {
+        match actuator {
+            None => Some(None),
+            Some(actuator) => self.configuration.mechanisms.get(actuator).copied().map(Some),
         }
     }
 
@@ -258,6 +309,7 @@ impl Bridge {
         if gap_ns > self.configuration.timeouts.disable_ns {
             self.mechanisms.iter_mut().for_each(|mechanism| mechanism.torque_off(Reason::Stalled));
         }
+        self.assess_mechanisms(now_ns);
         self.look_for_faults(now_ns);
         self.look_at_measurements(now_ns);
         let feedback_ns = self.configuration.timeouts.feedback_ns;
@@ -284,16 +336,12 @@ impl Bridge {
         }
 
         // what each motor is given
-        let is_reset = self.reset_ns.is_some_and(|since| now_ns.saturating_sub(since) < RESET_NS);
         let elapsed = gap_ns.min(2 * self.configuration.period_ns()) as f64 * 1e-9;
         for motor in &mut self.motors {
             let actuator = motor.config.actuator;
-            let mechanism = self
-                .configuration
-                .mechanisms
-                .get(actuator)
-                .and_then(|number| self.mechanisms.get(*number));
-            let (Some(mechanism), Some(bus)) = (mechanism, self.buses.get_mut(motor.config.bus))
+            let Some(number) = self.configuration.mechanisms.get(actuator) else { continue };
+            let (Some(mechanism), Some(bus)) =
+                (self.mechanisms.get(*number), self.buses.get_mut(motor.config.bus))
             else {
                 continue;
             };
@@ -301,6 +349,8 @@ impl Bridge {
                 bus.is_synchronous &= motor.config.drive.sync().is_none();
                 continue;
             }
+            let since = self.reset_ns.get(*number).copied().flatten();
+            let is_reset = since.is_some_and(|since| now_ns.saturating_sub(since) < RESET_NS);
             motor.sent_ns = Some(now_ns);
             let n_before = bus.queue.frames().len();
             let course = mechanism.course(now_ns, self.configuration.ramp_ns);
@@ -326,6 +376,30 @@ impl Bridge {
             bus.queue.push_some(bus.sync.filter(|_| bus.is_synchronous));
         }
         self.report(now_ns);
+    }
+
+    /// Goes over a time that a log leaves out, up to `now_ns`: what was measured last counts as
+    /// measured now, and what has power goes on from there.
+    pub fn resume(&mut self, now_ns: u64) {
+        self.last_cycle_ns = None;
+        self.motors.iter_mut().for_each(|motor| motor.resume_log(now_ns));
+    }
+
+    /// How many faults there were since the start, and the mechanism and reason of the last one.
+    pub fn faults(&self) -> (u64, Option<(usize, Reason)>) {
+        (self.faults, self.last_fault)
+    }
+
+    /// How far the bridge is, for a log of what it is given.
+    pub fn progress(&self) -> Progress {
+        let mut mechanisms = self.mechanisms.iter();
+        if mechanisms.any(|mechanism| mechanism.state == MechanismState::Arming) {
+            Progress::Arming
+        } else if self.mechanisms.iter().any(Mechanism::is_live) {
+            Progress::Powered
+        } else {
+            Progress::Idle
+        }
     }
 
     /// The frames of the last cycle for a bus, in the order in which they are to be sent. What

@@ -143,6 +143,14 @@ impl Motor {
         if self.measured.position.is_finite() { self.measured.position } else { self.hold }
     }
 
+    /// Goes over a time that a log leaves out.
+    pub(super) fn resume_log(&mut self, now_ns: u64) {
+        self.measured_ns = self.measured_ns.map(|_| now_ns);
+        self.sent_ns = None;
+        self.monitors.begin();
+        self.hold();
+    }
+
     /// Begins to follow from where it is.
     pub(super) fn hold(&mut self) {
         self.hold = self.place();

@@ -36,6 +36,13 @@ impl Bridge {
             };
             self.fail_mechanism(number, reason);
         }
+        for number in 0..self.mechanisms.len() {
+            let is_powered = self.mechanisms.get(number).is_some_and(Mechanism::is_powered);
+            let fault = self.model.as_ref().and_then(|model| model.fault(number));
+            if let (true, Some(reason)) = (is_powered, fault) {
+                self.fail_mechanism(number, reason);
+            }
+        }
     }
 
     pub(super) fn fail(&mut self, is_meant: impl Fn(&Motor) -> bool, reason: Reason) {
@@ -52,38 +59,50 @@ impl Bridge {
     }
 
     pub(super) fn fail_mechanism(&mut self, number: usize, reason: Reason) {
-        self.mechanisms.get_mut(number).into_iter().for_each(|mechanism| mechanism.fail(reason));
+        let Some(mechanism) = self.mechanisms.get_mut(number) else { return };
+        let before = (mechanism.state, mechanism.reason);
+        mechanism.fail(reason);
+        if (mechanism.state, mechanism.reason) != before {
+            self.faults += 1;
+            self.last_fault = Some((number, reason));
+        }
         if self.configuration.stop == Stop::Robot {
             self.mechanisms.iter_mut().for_each(|mechanism| mechanism.fail(Reason::OtherMechanism));
         }
     }
 
-    /// Gives power to mechanisms that wait for it, once nothing is missing anywhere.
+    /// Gives power to mechanisms that wait for it, each once it misses nothing; with `stop: robot`
+    /// once none of them misses anything.
     pub(super) fn arm(&mut self, now_ns: u64, is_late: bool) {
-        if !self.mechanisms.iter().any(Mechanism::is_waiting) {
-            return;
-        }
-        let missing = self.missing(now_ns, is_late);
-        if missing.is_none() {
-            let Bridge { motors, mechanisms, configuration, .. } = self;
-            let of = |motor: &Motor| {
-                configuration
-                    .mechanisms
-                    .get(motor.config.actuator)
-                    .and_then(|number| mechanisms.get(*number))
-            };
-            let begins = |motor: &&mut Motor| of(motor).is_some_and(Mechanism::is_waiting);
-            motors.iter_mut().filter(begins).for_each(Motor::hold);
-        }
         let arming_ns = self.configuration.timeouts.arming_ns;
-        for mechanism in &mut self.mechanisms {
-            mechanism.wait(now_ns, arming_ns, missing);
+        let is_waiting = |bridge: &Bridge, number: usize| {
+            bridge.mechanisms.get(number).is_some_and(Mechanism::is_waiting)
+        };
+        let of_robot = match self.configuration.stop {
+            Stop::Robot => (0..self.mechanisms.len())
+                .filter(|number| is_waiting(self, *number))
+                .find_map(|number| self.missing(number, now_ns, is_late)),
+            Stop::Mechanism => None,
+        };
+        for number in 0..self.mechanisms.len() {
+            if !is_waiting(self, number) {
+                continue;
+            }
+            let missing = of_robot.or_else(|| self.missing(number, now_ns, is_late));
+            if missing.is_none() {
+                let mechanisms = &self.configuration.mechanisms;
+                let is_member = |motor: &&mut Motor| is_of(mechanisms, motor, number);
+                self.motors.iter_mut().filter(is_member).for_each(Motor::hold);
+            }
+            if let Some(mechanism) = self.mechanisms.get_mut(number) {
+                mechanism.wait(now_ns, arming_ns, missing);
+            }
         }
     }
 
-    /// What arming still waits for: of the buses, of the motors that wait, of the controller.
-    pub(super) fn missing(&self, now_ns: u64, is_late: bool) -> Option<Reason> {
-        let is_waiting = |motor: &&Motor| self.mechanism(motor).is_some_and(Mechanism::is_waiting);
+    /// What a mechanism that is to be armed still waits for: of its motors and their buses, of its
+    /// pose, of the controller.
+    fn missing(&self, number: usize, now_ns: u64, is_late: bool) -> Option<Reason> {
         let of_bus = |motor: &Motor| match self
             .buses
             .get(motor.config.bus)
@@ -96,11 +115,14 @@ impl Bridge {
         };
         let feedback_ns = self.configuration.timeouts.feedback_ns;
         let of_motor = |motor: &Motor| of_bus(motor).or_else(|| motor.missing(now_ns, feedback_ns));
-        let follows = |mechanism: &Mechanism| mechanism.is_waiting() && !mechanism.returns();
-        let no_command = (is_late || self.command.stamp_ns <= self.armed_at)
-            && self.mechanisms.iter().any(follows);
-        let no_command = no_command.then_some(Reason::NoCommand);
-        self.motors.iter().filter(is_waiting).find_map(of_motor).or(no_command)
+        // the way back needs no controller, and leads to a pose that the model takes
+        let returns = self.mechanisms.get(number).is_some_and(Mechanism::returns);
+        let of_model = || self.model.as_ref().and_then(|model| model.missing(number, now_ns));
+        let no_command =
+            (is_late || self.command.stamp_ns <= self.armed_at).then_some(Reason::NoCommand);
+        let is_member = |motor: &&Motor| is_of(&self.configuration.mechanisms, motor, number);
+        let of_motors = self.motors.iter().filter(is_member).find_map(of_motor);
+        of_motors.or_else(|| if returns { None } else { of_model().or(no_command) })
     }
 
     /// The mechanism that a motor acts on.
@@ -112,7 +134,7 @@ impl Bridge {
     /// A mechanism whose motors all have power follows; one whose commands stay away is stopped.
     pub(super) fn follow(&mut self, number: usize, now_ns: u64, is_late: bool, is_lost: bool) {
         let mechanisms = &self.configuration.mechanisms;
-        let is_member = |motor: &Motor| mechanisms.get(motor.config.actuator) == Some(&number);
+        let is_member = |motor: &Motor| is_of(mechanisms, motor, number);
         let Some(mechanism) = self.mechanisms.get_mut(number) else { return };
         let mut members = Members {
             all_on: true,
@@ -149,4 +171,9 @@ impl Bridge {
             }
         }
     }
+}
+
+/// Whether a motor acts on a mechanism; `mechanisms` are those of the actuators.
+pub(super) fn is_of(mechanisms: &[usize], motor: &Motor, number: usize) -> bool {
+    mechanisms.get(motor.config.actuator) == Some(&number)
 }

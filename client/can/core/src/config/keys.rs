@@ -79,6 +79,40 @@ pub(super) const TIMEOUTS: &[Key] = &[
         "arming that takes longer has failed",
     ),
 ];
+pub(super) const MODEL: &[Key] = &[
+    key(
+        "effort",
+        KeyKind::Number(0.0, 10.0),
+        Some("0.3"),
+        "part of limits.effort by which efforts may differ from the model's, 0 for not compared",
+    ),
+    key(
+        "clearance",
+        KeyKind::Number(0.0, 0.9),
+        Some("0.2"),
+        "least clearance from singular poses, 1 at the best pose, 0 for not assessed",
+    ),
+];
+pub(super) const ENCODER: &[Key] = &[
+    key("joint", KeyKind::Text, None, "the joint that it measures"),
+    key("bus", KeyKind::Text, None, "the bus that it reports on"),
+    key("id", KeyKind::Integer(0, 0x1FFF_FFFF), None, "the identifier of its frames"),
+    key("byte", KeyKind::Integer(0, 60), Some("0"), "where its number begins in the data"),
+    key("bits", KeyKind::Integer(8, 32), Some("32"), "size of its number, whole bytes"),
+    key("scale", KeyKind::Number(-LARGE, LARGE), None, "what one step is, rad or m"),
+    key(
+        "offset",
+        KeyKind::Number(-LARGE, LARGE),
+        Some("0"),
+        "where the joint is when the number is 0, rad or m",
+    ),
+    key(
+        "margin",
+        KeyKind::Number(1e-9, LARGE),
+        None,
+        "by how much it may contradict the motors, rad or m",
+    ),
+];
 pub(super) const BUS: &[Key] = &[
     key("name", KeyKind::Text, None, "what motors call it"),
     key("interface", KeyKind::Text, Some("socketcan"), "how it is reached, in python-can's words"),

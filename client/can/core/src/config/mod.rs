@@ -9,6 +9,7 @@
 //! monitors: {temperature: 100}   # from where on measurements are doubted; each may be `off`
 //! ramp_ms: 500              # gains and efforts grow to their full size in this time after arming
 //! stop: mechanism           # or `robot`: what stops when a motor fails
+//! model: {effort: 0.3, clearance: 0.2}  # how far the robot may be from its model
 //! stop_function: ss1        # how it stops: to a standstill within `stop_ms`, then no torque
 //! stop_ms: 500
 //! mechanisms:               # those that stop otherwise, each named by one of its actuators
@@ -29,6 +30,7 @@
 
 pub mod bus_load;
 mod check;
+mod encoders;
 #[cfg(feature = "files")]
 mod files;
 mod keys;
@@ -38,14 +40,18 @@ mod plausible;
 mod read;
 mod stops;
 
+pub use encoders::EncoderConfig;
 #[cfg(feature = "files")]
 pub use files::ConfigurationError;
 pub use monitors::MonitorBounds;
 pub use stops::{MechanismStop, StopFunction};
 
+use std::sync::Arc;
+
 use crate::drive::{Drive, Watchdog};
 use crate::mapping::Mapping;
 use crate::protocol::{Common, Protocol, Settings};
+use sarrus_dynamics::Model;
 use sarrus_models::{Diagnostic, LoadError, Loaded, Source};
 pub use sarrus_proto::actuators::MAX_ACTUATORS;
 use sarrus_proto::actuators::Reason;
@@ -61,6 +67,10 @@ pub struct Configuration {
     pub source: Option<Source>,
     /// Fingerprint of the model; 0 without one.
     pub fingerprint: u64,
+    /// The robot's model; `None` without one.
+    pub model: Option<Arc<Model>>,
+    /// From when on the model finds something wrong.
+    pub model_rules: ModelRules,
     /// Names of the actuators, in the order of u (n_u).
     pub actuators: Vec<String>,
     /// The closed mechanism that each actuator acts on (n_u); actuators of one number stop
@@ -80,6 +90,8 @@ pub struct Configuration {
     pub buses: Vec<BusConfig>,
     /// The motors, in the order of the file.
     pub motors: Vec<MotorConfig>,
+    /// Encoders besides those of the motors.
+    pub encoders: Vec<EncoderConfig>,
     /// What may stay but should be known.
     pub warnings: Vec<Diagnostic>,
 }
@@ -95,6 +107,17 @@ pub struct Timeouts {
     pub feedback_ns: u64,
     /// Arming that takes longer has failed `[ns]`.
     pub arming_ns: u64,
+}
+
+/// From when on the model finds something wrong with a mechanism.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ModelRules {
+    /// Part of `limits.effort` by which reported efforts may differ from those of the model; 0
+    /// where they are not compared.
+    pub effort: f64,
+    /// The least clearance from a singular pose, from 0 to 1 at the mechanism's best pose; 0 where
+    /// it is not assessed.
+    pub clearance: f64,
 }
 
 /// What stops when a motor fails.
@@ -221,11 +244,13 @@ impl Configuration {
         Configuration {
             robot: self.robot.clone(),
             source: self.source.clone(),
+            model: self.model.clone(),
             actuators: self.actuators.clone(),
             mechanisms: self.mechanisms.clone(),
             stops: self.stops.clone(),
             buses: self.buses.clone(),
             motors: Vec::new(),
+            encoders: self.encoders.clone(),
             warnings: self.warnings.clone(),
             ..*self
         }

@@ -1,16 +1,17 @@
 //! From the text of a configuration to its values, or to everything that is wrong with it.
 
 use std::collections::HashSet;
+use std::sync::Arc;
 
 use sarrus_models::yaml::{self, Node, Span, Value, quoted};
 use sarrus_models::{Diagnostics, LoadError, Report, Source};
 
-use super::keys::{BUS, TIMEOUTS, TOP};
+use super::keys::{BUS, MODEL, TIMEOUTS, TOP};
 use super::motors::Robot;
 use super::stops::Stopped;
 use super::{
-    BusConfig, Configuration, MAX_BUSES, MotorConfig, Stop, Surroundings, Timeouts, check,
-    plausible,
+    BusConfig, Configuration, MAX_BUSES, ModelRules, MotorConfig, Stop, Surroundings, Timeouts,
+    check, plausible,
 };
 use crate::settings::{Key, Settings};
 
@@ -66,13 +67,16 @@ impl Reader<'_, '_> {
     }
 
     fn configuration(&mut self, root: &Node) -> Option<Configuration> {
-        const GROUPS: &[&str] = &["timeouts", "monitors", "buses", "motors", "mechanisms"];
+        const GROUPS: &[&str] =
+            &["timeouts", "monitors", "model", "buses", "motors", "mechanisms", "encoders"];
         let top = self.settings(root, "the file", TOP, GROUPS);
         self.period_ns = top.as_ref().map_or(0, |top| (1e9 / top.number("rate_hz")) as u64);
         let timeouts = self.timeouts(root);
+        let model_rules = self.model_rules(root);
         let buses = self.buses(root);
         let robot = top.as_ref().and_then(|top| self.robot(top));
         let read = self.motors(root, buses.as_deref(), robot.as_ref());
+        let encoders = self.encoders(root, buses.as_deref(), robot.as_ref(), &read);
         let (top, timeouts, buses) = (top?, timeouts?, buses?);
         let actuators: Vec<String> = match &robot {
             Some(robot) => robot.loaded.compiled.model.active_names().to_vec(),
@@ -99,6 +103,8 @@ impl Reader<'_, '_> {
             fingerprint: robot
                 .as_ref()
                 .map_or(0, |robot| robot.loaded.compiled.model.fingerprint()),
+            model: robot.as_ref().map(|robot| Arc::new(robot.loaded.compiled.model.clone())),
+            model_rules,
             source: robot.map(|robot| robot.source),
             actuators,
             mechanisms,
@@ -108,6 +114,7 @@ impl Reader<'_, '_> {
             stop: if top.text("stop") == "robot" { Stop::Robot } else { Stop::Mechanism },
             buses,
             motors: read.into_iter().map(|read| read.motor).collect(),
+            encoders,
             warnings: Vec::new(),
         };
         check::whole(&configuration, &places, top.place("rate_hz"), self.diagnostics);
@@ -134,6 +141,14 @@ impl Reader<'_, '_> {
         }
         plausible::timeouts(&read, self.diagnostics);
         Some(Timeouts { damping_ns, disable_ns, feedback_ns, arming_ns })
+    }
+
+    fn model_rules(&mut self, root: &Node) -> ModelRules {
+        let empty = Node { span: root.span, value: Value::Map(Vec::new()) };
+        let node = root.get("model").unwrap_or(&empty);
+        let read = self.settings(node, "`model`", MODEL, &[]);
+        let number = |key: &str| read.as_ref().map_or(0.0, |read| read.number(key));
+        ModelRules { effort: number("effort"), clearance: number("clearance") }
     }
 
     fn buses(&mut self, root: &Node) -> Option<Vec<BusConfig>> {

@@ -227,6 +227,8 @@ impl Bench {
             robot: None,
             source: None,
             fingerprint: 7,
+            model: None,
+            model_rules: crate::config::ModelRules { effort: 0.0, clearance: 0.0 },
             actuators: ["a", "b", "c"].map(String::from).to_vec(),
             mechanisms: vec![0, 0, 1],
             rate_hz: 1000.0,
@@ -241,6 +243,7 @@ impl Bench {
             stops: vec![MechanismStop::default(); 2],
             buses: vec![bus("x"), bus("y")],
             motors: (0..3).map(motor).collect(),
+            encoders: Vec::new(),
             warnings: Vec::new(),
         };
         change(&mut configuration);
@@ -282,6 +285,14 @@ impl Bench {
             self.bridge.command(self.now_ns, &self.command());
         }
         self.bridge.cycle(self.now_ns);
+        for (bus, reply) in self.replies() {
+            self.bridge.receive(self.now_ns + MS / 4, bus, &reply);
+        }
+    }
+
+    /// What the motors answer to the frames of the last cycle, with their buses.
+    pub(super) fn replies(&mut self) -> Vec<(usize, Frame)> {
+        let mut replies = Vec::new();
         for i in 0..3_usize {
             let sent = self
                 .bridge
@@ -303,9 +314,15 @@ impl Bench {
                         Frame::fd(id, false, &answer).unwrap()
                     }
                 };
-                self.bridge.receive(self.now_ns + MS / 4, i / 2, &answer);
+                replies.push((i / 2, answer));
             }
         }
+        replies
+    }
+
+    /// The same happens on both buses.
+    pub(super) fn each_bus(&mut self, event: BusEvent) {
+        (0..2).for_each(|bus| self.bridge.bus_event(0, bus, event));
     }
 
     pub(super) fn steps(&mut self, n: usize) {

@@ -1,8 +1,12 @@
 mod bench;
 mod braking;
+mod fault_log;
 mod limits;
 mod malformed;
+mod mechanisms;
+mod model;
 mod monitors;
+mod robot;
 mod stops;
 
 use std::sync::atomic::Ordering;
@@ -74,12 +78,12 @@ fn arming_waits_for_every_motor_the_buses_and_a_command() {
             given.lock().unwrap().iter().all(|command| *command == DriveCommand::Off)
         }));
     };
-    wait(&|bench| bench.answers[2] = false, Reason::FeedbackStale);
-    wait(&|bench| bench.fault[1] = 9, Reason::MotorFault);
+    wait(&|bench| bench.answers = [false; 3], Reason::FeedbackStale);
+    wait(&|bench| bench.fault = [0, 9, 9], Reason::MotorFault);
     wait(&|bench| bench.commands = false, Reason::NoCommand);
-    wait(&|bench| bench.bridge.bus_event(0, 1, BusEvent::ErrorPassive), Reason::BusPassive);
-    wait(&|bench| bench.bridge.bus_event(0, 1, BusEvent::BusOff), Reason::BusOff);
-    wait(&|bench| bench.bridge.bus_event(0, 1, BusEvent::Backlog(3)), Reason::Backlog);
+    wait(&|bench| bench.each_bus(BusEvent::ErrorPassive), Reason::BusPassive);
+    wait(&|bench| bench.each_bus(BusEvent::BusOff), Reason::BusOff);
+    wait(&|bench| bench.each_bus(BusEvent::Backlog(3)), Reason::Backlog);
 }
 
 #[test]
@@ -88,8 +92,10 @@ fn a_motor_that_is_not_calibrated_is_never_armed() {
     bench.steps(3);
     bench.bridge.operate(bench.now_ns, Operation::Arm);
     bench.step();
-    assert_eq!(bench.states(), [MechanismState::Disabled; 3]);
-    assert_eq!(bench.reason(0), Reason::NotCalibrated);
+    assert_eq!(bench.states()[2], MechanismState::Disabled);
+    assert_eq!(bench.reason(2), Reason::NotCalibrated);
+    bench.steps(5);
+    assert_eq!(bench.states()[..2], [MechanismState::Enabled; 2]);
 }
 
 #[test]

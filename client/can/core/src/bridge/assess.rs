@@ -1,0 +1,52 @@
+//! What the model is given of the motors, and what it says of their mechanisms.
+
+use sarrus_proto::actuators::MechanismState;
+
+use super::Bridge;
+use super::mechanism::Course;
+use super::model::{Activity, Measured};
+use super::motor::Motor;
+use crate::drive::Mode;
+
+impl Bridge {
+    /// One cycle of the model, where there is one.
+    pub(super) fn assess_mechanisms(&mut self, now_ns: u64) {
+        let Bridge { model, motors, mechanisms, configuration, command, .. } = self;
+        let Some(model) = model else { return };
+        for motor in motors.iter() {
+            let actuator = motor.config.actuator;
+            let stiffness = command.stiffness.get(actuator).copied().unwrap_or(0.0);
+            // only where a position is held can it be one that the mechanism does not have
+            let is_held = match motor.config.common.mode {
+                Mode::Position => true,
+                Mode::Impedance | Mode::Torque => stiffness > 0.0,
+                Mode::Velocity => false,
+            };
+            let Motor { measured, last_position, .. } = motor;
+            model.measure(
+                actuator,
+                Measured {
+                    position: measured.position,
+                    velocity: measured.velocity,
+                    effort: measured.effort,
+                    setpoint: is_held.then_some(*last_position),
+                },
+            );
+        }
+        for (number, mechanism) in mechanisms.iter().enumerate() {
+            let course = mechanism.course(now_ns, configuration.ramp_ns);
+            let is_enabled = mechanism.state == MechanismState::Enabled;
+            let activity = match course {
+                None => Activity::Idle,
+                Some(Course::Follow(ramp)) if is_enabled && ramp < 1.0 => Activity::Ramping,
+                Some(Course::Follow(_)) if is_enabled => Activity::Following,
+                Some(_) => Activity::Powered,
+            };
+            model.activity(number, activity);
+        }
+        model.cycle(now_ns);
+        for motor in motors {
+            motor.gravity = model.gravity(motor.config.actuator);
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! One mechanism and what was found of it.
+
+use sarrus_proto::actuators::Reason;
+
+use super::Activity;
+use super::effort::Contradiction;
+use super::evaluator::Pose;
+use super::linkage::Linkage;
+use super::tracker::Tracker;
+
+/// A mechanism that is lost for longer is tried again only every so many assessments.
+const RARELY: u64 = 16;
+/// Part of the range of an independent by which it may be beyond its limits.
+const MARGIN: f64 = 0.01;
+/// Part of its clearance by which a mechanism may come nearer to a singular pose than it was.
+const NEARER: f64 = 0.7;
+/// Assessments without a pose after which there is none.
+pub(super) const LOST: u32 = 2;
+
+/// One mechanism and its assessment.
+#[derive(Debug)]
+pub(super) struct Assessed {
+    pub(super) linkage: Linkage,
+    pub(super) measured: Tracker,
+    pub(super) commanded: Tracker,
+    pub(super) activity: Activity,
+    /// What its independents and its clearance may reach.
+    bounds: Vec<[f64; 2]>,
+    least_clearance: f64,
+    pub(super) contradiction: Contradiction,
+    pub(super) fault: Option<Reason>,
+}
+
+impl Assessed {
+    /// At a pose. Allocates; nothing after it does.
+    pub(super) fn new(linkage: Linkage, pose: &Pose) -> Assessed {
+        Assessed {
+            measured: Tracker::new(&linkage, pose),
+            commanded: Tracker::new(&linkage, pose),
+            activity: Activity::Idle,
+            bounds: vec![[f64::NEG_INFINITY, f64::INFINITY]; linkage.independents.len()],
+            least_clearance: 0.0,
+            contradiction: Contradiction::default(),
+            fault: None,
+            linkage,
+        }
+    }
+
+    /// Whether something is closed that its actuators determine.
+    pub(super) fn is_closed(&self) -> bool {
+        self.linkage.is_determined() && !self.linkage.is_serial
+    }
+
+    /// What it means that no pose has the measured actuators: more of them than it has degrees of
+    /// freedom contradict each other.
+    pub(super) fn no_pose(&self) -> Reason {
+        if self.linkage.actuators.len() > self.linkage.independents.len() {
+            Reason::LoopResidual
+        } else {
+            Reason::Unreachable
+        }
+    }
+
+    /// A mechanism that has no pose is tried again rarely.
+    pub(super) fn is_due(&self, assessment: u64) -> bool {
+        self.measured.lost <= LOST || assessment.is_multiple_of(RARELY)
+    }
+
+    /// Limits and the clearance, as ratchets: without power they are where the mechanism is.
+    pub(super) fn assess_limits(&mut self, least_clearance: f64) {
+        let is_powered = self.activity > Activity::Idle;
+        let (mut is_beyond, clearance) = (false, self.measured.clearance);
+        for (i, limits) in self.linkage.limits.iter().enumerate() {
+            let y = self.measured.next[i];
+            let range = limits[1] - limits[0];
+            let margin = if range.is_finite() { MARGIN * range } else { MARGIN };
+            let bounds = &mut self.bounds[i];
+            is_beyond |= is_powered && (y < bounds[0] || y > bounds[1]);
+            let lower = (limits[0] - margin).min(y - margin);
+            let upper = (limits[1] + margin).max(y + margin);
+            *bounds = if is_powered {
+                [bounds[0].max(lower), bounds[1].min(upper)]
+            } else {
+                [lower, upper]
+            };
+        }
+        let is_near = is_powered && clearance < self.least_clearance;
+        let least = least_clearance.min(NEARER * clearance);
+        self.least_clearance = if is_powered { self.least_clearance.max(least) } else { least };
+        if is_near {
+            self.fault = Some(Reason::NearSingular);
+        } else if is_beyond {
+            self.fault = Some(Reason::MechanismLimit);
+        }
+    }
+}

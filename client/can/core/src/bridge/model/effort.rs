@@ -1,0 +1,65 @@
+//! Reported efforts against the inverse dynamics of the model.
+//!
+//! ```text
+//! δτ_u = W G_u N⁻¹ (τ_y(y, ẏ, ÿ) − G_uᵀ τ_reported)
+//! |δτ_u| > part · limits.effort + ½ |τ_u(y, ẏ, ÿ) − τ_u(y, 0, 0)|   for 10 ms: fault
+//! ```
+//!
+//! ẏ is what the motors report, and where they report none the change of y; both it and its
+//! derivative ÿ go through a filter of 5 ms, and the efforts through two of them, so that they are
+//! as late. Half of what the motion asks for may be wrong besides: rotors and friction are not in
+//! the model.
+
+/// Time constant of the filters `[s]`.
+const FILTER: f64 = 0.005;
+/// For so long the efforts may contradict `[ns]`.
+const HOLD_NS: u64 = 10_000_000;
+/// Part of the forces of the motion that may be wrong.
+const MOTION: f64 = 0.5;
+
+/// A number and its change in time, both filtered.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Filtered {
+    pub(super) value: f64,
+    pub(super) rate: f64,
+}
+
+impl Filtered {
+    /// Goes on by `h` seconds.
+    pub(super) fn update(&mut self, newest: f64, h: f64) {
+        let share = h / (h + FILTER);
+        let before = self.value;
+        self.value += share * (newest - self.value);
+        self.rate += share * ((self.value - before) / h - self.rate);
+    }
+
+    /// Two filters, one after the other: the second's output is the rate's place.
+    pub(super) fn update_twice(&mut self, newest: f64, h: f64) {
+        let share = h / (h + FILTER);
+        self.value += share * (newest - self.value);
+        self.rate += share * (self.value - self.rate);
+    }
+}
+
+/// How long a mechanism's efforts have contradicted.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Contradiction {
+    since_ns: Option<u64>,
+}
+
+impl Contradiction {
+    /// The deviation of one actuator within what is allowed.
+    pub(super) fn is_beyond(deviation: f64, moving: f64, allowed: f64) -> bool {
+        deviation.abs() > allowed + MOTION * moving.abs()
+    }
+
+    /// Takes whether the efforts contradict now; true once they have for long enough.
+    pub(super) fn update(&mut self, now_ns: u64, is_beyond: bool) -> bool {
+        if !is_beyond {
+            self.since_ns = None;
+            return false;
+        }
+        let since_ns = *self.since_ns.get_or_insert(now_ns);
+        now_ns.saturating_sub(since_ns) >= HOLD_NS
+    }
+}

@@ -1,0 +1,138 @@
+//! Poses and forces of the robot at given independent coordinates, without allocation.
+
+use std::sync::Arc;
+
+use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, QueryError, Request, Workspace};
+
+/// The robot at one pose.
+#[derive(Clone, Debug)]
+pub(super) struct Pose {
+    /// Where it is to be evaluated `[m, rad]` (n_qy).
+    pub(super) y: Vec<f64>,
+    /// Tree coordinates of the last evaluation, from which the next one starts (n_q).
+    pub(super) q: Vec<f64>,
+    /// Actuator coordinates there `[m, rad]` (n_u).
+    pub(super) u: Vec<f64>,
+    /// Loop Jacobian there (n_v × n_vy).
+    pub(super) loop_jacobian: Vec<f64>,
+    /// Generalised forces that the motion there asks for `[N, N m]` (n_vy).
+    pub(super) tau_y: Vec<f64>,
+}
+
+/// A plan with room for what it is given and for what it gives.
+#[derive(Debug)]
+struct Prepared {
+    plan: Plan,
+    input: Vec<f64>,
+    output: Vec<f64>,
+}
+
+impl Prepared {
+    fn new(model: &Model, request: Request, given: &[Field], want: &[Field]) -> Option<Prepared> {
+        let query = Query::new(request, FieldSet::of(given), FieldSet::of(want));
+        let plan: Result<Plan, QueryError> = Plan::new(model, &query);
+        let plan = plan.ok()?;
+        let (input, output) = (vec![0.0; plan.given().len()], vec![0.0; plan.want().len()]);
+        Some(Prepared { plan, input, output })
+    }
+
+    fn give(&mut self, field: Field, numbers: &[f64]) {
+        if let Some(slot) = self.plan.given().slot(field) {
+            self.input[slot.range()].copy_from_slice(numbers);
+        }
+    }
+
+    fn take(&self, field: Field, into: &mut [f64]) {
+        if let Some(slot) = self.plan.want().slot(field) {
+            into.copy_from_slice(&self.output[slot.range()]);
+        }
+    }
+}
+
+/// A model with its plans and scratch.
+#[derive(Debug)]
+pub(super) struct Evaluator {
+    pub(super) model: Arc<Model>,
+    workspace: Workspace<f64>,
+    pose: Prepared,
+    rest: Prepared,
+    motion: Prepared,
+}
+
+impl Evaluator {
+    /// Allocates; nothing after it does. `None` for a model that has no such answers.
+    pub(super) fn new(model: Arc<Model>) -> Option<Evaluator> {
+        use Field::{G, Q, QGuess, TauY, U, Y, Yd, Ydd};
+        let workspace = Workspace::new(&model);
+        let forces = |given: &[Field]| {
+            Prepared::new(&model, Request::InverseDynamics, given, &[Q, U, G, TauY])
+        };
+        Some(Evaluator {
+            pose: Prepared::new(&model, Request::Kinematics, &[Y, QGuess], &[Q, U, G])?,
+            rest: forces(&[Y, QGuess])?,
+            motion: forces(&[Y, Yd, Ydd, QGuess])?,
+            workspace,
+            model,
+        })
+    }
+
+    /// The closed pose where all independent coordinates are zero; `None` where there is none.
+    /// Allocates.
+    pub(super) fn zero(&mut self) -> Option<Pose> {
+        let sizes = self.model.sizes();
+        // a quaternion at rest ends with 1
+        let y: Vec<f64> = self
+            .model
+            .independent_q_names()
+            .iter()
+            .map(|name| if name.ends_with("/qw") { 1.0 } else { 0.0 })
+            .collect();
+        let mut pose = Pose {
+            y,
+            q: vec![0.0; sizes.n_q],
+            u: vec![0.0; sizes.n_u],
+            loop_jacobian: vec![0.0; sizes.n_v * sizes.n_vy],
+            tau_y: vec![0.0; sizes.n_vy],
+        };
+        let fields = [Field::Q, Field::U, Field::G];
+        let mut first = Prepared::new(&self.model, Request::Kinematics, &[Field::Y], &fields)?;
+        run(&self.model, &mut self.workspace, &mut first, &mut pose).then_some(pose)
+    }
+
+    /// Closes the loops at `pose.y`, from `pose.q`. False, and nothing changed, where they cannot
+    /// be closed.
+    pub(super) fn pose(&mut self, pose: &mut Pose) -> bool {
+        run(&self.model, &mut self.workspace, &mut self.pose, pose)
+    }
+
+    /// The same with the forces that hold the robot there.
+    pub(super) fn rest(&mut self, pose: &mut Pose) -> bool {
+        run(&self.model, &mut self.workspace, &mut self.rest, pose)
+    }
+
+    /// The same with the forces of a motion.
+    pub(super) fn motion(&mut self, pose: &mut Pose, yd: &[f64], ydd: &[f64]) -> bool {
+        self.motion.give(Field::Yd, yd);
+        self.motion.give(Field::Ydd, ydd);
+        run(&self.model, &mut self.workspace, &mut self.motion, pose)
+    }
+}
+
+fn run(
+    model: &Model,
+    workspace: &mut Workspace<f64>,
+    prepared: &mut Prepared,
+    pose: &mut Pose,
+) -> bool {
+    prepared.give(Field::Y, &pose.y);
+    prepared.give(Field::QGuess, &pose.q);
+    let answer = prepared.plan.run(model, workspace, &prepared.input, &mut prepared.output);
+    if answer.ok().is_err() {
+        return false;
+    }
+    prepared.take(Field::Q, &mut pose.q);
+    prepared.take(Field::U, &mut pose.u);
+    prepared.take(Field::G, &mut pose.loop_jacobian);
+    prepared.take(Field::TauY, &mut pose.tau_y);
+    true
+}

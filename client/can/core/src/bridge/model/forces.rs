@@ -1,0 +1,107 @@
+//! What the model says of forces: gravity, and whether reported efforts contradict it.
+
+use sarrus_proto::actuators::Reason;
+
+use super::assessed::Assessed;
+use super::effort::{Contradiction, Filtered};
+use super::{Activity, RobotModel};
+
+/// Least clearance at which gravity is given, and at which efforts are compared: what the model is
+/// wrong by grows with one by it.
+const WEIGHED: f64 = 0.02;
+const COMPARED: f64 = 0.15;
+
+impl RobotModel {
+    /// ẏ and ÿ from what was measured, and the efforts, all filtered, after `h` seconds.
+    pub(super) fn filter(&mut self, h: f64) {
+        for k in 0..self.mechanisms.len() {
+            let is_known = self.is_known(k);
+            let Assessed { linkage, measured, .. } = &mut self.mechanisms[k];
+            let rates = &mut self.rates[..linkage.independents.len()];
+            let velocity = |u: usize| self.measured[u].velocity;
+            let is_told = linkage.actuators.iter().all(|u| velocity(*u).is_finite());
+            let is_told = is_told && linkage.factorise(&self.rows, &self.pose);
+            if is_told {
+                linkage.independents_of(&self.rows, &self.pose, |_, u| velocity(u), rates);
+            }
+            for (i, &(v, _)) in linkage.independents.iter().enumerate() {
+                let change = (measured.next[i] - self.y_before[v]) / h;
+                let rate = if is_told { rates[i] } else { change };
+                self.y_before[v] = if is_known { measured.next[i] } else { f64::NAN };
+                let motion = &mut self.motion[v];
+                if is_known && rate.is_finite() && h > 0.0 {
+                    motion.update(rate, h);
+                } else {
+                    *motion = Filtered::default();
+                }
+                (self.yd[v], self.ydd[v]) = (motion.value, motion.rate);
+            }
+        }
+        for (effort, measured) in self.efforts.iter_mut().zip(&self.measured) {
+            if measured.effort.is_finite() {
+                effort.update_twice(measured.effort, h);
+            }
+        }
+    }
+
+    /// Reported efforts against those of the model.
+    pub(super) fn compare_efforts(&mut self, now_ns: u64) {
+        for k in 0..self.mechanisms.len() {
+            let is_following = self.mechanisms[k].activity == Activity::Following;
+            let is_told = |u: &usize| self.measured[*u].effort.is_finite();
+            let is_told = self.mechanisms[k].linkage.actuators.iter().all(is_told);
+            let is_compared = is_following && is_told && self.is_weighable(k, COMPARED);
+            let Assessed { linkage, contradiction, fault, .. } = &mut self.mechanisms[k];
+            let mut is_beyond = false;
+            if is_compared && linkage.factorise(&self.rows, &self.pose) {
+                let (efforts, limits) = (&self.efforts, &self.limits);
+                let (gravity, part) = (&self.gravity, self.rules.effort);
+                let room = &mut self.moving;
+                let tau_y = &self.pose.tau_y;
+                linkage.efforts_of(
+                    &self.rows,
+                    &self.pose,
+                    tau_y,
+                    |_| 0.0,
+                    |u, effort| {
+                        room[u] = effort - gravity[u];
+                    },
+                );
+                let reported = |u: usize| efforts[u].rate;
+                linkage.efforts_of(&self.rows, &self.pose, tau_y, reported, |u, deviation| {
+                    let allowed = part * limits[u].effort;
+                    is_beyond |= Contradiction::is_beyond(deviation, room[u], allowed);
+                });
+            }
+            if contradiction.update(now_ns, is_beyond) && fault.is_none() {
+                *fault = Some(Reason::ModelEffort);
+            }
+        }
+    }
+
+    /// The efforts that hold the robot against gravity where it is.
+    pub(super) fn weigh(&mut self) {
+        if !self.evaluator.rest(&mut self.pose) {
+            return;
+        }
+        for k in 0..self.mechanisms.len() {
+            let is_weighable = self.is_weighable(k, WEIGHED);
+            let Assessed { linkage, .. } = &mut self.mechanisms[k];
+            let gravity = &mut self.gravity;
+            if is_weighable && linkage.factorise(&self.rows, &self.pose) {
+                let tau_y = &self.pose.tau_y;
+                linkage.efforts_of(
+                    &self.rows,
+                    &self.pose,
+                    tau_y,
+                    |_| 0.0,
+                    |u, effort| {
+                        gravity[u] = effort;
+                    },
+                );
+            } else {
+                linkage.actuators.iter().for_each(|u| gravity[*u] = 0.0);
+            }
+        }
+    }
+}

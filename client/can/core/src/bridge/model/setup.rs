@@ -1,0 +1,178 @@
+//! Which coordinates belong together, read off the loop Jacobian and the mass matrix at sampled
+//! poses, and how well each mechanism is conditioned at its best pose.
+
+use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Workspace};
+
+use super::evaluator::{Evaluator, Pose};
+use super::linkage::{Linkage, Rows};
+use crate::config::{Configuration, Limits};
+
+/// Poses that are tried.
+const SAMPLES: usize = 128;
+/// Half the range of an independent without limits `[m, rad]`.
+const UNBOUNDED: f64 = 0.5;
+/// Part of the range of an actuator that counts as no deviation.
+const MARGIN: f64 = 0.002;
+/// Clearance of a pose that Newton's method can begin at.
+const SOUND: f64 = 0.05;
+/// Entries less than this are none.
+const NONE: f64 = 1e-9;
+
+/// What samples say of a robot.
+pub(super) struct Structure {
+    pub(super) rows: Rows,
+    pub(super) linkages: Vec<Linkage>,
+    /// Where mechanisms are looked for at first: zero, and the best of the samples where zero is
+    /// near a singular pose (n_qy).
+    pub(super) home: Vec<f64>,
+    /// The mechanism of each independent; `None` where no actuator moves it (n_vy).
+    pub(super) owners: Vec<Option<usize>>,
+    /// For each mechanism the independents whose positions its forces depend on.
+    pub(super) coupled: Vec<Vec<usize>>,
+}
+
+/// Reads the structure. `limits` are those of the actuators (n_u). Allocates.
+pub(super) fn structure(
+    evaluator: &mut Evaluator,
+    zero: &Pose,
+    configuration: &Configuration,
+    limits: &[Limits],
+) -> Option<Structure> {
+    let model = evaluator.model.clone();
+    let (sizes, info) = (model.sizes(), model.info());
+    let names = model.independent_names();
+    let places: Vec<Option<usize>> = names
+        .iter()
+        .map(|name| model.independent_q_names().iter().position(|other| other == name))
+        .collect();
+    let place_of = |names: &[String], name: &String| names.iter().position(|other| other == name);
+    let actuator_rows: Option<Vec<usize>> =
+        model.active_names().iter().map(|name| place_of(model.tree_names(), name)).collect();
+    let rows = Rows { actuator_rows: actuator_rows?, n_vy: sizes.n_vy };
+    let ranges: Vec<[f64; 2]> = names
+        .iter()
+        .map(|name| {
+            let limits = place_of(model.tree_names(), name)
+                .and_then(|row| info.limits.get(row).copied().flatten());
+            let of = |limit: Option<f64>, otherwise| limit.unwrap_or(otherwise);
+            let lower = limits.and_then(|limits| limits.lower);
+            let upper = limits.and_then(|limits| limits.upper);
+            [of(lower, f64::NEG_INFINITY), of(upper, f64::INFINITY)]
+        })
+        .collect();
+
+    // what depends on what, at any of the poses
+    let poses = samples(evaluator, zero, &places, &ranges);
+    let depends = |row: usize, column: usize| {
+        poses.iter().any(|pose| rows.at(pose, row, column).abs() > NONE)
+    };
+    let mechanism_of = |column: usize| {
+        rows.actuator_rows
+            .iter()
+            .position(|row| depends(*row, column))
+            .and_then(|u| configuration.mechanisms.get(u).copied())
+    };
+    let owners: Vec<Option<usize>> = (0..sizes.n_vy).map(mechanism_of).collect();
+    let mut linkages: Vec<Linkage> = Vec::new();
+    for number in 0..configuration.n_mechanisms() {
+        let actuators: Vec<usize> =
+            (0..sizes.n_u).filter(|u| configuration.mechanisms.get(*u) == Some(&number)).collect();
+        let columns: Vec<usize> =
+            (0..sizes.n_vy).filter(|column| owners[*column] == Some(number)).collect();
+        let joints = (0..sizes.n_v)
+            .filter(|row| !actuators.iter().any(|u| rows.actuator_rows[*u] == *row))
+            .filter(|row| columns.iter().any(|column| depends(*row, *column)))
+            .collect();
+        let weights = actuators
+            .iter()
+            .map(|u| {
+                let range = limits.get(*u).map_or(1.0, |limits| limits.upper - limits.lower);
+                let range = if range.is_finite() && range > 0.0 { range } else { 1.0 };
+                1.0 / (MARGIN * range)
+            })
+            .collect();
+        let independents = columns.iter().map(|v| (*v, places[*v].unwrap_or(0))).collect();
+        let of_independents = columns.iter().map(|column| ranges[*column]).collect();
+        linkages.push(Linkage::new(actuators, independents, joints, weights, of_independents));
+    }
+
+    // the best pose of each among those that its actuators can have
+    let mut home = zero.y.clone();
+    for linkage in linkages.iter_mut().filter(|linkage| linkage.is_determined()) {
+        let is_within = |pose: &Pose| {
+            linkage
+                .actuators
+                .iter()
+                .all(|&u| limits.get(u).is_none_or(|of| (of.lower..=of.upper).contains(&pose.u[u])))
+        };
+        let within: Vec<&Pose> = poses.iter().filter(|pose| is_within(pose)).collect();
+        let chosen = if within.is_empty() { poses.iter().collect() } else { within };
+        let (mut least, mut best) = (f64::INFINITY, zero);
+        for pose in chosen {
+            let is_sound = linkage.factorise(&rows, pose);
+            let reach = linkage.reach_of_joints(&rows, pose);
+            if is_sound && reach < least {
+                (least, best) = (reach, pose);
+            }
+        }
+        linkage.least = if least.is_finite() { least } else { 0.0 };
+        if !linkage.factorise(&rows, zero) || linkage.clearance(&rows, zero) < SOUND {
+            linkage.independents.iter().for_each(|(_, place)| home[*place] = best.y[*place]);
+        }
+    }
+    let coupled = coupled(evaluator, zero, &owners, linkages.len())?;
+    Some(Structure { rows, linkages, home, owners, coupled })
+}
+
+/// Poses within the limits of the independents; the first is the zero pose.
+fn samples(
+    evaluator: &mut Evaluator,
+    zero: &Pose,
+    places: &[Option<usize>],
+    ranges: &[[f64; 2]],
+) -> Vec<Pose> {
+    let mut poses = vec![zero.clone()];
+    for k in 1..SAMPLES {
+        let mut pose = zero.clone();
+        for (v, (place, range)) in places.iter().zip(ranges).enumerate() {
+            let Some(place) = place else { continue };
+            // a sequence of low discrepancy: multiples of irrational numbers
+            let step = (0.754_877_666_246_693 * (v as f64 + 1.0)).fract().max(0.01);
+            let part = (0.5 + k as f64 * step).fract();
+            let (lower, upper) = (range[0].max(-UNBOUNDED), range[1].min(UNBOUNDED));
+            let (lower, upper) = if range[0].is_finite() && range[1].is_finite() {
+                (range[0], range[1])
+            } else {
+                (lower, upper)
+            };
+            pose.y[*place] = lower + part * (upper - lower);
+        }
+        if evaluator.pose(&mut pose) {
+            poses.push(pose);
+        }
+    }
+    poses
+}
+
+/// For each mechanism the independents that its forces depend on: those that its own carry, and
+/// those that carry its own, which the mass matrix says.
+fn coupled(
+    evaluator: &Evaluator,
+    zero: &Pose,
+    owners: &[Option<usize>],
+    n_mechanisms: usize,
+) -> Option<Vec<Vec<usize>>> {
+    let model = &evaluator.model;
+    let query =
+        Query::new(Request::InverseDynamics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::MY]));
+    let plan = Plan::new(model, &query).ok()?;
+    let (mut workspace, mut matrix) = (Workspace::new(model), vec![0.0; plan.want().len()]);
+    plan.run(model, &mut workspace, &zero.y, &mut matrix).ok().ok()?;
+    let n = owners.len();
+    let depends = |i: usize, j: usize| matrix[i * n + j] != 0.0;
+    let of = |number: usize| {
+        let own: Vec<usize> = (0..n).filter(|v| owners[*v] == Some(number)).collect();
+        (0..n).filter(|v| own.contains(v) || own.iter().any(|i| depends(*i, *v))).collect()
+    };
+    Some((0..n_mechanisms).map(of).collect())
+}
