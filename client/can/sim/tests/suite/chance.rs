@@ -46,7 +46,7 @@ fn run(seed: u64, drives: &[(&'static str, String)]) -> Result<bool, String> {
     let mut chance = Chance(seed);
     let (name, drive) = &drives[(chance.bits() % drives.len() as u64) as usize];
     let mut world = World::one(drive, "");
-    world.chance = Chance(seed ^ 0xC0FF_EE);
+    world.chance = Chance(seed ^ 0x00C0_FFEE);
     let is_noisy = chance.within(0.0, 1.0) < 0.5;
     if is_noisy {
         (world.loss, world.noise, world.jitter_ns) = (0.01, 2.0, [MS / 2, MS]);
