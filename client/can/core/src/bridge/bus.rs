@@ -1,6 +1,6 @@
 //! One bus: what is sent on it in a cycle, and how it is.
 
-use super::{BusCounters, BusState};
+use super::{BusCounters, BusState, FRAMES_PER_MOTOR};
 use crate::frame::{Frame, FrameQueue};
 
 #[derive(Debug)]
@@ -8,7 +8,9 @@ pub(super) struct Bus {
     pub(super) queue: FrameQueue,
     /// Frames of the cycle before.
     pub(super) sent: FrameQueue,
-    /// Whose frame is likely to come next: motors answer in the order in which they are asked.
+    /// Places of its motors, and whose frame is likely to come next: motors answer in the order in
+    /// which they are asked.
+    pub(super) members: Vec<usize>,
     pub(super) next: usize,
     /// One of its motors has power.
     pub(super) has_power: bool,
@@ -21,10 +23,12 @@ pub(super) struct Bus {
 }
 
 impl Bus {
-    /// A bus on which nothing was sent yet; room for so many frames of a cycle, and the frame that
-    /// its motors wait for.
-    pub(super) fn new(room: usize, sync: Option<Frame>) -> Bus {
+    /// A bus on which nothing was sent yet, with the places of its motors and the frame that they
+    /// wait for.
+    pub(super) fn new(members: Vec<usize>, sync: Option<Frame>) -> Bus {
+        let room = (members.len() + 1) * FRAMES_PER_MOTOR;
         Bus {
+            members,
             queue: FrameQueue::new(room),
             sent: FrameQueue::new(room),
             next: 0,

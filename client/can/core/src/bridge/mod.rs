@@ -86,8 +86,11 @@ impl Bridge {
         let model = RobotModel::new(&configuration);
         let of_bus = |bus: usize| configuration.motors.iter().filter(move |motor| motor.bus == bus);
         let buses = (0..configuration.buses.len()).map(|bus| {
-            let room = (of_bus(bus).count() + 1) * FRAMES_PER_MOTOR;
-            Bus::new(room, of_bus(bus).find_map(|motor| motor.drive.sync()))
+            let is_member = |place: &usize| {
+                configuration.motors.get(*place).is_some_and(|motor| motor.bus == bus)
+            };
+            let members = (0..configuration.motors.len()).filter(is_member).collect();
+            Bus::new(members, of_bus(bus).find_map(|motor| motor.drive.sync()))
         });
         let buses = buses.collect();
         let (period_ns, feedback_ns) =
@@ -142,11 +145,10 @@ impl Bridge {
     pub fn receive(&mut self, now_ns: u64, bus: usize, frame: &Frame) {
         let Some(of_bus) = self.buses.get_mut(bus) else { return };
         of_bus.counters.counts.received += 1;
-        let n_motors = self.motors.len();
-        for i in (of_bus.next..n_motors).chain(0..of_bus.next) {
-            let Some(motor) = self.motors.get_mut(i).filter(|motor| motor.config.bus == bus) else {
-                continue;
-            };
+        for _ in 0..of_bus.members.len() {
+            let place = of_bus.members.get(of_bus.next).or(of_bus.members.first());
+            of_bus.next = if of_bus.next < of_bus.members.len() { of_bus.next + 1 } else { 1 };
+            let Some(motor) = place.and_then(|place| self.motors.get_mut(*place)) else { continue };
             match motor.config.drive.receive(now_ns, frame) {
                 Receipt::NotMine => continue,
                 Receipt::Malformed => {
@@ -169,7 +171,6 @@ impl Bridge {
                     }
                 }
             }
-            of_bus.next = i + 1;
             return;
         }
         if !self.model.as_mut().is_some_and(|model| model.receive(now_ns, bus, frame)) {
@@ -327,12 +328,15 @@ impl Bridge {
             self.follow(number, now_ns, is_late, is_lost);
         }
 
-        // who may pause
-        for motor in &self.motors {
-            let is_powered = self.mechanism(motor).is_some_and(Mechanism::is_powered);
-            if let Some(bus) = self.buses.get_mut(motor.config.bus).filter(|_| is_powered) {
-                bus.has_power = true;
-            }
+        // whose frame for all cannot be left out
+        for bus in self.buses.iter_mut().filter(|bus| bus.sync.is_some()) {
+            bus.has_power = bus.members.iter().any(|place| {
+                let motor = self.motors.get(*place).map(|motor| motor.config.actuator);
+                motor
+                    .and_then(|actuator| self.configuration.mechanisms.get(actuator))
+                    .and_then(|number| self.mechanisms.get(*number))
+                    .is_some_and(Mechanism::is_powered)
+            });
         }
 
         // what each motor is given

@@ -164,9 +164,9 @@ impl Motor {
         ActuatorSetpoint { velocity: 0.0, effort, stiffness: 0.0, damping, ..setpoint }
     }
 
-    /// Spring, damper and effort together stay within the limit, as far as the last measurement
-    /// tells, or within a part of it. All three shrink alike, so that none of them is left alone where the motor itself
-    /// saturates another.
+    /// Spring, damper and effort together stay within a part of the limit, as far as the last
+    /// measurement tells. All three shrink alike, so that none of them is left alone where the motor
+    /// itself saturates another.
     fn within_effort(
         &mut self,
         setpoint: ActuatorSetpoint,

@@ -23,13 +23,14 @@ impl Bridge {
             else {
                 continue;
             };
-            let reason = if motor.config.drive.state().fault != 0 {
+            let drive = motor.config.drive.state();
+            let reason = if drive.fault != 0 {
                 Reason::MotorFault
             } else if motor.is_stale(now_ns, feedback_ns) {
                 Reason::FeedbackStale
-            } else if let Some(reason) = motor.config.missing_watchdog() {
+            } else if let Some(reason) = motor.config.wrong_watchdog(drive.watchdog) {
                 reason
-            } else if mechanism.needs_power() && motor.config.drive.state().power != Power::On {
+            } else if mechanism.needs_power() && drive.power != Power::On {
                 Reason::PowerLost
             } else {
                 continue;

@@ -208,9 +208,14 @@ impl MotorConfig {
     /// What is wrong with the motor's own watchdog, as far as it has reported; without one nothing
     /// may give it power.
     pub fn missing_watchdog(&self) -> Option<Reason> {
+        self.wrong_watchdog(self.drive.state().watchdog)
+    }
+
+    /// The same of what was reported.
+    pub(crate) fn wrong_watchdog(&self, watchdog: Watchdog) -> Option<Reason> {
         // some protocols count in steps of ten
         let longest = self.common.watchdog_ms.next_multiple_of(10);
-        match self.drive.state().watchdog {
+        match watchdog {
             Watchdog::Off | Watchdog::Set(0) => Some(Reason::WatchdogOff),
             Watchdog::Set(ms) if ms > longest => Some(Reason::WatchdogLong),
             Watchdog::Unknown => Some(Reason::WatchdogUnknown),

@@ -1,12 +1,13 @@
 //! How old a measurement is: requests and answers, paired by pauses.
 //!
-//! A motor whose replies wait in some queue answers once a cycle like any other. So the bridge stops
-//! asking and listens: a motor in time is silent soon, a late one goes on answering what was asked
-//! before, and an answer that comes later than `late_ms` after the last request is at least that
-//! old. Where nothing is lost open requests bound the age, so there is a pause when answers begin
-//! to come, without power, and then only when more requests are open than that time holds. With
-//! power the pause begins in a cycle whose request was answered, and one cycle without an answer
-//! ends it: what is open is forgiven then, as lost. A motor is armed after such a pause alone.
+//! A motor whose replies wait in some queue answers once a cycle like any other. So the bridge
+//! stops asking and listens: a motor in time is silent soon, a late one goes on answering what was
+//! asked before, and an answer that comes later than `late_ms` after the last request is at least
+//! that old. Where nothing is lost open requests bound the age, so there is a pause when answers
+//! begin to come, without power, and then only when more requests are open than that time holds.
+//! With power the pause begins in a cycle whose request was answered, and one cycle without an
+//! answer ends it: what is open is forgiven then, as lost. A motor is armed after such a pause
+//! alone.
 //!
 //! It does not see the age of measurements that the motor itself gives out late, nor of motors that
 //! measure without being asked; their efforts and positions contradict what is asked (`effort`,

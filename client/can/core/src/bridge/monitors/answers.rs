@@ -3,8 +3,8 @@
 //! Of a motor that answers each cycle with one measurement, requests and answers are counted. An
 //! answer that is late comes together with the next one and finds its request still open; one that
 //! finds none is too many, unless there were other frames in that cycle or the one before that the
-//! motor may have answered alike. As each second of two is, three are soon there; single ones are forgotten
-//! at one in 16 requests. So are open requests where no pause (`age`) can forgive them.
+//! motor may have answered alike. As each second of two is, three are soon there; single ones are
+//! forgotten at one in 16 requests. So are open requests where no pause (`age`) can forgive them.
 
 use crate::config::MonitorBounds;
 

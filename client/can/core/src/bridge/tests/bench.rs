@@ -273,7 +273,6 @@ impl Bench {
             effort: [self.target.torque; MAX_ACTUATORS],
             stiffness: [self.target.stiffness; MAX_ACTUATORS],
             damping: [self.target.damping; MAX_ACTUATORS],
-            ..ActuatorCommand::default()
         }
     }
 

@@ -61,7 +61,7 @@ impl Line {
         found
     }
 
-    /// Sees what a function of the number makes, until something is found: after how many, and what.
+    /// Sees what a function of the number makes until something is found: after how many, what.
     fn run(
         &mut self,
         n: usize,
