@@ -145,7 +145,7 @@ fn motors_that_no_configuration_knows_are_found_and_get_another_identifier() {
     let (code, _, err) = can(&stage.configuration, &["set-id", "ALElbowAct", "0x17"]);
     assert!(code == Some(1) && err.contains("not confirmed"), "{err}");
     let (code, _, err) = can(&stage.configuration, &["set-id", "ALElbowAct", "8", "--yes"]);
-    assert!(code == Some(1) && err.contains("somebody answers on 8 already"), "{err}");
+    assert!(code == Some(1) && err.contains("somebody has 8 already"), "{err}");
     let (code, out, err) = can(&stage.configuration, &["set-id", "ALElbowAct", "0x17", "--yes"]);
     assert!(code == Some(0) && out.contains("answers as 23"), "{out}{err}");
     let (_, out, err) = can(&stage.configuration, &["scan", "ALElbowAct", "--all"]);

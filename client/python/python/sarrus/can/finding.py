@@ -18,9 +18,9 @@ UNASKED = 0.3
 """Time to hear who speaks unasked `[s]`."""
 PACE = 0.001
 """Time between two questions `[s]`."""
-REPEATS = 5
+REPEATS = 10
 """How often one identifier is asked before and after it is changed."""
-ANSWER = 0.1
+ANSWER = 0.2
 """Time for the answer to one of these questions `[s]`."""
 ANSWERS = ("parameter", "noted")
 """What a motor says that was asked, unlike a measurement."""
@@ -180,9 +180,13 @@ def set_id(motors: Commissioning, motor: int, identifier: int) -> None:
     old, new = (Candidate(protocol, variant, number) for number in (entry["id"], identifier))
     motors.disable(motor)
     motors.measure(motor, motors.off(motor))
-    if answers(motors, entry["bus"], new):
+    is_configured = any(
+        (other["bus"], other["protocol"], other["id"]) == (entry["bus"], protocol, identifier)
+        for other in motors.motors
+    )
+    if is_configured or answers(motors, entry["bus"], new):
         raise Failed(
-            f"{name} keeps its identifier: somebody answers on {identifier} already, expected "
+            f"{name} keeps its identifier: somebody has {identifier} already, expected "
             "nobody; choose another one"
         )
     motors.send(motor, frames)
