@@ -14,7 +14,7 @@ use self::harness::case::Cases;
 use crate::Outcome;
 use crate::measure::Effort;
 use crate::measure::progress::Progress;
-use crate::page::{Assessment, Section};
+use crate::page::Section;
 
 /// What fills a family's cases.
 type Family = fn(&mut Cases, &Effort) -> Outcome;
@@ -89,6 +89,7 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
 mod tests {
     use super::harness::case::Case;
     use super::*;
+    use crate::page::Assessment;
 
     /// What became of cases, in a line.
     fn line(cases: &Cases) -> String {

@@ -126,12 +126,6 @@ impl Bridge {
         of_motors.or_else(|| if returns { None } else { of_model().or(no_command) })
     }
 
-    /// The mechanism that a motor acts on.
-    pub(super) fn mechanism(&self, motor: &Motor) -> Option<&Mechanism> {
-        let number = self.configuration.mechanisms.get(motor.config.actuator)?;
-        self.mechanisms.get(*number)
-    }
-
     /// A mechanism whose motors all have power follows; one whose commands stay away is stopped.
     pub(super) fn follow(&mut self, number: usize, now_ns: u64, is_late: bool, is_lost: bool) {
         let mechanisms = &self.configuration.mechanisms;
