@@ -135,8 +135,8 @@ impl<'a> QueryBuilder<'a> {
         self
     }
 
-    /// How far redundant rows of the loops may be open, in radians or lengths of the cluster, before
-    /// an answer has the warning `loop_open`; without it 1e-6.
+    /// How far redundant rows of the loops may be open, in radians or lengths of the cluster,
+    /// before an answer has the warning `loop_open`; without it 1e-6.
     pub fn loop_tolerance(mut self, tolerance: f64) -> Self {
         self.query = self.query.with_loop_tolerance(tolerance);
         self

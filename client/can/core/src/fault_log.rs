@@ -8,12 +8,14 @@
 //!
 //! The bridge's own state is not in the log. What was given while some mechanism armed is kept from
 //! the first one that got power on, and brings a new bridge and its drives to where they were; the
-//! line `resume` goes over the time that is left out ([`Bridge::resume`](crate::bridge::Bridge::resume)).
-//! So a replay stops for the same reason; set-points may differ at its beginning, as those after
-//! late commands do. No I/O; it allocates, and belongs into another thread than the bridge.
+//! line `resume` goes over the time that is left out ([`Bridge::resume`]). So a replay stops for
+//! the same reason; set-points may differ at its beginning, as those after late commands do. No
+//! I/O; it allocates, and belongs into another thread than the bridge.
 
 use std::collections::VecDeque;
 
+#[cfg(doc)]
+use crate::bridge::Bridge;
 use crate::bridge::Progress;
 use crate::log::{Line, What};
 

@@ -165,8 +165,8 @@ impl Motor {
     }
 
     /// Spring, damper and effort together stay within a part of the limit, as far as the last
-    /// measurement tells. All three shrink alike, so that none of them is left alone where the motor
-    /// itself saturates another.
+    /// measurement tells. All three shrink alike, so that none is left alone where the motor itself
+    /// saturates another.
     fn within_effort(
         &mut self,
         setpoint: ActuatorSetpoint,

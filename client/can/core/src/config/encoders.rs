@@ -1,4 +1,4 @@
-//! Encoders besides those of the motors: on joints of closed mechanisms, or on the outputs of gears.
+//! Encoders besides those of the motors: on joints of closed mechanisms, or on outputs of gears.
 
 use sarrus_models::yaml::{Node, quoted};
 

@@ -1,7 +1,7 @@
 //! A position that changed by more than the speed allows.
 //!
 //! |Δq| > v (Δt + T) + noise, where v is the limit of the speed by `jump`, or what both reported
-//! speeds explain, 2 max|q̇| and a quarter of the limit, whichever is less. A cycle T is added since
+//! speeds explain, 2 max|q̇| and a quarter of the limit, whichever is less. A cycle T is added, as
 //! replies come when they like within it. Where neither is known, nothing can be judged.
 
 use sarrus_proto::actuators::Reason;

@@ -60,3 +60,20 @@ pub(super) const PARAMETERS: &[Parameter] = &[
 ];
 /// Their indices; the last one is the motor's.
 pub(super) const INDICES: [u16; 6] = [RUN_MODE, LIMIT_TORQUE, 0x7019, 0x701A, 0x701B, 0x701C];
+
+pub(super) const WHO: u32 = 0;
+pub(super) const SETPOINT: u32 = 1;
+pub(super) const FEEDBACK: u32 = 2;
+pub(super) const POWER_ON: u32 = 3;
+pub(super) const POWER_OFF: u32 = 4;
+pub(super) const ZERO: u32 = 6;
+pub(super) const SET_ID: u32 = 7;
+pub(super) const READ: u32 = 17;
+pub(super) const WRITE: u32 = 18;
+pub(super) const FAULTS: u32 = 21;
+pub(super) const SAVE: u32 = 22;
+
+/// Units of canTimeout in a millisecond: one is 50 µs.
+pub(super) const TIMEOUT_PER_MS: u32 = 20;
+/// Feedback's mode of a motor that runs.
+pub(super) const RUNS: u32 = 2;

@@ -33,7 +33,10 @@ use crate::drive::{
     Watchdog,
 };
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
-use keys::{INDICES, KEYS, LIMIT_TORQUE, PARAMETERS, RUN_MODE};
+use keys::{
+    FAULTS, FEEDBACK, INDICES, KEYS, LIMIT_TORQUE, PARAMETERS, POWER_OFF, POWER_ON, READ, RUN_MODE,
+    RUNS, SAVE, SET_ID, SETPOINT, TIMEOUT_PER_MS, WHO, WRITE, ZERO,
+};
 use make::make;
 
 /// CyberGear and RobStride.
@@ -45,23 +48,6 @@ pub(super) const CYBERGEAR: Protocol = Protocol {
     keys: KEYS,
     make,
 };
-
-const WHO: u32 = 0;
-const SETPOINT: u32 = 1;
-const FEEDBACK: u32 = 2;
-const POWER_ON: u32 = 3;
-const POWER_OFF: u32 = 4;
-const ZERO: u32 = 6;
-const SET_ID: u32 = 7;
-const READ: u32 = 17;
-const WRITE: u32 = 18;
-const FAULTS: u32 = 21;
-const SAVE: u32 = 22;
-
-/// Units of canTimeout in a millisecond: one is 50 µs.
-const TIMEOUT_PER_MS: u32 = 20;
-/// Feedback's mode of a motor that runs.
-const RUNS: u32 = 2;
 
 /// What is set and read before the motor gets power, in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

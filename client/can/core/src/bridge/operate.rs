@@ -1,0 +1,103 @@
+//! What operators ask: power, its end, the way back inside the limits, a new beginning after a
+//! fault; of one mechanism or of all.
+
+use sarrus_proto::actuators::{Operation, OperatorRequest};
+
+use super::Bridge;
+use super::mechanism::Mechanism;
+use super::motor::Motor;
+use super::transitions::is_of;
+
+/// Requests for power that are older than this are of another time `[ns]`.
+const OPERATION_NS: u64 = 1_000_000_000;
+/// Requests to disarm that are no farther apart are one `[ns]`.
+const REPEATED_NS: u64 = 100_000_000;
+
+impl Bridge {
+    /// Takes a request of an operator. Power is given for requests of now only, and not for those
+    /// before the last one to disarm, in whatever order they come. One to disarm is no second one
+    /// where it is repeated at once, as clients do until they see it done.
+    pub fn request(&mut self, now_ns: u64, request: &OperatorRequest) -> Option<Operation> {
+        let operation = Operation::from_code(request.operation)?;
+        let actuator = request.actuator.checked_sub(1).map(|actuator| actuator as usize);
+        let meant = self.meant(actuator)?;
+        if operation == Operation::Disarm {
+            let is_repeated = request.stamp_ns.abs_diff(self.disarmed_at) <= REPEATED_NS
+                && request.actuator == self.disarmed;
+            self.disarmed_at = self.disarmed_at.max(request.stamp_ns);
+            self.disarmed = request.actuator;
+            let is_meant = |number: usize| meant.is_none_or(|meant| meant == number);
+            let mut mechanisms = self.mechanisms.iter().enumerate();
+            if is_repeated
+                && mechanisms.any(|(number, mechanism)| is_meant(number) && mechanism.is_stopping())
+            {
+                return None;
+            }
+        } else if now_ns.abs_diff(request.stamp_ns) > OPERATION_NS
+            || request.stamp_ns <= self.disarmed_at
+        {
+            return None;
+        }
+        self.operate_mechanism(now_ns, operation, actuator);
+        Some(operation)
+    }
+
+    /// Does what an operator asks of the whole robot.
+    pub fn operate(&mut self, now_ns: u64, operation: Operation) {
+        self.operate_mechanism(now_ns, operation, None);
+    }
+
+    /// Does what an operator asks of the mechanism that an actuator acts on, by its place in u, or
+    /// of all of them; nothing where there is no such actuator.
+    pub fn operate_mechanism(
+        &mut self,
+        now_ns: u64,
+        operation: Operation,
+        actuator: Option<usize>,
+    ) {
+        let Some(meant) = self.meant(actuator) else { return };
+        if operation == Operation::Arm {
+            self.armed_at = self.command.stamp_ns;
+        }
+        let Bridge { motors, mechanisms, configuration, reset_ns, .. } = self;
+        for (number, mechanism) in mechanisms.iter_mut().enumerate() {
+            if meant.is_some_and(|meant| meant != number) {
+                continue;
+            }
+            let is_member = |motor: &Motor| is_of(&configuration.mechanisms, motor, number);
+            match operation {
+                // for the way back, those that are outside their limits
+                Operation::Arm | Operation::Return => {
+                    let returns = operation == Operation::Return;
+                    let mut members = motors.iter().filter(|motor| is_member(motor));
+                    let unready = members.clone().find_map(|motor| motor.never_ready(returns));
+                    let begins = match returns {
+                        true => {
+                            members.any(Motor::is_outside) && mechanism.come_back(now_ns, unready)
+                        }
+                        false => mechanism.arm(now_ns, unready),
+                    };
+                    let members = motors.iter_mut().filter(|motor| begins && is_member(motor));
+                    members.for_each(|motor| motor.config.drive.prepare());
+                }
+                // a second time takes the power away at once
+                Operation::Disarm => mechanism.disarm(),
+                Operation::Reset => {
+                    mechanism.reset();
+                    if let Some(since) = reset_ns.get_mut(number) {
+                        *since = Some(now_ns);
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// The mechanism of an actuator, if one is named; `None` for an actuator that is not there.
+    fn meant(&self, actuator: Option<usize>) -> Option<Option<usize>> {
+        match actuator {
+            None => Some(None),
+            Some(actuator) => self.configuration.mechanisms.get(actuator).copied().map(Some),
+        }
+    }
+}
