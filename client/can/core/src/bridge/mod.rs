@@ -42,7 +42,6 @@ use bus::Bus;
 use mechanism::{Course, Mechanism};
 use model::RobotModel;
 use motor::Motor;
-use transitions::is_of;
 
 /// A reset is repeated for this long to motors that keep a fault `[ns]`.
 const RESET_NS: u64 = 1_000_000_000;

@@ -60,11 +60,11 @@ impl Motor {
         let stop_damping = match config.common.mode {
             // whose damper has the rate of the bridge, and is no better for being stronger
             Mode::Torque if config.damping > 0.0 => config.damping,
-            // no more than the motor has, which the spring goes with; NaN where nothing limits it
+            // no more than the motor has, which the spring goes with
             Mode::Impedance => {
                 let Mapping { gear, torque_constant, .. } = config.mapping;
-                let range = config.settings.number("damping_range");
-                stop_damping.min(range * gear * gear * torque_constant)
+                let [_, largest] = config.drive.largest_gains();
+                stop_damping.min(largest * gear * gear * torque_constant)
             }
             _ => stop_damping,
         };

@@ -4,7 +4,6 @@
 use sarrus_proto::actuators::{Operation, OperatorRequest};
 
 use super::Bridge;
-use super::mechanism::Mechanism;
 use super::motor::Motor;
 use super::transitions::is_of;
 

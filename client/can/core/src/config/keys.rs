@@ -83,7 +83,7 @@ pub(super) const MODEL: &[Key] = &[
     key(
         "effort",
         KeyKind::Number(0.0, 10.0),
-        Some("0.3"),
+        Some("0"),
         "part of limits.effort by which efforts may differ from the model's, 0 for not compared",
     ),
     key(
