@@ -153,7 +153,8 @@ fn motors_that_no_configuration_knows_are_found_and_get_another_identifier() {
     assert!(motors.report().iter().all(|motor| motor["power"] == false));
     assert!(motors.said().iter().all(|event| event["event"] != "power"));
     // what cannot be
-    let (code, _, err) = can(&stage.configuration, &["scan", "--all", "--protocol", "dbc"]);
+    let (code, _, err) =
+        can(&stage.configuration, &["scan", "ALElbowAct", "--all", "--protocol", "dbc"]);
     assert!(code == Some(2) && err.contains("cannot be asked"), "{err}");
     let (code, _, err) =
         can(&stage.configuration, &["scan", "ALElbowAct", "--all", "--protocol", "mit:none"]);

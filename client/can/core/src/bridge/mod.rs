@@ -31,9 +31,7 @@ pub use sarrus_proto::counts::CommandVerdict;
 
 pub use crate::event::BusEvent;
 
-use sarrus_proto::actuators::{
-    ActuatorCommand, ActuatorState, MechanismState, Operation, OperatorRequest, Reason,
-};
+use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, MechanismState, Reason};
 
 use crate::config::Configuration;
 use crate::drive::{DriveCommand, Receipt};

@@ -66,14 +66,13 @@ impl Motor {
         self.config.mapping.to_motor(&setpoint)
     }
 
-    /// Stays where it is by damping alone, and by what gravity needs where that is known: as a
-    /// velocity of zero where the motor follows velocities, and as the position where commands
-    /// stayed away where it follows positions.
+    /// Stays where it is by damping alone: as a velocity of zero where the motor follows
+    /// velocities, and as the position where commands stayed away where it follows positions.
     fn damped(&self) -> ActuatorSetpoint {
         ActuatorSetpoint {
             position: self.hold.max(self.config.limits.lower).min(self.config.limits.upper),
             velocity: 0.0,
-            effort: self.gravity,
+            effort: 0.0,
             stiffness: 0.0,
             damping: self.config.damping,
         }

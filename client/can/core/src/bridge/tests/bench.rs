@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use sarrus_models::Diagnostics;
 use sarrus_models::yaml;
-use sarrus_proto::actuators::MAX_ACTUATORS;
+use sarrus_proto::actuators::{MAX_ACTUATORS, Operation};
 
 use super::super::*;
 use crate::config::{BusConfig, Limits, MechanismStop, MonitorBounds, MotorConfig, Stop, Timeouts};

@@ -69,8 +69,8 @@ fn a_load_that_is_known_is_held_while_its_motor_is_stopped() {
         bench.steps(300);
         bench.bridge.motors.iter_mut().for_each(|motor| motor.gravity = 1.5);
         let before = bench.shaft().position;
-        bench.commands = false;
-        bench.steps(600);
+        bench.bridge.operate(bench.now_ns, Operation::Disarm);
+        bench.steps(450);
         assert_eq!(bench.states()[0], MechanismState::Stopping);
         let drop = bench.shaft().position - before;
         assert!(drop.abs() < 1e-3, "{mode:?}: {drop}");

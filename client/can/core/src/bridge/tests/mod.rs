@@ -18,7 +18,7 @@ use super::*;
 use crate::config::{Limits, Stop, Surroundings};
 use crate::drive::{Mode, Setpoint};
 use crate::frame::Id;
-use sarrus_proto::actuators::{MechanismState, flag};
+use sarrus_proto::actuators::{MechanismState, Operation, OperatorRequest, flag};
 
 #[test]
 fn nothing_has_power_before_it_is_armed() {

@@ -114,7 +114,8 @@ fn a_mechanism_that_comes_near_a_singular_pose_is_stopped_and_may_come_back() {
 #[test]
 fn positions_that_no_pose_has_are_a_fault_and_are_not_armed() {
     // the monitors of single motors would be first
-    let mut bench = RobotBench::new(as_it_is, "monitors: {jump: off, velocity: off}");
+    let keys = "monitors: {jump: off, velocity: off, position: off}";
+    let mut bench = RobotBench::new(as_it_is, keys);
     bench.arm();
     let left = bench.actuator("BodyActL");
     bench.shafts[left].lock().unwrap().slip = 0.5;

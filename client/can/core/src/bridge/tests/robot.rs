@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Workspace};
 use sarrus_models::{LoadError, Loaded, Options, Source, bundled_text, load};
-use sarrus_proto::actuators::MechanismState;
+use sarrus_proto::actuators::{MechanismState, Operation};
 
 use super::super::*;
 use super::bench::MS;

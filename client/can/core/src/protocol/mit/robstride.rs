@@ -15,19 +15,20 @@ pub(super) const PERIOD_NS: u64 = 20_000_000;
 pub(super) struct Question {
     id: u16,
     asked_ns: Option<u64>,
-    is_open: bool,
+    /// Questions without an answer; some may be under way for long.
+    n_open: u32,
     /// As last answered; 0 without one.
     pub(super) fault: u32,
 }
 
 impl Question {
     pub(super) fn new(id: u16) -> Question {
-        Question { id, asked_ns: None, is_open: false, fault: 0 }
+        Question { id, asked_ns: None, n_open: 0, fault: 0 }
     }
 
-    /// Nothing is known, and it is asked at once.
+    /// Nothing is known, and it is asked at once; answers of before may still come.
     pub(super) fn forget(&mut self) {
-        *self = Question::new(self.id);
+        *self = Question { n_open: self.n_open, ..Question::new(self.id) };
     }
 
     pub(super) fn frame(&self) -> Option<Frame> {
@@ -39,7 +40,7 @@ impl Question {
         if self.asked_ns.is_some_and(|asked| now_ns.saturating_sub(asked) < PERIOD_NS) {
             return None;
         }
-        (self.asked_ns, self.is_open) = (Some(now_ns), true);
+        (self.asked_ns, self.n_open) = (Some(now_ns), self.n_open.saturating_add(1));
         self.frame()
     }
 
@@ -47,9 +48,9 @@ impl Question {
     pub(super) fn answers(&mut self, bytes: [u8; 8]) -> bool {
         let [_, a, b, c, d, e, f, g] = bytes;
         let is_word = [e, f, g] == [0; 3] && (a == 0 || d == 0);
-        let is_answer = self.is_open && ([a, b, c, d] == [0; 4] || is_word);
+        let is_answer = self.n_open > 0 && ([a, b, c, d] == [0; 4] || is_word);
         if is_answer {
-            self.is_open = false;
+            self.n_open -= 1;
             self.fault = u32::from_le_bytes([a, b, c, d]);
         }
         is_answer
