@@ -300,8 +300,8 @@ fn boot(frontend: Frontend, script: &str) -> Option<String> {
         .spawn()
         .unwrap();
     // a kernel that hangs is ended, and what it said tells where
-    let mut patience: [Patience; 16] = std::array::from_fn(|_| Patience::new());
-    for patience in &mut patience {
+    for _ in 0..16 {
+        let mut patience = Patience::new();
         while child.try_wait().unwrap().is_none() && patience.pause() {}
     }
     if child.try_wait().unwrap().is_none() {
