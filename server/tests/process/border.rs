@@ -172,6 +172,7 @@ fn a_client_behind_a_crowd_that_says_nothing_is_told_that_there_is_no_room() {
     let sandbox = Sandbox::new();
     let server = sandbox.serve("queue", &["--lanes", "1"]);
     let mut honest = Asker::new(sandbox.connect("queue", Transport::Lane).unwrap());
+    assert_eq!(honest.ask().unwrap().status, Status::Ok);
     let open = descriptors(server.id());
     let folder = sandbox.domain.server_folders(&ServerName::new("queue").unwrap()).next().unwrap();
     // three times as many as are served: neither heard nor refused, since they say nothing
@@ -188,7 +189,7 @@ fn a_client_behind_a_crowd_that_says_nothing_is_told_that_there_is_no_room() {
     assert_eq!(honest.ask().unwrap().status, Status::Ok);
     assert!(!crowd[0].is_closed());
     drop(crowd);
-    wait_until("all is as before", || descriptors(server.id()) == open);
+    wait_until("all is as before", || descriptors(server.id()) <= open);
     assert!(sandbox.connect("queue", Transport::Service).is_ok());
 }
 
