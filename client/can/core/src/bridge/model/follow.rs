@@ -173,7 +173,7 @@ impl RobotModel {
         }
     }
 
-    /// A closed mechanism whose motors are all told positions.
+    /// A closed mechanism whose motors all get positions.
     fn is_commanded(&self, number: usize) -> bool {
         let mechanism = &self.mechanisms[number];
         let is_told = |u: &usize| self.measured[*u].setpoint.is_some();

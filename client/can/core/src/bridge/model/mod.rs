@@ -45,7 +45,7 @@ pub(super) struct Measured {
     pub(super) position: f64,
     pub(super) velocity: f64,
     pub(super) effort: f64,
-    /// The position that it was last told to go to, where it is told one.
+    /// The position that it was last given, where it is given one.
     pub(super) setpoint: Option<f64>,
 }
 
@@ -192,7 +192,7 @@ impl RobotModel {
         self.known.get(number).copied().unwrap_or(false)
     }
 
-    /// The forces of a mechanism can be told: the poses that they depend on are known.
+    /// The forces of a mechanism are known: the poses that they depend on are known.
     fn is_weighable(&self, number: usize, least_clearance: f64) -> bool {
         let is_known = |v: &usize| self.owners[*v].is_some_and(|owner| self.is_known(owner));
         self.mechanisms[number].linkage.is_determined()

@@ -63,7 +63,7 @@ impl Frozen {
             *self = Frozen { low, high, ways: [earlier, way], ..Frozen::default() };
             return None;
         }
-        // comparisons of NaN fail: a velocity that is not told passes nothing
+        // comparisons of NaN fail: a velocity that is not reported passes none
         let velocity = seen.measured.velocity;
         if velocity.abs() > NOISE * steps.velocity {
             self.passed += velocity * seen.elapsed;

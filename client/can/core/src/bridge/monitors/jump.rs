@@ -21,7 +21,7 @@ pub(super) fn check(
     let limit = seen.limits.velocity;
     let free = if limit < f64::INFINITY { 0.25 * limit } else { FREE * steps.velocity };
     let reported = seen.measured.velocity.abs().max(seen.before.velocity.abs());
-    // a speed that is not told explains nothing
+    // a speed that is not reported explains nothing
     let explained = if reported.is_nan() { f64::INFINITY } else { 2.0 * reported + free };
     let most = (bounds.jump * limit).min(explained);
     let allowed = most * (seen.elapsed + seen.period) + NOISE * steps.position;

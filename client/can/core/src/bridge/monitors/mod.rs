@@ -53,7 +53,7 @@ pub(super) struct Seen<'a> {
 
 impl Seen<'_> {
     /// What a set-point makes of the newest measurement `[N m, N]`; NaN where it needs a velocity
-    /// that is not told.
+    /// that is not reported.
     fn effort_of(&self, asked: &ActuatorSetpoint) -> f64 {
         let mut total = asked.effort;
         if asked.stiffness != 0.0 {

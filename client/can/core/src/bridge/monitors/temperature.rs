@@ -1,7 +1,7 @@
 //! A hot motor: less effort from one temperature on, a fault at another.
 //!
 //! The effort's limit shrinks linearly from `derate` to nothing at `temperature`. One measurement
-//! alone says nothing, and a temperature that is not told is none.
+//! alone says nothing, and one that is not reported is none.
 
 use sarrus_proto::actuators::Reason;
 

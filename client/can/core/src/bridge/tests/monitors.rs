@@ -89,7 +89,7 @@ fn a_position_beyond_its_limit_is_a_fault_where_it_moves_outwards() {
     };
     assert_eq!(reason(Line::new().run(50, moving(0.5))), Some(Reason::PositionLimit));
     assert_eq!(Line::new().run(50, moving(-0.5)), None);
-    // slower than a velocity is told, and without one
+    // slower than a velocity is reported, and without one
     let slow = |i: f64| ActuatorMeasurement { position: 0.98 + 1e-4 * i, ..STILL };
     assert_eq!(reason(Line::new().run(2000, slow)), Some(Reason::PositionLimit));
     let silent = |i: f64| ActuatorMeasurement { velocity: f64::NAN, ..moving(0.5)(i) };
@@ -105,10 +105,10 @@ fn a_position_beyond_its_limit_is_a_fault_where_it_moves_outwards() {
 
 #[test]
 fn a_speed_beyond_its_limit_is_found_by_what_is_told_and_by_the_positions() {
-    let at = |velocity: f64, told: f64| {
+    let at = |velocity: f64, reported: f64| {
         move |i: f64| ActuatorMeasurement {
             position: velocity * PERIOD * i,
-            velocity: told,
+            velocity: reported,
             ..STILL
         }
     };
@@ -148,7 +148,7 @@ fn a_jump_is_what_neither_speed_explains() {
 
 #[test]
 fn an_effort_is_compared_with_what_was_asked_of_late() {
-    let told = |effort: f64| {
+    let reported = |effort: f64| {
         move |i: f64| ActuatorMeasurement { position: 1e-3 * i, velocity: 0.25, effort, ..STILL }
     };
     let pushes = ActuatorSetpoint { effort: 1.5, ..NOTHING };
@@ -156,7 +156,7 @@ fn an_effort_is_compared_with_what_was_asked_of_late() {
         let mut line = Line::new();
         line.mode = mode;
         line.ask(asked);
-        reason(line.run(100, told(effort)))
+        reason(line.run(100, reported(effort)))
     };
     for mode in [Mode::Impedance, Mode::Torque] {
         assert_eq!(found(1.5, pushes, mode), None);
@@ -164,7 +164,7 @@ fn an_effort_is_compared_with_what_was_asked_of_late() {
         assert_eq!(found(0.0, pushes, mode), Some(Reason::EffortMismatch), "limp");
         assert_eq!(found(10.0, pushes, mode), Some(Reason::EffortMismatch), "a second master");
         assert_eq!(found(-1.5, pushes, mode), Some(Reason::EffortMismatch), "the wrong way");
-        assert_eq!(found(f64::NAN, pushes, mode), None, "not told");
+        assert_eq!(found(f64::NAN, pushes, mode), None, "not reported");
         // far less than the tolerance, and limp
         let little = ActuatorSetpoint { effort: 0.2, ..NOTHING };
         assert_eq!(found(0.0, little, mode), Some(Reason::EffortMismatch));
@@ -176,10 +176,10 @@ fn an_effort_is_compared_with_what_was_asked_of_late() {
     }
     // a step is seen later
     let mut line = Line::new();
-    assert_eq!(line.run(20, told(0.0)), None);
+    assert_eq!(line.run(20, reported(0.0)), None);
     line.ask(pushes);
-    assert_eq!(line.run(2, |i| told(0.0)(20.0 + i)), None);
-    assert_eq!(line.run(20, |i| told(1.5)(22.0 + i)), None);
+    assert_eq!(line.run(2, |i| reported(0.0)(20.0 + i)), None);
+    assert_eq!(line.run(20, |i| reported(1.5)(22.0 + i)), None);
 }
 
 #[test]
