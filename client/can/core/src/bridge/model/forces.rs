@@ -19,14 +19,14 @@ impl RobotModel {
             let Assessed { linkage, measured, .. } = &mut self.mechanisms[k];
             let rates = &mut self.rates[..linkage.independents.len()];
             let velocity = |u: usize| self.measured[u].velocity;
-            let is_told = linkage.actuators.iter().all(|u| velocity(*u).is_finite());
-            let is_told = is_told && linkage.factorise(&self.rows, &self.pose);
-            if is_told {
+            let is_reported = linkage.actuators.iter().all(|u| velocity(*u).is_finite());
+            let is_reported = is_reported && linkage.factorise(&self.rows, &self.pose);
+            if is_reported {
                 linkage.independents_of(&self.rows, &self.pose, |_, u| velocity(u), rates);
             }
             for (i, &(v, _)) in linkage.independents.iter().enumerate() {
                 let change = (measured.next[i] - self.y_before[v]) / h;
-                let rate = if is_told { rates[i] } else { change };
+                let rate = if is_reported { rates[i] } else { change };
                 self.y_before[v] = if is_known { measured.next[i] } else { f64::NAN };
                 let motion = &mut self.motion[v];
                 if is_known && rate.is_finite() && h > 0.0 {
@@ -48,9 +48,9 @@ impl RobotModel {
     pub(super) fn compare_efforts(&mut self, now_ns: u64) {
         for k in 0..self.mechanisms.len() {
             let is_following = self.mechanisms[k].activity == Activity::Following;
-            let is_told = |u: &usize| self.measured[*u].effort.is_finite();
-            let is_told = self.mechanisms[k].linkage.actuators.iter().all(is_told);
-            let is_compared = is_following && is_told && self.is_weighable(k, COMPARED);
+            let is_reported = |u: &usize| self.measured[*u].effort.is_finite();
+            let is_reported = self.mechanisms[k].linkage.actuators.iter().all(is_reported);
+            let is_compared = is_following && is_reported && self.is_weighable(k, COMPARED);
             let Assessed { linkage, contradiction, fault, .. } = &mut self.mechanisms[k];
             let mut is_beyond = false;
             if is_compared && linkage.factorise(&self.rows, &self.pose) {

@@ -65,12 +65,12 @@ impl Effort {
         if !reported.is_finite() || bounds.effort == f64::INFINITY {
             return None;
         }
-        let [last, before] = seen.asked;
+        let [last, _] = seen.asked;
         let mut noise = NOISE * steps.effort;
         if matches!(seen.mode, Mode::Position | Mode::Velocity) {
             (self.low, self.high) = (-limit, limit);
         } else {
-            let (one, two) = (seen.effort_of(last), seen.effort_of(before));
+            let [one, two] = seen.efforts;
             if !(one + two).is_finite() {
                 return None;
             }

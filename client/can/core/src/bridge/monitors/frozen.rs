@@ -51,10 +51,10 @@ impl Frozen {
         if bounds.frozen == f64::INFINITY {
             return None;
         }
-        let [last, before] = seen.asked.map(|asked| match seen.mode {
-            Mode::Impedance | Mode::Torque => seen.effort_of(&asked),
-            Mode::Position | Mode::Velocity => 0.0,
-        });
+        let [last, before] = match seen.mode {
+            Mode::Impedance | Mode::Torque => seen.efforts,
+            Mode::Position | Mode::Velocity => [0.0; 2],
+        };
         let way = seen.way();
         if way != 0.0 {
             // what was asked last acts after the code changed

@@ -43,6 +43,9 @@ pub(super) struct Seen<'a> {
     pub(super) elapsed: f64,
     /// What the motor was given last, and before that.
     pub(super) asked: &'a [ActuatorSetpoint; 2],
+    /// What each of the two makes of the newest measurement `[N m, N]`; NaN where it needs a
+    /// velocity that is not reported.
+    pub(super) efforts: [f64; 2],
     /// The stiffness before spring and effort were made to stay within the limit.
     pub(super) stiffness: f64,
     pub(super) limits: &'a Limits,
@@ -52,23 +55,22 @@ pub(super) struct Seen<'a> {
 }
 
 impl Seen<'_> {
-    /// What a set-point makes of the newest measurement `[N m, N]`; NaN where it needs a velocity
-    /// that is not reported.
-    fn effort_of(&self, asked: &ActuatorSetpoint) -> f64 {
-        let mut total = asked.effort;
-        if asked.stiffness != 0.0 {
-            total += asked.stiffness * (asked.position - self.measured.position);
-        }
-        if asked.damping != 0.0 {
-            total += asked.damping * (asked.velocity - self.measured.velocity);
-        }
-        total
-    }
-
     /// How far the actuator moved between the two measurements.
     fn way(&self) -> f64 {
         self.measured.position - self.before.position
     }
+}
+
+/// What a set-point makes of a measurement; NaN where it needs a velocity that is not reported.
+pub(super) fn effort_of(asked: &ActuatorSetpoint, measured: &ActuatorMeasurement) -> f64 {
+    let mut total = asked.effort;
+    if asked.stiffness != 0.0 {
+        total += asked.stiffness * (asked.position - measured.position);
+    }
+    if asked.damping != 0.0 {
+        total += asked.damping * (asked.velocity - measured.velocity);
+    }
+    total
 }
 
 /// The rules of one motor.

@@ -2,7 +2,7 @@
 
 use sarrus_proto::actuators::Reason;
 
-use super::Seen;
+use super::{Seen, effort_of};
 use crate::bridge::motor::Motor;
 use crate::bridge::{Bridge, BusState};
 use crate::mapping::ActuatorSetpoint;
@@ -49,6 +49,7 @@ impl Motor {
                 before: &self.before,
                 elapsed: measured.saturating_sub(before) as f64 * 1e-9,
                 asked: &self.asked,
+                efforts: self.asked.map(|asked| effort_of(&asked, &self.measured)),
                 stiffness: self.stiffness,
                 limits: &self.config.limits,
                 mode: self.config.common.mode,

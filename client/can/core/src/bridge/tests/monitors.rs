@@ -2,7 +2,7 @@
 
 use super::bench::Bench;
 use super::*;
-use crate::bridge::monitors::Seen;
+use crate::bridge::monitors::{Seen, effort_of};
 use crate::config::MonitorBounds;
 use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint};
 
@@ -52,6 +52,7 @@ impl Line {
             before: &self.before,
             elapsed: PERIOD,
             asked: &self.asked,
+            efforts: self.asked.map(|asked| effort_of(&asked, &measured)),
             stiffness: self.stiffness,
             limits: &self.limits,
             mode: self.mode,
