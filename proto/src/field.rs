@@ -116,21 +116,34 @@ impl Field {
     /// (rows, columns) on a model of the given sizes; a vector has one column, matrices are packed
     /// row by row.
     pub const fn shape(self, s: &Sizes, n_frames: usize, n_wrenches: usize) -> (usize, usize) {
+        self.shape_of_rows(s, s, n_frames, n_wrenches)
+    }
+
+    /// The shape where only the rows of some joints are picked, as many as the sizes `p` say.
+    pub const fn shape_of_rows(
+        self,
+        s: &Sizes,
+        p: &Sizes,
+        n_frames: usize,
+        n_wrenches: usize,
+    ) -> (usize, usize) {
         use Field::*;
         match self {
-            Y | NearestY => (s.n_qy, 1),
-            Yd | Ydd | TauY | TauUnactuated | CY | Uncontrolled => (s.n_vy, 1),
-            Q | QGuess => (s.n_q, 1),
-            Qd | Qdd | QdGuess | TauQ | GBias | GoodIndependents => (s.n_v, 1),
-            U | Ud | Udd | TauU | GUBias => (s.n_u, 1),
+            Y | NearestY => (p.n_qy, 1),
+            Yd | Ydd | TauY | TauUnactuated | CY => (p.n_vy, 1),
+            Q | QGuess => (p.n_q, 1),
+            Qd | Qdd | QdGuess | TauQ | GBias => (p.n_v, 1),
+            U | Ud | Udd | TauU | GUBias => (p.n_u, 1),
             Wrenches => (n_wrenches, 6),
-            G => (s.n_v, s.n_vy),
-            GU => (s.n_u, s.n_vy),
+            G => (p.n_v, s.n_vy),
+            GU => (p.n_u, s.n_vy),
             K => (s.n_c, s.n_v),
             KBias | Lambda | LambdaDeterminate => (s.n_c, 1),
-            MY => (s.n_vy, s.n_vy),
+            MY => (p.n_vy, s.n_vy),
             Residual | Iterations | CondKd | CondGu | SigmaMin | CondMy | Projection => (1, 1),
-            Limits => (s.n_v, 3),
+            GoodIndependents => (s.n_v, 1),
+            Uncontrolled => (s.n_vy, 1),
+            Limits => (p.n_v, 3),
             FramePose => (n_frames, 7),
             FrameTwist | FrameAcc => (n_frames, 6),
             JacobianTree => (6 * n_frames, s.n_v),
@@ -138,6 +151,34 @@ impl Field {
             JacobianActuator => (6 * n_frames, s.n_u),
             Branch => (s.n_branches, 1),
         }
+    }
+
+    /// True for fields with a row for each joint that [`crate::Query::joints`] picks.
+    pub const fn has_joint_rows(self) -> bool {
+        use Field::*;
+        matches!(
+            self,
+            Y | NearestY
+                | Yd
+                | Ydd
+                | Q
+                | Qd
+                | Qdd
+                | U
+                | Ud
+                | Udd
+                | TauQ
+                | TauY
+                | TauU
+                | TauUnactuated
+                | G
+                | GBias
+                | GU
+                | GUBias
+                | MY
+                | CY
+                | Limits
+        )
     }
 
     /// The field of a name, as scripts write it.

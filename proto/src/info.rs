@@ -1,5 +1,7 @@
 //! Names, orders, sizes and limits of one robot: the same in its model, on the wire and in reports.
 
+use core::ops::Range;
+
 #[cfg(feature = "transport")]
 use serde::{Deserialize, Serialize};
 
@@ -67,6 +69,17 @@ impl JointLimits {
     }
 }
 
+/// A joint of the tree and its places in the orders of the model.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TreeJoint<'a> {
+    /// Name of the joint.
+    pub name: &'a str,
+    /// Its velocities in q̇.
+    pub v: Range<usize>,
+    /// Its coordinates in q.
+    pub q: Range<usize>,
+}
+
 /// How the loops of one submechanism are closed.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "transport", derive(Serialize, Deserialize))]
@@ -120,6 +133,35 @@ impl ModelInfo {
     pub fn link(&self, name: &str) -> Option<u16> {
         self.links.iter().position(|link| link == name).and_then(|index| u16::try_from(index).ok())
     }
+
+    /// The joints of the tree, in the order of q̇, each with its places in it and in q. A joint of
+    /// one degree of freedom has one name in both; one of several has a name for each part, behind
+    /// a stroke (`base/rx`, `base/qx`).
+    pub fn joints(&self) -> impl Iterator<Item = TreeJoint<'_>> {
+        let (mut v, mut q) = (0, 0);
+        core::iter::from_fn(move || {
+            let (velocity, coordinate) = (self.tree.get(v)?, self.tree_q.get(q)?);
+            let (name, n_v, n_q) = if velocity == coordinate {
+                (velocity.as_str(), 1, 1)
+            } else if coordinate.ends_with("/qx") {
+                (without_part(velocity), 3, 4)
+            } else {
+                (without_part(velocity), 6, 7)
+            };
+            let joint = TreeJoint {
+                name,
+                v: v..(v + n_v).min(self.tree.len()),
+                q: q..(q + n_q).min(self.tree_q.len()),
+            };
+            (v, q) = (v + n_v, q + n_q);
+            Some(joint)
+        })
+    }
+}
+
+/// `base` of `base/rx`.
+fn without_part(velocity: &str) -> &str {
+    velocity.strip_suffix("/rx").unwrap_or(velocity)
 }
 
 #[cfg(feature = "transport")]

@@ -1,6 +1,6 @@
 //! Sizes of a model, and how fields are packed in flat arrays.
 
-use crate::{Field, FieldSet, Query};
+use crate::{Field, FieldSet, ModelInfo, Query, Rows};
 
 /// The sizes of a model that fix the shape of every field.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -58,12 +58,15 @@ const ABSENT: u8 = u8::MAX;
 impl Layout {
     /// The layout of what a request gives.
     pub fn of_given(query: &Query, sizes: &Sizes) -> Layout {
-        Layout::pack(query.given, query, sizes)
+        Layout::pack(query.given, query, sizes, sizes)
     }
 
-    /// The layout of what an answer holds.
-    pub fn of_want(query: &Query, sizes: &Sizes) -> Layout {
-        Layout::pack(query.want, query, sizes)
+    /// The layout of what an answer holds, with the rows of the joints that the query picks.
+    pub fn of_want(query: &Query, model: &ModelInfo) -> Layout {
+        if query.joint_runs().is_empty() {
+            return Layout::pack(query.want, query, &model.sizes, &model.sizes);
+        }
+        Layout::pack(query.want, query, &model.sizes, &Rows::of(query, model).sizes(model))
     }
 
     /// The fields and where they lie.
@@ -87,15 +90,15 @@ impl Layout {
         self.len == 0
     }
 
-    fn pack(set: FieldSet, query: &Query, sizes: &Sizes) -> Layout {
+    fn pack(set: FieldSet, query: &Query, sizes: &Sizes, picked: &Sizes) -> Layout {
         let (mut len, mut index) = (0, [ABSENT; Field::ALL.len()]);
         let slots = set
             .iter()
             .enumerate()
             .map(|(k, field)| {
                 index[field as usize] = k as u8;
-                let (rows, columns) =
-                    field.shape(sizes, query.n_frames as usize, query.n_wrenches as usize);
+                let (frames, wrenches) = (query.n_frames as usize, query.n_wrenches as usize);
+                let (rows, columns) = field.shape_of_rows(sizes, picked, frames, wrenches);
                 let slot = Slot { field, offset: len, rows, columns };
                 len += rows * columns;
                 slot

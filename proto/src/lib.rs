@@ -13,6 +13,7 @@ mod fnv;
 mod info;
 mod layout;
 mod query;
+mod rows;
 mod status;
 pub mod watch;
 mod wire_enum;
@@ -45,9 +46,11 @@ pub mod supervision;
 pub use answer::{Answer, FailedState};
 pub use field::{Field, FieldSet};
 pub use fnv::fnv1a_64;
-pub use info::{ClosureInfo, ClosureKind, JointLimits, ModelInfo};
+pub use info::{ClosureInfo, ClosureKind, JointLimits, ModelInfo, TreeJoint};
 pub use layout::{Layout, Sizes, Slot};
-pub use query::{MAX_FRAMES, MAX_WRENCHES, Query, QueryError, QueryOptions, Request, Tolerance};
+pub use query::{MAX_FRAMES, MAX_JOINT_RUNS, MAX_WRENCHES};
+pub use query::{Query, QueryError, QueryOptions, Request, Tolerance};
+pub use rows::Rows;
 pub use status::{Status, Warnings};
 
 #[cfg(feature = "transport")]

@@ -6,7 +6,7 @@ use crate::{Status, Warnings};
 
 /// Version of everything on the wire; a change of any payload raises it, together with the type
 /// names in `lane.rs`.
-pub const PROTOCOL_VERSION: u32 = 5;
+pub const PROTOCOL_VERSION: u32 = 6;
 /// Plans that one server holds at one time; a power of two, see [`PlanNumber`].
 pub const MAX_PLANS: usize = 1024;
 /// Numbers that one request can carry: y, ẏ, ÿ and a guess of a thousand joints.

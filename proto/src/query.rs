@@ -1,12 +1,14 @@
 use core::fmt;
 
 use crate::wire_enum::wire_enum;
-use crate::{Field, FieldSet};
+use crate::{Field, FieldSet, ModelInfo};
 
 /// Frames that one plan can name.
 pub const MAX_FRAMES: usize = 32;
 /// Links that one plan can put wrenches on.
 pub const MAX_WRENCHES: usize = 16;
+/// Runs of neighbouring joints that one plan can pick.
+pub const MAX_JOINT_RUNS: usize = 31;
 
 wire_enum! {
     /// What is asked.
@@ -124,6 +126,11 @@ pub struct Query {
     pub frames: [u16; MAX_FRAMES],
     /// Indices of the links that wrenches act on.
     pub wrench_links: [u16; MAX_WRENCHES],
+    /// How many entries of `joints` count; none stands for all joints.
+    pub n_joint_runs: u32,
+    /// The joints whose rows are asked, as runs of tree velocities from the first of each to that
+    /// after its last, ascending and apart; see [`crate::Rows`].
+    pub joints: [[u16; 2]; MAX_JOINT_RUNS],
 }
 
 /// Why a [`Query`] cannot be planned.
@@ -147,6 +154,8 @@ pub enum QueryError {
     },
     /// An index names no link of the model.
     UnknownLink(u16),
+    /// Runs of joints that are empty, out of order or beyond the model's joints.
+    BadJoints,
     /// A field cannot be given to this request.
     NotAnInput(Field),
     /// A field cannot be asked of this request.
@@ -176,6 +185,9 @@ impl fmt::Display for QueryError {
                 write!(f, "too many {what}; a plan names at most {limit}")
             }
             QueryError::UnknownLink(index) => write!(f, "link number {index} is not in the model"),
+            QueryError::BadJoints => f.write_str(
+                "runs of joints are empty, out of order, or beyond the joints of the model",
+            ),
             QueryError::NotAnInput(field) => {
                 write!(f, "`{}` is no input of this request", field.name())
             }
@@ -206,7 +218,30 @@ impl Query {
             projection_tolerance: Tolerance::USUAL,
             frames: [0; MAX_FRAMES],
             wrench_links: [0; MAX_WRENCHES],
+            n_joint_runs: 0,
+            joints: [[0; 2]; MAX_JOINT_RUNS],
         }
+    }
+
+    /// The same query for the rows of these tree velocities alone, ascending; runs beyond
+    /// [`MAX_JOINT_RUNS`] are counted and refused by [`Query::check`].
+    #[must_use]
+    pub fn with_joints(mut self, velocities: impl IntoIterator<Item = u16>) -> Query {
+        let mut runs = 0;
+        self.joints = [[0; 2]; MAX_JOINT_RUNS];
+        for v in velocities {
+            match self.joints[..runs.min(MAX_JOINT_RUNS)].last_mut() {
+                Some(run) if run[1] == v => run[1] = v.saturating_add(1),
+                _ => {
+                    if let Some(run) = self.joints.get_mut(runs) {
+                        *run = [v, v.saturating_add(1)];
+                    }
+                    runs += 1;
+                }
+            }
+        }
+        self.n_joint_runs = runs as u32;
+        self
     }
 
     /// The same query with the frames of these links; indices beyond [`MAX_FRAMES`] are counted and
@@ -260,8 +295,13 @@ impl Query {
         &self.wrench_links[..(self.n_wrenches as usize).min(MAX_WRENCHES)]
     }
 
-    /// Checks everything that does not depend on numbers; `n_links` is the model's count of links.
-    pub fn check(&self, n_links: usize) -> Result<Request, QueryError> {
+    /// The runs of tree velocities whose rows are asked; none stands for all.
+    pub fn joint_runs(&self) -> &[[u16; 2]] {
+        &self.joints[..(self.n_joint_runs as usize).min(MAX_JOINT_RUNS)]
+    }
+
+    /// Checks everything that does not depend on numbers.
+    pub fn check(&self, model: &ModelInfo) -> Result<Request, QueryError> {
         use Field::*;
         let request =
             Request::from_code(self.request).ok_or(QueryError::UnknownRequest(self.request))?;
@@ -282,10 +322,26 @@ impl Query {
         if self.n_wrenches as usize > MAX_WRENCHES {
             return Err(QueryError::TooMany { what: "wrenches", limit: MAX_WRENCHES });
         }
-        if let Some(link) =
-            self.frames().iter().chain(self.wrench_links()).find(|link| **link as usize >= n_links)
+        if let Some(link) = self
+            .frames()
+            .iter()
+            .chain(self.wrench_links())
+            .find(|link| **link as usize >= model.links.len())
         {
             return Err(QueryError::UnknownLink(*link));
+        }
+        if self.n_joint_runs as usize > MAX_JOINT_RUNS {
+            return Err(QueryError::TooMany { what: "runs of joints", limit: MAX_JOINT_RUNS });
+        }
+        let mut end = None;
+        for [first, behind] in self.joint_runs() {
+            if first >= behind
+                || end.is_some_and(|end| first <= end)
+                || *behind as usize > model.sizes.n_v
+            {
+                return Err(QueryError::BadJoints);
+            }
+            end = Some(behind);
         }
 
         // what may be given

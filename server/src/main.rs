@@ -35,7 +35,8 @@ enum Command {
     /// A line such as `{"y": [0.1], "yd": [1], "want": ["q", "tau_u"], "frames": ["hand"],
     /// "wrenches": {"hand": [0,0,0,0,0,-10]}}` gives the state from y, u or q (and their rates yd,
     /// ud, qd, ydd, udd, qdd; zero where they are missing), forces as tau_u, tau_y or tau_q, and
-    /// for numerical loops a q_guess and qd_guess. `sarrus check` prints the order of each list.
+    /// for numerical loops a q_guess and qd_guess. `"joints": ["AL*"]` asks for the rows of some
+    /// joints only. `sarrus check` prints the order of each list.
     /// The answer is one line with status, warnings and each wanted field: numbers, lists, lists of
     /// rows, or null where the status forbids numbers.
     ///

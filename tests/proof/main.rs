@@ -28,6 +28,7 @@ mod hyrodyn;
 mod implicit;
 mod laws;
 mod layers;
+mod parts;
 mod published;
 mod regressions;
 mod safeguards;

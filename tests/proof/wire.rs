@@ -3,16 +3,16 @@
 use std::mem::{align_of, offset_of, size_of};
 
 use sarrus_dynamics::{Field, FieldSet, Layout, Query, Request, Sizes, Status};
-use sarrus_proto::PROTOCOL_VERSION;
 use sarrus_proto::actuators::{MechanismState, Operation, Reason};
 use sarrus_proto::control::{
     Call, CallHead, ControlRequest, ControlResponse, Grant, Refusal, query_hash,
 };
 use sarrus_proto::message::PlanNumber;
+use sarrus_proto::{ModelInfo, PROTOCOL_VERSION};
 
 #[test]
-fn a_query_is_144_bytes_with_its_fields_at_fixed_places() {
-    assert_eq!((size_of::<Query>(), align_of::<Query>()), (144, 8));
+fn a_query_is_272_bytes_with_its_fields_at_fixed_places() {
+    assert_eq!((size_of::<Query>(), align_of::<Query>()), (272, 8));
     let offsets = [
         offset_of!(Query, request),
         offset_of!(Query, n_frames),
@@ -24,8 +24,10 @@ fn a_query_is_144_bytes_with_its_fields_at_fixed_places() {
         offset_of!(Query, projection_tolerance),
         offset_of!(Query, frames),
         offset_of!(Query, wrench_links),
+        offset_of!(Query, n_joint_runs),
+        offset_of!(Query, joints),
     ];
-    assert_eq!(offsets, [0, 4, 6, 8, 16, 24, 32, 40, 48, 112]);
+    assert_eq!(offsets, [0, 4, 6, 8, 16, 24, 32, 40, 48, 112, 144, 148]);
     assert_eq!(
         (size_of::<FieldSet>(), size_of::<Status>(), size_of::<Request>(), size_of::<Field>()),
         (8, 4, 4, 1)
@@ -135,7 +137,7 @@ fn calls_and_their_answers_keep_their_words() {
         (Call::Statistics, r#""statistics""#),
     ];
     for (call, words) in calls {
-        let expected = format!(r#"{{"version":5,"nonce":7,"fingerprint":1,"call":{words}}}"#);
+        let expected = format!(r#"{{"version":6,"nonce":7,"fingerprint":1,"call":{words}}}"#);
         assert_eq!(String::from_utf8(text(call)).unwrap(), expected);
     }
     let refusals = [
@@ -164,7 +166,7 @@ fn calls_and_their_answers_keep_their_words() {
     };
     for (refusal, words) in refusals {
         let expected = format!(
-            r#"{{"version":5,"nonce":7,"query":0,"fingerprint":1,"instance":2,"outcome":{{"Err":{words}}}}}"#
+            r#"{{"version":6,"nonce":7,"query":0,"fingerprint":1,"instance":2,"outcome":{{"Err":{words}}}}}"#
         );
         let bytes = answer(Err(refusal)).to_bytes();
         assert_eq!(String::from_utf8(bytes).unwrap(), expected);
@@ -245,6 +247,7 @@ fn fields_are_packed_in_the_order_of_their_numbers() {
     let query = Query::new(Request::ForwardDynamics, given, FieldSet::of(&Field::ALL[..42]))
         .with_frames(&[1, 0])
         .with_wrenches(&[1]);
+    let info = ModelInfo { sizes, ..ModelInfo::default() };
     let slots = |layout: Layout| {
         layout.slots().iter().map(|slot| (slot.offset, slot.rows, slot.columns)).collect::<Vec<_>>()
     };
@@ -297,9 +300,9 @@ fn fields_are_packed_in_the_order_of_their_numbers() {
         (7, 1),
     ];
     let mut offset = 0;
-    for (slot, (rows, columns)) in slots(Layout::of_want(&query, &sizes)).into_iter().zip(shapes) {
+    for (slot, (rows, columns)) in slots(Layout::of_want(&query, &info)).into_iter().zip(shapes) {
         assert_eq!(slot, (offset, rows, columns));
         offset += rows * columns;
     }
-    assert_eq!(Layout::of_want(&query, &sizes).len(), offset);
+    assert_eq!(Layout::of_want(&query, &info).len(), offset);
 }

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-use sarrus_proto::{Layout, Query, Sizes};
+use sarrus_proto::{Layout, ModelInfo, Query};
 
 use crate::Error;
 
@@ -85,8 +85,9 @@ impl Plans {
     }
 
     /// A plan for a query that was checked, in the first place that is free.
-    pub(crate) fn add(&mut self, query: &Query, sizes: &Sizes) -> (PlanId, usize, usize) {
-        let (given, want) = (Layout::of_given(query, sizes), Layout::of_want(query, sizes));
+    pub(crate) fn add(&mut self, query: &Query, model: &ModelInfo) -> (PlanId, usize, usize) {
+        let given = Layout::of_given(query, &model.sizes);
+        let want = Layout::of_want(query, model);
         let (n_in, n_out, number) = (given.len(), want.len(), next_number());
         let prepared = Some(Prepared { query: *query, given, want, number, holders: 1 });
         let index = match self.places.iter_mut().enumerate().find(|(_, place)| place.is_none()) {

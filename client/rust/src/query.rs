@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use sarrus_models::nearest;
+use sarrus_models::{matching_joints, nearest};
 use sarrus_proto::{Field, FieldSet, MAX_FRAMES, MAX_WRENCHES, Query, QueryError};
 use sarrus_proto::{QueryOptions, Request};
 
@@ -59,7 +59,7 @@ impl IntoField for String {
 pub struct UnknownName {
     /// The name.
     pub name: String,
-    /// What it should be of: `field` or `link of this robot`.
+    /// What it should be of: `field`, `link of this robot` or `joint of this robot`.
     pub what: &'static str,
     /// The known name that it most likely means.
     pub nearest: Option<String>,
@@ -111,6 +111,33 @@ impl<'a> QueryBuilder<'a> {
     pub fn frames<L: AsRef<str>>(mut self, links: impl IntoIterator<Item = L>) -> Self {
         let links = self.links(links, "frames", MAX_FRAMES);
         self.query = self.query.with_frames(&links);
+        self
+    }
+
+    /// The joints whose rows are asked, by names with `*`, `?` and `[…]` as in shells (`AL*`):
+    /// coordinates, forces and rows of matrices, in the order of the model. Only what these rows
+    /// depend on is computed; a closure that no row needs cannot fail the request. Without it, all
+    /// joints.
+    pub fn joints<J: AsRef<str>>(mut self, patterns: impl IntoIterator<Item = J>) -> Self {
+        let info = self.robot.model();
+        let mut velocities = Vec::new();
+        for pattern in patterns {
+            let pattern = pattern.as_ref();
+            let matching = matching_joints(info, pattern);
+            if matching.is_empty() {
+                self.unknown.push(UnknownName {
+                    name: pattern.to_owned(),
+                    what: "joint of this robot",
+                    nearest: nearest(pattern, info.joints().map(|joint| joint.name))
+                        .map(str::to_owned),
+                    help: format!("its {} joints are `ModelInfo::joints`", info.joints().count()),
+                });
+            }
+            velocities.extend(matching);
+        }
+        velocities.sort_unstable();
+        velocities.dedup();
+        self.query = self.query.with_joints(velocities);
         self
     }
 

@@ -155,8 +155,8 @@ impl Robot {
         if let Some(plan) = self.plans.share(query) {
             return Ok(plan);
         }
-        query.check(self.info.links.len()).map_err(Error::Query)?;
-        let (plan, n_in, n_out) = self.plans.add(query, &self.info.sizes);
+        query.check(&self.info).map_err(Error::Query)?;
+        let (plan, n_in, n_out) = self.plans.add(query, &self.info);
         if let Err(error) = self.register(plan, query, [n_in, n_out]) {
             self.plans.release(plan)?;
             return Err(error);

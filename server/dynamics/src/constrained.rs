@@ -9,7 +9,7 @@ use crate::closure::{
 };
 use crate::linalg::least_norm;
 use crate::mechanism::{Cluster, Motion};
-use crate::model::Model;
+use crate::model::{Model, Scope};
 use crate::plan::{Drift, drift_of, supports, tree_under_constraints, wrenches_on_bodies};
 use crate::scalar::Scalar;
 use crate::workspace::{Needs, Workspace};
@@ -39,8 +39,9 @@ pub struct ImplicitForm<T> {
     fingerprint: u64,
     ws: Workspace<T>,
     /// Links with wrenches, and the bodies on the paths to them.
-    links: Vec<usize>,
+    links: Vec<(usize, usize)>,
     bodies: Vec<usize>,
+    scope: Scope,
     /// By the user's order of rows.
     lambda: Vec<T>,
     drift: Drift<T>,
@@ -64,7 +65,8 @@ impl<T: Scalar> ImplicitForm<T> {
             fingerprint: model.fingerprint(),
             ws: Workspace::sized(model, Needs { mass_matrix: false, dense: false, kkt: true }),
             bodies: supports(model, &links),
-            links,
+            links: links.into_iter().enumerate().collect(),
+            scope: Scope::whole(model),
             lambda: vec![T::ZERO; model.sizes().n_c],
             drift: Drift { position: T::ZERO, velocity: T::ZERO },
         }
@@ -218,7 +220,7 @@ impl<T: Scalar> ImplicitForm<T> {
                 *cos_sin = (c, s);
             }
         }
-        algorithms::joint_poses(model, &ws.q, &ws.cos_sin, &mut ws.motion);
+        algorithms::joint_poses(model, &self.scope.posed, &ws.q, &ws.cos_sin, &mut ws.motion);
 
         // C less the wrenches, and the given forces
         if !self.links.is_empty() {
@@ -227,12 +229,12 @@ impl<T: Scalar> ImplicitForm<T> {
         let wrench = (!self.links.is_empty()).then_some(ws.wrench.as_slice());
         ws.qdd.fill(T::ZERO);
         let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.qdd };
-        algorithms::newton_euler(model, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
+        algorithms::newton_euler(model, &self.scope, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
         tau_q.iter().zip(&model.order.v).for_each(|(x, v)| ws.loop_q[*v] = *x);
 
         self.drift = Drift { position: T::ZERO, velocity: T::ZERO };
         if let Err(status) =
-            tree_under_constraints(model, ws, Some(([alpha, beta], &mut self.drift)))
+            tree_under_constraints(model, &self.scope, ws, Some(([alpha, beta], &mut self.drift)))
         {
             return Err(if rank_is_lost(model, ws) { Status::SingularClosure } else { status });
         }

@@ -21,6 +21,7 @@ pub mod csv_rows;
 pub mod integration;
 pub mod measure;
 pub mod page;
+mod parts;
 pub mod peer;
 pub mod reference;
 pub mod robots;

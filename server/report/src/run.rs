@@ -10,13 +10,14 @@ use crate::measure::machine::machine;
 use crate::measure::progress::Progress;
 use crate::page::files::{files, with_names, write};
 use crate::page::{Report, Section, command};
-use crate::{Outcome, accuracy, integration, stress};
+use crate::{Outcome, accuracy, integration, parts, stress};
 
 /// Every section: its name, what fills it, and its share of the time of a full report. The name is
 /// that of the flag, of the JSON and of the files: `extremes` are the stress cases.
-const SECTIONS: [(&str, fn(&Effort, &Progress) -> Outcome<Section>, f64); 3] = [
+const SECTIONS: [(&str, fn(&Effort, &Progress) -> Outcome<Section>, f64); 4] = [
     ("accuracy", accuracy::run, 0.5),
-    ("integration", integration::run, 0.2),
+    ("parts", parts::run, 0.05),
+    ("integration", integration::run, 0.15),
     ("extremes", stress::run, 0.3),
 ];
 

@@ -16,7 +16,8 @@
 //! held, because every checksum within it depends on that number.
 
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT};
-use sarrus_proto::{FieldSet, MAX_FRAMES, MAX_WRENCHES, Query, Request, Tolerance};
+use sarrus_proto::{FieldSet, MAX_FRAMES, MAX_JOINT_RUNS, MAX_WRENCHES, Query};
+use sarrus_proto::{Request, Tolerance};
 
 /// First word of a recording.
 pub(super) const MAGIC: u64 = u64::from_le_bytes(*b"sarrusRC");
@@ -25,7 +26,7 @@ pub(super) const SEGMENT: u64 = u64::from_le_bytes(*b"sarrusSG");
 /// Upper half of the first word of a frame.
 pub(super) const FRAME: u32 = u32::from_le_bytes(*b"saFR");
 /// Version of this layout.
-pub(super) const FORMAT: u64 = 2;
+pub(super) const FORMAT: u64 = 3;
 /// Bytes of a word.
 pub(super) const WORD: usize = 8;
 /// Bytes of the header, and of what everything before the segments is a multiple of.
@@ -41,7 +42,8 @@ pub(super) const BODY_HEAD: usize = 11;
 /// Words of a query that has no links.
 pub(super) const QUERY_HEAD: usize = 5;
 /// The most words of a body before its numbers.
-pub(super) const MAX_BODY_HEAD: usize = BODY_HEAD + (MAX_FRAMES + MAX_WRENCHES) / LINKS;
+pub(super) const MAX_BODY_HEAD: usize =
+    BODY_HEAD + (MAX_FRAMES + MAX_WRENCHES + 2 * MAX_JOINT_RUNS).div_ceil(LINKS) + 2;
 /// The most words of a body.
 pub(super) const MAX_BODY: usize = MAX_BODY_HEAD + MAX_NUMBERS_IN + MAX_NUMBERS_OUT;
 /// Bytes of the largest frame.
@@ -118,11 +120,12 @@ impl std::fmt::Display for Client {
     }
 }
 
-/// Writes what a plan is made for: request, counts of links, fields, indices of links; how many
-/// words that took.
+/// Writes what a plan is made for: request, counts of links and runs of joints, fields, indices of
+/// links, ends of the runs; how many words that took.
 pub(super) fn write_query(query: &Query, words: &mut [u64]) -> usize {
     let (frames, wrenches) = (query.frames(), query.wrench_links());
-    let counts = (frames.len() as u32) | (wrenches.len() as u32) << 16;
+    let runs = query.joint_runs().as_flattened();
+    let counts = frames.len() as u32 | (wrenches.len() as u32) << 8 | (runs.len() as u32) << 16;
     let packed = |links: &[u16]| links.iter().rev().fold(0, |word, link| word << 16 | *link as u64);
     let fixed = [
         join(query.request, counts),
@@ -131,7 +134,8 @@ pub(super) fn write_query(query: &Query, words: &mut [u64]) -> usize {
         query.loop_tolerance.0,
         query.projection_tolerance.0,
     ];
-    let links = frames.chunks(LINKS).chain(wrenches.chunks(LINKS)).map(packed);
+    let links = frames.chunks(LINKS).chain(wrenches.chunks(LINKS)).chain(runs.chunks(LINKS));
+    let links = links.map(packed);
     words.iter_mut().zip(fixed.into_iter().chain(links)).map(|(to, word)| *to = word).count()
 }
 
@@ -143,8 +147,9 @@ pub(super) fn read_query(words: &[u64]) -> Option<(Option<Query>, usize)> {
     if request == 0 {
         return Some((None, QUERY_HEAD));
     }
-    let (n_frames, n_wrenches) = ((counts & 0xffff) as usize, (counts >> 16) as usize);
-    if n_frames > MAX_FRAMES || n_wrenches > MAX_WRENCHES {
+    let [n_frames, n_wrenches, runs, more] = counts.to_le_bytes().map(usize::from);
+    let n_ends = runs | more << 8;
+    if n_frames > MAX_FRAMES || n_wrenches > MAX_WRENCHES || n_ends > 2 * MAX_JOINT_RUNS {
         return None;
     }
     let mut at = QUERY_HEAD;
@@ -155,13 +160,17 @@ pub(super) fn read_query(words: &[u64]) -> Option<(Option<Query>, usize)> {
             |k: usize| (packed.get(k / LINKS).copied().unwrap_or(0) >> (16 * (k % LINKS))) as u16;
         Some((0..n).map(link).collect::<Vec<u16>>())
     };
-    let (frames, wrenches) = (links(n_frames)?, links(n_wrenches)?);
+    let (frames, wrenches, ends) = (links(n_frames)?, links(n_wrenches)?, links(n_ends)?);
     let request = Request::from_code(request)?;
-    let query = Query {
+    let mut query = Query {
         loop_tolerance: Tolerance(open),
         projection_tolerance: Tolerance(projection),
+        n_joint_runs: (n_ends / 2) as u32,
         ..Query::new(request, FieldSet(given), FieldSet(want)).with_frames(&frames)
     };
+    query.joints.iter_mut().zip(ends.chunks_exact(2)).for_each(|(run, ends)| {
+        *run = [ends[0], ends[1]];
+    });
     let query = if wrenches.is_empty() { query } else { query.with_wrenches(&wrenches) };
     Some((Some(query), at))
 }

@@ -150,6 +150,10 @@ fn lies_through_the_control_socket_are_refused() {
         Query { n_frames: u16::MAX, ..STATE },
         Query { n_wrenches: 17, ..STATE },
         Query { n_frames: 1, frames: [u16::MAX; 32], ..STATE },
+        Query { n_joint_runs: 32, ..STATE },
+        Query { n_joint_runs: 1, joints: [[0, u16::MAX]; 31], ..STATE },
+        Query { n_joint_runs: 1, ..STATE },
+        Query { n_joint_runs: 2, joints: [[0, 1]; 31], ..STATE },
     ] {
         assert!(matches!(liar.plan(bad), Err(Refusal::BadQuery { .. })), "{bad:?}");
     }

@@ -21,21 +21,26 @@ use crate::algorithms::cluster_columns::{ClusterJoint, component, transform_forc
 use crate::algorithms::terms::add_rotors;
 use crate::linalg::factorise_full;
 use crate::mechanism::{Cluster, GBlock, Motion, Rotor};
-use crate::model::Model;
+use crate::model::{Model, Scope};
 use crate::scalar::{Mask, Real};
 use crate::spatial::{cross, cross_add, dot, mul, mul_mat, scale_add, t_mul, zero};
 use crate::workspace::{Articulated, BodyState, Composite, Embedding, Force, Workspace};
 
-/// Solves M_y ÿ = b; `ws.ydd` holds b and becomes ÿ. Needs the joint poses and G. The mask tells
-/// where every D was positive.
-pub(crate) fn embedded_solve<T: Real>(model: &Model<T::Const>, ws: &mut Workspace<T>) -> T::Mask {
+/// Solves M_y ÿ = b; `ws.ydd` holds b and becomes ÿ. The scope has whatever stands on the world
+/// together with what it needs. Needs the joint poses and G. The mask tells where every D was
+/// positive.
+pub(crate) fn embedded_solve<T: Real>(
+    model: &Model<T::Const>,
+    scope: &Scope,
+    ws: &mut Workspace<T>,
+) -> T::Mask {
     let Workspace { motion, G, composite, inside, embedding, ydd: b, alone, .. } = ws;
     let Embedding { bodies, Y, factor } = embedding;
     let mut positive = T::Mask::splat(true);
 
     // each body alone
-    for (i, body) in model.bodies.iter().enumerate().skip(1) {
-        composite[i] = Composite::of(body);
+    for &i in &scope.driven {
+        composite[i] = Composite::of(&model.bodies[i]);
         if model.has_child_cluster[i] {
             bodies[i] = Articulated::none();
         }
@@ -44,7 +49,8 @@ pub(crate) fn embedded_solve<T: Real>(model: &Model<T::Const>, ws: &mut Workspac
     // inertias and bias forces, towards the root
     let rotors = model.terms.rotors.as_slice();
     let mut pass = Pass { model, motion, G, composite, bodies, inside, rotors };
-    for cluster in model.clusters.iter().rev() {
+    let needed = || scope.clusters.iter().map(|c| &model.clusters[*c]);
+    for cluster in needed().rev() {
         let (D, independents) = (cluster.g_offset, cluster.independents());
         let alone = &mut alone[independents.clone()];
         let (Y, b) = (&mut Y[independents.clone()], &mut b[independents]);
@@ -58,7 +64,7 @@ pub(crate) fn embedded_solve<T: Real>(model: &Model<T::Const>, ws: &mut Workspac
 
     // accelerations, from the root outwards
     (bodies[0].alpha, bodies[0].a) = (zero(), zero());
-    for cluster in &model.clusters {
+    for cluster in needed() {
         let (m, independents) = (cluster.n_vy, cluster.independents());
         let (Y, b) = (&Y[independents.clone()], &mut b[independents]);
         if cluster.n_v == 1 && m == 1 {
@@ -132,7 +138,8 @@ impl<T: Real> Pass<'_, T> {
         articulated.add_rigid(&self.composite[i]);
         let U = articulated.column(joint, 0);
         let mut d = [component(joint, 0, &U)];
-        add_rotors::<T>(&mut self.rotors, cluster.v, GBlock::new(&[T::ONE], 1), &mut d, 1);
+        let own = (cluster.v, 1);
+        add_rotors::<T>(&mut self.rotors, own, GBlock::new(&[T::ONE], 1), &mut d, 1);
         *inverse = T::ONE / d[0];
         *b -= component(joint, 0, &(articulated.n, articulated.f));
         if cluster.parent != 0 {
@@ -189,7 +196,7 @@ impl<T: Real> Pass<'_, T> {
             }
         };
         ClusterJoint { model, cluster, G, motion }.columns(column, self.inside, Y, D, alone);
-        add_rotors::<T>(&mut self.rotors, cluster.v, G, D, m);
+        add_rotors::<T>(&mut self.rotors, (cluster.v, cluster.n_v), G, D, m);
 
         // L and Δ, L⁻¹ r, Y = L⁻¹ Uᵀ, and what the parent feels of them
         let positive = factorise_full(D, m);

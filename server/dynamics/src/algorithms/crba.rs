@@ -6,21 +6,26 @@ use crate::algorithms::cluster_columns::{ClusterJoint, component, transform_forc
 use crate::algorithms::terms::add_rotors;
 use crate::linalg::{factorise_tree, solve_tree};
 use crate::mechanism::{Cluster, Rotor};
-use crate::model::Model;
+use crate::model::{Model, Scope};
 use crate::scalar::Real;
 use crate::workspace::{BodyState, Composite, Force, Workspace};
 
-/// M_y into the workspace, packed by `model.sparsity`. Needs the joint poses and G.
-pub(crate) fn reduced_mass_matrix<T: Real>(model: &Model<T::Const>, ws: &mut Workspace<T>) {
+/// The rows of M_y of the scope's clusters, and those of all that they carry, into the workspace,
+/// packed by `model.sparsity`; zero elsewhere. Needs the joint poses and G.
+pub(crate) fn reduced_mass_matrix<T: Real>(
+    model: &Model<T::Const>,
+    scope: &Scope,
+    ws: &mut Workspace<T>,
+) {
     let Workspace { motion, G, composite, columns, inside, block, M_y, alone, .. } = ws;
     M_y[..model.sparsity.len].fill(T::ZERO);
 
     // composite inertias, towards the root
-    composite_inertias(model, motion, composite);
+    composite_inertias(model, scope, motion, composite);
 
     let rotors = model.terms.rotors.as_slice();
     let mut pass = Pass { model, motion, G, composite, columns, inside, rotors };
-    for cluster in model.clusters.iter().rev() {
+    for cluster in scope.clusters.iter().rev().map(|c| &model.clusters[*c]) {
         let m = cluster.n_vy;
         pass.own_block(cluster, block, &mut alone[cluster.independents()]);
         for k in 0..m {
@@ -32,10 +37,24 @@ pub(crate) fn reduced_mass_matrix<T: Real>(model: &Model<T::Const>, ws: &mut Wor
     }
 }
 
-/// Solves M_y ÿ = b by the M_y of the workspace; `ws.ydd` holds b and becomes ÿ. The mask tells
-/// where every pivot was positive.
-pub(crate) fn projected_solve<T: Real>(model: &Model<T::Const>, ws: &mut Workspace<T>) -> T::Mask {
+/// Solves M_y ÿ = b by the M_y of the workspace; `ws.ydd` holds b and becomes ÿ. The scope has
+/// whatever stands on the world together with what it needs. The mask tells where every pivot was
+/// positive.
+pub(crate) fn projected_solve<T: Real>(
+    model: &Model<T::Const>,
+    scope: &Scope,
+    ws: &mut Workspace<T>,
+) -> T::Mask {
     ws.factor.copy_from_slice(&ws.M_y);
+    // what is not needed stands by itself
+    if scope.clusters.len() < model.clusters.len() {
+        let mut needed = scope.independents.iter().peekable();
+        for (k, at) in model.sparsity.diagonal().enumerate() {
+            if needed.next_if(|next| **next == k).is_none() {
+                (ws.factor[at], ws.ydd[k]) = (T::ONE, T::ZERO);
+            }
+        }
+    }
     let positive = factorise_tree(&model.sparsity, &mut ws.factor);
     solve_tree(&model.sparsity, &ws.factor, &mut ws.ydd);
     positive
@@ -43,9 +62,13 @@ pub(crate) fn projected_solve<T: Real>(model: &Model<T::Const>, ws: &mut Workspa
 
 /// The diagonal of M_y, in internal order, at a cost linear in the number of bodies. Needs the
 /// joint poses and G. Allocates.
-pub(crate) fn own_inertias<T: Real>(model: &Model<T::Const>, ws: &mut Workspace<T>) -> Vec<T> {
+pub(crate) fn own_inertias<T: Real>(
+    model: &Model<T::Const>,
+    scope: &Scope,
+    ws: &mut Workspace<T>,
+) -> Vec<T> {
     let Workspace { motion, G, composite, columns, inside, alone, .. } = ws;
-    composite_inertias(model, motion, composite);
+    composite_inertias(model, scope, motion, composite);
     let rotors = model.terms.rotors.as_slice();
     let mut pass = Pass { model, motion, G, composite, columns, inside, rotors };
     let mut diagonal = vec![T::ZERO; model.meta.sizes.n_vy];
@@ -59,17 +82,18 @@ pub(crate) fn own_inertias<T: Real>(model: &Model<T::Const>, ws: &mut Workspace<
     diagonal
 }
 
-/// What each body supports, as if rigid.
+/// What each driven body supports, as if rigid.
 #[inline]
 pub(super) fn composite_inertias<T: Real>(
     model: &Model<T::Const>,
+    scope: &Scope,
     motion: &[BodyState<T>],
     composite: &mut [Composite<T>],
 ) {
-    for (of_body, body) in composite.iter_mut().zip(&model.bodies).skip(1) {
-        *of_body = Composite::of(body);
+    for &i in scope.carriers.iter().chain(&scope.driven) {
+        composite[i] = Composite::of(&model.bodies[i]);
     }
-    for i in (1..model.bodies.len()).rev() {
+    for &i in scope.driven.iter().rev() {
         let parent = model.bodies[i].parent;
         if parent != 0 {
             let moved = composite[i].transformed(&motion[i]);
@@ -104,7 +128,7 @@ impl<T: Real> Pass<'_, T> {
             let column = |i: usize, motion, k| composite[i].column(motion, k);
             joint.columns(column, self.inside, self.columns, block, alone);
         }
-        add_rotors::<T>(&mut self.rotors, cluster.v, G, block, m);
+        add_rotors::<T>(&mut self.rotors, (cluster.v, cluster.n_v), G, block, m);
     }
 
     /// One joint of one, three or six degrees of freedom: G is the identity.

@@ -3,7 +3,7 @@
 
 use crate::algorithms::cluster_columns::{component, transform_force};
 use crate::algorithms::crba::composite_inertias;
-use crate::model::Model;
+use crate::model::{Model, Scope};
 use crate::scalar::Real;
 use crate::workspace::{BodyState, Composite};
 
@@ -11,13 +11,14 @@ use crate::workspace::{BodyState, Composite};
 /// joint poses.
 pub(crate) fn tree_mass_matrix<T: Real>(
     model: &Model<T::Const>,
+    scope: &Scope,
     motion: &[BodyState<T>],
     composite: &mut [Composite<T>],
     M: &mut [T],
     stride: usize,
 ) {
     // composite inertias, towards the root
-    composite_inertias(model, motion, composite);
+    composite_inertias(model, scope, motion, composite);
 
     // each column from its own body to the root
     for i in 1..model.bodies.len() {

@@ -15,4 +15,4 @@ pub(crate) use frames::{
     world_poses,
 };
 pub(crate) use mass_matrix::tree_mass_matrix;
-pub(crate) use rnea::{TreeMotion, joint_poses, newton_euler};
+pub(crate) use rnea::{TreeMotion, joint_poses, newton_euler, rest_forces};

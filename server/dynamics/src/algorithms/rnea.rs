@@ -6,22 +6,24 @@
 
 use nalgebra::Vector3;
 
-use crate::algorithms::terms::joint_forces;
+use crate::algorithms::terms::{joint_forces, spring_forces};
 use crate::mechanism::{Body, Motion, joint_pose};
-use crate::model::Model;
+use crate::model::{Model, Scope};
 use crate::scalar::Real;
 use crate::spatial::{cross, cross_add, lift, mul, mul_add, t_mul, zero};
 use crate::workspace::BodyState;
 
-/// Pose of every body in its parent, from the coordinates and their cosines and sines.
+/// Poses of the given bodies in their parents, from the coordinates and their cosines and sines.
 #[inline]
 pub(crate) fn joint_poses<T: Real>(
     model: &Model<T::Const>,
+    bodies: &[usize],
     q: &[T],
     cos_sin: &[(T, T)],
     motion: &mut [BodyState<T>],
 ) {
-    for (i, body) in model.bodies.iter().enumerate().skip(1) {
+    for &i in bodies {
+        let body = &model.bodies[i];
         let pose = joint_pose(body, &q[body.q..], cos_sin[i]);
         (motion[i].R, motion[i].p) = (pose.R, pose.p);
     }
@@ -35,11 +37,12 @@ pub(crate) struct TreeMotion<'a, T> {
     pub(crate) qdd: &'a [T],
 }
 
-/// τ = M q̈ + C − Σ Jᵀ w for the tree. Needs [`joint_poses`]; `wrench` holds what acts on each
-/// body, `None` where nothing does.
+/// τ = M q̈ + C − Σ Jᵀ w at the joints of the scope's driven bodies. Needs [`joint_poses`]; `wrench`
+/// holds what acts on each body, `None` where nothing does.
 #[inline]
 pub(crate) fn newton_euler<T: Real>(
     model: &Model<T::Const>,
+    scope: &Scope,
     &TreeMotion { q, qd, qdd }: &TreeMotion<'_, T>,
     wrench: Option<&[(Vector3<T>, Vector3<T>)]>,
     motion: &mut [BodyState<T>],
@@ -51,7 +54,14 @@ pub(crate) fn newton_euler<T: Real>(
     motion[0].a = -lift::<T>(&model.gravity);
 
     // motion, from the root outwards
-    for i in 1..model.bodies.len() {
+    for &i in &scope.carriers {
+        let body = &model.bodies[i];
+        let (before, state) = motion.split_at_mut(i);
+        let state = &mut state[0];
+        (state.w, state.alpha, state.a) = accelerate(body, state, &before[body.parent], qd, qdd);
+        (state.n, state.f) = (zero(), zero());
+    }
+    for &i in &scope.driven {
         let body = &model.bodies[i];
         let (before, state) = motion.split_at_mut(i);
         let state = &mut state[0];
@@ -63,19 +73,65 @@ pub(crate) fn newton_euler<T: Real>(
         }
     }
 
-    // forces, back towards the root
-    for i in (1..model.bodies.len()).rev() {
+    forces_to_root(model, scope, motion, tau);
+    // what acts in the joints themselves
+    joint_forces(model, scope, q, qd, qdd, tau);
+}
+
+/// The same of a tree at rest: what gravity, springs and wrenches ask, with the bits of
+/// [`newton_euler`] at q̇ = q̈ = 0.
+#[inline]
+pub(crate) fn rest_forces<T: Real>(
+    model: &Model<T::Const>,
+    scope: &Scope,
+    q: &[T],
+    wrench: Option<&[(Vector3<T>, Vector3<T>)]>,
+    motion: &mut [BodyState<T>],
+    tau: &mut [T],
+) {
+    motion[0].a = -lift::<T>(&model.gravity);
+    for &i in &scope.carriers {
+        let (before, state) = motion.split_at_mut(i);
+        state[0].a = t_mul(&state[0].R, &before[model.bodies[i].parent].a);
+        (state[0].n, state[0].f) = (zero(), zero());
+    }
+    for &i in &scope.driven {
+        let body = &model.bodies[i];
+        let (before, state) = motion.split_at_mut(i);
+        let state = &mut state[0];
+        state.a = t_mul(&state.R, &before[body.parent].a);
+        state.n = cross(&lift(&body.h), &state.a);
+        state.f = state.a * T::lift(body.mass);
+        if let Some(wrench) = wrench {
+            state.n -= wrench[i].0;
+            state.f -= wrench[i].1;
+        }
+    }
+    forces_to_root(model, scope, motion, tau);
+    spring_forces(model, scope, q, tau);
+}
+
+/// What each joint transmits, from the forces on the bodies.
+#[inline(always)]
+fn forces_to_root<T: Real>(
+    model: &Model<T::Const>,
+    scope: &Scope,
+    motion: &mut [BodyState<T>],
+    tau: &mut [T],
+) {
+    for &i in scope.driven.iter().rev() {
         let body = &model.bodies[i];
         let (before, state) = motion.split_at_mut(i);
         let state = &state[0];
         match body.motion {
-            Motion::Revolute => tau[body.v] = state.n[2],
-            Motion::Prismatic => tau[body.v] = state.f[2],
-            Motion::Spherical => tau[body.v..body.v + 3].copy_from_slice(state.n.as_slice()),
+            // a zero without a sign, whatever was left out before
+            Motion::Revolute => tau[body.v] = state.n[2] + T::ZERO,
+            Motion::Prismatic => tau[body.v] = state.f[2] + T::ZERO,
+            Motion::Spherical => (0..3).for_each(|k| tau[body.v + k] = state.n[k] + T::ZERO),
             Motion::Floating => {
                 for k in 0..3 {
-                    tau[body.v + k] = state.n[k];
-                    tau[body.v + 3 + k] = state.f[k];
+                    tau[body.v + k] = state.n[k] + T::ZERO;
+                    tau[body.v + 3 + k] = state.f[k] + T::ZERO;
                 }
             }
         }
@@ -86,9 +142,6 @@ pub(crate) fn newton_euler<T: Real>(
             parent.f += f;
         }
     }
-
-    // what acts in the joints themselves
-    joint_forces(model, q, qd, qdd, tau);
 }
 
 /// ω, α, a of a body from its pose, those of its parent p and the rates of its joint.

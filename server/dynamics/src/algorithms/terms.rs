@@ -2,36 +2,51 @@
 //! [F08, 9.6 for rotors whose gyroscopic part is left out].
 
 use crate::mechanism::{GBlock, Rotor};
-use crate::model::Model;
+use crate::model::{Model, Scope};
 use crate::scalar::Real;
 
 /// τ += N² I q̈ + d q̇ + k (q − rest).
 #[inline]
 pub(super) fn joint_forces<T: Real>(
     model: &Model<T::Const>,
+    scope: &Scope,
     q: &[T],
     qd: &[T],
     qdd: &[T],
     tau: &mut [T],
 ) {
-    for spring in &model.terms.springs {
-        tau[spring.v] =
-            T::lift(spring.stiffness).mul_add(q[spring.q] - T::lift(spring.rest), tau[spring.v]);
-    }
-    for damper in &model.terms.dampers {
+    spring_forces(model, scope, q, tau);
+    for &k in &scope.dampers {
+        let damper = &model.terms.dampers[k];
         tau[damper.v] = T::lift(damper.damping).mul_add(qd[damper.v], tau[damper.v]);
     }
-    for rotor in &model.terms.rotors {
+    for &k in &scope.rotors {
+        let rotor = &model.terms.rotors[k];
         tau[rotor.v] = T::lift(rotor.inertia).mul_add(qdd[rotor.v], tau[rotor.v]);
     }
 }
 
-/// D_kl += N² I G_k G_l for each rotor of the cluster that has the velocities from `v` on: the last
-/// ones of `rotors`, which are taken off.
+/// τ += k (q − rest).
+#[inline]
+pub(super) fn spring_forces<T: Real>(
+    model: &Model<T::Const>,
+    scope: &Scope,
+    q: &[T],
+    tau: &mut [T],
+) {
+    for &k in &scope.springs {
+        let spring = &model.terms.springs[k];
+        tau[spring.v] =
+            T::lift(spring.stiffness).mul_add(q[spring.q] - T::lift(spring.rest), tau[spring.v]);
+    }
+}
+
+/// D_kl += N² I G_k G_l for each rotor of the cluster that has the n_v velocities from `v` on: the
+/// last ones of `rotors`, which are taken off with those behind the cluster.
 #[inline]
 pub(super) fn add_rotors<T: Real>(
     rotors: &mut &[Rotor<T::Const>],
-    v: usize,
+    (v, n_v): (usize, usize),
     G: GBlock<'_, T>,
     D: &mut [T],
     m: usize,
@@ -39,6 +54,10 @@ pub(super) fn add_rotors<T: Real>(
     while let Some((rotor, before)) = rotors.split_last() {
         if rotor.v < v {
             break;
+        }
+        if rotor.v >= v + n_v {
+            *rotors = before;
+            continue;
         }
         let g = G.row(rotor.v - v);
         for k in 0..m {

@@ -12,7 +12,7 @@ use crate::closure::Level;
 use crate::compile::analysis::POSES;
 use crate::description::Description;
 use crate::diagnostic::{Diagnostic, Site};
-use crate::model::{Method, Model, UNEQUAL};
+use crate::model::{Method, Model, Scope, UNEQUAL};
 use crate::scalar::{Dd, Real, Scalar, noise};
 use crate::workspace::{Needs, Workspace};
 
@@ -33,15 +33,16 @@ pub(super) fn check(
     warnings: &mut Vec<Diagnostic>,
 ) -> (Vec<f64>, bool) {
     let mut ws = Workspace::sized(model, Needs::default());
+    let scope = Scope::whole(model);
     let n = model.meta.sizes.n_vy;
     let (mut typical, mut worst) = (vec![0.0; n], vec![0.0; n]);
     let (mut massless, mut n_good) = (Vec::new(), 0);
     for k in 0..POSES {
-        if !set_pose(model, &mut ws, k) {
+        if !set_pose(model, &scope, &mut ws, k) {
             break;
         }
-        let inertia = algorithms::own_inertias(model, &mut ws);
-        let pivots = self::pivots(model, &mut ws);
+        let inertia = algorithms::own_inertias(model, &scope, &mut ws);
+        let pivots = self::pivots(model, &scope, &mut ws);
         let largest = inertia.iter().copied().fold(0.0, f64::max);
         let least = |i: usize| f64::max(inertia[i] * NOTHING, largest * LEAST);
         let enough = |i: &usize| pivots[*i] > least(*i);
@@ -105,7 +106,7 @@ fn joints(model: &Model<f64>, description: &Description, which: &[usize]) -> (Si
 
 /// Poses and G at the zero pose or at some distance from it; false where a loop does not close
 /// there.
-fn set_pose<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>, k: usize) -> bool {
+fn set_pose<T: Scalar>(model: &Model<T>, scope: &Scope, ws: &mut Workspace<T>, k: usize) -> bool {
     for (i, &q) in model.order.qy_q.iter().enumerate() {
         ws.q[q] = model.zero[q];
         if model.order.qy_q.len() == model.meta.sizes.n_vy {
@@ -122,7 +123,7 @@ fn set_pose<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>, k: usize) -> boo
         let (s, c) = ws.q[q].sin_cos();
         ws.cos_sin[i] = (c, s);
     }
-    algorithms::joint_poses(model, &ws.q, &ws.cos_sin, &mut ws.motion);
+    algorithms::joint_poses(model, &scope.posed, &ws.q, &ws.cos_sin, &mut ws.motion);
     true
 }
 
@@ -134,18 +135,19 @@ pub(super) fn growth(model: &Model<f64>, exact: &Model<Dd>) -> [f64; 2] {
     let mut growth = [0.0; 2];
     let needs = Needs { mass_matrix: n <= PROJECTED, ..Needs::default() };
     let (mut ws, mut exact_ws) = (Workspace::sized(model, needs), Workspace::sized(exact, needs));
+    let scope = Scope::whole(model);
     for k in 0..POSES {
-        if !set_pose(model, &mut ws, k) || !set_pose(exact, &mut exact_ws, k) {
+        if !set_pose(model, &scope, &mut ws, k) || !set_pose(exact, &scope, &mut exact_ws, k) {
             break;
         }
         let force = |i: usize| model.inertia[i] * noise(k * 1000 + 500 + i);
-        let reference = solved(exact, &mut exact_ws, Method::Recursion, force);
+        let reference = solved(exact, &scope, &mut exact_ws, Method::Recursion, force);
         for (method, growth) in [Method::Recursion, Method::Projection].into_iter().zip(&mut growth)
         {
             if method == Method::Projection && !needs.mass_matrix {
                 continue;
             }
-            let found = solved(model, &mut ws, method, force);
+            let found = solved(model, &scope, &mut ws, method, force);
             let (mut off, mut size) = (0.0_f64, 0.0_f64);
             for (x, reference) in found.iter().zip(&reference) {
                 off = off.max((Dd::from(*x) - *reference).to_f64().abs());
@@ -162,24 +164,25 @@ pub(super) fn growth(model: &Model<f64>, exact: &Model<Dd>) -> [f64; 2] {
 /// ÿ from M_y ÿ = b by a method. Needs the joint poses and G. Allocates.
 fn solved<T: Scalar>(
     model: &Model<T>,
+    scope: &Scope,
     ws: &mut Workspace<T>,
     method: Method,
     b: impl Fn(usize) -> f64,
 ) -> Vec<T> {
     ws.ydd.iter_mut().enumerate().for_each(|(i, to)| *to = T::from_f64(b(i)));
     if method == Method::Projection {
-        algorithms::reduced_mass_matrix(model, ws);
-        algorithms::projected_solve(model, ws);
+        algorithms::reduced_mass_matrix(model, scope, ws);
+        algorithms::projected_solve(model, scope, ws);
     } else {
-        algorithms::embedded_solve(model, ws);
+        algorithms::embedded_solve(model, scope, ws);
     }
     ws.ydd.clone()
 }
 
 /// What the recursion divides by at each independent, in internal order: the inertia that is left
 /// of it where everything behind it is free. Needs the joint poses and G. Allocates.
-fn pivots(model: &Model<f64>, ws: &mut Workspace<f64>) -> Vec<f64> {
+fn pivots(model: &Model<f64>, scope: &Scope, ws: &mut Workspace<f64>) -> Vec<f64> {
     ws.ydd.fill(0.0);
-    algorithms::embedded_solve(model, ws);
-    ws.embedding.inverses(model).map(|inverse| 1.0 / inverse).collect()
+    algorithms::embedded_solve(model, scope, ws);
+    ws.embedding.inverses(model, &scope.clusters).map(|inverse| 1.0 / inverse).collect()
 }

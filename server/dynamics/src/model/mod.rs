@@ -8,6 +8,7 @@ mod closures_at_zero;
 mod compiled;
 mod method;
 mod order;
+mod scope;
 mod tolerance;
 
 use std::sync::Arc;
@@ -20,6 +21,7 @@ pub(crate) use closures_at_zero::assess;
 pub use compiled::Compiled;
 pub use method::Method;
 pub(crate) use order::{Limit, Order};
+pub(crate) use scope::{Roots, Scope};
 
 use crate::closure::Closure;
 use crate::linalg::TreeSparsity;

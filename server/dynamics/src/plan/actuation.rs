@@ -5,23 +5,24 @@ use sarrus_proto::Status;
 use crate::closure::column_unit;
 use crate::linalg::{least_norm, solve_sound};
 use crate::mechanism::Cluster;
-use crate::model::Model;
+use crate::model::{Model, Scope};
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
 
-/// τ_u from G_uᵀ τ_u = τ_y, cluster by cluster: exact where there are as many actuators as
+/// τ_u from G_uᵀ τ_u = τ_y, answered cluster by cluster: exact where there are as many actuators as
 /// independents, of least norm where there are more, and where there are fewer the best, with the
 /// remainder in `tau_rest`. The least part of their control that the actuators of a cluster have.
 pub(super) fn to_actuators<T: Scalar>(
     model: &Model<T>,
+    scope: &Scope,
     ws: &mut Workspace<T>,
 ) -> Result<f64, Status> {
     let mut control = 1.0_f64;
     ws.tau_rest.fill(T::ZERO);
-    if !ws.tau_y.iter().all(|tau| tau.is_finite()) {
+    if !scope.independents.iter().all(|k| ws.tau_y[*k].is_finite()) {
         return Err(Status::NonFiniteInput);
     }
-    for cluster in &model.clusters {
+    for cluster in scope.answered.iter().map(|c| &model.clusters[*c]) {
         let (m, n_u) = (cluster.n_vy, cluster.active.len());
         if cluster.is_serial() {
             for k in 0..m {

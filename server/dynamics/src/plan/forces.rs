@@ -3,7 +3,7 @@
 use sarrus_proto::{Field, Slot, Status};
 
 use crate::algorithms::{self, TreeMotion};
-use crate::model::{Method, Model};
+use crate::model::{Method, Model, Scope};
 use crate::plan::Plan;
 use crate::plan::actuation::to_actuators;
 use crate::plan::diagnostics::digits::{ZERO, cancellation};
@@ -44,22 +44,34 @@ impl Plan {
         input: &[T],
         report: &mut RunReport<T>,
     ) -> Result<(), Status> {
-        if self.wants_any(&[Field::CY]) {
+        let scope = &self.needed.scope;
+        if self.wants(Field::CY) {
+            ws.tau_terms.fill(T::ZERO);
             self.bias_force(model, ws, input, false);
+            self.doubt_forces(&ws.tau_terms, &ws.C_y, report);
         }
         if self.steps.newton_euler {
             let wrench = self.wrenches(model, ws, input).then_some(ws.wrench.as_slice());
-            let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.qdd };
-            algorithms::newton_euler(model, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
+            if self.steps.rest {
+                let (motion, tau_q) = (&mut ws.motion, &mut ws.tau_q);
+                algorithms::rest_forces(model, scope, &ws.q, wrench, motion, tau_q);
+            } else {
+                let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.qdd };
+                algorithms::newton_euler(
+                    model,
+                    scope,
+                    &tree,
+                    wrench,
+                    &mut ws.motion,
+                    &mut ws.tau_q,
+                );
+            }
             ws.tau_terms.fill(T::ZERO);
-            to_independent(model, &ws.G, &ws.tau_q, &mut ws.tau_y, &mut ws.tau_terms);
-            let terms = largest(&ws.tau_terms).to_f64();
-            let (growth, zero) = cancellation(terms, largest(&ws.tau_y).to_f64(), ZERO * terms);
-            report.doubt.times(growth);
-            report.doubt.force = zero;
+            to_independent(model, scope, &ws.G, &ws.tau_q, &mut ws.tau_y, &mut ws.tau_terms);
+            self.doubt_forces(&ws.tau_terms, &ws.tau_y, report);
         }
         if self.wants_any(&[Field::TauU, Field::TauUnactuated, Field::Lambda]) {
-            report.doubt.times(1.0 / to_actuators(model, ws)?);
+            report.doubt.times(1.0 / to_actuators(model, scope, ws)?);
         }
         if self.wants(Field::Lambda) {
             // what the tree needs beyond the actuators comes from the loops
@@ -68,7 +80,7 @@ impl Plan {
             independents_subtract(model, &ws.tau_rest, &mut ws.loop_q);
         }
         if self.steps.mass_matrix {
-            algorithms::reduced_mass_matrix(model, ws);
+            algorithms::reduced_mass_matrix(model, scope, ws);
         }
         Ok(())
     }
@@ -85,27 +97,27 @@ impl Plan {
         if model.is_massless {
             return Err(Status::MassNotPositive);
         }
+        let scope = &self.needed.scope;
         ws.tau_terms.fill(T::ZERO);
         self.bias_force(model, ws, input, true);
         self.given_forces(model, ws, input);
-        let n = model.meta.sizes.n_vy;
-        for k in 0..n {
+        for &k in &scope.independents {
             ws.ydd[k] = ws.tau_y[k] - ws.C_y[k];
         }
-        if self.wants(Field::CY) && self.query.given.has(Field::Wrenches) {
+        if self.wants(Field::CY) && self.feels_wrenches() {
             self.bias_force(model, ws, input, false);
         }
         if self.steps.mass_matrix {
-            algorithms::reduced_mass_matrix(model, ws);
+            algorithms::reduced_mass_matrix(model, scope, ws);
         }
         // the whole system has no pivots to judge: those of the recursion are looked at
         if self.method == Method::Kkt {
             ws.ydd.fill(T::ZERO);
         }
         let positive = if self.method == Method::Projection {
-            algorithms::projected_solve(model, ws)
+            algorithms::projected_solve(model, scope, ws)
         } else {
-            algorithms::embedded_solve(model, ws)
+            algorithms::embedded_solve(model, scope, ws)
         };
         let Divided { inertia, terms, alone } = self.divided(model, ws);
         report.doubt.times(inertia.to_f64() / PIVOTS);
@@ -119,12 +131,12 @@ impl Plan {
         if !positive.all() {
             return Err(Status::MassNotPositive);
         }
-        let left = largest(&ws.ydd).to_f64();
+        let left = largest(&scope.independents, &ws.ydd).to_f64();
         let (growth, zero) = cancellation(terms.to_f64(), left, STILL * alone.to_f64());
         report.doubt.times(growth);
         report.doubt.times(model.growth_of(self.method) / ROUNDINGS);
         report.doubt.acceleration = zero;
-        for cluster in &model.clusters {
+        for cluster in scope.clusters.iter().map(|c| &model.clusters[*c]) {
             for (k, &j) in cluster.independent.iter().enumerate() {
                 ws.qdd[cluster.v + j] = ws.ydd[cluster.vy + k];
             }
@@ -134,9 +146,10 @@ impl Plan {
         }
         if self.wants(Field::Lambda) {
             // τ_q of the motion less the given forces is what the loops supply
-            let wrench = self.query.given.has(Field::Wrenches).then_some(ws.wrench.as_slice());
+            let wrench = self.feels_wrenches().then_some(ws.wrench.as_slice());
             let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.qdd };
-            algorithms::newton_euler(model, &tree, wrench, &mut ws.motion, &mut ws.loop_q);
+            let (motion, loop_q) = (&mut ws.motion, &mut ws.loop_q);
+            algorithms::newton_euler(model, scope, &tree, wrench, motion, loop_q);
             self.each_given_force(model, input, |v, tau| ws.loop_q[v] -= tau);
         }
         Ok(())
@@ -155,12 +168,14 @@ impl Plan {
                 alone: larger(largest.alone, alone),
             }
         };
+        let independents = self.needed.scope.independents.iter();
         let none = Divided { inertia: T::ONE, terms: T::ZERO, alone: T::ZERO };
         if self.method == Method::Projection {
-            let inverses = model.sparsity.diagonal().map(|at| ws.factor[at]);
-            inverses.enumerate().fold(none, of)
+            let at = |k: usize| model.sparsity.start[k] + model.sparsity.depth[k];
+            independents.map(|k| (*k, ws.factor[at(*k)])).fold(none, of)
         } else {
-            ws.embedding.inverses(model).enumerate().fold(none, of)
+            let inverses = ws.embedding.inverses(model, &self.needed.scope.clusters);
+            independents.copied().zip(inverses).fold(none, of)
         }
     }
 
@@ -171,10 +186,11 @@ impl Plan {
         ws: &mut Workspace<T>,
         input: &[T],
     ) -> Result<(), Status> {
+        let scope = &self.needed.scope;
         let wrench = self.wrenches(model, ws, input).then_some(ws.wrench.as_slice());
         ws.qdd.fill(T::ZERO);
         let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.qdd };
-        algorithms::newton_euler(model, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
+        algorithms::newton_euler(model, scope, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
         ws.loop_q.fill(T::ZERO);
         self.each_given_force(model, input, |v, tau| ws.loop_q[v] = tau);
         self.kkt(model, ws)
@@ -183,7 +199,8 @@ impl Plan {
     /// True where ÿ of the whole system balances the given forces along every independent motion up
     /// to rounding, or so nearly that M_y makes little of what is left.
     fn balanced<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> bool {
-        let wrench = self.query.given.has(Field::Wrenches).then_some(ws.wrench.as_slice());
+        let scope = &self.needed.scope;
+        let wrench = self.feels_wrenches().then_some(ws.wrench.as_slice());
         // q̈ = G ÿ + g: that of the system need not keep the loops closed
         let mut qdd = core::mem::take(&mut ws.start_rate);
         qdd.copy_from_slice(&ws.qdd);
@@ -196,23 +213,25 @@ impl Plan {
             }
         }
         let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &qdd };
-        algorithms::newton_euler(model, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
+        algorithms::newton_euler(model, scope, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
         ws.start_rate = qdd;
-        let mut largest = self::largest(&ws.tau_q);
+        let of_all =
+            |x: &[T]| x.iter().fold(T::ZERO, |most, x| T::select(most.lt(x.abs()), x.abs(), most));
+        let mut largest = of_all(&ws.tau_q);
         self.each_given_force(model, input, |v, tau| {
             largest = T::select(largest.lt(tau.abs()), tau.abs(), largest);
             ws.tau_q[v] -= tau;
         });
-        to_independent(model, &ws.G, &ws.tau_q, &mut ws.ydd, &mut ws.tau_terms);
-        if self::largest(&ws.ydd).lt(largest * T::from_f64(BALANCE)) || largest == T::ZERO {
+        to_independent(model, scope, &ws.G, &ws.tau_q, &mut ws.ydd, &mut ws.tau_terms);
+        if of_all(&ws.ydd).lt(largest * T::from_f64(BALANCE)) || largest == T::ZERO {
             return true;
         }
-        let positive = algorithms::embedded_solve(model, ws);
+        let positive = algorithms::embedded_solve(model, scope, ws);
         let given =
             model.order.vy_v.iter().fold(T::ZERO, |size, v| {
                 T::select(size.lt(ws.qdd[*v].abs()), ws.qdd[*v].abs(), size)
             });
-        positive && self::largest(&ws.ydd).lt(given * T::from_f64(WORTH))
+        positive && of_all(&ws.ydd).lt(given * T::from_f64(WORTH))
     }
 
     /// The given forces by internal tree velocity; a force on an independent is one on its joint.
@@ -245,7 +264,7 @@ impl Plan {
             ws.tau_terms.fill(T::ZERO);
             self.given_forces(model, ws, input);
             if self.wants_any(&[Field::TauU, Field::TauUnactuated]) {
-                report.doubt.times(1.0 / to_actuators(model, ws)?);
+                report.doubt.times(1.0 / to_actuators(model, &self.needed.scope, ws)?);
             }
         }
         Ok(())
@@ -259,12 +278,28 @@ impl Plan {
         input: &[T],
         with_wrenches: bool,
     ) {
-        // q̈ = g
+        let scope = &self.needed.scope;
         let wrench =
             (with_wrenches && self.wrenches(model, ws, input)).then_some(ws.wrench.as_slice());
-        let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.g };
-        algorithms::newton_euler(model, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
-        to_independent(model, &ws.G, &ws.tau_q, &mut ws.C_y, &mut ws.tau_terms);
+        let (motion, tau_q) = (&mut ws.motion, &mut ws.tau_q);
+        if self.steps.bias_at_rest {
+            algorithms::rest_forces(model, scope, &ws.q, wrench, motion, tau_q);
+        } else {
+            // q̈ = g
+            let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.g };
+            algorithms::newton_euler(model, scope, &tree, wrench, motion, tau_q);
+        }
+        to_independent(model, scope, &ws.G, &ws.tau_q, &mut ws.C_y, &mut ws.tau_terms);
+    }
+
+    /// What is lost of forces on the independents in the sums of their terms.
+    fn doubt_forces<T: Scalar>(&self, terms: &[T], forces: &[T], report: &mut RunReport<T>) {
+        let independents = &self.needed.scope.independents;
+        let terms = largest(independents, terms).to_f64();
+        let left = largest(independents, forces).to_f64();
+        let (growth, zero) = cancellation(terms, left, ZERO * terms);
+        report.doubt.times(growth);
+        report.doubt.force = zero;
     }
 
     /// The given forces as τ_y.
@@ -283,12 +318,20 @@ impl Plan {
         } else if let Some(tau) = slot(Field::TauQ) {
             tau.iter().zip(&model.order.v).for_each(|(x, v)| ws.tau_q[*v] = *x);
         }
-        to_independent(model, &ws.G, &ws.tau_q, &mut ws.tau_y, &mut ws.tau_terms);
+        let scope = &self.needed.scope;
+        to_independent(model, scope, &ws.G, &ws.tau_q, &mut ws.tau_y, &mut ws.tau_terms);
+    }
+
+    /// True where wrenches are given on what is needed.
+    fn feels_wrenches(&self) -> bool {
+        !self.wrench_links.is_empty()
     }
 
     /// The given wrenches on their bodies; false where there are none.
     fn wrenches<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> bool {
-        let Some(slot) = self.given.slot(Field::Wrenches) else { return false };
+        let Some(slot) = self.given.slot(Field::Wrenches).filter(|_| self.feels_wrenches()) else {
+            return false;
+        };
         wrenches_on_bodies(
             model,
             ws,
@@ -300,18 +343,20 @@ impl Plan {
     }
 }
 
-/// Wrenches on links, `[n; f]` in world axes at their frames' origins, as those on bodies; `bodies`
+/// Wrenches on links (place among the wrenches, link), `[n; f]` in world axes at their frames'
+/// origins, as those on bodies; `bodies`
 /// carry the links, and their poses in their parents are known.
 pub(crate) fn wrenches_on_bodies<T: Scalar>(
     model: &Model<T>,
     ws: &mut Workspace<T>,
     bodies: &[usize],
-    links: &[usize],
+    links: &[(usize, usize)],
     wrenches: &[T],
 ) {
     algorithms::world_poses(model, bodies, &ws.motion, &mut ws.world);
     ws.wrench.fill((zero(), zero()));
-    for (link, wrench) in links.iter().zip(wrenches.chunks_exact(6)) {
+    for (k, link) in links {
+        let wrench = &wrenches[6 * k..6 * k + 6];
         let frame = &model.frames[*link];
         let (n, f) = algorithms::frame_wrench(frame, &ws.world, wrench);
         ws.wrench[frame.body].0 += n;
@@ -319,15 +364,16 @@ pub(crate) fn wrenches_on_bodies<T: Scalar>(
     }
 }
 
-/// τ_y = Gᵀ τ_q, cluster by cluster; adds Σ |terms| of each to `terms`.
+/// τ_y = Gᵀ τ_q, answered cluster by cluster; adds Σ |terms| of each to `terms`.
 fn to_independent<T: Scalar>(
     model: &Model<T>,
+    scope: &Scope,
     G: &[T],
     tau_q: &[T],
     tau_y: &mut [T],
     terms: &mut [T],
 ) {
-    for cluster in &model.clusters {
+    for cluster in scope.answered.iter().map(|c| &model.clusters[*c]) {
         let m = cluster.n_vy;
         if cluster.is_serial() {
             for k in 0..m {
@@ -358,7 +404,10 @@ fn independents_subtract<T: Scalar>(model: &Model<T>, tau_y: &[T], tau_q: &mut [
     }
 }
 
-/// Largest absolute value.
-fn largest<T: Scalar>(x: &[T]) -> T {
-    x.iter().fold(T::ZERO, |largest, x| T::select(largest.lt(x.abs()), x.abs(), largest))
+/// Largest absolute value at some places.
+fn largest<T: Scalar>(places: &[usize], x: &[T]) -> T {
+    places.iter().fold(T::ZERO, |largest, k| {
+        let x = x[*k].abs();
+        T::select(largest.lt(x), x, largest)
+    })
 }

@@ -15,7 +15,7 @@ use crate::algorithms;
 use crate::closure::{constraint_bias, constraint_residual, local_rates, row_unit};
 use crate::linalg::solve_pivoted;
 use crate::mechanism::Cluster;
-use crate::model::Model;
+use crate::model::{Model, Scope};
 use crate::plan::Plan;
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
@@ -35,7 +35,7 @@ impl Plan {
         model: &Model<T>,
         ws: &mut Workspace<T>,
     ) -> Result<(), Status> {
-        let ended = tree_under_constraints(model, ws, None);
+        let ended = tree_under_constraints(model, &self.needed.scope, ws, None);
 
         // Kᵀ λ
         let x = core::mem::take(&mut ws.kkt_rhs);
@@ -60,11 +60,12 @@ impl Plan {
 /// q̈ into `qdd`, and −λ of the kept rows in the order of the closed clusters behind it in
 /// `kkt_rhs`.
 ///
-/// Needs q, q̇, the joint poses, C in `tau_q` and the given forces in `loop_q`. With a
+/// The scope is all of the robot. Needs q, q̇, the joint poses, C in `tau_q` and the given forces in `loop_q`. With a
 /// stabilisation (α, β) the state need not be closed: K q̈ = k − 2 α K q̇ − β² φ \[B72\];
 /// how far from closed it is then goes into `drift`.
 pub(crate) fn tree_under_constraints<T: Scalar>(
     model: &Model<T>,
+    scope: &Scope,
     ws: &mut Workspace<T>,
     mut stabilised: Option<([T; 2], &mut Drift<T>)>,
 ) -> Result<(), Status> {
@@ -76,7 +77,7 @@ pub(crate) fn tree_under_constraints<T: Scalar>(
 
     // M, τ_q − C, K, k
     A.fill(T::ZERO);
-    algorithms::tree_mass_matrix(model, &ws.motion, &mut ws.composite, &mut A, n);
+    algorithms::tree_mass_matrix(model, scope, &ws.motion, &mut ws.composite, &mut A, n);
     for v in 0..n_v {
         x[v] = ws.loop_q[v] - ws.tau_q[v];
         scale[v] = T::select(T::ZERO.lt(A[v * n + v]), T::ONE / A[v * n + v].sqrt(), T::ONE);

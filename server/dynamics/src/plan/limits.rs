@@ -3,7 +3,6 @@
 use sarrus_proto::{Field, Request, Warnings};
 
 use crate::closure::Level;
-use crate::model::Model;
 use crate::plan::Plan;
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
@@ -15,9 +14,9 @@ const EFFORT: usize = 2;
 
 impl Plan {
     /// Whether a position, velocity or actuator force lies outside its limits.
-    pub(super) fn limits<T: Scalar>(&self, model: &Model<T>, ws: &Workspace<T>) -> Warnings {
+    pub(super) fn limits<T: Scalar>(&self, ws: &Workspace<T>) -> Warnings {
         let mut warnings = Warnings::NONE;
-        self.each_excess(model, ws, |_, _, excess| {
+        self.each_excess(ws, |_, _, excess| {
             if excess != 0.0 {
                 warnings |= Warnings::LIMITS_EXCEEDED;
             }
@@ -25,38 +24,34 @@ impl Plan {
         warnings
     }
 
-    /// By how much each of them does (n_v × 3).
-    pub(super) fn write_limits<T: Scalar>(
-        &self,
-        model: &Model<T>,
-        ws: &Workspace<T>,
-        out: &mut [T],
-    ) {
+    /// By how much each of them does, in the rows that are asked (n_v × 3).
+    pub(super) fn write_limits<T: Scalar>(&self, ws: &Workspace<T>, out: &mut [T]) {
         out.fill(T::ZERO);
-        self.each_excess(model, ws, |v, column, excess| {
-            out[model.order.v_external[v] * 3 + column] = T::from_f64(excess);
+        self.each_excess(ws, |row, column, excess| {
+            if let Some(row) = row {
+                out[row * 3 + column] = T::from_f64(excess);
+            }
         });
     }
 
-    /// Calls `each(internal velocity, column, excess)` for every limit that this request can meet.
+    /// Calls `each(row, column, excess)` for every limit that this request can meet.
     #[inline(always)]
     fn each_excess<T: Scalar>(
         &self,
-        model: &Model<T>,
         ws: &Workspace<T>,
-        mut each: impl FnMut(usize, usize, f64),
+        mut each: impl FnMut(Option<usize>, usize, f64),
     ) {
         let moves = self.steps.velocity.is_some() && self.steps.level >= Level::Velocity;
-        for limit in &model.limits {
-            each(limit.v, POSITION, excess(ws.q[limit.q].to_f64(), limit.lower, limit.upper));
+        for (row, limit) in &self.needed.limits {
+            each(*row, POSITION, excess(ws.q[limit.q].to_f64(), limit.lower, limit.upper));
             if moves {
                 let velocity = ws.qd[limit.v].to_f64();
-                each(limit.v, VELOCITY, excess(velocity, -limit.velocity, limit.velocity));
+                each(*row, VELOCITY, excess(velocity, -limit.velocity, limit.velocity));
             }
         }
         if self.request == Request::InverseDynamics && self.wants(Field::TauU) {
-            for ((tau, effort), v) in ws.tau_u.iter().zip(&model.effort).zip(&model.order.u_v) {
-                each(*v, EFFORT, excess(tau.to_f64(), -effort, *effort));
+            for (u, row, effort) in &self.needed.efforts {
+                each(*row, EFFORT, excess(ws.tau_u[*u].to_f64(), -effort, *effort));
             }
         }
     }

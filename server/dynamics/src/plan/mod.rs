@@ -5,6 +5,8 @@ mod diagnostics;
 mod forces;
 mod kkt;
 mod limits;
+mod needed;
+mod outline;
 mod output;
 mod run;
 mod scratch;
@@ -12,12 +14,14 @@ mod state;
 
 pub(crate) use forces::wrenches_on_bodies;
 pub(crate) use kkt::{Drift, drift_of, tree_under_constraints};
+pub use outline::Outline;
 
 pub(crate) use sarrus_proto::Answer;
 use sarrus_proto::{Field, FieldSet, Layout, Query, QueryError, Request};
 
 use crate::closure::Level;
 use crate::model::{Method, Model};
+use crate::plan::needed::Needed;
 use crate::workspace::Needs;
 
 /// Steps for one kind of request on one model; made off the hot path, then run any number of times.
@@ -54,9 +58,11 @@ pub struct Plan {
     /// Links whose frames are asked, bodies on the paths to them and to the links with wrenches;
     /// parents first.
     frames: Vec<usize>,
-    wrench_links: Vec<usize>,
     frame_bodies: Vec<usize>,
     wrench_bodies: Vec<usize>,
+    /// The links with wrenches that are felt, as (place in the request, link).
+    wrench_links: Vec<(usize, usize)>,
+    needed: Needed,
 }
 
 /// Which space the motion comes from.
@@ -75,6 +81,8 @@ struct Steps {
     acceleration: Option<Space>,
     /// How far down the closures go.
     level: Level,
+    /// Some velocity, acceleration or bias is read, be it zero.
+    rates: bool,
     /// q̈ is needed.
     tree_acceleration: bool,
     /// Sines and cosines of free joints and the poses of all bodies in their parents.
@@ -82,6 +90,9 @@ struct Steps {
     frames: bool,
     frame_velocities: bool,
     newton_euler: bool,
+    /// The robot is at rest, and so are its bias forces: gravity and springs alone.
+    rest: bool,
+    bias_at_rest: bool,
     mass_matrix: bool,
     /// K or what follows from it.
     conditions: bool,
@@ -89,15 +100,10 @@ struct Steps {
 
 impl Plan {
     /// The plan for `query` on `model`. Forward dynamics goes by the model's choice
-    /// ([`Model::forward_method`]), or by projection where M_y is wanted too. Allocates; errors
-    /// name the field that does not fit.
+    /// ([`Model::forward_method`]), whatever else is wanted: a number has the same bits in every
+    /// answer. Allocates; errors name the field that does not fit.
     pub fn new<C>(model: &Model<C>, query: &Query) -> Result<Plan, QueryError> {
-        let with_mass_matrix = query.want.has_any(&[Field::MY, Field::CondMy]);
-        Plan::with_method(
-            model,
-            query,
-            if with_mass_matrix { Method::Projection } else { model.forward_method() },
-        )
+        Plan::with_method(model, query, model.forward_method())
     }
 
     /// The plan for `query` on `model` with forward dynamics by this method; [`Method::Kkt`] needs
@@ -108,7 +114,7 @@ impl Plan {
         method: Method,
     ) -> Result<Plan, QueryError> {
         use Field::*;
-        let request = query.check(model.meta.links.len())?;
+        let request = query.check(&model.meta)?;
         let sizes = model.meta.sizes;
         let (given, want) = (query.given, query.want);
         let space = |y, q, u| {
@@ -156,36 +162,55 @@ impl Plan {
             || request == Request::ForwardDynamics && method == Method::Projection;
         let newton_euler = dynamics
             && (request == Request::ForwardDynamics
-                || want.has_any(&[TauY, TauU, TauQ, TauUnactuated, Lambda, CY]));
+                || want.has_any(&[TauY, TauU, TauQ, TauUnactuated, Lambda]));
         let steps = Steps {
             position,
             velocity,
             acceleration,
             level,
+            rates: dynamics
+                || moving
+                || acceleration.is_some()
+                || level > Level::Position
+                || conditions
+                || wants_velocity
+                || wants_acceleration
+                || want.has_any(&[GBias, GUBias]),
             tree_acceleration: wants_acceleration
                 || request == Request::InverseDynamics
                 || want.has(Lambda),
-            poses: frames || dynamics && (newton_euler || mass_matrix),
+            poses: frames || dynamics && (newton_euler || mass_matrix || want.has(CY)),
             frames,
             frame_velocities: want.has(FrameTwist),
             newton_euler,
+            rest: !moving && acceleration.is_none(),
+            bias_at_rest: !moving,
             mass_matrix,
             conditions,
         };
         let of = |links: &[u16]| links.iter().map(|link| *link as usize).collect::<Vec<_>>();
         let (frame_links, wrench_links) = (of(query.frames()), of(query.wrench_links()));
+        let needed = Needed::new(model, query, request, method, &steps);
+        // a wrench that nothing asked feels is not read
+        let felt = |(_, link): &(usize, usize)| {
+            let body = model.frames[*link].body;
+            needed.scope.driven.binary_search(&body).is_ok()
+        };
+        let felt: Vec<(usize, usize)> = wrench_links.into_iter().enumerate().filter(felt).collect();
+        let felt_links: Vec<usize> = felt.iter().map(|(_, link)| *link).collect();
         Ok(Plan {
             query: *query,
             request,
             given: Layout::of_given(query, &sizes),
-            want: Layout::of_want(query, &sizes),
+            want: Layout::of_want(query, &model.meta),
             fingerprint: model.meta.fingerprint,
             steps,
             method,
             frame_bodies: supports(model, &frame_links),
-            wrench_bodies: supports(model, &wrench_links),
+            wrench_bodies: supports(model, &felt_links),
             frames: frame_links,
-            wrench_links,
+            wrench_links: felt,
+            needed,
         })
     }
 

@@ -82,7 +82,7 @@ impl Plan {
         output.fill(T::from_f64(f64::NAN));
         let slot = |field| self.want().slot(field).map(Slot::range);
         if let (Some(range), true) = (slot(Field::NearestY), report.nearest) {
-            output[range].iter_mut().zip(&model.order.qy_q).for_each(|(x, q)| *x = ws.q[*q]);
+            output[range].iter_mut().zip(&self.needed.qy_q).for_each(|(x, q)| *x = ws.q[*q]);
         }
         self.write_figure(Field::Residual, report.residual, output);
         self.write_figure(Field::SigmaMin, self.distance_after(model, ws, report), output);
@@ -110,34 +110,32 @@ impl Plan {
         slot: &Slot,
         out: &mut [T],
     ) -> Status {
-        let order = &model.order;
+        let (order, rows) = (&model.order, &self.needed);
         let gather = |out: &mut [T], from: &[T], order: &[usize]| {
             out.iter_mut().zip(order).for_each(|(x, i)| *x = from[*i])
         };
         match slot.field {
-            Field::Y | Field::NearestY => gather(out, &ws.q, &order.qy_q),
-            Field::Yd => gather(out, &ws.qd, &order.vy_v),
-            Field::Ydd => gather(out, &ws.qdd, &order.vy_v),
-            Field::Q => gather(out, &ws.q, &order.q),
-            Field::Qd => gather(out, &ws.qd, &order.v),
-            Field::Qdd => gather(out, &ws.qdd, &order.v),
-            Field::U => gather(out, &ws.q, &order.u_q),
-            Field::Ud => gather(out, &ws.qd, &order.u_v),
-            Field::Udd => gather(out, &ws.qdd, &order.u_v),
-            Field::TauQ => gather(out, &ws.tau_q, &order.v),
-            Field::TauY => gather(out, &ws.tau_y, &order.vy),
-            Field::TauUnactuated => gather(out, &ws.tau_rest, &order.vy),
-            Field::TauU => out.copy_from_slice(&ws.tau_u),
-            Field::CY => gather(out, &ws.C_y, &order.vy),
-            Field::GBias => gather(out, &ws.g, &order.v),
-            Field::GUBias => gather(out, &ws.g, &order.u_v),
-            Field::G => self.write_G(model, ws, out, |v| Some(order.v_external[v])),
-            Field::GU => {
-                self.write_G(model, ws, out, |v| order.u_v.iter().position(|of_u| *of_u == v))
-            }
+            Field::Y | Field::NearestY => gather(out, &ws.q, &rows.qy_q),
+            Field::Yd => gather(out, &ws.qd, &rows.vy_v),
+            Field::Ydd => gather(out, &ws.qdd, &rows.vy_v),
+            Field::Q => gather(out, &ws.q, &rows.q),
+            Field::Qd => gather(out, &ws.qd, &rows.v),
+            Field::Qdd => gather(out, &ws.qdd, &rows.v),
+            Field::U => gather(out, &ws.q, &rows.u_q),
+            Field::Ud => gather(out, &ws.qd, &rows.u_v),
+            Field::Udd => gather(out, &ws.qdd, &rows.u_v),
+            Field::TauQ => gather(out, &ws.tau_q, &rows.v),
+            Field::TauY => gather(out, &ws.tau_y, &rows.vy),
+            Field::TauUnactuated => gather(out, &ws.tau_rest, &rows.vy),
+            Field::TauU => gather(out, &ws.tau_u, &rows.u),
+            Field::CY => gather(out, &ws.C_y, &rows.vy),
+            Field::GBias => gather(out, &ws.g, &rows.v),
+            Field::GUBias => gather(out, &ws.g, &rows.u_v),
+            Field::G => write_G(model, ws, out, &rows.v),
+            Field::GU => write_G(model, ws, out, &rows.u_v),
             Field::MY => {
                 let n = order.vy.len();
-                for (i, &a) in order.vy.iter().enumerate() {
+                for (i, &a) in rows.vy.iter().enumerate() {
                     for (j, &b) in order.vy.iter().enumerate() {
                         out[i * n + j] =
                             model.sparsity.entry(a, b).map_or(T::ZERO, |at| ws.M_y[at]);
@@ -168,7 +166,7 @@ impl Plan {
                     independent_jacobian(model, ws, frame, out, &order.vy_external)
                 });
             }
-            Field::Limits => self.write_limits(model, ws, out),
+            Field::Limits => self.write_limits(ws, out),
             Field::JacobianActuator => return self.actuator_jacobians(model, ws, out),
             // written where they are computed
             _ => {}
@@ -185,27 +183,6 @@ impl Plan {
     ) {
         for (link, out) in self.frames.iter().zip(out.chunks_exact_mut(len.max(1))) {
             write(&model.frames[*link], out);
-        }
-    }
-
-    /// Rows of G; `row_of` gives the row of an internal velocity, if it has one.
-    fn write_G<T: Scalar>(
-        &self,
-        model: &Model<T>,
-        ws: &Workspace<T>,
-        out: &mut [T],
-        row_of: impl Fn(usize) -> Option<usize>,
-    ) {
-        let n_vy = model.sizes().n_vy;
-        out.fill(T::ZERO);
-        for cluster in &model.clusters {
-            let G = cluster.G(&ws.G);
-            for j in 0..cluster.n_v {
-                let Some(row) = row_of(cluster.v + j) else { continue };
-                for k in 0..cluster.n_vy {
-                    out[row * n_vy + model.order.vy_external[cluster.vy + k]] = G[(j, k)];
-                }
-            }
         }
     }
 
@@ -258,6 +235,19 @@ impl Plan {
             }
         }
         Status::Ok
+    }
+}
+
+/// The rows of G of these internal velocities.
+fn write_G<T: Scalar>(model: &Model<T>, ws: &Workspace<T>, out: &mut [T], velocities: &[usize]) {
+    let n_vy = model.sizes().n_vy;
+    out.fill(T::ZERO);
+    for (row, v) in out.chunks_exact_mut(n_vy.max(1)).zip(velocities) {
+        let cluster = &model.clusters[model.cluster_of_v[*v]];
+        let G = cluster.G(&ws.G).row(v - cluster.v);
+        for (k, g) in cluster.independents().zip(G) {
+            row[model.order.vy_external[k]] = *g;
+        }
     }
 }
 

@@ -6,7 +6,7 @@ use crate::algorithms;
 use crate::mechanism::Motion;
 use crate::model::Model;
 use crate::plan::diagnostics::digits::Doubt;
-use crate::plan::{Answer, Plan};
+use crate::plan::{Answer, Plan, Space};
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
 
@@ -90,7 +90,7 @@ impl Plan {
         report.status = match self.compute(model, workspace, input, &mut report) {
             Ok(()) => self.write(model, workspace, &report, output),
             // an angle without sine breaks whatever uses it first
-            Err(_) if beyond_angles(model, workspace) => {
+            Err(_) if self.beyond_angles(model, workspace, &report) => {
                 report = RunReport::none();
                 Status::NonFiniteInput
             }
@@ -108,7 +108,7 @@ impl Plan {
             report.projection > self.query.projection_tolerance.bound(),
             Warnings::INPUT_PROJECTED,
         );
-        report.warnings |= self.limits(model, workspace);
+        report.warnings |= self.limits(workspace);
         Answer { status: Status::Ok, warnings: report.warnings }
     }
 
@@ -124,11 +124,17 @@ impl Plan {
         }
         self.close_state(model, ws, input, report)?;
         if self.steps.poses {
-            for &(i, q) in &model.free {
+            for &(i, q) in &self.needed.scope.free {
                 let (s, c) = ws.q[q].sin_cos();
                 ws.cos_sin[i] = (c, s);
             }
-            algorithms::joint_poses(model, &ws.q, &ws.cos_sin, &mut ws.motion);
+            algorithms::joint_poses(
+                model,
+                &self.needed.scope.posed,
+                &ws.q,
+                &ws.cos_sin,
+                &mut ws.motion,
+            );
         }
         match self.request {
             Request::InverseDynamics => self.inverse_dynamics(model, ws, input, report),
@@ -137,11 +143,27 @@ impl Plan {
             _ => Ok(()),
         }
     }
-}
 
-/// True where some joint stands, or starts, at an angle of which a number says nothing.
-fn beyond_angles<T: Scalar>(model: &Model<T>, ws: &Workspace<T>) -> bool {
-    let turning = model.bodies.iter().skip(1).filter(|body| body.motion == Motion::Revolute);
-    let without_sine = |q: T| q.is_finite() && !q.sin_cos().0.is_finite();
-    turning.map(|body| body.q).any(|q| without_sine(ws.q[q]) || without_sine(ws.start[q]))
+    /// True where some joint that is needed stands, or starts, at an angle of which a number says
+    /// nothing; the dependents of clusters that were not closed have no number of this request.
+    fn beyond_angles<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        ws: &Workspace<T>,
+        report: &RunReport<T>,
+    ) -> bool {
+        let open = self.needed.scope.closed.get(report.closed..).unwrap_or_default();
+        let is_set = |c: usize| self.steps.position != Space::Independent || !open.contains(&c);
+        let without_sine = |q: T| q.is_finite() && !q.sin_cos().0.is_finite();
+        self.needed.coordinates.iter().any(|c| {
+            let cluster = &model.clusters[*c];
+            cluster.bodies().any(|i| {
+                let body = &model.bodies[i];
+                let stands = is_set(*c) || model.is_independent(i);
+                body.motion == Motion::Revolute
+                    && (stands && without_sine(ws.q[body.q])
+                        || !self.starts_nowhere() && without_sine(ws.start[body.q]))
+            })
+        })
+    }
 }

@@ -38,8 +38,9 @@ impl Plan {
         match start {
             Some(start) => {
                 scatter(start, &mut ws.start, &order.q);
-                normalise_quaternions(model, &mut ws.start, |_| true)?;
+                normalise_quaternions(&self.needed.quaternions, &mut ws.start)?;
             }
+            None if self.starts_nowhere() => {}
             None => ws.start.copy_from_slice(&model.zero),
         }
 
@@ -62,15 +63,17 @@ impl Plan {
         }
         // of what was given; the dependents are not known yet
         if self.steps.position == Space::Independent {
-            normalise_quaternions(model, &mut ws.q, |i| model.is_independent(i))?;
+            normalise_quaternions(&self.needed.independent_quaternions, &mut ws.q)?;
         }
 
         // velocities and accelerations of the independents; what is not given is zero
-        ws.qd.fill(T::ZERO);
-        ws.qdd.fill(T::ZERO);
-        // the bias is zero where no velocity was given
-        if self.steps.level < Level::Acceleration {
-            ws.g.fill(T::ZERO);
+        if self.steps.rates {
+            ws.qd.fill(T::ZERO);
+            ws.qdd.fill(T::ZERO);
+            // the bias is zero where no velocity was given
+            if self.steps.level < Level::Acceleration {
+                ws.g.fill(T::ZERO);
+            }
         }
         match self.steps.velocity {
             Some(Space::Independent) => {
@@ -93,24 +96,39 @@ impl Plan {
             None => {}
         }
 
-        for &c in &model.closed_clusters {
+        for &c in &self.needed.scope.closed {
             self.close_cluster(model, c, ws, input, report)?;
             report.closed += 1;
-            if self.steps.tree_acceleration && self.steps.level >= Level::Velocity {
+            if self.steps.tree_acceleration
+                && !self.steps.rest
+                && self.steps.level >= Level::Velocity
+            {
                 tree_accelerations(&model.clusters[c], ws);
             }
+        }
+        // what rests has no rates, nor zeros with a sign from products with zero
+        if self.steps.rates && self.steps.velocity.is_none() {
+            ws.qd.fill(T::ZERO);
         }
         if self.steps.position == Space::Actuation || self.actuated_rates() {
             self.check_unactuated(model)?;
         }
         if let (Some(given), true) = (slot(Field::Qd), self.steps.level > Level::Position) {
-            for (x, &v) in given.iter().zip(&order.v) {
-                let cluster = &model.clusters[model.cluster_of_v[v]];
-                let off = (*x - ws.qd[v]).abs().to_f64() / column_unit(cluster, v - cluster.v);
-                report.projection = report.projection.max(off);
+            // only where loops are closed can the velocity differ from what was given
+            for cluster in self.needed.scope.closed.iter().map(|c| &model.clusters[*c]) {
+                for v in cluster.velocities() {
+                    let off = given[order.v_external[v]] - ws.qd[v];
+                    let off = off.abs().to_f64() / column_unit(cluster, v - cluster.v);
+                    report.projection = report.projection.max(off);
+                }
             }
         }
         Ok(())
+    }
+
+    /// Nothing is closed and nothing else is where closures start: what stands there is not read.
+    pub(super) fn starts_nowhere(&self) -> bool {
+        self.needed.scope.closed.is_empty() && self.steps.position == Space::Independent
     }
 
     fn actuated_rates(&self) -> bool {
@@ -123,7 +141,7 @@ impl Plan {
     fn check_unactuated<T: Scalar>(&self, model: &Model<T>) -> Result<(), Status> {
         let guessed = self.given.slot(Field::QGuess).is_some();
         let driven = |cluster: &Cluster<T>| cluster.active.len() == cluster.n_vy;
-        if guessed || model.clusters.iter().all(driven) {
+        if guessed || self.needed.coordinates.iter().map(|c| &model.clusters[*c]).all(driven) {
             Ok(())
         } else {
             Err(Status::SingularActuation)
@@ -323,16 +341,11 @@ fn from_actuators<T: Scalar>(
     Ok((Outcome::failed(Status::Unreachable, 0), 1.0))
 }
 
-/// Quaternions within 1e-6 of unit length are normalised, others refused.
-fn normalise_quaternions<T: Scalar>(
-    model: &Model<T>,
-    q: &mut [T],
-    which: impl Fn(usize) -> bool,
-) -> Result<(), Status> {
-    for (_, body) in
-        model.bodies.iter().enumerate().filter(|(i, body)| body.motion.n_q() > 1 && which(*i))
-    {
-        let quaternion = &mut q[body.q + body.motion.n_q() - 4..body.q + body.motion.n_q()];
+/// Quaternions, by their first coordinates, within 1e-6 of unit length are normalised, others
+/// refused.
+fn normalise_quaternions<T: Scalar>(first: &[usize], q: &mut [T]) -> Result<(), Status> {
+    for at in first {
+        let quaternion = &mut q[*at..at + 4];
         let norm = quaternion.iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum)).sqrt();
         if !(norm - T::ONE).abs().lt(T::from_f64(UNIT)) {
             return Err(Status::BadRequest);

@@ -1,5 +1,6 @@
 //! The numbers that every kernel is written over.
 
+mod counted;
 mod double_double;
 mod dual;
 mod elementary;
@@ -7,6 +8,7 @@ mod noise;
 mod single;
 mod stochastic;
 
+pub use counted::Counted;
 pub use double_double::Dd;
 pub use dual::Dual;
 pub(crate) use noise::noise;

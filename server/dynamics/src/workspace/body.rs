@@ -70,11 +70,15 @@ impl<T: Real> Embedding<T> {
         }
     }
 
-    /// 1/Δ of each independent after [`embedded_solve`], in internal order.
-    pub(crate) fn inverses<'a, C>(&'a self, model: &'a Model<C>) -> impl Iterator<Item = T> + 'a {
-        model
-            .clusters
+    /// 1/Δ of each independent of the given clusters after [`embedded_solve`], in internal order.
+    pub(crate) fn inverses<'a, C>(
+        &'a self,
+        model: &'a Model<C>,
+        clusters: &'a [usize],
+    ) -> impl Iterator<Item = T> + 'a {
+        clusters
             .iter()
+            .map(|c| &model.clusters[*c])
             .flat_map(|cluster| (0..cluster.n_vy).map(|k| cluster.G(&self.factor)[(k, k)]))
     }
 }

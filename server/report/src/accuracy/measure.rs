@@ -120,7 +120,7 @@ pub(super) fn measure(
 
 /// The numbers of a question to this robot.
 pub(super) fn layout(robot: &Robot, question: Question) -> Layout {
-    Layout::of_want(&question.query(), &robot.variants[0].compiled.model.sizes())
+    Layout::of_want(&question.query(), robot.variants[0].compiled.model.info())
 }
 
 fn errors(
@@ -165,5 +165,5 @@ fn errors(
 pub(super) fn only_q(robot: &Robot) -> Layout {
     let mut query = Question::State.query();
     query.want = FieldSet::of(&[Field::Q]);
-    Layout::of_want(&query, &robot.variants[0].compiled.model.sizes())
+    Layout::of_want(&query, robot.variants[0].compiled.model.info())
 }

@@ -1,7 +1,7 @@
 //! One line out.
 
-use sarrus_client::{Answer, Field, Layout, ModelInfo, Status};
-use sarrus_proto::Slot;
+use sarrus_client::{Answer, Field, Layout, ModelInfo, Query, Status};
+use sarrus_proto::{Rows, Slot};
 use serde::Serialize;
 
 use super::request::{Asked, Output};
@@ -43,7 +43,9 @@ pub(super) fn answer(
         key(out, output.name(), false);
         match output {
             Output::Field(field) => match of(*field) {
-                Some((slot, numbers)) => value(out, slot, numbers, model),
+                Some((slot, numbers)) => {
+                    value(out, slot, numbers, model, &asked.query);
+                }
                 None => null(out),
             },
             Output::Frames => {
@@ -130,7 +132,7 @@ fn by_link<P: Copy, R: Clone>(
 }
 
 /// The numbers of a field: a plain number, a list, or a list of rows.
-fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], model: &ModelInfo) {
+fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], model: &ModelInfo, query: &Query) {
     match slot.field {
         Field::Residual
         | Field::CondKd
@@ -146,7 +148,7 @@ fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], model: &ModelInfo) {
         Field::Branch => list(out, numbers.iter(), |out, x| write(out, &(*x as i64))),
         Field::LambdaDeterminate => list(out, numbers.iter(), |out, x| write(out, &(*x == 1.0))),
         Field::GoodIndependents => list(out, chosen(numbers, &model.tree), write),
-        Field::Limits => write(out, &exceeded(numbers, model)),
+        Field::Limits => write(out, &exceeded(numbers, model, &Rows::of(query, model).v)),
         Field::G | Field::GU | Field::K | Field::MY => rows(out, slot.rows, slot.columns, numbers),
         _ => list(out, numbers.iter(), number),
     }
@@ -163,11 +165,12 @@ struct Exceeded<'a> {
 }
 
 /// The limits that are exceeded, from how far each of them is.
-fn exceeded<'a>(numbers: &[f64], model: &'a ModelInfo) -> Vec<Exceeded<'a>> {
+fn exceeded<'a>(numbers: &[f64], model: &'a ModelInfo, velocities: &[usize]) -> Vec<Exceeded<'a>> {
     let mut found = Vec::new();
-    let joints = model.tree.iter().zip(&model.limits).zip(numbers.chunks_exact(3));
-    for ((name, limits), excess) in joints {
-        let Some(limits) = limits else { continue };
+    for (v, excess) in velocities.iter().zip(numbers.chunks_exact(3)) {
+        let Some((name, Some(limits))) = model.tree.get(*v).zip(model.limits.get(*v)) else {
+            continue;
+        };
         for ((what, lower, upper), excess) in limits.ranges().into_iter().zip(excess) {
             let bound = if *excess < 0.0 { lower } else { upper };
             if let (Some(bound), true) = (bound, *excess != 0.0) {

@@ -19,7 +19,7 @@ use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
 use sarrus_client::{
-    Answer, Error, Field, FieldSet, Layout, ModelInfo, Request, Status, Warnings, describe,
+    Answer, Error, Field, FieldSet, Layout, ModelInfo, Query, Request, Status, Warnings, describe,
 };
 use sarrus_proto::Tolerance;
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT};
@@ -184,7 +184,7 @@ impl Session {
             words,
         };
         let asked = match valid {
-            Ok(text) => read::read(self.request, self.tolerances, &self.model, text),
+            Ok(text) => read::read(Some(self.request), self.tolerances, &self.model, text),
             Err(_) => Err(Problem {
                 status: Status::BadRequest,
                 offset: line.len(),
@@ -203,8 +203,8 @@ impl Session {
         if let Some(problem) = asked.doubt.take() {
             let failed = Answer { status: problem.status, warnings: Warnings::NONE };
             let nothing = Layout::of_want(
-                &sarrus_client::Query::new(self.request, FieldSet::EMPTY, FieldSet::EMPTY),
-                &self.model.sizes,
+                &Query::new(self.request, FieldSet::EMPTY, FieldSet::EMPTY),
+                &self.model,
             );
             answer::answer(out, &asked, &self.model, failed, &nothing, &[], Some(&remark(problem)));
             return failed.status;
@@ -243,15 +243,10 @@ impl Session {
 
     /// Packs, asks, and asks again without the one output that may fail alone.
     fn ask(&mut self, asked: &mut Asked) -> (Reply, Layout, Vec<f64>) {
-        let sizes = self.model.sizes;
-        let given = Layout::of_given(&asked.query, &sizes);
-        let mut input = vec![0.0; given.len()];
-        for field in &asked.given {
-            let room = given.slot(field.field).and_then(|slot| input.get_mut(slot.range()));
-            room.into_iter().flatten().zip(&field.numbers).for_each(|(to, number)| *to = *number);
-        }
+        let given = Layout::of_given(&asked.query, &self.model.sizes);
+        let input = packed(asked, &given);
         loop {
-            let want = Layout::of_want(&asked.query, &sizes);
+            let want = Layout::of_want(&asked.query, &self.model);
             let (n_in, n_out) = (given.len(), want.len());
             if n_in > MAX_NUMBERS_IN || n_out > MAX_NUMBERS_OUT {
                 // in process it could be answered; the same line gets the same answer everywhere
@@ -275,6 +270,26 @@ impl Session {
             return (reply, want, numbers);
         }
     }
+}
+
+/// The query of a line that names its request, and the numbers that it gives; in words what is
+/// wrong with it.
+pub(super) fn read_plan(model: &ModelInfo, line: &str) -> Result<(Query, Vec<f64>), String> {
+    let words =
+        |problem: Problem| format!("{} at column {}", problem.words, column(line, problem.offset));
+    let asked = read::read(None, [Tolerance::USUAL; 2], model, line).map_err(words)?;
+    let input = packed(&asked, &Layout::of_given(&asked.query, &model.sizes));
+    asked.doubt.map_or(Ok((asked.query, input)), |problem| Err(words(problem)))
+}
+
+/// What a line gives, as a plan takes it.
+fn packed(asked: &Asked, given: &Layout) -> Vec<f64> {
+    let mut input = vec![0.0; given.len()];
+    for field in &asked.given {
+        let room = given.slot(field.field).and_then(|slot| input.get_mut(slot.range()));
+        room.into_iter().flatten().zip(&field.numbers).for_each(|(to, number)| *to = *number);
+    }
+    input
 }
 
 /// The column of a byte, in characters from 1.

@@ -1,7 +1,7 @@
 //! One line in: what it gives and what it wants, or why it is no request.
 
 use sarrus_client::{Field, FieldSet, ModelInfo, Query, QueryError, Request, Status};
-use sarrus_models::nearest_first;
+use sarrus_models::{matching_joints, nearest_first};
 
 use sarrus_proto::Tolerance;
 
@@ -11,9 +11,9 @@ use super::request::{Asked, Given, INPUTS, Output, Problem};
 /// There are not so many different keys, nor so many different things to want.
 const MOST: usize = 64;
 
-/// Reads a line for one kind of request on one model.
+/// Reads a line for one kind of request on one model; without one the line names its own.
 pub(super) fn read(
-    request: Request,
+    request: Option<Request>,
     tolerances: [Tolerance; 2],
     model: &ModelInfo,
     line: &str,
@@ -23,9 +23,12 @@ pub(super) fn read(
         root.members(MOST).ok_or_else(|| root.is_no("an object such as {\"y\": [0.1]}"))?;
     let mut reader = Reader {
         model,
+        request,
+        names_request: request.is_none(),
         keys: Vec::new(),
         want: None,
         frames: None,
+        joints: Vec::new(),
         wrenches: Vec::new(),
         tolerances,
         given: Vec::new(),
@@ -34,7 +37,7 @@ pub(super) fn read(
     for (key, value) in members {
         reader.member(key, value)?;
     }
-    reader.finish(request, root)
+    reader.finish(root)
 }
 
 /// A bound from 0 on.
@@ -46,9 +49,13 @@ fn tolerance(name: &str, value: Value<'_>) -> Result<Tolerance, Problem> {
 
 struct Reader<'a> {
     model: &'a ModelInfo,
+    request: Option<Request>,
+    names_request: bool,
     keys: Vec<(String, usize)>,
     want: Option<Vec<(Output, usize)>>,
     frames: Option<Vec<(String, u16)>>,
+    /// The tree velocities whose rows are asked, ascending; none for all.
+    joints: Vec<u16>,
     wrenches: Vec<(u16, Vec<f64>)>,
     tolerances: [Tolerance; 2],
     given: Vec<Given>,
@@ -62,8 +69,10 @@ impl Reader<'_> {
             return Err(key.fault(format!("`{name}` stands here twice")));
         }
         match name.as_str() {
+            "request" if self.names_request => self.request = Some(named_request(value)?),
             "want" => self.want = Some(wants(value)?),
             "frames" => self.frames = Some(self.links(value)?),
+            "joints" => self.joints = self.read_joints(value)?,
             "wrenches" => self.wrenches = self.read_wrenches(value)?,
             "loop_tolerance" => self.tolerances[0] = tolerance(&name, value)?,
             "projection_tolerance" => self.tolerances[1] = tolerance(&name, value)?,
@@ -76,7 +85,7 @@ impl Reader<'_> {
                 None => {
                     let known: Vec<&str> = INPUTS.iter().map(|field| field.name()).collect();
                     let known = format!(
-                        "{}, wrenches, frames, want, loop_tolerance, projection_tolerance",
+                        "{}, wrenches, frames, joints, want, loop_tolerance, projection_tolerance",
                         known.join(", ")
                     );
                     return Err(key.fault(format!(
@@ -145,6 +154,30 @@ impl Reader<'_> {
         Ok(links)
     }
 
+    /// Joints by names with `*`, `?` and `[…]`.
+    fn read_joints(&self, value: Value<'_>) -> Result<Vec<u16>, Problem> {
+        let mut velocities = Vec::new();
+        for (name, item) in names(value, MOST, "joints as a list such as [\"AL*\"]")? {
+            let matching = matching_joints(self.model, &name);
+            if matching.is_empty() {
+                let joints = nearest_first(&name, self.model.joints().map(|joint| joint.name), 250);
+                return Err(item.fault(format!(
+                    "{} matches none of the {} joints of {}, expected some of {joints}",
+                    shown(&name),
+                    self.model.joints().count(),
+                    self.model.robot
+                )));
+            }
+            velocities.extend(matching);
+        }
+        velocities.sort_unstable();
+        velocities.dedup();
+        if velocities.is_empty() {
+            return Err(value.fault("no joint stands here, expected [\"AL*\"] or so".to_owned()));
+        }
+        Ok(velocities)
+    }
+
     fn read_wrenches(&mut self, value: Value<'_>) -> Result<Vec<(u16, Vec<f64>)>, Problem> {
         let expected = "wrenches as an object such as {\"link\": [nx,ny,nz,fx,fy,fz]}";
         let members =
@@ -176,7 +209,10 @@ impl Reader<'_> {
         })
     }
 
-    fn finish(self, request: Request, root: Value<'_>) -> Result<Asked, Problem> {
+    fn finish(self, root: Value<'_>) -> Result<Asked, Problem> {
+        let request = self.request.ok_or_else(|| {
+            root.fault(format!("it names no request, expected \"request\": {}", requests()))
+        })?;
         // what the answer holds
         let mut outputs = match self.want {
             Some(want) => want,
@@ -212,6 +248,7 @@ impl Reader<'_> {
         let [loop_tolerance, projection_tolerance] = self.tolerances;
         let mut query =
             Query { loop_tolerance, projection_tolerance, ..Query::new(request, given, want) };
+        query = query.with_joints(self.joints);
         let frames = self.frames.unwrap_or_default();
         query = query.with_frames(&frames.iter().map(|(_, link)| *link).collect::<Vec<u16>>());
         if !self.wrenches.is_empty() {
@@ -221,7 +258,7 @@ impl Reader<'_> {
         let key = |name: &str| {
             self.keys.iter().find(|(known, _)| known == name).map(|(_, offset)| *offset)
         };
-        query.check(self.model.links.len()).map_err(|error| {
+        query.check(self.model).map_err(|error| {
             let offset = match error {
                 QueryError::NotAnInput(field) => key(field.name()),
                 QueryError::Conflict(a, b) => key(a.name()).max(key(b.name())),
@@ -229,6 +266,7 @@ impl Reader<'_> {
                     .iter()
                     .find(|(output, _)| *output == Output::Field(field))
                     .map(|(_, offset)| *offset),
+                QueryError::TooMany { what: "runs of joints", .. } => key("joints"),
                 QueryError::TooMany { what, .. } => key(what),
                 _ => None,
             };
@@ -248,6 +286,21 @@ impl Reader<'_> {
             doubt: self.doubt,
         })
     }
+}
+
+fn named_request(value: Value<'_>) -> Result<Request, Problem> {
+    let name = value.string().ok_or_else(|| value.is_no(&requests()))?;
+    let found = Request::ALL.iter().copied().find(|request| request.name() == name);
+    found.ok_or_else(|| {
+        value.fault(format!("{} is no request, expected {}", shown(&name), requests()))
+    })
+}
+
+/// The names of the requests.
+fn requests() -> String {
+    let names: Vec<String> =
+        Request::ALL.iter().map(|request| format!("\"{}\"", request.name())).collect();
+    format!("one of {}", names.join(", "))
 }
 
 fn wants(value: Value<'_>) -> Result<Vec<(Output, usize)>, Problem> {

@@ -2,6 +2,7 @@
 
 mod assembled;
 mod closures;
+mod plan;
 mod pose;
 
 use std::path::PathBuf;
@@ -43,6 +44,11 @@ pub(crate) struct Check {
     /// whose closed forms fit; also for files whose independents or types are wrong or missing.
     #[arg(long, conflicts_with = "assemble")]
     suggest: bool,
+    /// Print what the plan of a request does and leaves out: steps, bodies, clusters, operations,
+    /// nanoseconds, bytes. LINE is one of `ask` with its request:
+    /// '{"request": "kinematics", "y": […], "want": ["q"]}'.
+    #[arg(long, value_name = "LINE", conflicts_with_all = ["assemble", "suggest"])]
+    plan: Option<String>,
     /// Write the files with the found pose as their zero pose: the URDF here, and where cuts need
     /// placements the submechanisms beside it with the ending yml. All else stays byte for byte.
     #[arg(long, value_name = "OUT.urdf", requires = "assemble")]
@@ -54,6 +60,9 @@ impl Check {
         self.robot.add_files(self.urdf_file.take(), self.submechanisms_file.take());
         if self.suggest {
             return self.suggestion();
+        }
+        if let Some(line) = &self.plan {
+            return self.plan_report(line);
         }
         let report = if self.assemble {
             self.assembled()

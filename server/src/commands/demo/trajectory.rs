@@ -126,8 +126,7 @@ impl Reference {
 
 /// How many numbers go in and come out.
 pub(super) fn counts(model: &ModelInfo) -> (usize, usize) {
-    let sizes = model.sizes;
-    (Layout::of_given(&QUERY, &sizes).len(), Layout::of_want(&QUERY, &sizes).len())
+    (Layout::of_given(&QUERY, &model.sizes).len(), Layout::of_want(&QUERY, model).len())
 }
 
 #[cfg(test)]

@@ -127,6 +127,10 @@ impl Bytes<'_> {
         let linked = |n: u8| if n < 250 { u16::from(n % 8) } else { u16::from(n) << 8 };
         (0..MAX_FRAMES.min(4)).for_each(|k| query.frames[k] = linked(link()));
         (0..MAX_WRENCHES.min(4)).for_each(|k| query.wrench_links[k] = linked(link()));
+        if self.u8() >= 192 {
+            query.n_joint_runs = u32::from(self.u8() % 40);
+            (0..4).for_each(|k| query.joints[k] = [self.u8() % 8, self.u8() % 8].map(u16::from));
+        }
         query
     }
 
@@ -154,7 +158,7 @@ fn planned(
     query: &Query,
     bytes: &mut Bytes<'_>,
 ) -> Result<u64, String> {
-    let plan = match (query.check(model.link_names().len()), Plan::new(model, query)) {
+    let plan = match (query.check(model.info()), Plan::new(model, query)) {
         (Ok(_), Ok(plan)) => plan,
         (Err(why), Err(error)) if why == error => {
             return Ok(super::kind(&error.to_string()));

@@ -1,0 +1,46 @@
+//! Joints by names with `*`, `?` and `[…]`.
+
+use glob::Pattern;
+use sarrus_dynamics::ModelInfo;
+
+/// The tree velocities of the joints whose names match a pattern as shells write them (`AL*`), in
+/// the order of the model; empty where none does. A joint of several degrees of freedom is matched
+/// by its own name.
+pub fn matching_joints(model: &ModelInfo, pattern: &str) -> Vec<u16> {
+    let written = Pattern::new(pattern).ok();
+    let is_match = |name: &str| {
+        // a name may hold what a pattern uses
+        name == pattern || written.as_ref().is_some_and(|written| written.matches(name))
+    };
+    let joints = model.joints().filter(|joint| is_match(joint.name));
+    joints.flat_map(|joint| joint.v).filter_map(|v| u16::try_from(v).ok()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn joints_are_matched_as_shells_match_files() {
+        let names = |names: &[&str]| names.iter().map(ToString::to_string).collect::<Vec<_>>();
+        let model = ModelInfo {
+            tree: names(&["base/rx", "base/ry", "base/rz", "ALElbow", "ARElbow", "odd[1]"]),
+            tree_q: names(&[
+                "base/qx", "base/qy", "base/qz", "base/qw", "ALElbow", "ARElbow", "odd[1]",
+            ]),
+            ..ModelInfo::default()
+        };
+        for (pattern, velocities) in [
+            ("base", &[0, 1, 2][..]),
+            ("A?Elbow", &[3, 4]),
+            ("AL*", &[3]),
+            ("*", &[0, 1, 2, 3, 4, 5]),
+            ("odd[1]", &[5]),
+            ("base/rx", &[]),
+            ("A[", &[]),
+            ("", &[]),
+        ] {
+            assert_eq!(matching_joints(&model, pattern), velocities, "{pattern}");
+        }
+    }
+}

@@ -1,0 +1,137 @@
+//! The part of a robot that a computation needs, as lists that the hot path walks.
+
+use crate::mechanism::{Cluster, Motion};
+use crate::model::Model;
+
+/// Bodies and clusters that a computation needs, each list ascending, so that what carries comes
+/// before what is carried. Whatever is left out is not read.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Scope {
+    /// Clusters with something to close.
+    pub(crate) closed: Vec<usize>,
+    /// Revolute joints that no closure gives cosine and sine of, as (body, tree coordinate).
+    pub(crate) free: Vec<(usize, usize)>,
+    /// Bodies whose poses in their parents are needed: the next two together, and those that
+    /// carry frames.
+    pub(crate) posed: Vec<usize>,
+    /// Bodies that only carry the next ones.
+    pub(crate) carriers: Vec<usize>,
+    /// Bodies whose forces are needed, with everything that they carry.
+    pub(crate) driven: Vec<usize>,
+    /// The clusters of these, whole.
+    pub(crate) clusters: Vec<usize>,
+    /// The clusters among them whose forces are answered, and their independent velocities, in
+    /// internal order.
+    pub(crate) answered: Vec<usize>,
+    pub(crate) independents: Vec<usize>,
+    /// Springs, dampers and rotors in the joints of the driven bodies, by their place in the model.
+    pub(crate) springs: Vec<usize>,
+    pub(crate) dampers: Vec<usize>,
+    pub(crate) rotors: Vec<usize>,
+}
+
+/// What a computation depends on, before everything that follows from it.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Roots {
+    /// Clusters to close whatever else is needed.
+    pub(crate) closed: Vec<usize>,
+    /// Clusters whose forces are computed from motion or turned into motion.
+    pub(crate) forces: Vec<usize>,
+    /// Clusters whose forces are answered.
+    pub(crate) answered: Vec<usize>,
+    /// Bodies that carry frames, with those that carry them.
+    pub(crate) frames: Vec<usize>,
+    /// A cluster that bodies on a path belong to stays open where these are all independent, and
+    /// their coordinates are given.
+    pub(crate) open_paths: bool,
+}
+
+impl Scope {
+    /// All of a robot.
+    pub(crate) fn whole<C>(model: &Model<C>) -> Scope {
+        Scope::of(
+            model,
+            &Roots {
+                closed: model.closed_clusters.clone(),
+                forces: (0..model.clusters.len()).collect(),
+                answered: (0..model.clusters.len()).collect(),
+                ..Roots::default()
+            },
+        )
+    }
+
+    /// Everything that follows from what is needed.
+    pub(crate) fn of<C>(model: &Model<C>, roots: &Roots) -> Scope {
+        let n = model.bodies.len();
+        let (mut driven, mut posed) = (vec![false; n], vec![false; n]);
+        let forces = marked(model.clusters.len(), &roots.forces);
+
+        // a force is felt from everything that its cluster carries
+        for i in 1..n {
+            driven[i] = driven[model.bodies[i].parent] || forces[model.cluster_of[i]];
+            posed[i] = driven[i];
+        }
+        roots.frames.iter().for_each(|i| posed[*i] = true);
+        let mut carriers = vec![false; n];
+        for i in (1..n).rev() {
+            let parent = model.bodies[i].parent;
+            if parent != 0 && posed[i] {
+                posed[parent] = true;
+                carriers[parent] |= (driven[i] || carriers[i]) && !driven[parent];
+            }
+        }
+
+        // what has to be closed for it
+        let mut closed = marked(model.clusters.len(), &roots.closed);
+        for i in (1..n).filter(|i| posed[*i]) {
+            let cluster = &model.clusters[model.cluster_of[i]];
+            let is_given = roots.open_paths
+                && !driven[i]
+                && cluster.independent.contains(&(model.bodies[i].v - cluster.v));
+            closed[model.cluster_of[i]] |= !is_given;
+        }
+        let is_revolute = |i: &usize| model.bodies[*i].motion == Motion::Revolute;
+        let is_free = |i: &usize| {
+            let c = model.cluster_of[*i];
+            model.clusters[c].is_serial() || !closed[c]
+        };
+        let mut moves = vec![false; model.cluster_of_v.len()];
+        for body in (1..n).filter(|i| driven[*i]).map(|i| &model.bodies[i]) {
+            moves[body.v..body.v + body.motion.n_v()].fill(true);
+        }
+        let places = |velocities: Vec<usize>| {
+            let all = velocities.into_iter().enumerate();
+            all.filter(|(_, v)| moves[*v]).map(|(k, _)| k).collect::<Vec<_>>()
+        };
+        let terms = &model.terms;
+        let members = |of: &[bool]| (1..n).filter(|i| of[*i]).collect::<Vec<_>>();
+        let clusters_of = |of: &[bool]| {
+            let is_in = |cluster: &Cluster<C>| cluster.bodies().any(|i| of[i]);
+            let all = model.clusters.iter().enumerate();
+            all.filter(|(_, cluster)| is_in(cluster)).map(|(c, _)| c).collect::<Vec<_>>()
+        };
+        let answered = roots.answered.clone();
+        Scope {
+            closed: model.closed_clusters.iter().copied().filter(|c| closed[*c]).collect(),
+            free: (1..n)
+                .filter(|i| posed[*i] && is_revolute(i) && is_free(i))
+                .map(|i| (i, model.bodies[i].q))
+                .collect(),
+            posed: members(&posed),
+            carriers: members(&carriers),
+            clusters: clusters_of(&driven),
+            driven: members(&driven),
+            independents: answered.iter().flat_map(|c| model.clusters[*c].independents()).collect(),
+            answered,
+            springs: places(terms.springs.iter().map(|spring| spring.v).collect()),
+            dampers: places(terms.dampers.iter().map(|damper| damper.v).collect()),
+            rotors: places(terms.rotors.iter().map(|rotor| rotor.v).collect()),
+        }
+    }
+}
+
+fn marked(n: usize, which: &[usize]) -> Vec<bool> {
+    let mut marks = vec![false; n];
+    which.iter().for_each(|i| marks[*i] = true);
+    marks
+}

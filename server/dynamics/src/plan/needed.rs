@@ -1,0 +1,184 @@
+//! What the outputs of a query depend on, and nothing else.
+//!
+//! A row of a joint depends on its cluster: where loops close it, on their closure. A frame depends
+//! on the joints on its path; where these are given, on no closure. Forces of a joint depend on all
+//! that its cluster carries and on the motion of what carries it; accelerations from forces on
+//! everything that stands on the world together with it. Figures of the whole robot (residual,
+//! conditions, λ, K) depend on all of it, and so does a query that asks for nothing else.
+
+use sarrus_proto::{Field, Query, Request, Rows};
+
+use crate::model::{Limit, Method, Model, Roots, Scope};
+use crate::plan::Steps;
+use crate::plan::{Space, supports};
+
+/// Fields that tell of all loops, or of all independents.
+const OF_THE_ROBOT: [Field; 13] = [
+    Field::K,
+    Field::KBias,
+    Field::Lambda,
+    Field::LambdaDeterminate,
+    Field::Residual,
+    Field::CondKd,
+    Field::CondGu,
+    Field::SigmaMin,
+    Field::Branch,
+    Field::GoodIndependents,
+    Field::Uncontrolled,
+    Field::NearestY,
+    Field::CondMy,
+];
+/// Forces, and what stands in their rows.
+const FORCES: [Field; 6] =
+    [Field::TauQ, Field::TauY, Field::TauU, Field::TauUnactuated, Field::CY, Field::MY];
+
+/// The part of a robot that a plan computes, and where its outputs lie in the internal order.
+#[derive(Clone, Debug)]
+pub(super) struct Needed {
+    pub(super) scope: Scope,
+    /// First coordinate of each quaternion, and of those that are independent.
+    pub(super) quaternions: Vec<usize>,
+    pub(super) independent_quaternions: Vec<usize>,
+    /// Clusters whose coordinates are read.
+    pub(super) coordinates: Vec<usize>,
+    /// Limits of joints whose coordinates are known, with the row of the joint among those that
+    /// are asked, and of actuators as (actuator, row, effort).
+    pub(super) limits: Vec<(Option<usize>, Limit)>,
+    pub(super) efforts: Vec<(usize, Option<usize>, f64)>,
+    /// Tree coordinates and velocities of the rows that are asked.
+    pub(super) q: Vec<usize>,
+    pub(super) v: Vec<usize>,
+    /// The same of the independents, and their internal numbers.
+    pub(super) qy_q: Vec<usize>,
+    pub(super) vy_v: Vec<usize>,
+    pub(super) vy: Vec<usize>,
+    /// The same of the actuators, and their numbers.
+    pub(super) u_q: Vec<usize>,
+    pub(super) u_v: Vec<usize>,
+    pub(super) u: Vec<usize>,
+}
+
+impl Needed {
+    pub(super) fn new<C>(
+        model: &Model<C>,
+        query: &Query,
+        request: Request,
+        method: Method,
+        steps: &Steps,
+    ) -> Needed {
+        let rows = Rows::of(query, &model.meta);
+        let order = &model.order;
+        let internal = |rows: &[usize], order: &[usize]| {
+            rows.iter().map(|row| order[*row]).collect::<Vec<usize>>()
+        };
+        let v = internal(&rows.v, &order.v);
+        let roots = roots(model, query, (request, method), steps, &v);
+        let scope = Scope::of(model, &roots);
+        let coordinates: Vec<usize> = {
+            let mut read = vec![false; model.clusters.len()];
+            let posed = scope.posed.iter().map(|i| model.cluster_of[*i]);
+            let asked = v.iter().map(|v| model.cluster_of_v[*v]);
+            let has_rows = query.want.iter().any(|field| field.has_joint_rows());
+            roots.closed.iter().copied().chain(posed).for_each(|c| read[c] = true);
+            asked.filter(|_| has_rows).for_each(|c| read[c] = true);
+            (0..read.len()).filter(|c| read[*c]).collect()
+        };
+        let row_of = |velocity: usize| v.iter().position(|other| *other == velocity);
+        let is_known = |limit: &&Limit| {
+            let c = model.cluster_of_v[limit.v];
+            let cluster = &model.clusters[c];
+            let is_given =
+                cluster.is_serial() || cluster.independent.contains(&(limit.v - cluster.v));
+            coordinates.contains(&c) && (is_given || scope.closed.contains(&c))
+        };
+        let limits = model.limits.iter().filter(is_known);
+        let limits = limits.map(|limit| (row_of(limit.v), *limit)).collect();
+        let efforts = model.effort.iter().zip(&order.u_v).enumerate();
+        let efforts = efforts
+            .filter(|(_, (_, v))| scope.answered.contains(&model.cluster_of_v[**v]))
+            .map(|(u, (effort, v))| (u, row_of(*v), *effort))
+            .collect();
+        let quaternion = |i: &usize| {
+            let body = &model.bodies[*i];
+            (body.motion.n_q() > 1).then(|| body.q + body.motion.n_q() - 4)
+        };
+        let bodies = || 1..model.bodies.len();
+        Needed {
+            quaternions: bodies().filter_map(|i| quaternion(&i)).collect(),
+            independent_quaternions: bodies()
+                .filter(|i| model.is_independent(*i))
+                .filter_map(|i| quaternion(&i))
+                .collect(),
+            coordinates,
+            limits,
+            efforts,
+            q: internal(&rows.q, &order.q),
+            qy_q: internal(&rows.qy, &order.qy_q),
+            vy_v: internal(&rows.vy, &order.vy_v),
+            vy: internal(&rows.vy, &order.vy),
+            u_q: internal(&rows.u, &order.u_q),
+            u_v: internal(&rows.u, &order.u_v),
+            u: rows.u,
+            v,
+            scope,
+        }
+    }
+}
+
+/// What the query names, cluster by cluster.
+fn roots<C>(
+    model: &Model<C>,
+    query: &Query,
+    (request, method): (Request, Method),
+    steps: &Steps,
+    picked: &[usize],
+) -> Roots {
+    let want = query.want;
+    let all = || (0..model.clusters.len()).collect::<Vec<usize>>();
+    let has_rows = want.iter().any(|field| field.has_joint_rows());
+    let links: Vec<usize> = query.frames().iter().map(|link| usize::from(*link)).collect();
+    let frames = if steps.frames { supports(model, &links) } else { Vec::new() };
+    // figures of the robot, or nothing but the status
+    let whole = want.has_any(&OF_THE_ROBOT)
+        || !has_rows && !steps.frames
+        || request == Request::ForwardDynamics && method == Method::Kkt;
+    let mut rows: Vec<usize> = picked.iter().map(|v| model.cluster_of_v[*v]).collect();
+    rows.dedup();
+    rows.sort_unstable();
+    rows.dedup();
+    let rows = if has_rows { rows } else { Vec::new() };
+
+    let forces = match request {
+        Request::InverseDynamics if want.has_any(&[Field::Lambda, Field::CondMy]) => all(),
+        Request::InverseDynamics if want.has_any(&FORCES) => rows.clone(),
+        Request::InverseDynamics => Vec::new(),
+        Request::ForwardDynamics if whole => all(),
+        Request::ForwardDynamics => {
+            let on_paths = frames.iter().map(|i| model.cluster_of[*i]);
+            standing_together(model, rows.iter().copied().chain(on_paths))
+        }
+        _ => Vec::new(),
+    };
+    let answered = if request == Request::Map { rows.clone() } else { forces.clone() };
+    let is_actuated = [Some(steps.position), steps.velocity, steps.acceleration]
+        .contains(&Some(Space::Actuation));
+    let needs_G = want.has_any(&[Field::JacobianIndependent, Field::JacobianActuator, Field::MY]);
+    Roots {
+        closed: if whole { all() } else { rows },
+        forces,
+        answered,
+        frames,
+        open_paths: !is_actuated && !needs_G,
+    }
+}
+
+/// All clusters that stand on the world together with some of these.
+fn standing_together<C>(model: &Model<C>, some: impl Iterator<Item = usize>) -> Vec<usize> {
+    let mut root = vec![0; model.clusters.len()];
+    for (c, cluster) in model.clusters.iter().enumerate() {
+        root[c] = if cluster.parent == 0 { c } else { root[model.cluster_of[cluster.parent]] };
+    }
+    let mut needed = vec![false; root.len()];
+    some.for_each(|c| needed[root[c]] = true);
+    (0..root.len()).filter(|c| needed[root[*c]]).collect()
+}

@@ -1,0 +1,96 @@
+//! What a plan does and leaves out, in words and numbers for people.
+
+use sarrus_proto::Request;
+
+use crate::closure::Level;
+use crate::model::{Method, Model};
+use crate::plan::Plan;
+use crate::scalar::Counted;
+use crate::workspace::Workspace;
+
+/// What a plan does: see [`Plan::outline`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Outline {
+    /// The steps in their order.
+    pub steps: Vec<&'static str>,
+    /// Bodies whose pose, motion or force is computed, and how many the robot has.
+    pub bodies: usize,
+    /// See `bodies`.
+    pub bodies_of_robot: usize,
+    /// Clusters whose coordinates are read or whose loops are closed.
+    pub clusters: usize,
+    /// How many the robot has.
+    pub clusters_of_robot: usize,
+    /// Clusters whose loops are closed.
+    pub closed: usize,
+    /// How many have loops.
+    pub closed_of_robot: usize,
+    /// Bytes of the numbers that a request gives.
+    pub bytes_in: usize,
+    /// Bytes of the numbers that an answer holds.
+    pub bytes_out: usize,
+}
+
+impl Plan {
+    /// What the plan does on its model, and what it leaves out. Allocates.
+    pub fn outline<C>(&self, model: &Model<C>) -> Outline {
+        let (steps, scope) = (&self.steps, &self.needed.scope);
+        let moves = steps.velocity.is_some();
+        let is_dynamic =
+            matches!(self.request, Request::InverseDynamics | Request::ForwardDynamics);
+        let forces = is_dynamic && (steps.newton_euler || self.wants(sarrus_proto::Field::CY));
+        let is_forward = self.request == Request::ForwardDynamics;
+        let list = [
+            (
+                !scope.closed.is_empty(),
+                match steps.level {
+                    Level::Position => "close loops: positions",
+                    Level::Velocity => "close loops: positions, G",
+                    Level::Acceleration => "close loops: positions, G, g",
+                },
+            ),
+            (steps.poses && !scope.posed.is_empty(), "poses of bodies"),
+            (forces && is_forward && moves, "bias forces by Newton-Euler"),
+            (forces && is_forward && !moves, "gravity"),
+            (forces && !is_forward && !steps.rest, "forces by Newton-Euler"),
+            (forces && !is_forward && steps.rest, "gravity"),
+            (!self.wrench_links.is_empty(), "wrenches"),
+            (steps.mass_matrix, "mass matrix by composite bodies"),
+            (is_forward && self.method == Method::Recursion, "accelerations by recursion"),
+            (is_forward && self.method == Method::Projection, "accelerations by projection"),
+            (is_forward && self.method == Method::Kkt, "accelerations of the whole system"),
+            (self.request == Request::Map && !scope.answered.is_empty(), "forces between spaces"),
+            (steps.frames, "frames in the root"),
+            (steps.frames && steps.frame_velocities && moves, "twists of frames"),
+            (steps.conditions, "conditions of the loops"),
+        ];
+        Outline {
+            steps: list.into_iter().filter(|(is_done, _)| *is_done).map(|(_, step)| step).collect(),
+            bodies: if steps.poses { scope.posed.len() } else { self.bodies_of_clusters(model) },
+            bodies_of_robot: model.bodies.len() - 1,
+            clusters: self.needed.coordinates.len(),
+            clusters_of_robot: model.clusters.len(),
+            closed: scope.closed.len(),
+            closed_of_robot: model.closed_clusters.len(),
+            bytes_in: 8 * self.given.len(),
+            bytes_out: 8 * self.want.len(),
+        }
+    }
+
+    /// Bodies of the clusters that are closed or read.
+    fn bodies_of_clusters<C>(&self, model: &Model<C>) -> usize {
+        self.needed.coordinates.iter().map(|c| model.clusters[*c].n).sum()
+    }
+
+    /// Operations on numbers in the answer to this input, as [`Counted`] counts them; those of a
+    /// second run that counts digits are not among them. Allocates a model and a workspace.
+    pub fn operations(&self, model: &Model<f64>, input: &[f64]) -> u64 {
+        let counted = model.convert(Counted);
+        let mut workspace = Workspace::for_plans(&counted, [self]);
+        let input: Vec<Counted> = input.iter().map(|x| Counted(*x)).collect();
+        let mut output = vec![Counted(0.0); self.want.len()];
+        Counted::take();
+        let _ = self.run(&counted, &mut workspace, &input, &mut output);
+        Counted::take()
+    }
+}

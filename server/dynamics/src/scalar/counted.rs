@@ -1,0 +1,155 @@
+//! Doubles that count what is done with them.
+
+use core::cell::Cell;
+use core::cmp::Ordering;
+use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+
+use crate::scalar::{Real, Scalar};
+
+std::thread_local! {
+    /// Operations of this thread since the last [`Counted::take`].
+    static OPERATIONS: Cell<u64> = const { Cell::new(0) };
+}
+
+/// A double whose arithmetic is counted, on each thread by itself: sums, products, quotients, fused
+/// multiply-adds and roots are one operation each, and so is an angle from a point or a pair of
+/// sine and cosine. Signs, comparisons and choices are none.
+///
+/// A model over it is made by [`crate::Model::convert`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Counted(pub f64);
+
+impl Counted {
+    /// The operations of this thread since the last call, which starts from zero again.
+    pub fn take() -> u64 {
+        OPERATIONS.replace(0)
+    }
+
+    fn after(x: f64) -> Counted {
+        OPERATIONS.set(OPERATIONS.get().wrapping_add(1));
+        Counted(x)
+    }
+}
+
+impl PartialOrd for Counted {
+    fn partial_cmp(&self, other: &Counted) -> Option<Ordering> {
+        self.0.partial_cmp(&other.0)
+    }
+}
+
+impl Add for Counted {
+    type Output = Counted;
+    fn add(self, other: Counted) -> Counted {
+        Counted::after(self.0 + other.0)
+    }
+}
+
+impl Sub for Counted {
+    type Output = Counted;
+    fn sub(self, other: Counted) -> Counted {
+        Counted::after(self.0 - other.0)
+    }
+}
+
+impl Mul for Counted {
+    type Output = Counted;
+    fn mul(self, other: Counted) -> Counted {
+        Counted::after(self.0 * other.0)
+    }
+}
+
+impl Div for Counted {
+    type Output = Counted;
+    fn div(self, other: Counted) -> Counted {
+        Counted::after(self.0 / other.0)
+    }
+}
+
+impl Neg for Counted {
+    type Output = Counted;
+    fn neg(self) -> Counted {
+        Counted(-self.0)
+    }
+}
+
+impl AddAssign for Counted {
+    fn add_assign(&mut self, other: Counted) {
+        *self = *self + other;
+    }
+}
+
+impl SubAssign for Counted {
+    fn sub_assign(&mut self, other: Counted) {
+        *self = *self - other;
+    }
+}
+
+impl MulAssign for Counted {
+    fn mul_assign(&mut self, other: Counted) {
+        *self = *self * other;
+    }
+}
+
+impl Real for Counted {
+    type Mask = bool;
+    type Const = Counted;
+
+    const ZERO: Counted = Counted(0.0);
+    const ONE: Counted = Counted(1.0);
+    const EPSILON: f64 = <f64 as Real>::EPSILON;
+
+    fn lift(constant: Counted) -> Counted {
+        constant
+    }
+    fn from_f64(x: f64) -> Counted {
+        Counted(x)
+    }
+    fn mul_add(self, a: Counted, b: Counted) -> Counted {
+        Counted::after(f64::mul_add(self.0, a.0, b.0))
+    }
+    fn sqrt(self) -> Counted {
+        Counted::after(f64::sqrt(self.0))
+    }
+    fn abs(self) -> Counted {
+        Counted(f64::abs(self.0))
+    }
+    fn sin_cos(self) -> (Counted, Counted) {
+        let (s, c) = Real::sin_cos(self.0);
+        (Counted::after(s), Counted(c))
+    }
+    fn atan2(self, x: Counted) -> Counted {
+        Counted::after(Real::atan2(self.0, x.0))
+    }
+    fn lt(self, other: Counted) -> bool {
+        self.0 < other.0
+    }
+    fn is_finite(self) -> bool {
+        f64::is_finite(self.0)
+    }
+    fn select(mask: bool, a: Counted, b: Counted) -> Counted {
+        if mask { a } else { b }
+    }
+}
+
+impl Scalar for Counted {
+    fn to_f64(self) -> f64 {
+        self.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_computed_is_counted_and_nothing_else() {
+        let (a, b) = (Counted(0.3), Counted(-2.0));
+        Counted::take();
+        let _ = a + b * a - a / b;
+        let _ = a.mul_add(b, a).sqrt().atan2(b);
+        let _ = a.sin_cos();
+        assert_eq!(Counted::take(), 8);
+        let _ = (-a, b.abs(), a.lt(b), Counted::select(true, a, b));
+        assert_eq!(Counted::take(), 0);
+    }
+}

@@ -1,0 +1,251 @@
+//! Section `parts`: what questions cost that need a part of the robot only, beside the questions
+//! that they are a part of.
+
+use std::hint::black_box;
+use std::time::Duration;
+
+use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Status, Workspace};
+
+use crate::Outcome;
+use crate::measure::Effort;
+use crate::measure::progress::Progress;
+use crate::measure::timing::{Timed, interleaved};
+use crate::page::{Section, Table};
+use crate::robots::catalogue::BUNDLED;
+use crate::robots::{Question, Robot, State, Subject, packed};
+
+/// What was asked in part: the words of the table, the question and the part of it.
+struct Pair {
+    words: String,
+    whole: Query,
+    part: Query,
+    /// The fields of the part that stand in the whole answer too, row by row.
+    same: FieldSet,
+    /// The state is at rest in the whole question, which gives rates of zero.
+    rest: bool,
+}
+
+/// Fills the section.
+pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
+    let (n_states, rounds) = if effort.quick { (16, 250) } else { (64, 2500) };
+    let mut section = Section::new("parts", "What a question does not need");
+    let (mut rows, mut least) = (Vec::new(), (f64::INFINITY, String::new()));
+    for (k, name) in BUNDLED.into_iter().enumerate() {
+        progress.show(name, k as f64 / BUNDLED.len() as f64);
+        let robot = Robot::load(Subject::Bundled(name), n_states)?;
+        for (row, ratio) in of_robot(&robot, Duration::from_millis(rounds))? {
+            if ratio < least.0 {
+                least = (ratio, format!("{} of {name}", row[1]));
+            }
+            rows.push(row);
+        }
+    }
+    section.summary.push(format!(
+        "Questions that need a part of a robot: same bits as in the whole answer at {} of {} \
+            pairs; least time against the whole {:.2} ({})",
+        rows.iter().filter(|row| row.last().is_some_and(|cell| cell == "yes")).count(),
+        rows.len(),
+        least.0,
+        least.1
+    ));
+    section.tables.push(Table {
+        id: "parts-pairs".into(),
+        title: "In part and in whole".into(),
+        caption: "Bodies and loops that the plan of the part computes, of all; operations as \
+            counted by a scalar (a fused multiply-add is one, so is a pair of sine and cosine); \
+            medians of batches that take turns, from y without a guess; the ratio of the times. \
+            Bits: every number of the part is that of the whole answer."
+            .into(),
+        columns: [
+            "robot",
+            "asked",
+            "bodies",
+            "loops",
+            "operations",
+            "of the whole",
+            "ns",
+            "ns of the whole",
+            "ratio",
+            "same bits",
+        ]
+        .map(str::to_owned)
+        .into(),
+        rows,
+    });
+    Ok(section)
+}
+
+/// A row for each question, and the ratio of the times.
+fn of_robot(robot: &Robot, rounds: Duration) -> Outcome<Vec<(Vec<String>, f64)>> {
+    let model = &robot.variants.first().ok_or("no variant")?.compiled.model;
+    let pairs = pairs(model)?;
+    let mut runs = Vec::new();
+    for pair in &pairs {
+        runs.push(Run::new(model, &pair.part, &robot.states, false)?);
+        runs.push(Run::new(model, &pair.whole, &robot.states, pair.rest)?);
+    }
+    let mut same = Vec::new();
+    for (pair, runs) in pairs.iter().zip(runs.chunks_exact_mut(2)) {
+        same.push(has_same_bits(pair, runs));
+    }
+    let times = interleaved(&mut runs, rounds, |_| {})?;
+    let mut rows = Vec::new();
+    let of_pairs = pairs.iter().zip(runs.chunks_exact(2)).zip(times.chunks_exact(2)).zip(same);
+    for (((pair, runs), times), same) in of_pairs {
+        let [part, whole] = [&runs[0], &runs[1]];
+        let outline = part.plan.outline(model);
+        let (ns, ns_of_whole) = (times[0].median(), times[1].median());
+        rows.push((
+            vec![
+                robot.name.to_owned(),
+                pair.words.clone(),
+                format!("{} of {}", outline.bodies, outline.bodies_of_robot),
+                format!("{} of {}", outline.closed, outline.closed_of_robot),
+                part.plan.operations(model, &part.inputs[0]).to_string(),
+                whole.plan.operations(model, &whole.inputs[0]).to_string(),
+                format!("{ns:.0}"),
+                format!("{ns_of_whole:.0}"),
+                format!("{:.2}", ns / ns_of_whole),
+                if same { "yes" } else { "no" }.to_owned(),
+            ],
+            ns / ns_of_whole,
+        ));
+    }
+    Ok(rows)
+}
+
+/// What is asked of each robot: poses of its nearest and of its farthest link, positions of a
+/// moving robot, forces of one joint, gravity.
+fn pairs(model: &Model) -> Outcome<Vec<Pair>> {
+    use Field::*;
+    let mut pairs = Vec::new();
+    let state = Question::State.query();
+
+    // links by how many bodies carry them
+    let mut links = Vec::new();
+    for link in 0..model.link_names().len().min(u16::MAX as usize) {
+        let want = FieldSet::of(&[FramePose]);
+        let query = Query::new(Request::Kinematics, FieldSet::of(&[Y]), want);
+        let query = query.with_frames(&[link as u16]);
+        let bodies = Plan::new(model, &query)?.outline(model).bodies;
+        if bodies > 0 {
+            links.push((bodies, link, query));
+        }
+    }
+    links.sort_by_key(|(bodies, link, _)| (*bodies, *link));
+    for (_, link, part) in links.first().into_iter().chain(links.last()) {
+        let mut whole = *part;
+        whole.want |= FieldSet::of(&[Q, U]);
+        pairs.push(Pair {
+            words: format!("pose of {}", model.link_names()[*link]),
+            whole,
+            part: *part,
+            same: part.want,
+            rest: false,
+        });
+    }
+
+    let part = Query { want: FieldSet::of(&[Q, U]), ..state };
+    pairs.push(Pair {
+        words: "positions of a motion".into(),
+        whole: state,
+        part,
+        same: part.want,
+        rest: false,
+    });
+
+    let whole = Question::InverseDynamics.query();
+    let last = model.active_names().last();
+    let joint = last.and_then(|name| model.tree_names().iter().position(|other| other == name));
+    if let Some((name, v)) = last.zip(joint) {
+        pairs.push(Pair {
+            words: format!("force of {name}"),
+            whole,
+            part: whole.with_joints([v as u16]),
+            same: FieldSet::EMPTY,
+            rest: false,
+        });
+    }
+    pairs.push(Pair {
+        words: "gravity".into(),
+        whole,
+        part: Query { given: FieldSet::of(&[Y]), ..whole },
+        same: whole.want,
+        rest: true,
+    });
+    Ok(pairs)
+}
+
+/// A plan on the states of its robot.
+struct Run<'a> {
+    model: &'a Model,
+    plan: Plan,
+    workspace: Workspace<f64>,
+    inputs: Vec<Vec<f64>>,
+    output: Vec<f64>,
+}
+
+impl<'a> Run<'a> {
+    fn new(model: &'a Model, query: &Query, states: &[State], rest: bool) -> Outcome<Run<'a>> {
+        let plan = Plan::new(model, query)?;
+        let input = |state: &State| {
+            let still = |rates: &[f64]| vec![0.0; rates.len()];
+            if rest {
+                let (yd, ydd) = (still(&state.yd), still(&state.ydd));
+                packed(&plan, &State { yd, ydd, ..state.clone() }, 0)
+            } else {
+                packed(&plan, state, 0)
+            }
+        };
+        Ok(Run {
+            inputs: states.iter().map(input).collect(),
+            output: vec![0.0; plan.want().len()],
+            workspace: Workspace::for_plans(model, [&plan]),
+            plan,
+            model,
+        })
+    }
+}
+
+impl Timed for Run<'_> {
+    fn name(&self) -> String {
+        format!("{}: {}", self.model.name(), self.plan.query().want)
+    }
+
+    fn states(&self) -> usize {
+        self.inputs.len()
+    }
+
+    #[inline]
+    fn call(&mut self, state: usize) -> Status {
+        let input = black_box(self.inputs[state].as_slice());
+        let answer = self.plan.run(self.model, &mut self.workspace, input, &mut self.output);
+        black_box(&self.output);
+        answer.status
+    }
+}
+
+/// True where every number of the part stands in the whole answer, bit for bit.
+fn has_same_bits(pair: &Pair, runs: &mut [Run<'_>]) -> bool {
+    let [part, whole] = runs else { return false };
+    (0..part.states()).all(|state| {
+        part.call(state);
+        whole.call(state);
+        let rows = |run: &Run<'_>, field| {
+            let slot = run.plan.want().slot(field).copied();
+            slot.map(|slot| run.output[slot.range()].iter().map(|x| x.to_bits()).collect())
+        };
+        if pair.same.is_empty() {
+            // one row: the joint that stands last in the whole answer
+            let (one, all): (Option<Vec<u64>>, Option<Vec<u64>>) =
+                (rows(part, Field::TauU), rows(whole, Field::TauU));
+            return one.is_some()
+                && one.and_then(|x| x.last().copied()) == all.and_then(|x| x.last().copied());
+        }
+        pair.same.iter().all(|field| {
+            let (a, b): (Option<Vec<u64>>, Option<Vec<u64>>) =
+                (rows(part, field), rows(whole, field));
+            a.is_some() && a == b
+        })
+    })
+}

@@ -1,0 +1,126 @@
+//! `sarrus check --plan`: what the plan of a line does and leaves out, and what it costs.
+
+use std::hint::black_box;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use sarrus_client::describe;
+use sarrus_dynamics::{Plan, Workspace};
+use sarrus_models::Loaded;
+use serde::Serialize;
+
+use super::Check;
+use crate::commands::ask::read_plan;
+use crate::commands::output::{Format, finish, json_line};
+use crate::commands::robot::refuse;
+
+/// How long the plan is timed, in batches of this length.
+const TIMED: Duration = Duration::from_millis(100);
+const BATCH: Duration = Duration::from_micros(50);
+
+/// What a plan does.
+#[derive(Serialize)]
+struct PlanReport {
+    /// How the request of the line ends.
+    status: &'static str,
+    steps: Vec<&'static str>,
+    bodies: usize,
+    bodies_of_robot: usize,
+    clusters: usize,
+    clusters_of_robot: usize,
+    closed_loops: usize,
+    closed_loops_of_robot: usize,
+    operations: u64,
+    /// Median of batches, in nanoseconds a call.
+    ns: f64,
+    bytes_in: usize,
+    bytes_out: usize,
+}
+
+impl Check {
+    /// Prints what the plan of a line does.
+    pub(super) fn plan_report(&self, line: &str) -> ExitCode {
+        let loaded = match self.robot.load_and_warn() {
+            Ok(loaded) => loaded,
+            Err(error) => return refuse("check", &error),
+        };
+        let report = match of_line(&loaded, line) {
+            Ok(report) => report,
+            Err(words) => {
+                eprintln!("sarrus check: --plan: {words}");
+                return ExitCode::from(2);
+            }
+        };
+        let results = match self.format.format {
+            Format::Json => json_line(&report),
+            Format::Text => in_words(&report),
+        };
+        finish("check", &results, 0)
+    }
+}
+
+fn of_line(loaded: &Loaded, line: &str) -> Result<PlanReport, String> {
+    let model = &loaded.compiled.model;
+    let (query, input) = read_plan(&describe(loaded), line)?;
+    let plan = Plan::new(model, &query).map_err(|error| error.to_string())?;
+    let outline = plan.outline(model);
+    let mut workspace = Workspace::for_plans(model, [&plan]);
+    let mut output = vec![0.0; plan.want().len()];
+    let answer = plan.run(model, &mut workspace, &input, &mut output);
+    let mut call = || {
+        let _ = plan.run(model, &mut workspace, black_box(&input), &mut output);
+        black_box(&output);
+    };
+    Ok(PlanReport {
+        status: answer.status.name(),
+        steps: outline.steps,
+        bodies: outline.bodies,
+        bodies_of_robot: outline.bodies_of_robot,
+        clusters: outline.clusters,
+        clusters_of_robot: outline.clusters_of_robot,
+        closed_loops: outline.closed,
+        closed_loops_of_robot: outline.closed_of_robot,
+        operations: plan.operations(model, &input),
+        ns: median_ns(&mut call),
+        bytes_in: outline.bytes_in,
+        bytes_out: outline.bytes_out,
+    })
+}
+
+/// Nanoseconds of a call, the median of batches.
+fn median_ns(call: &mut impl FnMut()) -> f64 {
+    let start = Instant::now();
+    let mut calls = 0_u32;
+    while start.elapsed() < BATCH {
+        call();
+        calls += 1;
+    }
+    let (start, mut batches) = (Instant::now(), Vec::new());
+    while start.elapsed() < TIMED {
+        let batch = Instant::now();
+        (0..calls).for_each(|_| call());
+        batches.push(batch.elapsed().as_nanos() as f64 / f64::from(calls));
+    }
+    batches.sort_unstable_by(f64::total_cmp);
+    let median = batches.get(batches.len() / 2).copied().unwrap_or(f64::NAN);
+    (median * 10.0).round() / 10.0
+}
+
+fn in_words(report: &PlanReport) -> String {
+    let mut text = String::new();
+    for (k, step) in report.steps.iter().enumerate() {
+        text += &format!("{:<12} {step}\n", if k == 0 { "steps" } else { "" });
+    }
+    let rows = [
+        ("bodies", report.bodies, report.bodies_of_robot),
+        ("clusters", report.clusters, report.clusters_of_robot),
+        ("closed loops", report.closed_loops, report.closed_loops_of_robot),
+    ];
+    for (what, computed, all) in rows {
+        text += &format!("{what:<12} {computed} of {all}\n");
+    }
+    text += &format!("{:<12} {}\n", "operations", report.operations);
+    text += &format!("{:<12} {} ns\n", "time", report.ns);
+    text += &format!("{:<12} {} in, {} out\n", "bytes", report.bytes_in, report.bytes_out);
+    text + &format!("{:<12} {}\n", "status", report.status)
+}
