@@ -29,6 +29,7 @@ mod implicit;
 mod laws;
 mod layers;
 mod published;
+mod reduction;
 mod regressions;
 mod safeguards;
 mod scaling;

@@ -29,7 +29,7 @@ pub(crate) struct Check {
     format: FormatFlag,
     /// Find a closed pose near the given one and print it; also for files whose loops are open at
     /// the zero pose.
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["lock", "only"])]
     assemble: bool,
     /// The pose: q=X,Y,… in the order of `tree_q`, NAME=X,… (zero elsewhere), or a JSON file: a
     /// list, an object by name, or one with a `q`. Default: the zero pose.
@@ -41,7 +41,7 @@ pub(crate) struct Check {
     weights: Option<Numbers>,
     /// Print a submechanism file instead: independents that determine every joint, and the types
     /// whose closed forms fit; also for files whose independents or types are wrong or missing.
-    #[arg(long, conflicts_with = "assemble")]
+    #[arg(long, conflicts_with_all = ["assemble", "lock", "only"])]
     suggest: bool,
     /// Write the files with the found pose as their zero pose: the URDF here, and where cuts need
     /// placements the submechanisms beside it with the ending yml. All else stays byte for byte.
