@@ -312,9 +312,13 @@ fn locks_that_mean_nothing_are_faults_that_name_what_would() {
     let (code, text) = said(&["--only", "BodyRoll_Lnk"]);
     assert_eq!(code, Some(1));
     assert!(text.contains("BodyRoll_Link"), "{text}");
-    let (code, text) = said(&["--lock", "BodyPitch=3"]);
+    let (code, wrist) = report(&["--robot", "wrist", "--lock", "WristRoll=2"]);
     assert_eq!(code, Some(1));
-    assert!(text.contains("BodyPitch at 3"), "{text}");
+    assert!(wrist["errors"][0]["found"].as_str().unwrap().contains("WristRoll at 2"), "{wrist}");
+    // beyond its limits
+    let (code, text) = said(&["--lock", "BodyPitch=1.6"]);
+    assert_eq!(code, Some(0));
+    assert!(text.contains("the joint BodyPitch held at 1.6"), "{text}");
     // redundant actuators are said, and no fault
     let (code, text) = said(&["--lock", "BodyRoll"]);
     assert_eq!(code, Some(0), "{text}");

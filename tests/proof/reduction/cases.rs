@@ -2,26 +2,19 @@
 
 use std::collections::BTreeSet;
 
-use sarrus_dynamics::restricted;
+use sarrus_dynamics::{ClosureKind, Field, FieldSet, Model, Query, Reduced, Request, restricted};
 use sarrus_tests::cases::{Case, Ledger, robots};
+use sarrus_tests::compare::{assert_close, largest};
+use sarrus_tests::run::{Fields, Robot};
 use sarrus_tests::seed::Seeded;
 
-use super::{Pair, independents, joint, position, sizes};
-
-/// Random robots that are tried.
-const RANDOM: usize = 60;
-
-/// The bundled robots and some random ones, in which something can be held.
-fn some() -> impl Iterator<Item = &'static Case> {
-    let is_random = |case: &Case| case.compiled.model.name().starts_with("random");
-    let (random, bundled): (Vec<&Case>, Vec<&Case>) =
-        robots().iter().partition(|case| is_random(case));
-    bundled.into_iter().chain(random.into_iter().take(RANDOM))
-}
+use super::{Pair, independents, one_sense, places, position, sizes};
+use Field::*;
 
 #[test]
 fn each_independent_joint_held_in_turn_leaves_the_answers_of_the_whole_robot() {
-    Ledger::over(some(), |case, ledger| {
+    let (mut tried, mut compared) = (0, 0);
+    Ledger::over(robots(), |case, ledger| {
         let mut seeded = Seeded::new(case.seed + 17);
         for name in independents(case) {
             let held = [(name.clone(), position(case, &name, &mut seeded))];
@@ -31,13 +24,15 @@ fn each_independent_joint_held_in_turn_leaves_the_answers_of_the_whole_robot() {
             assert!(small[0] < whole[0] && small[1] + 1 == whole[1], "{}: {name}", case.name);
             assert!(small[2] <= whole[2]);
             pair.compare(ledger, 2);
+            (tried, compared) = (tried + 2, compared + pair.compared);
         }
     });
+    assert!(tried > 1000 && 100 * compared > 99 * tried, "{compared} of {tried} states");
 }
 
 #[test]
 fn several_joints_held_at_once_leave_the_answers_of_the_whole_robot() {
-    Ledger::over(some(), |case, ledger| {
+    Ledger::over(robots(), |case, ledger| {
         let mut seeded = Seeded::new(case.seed + 18);
         for _ in 0..3 {
             let held: Vec<(String, f64)> = independents(case)
@@ -110,38 +105,108 @@ fn a_robot_without_the_other_branches_has_the_motion_of_the_whole_and_forces_of_
     for (l, link) in light.links.iter_mut().enumerate() {
         link.inertial = link.inertial.filter(|_| kept.contains(&l));
     }
-    let fixed: BTreeSet<usize> = reduced.joints.iter().copied().collect();
-    for (j, joint) in light.joints.iter_mut().enumerate().filter(|(j, _)| !fixed.contains(j)) {
-        joint.terms = Default::default();
-        let _ = j;
-    }
-    let compiled = sarrus_dynamics::Model::compile(&light).unwrap();
+    let compiled = Model::compile(&light).unwrap();
     let light = Case { compiled, description: light, ..case.clone() };
     pair.case = &light;
-    pair.whole = sarrus_tests::run::Robot::new(light.compiled.exact.clone());
+    pair.whole = Robot::new(light.compiled.exact.clone());
     pair.compare(&mut ledger, 3);
     ledger.finish();
 }
 
+/// The robot with a joint inside a loop held where it is at a state of the whole robot.
+fn held_inside(robot: &str, name: &str, seed: u64) -> (Case, Reduced, Fields<f64>) {
+    let case = Case::bundled(robot);
+    let state = case.state::<f64>(seed);
+    let mut whole = Robot::new(case.compiled.model.clone());
+    let there = whole.ask(Request::Kinematics, &[(Y, &state.y)], &[Q]).ok();
+    let at = case.compiled.model.tree_names().iter().position(|other| other == name).unwrap();
+    let held = [(name.to_owned(), there.get(Q)[at])];
+    let reduced = Pair::locked(&case, &held);
+    (case, reduced, there)
+}
+
 #[test]
-fn joints_inside_a_loop_can_be_held_where_its_independents_bring_them() {
-    let mut ledger = Ledger::default();
-    for (robot, name) in [("lambda", "slider"), ("ankle", "AnkleActL"), ("torso", "BodyBL1")] {
-        let case = Case::bundled(robot);
-        // the position of the joint at some pose: there the whole robot is rigid, or it has one
-        // freedom less
-        let names = case.compiled.model.tree_names();
-        let name = names.iter().find(|of| *of == name).unwrap_or(&names[names.len() - 1]);
-        let held = [(name.clone(), 0.0)];
-        let reduced = Pair::locked(&case, &held);
-        let model = sarrus_dynamics::Model::compile(&reduced.description).unwrap().model;
-        assert_eq!(model.sizes().n_vy + 1, case.compiled.model.sizes().n_vy, "{robot}");
-        assert!(!model.tree_names().contains(name));
-        if model.sizes().n_vy == 0 {
-            assert_eq!(model.sizes().n_v, 0, "{robot}");
+fn a_joint_inside_a_loop_of_one_freedom_holds_all_of_it_where_it_is() {
+    for (robot, name) in
+        [("lambda", "ElbowAct"), ("parallelogram", "ParCoupler"), ("four_bars_2", "A1")]
+    {
+        let (case, reduced, there) = held_inside(robot, name, 3);
+        let model = Model::compile(&reduced.description).unwrap().model;
+        assert_eq!([model.sizes().n_v, model.sizes().n_c], [0, 0], "{robot}");
+        let links: Vec<u16> = (0..model.link_names().len() as u16).collect();
+        let query = |of: &[Field]| {
+            Query::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(of)).with_frames(&links)
+        };
+        let mine = Robot::new(model).ask_for(query(&[FramePose]), &[(Y, &[])]).ok();
+        let mut whole = Robot::new(case.compiled.model.clone());
+        let state = case.state::<f64>(3);
+        let reference = whole.ask_for(query(&[FramePose]), &[(Y, &state.y)]).ok();
+        let mine = one_sense(FramePose, mine.get(FramePose), reference.get(FramePose));
+        assert_close(robot, &mine, reference.get(FramePose), 1.0, 1e-12);
+        assert_eq!(there.get(Q).len(), case.compiled.model.sizes().n_v);
+    }
+}
+
+#[test]
+fn a_joint_inside_a_loop_of_several_freedoms_takes_one_of_its_independents() {
+    for (robot, name) in [
+        ("torso", "BodyActL"),
+        ("ankle", "AnkleActR"),
+        ("wrist", "WristLAct"),
+        ("five_bar", "right_elbow"),
+        ("delta", "rod1a_u1"),
+    ] {
+        let (case, reduced, _) = held_inside(robot, name, 3);
+        let (small, whole) =
+            (Model::compile(&reduced.description).unwrap().model, &case.compiled.model);
+        assert_eq!(small.sizes().n_vy + 1, whole.sizes().n_vy, "{robot}");
+        let warned = |what: &str| reduced.warnings.iter().any(|of| of.found.contains(what));
+        assert!(warned("is no independent joint any more"), "{robot}: {:?}", reduced.warnings);
+
+        // the whole robot where the reduced one is, moving as it does
+        let state = case.state::<f64>(5);
+        let at = places(small.independent_names(), whole.independent_names());
+        let pick = |of: &[f64]| -> Vec<f64> { at.iter().map(|i| of[*i]).collect() };
+        let (y, yd, ydd) = (pick(&state.y), pick(&state.yd), pick(&state.ydd));
+        let given = [(Y, y.as_slice()), (Yd, &yd), (Ydd, &ydd)];
+        let mut robot_of = Robot::new(small.clone());
+        let mine = robot_of.ask(Request::Kinematics, &given, &[Q, Qd, Qdd, G, U]).ok();
+        let back = places(whole.independent_names(), small.tree_names());
+        let all = |field| -> Vec<f64> { back.iter().map(|i| mine.get(field)[*i]).collect() };
+        let (y, yd, ydd) = (all(Q), all(Qd), all(Qdd));
+        let moved = [(Y, y.as_slice()), (Yd, &yd), (Ydd, &ydd)];
+        let mut whole_robot = Robot::new(whole.clone());
+        let reference = whole_robot.ask(Request::Kinematics, &moved, &[Q, Qd, Qdd, U]).ok();
+        let tree = places(small.tree_names(), whole.tree_names());
+        for (field, allowed) in [(Q, 1e-12), (Qd, 1e-11), (Qdd, 1e-9)] {
+            let reference: Vec<f64> = tree.iter().map(|i| reference.get(field)[*i]).collect();
+            assert_close(robot, mine.get(field), &reference, 1.0, allowed);
         }
-        let dropped = reduced.warnings.iter().any(|of| of.found.contains("no independent joint"));
-        assert_eq!(dropped, model.sizes().n_vy > 0, "{robot}");
-        let _ = (&mut ledger, joint(&case, name));
+        // and the joint stands still
+        let held = whole.tree_names().iter().position(|other| other == name).unwrap();
+        assert!(reference.get(Qd)[held].abs() < 1e-11, "{robot}");
+        assert!(reference.get(Qdd)[held].abs() < 1e-9, "{robot}");
+
+        // forces do the same work
+        let forces = robot_of.ask(Request::InverseDynamics, &given, &[TauY]).ok();
+        let reference = whole_robot.ask(Request::InverseDynamics, &moved, &[TauY]).ok();
+        let n = small.sizes().n_vy;
+        let work = |k: usize| -> f64 {
+            back.iter().zip(reference.get(TauY)).map(|(v, tau)| mine.get(G)[v * n + k] * tau).sum()
+        };
+        let work: Vec<f64> = (0..n).map(work).collect();
+        assert_close(robot, forces.get(TauY), &work, largest(reference.get(TauY)), 1e-10);
+    }
+}
+
+#[test]
+fn platforms_keep_their_closed_form_with_an_axis_less() {
+    for (robot, name) in [("torso", "BodyRoll"), ("torso", "BodyPitch"), ("stewart", "")] {
+        let case = Case::bundled(robot);
+        let name = independents(&case).into_iter().find(|of| of == name || name.is_empty());
+        let reduced = Pair::locked(&case, &[(name.unwrap(), 0.02)]);
+        let model = Model::compile(&reduced.description).unwrap().model;
+        let kinds: Vec<ClosureKind> = model.closures().iter().map(|of| of.kind).collect();
+        assert_eq!(kinds, [ClosureKind::Analytic], "{robot}");
     }
 }

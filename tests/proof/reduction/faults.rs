@@ -18,9 +18,18 @@ fn fault(case: &Case, locks: &[(&str, Option<f64>)]) -> String {
 
 #[test]
 fn a_position_that_no_loop_reaches_is_a_fault_that_names_the_joints() {
+    let case = Case::bundled("wrist");
+    let said = fault(&case, &[("WristPitch", Some(0.1)), ("WristRoll", Some(2.0))]);
+    assert!(said.contains("WristPitch at 0.1, WristRoll at 2"), "{said}");
+}
+
+#[test]
+fn a_position_beyond_the_limits_is_held_and_said() {
     let case = Case::bundled("torso");
-    let said = fault(&case, &[("BodyPitch", Some(2.9)), ("BodyRoll", Some(2.0))]);
-    assert!(said.contains("BodyPitch at 2.9") && said.contains("BodyRoll at 2"), "{said}");
+    let locks = [Lock { joint: joint(&case, "BodyPitch"), position: Some(1.6) }];
+    let reduced = locked(&case.description, &locks).unwrap();
+    let said: Vec<&str> = reduced.warnings.iter().map(|of| of.found.as_str()).collect();
+    assert!(said.contains(&"the joint BodyPitch held at 1.6"), "{said:?}");
 }
 
 #[test]

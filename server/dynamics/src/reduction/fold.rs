@@ -10,8 +10,8 @@ use crate::description::{
     Coupling, Description, JointKind, Loop, Submechanism, SubmechanismKind, Terms,
 };
 use crate::diagnostic::{CompileError, Diagnostic, Site};
-use crate::model::Model;
 use crate::initial_pose::{has_moved, moved, placed};
+use crate::model::Model;
 use crate::reduction::choice::Choice;
 use crate::reduction::pose::Held;
 
