@@ -1,9 +1,9 @@
 //! From checked files to the [`Description`], and back from its parts to their positions.
 
-use sarrus_dynamics::Site;
 use sarrus_dynamics::description::{
     Coupling, Cut, Description, Joint, Link, Loop, Placement, Row, Submechanism,
 };
+use sarrus_dynamics::{Reduced, Site};
 
 use crate::cut::CutKind;
 use crate::report::Span;
@@ -49,6 +49,26 @@ impl Spans {
     /// Makes room for a submechanism before all others that stands in no file.
     pub(crate) fn put_first(&mut self) {
         self.submechanisms.insert(0, SubmechanismSpan { span: self.robot, loops: Vec::new() });
+    }
+
+    /// The positions of the parts that are left of a robot.
+    pub(crate) fn of_reduced(&self, reduced: &Reduced) -> Spans {
+        let links = reduced.links.iter().filter_map(|link| self.links.get(*link).copied());
+        let joints = reduced.joints.iter().filter_map(|joint| self.joints.get(*joint).copied());
+        let submechanisms = reduced.submechanisms.iter().map(|(s, loops)| {
+            let span = self.of(Site::Submechanism(*s));
+            let loops = loops.iter().map(|l| {
+                let found = self.submechanisms.get(*s).and_then(|of| of.loops.get(*l));
+                found.cloned().unwrap_or((span, Vec::new()))
+            });
+            SubmechanismSpan { span, loops: loops.collect() }
+        });
+        Spans {
+            robot: self.robot,
+            links: links.collect(),
+            joints: joints.collect(),
+            submechanisms: submechanisms.collect(),
+        }
     }
 
     /// Adds a submechanism that no file lists.
@@ -127,6 +147,7 @@ pub(crate) fn description(
         joints,
         submechanisms,
         gravity,
+        zero_pose: Vec::new(),
     })
 }
 

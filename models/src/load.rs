@@ -12,6 +12,7 @@ use crate::contents::{Contents, file};
 use crate::error::LoadError;
 use crate::nearest::nearest;
 use crate::report::{Diagnostics, Report};
+use crate::scene::{self, Lock};
 use crate::submechanisms::{self, Entry, Submechanisms};
 use crate::text::{self, Text};
 use crate::urdf::{self, Urdf};
@@ -49,12 +50,23 @@ pub struct Options {
     pub lenient: bool,
     /// What the root link stands on.
     pub base: Base,
+    /// Joints that are held still; of two locks of one joint the later counts.
+    pub lock: Vec<Lock>,
+    /// Links to which the robot is reduced, and what their motion depends on: names or patterns
+    /// with `*` and `?`. Empty: all of them. What hangs on the others is left out with its mass.
+    pub only: Vec<String>,
 }
 
 impl Default for Options {
-    /// Standard gravity downwards, strict, on the ground.
+    /// Standard gravity downwards, strict, on the ground, the whole robot.
     fn default() -> Options {
-        Options { gravity: [0.0, 0.0, -9.81], lenient: false, base: Base::Fixed }
+        Options {
+            gravity: [0.0, 0.0, -9.81],
+            lenient: false,
+            base: Base::Fixed,
+            lock: Vec::new(),
+            only: Vec::new(),
+        }
     }
 }
 
@@ -155,6 +167,7 @@ fn read(
     robot: &mut Option<String>,
 ) -> Option<(Description, Compiled)> {
     let (description, spans) = describe(contents, options, diagnostics, robot)?;
+    let (description, spans) = scene::reduce(options, description, spans, diagnostics)?;
     let compiled = compile(&description, &spans, diagnostics)?;
     Some((description, compiled))
 }

@@ -112,6 +112,7 @@ impl DescriptionBuilder {
             joints: Vec::new(),
             submechanisms: Vec::new(),
             gravity: [0.0, 0.0, -9.81],
+            zero_pose: Vec::new(),
         };
         DescriptionBuilder {
             description,

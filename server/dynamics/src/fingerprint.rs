@@ -18,6 +18,8 @@
 //! | option | 0, or 1 and the value |
 //! | variant | its number in this file, one byte, then its fields |
 //!
+//! The zero pose comes last and is left out where it is empty.
+//!
 //! Everything that a person can write is part of it: names (types as written too), orders, every
 //! constant, limits, gravity. Not part of it are what does not reach a description (the names of
 //! files, positions, comments, warnings, `--lenient`) and what a later version makes of it (closed
@@ -96,12 +98,19 @@ impl CanonicalBytes {
     // the robot
 
     fn description(&mut self, description: &Description) {
-        let Description { name, links, joints, submechanisms, gravity } = description;
+        let Description { name, links, joints, submechanisms, gravity, zero_pose } = description;
         self.text(name);
         self.list(links, Self::link);
         self.list(joints, Self::joint);
         self.list(submechanisms, Self::submechanism);
         self.numbers(gravity);
+        // bytes that end here are those of a robot whose joints are at rest at zero
+        if !zero_pose.is_empty() {
+            self.list(zero_pose, |bytes, (joint, coordinates)| {
+                bytes.index(*joint);
+                bytes.list(coordinates, |bytes, x| bytes.number(*x));
+            });
+        }
     }
 
     fn link(&mut self, Link { name, inertial }: &Link) {

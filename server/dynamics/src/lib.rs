@@ -62,6 +62,7 @@ mod linalg;
 mod mechanism;
 mod model;
 mod plan;
+mod reduction;
 pub mod scalar;
 mod spatial;
 mod workspace;
@@ -73,6 +74,7 @@ pub use diagnostic::{CompileError, Diagnostic, Site};
 pub use initial_pose::{AssembleError, Assembled, OpenModel, closing_placements, rezeroed};
 pub use model::{ClosureAtZero, Compiled, Method, Model};
 pub use plan::{Outline, Plan};
+pub use reduction::{Lock, Reduced, locked, restricted};
 pub use sarrus_proto::{
     Answer, ClosureInfo, ClosureKind, FailedState, Field, FieldSet, JointLimits, Layout, ModelInfo,
     Query, QueryError, Request, Sizes, Slot, Status, Warnings,

@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use clap::Args;
 use sarrus_client::{LoadError, Options, Source};
 use sarrus_models::{
-    Base, CheckReport, Diagnostic, Loaded, NewZero, Rewritten, Suggestion, assemble, load, suggest,
+    Base, CheckReport, Diagnostic, Loaded, Lock, NewZero, Rewritten, Suggestion, assemble, load,
+    suggest,
 };
 use sarrus_server::record::RecordedRobot;
 
@@ -34,6 +35,16 @@ pub(crate) struct RobotFlags {
     /// coordinates before all others. LINK, if given, must be the root.
     #[arg(long, value_name = "LINK", num_args = 0..=1, default_missing_value = "")]
     floating_base: Option<String>,
+    /// Holds a joint still at VALUE, m or rad; without it where it is at the zero pose. A name with
+    /// * or ? stands for all independent joints that it fits. Bodies that do not move against each
+    /// other are merged, loops without a freedom are gone. May be given several times.
+    #[arg(long, value_name = "JOINT[=VALUE]", allow_hyphen_values = true)]
+    lock: Vec<Lock>,
+    /// Keeps the links that are named (* and ? as in --lock) with the joints and mechanisms between
+    /// them and the root, and what is fixed to these links. All other branches are left out with
+    /// their mass: forces are those of the robot without them. May be given several times.
+    #[arg(long, value_name = "LINK")]
+    only: Vec<String>,
 }
 
 #[derive(Args)]
@@ -112,7 +123,13 @@ impl RobotFlags {
 
     fn options(&self) -> Options {
         let base = Base::of_flag(self.floating_base.as_deref());
-        Options { gravity: self.gravity.0, lenient: self.lenient, base }
+        Options {
+            gravity: self.gravity.0,
+            lenient: self.lenient,
+            base,
+            lock: self.lock.clone(),
+            only: self.only.clone(),
+        }
     }
 }
 

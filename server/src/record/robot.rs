@@ -1,6 +1,6 @@
 //! The robot inside its recording: the texts of its files and how they are read.
 
-use sarrus_models::{Base, LoadError, Loaded, Options, Source, load, texts};
+use sarrus_models::{Base, LoadError, Loaded, Lock, Options, Source, load, texts};
 use serde::{Deserialize, Serialize};
 
 /// What is needed to compute the answers of a recording again: the robot's files and the options of
@@ -21,6 +21,12 @@ pub struct RecordedRobot {
     /// The root link of a floating base, empty where it was not named; none for a fixed base.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub floating_base: Option<String>,
+    /// Joints that are held still, as flags write them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub lock: Vec<String>,
+    /// Links to which the robot is reduced; none for the whole robot.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub only: Vec<String>,
 }
 
 impl RecordedRobot {
@@ -43,6 +49,8 @@ impl RecordedRobot {
                 Base::FloatingAt(link) => Some(link.clone()),
                 _ => None,
             },
+            lock: options.lock.iter().map(Lock::to_string).collect(),
+            only: options.only.clone(),
         })
     }
 
@@ -62,6 +70,9 @@ impl RecordedRobot {
     /// As [`load`].
     pub fn load_as(&self, source: &Source) -> Result<Loaded, LoadError> {
         let base = Base::of_flag(self.floating_base.as_deref());
-        load(source, &Options { gravity: self.gravity, lenient: self.lenient, base })
+        // what cannot be read was not written
+        let lock = self.lock.iter().filter_map(|lock| lock.parse().ok()).collect();
+        let &RecordedRobot { gravity, lenient, .. } = self;
+        load(source, &Options { gravity, lenient, base, lock, only: self.only.clone() })
     }
 }

@@ -260,3 +260,75 @@ fn a_floating_base_is_six_coordinates_more_wherever_a_robot_is_chosen() {
     let connected = ["ask", "map", "--connect", "none", "--floating-base"];
     assert_eq!(run(&connected, b"").code, Some(2));
 }
+
+#[test]
+fn what_a_scene_holds_still_or_leaves_out_is_no_part_of_the_robot_wherever_one_is_chosen() {
+    let (code, whole) = report(&["--robot", "rh5v2_full"]);
+    assert_eq!(code, Some(0));
+    let arms = ["--robot", "rh5v2_full", "--lock", "Body*", "--lock", "HeadPitch=-0.2"];
+    let (code, held) = report(&arms);
+    assert_eq!(code, Some(0), "{held}");
+    let names = |report: &Value, key: &str| -> Vec<String> {
+        let list = report[key].as_array().unwrap();
+        list.iter().map(|name| name.as_str().unwrap().to_owned()).collect()
+    };
+    let is_held = |name: &String| name.starts_with("Body") || name == "HeadPitch";
+    for key in ["tree", "independent", "active"] {
+        let rest: Vec<String> = names(&whole, key).into_iter().filter(|x| !is_held(x)).collect();
+        assert_eq!(names(&held, key), rest, "{key}");
+    }
+    assert_ne!(held["fingerprint"], whole["fingerprint"]);
+    assert!(held["closures"].as_array().unwrap().iter().all(|of| of["name"] != "Torso"));
+    let (code, hand) = report(&["--robot", "rh5v2_full", "--only", "ALWrist*"]);
+    assert_eq!(code, Some(0), "{hand}");
+    let is_other = |name: &String| name.starts_with("AR") || name.starts_with("Head");
+    assert!(!names(&hand, "tree").iter().any(is_other));
+    assert!(names(&hand, "tree").iter().any(|name| name == "BodyActL"));
+
+    // the same robot for whoever asks it
+    let line = json!({"y": vec![0.0; names(&held, "independent").len()], "want": ["tau_u"]});
+    let asked =
+        run(&[&["ask", "inverse-dynamics"][..], &arms].concat(), line.to_string().as_bytes());
+    assert_eq!((asked.code, asked.statuses()), (Some(0), vec!["ok".to_owned()]), "{asked:?}");
+    let connected = ["ask", "map", "--connect", "none", "--lock", "a"];
+    assert_eq!(run(&connected, b"").code, Some(2));
+    for command in ["--assemble", "--suggest"] {
+        assert_eq!(run(&[&["check", command][..], &arms].concat(), b"").code, Some(2));
+    }
+}
+
+#[test]
+fn locks_that_mean_nothing_are_faults_that_name_what_would() {
+    let said = |flags: &[&str]| {
+        let (code, report) = report(&[&["--robot", "torso"][..], flags].concat());
+        (code, report["errors"].to_string() + &report["warnings"].to_string())
+    };
+    let (code, text) = said(&["--lock", "BodyPich"]);
+    assert_eq!(code, Some(1));
+    assert!(text.contains("BodyPitch"), "{text}");
+    let (code, text) = said(&["--lock", "Leg*"]);
+    assert_eq!(code, Some(1));
+    assert!(text.contains("no independent joint fits"), "{text}");
+    let (code, text) = said(&["--only", "BodyRoll_Lnk"]);
+    assert_eq!(code, Some(1));
+    assert!(text.contains("BodyRoll_Link"), "{text}");
+    let (code, wrist) = report(&["--robot", "wrist", "--lock", "WristRoll=2"]);
+    assert_eq!(code, Some(1));
+    assert!(wrist["errors"][0]["found"].as_str().unwrap().contains("WristRoll at 2"), "{wrist}");
+    // beyond its limits
+    let (code, text) = said(&["--lock", "BodyPitch=1.6"]);
+    assert_eq!(code, Some(0));
+    assert!(text.contains("the joint BodyPitch held at 1.6"), "{text}");
+    // redundant actuators are said, and no fault
+    let (code, text) = said(&["--lock", "BodyRoll"]);
+    assert_eq!(code, Some(0), "{text}");
+    assert!(text.contains("least norm"), "{text}");
+    for flags in [&["--lock", "BodyRoll=x"][..], &["--lock", "=1"], &["--lock"], &["--only"]] {
+        assert_eq!(said_code(flags), Some(2), "{flags:?}");
+    }
+}
+
+/// The exit code of `check` with these flags on the torso.
+fn said_code(flags: &[&str]) -> Option<i32> {
+    run(&[&["check", "--robot", "torso"][..], flags].concat(), b"").code
+}

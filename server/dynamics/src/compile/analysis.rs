@@ -22,6 +22,8 @@ pub(super) const POSES: usize = 3;
 const REACH: f64 = 0.2;
 /// Steps in which the offsets of couplings are reached from the zero pose.
 const OFFSET_STEPS: usize = 64;
+/// Deviation from an offset that a described zero pose has already, in the units of joints.
+const THERE: f64 = 1e-12;
 /// Largest gap of a loop at zero, in cluster lengths.
 const OPEN: f64 = 1e-6;
 
@@ -59,15 +61,6 @@ impl Sample {
     }
 }
 
-/// The zero pose of a cluster.
-pub(super) fn zero(cluster: &Cluster<f64>) -> Vec<f64> {
-    let mut q = vec![0.0; cluster.n_q];
-    for at in cluster.dofs.iter().filter(|at| at.motion.n_q() > 1 && at.k == 0) {
-        q[at.q + at.motion.n_q() - 1] = 1.0;
-    }
-    q
-}
-
 /// The pose of highest rank, which is generic, and that rank.
 pub(super) fn generic_of<'a>(
     cluster: &Cluster<f64>,
@@ -84,6 +77,8 @@ pub(super) fn generic_of<'a>(
 pub(super) struct Subject<'a> {
     pub(super) cluster: &'a Cluster<f64>,
     pub(super) bodies: &'a [Body<f64>],
+    /// Its coordinates at the zero pose.
+    pub(super) zero: &'a [f64],
     /// Of each of its bodies.
     pub(super) has_child_cluster: &'a [bool],
     /// Names of its velocities and of its rows.
@@ -99,8 +94,8 @@ pub(super) fn analyse(
     errors: &mut Vec<Diagnostic>,
     warnings: &mut Vec<Diagnostic>,
 ) -> Option<Analysis> {
-    let &Subject { cluster, bodies, names, site, .. } = subject;
-    let samples: Vec<Sample> = (0..POSES).map(|k| sample(cluster, bodies, k)).collect();
+    let &Subject { cluster, names, site, .. } = subject;
+    let samples: Vec<Sample> = (0..POSES).map(|k| sample(subject, k)).collect();
     let (rank, generic) = generic_of(cluster, &samples)?;
     let Some(drift) = idle_motions(subject, generic, rank) else {
         errors.push(mobility::fault(subject, generic, rank));
@@ -195,7 +190,7 @@ pub(super) fn close_zero(
         return None;
     }
     // the offsets come in little by little
-    let steps = if offset == 0.0 { 1 } else { OFFSET_STEPS };
+    let steps = if offset <= THERE { 1 } else { OFFSET_STEPS };
     let mut part = cluster.clone();
     for k in 1..=steps {
         let share = Dd::from(k as f64) / Dd::from(steps as f64);
@@ -264,8 +259,9 @@ impl<T: Scalar> State<T> {
 
 /// A closed pose at some distance from zero, found by damped steps of least norm, which need no
 /// rank; and the scaled K there.
-fn sample(cluster: &Cluster<f64>, bodies: &[Body<f64>], k: usize) -> Sample {
-    let mut q = zero(cluster);
+fn sample(subject: &Subject<'_>, k: usize) -> Sample {
+    let &Subject { cluster, bodies, zero, .. } = subject;
+    let mut q = zero.to_vec();
     let mut closed = q.clone();
     const SUBSTEPS: usize = 8;
     for _ in 0..SUBSTEPS {

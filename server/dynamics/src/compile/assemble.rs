@@ -29,7 +29,7 @@ pub(super) struct Assembly {
     /// For each cluster the first submechanism that owns a joint of it, and its joints in body
     /// order.
     pub(super) owner: Vec<usize>,
-    members: Vec<Vec<usize>>,
+    pub(super) members: Vec<Vec<usize>>,
     submechanism_of: Vec<usize>,
 }
 
@@ -216,6 +216,7 @@ impl<'a> Builder<'a> {
             terms: JointTerms::none(),
             order: Order::default(),
             zero: Vec::new(),
+            described_zero: Vec::new(),
             growth: [0.0; 2],
             limits: Vec::new(),
             effort: Vec::new(),
@@ -232,6 +233,30 @@ impl<'a> Builder<'a> {
         })
     }
 
+    /// The zero pose as described, in internal order.
+    fn described_zero(&mut self, errors: &mut Vec<Diagnostic>) {
+        let mut zero = vec![0.0; self.model.order.q.len()];
+        for body in self.model.bodies.iter().filter(|body| body.motion.n_q() > 1) {
+            zero[body.q + body.motion.n_q() - 1] = 1.0;
+        }
+        for (j, coordinates) in &self.description.zero_pose {
+            let place = self.skeleton.moving.iter().position(|moving| moving == j);
+            let body = place.map(|m| &self.model.bodies[self.body_of[m]]);
+            match body.filter(|body| body.motion.n_q() == coordinates.len()) {
+                Some(body) => {
+                    zero[body.q..body.q + coordinates.len()].copy_from_slice(coordinates);
+                }
+                None => errors.push(Diagnostic {
+                    site: Site::Joint(*j),
+                    found: format!("{} coordinates at the zero pose", coordinates.len()),
+                    expected: "a joint that moves, and as many as it has".into(),
+                    help: "correct the description".into(),
+                }),
+            }
+        }
+        self.model.described_zero = zero;
+    }
+
     /// Closures that need no analysis, lengths, zero pose; sizes and names.
     fn finish(
         mut self,
@@ -239,10 +264,8 @@ impl<'a> Builder<'a> {
         loops: &[Vec<Loop>],
         errors: &mut Vec<Diagnostic>,
     ) -> Option<(Model<Dd>, ModelInfo)> {
-        self.model.zero = vec![Dd::ZERO; self.model.order.q.len()];
-        for body in self.model.bodies.iter().filter(|body| body.motion.n_q() > 1) {
-            self.model.zero[body.q + body.motion.n_q() - 1] = Dd::ONE;
-        }
+        self.described_zero(errors);
+        self.model.zero = self.model.described_zero.iter().map(|x| Dd::from_f64(*x)).collect();
         for (c, joints) in self.partition.members.iter().enumerate() {
             let cluster = &self.model.clusters[c];
             let s = self.submechanism_of[self.skeleton.moving[joints[0]]];
@@ -260,7 +283,8 @@ impl<'a> Builder<'a> {
                 }
                 continue;
             }
-            let length = characteristic_length(cluster, &self.model.bodies);
+            let zero = &self.model.zero[cluster.coordinates()];
+            let length = characteristic_length(cluster, self.model.bodies_of(cluster), zero);
             let coupling = couplings(cluster);
             let cluster = &mut self.model.clusters[c];
             cluster.length = length;

@@ -3,21 +3,19 @@
 
 use nalgebra::Vector3;
 
-use crate::closure::Coupling;
+use crate::closure::{Coupling, local_poses};
 use crate::mechanism::{Body, Cluster};
 use crate::scalar::{Dd, Real, Scalar};
 use crate::spatial::Pose;
 
 /// Half the largest distance between two joint origins or cut points of a cluster at zero: the size
 /// of the mechanism; 1 m where there is none.
-pub(super) fn characteristic_length(cluster: &Cluster<Dd>, bodies: &[Body<Dd>]) -> f64 {
-    let mut pose = vec![Pose::identity()];
-    for j in 0..cluster.n {
-        let body = &bodies[cluster.body + j];
-        let next = pose[cluster.local_parent[j]]
-            .then(&Pose { R: body.R_parent_body, p: body.p_parent_body });
-        pose.push(next);
-    }
+pub(super) fn characteristic_length(
+    cluster: &Cluster<Dd>,
+    bodies: &[Body<Dd>],
+    zero: &[Dd],
+) -> f64 {
+    let pose = poses_at(cluster, bodies, zero);
     let mut points: Vec<Vector3<Dd>> = pose[1..].iter().map(|x| x.p).collect();
     for cut in cluster.cuts.iter().filter(|cut| cut.rows.iter().all(|row| row.terms.is_empty())) {
         points.push(pose[cut.predecessor].point(&cut.x_p_cut.p));
@@ -31,6 +29,14 @@ pub(super) fn characteristic_length(cluster: &Cluster<Dd>, bodies: &[Body<Dd>]) 
         }
     }
     if largest > 0.0 { 0.5 * largest } else { 1.0 }
+}
+
+/// Poses of the local bodies of a cluster at its coordinates {cluster's parent body}; 0 is that.
+pub(super) fn poses_at(cluster: &Cluster<Dd>, bodies: &[Body<Dd>], q: &[Dd]) -> Vec<Pose<Dd>> {
+    let mut cos_sin = vec![(Dd::ONE, Dd::ZERO); cluster.n];
+    let mut pose = vec![Pose::identity(); cluster.n + 1];
+    local_poses(cluster, bodies, q, &mut cos_sin, &mut pose);
+    pose
 }
 
 /// Σ coefficient · q + offset = 0 over local joints.

@@ -3,7 +3,7 @@
 use faer::Mat;
 
 use crate::closure::column_unit;
-use crate::compile::analysis::{Sample, Subject, closed_near, generic_of, idle_motions, zero};
+use crate::compile::analysis::{Sample, Subject, closed_near, generic_of, idle_motions};
 use crate::compile::rank::{independent_rows, null_space, rank};
 use crate::compile::redundant::fitting_cuts;
 use crate::diagnostic::Diagnostic;
@@ -116,7 +116,7 @@ fn loop_name(subject: &Subject<'_>) -> String {
 /// A closed pose off the zero pose, to which every joint may contribute.
 pub(super) fn off_zero(subject: &Subject<'_>, k: usize) -> Option<Sample> {
     let cluster = subject.cluster;
-    let mut q = zero(cluster);
+    let mut q = subject.zero.to_vec();
     for (v, at) in cluster.dofs.iter().enumerate() {
         at.advance(&mut q, REACH * column_unit(cluster, v) * noise(577 * k + 13 * v + 5));
     }

@@ -18,6 +18,7 @@ mod owners;
 mod rank;
 mod redundant;
 mod spanning_tree;
+mod structure;
 mod suggest;
 mod terms;
 mod turns;
@@ -32,7 +33,8 @@ use crate::compile::assemble::Assembly;
 use crate::description::{Description, SubmechanismKind};
 use crate::diagnostic::{CompileError, Diagnostic, Site};
 use crate::model::{Compiled, Model};
-use crate::scalar::{Dd, Scalar};
+use crate::scalar::{Dd, Real, Scalar};
+pub(crate) use structure::Structure;
 pub use suggest::{SuggestedIndependents, suggest_independents};
 
 pub(crate) use geometry::{pose as pose_of, unit_of};
@@ -89,6 +91,7 @@ fn build(
         let bodies = rough.bodies_of(cluster);
         let names = assembly.names(c);
         let site = Site::Submechanism(assembly.owner[c]);
+        let described_zero = &rough.described_zero[cluster.coordinates()];
         let row_names =
             cluster.rows.iter().map(|row| assembly.meta.loops[*row].clone()).collect::<Vec<_>>();
         let has_child_cluster: Vec<bool> = (0..cluster.n)
@@ -97,6 +100,7 @@ fn build(
         let subject = Subject {
             cluster,
             bodies,
+            zero: described_zero,
             has_child_cluster: &has_child_cluster,
             names: &names,
             row_names: &row_names,
@@ -139,10 +143,12 @@ fn build(
         }
         let kind = kind(&assembly, description, c);
         let order = assembly.local_order(description, c);
-        if closed_forms::has_change_point(&exact.clusters[c], &exact_bodies, &order) {
+        let zero: Vec<Dd> = described_zero.iter().map(|x| Dd::from_f64(*x)).collect();
+        let (closed, bodies_there) = (&exact.clusters[c], exact_bodies.as_slice());
+        if closed_forms::has_change_point(closed, bodies_there, &order, &zero) {
             numerical.set_meets();
         }
-        let closure = match closed_forms::build(kind, &exact.clusters[c], &exact_bodies, &order) {
+        let closure = match closed_forms::build(kind, closed, bodies_there, &order, &zero) {
             None => {
                 if let Some(fault) = not_closed_form(kind, description, assembly.owner[c]) {
                     warnings.push(fault);
@@ -242,11 +248,20 @@ fn build(
 /// A cluster is of its submechanism's type where it is all of it; parallelograms of one chain may
 /// be clusters of their own.
 fn kind(assembly: &Assembly, description: &Description, c: usize) -> SubmechanismKind {
-    match assembly.owners(c).as_slice() {
+    let kind = match assembly.owners(c).as_slice() {
         [(s, _)] if description.submechanisms[*s].kind == SubmechanismKind::ParallelogramChain => {
             SubmechanismKind::ParallelogramChain
         }
         _ => assembly.kind(description, c),
+    };
+    // other closed forms count from joints at rest
+    let is_platform = matches!(
+        kind,
+        SubmechanismKind::Spu2U1 | SubmechanismKind::Sprr2U1 | SubmechanismKind::Ups6
+    );
+    match description.zero_pose.iter().any(|(j, _)| assembly.members[c].contains(j)) {
+        true if !is_platform => SubmechanismKind::Numerical,
+        _ => kind,
     }
 }
 

@@ -5,7 +5,7 @@ use faer::linalg::solvers::Solve;
 use nalgebra::Vector3;
 
 use crate::closure::{column_unit, constraint_jacobian, constraint_residual, local_poses};
-use crate::compile::analysis::{Sample, Subject, zero};
+use crate::compile::analysis::{Sample, Subject};
 use crate::compile::blocks::is_length;
 use crate::compile::rank::{matrix, rank};
 use crate::diagnostic::Diagnostic;
@@ -50,7 +50,7 @@ pub(super) fn warn(
             format!("{fitting}; or leave it: {help}")
         },
     });
-    let gap = Gap::along(cluster, subject.bodies, used, &dropped);
+    let gap = Gap::along(cluster, subject, used, &dropped);
     if gap.length > OPEN * cluster.length || gap.angle > OPEN {
         warnings.push(Diagnostic {
             site: subject.site,
@@ -79,7 +79,7 @@ impl Gap {
     /// The gaps of the dropped rows where the used ones are closed, along some motions from zero.
     fn along(
         cluster: &Cluster<f64>,
-        bodies: &[Body<f64>],
+        &Subject { bodies, zero, .. }: &Subject<'_>,
         used: &[usize],
         dropped: &[usize],
     ) -> Gap {
@@ -88,7 +88,7 @@ impl Gap {
             if cluster.dependent.len() > LARGE { (2, 2) } else { (DIRECTIONS, STEPS) };
         let mut gap = Gap::default();
         for k in 0..directions {
-            let mut q = zero(cluster);
+            let mut q = zero.to_vec();
             let mut phi = vec![0.0; rows.len()];
             for _ in 0..steps {
                 for (i, &v) in cluster.independent.iter().enumerate() {

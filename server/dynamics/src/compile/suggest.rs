@@ -3,7 +3,7 @@
 use core::slice;
 
 use crate::closure::column_unit;
-use crate::compile::analysis::{Sample, Subject, generic_of, idle_motions, zero};
+use crate::compile::analysis::{Sample, Subject, generic_of, idle_motions};
 use crate::compile::assemble::Assembly;
 use crate::compile::idle::Drift;
 use crate::compile::mobility::{good_independents, off_zero, preferred};
@@ -57,6 +57,7 @@ pub fn suggest_independents(
         let subject = Subject {
             cluster,
             bodies: model.bodies_of(cluster),
+            zero: &model.described_zero[cluster.coordinates()],
             has_child_cluster: &has_child_cluster,
             names: &names,
             row_names: &row_names,
@@ -64,7 +65,7 @@ pub fn suggest_independents(
         };
         let mut samples: Vec<Sample> = (0..TRIALS).filter_map(|k| off_zero(&subject, k)).collect();
         if samples.is_empty() {
-            samples.push(Sample::at(cluster, subject.bodies, &zero(cluster)));
+            samples.push(Sample::at(cluster, subject.bodies, subject.zero));
         }
         let Some((rank, generic)) = generic_of(cluster, &samples) else { continue };
         // what is declared may be a joint of a ball: then nothing of it counts

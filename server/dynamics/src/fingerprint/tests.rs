@@ -63,6 +63,7 @@ fn everything() -> Description {
             },
         ],
         gravity: [0.0, 0.0, -9.81],
+        zero_pose: Vec::new(),
     }
 }
 
@@ -77,9 +78,13 @@ struct Leaves<'a> {
 impl<'a> Leaves<'a> {
     fn of(description: &'a mut Description) -> Leaves<'a> {
         let mut leaves = Leaves::default();
-        let Description { name, links, joints, submechanisms, gravity } = description;
+        let Description { name, links, joints, submechanisms, gravity, zero_pose } = description;
         leaves.texts.push(name);
         leaves.numbers.extend(gravity);
+        for (joint, coordinates) in zero_pose {
+            leaves.indices.push(joint);
+            leaves.numbers.extend(coordinates);
+        }
         for Link { name, inertial } in links {
             leaves.texts.push(name);
             if let Some(Inertial { origin, mass, inertia }) = inertial {
@@ -232,6 +237,11 @@ fn changing_any_order_variant_or_presence_changes_the_fingerprint() {
         after(|d| d.joints[1].coupling = None),
         after(|d| d.submechanisms[0].loops[0].rows[1].against = None),
         after(|d| d.submechanisms[0].loops[0].cut = Cut::AtLink(1)),
+        after(|d| d.zero_pose = vec![(1, vec![0.25])]),
+        after(|d| d.zero_pose = vec![(0, vec![0.25])]),
+        after(|d| d.zero_pose = vec![(1, vec![0.5])]),
+        after(|d| d.zero_pose = vec![(1, vec![0.25, 0.0])]),
+        after(|d| d.zero_pose = vec![(1, vec![0.25]), (0, vec![0.0])]),
     ];
     for kind in [
         JointKind::Fixed,

@@ -22,8 +22,8 @@ use crate::model::{Model, assess};
 
 pub use open::OpenModel;
 use problem::Problem;
-pub(crate) use rezero::placement;
 pub use rezero::{closing_placements, rezeroed};
+pub(crate) use rezero::{has_moved, moved, placed, placement};
 
 /// A closed pose near a given one.
 #[derive(Clone, Debug, PartialEq)]
@@ -131,7 +131,7 @@ impl Model<f64> {
         assemble(self, near, weights)
     }
 
-    /// The zero pose of the joints, closed or not; quaternions at rest (n_q).
+    /// The zero pose of the joints as described, closed or not; quaternions at rest (n_q).
     pub fn tree_zero(&self) -> Vec<f64> {
         zero(self)
     }
@@ -145,11 +145,7 @@ impl Model<f64> {
 
 /// The zero pose in the order of users.
 fn zero(model: &Model<f64>) -> Vec<f64> {
-    let mut internal = vec![0.0; model.order.q.len()];
-    for body in model.bodies.iter().skip(1).filter(|body| body.motion.n_q() > 1) {
-        internal[body.q + body.motion.n_q() - 1] = 1.0;
-    }
-    model.order.q.iter().map(|at| internal[*at]).collect()
+    model.order.q.iter().map(|at| model.described_zero[*at]).collect()
 }
 
 /// The units of all velocities in the order of users.

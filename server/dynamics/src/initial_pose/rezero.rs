@@ -3,7 +3,7 @@
 use nalgebra::{Vector3, Vector6};
 
 use crate::compile::{pose_of, unit_of};
-use crate::description::{Cut, Description, Joint, JointKind, Limits, Placement, Row};
+use crate::description::{Cut, Description, Joint, JointKind, Limits, Loop, Placement, Row};
 use crate::scalar::{Dd, Real, Scalar};
 use crate::spatial::{Pose, cross, from_quaternion, identity, zero};
 
@@ -36,6 +36,7 @@ pub fn rezeroed(description: &Description, q: &[f64]) -> Option<Description> {
     if !rest.is_empty() {
         return None;
     }
+    next.zero_pose.clear();
     for (j, joint) in next.joints.iter_mut().enumerate() {
         if let Some(coupling) = &mut joint.coupling {
             let masters: f64 =
@@ -56,12 +57,11 @@ pub fn rezeroed(description: &Description, q: &[f64]) -> Option<Description> {
                 Cut::AtLink(link) => link,
                 Cut::Placed { .. } => continue,
             };
-            let on = |robot: &Description, end: usize| {
-                Some(in_root(robot, end)?.inverse().then(&in_root(robot, link)?))
-            };
             let ends = [cycle.predecessor, cycle.successor];
-            let [predecessor, successor] = [on(description, ends[0])?, on(description, ends[1])?];
-            let there = [on(&joints, ends[0])?, on(&joints, ends[1])?];
+            let on = |robot: &Description| {
+                Some([seen_from(robot, ends[0], link)?, seen_from(robot, ends[1], link)?])
+            };
+            let ([predecessor, successor], there) = (on(description)?, on(&joints)?);
             // or the frame of the new zero pose says the same
             let moved =
                 [predecessor.inverse().then(&there[0]), successor.inverse().then(&there[1])];
@@ -78,8 +78,10 @@ pub fn rezeroed(description: &Description, q: &[f64]) -> Option<Description> {
     Some(next)
 }
 
-/// What rounding leaves of the difference of two frames, in metres and radians.
+/// What rounding leaves of the difference of two frames, in metres and radians; and where both are
+/// made of the same numbers.
 const SAME: f64 = 1e-9;
+const MOVED: f64 = 1e-13;
 
 /// True where the rows hold at this pose of the successor's cut frame in the predecessor's: a cut
 /// that is taken at the new zero pose is closed there by construction.
@@ -175,6 +177,52 @@ fn motion(joint: &Joint, q: &[f64]) -> Option<Pose<Dd>> {
         }
         _ => return None,
     })
+}
+
+/// Pose of a link at zero of all joints {another link}.
+fn seen_from(description: &Description, from: usize, link: usize) -> Option<Pose<Dd>> {
+    Some(in_root(description, from)?.inverse().then(&in_root(description, link)?))
+}
+
+/// The link in whose frame at zero a cut lies.
+fn cut_link(description: &Description, cut: &Cut) -> Option<usize> {
+    match cut {
+        Cut::AtJoint(j) => description.joints.get(*j).map(|joint| joint.child),
+        Cut::AtLink(link) => Some(*link),
+        Cut::Placed { .. } => None,
+    }
+}
+
+/// The cut of a loop by its placements on both links, where it lay in a frame of the zero pose.
+pub(crate) fn placed(description: &Description, cycle: &Loop) -> Option<Cut> {
+    let link = cut_link(description, &cycle.cut)?;
+    Some(Cut::Placed {
+        predecessor: placement(&seen_from(description, cycle.predecessor, link)?),
+        successor: placement(&seen_from(description, cycle.successor, link)?),
+    })
+}
+
+/// True where a cut in a frame of the zero pose lies elsewhere on one of its links in the other
+/// description, which differs in origins.
+pub(crate) fn has_moved(description: &Description, other: &Description, cycle: &Loop) -> bool {
+    let Some(link) = cut_link(description, &cycle.cut) else { return false };
+    [cycle.predecessor, cycle.successor].into_iter().any(|end| {
+        let both = seen_from(description, end, link).zip(seen_from(other, end, link));
+        both.is_none_or(|(a, b)| {
+            let by = a.inverse().then(&b);
+            let (R, p) = (by.R.map(Dd::to_f64), by.p.map(Dd::to_f64));
+            (R - nalgebra::Matrix3::identity()).norm() + p.norm() > MOVED
+        })
+    })
+}
+
+/// The origin of a joint whose child stands still at coordinates of it; `None` for coordinates of
+/// another kind.
+pub(crate) fn moved(joint: &Joint, q: &[f64]) -> Option<Placement> {
+    match is_rest(joint.kind, q) {
+        true => Some(joint.origin),
+        false => Some(placement(&pose_of(&joint.origin).then(&motion(joint, q)?))),
+    }
 }
 
 /// Pose of a link at zero {root}.

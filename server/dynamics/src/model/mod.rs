@@ -75,6 +75,9 @@ pub struct Model<C = f64> {
     pub(crate) order: Order,
     /// The closed pose at y = 0, quaternions at rest (n_q).
     pub(crate) zero: Vec<C>,
+    /// The zero pose as it was described, which it is found from: all joints at rest but those of
+    /// [`crate::description::Description::zero_pose`] (n_q).
+    pub(crate) described_zero: Vec<f64>,
     /// Limits that exist, and the effort limit of each actuator.
     pub(crate) limits: Vec<Limit>,
     pub(crate) effort: Vec<f64>,
@@ -198,6 +201,7 @@ impl<C: Copy> Model<C> {
             terms: self.terms.map(f),
             order: self.order.clone(),
             zero: self.zero.iter().map(|x| f(*x)).collect(),
+            described_zero: self.described_zero.clone(),
             limits: self.limits.clone(),
             effort: self.effort.clone(),
         }

@@ -41,7 +41,8 @@ pub(crate) struct Ask {
         long,
         value_name = "NAME",
         group = "SourceFlags",
-        conflicts_with_all = ["submechanisms", "gravity", "lenient", "floating_base"]
+        conflicts_with_all =
+            ["submechanisms", "gravity", "lenient", "floating_base", "lock", "only"]
     )]
     connect: Option<String>,
     #[command(flatten)]

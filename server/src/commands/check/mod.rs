@@ -30,7 +30,7 @@ pub(crate) struct Check {
     format: FormatFlag,
     /// Find a closed pose near the given one and print it; also for files whose loops are open at
     /// the zero pose.
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["lock", "only"])]
     assemble: bool,
     /// The pose: q=X,Y,… in the order of `tree_q`, NAME=X,… (zero elsewhere), or a JSON file: a
     /// list, an object by name, or one with a `q`. Default: the zero pose.
@@ -42,7 +42,7 @@ pub(crate) struct Check {
     weights: Option<Numbers>,
     /// Print a submechanism file instead: independents that determine every joint, and the types
     /// whose closed forms fit; also for files whose independents or types are wrong or missing.
-    #[arg(long, conflicts_with = "assemble")]
+    #[arg(long, conflicts_with_all = ["assemble", "lock", "only"])]
     suggest: bool,
     /// Print what the plan of a request does and leaves out: steps, bodies, clusters, operations,
     /// nanoseconds, bytes. LINE is one of `ask` with its request:

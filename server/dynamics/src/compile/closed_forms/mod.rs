@@ -7,6 +7,7 @@ mod planar;
 mod platform;
 
 use crate::closure::{Closure, Numerical, constraint_residual};
+use crate::compile::couplings::poses_at;
 use crate::compile::geometry::norm;
 use crate::description::SubmechanismKind;
 use crate::mechanism::{Body, Cluster, Cut, CutRow, Dof, Motion};
@@ -54,15 +55,16 @@ impl Form {
     }
 }
 
-/// The closed form of a type on this cluster: `None` for a type without one, `Some(Err)` with what
-/// the cluster lacks for it.
+/// The closed form of a type on this cluster with its coordinates at the zero pose: `None` for a
+/// type without one, `Some(Err)` with what the cluster lacks for it.
 pub(super) fn build(
     kind: SubmechanismKind,
     cluster: &Cluster<Dd>,
     bodies: &[Body<Dd>],
     order: &[usize],
+    zero: &[Dd],
 ) -> Option<Result<Form, String>> {
-    let of = Reading { cluster, bodies, order, zero: zero_poses(cluster, bodies) };
+    let of = Reading::new(cluster, bodies, order, zero);
     let mut form = match kind {
         SubmechanismKind::Rrpr | SubmechanismKind::SliderCrank => planar::read(&of, true),
         SubmechanismKind::FourBar => planar::read(&of, false),
@@ -72,7 +74,7 @@ pub(super) fn build(
         _ => return None,
     };
     if let Ok(form) = &mut form {
-        form.deviations.push(("a loop that is open at zero".into(), Subject::Loop, of.open()));
+        form.deviations.push(("a loop that is open at zero".into(), Subject::Loop, of.open(zero)));
     }
     Some(form)
 }
@@ -82,8 +84,10 @@ pub(super) fn has_change_point(
     cluster: &Cluster<Dd>,
     bodies: &[Body<Dd>],
     order: &[usize],
+    zero: &[Dd],
 ) -> bool {
-    planar::has_change_point(&Reading { cluster, bodies, order, zero: zero_poses(cluster, bodies) })
+    let zero = poses_at(cluster, bodies, zero);
+    planar::has_change_point(&Reading { cluster, bodies, order, zero, is_closed: true })
 }
 
 /// What a closed form is read off.
@@ -92,11 +96,28 @@ struct Reading<'a> {
     bodies: &'a [Body<Dd>],
     /// Local joints in the order in which the submechanism lists them.
     order: &'a [usize],
-    /// Pose of each local body at zero {cluster's parent body}.
+    /// Pose of each local body with all coordinates zero {cluster's parent body}.
     zero: Vec<Pose<Dd>>,
+    /// That is the zero pose, at which the loops are closed.
+    is_closed: bool,
 }
 
-impl Reading<'_> {
+impl<'a> Reading<'a> {
+    /// The cluster with its coordinates at the zero pose.
+    fn new(
+        cluster: &'a Cluster<Dd>,
+        bodies: &'a [Body<Dd>],
+        order: &'a [usize],
+        zero: &[Dd],
+    ) -> Reading<'a> {
+        let mut rest = vec![Dd::ZERO; cluster.n_q];
+        for dof in cluster.dofs.iter().filter(|dof| !dof.single && dof.k == 0) {
+            rest[dof.q + dof.motion.n_q() - 1] = Dd::ONE;
+        }
+        let is_closed = rest == zero;
+        Reading { cluster, bodies, order, zero: poses_at(cluster, bodies, &rest), is_closed }
+    }
+
     /// The independent degrees of freedom from the base to the platform that they carry, each with
     /// its place in y; and the platform's local body.
     fn chain(&self) -> Result<(Vec<(Dof, usize)>, usize), String> {
@@ -150,10 +171,11 @@ impl Reading<'_> {
             .collect()
     }
 
-    /// How far the loops are open at zero: a form takes the cut from one end.
-    fn open(&self) -> f64 {
+    /// How far the loops are open at the zero pose: a form takes the cut from one end.
+    fn open(&self, zero: &[Dd]) -> f64 {
         let mut phi = vec![Dd::ZERO; self.cluster.rows.len()];
-        constraint_residual(self.cluster, &self.zero, &vec![Dd::ZERO; self.cluster.n_q], &mut phi);
+        let pose = poses_at(self.cluster, self.bodies, zero);
+        constraint_residual(self.cluster, &pose, zero, &mut phi);
         let rows = self
             .cluster
             .cuts
@@ -172,17 +194,6 @@ impl Reading<'_> {
             parent => 1 + self.depth(parent - 1),
         }
     }
-}
-
-/// Pose of each local body at zero {cluster's parent body}.
-fn zero_poses(cluster: &Cluster<Dd>, bodies: &[Body<Dd>]) -> Vec<Pose<Dd>> {
-    let mut pose = vec![Pose::identity()];
-    for (j, body) in bodies.iter().enumerate() {
-        let next = pose[cluster.local_parent[j]]
-            .then(&Pose { R: body.R_parent_body, p: body.p_parent_body });
-        pose.push(next);
-    }
-    pose
 }
 
 /// True when the cut is between these two local bodies, either way round.

@@ -46,11 +46,17 @@ pub(super) fn read(of: &Reading<'_>, offsets: bool) -> Result<Form, String> {
         let cut = on(end)
             .filter(|cut| is_ball(cut))
             .ok_or("slider is not held in all directions by the platform or an arm")?;
-        let x_cut = if cut.successor == end { &cut.x_s_cut } else { &cut.x_p_cut };
+        let (x_cut, x_slider) = match cut.successor == end {
+            true => (&cut.x_s_cut, &cut.x_p_cut),
+            false => (&cut.x_p_cut, &cut.x_s_cut),
+        };
         let point = of.zero[end].point(&x_cut.p);
-        let strut = strut(of, joints, &point, offsets, &mut deviations)?;
+        // the leg's own end, where it is not on the platform while all coordinates are zero
+        let tip = if of.is_closed { point } else { of.zero[body].point(&x_slider.p) };
+        let strut = strut(of, joints, &tip, offsets, &mut deviations)?;
         legs.push(match arm {
             None => Leg { strut, pin: of.zero[platform].inverse().point(&point), arm: None },
+            Some(_) if !of.is_closed => return Err("arms are not at rest at the zero pose".into()),
             Some(j) => {
                 let plane =
                     cluster.cuts.iter().find(|cut| cut.predecessor == j + 1 && cut.successor == 0);

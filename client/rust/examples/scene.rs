@@ -1,0 +1,49 @@
+//! What a scene holds still costs nothing: a humanoid as it is, with some of it locked, and one arm
+//! of it alone. Prints what is left of it and the time of an inverse dynamics, each the least of
+//! many rounds in turns.
+
+use std::time::Instant;
+
+use sarrus_client::{Lock, Options, Robot, Source};
+
+/// What is locked, and which links are all that there is.
+const SCENES: [(&str, &[&str], &[&str]); 5] = [
+    ("the whole robot", &[], &[]),
+    ("torso and head locked", &["Body*", "Head*"], &[]),
+    ("and the right arm", &["Body*", "Head*", "AR*"], &[]),
+    ("and both wrists", &["Body*", "Head*", "*Wrist*"], &[]),
+    ("left arm and torso only", &[], &["ALWrist*"]),
+];
+/// Rounds, and calls of each.
+const ROUNDS: usize = 200;
+const CALLS: u32 = 20;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let mut robots = Vec::new();
+    for (name, lock, only) in SCENES {
+        let lock: Vec<Lock> = lock.iter().map(|text| text.parse()).collect::<Result<_, _>>()?;
+        let only = only.iter().map(|link| (*link).to_owned()).collect();
+        let source = Source::Bundled("rh5v2_full".into());
+        let robot = Robot::load(&source, &Options { lock, only, ..Options::default() })?;
+        robots.push((name, robot, f64::INFINITY));
+    }
+    for _ in 0..ROUNDS {
+        for (_, robot, least) in &mut robots {
+            let n_y = robot.model().independent.len();
+            let (y, rate) = (vec![0.1; n_y], vec![0.5; n_y]);
+            let mut tau_u = vec![0.0; robot.model().active.len()];
+            let start = Instant::now();
+            for _ in 0..CALLS {
+                robot.inverse_dynamics(&y, &rate, &rate, &mut tau_u)?;
+            }
+            *least = least.min(start.elapsed().as_secs_f64() / f64::from(CALLS));
+        }
+    }
+    println!("{:<26} {:>6} {:>3} {:>3} {:>9}", "", "joints", "y", "u", "ID");
+    for (name, robot, least) in &robots {
+        let sizes = robot.model().sizes;
+        let (joints, y, u) = (sizes.n_v, sizes.n_vy, sizes.n_u);
+        println!("{name:<26} {joints:>6} {y:>3} {u:>3} {:>6.2} µs", least * 1e6);
+    }
+    Ok(())
+}

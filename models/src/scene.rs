@@ -1,0 +1,259 @@
+//! What a scene does not need of a robot: joints that are held still, and branches that are left
+//! out.
+
+use std::fmt;
+use std::str::FromStr;
+
+use sarrus_dynamics::description::{Description, JointKind};
+use sarrus_dynamics::{CompileError, Reduced, Site, locked, restricted};
+
+use crate::build::Spans;
+use crate::load::Options;
+use crate::nearest::{nearest, nearest_first};
+use crate::report::{Diagnostics, quoted};
+
+/// Letters of a list of names in a message.
+const NAMES: usize = 300;
+
+/// A joint that is held still; as text `JOINT` or `JOINT=POSITION`.
+///
+/// ```
+/// use sarrus_models::Lock;
+///
+/// let lock: Lock = "elbow=-0.5".parse()?;
+/// assert_eq!((lock.joint.as_str(), lock.position), ("elbow", Some(-0.5)));
+/// assert_eq!("leg_*".parse::<Lock>()?.position, None);
+/// # Ok::<(), String>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lock {
+    /// Name of a joint; with `*` (any letters) or `?` (one letter) all independent joints that it
+    /// fits.
+    pub joint: String,
+    /// Where it is held `[m, rad]`; `None`: where it is at the zero pose, or where the loops close
+    /// if other locks determine it.
+    pub position: Option<f64>,
+}
+
+impl FromStr for Lock {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Lock, String> {
+        let (joint, position) = match text.rsplit_once('=') {
+            None => (text, None),
+            Some((joint, number)) => match number.trim().parse::<f64>() {
+                Ok(x) if x.is_finite() => (joint, Some(x)),
+                _ => return Err(format!("{number:?} after = is no finite number")),
+            },
+        };
+        match joint.trim() {
+            "" => Err("expected JOINT or JOINT=VALUE".to_owned()),
+            joint => Ok(Lock { joint: joint.to_owned(), position }),
+        }
+    }
+}
+
+impl fmt::Display for Lock {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.position {
+            None => f.write_str(&self.joint),
+            Some(x) => write!(f, "{}={x}", self.joint),
+        }
+    }
+}
+
+/// The robot less what the scene does not need; `None` after a fault.
+pub(crate) fn reduce(
+    options: &Options,
+    whole: Description,
+    spans: Spans,
+    diagnostics: &mut Diagnostics,
+) -> Option<(Description, Spans)> {
+    let (mut description, mut spans) = (whole, spans);
+    let joints = joints(options, &description, &spans, diagnostics);
+    let links = links(options, &description, &spans, diagnostics);
+    if diagnostics.has_errors() {
+        return None;
+    }
+    let mut reduce =
+        |description: &mut Description, reduced: Result<Reduced, CompileError>| match reduced {
+            Ok(reduced) => {
+                for of in &reduced.warnings {
+                    let (found, expected) = (of.found.clone(), of.expected.clone());
+                    diagnostics.warning(spans.of(of.site), found, expected, of.help.clone());
+                }
+                spans = spans.of_reduced(&reduced);
+                *description = reduced.description;
+                Some(())
+            }
+            Err(error) => {
+                for of in error.errors {
+                    diagnostics.error(spans.of(of.site), of.found, of.expected, of.help);
+                }
+                None
+            }
+        };
+    // a lock by the joint's name, for indices change
+    let joints: Vec<(String, Option<f64>)> =
+        joints.into_iter().map(|(j, at)| (description.joints[j].name.clone(), at)).collect();
+    if !links.is_empty() {
+        let reduced = restricted(&description, &links);
+        reduce(&mut description, reduced)?;
+    }
+    // what is left out already needs no lock
+    let index = |name: &String| description.joints.iter().position(|joint| joint.name == *name);
+    let locks: Vec<sarrus_dynamics::Lock> = joints
+        .iter()
+        .filter_map(|(name, position)| {
+            Some(sarrus_dynamics::Lock { joint: index(name)?, position: *position })
+        })
+        .collect();
+    if !locks.is_empty() {
+        let reduced = locked(&description, &locks);
+        reduce(&mut description, reduced)?;
+    }
+    Some((description, spans))
+}
+
+/// The joints that are held, each with its position.
+fn joints(
+    options: &Options,
+    description: &Description,
+    spans: &Spans,
+    diagnostics: &mut Diagnostics,
+) -> Vec<(usize, Option<f64>)> {
+    let mut found = Vec::new();
+    let robot = spans.of(Site::Robot);
+    let joints = || description.joints.iter().enumerate();
+    let moving = || joints().filter(|(_, joint)| joint.kind != JointKind::Fixed);
+    let independent = || description.submechanisms.iter().flat_map(|of| &of.independent).copied();
+    for lock in &options.lock {
+        let name = lock.joint.as_str();
+        if let Some((j, _)) = joints().find(|(_, joint)| joint.name == name) {
+            found.push((j, lock.position));
+            continue;
+        }
+        let names = || moving().map(|(_, joint)| joint.name.as_str());
+        // a joint of several freedoms is held as a whole, and so is a chain that one joint stands
+        // for
+        let whole = name.rsplit_once('/').map(|(whole, _)| whole);
+        let is_whole = whole.is_some_and(|whole| names().any(|name| name == whole));
+        if let (true, Some(whole)) = (is_whole, whole) {
+            let part = format!("--lock of {}, a part of the joint {}", quoted(name), quoted(whole));
+            let help = format!("write --lock {whole}");
+            diagnostics.error(robot, part, "a joint as a whole", help);
+            continue;
+        }
+        let before = found.len();
+        found.extend(
+            independent()
+                .filter(|j| fits(name, &description.joints[*j].name))
+                .map(|j| (j, lock.position)),
+        );
+        if found.len() > before {
+            continue;
+        }
+        let what = match is_pattern(name) {
+            true => format!("--lock of {}, which no independent joint fits", quoted(name)),
+            false => {
+                let near = nearest(name, names()).map(quoted);
+                let near = near.map_or(String::new(), |near| format!(" (there is {near})"));
+                format!("--lock of the joint {}, which does not exist{near}", quoted(name))
+            }
+        };
+        let known = independent().map(|j| description.joints[j].name.as_str());
+        let known = nearest_first(name, known, NAMES);
+        diagnostics.error(robot, what, "a joint that moves", format!("name one of {known}"));
+    }
+    found
+}
+
+/// The links that the robot is reduced to.
+fn links(
+    options: &Options,
+    description: &Description,
+    spans: &Spans,
+    diagnostics: &mut Diagnostics,
+) -> Vec<usize> {
+    let mut found = Vec::new();
+    let names = || description.links.iter().map(|link| link.name.as_str());
+    for name in &options.only {
+        let before = found.len();
+        match names().position(|link| link == name) {
+            Some(link) => found.push(link),
+            None => found.extend(
+                (0..names().count())
+                    .zip(names())
+                    .filter_map(|(link, known)| fits(name, known).then_some(link)),
+            ),
+        }
+        if found.len() > before {
+            continue;
+        }
+        let near = nearest(name, names()).map(quoted);
+        let near = near.map_or(String::new(), |near| format!(" (there is {near})"));
+        let what = match is_pattern(name) {
+            true => format!("--only {}, which no link fits", quoted(name)),
+            false => format!("--only the link {}, which does not exist{near}", quoted(name)),
+        };
+        let known = nearest_first(name, names(), NAMES);
+        let help = format!("name one of {known}");
+        diagnostics.error(spans.of(Site::Robot), what, "a link of the robot", help);
+    }
+    found
+}
+
+fn is_pattern(name: &str) -> bool {
+    name.contains(['*', '?'])
+}
+
+/// True where a name fits a pattern in which `*` stands for any letters and `?` for one.
+fn fits(pattern: &str, name: &str) -> bool {
+    if !is_pattern(pattern) {
+        return pattern == name;
+    }
+    let (pattern, name): (Vec<char>, Vec<char>) =
+        (pattern.chars().collect(), name.chars().collect());
+    // from the last star on, which takes one letter more each time that the rest does not fit
+    let (mut p, mut n, mut star) = (0, 0, None);
+    while n < name.len() {
+        match pattern.get(p) {
+            Some('*') => {
+                star = Some((p, n));
+                p += 1;
+            }
+            Some(letter) if *letter == '?' || *letter == name[n] => (p, n) = (p + 1, n + 1),
+            _ => match star {
+                Some((at, taken)) => {
+                    star = Some((at, taken + 1));
+                    (p, n) = (at + 1, taken + 1);
+                }
+                None => return false,
+            },
+        }
+    }
+    pattern[p..].iter().all(|letter| *letter == '*')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Lock, fits};
+
+    #[test]
+    fn a_star_is_any_letters_and_a_question_mark_is_one() {
+        assert!(fits("AL*", "ALElbow") && fits("*Elbow", "ALElbow") && fits("*", ""));
+        assert!(fits("A?Elbow", "ARElbow") && fits("A*l*w", "ALElbow"));
+        assert!(!fits("AL*", "BALElbow") && !fits("A?Elbow", "AElbow") && !fits("AL", "ALElbow"));
+    }
+
+    #[test]
+    fn a_lock_is_read_back_as_it_was_written() {
+        for text in ["elbow", "elbow=-0.25", "a=b=1e-3"] {
+            let lock: Lock = text.parse().unwrap();
+            assert_eq!(lock.to_string().parse::<Lock>().unwrap(), lock, "{text}");
+        }
+        for text in ["", "=1", "elbow=", "elbow=x", "elbow=nan", "elbow=inf"] {
+            text.parse::<Lock>().unwrap_err();
+        }
+    }
+}

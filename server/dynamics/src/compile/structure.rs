@@ -1,0 +1,62 @@
+//! Which joints move together, and through which joints each loop goes, without a model.
+
+use crate::compile::assemble::Assembly;
+use crate::compile::canonical;
+use crate::compile::spanning_tree::Skeleton;
+use crate::description::{Description, Loop};
+use crate::diagnostic::CompileError;
+
+/// The joints of a description in clusters.
+pub(crate) struct Structure {
+    /// Joints of each cluster, parents first.
+    pub(crate) clusters: Vec<Vec<usize>>,
+    /// Cluster of each joint; `None` for a fixed one.
+    pub(crate) cluster_of: Vec<Option<usize>>,
+    /// Moving joint that carries each link; `None`: the world.
+    pub(crate) carrier: Vec<Option<usize>>,
+    /// Moving joint below each joint towards the root.
+    pub(crate) parent: Vec<Option<usize>>,
+    /// Loops of each submechanism: those given, or those of its type.
+    pub(crate) loops: Vec<Vec<Loop>>,
+    /// Moving joints between the two ends of each loop.
+    pub(crate) paths: Vec<Vec<Vec<usize>>>,
+}
+
+impl Structure {
+    /// Reads it off a description.
+    ///
+    /// # Errors
+    /// Faults of the structure: joints, owners, loops that nothing defines.
+    pub(crate) fn of(description: &Description) -> Result<Structure, CompileError> {
+        let mut errors = Vec::new();
+        let assembly = Assembly::new(description, &mut errors);
+        let skeleton = Skeleton::new(description).map_err(|fault| errors.push(fault)).ok();
+        let (assembly, skeleton) = match assembly.zip(skeleton) {
+            Some(both) if errors.is_empty() => both,
+            _ => return Err(CompileError { errors, warnings: Vec::new() }),
+        };
+        let clusters = assembly.members;
+        let mut cluster_of = vec![None; description.joints.len()];
+        for (c, joints) in clusters.iter().enumerate() {
+            joints.iter().for_each(|j| cluster_of[*j] = Some(c));
+        }
+        let joint = |m: &Option<usize>| m.map(|m| skeleton.moving[m]);
+        let carrier: Vec<Option<usize>> = skeleton.carrier.iter().map(joint).collect();
+        let parent = description.joints.iter().map(|of| carrier[of.parent]).collect();
+        let loops: Vec<Vec<Loop>> = (0..description.submechanisms.len())
+            .map(|s| canonical::loops(description, s, &mut errors))
+            .collect();
+        let path = |of: &Loop| {
+            let (a, b) = skeleton.path_between(of.predecessor, of.successor);
+            a.into_iter().chain(b).map(|m| skeleton.moving[m]).collect()
+        };
+        let paths = loops.iter().map(|loops| loops.iter().map(path).collect()).collect();
+        Ok(Structure { clusters, cluster_of, carrier, parent, loops, paths })
+    }
+
+    /// True where a loop closes joints of a cluster.
+    pub(crate) fn has_loop(&self, c: usize) -> bool {
+        let of_cluster = |path: &Vec<usize>| path.iter().any(|j| self.cluster_of[*j] == Some(c));
+        self.paths.iter().flatten().any(of_cluster)
+    }
+}

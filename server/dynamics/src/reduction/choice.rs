@@ -1,0 +1,166 @@
+//! Which joints of a mechanism determine it once some of them are held still.
+
+use std::collections::BTreeMap;
+
+use crate::compile::{Structure, suggest_independents};
+use crate::description::{Description, JointKind};
+use crate::diagnostic::{Diagnostic, Site};
+use crate::reduction::pose::{Held, zero_position};
+
+/// What becomes of one cluster.
+pub(super) struct Choice {
+    pub(super) cluster: usize,
+    /// Joints that determine its pose together with the independents, and where they are held;
+    /// of a joint of several freedoms at rest.
+    pub(super) locked: Vec<(usize, f64)>,
+    /// Independents that are left, as declared.
+    pub(super) independent: Vec<usize>,
+    /// Independents that depend on these now.
+    pub(super) dropped: Vec<usize>,
+    /// Several joints move together in it.
+    pub(super) closed: bool,
+}
+
+/// Chooses for a cluster with joints that are held at positions, where these are given; a fault and
+/// `None` where they cannot be held together.
+pub(super) fn choose(
+    description: &Description,
+    structure: &Structure,
+    cluster: usize,
+    held: &BTreeMap<usize, Option<f64>>,
+    errors: &mut Vec<Diagnostic>,
+) -> Option<Choice> {
+    let joints = &structure.clusters[cluster];
+    let declared: Vec<usize> = (description.submechanisms.iter())
+        .flat_map(|of| &of.independent)
+        .copied()
+        .filter(|j| joints.contains(j))
+        .collect();
+    let is_held = |j: &usize| held.contains_key(j);
+    let at_or_zero = |j: usize| (j, held.get(&j).copied().flatten().unwrap_or(0.0));
+    let is_coupled = joints.iter().any(|j| description.joints[*j].coupling.is_some());
+    let closed = joints.len() > 1 || is_coupled || structure.has_loop(cluster);
+    let mut choice = Choice {
+        cluster,
+        locked: Vec::new(),
+        independent: Vec::new(),
+        dropped: Vec::new(),
+        closed,
+    };
+
+    // without a freedom left, or with one less for each independent
+    let no_others = joints.iter().filter(|j| is_held(j)).all(|j| declared.contains(j));
+    if no_others || declared.iter().all(is_held) {
+        let (locked, left): (Vec<usize>, Vec<usize>) = declared.into_iter().partition(is_held);
+        choice.locked = locked.into_iter().map(at_or_zero).collect();
+        choice.independent = left;
+        return Some(choice);
+    }
+
+    // the held ones take the place of independents
+    let locked: Vec<usize> = joints.iter().copied().filter(is_held).collect();
+    let name = |j: &usize| description.joints[*j].name.as_str();
+    let names = |of: &[usize]| of.iter().map(name).collect::<Vec<_>>().join(", ");
+    let mut fault = |joint: usize, found: String, expected: &str| {
+        let (site, expected) = (Site::Joint(joint), expected.into());
+        let help = format!("lock independents instead: {}", names(&declared));
+        errors.push(Diagnostic { site, found, expected, help });
+        None
+    };
+    let several = |j: &&usize| {
+        matches!(description.joints[**j].kind, JointKind::Spherical | JointKind::Floating)
+    };
+    let first = locked.iter().find(|j| !declared.contains(j)).copied().unwrap_or_default();
+    if let Some(j) = locked.iter().chain(&declared).find(several) {
+        let found = format!(
+            "a lock of {}, which depends on {}, beside the joint {} of several freedoms",
+            name(&first),
+            names(&declared),
+            name(j)
+        );
+        return fault(first, found, "independent joints");
+    }
+    let mut trial = description.clone();
+    for of in &mut trial.submechanisms {
+        let own = locked.iter().filter(|j| of.spanning_tree.contains(j)).copied();
+        let others = of.independent.iter().copied().filter(|j| !is_held(j));
+        of.independent = own.chain(others).collect();
+    }
+    let Ok(suggested) = suggest_independents(&trial) else { return None };
+    let chosen: Vec<usize> = suggested.independent.concat();
+    let bound: Vec<usize> = locked.iter().copied().filter(|j| !chosen.contains(j)).collect();
+    if let Some(&joint) = bound.first() {
+        let others: Vec<usize> = locked.iter().copied().filter(|j| chosen.contains(j)).collect();
+        let by = if others.is_empty() { "it never moves".into() } else { names(&others) };
+        let found = format!("a lock of {}, which is held already: {by}", names(&bound));
+        return fault(joint, found, "joints that move independently of each other");
+    }
+    let (left, dropped): (Vec<usize>, Vec<usize>) =
+        (declared.iter().copied()).filter(|j| !is_held(j)).partition(|j| chosen.contains(j));
+    if locked.len() + left.len() != declared.len() {
+        let found = format!("a lock of {} that leaves the others undetermined", names(&locked));
+        return fault(first, found, "independents that determine the mechanism with it");
+    }
+    for j in locked {
+        let at = match held.get(&j).copied().flatten() {
+            Some(at) => at,
+            None => match zero_position(description, j) {
+                Ok(at) => at,
+                Err(error) => {
+                    errors.extend(error.errors);
+                    return None;
+                }
+            },
+        };
+        choice.locked.push((j, at));
+    }
+    (choice.independent, choice.dropped) = (left, dropped);
+    Some(choice)
+}
+
+impl Choice {
+    /// What a user should know of a mechanism that keeps some freedom.
+    pub(super) fn remarks(&self, description: &Description, held: &Held) -> Vec<Diagnostic> {
+        let mut remarks = Vec::new();
+        let (Some(&(first, _)), false) = (self.locked.first(), self.independent.is_empty()) else {
+            return remarks;
+        };
+        let name = |j: &usize| description.joints[*j].name.as_str();
+        let names = |of: &[usize]| of.iter().map(name).collect::<Vec<_>>().join(", ");
+        if !self.dropped.is_empty() {
+            remarks.push(Diagnostic {
+                site: Site::Joint(first),
+                found: format!(
+                    "{} is no independent joint any more: with {} locked it depends on {}",
+                    names(&self.dropped),
+                    names(&self.locked.iter().map(|(j, _)| *j).collect::<Vec<_>>()),
+                    names(&self.independent)
+                ),
+                expected: "locks of independent joints".into(),
+                help: "leave it, or lock the joint that is not to be independent".into(),
+            });
+        }
+        let actuators: Vec<usize> = (description.submechanisms.iter())
+            .flat_map(|of| &of.active)
+            .copied()
+            .filter(|j| held.remaining.contains(&(*j, self.cluster)))
+            .collect();
+        if actuators.len() > self.independent.len() {
+            remarks.push(Diagnostic {
+                site: Site::Joint(first),
+                found: format!(
+                    "{} actuators ({}) that move {} independent joint{} ({})",
+                    actuators.len(),
+                    names(&actuators),
+                    self.independent.len(),
+                    if self.independent.len() == 1 { "" } else { "s" },
+                    names(&self.independent)
+                ),
+                expected: "as many".into(),
+                help: "nothing to do: inverse dynamics shares forces among them by least norm"
+                    .into(),
+            });
+        }
+        remarks
+    }
+}

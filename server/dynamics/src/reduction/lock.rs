@@ -1,0 +1,127 @@
+//! Holding joints still: which, and where.
+
+use std::collections::BTreeMap;
+
+use crate::compile::Structure;
+use crate::description::{Description, JointKind};
+use crate::diagnostic::{CompileError, Diagnostic, Site};
+use crate::reduction::choice::{Choice, choose};
+use crate::reduction::pose::Held;
+use crate::reduction::{Reduced, fold};
+
+/// Deviation from a given position within which a joint that its loops hold counts as there
+/// `[m, rad]`.
+const SAME: f64 = 1e-6;
+
+/// A joint that is held still.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lock {
+    /// Index of the joint in [`Description::joints`].
+    pub joint: usize,
+    /// Its position `[m, rad]`; `None`: where it is at the zero pose, or where its loops close if
+    /// they hold it. A ball joint or a free one can be held at the zero pose only.
+    pub position: Option<f64>,
+}
+
+/// The robot with some joints held still: a later lock of the same joint replaces an earlier one.
+/// Compiles the mechanisms that they are part of; allocates, takes milliseconds.
+///
+/// # Errors
+/// Joints that do not exist or are fixed already; positions that are no numbers; joints that are
+/// held by others already at another position; a mechanism that does not close there; and whatever
+/// is wrong with the robot itself.
+pub fn locked(description: &Description, locks: &[Lock]) -> Result<Reduced, CompileError> {
+    let mut errors = Vec::new();
+    let held: BTreeMap<usize, Option<f64>> = locks
+        .iter()
+        .filter(|lock| is_lockable(description, lock, &mut errors))
+        .map(|lock| (lock.joint, lock.position))
+        .collect();
+    let failed = |errors| Err(CompileError { errors, warnings: Vec::new() });
+    if !errors.is_empty() {
+        return failed(errors);
+    }
+    let structure = Structure::of(description)?;
+    let choices: Vec<Choice> = (0..structure.clusters.len())
+        .filter(|c| structure.clusters[*c].iter().any(|j| held.contains_key(j)))
+        .filter_map(|c| choose(description, &structure, c, &held, &mut errors))
+        .collect();
+    if !errors.is_empty() {
+        return failed(errors);
+    }
+    let found = Held::find(description, &structure, &choices)?;
+
+    // what the loops hold is where they hold it
+    for (&joint, &position) in &held {
+        let Some((position, at)) = position.zip(found.at.get(&joint)) else { continue };
+        if (position - at).abs() > SAME {
+            let name = &description.joints[joint].name;
+            errors.push(Diagnostic {
+                site: Site::Joint(joint),
+                found: format!("the joint {name} locked at {position}, where its loop is open"),
+                expected: format!("{at}, where the loop closes with the other locked joints"),
+                help: "lock it at no position, or one of them less".into(),
+            });
+        }
+    }
+    if !errors.is_empty() {
+        return failed(errors);
+    }
+    let mut warnings = beyond_limits(description, &found);
+    warnings.extend(choices.iter().flat_map(|of| of.remarks(description, &found)));
+    let (mut description, submechanisms) = fold::fold(description, &structure, &choices, &found)?;
+    fold::recognise(&mut description, &found);
+    Ok(Reduced {
+        links: (0..description.links.len()).collect(),
+        joints: (0..description.joints.len()).collect(),
+        submechanisms,
+        description,
+        warnings,
+    })
+}
+
+/// A joint that exists, moves, and can be held at this position.
+fn is_lockable(description: &Description, lock: &Lock, errors: &mut Vec<Diagnostic>) -> bool {
+    let mut fault = |found: String, expected: &str, help: &str| {
+        let (expected, help) = (expected.into(), help.into());
+        errors.push(Diagnostic { site: Site::Joint(lock.joint), found, expected, help });
+        false
+    };
+    let Some(joint) = description.joints.get(lock.joint) else {
+        let found = format!("a lock of joint {} of {}", lock.joint, description.joints.len());
+        return fault(found, "a joint of the robot", "name another");
+    };
+    let name = &joint.name;
+    match (joint.kind, lock.position) {
+        (JointKind::Fixed, _) => fault(
+            format!("a lock of the joint {name}, which is fixed"),
+            "a joint that moves",
+            "leave the lock out",
+        ),
+        (_, Some(x)) if !x.is_finite() => {
+            fault(format!("the joint {name} locked at {x}"), "a finite number", "give a position")
+        }
+        (JointKind::Spherical | JointKind::Floating, Some(x)) if x != 0.0 => fault(
+            format!("the joint {name} of several freedoms locked at {x}"),
+            "no position: it is held where it is at the zero pose",
+            "leave the position out, or write its freedoms as joints of their own",
+        ),
+        _ => true,
+    }
+}
+
+/// Joints that are held beyond their limits.
+fn beyond_limits(description: &Description, held: &Held) -> Vec<Diagnostic> {
+    let beyond = held.at.iter().filter_map(|(&j, &x)| {
+        let joint = &description.joints[j];
+        let limits = joint.limits.filter(|_| joint.kind != JointKind::Continuous)?;
+        // rounding of a file is none
+        (x < limits.lower - SAME || x > limits.upper + SAME).then(|| Diagnostic {
+            site: Site::Joint(j),
+            found: format!("the joint {} held at {x}", joint.name),
+            expected: format!("a position from {} to {}", limits.lower, limits.upper),
+            help: "lock it, or the joints that determine it, within the limits".into(),
+        })
+    });
+    beyond.collect()
+}
