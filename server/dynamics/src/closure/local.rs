@@ -19,6 +19,8 @@ pub(crate) enum Level {
 pub(crate) struct Local<'a, T> {
     /// The closed pose from which a numerical closure continues (n_q).
     pub(crate) start: &'a [T],
+    /// It is the zero pose, because no other was given: seeds may serve.
+    pub(crate) from_zero: bool,
     /// The tree velocity at that pose, where one was given (n_v).
     pub(crate) tangent: Option<&'a [T]>,
     /// Tree coordinates, independents set (n_q).

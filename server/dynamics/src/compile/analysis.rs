@@ -251,6 +251,7 @@ impl<T: Scalar> State<T> {
     fn local<'a>(&'a mut self, scratch: &'a mut Scratch<T>) -> Local<'a, T> {
         Local {
             start: &self.start,
+            from_zero: false,
             tangent: None,
             q: &mut self.q,
             cos_sin: &mut self.cos_sin,

@@ -17,6 +17,7 @@ mod orders;
 mod owners;
 mod rank;
 mod redundant;
+mod seeds;
 mod spanning_tree;
 mod suggest;
 mod terms;
@@ -216,6 +217,11 @@ fn build(
         }
         if let Some(numerical) = model.closures[c].numerical() {
             numerical.turns = turns;
+        }
+    }
+    for (c, seeds) in seeds::find(&model) {
+        if let Some(numerical) = model.closures[c].numerical() {
+            numerical.seeds = Some(seeds);
         }
     }
     model.growth = masses::growth(&model, &exact);

@@ -43,7 +43,7 @@ const CONTRACTION: f64 = 0.3;
 /// Where an attempt starts.
 #[derive(Clone, Copy)]
 pub(super) struct Start<T> {
-    /// The determinant at the old pose, where the first step would not show it.
+    /// The determinant at the old pose, where its sign is to be kept from there on.
     pub(super) branch: Option<T>,
     /// How far the independents are from the old pose, in radians or cluster lengths.
     pub(super) moved: T,
@@ -237,10 +237,7 @@ impl Block {
             (0..m).for_each(|i| scratch.step[i] = column_square(&scratch.A, m, m, i));
         }
         let inverted = self.invert::<T, M>(local);
-        attempt.det = match start.branch {
-            Some(branch) if self.remember => branch,
-            _ => inverted.det,
-        };
+        attempt.det = start.branch.unwrap_or(inverted.det);
         attempt.keeps_branch(&inverted);
         if m > 3 {
             return inverted.gain;
