@@ -32,6 +32,7 @@ mod published;
 mod regressions;
 mod safeguards;
 mod scaling;
+mod seeds;
 mod simulation;
 mod single;
 mod targets;

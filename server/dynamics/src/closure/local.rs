@@ -56,6 +56,8 @@ pub(crate) struct Scratch<T> {
     pub(crate) A: Vec<T>,
     pub(crate) B: Vec<T>,
     pub(crate) inverse: Vec<T>,
+    /// A matrix that may have to be inverted once more.
+    pub(crate) spare: Vec<T>,
     /// Determinant of each block at the pose that Newton's method leaves.
     pub(crate) branch: Vec<T>,
     /// Gain of each block, see [`crate::closure::Outcome::gain`].
@@ -102,6 +104,7 @@ impl<T: Real> Scratch<T> {
             A: of(side * side),
             B: of(side * side),
             inverse: of(side * side),
+            spare: of(side * side),
             branch: of(n),
             gain: of(n),
             step: of(side),

@@ -29,6 +29,7 @@ pub(crate) use leg::Strut;
 pub(crate) use local::{Level, Local, Rate, Scratch};
 pub(crate) use numerical::block::{Block, BlockCut, Blocks, RowKind};
 pub(crate) use numerical::continuation::loses_rank;
+pub(crate) use numerical::elimination::Elimination;
 pub(crate) use numerical::seeds::{Axis, LANES, MOST, Seeds};
 pub(crate) use numerical::{End, Numerical, Turn};
 pub(crate) use outcome::{Outcome, Validity};

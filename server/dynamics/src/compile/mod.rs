@@ -8,6 +8,7 @@ mod canonical;
 mod closed_forms;
 mod couplings;
 mod cuts;
+mod elimination;
 mod geometry;
 mod idle;
 mod masses;

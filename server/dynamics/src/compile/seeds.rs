@@ -105,7 +105,7 @@ impl Table<'_> {
         }
 
         // nodes along each independent
-        let of_table = BYTES / tables / (stride * size_of::<f32>()) >> n;
+        let of_table = (BYTES / tables / (stride * size_of::<f32>())) >> n;
         let of_table = of_table.min(NODES / tables);
         let along = (1..=ALONG[n - 1]).rev().find(|along| along.pow(n as u32) <= of_table)?;
         if along < LEAST_ALONG {
@@ -284,7 +284,7 @@ fn values(
     let (grid, n, m) = (Grid::of_nodes(axes), axes.len(), columns.len());
     let stride = m.next_multiple_of(LANES);
     let at = |number: usize, d: usize, a: usize| ((number << n) + d) * stride + a;
-    let mut values = vec![0.0; grid.len() * stride << n];
+    let mut values = vec![0.0; (grid.len() * stride) << n];
     for (number, node) in nodes.iter().enumerate() {
         let Some(node) = node else { continue };
         for (a, (v, i)) in cluster.dependent.iter().zip(columns).enumerate() {

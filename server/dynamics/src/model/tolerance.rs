@@ -12,13 +12,11 @@ impl<C: Real> Model<C> {
     /// after `steps` steps at the latest (one at least). The pose that is reached then stands, with
     /// status ok, as long as every step was sound: an answer is as good as the tolerance makes it.
     /// Without this a step ends it whose successor would be rounding, and a pose that ten steps do
-    /// not reach is looked for along the path. A request without a guess starts at the zero pose.
-    /// Closed forms have no such end. Allocates.
+    /// not reach is looked for along the path. Closed forms have no such end. Allocates.
     pub fn with_tolerance(&self, tolerance: f64, steps: u32) -> Model<C> {
         let mut model = self.clone();
         for numerical in model.closures.iter_mut().filter_map(Closure::numerical) {
             numerical.end = End { tolerance: Some(tolerance), steps: steps.max(1) };
-            numerical.seeds = None;
         }
         model
     }

@@ -3,17 +3,20 @@
 //! At load the independent rows and the dependent joints of a cluster are sorted into block
 //! triangular form: a block is a smallest set of rows that determines as many joints once the
 //! blocks before it are closed (a leg of a platform, one four-bar of a wrist). A block of up to
-//! three rows is inverted in closed form, a larger one by elimination in an order fixed at load.
+//! three rows is inverted in closed form, a larger one by sparse elimination in an order fixed at
+//! load.
 //! The inverse at the accepted pose gives G and g.
 
 mod bias;
 mod bifurcation;
 pub(super) mod block;
 pub(super) mod continuation;
+pub(super) mod elimination;
 mod inverse;
 mod jacobian;
 mod newton;
 pub(crate) mod seeds;
+mod series;
 
 use std::sync::Arc;
 
@@ -234,7 +237,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
                 rate_of(cluster, bodies, j, local.qd, &scratch.pose, &mut scratch.rate);
             }
             for block in &self.blocks {
-                block.bias(&cluster.cuts, local);
+                block.bias(cluster, local);
             }
         }
         good

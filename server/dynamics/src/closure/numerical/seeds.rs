@@ -59,11 +59,6 @@ impl Seeds {
         self.columns.len().next_multiple_of(LANES)
     }
 
-    /// Bytes of the table.
-    pub(crate) fn size(&self) -> usize {
-        size_of_val(&self.values[..]) + size_of_val(&self.cells[..])
-    }
-
     /// The seed of the independents in `q` into its dependents; false where there is none. `start`
     /// is the zero pose, turned round by whole turns.
     pub(crate) fn find<T: Scalar>(&self, start: &[T], q: &mut [T]) -> bool {
@@ -103,9 +98,10 @@ impl Seeds {
         for (columns, first) in self.columns.chunks(LANES).zip((0..).step_by(LANES)) {
             let mut sum = [0.0; LANES];
             for &(place, weight) in &terms[..count] {
-                let values = &self.values[place + first..place + first + LANES];
-                for (sum, x) in sum.iter_mut().zip(values) {
-                    *sum = f64::from(*x).mul_add(weight, *sum);
+                let values = self.values[place + first..].first_chunk::<LANES>();
+                let values = values.unwrap_or(&[0.0; LANES]);
+                for k in 0..LANES {
+                    sum[k] = f64::from(values[k]).mul_add(weight, sum[k]);
                 }
             }
             for (i, x) in columns.iter().zip(sum) {
