@@ -23,6 +23,10 @@ stewart/analytic/ID
 stewart/numerical/warm/state
 stewart_floating/analytic/ID
 wrist/numerical/warm/state
+wrist/numerical/cold/state
+active_ankle/numerical/warm/state
+active_ankle/numerical/cold/state
+delta/numerical/cold/state
 rh5v2_upper_body/analytic/state
 rh5v2_upper_body/analytic/ID
 rh5v2_upper_body/analytic/FD
@@ -33,6 +37,9 @@ rh5v2_upper_body/numerical/cold/state
 rh5v2_full/hybrid/warm/state
 rh5v2_full/hybrid/warm/ID
 rh5v2_full/hybrid/warm/FD
+rh5v2_full/hybrid/cold/state
+rh5v2_full/hybrid/cold/ID
+rh5v2_full/hybrid/cold/FD
 chain/100/FD
 "
 

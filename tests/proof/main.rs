@@ -34,6 +34,7 @@ mod reduction;
 mod regressions;
 mod safeguards;
 mod scaling;
+mod seeds;
 mod simulation;
 mod single;
 mod targets;

@@ -19,6 +19,8 @@ pub(crate) enum Level {
 pub(crate) struct Local<'a, T> {
     /// The closed pose from which a numerical closure continues (n_q).
     pub(crate) start: &'a [T],
+    /// It is the zero pose, because no other was given: seeds may serve.
+    pub(crate) from_zero: bool,
     /// The tree velocity at that pose, where one was given (n_v).
     pub(crate) tangent: Option<&'a [T]>,
     /// Tree coordinates, independents set (n_q).
@@ -54,6 +56,8 @@ pub(crate) struct Scratch<T> {
     pub(crate) A: Vec<T>,
     pub(crate) B: Vec<T>,
     pub(crate) inverse: Vec<T>,
+    /// A matrix that may have to be inverted once more.
+    pub(crate) spare: Vec<T>,
     /// Determinant of each block at the pose that Newton's method leaves.
     pub(crate) branch: Vec<T>,
     /// Gain of each block, see [`crate::closure::Outcome::gain`].
@@ -100,6 +104,7 @@ impl<T: Real> Scratch<T> {
             A: of(side * side),
             B: of(side * side),
             inverse: of(side * side),
+            spare: of(side * side),
             branch: of(n),
             gain: of(n),
             step: of(side),

@@ -35,7 +35,7 @@ pub(crate) fn interpolate<T: Scalar>(
 
 /// How far the independents of a pose are from those of another, in radians or cluster lengths: the
 /// sum over all of them.
-pub(super) fn distance<T: Scalar>(cluster: &Cluster<T>, from: &[T], to: &[T]) -> T {
+pub(crate) fn distance<T: Scalar>(cluster: &Cluster<T>, from: &[T], to: &[T]) -> T {
     let mut distance = T::ZERO;
     for dof in cluster.independent.iter().map(|v| &cluster.dofs[*v]) {
         if dof.single {

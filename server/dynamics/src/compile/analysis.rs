@@ -127,7 +127,9 @@ pub(super) fn analyse(
     if used.len() < cluster.rows.len() {
         redundant::warn(subject, &cluster, generic, &used, warnings);
     }
-    let blocks = blocks(&cluster, &used, &generic.K);
+    let at_zero = Sample::at(&cluster, bodies, &zero(&cluster));
+    let others: Vec<&[f64]> = samples.iter().chain([&at_zero]).map(|of| &of.K[..]).collect();
+    let blocks = blocks(&cluster, &used, &generic.K, &others);
     Some(Analysis { used, blocks, locked })
 }
 
@@ -246,6 +248,7 @@ impl<T: Scalar> State<T> {
     fn local<'a>(&'a mut self, scratch: &'a mut Scratch<T>) -> Local<'a, T> {
         Local {
             start: &self.start,
+            from_zero: false,
             tangent: None,
             q: &mut self.q,
             cos_sin: &mut self.cos_sin,

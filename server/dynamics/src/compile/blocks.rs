@@ -2,10 +2,18 @@
 //! joints, in the order of solution.
 
 use crate::closure::{Block, BlockCut, Blocks, RowKind};
-use crate::mechanism::{Cluster, Cut, CutRow};
+use crate::compile::elimination;
+use crate::mechanism::{Cluster, Cut, CutRow, Dof};
 
 /// Block triangular form of the used rows against the dependents, in the order of solution.
-pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Blocks {
+///
+/// `K` is that of a generic pose, `others` those at which pivots have to be large enough as well.
+pub(super) fn blocks(
+    cluster: &Cluster<f64>,
+    used: &[usize],
+    K: &[f64],
+    others: &[&[f64]],
+) -> Blocks {
     let (n, m) = (cluster.n_v, cluster.dependent.len());
     let of = |v: usize| cluster.dofs[v];
     // which dependent each row can see
@@ -35,8 +43,10 @@ pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Block
     let mut offset = 0;
     let mut blocks: Vec<Block> = Vec::new();
     for set in sets {
-        let (set_rows, set_columns) =
-            elimination_order(&set, &row_of, |i, a| K[used[i] * n + cluster.dependent[a]]);
+        let (set_rows, set_columns, elimination) =
+            elimination::order(&set, &row_of, &sees, others.len(), |k, i, a| {
+                others[k][used[i] * n + cluster.dependent[a]]
+            });
         let unknowns: Vec<usize> = set_columns.iter().map(|a| cluster.dependent[*a]).collect();
         let mut cuts: Vec<BlockCut> = Vec::new();
         for (i, row) in set_rows.iter().enumerate() {
@@ -71,6 +81,11 @@ pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Block
         }
         for cut in &mut cuts {
             cut.kind = row_kind(&cluster.cuts[cut.cut], &cut.rows);
+            if elimination.is_some() && cut.kind == RowKind::Ball {
+                // the order of elimination is that of the rows as they are
+                let angular = cluster.cuts[cut.cut].angular;
+                cut.kind = if angular { RowKind::Any } else { RowKind::Linear };
+            }
             let unit = |r: usize| {
                 if is_length(cluster, &cluster.cuts[cut.cut].rows[r]) {
                     1.0
@@ -113,9 +128,20 @@ pub(super) fn blocks(cluster: &Cluster<f64>, used: &[usize], K: &[f64]) -> Block
         earlier.sort_unstable();
         earlier.dedup();
         let size = unknowns.len();
-        let unknowns = unknowns.into_iter().map(of).collect();
+        let unknowns: Vec<Dof> = unknowns.into_iter().map(of).collect();
+        let series = series(cluster, &unknowns, &cuts, &bodies);
         let remember = cuts.iter().any(|cut| !one_sided(cut));
-        blocks.push(Block { unknowns, cuts, bodies, before, earlier, offset, remember });
+        blocks.push(Block {
+            unknowns,
+            cuts,
+            bodies,
+            before,
+            earlier,
+            offset,
+            elimination,
+            series,
+            remember,
+        });
         offset += size * size;
     }
     // bodies on the paths to any cut, and those that the blocks leave without a fresh pose
@@ -148,6 +174,34 @@ pub(super) fn is_length(cluster: &Cluster<f64>, row: &CutRow<f64>) -> bool {
 /// the rows: the unknowns move the successor alone, whose cut point the velocities are those of.
 fn one_sided(cut: &BlockCut) -> bool {
     cut.solve.iter().all(|(_, on_successor, _)| *on_successor)
+}
+
+/// Whether up to three joints in series carry one end of the block's only cut, and which: true for
+/// the successor's.
+fn series(
+    cluster: &Cluster<f64>,
+    unknowns: &[Dof],
+    cuts: &[BlockCut],
+    bodies: &[(usize, bool)],
+) -> Option<bool> {
+    let [rows] = cuts else { return None };
+    let cut = &cluster.cuts[rows.cut];
+    let side = rows.solve.first()?.1;
+    let end = if side { cut.successor } else { cut.predecessor };
+    let in_series = unknowns.len() <= 3
+        && unknowns.iter().all(|dof| dof.single)
+        && bodies.iter().map(|(j, _)| *j).eq(unknowns.iter().map(|dof| dof.body))
+        && unknowns.windows(2).all(|pair| cluster.local_parent[pair[1].body] == pair[0].body + 1)
+        && unknowns.last().is_some_and(|dof| dof.body + 1 == end);
+    let one_sided = rows.solve.len() == unknowns.len() && rows.solve.iter().all(|x| x.1 == side);
+    let in_order = rows.rows.iter().enumerate().all(|(k, (_, i))| k == *i);
+    let linear = match rows.kind {
+        RowKind::Ball => true,
+        RowKind::Linear => side,
+        RowKind::Any => false,
+    };
+    (in_series && one_sided && in_order && linear && rows.rows.len() == unknowns.len())
+        .then_some(side)
 }
 
 /// What is common to a block's rows of a cut.
@@ -263,42 +317,4 @@ fn strongly_connected(n: usize, needs: impl Fn(usize) -> Vec<usize>) -> Vec<Vec<
         }
     }
     walk.sets
-}
-
-/// Rows and columns of a block in the order of full pivoting at a generic pose.
-fn elimination_order(
-    set: &[usize],
-    row_of: &[usize],
-    entry: impl Fn(usize, usize) -> f64,
-) -> (Vec<usize>, Vec<usize>) {
-    let mut rows: Vec<usize> = set.iter().map(|a| row_of[*a]).collect();
-    let mut columns = set.to_vec();
-    rows.sort_unstable();
-    let m = set.len();
-    if m <= 3 {
-        return (rows, columns);
-    }
-    let mut A: Vec<Vec<f64>> =
-        rows.iter().map(|i| columns.iter().map(|a| entry(*i, *a)).collect()).collect();
-    for k in 0..m {
-        let (mut p, mut q) = (k, k);
-        for i in k..m {
-            for j in k..m {
-                if A[i][j].abs() > A[p][q].abs() {
-                    (p, q) = (i, j);
-                }
-            }
-        }
-        A.swap(k, p);
-        rows.swap(k, p);
-        A.iter_mut().for_each(|row| row.swap(k, q));
-        columns.swap(k, q);
-        for i in k + 1..m {
-            let l = A[i][k] / A[k][k];
-            for j in k..m {
-                A[i][j] -= l * A[k][j];
-            }
-        }
-    }
-    (rows, columns)
 }

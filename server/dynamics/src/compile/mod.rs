@@ -8,6 +8,7 @@ mod canonical;
 mod closed_forms;
 mod couplings;
 mod cuts;
+mod elimination;
 mod geometry;
 mod idle;
 mod masses;
@@ -17,6 +18,7 @@ mod orders;
 mod owners;
 mod rank;
 mod redundant;
+mod seeds;
 mod spanning_tree;
 mod structure;
 mod suggest;
@@ -222,6 +224,11 @@ fn build(
         }
         if let Some(numerical) = model.closures[c].numerical() {
             numerical.turns = turns;
+        }
+    }
+    for (c, seeds) in seeds::find(&model) {
+        if let Some(numerical) = model.closures[c].numerical() {
+            numerical.seeds = Some(seeds);
         }
     }
     model.growth = masses::growth(&model, &exact);

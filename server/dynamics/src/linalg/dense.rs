@@ -113,7 +113,7 @@ fn exchange<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize, k: usize) -
 
 /// Clears column k below its pivot, which becomes its inverse.
 #[inline(always)]
-fn eliminate<T: Real>(A: &mut [T], B: &mut [T], m: usize, n: usize, k: usize) {
+pub(crate) fn eliminate<T: Real>(A: &mut [T], B: &mut [T], m: usize, n: usize, k: usize) {
     let inverse = T::ONE / A[k * m + k];
     for i in k + 1..m {
         let l = -(A[i * m + k] * inverse);
@@ -129,7 +129,7 @@ fn eliminate<T: Real>(A: &mut [T], B: &mut [T], m: usize, n: usize, k: usize) {
 
 /// Solves the upper triangle that [`eliminate`] left.
 #[inline(always)]
-fn substitute_back<T: Real>(A: &[T], B: &mut [T], m: usize, n: usize) {
+pub(crate) fn substitute_back<T: Real>(A: &[T], B: &mut [T], m: usize, n: usize) {
     for k in (0..m).rev() {
         for j in 0..n {
             let mut x = B[k * n + j];

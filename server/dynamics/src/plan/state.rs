@@ -166,7 +166,8 @@ impl Plan {
             from_actuators(model, c, ws, report)?
         } else {
             let level = if self.actuated_rates() { Level::Velocity } else { self.steps.level };
-            (ws.close(model, c, level), 1.0)
+            let guess = self.given.slot(Field::Q).or(self.given.slot(Field::QGuess));
+            (ws.close_from(model, c, level, guess.is_none()), 1.0)
         };
         report.iterations += outcome.iterations;
         if outcome.status != Status::Ok {

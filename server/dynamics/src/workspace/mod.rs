@@ -140,6 +140,7 @@ impl<T: Scalar> Workspace<T> {
         let (q, v) = (cluster.coordinates(), cluster.velocities());
         Local {
             start: &self.start[q.clone()],
+            from_zero: false,
             tangent: self.tangent.then_some(&self.start_rate[v.clone()]),
             q: &mut self.q[q],
             cos_sin: &mut self.cos_sin[cluster.bodies()],
@@ -164,13 +165,25 @@ impl<T: Scalar> Workspace<T> {
 
     /// Closes cluster c of a model down to a level, as [`crate::closure::Closure::close`] does.
     pub(crate) fn close(&mut self, model: &Model<T>, c: usize, level: Level) -> Outcome {
+        self.close_from(model, c, level, false)
+    }
+
+    /// The same; with `zero` where the start is the model's zero pose, because no other was given.
+    pub(crate) fn close_from(
+        &mut self,
+        model: &Model<T>,
+        c: usize,
+        level: Level,
+        zero: bool,
+    ) -> Outcome {
         let cluster = &model.clusters[c];
         if let Closure::Numerical(numerical) = &model.closures[c] {
             let at = cluster.coordinates();
             let (start, q) = (&mut self.start[at.clone()], &self.q[at]);
             numerical.turns.iter().for_each(|turn| turn.bring(start, q));
         }
-        model.closures[c].close(cluster, model.bodies_of(cluster), &mut self.local(cluster), level)
+        let mut local = Local { from_zero: zero, ..self.local(cluster) };
+        model.closures[c].close(cluster, model.bodies_of(cluster), &mut local, level)
     }
 
     /// True where it was made for this model.

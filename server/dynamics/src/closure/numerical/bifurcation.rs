@@ -5,7 +5,7 @@
 
 use sarrus_proto::Status;
 
-use crate::closure::numerical::{Numerical, continuation};
+use crate::closure::numerical::{Branches, Numerical, continuation};
 use crate::closure::{Local, Outcome};
 use crate::mechanism::{Body, Cluster};
 use crate::scalar::Scalar;
@@ -41,7 +41,7 @@ pub(in crate::closure) fn follow_or_bifurcate<T: Scalar>(
     };
     let dependents = || cluster.dependent.iter().map(|v| (&cluster.dofs[*v], tangent[*v] * share));
     dependents().for_each(|(dof, step)| dof.advance(local.q, step));
-    let (good, count) = numerical.newton(cluster, bodies, local, false, T::ZERO);
+    let (good, count) = numerical.newton(cluster, bodies, local, Branches::Unknown, T::ZERO);
 
     // how far Newton's method went from where the tangent led, against the distance
     let (mut off, mut distance) = (T::ZERO, T::ZERO);

@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use crate::closure::Local;
 use crate::closure::constraint::rows::{CutState, place};
+use crate::closure::numerical::elimination::Elimination;
 use crate::closure::numerical::inverse::{ANY, Inverted, accurate, inverse_square_sine, invert};
 use crate::linalg::column_square;
 use crate::mechanism::{Body, Cluster, Cut, Dof, single_pose};
@@ -37,6 +38,11 @@ pub(crate) struct Block {
     pub(crate) earlier: Vec<usize>,
     /// Where its inverse lies in the scratch.
     pub(crate) offset: usize,
+    /// Its zeros, of more than three rows.
+    pub(crate) elimination: Option<Elimination>,
+    /// Where up to three unknowns are joints in series that carry one end of the only cut, whose
+    /// rows are linear: whether that is the successor's.
+    pub(crate) series: Option<bool>,
     /// True when the determinant at the old unknowns changes with the new y, so that the first step
     /// does not show its old sign.
     pub(crate) remember: bool,
@@ -116,7 +122,10 @@ impl Block {
         }
         let squares = &mut scratch.step[..m];
         squares.iter_mut().enumerate().for_each(|(i, x)| *x = column_square(A, m, m, i));
-        let inverted = invert::<T, M>(A, inverse, m);
+        let inverted = match &self.elimination {
+            Some(elimination) => elimination.invert(A, inverse, &mut scratch.spare),
+            None => invert::<T, M>(A, inverse, m),
+        };
         let gain = inverse_square_sine(inverse, squares, m);
         Inverted { accurate: accurate(T::ONE, gain), gain, ..inverted }
     }

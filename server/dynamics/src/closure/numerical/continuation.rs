@@ -3,7 +3,7 @@
 
 use sarrus_proto::Status;
 
-use crate::closure::numerical::Numerical;
+use crate::closure::numerical::{Branches, Numerical};
 use crate::closure::path::distance;
 use crate::closure::{
     Level, Local, Outcome, Scratch, column_unit, constraint_jacobian, constraint_residual,
@@ -53,7 +53,7 @@ pub(in crate::closure) fn follow<T: Scalar>(
     local.scratch.last[..n].copy_from_slice(local.start);
     // a guess that is not quite closed is closed first, at its own y
     numerical.remember(cluster, bodies, local);
-    let (closed, count) = numerical.newton(cluster, bodies, local, true, T::ZERO);
+    let (closed, count) = numerical.newton(cluster, bodies, local, Branches::Remembered, T::ZERO);
     iterations += count;
     if !closed {
         local.q.copy_from_slice(local.start);
@@ -76,8 +76,13 @@ pub(in crate::closure) fn follow<T: Scalar>(
         for &j in &cluster.dependent_q {
             local.q[j] = local.scratch.last[j];
         }
-        let (good, count) =
-            numerical.newton(cluster, bodies, local, true, whole * T::from_f64(next - at));
+        let (good, count) = numerical.newton(
+            cluster,
+            bodies,
+            local,
+            Branches::Remembered,
+            whole * T::from_f64(next - at),
+        );
         iterations += count;
         let gap = if good { redundant_gap(cluster, local) } else { T::ZERO };
         if good && holds(gap) && leads_on && goes_straight(numerical, cluster, local) {

@@ -22,6 +22,11 @@ pub(in crate::closure) fn accurate<T: Real>(square: T, size: T) -> T::Mask {
     (size * size * size * T::from_f64(floor * floor)).lt(square * square * square)
 }
 
+/// Least pivot of a wide block against the largest entry of its row.
+pub(super) const fn least_pivot<T: Real>() -> f64 {
+    SINGULAR.max(PIVOT_ROUNDINGS * T::EPSILON)
+}
+
 /// What came of an inversion.
 pub(in crate::closure) struct Inverted<T: Real> {
     /// Where the inverse means something.
@@ -100,13 +105,7 @@ pub(in crate::closure) fn invert<T: Real, const M: usize>(
             for (k, x) in inverse.iter_mut().enumerate() {
                 *x = if k / m == k % m { T::ONE } else { T::ZERO };
             }
-            let (sound, det) = solve_unpivoted(
-                A,
-                inverse,
-                m,
-                m,
-                const { SINGULAR.max(PIVOT_ROUNDINGS * T::EPSILON) },
-            );
+            let (sound, det) = solve_unpivoted(A, inverse, m, m, least_pivot::<T>());
             Inverted { sound, accurate: T::Mask::splat(true), gain: T::ONE, det }
         }
     }

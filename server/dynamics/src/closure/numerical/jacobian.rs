@@ -2,6 +2,7 @@
 
 use crate::closure::numerical::block::{Block, RowsAt, by_width};
 use crate::closure::numerical::inverse::Inverted;
+use crate::closure::numerical::series::INDEPENDENTS;
 use crate::closure::{Level, Local, column_unit};
 use crate::mechanism::Cluster;
 use crate::scalar::Real;
@@ -17,6 +18,13 @@ impl Block {
         local: &mut Local<'_, T>,
         level: Level,
     ) -> (T::Mask, T) {
+        if self.series.is_some() && cluster.n_vy <= INDEPENDENTS {
+            return match self.unknowns.len() {
+                1 => self.jacobian_in_series::<T, 1>(cluster, local, level),
+                2 => self.jacobian_in_series::<T, 2>(cluster, local, level),
+                _ => self.jacobian_in_series::<T, 3>(cluster, local, level),
+            };
+        }
         by_width!(self.jacobian_of_width(cluster, local, level))
     }
 

@@ -3,16 +3,22 @@
 //! At load the independent rows and the dependent joints of a cluster are sorted into block
 //! triangular form: a block is a smallest set of rows that determines as many joints once the
 //! blocks before it are closed (a leg of a platform, one four-bar of a wrist). A block of up to
-//! three rows is inverted in closed form, a larger one by elimination in an order fixed at load.
+//! three rows is inverted in closed form, a larger one by sparse elimination in an order fixed at
+//! load.
 //! The inverse at the accepted pose gives G and g.
 
 mod bias;
 mod bifurcation;
 pub(super) mod block;
 pub(super) mod continuation;
+pub(super) mod elimination;
 mod inverse;
 mod jacobian;
 mod newton;
+pub(crate) mod seeds;
+mod series;
+
+use std::sync::Arc;
 
 use sarrus_proto::Status;
 
@@ -20,6 +26,7 @@ use crate::closure::constraint::rates::rate_of;
 use crate::closure::constraint::rows::{cos_sin_of, local_poses, place};
 use crate::closure::numerical::block::{Block, Blocks};
 use crate::closure::numerical::newton::Start;
+use crate::closure::numerical::seeds::Seeds;
 use crate::closure::path::distance;
 use crate::closure::{Level, Local, Outcome, Rate};
 use crate::mechanism::{Body, Cluster, Dof, Motion};
@@ -39,6 +46,17 @@ pub(crate) struct End {
     pub(crate) steps: u32,
 }
 
+/// Which determinants' signs an attempt has to keep besides those of its own steps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::closure) enum Branches {
+    /// None.
+    Unknown,
+    /// Those in the scratch of the blocks whose first step would not show their old sign.
+    Remembered,
+    /// Those in the scratch of all blocks.
+    All,
+}
+
 /// The blocks of a cluster in the order in which they are closed.
 #[derive(Clone, Debug)]
 pub(crate) struct Numerical<C> {
@@ -51,6 +69,8 @@ pub(crate) struct Numerical<C> {
     pub(crate) zero: Vec<C>,
     /// What turns round with an independent joint that can.
     pub(crate) turns: Vec<Turn>,
+    /// Closed poses near which a request without a guess can start.
+    pub(crate) seeds: Option<Arc<Seeds>>,
     pub(crate) end: End,
     /// Two assemblies can meet: every way is followed along its tangent.
     pub(crate) meets: bool,
@@ -89,6 +109,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
             after,
             zero,
             turns: Vec::new(),
+            seeds: None,
             end: End { tolerance: None, steps: STEPS },
             meets: false,
         }
@@ -108,6 +129,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
             after: self.after.clone(),
             zero: self.zero.iter().map(|x| f(*x)).collect(),
             turns: self.turns.clone(),
+            seeds: self.seeds.clone(),
             end: self.end,
             meets: self.meets,
         }
@@ -115,15 +137,14 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
 
     /// Closes every block from the dependents in `local.q`; poses on the paths to all cuts are
     /// fresh after a good end. The mask tells which lanes converged without a doubtful step and
-    /// without a change of sign of any block's determinant, against [`Numerical::remember`] if
-    /// `remembered`; `moved` is how far the independents are from the pose that the dependents are
+    /// without a change of sign of any block's determinant; `moved` is how far the independents are from the pose that the dependents are
     /// of.
     pub(in crate::closure) fn newton<T: Real<Const = C>>(
         &self,
         cluster: &Cluster<C>,
         bodies: &[Body<C>],
         local: &mut Local<'_, T>,
-        remembered: bool,
+        branches: Branches,
         moved: T,
     ) -> (T::Mask, u32) {
         local.scratch.pose[0] = Pose::identity();
@@ -138,7 +159,11 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
             for &j in &block.before {
                 place(cluster, bodies, j, local.q, local.cos_sin, &mut local.scratch.pose);
             }
-            let branch = remembered.then_some(local.scratch.branch[b]);
+            let branch = match branches {
+                Branches::All => Some(local.scratch.branch[b]),
+                Branches::Remembered if block.remember => Some(local.scratch.branch[b]),
+                _ => None,
+            };
             let start = Start { branch, moved };
             let (fine, count, own) = block.newton(cluster, bodies, local, start, self.end);
             block.multiply_gain(b, own, &mut local.scratch.gain);
@@ -212,7 +237,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
                 rate_of(cluster, bodies, j, local.qd, &scratch.pose, &mut scratch.rate);
             }
             for block in &self.blocks {
-                block.bias(&cluster.cuts, local);
+                block.bias(cluster, local);
             }
         }
         good
@@ -231,11 +256,21 @@ impl<C: Scalar> Numerical<C> {
         for &i in &cluster.dependent_q {
             local.q[i] = local.start[i];
         }
+        if local.from_zero
+            && let Some(seeds) = &self.seeds
+        {
+            if let Some(outcome) = self.close_from(seeds, cluster, bodies, local) {
+                return self.differentiate(cluster, bodies, local, level, outcome);
+            }
+            for &i in &cluster.dependent_q {
+                local.q[i] = local.start[i];
+            }
+        }
         let (good, iterations) = if self.meets {
             (false, 0)
         } else {
             let moved = distance(cluster, local.start, local.q);
-            self.newton(cluster, bodies, local, false, moved)
+            self.newton(cluster, bodies, local, Branches::Unknown, moved)
         };
         let gap = if good { continuation::redundant_gap(cluster, local) } else { C::ZERO };
         let outcome = if good && continuation::holds(gap) {
@@ -250,6 +285,55 @@ impl<C: Scalar> Numerical<C> {
         }
     }
 
+    /// One attempt from a seed, if there is one.
+    fn close_from(
+        &self,
+        seeds: &Seeds,
+        cluster: &Cluster<C>,
+        bodies: &[Body<C>],
+        local: &mut Local<'_, C>,
+    ) -> Option<Outcome> {
+        if !seeds.find(local.start, local.q) {
+            return None;
+        }
+        for (branch, sign) in local.scratch.branch.iter_mut().zip(&seeds.signs) {
+            *branch = C::from_f64(*sign);
+        }
+        self.attempt(cluster, bodies, local, C::ZERO)
+    }
+
+    /// One straight attempt from the dependents in `local.q`, on the branch whose signs of
+    /// determinants are in the scratch; the independents have moved so far from the pose that the
+    /// dependents are of.
+    pub(crate) fn attempt(
+        &self,
+        cluster: &Cluster<C>,
+        bodies: &[Body<C>],
+        local: &mut Local<'_, C>,
+        moved: C,
+    ) -> Option<Outcome> {
+        let (good, iterations) = self.newton(cluster, bodies, local, Branches::All, moved);
+        if !good {
+            return None;
+        }
+        let gap = continuation::redundant_gap(cluster, local);
+        let outcome = Outcome { open: gap.to_f64(), ..Outcome::closed(iterations) };
+        continuation::holds(gap).then_some(outcome)
+    }
+
+    /// Determinant of each block at the closed pose in `local.q`, into the scratch.
+    pub(crate) fn determinants(
+        &self,
+        cluster: &Cluster<C>,
+        bodies: &[Body<C>],
+        local: &mut Local<'_, C>,
+    ) {
+        local_poses(cluster, bodies, local.q, local.cos_sin, &mut local.scratch.pose);
+        for (b, block) in self.blocks.iter().enumerate() {
+            local.scratch.branch[b] = block.determinant(cluster, local);
+        }
+    }
+
     /// Newton steps from a closed form's answer, on its branch.
     pub(crate) fn polish(
         &self,
@@ -258,7 +342,7 @@ impl<C: Scalar> Numerical<C> {
         local: &mut Local<'_, C>,
     ) -> Outcome {
         self.remember(cluster, bodies, local);
-        let (good, iterations) = self.newton(cluster, bodies, local, true, C::ZERO);
+        let (good, iterations) = self.newton(cluster, bodies, local, Branches::Remembered, C::ZERO);
         if good {
             let open = continuation::redundant_gap(cluster, local).to_f64();
             Outcome { open, ..Outcome::closed(iterations) }

@@ -43,26 +43,26 @@ const CONTRACTION: f64 = 0.3;
 /// Where an attempt starts.
 #[derive(Clone, Copy)]
 pub(super) struct Start<T> {
-    /// The determinant at the old pose, where the first step would not show it.
+    /// The determinant at the old pose, where its sign is to be kept from there on.
     pub(super) branch: Option<T>,
     /// How far the independents are from the old pose, in radians or cluster lengths.
     pub(super) moved: T,
 }
 
 /// The thresholds of one attempt.
-struct Thresholds<T> {
+pub(super) struct Thresholds<T> {
     /// Size of a step after which what the next would leave is rounding.
-    last: T,
+    pub(super) last: T,
     /// Size of the step, and residual, that end the attempt.
-    end: T,
-    floor: T,
+    pub(super) end: T,
+    pub(super) floor: T,
     /// Size of a step after which its inverse serves again.
-    chord: T,
+    pub(super) chord: T,
 }
 
 impl<T: Real> Thresholds<T> {
     #[inline(always)]
-    fn new(length: f64, end: End) -> Thresholds<T> {
+    pub(super) fn new(length: f64, end: End) -> Thresholds<T> {
         let last = T::from_f64(0.1 * T::EPSILON.sqrt());
         Thresholds {
             last,
@@ -74,20 +74,20 @@ impl<T: Real> Thresholds<T> {
 }
 
 /// An attempt under way.
-struct Attempt<T: Real> {
+pub(super) struct Attempt<T: Real> {
     /// Lanes whose every step was accepted, and lanes that have converged.
-    good: T::Mask,
-    done: T::Mask,
+    pub(super) good: T::Mask,
+    pub(super) done: T::Mask,
     /// Size of the last step, and the determinant of the last inverse.
-    size: T,
-    det: T,
+    pub(super) size: T,
+    pub(super) det: T,
     /// 1/sin² of what vanishes at a singular pose, at the last inverse.
-    gain: T,
+    pub(super) gain: T,
 }
 
 impl<T: Real> Attempt<T> {
     #[inline(always)]
-    fn new() -> Attempt<T> {
+    pub(super) fn new() -> Attempt<T> {
         Attempt {
             good: T::Mask::splat(true),
             done: T::Mask::splat(false),
@@ -99,7 +99,7 @@ impl<T: Real> Attempt<T> {
 
     /// Assembly branch: det A keeps its sign.
     #[inline(always)]
-    fn keeps_branch(&mut self, inverted: &Inverted<T>) {
+    pub(super) fn keeps_branch(&mut self, inverted: &Inverted<T>) {
         let same = T::ZERO.lt(inverted.det * self.det);
         self.det = inverted.det;
         self.good = self.good & (self.done | (inverted.sound & same));
@@ -108,7 +108,7 @@ impl<T: Real> Attempt<T> {
     /// Trust region: the first step and the independents stay well within the distance to the
     /// nearest singular pose.
     #[inline(always)]
-    fn trusts(&mut self, size: T, moved: T, inverse_square_sine: T) {
+    pub(super) fn trusts(&mut self, size: T, moved: T, inverse_square_sine: T) {
         let distance = T::select(size.lt(moved), moved, size);
         self.good = self.good
             & size.lt(T::from_f64(TRUST))
@@ -117,7 +117,13 @@ impl<T: Real> Attempt<T> {
 
     /// Contraction, and whether the attempt has come to its end.
     #[inline(always)]
-    fn contracts(&mut self, size: T, residual: T, thresholds: &Thresholds<T>, tolerant: bool) {
+    pub(super) fn contracts(
+        &mut self,
+        size: T,
+        residual: T,
+        thresholds: &Thresholds<T>,
+        tolerant: bool,
+    ) {
         let contracts = size.lt(self.size * T::from_f64(CONTRACTION));
         let mut at_floor = size.lt(thresholds.end) | residual.lt(thresholds.floor);
         if tolerant {
@@ -142,6 +148,13 @@ impl Block {
         start: Start<T>,
         end: End,
     ) -> (T::Mask, u32, T) {
+        if self.series.is_some() {
+            return match self.unknowns.len() {
+                1 => self.newton_in_series::<T, 1>(cluster, bodies, local, start, end),
+                2 => self.newton_in_series::<T, 2>(cluster, bodies, local, start, end),
+                _ => self.newton_in_series::<T, 3>(cluster, bodies, local, start, end),
+            };
+        }
         by_width!(self.newton_of_width(cluster, bodies, local, start, end))
     }
 
@@ -217,8 +230,12 @@ impl Block {
     /// The same of one row: its lever against the length of the cluster.
     #[inline(always)]
     fn lever_gain<T: Real>(&self, cluster: &Cluster<T::Const>, local: &Local<'_, T>) -> T {
+        self.lever_gain_of(cluster, local.scratch.inverse[self.offset])
+    }
+
+    #[inline(always)]
+    pub(super) fn lever_gain_of<T: Real>(&self, cluster: &Cluster<T::Const>, inverse: T) -> T {
         let slides = self.unknowns[0].slides();
-        let inverse = local.scratch.inverse[self.offset];
         let inverse = if slides { inverse } else { inverse * T::from_f64(cluster.length) };
         inverse * inverse
     }
@@ -237,10 +254,7 @@ impl Block {
             (0..m).for_each(|i| scratch.step[i] = column_square(&scratch.A, m, m, i));
         }
         let inverted = self.invert::<T, M>(local);
-        attempt.det = match start.branch {
-            Some(branch) if self.remember => branch,
-            _ => inverted.det,
-        };
+        attempt.det = start.branch.unwrap_or(inverted.det);
         attempt.keeps_branch(&inverted);
         if m > 3 {
             return inverted.gain;

@@ -1,0 +1,302 @@
+//! Newton's method, G and g of a block whose unknowns are joints in series, each on the one before,
+//! that carry one end of its only cut while the other end stands still: a leg with a ball at its
+//! end, a crank and its slider. The same equations, thresholds and order of steps as for any block
+//! ([`super::newton`], [`super::jacobian`], [`super::bias`]), with everything in variables of fixed size.
+
+use core::array::from_fn;
+
+use nalgebra::Vector3;
+
+use crate::closure::constraint::rows::{base, cos_sin_of};
+use crate::closure::numerical::End;
+use crate::closure::numerical::block::{Block, RowKind};
+use crate::closure::numerical::inverse::{Inverted, inverse_square_sine, invert};
+use crate::closure::numerical::newton::{Attempt, Start, Thresholds};
+use crate::closure::{Level, Local, column_unit};
+use crate::linalg::column_square;
+use crate::mechanism::{Body, Cluster, Dof, Motion, single_pose};
+use crate::scalar::{Mask, Real};
+use crate::spatial::{Pose, cross, cross_add, dot, lift, lift_mat, mul};
+
+/// Most independents of a cluster whose G is written in fixed size.
+pub(crate) const INDEPENDENTS: usize = 4;
+/// Room for a matrix of three rows.
+const NINE: usize = 9;
+
+/// The end of the cut that stands still.
+struct Ends<T, const M: usize> {
+    /// The joints carry the successor.
+    on_successor: bool,
+    /// The point that stands still, and the other one {its body}.
+    fixed: Vector3<T>,
+    tip: Vector3<T>,
+    /// Directions of the rows; none of a ball, whose rows are the axes.
+    directions: Option<[Vector3<T>; M]>,
+}
+
+impl<T: Real, const M: usize> Ends<T, M> {
+    #[inline(always)]
+    fn new(
+        block: &Block,
+        on_successor: bool,
+        cluster: &Cluster<T::Const>,
+        pose: &[Pose<T>],
+    ) -> Ends<T, M> {
+        let rows = &block.cuts[0];
+        let cut = &cluster.cuts[rows.cut];
+        let (fixed, tip) = if on_successor {
+            (pose[cut.predecessor].point(&lift(&cut.x_p_cut.p)), lift(&cut.x_s_cut.p))
+        } else {
+            (pose[cut.successor].point(&lift(&cut.x_s_cut.p)), lift(&cut.x_p_cut.p))
+        };
+        let R_p = &pose[cut.predecessor].R;
+        let directions = (rows.kind == RowKind::Linear)
+            .then(|| from_fn(|k| mul(R_p, &lift(&cut.rows[rows.rows[k].0].linear_p))));
+        Ends { on_successor, fixed, tip, directions }
+    }
+
+    /// Along the rows.
+    #[inline(always)]
+    fn along(&self, x: &Vector3<T>) -> [T; M] {
+        match &self.directions {
+            None => from_fn(|k| x[k]),
+            Some(directions) => from_fn(|k| dot(&directions[k], x)),
+        }
+    }
+
+    /// φ, and the origin of S, where the tip is there.
+    #[inline(always)]
+    fn residual(&self, tip: &Vector3<T>) -> ([T; M], Vector3<T>) {
+        if self.on_successor {
+            (self.along(&(tip - self.fixed)), *tip)
+        } else {
+            (self.along(&(self.fixed - tip)), self.fixed)
+        }
+    }
+
+    /// Entries of K in the column of a degree of freedom.
+    #[inline(always)]
+    fn column(&self, dof: &Dof, pose: &Pose<T>, point: &Vector3<T>, on_successor: bool) -> [T; M] {
+        let z = dof.axis(&pose.R);
+        let v = if dof.slides() { z } else { cross(&z, &(point - pose.p)) };
+        self.along(&if on_successor { v } else { -v })
+    }
+}
+
+/// The joints and their bodies.
+struct Series<T: Real, const M: usize> {
+    q: [T; M],
+    cos_sin: [(T, T); M],
+    pose: [Pose<T>; M],
+}
+
+impl<T: Real, const M: usize> Series<T, M> {
+    /// Poses from coordinates and their cosines and sines; the first body's from that at zero of
+    /// its joint.
+    #[inline(always)]
+    fn place(&mut self, block: &Block, bodies: &[Body<T::Const>], first: &Pose<T>) {
+        for a in 0..M {
+            let body = &bodies[block.unknowns[a].body];
+            let (q, cos_sin) = (self.q[a], self.cos_sin[a]);
+            self.pose[a] = if a == 0 {
+                single_pose(body, first, q, cos_sin)
+            } else {
+                let at_zero =
+                    Pose { R: lift_mat(&body.R_parent_body), p: lift(&body.p_parent_body) };
+                single_pose(body, &self.pose[a - 1].then(&at_zero), q, cos_sin)
+            };
+        }
+    }
+}
+
+impl Block {
+    /// [`Block::newton`] of joints in series.
+    pub(super) fn newton_in_series<T: Real, const M: usize>(
+        &self,
+        cluster: &Cluster<T::Const>,
+        bodies: &[Body<T::Const>],
+        local: &mut Local<'_, T>,
+        start: Start<T>,
+        end: End,
+    ) -> (T::Mask, u32, T) {
+        let thresholds = Thresholds::<T>::new(cluster.length, end);
+        let mut attempt = Attempt::<T>::new();
+        let dofs: &[Dof] = &self.unknowns[..M];
+        let on_successor = self.series == Some(true);
+        let ends = Ends::<T, M>::new(self, on_successor, cluster, &local.scratch.pose);
+        let first = base(cluster, bodies, dofs[0].body, &local.scratch.pose);
+        let mut series = Series::<T, M> {
+            q: from_fn(|a| local.q[dofs[a].q]),
+            cos_sin: from_fn(|a| local.cos_sin[dofs[a].body]),
+            pose: from_fn(|_| first),
+        };
+        series.place(self, bodies, &first);
+        let unit = T::from_f64(1.0 / cluster.length);
+        let (mut A, mut inverse) = ([T::ZERO; NINE], [T::ZERO; NINE]);
+        let mut near = T::ZERO;
+        let mut taken = 0;
+        for k in 0..end.steps {
+            // residual, and unless the last step was tiny the inverse
+            let fresh = k == 0 || !attempt.size.lt(thresholds.chord).all();
+            let (phi, point) = ends.residual(&series.pose[M - 1].point(&ends.tip));
+            let residual =
+                phi.iter().fold(T::ZERO, |x, phi| T::select(x.lt(phi.abs()), phi.abs(), x));
+            if fresh {
+                for (a, dof) in dofs.iter().enumerate() {
+                    let column = ends.column(dof, &series.pose[a], &point, on_successor);
+                    (0..M).for_each(|i| A[i * M + a] = column[i]);
+                }
+                let squares: [T; M] = from_fn(|a| column_square(&A, M, M, a));
+                let inverted = invert::<T, M>(&mut A[..M * M], &mut inverse[..M * M], M);
+                if k == 0 {
+                    attempt.det = start.branch.unwrap_or(inverted.det);
+                    near = inverse_square_sine(&inverse[..M * M], &squares, M);
+                }
+                attempt.keeps_branch(&inverted);
+                attempt.gain = match (M, k) {
+                    (1, _) => self.lever_gain_of(cluster, inverse[0]),
+                    (_, 0) => near,
+                    _ => inverted.gain,
+                };
+            }
+
+            // Δ = A⁻¹ φ off the unknowns of the lanes that have not converged
+            let mut size = T::ZERO;
+            let step: [T; M] = from_fn(|i| {
+                let step = (0..M).fold(T::ZERO, |step, r| inverse[i * M + r].mul_add(phi[r], step));
+                T::select(attempt.done, T::ZERO, step)
+            });
+            for (i, dof) in dofs.iter().enumerate() {
+                series.q[i] += -step[i];
+                let scaled = step[i].abs();
+                let scaled = if dof.slides() { scaled * unit } else { scaled };
+                size = T::select(size.lt(scaled), scaled, size);
+            }
+            taken += 1;
+            if k == 0 {
+                attempt.trusts(size, start.moved, near);
+            }
+            attempt.contracts(size, residual, &thresholds, end.tolerance.is_some());
+            if !attempt.good.any() {
+                break;
+            }
+            attempt.size = size;
+
+            // PRECISION: as in `Block::update_cos_sin`
+            let tiny = size.lt(thresholds.last).all();
+            for (i, dof) in dofs.iter().enumerate().filter(|(_, dof)| !dof.slides()) {
+                debug_assert!(dof.motion == Motion::Revolute);
+                let (c, s) = series.cos_sin[i];
+                series.cos_sin[i] = if tiny {
+                    (s.mul_add(step[i], c), (-c).mul_add(step[i], s))
+                } else {
+                    cos_sin_of(series.q[i])
+                };
+            }
+            series.place(self, bodies, &first);
+            if attempt.done.all() {
+                break;
+            }
+        }
+        for (a, dof) in dofs.iter().enumerate() {
+            local.q[dof.q] = series.q[a];
+            local.cos_sin[dof.body] = series.cos_sin[a];
+            local.scratch.pose[dof.body + 1] = series.pose[a];
+        }
+        let good = attempt.good & (attempt.done | T::Mask::splat(end.tolerance.is_some()));
+        (good, taken, attempt.gain)
+    }
+
+    /// [`Block::jacobian`] of joints in series.
+    pub(super) fn jacobian_in_series<T: Real, const M: usize>(
+        &self,
+        cluster: &Cluster<T::Const>,
+        local: &mut Local<'_, T>,
+        level: Level,
+    ) -> (T::Mask, T) {
+        let n_vy = cluster.n_vy;
+        let on_successor = self.series == Some(true);
+        let dofs: &[Dof] = &self.unknowns[..M];
+        let scratch = &mut *local.scratch;
+        let pose = &scratch.pose;
+        let ends = Ends::<T, M>::new(self, on_successor, cluster, pose);
+        let (_, point) = ends.residual(&pose[dofs[M - 1].body + 1].point(&ends.tip));
+        let rows = &self.cuts[0];
+
+        // K_d of the block; K_i, and what earlier blocks add to it
+        let mut A = [T::ZERO; NINE];
+        for (a, dof) in dofs.iter().enumerate() {
+            let column = ends.column(dof, &pose[dof.body + 1], &point, on_successor);
+            (0..M).for_each(|i| A[i * M + a] = column[i]);
+        }
+        let mut B = [[T::ZERO; M]; INDEPENDENTS];
+        for (dof, side, k) in &rows.independent {
+            B[*k] = ends.column(dof, &pose[dof.body + 1], &point, *side);
+        }
+        for (dof, side) in &rows.earlier {
+            let column = ends.column(dof, &pose[dof.body + 1], &point, *side);
+            let of_joint = &local.G[dof.v * n_vy..(dof.v + 1) * n_vy];
+            for (B, g) in B.iter_mut().zip(of_joint) {
+                *B = from_fn(|i| column[i].mul_add(*g, B[i]));
+            }
+        }
+
+        // one row alone: its independents move it more than its unknown does
+        let alone = (M == 1).then(|| {
+            let square = |x: T, v: usize| {
+                (x * x) * T::from_f64(column_unit(cluster, v) * column_unit(cluster, v))
+            };
+            let moves = (B.iter().zip(&cluster.independent))
+                .fold(T::ZERO, |sum, (b, v)| sum + square(b[0], *v));
+            moves / square(A[0], dofs[0].v)
+        });
+        let inverse = &mut scratch.inverse[self.offset..self.offset + M * M];
+        let Inverted { sound, accurate, gain, .. } = invert::<T, M>(&mut A[..M * M], inverse, M);
+        for (i, dof) in dofs.iter().enumerate() {
+            let row = &mut local.G[dof.v * n_vy..(dof.v + 1) * n_vy];
+            for (g, B) in row.iter_mut().zip(&B) {
+                *g = -(0..M).fold(T::ZERO, |x, r| inverse[i * M + r].mul_add(B[r], x));
+            }
+        }
+        let good = if level == Level::Acceleration { sound & accurate } else { sound };
+        (good, alone.unwrap_or(gain))
+    }
+
+    /// [`Block::bias`] of joints in series.
+    pub(super) fn bias_in_series<T: Real, const M: usize>(
+        &self,
+        cluster: &Cluster<T::Const>,
+        local: &mut Local<'_, T>,
+    ) {
+        let dofs: &[Dof] = &self.unknowns[..M];
+        let scratch = &*local.scratch;
+        let (pose, rate) = (&scratch.pose, &scratch.rate);
+        let on_successor = self.series == Some(true);
+        let ends = Ends::<T, M>::new(self, on_successor, cluster, pose);
+        let (_, point) = ends.residual(&pose[dofs[M - 1].body + 1].point(&ends.tip));
+        let rows = &self.cuts[0];
+        let cut = &cluster.cuts[rows.cut];
+
+        // k: acceleration of S against P at q̈ = 0, seen from P where rows turn with it
+        let at = |end: usize| {
+            let (rate, r) = (&rate[end], point - pose[end].p);
+            let a = cross_add(&rate.alpha, &r, &rate.a);
+            (cross_add(&rate.w, &r, &rate.v), cross_add(&rate.w, &cross(&rate.w, &r), &a))
+        };
+        let ((v_s, a_s), (v_p, a_p)) = (at(cut.successor), at(cut.predecessor));
+        let mut relative = a_s - a_p;
+        if ends.directions.is_some() {
+            relative -= cross(&rate[cut.predecessor].w, &(v_s - v_p)) * T::from_f64(2.0);
+        }
+        let mut B = ends.along(&-relative);
+        for (dof, side) in &rows.earlier {
+            let column = ends.column(dof, &pose[dof.body + 1], &point, *side);
+            let g = local.g[dof.v];
+            B = from_fn(|i| (-column[i]).mul_add(g, B[i]));
+        }
+        let inverse = &scratch.inverse[self.offset..self.offset + M * M];
+        for (i, dof) in dofs.iter().enumerate() {
+            local.g[dof.v] = (0..M).fold(T::ZERO, |x, r| inverse[i * M + r].mul_add(B[r], x));
+        }
+    }
+}

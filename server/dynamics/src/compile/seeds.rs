@@ -1,0 +1,394 @@
+//! Tabulates the closed poses of numerical closures of few independents around the zero pose.
+//!
+//! The range of each independent is that of its limits, or a bounded one, as far as the loops close
+//! regularly while the others stay at zero. Nodes are reached one from the other, from the zero
+//! pose outwards; a cell is used if it passes the checks that
+//! [`Seeds`](crate::closure::Seeds) states.
+
+use core::f64::consts::PI;
+use std::sync::Arc;
+
+use crate::closure::{Axis, Closure, LANES, Level, MOST, Numerical, Seeds, column_unit, distance};
+use crate::mechanism::{Cluster, Motion};
+use crate::model::Model;
+use crate::workspace::{Needs, Workspace};
+
+/// Bytes of the tables of one robot, nodes of all of them, and nodes along one independent by the
+/// number of independents: at most and at least.
+const BYTES: usize = 256 << 10;
+const NODES: usize = 2048;
+const ALONG: [usize; MOST] = [129, 41, 9];
+const LEAST_ALONG: usize = 4;
+/// Longest way of a sliding independent without limits, in cluster lengths.
+const SLIDE: f64 = 2.0;
+/// Steps in which the range of an independent is gone through.
+const STEPS: usize = 32;
+/// Substeps between neighbours where one step is refused.
+const SUBSTEPS: usize = 4;
+/// Least sine of what vanishes at a singular pose, within the range.
+const REGULAR: f64 = 0.05;
+/// Largest error of a seed, in radians or cluster lengths, and against the distance to the nearest
+/// singular pose.
+const ERROR: f64 = 2e-3;
+const CLEAR: f64 = 0.02;
+
+/// The tables of all clusters that can have one. Allocates.
+pub(super) fn find(model: &Model<f64>) -> Vec<(usize, Arc<Seeds>)> {
+    let mut chosen: Vec<(usize, &Numerical<f64>)> = Vec::new();
+    for &c in &model.closed_clusters {
+        let cluster = &model.clusters[c];
+        let single = cluster.dofs.iter().all(|dof| dof.single);
+        if let Closure::Numerical(numerical) = &model.closures[c]
+            && single
+            && !numerical.meets
+            && (1..=MOST).contains(&cluster.n_vy)
+        {
+            chosen.push((c, numerical));
+        }
+    }
+    let mut ws = Workspace::sized(model, Needs::default());
+    let mut found: Vec<(usize, Arc<Seeds>)> = Vec::new();
+    for &(c, numerical) in &chosen {
+        let mut table = Table { model, c, numerical, ws: &mut ws, signs: Vec::new() };
+        if let Some(seeds) = table.seeds(chosen.len()) {
+            // equal limbs share one
+            let equal = found.iter().find(|(_, other)| **other == seeds);
+            let seeds = equal.map_or_else(|| Arc::new(seeds), |(_, other)| other.clone());
+            found.push((c, seeds));
+        }
+    }
+    found
+}
+
+/// A table under way.
+struct Table<'a> {
+    model: &'a Model<f64>,
+    c: usize,
+    numerical: &'a Numerical<f64>,
+    ws: &'a mut Workspace<f64>,
+    signs: Vec<f64>,
+}
+
+/// A closed pose: local coordinates, G, and 1/sin² of what vanishes at a singular pose.
+#[derive(Clone)]
+struct Node {
+    q: Vec<f64>,
+    G: Vec<f64>,
+    gain: f64,
+}
+
+impl Table<'_> {
+    fn cluster(&self) -> &Cluster<f64> {
+        &self.model.clusters[self.c]
+    }
+
+    fn seeds(&mut self, tables: usize) -> Option<Seeds> {
+        let (model, c) = (self.model, self.c);
+        let cluster = &model.clusters[c];
+        let n = cluster.n_vy;
+        let columns: Vec<usize> = cluster.dependent.iter().map(|v| cluster.dofs[*v].q).collect();
+        let stride = columns.len().next_multiple_of(LANES);
+
+        // the zero pose and its signs
+        let zero = model.zero[cluster.coordinates()].to_vec();
+        self.ws.q[cluster.coordinates()].copy_from_slice(&zero);
+        self.ws.start[cluster.coordinates()].copy_from_slice(&zero);
+        let bodies = model.bodies_of(cluster);
+        self.numerical.determinants(cluster, bodies, &mut self.ws.local(cluster));
+        self.signs = self.ws.scratch.branch[..self.numerical.blocks.len()]
+            .iter()
+            .map(|det| det.signum())
+            .collect();
+        let origin = self.step(&zero, &zero)?;
+        if !self.is_regular(&origin) {
+            return None;
+        }
+
+        // nodes along each independent
+        let of_table = (BYTES / tables / (stride * size_of::<f32>())) >> n;
+        let of_table = of_table.min(NODES / tables);
+        let along = (1..=ALONG[n - 1]).rev().find(|along| along.pow(n as u32) <= of_table)?;
+        if along < LEAST_ALONG {
+            return None;
+        }
+        let axes = (0..n).map(|k| self.axis(k, along, &origin)).collect::<Option<Vec<_>>>()?;
+        let nodes = self.nodes(&axes, origin);
+        let mut seeds = Seeds {
+            values: values(cluster, &zero, &columns, &axes, &nodes),
+            cells: vec![true; axes.iter().map(|axis| axis.nodes - 1).product()],
+            axes,
+            columns,
+            signs: self.signs.clone(),
+        };
+        let cells = self.cells(&seeds, &zero, &nodes);
+        let any = cells.contains(&true);
+        seeds.cells = cells;
+        any.then_some(seeds)
+    }
+
+    /// The nodes along independent k.
+    fn axis(&mut self, k: usize, along: usize, origin: &Node) -> Option<Axis> {
+        let cluster = self.cluster();
+        let dof = cluster.dofs[cluster.independent[k]];
+        let widest = if dof.motion == Motion::Revolute { PI } else { SLIDE * cluster.length };
+        let limit = self.model.limits.iter().find(|limit| limit.q == cluster.q + dof.q);
+        let zero = origin.q[dof.q];
+        let (lower, upper) = limit.map_or((-widest, widest), |limit| {
+            ((limit.lower - zero).max(-widest), (limit.upper - zero).min(widest))
+        });
+        let (below, above) =
+            (-self.reach(dof.q, lower.min(0.0), origin), self.reach(dof.q, upper.max(0.0), origin));
+        let intervals = (along - 1) as f64;
+        let nodes_below = (intervals * below / (below + above)).round();
+        let nodes_above = intervals - nodes_below;
+        let step = |range: f64, nodes: f64| if nodes > 0.0 { range / nodes } else { f64::INFINITY };
+        let step = step(below, nodes_below).min(step(above, nodes_above));
+        let axis = Axis { coordinate: dof.q, nodes: along, below: nodes_below as usize, step };
+        (step > 0.0 && step.is_finite()).then_some(axis)
+    }
+
+    /// How far towards this the loops close regularly along one coordinate.
+    fn reach(&mut self, coordinate: usize, to: f64, origin: &Node) -> f64 {
+        let mut at = origin.q.clone();
+        for i in 1..=STEPS {
+            let mut goal = at.clone();
+            goal[coordinate] = origin.q[coordinate] + to * i as f64 / STEPS as f64;
+            match self.step(&at, &goal) {
+                Some(node) if self.is_regular(&node) => at = node.q,
+                _ => break,
+            }
+        }
+        at[coordinate] - origin.q[coordinate]
+    }
+
+    fn is_regular(&self, node: &Node) -> bool {
+        node.gain * REGULAR * REGULAR < 1.0
+    }
+
+    /// The closed pose at the independents of `goal`, by attempts along the straight path from
+    /// another one.
+    fn step(&mut self, from: &[f64], goal: &[f64]) -> Option<Node> {
+        self.steps(from, goal, 1).or_else(|| self.steps(from, goal, SUBSTEPS))
+    }
+
+    fn steps(&mut self, from: &[f64], goal: &[f64], steps: usize) -> Option<Node> {
+        let (model, numerical, c) = (self.model, self.numerical, self.c);
+        let cluster = &model.clusters[c];
+        let bodies = model.bodies_of(cluster);
+        let at = cluster.coordinates();
+        self.ws.start[at.clone()].copy_from_slice(from);
+        let mut outcome = None;
+        for k in 1..=steps {
+            let (start, q) = (&self.ws.start[at.clone()], &mut self.ws.q[at.clone()]);
+            q.copy_from_slice(start);
+            for &i in &cluster.independent_q {
+                q[i] = from[i] + (goal[i] - from[i]) * k as f64 / steps as f64;
+            }
+            let moved = distance(cluster, start, q);
+            for (branch, sign) in self.ws.scratch.branch.iter_mut().zip(&self.signs) {
+                *branch = *sign;
+            }
+            let mut local = self.ws.local(cluster);
+            outcome = Some(numerical.attempt(cluster, bodies, &mut local, moved)?);
+            self.ws.start[at.clone()].copy_from_slice(&self.ws.q[at.clone()]);
+        }
+        let mut local = self.ws.local(cluster);
+        let ended = numerical.differentiate(cluster, bodies, &mut local, Level::Velocity, outcome?);
+        (ended.status == sarrus_proto::Status::Ok).then(|| Node {
+            q: self.ws.q[at].to_vec(),
+            G: self.ws.G[cluster.block()].to_vec(),
+            gain: ended.gain,
+        })
+    }
+
+    /// The closed pose of each node that is reached from the one before it.
+    fn nodes(&mut self, axes: &[Axis], origin: Node) -> Vec<Option<Node>> {
+        let grid = Grid::of_nodes(axes);
+        let zero = origin.q.clone();
+        let mut nodes: Vec<Option<Node>> = vec![None; grid.len()];
+        nodes[grid.number(&grid.below)] = Some(origin);
+        for number in grid.outwards() {
+            let place = grid.place(number);
+            let mut inner = (0..axes.len()).filter_map(|a| grid.inwards(&place, a));
+            let Some(from) = inner.find_map(|inner| nodes[inner].as_ref().map(|x| x.q.clone()))
+            else {
+                continue;
+            };
+            let mut goal = from.clone();
+            for (axis, i) in axes.iter().zip(&place) {
+                goal[axis.coordinate] =
+                    zero[axis.coordinate] + (*i as f64 - axis.below as f64) * axis.step;
+            }
+            let node = self.step(&from, &goal);
+            nodes[number] = node.filter(|node| self.is_regular(node));
+        }
+        nodes
+    }
+
+    /// Which cells are used.
+    fn cells(&mut self, seeds: &Seeds, zero: &[f64], nodes: &[Option<Node>]) -> Vec<bool> {
+        let axes = &seeds.axes;
+        let (grid, corners) = (Grid::of_cells(axes), Grid::of_nodes(axes));
+        let mut used = vec![false; grid.len()];
+        for number in grid.outwards() {
+            let place = grid.place(number);
+            // what lies between it and the zero pose
+            if !(0..axes.len()).filter_map(|a| grid.inwards(&place, a)).all(|inner| used[inner]) {
+                continue;
+            }
+            let around = (0..1 << axes.len()).map(|corner: usize| {
+                let at: Vec<usize> =
+                    place.iter().enumerate().map(|(a, i)| i + (corner >> a & 1)).collect();
+                nodes[corners.number(&at)].as_ref()
+            });
+            let Some(around) = around.collect::<Option<Vec<_>>>() else { continue };
+            used[number] = self.is_smooth(seeds, zero, &place, &around);
+        }
+        used
+    }
+
+    /// True where the closed pose at the center of a cell is where the interpolation has it.
+    fn is_smooth(
+        &mut self,
+        seeds: &Seeds,
+        zero: &[f64],
+        place: &[usize],
+        around: &[&Node],
+    ) -> bool {
+        let mut q = zero.to_vec();
+        for (axis, i) in seeds.axes.iter().zip(place) {
+            q[axis.coordinate] += (*i as f64 + 0.5 - axis.below as f64) * axis.step;
+        }
+        if !seeds.find(zero, &mut q) {
+            return false;
+        }
+        let Some(center) = self.step(&around[0].q, &q) else { return false };
+        let gain = around.iter().fold(center.gain, |gain, node| gain.max(node.gain));
+        let cluster = self.cluster();
+        let error = cluster.dependent.iter().fold(0.0_f64, |error, v| {
+            let i = cluster.dofs[*v].q;
+            error.max((q[i] - center.q[i]).abs() / column_unit(cluster, *v))
+        });
+        error < ERROR && error * error * gain < CLEAR * CLEAR
+    }
+}
+
+/// The numbers of a table; where a node is missing they are zero.
+fn values(
+    cluster: &Cluster<f64>,
+    zero: &[f64],
+    columns: &[usize],
+    axes: &[Axis],
+    nodes: &[Option<Node>],
+) -> Vec<f32> {
+    let (grid, n, m) = (Grid::of_nodes(axes), axes.len(), columns.len());
+    let stride = m.next_multiple_of(LANES);
+    let at = |number: usize, d: usize, a: usize| ((number << n) + d) * stride + a;
+    let mut values = vec![0.0; (grid.len() * stride) << n];
+    for (number, node) in nodes.iter().enumerate() {
+        let Some(node) = node else { continue };
+        for (a, (v, i)) in cluster.dependent.iter().zip(columns).enumerate() {
+            values[at(number, 0, a)] = node.q[*i] - zero[*i];
+            for (k, axis) in axes.iter().enumerate() {
+                values[at(number, 1 << k, a)] = node.G[v * n + k] * axis.step;
+            }
+        }
+    }
+    // mixed derivatives: differences along their last axis
+    for d in (0..1_usize << n).filter(|d| d.count_ones() > 1) {
+        let last = d.ilog2() as usize;
+        for number in 0..grid.len() {
+            let place = grid.place(number);
+            let beside = |up: bool| {
+                let to = if up { place[last] + 1 } else { place[last].checked_sub(1)? };
+                let mut place = place.clone();
+                place[last] = to;
+                (to < axes[last].nodes).then(|| grid.number(&place))
+            };
+            let reached = |up: bool| beside(up).filter(|x| nodes[*x].is_some());
+            let (below, above) = (reached(false), reached(true));
+            let span = usize::from(below.is_some()) + usize::from(above.is_some());
+            if span == 0 || nodes[number].is_none() {
+                continue;
+            }
+            let (below, above) = (below.unwrap_or(number), above.unwrap_or(number));
+            let inner = d ^ 1 << last;
+            for a in 0..m {
+                values[at(number, d, a)] =
+                    (values[at(above, inner, a)] - values[at(below, inner, a)]) / span as f64;
+            }
+        }
+    }
+    values.into_iter().map(|x| x as f32).collect()
+}
+
+/// Numbers of nodes or cells.
+struct Grid {
+    sizes: Vec<usize>,
+    /// Node of the zero pose, or first cell beyond it.
+    below: Vec<usize>,
+    /// Cells lie between nodes: two of them are beside the zero pose.
+    cells: bool,
+}
+
+impl Grid {
+    fn of_nodes(axes: &[Axis]) -> Grid {
+        let below = axes.iter().map(|axis| axis.below).collect();
+        Grid { sizes: axes.iter().map(|axis| axis.nodes).collect(), below, cells: false }
+    }
+
+    fn of_cells(axes: &[Axis]) -> Grid {
+        let sizes = axes.iter().map(|axis| axis.nodes - 1).collect();
+        Grid { sizes, cells: true, ..Grid::of_nodes(axes) }
+    }
+
+    fn len(&self) -> usize {
+        self.sizes.iter().product()
+    }
+
+    fn number(&self, place: &[usize]) -> usize {
+        self.sizes.iter().zip(place).fold(0, |number, (size, i)| number * size + i)
+    }
+
+    fn place(&self, number: usize) -> Vec<usize> {
+        let mut rest = number;
+        let mut place: Vec<usize> = self
+            .sizes
+            .iter()
+            .rev()
+            .map(|size| {
+                let i = rest % size;
+                rest /= size;
+                i
+            })
+            .collect();
+        place.reverse();
+        place
+    }
+
+    /// How many steps along one axis lead to the zero pose.
+    fn away(&self, i: usize, a: usize) -> usize {
+        let below = self.below[a];
+        if i >= below { i - below } else { below - i - usize::from(self.cells) }
+    }
+
+    /// The neighbour along one axis that is nearer to the zero pose.
+    fn inwards(&self, place: &[usize], a: usize) -> Option<usize> {
+        if self.away(place[a], a) == 0 {
+            return None;
+        }
+        let mut inner = place.to_vec();
+        inner[a] = if place[a] >= self.below[a] { place[a] - 1 } else { place[a] + 1 };
+        Some(self.number(&inner))
+    }
+
+    /// All of them, those next to the zero pose first.
+    fn outwards(&self) -> Vec<usize> {
+        let mut all: Vec<usize> = (0..self.len()).collect();
+        let away = |number: &usize| {
+            self.place(*number).iter().enumerate().map(|(a, i)| self.away(*i, a)).sum::<usize>()
+        };
+        all.sort_by_cached_key(away);
+        all
+    }
+}
