@@ -127,7 +127,7 @@ pub(super) fn analyse(
     if used.len() < cluster.rows.len() {
         redundant::warn(subject, &cluster, generic, &used, warnings);
     }
-    let at_zero = Sample::at(&cluster, bodies, &zero(&cluster));
+    let at_zero = Sample::at(&cluster, subject.bodies, subject.zero);
     let others: Vec<&[f64]> = samples.iter().chain([&at_zero]).map(|of| &of.K[..]).collect();
     let blocks = blocks(&cluster, &used, &generic.K, &others);
     Some(Analysis { used, blocks, locked })
