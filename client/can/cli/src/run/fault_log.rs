@@ -10,9 +10,9 @@ use std::thread;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use rtrb::{Consumer, Producer, RingBuffer};
-use sarrus_can_core::bridge::{Bridge, BusEvent, Progress};
+use sarrus_can_core::bridge::{Bridge, BusEvent};
 use sarrus_can_core::config::Configuration;
-use sarrus_can_core::fault_log::FaultLog;
+use sarrus_can_core::fault_log::{After, FaultLog};
 use sarrus_can_core::frame::Frame;
 use sarrus_can_core::log::{Line, What};
 use sarrus_client::actuators::{ActuatorCommand, Operation, Reason};
@@ -35,7 +35,7 @@ enum Input {
     Operate(u64, Operation, Option<usize>),
     /// The command itself is in a queue of its own.
     Command(u64),
-    Cycle(u64, Progress),
+    Cycle(u64, After),
     Fault(Reason),
 }
 
@@ -71,7 +71,7 @@ impl FaultLogEnd {
 
     /// After a cycle of the bridge.
     pub(super) fn cycle(&mut self, t: u64, bridge: &Bridge) {
-        self.push(Input::Cycle(t, bridge.progress()));
+        self.push(Input::Cycle(t, After::cycle_of(bridge)));
         let (faults, last) = bridge.faults();
         if let (true, Some((_, reason))) = (faults != self.faults, last) {
             self.faults = faults;
@@ -156,9 +156,9 @@ impl FaultLogThread {
                 Ok(command) => (t, What::Command(Box::new(command))),
                 Err(_) => return,
             },
-            Input::Cycle(t, progress) => {
+            Input::Cycle(t, after) => {
                 self.kept.push(Line { t, what: What::Cycle });
-                return self.kept.progress(progress);
+                return self.kept.after(after);
             }
             Input::Fault(reason) => return self.write(reason),
         };

@@ -262,8 +262,12 @@ impl Mechanism {
 
     fn fail_now(&mut self, reason: Reason) {
         let is_first = !(self.is_stopping() && self.end == MechanismState::Fault);
-        self.reason = if is_first { reason } else { self.reason };
-        (self.state, self.phase) = (MechanismState::Fault, Phase::Off);
+        self.latch(if is_first { reason } else { self.reason });
+    }
+
+    /// Is in fault, without power.
+    pub(super) fn latch(&mut self, reason: Reason) {
+        (self.state, self.reason, self.phase) = (MechanismState::Fault, reason, Phase::Off);
     }
 
     /// A stop by lowering goes down from when it stood still.
