@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sarrus_can_core::bridge::{Bridge, BusEvent, CommandVerdict};
 use sarrus_can_core::bus_load::{Load, loads};
-use sarrus_can_core::log::{Line, What, sent};
+use sarrus_can_core::log::{self, Line, What};
 use sarrus_proto::actuators::{
     ActuatorCommand, ActuatorState, MAX_ACTUATORS, MechanismState, Operation, OperatorRequest,
     Reason, flag,
@@ -118,12 +118,26 @@ impl PyBridge {
     }
 
     /// Takes a line of a log; the frames that it makes the bridge send, as `candump -L` writes
-    /// them. A line that is none is a `ValueError`.
-    fn replay(&self, line: &str) -> PyResult<Vec<String>> {
+    /// them, and the fault that it brought: when, of which actuators, and why; `None` where it
+    /// brought none. A line that is none is a `ValueError`.
+    fn replay(&self, line: &str) -> PyResult<(Vec<String>, Option<String>)> {
         let mut bridge = self.lock();
         let line = Line::read(line, bridge.configuration()).map_err(PyValueError::new_err)?;
+        let (faults, _) = bridge.faults();
         line.apply(&mut bridge);
-        Ok(if line.what == What::Cycle { sent(&bridge, line.t).collect() } else { Vec::new() })
+        let frames = match line.what {
+            What::Cycle => log::sent(&bridge, line.t).collect(),
+            _ => Vec::new(),
+        };
+        let fault = log::fault(&bridge).filter(|_| bridge.faults().0 != faults);
+        Ok((frames, fault.map(|fault| format!("at {} ns {fault}", line.t))))
+    }
+
+    /// How many faults there were since the start, and the actuators and reason of the last one.
+    #[getter]
+    fn faults(&self) -> (u64, Option<String>) {
+        let bridge = self.lock();
+        (bridge.faults().0, log::fault(&bridge))
     }
 
     /// From now on everything that the bridge is given goes into a new log, which `replay` reads; a
@@ -318,7 +332,9 @@ fn fill(numbers: &[f64], n: usize, into: &mut [f64; MAX_ACTUATORS]) -> PyResult<
 pub(crate) fn operation_of(name: &str) -> PyResult<Operation> {
     let known = Operation::ALL.iter().find(|known| known.name() == name);
     known.copied().ok_or_else(|| {
-        PyValueError::new_err(format!("no operation `{name}`, expected arm, disarm or reset"))
+        PyValueError::new_err(format!(
+            "no operation `{name}`, expected arm, disarm, reset or return"
+        ))
     })
 }
 

@@ -407,6 +407,9 @@ def zero(options: argparse.Namespace) -> int:
     with opened(options) as motors:
         motor = motors.chosen[0]
         if options.at is None:
+            if options.save:
+                # before anybody is asked
+                commissioning.storing(motors, motor)
             commissioning.confirm(
                 f"The present position of {options.motor} becomes the zero of its motor. It has no "
                 "power; it must not move.",
