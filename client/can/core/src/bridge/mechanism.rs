@@ -344,7 +344,8 @@ impl Mechanism {
             _ => {}
         }
         let (phase, change) = match self.phase {
-            Phase::Starting if members.all_on => {
+            // what is on before it was asked is so from an earlier time
+            Phase::Starting if members.all_on && now_ns > self.armed_ns => {
                 (self.state, self.reason) = match self.returns {
                     true => (MechanismState::Arming, Reason::OutsideLimits),
                     false => (MechanismState::Enabled, self.reason),

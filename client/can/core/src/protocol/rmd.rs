@@ -257,14 +257,10 @@ impl Drive for Rmd {
         DriveState { power, fault: self.fault, watchdog: self.watchdog }
     }
 
-    fn prepare(&mut self) {
-        (self.watchdog, self.n_written) = (unknown(self.watchdog_ms), 0);
-    }
-
     fn forget(&mut self) {
         self.power_up.forget();
         (self.is_known, self.fault, self.asked_ns) = (false, 0, None);
-        self.prepare();
+        (self.watchdog, self.n_written) = (unknown(self.watchdog_ms), 0);
         (self.velocity, self.torque, self.temperature) = (f64::NAN, f64::NAN, f64::NAN);
     }
 

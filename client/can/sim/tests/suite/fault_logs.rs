@@ -8,7 +8,7 @@ use sarrus_can_core::fault_log::{After, FaultLog};
 use sarrus_can_core::log::{Line, What};
 use sarrus_proto::actuators::{MechanismState, Operation, Reason};
 
-use crate::attack_table::{drives, swing};
+use crate::attack_table::{drives, recorded, swing};
 use crate::world::{Encoder, Record, World};
 
 /// What failed: when `[ns]`, the mechanism, and why.
@@ -74,8 +74,7 @@ fn a_fault_log_of_a_motor_that_is_armed_a_second_time_brings_its_fault() {
     for (name, drive) in drives() {
         for attack in ["silence", "jump"] {
             let text = World::text(&drive, "");
-            let mut world = World { record: Some(Record::default()), ..World::one(&drive, "") };
-            assert!(world.arm().is_some(), "{name}");
+            let mut world = recorded(&drive);
             swing(&mut world, PI);
             world.operate(Operation::Disarm);
             world.cycles(1000);

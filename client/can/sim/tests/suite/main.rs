@@ -12,6 +12,7 @@ mod authors;
 mod chance;
 mod cia402;
 mod closed_loop;
+mod disorder;
 mod fault_logs;
 mod limits;
 mod moteus;

@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 use sarrus_can_core::bridge::{Bridge, BusEvent, CommandVerdict};
 use sarrus_can_core::config::{Configuration, Limits, Surroundings};
 use sarrus_can_core::drive::Setpoint;
-use sarrus_can_core::frame::{Frame, FrameQueue};
+use sarrus_can_core::frame::{Frame, FrameQueue, Id};
 use sarrus_can_core::log::{self, Line, What};
 use sarrus_can_core::mapping::Mapping;
 use sarrus_can_sim::{Physics, Simulated};
@@ -76,6 +76,8 @@ pub(crate) struct Shaft {
     pub(crate) temperature: f64,
     /// Each answer comes twice.
     pub(crate) is_doubled: bool,
+    /// Its answers have this identifier, and these four bits of a motor in their first byte.
+    pub(crate) poses_as: Option<(Id, u8)>,
     pub(crate) delay_ns: u64,
     answers: VecDeque<(u64, Frame)>,
 }
@@ -124,6 +126,18 @@ impl Shaft {
 pub(crate) struct Record {
     pub(crate) lines: Vec<Line>,
     pub(crate) frames: Vec<String>,
+    /// When each fault was, and [`log::fault`].
+    pub(crate) faults: Vec<String>,
+}
+
+/// An answer as another motor would give it.
+fn posing(frame: Frame, poses_as: Option<(Id, u8)>) -> Frame {
+    let Some((id, tag)) = poses_as else { return frame };
+    let mut data = frame.data().to_vec();
+    if let Some(first) = data.first_mut() {
+        *first = *first & 0xF0 | tag;
+    }
+    Frame::classic(id, &data).unwrap_or(frame)
 }
 
 pub(crate) struct World {
@@ -173,6 +187,7 @@ impl World {
                     hides_velocity: false,
                     temperature: 30.0,
                     is_doubled: false,
+                    poses_as: None,
                     delay_ns: 0,
                     answers: VecDeque::new(),
                 }
@@ -284,7 +299,7 @@ impl World {
             let at_ns = shaft.answers.back().map_or(at_ns, |(last, _)| at_ns.max(*last));
             for _ in 0..1 + usize::from(shaft.is_doubled) {
                 if self.chance.within(0.0, 1.0) >= self.loss {
-                    shaft.answers.push_back((at_ns, *frame));
+                    shaft.answers.push_back((at_ns, posing(*frame, shaft.poses_as)));
                 }
             }
         }
@@ -293,7 +308,14 @@ impl World {
 
     /// Gives the bridge something.
     fn put(&mut self, t: u64, what: What) {
+        let (before, _) = self.bridge.faults();
         Line { t, what: what.clone() }.apply(&mut self.bridge);
+        if let (Some(record), (now, _)) = (&mut self.record, self.bridge.faults())
+            && now != before
+        {
+            let fault = log::fault(&self.bridge).unwrap_or_default();
+            record.faults.push(format!("{t} ns {fault}"));
+        }
         if let (Some(record), What::Cycle) = (&mut self.record, &what) {
             record.frames.extend(log::sent(&self.bridge, t));
         }
