@@ -8,13 +8,13 @@
 //! {"t": 2200000, "operate": "reset", "actuator": "ALElbowAct"}
 //! {"t": 2300000, "command": {"sequence": 1, "stamp_ns": 2300000, "effort": [0.5, 0]}}
 //! {"t": 4000000, "cycle": true}
-//! {"t": 9000000000, "resume": true, "live": ["ALElbowAct"], "fault": [], "in_time": ["ALElbowAct"]}
+//! {"t": 9000000000, "resume": true, "live": ["ALElbowAct"], "fault": [], "in_time": []}
 //! ```
 //!
 //! `t` is the monotonic clock `[ns]`; frames are as `candump -L` writes them. Of a command, what is
 //! not given is zero (`fingerprint` and `n_u`: the configuration's), and `null` is NaN, for which
-//! JSON has no word. Where something is left out, `resume` names whose mechanisms arm or have power,
-//! whose are in fault, and who answers in time ([`Bookmark`]); without lists all go on.
+//! JSON has no word. Where something is left out, `resume` names whose mechanisms arm or have
+//! power, whose are in fault, and who answers in time ([`Bookmark`]); without lists all go on.
 
 use serde_json::{Map, Value, json};
 
