@@ -35,7 +35,9 @@ impl Environment {
             .args(arguments)
             .env("PYTHONPATH", &self.package)
             .env("PYTHONDONTWRITEBYTECODE", "1")
-            .env("PYTHONUNBUFFERED", "1");
+            .env("PYTHONUNBUFFERED", "1")
+            // logs of faults lie with the package, and not in anybody's home
+            .env("XDG_STATE_HOME", self.package.join("state"));
         command
             .env_remove("PYTHONHOME")
             .env_remove("CAN_INTERFACE")

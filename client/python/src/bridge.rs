@@ -8,13 +8,15 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sarrus_can_core::bridge::{Bridge, BusEvent, CommandVerdict};
 use sarrus_can_core::bus_load::{Load, loads};
-use sarrus_can_core::log::{Line, What, sent};
+use sarrus_can_core::fault_files::FaultFiles;
+use sarrus_can_core::log::{self, Line, What};
 use sarrus_proto::actuators::{
     ActuatorCommand, ActuatorState, MAX_ACTUATORS, MechanismState, Operation, OperatorRequest,
     Reason, flag,
 };
 
 use crate::configuration::PyConfiguration;
+use crate::fault_log::FaultKeeper;
 use crate::frames::{PyFrame, list};
 use crate::log::Log;
 
@@ -24,6 +26,7 @@ use crate::log::Log;
 pub(crate) struct PyBridge {
     bridge: Mutex<Bridge>,
     log: Mutex<Option<Log>>,
+    kept: Mutex<Option<FaultKeeper>>,
     /// How busy its buses are; it needs the motors, which are the bridge's own from now on.
     pub(crate) loads: Vec<Load>,
 }
@@ -37,6 +40,7 @@ impl PyBridge {
         Ok(PyBridge {
             bridge: Mutex::new(Bridge::new(configuration)),
             log: Mutex::new(None),
+            kept: Mutex::new(None),
             loads,
         })
     }
@@ -114,16 +118,34 @@ impl PyBridge {
     /// One cycle: the frames of all buses are new after it.
     fn cycle(&self, now_ns: u64) {
         self.note(now_ns, || What::Cycle);
-        self.lock().cycle(now_ns);
+        let mut bridge = self.lock();
+        bridge.cycle(now_ns);
+        if let Some(kept) = locked(&self.kept).as_mut() {
+            kept.after(&bridge);
+        }
     }
 
     /// Takes a line of a log; the frames that it makes the bridge send, as `candump -L` writes
-    /// them. A line that is none is a `ValueError`.
-    fn replay(&self, line: &str) -> PyResult<Vec<String>> {
+    /// them, and the fault that it brought: when, of which actuators, and why; `None` where it
+    /// brought none. A line that is none is a `ValueError`.
+    fn replay(&self, line: &str) -> PyResult<(Vec<String>, Option<String>)> {
         let mut bridge = self.lock();
         let line = Line::read(line, bridge.configuration()).map_err(PyValueError::new_err)?;
+        let (faults, _) = bridge.faults();
         line.apply(&mut bridge);
-        Ok(if line.what == What::Cycle { sent(&bridge, line.t).collect() } else { Vec::new() })
+        let frames = match line.what {
+            What::Cycle => log::sent(&bridge, line.t).collect(),
+            _ => Vec::new(),
+        };
+        let fault = log::fault(&bridge).filter(|_| bridge.faults().0 != faults);
+        Ok((frames, fault.map(|fault| format!("at {} ns {fault}", line.t))))
+    }
+
+    /// How many faults there were since the start, and the actuators and reason of the last one.
+    #[getter]
+    fn faults(&self) -> (u64, Option<String>) {
+        let bridge = self.lock();
+        (bridge.faults().0, log::fault(&bridge))
     }
 
     /// From now on everything that the bridge is given goes into a new log, which `replay` reads; a
@@ -132,14 +154,36 @@ impl PyBridge {
         let configuration = self.lock().configuration().without_motors();
         let log = Log::new(&path, configuration)
             .map_err(|error| PyOSError::new_err(format!("{}: {error}", path.display())))?;
-        *self.log.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = Some(log);
+        *locked(&self.log) = Some(log);
         Ok(())
+    }
+
+    /// From now on the last two seconds of what the bridge is given, and before them what brought
+    /// its motors to power, go into a file on each fault, which `replay` reads: 16 of a name in a
+    /// folder, without one `sarrus/faults` where programs keep their state. A thread of its own
+    /// keeps and writes them; one that cannot be made is an `OSError`.
+    #[pyo3(signature = (name, folder = None))]
+    fn begin_fault_log(&self, name: &str, folder: Option<PathBuf>) -> PyResult<()> {
+        let configuration = self.lock().configuration().without_motors();
+        let usual = || FaultFiles::usual_folder(|name| std::env::var_os(name));
+        let files = FaultFiles::new(folder.unwrap_or_else(usual), name);
+        let kept = FaultKeeper::new(files, configuration)
+            .map_err(|error| PyOSError::new_err(format!("the log of faults: {error}")))?;
+        *locked(&self.kept) = Some(kept);
+        Ok(())
+    }
+
+    /// Ends the logs of faults: how many inputs are missing in them since they came faster than
+    /// they could be kept. `None` without them.
+    fn end_fault_log(&self, py: Python<'_>) -> Option<u64> {
+        let kept = locked(&self.kept).take()?;
+        Some(py.detach(|| kept.end()))
     }
 
     /// Ends the log: how many lines were written, and how many were lost since they came faster
     /// than they could be. `None` without a log; an `OSError` when it could not be written.
     fn end_log(&self, py: Python<'_>) -> PyResult<Option<(u64, u64)>> {
-        let log = self.log.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).take();
+        let log = locked(&self.log).take();
         let ended = log.map(|log| py.detach(|| log.end())).transpose();
         ended.map_err(|error| PyOSError::new_err(format!("the log: {error}")))
     }
@@ -200,11 +244,18 @@ impl PyBridge {
 }
 
 impl PyBridge {
-    /// Adds to the log, where there is one.
+    /// Adds to the logs, where there are some.
     fn note(&self, t: u64, what: impl FnOnce() -> What) {
-        if let Some(log) = self.log.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).as_mut()
-        {
-            log.put(Line { t, what: what() });
+        let (mut log, mut kept) = (locked(&self.log), locked(&self.kept));
+        match (log.as_mut(), kept.as_mut()) {
+            (None, None) => {}
+            (Some(log), None) => log.put(Line { t, what: what() }),
+            (None, Some(kept)) => kept.put(Line { t, what: what() }),
+            (Some(log), Some(kept)) => {
+                let line = Line { t, what: what() };
+                log.put(line.clone());
+                kept.put(line);
+            }
         }
     }
 
@@ -225,8 +276,12 @@ impl PyBridge {
 
     /// The bridge itself; it never leaves half a cycle behind.
     pub(crate) fn lock(&self) -> MutexGuard<'_, Bridge> {
-        self.bridge.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+        locked(&self.bridge)
     }
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
 }
 
 /// The fields of a state, by name.
@@ -318,7 +373,9 @@ fn fill(numbers: &[f64], n: usize, into: &mut [f64; MAX_ACTUATORS]) -> PyResult<
 pub(crate) fn operation_of(name: &str) -> PyResult<Operation> {
     let known = Operation::ALL.iter().find(|known| known.name() == name);
     known.copied().ok_or_else(|| {
-        PyValueError::new_err(format!("no operation `{name}`, expected arm, disarm or reset"))
+        PyValueError::new_err(format!(
+            "no operation `{name}`, expected arm, disarm, reset or return"
+        ))
     })
 }
 

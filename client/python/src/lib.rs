@@ -6,6 +6,7 @@ mod bridge;
 mod candidates;
 mod configuration;
 mod drives;
+mod fault_log;
 mod frames;
 mod interface;
 mod log;

@@ -131,9 +131,10 @@ impl Stage {
         self.folder.join("domain")
     }
 
-    /// A command whose shared memory is this stage's.
+    /// A command whose shared memory and logs of faults are this stage's.
     pub(super) fn at_home(&self, mut command: Command) -> Command {
         command.env("SARRUS_ROOT", self.root());
+        command.env("XDG_STATE_HOME", self.folder.join("state"));
         command
     }
 

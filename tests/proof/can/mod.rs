@@ -1,6 +1,11 @@
 //! The CAN bridge as a whole: processes, peers from PyPI, the Python package, SocketCAN of a real
 //! kernel.
 
+// the attacks and the motors under them are those of the core's table
+#[path = "../../../client/can/sim/tests/suite/attack_table.rs"]
+#[allow(dead_code, reason = "the suite of the simulated motors uses all of it")]
+mod attack_table;
+mod attacks;
 mod chain;
 mod end_to_end;
 mod frontends;
@@ -15,3 +20,6 @@ mod python;
 mod rules;
 mod session;
 mod watch;
+#[path = "../../../client/can/sim/tests/suite/world.rs"]
+#[allow(dead_code, reason = "the suite of the simulated motors uses all of it")]
+mod world;

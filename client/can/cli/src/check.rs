@@ -115,7 +115,7 @@ fn text(configuration: &Configuration) -> String {
             "offset",
             "effort",
             "watchdog",
-            "stops with",
+            "stops together with",
             "command of zeros",
         ]
         .map(String::from)

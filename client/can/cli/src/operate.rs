@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use sarrus_client::Observer;
 use sarrus_client::actuators::{ActuatorState, MechanismState, Operation, Reason, flag};
+use sarrus_client::watch::BridgeStatistics;
 
 use crate::top::meanings;
 
@@ -64,7 +65,7 @@ impl Operate {
             }
             Err(states) => {
                 eprintln!("sarrus-can {name}: {states}");
-                tell_meanings(&observer);
+                tell_meanings(&observer, operation);
                 ExitCode::from(1)
             }
         }
@@ -106,7 +107,7 @@ impl Operate {
                     Operation::Reset if now.fault == 0 => return Ok(()),
                     Operation::Return if begun && now.arming + now.stopping == 0 => {
                         let is_back = now.reason == Reason::Disarmed as u32 && now != before;
-                        return if is_back { Ok(()) } else { Err(now.to_string()) };
+                        return if is_back { Ok(()) } else { Err(now.why_not_back()) };
                     }
                     Operation::Arm if now.enabled == now.all && now.all > 0 => return Ok(()),
                     // refused, or given up
@@ -129,21 +130,57 @@ impl Operate {
     }
 }
 
-/// What is known of single actuators beyond their reasons; names come twice a second.
-fn tell_meanings(observer: &Observer) {
+/// Who has no power where all were to get it, and what is known of single actuators beyond their
+/// reasons; names come twice a second.
+fn tell_meanings(observer: &Observer, operation: Operation) {
     let (mut state, mut statistics) = (None, None);
     for _ in 0..60 {
         thread::sleep(Duration::from_millis(10));
         state = observer.state().or(state);
         statistics = observer.statistics().or(statistics);
         let is_told = statistics.is_some()
-            || state.as_ref().is_some_and(|state| meanings(state, None).is_empty());
+            || operation != Operation::Arm
+                && state.as_ref().is_some_and(|state| meanings(state, None).is_empty());
         if state.is_some() && is_told {
             break;
         }
     }
-    let lines = state.map(|state| meanings(&state, statistics.as_ref())).unwrap_or_default();
-    lines.iter().for_each(|line| eprintln!("  {line}"));
+    let Some(state) = state else { return };
+    if let (Operation::Arm, Some(statistics)) = (operation, &statistics) {
+        without_power(&state, statistics).iter().for_each(|line| eprintln!("  {line}"));
+    }
+    meanings(&state, statistics.as_ref()).iter().for_each(|line| eprintln!("  {line}"));
+}
+
+/// The actuators with motors that have no power, by state and reason.
+fn without_power(state: &ActuatorState, statistics: &BridgeStatistics) -> Vec<String> {
+    let mut groups: Vec<(String, Vec<&str>)> = Vec::new();
+    let names = statistics.actuators.iter().take(state.n_u as usize);
+    let places = names.zip(state.flags.iter().zip(state.states.iter().zip(&state.reasons)));
+    for (name, (flags, (code, why))) in places {
+        if *flags & flag::NO_MOTOR != 0 || *code == MechanismState::Enabled as u32 {
+            continue;
+        }
+        let help = match MechanismState::from_code(*code) {
+            Some(MechanismState::Fault) => "; `sarrus-can reset` after somebody looked",
+            _ => "",
+        };
+        let words = format!("{}{help}", in_words(*code, *why));
+        match groups.iter_mut().find(|(known, _)| *known == words) {
+            Some((_, names)) => names.push(name.as_str()),
+            None => groups.push((words, vec![name.as_str()])),
+        }
+    }
+    groups.iter().map(|(words, names)| format!("{}: {words}", names.join(", "))).collect()
+}
+
+/// A state, and why where there is a reason.
+fn in_words(state: u32, reason: u32) -> String {
+    let state = MechanismState::from_code(state).map_or("unknown", MechanismState::name);
+    match Reason::from_code(reason) {
+        Some(Reason::None) => state.to_owned(),
+        reason => format!("{state}: {}", reason.map_or("unknown", Reason::name)),
+    }
 }
 
 /// The place in u of an actuator, by the names that the bridge tells twice a second.
@@ -211,15 +248,25 @@ impl StateCounts {
             reason: actuator.map_or(state.reason, |place| of_actuator(&state.reasons, place)),
         }
     }
+
+    /// Why nothing was brought back inside its limits.
+    fn why_not_back(&self) -> String {
+        if self.enabled > 0 {
+            format!("{self}; what has power is not brought back, disarm it first")
+        } else if matches!(Reason::from_code(self.reason), Some(Reason::None | Reason::Disarmed)) {
+            format!("{self}; nothing is outside its limits")
+        } else {
+            self.to_string()
+        }
+    }
 }
 
 impl core::fmt::Display for StateCounts {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        let state = MechanismState::from_code(self.state).map_or("unknown", MechanismState::name);
-        let reason = Reason::from_code(self.reason).map_or("unknown", Reason::name);
         write!(
             f,
-            "the bridge is {state}: {reason}; {} of {} actuators have power",
+            "the bridge is {}; {} of {} actuators have power",
+            in_words(self.state, self.reason),
             self.enabled + self.stopping,
             self.all
         )

@@ -86,15 +86,10 @@ fn step(bridge: &mut Bridge, text: &str, out: &mut impl Write) -> Result<(), Fau
     let line = Line::read(text, bridge.configuration()).map_err(Fault::Line)?;
     let (faults, _) = bridge.faults();
     line.apply(bridge);
-    if let (now, Some((mechanism, reason))) = bridge.faults()
-        && now != faults
+    if bridge.faults().0 != faults
+        && let Some(fault) = log::fault(bridge)
     {
-        let configuration = bridge.configuration();
-        let of = configuration.actuators.iter().zip(&configuration.mechanisms);
-        let names: Vec<&str> =
-            of.filter(|(_, of)| **of == mechanism).map(|(name, _)| name.as_str()).collect();
-        let (t, names) = (line.t, names.join(", "));
-        eprintln!("sarrus-can replay: at {t} ns {names}: {}", reason.name());
+        eprintln!("sarrus-can replay: at {} ns {fault}", line.t);
     }
     if line.what == What::Cycle {
         log::sent(bridge, line.t)

@@ -2,39 +2,73 @@
 //! them what brought its motors to power.
 //!
 //! ```text
-//! while mechanisms armed   gap   resume   the last two seconds   fault
-//! ├──────────────────────┤ ─ ─ ─ ┤├──────────────────────────────┤
+//! resume   while mechanisms armed   gap   resume   the last two seconds   fault
+//!         ├────────────────────────┤ ─ ─ ─ ┤      ├──────────────────────┤
 //! ```
 //!
 //! The bridge's own state is not in the log. What was given while some mechanism armed is kept from
-//! the first one that got power on, and brings a new bridge and its drives to where they were; the
-//! line `resume` goes over the time that is left out ([`Bridge::resume`]). So a replay stops for
-//! the same reason; set-points may differ at its beginning, as those after late commands do. No
-//! I/O; it allocates, and belongs into another thread than the bridge.
+//! the first one that got power on, and brings a new bridge and its drives to where they were:
+//! drives set and read all that matters when somebody arms. The line `resume` goes over what is
+//! left out, also before the first line that is kept ([`Bridge::resume`]), and says whose
+//! mechanisms have power by then, whose failed, and whose motors are known to answer in time. So a
+//! replay stops for the same reason; set-points may differ at its beginning, as those after late
+//! commands do. No I/O; it allocates, and belongs into another thread than the bridge.
 
 use std::collections::VecDeque;
 
-#[cfg(doc)]
-use crate::bridge::Bridge;
-use crate::bridge::Progress;
+use crate::bridge::{Bookmark, Bridge, Progress};
 use crate::log::{Line, What};
 
 /// The time before a fault that is kept in full `[ns]`.
 pub const WINDOW_NS: u64 = 2_000_000_000;
+/// What is kept before somebody asks for something and after a mechanism has armed `[ns]`: drives
+/// of a new bridge may be some frames behind those of the run.
+const AROUND_NS: u64 = 200_000_000;
 /// Lines of arming that are kept at most; what comes after them is left out.
 const ARMING: usize = 400_000;
+
+/// How a bridge is after a cycle, as far as a log of faults must know.
+#[derive(Clone, Copy, Debug)]
+pub struct After {
+    /// How far it is.
+    pub progress: Progress,
+    /// How its actuators are.
+    pub bookmark: Bookmark,
+}
+
+impl After {
+    /// After the last cycle of a bridge.
+    pub fn cycle_of(bridge: &Bridge) -> After {
+        After { progress: bridge.progress(), bookmark: bridge.bookmark() }
+    }
+}
+
+/// A line that is kept.
+#[derive(Debug)]
+struct Kept {
+    line: Line,
+    is_arming: bool,
+    /// How the bridge was after it, where it was a cycle.
+    bookmark: Option<Bookmark>,
+}
 
 /// The lines that are kept.
 #[derive(Debug)]
 pub struct FaultLog {
     /// Lines of arming, with `resume` where something was left out.
     arming: Vec<Line>,
-    /// The newest lines, and whether each is of arming.
-    recent: VecDeque<(Line, bool)>,
+    /// The newest lines.
+    recent: VecDeque<Kept>,
     /// The last command that was left out since the newest line of arming.
     left_out: Option<Line>,
     has_gap: bool,
+    /// How the bridge was after the last line that is older than the newest ones.
+    bookmark: Bookmark,
     progress: Progress,
+    /// When somebody last asked for something, or a mechanism was arming `[ns]`.
+    arming_ns: Option<u64>,
+    /// Nothing has power any more: all that follows begins anew.
+    is_over: bool,
 }
 
 impl Default for FaultLog {
@@ -44,7 +78,10 @@ impl Default for FaultLog {
             recent: VecDeque::new(),
             left_out: None,
             has_gap: false,
+            bookmark: Bookmark::default(),
             progress: Progress::Idle,
+            arming_ns: None,
+            is_over: false,
         }
     }
 }
@@ -52,47 +89,62 @@ impl Default for FaultLog {
 impl FaultLog {
     /// Adds a line. Allocates.
     pub fn push(&mut self, line: Line) {
+        // not before: a fault that leaves nothing with power is written first
+        if std::mem::take(&mut self.is_over) {
+            self.has_gap |= !self.arming.is_empty();
+            self.arming.clear();
+            (self.left_out, self.arming_ns) = (None, None);
+            self.recent.iter_mut().for_each(|kept| kept.is_arming = false);
+        }
         let t = line.t;
-        let is_arming = self.progress == Progress::Arming || matches!(line.what, What::Operate(..));
-        self.recent.push_back((line, is_arming));
-        while self.recent.front().is_some_and(|(line, _)| t.saturating_sub(line.t) > WINDOW_NS) {
-            if let Some((line, is_arming)) = self.recent.pop_front() {
-                self.leave(line, is_arming);
+        if matches!(line.what, What::Operate(..)) {
+            let recent = self.recent.iter_mut().rev();
+            recent
+                .take_while(|kept| t.saturating_sub(kept.line.t) <= AROUND_NS)
+                .for_each(|kept| kept.is_arming = true);
+            self.arming_ns = Some(t);
+        } else if self.progress == Progress::Arming {
+            self.arming_ns = Some(t);
+        }
+        let is_arming = self.arming_ns.is_some_and(|armed| t.saturating_sub(armed) <= AROUND_NS);
+        self.recent.push_back(Kept { line, is_arming, bookmark: None });
+        while self.recent.front().is_some_and(|kept| t.saturating_sub(kept.line.t) > WINDOW_NS) {
+            if let Some(kept) = self.recent.pop_front() {
+                self.leave(kept);
             }
         }
     }
 
-    /// How far the bridge was after its last cycle.
-    pub fn progress(&mut self, progress: Progress) {
-        if progress == Progress::Idle && self.progress != Progress::Idle {
-            // all that follows begins anew
-            self.arming.clear();
-            (self.left_out, self.has_gap) = (None, false);
-            self.recent.iter_mut().for_each(|(_, is_arming)| *is_arming = false);
+    /// How the bridge was after the cycle that was the last line.
+    pub fn after(&mut self, after: After) {
+        self.is_over = after.progress == Progress::Idle && self.progress != Progress::Idle;
+        self.progress = after.progress;
+        if let Some(kept) = self.recent.back_mut() {
+            kept.bookmark = Some(after.bookmark);
         }
-        self.progress = progress;
     }
 
     /// All lines that are kept, in the order in which they came.
     pub fn lines(&self) -> impl Iterator<Item = Line> {
-        let first = self.recent.front().map_or(0, |(line, _)| line.t);
+        let first = self.recent.front().map_or(0, |kept| kept.line.t);
         let gap = self.gap(first);
         self.arming
             .iter()
             .cloned()
             .chain(gap)
-            .chain(self.recent.iter().map(|(line, _)| line.clone()))
+            .chain(self.recent.iter().map(|kept| kept.line.clone()))
     }
 
     /// What stands for what was left out before a time.
     fn gap(&self, t: u64) -> impl Iterator<Item = Line> + use<> {
-        let is_gap = self.has_gap && !self.arming.is_empty();
-        let command = self.left_out.clone().filter(|_| is_gap);
-        command.into_iter().chain(is_gap.then_some(Line { t, what: What::Resume }))
+        let resume = Line { t, what: What::Resume(self.bookmark) };
+        let command = self.left_out.clone().map(|command| Line { t, ..command });
+        self.has_gap.then_some(resume).into_iter().chain(command.filter(|_| self.has_gap))
     }
 
     /// A line is older than the window.
-    fn leave(&mut self, line: Line, is_arming: bool) {
+    fn leave(&mut self, kept: Kept) {
+        let Kept { line, is_arming, bookmark } = kept;
         if is_arming && self.arming.len() < ARMING {
             let gap = self.gap(line.t);
             self.arming.extend(gap);
@@ -104,6 +156,7 @@ impl FaultLog {
             }
             self.has_gap = true;
         }
+        self.bookmark = bookmark.unwrap_or(self.bookmark);
     }
 }
 
@@ -120,18 +173,26 @@ mod tests {
         let cycle = |t: u64| Line { t: t * MS, what: What::Cycle };
         (0..1000).for_each(|t| log.push(cycle(t)));
         log.push(Line { t: 1000 * MS, what: What::Operate(Operation::Arm, None) });
-        log.progress(Progress::Arming);
+        let bookmark = Bookmark { live: 1, fault: 0, in_time: 1 };
+        log.after(After { progress: Progress::Arming, bookmark });
         (1001..1100).for_each(|t| log.push(cycle(t)));
-        log.progress(Progress::Powered);
+        log.after(After { progress: Progress::Powered, bookmark });
         (1100..10_000).for_each(|t| log.push(cycle(t)));
         let lines: Vec<Line> = log.lines().collect();
-        assert!(matches!(lines[0].what, What::Operate(Operation::Arm, None)));
-        assert_eq!(lines[1..100], (1001..1100).map(cycle).collect::<Vec<_>>());
-        assert_eq!(lines[100], Line { t: 7999 * MS, what: What::Resume });
-        assert_eq!(lines[101..], (7999..10_000).map(cycle).collect::<Vec<_>>());
-        // without power all of it begins anew
-        log.progress(Progress::Idle);
+        let resume = |t: u64, mark| Line { t: t * MS, what: What::Resume(mark) };
+        // the bridge had begun before
+        assert_eq!(lines[0], resume(800, Bookmark::default()));
+        assert_eq!(lines[1..201], (800..1000).map(cycle).collect::<Vec<_>>());
+        assert!(matches!(lines[201].what, What::Operate(Operation::Arm, None)));
+        assert_eq!(lines[202..501], (1001..1300).map(cycle).collect::<Vec<_>>());
+        assert_eq!(lines[501], resume(7999, bookmark));
+        assert_eq!(lines[502..], (7999..10_000).map(cycle).collect::<Vec<_>>());
+        // a fault that takes all power is written with what led to it, and then all begins anew
+        let off = Bookmark { live: 0, fault: 1, in_time: 1 };
+        log.after(After { progress: Progress::Idle, bookmark: off });
+        assert_eq!(log.lines().count(), lines.len());
         (10_000..20_000).for_each(|t| log.push(cycle(t)));
-        assert_eq!(log.lines().next(), Some(cycle(17_999)));
+        assert_eq!(log.lines().next(), Some(resume(17_999, off)));
+        assert_eq!(log.lines().nth(1), Some(cycle(17_999)));
     }
 }

@@ -13,6 +13,8 @@ pub mod commissioning;
 pub mod config;
 pub mod drive;
 mod event;
+#[cfg(feature = "files")]
+pub mod fault_files;
 pub mod fault_log;
 pub mod frame;
 pub mod log;

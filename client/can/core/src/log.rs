@@ -8,16 +8,17 @@
 //! {"t": 2200000, "operate": "reset", "actuator": "ALElbowAct"}
 //! {"t": 2300000, "command": {"sequence": 1, "stamp_ns": 2300000, "effort": [0.5, 0]}}
 //! {"t": 4000000, "cycle": true}
-//! {"t": 9000000000, "resume": true}
+//! {"t": 9000000000, "resume": true, "live": ["ALElbowAct"], "fault": [], "in_time": []}
 //! ```
 //!
 //! `t` is the monotonic clock `[ns]`; frames are as `candump -L` writes them. Of a command, what is
 //! not given is zero (`fingerprint` and `n_u`: the configuration's), and `null` is NaN, for which
-//! JSON has no word.
+//! JSON has no word. Where something is left out, `resume` names whose mechanisms arm or have
+//! power, whose are in fault, and who answers in time ([`Bookmark`]); without lists all go on.
 
 use serde_json::{Map, Value, json};
 
-use crate::bridge::{Bridge, BusEvent};
+use crate::bridge::{Bookmark, Bridge, BusEvent};
 use crate::config::{Configuration, MAX_ACTUATORS};
 use crate::frame::Frame;
 use sarrus_proto::actuators::{ActuatorCommand, Operation};
@@ -44,8 +45,8 @@ pub enum What {
     Command(Box<ActuatorCommand>),
     /// It was time for a cycle.
     Cycle,
-    /// What was given since the line before is left out.
-    Resume,
+    /// What was given since the line before is left out; how the bridge was at the end of that.
+    Resume(Bookmark),
 }
 
 impl Line {
@@ -87,8 +88,8 @@ impl Line {
         } else if let Some(name) = line.get("operate") {
             let operation =
                 Operation::ALL.iter().find(|operation| Some(operation.name()) == name.as_str());
-            let operation =
-                *operation.ok_or("there is no such operation, expected arm, disarm or reset")?;
+            let operation = *operation
+                .ok_or("there is no such operation, expected arm, disarm, reset or return")?;
             let actuator = line.get("actuator").map(|name| {
                 let place = configuration
                     .actuators
@@ -102,7 +103,7 @@ impl Line {
         } else if line.get("cycle").is_some() {
             What::Cycle
         } else if line.get("resume").is_some() {
-            What::Resume
+            What::Resume(bookmark(&line, configuration)?)
         } else {
             return Err("the line says nothing, expected frame, event, operate, command or cycle"
                 .to_owned());
@@ -112,15 +113,20 @@ impl Line {
 
     /// Gives the bridge what it was given.
     pub fn apply(&self, bridge: &mut Bridge) {
+        let skipped_ns = bridge.skipped_ns();
+        let t = self.t.saturating_sub(skipped_ns);
         match &self.what {
-            What::Frame(bus, frame) => bridge.receive(self.t, *bus, frame),
-            What::Event(bus, event) => bridge.bus_event(self.t, *bus, *event),
+            What::Frame(bus, frame) => bridge.receive(t, *bus, frame),
+            What::Event(bus, event) => bridge.bus_event(t, *bus, *event),
             What::Operate(operation, actuator) => {
-                bridge.operate_mechanism(self.t, *operation, *actuator);
+                bridge.operate_mechanism(t, *operation, *actuator);
             }
-            What::Command(command) => drop(bridge.command(self.t, command)),
-            What::Cycle => bridge.cycle(self.t),
-            What::Resume => bridge.resume(self.t),
+            What::Command(command) => {
+                let stamp_ns = command.stamp_ns.saturating_sub(skipped_ns);
+                let _ = bridge.command(t, &ActuatorCommand { stamp_ns, ..**command });
+            }
+            What::Cycle => bridge.cycle(t),
+            What::Resume(mark) => bridge.resume(self.t, mark),
         }
     }
 
@@ -175,10 +181,26 @@ impl Line {
                 json!({"t": t, "command": fields})
             }
             What::Cycle => json!({"t": t, "cycle": true}),
-            What::Resume => json!({"t": t, "resume": true}),
+            What::Resume(Bookmark { live, fault, in_time }) => {
+                let [live, fault, in_time] =
+                    [live, fault, in_time].map(|bits| names(*bits, configuration));
+                json!({"t": t, "resume": true, "live": live, "fault": fault, "in_time": in_time})
+            }
         };
         line.to_string()
     }
+}
+
+/// The newest fault of a bridge: its actuators and the reason.
+pub fn fault(bridge: &Bridge) -> Option<String> {
+    let (_, newest) = bridge.faults();
+    newest.map(|(mechanism, reason)| {
+        let configuration = bridge.configuration();
+        let of = configuration.actuators.iter().zip(&configuration.mechanisms);
+        let names: Vec<&str> =
+            of.filter(|(_, of)| **of == mechanism).map(|(name, _)| name.as_str()).collect();
+        format!("{}: {}", names.join(", "), reason.name())
+    })
 }
 
 /// The frames of the bridge's last cycle at `t` `[ns]`, a line each, as `candump -L` writes them.
@@ -190,6 +212,32 @@ pub fn sent(bridge: &Bridge, t: u64) -> impl Iterator<Item = String> {
             .frames(bus)
             .iter()
             .map(move |frame| format!("({seconds}.{micros:06}) {} {frame}", config.name))
+    })
+}
+
+/// The actuators whose bits are set.
+fn names(bits: u64, configuration: &Configuration) -> Vec<&str> {
+    let actuators = configuration.actuators.iter().enumerate();
+    actuators.filter(|(place, _)| bits >> place & 1 == 1).map(|(_, name)| name.as_str()).collect()
+}
+
+/// The lists of a line that goes over a gap.
+fn bookmark(line: &Value, configuration: &Configuration) -> Result<Bookmark, String> {
+    let bits = |key: &str, otherwise: u64| {
+        let Some(given) = line.get(key) else { return Ok(otherwise) };
+        let given = given.as_array().ok_or(format!("`{key}` is no list of actuators"))?;
+        given.iter().try_fold(0, |bits, name| {
+            let mut known = configuration.actuators.iter();
+            let place = known.position(|known| Some(known.as_str()) == name.as_str());
+            let place = place.ok_or(format!("there is no actuator {name} in the configuration"))?;
+            Ok::<u64, String>(bits | 1 << place)
+        })
+    };
+    let Bookmark { live, fault, in_time } = Bookmark::default();
+    Ok(Bookmark {
+        live: bits("live", live)?,
+        fault: bits("fault", fault)?,
+        in_time: bits("in_time", in_time)?,
     })
 }
 
@@ -276,7 +324,7 @@ mod tests {
             What::Operate(Operation::Arm, Some(0)),
             What::Command(Box::new(command)),
             What::Cycle,
-            What::Resume,
+            What::Resume(Bookmark { live: 1, fault: 0, in_time: 1 }),
         ];
         for what in whats {
             let line = Line { t: u64::MAX, what };
@@ -310,6 +358,8 @@ mod tests {
             ),
             ("{\"t\": 1, \"operate\": \"run\"}", "no such operation"),
             ("{\"t\": 1, \"operate\": \"arm\", \"actuator\": \"b\"}", "no actuator"),
+            ("{\"t\": 1, \"resume\": true, \"live\": [\"b\"]}", "no actuator"),
+            ("{\"t\": 1, \"resume\": true, \"fault\": 1}", "`fault` is no list"),
             ("{\"t\": 1, \"command\": {\"position\": [NaN]}}", "not JSON"),
             ("{\"t\": 1, \"command\": {\"position\": [\"1\"]}}", "`position` holds"),
             ("{\"t\": 1, \"command\": {\"positions\": [1]}}", "no `positions`"),

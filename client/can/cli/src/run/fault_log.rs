@@ -3,16 +3,14 @@
 //! The rules only push into queues of fixed size; keeping, writing and forgetting is done here, at
 //! no priority.
 
-use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
-use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use rtrb::{Consumer, Producer, RingBuffer};
-use sarrus_can_core::bridge::{Bridge, BusEvent, Progress};
+use sarrus_can_core::bridge::{Bridge, BusEvent};
 use sarrus_can_core::config::Configuration;
-use sarrus_can_core::fault_log::FaultLog;
+use sarrus_can_core::fault_files::FaultFiles;
+use sarrus_can_core::fault_log::{After, FaultLog};
 use sarrus_can_core::frame::Frame;
 use sarrus_can_core::log::{Line, What};
 use sarrus_client::actuators::{ActuatorCommand, Operation, Reason};
@@ -24,8 +22,6 @@ const ROOM: usize = 1 << 15;
 const COMMANDS: usize = 256;
 /// Time between two looks.
 const PAUSE: Duration = Duration::from_millis(20);
-/// Files of one bridge that are kept.
-const FILES: usize = 16;
 
 /// What goes from the rules to the thread.
 #[derive(Clone, Copy)]
@@ -35,7 +31,7 @@ enum Input {
     Operate(u64, Operation, Option<usize>),
     /// The command itself is in a queue of its own.
     Command(u64),
-    Cycle(u64, Progress),
+    Cycle(u64, After),
     Fault(Reason),
 }
 
@@ -71,7 +67,7 @@ impl FaultLogEnd {
 
     /// After a cycle of the bridge.
     pub(super) fn cycle(&mut self, t: u64, bridge: &Bridge) {
-        self.push(Input::Cycle(t, bridge.progress()));
+        self.push(Input::Cycle(t, After::cycle_of(bridge)));
         let (faults, last) = bridge.faults();
         if let (true, Some((_, reason))) = (faults != self.faults, last) {
             self.faults = faults;
@@ -97,15 +93,13 @@ pub(super) struct FaultLogThread {
     inputs: Consumer<Input>,
     commands: Consumer<ActuatorCommand>,
     configuration: Configuration,
-    folder: PathBuf,
-    name: String,
+    files: FaultFiles,
     kept: FaultLog,
 }
 
-/// Both sides; the files of the bridge of a name are in a folder.
+/// Both sides.
 pub(super) fn fault_log(
-    name: &str,
-    folder: PathBuf,
+    files: FaultFiles,
     configuration: Configuration,
 ) -> (FaultLogEnd, FaultLogThread) {
     let (inputs, taken) = RingBuffer::new(ROOM);
@@ -115,21 +109,10 @@ pub(super) fn fault_log(
         inputs: taken,
         commands: of_commands,
         configuration,
-        folder,
-        name: name.to_owned(),
+        files,
         kept: FaultLog::default(),
     };
     (end, thread)
-}
-
-/// The folder without a flag, by the conventions of XDG.
-pub(super) fn usual_folder() -> PathBuf {
-    let of =
-        |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
-    of("XDG_STATE_HOME")
-        .or_else(|| of("HOME").map(|home| home.join(".local/state")))
-        .unwrap_or_else(std::env::temp_dir)
-        .join("sarrus/faults")
 }
 
 impl FaultLogThread {
@@ -156,9 +139,9 @@ impl FaultLogThread {
                 Ok(command) => (t, What::Command(Box::new(command))),
                 Err(_) => return,
             },
-            Input::Cycle(t, progress) => {
+            Input::Cycle(t, after) => {
                 self.kept.push(Line { t, what: What::Cycle });
-                return self.kept.progress(progress);
+                return self.kept.after(after);
             }
             Input::Fault(reason) => return self.write(reason),
         };
@@ -166,46 +149,16 @@ impl FaultLogThread {
     }
 
     fn write(&self, reason: Reason) {
-        match self.file(reason) {
+        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        match self.files.write(since.as_millis(), reason, &self.kept, &self.configuration) {
             Ok(path) => {
                 say(format_args!("{}: what led to it is in {}", reason.name(), path.display()))
             }
             Err(error) => say(format_args!(
                 "{}: what led to it cannot be written to {}: {error}",
                 reason.name(),
-                self.folder.display()
+                self.files.folder().display()
             )),
         }
     }
-
-    fn file(&self, reason: Reason) -> io::Result<PathBuf> {
-        fs::create_dir_all(&self.folder)?;
-        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        let name = format!("{}-{:015}-{}.jsonl", self.name, since.as_millis(), reason.name());
-        let path = self.folder.join(name);
-        let mut file = BufWriter::new(File::create(&path)?);
-        for line in self.kept.lines() {
-            writeln!(file, "{}", line.text(&self.configuration))?;
-        }
-        file.flush()?;
-        forget_old(&self.folder, &format!("{}-", self.name))?;
-        Ok(path)
-    }
-}
-
-/// Removes all but the newest files of a bridge; their names begin with its own and then the time.
-fn forget_old(folder: &Path, prefix: &str) -> io::Result<()> {
-    let is_ours = |name: &str| {
-        let rest = name.strip_prefix(prefix).and_then(|rest| rest.strip_suffix(".jsonl"));
-        rest.and_then(|rest| rest.get(..15))
-            .is_some_and(|time| time.bytes().all(|byte| byte.is_ascii_digit()))
-    };
-    let names =
-        fs::read_dir(folder)?.flatten().filter_map(|entry| entry.file_name().into_string().ok());
-    let mut ours: Vec<String> = names.filter(|name| is_ours(name)).collect();
-    ours.sort();
-    for old in ours.iter().rev().skip(FILES) {
-        fs::remove_file(folder.join(old))?;
-    }
-    Ok(())
 }

@@ -22,6 +22,7 @@ use rustix::process::{Pid, Signal, getppid};
 use sarrus_can_core::bridge::Bridge;
 use sarrus_can_core::bus_load;
 use sarrus_can_core::config::Configuration;
+use sarrus_can_core::fault_files::FaultFiles;
 use sarrus_can_core::telemetry::Telemetry;
 use sarrus_proto::bridge::BridgeEnd;
 use sarrus_proto::lane::Threadsafe;
@@ -113,9 +114,9 @@ impl Run {
         let services = BridgeEnd::create(&node, &name)?;
 
         let (loads, fingerprint) = (bus_load::loads(&configuration), configuration.fingerprint);
-        let folder = self.fault_log.clone().unwrap_or_else(fault_log::usual_folder);
-        let (log, keeper) =
-            fault_log::fault_log(&self.name, folder, configuration.without_motors());
+        let usual = || FaultFiles::usual_folder(|name| std::env::var_os(name));
+        let files = FaultFiles::new(self.fault_log.clone().unwrap_or_else(usual), name.as_str());
+        let (log, keeper) = fault_log::fault_log(files, configuration.without_motors());
         let bridge = Bridge::new(configuration);
         let (mut threads, mut ends, mut owned) = (Vec::new(), Vec::new(), Vec::new());
         for (number, config) in bridge.configuration().buses.iter().enumerate() {

@@ -40,6 +40,25 @@ pub enum Progress {
     Powered,
 }
 
+/// What a log that leaves something out says of the bridge at that place: a bit for each actuator,
+/// by its place in u.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bookmark {
+    /// Its mechanism arms, or has power.
+    pub live: u64,
+    /// Its mechanism is in fault.
+    pub fault: u64,
+    /// Its motor is known to answer in time.
+    pub in_time: u64,
+}
+
+impl Default for Bookmark {
+    /// Whatever has power goes on.
+    fn default() -> Bookmark {
+        Bookmark { live: u64::MAX, fault: 0, in_time: 0 }
+    }
+}
+
 /// Counts of the bridge since its start, and the newest times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {

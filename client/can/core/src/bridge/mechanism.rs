@@ -262,8 +262,12 @@ impl Mechanism {
 
     fn fail_now(&mut self, reason: Reason) {
         let is_first = !(self.is_stopping() && self.end == MechanismState::Fault);
-        self.reason = if is_first { reason } else { self.reason };
-        (self.state, self.phase) = (MechanismState::Fault, Phase::Off);
+        self.latch(if is_first { reason } else { self.reason });
+    }
+
+    /// Is in fault, without power.
+    pub(super) fn latch(&mut self, reason: Reason) {
+        (self.state, self.reason, self.phase) = (MechanismState::Fault, reason, Phase::Off);
     }
 
     /// A stop by lowering goes down from when it stood still.
@@ -340,7 +344,8 @@ impl Mechanism {
             _ => {}
         }
         let (phase, change) = match self.phase {
-            Phase::Starting if members.all_on => {
+            // what is on before it was asked is so from an earlier time
+            Phase::Starting if members.all_on && now_ns > self.armed_ns => {
                 (self.state, self.reason) = match self.returns {
                     true => (MechanismState::Arming, Reason::OutsideLimits),
                     false => (MechanismState::Enabled, self.reason),

@@ -10,6 +10,7 @@
 //! controlled stop: STOPPING, then DISABLED or FAULT. Nothing ever arms by itself.
 
 mod assess;
+mod bookmark;
 mod bus;
 mod counters;
 mod mechanism;
@@ -26,7 +27,7 @@ mod tests;
 mod transitions;
 mod verdict;
 
-pub use counters::{BusCounters, BusState, Counters, Progress};
+pub use counters::{Bookmark, BusCounters, BusState, Counters, Progress};
 pub use sarrus_proto::counts::CommandVerdict;
 
 pub use crate::event::BusEvent;
@@ -68,6 +69,9 @@ pub struct Bridge {
     /// Since when a reset of each mechanism is under way `[ns]`.
     reset_ns: Vec<Option<u64>>,
     last_cycle_ns: Option<u64>,
+    /// What a log left out `[ns]`, and whether that ended since the last cycle.
+    skipped_ns: u64,
+    resumes: bool,
     state: ActuatorState,
     counters: Counters,
     faults: u64,
@@ -123,6 +127,8 @@ impl Bridge {
             commanded: false,
             reset_ns,
             last_cycle_ns: None,
+            skipped_ns: 0,
+            resumes: false,
             state,
             counters: Counters::default(),
             faults: 0,
@@ -212,6 +218,7 @@ impl Bridge {
         self.last_cycle_ns = Some(now_ns);
         self.counters.cycles += 1;
         self.buses.iter_mut().for_each(Bus::begin);
+        self.go_on();
 
         // what failed since the last cycle
         if gap_ns > self.configuration.timeouts.disable_ns {
@@ -287,13 +294,6 @@ impl Bridge {
             bus.queue.push_some(bus.sync.filter(|_| bus.is_synchronous));
         }
         self.report(now_ns);
-    }
-
-    /// Goes over a time that a log leaves out, up to `now_ns`: what was measured last counts as
-    /// measured now, and what has power goes on from there.
-    pub fn resume(&mut self, now_ns: u64) {
-        self.last_cycle_ns = None;
-        self.motors.iter_mut().for_each(|motor| motor.resume_log(now_ns));
     }
 
     /// How many faults there were since the start, and the mechanism and reason of the last one.

@@ -144,11 +144,22 @@ impl Motor {
     }
 
     /// Goes over a time that a log leaves out.
-    pub(super) fn resume_log(&mut self, now_ns: u64) {
-        self.measured_ns = self.measured_ns.map(|_| now_ns);
+    pub(super) fn resume_log(&mut self, is_in_time: bool) {
+        if is_in_time {
+            self.monitors.age.believe();
+            self.monitors.answers.forgive();
+        }
         self.sent_ns = None;
         self.monitors.begin();
+        // nothing is compared over the gap
+        (self.seen_ns, self.before) = (self.measured_ns, ActuatorMeasurement::NONE);
+        self.is_asked_nothing();
         self.hold();
+    }
+
+    /// It followed commands meanwhile, as far as its limits go.
+    pub(super) fn resume_from(&mut self, desired: f64) {
+        self.last_position = desired.max(self.config.limits.lower).min(self.config.limits.upper);
     }
 
     /// Begins to follow from where it is.

@@ -1,5 +1,5 @@
-//! A configuration from its file: the one place of this crate that opens files, before anything
-//! runs.
+//! A configuration from its file: with `fault_files` the one place of this crate that opens files,
+//! before anything runs.
 
 use std::path::{Path, PathBuf};
 

@@ -4,6 +4,7 @@ use crate::support::{
     COMMON, Random, cycle, drive, is_toward_zero, last, receive, survives_hostile_frames, try_drive,
 };
 use sarrus_can_core::drive::{Drive, DriveCommand, Mode, Power, Receipt, Setpoint, Watchdog};
+use sarrus_can_core::frame::FrameQueue;
 use sarrus_can_core::protocol::{Common, fault};
 
 const STOPPED: &str = "02000AFD#7FFF7FFF7FFF012C";
@@ -212,4 +213,30 @@ fn a_robstride_has_its_own_ranges_and_another_watchdog() {
     receive(&mut *drive, "110001FD#2870000000000000");
     assert_eq!(drive.state().watchdog, Watchdog::Off);
     survives_hostile_frames(&mut *drive, 2);
+}
+
+/// The frames that a drive has for a new identifier and for storing what it was given.
+fn renumbered(settings: &str, id: u32) -> (Vec<String>, Vec<String>) {
+    let mut drive = drive("cybergear", settings, COMMON);
+    let (mut renumber, mut save) = (FrameQueue::new(8), FrameQueue::new(8));
+    drive.set_id(id, &mut renumber);
+    drive.save_zero(&mut save);
+    let text = |queue: FrameQueue| queue.frames().iter().map(ToString::to_string).collect();
+    (text(renumber), text(save))
+}
+
+#[test]
+fn an_identifier_and_a_zero_are_stored_by_the_frames_of_others() {
+    // update_id(10, 23) of PyPI's robstride 0.1.0 with the host 0xFD; Set_CAN_ID and
+    // MotorDataSave of the maker's sample program for RobStride say the same
+    let robstride = "{id: 10, model: robstride, position_range: 12.57, velocity_range: 20, \
+        torque_range: 60, stiffness_range: 5000, damping_range: 100}";
+    let (renumber, save) = renumbered(robstride, 23);
+    assert_eq!(renumber, ["0717FD0A#0000000000000000"]);
+    assert_eq!(save, ["1600FD0A#0102030405060708"]);
+    // the identifier is that of set_can_id(23) of PyPI's python-cybergear 0.1.2, which has no rule
+    // for the data; nothing stores a CyberGear's zero
+    let (renumber, save) = renumbered("{id: 10, position_range: 12.5}", 23);
+    assert_eq!(renumber, ["0717FD0A#0000000000000000"]);
+    assert!(save.is_empty());
 }

@@ -109,3 +109,14 @@ fn a_motor_that_was_outside_its_range_when_it_fell_silent_is_a_fault_until_it_ha
     receive(&mut *drive, "011#0180007FF7FF");
     assert_eq!(drive.state().fault, 0);
 }
+
+#[test]
+fn a_damiao_gets_another_identifier_and_stores_by_the_frames_of_others() {
+    let mut drive = mit("damiao", COMMON);
+    let mut out = FrameQueue::new(8);
+    assert!(drive.set_id(0x17, &mut out));
+    let sent: Vec<String> = out.frames().iter().map(ToString::to_string).collect();
+    // write_register(8, 0x17) and store_parameters() of PyPI's damiao-motor 1.0.6, and what the
+    // latter is once the motor has its new identifier; pydamiao 0.1.4 writes the same
+    assert_eq!(sent, ["7FF#0100550817000000", "7FF#0100AA0100000000", "7FF#1700AA0100000000"]);
+}

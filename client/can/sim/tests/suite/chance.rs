@@ -8,7 +8,7 @@
 use sarrus_can_core::drive::Setpoint;
 use sarrus_proto::actuators::{MechanismState, Operation};
 
-use crate::attacks::drives;
+use crate::attack_table::drives;
 use crate::world::{Chance, Encoder, MS, World};
 
 /// The time to find something, and that of a stop `[ns]`.

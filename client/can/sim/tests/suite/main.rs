@@ -6,11 +6,14 @@
     reason = "a test that fails panics"
 )]
 
+mod attack_table;
 mod attacks;
 mod authors;
 mod chance;
 mod cia402;
 mod closed_loop;
+mod disorder;
+mod fault_logs;
 mod limits;
 mod moteus;
 mod motors;

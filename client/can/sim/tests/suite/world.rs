@@ -3,10 +3,11 @@
 
 use std::collections::VecDeque;
 
-use sarrus_can_core::bridge::{Bridge, CommandVerdict};
+use sarrus_can_core::bridge::{Bridge, BusEvent, CommandVerdict};
 use sarrus_can_core::config::{Configuration, Limits, Surroundings};
 use sarrus_can_core::drive::Setpoint;
-use sarrus_can_core::frame::{Frame, FrameQueue};
+use sarrus_can_core::frame::{Frame, FrameQueue, Id};
+use sarrus_can_core::log::{self, Line, What};
 use sarrus_can_core::mapping::Mapping;
 use sarrus_can_sim::{Physics, Simulated};
 use sarrus_models::LoadError;
@@ -75,6 +76,8 @@ pub(crate) struct Shaft {
     pub(crate) temperature: f64,
     /// Each answer comes twice.
     pub(crate) is_doubled: bool,
+    /// Its answers have this identifier, and these four bits of a motor in their first byte.
+    pub(crate) poses_as: Option<(Id, u8)>,
     pub(crate) delay_ns: u64,
     answers: VecDeque<(u64, Frame)>,
 }
@@ -118,6 +121,25 @@ impl Shaft {
     }
 }
 
+/// What a bridge was given, and what it sent, as [`log`] writes both.
+#[derive(Debug, Default)]
+pub(crate) struct Record {
+    pub(crate) lines: Vec<Line>,
+    pub(crate) frames: Vec<String>,
+    /// When each fault was, and [`log::fault`].
+    pub(crate) faults: Vec<String>,
+}
+
+/// An answer as another motor would give it.
+fn posing(frame: Frame, poses_as: Option<(Id, u8)>) -> Frame {
+    let Some((id, tag)) = poses_as else { return frame };
+    let mut data = frame.data().to_vec();
+    if let Some(first) = data.first_mut() {
+        *first = *first & 0xF0 | tag;
+    }
+    Frame::classic(id, &data).unwrap_or(frame)
+}
+
 pub(crate) struct World {
     pub(crate) bridge: Bridge,
     pub(crate) shafts: Vec<Shaft>,
@@ -133,6 +155,8 @@ pub(crate) struct World {
     pub(crate) jitter_ns: [u64; 2],
     /// A frame of a second master in each cycle.
     pub(crate) intruder: Option<Frame>,
+    /// Where it is recorded.
+    pub(crate) record: Option<Record>,
 }
 
 impl World {
@@ -163,6 +187,7 @@ impl World {
                     hides_velocity: false,
                     temperature: 30.0,
                     is_doubled: false,
+                    poses_as: None,
                     delay_ns: 0,
                     answers: VecDeque::new(),
                 }
@@ -184,17 +209,28 @@ impl World {
             noise: 0.0,
             jitter_ns: [0, 0],
             intruder: None,
+            record: None,
         }
     }
 
-    /// One motor of a drive, as the first one on a bench: 250 Hz, ± 3 rad, 5 rad/s, 2 N m.
-    pub(crate) fn one(drive: &str, more: &str) -> World {
-        let text = format!(
+    /// The configuration of one motor of a drive, as the first one on a bench: 250 Hz, ± 3 rad,
+    /// 5 rad/s, 2 N m.
+    pub(crate) fn text(drive: &str, more: &str) -> String {
+        format!(
             "rate_hz: 250\nbuses:\n- {{name: bench, interface: none, channel: none, bitrate: \
             1000000, data_bitrate: 5000000}}\nramp_ms: 100\nmotors:\n- actuator: motor\n  bus: \
             bench\n  drive: {drive}\n  offset: 0\n  limits: {{position: [-3, 3], velocity: 5, \
             effort: 2}}\n  damping: 0.1\n  watchdog_ms: 50\n  watchdog: believed\n{more}"
-        );
+        )
+    }
+
+    /// Such a motor.
+    pub(crate) fn one(drive: &str, more: &str) -> World {
+        World::read(World::text(drive, more))
+    }
+
+    /// The motors of a configuration.
+    pub(crate) fn read(text: String) -> World {
         let surroundings = Surroundings {
             file: &|_| Err("absent".into()),
             robot: &|_| Err(LoadError::Open { file: "robot".into(), reason: "absent".into() }),
@@ -212,7 +248,8 @@ impl World {
         self.command.sequence += 1;
         self.command.stamp_ns = cycle_ns;
         assert_eq!(self.bridge.command(cycle_ns, &self.command), CommandVerdict::Accepted);
-        self.bridge.cycle(cycle_ns);
+        self.note(cycle_ns, What::Command(Box::new(self.command)));
+        self.put(cycle_ns, What::Cycle);
 
         // to the motors
         let mut out = FrameQueue::new(64);
@@ -230,7 +267,7 @@ impl World {
             }
         }
         if let Some(frame) = self.intruder {
-            self.bridge.receive(cycle_ns + THERE_NS, 0, &frame);
+            self.put(cycle_ns + THERE_NS, What::Frame(0, frame));
         }
 
         // and time goes by
@@ -247,7 +284,7 @@ impl World {
                         break;
                     }
                     self.shafts[i].answers.pop_front();
-                    self.bridge.receive(at_ns, self.shafts[i].bus, &frame);
+                    self.put(at_ns, What::Frame(self.shafts[i].bus, frame));
                 }
             }
         }
@@ -262,11 +299,41 @@ impl World {
             let at_ns = shaft.answers.back().map_or(at_ns, |(last, _)| at_ns.max(*last));
             for _ in 0..1 + usize::from(shaft.is_doubled) {
                 if self.chance.within(0.0, 1.0) >= self.loss {
-                    shaft.answers.push_back((at_ns, *frame));
+                    shaft.answers.push_back((at_ns, posing(*frame, shaft.poses_as)));
                 }
             }
         }
         out.clear();
+    }
+
+    /// Gives the bridge something.
+    fn put(&mut self, t: u64, what: What) {
+        let (before, _) = self.bridge.faults();
+        Line { t, what: what.clone() }.apply(&mut self.bridge);
+        if let (Some(record), (now, _)) = (&mut self.record, self.bridge.faults())
+            && now != before
+        {
+            let fault = log::fault(&self.bridge).unwrap_or_default();
+            record.faults.push(format!("{t} ns {fault}"));
+        }
+        if let (Some(record), What::Cycle) = (&mut self.record, &what) {
+            record.frames.extend(log::sent(&self.bridge, t));
+        }
+        self.note(t, what);
+    }
+
+    fn note(&mut self, t: u64, what: What) {
+        if let Some(record) = &mut self.record {
+            record.lines.push(Line { t, what });
+        }
+    }
+
+    pub(crate) fn operate(&mut self, operation: Operation) {
+        self.put(self.now_ns, What::Operate(operation, None));
+    }
+
+    pub(crate) fn event(&mut self, bus: usize, event: BusEvent) {
+        self.put(self.now_ns, What::Event(bus, event));
     }
 
     pub(crate) fn cycles(&mut self, n: usize) {
@@ -291,7 +358,7 @@ impl World {
     pub(crate) fn arm(&mut self) -> Option<u64> {
         let begin_ns = self.now_ns;
         self.cycles((1_500 * MS / self.period_ns) as usize);
-        self.bridge.operate(self.now_ns, Operation::Arm);
+        self.operate(Operation::Arm);
         while self.now_ns < begin_ns + 4_500 * MS {
             self.cycle();
             if self.is_enabled() {

@@ -110,6 +110,12 @@ def parser() -> argparse.ArgumentParser:
         help="log everything that the bridge is given, as JSON lines for `replay`",
     )
     command.add_argument(
+        "--fault-log",
+        metavar="FOLDER",
+        help="folder for what led to each fault, which `replay` reads; without it `sarrus/faults` "
+        "where programs keep their state",
+    )
+    command.add_argument(
         "--no-realtime",
         action="store_true",
         help="ask the system for no priority and no locked memory",
@@ -317,6 +323,7 @@ def run_bridge(options: argparse.Namespace) -> int:
         wants_realtime=not options.no_realtime,
         record=options.record,
         log=options.log,
+        fault_log=options.fault_log,
     )
 
 
@@ -407,6 +414,9 @@ def zero(options: argparse.Namespace) -> int:
     with opened(options) as motors:
         motor = motors.chosen[0]
         if options.at is None:
+            if options.save:
+                # before anybody is asked
+                commissioning.storing(motors, motor)
             commissioning.confirm(
                 f"The present position of {options.motor} becomes the zero of its motor. It has no "
                 "power; it must not move.",

@@ -261,19 +261,25 @@ def offset_at(motor: dict[str, Any], measured: dict[str, float], at: float) -> f
     return at - float(motor["sign"] / motor["gear"]) * measured["motor_position"]
 
 
+def storing(motors: Commissioning, motor: int) -> list[Frame]:
+    """Give the frames that have a motor store its zero; refuse where its protocol has none."""
+    frames = motors.drives.save_zero(motor)
+    if frames is None:
+        entry = motors.motors[motor]
+        kind = " ".join(dict.fromkeys((entry["protocol"], entry["variant"]))).rstrip()
+        raise Failed(
+            f"{motors.name(motor)}: {kind} cannot store its zero by command: it is lost with the "
+            "supply; use `zero --at` and the offset, or the maker's tool"
+        )
+    return frames
+
+
 def zero(motors: Commissioning, motor: int, *, save: bool = False) -> float:
     """Make the motor's present position its zero, and have it stored if that is wanted.
 
     Give what it says afterwards, at its own shaft `[rad]`.
     """
-    stored = motors.drives.save_zero(motor) if save else []
-    if stored is None:
-        entry = motors.motors[motor]
-        raise Failed(
-            f"{motors.name(motor)}: {entry['protocol']} {entry['variant']}".rstrip()
-            + " cannot store its zero by command: it is lost with the supply; use `zero --at` and "
-            "the offset, or the maker's tool"
-        )
+    stored = storing(motors, motor) if save else []
     motors.disable(motor)
     motors.measure(motor, motors.off(motor))
     frames = motors.drives.set_zero(motor)

@@ -33,7 +33,7 @@ class Kind(NamedTuple):
     variant: str
 
     def __str__(self) -> str:
-        return f"{self.protocol} {self.variant}".rstrip()
+        return " ".join(dict.fromkeys(self)).rstrip()
 
 
 def kinds_of(motors: Commissioning, bus: int, texts: Iterable[str]) -> list[Kind]:

@@ -212,6 +212,7 @@ def run(
     wants_realtime: bool = True,
     record: str | None = None,
     log: str | None = None,
+    fault_log: str | None = None,
 ) -> int:
     """Run the bridge of a configuration until a signal, its parent's end, or for some seconds.
 
@@ -219,7 +220,7 @@ def run(
 
 
     `record` is a file for all frames, `log` one for everything that the bridge is given, which
-    `replay` reads.
+    `replay` reads; `fault_log` is a folder for what led to each fault, which `replay` reads too.
     """
     for warning in configuration.warnings:
         say(f"sarrus.can: warning: {warning}")
@@ -247,6 +248,8 @@ def run(
         if log is not None:
             bridge.begin_log(log)
             stack.callback(bridge.end_log)
+        bridge.begin_fault_log(name, fault_log)
+        stack.callback(bridge.end_fault_log)
         # threads that write and open give way to the cycle soon
         sys.setswitchinterval(GIVE_WAY)
         if wants_realtime:
@@ -267,6 +270,8 @@ def run(
                 f"{lines} line(s) in {log}"
                 + (f", {lost} lost: it cannot be replayed" if lost else "")
             )
+        if missing := bridge.end_fault_log():
+            stderr.put(f"{missing} input(s) are missing in the logs of faults")
         if frontend.recorder is not None:
             frontend.recorder.end()
             stderr.put(frontend.recorder.summary)

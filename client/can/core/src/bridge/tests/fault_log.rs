@@ -2,7 +2,7 @@
 
 use super::bench::{Bench, MS};
 use super::*;
-use crate::fault_log::FaultLog;
+use crate::fault_log::{After, FaultLog};
 use crate::log::{Line, What};
 
 /// Runs plain motors for some milliseconds after arming, and then through faults by `change`; gives
@@ -31,7 +31,7 @@ fn run(after: u64, change: impl Fn(&mut Bench)) -> (Bridge, Vec<Line>) {
             line.apply(&mut bench.bridge);
             log.push(line);
         }
-        log.progress(bench.bridge.progress());
+        log.after(After::cycle_of(&bench.bridge));
         if bench.bridge.faults().0 != faults {
             faults = bench.bridge.faults().0;
             lines = log.lines().collect();

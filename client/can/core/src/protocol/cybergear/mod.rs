@@ -388,7 +388,7 @@ impl Drive for CyberGear {
     }
 
     fn set_id(&mut self, id: u32, out: &mut FrameQueue) -> bool {
-        let frame = self.frame(SET_ID, id << 8 | self.host, [1, 0, 0, 0, 0, 0, 0, 0]);
+        let frame = self.frame(SET_ID, id << 8 | self.host, [0; 8]);
         out.push_some(frame.filter(|_| id <= 127));
         id <= 127
     }

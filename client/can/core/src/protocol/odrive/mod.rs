@@ -334,7 +334,8 @@ impl Drive for ODrive {
     fn state(&self) -> DriveState {
         let power = match (self.axis_state.map(u32::from), self.power_up.stage()) {
             (None, _) => Power::Unknown,
-            (Some(CLOSED_LOOP), _) => Power::On,
+            // a heartbeat of before it was asked tells nothing of that
+            (Some(CLOSED_LOOP), Stage::Off | Stage::On | Stage::Lost) => Power::On,
             (Some(IDLE | 0), Stage::Off | Stage::Lost) => Power::Off,
             _ => Power::Starting,
         };

@@ -1,0 +1,162 @@
+//! Every attack on every protocol that the attack table has a drive for, in all frontends: the core
+//! here, the replay of the program, and a bridge of the Python package that is given the same as
+//! objects. The same bytes, the same reason, the same time until there is no torque. The table is
+//! printed.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use sarrus_tests::python::environment;
+use serde_json::Value;
+
+use super::attack_table::{ATTACKS, Outcome, bound, drives, is_possible, recorded};
+use super::harness::sarrus_can;
+use super::world::World;
+
+/// What a frontend made of a record.
+#[derive(Debug, Default, PartialEq)]
+struct Result {
+    frames: String,
+    /// The fault's time and actuator, and its reason, as the frontend says it.
+    faults: Vec<String>,
+}
+
+/// An attack on a drive, as it was in the core.
+struct Case {
+    attack: &'static str,
+    drive: &'static str,
+    protocol: String,
+    files: [PathBuf; 2],
+    outcome: Outcome,
+    core: Result,
+}
+
+/// Runs an attack in the core, and writes its configuration and its input.
+fn case(folder: &Path, place: usize, attack: usize, drive: &(&'static str, String)) -> Case {
+    let (attack, run) = ATTACKS[attack];
+    let mut world = recorded(&drive.1);
+    let outcome = run(&mut world);
+    let record = world.record.take().unwrap_or_default();
+    let configuration = world.bridge.configuration();
+    let files = [folder.join(format!("{place}.yml")), folder.join(format!("{place}.jsonl"))];
+    std::fs::write(&files[0], World::text(&drive.1, "")).unwrap();
+    let mut log = String::new();
+    for line in &record.lines {
+        writeln!(log, "{}", line.text(configuration)).unwrap();
+    }
+    std::fs::write(&files[1], log).unwrap();
+    let frames = record.frames.iter().map(|frame| format!("{frame}\n")).collect();
+    let faults = record.faults.clone();
+    let protocol =
+        drive.1.split("protocol: ").nth(1).and_then(|rest| rest.split([',', '}']).next());
+    Case {
+        attack,
+        drive: drive.0,
+        protocol: protocol.unwrap_or_default().to_owned(),
+        files,
+        outcome,
+        core: Result { frames, faults },
+    }
+}
+
+/// The replay of the program.
+fn program(files: &[PathBuf; 2]) -> Result {
+    let output = Command::new(sarrus_can()).arg("replay").args(files).output().unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{stderr}");
+    let faults = stderr.lines().filter_map(|line| line.strip_prefix("sarrus-can replay: at "));
+    Result {
+        frames: String::from_utf8(output.stdout).unwrap(),
+        faults: faults.map(str::to_owned).collect(),
+    }
+}
+
+/// The files that a bridge of the package wrote on the faults of a case, the oldest first.
+fn fault_files(folder: &Path, place: usize) -> Vec<PathBuf> {
+    let prefix = format!("case{place}-");
+    let files =
+        std::fs::read_dir(folder.join("faults")).unwrap().map(|entry| entry.unwrap().path());
+    let is_ours = |path: &PathBuf| {
+        path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(&prefix))
+    };
+    let mut files: Vec<PathBuf> = files.filter(is_ours).collect();
+    files.sort();
+    files
+}
+
+/// All cases through bridges of the Python package, in one process.
+fn python(folder: &Path, n: usize) -> Vec<Result> {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("proof/can/attacks.py");
+    let output = environment()
+        .command(&[script.to_str().unwrap(), folder.to_str().unwrap(), &n.to_string()])
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let results = (0..n).map(|place| {
+        let read = |ending: &str| {
+            std::fs::read_to_string(folder.join(format!("{place}.{ending}"))).unwrap()
+        };
+        let faults: Value = serde_json::from_str(&read("faults.json")).unwrap();
+        let faults = faults.as_array().unwrap().iter();
+        Result {
+            frames: read("frames"),
+            faults: faults.map(|fault| fault.as_str().unwrap().to_owned()).collect(),
+        }
+    });
+    results.collect()
+}
+
+#[test]
+fn every_attack_ends_alike_in_the_core_the_program_and_the_python_package() {
+    let folder = std::env::temp_dir().join(format!("sarrus-attacks-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let mut cases = Vec::new();
+    for attack in 0..ATTACKS.len() {
+        for drive in &drives() {
+            if is_possible(ATTACKS[attack].0, drive.0) {
+                cases.push(case(&folder, cases.len(), attack, drive));
+            }
+        }
+    }
+    let by_python = python(&folder, cases.len());
+    // longest times by attack and protocol
+    let mut short: BTreeMap<(&str, &str), (f64, Vec<&str>)> = BTreeMap::new();
+    println!("attack | drive | frontend | reason | rad, rad/s, N m | ms to found, to no torque");
+    for (place, (case, in_python)) in cases.iter().zip(&by_python).enumerate() {
+        let name = format!("{}: {}", case.attack, case.drive);
+        let in_program = program(&case.files);
+        let Outcome { ms, safe_ms, reason, position, velocity, torque } = case.outcome;
+        let (Some(ms), Some(safe_ms)) = (ms, safe_ms) else { panic!("{name}: never") };
+        assert!(ms <= bound(case.attack), "{name}: {ms} ms");
+        assert!(case.core.faults.iter().any(|fault| fault.ends_with(reason.name())), "{name}");
+        for (frontend, result) in
+            [("core", &case.core), ("sarrus-can", &in_program), ("sarrus.can", in_python)]
+        {
+            assert!(result.frames == case.core.frames, "{name}: the frames of {frontend} differ");
+            assert_eq!(result.faults, case.core.faults, "{name}: {frontend}");
+            println!(
+                "{} | {} | {frontend} | {} | {position:.2}, {velocity:.2}, {torque:.2} | {ms:.0}, \
+                    {safe_ms:.0}",
+                case.attack,
+                case.drive,
+                reason.name(),
+            );
+        }
+        // what the package wrote on the last fault brings it in the program
+        let newest = fault_files(&folder, place).pop().unwrap_or_else(|| panic!("{name}: no file"));
+        let again = program(&[case.files[0].clone(), newest]);
+        assert_eq!(again.faults.last(), case.core.faults.last(), "{name}");
+        let of = short.entry((case.attack, case.protocol.as_str())).or_default();
+        of.0 = of.0.max(ms);
+        of.1.push(reason.name());
+    }
+    println!();
+    for ((attack, protocol), (ms, mut reasons)) in short {
+        reasons.sort_unstable();
+        reasons.dedup();
+        println!("{attack} | {protocol} | {} | {ms:.0} ms", reasons.join(", "));
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+}
