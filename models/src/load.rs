@@ -167,7 +167,8 @@ fn read(
     robot: &mut Option<String>,
 ) -> Option<(Description, Compiled)> {
     let (description, spans) = describe(contents, options, diagnostics, robot)?;
-    let (description, spans) = scene::reduce(options, description, spans, diagnostics)?;
+    let (description, spans) =
+        scene::reduce((&options.lock, &options.only), description, spans, diagnostics)?;
     let compiled = compile(&description, &spans, diagnostics)?;
     Some((description, compiled))
 }

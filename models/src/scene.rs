@@ -8,7 +8,6 @@ use sarrus_dynamics::description::{Description, JointKind};
 use sarrus_dynamics::{CompileError, Reduced, Site, locked, restricted};
 
 use crate::build::Spans;
-use crate::load::Options;
 use crate::nearest::{nearest, nearest_first};
 use crate::report::{Diagnostics, quoted};
 
@@ -64,14 +63,14 @@ impl fmt::Display for Lock {
 
 /// The robot less what the scene does not need; `None` after a fault.
 pub(crate) fn reduce(
-    options: &Options,
+    (lock, only): (&[Lock], &[String]),
     whole: Description,
     spans: Spans,
     diagnostics: &mut Diagnostics,
 ) -> Option<(Description, Spans)> {
     let (mut description, mut spans) = (whole, spans);
-    let joints = joints(options, &description, &spans, diagnostics);
-    let links = links(options, &description, &spans, diagnostics);
+    let joints = joints(lock, &description, &spans, diagnostics);
+    let links = links(only, &description, &spans, diagnostics);
     if diagnostics.has_errors() {
         return None;
     }
@@ -117,7 +116,7 @@ pub(crate) fn reduce(
 
 /// The joints that are held, each with its position.
 fn joints(
-    options: &Options,
+    locks: &[Lock],
     description: &Description,
     spans: &Spans,
     diagnostics: &mut Diagnostics,
@@ -127,7 +126,7 @@ fn joints(
     let joints = || description.joints.iter().enumerate();
     let moving = || joints().filter(|(_, joint)| joint.kind != JointKind::Fixed);
     let independent = || description.submechanisms.iter().flat_map(|of| &of.independent).copied();
-    for lock in &options.lock {
+    for lock in locks {
         let name = lock.joint.as_str();
         if let Some((j, _)) = joints().find(|(_, joint)| joint.name == name) {
             found.push((j, lock.position));
@@ -170,14 +169,14 @@ fn joints(
 
 /// The links that the robot is reduced to.
 fn links(
-    options: &Options,
+    only: &[String],
     description: &Description,
     spans: &Spans,
     diagnostics: &mut Diagnostics,
 ) -> Vec<usize> {
     let mut found = Vec::new();
     let names = || description.links.iter().map(|link| link.name.as_str());
-    for name in &options.only {
+    for name in only {
         let before = found.len();
         match names().position(|link| link == name) {
             Some(link) => found.push(link),

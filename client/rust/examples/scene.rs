@@ -10,9 +10,9 @@ use sarrus_client::{Lock, Options, Robot, Source};
 const SCENES: [(&str, &[&str], &[&str]); 5] = [
     ("the whole robot", &[], &[]),
     ("torso and head locked", &["Body*", "Head*"], &[]),
-    ("and the right arm", &["Body*", "Head*", "AR*"], &[]),
-    ("and both wrists", &["Body*", "Head*", "*Wrist*"], &[]),
-    ("left arm and torso only", &[], &["ALWrist*"]),
+    ("and the right arm locked", &["Body*", "Head*", "AR*"], &[]),
+    ("torso, head, hands locked", &["Body*", "Head*", "A?Hand*"], &[]),
+    ("left forearm and torso only", &[], &["ALWrist*"]),
 ];
 /// Rounds, and calls of each.
 const ROUNDS: usize = 200;
@@ -39,11 +39,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             *least = least.min(start.elapsed().as_secs_f64() / f64::from(CALLS));
         }
     }
-    println!("{:<26} {:>6} {:>3} {:>3} {:>9}", "", "joints", "y", "u", "ID");
+    println!("{:<28} {:>6} {:>3} {:>3} {:>9}", "", "joints", "y", "u", "ID");
     for (name, robot, least) in &robots {
         let sizes = robot.model().sizes;
         let (joints, y, u) = (sizes.n_v, sizes.n_vy, sizes.n_u);
-        println!("{name:<26} {joints:>6} {y:>3} {u:>3} {:>6.2} µs", least * 1e6);
+        println!("{name:<28} {joints:>6} {y:>3} {u:>3} {:>6.2} µs", least * 1e6);
     }
     Ok(())
 }
