@@ -53,8 +53,8 @@ fn twenty_motors() -> Outcome<Configuration> {
     for i in 0..20 {
         let (bus, id) = (i / 5, 1 + i % 5);
         text += &format!(
-            "- actuator: m{i}\n  bus: b{bus}\n  drive: {{protocol: mit, variant: t_motor, id: {id}, \
-            reply_id: {}, position_range: 12.5, velocity_range: 30, torque_range: 10, \
+            "- actuator: m{i}\n  bus: b{bus}\n  drive: {{protocol: mit, variant: t_motor, id: \
+            {id}, reply_id: {}, position_range: 12.5, velocity_range: 30, torque_range: 10, \
             stiffness_range: 500, damping_range: 5}}\n  offset: 0\n  limits: {{position: [-3, 3], \
             velocity: 5, effort: 2}}\n  damping: 0.1\n  watchdog_ms: 50\n  watchdog: believed\n",
             id + 16
