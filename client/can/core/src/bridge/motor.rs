@@ -224,6 +224,10 @@ impl Motor {
         if self.config.drive.is_paired() && self.monitors.age.is_unknown() {
             return Some(Reason::FeedbackLate);
         }
+        let round_trip_ns = self.config.drive.round_trip_ns(now_ns);
+        if round_trip_ns.is_some_and(|taken_ns| self.monitors.age.is_beyond(taken_ns)) {
+            return Some(Reason::FeedbackLate);
+        }
         self.monitors.check_bus(now_ns, BusState::Active)
     }
 }
