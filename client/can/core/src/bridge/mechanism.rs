@@ -41,8 +41,13 @@ pub(super) enum Course {
     Follow(f64),
     /// Damping.
     Damp,
-    /// The speed from the beginning of a stop, of which this part is left.
-    Brake(f64),
+    /// A stop.
+    Brake {
+        /// Part of the speed from its beginning that is left.
+        speed: f64,
+        /// Part of its time that has passed.
+        passed: f64,
+    },
     /// No more than this speed down with gravity `[rad/s, m/s]`.
     Lower(f64),
     /// The quick stop of the drive.
@@ -212,7 +217,8 @@ impl Mechanism {
                     _ => 0.0,
                 };
                 let passed = since.map_or(0.0, passed);
-                Some(Course::Brake(if passed < ramp { 1.0 - passed / ramp } else { 0.0 }))
+                let speed = if passed < ramp { 1.0 - passed / ramp } else { 0.0 };
+                Some(Course::Brake { speed, passed: passed / self.stop.stop_ns as f64 })
             }
         }
     }

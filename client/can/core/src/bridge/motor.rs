@@ -50,6 +50,8 @@ pub(super) struct Motor {
     /// Damping of stops: the configured one, or more where that could not stop `[N m s/rad, N
     /// s/m]`.
     pub(super) stop_damping: f64,
+    /// The largest damping that it can be given `[N m s/rad, N s/m]`.
+    pub(super) most_damping: f64,
     pub(super) stop: Reference,
     pub(super) chatter: Chatter,
     pub(super) monitors: Monitors,
@@ -70,17 +72,19 @@ impl Motor {
         period_ns: u64,
         feedback_ns: u64,
     ) -> Motor {
-        let stop_damping = config.damping.max(config.limits.damping());
-        let stop_damping = match config.common.mode {
-            // whose damper has the rate of the bridge, and is no better for being stronger
-            Mode::Torque if config.damping > 0.0 => config.damping,
-            // no more than the motor has, which the spring goes with
+        // no more than the motor has, which the spring goes with
+        let most_damping = match config.common.mode {
             Mode::Impedance => {
                 let Mapping { gear, torque_constant, .. } = config.mapping;
                 let [_, largest] = config.drive.largest_gains();
-                stop_damping.min(largest * gear * gear * torque_constant)
+                largest * gear * gear * torque_constant
             }
-            _ => stop_damping,
+            _ => f64::INFINITY,
+        };
+        let stop_damping = match config.common.mode {
+            // whose damper has the rate of the bridge, and is no better for being stronger
+            Mode::Torque if config.damping > 0.0 => config.damping,
+            _ => config.damping.max(config.limits.damping()).min(most_damping),
         };
         Motor {
             monitors: Monitors::new(&config, period_ns, feedback_ns),
@@ -103,6 +107,7 @@ impl Motor {
             last_total: 0.0,
             gravity: 0.0,
             stop_damping,
+            most_damping,
             stop: Reference::default(),
             chatter: Chatter::default(),
             before: ActuatorMeasurement::NONE,
