@@ -14,6 +14,7 @@ mod closed_loop;
 mod limits;
 mod moteus;
 mod motors;
+mod replay;
 mod stops;
 mod support;
 mod swing;

@@ -7,6 +7,7 @@ use sarrus_can_core::bridge::{Bridge, CommandVerdict};
 use sarrus_can_core::config::{Configuration, Limits, Surroundings};
 use sarrus_can_core::drive::Setpoint;
 use sarrus_can_core::frame::{Frame, FrameQueue};
+use sarrus_can_core::log::{Line, What, sent};
 use sarrus_can_core::mapping::Mapping;
 use sarrus_can_sim::{Physics, Simulated};
 use sarrus_models::LoadError;
@@ -133,6 +134,8 @@ pub(crate) struct World {
     pub(crate) jitter_ns: [u64; 2],
     /// A frame of a second master in each cycle.
     pub(crate) intruder: Option<Frame>,
+    /// What the bridge was given and what it sent, where somebody wants to know.
+    pub(crate) record: Option<(Vec<Line>, Vec<String>)>,
 }
 
 impl World {
@@ -184,6 +187,23 @@ impl World {
             noise: 0.0,
             jitter_ns: [0, 0],
             intruder: None,
+            record: None,
+        }
+    }
+
+    /// Gives the bridge something but commands, and records it.
+    fn give_line(&mut self, t: u64, what: What) {
+        let line = Line { t, what };
+        line.apply(&mut self.bridge);
+        self.note(line);
+    }
+
+    fn note(&mut self, line: Line) {
+        if let Some((lines, frames)) = &mut self.record {
+            if line.what == What::Cycle {
+                frames.extend(sent(&self.bridge, line.t));
+            }
+            lines.push(line);
         }
     }
 
@@ -212,7 +232,10 @@ impl World {
         self.command.sequence += 1;
         self.command.stamp_ns = cycle_ns;
         assert_eq!(self.bridge.command(cycle_ns, &self.command), CommandVerdict::Accepted);
-        self.bridge.cycle(cycle_ns);
+        if self.record.is_some() {
+            self.note(Line { t: cycle_ns, what: What::Command(Box::new(self.command)) });
+        }
+        self.give_line(cycle_ns, What::Cycle);
 
         // to the motors
         let mut out = FrameQueue::new(64);
@@ -230,7 +253,7 @@ impl World {
             }
         }
         if let Some(frame) = self.intruder {
-            self.bridge.receive(cycle_ns + THERE_NS, 0, &frame);
+            self.give_line(cycle_ns + THERE_NS, What::Frame(0, frame));
         }
 
         // and time goes by
@@ -247,7 +270,7 @@ impl World {
                         break;
                     }
                     self.shafts[i].answers.pop_front();
-                    self.bridge.receive(at_ns, self.shafts[i].bus, &frame);
+                    self.give_line(at_ns, What::Frame(self.shafts[i].bus, frame));
                 }
             }
         }
@@ -286,12 +309,17 @@ impl World {
         self.shafts.iter().all(|shaft| self.state(shaft.actuator).0 == MechanismState::Enabled)
     }
 
+    /// An operator asks for power.
+    pub(crate) fn ask_for_power(&mut self) {
+        self.give_line(self.now_ns, What::Operate(Operation::Arm, None));
+    }
+
     /// Asks for power until all have it; the milliseconds that it took, or `None` after three
     /// seconds.
     pub(crate) fn arm(&mut self) -> Option<u64> {
         let begin_ns = self.now_ns;
         self.cycles((1_500 * MS / self.period_ns) as usize);
-        self.bridge.operate(self.now_ns, Operation::Arm);
+        self.ask_for_power();
         while self.now_ns < begin_ns + 4_500 * MS {
             self.cycle();
             if self.is_enabled() {
