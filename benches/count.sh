@@ -6,9 +6,9 @@
 #                                        name of the kernel, where a case needs 3 % more
 #   benches/count.sh --check --bound 1   the same with another bound, in percent
 #   benches/count.sh --update            write this compiler's column of benches/instructions.tsv
-# Each case goes four times through 16 states under callgrind, which collects nothing while the
-# robot is loaded; as many cases at once as there are processors. Without valgrind, or without a
-# baseline for this compiler, it says "not run" and ends with 0.
+# Each case goes four times through 16 states (bridge: 16 cycles) under callgrind, which collects
+# nothing while the robot is loaded; as many cases at once as there are processors. Without
+# valgrind, or without a baseline for this compiler, it says "not run" and ends with 0.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 baseline=benches/instructions.tsv
@@ -41,6 +41,9 @@ rh5v2_full/hybrid/cold/state
 rh5v2_full/hybrid/cold/ID
 rh5v2_full/hybrid/cold/FD
 chain/100/FD
+bridge/20_motors
+bridge/rh5v2_upper_body
+bridge/rh5v2_upper_body/model
 "
 
 usage() {
@@ -52,8 +55,8 @@ usage() {
 
 if [ "${1:-}" = --one ]; then
     # SARRUS_COUNTED: the program
-    valgrind --tool=callgrind --callgrind-out-file=/dev/null --toggle-collect='*count::passes*' \
-        "$SARRUS_COUNTED" --count "$2" 4 2>&1 |
+    valgrind --tool=callgrind --callgrind-out-file=/dev/null \
+        --toggle-collect='sarrus_benches::*::passes*' "$SARRUS_COUNTED" --count "$2" 4 2>&1 |
         awk -v name="$2" '
             /Collected :/ && $NF > 0 { printf "%s\t%.0f\n", name, $NF / 64; found = 1 }
             { last = $0 }

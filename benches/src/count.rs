@@ -6,6 +6,7 @@ use std::hint::black_box;
 use sarrus_report::Outcome;
 use sarrus_report::robots::{Robot, Subject};
 
+use crate::bridge;
 use crate::cases::{self, Case};
 
 /// States that the calls go through in turn.
@@ -19,6 +20,9 @@ const STATES: usize = 16;
 pub fn run(count: &[String]) -> Outcome {
     let [name, repeats] = count else { return Err("--count takes a case and a number".into()) };
     let repeats: usize = repeats.parse()?;
+    if let Some(outcome) = bridge::run(name, repeats) {
+        return outcome;
+    }
     let unknown = || format!("no case `{name}`; `--list` names them all");
     let mut parts = name.split('/');
     let (robot, closures) = (parts.next().unwrap_or_default(), parts.next().unwrap_or_default());

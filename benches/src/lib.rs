@@ -5,7 +5,8 @@
 //!   ratios hold on a machine that others use too; each time beside the error of the same answers
 //!   against double-double.
 //! - Forward dynamics by each method beside what the cost model predicts (`forward.rs`).
-//! - Instructions of one case (`count.rs`, `benches/count.sh`).
+//! - Instructions of one case (`count.rs`, `benches/count.sh`), among them those of the bridge
+//!   between commands and motors (`bridge.rs`).
 //!
 //! Robots, states, references and the clock are those of [`sarrus_report`].
 //!
@@ -18,6 +19,7 @@
 //! `server/report/src/robots/texts.rs`. A case of the regression gate: one line in `count.sh`,
 //! then `benches/count.sh --update`.
 
+mod bridge;
 mod cases;
 mod count;
 mod errors;

@@ -1,4 +1,4 @@
-"""Patience with processes grows with the lateness of the machine, which is measured here."""
+"""The time that processes may take grows with the lateness of the machine, measured here."""
 
 import threading
 import time

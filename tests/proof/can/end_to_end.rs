@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 
 use super::harness::{
-    BUSES, FRONTENDS, Frontend, N_U, Patience, Process, Stage, gear, sign, wait_for,
+    Allowance, BUSES, FRONTENDS, Frontend, N_U, Process, Stage, gear, sign, wait_for,
 };
 
 /// Motors, a bridge and a controller, with power on all motors.
@@ -42,8 +42,8 @@ impl System {
 
     fn controller_sees(&mut self, expected: &str) {
         let mut state = Value::Null;
-        let mut patience = Patience::new();
-        while patience.is_left() {
+        let mut allowance = Allowance::new();
+        while allowance.is_left() {
             state = self.controller.state();
             if state["state"] == expected {
                 return;

@@ -12,8 +12,8 @@ use sarrus_proto::Domain;
 use sarrus_tests::python::environment;
 use serde_json::Value;
 
-pub(super) use super::patience::{Patience, wait_for};
-use super::patience::{next, slowness};
+pub(super) use super::allowance::{Allowance, wait_for};
+use super::allowance::{next, slowness};
 
 /// Buses of the end-to-end tests, and the actuators of the upper body on them.
 pub(super) const BUSES: [(&str, &[&str]); 3] = [
@@ -275,8 +275,8 @@ impl Process {
 
     /// Its next line as JSON that a reader wants; others are passed over.
     pub(super) fn until(&self, desired: impl Fn(&Value) -> bool) -> Value {
-        let mut patience = Patience::new();
-        while patience.is_left() {
+        let mut allowance = Allowance::new();
+        while allowance.is_left() {
             let line = self.line();
             let value: Value = serde_json::from_str(&line)
                 .unwrap_or_else(|error| panic!("{}: {error}: {line}", self.name));

@@ -12,9 +12,9 @@ mod frontends;
 mod harness;
 mod kernel;
 mod owners;
-// the one place for patience with processes
-#[path = "../../../client/can/cli/tests/program/patience.rs"]
-mod patience;
+// the one place for the time that processes may take
+#[path = "../../../client/can/cli/tests/program/allowance.rs"]
+mod allowance;
 mod peers;
 mod python;
 mod rules;

@@ -245,6 +245,14 @@ pub trait Drive: Send + core::fmt::Debug {
         false
     }
 
+    /// How long an answer took that can be paired with its question, where measurements come
+    /// without being asked and such questions are asked before power; the largest number while
+    /// there was none yet `[ns]`. `None` where nothing tells.
+    fn round_trip_ns(&self, now_ns: u64) -> Option<u64> {
+        let _ = now_ns;
+        None
+    }
+
     /// What the motor sends back in one cycle while it is on.
     fn replies(&self) -> Vec<Reply>;
 

@@ -12,7 +12,7 @@ use std::process::{Command, Stdio};
 use sarrus_tests::python::environment;
 use serde_json::Value;
 
-use super::harness::{FRONTENDS, Frontend, Patience, Stage, sarrus_can};
+use super::harness::{Allowance, FRONTENDS, Frontend, Stage, sarrus_can};
 
 /// Completes the state of a processor for a kernel that is older than it.
 const WHOLE_STATE: &str = include_str!("whole_state.c");
@@ -301,8 +301,8 @@ fn boot(frontend: Frontend, script: &str) -> Option<String> {
         .unwrap();
     // a kernel that hangs is ended, and what it said tells where
     for _ in 0..16 {
-        let mut patience = Patience::new();
-        while child.try_wait().unwrap().is_none() && patience.pause() {}
+        let mut allowance = Allowance::new();
+        while child.try_wait().unwrap().is_none() && allowance.pause() {}
     }
     if child.try_wait().unwrap().is_none() {
         let group = format!("-{}", child.id());

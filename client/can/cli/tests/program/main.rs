@@ -7,8 +7,8 @@
     reason = "a test that fails panics"
 )]
 
+mod allowance;
 mod doctor;
-mod patience;
 mod simulated;
 
 use std::fs::{File, OpenOptions};
@@ -22,7 +22,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use patience::next;
+use allowance::next;
 
 /// `O_NOCTTY`: the terminal of a bus is nobody's console.
 const NO_CONSOLE: i32 = 0o400;
@@ -100,8 +100,8 @@ impl Program {
         if let Some(place) = self.passed.iter().position(|event| event["event"] == kind) {
             return self.passed.remove(place);
         }
-        let mut patience = patience::Patience::new();
-        while patience.is_left() {
+        let mut allowance = allowance::Allowance::new();
+        while allowance.is_left() {
             match serde_json::from_str::<Value>(&self.line()) {
                 Ok(event) if event["event"] == kind => return event,
                 Ok(event) => self.passed.push(event),

@@ -3,7 +3,7 @@
 
 use std::time::{Duration, Instant};
 
-use super::patience::{slowness, wait_for};
+use super::allowance::{slowness, wait_for};
 use super::{Folder, Host, Program};
 
 const MOTOR: &str = "{actuator: elbow, bus: arm, sign: -1, gear: 10, offset: 0.5, watchdog_ms: \

@@ -2,6 +2,7 @@
 
 use sarrus_proto::actuators::{MechanismState, Reason};
 
+use super::motor::Motor;
 use super::reaction::Reaction;
 use crate::config::{MechanismStop, StopFunction};
 
@@ -40,8 +41,13 @@ pub(super) enum Course {
     Follow(f64),
     /// Damping.
     Damp,
-    /// The speed from the beginning of a stop, of which this part is left.
-    Brake(f64),
+    /// A stop.
+    Brake {
+        /// Part of the speed from its beginning that is left.
+        speed: f64,
+        /// Part of its time that has passed.
+        passed: f64,
+    },
     /// No more than this speed down with gravity `[rad/s, m/s]`.
     Lower(f64),
     /// The quick stop of the drive.
@@ -83,7 +89,10 @@ pub(super) enum Change {
 pub(super) struct Mechanism {
     pub(super) state: MechanismState,
     pub(super) reason: Reason,
-    pub(super) has_motors: bool,
+    /// Places of its motors.
+    pub(super) motors: Vec<usize>,
+    /// What its motors are given in this cycle.
+    pub(super) given: Option<Course>,
     phase: Phase,
     /// When it was asked to arm `[ns]`.
     armed_ns: u64,
@@ -106,11 +115,12 @@ impl Course {
 }
 
 impl Mechanism {
-    pub(super) fn new(has_motors: bool, stop: MechanismStop) -> Mechanism {
+    pub(super) fn new(motors: Vec<usize>, stop: MechanismStop) -> Mechanism {
         Mechanism {
             state: MechanismState::Disabled,
             reason: Reason::None,
-            has_motors,
+            motors,
+            given: None,
             phase: Phase::Off,
             armed_ns: 0,
             stop,
@@ -118,6 +128,20 @@ impl Mechanism {
             moved_ns: 0,
             is_disarmed: false,
             returns: false,
+        }
+    }
+
+    /// Its motors among those of the robot.
+    pub(super) fn motors<'a>(&'a self, all: &'a [Motor]) -> impl Iterator<Item = &'a Motor> {
+        self.motors.iter().filter_map(|place| all.get(*place))
+    }
+
+    /// Does something with each of its motors.
+    pub(super) fn each_motor(&self, all: &mut [Motor], mut what: impl FnMut(&mut Motor)) {
+        for place in &self.motors {
+            if let Some(motor) = all.get_mut(*place) {
+                what(motor);
+            }
         }
     }
 
@@ -193,7 +217,8 @@ impl Mechanism {
                     _ => 0.0,
                 };
                 let passed = since.map_or(0.0, passed);
-                Some(Course::Brake(if passed < ramp { 1.0 - passed / ramp } else { 0.0 }))
+                let speed = if passed < ramp { 1.0 - passed / ramp } else { 0.0 };
+                Some(Course::Brake { speed, passed: passed / self.stop.stop_ns as f64 })
             }
         }
     }
@@ -201,7 +226,7 @@ impl Mechanism {
     /// An operator arms. What can never become ready by waiting refuses at once. Whether it begins
     /// to wait.
     pub(super) fn arm(&mut self, now_ns: u64, unready: Option<Reason>) -> bool {
-        if self.state != MechanismState::Disabled || !self.has_motors {
+        if self.state != MechanismState::Disabled || self.motors.is_empty() {
             return false;
         }
         if let Some(reason) = unready {

@@ -95,17 +95,19 @@ impl Bridge {
             (configuration.period_ns(), configuration.timeouts.feedback_ns);
         let motors: Vec<Motor> = std::mem::take(&mut configuration.motors)
             .into_iter()
-            .map(|motor| Motor::new(motor, period_ns, feedback_ns))
-            .collect();
-        let with_motors = |mechanism: usize| {
-            motors.iter().any(|motor| {
-                configuration.mechanisms.get(motor.config.actuator) == Some(&mechanism)
+            .map(|motor| {
+                let mechanism = configuration.mechanisms.get(motor.actuator).copied();
+                Motor::new(motor, mechanism.unwrap_or(usize::MAX), period_ns, feedback_ns)
             })
+            .collect();
+        let of_mechanism = |number: usize| {
+            let members = motors.iter().enumerate().filter(|(_, motor)| motor.mechanism == number);
+            members.map(|(place, _)| place).collect()
         };
         let mechanisms = (0..configuration.n_mechanisms())
             .map(|number| {
                 let stop = configuration.stops.get(number).copied().unwrap_or_default();
-                Mechanism::new(with_motors(number), stop)
+                Mechanism::new(of_mechanism(number), stop)
             })
             .collect();
         let reset_ns = vec![None; configuration.n_mechanisms()];
@@ -224,11 +226,15 @@ impl Bridge {
         if gap_ns > self.configuration.timeouts.disable_ns {
             self.mechanisms.iter_mut().for_each(|mechanism| mechanism.torque_off(Reason::Stalled));
         }
-        self.assess_mechanisms(now_ns);
-        self.look_for_faults(now_ns);
-        self.look_at_measurements(now_ns);
         let feedback_ns = self.configuration.timeouts.feedback_ns;
-        self.motors.iter_mut().for_each(|motor| motor.forget_if_stale(now_ns, feedback_ns));
+        for motor in &mut self.motors {
+            motor.is_silent = motor.is_stale(now_ns, feedback_ns);
+            motor.ask_drive();
+        }
+        self.assess_mechanisms(now_ns);
+        self.look_for_faults();
+        self.look_at_measurements(now_ns);
+        self.motors.iter_mut().for_each(Motor::forget_if_silent);
 
         // how old the command is
         let age_ns = now_ns.saturating_sub(self.command.stamp_ns);
@@ -240,15 +246,17 @@ impl Bridge {
         self.arm(now_ns, is_late);
         for number in 0..self.mechanisms.len() {
             self.follow(number, now_ns, is_late, is_lost);
+            if let Some(mechanism) = self.mechanisms.get_mut(number) {
+                mechanism.given = mechanism.course(now_ns, self.configuration.ramp_ns);
+            }
         }
 
         // whose frame for all cannot be left out
         for bus in self.buses.iter_mut().filter(|bus| bus.sync.is_some()) {
             bus.has_power = bus.members.iter().any(|place| {
-                let motor = self.motors.get(*place).map(|motor| motor.config.actuator);
+                let motor = self.motors.get(*place);
                 motor
-                    .and_then(|actuator| self.configuration.mechanisms.get(actuator))
-                    .and_then(|number| self.mechanisms.get(*number))
+                    .and_then(|motor| self.mechanisms.get(motor.mechanism))
                     .is_some_and(Mechanism::is_powered)
             });
         }
@@ -256,10 +264,8 @@ impl Bridge {
         // what each motor is given
         let elapsed = gap_ns.min(2 * self.configuration.period_ns()) as f64 * 1e-9;
         for motor in &mut self.motors {
-            let actuator = motor.config.actuator;
-            let Some(number) = self.configuration.mechanisms.get(actuator) else { continue };
             let (Some(mechanism), Some(bus)) =
-                (self.mechanisms.get(*number), self.buses.get_mut(motor.config.bus))
+                (self.mechanisms.get(motor.mechanism), self.buses.get_mut(motor.config.bus))
             else {
                 continue;
             };
@@ -267,11 +273,11 @@ impl Bridge {
                 bus.is_synchronous &= motor.config.drive.sync().is_none();
                 continue;
             }
-            let since = self.reset_ns.get(*number).copied().flatten();
+            let since = self.reset_ns.get(motor.mechanism).copied().flatten();
             let is_reset = since.is_some_and(|since| now_ns.saturating_sub(since) < RESET_NS);
             motor.sent_ns = Some(now_ns);
             let n_before = bus.queue.frames().len();
-            let course = mechanism.course(now_ns, self.configuration.ramp_ns);
+            let course = mechanism.given;
             if course == Some(Course::QuickStop)
                 && motor.config.drive.quick_stop(now_ns, &mut bus.queue)
             {
@@ -281,13 +287,12 @@ impl Bridge {
                     Some(course) => {
                         DriveCommand::On(motor.setpoint(&self.command, course, elapsed))
                     }
-                    None if is_reset && motor.config.drive.state().fault != 0 => {
-                        DriveCommand::Reset
-                    }
+                    None if is_reset && motor.drive.fault != 0 => DriveCommand::Reset,
                     None => DriveCommand::Off,
                 };
                 motor.config.drive.cycle(now_ns, command, &mut bus.queue);
             }
+            motor.ask_drive();
             motor.ask(bus.queue.frames().len() - n_before);
         }
         for bus in &mut self.buses {

@@ -6,7 +6,7 @@ use super::BusState;
 use super::monitors::Monitors;
 use super::stop::{Chatter, Reference};
 use crate::config::MotorConfig;
-use crate::drive::{Measurement, Mode, Watchdog};
+use crate::drive::{DriveState, Measurement, Mode, Watchdog};
 use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint, Mapping};
 use crate::protocol::fault;
 
@@ -14,6 +14,14 @@ use crate::protocol::fault;
 #[derive(Debug)]
 pub(super) struct Motor {
     pub(super) config: MotorConfig,
+    /// The mechanism that it acts on.
+    pub(super) mechanism: usize,
+    /// What its drive reported when it was last asked in this cycle.
+    pub(super) drive: DriveState,
+    /// It waits for a frame of all motors of its bus.
+    pub(super) is_synchronous: bool,
+    /// It has not measured for so long that it counts as silent in this cycle.
+    pub(super) is_silent: bool,
     pub(super) measured: ActuatorMeasurement,
     /// Its velocity: measured, or of the last two positions where it does not tell it `[rad/s,
     /// m/s]`.
@@ -42,6 +50,8 @@ pub(super) struct Motor {
     /// Damping of stops: the configured one, or more where that could not stop `[N m s/rad, N
     /// s/m]`.
     pub(super) stop_damping: f64,
+    /// The largest damping that it can be given `[N m s/rad, N s/m]`.
+    pub(super) most_damping: f64,
     pub(super) stop: Reference,
     pub(super) chatter: Chatter,
     pub(super) monitors: Monitors,
@@ -54,22 +64,34 @@ pub(super) struct Motor {
 }
 
 impl Motor {
-    /// A motor without power; a cycle and the time after which it counts as silent in ns.
-    pub(super) fn new(config: MotorConfig, period_ns: u64, feedback_ns: u64) -> Motor {
-        let stop_damping = config.damping.max(config.limits.damping());
-        let stop_damping = match config.common.mode {
-            // whose damper has the rate of the bridge, and is no better for being stronger
-            Mode::Torque if config.damping > 0.0 => config.damping,
-            // no more than the motor has, which the spring goes with
+    /// A motor of a mechanism, without power; a cycle and the time after which it counts as silent
+    /// in ns.
+    pub(super) fn new(
+        config: MotorConfig,
+        mechanism: usize,
+        period_ns: u64,
+        feedback_ns: u64,
+    ) -> Motor {
+        // no more than the motor has, which the spring goes with
+        let most_damping = match config.common.mode {
             Mode::Impedance => {
                 let Mapping { gear, torque_constant, .. } = config.mapping;
                 let [_, largest] = config.drive.largest_gains();
-                stop_damping.min(largest * gear * gear * torque_constant)
+                largest * gear * gear * torque_constant
             }
-            _ => stop_damping,
+            _ => f64::INFINITY,
+        };
+        let stop_damping = match config.common.mode {
+            // whose damper has the rate of the bridge, and is no better for being stronger
+            Mode::Torque if config.damping > 0.0 => config.damping,
+            _ => config.damping.max(config.limits.damping()).min(most_damping),
         };
         Motor {
             monitors: Monitors::new(&config, period_ns, feedback_ns),
+            drive: config.drive.state(),
+            is_synchronous: config.drive.sync().is_some(),
+            is_silent: true,
+            mechanism,
             config,
             measured: ActuatorMeasurement::NONE,
             velocity: 0.0,
@@ -85,6 +107,7 @@ impl Motor {
             last_total: 0.0,
             gravity: 0.0,
             stop_damping,
+            most_damping,
             stop: Reference::default(),
             chatter: Chatter::default(),
             before: ActuatorMeasurement::NONE,
@@ -122,20 +145,26 @@ impl Motor {
     }
 
     /// The motor's fault, or what the bridge finds in its answers instead; 0 without either.
-    pub(super) fn fault(&self, now_ns: u64, feedback_ns: u64) -> u32 {
-        match self.config.drive.state().fault {
-            0 if self.is_malformed && self.is_stale(now_ns, feedback_ns) => fault::MALFORMED,
+    pub(super) fn fault(&self) -> u32 {
+        match self.drive.fault {
+            0 if self.is_malformed && self.is_silent => fault::MALFORMED,
             fault => fault,
         }
     }
 
     /// A motor that no longer answers may come back without what it was given.
-    pub(super) fn forget_if_stale(&mut self, now_ns: u64, feedback_ns: u64) {
-        if self.is_known && self.is_stale(now_ns, feedback_ns) {
+    pub(super) fn forget_if_silent(&mut self) {
+        if self.is_known && self.is_silent {
             self.is_known = false;
             self.monitors.age.forget();
             self.config.drive.forget();
+            self.ask_drive();
         }
+    }
+
+    /// Asks its drive what the motor reported.
+    pub(super) fn ask_drive(&mut self) {
+        self.drive = self.config.drive.state();
     }
 
     /// Where it is, as far as it ever said.
@@ -198,18 +227,21 @@ impl Motor {
     }
 
     /// What arming still waits for.
-    pub(super) fn missing(&self, now_ns: u64, feedback_ns: u64) -> Option<Reason> {
-        let state = self.config.drive.state();
-        if self.is_stale(now_ns, feedback_ns) {
+    pub(super) fn missing(&self, now_ns: u64) -> Option<Reason> {
+        if self.is_silent {
             return Some(Reason::FeedbackStale);
         }
-        if state.fault != 0 {
+        if self.drive.fault != 0 {
             return Some(Reason::MotorFault);
         }
-        if let Some(reason) = self.config.missing_watchdog() {
+        if let Some(reason) = self.config.wrong_watchdog(self.drive.watchdog) {
             return Some(reason);
         }
         if self.config.drive.is_paired() && self.monitors.age.is_unknown() {
+            return Some(Reason::FeedbackLate);
+        }
+        let round_trip_ns = self.config.drive.round_trip_ns(now_ns);
+        if round_trip_ns.is_some_and(|taken_ns| self.monitors.age.is_beyond(taken_ns)) {
             return Some(Reason::FeedbackLate);
         }
         self.monitors.check_bus(now_ns, BusState::Active)

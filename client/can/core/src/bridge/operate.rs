@@ -5,7 +5,6 @@ use sarrus_proto::actuators::{Operation, OperatorRequest};
 
 use super::Bridge;
 use super::motor::Motor;
-use super::transitions::is_of;
 
 /// Requests for power that are older than this are of another time `[ns]`.
 const OPERATION_NS: u64 = 1_000_000_000;
@@ -58,26 +57,25 @@ impl Bridge {
         if operation == Operation::Arm {
             self.armed_at = self.command.stamp_ns;
         }
-        let Bridge { motors, mechanisms, configuration, reset_ns, .. } = self;
+        let Bridge { motors, mechanisms, reset_ns, .. } = self;
         for (number, mechanism) in mechanisms.iter_mut().enumerate() {
             if meant.is_some_and(|meant| meant != number) {
                 continue;
             }
-            let is_member = |motor: &Motor| is_of(&configuration.mechanisms, motor, number);
             match operation {
                 // for the way back, those that are outside their limits
                 Operation::Arm | Operation::Return => {
                     let returns = operation == Operation::Return;
-                    let mut members = motors.iter().filter(|motor| is_member(motor));
-                    let unready = members.clone().find_map(|motor| motor.never_ready(returns));
+                    let never_ready = |motor: &Motor| motor.never_ready(returns);
+                    let unready = mechanism.motors(motors).find_map(never_ready);
+                    let is_outside = mechanism.motors(motors).any(Motor::is_outside);
                     let begins = match returns {
-                        true => {
-                            members.any(Motor::is_outside) && mechanism.come_back(now_ns, unready)
-                        }
+                        true => is_outside && mechanism.come_back(now_ns, unready),
                         false => mechanism.arm(now_ns, unready),
                     };
-                    let members = motors.iter_mut().filter(|motor| begins && is_member(motor));
-                    members.for_each(|motor| motor.config.drive.prepare());
+                    if begins {
+                        mechanism.each_motor(motors, |motor| motor.config.drive.prepare());
+                    }
                 }
                 // a second time takes the power away at once
                 Operation::Disarm => mechanism.disarm(),

@@ -13,7 +13,7 @@ impl Bridge {
         state.sequence += 1;
         state.stamp_ns = now_ns;
         state.command = self.command.sequence;
-        let driven = self.mechanisms.iter().filter(|mechanism| mechanism.has_motors);
+        let driven = self.mechanisms.iter().filter(|mechanism| !mechanism.motors.is_empty());
         let worst = driven.max_by_key(|mechanism| mechanism.severity());
         state.state = worst.map_or(MechanismState::Disabled, |worst| worst.state) as u32;
         state.reason = worst.map_or(Reason::None, |worst| worst.reason) as u32;
@@ -25,29 +25,18 @@ impl Bridge {
         }
         for motor in &self.motors {
             let actuator = motor.config.actuator;
-            let number = self
-                .configuration
-                .mechanisms
-                .get(actuator)
-                .and_then(|number| self.mechanisms.get(*number));
-            let course =
-                number.and_then(|mechanism| mechanism.course(now_ns, self.configuration.ramp_ns));
+            let mechanism = self.mechanisms.get(motor.mechanism);
+            let course = mechanism.and_then(|mechanism| mechanism.given);
             let is_ramping = matches!(course, Some(Course::Follow(ramp)) if ramp < 1.0);
-            let drive = motor.config.drive.state();
-            let mut flags = motor.flags;
-            for (is_set, bit) in [
-                (course == Some(Course::Damp), flag::DAMPED),
-                (course.is_some_and(Course::is_stop), flag::STOPPING),
-                (is_ramping, flag::RAMPING),
-                (motor.is_stale(now_ns, self.configuration.timeouts.feedback_ns), flag::STALE),
-                (drive.fault != 0, flag::MOTOR_FAULT),
-                (drive.power == Power::On, flag::POWERED),
-            ] {
-                flags |= if is_set { bit } else { 0 };
-            }
+            let flags = motor.flags
+                | bit(course == Some(Course::Damp), flag::DAMPED)
+                | bit(course.is_some_and(Course::is_stop), flag::STOPPING)
+                | bit(is_ramping, flag::RAMPING)
+                | bit(motor.is_silent, flag::STALE)
+                | bit(motor.drive.fault != 0, flag::MOTOR_FAULT)
+                | bit(motor.drive.power == Power::On, flag::POWERED);
             put(&mut state.flags, actuator, flags);
-            let feedback_ns = self.configuration.timeouts.feedback_ns;
-            put(&mut state.faults, actuator, motor.fault(now_ns, feedback_ns));
+            put(&mut state.faults, actuator, motor.fault());
             put(&mut state.measured_ns, actuator, motor.measured_ns.unwrap_or(0));
             put(&mut state.position, actuator, motor.measured.position);
             put(&mut state.velocity, actuator, motor.measured.velocity);
@@ -55,6 +44,10 @@ impl Bridge {
             put(&mut state.temperature, actuator, motor.measured.temperature);
         }
     }
+}
+
+fn bit(is_set: bool, flag: u32) -> u32 {
+    if is_set { flag } else { 0 }
 }
 
 fn put<T>(array: &mut [T; MAX_ACTUATORS], place: usize, value: T) {

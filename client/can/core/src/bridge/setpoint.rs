@@ -25,8 +25,8 @@ impl Motor {
         let mut setpoint = match course {
             Course::Follow(ramp) => self.following(command, ramp, elapsed),
             Course::Damp => self.damped(),
-            Course::Brake(part) => self.braking(part, elapsed),
-            Course::QuickStop => self.braking(0.0, elapsed),
+            Course::Brake { speed, passed } => self.braking(speed, passed, elapsed),
+            Course::QuickStop => self.braking(0.0, 0.0, elapsed),
             Course::Lower(speed) => self.lowering(speed, elapsed),
             Course::Return => self.returning(elapsed),
         };

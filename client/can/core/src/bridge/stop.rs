@@ -10,9 +10,14 @@
 //! which is a servo of the velocity whose integral is the spring: what gravity g does not tell is
 //! held after a tenth of a second or two. Where nothing is wrong and the motor stands still, the
 //! last effort takes the place of a g that no model knows. p* stays within the limits of the
-//! position, and no farther from p than where the spring alone has the greatest effort, so that a
-//! load which that effort cannot stop at once is not thrown back. Against an inertia J the servo
-//! does not oscillate where d ≥ 40/s · J.
+//! position, and no farther from p than where the spring has what the damper leaves of the greatest
+//! effort, so that a load which that effort cannot stop at once is not thrown back. Against an
+//! inertia J the servo does not swing where d ≥ 40/s · J.
+//!
+//! A heavier load swings. So where the speed is above a line from its first value to zero after
+//! half of the stop's time, the damping, and the spring with it, grow: they double every 20 ms, as
+//! far as the motor's gains go and up to 16 times. Of an inertia that the greatest effort can stop
+//! in half of that time next to nothing moves when it is over, as long as J ≤ d · 0.4 s.
 //!
 //! Lowering has no spring, and v* = −g/d, no faster than the speed that it may have: τ = g −
 //! clamp(g, ±d v) − d v. It comes to rest where gravity has no more hold on it, or on whatever it
@@ -32,6 +37,14 @@ use crate::mapping::ActuatorSetpoint;
 /// Stiffness of a stop for its damping `[1/s]`.
 const STIFFNESS: f64 = 10.0;
 
+/// Time in which the damping of a stop doubles `[s]`, how far it grows, and the part of the stop's
+/// time after which nothing is to move.
+const DOUBLING: f64 = 0.02;
+const MOST_GAIN: f64 = 16.0;
+const STOPPED: f64 = 0.5;
+/// Part of the greatest velocity that counts as none.
+const STILL: f64 = 0.01;
+
 /// A motor slower than this part of its greatest velocity carries a load rather than accelerates.
 const SLOW: f64 = 0.1;
 
@@ -47,6 +60,10 @@ pub(super) struct Reference {
     position: f64,
     /// Velocity at the beginning, no faster than the limit `[rad/s, m/s]`.
     velocity: f64,
+    /// Speed at the beginning `[rad/s, m/s]`.
+    speed: f64,
+    /// How far spring and damper have grown, from 1.
+    gain: f64,
     /// What it carried at the beginning, where no model knows it `[N m, N]`.
     load: f64,
     /// Speed beyond which the motor runs away: faster than at the beginning by the greatest
@@ -63,6 +80,8 @@ impl Motor {
         self.stop = Reference {
             position: self.place(),
             velocity: self.velocity.max(-limits.velocity).min(limits.velocity),
+            speed: self.velocity.abs(),
+            gain: 1.0,
             load: if carries { self.last_total } else { 0.0 },
             away: self.velocity.abs() + limits.speed(),
         };
@@ -73,15 +92,23 @@ impl Motor {
         self.velocity.abs() > self.stop.away
     }
 
-    /// The set-point of a stop, with this part of the first velocity.
-    pub(super) fn braking(&mut self, part: f64, elapsed: f64) -> ActuatorSetpoint {
-        let stiffness = STIFFNESS * self.stop_damping;
-        ActuatorSetpoint { stiffness, ..self.moving(part * self.stop.velocity, elapsed) }
+    /// The set-point of a stop, with this part of the first velocity, after this part of its time.
+    pub(super) fn braking(&mut self, part: f64, passed: f64, elapsed: f64) -> ActuatorSetpoint {
+        // what falls behind the line to zero is braked harder, but for what a damper makes swing
+        let allowed = self.stop.speed * (1.0 - passed / STOPPED).max(0.0);
+        let is_behind = self.velocity.abs() > allowed + STILL * self.config.limits.speed();
+        if is_behind && !self.chatter.is_weakened() {
+            self.stop.gain = (self.stop.gain * (elapsed / DOUBLING).exp2()).min(MOST_GAIN);
+        }
+        let damping = (self.stop.gain * self.stop_damping).min(self.most_damping);
+        let stiffness = STIFFNESS * damping;
+        ActuatorSetpoint { stiffness, ..self.moving(part * self.stop.velocity, damping, elapsed) }
     }
 
     /// The set-point of a way down with gravity, no faster than `speed`.
     pub(super) fn lowering(&mut self, speed: f64, elapsed: f64) -> ActuatorSetpoint {
-        self.moving((-self.gravity / self.stop_damping).max(-speed).min(speed), elapsed)
+        let damping = self.stop_damping;
+        self.moving((-self.gravity / damping).max(-speed).min(speed), damping, elapsed)
     }
 
     /// The set-point of the way back inside the limits: a spring whose other end goes there slowly,
@@ -99,11 +126,12 @@ impl Motor {
     }
 
     /// A velocity, without a spring.
-    fn moving(&mut self, velocity: f64, elapsed: f64) -> ActuatorSetpoint {
-        let (limits, damping) = (self.config.limits, self.stop_damping);
+    fn moving(&mut self, velocity: f64, damping: f64, elapsed: f64) -> ActuatorSetpoint {
+        let limits = self.config.limits;
 
-        // no farther away than a spring could hold, and within the limits
-        let (place, reach) = (self.place(), limits.effort / (STIFFNESS * damping));
+        // no farther away than the spring could hold beside the damper, and within the limits
+        let left = (limits.effort - damping * (velocity - self.velocity).abs()).max(0.0);
+        let (place, reach) = (self.place(), left / (STIFFNESS * damping));
         let free = self.stop.position + velocity * elapsed;
         let free = free.max(place - reach).min(place + reach);
         self.stop.position = free.max(limits.lower).min(limits.upper);
@@ -139,6 +167,11 @@ impl Default for Chatter {
 }
 
 impl Chatter {
+    /// Whether it had to weaken the damper.
+    pub(super) fn is_weakened(&self) -> bool {
+        self.gain < 1.0
+    }
+
     /// Half waves of more cycles are not those of a delay of one or two.
     const CYCLES: u32 = 8;
     /// What decays by more than this from one half wave to the next is damped.

@@ -10,23 +10,18 @@ use crate::drive::Power;
 
 impl Bridge {
     /// Motors that fail bring their mechanism, or the robot, to FAULT.
-    pub(super) fn look_for_faults(&mut self, now_ns: u64) {
-        let feedback_ns = self.configuration.timeouts.feedback_ns;
+    pub(super) fn look_for_faults(&mut self) {
         for i in 0..self.motors.len() {
             let Some(motor) = self.motors.get(i) else { continue };
-            let Some(number) = self.configuration.mechanisms.get(motor.config.actuator).copied()
-            else {
-                continue;
-            };
+            let (number, drive) = (motor.mechanism, motor.drive);
             let Some(mechanism) =
                 self.mechanisms.get(number).filter(|mechanism| mechanism.is_powered())
             else {
                 continue;
             };
-            let drive = motor.config.drive.state();
             let reason = if drive.fault != 0 {
                 Reason::MotorFault
-            } else if motor.is_stale(now_ns, feedback_ns) {
+            } else if motor.is_silent {
                 Reason::FeedbackStale
             } else if let Some(reason) = motor.config.wrong_watchdog(drive.watchdog) {
                 reason
@@ -37,7 +32,8 @@ impl Bridge {
             };
             self.fail_mechanism(number, reason);
         }
-        for number in 0..self.mechanisms.len() {
+        let n_modelled = self.model.as_ref().map_or(0, |_| self.mechanisms.len());
+        for number in 0..n_modelled {
             let is_powered = self.mechanisms.get(number).is_some_and(Mechanism::is_powered);
             let fault = self.model.as_ref().and_then(|model| model.fault(number));
             if let (true, Some(reason)) = (is_powered, fault) {
@@ -48,13 +44,8 @@ impl Bridge {
 
     pub(super) fn fail(&mut self, is_meant: impl Fn(&Motor) -> bool, reason: Reason) {
         for i in 0..self.motors.len() {
-            let number = self
-                .motors
-                .get(i)
-                .filter(|motor| is_meant(motor))
-                .and_then(|motor| self.configuration.mechanisms.get(motor.config.actuator));
-            if let Some(number) = number.copied() {
-                self.fail_mechanism(number, reason);
+            if let Some(motor) = self.motors.get(i).filter(|motor| is_meant(motor)) {
+                self.fail_mechanism(motor.mechanism, reason);
             }
         }
     }
@@ -90,14 +81,11 @@ impl Bridge {
                 continue;
             }
             let missing = of_robot.or_else(|| self.missing(number, now_ns, is_late));
+            let Some(mechanism) = self.mechanisms.get_mut(number) else { continue };
             if missing.is_none() {
-                let mechanisms = &self.configuration.mechanisms;
-                let is_member = |motor: &&mut Motor| is_of(mechanisms, motor, number);
-                self.motors.iter_mut().filter(is_member).for_each(Motor::hold);
+                mechanism.each_motor(&mut self.motors, Motor::hold);
             }
-            if let Some(mechanism) = self.mechanisms.get_mut(number) {
-                mechanism.wait(now_ns, arming_ns, missing);
-            }
+            mechanism.wait(now_ns, arming_ns, missing);
         }
     }
 
@@ -114,22 +102,19 @@ impl Bridge {
             Some((_, 1..)) => Some(Reason::Backlog),
             _ => None,
         };
-        let feedback_ns = self.configuration.timeouts.feedback_ns;
-        let of_motor = |motor: &Motor| of_bus(motor).or_else(|| motor.missing(now_ns, feedback_ns));
+        let of_motor = |motor: &Motor| of_bus(motor).or_else(|| motor.missing(now_ns));
         // the way back needs no controller, and leads to a pose that the model takes
-        let returns = self.mechanisms.get(number).is_some_and(Mechanism::returns);
+        let mechanism = self.mechanisms.get(number)?;
+        let returns = mechanism.returns();
         let of_model = || self.model.as_ref().and_then(|model| model.missing(number, now_ns));
         let no_command =
             (is_late || self.command.stamp_ns <= self.armed_at).then_some(Reason::NoCommand);
-        let is_member = |motor: &&Motor| is_of(&self.configuration.mechanisms, motor, number);
-        let of_motors = self.motors.iter().filter(is_member).find_map(of_motor);
+        let of_motors = mechanism.motors(&self.motors).find_map(of_motor);
         of_motors.or_else(|| if returns { None } else { of_model().or(no_command) })
     }
 
     /// A mechanism whose motors all have power follows; one whose commands stay away is stopped.
     pub(super) fn follow(&mut self, number: usize, now_ns: u64, is_late: bool, is_lost: bool) {
-        let mechanisms = &self.configuration.mechanisms;
-        let is_member = |motor: &Motor| is_of(mechanisms, motor, number);
         let Some(mechanism) = self.mechanisms.get_mut(number) else { return };
         let mut members = Members {
             all_on: true,
@@ -138,13 +123,14 @@ impl Bridge {
             moves: false,
             is_outside: false,
         };
-        for motor in self.motors.iter().filter(|motor| is_member(motor)) {
-            let is_on = motor.config.drive.state().power == Power::On;
+        let still = mechanism.still();
+        for motor in mechanism.motors(&self.motors) {
+            let is_on = motor.drive.power == Power::On;
             members.all_on &= is_on;
             members.all_off &= !is_on;
             members.runs_away |= motor.runs_away();
             members.is_outside |= motor.is_outside();
-            members.moves |= motor.velocity.abs() > mechanism.still();
+            members.moves |= motor.velocity.abs() > still;
         }
         let change = mechanism.follow(
             now_ns,
@@ -154,21 +140,14 @@ impl Bridge {
             is_lost,
         );
         let Some(change) = change else { return };
-        for motor in self.motors.iter_mut().filter(|motor| is_member(motor)) {
-            match change {
-                Change::Begin => motor.hold(),
-                Change::Late => motor.late(),
-                Change::Resume => {
-                    let desired = self.command.position.get(motor.config.actuator).copied();
-                    motor.resume(desired.unwrap_or(motor.hold));
-                }
-                Change::Stop(reaction) => motor.begin_stop(reaction),
+        mechanism.each_motor(&mut self.motors, |motor| match change {
+            Change::Begin => motor.hold(),
+            Change::Late => motor.late(),
+            Change::Resume => {
+                let desired = self.command.position.get(motor.config.actuator).copied();
+                motor.resume(desired.unwrap_or(motor.hold));
             }
-        }
+            Change::Stop(reaction) => motor.begin_stop(reaction),
+        });
     }
-}
-
-/// Whether a motor acts on a mechanism; `mechanisms` are those of the actuators.
-pub(super) fn is_of(mechanisms: &[usize], motor: &Motor, number: usize) -> bool {
-    mechanisms.get(motor.config.actuator) == Some(&number)
 }

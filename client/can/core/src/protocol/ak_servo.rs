@@ -15,6 +15,7 @@
 
 use std::f64::consts::TAU;
 
+use super::keys::{POLE_PAIRS, id, motor_torque_constant};
 use super::number::{limited, steps_toward_zero};
 use super::power_up::{Action, PowerUp, Stage};
 use super::{Common, Key, KeyKind, Protocol, Settings, fault};
@@ -31,30 +32,15 @@ pub(super) const AK_SERVO: Protocol = Protocol {
     modes: &[Mode::Torque],
     fd: false,
     keys: &[
-        Key {
-            name: "id",
-            kind: KeyKind::Integer(0, 255),
-            default: None,
-            about: "number of the motor",
-        },
+        id(0, 255, "number of the motor"),
         Key {
             name: "upload",
             kind: KeyKind::Integer(0, 0xFF),
             default: Some("0x29"),
             about: "command in the identifier of the uploaded state",
         },
-        Key {
-            name: "motor_torque_constant",
-            kind: KeyKind::Number(1e-6, 1e6),
-            default: None,
-            about: "torque at the output for the motor's current [N m/A]",
-        },
-        Key {
-            name: "pole_pairs",
-            kind: KeyKind::Integer(1, 1000),
-            default: None,
-            about: "electrical turns in one of the rotor",
-        },
+        motor_torque_constant("torque at the output for the motor's current [N m/A]"),
+        POLE_PAIRS,
         Key {
             name: "reduction",
             kind: KeyKind::Number(1e-3, 1e6),

@@ -34,12 +34,11 @@ impl Codes {
     ) -> [u16; 5] {
         let position = self.position.code(setpoint.position, odd);
         let velocity = self.velocity.code(setpoint.velocity, odd);
-        let stiffness = self.stiffness.toward_zero(setpoint.stiffness, odd);
-        let damping = self.damping.toward_zero(setpoint.damping, odd);
+        let (stiffness, k) = self.stiffness.toward_zero(setpoint.stiffness, odd);
+        let (damping, d) = self.damping.toward_zero(setpoint.damping, odd);
         // what spring and damper make of these codes
         let by_gains = measured.map_or(0.0, |[q, qd]| {
-            self.stiffness.value(stiffness) * (self.position.value(position) - q)
-                + self.damping.value(damping) * (self.velocity.value(velocity) - qd)
+            k * (self.position.value(position) - q) + d * (self.velocity.value(velocity) - qd)
         });
         let (least, most) = (-limit - by_gains, limit - by_gains);
         let torque = limited(setpoint.torque, limit).max(least).min(most);

@@ -6,6 +6,7 @@ mod codes;
 mod cybergear;
 mod dbc;
 pub mod fault;
+mod keys;
 mod mit;
 mod moteus;
 mod number;

@@ -18,9 +18,10 @@
 //! only after a silence. The drive's own loops of speed and position (A2, A4) are left out: the
 //! protocol has no limit of torque for them.
 
+use super::keys::{id, motor_torque_constant};
 use super::number::{limited, steps_toward_zero};
 use super::power_up::{Action, PowerUp, Stage};
-use super::{Common, Key, KeyKind, Protocol, Settings};
+use super::{Common, Protocol, Settings};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
     Watchdog,
@@ -35,18 +36,8 @@ pub(super) const RMD: Protocol = Protocol {
     modes: &[Mode::Torque],
     fd: false,
     keys: &[
-        Key {
-            name: "id",
-            kind: KeyKind::Integer(1, 32),
-            default: None,
-            about: "number of the motor",
-        },
-        Key {
-            name: "motor_torque_constant",
-            kind: KeyKind::Number(1e-6, 1e6),
-            default: None,
-            about: "torque at the output for the current that the drive says [N m/A]",
-        },
+        id(1, 32, "number of the motor"),
+        motor_torque_constant("torque at the output for the current that the drive says [N m/A]"),
     ],
     make,
 };

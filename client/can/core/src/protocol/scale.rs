@@ -5,22 +5,27 @@
 pub(super) struct Scale {
     low: f64,
     high: f64,
-    bits: u32,
+    range: f64,
+    /// The last code.
+    most: f64,
+    /// The value of one step.
+    step: f64,
 }
 
 impl Scale {
     /// −`half` … `half`.
     pub(super) const fn around_zero(half: f64, bits: u32) -> Scale {
-        Scale { low: -half, high: half, bits }
+        Scale::between(-half, half, bits)
     }
 
     /// 0 … `high`.
     pub(super) const fn from_zero(high: f64, bits: u32) -> Scale {
-        Scale { low: 0.0, high, bits }
+        Scale::between(0.0, high, bits)
     }
 
-    const fn most(self) -> f64 {
-        ((1_u32 << self.bits) - 1) as f64
+    const fn between(low: f64, high: f64, bits: u32) -> Scale {
+        let (range, most) = (high - low, ((1_u32 << bits) - 1) as f64);
+        Scale { low, high, range, most, step: range / most }
     }
 
     /// The upper end.
@@ -33,33 +38,36 @@ impl Scale {
     /// taking the two beside it in turn makes zero right on average.
     pub(super) fn code(self, value: f64, odd: bool) -> u16 {
         let value = if value.is_nan() { 0.0 } else { value };
-        let place =
-            (value.clamp(self.low, self.high) - self.low) / (self.high - self.low) * self.most();
+        let place = (value.max(self.low).min(self.high) - self.low) / self.range * self.most;
         let below = place.floor();
         let rest = place - below;
-        let up = if rest == 0.5 { odd } else { rest > 0.5 };
-        (below as u16).saturating_add(u16::from(up))
+        let up = rest > 0.5 || rest == 0.5 && odd;
+        below as u16 + u16::from(up)
     }
 
     /// The code next to a value on the side of zero, to a millionth of a step; where there is none,
-    /// as beside zero itself, the nearest.
-    pub(super) fn toward_zero(self, value: f64, odd: bool) -> u16 {
-        let nearest = self.code(value, odd);
-        let inward =
-            if value > 0.0 { nearest.saturating_sub(1) } else { nearest.saturating_add(1) };
-        let (size, inner) = (self.value(nearest).abs(), self.value(inward).abs());
-        let is_beyond = size > value.abs() + 1e-6 * self.step();
-        if is_beyond && size - inner > 0.5 * self.step() { inward } else { nearest }
+    /// as beside zero itself, the nearest. With the code's value.
+    pub(super) fn toward_zero(self, value: f64, odd: bool) -> (u16, f64) {
+        let code = self.code(value, odd);
+        let nearest = self.value(code);
+        if nearest.abs() <= value.abs() + 1e-6 * self.step {
+            return (code, nearest);
+        }
+        let inward = if value > 0.0 { code.saturating_sub(1) } else { code.saturating_add(1) };
+        let inner = self.value(inward);
+        let is_closer = nearest.abs() - inner.abs() > 0.5 * self.step;
+        if is_closer { (inward, inner) } else { (code, nearest) }
     }
 
-    /// A code, or the one beside it whose value is between two bounds.
-    pub(super) fn within(self, code: u16, least: f64, most: f64) -> u16 {
-        let slack = 1e-6 * self.step();
-        let last = self.most() as u16;
-        match self.value(code) {
-            value if value < least - slack => code.saturating_add(1).min(last),
-            value if value > most + slack => code.saturating_sub(1),
-            _ => code,
+    /// A code with its value, or the one beside it whose value is between two bounds.
+    pub(super) fn within(self, (code, value): (u16, f64), least: f64, most: f64) -> u16 {
+        let slack = 1e-6 * self.step;
+        if value < least - slack {
+            code.saturating_add(1).min(self.most as u16)
+        } else if value > most + slack {
+            code.saturating_sub(1)
+        } else {
+            code
         }
     }
 
@@ -70,12 +78,12 @@ impl Scale {
 
     /// The value of a code that was counted on beyond the ends.
     pub(super) fn value_at(self, code: i64) -> f64 {
-        code as f64 / self.most() * (self.high - self.low) + self.low
+        code as f64 / self.most * self.range + self.low
     }
 
     /// The value of one step.
     pub(super) fn step(self) -> f64 {
-        (self.high - self.low) / self.most()
+        self.step
     }
 }
 
@@ -105,16 +113,16 @@ mod tests {
         let half = 0.5 * scale.step();
         for n in 0..20_000 {
             let value = -18.0 + 36.0 * f64::from(n) / 19_999.0;
-            let sent = scale.value(scale.toward_zero(value, n % 2 == 0));
+            let sent = scale.toward_zero(value, n % 2 == 0).1;
             assert!(sent.abs() <= value.abs() + 1e-8 || value.abs() < half, "{value} {sent}");
             assert!((sent - value).abs() <= scale.step() * (1.0 + 1e-6), "{value} {sent}");
         }
         for code in 0..=4095 {
-            assert_eq!(scale.toward_zero(scale.value(code), true), code, "a code's own value");
+            assert_eq!(scale.toward_zero(scale.value(code), true).0, code, "a code's own value");
         }
         let gain = Scale::from_zero(500.0, 12);
-        assert_eq!((gain.toward_zero(0.12, false), gain.toward_zero(0.13, false)), (0, 1));
-        assert_eq!(gain.toward_zero(1e300, false), 4095);
+        assert_eq!((gain.toward_zero(0.12, false).0, gain.toward_zero(0.13, false).0), (0, 1));
+        assert_eq!(gain.toward_zero(1e300, false).0, 4095);
     }
 
     #[test]

@@ -18,9 +18,10 @@
 
 use std::f64::consts::TAU;
 
+use super::keys::{POLE_PAIRS, id, motor_torque_constant};
 use super::number::{limited, steps, steps_toward_zero};
 use super::power_up::{Action, PowerUp, Stage};
-use super::{Common, Key, KeyKind, Protocol, Settings};
+use super::{Common, Protocol, Settings};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Power, Receipt, Reply, Setpoint, Watchdog,
 };
@@ -34,24 +35,9 @@ pub(super) const VESC: Protocol = Protocol {
     modes: &[Mode::Torque, Mode::Velocity, Mode::Position],
     fd: false,
     keys: &[
-        Key {
-            name: "id",
-            kind: KeyKind::Integer(0, 254),
-            default: None,
-            about: "VESC ID of the controller",
-        },
-        Key {
-            name: "motor_torque_constant",
-            kind: KeyKind::Number(1e-6, 1e6),
-            default: None,
-            about: "torque of the motor for its current [N m/A]",
-        },
-        Key {
-            name: "pole_pairs",
-            kind: KeyKind::Integer(1, 1000),
-            default: None,
-            about: "electrical turns in one of the rotor",
-        },
+        id(0, 254, "VESC ID of the controller"),
+        motor_torque_constant("torque of the motor for its current [N m/A]"),
+        POLE_PAIRS,
     ],
     make,
 };

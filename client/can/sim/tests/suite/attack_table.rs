@@ -23,6 +23,10 @@ pub(crate) fn drives() -> Vec<(&'static str, String)> {
         ("moteus impedance", format!("{MOTEUS}, mode: impedance}}")),
         ("moteus torque", format!("{MOTEUS}}}")),
         ("odrive torque", format!("{ODRIVE}}}")),
+        (
+            "odrive with endpoints",
+            format!("{ODRIVE}, watchdog_timeout_endpoint: 300, enable_watchdog_endpoint: 301}}"),
+        ),
         ("odrive position", format!("{ODRIVE}, motor_torque_constant: 0.1, mode: position}}")),
         ("cia402 torque", format!("{CIA402}}}")),
         ("cia402 position", format!("{CIA402}, mode: position}}")),

@@ -17,6 +17,7 @@ mod fault_logs;
 mod limits;
 mod moteus;
 mod motors;
+mod replay;
 mod stops;
 mod support;
 mod swing;

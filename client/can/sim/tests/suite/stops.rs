@@ -147,6 +147,35 @@ fn every_motor_whose_commands_end_stands_still_before_its_power_goes() {
 }
 
 #[test]
+fn a_load_of_many_times_the_inertia_stands_still_when_the_stop_is_over() {
+    // the greatest effort stops 4 and 8 times the inertia in 64 and 128 ms of 400
+    for factor in [4.0, 8.0] {
+        for (protocol, keys, mode) in every_mode() {
+            // where the drive's own loops stop, or nothing measures the speed, the bridge cannot
+            let is_own = matches!(mode, Mode::Position | Mode::Velocity);
+            if is_own || keys.contains("velocity_feedback: false") {
+                continue;
+            }
+            for disarms in [false, true] {
+                let name = format!("{factor} {protocol} {} {disarms}", mode.name());
+                let mut system = System::new(protocol, &keys, mode, "stop_ms: 400");
+                system.fast(&name);
+                system.motor.plant.physics.inertia *= factor;
+                if disarms {
+                    system.bridge.operate(system.now_ns, Operation::Disarm);
+                }
+                let (speed, time_ns) = system.end();
+                println!("{name}: {speed:.3} rad/s after {} ms", time_ns / MS);
+                assert_eq!(system.state().0, MechanismState::Disabled, "{name}");
+                assert!(speed < 0.1, "{name}: {speed}");
+                // limited by the last measurement; the motor's own damper goes on until the next
+                assert!(system.torque <= 1.05 * EFFORT, "{name}: {}", system.torque);
+            }
+        }
+    }
+}
+
+#[test]
 fn a_drive_that_stops_by_itself_brakes_and_has_no_power_then() {
     let keys = "node: 5, rated_torque: 2.0, counts_per_turn: 65536";
     for mode in [Mode::Torque, Mode::Velocity, Mode::Position] {

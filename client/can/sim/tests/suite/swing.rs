@@ -10,13 +10,30 @@ use sarrus_proto::actuators::MechanismState;
 
 use crate::world::{MS, World};
 
-/// Without its model, which knows that the actuators of a mechanism cannot each go their own way.
-fn upper_body() -> Configuration {
+/// The bundled example.
+pub(crate) fn upper_body() -> Configuration {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mut configuration = Configuration::load(&folder.join("../examples/rh5v2_upper_body.yml"))
-        .unwrap_or_else(|error| panic!("{error}"));
-    configuration.model = None;
-    configuration
+    Configuration::load(&folder.join("../examples/rh5v2_upper_body.yml"))
+        .unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// Its motors with shafts of their own, all actuators at zero, and gains for them.
+pub(crate) fn world(configuration: Configuration) -> World {
+    let mut world = World::new(configuration, 15);
+    for shaft in &mut world.shafts {
+        let (gear, limits) = (shaft.mapping.gear, shaft.limits);
+        let (effort, velocity) = (limits.effort / gear, limits.velocity * gear);
+        // its greatest effort brings it to its greatest speed in a fifth of a second
+        shaft.inertia = 0.2 * effort / velocity;
+        shaft.friction = 0.02 * effort / velocity;
+        shaft.position = -shaft.mapping.sign * gear * shaft.mapping.offset;
+        let half = 0.5 * (limits.upper - limits.lower);
+        let stiffness = limits.effort / (0.1 * half);
+        let inertia = shaft.inertia * gear * gear;
+        world.command.stiffness[shaft.actuator] = stiffness;
+        world.command.damping[shaft.actuator] = (stiffness * inertia).sqrt();
+    }
+    world
 }
 
 #[test]
@@ -25,15 +42,10 @@ fn the_upper_body_swings_without_a_false_alarm() {
         .ok()
         .and_then(|text| text.parse().ok())
         .unwrap_or(120.0);
-    let mut world = World::new(upper_body(), 15);
-    for shaft in &mut world.shafts {
-        let (gear, limits) = (shaft.mapping.gear, shaft.limits);
-        let (effort, velocity) = (limits.effort / gear, limits.velocity * gear);
-        // its greatest effort brings it to its greatest speed in a fifth of a second
-        shaft.inertia = 0.2 * effort / velocity;
-        shaft.friction = 0.02 * effort / velocity;
-        shaft.position = -shaft.mapping.sign * gear * shaft.mapping.offset;
-    }
+    // without its model, which knows that the actuators of a mechanism cannot each go their own way
+    let mut configuration = upper_body();
+    configuration.model = None;
+    let mut world = world(configuration);
     (world.loss, world.noise, world.jitter_ns) = (0.01, 2.0, [MS / 5, MS]);
 
     // a period of each actuator's own, with 60 % of its range or of its speed
@@ -48,13 +60,6 @@ fn the_upper_body_swings_without_a_false_alarm() {
             (amplitude, period)
         })
         .collect();
-    let mut gains = vec![(0.0, 0.0); n_u];
-    for (shaft, gains) in world.shafts.iter().zip(&mut gains) {
-        let half = 0.5 * (shaft.limits.upper - shaft.limits.lower);
-        let stiffness = shaft.limits.effort / (0.1 * half);
-        let inertia = shaft.inertia * shaft.mapping.gear * shaft.mapping.gear;
-        *gains = (stiffness, (stiffness * inertia).sqrt());
-    }
     let mut begin_ns = None;
     let end_ns = world.now_ns + (seconds * 1e9) as u64;
     assert!(world.arm().is_some(), "{:?}", world.state(0));
@@ -71,7 +76,6 @@ fn the_upper_body_swings_without_a_false_alarm() {
             let sign = if part < 0.5 { 1.0 } else { -1.0 };
             world.command.position[actuator] = amplitude * (2.0 * way - 1.0) * (t / 2.0).min(1.0);
             world.command.velocity[actuator] = sign * amplitude * 4.0 * speed / period;
-            (world.command.stiffness[actuator], world.command.damping[actuator]) = gains[i];
         }
         world.cycle();
         if !world.is_enabled() {

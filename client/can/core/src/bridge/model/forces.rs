@@ -56,21 +56,12 @@ impl RobotModel {
             if is_compared && linkage.factorise(&self.rows, &self.pose) {
                 let (efforts, limits) = (&self.efforts, &self.limits);
                 let (gravity, part) = (&self.gravity, self.rules.effort);
-                let room = &mut self.moving;
-                let tau_y = &self.pose.tau_y;
-                linkage.efforts_of(
-                    &self.rows,
-                    &self.pose,
-                    tau_y,
-                    |_| 0.0,
-                    |u, effort| {
-                        room[u] = effort - gravity[u];
-                    },
-                );
+                let asked = &mut self.asked;
+                linkage.efforts(&self.rows, &self.pose, asked);
                 let reported = |u: usize| efforts[u].rate;
-                linkage.efforts_of(&self.rows, &self.pose, tau_y, reported, |u, deviation| {
-                    let allowed = part * limits[u].effort;
-                    is_beyond |= Contradiction::is_beyond(deviation, room[u], allowed);
+                linkage.efforts_beside(&self.rows, &self.pose, reported, |u, deviation| {
+                    let (moving, allowed) = (asked[u] - gravity[u], part * limits[u].effort);
+                    is_beyond |= Contradiction::is_beyond(deviation, moving, allowed);
                 });
             }
             if contradiction.update(now_ns, is_beyond) && fault.is_none() {
@@ -89,16 +80,7 @@ impl RobotModel {
             let Assessed { linkage, .. } = &mut self.mechanisms[k];
             let gravity = &mut self.gravity;
             if is_weighable && linkage.factorise(&self.rows, &self.pose) {
-                let tau_y = &self.pose.tau_y;
-                linkage.efforts_of(
-                    &self.rows,
-                    &self.pose,
-                    tau_y,
-                    |_| 0.0,
-                    |u, effort| {
-                        gravity[u] = effort;
-                    },
-                );
+                linkage.efforts(&self.rows, &self.pose, gravity);
             } else {
                 linkage.actuators.iter().for_each(|u| gravity[*u] = 0.0);
             }

@@ -109,16 +109,21 @@ impl Linkage {
         self.factor.solve(out);
     }
 
-    /// Forces of the actuators for forces on the independents, less what the actuators give
-    /// already: `each` gets an actuator's place in u and its force.
-    pub(super) fn efforts_of(
+    /// Forces of the actuators for those that the pose asks for, at their places in u.
+    pub(super) fn efforts(&mut self, rows: &Rows, pose: &Pose, into: &mut [f64]) {
+        self.efforts_beside(rows, pose, |_| 0.0, |u, effort| into[u] = effort);
+    }
+
+    /// The same, less what the actuators give already: `each` gets an actuator's place in u and its
+    /// force.
+    pub(super) fn efforts_beside(
         &mut self,
         rows: &Rows,
         pose: &Pose,
-        tau_y: &[f64],
         given: impl Fn(usize) -> f64,
         mut each: impl FnMut(usize, f64),
     ) {
+        let tau_y = &pose.tau_y;
         if self.is_serial {
             let (u, (v, _)) = (self.actuators[0], self.independents[0]);
             return each(u, tau_y[v] - given(u));

@@ -86,7 +86,7 @@ pub(super) struct RobotModel {
     known: Vec<bool>,
     /// Room for numbers of one mechanism (n_vy, n_u).
     rates: Vec<f64>,
-    moving: Vec<f64>,
+    asked: Vec<f64>,
     cycle: u64,
     last_ns: Option<u64>,
 }
@@ -130,7 +130,7 @@ impl RobotModel {
             gravity: vec![0.0; n_u],
             known: vec![false; configuration.n_mechanisms()],
             rates: vec![0.0; n_vy],
-            moving: vec![0.0; n_u],
+            asked: vec![0.0; n_u],
             cycle: 0,
             last_ns: None,
             evaluator,

@@ -9,9 +9,10 @@
 //! answer ends it: what is open is forgiven then, as lost. A motor is armed after such a pause
 //! alone.
 //!
-//! It does not see the age of measurements that the motor itself gives out late, nor of motors that
-//! measure without being asked; their efforts and positions contradict what is asked (`effort`,
-//! `frozen`).
+//! It does not see the age of measurements that the motor itself gives out late. Of motors that
+//! measure without being asked it sees nothing, but where a drive has another question that is
+//! answered (`Drive::round_trip_ns`) that answer must be in time before there is power; else, and
+//! with power, efforts and positions contradict what is asked (`effort`, `frozen`).
 
 use super::answers::Answers;
 
@@ -118,6 +119,11 @@ impl Age {
     /// Whether it is not known to be in time.
     pub(in crate::bridge) fn is_unknown(&self) -> bool {
         self.phase != Phase::Good
+    }
+
+    /// Whether an answer that took this long is late `[ns]`.
+    pub(in crate::bridge) fn is_beyond(&self, round_trip_ns: u64) -> bool {
+        self.late_ns < u64::MAX && round_trip_ns > self.late_ns
     }
 
     pub(super) fn is_late(&self) -> bool {

@@ -123,16 +123,15 @@ impl Monitors {
     /// What a new measurement is doubted for. What cannot be believed comes first.
     pub(super) fn check(&mut self, seen: &Seen<'_>) -> Option<Reason> {
         let Monitors { bounds, steps, rules, .. } = self;
-        let found = [
-            jump::check(seen, bounds, steps),
-            rules.frozen.check(seen, bounds, steps),
-            rules.effort.check(seen, bounds, steps),
-            rules.velocity.check(seen, bounds, steps),
-            rules.position.check(seen, bounds, steps),
-            rules.following.check(seen, bounds),
-            self.temperature.check(seen, bounds),
-        ];
-        found.into_iter().flatten().next()
+        // each looks at every measurement, whatever the others find
+        let jump = jump::check(seen, bounds, steps);
+        let frozen = rules.frozen.check(seen, bounds, steps);
+        let effort = rules.effort.check(seen, bounds, steps);
+        let velocity = rules.velocity.check(seen, bounds, steps);
+        let position = rules.position.check(seen, bounds, steps);
+        let following = rules.following.check(seen, bounds);
+        let temperature = self.temperature.check(seen, bounds);
+        jump.or(frozen).or(effort).or(velocity).or(position).or(following).or(temperature)
     }
 
     /// What needs no measurement: the bus, and who else is on it.

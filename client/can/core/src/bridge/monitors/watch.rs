@@ -13,10 +13,8 @@ impl Bridge {
         let period = self.configuration.period_ns() as f64 * 1e-9;
         for i in 0..self.motors.len() {
             let Some(motor) = self.motors.get_mut(i) else { continue };
-            let number = self.configuration.mechanisms.get(motor.config.actuator).copied();
-            let Some(mechanism) = number.and_then(|number| self.mechanisms.get_mut(number)) else {
-                continue;
-            };
+            let number = motor.mechanism;
+            let Some(mechanism) = self.mechanisms.get_mut(number) else { continue };
             if !mechanism.is_powered() {
                 motor.unwatched();
                 if mechanism.is_waiting() && motor.is_beyond() && !mechanism.returns() {
@@ -28,7 +26,7 @@ impl Bridge {
             let found = motor
                 .doubt(period, mechanism.is_following())
                 .or_else(|| motor.monitors.check_bus(now_ns, bus));
-            if let (Some(reason), Some(number)) = (found, number) {
+            if let Some(reason) = found {
                 self.fail_mechanism(number, reason);
             }
         }
@@ -87,7 +85,7 @@ impl Motor {
         has_power: bool,
         bus_has_power: bool,
     ) -> bool {
-        if !self.config.drive.is_paired() || bus_has_power && self.config.drive.sync().is_some() {
+        if !self.config.drive.is_paired() || bus_has_power && self.is_synchronous {
             return false;
         }
         self.monitors.age.pauses(now_ns, has_power, &mut self.monitors.answers)
@@ -101,7 +99,7 @@ impl Motor {
     /// It was asked for a measurement, with so many frames.
     pub(in crate::bridge) fn ask(&mut self, n_frames: usize) {
         if self.config.drive.is_paired() {
-            self.monitors.answers.ask(n_frames, self.config.drive.sync().is_some());
+            self.monitors.answers.ask(n_frames, self.is_synchronous);
         } else {
             self.monitors.answers.forgive();
         }

@@ -1,16 +1,14 @@
 //! Each closed mechanism of the upper body assessed as one.
 
-use super::robot::{RobotBench, as_it_is};
+use super::robot::{RobotBench, as_it_is, heavier};
 use super::*;
 
 /// Cycles of 2 ms in which a fault must be seen: 20 ms.
 const SOON: usize = 10;
 
-#[test]
-fn a_swing_with_noise_and_lost_answers_raises_no_alarm() {
-    let mut bench = RobotBench::new(as_it_is, "model: {effort: 0.3}");
-    bench.arm();
-    for cycle in 0..10_000 {
+/// Swings all independents, and nothing is found.
+fn swing(bench: &mut RobotBench, cycles: usize) {
+    for cycle in 0..cycles {
         let swing = 0.2 * (std::f64::consts::TAU * cycle as f64 / 2000.0).sin();
         bench.target.fill(swing);
         bench.step();
@@ -18,7 +16,40 @@ fn a_swing_with_noise_and_lost_answers_raises_no_alarm() {
             assert_eq!(bench.state(name), (MechanismState::Enabled, Reason::None), "{cycle}");
         }
     }
+}
+
+#[test]
+fn a_swing_with_noise_and_lost_answers_raises_no_alarm() {
+    let mut bench = RobotBench::new(as_it_is, "model: {effort: 0.3}");
+    bench.arm();
+    swing(&mut bench, 10_000);
     assert!((bench.y("BodyPitch") - bench.target[0]).abs() < 0.05);
+}
+
+#[test]
+fn masses_that_the_model_is_wrong_by_a_fifth_of_raise_no_alarm() {
+    for factor in [0.8, 1.2] {
+        let robot = RobotBench::new(heavier(factor), "");
+        let mut bench = RobotBench::new(as_it_is, "model: {effort: 0.3}").over(robot);
+        bench.arm();
+        swing(&mut bench, 6000);
+    }
+}
+
+#[test]
+fn actuators_more_than_degrees_of_freedom_show_that_one_slipped() {
+    let mut bench = RobotBench::redundant();
+    bench.arm();
+    swing(&mut bench, 4000);
+    // the elbow's own sensor slips by 2 mrad a cycle, which its motor follows
+    let elbow = bench.actuator("ALElbow");
+    for _ in 0..25 {
+        bench.shafts[elbow].lock().unwrap().slip += 0.002;
+        bench.step();
+    }
+    assert_eq!(bench.state("ALElbow"), (MechanismState::Fault, Reason::LoopResidual));
+    assert_eq!(bench.state("ALElbowAct"), (MechanismState::Fault, Reason::LoopResidual));
+    assert_eq!(bench.state("BodyActL"), (MechanismState::Enabled, Reason::None));
 }
 
 #[test]

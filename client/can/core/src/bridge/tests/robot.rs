@@ -185,9 +185,37 @@ pub(super) struct RobotBench {
 impl RobotBench {
     /// The bundled upper body; `urdf` changes its file, `keys` are added to the configuration.
     pub(super) fn new(urdf: impl Fn(&str) -> String, keys: &str) -> RobotBench {
+        RobotBench::with(urdf, as_it_is, keys, "")
+    }
+
+    /// The same with a motor on the left elbow itself, beside that of its screw: two actuators of
+    /// one degree of freedom.
+    pub(super) fn redundant() -> RobotBench {
+        let active = |submechanisms: &str| {
+            let (before, after) =
+                ("jointnames_active: [ALElbowAct]", "jointnames_active: [ALElbow, ALElbowAct]");
+            assert!(submechanisms.contains(before));
+            submechanisms.replace(before, after)
+        };
+        let motor = "- actuator: ALElbow\n  bus: left_arm\n  drive: {protocol: mit, variant: \
+            t_motor, id: 6, reply_id: 22, position_range: 12.5, velocity_range: 30, torque_range: \
+            120, stiffness_range: 500, damping_range: 5}\n  offset: 0\n  limits: {position: \
+            [-1.4, 1.4], velocity: 8, effort: 110}\n  damping: 2\n  watchdog_ms: 100\n  \
+            watchdog: believed\n";
+        RobotBench::with(as_it_is, active, "", motor)
+    }
+
+    /// With changed files of the robot, and motors more.
+    fn with(
+        urdf: impl Fn(&str) -> String,
+        submechanism_file: impl Fn(&str) -> String,
+        keys: &str,
+        motors: &str,
+    ) -> RobotBench {
         let text = include_str!("../../../../examples/rh5v2_upper_body.yml");
-        let text = format!("{keys}\n{text}");
+        let text = format!("{keys}\n{text}{motors}");
         let (robot, submechanisms) = bundled_text("rh5v2_upper_body").unwrap();
+        let submechanisms = &submechanism_file(submechanisms);
         let folder = std::env::temp_dir().join(format!(
             "sarrus-can-core-{}-{:?}",
             std::process::id(),
@@ -244,6 +272,11 @@ impl RobotBench {
             sequence: 0,
             seed: 1,
         }
+    }
+
+    /// The bridge over another robot than it knows.
+    pub(super) fn over(self, other: RobotBench) -> RobotBench {
+        RobotBench { plant: other.plant, ..self }
     }
 
     pub(super) fn actuator(&self, name: &str) -> usize {
@@ -303,8 +336,10 @@ impl RobotBench {
 
         // the robot under its motors, each with its own law
         let (mut efforts, mut reported) = (vec![0.0; n_u], vec![0.0; n_u]);
-        let limits: Vec<f64> =
-            self.bridge.motors.iter().map(|motor| motor.config.limits.effort).collect();
+        let mut limits = vec![0.0; n_u];
+        for motor in &self.bridge.motors {
+            limits[motor.config.actuator] = motor.config.limits.effort;
+        }
         let is_live = self.shafts.iter().any(|shaft| shaft.lock().unwrap().setpoint.is_some());
         for _ in 0..if is_live { STEPS } else { 0 } {
             for u in 0..n_u {
@@ -393,4 +428,18 @@ impl RobotBench {
 /// Nothing of the robot's file changes.
 pub(super) fn as_it_is(urdf: &str) -> String {
     urdf.to_owned()
+}
+
+/// All masses of the robot's file are this many times as large.
+pub(super) fn heavier(factor: f64) -> impl Fn(&str) -> String {
+    move |urdf| {
+        let mut parts = urdf.split("<mass value=\"");
+        let mut text = parts.next().unwrap().to_owned();
+        for part in parts {
+            let (mass, rest) = part.split_once('"').unwrap();
+            let mass = factor * mass.parse::<f64>().unwrap();
+            text += &format!("<mass value=\"{mass}\"{rest}");
+        }
+        text
+    }
 }

@@ -224,7 +224,8 @@ impl Mit {
 
 impl Drive for Mit {
     fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
-        let is_ready = self.ready();
+        // what has power is not asked again whether it may have it
+        let is_ready = self.power_up.stage() != Stage::Off || self.ready();
         if let Some(question) = &mut self.question {
             out.push_some(question.ask(now_ns));
         }

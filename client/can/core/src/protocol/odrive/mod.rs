@@ -23,6 +23,7 @@
 //! turns/s) where other masters overflow. The endpoints of its watchdog have other numbers in each
 //! firmware (`flat_endpoints.json`): with both of them the watchdog is set and read back.
 
+mod echo;
 mod keys;
 mod setup;
 
@@ -35,6 +36,7 @@ use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
 };
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
+use echo::Echo;
 use keys::KEYS;
 use sarrus_models::Diagnostics;
 use setup::Setup;
@@ -82,6 +84,7 @@ struct ODrive {
     torque_scale: f64,
     torque_feedback: bool,
     setup: Setup,
+    echo: Echo,
     power_up: PowerUp,
     axis_state: Option<u8>,
     /// When its last heartbeat came `[ns]`.
@@ -139,6 +142,7 @@ fn make(
         torque_scale: settings.number("torque_scale"),
         torque_feedback: settings.flag("torque_feedback"),
         setup: Setup::new(node, endpoints, common.watchdog_ms),
+        echo: Echo::default(),
         power_up: PowerUp::primed(),
         axis_state: None,
         heard_ns: 0,
@@ -206,16 +210,25 @@ impl ODrive {
 
     /// Nothing but idling: the set-point that feeds the watchdog, the request to idle, and what is
     /// to be set and read, in turn.
-    fn idle(&mut self, n: u64, out: &mut FrameQueue) {
+    fn idle(&mut self, now_ns: u64, n: u64, out: &mut FrameQueue) {
         let frame = match n % 3 {
             1 => self.state_request(IDLE),
             2 => self.setpoint(&self.neutral()),
-            _ => self.setup.request().or_else(|| match n % 2 {
-                0 => self.limits().or_else(|| self.control_mode()),
-                _ => self.control_mode(),
-            }),
+            _ => {
+                self.setup.request().or_else(|| self.question(now_ns, n)).or_else(|| match n % 2 {
+                    0 => self.limits().or_else(|| self.control_mode()),
+                    _ => self.control_mode(),
+                })
+            }
         };
         out.push_some(frame);
+    }
+
+    /// Every fourth time, once all is set and read: what shows how long an answer takes.
+    fn question(&mut self, now_ns: u64, n: u64) -> Option<Frame> {
+        let is_due = n.is_multiple_of(12) && !self.setup.parameters().is_empty();
+        let parameter = is_due.then(|| self.echo.ask(now_ns)).flatten()?;
+        self.setup.read_parameter(parameter)
     }
 
     fn heartbeat(&mut self, now_ns: u64, errors: u32, state: u8) {
@@ -248,7 +261,7 @@ impl Drive for ODrive {
         }
         let is_ready = self.setup.is_done() && self.axis_state.is_some() && self.state().fault == 0;
         match self.power_up.action(command, is_ready) {
-            Action::Idle(n) => self.idle(n, out),
+            Action::Idle(n) => self.idle(now_ns, n, out),
             Action::Reset => {
                 self.power_up.forget();
                 self.not_finite = false;
@@ -296,7 +309,11 @@ impl Drive for ODrive {
                 Receipt::Noted
             }
             (ENDPOINT_REPLY, [_, low, high, _, value @ ..]) => {
-                self.setup.answered(u16::from_le_bytes([*low, *high]), value)
+                let receipt = self.setup.answered(u16::from_le_bytes([*low, *high]), value);
+                if let Receipt::Parameter(parameter, _) = receipt {
+                    self.echo.answered(now_ns, parameter);
+                }
+                receipt
             }
             (ESTIMATES, _) => {
                 let Some((position, velocity)) = pair(frame) else { return Receipt::Malformed };
@@ -350,6 +367,11 @@ impl Drive for ODrive {
 
     fn prepare(&mut self) {
         self.setup.again();
+        self.echo = Echo::default();
+    }
+
+    fn round_trip_ns(&self, now_ns: u64) -> Option<u64> {
+        (!self.setup.parameters().is_empty()).then(|| self.echo.round_trip_ns(now_ns))
     }
 
     fn forget(&mut self) {

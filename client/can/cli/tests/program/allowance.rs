@@ -1,5 +1,5 @@
-//! Waiting for processes: patience that grows with the lateness of the machine, which is measured.
-//! What judges times runs on simulated time and needs none of this.
+//! Waiting for processes: an allowance that grows with the lateness of the machine, which is
+//! measured. What judges times runs on simulated time and needs none of this.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
@@ -51,18 +51,18 @@ fn waiting_share() -> Option<f64> {
 
 /// What is left of the time that something may take.
 #[derive(Debug)]
-pub(crate) struct Patience {
+pub(crate) struct Allowance {
     left: f64,
     slowness: f64,
     measured: Instant,
     looked: Instant,
 }
 
-impl Patience {
-    pub(crate) fn new() -> Patience {
+impl Allowance {
+    pub(crate) fn new() -> Allowance {
         let now = Instant::now();
         // at first as if nothing else were at work: most waits are short
-        Patience { left: ALONE.as_secs_f64(), slowness: 1.0, measured: now, looked: now }
+        Allowance { left: ALONE.as_secs_f64(), slowness: 1.0, measured: now, looked: now }
     }
 
     /// Whether there is any left. What went by since the last time counts as much less as the
@@ -77,7 +77,7 @@ impl Patience {
         self.left > 0.0
     }
 
-    /// Waits a little; false where no patience is left.
+    /// Waits a little; false where nothing of it is left.
     pub(crate) fn pause(&mut self) -> bool {
         std::thread::sleep(PAUSE);
         self.is_left()
@@ -86,22 +86,22 @@ impl Patience {
 
 /// Waits until there is something.
 pub(crate) fn wait_for<T>(what: &str, mut there: impl FnMut() -> Option<T>) -> T {
-    let mut patience = Patience::new();
+    let mut allowance = Allowance::new();
     loop {
         if let Some(found) = there() {
             return found;
         }
-        assert!(patience.pause(), "{what} does not come");
+        assert!(allowance.pause(), "{what} does not come");
     }
 }
 
 /// What comes next from a process.
 pub(crate) fn next<T>(from: &Receiver<T>, what: &str) -> T {
-    let mut patience = Patience::new();
+    let mut allowance = Allowance::new();
     loop {
         match from.recv_timeout(PAUSE) {
             Ok(thing) => return thing,
-            Err(RecvTimeoutError::Timeout) => assert!(patience.is_left(), "no {what}"),
+            Err(RecvTimeoutError::Timeout) => assert!(allowance.is_left(), "no {what}"),
             Err(RecvTimeoutError::Disconnected) => panic!("no {what}: its process has ended"),
         }
     }
