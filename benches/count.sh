@@ -24,9 +24,6 @@ stewart/numerical/warm/state
 stewart_floating/analytic/ID
 wrist/numerical/warm/state
 wrist/numerical/cold/state
-active_ankle/numerical/warm/state
-active_ankle/numerical/cold/state
-delta/numerical/cold/state
 rh5v2_upper_body/analytic/state
 rh5v2_upper_body/analytic/ID
 rh5v2_upper_body/analytic/FD

@@ -8,8 +8,8 @@ const PIVOT: f64 = 0.25;
 const NOTHING: f64 = 1e-9;
 
 /// Rows and columns of a block in the order of elimination, and for more than three rows what fills
-/// in. `set` are its columns, each with its row; `sees` where an entry can be; `entry` gives them at
-/// each of a number of poses.
+/// in. `set` are its columns, each with its row; `sees` where an entry can be; `entry` gives them
+/// at each of a number of poses.
 pub(super) fn order(
     set: &[usize],
     row_of: &[usize],

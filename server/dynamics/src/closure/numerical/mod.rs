@@ -137,8 +137,8 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
 
     /// Closes every block from the dependents in `local.q`; poses on the paths to all cuts are
     /// fresh after a good end. The mask tells which lanes converged without a doubtful step and
-    /// without a change of sign of any block's determinant; `moved` is how far the independents are from the pose that the dependents are
-    /// of.
+    /// without a change of sign of any block's determinant; `moved` is how far the independents are
+    /// from the pose that the dependents are of.
     pub(in crate::closure) fn newton<T: Real<Const = C>>(
         &self,
         cluster: &Cluster<C>,
