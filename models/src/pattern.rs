@@ -1,24 +1,37 @@
-//! Joints by names with `*`, `?` and `[…]`.
+//! Names with `*`, `?` and `[…]`, as shells write them.
 
 use glob::Pattern;
 use sarrus_dynamics::ModelInfo;
+
+/// True for names that stand for others.
+pub(crate) fn is_pattern(name: &str) -> bool {
+    name.contains(['*', '?', '['])
+}
+
+/// True where a name fits a pattern, or is the same: a name may hold what a pattern uses.
+pub(crate) fn fits(pattern: &str, name: &str) -> bool {
+    name == pattern
+        || is_pattern(pattern) && Pattern::new(pattern).is_ok_and(|pattern| pattern.matches(name))
+}
 
 /// The tree velocities of the joints whose names match a pattern as shells write them (`AL*`), in
 /// the order of the model; empty where none does. A joint of several degrees of freedom is matched
 /// by its own name.
 pub fn matching_joints(model: &ModelInfo, pattern: &str) -> Vec<u16> {
-    let written = Pattern::new(pattern).ok();
-    let is_match = |name: &str| {
-        // a name may hold what a pattern uses
-        name == pattern || written.as_ref().is_some_and(|written| written.matches(name))
-    };
-    let joints = model.joints().filter(|joint| is_match(joint.name));
+    let joints = model.joints().filter(|joint| fits(pattern, joint.name));
     joints.flat_map(|joint| joint.v).filter_map(|v| u16::try_from(v).ok()).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_star_is_any_letters_and_a_question_mark_is_one() {
+        assert!(fits("AL*", "ALElbow") && fits("*Elbow", "ALElbow") && fits("*", ""));
+        assert!(fits("A?Elbow", "ARElbow") && fits("A*l*w", "ALElbow"));
+        assert!(!fits("AL*", "BALElbow") && !fits("A?Elbow", "AElbow") && !fits("AL", "ALElbow"));
+    }
 
     #[test]
     fn joints_are_matched_as_shells_match_files() {

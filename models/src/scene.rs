@@ -9,6 +9,7 @@ use sarrus_dynamics::{CompileError, Reduced, Site, locked, restricted};
 
 use crate::build::Spans;
 use crate::nearest::{nearest, nearest_first};
+use crate::pattern::{fits, is_pattern};
 use crate::report::{Diagnostics, quoted};
 
 /// Letters of a list of names in a message.
@@ -202,48 +203,9 @@ fn links(
     found
 }
 
-fn is_pattern(name: &str) -> bool {
-    name.contains(['*', '?'])
-}
-
-/// True where a name fits a pattern in which `*` stands for any letters and `?` for one.
-fn fits(pattern: &str, name: &str) -> bool {
-    if !is_pattern(pattern) {
-        return pattern == name;
-    }
-    let (pattern, name): (Vec<char>, Vec<char>) =
-        (pattern.chars().collect(), name.chars().collect());
-    // from the last star on, which takes one letter more each time that the rest does not fit
-    let (mut p, mut n, mut star) = (0, 0, None);
-    while n < name.len() {
-        match pattern.get(p) {
-            Some('*') => {
-                star = Some((p, n));
-                p += 1;
-            }
-            Some(letter) if *letter == '?' || *letter == name[n] => (p, n) = (p + 1, n + 1),
-            _ => match star {
-                Some((at, taken)) => {
-                    star = Some((at, taken + 1));
-                    (p, n) = (at + 1, taken + 1);
-                }
-                None => return false,
-            },
-        }
-    }
-    pattern[p..].iter().all(|letter| *letter == '*')
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{Lock, fits};
-
-    #[test]
-    fn a_star_is_any_letters_and_a_question_mark_is_one() {
-        assert!(fits("AL*", "ALElbow") && fits("*Elbow", "ALElbow") && fits("*", ""));
-        assert!(fits("A?Elbow", "ARElbow") && fits("A*l*w", "ALElbow"));
-        assert!(!fits("AL*", "BALElbow") && !fits("A?Elbow", "AElbow") && !fits("AL", "ALElbow"));
-    }
+    use super::Lock;
 
     #[test]
     fn a_lock_is_read_back_as_it_was_written() {
