@@ -245,8 +245,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn payloads_keep_the_sizes_of_version_5() {
-        assert_eq!(PROTOCOL_VERSION, 5);
+    fn payloads_keep_the_sizes_of_version_6() {
+        assert_eq!(PROTOCOL_VERSION, 6);
         assert_eq!(size_of::<RequestHead>(), 48);
         assert_eq!(size_of::<ResponseHead>(), 32);
         assert_eq!(size_of::<LaneRequest<16>>(), 48 + 8 * 16);

@@ -123,7 +123,7 @@ fn statuses_and_requests_keep_their_numbers_and_names() {
 
 #[test]
 fn calls_and_their_answers_keep_their_words() {
-    assert_eq!(PROTOCOL_VERSION, 5);
+    assert_eq!(PROTOCOL_VERSION, 6);
     let head = CallHead { version: PROTOCOL_VERSION, nonce: 7 };
     let text = |call| ControlRequest { head, fingerprint: 1, call }.to_bytes();
     let calls = [

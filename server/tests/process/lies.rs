@@ -138,7 +138,7 @@ fn lies_through_the_control_socket_are_refused() {
         assert_eq!(liar.call(Call::Model { page }), Err(Refusal::NoSuchPage));
     }
     let deep = "[".repeat(10_000);
-    for garbage in ["{", "\0", &deep, "{\"version\":5,\"nonce\":1}", "null"] {
+    for garbage in ["{", "\0", &deep, "{\"version\":6,\"nonce\":1}", "null"] {
         assert_eq!(liar.raw(garbage.as_bytes()), Refusal::UnknownCall);
     }
 

@@ -11,7 +11,8 @@ use std::process::Command;
 use sarrus_tests::python::environment;
 use serde_json::Value;
 
-use super::attack_table::{ATTACKS, Outcome, bound, drives, is_possible, recorded};
+use super::attack_table::recorded;
+use super::attack_table::{ATTACKS, Outcome, bound, drives, has_whole_logs, is_possible};
 use super::harness::sarrus_can;
 use super::world::World;
 
@@ -146,8 +147,10 @@ fn every_attack_ends_alike_in_the_core_the_program_and_the_python_package() {
         }
         // what the package wrote on the last fault brings it in the program
         let newest = fault_files(&folder, place).pop().unwrap_or_else(|| panic!("{name}: no file"));
-        let again = program(&[case.files[0].clone(), newest]);
-        assert_eq!(again.faults.last(), case.core.faults.last(), "{name}");
+        if has_whole_logs(case.drive) {
+            let again = program(&[case.files[0].clone(), newest]);
+            assert_eq!(again.faults.last(), case.core.faults.last(), "{name}");
+        }
         let of = short.entry((case.attack, case.protocol.as_str())).or_default();
         of.0 = of.0.max(ms);
         of.1.push(reason.name());

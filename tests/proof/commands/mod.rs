@@ -6,6 +6,7 @@ mod check;
 mod closures_page;
 mod lines;
 mod load_warnings;
+mod parts;
 mod report;
 mod served;
 mod simulate;

@@ -17,6 +17,8 @@ pub(crate) use kkt::{Drift, drift_of, tree_under_constraints};
 pub use outline::Outline;
 
 pub(crate) use sarrus_proto::Answer;
+#[cfg(doc)]
+use sarrus_proto::Warnings;
 use sarrus_proto::{Field, FieldSet, Layout, Query, QueryError, Request};
 
 use crate::closure::Level;
@@ -25,6 +27,12 @@ use crate::plan::needed::Needed;
 use crate::workspace::Needs;
 
 /// Steps for one kind of request on one model; made off the hot path, then run any number of times.
+///
+/// A plan computes what its outputs depend on and nothing else; [`Plan::outline`] says what that
+/// is. Status and warnings concern that part of the robot alone: a closure that was left out cannot
+/// fail, and limits of joints that were not read are not compared. Where the answer to all outputs
+/// is `ok`, the answer to some of them is too, with the same bits; digits are counted against the
+/// largest number of a field as it is asked ([`Warnings::ILL_CONDITIONED`]).
 ///
 /// ```
 /// use sarrus_dynamics::description::Inertial;

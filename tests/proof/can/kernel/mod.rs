@@ -131,7 +131,7 @@ fn bit_rates_and_states_of_a_controller_are_compared_before_the_bridge_begins() 
         );
         said.has(
             "rate",
-            "bus_passive; 0 of 1 actuators have power; given up after 1 s and disarmed\ncode 1",
+            "bus_passive; 0 of 1 actuators have power; given up after 1 s and disarmed\n",
         );
         said.has("same", "enabled\ncode 0");
         said.powers("same", true);
@@ -163,7 +163,8 @@ impl Said {
 
     fn refused(&self, name: &str, reason: &str) {
         self.has(name, &format!("the bridge is fault: {reason}; 0 of "));
-        self.has(name, "actuators have power\ncode 1");
+        self.has(name, "actuators have power\n");
+        self.has(name, "code 1");
     }
 
     /// What the motors last said in a step: all with power, or all without it since the bridge took
