@@ -37,8 +37,8 @@ pub(crate) struct TreeMotion<'a, T> {
     pub(crate) qdd: &'a [T],
 }
 
-/// τ = M q̈ + C − Σ Jᵀ w at the joints of the scope's driven bodies. Needs [`joint_poses`]; `wrench`
-/// holds what acts on each body, `None` where nothing does.
+/// τ = M q̈ + C − Σ Jᵀ w at the joints of the scope's driven bodies. Needs [`joint_poses`];
+/// `wrench` holds what acts on each body, `None` where nothing does.
 #[inline]
 pub(crate) fn newton_euler<T: Real>(
     model: &Model<T::Const>,

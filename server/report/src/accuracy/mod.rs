@@ -233,7 +233,7 @@ mod tests {
                     }
                 }
             }
-            // more steps are no worse; where a tabulated start leaves one to do, the first is enough
+            // more steps are no worse; where a tabulated start leaves one to do, that is enough
             let bounded = measured.iter().filter(|of| {
                 of.question == Question::State && of.series == "Newton, cold, double, bounded steps"
             });
