@@ -60,8 +60,8 @@ impl Plan {
 /// q̈ into `qdd`, and −λ of the kept rows in the order of the closed clusters behind it in
 /// `kkt_rhs`.
 ///
-/// The scope is all of the robot. Needs q, q̇, the joint poses, C in `tau_q` and the given forces in
-/// `loop_q`. With a stabilisation (α, β) the state need not be closed: K q̈ = k − 2 α K q̇ − β² φ
+/// The scope is all of the robot. Needs q, q̇, the joint poses, C in `tau_q` and the given forces
+/// in `loop_q`. With a stabilisation (α, β) the state need not be closed: K q̈ = k − 2 α K q̇ − β² φ
 /// \[B72\]; how far from closed it is then goes into `drift`.
 pub(crate) fn tree_under_constraints<T: Scalar>(
     model: &Model<T>,
