@@ -61,8 +61,8 @@ impl Plan {
 /// `kkt_rhs`.
 ///
 /// The scope is all of the robot. Needs q, q̇, the joint poses, C in `tau_q` and the given forces
-/// in `loop_q`. With a stabilisation (α, β) the state need not be closed: K q̈ = k − 2 α K q̇ − β² φ
-/// \[B72\]; how far from closed it is then goes into `drift`.
+/// in `loop_q`. With a stabilisation (α, β) the state need not be closed:
+/// K q̈ = k − 2 α K q̇ − β² φ \[B72\]; how far from closed it is then goes into `drift`.
 pub(crate) fn tree_under_constraints<T: Scalar>(
     model: &Model<T>,
     scope: &Scope,
