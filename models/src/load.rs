@@ -53,7 +53,7 @@ pub struct Options {
     /// Joints that are held still; of two locks of one joint the later counts.
     pub lock: Vec<Lock>,
     /// Links to which the robot is reduced, and what their motion depends on: names or patterns
-    /// with `*` and `?`. Empty: all of them. What hangs on the others is left out with its mass.
+    /// with `*`, `?` and `[…]`. Empty: all of them. Other branches are left out with their mass.
     pub only: Vec<String>,
 }
 

@@ -18,7 +18,10 @@ pub(crate) fn fits(pattern: &str, name: &str) -> bool {
 /// the order of the model; empty where none does. A joint of several degrees of freedom is matched
 /// by its own name.
 pub fn matching_joints(model: &ModelInfo, pattern: &str) -> Vec<u16> {
-    let joints = model.joints().filter(|joint| fits(pattern, joint.name));
+    // the name itself comes first
+    let is_name = model.joints().any(|joint| joint.name == pattern);
+    let is_match = |name: &str| if is_name { name == pattern } else { fits(pattern, name) };
+    let joints = model.joints().filter(|joint| is_match(joint.name));
     joints.flat_map(|joint| joint.v).filter_map(|v| u16::try_from(v).ok()).collect()
 }
 

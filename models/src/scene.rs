@@ -27,7 +27,7 @@ const NAMES: usize = 300;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lock {
-    /// Name of a joint; with `*` (any letters) or `?` (one letter) all independent joints that it
+    /// Name of a joint; with `*`, `?` or `[…]` all independent joints that it
     /// fits.
     pub joint: String,
     /// Where it is held `[m, rad]`; `None`: where it is at the zero pose, or where the loops close
@@ -134,8 +134,8 @@ fn joints(
             continue;
         }
         let names = || moving().map(|(_, joint)| joint.name.as_str());
-        // a joint of several freedoms is held as a whole, and so is a chain that one joint stands
-        // for
+        // a joint of several degrees of freedom is held as a whole, and so is a chain that one
+        // joint stands for
         let whole = name.rsplit_once('/').map(|(whole, _)| whole);
         let is_whole = whole.is_some_and(|whole| names().any(|name| name == whole));
         if let (true, Some(whole)) = (is_whole, whole) {

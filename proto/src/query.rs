@@ -223,8 +223,8 @@ impl Query {
         }
     }
 
-    /// The same query for the rows of these tree velocities alone, ascending; runs beyond
-    /// [`MAX_JOINT_RUNS`] are counted and refused by [`Query::check`].
+    /// The same query for the rows of these tree velocities alone, ascending; none stands for all.
+    /// Runs beyond [`MAX_JOINT_RUNS`] are counted and refused by [`Query::check`].
     #[must_use]
     pub fn with_joints(mut self, velocities: impl IntoIterator<Item = u16>) -> Query {
         let mut runs = 0;

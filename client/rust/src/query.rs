@@ -135,6 +135,15 @@ impl<'a> QueryBuilder<'a> {
             }
             velocities.extend(matching);
         }
+        // none would stand for all
+        if velocities.is_empty() && self.unknown.is_empty() {
+            self.unknown.push(UnknownName {
+                name: String::new(),
+                what: "joint of this robot",
+                nearest: None,
+                help: "name one, or leave `joints` out".to_owned(),
+            });
+        }
         velocities.sort_unstable();
         velocities.dedup();
         self.query = self.query.with_joints(velocities);

@@ -37,18 +37,18 @@ pub(super) const HEADER: usize = 12;
 pub(super) const SEGMENT_HEAD: usize = 4;
 /// Words before the body of a frame.
 pub(super) const FRAME_HEAD: usize = 4;
-/// Words of a body that has neither links nor numbers.
+/// Words of a body that has no links, joints or numbers.
 pub(super) const BODY_HEAD: usize = 11;
-/// Words of a query that has no links.
+/// Words of a query that has neither links nor joints.
 pub(super) const QUERY_HEAD: usize = 5;
-/// The most words of a body before its numbers.
+/// The most words of a body before its numbers: three lists, each filled up to a word.
 pub(super) const MAX_BODY_HEAD: usize =
     BODY_HEAD + (MAX_FRAMES + MAX_WRENCHES + 2 * MAX_JOINT_RUNS).div_ceil(LINKS) + 2;
 /// The most words of a body.
 pub(super) const MAX_BODY: usize = MAX_BODY_HEAD + MAX_NUMBERS_IN + MAX_NUMBERS_OUT;
 /// Bytes of the largest frame.
 pub(super) const MAX_FRAME: usize = WORD * (FRAME_HEAD + MAX_BODY);
-/// Indices of links in one word.
+/// Indices of links, or ends of runs of joints, in one word.
 const LINKS: usize = 4;
 
 /// A checksum; any change within one word changes it, because each step is one to one in the word

@@ -60,7 +60,7 @@ fn positions_that_are_no_numbers_and_joints_that_are_fixed_are_faults() {
     let joint =
         joint.clone().find(|of| of.kind == sarrus_dynamics::description::JointKind::Floating);
     let said = fault(&floating, &[(&joint.unwrap().name, Some(0.1))]);
-    assert!(said.contains("several freedoms"), "{said}");
+    assert!(said.contains("several degrees of freedom"), "{said}");
 }
 
 #[test]

@@ -121,6 +121,7 @@ impl<T: Real> Pass<'_, T> {
     fn own_block(&mut self, cluster: &Cluster<T::Const>, block: &mut [T], alone: &mut [T]) {
         let (m, G) = (cluster.n_vy, cluster.G(self.G));
         if cluster.n == 1 && m == cluster.n_v {
+            alone.fill(T::ZERO);
             self.single_body(cluster, block);
         } else {
             let composite = &self.composite[cluster.body..];

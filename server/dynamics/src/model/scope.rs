@@ -3,20 +3,20 @@
 use crate::mechanism::{Cluster, Motion};
 use crate::model::Model;
 
-/// Bodies and clusters that a computation needs, each list ascending, so that what carries comes
-/// before what is carried. Whatever is left out is not read.
+/// Bodies and clusters that a computation needs, each list ascending, so that parents come before
+/// children. Whatever is left out is not read.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Scope {
     /// Clusters with something to close.
     pub(crate) closed: Vec<usize>,
     /// Revolute joints that no closure gives cosine and sine of, as (body, tree coordinate).
     pub(crate) free: Vec<(usize, usize)>,
-    /// Bodies whose poses in their parents are needed: the next two together, and those that
-    /// carry frames.
+    /// Bodies whose poses in their parents are needed: the next two together, and those on the
+    /// paths to frames.
     pub(crate) posed: Vec<usize>,
-    /// Bodies that only carry the next ones.
+    /// Ancestors of the next ones, of which only the motion is needed.
     pub(crate) carriers: Vec<usize>,
-    /// Bodies whose forces are needed, with everything that they carry.
+    /// Bodies whose forces are needed, with all descendants.
     pub(crate) driven: Vec<usize>,
     /// The clusters of these, whole.
     pub(crate) clusters: Vec<usize>,
@@ -39,7 +39,7 @@ pub(crate) struct Roots {
     pub(crate) forces: Vec<usize>,
     /// Clusters whose forces are answered.
     pub(crate) answered: Vec<usize>,
-    /// Bodies that carry frames, with those that carry them.
+    /// Bodies on the paths to frames.
     pub(crate) frames: Vec<usize>,
     /// A cluster that bodies on a path belong to stays open where these are all independent, and
     /// their coordinates are given.
@@ -66,7 +66,7 @@ impl Scope {
         let (mut driven, mut posed) = (vec![false; n], vec![false; n]);
         let forces = marked(model.clusters.len(), &roots.forces);
 
-        // a force is felt from everything that its cluster carries
+        // the force of a cluster sums those of all its descendants
         for i in 1..n {
             driven[i] = driven[model.bodies[i].parent] || forces[model.cluster_of[i]];
             posed[i] = driven[i];

@@ -145,9 +145,7 @@ impl Plan {
                 JacobianIndependent,
                 JacobianActuator,
             ]);
-        let conditions = want
-            .has_any(&[K, KBias, Residual, CondKd, CondGu, SigmaMin, NearestY, Lambda, CondMy])
-            || want.has_any(&[Branch, LambdaDeterminate, GoodIndependents, Uncontrolled]);
+        let conditions = want.has_any(&needed::OF_THE_ROBOT);
         let wants_velocity = want.has_any(&[Qd, Yd, Ud, FrameTwist, FrameAcc, KBias]);
         let wants_acceleration = want.has_any(&[Qdd, Ydd, Udd, FrameAcc]);
         let wants_bias = want.has_any(&[GBias, GUBias]) && velocity.is_some();
@@ -200,11 +198,12 @@ impl Plan {
         let (frame_links, wrench_links) = (of(query.frames()), of(query.wrench_links()));
         let needed = Needed::new(model, query, request, method, &steps);
         // a wrench that nothing asked feels is not read
-        let felt = |(_, link): &(usize, usize)| {
+        let is_felt = |(_, link): &(usize, usize)| {
             let body = model.frames[*link].body;
             needed.scope.driven.binary_search(&body).is_ok()
         };
-        let felt: Vec<(usize, usize)> = wrench_links.into_iter().enumerate().filter(felt).collect();
+        let links = wrench_links.into_iter().enumerate();
+        let felt: Vec<(usize, usize)> = links.filter(is_felt).collect();
         let felt_links: Vec<usize> = felt.iter().map(|(_, link)| *link).collect();
         Ok(Plan {
             query: *query,

@@ -2,9 +2,9 @@
 //!
 //! A row of a joint depends on its cluster: where loops close it, on their closure. A frame depends
 //! on the joints on its path; where these are given, on no closure. Forces of a joint depend on all
-//! that its cluster carries and on the motion of what carries it; accelerations from forces on
-//! everything that stands on the world together with it. Figures of the whole robot (residual,
-//! conditions, λ, K) depend on all of it, and so does a query that asks for nothing else.
+//! descendants of its cluster and on the motion of its ancestors; accelerations from forces on
+//! every cluster with the same root cluster. Figures of the whole robot (residual, conditions, λ,
+//! K) depend on all of it, and so does a query that asks for neither rows nor frames.
 
 use sarrus_proto::{Field, Query, Request, Rows};
 
@@ -12,8 +12,8 @@ use crate::model::{Limit, Method, Model, Roots, Scope};
 use crate::plan::Steps;
 use crate::plan::{Space, supports};
 
-/// Fields that tell of all loops, or of all independents.
-const OF_THE_ROBOT: [Field; 13] = [
+/// Fields of all loops, or of all independents.
+pub(super) const OF_THE_ROBOT: [Field; 13] = [
     Field::K,
     Field::KBias,
     Field::Lambda,

@@ -39,6 +39,7 @@ impl Plan {
         let is_dynamic =
             matches!(self.request, Request::InverseDynamics | Request::ForwardDynamics);
         let forces = is_dynamic && (steps.newton_euler || self.wants(sarrus_proto::Field::CY));
+        let rests = if steps.newton_euler { steps.rest } else { steps.bias_at_rest };
         let is_forward = self.request == Request::ForwardDynamics;
         let list = [
             (
@@ -52,8 +53,8 @@ impl Plan {
             (steps.poses && !scope.posed.is_empty(), "poses of bodies"),
             (forces && is_forward && moves, "bias forces by Newton-Euler"),
             (forces && is_forward && !moves, "gravity"),
-            (forces && !is_forward && !steps.rest, "forces by Newton-Euler"),
-            (forces && !is_forward && steps.rest, "gravity"),
+            (forces && !is_forward && !rests, "forces by Newton-Euler"),
+            (forces && !is_forward && rests, "gravity"),
             (!self.wrench_links.is_empty(), "wrenches"),
             (steps.mass_matrix, "mass matrix by composite bodies"),
             (is_forward && self.method == Method::Recursion, "accelerations by recursion"),

@@ -152,8 +152,8 @@ impl Plan {
         ws: &Workspace<T>,
         report: &RunReport<T>,
     ) -> bool {
-        let open = self.needed.scope.closed.get(report.closed..).unwrap_or_default();
-        let is_set = |c: usize| self.steps.position != Space::Independent || !open.contains(&c);
+        let closed = self.needed.scope.closed.get(..report.closed).unwrap_or_default();
+        let is_set = |c: usize| self.steps.position != Space::Independent || closed.contains(&c);
         let without_sine = |q: T| q.is_finite() && !q.sin_cos().0.is_finite();
         self.needed.coordinates.iter().any(|c| {
             let cluster = &model.clusters[*c];

@@ -70,10 +70,6 @@ impl Plan {
         if self.steps.rates {
             ws.qd.fill(T::ZERO);
             ws.qdd.fill(T::ZERO);
-            // the bias is zero where no velocity was given
-            if self.steps.level < Level::Acceleration {
-                ws.g.fill(T::ZERO);
-            }
         }
         match self.steps.velocity {
             Some(Space::Independent) => {
@@ -109,6 +105,10 @@ impl Plan {
         // what rests has no rates, nor zeros with a sign from products with zero
         if self.steps.rates && self.steps.velocity.is_none() {
             ws.qd.fill(T::ZERO);
+        }
+        // the bias is zero where no velocity was given
+        if self.steps.rates && self.steps.level < Level::Acceleration {
+            ws.g.fill(T::ZERO);
         }
         if self.steps.position == Space::Actuation || self.actuated_rates() {
             self.check_unactuated(model)?;

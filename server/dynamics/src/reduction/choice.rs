@@ -11,7 +11,7 @@ use crate::reduction::pose::{Held, zero_position};
 pub(super) struct Choice {
     pub(super) cluster: usize,
     /// Joints that determine its pose together with the independents, and where they are held;
-    /// of a joint of several freedoms at rest.
+    /// of a joint of several degrees of freedom at rest.
     pub(super) locked: Vec<(usize, f64)>,
     /// Independents that are left, as declared.
     pub(super) independent: Vec<usize>,
@@ -73,7 +73,7 @@ pub(super) fn choose(
     let first = locked.iter().find(|j| !declared.contains(j)).copied().unwrap_or_default();
     if let Some(j) = locked.iter().chain(&declared).find(several) {
         let found = format!(
-            "a lock of {}, which depends on {}, beside the joint {} of several freedoms",
+            "a lock of {}, which depends on {}, beside the joint {} of several degrees of freedom",
             name(&first),
             names(&declared),
             name(j)
@@ -86,7 +86,13 @@ pub(super) fn choose(
         let others = of.independent.iter().copied().filter(|j| !is_held(j));
         of.independent = own.chain(others).collect();
     }
-    let Ok(suggested) = suggest_independents(&trial) else { return None };
+    let suggested = match suggest_independents(&trial) {
+        Ok(suggested) => suggested,
+        Err(error) => {
+            errors.extend(error.errors);
+            return None;
+        }
+    };
     let chosen: Vec<usize> = suggested.independent.concat();
     let bound: Vec<usize> = locked.iter().copied().filter(|j| !chosen.contains(j)).collect();
     if let Some(&joint) = bound.first() {
@@ -119,7 +125,7 @@ pub(super) fn choose(
 }
 
 impl Choice {
-    /// What a user should know of a mechanism that keeps some freedom.
+    /// What a user should know of a mechanism that keeps some degree of freedom.
     pub(super) fn remarks(&self, description: &Description, held: &Held) -> Vec<Diagnostic> {
         let mut remarks = Vec::new();
         let (Some(&(first, _)), false) = (self.locked.first(), self.independent.is_empty()) else {

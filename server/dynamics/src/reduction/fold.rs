@@ -88,7 +88,8 @@ fn submechanism(
         let cycle = |l: &usize| -> Loop { structure.loops[s][*l].clone() };
         of.loops = loops.iter().map(cycle).collect();
     }
-    // a mechanism that is left with fewer freedoms has no type, but for a platform on fewer axes
+    // a mechanism that is left with fewer degrees of freedom has no type, but for a platform on
+    // fewer axes
     let is_other = |j: &usize| {
         chosen(j).is_some_and(|of| !of.independent.is_empty() && structure.has_loop(of.cluster))
     };

@@ -102,7 +102,7 @@ fn is_lockable(description: &Description, lock: &Lock, errors: &mut Vec<Diagnost
             fault(format!("the joint {name} locked at {x}"), "a finite number", "give a position")
         }
         (JointKind::Spherical | JointKind::Floating, Some(x)) if x != 0.0 => fault(
-            format!("the joint {name} of several freedoms locked at {x}"),
+            format!("the joint {name} of several degrees of freedom locked at {x}"),
             "no position: it is held where it is at the zero pose",
             "leave the position out, or write its freedoms as joints of their own",
         ),

@@ -99,6 +99,8 @@ struct Trial {
     /// y at which the joints are locked, and for each coordinate how far it may go from there.
     y: Vec<f64>,
     reach: Vec<f64>,
+    /// Whether the joint of each coordinate is independent still.
+    left: Vec<bool>,
 }
 
 impl Trial {
@@ -126,7 +128,7 @@ impl Trial {
         }
         let compiled = Model::compile(&trial)?;
         let lengths: Vec<f64> = compiled.model.closures().iter().map(|of| of.length).collect();
-        let (mut y, mut reach) = (Vec::new(), Vec::new());
+        let (mut y, mut reach, mut left) = (Vec::new(), Vec::new(), Vec::new());
         for (s, of) in trial.submechanisms.iter().enumerate() {
             for j in &of.independent {
                 let kind = trial.joints[*j].kind;
@@ -140,9 +142,10 @@ impl Trial {
                 };
                 y.extend(at(kind, position.unwrap_or(0.0)));
                 reach.resize(y.len(), if is_left { REACH * unit } else { 0.0 });
+                left.resize(y.len(), is_left);
             }
         }
-        Ok(Trial { description: trial, model: compiled.exact, y, reach })
+        Ok(Trial { description: trial, model: compiled.exact, y, reach, left })
     }
 
     /// Coordinates of each joint at the k-th pose around the locks, and for each whether it stands
@@ -169,7 +172,7 @@ impl Trial {
         };
         let (mut columns, mut at_y) = (Vec::new(), 0);
         for (_, kind) in description.submechanisms.iter().flat_map(|of| kinds(&of.independent)) {
-            columns.resize(columns.len() + n_v(kind), self.reach[at_y] != 0.0);
+            columns.resize(columns.len() + n_v(kind), self.left[at_y]);
             at_y += n_q(kind);
         }
         let (mut at_q, mut at_v) = (0, 0);
@@ -191,7 +194,7 @@ impl Trial {
         let poses: Vec<Vec<bool>> =
             (0..POSES).filter_map(|k| self.pose(k)).map(|pose| pose.1).collect();
         let is_still = |j: &usize| poses.len() > 1 && poses.iter().all(|pose| pose[*j]);
-        // a joint of several freedoms at rest has no reach, and is left alone
+        // a joint of several degrees of freedom at rest has no reach, and is left alone
         let moves = self.reach.iter().any(|reach| *reach != 0.0);
         (0..self.description.joints.len()).filter(|j| moves && is_still(j)).collect()
     }
@@ -213,7 +216,7 @@ impl Trial {
     }
 }
 
-/// Coordinates of a joint at a position; of several freedoms at rest.
+/// Coordinates of a joint at a position; of several degrees of freedom at rest.
 fn at(kind: JointKind, x: f64) -> Vec<f64> {
     let mut q = vec![0.0; n_q(kind)];
     if let Some(last) = q.last_mut() {

@@ -8,7 +8,7 @@ use crate::reduction::Reduced;
 
 /// The robot of some links: with them all that their motion depends on, the joints on the way to
 /// the root and the mechanisms that these are part of, and all links that are fixed to one of
-/// these. Whatever else hangs on them is left out with its mass. Allocates.
+/// these. All other branches are left out with their mass. Allocates.
 ///
 /// # Errors
 /// Faults of the structure, as of [`crate::OpenModel::compile`].

@@ -157,7 +157,12 @@ impl Reader<'_> {
     /// Joints by names with `*`, `?` and `[…]`.
     fn read_joints(&self, value: Value<'_>) -> Result<Vec<u16>, Problem> {
         let mut velocities = Vec::new();
-        for (name, item) in names(value, MOST, "joints as a list such as [\"AL*\"]")? {
+        let most = self.model.tree.len().max(MOST);
+        let listed = names(value, most + 1, "joints as a list such as [\"AL*\"]")?;
+        if listed.len() > most {
+            return Err(value.fault(format!("more than {most} names of joints stand here")));
+        }
+        for (name, item) in listed {
             let matching = matching_joints(self.model, &name);
             if matching.is_empty() {
                 let joints = nearest_first(&name, self.model.joints().map(|joint| joint.name), 250);

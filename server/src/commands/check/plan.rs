@@ -91,7 +91,7 @@ fn of_line(loaded: &Loaded, line: &str) -> Result<PlanReport, String> {
 fn median_ns(call: &mut impl FnMut()) -> f64 {
     let start = Instant::now();
     let mut calls = 0_u32;
-    while start.elapsed() < BATCH {
+    while calls == 0 || start.elapsed() < BATCH {
         call();
         calls += 1;
     }
