@@ -55,7 +55,7 @@ pub(crate) enum Unplanned {
 enum State {
     Free,
     Held {
-        query: Query,
+        query: Box<Query>,
         registered: Registered,
         holders: Vec<u64>,
     },
@@ -97,7 +97,7 @@ impl Plans {
         // one that others hold
         for slot in &mut self.slots {
             if let State::Held { query: known, registered, holders } = &mut slot.state
-                && known == query
+                && **known == *query
             {
                 if !holders.contains(&holder) {
                     holders.push(holder);
@@ -121,7 +121,7 @@ impl Plans {
         self.orders.push(order).map_err(|_| Unplanned::TooMany)?;
         slot.generation += 1;
         let registered = Registered { number, n_in, n_out };
-        slot.state = State::Held { query: *query, registered, holders: vec![holder] };
+        slot.state = State::Held { query: Box::new(*query), registered, holders: vec![holder] };
         Ok(registered)
     }
 

@@ -35,14 +35,15 @@ pub(crate) struct RobotFlags {
     /// coordinates before all others. LINK, if given, must be the root.
     #[arg(long, value_name = "LINK", num_args = 0..=1, default_missing_value = "")]
     floating_base: Option<String>,
-    /// Holds a joint still at VALUE, m or rad; without it where it is at the zero pose. A name with
-    /// * or ? stands for all independent joints that it fits. Bodies that do not move against each
-    /// other are merged, loops without a freedom are gone. May be given several times.
+    /// Holds a joint still at VALUE, m or rad; without it where it is at the zero pose. A name as
+    /// shells write patterns (`AL*`) stands for all independent joints that it fits. Bodies that do
+    /// not move against each other are merged, loops that became rigid are gone. May be given
+    /// several times.
     #[arg(long, value_name = "JOINT[=VALUE]", allow_hyphen_values = true)]
     lock: Vec<Lock>,
-    /// Keeps the links that are named (* and ? as in --lock) with the joints and mechanisms between
-    /// them and the root, and what is fixed to these links. All other branches are left out with
-    /// their mass: forces are those of the robot without them. May be given several times.
+    /// Keeps the links that are named (patterns as in --lock) with the joints and mechanisms
+    /// between them and the root, and what is fixed to these links. All other branches are left out
+    /// with their mass: forces are those of the robot without them. May be given several times.
     #[arg(long, value_name = "LINK")]
     only: Vec<String>,
 }
