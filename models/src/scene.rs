@@ -182,9 +182,7 @@ fn links(
         match names().position(|link| link == name) {
             Some(link) => found.push(link),
             None => found.extend(
-                (0..names().count())
-                    .zip(names())
-                    .filter_map(|(link, known)| fits(name, known).then_some(link)),
+                names().enumerate().filter_map(|(link, known)| fits(name, known).then_some(link)),
             ),
         }
         if found.len() > before {

@@ -29,7 +29,7 @@ pub(crate) fn reduced_mass_matrix<T: Real>(
         let m = cluster.n_vy;
         pass.own_block(cluster, block, &mut alone[cluster.independents()]);
         for k in 0..m {
-            let last = model.sparsity.start[cluster.vy + k] + model.sparsity.depth[cluster.vy + k];
+            let last = model.sparsity.diagonal_at(cluster.vy + k);
             M_y[last - k..=last].copy_from_slice(&block[k * m..=k * m + k]);
         }
         // blocks with the clusters that carry it

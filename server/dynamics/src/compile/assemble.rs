@@ -204,7 +204,6 @@ impl<'a> Builder<'a> {
             clusters: Vec::new(),
             closures: Vec::new(),
             closed_clusters: Vec::new(),
-            free: Vec::new(),
             cluster_of: vec![usize::MAX],
             cluster_of_v: Vec::new(),
             frames: Vec::new(),

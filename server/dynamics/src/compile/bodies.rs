@@ -57,9 +57,6 @@ impl Builder<'_> {
                 let parent_body = self.skeleton.parent[m].map_or(0, |p| self.body_of[p]);
                 local_parent.push(if parent_body >= body { parent_body - body + 1 } else { 0 });
                 self.body_of[m] = self.model.bodies.len();
-                if motion == Motion::Revolute && joints.len() == 1 && joint.coupling.is_none() {
-                    self.model.free.push((self.model.bodies.len(), q));
-                }
                 self.model.bodies.push(Body {
                     parent: parent_body,
                     motion,

@@ -119,7 +119,7 @@ fn set_pose<T: Scalar>(model: &Model<T>, scope: &Scope, ws: &mut Workspace<T>, k
             return false;
         }
     }
-    for &(i, q) in &model.free {
+    for &(i, q) in &scope.free {
         let (s, c) = ws.q[q].sin_cos();
         ws.cos_sin[i] = (c, s);
     }

@@ -23,7 +23,7 @@ use crate::model::{Model, assess};
 pub use open::OpenModel;
 use problem::Problem;
 pub use rezero::{closing_placements, rezeroed};
-pub(crate) use rezero::{has_moved, moved, placed, placement};
+pub(crate) use rezero::{has_moved, moved, n_q, placed, placement};
 
 /// A closed pose near a given one.
 #[derive(Clone, Debug, PartialEq)]

@@ -136,7 +136,7 @@ pub fn closing_placements(description: &Description) -> Vec<(usize, usize, Place
     found
 }
 
-const fn n_q(kind: JointKind) -> usize {
+pub(crate) const fn n_q(kind: JointKind) -> usize {
     match kind {
         JointKind::Fixed => 0,
         JointKind::Revolute | JointKind::Continuous | JointKind::Prismatic => 1,

@@ -32,7 +32,12 @@ impl TreeSparsity {
 
     /// Place of each diagonal entry.
     pub(crate) fn diagonal(&self) -> impl Iterator<Item = usize> + '_ {
-        self.start.iter().zip(&self.depth).map(|(start, depth)| start + depth)
+        (0..self.start.len()).map(|i| self.diagonal_at(i))
+    }
+
+    /// Place of the diagonal entry of row i.
+    pub(crate) fn diagonal_at(&self, i: usize) -> usize {
+        self.start[i] + self.depth[i]
     }
 
     /// Place of the entry (i, j), if it is not zero by structure.

@@ -45,10 +45,8 @@ pub struct Model<C = f64> {
     pub(crate) clusters: Vec<Cluster<C>>,
     /// How each of them is closed.
     pub(crate) closures: Vec<Closure<C>>,
-    /// The clusters that have something to close, and the free revolute joints as (body, tree
-    /// coordinate).
+    /// The clusters that have something to close.
     pub(crate) closed_clusters: Vec<usize>,
-    pub(crate) free: Vec<(usize, usize)>,
     /// The cluster of each body; 0 (the world) has none.
     pub(crate) cluster_of: Vec<usize>,
     /// The cluster of each internal tree velocity.
@@ -184,7 +182,6 @@ impl<C: Copy> Model<C> {
             clusters: self.clusters.iter().map(|cluster| cluster.map(f)).collect(),
             closures: self.closures.iter().map(|closure| closure.map(f)).collect(),
             closed_clusters: self.closed_clusters.clone(),
-            free: self.free.clone(),
             cluster_of: self.cluster_of.clone(),
             cluster_of_v: self.cluster_of_v.clone(),
             frames: self

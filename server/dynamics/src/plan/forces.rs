@@ -171,7 +171,7 @@ impl Plan {
         let independents = self.needed.scope.independents.iter();
         let none = Divided { inertia: T::ONE, terms: T::ZERO, alone: T::ZERO };
         if self.method == Method::Projection {
-            let at = |k: usize| model.sparsity.start[k] + model.sparsity.depth[k];
+            let at = |k: usize| model.sparsity.diagonal_at(k);
             independents.map(|k| (*k, ws.factor[at(*k)])).fold(none, of)
         } else {
             let inverses = ws.embedding.inverses(model, &self.needed.scope.clusters);

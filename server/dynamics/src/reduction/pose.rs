@@ -8,6 +8,7 @@ use sarrus_proto::{Field, FieldSet, Query, Request, Status};
 use crate::compile::Structure;
 use crate::description::{Description, JointKind, SubmechanismKind};
 use crate::diagnostic::{CompileError, Diagnostic, Site};
+use crate::initial_pose::n_q;
 use crate::model::Model;
 use crate::plan::Plan;
 use crate::reduction::choice::Choice;
@@ -223,16 +224,6 @@ fn at(kind: JointKind, x: f64) -> Vec<f64> {
         *last = if n_v(kind) > 1 { 1.0 } else { x };
     }
     q
-}
-
-/// Coordinates of a joint.
-pub(super) const fn n_q(kind: JointKind) -> usize {
-    match kind {
-        JointKind::Fixed => 0,
-        JointKind::Revolute | JointKind::Continuous | JointKind::Prismatic => 1,
-        JointKind::Spherical => 4,
-        JointKind::Floating => 7,
-    }
 }
 
 /// Velocities of a joint.

@@ -126,7 +126,7 @@ pub(crate) fn watch(
     watch_with(world, seconds, has_begun, |_| ())
 }
 
-/// The motor has this torque whatever it is told.
+/// The motor has this torque whatever its set-point is.
 fn stuck(world: &mut World, torque: f64) -> Outcome {
     watch_with(world, 1.0, always, |world| {
         let follows = world.state(0).0 == MechanismState::Enabled;
