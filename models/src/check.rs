@@ -46,6 +46,9 @@ pub struct ClosureReport {
     pub cond: f64,
     /// Where a closure of this type is singular, in words; empty where nothing general can be said.
     pub singular: &'static str,
+    /// Cells of the table of closed poses from which a numerical closure starts without a guess, and
+    /// its size `[B]`; 0 without one. Equal limbs share one table.
+    pub seeds: (usize, usize),
 }
 
 // the keys of `check --format json` are said here, once
@@ -74,9 +77,9 @@ impl Serialize for CheckReport {
 
 impl Serialize for ClosureReport {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let ClosureReport { closure, redundant, branch, sigma_min, cond, singular } = self;
+        let ClosureReport { closure, redundant, branch, sigma_min, cond, singular, seeds } = self;
         let ClosureInfo { name, type_name, kind, rows, rank, idle, length: _, misfit } = closure;
-        let mut object = serializer.serialize_struct("ClosureReport", 12)?;
+        let mut object = serializer.serialize_struct("ClosureReport", 14)?;
         object.serialize_field("name", name)?;
         object.serialize_field("type", type_name)?;
         object.serialize_field("kind", kind.name())?;
@@ -90,6 +93,8 @@ impl Serialize for ClosureReport {
         // JSON has no word for infinity
         object.serialize_field("cond_Kd", &cond.is_finite().then_some(cond))?;
         object.serialize_field("singular", singular)?;
+        object.serialize_field("seed_cells", &seeds.0)?;
+        object.serialize_field("seed_bytes", &seeds.1)?;
         object.end()
     }
 }
@@ -129,6 +134,7 @@ impl CheckReport {
                     sigma_min: at_zero.sigma_min,
                     cond: at_zero.cond_Kd,
                     singular: closures::singular(kind),
+                    seeds: at_zero.seeds,
                 }
             });
         CheckReport {

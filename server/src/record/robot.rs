@@ -21,9 +21,9 @@ pub struct RecordedRobot {
     /// The root link of a floating base, empty where it was not named; none for a fixed base.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub floating_base: Option<String>,
-    /// Joints that are held still, as flags write them.
+    /// Joints that are held still.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub lock: Vec<String>,
+    pub lock: Vec<Lock>,
     /// Links to which the robot is reduced; none for the whole robot.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub only: Vec<String>,
@@ -49,7 +49,7 @@ impl RecordedRobot {
                 Base::FloatingAt(link) => Some(link.clone()),
                 _ => None,
             },
-            lock: options.lock.iter().map(Lock::to_string).collect(),
+            lock: options.lock.clone(),
             only: options.only.clone(),
         })
     }
@@ -70,9 +70,8 @@ impl RecordedRobot {
     /// As [`load`].
     pub fn load_as(&self, source: &Source) -> Result<Loaded, LoadError> {
         let base = Base::of_flag(self.floating_base.as_deref());
-        // what cannot be read was not written
-        let lock = self.lock.iter().filter_map(|lock| lock.parse().ok()).collect();
-        let &RecordedRobot { gravity, lenient, .. } = self;
-        load(source, &Options { gravity, lenient, base, lock, only: self.only.clone() })
+        let RecordedRobot { gravity, lenient, lock, only, .. } = self;
+        let (lock, only) = (lock.clone(), only.clone());
+        load(source, &Options { gravity: *gravity, lenient: *lenient, base, lock, only })
     }
 }

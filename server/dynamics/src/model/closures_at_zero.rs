@@ -1,6 +1,6 @@
 //! What a person wants to know about the loops of each submechanism at the zero pose.
 
-use crate::closure::{Scratch, assembly_branch, dependents_range};
+use crate::closure::{Closure, Scratch, assembly_branch, dependents_range};
 use crate::mechanism::{Body, Cluster};
 use crate::model::Model;
 
@@ -16,6 +16,9 @@ pub struct ClosureAtZero {
     pub sigma_min: f64,
     /// Condition number of the scaled K_d; infinite where the pose is singular, 1 without loops.
     pub cond_Kd: f64,
+    /// Cells of the table of closed poses from which a numerical closure starts without a guess, and
+    /// its size `[B]`; 0 without one. Equal limbs share one table.
+    pub seeds: (usize, usize),
 }
 
 impl Model<f64> {
@@ -55,6 +58,12 @@ impl Model<f64> {
             found.sigma_min = found.sigma_min.min(least);
             found.cond_Kd =
                 found.cond_Kd.max(if branch == 0.0 { f64::INFINITY } else { largest / least });
+            if let Closure::Numerical(numerical) = &self.closures[c]
+                && let Some(seeds) = &numerical.seeds
+            {
+                let (cells, bytes) = seeds.size();
+                found.seeds = (found.seeds.0 + cells, found.seeds.1 + bytes);
+            }
             if self.order.branches.contains(&c) {
                 found.branch.push(branch);
             }

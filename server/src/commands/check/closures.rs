@@ -34,6 +34,9 @@ pub(super) fn in_words(closures: &[ClosureReport]) -> String {
         if closure.rows > 0 && !report.singular.is_empty() {
             line("singular poses", report.singular);
         }
+        if let (cells @ 1.., bytes) = report.seeds {
+            line("starts without a guess", &format!("{cells} cells, {} kB", bytes.div_ceil(1000)));
+        }
     }
     text
 }

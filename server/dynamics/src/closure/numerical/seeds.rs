@@ -59,6 +59,12 @@ impl Seeds {
         self.columns.len().next_multiple_of(LANES)
     }
 
+    /// Cells that are used, and bytes of the whole table.
+    pub(crate) fn size(&self) -> (usize, usize) {
+        let used = self.cells.iter().filter(|used| **used).count();
+        (used, size_of_val(&*self.values) + size_of_val(&*self.cells))
+    }
+
     /// The seed of the independents in `q` into its dependents; false where there is none. `start`
     /// is the zero pose, turned round by whole turns.
     pub(crate) fn find<T: Scalar>(&self, start: &[T], q: &mut [T]) -> bool {
