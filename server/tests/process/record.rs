@@ -249,24 +249,29 @@ fn what_is_no_recording_is_refused_with_the_reason() {
 }
 
 #[test]
-fn a_robot_from_files_is_in_its_recording() {
+fn a_robot_from_files_is_in_its_recording_with_what_was_held_of_it() {
     let (sandbox, folder) = (Sandbox::new(), Folder::new("record-files"));
     let (urdf, yaml) = sarrus_models::bundled_text("torso").unwrap();
-    let files = [folder.file("torso.urdf"), folder.file("torso.yml")];
-    fs::write(&files[0], urdf).unwrap();
-    fs::write(&files[1], yaml).unwrap();
-    let file = folder.file("box");
-    let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
-    command.args(["serve", "--name", "box", "--urdf", &files[0], "--submechanisms", &files[1]]);
-    command.args(["--gravity", "0,0,-1.62", "--record", &file, "--record-seconds", "1"]);
-    let server = sandbox.start(&mut command);
-    let mut robot = sandbox.connect("box", Transport::Lane).unwrap();
-    let plan = robot.prepare(&queries()[0]).unwrap();
-    let n = robot.plan(plan).map(|plan| (plan.given().len(), plan.want().len())).unwrap();
-    let _ = robot.ask(plan, &vec![0.1; n.0], &mut vec![0.0; n.1]).unwrap();
-    settle();
-    server.kill();
-    files.iter().for_each(|file| fs::remove_file(file).unwrap());
-    let (code, replayed, words) = replay(&file, &[]);
-    assert_eq!((code, &replayed["requests"]), (Some(0), &1.into()), "{replayed} {words}");
+    let mut sizes = Vec::new();
+    for (name, held) in [("whole", &[][..]), ("held", &["--lock", "BodyRoll=-0.1"])] {
+        let files = [folder.file("torso.urdf"), folder.file("torso.yml")];
+        fs::write(&files[0], urdf).unwrap();
+        fs::write(&files[1], yaml).unwrap();
+        let file = folder.file(name);
+        let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
+        command.args(["serve", "--name", name, "--urdf", &files[0], "--submechanisms", &files[1]]);
+        command.args(["--gravity", "0,0,-1.62", "--record", &file, "--record-seconds", "1"]);
+        let server = sandbox.start(command.args(held));
+        let mut robot = sandbox.connect(name, Transport::Lane).unwrap();
+        let plan = robot.prepare(&queries()[0]).unwrap();
+        let n = robot.plan(plan).map(|plan| (plan.given().len(), plan.want().len())).unwrap();
+        let _ = robot.ask(plan, &vec![0.1; n.0], &mut vec![0.0; n.1]).unwrap();
+        sizes.push(robot.model().independent.clone());
+        settle();
+        server.kill();
+        files.iter().for_each(|file| fs::remove_file(file).unwrap());
+        let (code, replayed, words) = replay(&file, &[]);
+        assert_eq!((code, &replayed["requests"]), (Some(0), &1.into()), "{replayed} {words}");
+    }
+    assert_eq!(sizes, [&["BodyPitch", "BodyRoll"][..], &["BodyPitch"]]);
 }

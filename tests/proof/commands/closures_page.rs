@@ -27,6 +27,8 @@ prints, and a test compares them.
   size.
 - `sigma` and `cond` are the least singular value and the condition number of the scaled K_d at the
   zero pose.
+- `starts without a guess` is the table of closed poses, made at load, from which Newton's method
+  starts where no pose is given: its cells in use, and its size.
 - Singular poses are those of the type: where the dependents cannot be distinguished from
   the independents.
 

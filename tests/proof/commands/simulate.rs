@@ -70,6 +70,19 @@ fn the_squeezer_arrives_from_the_command_line() {
 }
 
 #[test]
+fn joints_that_are_held_are_no_columns_of_the_motion() {
+    let run = simulate(
+        "held",
+        &["--robot", "torso", "--lock", "BodyRoll=0.1", "--duration", "0.02", "--every", "0.01"],
+    );
+    assert_eq!(run.code, Some(0), "{}", run.err);
+    let table = std::fs::read_to_string(folder("held").join("motion.csv")).unwrap();
+    assert!(table.starts_with("time,y.BodyPitch,yd.BodyPitch,q.BodyPitch,"), "{table}");
+    assert!(!table.contains("BodyRoll") && table.lines().count() == 4, "{table}");
+    std::fs::remove_dir_all(folder("held")).unwrap();
+}
+
+#[test]
 fn a_name_with_a_comma_is_one_column_of_the_motion_and_of_the_forces() {
     let home = Folder::new("simulate-quoted");
     let (urdf, yaml) = sarrus_models::bundled_text("five_bar").unwrap();
