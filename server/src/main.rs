@@ -4,7 +4,7 @@ mod commands;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 /// See `sarrus_server::pool`: the answering thread never reaches the system's allocator.
 #[global_allocator]
@@ -67,8 +67,14 @@ enum Command {
     ///
     /// Prints what it removed. A server that starts or stops does the same.
     Tidy(commands::tidy::Tidy),
-    /// List the bundled robots.
+    /// List the bundled robots, or write the files of one.
     Robots(commands::robots::Robots),
+    /// Print what a shell needs to complete commands, flags and their values.
+    ///
+    /// For bash: `sarrus completions bash > ~/.local/share/bash-completion/completions/sarrus`.
+    Completions(commands::shell::Completions),
+    /// Write the manual: a page of the program and one of each command.
+    Man(commands::shell::Man),
     /// Measure: error against run time, time integration, stress cases, as a page that
     /// opens offline.
     ///
@@ -107,6 +113,8 @@ fn main() -> ExitCode {
         Command::Top(command) => command.run(),
         Command::Tidy(command) => command.run(),
         Command::Robots(command) => command.run(),
+        Command::Completions(command) => command.run(Arguments::command()),
+        Command::Man(command) => command.run(Arguments::command()),
         #[cfg(feature = "report")]
         Command::Report(command) => command.run(),
         #[cfg(feature = "simulate")]

@@ -13,6 +13,7 @@ pub(crate) mod report;
 pub(crate) mod robot;
 pub(crate) mod robots;
 pub(crate) mod serve;
+pub(crate) mod shell;
 #[cfg(feature = "simulate")]
 pub(crate) mod simulate;
 pub(crate) mod tidy;

@@ -1,9 +1,13 @@
 //! `sarrus robots`.
 
+use std::fmt::Write as _;
+use std::fs::{self, File};
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
-use sarrus_models::{Options, Source, bundled, load};
+use sarrus_models::{Options, Source, bundled, load, texts};
 use sarrus_proto::Sizes;
 use serde::Serialize;
 
@@ -15,6 +19,10 @@ use super::robot::refuse;
 pub(crate) struct Robots {
     #[command(flatten)]
     format: FormatFlag,
+    /// Writes the files of a bundled robot into a folder, NAME.urdf and NAME.yml, to begin a robot
+    /// of one's own with; files that are there stay as they are.
+    #[arg(long, num_args = 2, value_names = ["NAME", "DIR"], conflicts_with = "format")]
+    export: Option<Vec<String>>,
 }
 
 #[derive(Serialize)]
@@ -26,6 +34,9 @@ struct Line {
 
 impl Robots {
     pub(crate) fn run(self) -> ExitCode {
+        if let Some([name, folder]) = self.export.as_deref() {
+            return export(name, Path::new(folder));
+        }
         let mut lines = Vec::new();
         for (robot, about) in bundled() {
             match load(&Source::Bundled(robot.to_owned()), &Options::default()) {
@@ -41,6 +52,52 @@ impl Robots {
         };
         finish("robots", &results, 0)
     }
+}
+
+/// Writes the files of a robot: 0, or 2 where there is no such robot or a file cannot be written.
+fn export(name: &str, folder: &Path) -> ExitCode {
+    let source = Source::Bundled(name.to_owned());
+    let (urdf, submechanisms) = match texts(&source) {
+        Ok(texts) => texts,
+        Err(error) => return refuse("robots", &error),
+    };
+    let files = [("urdf", Some(urdf)), ("yml", submechanisms)];
+    let files = files
+        .into_iter()
+        .filter_map(|(ending, text)| Some((folder.join(format!("{name}.{ending}")), text?)));
+    let files: Vec<(PathBuf, Vec<u8>)> = files.collect();
+    match write_new(folder, &files) {
+        Ok(()) => {
+            let mut results = String::new();
+            for (path, _) in &files {
+                let _ = writeln!(results, "{}", path.display());
+            }
+            finish("robots", &results, 0)
+        }
+        Err((path, error)) => {
+            eprintln!("sarrus robots: {} cannot be written: {error}", path.display());
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// All of them or none: no file that is there is written over.
+fn write_new(folder: &Path, files: &[(PathBuf, Vec<u8>)]) -> Result<(), (PathBuf, io::Error)> {
+    fs::create_dir_all(folder).map_err(|error| (folder.to_owned(), error))?;
+    let mut made = Vec::new();
+    for (path, text) in files {
+        let written = File::create_new(path).and_then(|mut file| {
+            made.push(path);
+            file.write_all(text)
+        });
+        if let Err(error) = written {
+            for path in made {
+                let _ = fs::remove_file(path);
+            }
+            return Err((path.clone(), error));
+        }
+    }
+    Ok(())
 }
 
 fn in_words(lines: &[Line]) -> String {

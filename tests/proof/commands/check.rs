@@ -1,4 +1,4 @@
-//! `check` and `robots`.
+//! `check`, `robots`, and what shells and `man` are given.
 
 use sarrus_tests::reference::{ROBOTS, vectors};
 use serde_json::{Value, json};
@@ -331,4 +331,61 @@ fn locks_that_mean_nothing_are_faults_that_name_what_would() {
 /// The exit code of `check` with these flags on the torso.
 fn said_code(flags: &[&str]) -> Option<i32> {
     run(&[&["check", "--robot", "torso"][..], flags].concat(), b"").code
+}
+
+#[test]
+fn an_exported_robot_is_the_bundled_one_and_no_file_is_written_over() {
+    let folder = Folder::new("robots-export");
+    let into = folder.file("kept", "").replace("kept", "mine");
+    let export = |name: &str| run(&["robots", "--export", name, &into], b"");
+    let done = export("torso");
+    let files: Vec<&str> = done.out.lines().collect();
+    assert_eq!(
+        (done.code, &files[..]),
+        (Some(0), &[&*format!("{into}/torso.urdf"), &*format!("{into}/torso.yml")][..])
+    );
+    let fingerprint = |arguments: &[&str]| {
+        run(&[&["check", "--format", "json"], arguments].concat(), b"").json().remove(0)
+            ["fingerprint"]
+            .clone()
+    };
+    assert_eq!(fingerprint(&files), fingerprint(&["--robot", "torso"]));
+
+    // the second file is there already: the first one is not left behind
+    std::fs::remove_file(files[0]).unwrap();
+    std::fs::write(files[1], "somebody's").unwrap();
+    let refused = export("torso");
+    assert!(refused.code == Some(2) && refused.err.contains("torso.yml cannot be written"));
+    assert!(!std::path::Path::new(files[0]).exists());
+    assert_eq!(std::fs::read_to_string(files[1]).unwrap(), "somebody's");
+    assert_eq!(export("tors").code, Some(2));
+}
+
+#[test]
+fn shells_and_man_know_every_command() {
+    let help = run(&["--help"], b"").out;
+    let commands = help.lines().skip_while(|line| *line != "Commands:").skip(1);
+    let commands: Vec<&str> = commands
+        .take_while(|line| !line.is_empty())
+        .filter_map(|line| line.split_whitespace().next())
+        .filter(|command| *command != "help")
+        .collect();
+    assert!(commands.contains(&"serve") && commands.contains(&"check"), "{commands:?}");
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let script = run(&["completions", shell], b"");
+        assert_eq!((script.code, script.err.as_str()), (Some(0), ""), "{shell}");
+        for command in &commands {
+            assert!(script.out.contains(command), "{shell}: {command}");
+        }
+        assert!(script.out.contains("floating-base"), "{shell}");
+    }
+    let folder = Folder::new("man");
+    let pages = folder.file("kept", "").replace("kept", "man1");
+    assert_eq!(run(&["man", &pages], b"").code, Some(0));
+    for command in &commands {
+        let page = std::fs::read_to_string(format!("{pages}/sarrus-{command}.1")).unwrap();
+        assert!(page.starts_with(".ie") && page.contains(".SH OPTIONS"), "{command}: {page}");
+    }
+    assert!(std::fs::read_to_string(format!("{pages}/sarrus.1")).unwrap().contains("SUBCOMMANDS"));
+    assert_eq!(run(&["man", &folder.file("plain", "")], b"").code, Some(2));
 }
