@@ -161,20 +161,41 @@ fn lines_are_answered_one_for_one_and_blank_ones_skipped() {
 
 #[test]
 fn every_answer_comes_before_the_next_question() {
-    let mut command = Command::new(sarrus());
-    command
-        .args(["ask", "kinematics", "--robot", "lambda"])
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped());
-    let mut child = command.spawn().unwrap();
-    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
-    let mut stdin = child.stdin.take().unwrap();
-    for k in 0..3 {
-        writeln!(stdin, "{{\"y\":[0.{k}]}}").unwrap();
-        assert!(lines.next().unwrap().unwrap().starts_with("{\"status\":\"ok\""));
+    for batch in ["1", "4"] {
+        let mut command = Command::new(sarrus());
+        command
+            .args(["ask", "kinematics", "--robot", "lambda", "--batch", batch])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let mut stdin = child.stdin.take().unwrap();
+        // two together, and the beginning of a third, which holds up nobody
+        for k in 0..3 {
+            write!(stdin, "{{\"y\":[0.{k}]}}\n{{\"y\":[0.1{k}]}}\n\n{{\"y\":").unwrap();
+            for _ in 0..2 {
+                assert!(lines.next().unwrap().unwrap().starts_with("{\"status\":\"ok\""));
+            }
+            writeln!(stdin, "[0.2]}}").unwrap();
+            assert!(lines.next().unwrap().unwrap().starts_with("{\"status\":\"ok\""));
+        }
+        drop(stdin);
+        assert_eq!(child.wait().unwrap().code(), Some(0));
     }
-    drop(stdin);
-    assert_eq!(child.wait().unwrap().code(), Some(0));
+}
+
+#[test]
+fn answers_of_a_batch_are_those_of_lines_one_by_one() {
+    let text = "{\"y\":[0.1]}\nbad\n{\"y\":[0.3]}\n\n{\"y\":[9e999]}\n".repeat(100) + "{\"y\":[7]}";
+    let batch =
+        |n: &str| run(&["ask", "kinematics", "--robot", "lambda", "--batch", n], text.as_bytes());
+    let one_by_one = batch("1");
+    assert_eq!((one_by_one.code, one_by_one.statuses().len()), (Some(1), 401));
+    for n in ["2", "7", "400", "1000000"] {
+        let together = batch(n);
+        assert_eq!((together.code, together.out == one_by_one.out), (Some(1), true), "{n}");
+    }
+    assert_eq!(batch("0").code, Some(2));
 }
 
 #[test]

@@ -1,16 +1,21 @@
 //! Lines of any length and content, bounded.
 
-use std::io::{self, BufRead, Read};
+use std::io::{self, BufRead, BufReader, Read};
 
 /// The longest line that is read.
 pub(super) const LONGEST: usize = 64 << 20;
 /// What is kept for the next line.
 const USUAL: usize = 1 << 20;
 
+/// What is read at once.
+const AT_ONCE: usize = 64 << 10;
+
 /// Lines of a source, one at a time.
 pub(super) struct Lines<R> {
-    source: R,
+    source: BufReader<R>,
     line: Vec<u8>,
+    /// `line` is the beginning of the next one.
+    is_begun: bool,
 }
 
 /// What came.
@@ -23,22 +28,23 @@ pub(super) enum Line<'a> {
     End,
 }
 
-impl<R: BufRead> Lines<R> {
+impl<R: Read> Lines<R> {
     pub(super) fn new(source: R) -> Lines<R> {
-        Lines { source, line: Vec::new() }
+        let source = BufReader::with_capacity(AT_ONCE, source);
+        Lines { source, line: Vec::new(), is_begun: false }
     }
 
     /// The next line that is not blank.
     pub(super) fn next(&mut self) -> io::Result<Line<'_>> {
         loop {
-            self.line.clear();
-            self.line.shrink_to(USUAL);
-            let read =
-                (&mut self.source).take(LONGEST as u64 + 1).read_until(b'\n', &mut self.line)?;
-            if read == 0 {
+            self.begin();
+            self.is_begun = false;
+            let room = (LONGEST + 1).saturating_sub(self.line.len());
+            (&mut self.source).take(room as u64).read_until(b'\n', &mut self.line)?;
+            if self.line.is_empty() {
                 return Ok(Line::End);
             }
-            if read > LONGEST && self.line.last() != Some(&b'\n') {
+            if self.line.len() > LONGEST && self.line.last() != Some(&b'\n') {
                 self.source.skip_until(b'\n')?;
                 return Ok(Line::TooLong);
             }
@@ -47,6 +53,44 @@ impl<R: BufRead> Lines<R> {
             }
         }
         Ok(Line::Text(self.line.trim_ascii_end()))
+    }
+
+    /// True where the next line that is not blank is not there yet, so that [`Lines::next`] would
+    /// wait for it; `has_more` says whether the source has bytes, or has ended.
+    pub(super) fn would_wait(&mut self, has_more: impl Fn() -> bool) -> io::Result<bool> {
+        self.begin();
+        loop {
+            let buffer = self.source.buffer();
+            let end = buffer.iter().position(|byte| *byte == b'\n');
+            let n = end.map_or(buffer.len(), |end| end + 1);
+            let is_blank =
+                [&self.line, &buffer[..n]].iter().all(|part| part.trim_ascii().is_empty());
+            if end.is_some() && is_blank {
+                self.line.clear();
+                self.source.consume(n);
+                continue;
+            }
+            if end.is_some() || self.line.len() > LONGEST {
+                return Ok(false);
+            }
+            self.line.extend_from_slice(buffer);
+            self.source.consume(n);
+            if !has_more() {
+                return Ok(true);
+            }
+            if self.source.fill_buf()?.is_empty() {
+                return Ok(false);
+            }
+        }
+    }
+
+    /// What is kept is the beginning of the next line.
+    fn begin(&mut self) {
+        if !self.is_begun {
+            self.line.clear();
+            self.line.shrink_to(USUAL);
+        }
+        self.is_begun = true;
     }
 }
 
@@ -67,9 +111,38 @@ mod tests {
     #[test]
     fn a_line_beyond_the_limit_is_skipped_whole() {
         let long = vec![b'x'; LONGEST + 5];
-        let mut lines = Lines::new(io::BufReader::new((&long[..]).chain(&b"\nafter\n"[..])));
+        let mut lines = Lines::new((&long[..]).chain(&b"\nafter\n"[..]));
         assert!(matches!(lines.next().unwrap(), Line::TooLong));
         assert!(matches!(lines.next().unwrap(), Line::Text(b"after")));
         assert!(matches!(lines.next().unwrap(), Line::End));
+    }
+
+    #[test]
+    fn a_pause_is_where_no_whole_line_has_come() {
+        // pieces as a pipe has them: between two of them the source has no bytes
+        let pieces: [&[u8]; 5] = [b"one\ntwo\nth", b"r", b"ee\n\n \n", b"four\n", b"five"];
+        let left = std::cell::RefCell::new(pieces.to_vec());
+        struct Pipe<'a, 'b>(&'a std::cell::RefCell<Vec<&'b [u8]>>);
+        impl Read for Pipe<'_, '_> {
+            fn read(&mut self, room: &mut [u8]) -> io::Result<usize> {
+                let mut left = self.0.borrow_mut();
+                let piece = if left.is_empty() { &b""[..] } else { left.remove(0) };
+                room[..piece.len()].copy_from_slice(piece);
+                Ok(piece.len())
+            }
+        }
+        let mut lines = Lines::new(Pipe(&left));
+        let mut found = Vec::new();
+        while let Line::Text(line) = lines.next().unwrap() {
+            found.push(String::from_utf8(line.to_owned()).unwrap());
+            // nothing more now
+            found.push(lines.would_wait(|| false).unwrap().to_string());
+            // and again when there is
+            if found.last().unwrap() == "true" {
+                found.push(lines.would_wait(|| true).unwrap().to_string());
+            }
+        }
+        let expected = "one false two true false three true false four true false five true false";
+        assert_eq!(found.join(" "), expected);
     }
 }

@@ -15,9 +15,11 @@ mod read;
 mod request;
 
 use std::io::{self, ErrorKind, Write};
+use std::num::NonZeroUsize;
 use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use sarrus_client::{
     Answer, Error, Field, FieldSet, Layout, ModelInfo, Query, Request, Status, Warnings, describe,
 };
@@ -55,7 +57,14 @@ pub(crate) struct Ask {
     /// which on it carries `input_projected`; a line's own `projection_tolerance` comes first.
     #[arg(long, value_name = "X", default_value_t = USUAL, value_parser = tolerance)]
     projection_tolerance: f64,
+    /// Answers up to N lines before it writes: same lines, same order, written when N are there or
+    /// the input pauses.
+    #[arg(long, value_name = "N", default_value_t = NonZeroUsize::MIN)]
+    batch: NonZeroUsize,
 }
+
+/// Bytes of answers from which on they are written, however many lines may go together.
+const MOST_UNWRITTEN: usize = 1 << 20;
 
 /// The tolerance of a query that names none.
 const USUAL: f64 = Tolerance::USUAL.bound();
@@ -121,7 +130,7 @@ impl Ask {
                 Err(error) => return refuse("ask", &error),
             },
         };
-        session.run()
+        session.run(self.batch.get())
     }
 }
 
@@ -135,28 +144,43 @@ struct Session {
 }
 
 impl Session {
-    fn run(mut self) -> ExitCode {
+    fn run(mut self, batch: usize) -> ExitCode {
         let mut lines = Lines::new(io::stdin().lock());
-        let (mut out, mut text) = (io::stdout().lock(), Vec::new());
+        // the answers that are not written yet, and how many they are
+        let (mut text, mut answered) = (Vec::new(), 0);
         let mut every_line_good = true;
         loop {
-            text.clear();
-            let status = match lines.next() {
-                Ok(Line::End) => break,
-                Ok(Line::Text(line)) => self.answer(line, &mut text),
-                Ok(Line::TooLong) => {
-                    let words = format!("a line of more than {LONGEST} bytes, expected fewer");
-                    answer::bad_request(&mut text, &Remark { column: Some(LONGEST + 1), words });
-                    Status::BadRequest
-                }
+            let line = match lines.next() {
+                Ok(line) => line,
                 Err(error) => {
                     eprintln!("sarrus ask: stdin cannot be read: {error}");
                     return ExitCode::from(2);
                 }
             };
+            let is_end = matches!(line, Line::End);
+            let status = match line {
+                Line::End => Status::Ok,
+                Line::Text(line) => self.answer(line, &mut text),
+                Line::TooLong => {
+                    let words = format!("a line of more than {LONGEST} bytes, expected fewer");
+                    answer::bad_request(&mut text, &Remark { column: Some(LONGEST + 1), words });
+                    Status::BadRequest
+                }
+            };
             every_line_good &= status != Status::BadRequest;
+            answered += 1;
+            // what cannot be read is said when it is the next line
+            let goes_on = answered < batch && text.len() < MOST_UNWRITTEN && !is_end;
+            if goes_on && !lines.would_wait(has_input).unwrap_or(true) {
+                continue;
+            }
+            let mut out = io::stdout().lock();
             match out.write_all(&text).and_then(|()| out.flush()) {
-                Ok(()) => {}
+                Ok(()) if is_end => break,
+                Ok(()) => {
+                    text.clear();
+                    answered = 0;
+                }
                 // nobody listens any more
                 Err(error) if error.kind() == ErrorKind::BrokenPipe => break,
                 Err(error) => {
@@ -271,6 +295,14 @@ impl Session {
             return (reply, want, numbers);
         }
     }
+}
+
+/// True where stdin has bytes to read, or has ended.
+fn has_input() -> bool {
+    let stdin = io::stdin();
+    let mut polled = [PollFd::new(&stdin, PollFlags::IN)];
+    // where that cannot be known, answers do not wait
+    poll(&mut polled, Some(&Timespec::default())).is_ok_and(|ready| ready > 0)
 }
 
 /// The query of a line that names its request, and the numbers that it gives; in words what is
