@@ -46,7 +46,7 @@ pub struct ClosureReport {
     pub cond: f64,
     /// Where a closure of this type is singular, in words; empty where nothing general can be said.
     pub singular: &'static str,
-    /// Cells of the table of closed poses from which a numerical closure starts without a guess, and
+    /// Cells of the table of closed poses where a numerical closure starts without a guess, and
     /// its size `[B]`; 0 without one. Equal limbs share one table.
     pub seeds: (usize, usize),
 }

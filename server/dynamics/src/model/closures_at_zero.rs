@@ -16,7 +16,7 @@ pub struct ClosureAtZero {
     pub sigma_min: f64,
     /// Condition number of the scaled K_d; infinite where the pose is singular, 1 without loops.
     pub cond_Kd: f64,
-    /// Cells of the table of closed poses from which a numerical closure starts without a guess, and
+    /// Cells of the table of closed poses where a numerical closure starts without a guess, and
     /// its size `[B]`; 0 without one. Equal limbs share one table.
     pub seeds: (usize, usize),
 }
