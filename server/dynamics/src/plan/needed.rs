@@ -76,7 +76,7 @@ impl Needed {
         let scope = Scope::of(model, &roots);
         let coordinates: Vec<usize> = {
             let mut read = vec![false; model.clusters.len()];
-            let posed = scope.posed.iter().map(|i| model.cluster_of[*i]);
+            let posed = scope.posed.places().map(|i| model.cluster_of[i]);
             let asked = v.iter().map(|v| model.cluster_of_v[*v]);
             let has_rows = query.want.iter().any(|field| field.has_joint_rows());
             roots.closed.iter().copied().chain(posed).for_each(|c| read[c] = true);
@@ -95,7 +95,7 @@ impl Needed {
         let limits = limits.map(|limit| (row_of(limit.v), *limit)).collect();
         let efforts = model.effort.iter().zip(&order.u_v).enumerate();
         let efforts = efforts
-            .filter(|(_, (_, v))| scope.answered.contains(&model.cluster_of_v[**v]))
+            .filter(|(_, (_, v))| roots.answered.contains(&model.cluster_of_v[**v]))
             .map(|(u, (effort, v))| (u, row_of(*v), *effort))
             .collect();
         let quaternion = |i: &usize| {
