@@ -19,7 +19,7 @@ pub use outline::Outline;
 pub(crate) use sarrus_proto::Answer;
 #[cfg(doc)]
 use sarrus_proto::Warnings;
-use sarrus_proto::{Field, FieldSet, Layout, Query, QueryError, Request};
+use sarrus_proto::{Field, FieldSet, Layout, Query, QueryError, Request, Rows};
 
 use crate::closure::Level;
 use crate::model::{Method, Model};
@@ -198,7 +198,9 @@ impl Plan {
         };
         let of = |links: &[u16]| links.iter().map(|link| *link as usize).collect::<Vec<_>>();
         let (frame_links, wrench_links) = (of(query.frames()), of(query.wrench_links()));
-        let needed = Needed::new(model, query, request, method, &steps);
+        let rows = Rows::of(query, &model.meta);
+        let want = Layout::of_rows(query, &model.meta, &rows);
+        let needed = Needed::new(model, query, rows, (request, method), &steps);
         // a wrench that nothing asked feels is not read
         let is_felt = |(_, link): &(usize, usize)| {
             let body = model.frames[*link].body;
@@ -211,7 +213,7 @@ impl Plan {
             query: *query,
             request,
             given: Layout::of_given(query, &sizes),
-            want: Layout::of_want(query, &model.meta),
+            want,
             fingerprint: model.meta.fingerprint,
             steps,
             method,
