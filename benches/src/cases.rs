@@ -21,16 +21,12 @@ pub(crate) struct Case<'a> {
     pub(crate) output: Vec<f64>,
 }
 
-/// Every case of a robot. A cold start says nothing more about methods, and M_y of a long chain
-/// does not fit.
+/// Every case of a robot that is timed. A cold start says nothing more about methods, and M_y of a
+/// long chain does not fit.
 pub(crate) fn of_robot(robot: &Robot) -> Outcome<Vec<Case<'_>>> {
     let mut cases = Vec::new();
-    let chain = matches!(robot.subject, Subject::Chain(_));
     for (k, variant) in robot.variants.iter().enumerate() {
-        let closed_form = chain || variant.closures == "analytic";
-        let starts: &[Start] =
-            if closed_form { &[Start::None] } else { &[Start::Warm, Start::Cold] };
-        for &start in starts {
+        for &start in starts(robot, variant) {
             let forced = Question::FORCED.into_iter().filter(|_| start != Start::Cold);
             for question in Question::CHOSEN.into_iter().chain(forced) {
                 let square = matches!(question, Question::Forced(Method::Projection | Method::Kkt));
@@ -41,6 +37,26 @@ pub(crate) fn of_robot(robot: &Robot) -> Outcome<Vec<Case<'_>>> {
         }
     }
     Ok(cases)
+}
+
+/// The cases that are counted only: the robot at rest.
+pub(crate) fn at_rest(robot: &Robot) -> Outcome<Vec<Case<'_>>> {
+    let mut cases = Vec::new();
+    for (k, variant) in robot.variants.iter().enumerate() {
+        for &start in starts(robot, variant) {
+            cases.push(Case::new(robot, k, start, Question::Gravity)?);
+        }
+    }
+    Ok(cases)
+}
+
+/// Where Newton's method starts, if there is something to iterate.
+fn starts(robot: &Robot, variant: &Variant) -> &'static [Start] {
+    if matches!(robot.subject, Subject::Chain(_)) || variant.closures == "analytic" {
+        &[Start::None]
+    } else {
+        &[Start::Warm, Start::Cold]
+    }
 }
 
 /// Tree velocities up to which methods with square matrices are measured.

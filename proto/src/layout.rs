@@ -66,7 +66,12 @@ impl Layout {
         if query.joint_runs().is_empty() {
             return Layout::pack(query.want, query, &model.sizes, &model.sizes);
         }
-        Layout::pack(query.want, query, &model.sizes, &Rows::of(query, model).sizes(model))
+        Layout::of_rows(query, model, &Rows::of(query, model))
+    }
+
+    /// The same with the rows that are already known.
+    pub fn of_rows(query: &Query, model: &ModelInfo, rows: &Rows) -> Layout {
+        Layout::pack(query.want, query, &model.sizes, &rows.sizes(model))
     }
 
     /// The fields and where they lie.

@@ -39,70 +39,103 @@ pub(crate) fn embedded_solve<T: Real>(
     let mut positive = T::Mask::splat(true);
 
     // each body alone
-    for &i in &scope.driven {
-        composite[i] = Composite::of(&model.bodies[i]);
-        if model.has_child_cluster[i] {
-            bodies[i] = Articulated::none();
+    for run in scope.driven.runs() {
+        let of_bodies = composite[run.clone()].iter_mut().zip(&mut bodies[run.clone()]);
+        let has_child = &model.has_child_cluster[run.clone()];
+        for ((rigid, articulated), (body, has_child)) in
+            of_bodies.zip(model.bodies[run].iter().zip(has_child))
+        {
+            *rigid = Composite::of(body);
+            if *has_child {
+                *articulated = Articulated::none();
+            }
         }
     }
 
     // inertias and bias forces, towards the root
     let rotors = model.terms.rotors.as_slice();
     let mut pass = Pass { model, motion, G, composite, bodies, inside, rotors };
-    let needed = || scope.clusters.iter().map(|c| &model.clusters[*c]);
-    for cluster in needed().rev() {
-        let (D, independents) = (cluster.g_offset, cluster.independents());
-        let alone = &mut alone[independents.clone()];
-        let (Y, b) = (&mut Y[independents.clone()], &mut b[independents]);
-        let sound = if cluster.n_v == 1 && cluster.n_vy == 1 {
-            pass.single_joint(cluster, &mut Y[0], &mut factor[D], &mut b[0])
-        } else {
-            pass.several_joints(cluster, Y, &mut factor[D..], b, alone)
-        };
-        positive = positive & sound;
+    for run in scope.clusters.runs().rev() {
+        for cluster in model.clusters[run].iter().rev() {
+            let (D, independents) = (cluster.g_offset, cluster.independents());
+            let alone = &mut alone[independents.clone()];
+            let (Y, b) = (&mut Y[independents.clone()], &mut b[independents]);
+            let sound = if cluster.n_v == 1 && cluster.n_vy == 1 {
+                pass.single_joint(cluster, &mut Y[0], &mut factor[D], &mut b[0])
+            } else {
+                pass.several_joints(cluster, Y, &mut factor[D..], b, alone)
+            };
+            positive = positive & sound;
+        }
     }
 
     // accelerations, from the root outwards
     (bodies[0].alpha, bodies[0].a) = (zero(), zero());
-    for cluster in needed() {
-        let (m, independents) = (cluster.n_vy, cluster.independents());
-        let (Y, b) = (&Y[independents.clone()], &mut b[independents]);
-        if cluster.n_v == 1 && m == 1 {
-            let i = cluster.body;
-            let (mut alpha, mut a) = bodies[cluster.parent].acceleration_in(&motion[i]);
-            b[0] = (b[0] - dot(&Y[0].0, &alpha) - dot(&Y[0].1, &a)) * factor[cluster.g_offset];
-            accelerate(model.bodies[i].motion, b, &mut alpha, &mut a);
-            (bodies[i].alpha, bodies[i].a) = (alpha, a);
-            continue;
-        }
-        // ÿ = L⁻ᵀ Δ⁻¹ (L⁻¹ r − Y a_p)
-        let p = &bodies[cluster.parent];
-        let L = &factor[cluster.g_offset..][..m * m];
-        for k in (0..m).rev() {
-            let mut ydd = (b[k] - dot(&Y[k].0, &p.alpha) - dot(&Y[k].1, &p.a)) * L[k * m + k];
-            for l in k + 1..m {
-                ydd = (-L[l * m + k]).mul_add(b[l], ydd);
+    for run in scope.clusters.runs() {
+        for cluster in &model.clusters[run] {
+            let (Y, b) = (&Y[cluster.independents()], &mut b[cluster.independents()]);
+            let factor = &factor[cluster.g_offset..];
+            if cluster.n_v == 1 && cluster.n_vy == 1 {
+                accelerate_joint(model, cluster, (motion, bodies), (&Y[0], factor[0]), b);
+            } else {
+                accelerate_joints(model, cluster, G, (motion, bodies), (Y, factor), b);
             }
-            b[k] = ydd;
-        }
-        let G = cluster.G(G);
-        for i in cluster.bodies() {
-            if !model.has_child_cluster[i] {
-                continue;
-            }
-            let body = &model.bodies[i];
-            let (mut alpha, mut a) = bodies[body.parent].acceleration_in(&motion[i]);
-            let mut qdd = [T::ZERO; 6];
-            for k in 0..body.motion.n_v() {
-                let G_i = G.row(body.v - cluster.v + k);
-                qdd[k] =
-                    G_i.iter().zip(b.iter()).fold(T::ZERO, |sum, (g, ydd)| g.mul_add(*ydd, sum));
-            }
-            accelerate(body.motion, &qdd, &mut alpha, &mut a);
-            (bodies[i].alpha, bodies[i].a) = (alpha, a);
         }
     }
     positive
+}
+
+/// ÿ and the acceleration of the body of one free degree of freedom; `b` holds r.
+#[inline(always)]
+fn accelerate_joint<T: Real>(
+    model: &Model<T::Const>,
+    cluster: &Cluster<T::Const>,
+    (motion, bodies): (&[BodyState<T>], &mut [Articulated<T>]),
+    (Y, inverse): (&Force<T>, T),
+    b: &mut [T],
+) {
+    let i = cluster.body;
+    let (mut alpha, mut a) = bodies[cluster.parent].acceleration_in(&motion[i]);
+    b[0] = (b[0] - dot(&Y.0, &alpha) - dot(&Y.1, &a)) * inverse;
+    accelerate(model.bodies[i].motion, b, &mut alpha, &mut a);
+    (bodies[i].alpha, bodies[i].a) = (alpha, a);
+}
+
+/// The same of joints closed by loops, or one of several degrees of freedom:
+/// ÿ = L⁻ᵀ Δ⁻¹ (L⁻¹ r − Y a_p), and a_i of the bodies that carry others.
+#[inline(always)]
+fn accelerate_joints<T: Real>(
+    model: &Model<T::Const>,
+    cluster: &Cluster<T::Const>,
+    G: &[T],
+    (motion, bodies): (&[BodyState<T>], &mut [Articulated<T>]),
+    (Y, factor): (&[Force<T>], &[T]),
+    b: &mut [T],
+) {
+    let m = cluster.n_vy;
+    let (p, L) = (&bodies[cluster.parent], &factor[..m * m]);
+    for k in (0..m).rev() {
+        let mut ydd = (b[k] - dot(&Y[k].0, &p.alpha) - dot(&Y[k].1, &p.a)) * L[k * m + k];
+        for l in k + 1..m {
+            ydd = (-L[l * m + k]).mul_add(b[l], ydd);
+        }
+        b[k] = ydd;
+    }
+    let G = cluster.G(G);
+    for i in cluster.bodies() {
+        if !model.has_child_cluster[i] {
+            continue;
+        }
+        let body = &model.bodies[i];
+        let (mut alpha, mut a) = bodies[body.parent].acceleration_in(&motion[i]);
+        let mut qdd = [T::ZERO; 6];
+        for k in 0..body.motion.n_v() {
+            let G_i = G.row(body.v - cluster.v + k);
+            qdd[k] = G_i.iter().zip(b.iter()).fold(T::ZERO, |sum, (g, ydd)| g.mul_add(*ydd, sum));
+        }
+        accelerate(body.motion, &qdd, &mut alpha, &mut a);
+        (bodies[i].alpha, bodies[i].a) = (alpha, a);
+    }
 }
 
 /// The pass from the leaves to the root, with the numbers of the workspace.

@@ -25,15 +25,17 @@ pub(crate) fn reduced_mass_matrix<T: Real>(
 
     let rotors = model.terms.rotors.as_slice();
     let mut pass = Pass { model, motion, G, composite, columns, inside, rotors };
-    for cluster in scope.clusters.iter().rev().map(|c| &model.clusters[*c]) {
-        let m = cluster.n_vy;
-        pass.own_block(cluster, block, &mut alone[cluster.independents()]);
-        for k in 0..m {
-            let last = model.sparsity.diagonal_at(cluster.vy + k);
-            M_y[last - k..=last].copy_from_slice(&block[k * m..=k * m + k]);
+    for run in scope.clusters.runs().rev() {
+        for cluster in model.clusters[run].iter().rev() {
+            let m = cluster.n_vy;
+            pass.own_block(cluster, block, &mut alone[cluster.independents()]);
+            for k in 0..m {
+                let last = model.sparsity.diagonal_at(cluster.vy + k);
+                M_y[last - k..=last].copy_from_slice(&block[k * m..=k * m + k]);
+            }
+            // blocks with the clusters that carry it
+            pass.meet_ancestors(cluster, M_y);
         }
-        // blocks with the clusters that carry it
-        pass.meet_ancestors(cluster, M_y);
     }
 }
 
@@ -47,10 +49,10 @@ pub(crate) fn projected_solve<T: Real>(
 ) -> T::Mask {
     ws.factor.copy_from_slice(&ws.M_y);
     // what is not needed stands by itself
-    if scope.clusters.len() < model.clusters.len() {
-        let mut needed = scope.independents.iter().peekable();
+    if scope.clusters.count() < model.clusters.len() {
+        let mut needed = scope.independents.places().peekable();
         for (k, at) in model.sparsity.diagonal().enumerate() {
-            if needed.next_if(|next| **next == k).is_none() {
+            if needed.next_if(|next| *next == k).is_none() {
                 (ws.factor[at], ws.ydd[k]) = (T::ONE, T::ZERO);
             }
         }
@@ -90,14 +92,19 @@ pub(super) fn composite_inertias<T: Real>(
     motion: &[BodyState<T>],
     composite: &mut [Composite<T>],
 ) {
-    for &i in scope.carriers.iter().chain(&scope.driven) {
-        composite[i] = Composite::of(&model.bodies[i]);
+    for run in scope.carriers.runs().chain(scope.driven.runs()) {
+        for (of_body, body) in composite[run.clone()].iter_mut().zip(&model.bodies[run]) {
+            *of_body = Composite::of(body);
+        }
     }
-    for &i in scope.driven.iter().rev() {
-        let parent = model.bodies[i].parent;
-        if parent != 0 {
-            let moved = composite[i].transformed(&motion[i]);
-            composite[parent].add(&moved);
+    for run in scope.driven.runs().rev() {
+        let mut composite = &mut composite[..run.end];
+        for (body, state) in model.bodies[run.clone()].iter().zip(&motion[run]).rev() {
+            let Some((of_body, before)) = composite.split_last_mut() else { return };
+            if body.parent != 0 {
+                before[body.parent].add(&of_body.transformed(state));
+            }
+            composite = before;
         }
     }
 }

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 
 use crate::algorithms::terms::{joint_forces, spring_forces};
 use crate::mechanism::{Body, Motion, joint_pose};
-use crate::model::{Model, Scope};
+use crate::model::{Model, Runs, Scope};
 use crate::scalar::Real;
 use crate::spatial::{cross, cross_add, lift, mul, mul_add, t_mul, zero};
 use crate::workspace::BodyState;
@@ -17,15 +17,17 @@ use crate::workspace::BodyState;
 #[inline]
 pub(crate) fn joint_poses<T: Real>(
     model: &Model<T::Const>,
-    bodies: &[usize],
+    bodies: &Runs,
     q: &[T],
     cos_sin: &[(T, T)],
     motion: &mut [BodyState<T>],
 ) {
-    for &i in bodies {
-        let body = &model.bodies[i];
-        let pose = joint_pose(body, &q[body.q..], cos_sin[i]);
-        (motion[i].R, motion[i].p) = (pose.R, pose.p);
+    for run in bodies.runs() {
+        let joints = model.bodies[run.clone()].iter().zip(&cos_sin[run.clone()]);
+        for ((body, cos_sin), state) in joints.zip(&mut motion[run]) {
+            let pose = joint_pose(body, &q[body.q..], *cos_sin);
+            (state.R, state.p) = (pose.R, pose.p);
+        }
     }
 }
 
@@ -54,22 +56,26 @@ pub(crate) fn newton_euler<T: Real>(
     motion[0].a = -lift::<T>(&model.gravity);
 
     // motion, from the root outwards
-    for &i in &scope.carriers {
+    for i in scope.carriers.places() {
         let body = &model.bodies[i];
         let (before, state) = motion.split_at_mut(i);
         let state = &mut state[0];
         (state.w, state.alpha, state.a) = accelerate(body, state, &before[body.parent], qd, qdd);
         (state.n, state.f) = (zero(), zero());
     }
-    for &i in &scope.driven {
-        let body = &model.bodies[i];
-        let (before, state) = motion.split_at_mut(i);
-        let state = &mut state[0];
-        (state.w, state.alpha, state.a) = accelerate(body, state, &before[body.parent], qd, qdd);
-        (state.n, state.f) = inertial_force(body, &state.w, &state.alpha, &state.a);
-        if let Some(wrench) = wrench {
-            state.n -= wrench[i].0;
-            state.f -= wrench[i].1;
+    for run in scope.driven.runs() {
+        let (bodies, motion) = (&model.bodies[..run.end], &mut motion[..run.end]);
+        for i in run {
+            let body = &bodies[i];
+            let (before, state) = motion.split_at_mut(i);
+            let state = &mut state[0];
+            (state.w, state.alpha, state.a) =
+                accelerate(body, state, &before[body.parent], qd, qdd);
+            (state.n, state.f) = inertial_force(body, &state.w, &state.alpha, &state.a);
+            if let Some(wrench) = wrench {
+                state.n -= wrench[i].0;
+                state.f -= wrench[i].1;
+            }
         }
     }
 
@@ -90,21 +96,24 @@ pub(crate) fn rest_forces<T: Real>(
     tau: &mut [T],
 ) {
     motion[0].a = -lift::<T>(&model.gravity);
-    for &i in &scope.carriers {
+    for i in scope.carriers.places() {
         let (before, state) = motion.split_at_mut(i);
         state[0].a = t_mul(&state[0].R, &before[model.bodies[i].parent].a);
         (state[0].n, state[0].f) = (zero(), zero());
     }
-    for &i in &scope.driven {
-        let body = &model.bodies[i];
-        let (before, state) = motion.split_at_mut(i);
-        let state = &mut state[0];
-        state.a = t_mul(&state.R, &before[body.parent].a);
-        state.n = cross(&lift(&body.h), &state.a);
-        state.f = state.a * T::lift(body.mass);
-        if let Some(wrench) = wrench {
-            state.n -= wrench[i].0;
-            state.f -= wrench[i].1;
+    for run in scope.driven.runs() {
+        let (bodies, motion) = (&model.bodies[..run.end], &mut motion[..run.end]);
+        for i in run {
+            let body = &bodies[i];
+            let (before, state) = motion.split_at_mut(i);
+            let state = &mut state[0];
+            state.a = t_mul(&state.R, &before[body.parent].a);
+            state.n = cross(&lift(&body.h), &state.a);
+            state.f = state.a * T::lift(body.mass);
+            if let Some(wrench) = wrench {
+                state.n -= wrench[i].0;
+                state.f -= wrench[i].1;
+            }
         }
     }
     forces_to_root(model, scope, motion, tau);
@@ -119,27 +128,29 @@ fn forces_to_root<T: Real>(
     motion: &mut [BodyState<T>],
     tau: &mut [T],
 ) {
-    for &i in scope.driven.iter().rev() {
-        let body = &model.bodies[i];
-        let (before, state) = motion.split_at_mut(i);
-        let state = &state[0];
-        match body.motion {
-            // a zero without a sign, whatever was left out before
-            Motion::Revolute => tau[body.v] = state.n[2] + T::ZERO,
-            Motion::Prismatic => tau[body.v] = state.f[2] + T::ZERO,
-            Motion::Spherical => (0..3).for_each(|k| tau[body.v + k] = state.n[k] + T::ZERO),
-            Motion::Floating => {
-                for k in 0..3 {
-                    tau[body.v + k] = state.n[k] + T::ZERO;
-                    tau[body.v + 3 + k] = state.f[k] + T::ZERO;
+    for run in scope.driven.runs().rev() {
+        let mut motion = &mut motion[..run.end];
+        for body in model.bodies[run].iter().rev() {
+            let Some((state, before)) = motion.split_last_mut() else { return };
+            match body.motion {
+                // a zero without a sign, whatever was left out before
+                Motion::Revolute => tau[body.v] = state.n[2] + T::ZERO,
+                Motion::Prismatic => tau[body.v] = state.f[2] + T::ZERO,
+                Motion::Spherical => (0..3).for_each(|k| tau[body.v + k] = state.n[k] + T::ZERO),
+                Motion::Floating => {
+                    for k in 0..3 {
+                        tau[body.v + k] = state.n[k] + T::ZERO;
+                        tau[body.v + 3 + k] = state.f[k] + T::ZERO;
+                    }
                 }
             }
-        }
-        if body.parent != 0 {
-            let f = mul(&state.R, &state.f);
-            let parent = &mut before[body.parent];
-            parent.n = cross_add(&state.p, &f, &mul_add(&state.R, &state.n, &parent.n));
-            parent.f += f;
+            if body.parent != 0 {
+                let f = mul(&state.R, &state.f);
+                let parent = &mut before[body.parent];
+                parent.n = cross_add(&state.p, &f, &mul_add(&state.R, &state.n, &parent.n));
+                parent.f += f;
+            }
+            motion = before;
         }
     }
 }

@@ -16,12 +16,10 @@ pub(super) fn joint_forces<T: Real>(
     tau: &mut [T],
 ) {
     spring_forces(model, scope, q, tau);
-    for &k in &scope.dampers {
-        let damper = &model.terms.dampers[k];
+    for damper in scope.dampers.runs().flat_map(|run| &model.terms.dampers[run]) {
         tau[damper.v] = T::lift(damper.damping).mul_add(qd[damper.v], tau[damper.v]);
     }
-    for &k in &scope.rotors {
-        let rotor = &model.terms.rotors[k];
+    for rotor in scope.rotors.runs().flat_map(|run| &model.terms.rotors[run]) {
         tau[rotor.v] = T::lift(rotor.inertia).mul_add(qdd[rotor.v], tau[rotor.v]);
     }
 }
@@ -34,8 +32,7 @@ pub(super) fn spring_forces<T: Real>(
     q: &[T],
     tau: &mut [T],
 ) {
-    for &k in &scope.springs {
-        let spring = &model.terms.springs[k];
+    for spring in scope.springs.runs().flat_map(|run| &model.terms.springs[run]) {
         tau[spring.v] =
             T::lift(spring.stiffness).mul_add(q[spring.q] - T::lift(spring.rest), tau[spring.v]);
     }
@@ -43,8 +40,21 @@ pub(super) fn spring_forces<T: Real>(
 
 /// D_kl += N² I G_k G_l for each rotor of the cluster that has the n_v velocities from `v` on: the
 /// last ones of `rotors`, which are taken off with those behind the cluster.
-#[inline]
+#[inline(always)]
 pub(super) fn add_rotors<T: Real>(
+    rotors: &mut &[Rotor<T::Const>],
+    (v, n_v): (usize, usize),
+    G: GBlock<'_, T>,
+    D: &mut [T],
+    m: usize,
+) {
+    if rotors.last().is_some_and(|rotor| rotor.v >= v) {
+        add_last_rotors(rotors, (v, n_v), G, D, m);
+    }
+}
+
+#[inline(never)]
+fn add_last_rotors<T: Real>(
     rotors: &mut &[Rotor<T::Const>],
     (v, n_v): (usize, usize),
     G: GBlock<'_, T>,

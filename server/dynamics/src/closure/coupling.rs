@@ -39,7 +39,9 @@ impl<C: nalgebra::Scalar + Copy> Coupling<C> {
                 qd = c.mul_add(local.qd[i], qd);
             }
             local.q[j] = q;
-            local.qd[j] = qd;
+            if level >= Level::Velocity {
+                local.qd[j] = qd;
+            }
         }
         for j in 0..cluster.n {
             if bodies[j].motion == Motion::Revolute {
@@ -47,7 +49,7 @@ impl<C: nalgebra::Scalar + Copy> Coupling<C> {
                 local.cos_sin[j] = (c, s);
             }
         }
-        if level >= Level::Velocity {
+        if level >= Level::Jacobian {
             for (G, c) in local.G.iter_mut().zip(&self.M) {
                 *G = T::lift(*c);
             }

@@ -10,8 +10,13 @@ use crate::spatial::{Pose, zero};
 /// How far down a closure is to be evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Level {
+    /// q.
     Position,
+    /// And G.
+    Jacobian,
+    /// And q̇.
     Velocity,
+    /// And g.
     Acceleration,
 }
 

@@ -64,8 +64,9 @@ pub(crate) enum Closure<C> {
 impl<T: Scalar> Closure<T> {
     /// Closes one cluster down to a level.
     ///
-    /// On entry `local.q` and `local.qd` hold y and ẏ at the independents. On return q, the cosines
-    /// and sines, and by level G and q̇, g are those of the closed pose.
+    /// On entry `local.q` and `local.qd` hold y and, where the level asks for q̇, ẏ at the
+    /// independents. On return q, the cosines and sines, and by level G, q̇ and g are those of the
+    /// closed pose.
     pub(crate) fn close(
         &self,
         cluster: &Cluster<T>,

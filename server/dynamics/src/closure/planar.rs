@@ -153,8 +153,12 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
                 _ => (-c1, -c2),
             };
             local.G[tie.joint] = sense * first;
-            local.qd[tie.joint] = sense * first * yd;
-            local.g[tie.joint] = sense * second * (yd * yd);
+            if level >= Level::Velocity {
+                local.qd[tie.joint] = sense * first * yd;
+            }
+            if level == Level::Acceleration {
+                local.g[tie.joint] = sense * second * (yd * yd);
+            }
         }
         validity
     }
@@ -200,9 +204,13 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
         let inverse_W = T::ONE / W;
         let solve = |x: &Plane<T>| (dot(x, &c) * inverse_W, dot(x, &b) * inverse_W);
         let (b1, c1) = solve(&[-p1[0], -p1[1]]);
+        links.first = [b1, c1, T::ZERO];
+        if level < Level::Acceleration {
+            return (links, validity);
+        }
         let x = add(&b, b1 * b1, &add(&c, -(c1 * c1), &[-p2[0], -p2[1]]));
         let (b2, c2) = solve(&x);
-        (links.first, links.second) = ([b1, c1, T::ZERO], [b2, c2, T::ZERO]);
+        links.second = [b2, c2, T::ZERO];
         (links, validity)
     }
 
@@ -246,8 +254,12 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
         let inverse_L = T::ONE / L;
         let solve = |x: &Plane<T>| (dot(x, &n) * inverse_L, -(dot(x, &b) * inverse_L));
         let (b1, s1) = solve(&[-p1[0], -p1[1]]);
+        links.first = [b1, T::ZERO, s1];
+        if level < Level::Acceleration {
+            return (links, validity);
+        }
         let (b2, s2) = solve(&add(&b, b1 * b1, &[-p2[0], -p2[1]]));
-        (links.first, links.second) = ([b1, T::ZERO, s1], [b2, T::ZERO, s2]);
+        links.second = [b2, T::ZERO, s2];
         (links, validity)
     }
 

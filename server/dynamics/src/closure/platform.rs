@@ -91,8 +91,10 @@ impl<C: nalgebra::Scalar + Copy> Platform<C> {
                 pose.then(&joint_pose(&bodies[at.body], &local.q[at.q..], local.cos_sin[at.body]));
             local.scratch.pose[at.body + 1] = pose;
         }
-        if level >= Level::Velocity {
+        if level == Level::Acceleration {
             self.chain_rates(local);
+        }
+        if level >= Level::Jacobian {
             for (at, k) in &self.chain {
                 local.G[at.v * cluster.n_vy..(at.v + 1) * cluster.n_vy].fill(T::ZERO);
                 local.G[at.v * cluster.n_vy + k] = T::ONE;
@@ -182,6 +184,9 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
                 .iter()
                 .zip(rates)
                 .for_each(|(i, rate)| local.G[i.v * n_vy + k] = rate);
+        }
+        if level == Level::Jacobian {
+            return validity;
         }
         let rate = |j: Dof, local: &mut Local<'_, T>| {
             let mut qd = T::ZERO;

@@ -89,6 +89,9 @@ impl<C: nalgebra::Scalar + Copy> Rrpr<C> {
         local.G[j1] = T::ONE;
         local.G[j2] = sense * turn_rate;
         local.G[j3] = slide_rate;
+        if level == Level::Jacobian {
+            return validity;
+        }
         let yd = local.qd[j1];
         let (w2, v3) = (turn_rate * yd, slide_rate * yd);
         local.qd[j2] = sense * w2;

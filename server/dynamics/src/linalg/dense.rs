@@ -61,8 +61,25 @@ pub(crate) fn solve_sound<T: Scalar>(
     solve_above(A, B, m, n, f64::min(1e5, 1.0 / T::EPSILON.sqrt()))
 }
 
-/// `roundings`: how many unit roundoffs of the largest entry a pivot must have.
+/// `roundings`: how many unit roundoffs of the largest entry a pivot must have. What actuators of
+/// mechanisms ask for is solved by loops of fixed length.
 fn solve_above<T: Scalar>(
+    A: &mut [T],
+    B: &mut [T],
+    m: usize,
+    n: usize,
+    roundings: f64,
+) -> Option<Solved<T>> {
+    match (m, n) {
+        (2, 1) => solve_of(&mut A[..4], &mut B[..2], 2, 1, roundings),
+        (3, 1) => solve_of(&mut A[..9], &mut B[..3], 3, 1, roundings),
+        (6, 1) => solve_of(&mut A[..36], &mut B[..6], 6, 1, roundings),
+        _ => solve_of(A, B, m, n, roundings),
+    }
+}
+
+#[inline(always)]
+fn solve_of<T: Scalar>(
     A: &mut [T],
     B: &mut [T],
     m: usize,
@@ -92,6 +109,7 @@ fn solve_above<T: Scalar>(
 
 /// Brings the largest entry of column k, on or below the diagonal, to its place; true where rows
 /// changed places.
+#[inline(always)]
 fn exchange<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize, k: usize) -> bool {
     let mut p = k;
     for i in k + 1..m {

@@ -8,6 +8,7 @@ mod closures_at_zero;
 mod compiled;
 mod method;
 mod order;
+mod runs;
 mod scope;
 mod tolerance;
 
@@ -21,7 +22,8 @@ pub(crate) use closures_at_zero::assess;
 pub use compiled::Compiled;
 pub use method::Method;
 pub(crate) use order::{Limit, Order};
-pub(crate) use scope::{Roots, Scope};
+pub(crate) use runs::Runs;
+pub(crate) use scope::{Direct, Roots, Scope};
 
 use crate::closure::Closure;
 use crate::linalg::TreeSparsity;

@@ -1,9 +1,9 @@
-//! The part of a robot that a computation needs, as lists that the hot path walks.
+//! The part of a robot that a computation needs, as runs and lists that the hot path walks.
 
 use crate::mechanism::{Cluster, Motion};
-use crate::model::Model;
+use crate::model::{Model, Runs};
 
-/// Bodies and clusters that a computation needs, each list ascending, so that parents come before
+/// Bodies and clusters that a computation needs, each ascending, so that parents come before
 /// children. Whatever is left out is not read.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Scope {
@@ -13,21 +13,31 @@ pub(crate) struct Scope {
     pub(crate) free: Vec<(usize, usize)>,
     /// Bodies whose poses in their parents are needed: the next two together, and those on the
     /// paths to frames.
-    pub(crate) posed: Vec<usize>,
+    pub(crate) posed: Runs,
     /// Ancestors of the next ones, of which only the motion is needed.
-    pub(crate) carriers: Vec<usize>,
+    pub(crate) carriers: Runs,
     /// Bodies whose forces are needed, with all descendants.
-    pub(crate) driven: Vec<usize>,
+    pub(crate) driven: Runs,
     /// The clusters of these, whole.
-    pub(crate) clusters: Vec<usize>,
-    /// The clusters among them whose forces are answered, and their independent velocities, in
-    /// internal order.
-    pub(crate) answered: Vec<usize>,
-    pub(crate) independents: Vec<usize>,
+    pub(crate) clusters: Runs,
+    /// The independent velocities whose forces are answered, in internal order: those of free
+    /// joints, and the clusters of the others, which loops join.
+    pub(crate) independents: Runs,
+    pub(crate) direct: Vec<Direct>,
+    pub(crate) joined: Vec<usize>,
     /// Springs, dampers and rotors in the joints of the driven bodies, by their place in the model.
-    pub(crate) springs: Vec<usize>,
-    pub(crate) dampers: Vec<usize>,
-    pub(crate) rotors: Vec<usize>,
+    pub(crate) springs: Runs,
+    pub(crate) dampers: Runs,
+    pub(crate) rotors: Runs,
+}
+
+/// A degree of freedom of a free joint: its tree velocity, its independent velocity, and the
+/// actuator that moves it, if there is one.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Direct {
+    pub(crate) v: usize,
+    pub(crate) vy: usize,
+    pub(crate) u: Option<usize>,
 }
 
 /// What a computation depends on, before everything that follows from it.
@@ -101,28 +111,41 @@ impl Scope {
         }
         let places = |velocities: Vec<usize>| {
             let all = velocities.into_iter().enumerate();
-            all.filter(|(_, v)| moves[*v]).map(|(k, _)| k).collect::<Vec<_>>()
+            all.filter(|(_, v)| moves[*v]).map(|(k, _)| k).collect::<Runs>()
         };
         let terms = &model.terms;
-        let members = |of: &[bool]| (1..n).filter(|i| of[*i]).collect::<Vec<_>>();
         let clusters_of = |of: &[bool]| {
             let is_in = |cluster: &Cluster<C>| cluster.bodies().any(|i| of[i]);
             let all = model.clusters.iter().enumerate();
-            all.filter(|(_, cluster)| is_in(cluster)).map(|(c, _)| c).collect::<Vec<_>>()
+            all.filter(|(_, cluster)| is_in(cluster)).map(|(c, _)| c).collect::<Runs>()
         };
-        let answered = roots.answered.clone();
+        let answered = || roots.answered.iter().map(|c| (*c, &model.clusters[*c]));
+        let direct = |cluster: &Cluster<C>| {
+            let (v, vy, active) = (cluster.v, cluster.vy, cluster.active.clone());
+            (0..cluster.n_vy).map(move |k| {
+                let u = active.iter().find(|(_, j)| *j == k).map(|(u, _)| *u);
+                Direct { v: v + k, vy: vy + k, u }
+            })
+        };
         Scope {
             closed: model.closed_clusters.iter().copied().filter(|c| closed[*c]).collect(),
             free: (1..n)
                 .filter(|i| posed[*i] && is_revolute(i) && is_free(i))
                 .map(|i| (i, model.bodies[i].q))
                 .collect(),
-            posed: members(&posed),
-            carriers: members(&carriers),
+            posed: Runs::marked(&posed),
+            carriers: Runs::marked(&carriers),
             clusters: clusters_of(&driven),
-            driven: members(&driven),
-            independents: answered.iter().flat_map(|c| model.clusters[*c].independents()).collect(),
-            answered,
+            driven: Runs::marked(&driven),
+            independents: answered().flat_map(|(_, cluster)| cluster.independents()).collect(),
+            direct: answered()
+                .filter(|(_, cluster)| cluster.is_serial())
+                .flat_map(|(_, cluster)| direct(cluster))
+                .collect(),
+            joined: answered()
+                .filter(|(_, cluster)| !cluster.is_serial())
+                .map(|(c, _)| c)
+                .collect(),
             springs: places(terms.springs.iter().map(|spring| spring.v).collect()),
             dampers: places(terms.dampers.iter().map(|damper| damper.v).collect()),
             rotors: places(terms.rotors.iter().map(|rotor| rotor.v).collect()),

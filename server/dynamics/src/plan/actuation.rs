@@ -5,7 +5,7 @@ use sarrus_proto::Status;
 use crate::closure::column_unit;
 use crate::linalg::{least_norm, solve_sound};
 use crate::mechanism::Cluster;
-use crate::model::{Model, Scope};
+use crate::model::{Direct, Model, Scope};
 use crate::scalar::Scalar;
 use crate::workspace::Workspace;
 
@@ -19,20 +19,19 @@ pub(super) fn to_actuators<T: Scalar>(
 ) -> Result<f64, Status> {
     let mut control = 1.0_f64;
     ws.tau_rest.fill(T::ZERO);
-    if !scope.independents.iter().all(|k| ws.tau_y[*k].is_finite()) {
+    let mut independents = scope.independents.runs();
+    if !independents.all(|run| ws.tau_y[run].iter().all(|tau| tau.is_finite())) {
         return Err(Status::NonFiniteInput);
     }
-    for cluster in scope.answered.iter().map(|c| &model.clusters[*c]) {
+    for &Direct { vy, u, .. } in &scope.direct {
+        match u {
+            Some(u) => ws.tau_u[u] = ws.tau_y[vy],
+            None => ws.tau_rest[vy] = ws.tau_y[vy],
+        }
+    }
+    for cluster in scope.joined.iter().map(|c| &model.clusters[*c]) {
         let (m, n_u) = (cluster.n_vy, cluster.active.len());
-        if cluster.is_serial() {
-            for k in 0..m {
-                let tau = ws.tau_y[cluster.vy + k];
-                match cluster.active.iter().find(|(_, j)| *j == k) {
-                    Some((u, _)) => ws.tau_u[*u] = tau,
-                    None => ws.tau_rest[cluster.vy + k] = tau,
-                }
-            }
-        } else if (m, n_u) == (1, 1) {
+        if (m, n_u) == (1, 1) {
             let (u, j) = cluster.active[0];
             let (G, i) = (cluster.G(&ws.G)[(j, 0)], cluster.independent[0]);
             let scaled = G.to_f64() * column_unit(cluster, i) / column_unit(cluster, j);

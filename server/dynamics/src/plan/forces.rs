@@ -3,7 +3,7 @@
 use sarrus_proto::{Field, Slot, Status};
 
 use crate::algorithms::{self, TreeMotion};
-use crate::model::{Method, Model, Scope};
+use crate::model::{Direct, Method, Model, Runs, Scope};
 use crate::plan::Plan;
 use crate::plan::actuation::to_actuators;
 use crate::plan::diagnostics::digits::{ZERO, cancellation};
@@ -101,8 +101,9 @@ impl Plan {
         ws.tau_terms.fill(T::ZERO);
         self.bias_force(model, ws, input, true);
         self.given_forces(model, ws, input);
-        for &k in &scope.independents {
-            ws.ydd[k] = ws.tau_y[k] - ws.C_y[k];
+        for run in scope.independents.runs() {
+            let forces = ws.tau_y[run.clone()].iter().zip(&ws.C_y[run.clone()]);
+            ws.ydd[run].iter_mut().zip(forces).for_each(|(x, (tau, C))| *x = *tau - *C);
         }
         if self.wants(Field::CY) && self.feels_wrenches() {
             self.bias_force(model, ws, input, false);
@@ -136,12 +137,14 @@ impl Plan {
         report.doubt.times(growth);
         report.doubt.times(model.growth_of(self.method) / ROUNDINGS);
         report.doubt.acceleration = zero;
-        for cluster in scope.clusters.iter().map(|c| &model.clusters[*c]) {
-            for (k, &j) in cluster.independent.iter().enumerate() {
-                ws.qdd[cluster.v + j] = ws.ydd[cluster.vy + k];
-            }
-            if self.steps.tree_acceleration {
-                tree_accelerations(cluster, ws);
+        for run in scope.clusters.runs() {
+            for cluster in &model.clusters[run] {
+                for (k, &j) in cluster.independent.iter().enumerate() {
+                    ws.qdd[cluster.v + j] = ws.ydd[cluster.vy + k];
+                }
+                if self.steps.found_acceleration {
+                    tree_accelerations(cluster, ws);
+                }
             }
         }
         if self.wants(Field::Lambda) {
@@ -159,24 +162,27 @@ impl Plan {
     /// free.
     fn divided<T: Scalar>(&self, model: &Model<T>, ws: &Workspace<T>) -> Divided<T> {
         let larger = |a: T, b: T| T::select(a.lt(b), b, a);
-        let of = |largest: Divided<T>, (k, inverse): (usize, T)| {
+        let mut largest = Divided { inertia: T::ONE, terms: T::ZERO, alone: T::ZERO };
+        let mut of = |k: usize, inverse: T| {
             let own = larger(T::from_f64(model.inertia[k]), ws.alone[k]);
             let alone = if T::ZERO < own { ws.tau_terms[k] / own } else { T::ZERO };
-            Divided {
+            largest = Divided {
                 inertia: larger(largest.inertia, inverse * own),
                 terms: larger(largest.terms, inverse * ws.tau_terms[k]),
                 alone: larger(largest.alone, alone),
             }
         };
-        let independents = self.needed.scope.independents.iter();
-        let none = Divided { inertia: T::ONE, terms: T::ZERO, alone: T::ZERO };
+        let scope = &self.needed.scope;
         if self.method == Method::Projection {
-            let at = |k: usize| model.sparsity.diagonal_at(k);
-            independents.map(|k| (*k, ws.factor[at(*k)])).fold(none, of)
+            for k in scope.independents.places() {
+                of(k, ws.factor[model.sparsity.diagonal_at(k)]);
+            }
         } else {
-            let inverses = ws.embedding.inverses(model, &self.needed.scope.clusters);
-            independents.copied().zip(inverses).fold(none, of)
+            let independents = scope.independents.places();
+            let inverses = ws.embedding.inverses(model, &scope.clusters);
+            independents.zip(inverses).for_each(|(k, inverse)| of(k, inverse));
         }
+        largest
     }
 
     /// q̈ of the tree under its constraints.
@@ -373,26 +379,48 @@ fn to_independent<T: Scalar>(
     tau_y: &mut [T],
     terms: &mut [T],
 ) {
-    for cluster in scope.answered.iter().map(|c| &model.clusters[*c]) {
-        let m = cluster.n_vy;
-        if cluster.is_serial() {
-            for k in 0..m {
-                let tau = tau_q[cluster.v + k];
-                tau_y[cluster.vy + k] = tau;
-                terms[cluster.vy + k] += tau.abs();
+    for &Direct { v, vy, .. } in &scope.direct {
+        let tau = tau_q[v];
+        tau_y[vy] = tau;
+        terms[vy] += tau.abs();
+    }
+    for cluster in scope.joined.iter().map(|c| &model.clusters[*c]) {
+        let (G, tau_q) = (&G[cluster.block()], &tau_q[cluster.velocities()]);
+        let (tau_y, terms) =
+            (&mut tau_y[cluster.independents()], &mut terms[cluster.independents()]);
+        match cluster.n_vy {
+            1 => columns::<T, 1>(G, tau_q, tau_y, terms),
+            2 => columns::<T, 2>(G, tau_q, tau_y, terms),
+            3 => columns::<T, 3>(G, tau_q, tau_y, terms),
+            6 => columns::<T, 6>(G, tau_q, tau_y, terms),
+            m => {
+                for k in 0..m {
+                    let column = G[k..].iter().step_by(m);
+                    let (mut tau, mut sum) = (T::ZERO, terms[k]);
+                    for (g, x) in column.zip(tau_q) {
+                        tau = g.mul_add(*x, tau);
+                        sum = g.abs().mul_add(x.abs(), sum);
+                    }
+                    (tau_y[k], terms[k]) = (tau, sum);
+                }
             }
-            continue;
-        }
-        let G = cluster.G(G);
-        for k in 0..m {
-            let (mut tau, mut sum) = (T::ZERO, terms[cluster.vy + k]);
-            for j in 0..cluster.n_v {
-                tau = G[(j, k)].mul_add(tau_q[cluster.v + j], tau);
-                sum = G[(j, k)].abs().mul_add(tau_q[cluster.v + j].abs(), sum);
-            }
-            (tau_y[cluster.vy + k], terms[cluster.vy + k]) = (tau, sum);
         }
     }
+}
+
+/// The same of one cluster with M independents, all columns of G at once.
+#[inline(always)]
+fn columns<T: Scalar, const M: usize>(G: &[T], tau_q: &[T], tau_y: &mut [T], terms: &mut [T]) {
+    let (mut tau, mut sum) = ([T::ZERO; M], [T::ZERO; M]);
+    sum.copy_from_slice(terms);
+    for (row, x) in G.as_chunks::<M>().0.iter().zip(tau_q) {
+        for k in 0..M {
+            tau[k] = row[k].mul_add(*x, tau[k]);
+            sum[k] = row[k].abs().mul_add(x.abs(), sum[k]);
+        }
+    }
+    tau_y.copy_from_slice(&tau);
+    terms.copy_from_slice(&sum);
 }
 
 /// Takes a force on the independents off the tree forces.
@@ -405,9 +433,12 @@ fn independents_subtract<T: Scalar>(model: &Model<T>, tau_y: &[T], tau_q: &mut [
 }
 
 /// Largest absolute value at some places.
-fn largest<T: Scalar>(places: &[usize], x: &[T]) -> T {
-    places.iter().fold(T::ZERO, |largest, k| {
-        let x = x[*k].abs();
-        T::select(largest.lt(x), x, largest)
-    })
+fn largest<T: Scalar>(places: &Runs, x: &[T]) -> T {
+    let mut largest = T::ZERO;
+    for run in places.runs() {
+        for x in &x[run] {
+            largest = T::select(largest.lt(x.abs()), x.abs(), largest);
+        }
+    }
+    largest
 }

@@ -15,43 +15,39 @@ const EFFORT: usize = 2;
 impl Plan {
     /// Whether a position, velocity or actuator force lies outside its limits.
     pub(super) fn limits<T: Scalar>(&self, ws: &Workspace<T>) -> Warnings {
-        let mut warnings = Warnings::NONE;
-        self.each_excess(ws, |_, _, excess| {
-            if excess != 0.0 {
-                warnings |= Warnings::LIMITS_EXCEEDED;
-            }
-        });
-        warnings
+        let mut exceeded = false;
+        self.each_limit(ws, |_, _, x, [lower, upper]| exceeded |= x < lower || x > upper);
+        if exceeded { Warnings::LIMITS_EXCEEDED } else { Warnings::NONE }
     }
 
     /// By how much each of them does, in the rows that are asked (n_v × 3).
     pub(super) fn write_limits<T: Scalar>(&self, ws: &Workspace<T>, out: &mut [T]) {
         out.fill(T::ZERO);
-        self.each_excess(ws, |row, column, excess| {
+        self.each_limit(ws, |row, column, x, [lower, upper]| {
             if let Some(row) = row {
-                out[row * 3 + column] = T::from_f64(excess);
+                out[row * 3 + column] = T::from_f64(excess(x, lower, upper));
             }
         });
     }
 
-    /// Calls `each(row, column, excess)` for every limit that this request can meet.
+    /// Calls `each(row, column, x, [lower, upper])` for every limit that this request can meet.
     #[inline(always)]
-    fn each_excess<T: Scalar>(
+    fn each_limit<T: Scalar>(
         &self,
         ws: &Workspace<T>,
-        mut each: impl FnMut(Option<usize>, usize, f64),
+        mut each: impl FnMut(Option<usize>, usize, f64, [f64; 2]),
     ) {
         let moves = self.steps.velocity.is_some() && self.steps.level >= Level::Velocity;
         for (row, limit) in &self.needed.limits {
-            each(*row, POSITION, excess(ws.q[limit.q].to_f64(), limit.lower, limit.upper));
+            each(*row, POSITION, ws.q[limit.q].to_f64(), [limit.lower, limit.upper]);
             if moves {
                 let velocity = ws.qd[limit.v].to_f64();
-                each(*row, VELOCITY, excess(velocity, -limit.velocity, limit.velocity));
+                each(*row, VELOCITY, velocity, [-limit.velocity, limit.velocity]);
             }
         }
         if self.request == Request::InverseDynamics && self.wants(Field::TauU) {
             for (u, row, effort) in &self.needed.efforts {
-                each(*row, EFFORT, excess(ws.tau_u[*u].to_f64(), -effort, *effort));
+                each(*row, EFFORT, ws.tau_u[*u].to_f64(), [-effort, *effort]);
             }
         }
     }

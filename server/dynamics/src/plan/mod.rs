@@ -19,7 +19,7 @@ pub use outline::Outline;
 pub(crate) use sarrus_proto::Answer;
 #[cfg(doc)]
 use sarrus_proto::Warnings;
-use sarrus_proto::{Field, FieldSet, Layout, Query, QueryError, Request};
+use sarrus_proto::{Field, FieldSet, Layout, Query, QueryError, Request, Rows};
 
 use crate::closure::Level;
 use crate::model::{Method, Model};
@@ -91,8 +91,9 @@ struct Steps {
     level: Level,
     /// Some velocity, acceleration or bias is read, be it zero.
     rates: bool,
-    /// q̈ is needed.
-    tree_acceleration: bool,
+    /// q̈ of dependents is read: that of the given motion, or that of the ÿ that was found.
+    given_acceleration: bool,
+    found_acceleration: bool,
     /// Sines and cosines of free joints and the poses of all bodies in their parents.
     poses: bool,
     frames: bool,
@@ -149,7 +150,9 @@ impl Plan {
         let wants_velocity = want.has_any(&[Qd, Yd, Ud, FrameTwist, FrameAcc, KBias]);
         let wants_acceleration = want.has_any(&[Qdd, Ydd, Udd, FrameAcc]);
         let wants_bias = want.has_any(&[GBias, GUBias]) && velocity.is_some();
+        let reads_acceleration = want.has_any(&[Qdd, Udd, FrameAcc]);
         let moving = velocity.is_some();
+        let rest = !moving && acceleration.is_none();
         // with ẏ = 0 the bias g is zero and need not be computed
         let level = if moving && (dynamics || wants_acceleration || wants_bias) {
             Level::Acceleration
@@ -160,7 +163,7 @@ impl Plan {
             || want.has_any(&[G, GU, CondGu, Uncontrolled, JacobianIndependent, JacobianActuator])
             || given.has_any(&[U, Ud, Udd])
         {
-            Level::Velocity
+            if moving { Level::Velocity } else { Level::Jacobian }
         } else {
             Level::Position
         };
@@ -174,33 +177,34 @@ impl Plan {
             velocity,
             acceleration,
             level,
-            rates: dynamics
-                || moving
-                || acceleration.is_some()
-                || level > Level::Position
+            rates: request == Request::ForwardDynamics
+                || !rest
                 || conditions
                 || wants_velocity
                 || wants_acceleration
                 || want.has_any(&[GBias, GUBias]),
-            tree_acceleration: wants_acceleration
-                || request == Request::InverseDynamics
-                || want.has(Lambda),
+            given_acceleration: !rest
+                && request != Request::ForwardDynamics
+                && (newton_euler || reads_acceleration),
+            found_acceleration: reads_acceleration || want.has(Lambda),
             poses: frames || dynamics && (newton_euler || mass_matrix || want.has(CY)),
             frames,
             frame_velocities: want.has(FrameTwist),
             newton_euler,
-            rest: !moving && acceleration.is_none(),
+            rest,
             bias_at_rest: !moving,
             mass_matrix,
             conditions,
         };
         let of = |links: &[u16]| links.iter().map(|link| *link as usize).collect::<Vec<_>>();
         let (frame_links, wrench_links) = (of(query.frames()), of(query.wrench_links()));
-        let needed = Needed::new(model, query, request, method, &steps);
+        let rows = Rows::of(query, &model.meta);
+        let want = Layout::of_rows(query, &model.meta, &rows);
+        let needed = Needed::new(model, query, rows, (request, method), &steps);
         // a wrench that nothing asked feels is not read
         let is_felt = |(_, link): &(usize, usize)| {
             let body = model.frames[*link].body;
-            needed.scope.driven.binary_search(&body).is_ok()
+            needed.scope.driven.contains(body)
         };
         let links = wrench_links.into_iter().enumerate();
         let felt: Vec<(usize, usize)> = links.filter(is_felt).collect();
@@ -209,7 +213,7 @@ impl Plan {
             query: *query,
             request,
             given: Layout::of_given(query, &sizes),
-            want: Layout::of_want(query, &model.meta),
+            want,
             fingerprint: model.meta.fingerprint,
             steps,
             method,

@@ -62,11 +62,10 @@ impl Needed {
     pub(super) fn new<C>(
         model: &Model<C>,
         query: &Query,
-        request: Request,
-        method: Method,
+        rows: Rows,
+        (request, method): (Request, Method),
         steps: &Steps,
     ) -> Needed {
-        let rows = Rows::of(query, &model.meta);
         let order = &model.order;
         let internal = |rows: &[usize], order: &[usize]| {
             rows.iter().map(|row| order[*row]).collect::<Vec<usize>>()
@@ -74,29 +73,33 @@ impl Needed {
         let v = internal(&rows.v, &order.v);
         let roots = roots(model, query, (request, method), steps, &v);
         let scope = Scope::of(model, &roots);
-        let coordinates: Vec<usize> = {
-            let mut read = vec![false; model.clusters.len()];
-            let posed = scope.posed.iter().map(|i| model.cluster_of[*i]);
-            let asked = v.iter().map(|v| model.cluster_of_v[*v]);
-            let has_rows = query.want.iter().any(|field| field.has_joint_rows());
-            roots.closed.iter().copied().chain(posed).for_each(|c| read[c] = true);
-            asked.filter(|_| has_rows).for_each(|c| read[c] = true);
-            (0..read.len()).filter(|c| read[*c]).collect()
+        let has_rows = query.want.iter().any(|field| field.has_joint_rows());
+        let asked = v.iter().map(|v| model.cluster_of_v[*v]).filter(|_| has_rows);
+        let posed = scope.posed.places().map(|i| model.cluster_of[i]);
+        let marked = |which: &mut dyn Iterator<Item = usize>| {
+            let mut marks = vec![false; model.clusters.len()];
+            which.for_each(|c| marks[c] = true);
+            marks
         };
-        let row_of = |velocity: usize| v.iter().position(|other| *other == velocity);
+        let read = marked(&mut roots.closed.iter().copied().chain(posed).chain(asked));
+        let closed = marked(&mut scope.closed.iter().copied());
+        let answered = marked(&mut roots.answered.iter().copied());
+        // the row of each internal velocity, if it has one
+        let mut row_of = vec![None; model.cluster_of_v.len()];
+        v.iter().enumerate().for_each(|(row, v)| row_of[*v] = Some(row));
         let is_known = |limit: &&Limit| {
             let c = model.cluster_of_v[limit.v];
             let cluster = &model.clusters[c];
             let is_given =
                 cluster.is_serial() || cluster.independent.contains(&(limit.v - cluster.v));
-            coordinates.contains(&c) && (is_given || scope.closed.contains(&c))
+            read[c] && (is_given || closed[c])
         };
         let limits = model.limits.iter().filter(is_known);
-        let limits = limits.map(|limit| (row_of(limit.v), *limit)).collect();
+        let limits = limits.map(|limit| (row_of[limit.v], *limit)).collect();
         let efforts = model.effort.iter().zip(&order.u_v).enumerate();
         let efforts = efforts
-            .filter(|(_, (_, v))| scope.answered.contains(&model.cluster_of_v[**v]))
-            .map(|(u, (effort, v))| (u, row_of(*v), *effort))
+            .filter(|(_, (_, v))| answered[model.cluster_of_v[**v]])
+            .map(|(u, (effort, v))| (u, row_of[*v], *effort))
             .collect();
         let quaternion = |i: &usize| {
             let body = &model.bodies[*i];
@@ -109,7 +112,7 @@ impl Needed {
                 .filter(|i| model.is_independent(*i))
                 .filter_map(|i| quaternion(&i))
                 .collect(),
-            coordinates,
+            coordinates: (0..read.len()).filter(|c| read[*c]).collect(),
             limits,
             efforts,
             q: internal(&rows.q, &order.q),

@@ -46,7 +46,7 @@ impl Plan {
                 !scope.closed.is_empty(),
                 match steps.level {
                     Level::Position => "close loops: positions",
-                    Level::Velocity => "close loops: positions, G",
+                    Level::Jacobian | Level::Velocity => "close loops: positions, G",
                     Level::Acceleration => "close loops: positions, G, g",
                 },
             ),
@@ -60,14 +60,17 @@ impl Plan {
             (is_forward && self.method == Method::Recursion, "accelerations by recursion"),
             (is_forward && self.method == Method::Projection, "accelerations by projection"),
             (is_forward && self.method == Method::Kkt, "accelerations of the whole system"),
-            (self.request == Request::Map && !scope.answered.is_empty(), "forces between spaces"),
+            (
+                self.request == Request::Map && !scope.independents.is_empty(),
+                "forces between spaces",
+            ),
             (steps.frames, "frames in the root"),
             (steps.frames && steps.frame_velocities && moves, "twists of frames"),
             (steps.conditions, "conditions of the loops"),
         ];
         Outline {
             steps: list.into_iter().filter(|(is_done, _)| *is_done).map(|(_, step)| step).collect(),
-            bodies: if steps.poses { scope.posed.len() } else { self.bodies_of_clusters(model) },
+            bodies: if steps.poses { scope.posed.count() } else { self.bodies_of_clusters(model) },
             bodies_of_robot: model.bodies.len() - 1,
             clusters: self.needed.coordinates.len(),
             clusters_of_robot: model.clusters.len(),

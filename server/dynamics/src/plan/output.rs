@@ -103,6 +103,9 @@ impl Plan {
         }
     }
 
+    /// A field that stands in the workspace, or one that is formed from it. By itself: in the loop
+    /// over the fields, all that any field needs would be read before the first.
+    #[inline(never)]
     fn write_field<T: Scalar>(
         &self,
         model: &Model<T>,
@@ -110,27 +113,40 @@ impl Plan {
         slot: &Slot,
         out: &mut [T],
     ) -> Status {
-        let (order, rows) = (&model.order, &self.needed);
-        let gather = |out: &mut [T], from: &[T], order: &[usize]| {
-            out.iter_mut().zip(order).for_each(|(x, i)| *x = from[*i])
+        let rows = &self.needed;
+        let (from, order) = match slot.field {
+            Field::Y | Field::NearestY => (&ws.q, &rows.qy_q),
+            Field::Yd => (&ws.qd, &rows.vy_v),
+            Field::Ydd => (&ws.qdd, &rows.vy_v),
+            Field::Q => (&ws.q, &rows.q),
+            Field::Qd => (&ws.qd, &rows.v),
+            Field::Qdd => (&ws.qdd, &rows.v),
+            Field::U => (&ws.q, &rows.u_q),
+            Field::Ud => (&ws.qd, &rows.u_v),
+            Field::Udd => (&ws.qdd, &rows.u_v),
+            Field::TauQ => (&ws.tau_q, &rows.v),
+            Field::TauY => (&ws.tau_y, &rows.vy),
+            Field::TauUnactuated => (&ws.tau_rest, &rows.vy),
+            Field::TauU => (&ws.tau_u, &rows.u),
+            Field::CY => (&ws.C_y, &rows.vy),
+            Field::GBias => (&ws.g, &rows.v),
+            Field::GUBias => (&ws.g, &rows.u_v),
+            _ => return self.write_formed(model, ws, slot, out),
         };
+        out.iter_mut().zip(order).for_each(|(x, i)| *x = from[*i]);
+        Status::Ok
+    }
+
+    #[inline(never)]
+    fn write_formed<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        ws: &mut Workspace<T>,
+        slot: &Slot,
+        out: &mut [T],
+    ) -> Status {
+        let (order, rows) = (&model.order, &self.needed);
         match slot.field {
-            Field::Y | Field::NearestY => gather(out, &ws.q, &rows.qy_q),
-            Field::Yd => gather(out, &ws.qd, &rows.vy_v),
-            Field::Ydd => gather(out, &ws.qdd, &rows.vy_v),
-            Field::Q => gather(out, &ws.q, &rows.q),
-            Field::Qd => gather(out, &ws.qd, &rows.v),
-            Field::Qdd => gather(out, &ws.qdd, &rows.v),
-            Field::U => gather(out, &ws.q, &rows.u_q),
-            Field::Ud => gather(out, &ws.qd, &rows.u_v),
-            Field::Udd => gather(out, &ws.qdd, &rows.u_v),
-            Field::TauQ => gather(out, &ws.tau_q, &rows.v),
-            Field::TauY => gather(out, &ws.tau_y, &rows.vy),
-            Field::TauUnactuated => gather(out, &ws.tau_rest, &rows.vy),
-            Field::TauU => gather(out, &ws.tau_u, &rows.u),
-            Field::CY => gather(out, &ws.C_y, &rows.vy),
-            Field::GBias => gather(out, &ws.g, &rows.v),
-            Field::GUBias => gather(out, &ws.g, &rows.u_v),
             Field::G => write_G(model, ws, out, &rows.v),
             Field::GU => write_G(model, ws, out, &rows.u_v),
             Field::MY => {

@@ -95,10 +95,7 @@ impl Plan {
         for &c in &self.needed.scope.closed {
             self.close_cluster(model, c, ws, input, report)?;
             report.closed += 1;
-            if self.steps.tree_acceleration
-                && !self.steps.rest
-                && self.steps.level >= Level::Velocity
-            {
+            if self.steps.given_acceleration {
                 tree_accelerations(&model.clusters[c], ws);
             }
         }
@@ -165,7 +162,7 @@ impl Plan {
         let (mut outcome, mut control) = if actuated {
             from_actuators(model, c, ws, report)?
         } else {
-            let level = if self.actuated_rates() { Level::Velocity } else { self.steps.level };
+            let level = if self.actuated_rates() { Level::Jacobian } else { self.steps.level };
             let guess = self.given.slot(Field::Q).or(self.given.slot(Field::QGuess));
             (ws.close_from(model, c, level, guess.is_none()), 1.0)
         };
@@ -272,13 +269,13 @@ fn from_actuators<T: Scalar>(
         // nothing measures this cluster: its independents are those of the guess
         let at = cluster.coordinates();
         ws.q[at.clone()].copy_from_slice(&ws.start[at]);
-        return Ok((ws.close(model, c, Level::Velocity), 1.0));
+        return Ok((ws.close(model, c, Level::Jacobian), 1.0));
     }
     for (r, &(_, j)) in cluster.active.iter().enumerate() {
         ws.goal_u[r] = ws.q[cluster.q + cluster.dofs[j].q];
     }
     if cluster.active.iter().zip(&cluster.independent).all(|((_, a), i)| a == i) {
-        return Ok((ws.close(model, c, Level::Velocity), 1.0));
+        return Ok((ws.close(model, c, Level::Jacobian), 1.0));
     }
     for &i in &cluster.independent_q {
         ws.q[cluster.q + i] = ws.start[cluster.q + i];
@@ -286,7 +283,7 @@ fn from_actuators<T: Scalar>(
     let tolerance = T::from_f64(0.1 * T::EPSILON.sqrt());
     let (mut sign, mut damping) = (T::ZERO, T::ONE);
     for k in 0..STEPS {
-        let outcome = ws.close(model, c, Level::Velocity);
+        let outcome = ws.close(model, c, Level::Jacobian);
         report.iterations += outcome.iterations + 1;
         let G = cluster.G(&ws.G);
         for (r, &(_, j)) in cluster.active.iter().enumerate() {
@@ -336,7 +333,7 @@ fn from_actuators<T: Scalar>(
             cluster.dofs[j].advance(&mut ws.q[cluster.q..], ws.step_y[k] * part);
         }
         if size.lt(tolerance) {
-            return Ok((ws.close(model, c, Level::Velocity), control));
+            return Ok((ws.close(model, c, Level::Jacobian), control));
         }
     }
     Ok((Outcome::failed(Status::Unreachable, 0), 1.0))

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::model::Model;
+use crate::model::{Model, Runs};
 use crate::scalar::Real;
 use crate::spatial::zero;
 
@@ -74,11 +74,11 @@ impl<T: Real> Embedding<T> {
     pub(crate) fn inverses<'a, C>(
         &'a self,
         model: &'a Model<C>,
-        clusters: &'a [usize],
+        clusters: &'a Runs,
     ) -> impl Iterator<Item = T> + 'a {
         clusters
-            .iter()
-            .map(|c| &model.clusters[*c])
+            .runs()
+            .flat_map(|run| &model.clusters[run])
             .flat_map(|cluster| (0..cluster.n_vy).map(|k| cluster.G(&self.factor)[(k, k)]))
     }
 }

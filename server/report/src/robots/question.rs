@@ -20,6 +20,8 @@ pub enum Question {
     State,
     /// τ_u from y, ẏ, ÿ.
     InverseDynamics,
+    /// τ_u of the robot at rest, from y.
+    Gravity,
     /// ÿ from y, ẏ, τ_u, by the method that the model chooses.
     ForwardDynamics,
     /// The same by this method.
@@ -42,6 +44,7 @@ impl Question {
         match self {
             Question::State => "state",
             Question::InverseDynamics => "ID",
+            Question::Gravity => "gravity",
             Question::ForwardDynamics => "FD",
             Question::Forced(Method::Recursion) => "FD-recursion",
             Question::Forced(Method::Projection) => "FD-projection",
@@ -64,6 +67,10 @@ impl Question {
             }
             Question::InverseDynamics => {
                 Query::new(Request::InverseDynamics, motion, FieldSet::of(&[TauU]))
+            }
+            Question::Gravity => {
+                let (y, tau) = (FieldSet::of(&[Y]), FieldSet::of(&[TauU]));
+                Query::new(Request::InverseDynamics, y, tau)
             }
             Question::ForwardDynamics | Question::Forced(_) => Query::new(
                 Request::ForwardDynamics,

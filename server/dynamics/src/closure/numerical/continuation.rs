@@ -126,7 +126,7 @@ fn leads_on_from<T: Scalar>(
     bodies: &[Body<T>],
     local: &mut Local<'_, T>,
 ) -> bool {
-    !numerical.meets || numerical.rates(cluster, bodies, local, Level::Velocity)
+    !numerical.meets || numerical.rates(cluster, bodies, local, Level::Jacobian)
 }
 
 /// True where assemblies cannot meet, or the step from `scratch.last` to `local.q` ends so near to

@@ -196,8 +196,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
         }
     }
 
-    /// Velocity and acceleration level at the closed pose: G and q̇, then g; where they mean
-    /// something.
+    /// The levels below the position at the closed pose: G, q̇, then g; where they mean something.
     #[inline]
     pub(in crate::closure) fn rates<T: Real<Const = C>>(
         &self,
@@ -220,6 +219,9 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
             let (sound, own) = block.jacobian(cluster, local, level);
             block.multiply_gain(b, own, &mut local.scratch.gain);
             good = good & sound;
+        }
+        if level == Level::Jacobian {
+            return good;
         }
         for block in &self.blocks {
             for &Dof { v: j, .. } in &block.unknowns {

@@ -42,7 +42,7 @@ impl Doubt {
     pub(in crate::plan) fn closure(&mut self, gain: f64, level: Level, control: f64) {
         let growth = match level {
             // of positions that may be as small as what counts as zero
-            Level::Position | Level::Velocity => gain,
+            Level::Position | Level::Jacobian | Level::Velocity => gain,
             Level::Acceleration => gain * gain.sqrt(),
         };
         self.factor = larger(self.factor, growth / control);
