@@ -1,6 +1,7 @@
 //! Each closed form against Newton's method on the same mechanism, in both scalars, on geometries
 //! anyhow.
 
+mod cranks;
 mod drawn;
 mod known;
 

@@ -15,6 +15,7 @@ mod outcome;
 mod path;
 mod planar;
 mod platform;
+mod rod;
 mod rrpr;
 
 pub(crate) use constraint::rates::local_rates;
@@ -36,6 +37,7 @@ pub(crate) use outcome::{Outcome, Validity};
 pub(crate) use path::{distance, interpolate, largest_distance};
 pub(crate) use planar::{Planar, Tie};
 pub(crate) use platform::{Arm, Leg, Platform};
+pub(crate) use rod::RodLeg;
 pub(crate) use rrpr::Rrpr;
 
 use sarrus_proto::Status;
@@ -53,7 +55,8 @@ pub(crate) enum Closure<C> {
     Coupling(Coupling<C>),
     /// Lambda.
     Rrpr(Rrpr<C>),
-    /// A chain of independent joints that carries a platform on legs (2SPU+1U, 6UPS, 2SPRR+1U).
+    /// A chain of independent joints that carries a platform on legs (2SPU+1U, 6UPS, 2SPRR+1U,
+    /// 2SURRPR+1U).
     Platform(Platform<C>),
     /// A plane loop of four joints (four-bar, slider-crank).
     Planar(Planar<C>),

@@ -71,6 +71,17 @@ impl<T: Real> Validity<T> {
             gain: T::select(self.gain.lt(other.gain), other.gain, self.gain),
         }
     }
+
+    /// The other one after this one, on which it depends.
+    #[inline(always)]
+    pub(crate) fn then(self, next: Validity<T>) -> Validity<T> {
+        let larger = |a: T, b: T| T::select(a.lt(b), b, a);
+        Validity {
+            unreachable: self.unreachable | next.unreachable,
+            singular: self.singular | next.singular,
+            gain: larger(T::ONE, self.gain) * larger(T::ONE, next.gain),
+        }
+    }
 }
 
 impl<T: Scalar> From<Validity<T>> for Outcome {

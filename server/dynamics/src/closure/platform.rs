@@ -1,5 +1,5 @@
 //! A platform on a chain of independent joints, held by struts (2SPU+1U, 6UPS), some with an offset
-//! at one end (2SPRR+1U).
+//! at one end (2SPRR+1U), or by cranks and rods (2SURRPR+1U, see [`super::RodLeg`]).
 //!
 //! A strut reaches for a pin on the platform (see [`super::Strut`], offset at the base included).
 //! Where the offset is at the platform, an arm turns there about an axis n, and the strut's center
@@ -15,7 +15,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::closure::{Level, Local, Numerical, Rate, Strut, Validity};
+use crate::closure::{Level, Local, Numerical, Rate, RodLeg, Strut, Validity};
 use crate::mechanism::{Body, Cluster, Dof, Motion, joint_pose};
 use crate::scalar::Real;
 use crate::spatial::{
@@ -30,6 +30,10 @@ pub(crate) struct Platform<C> {
     /// in y; all are independent.
     pub(crate) chain: Vec<(Dof, usize)>,
     pub(crate) legs: Vec<Leg<C>>,
+    /// Legs of a crank and a rod.
+    pub(crate) rods: Vec<RodLeg<C>>,
+    /// Joints that stand still where the start has them.
+    pub(crate) idle: Vec<Dof>,
     /// Newton's method on the true rows, where the geometry is only nearly of this type.
     pub(crate) polish: Option<Numerical<C>>,
 }
@@ -109,6 +113,16 @@ impl<C: nalgebra::Scalar + Copy> Platform<C> {
             };
             validity = validity.or(of_leg);
         }
+        for rod in &self.rods {
+            validity = validity.or(rod.close(self, cluster.n_vy, local, level));
+        }
+        for at in &self.idle {
+            local.q[at.q] = local.start[at.q];
+            if at.motion == Motion::Revolute {
+                let (s, c) = local.q[at.q].sin_cos();
+                local.cos_sin[at.body] = (c, s);
+            }
+        }
         validity
     }
 
@@ -141,6 +155,8 @@ impl<C: nalgebra::Scalar + Copy> Platform<C> {
         Platform {
             chain: self.chain.clone(),
             legs: self.legs.iter().map(leg).collect(),
+            rods: self.rods.iter().map(|rod| rod.map(f)).collect(),
+            idle: self.idle.clone(),
             polish: self.polish.as_ref().map(|numerical| numerical.map(f)),
         }
     }
@@ -282,6 +298,6 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
 
 /// Acceleration of a point of a body from the rates of its origin.
 #[inline(always)]
-fn accelerated<T: Real>(rate: &Rate<T>, r: &Vector3<T>) -> Vector3<T> {
+pub(super) fn accelerated<T: Real>(rate: &Rate<T>, r: &Vector3<T>) -> Vector3<T> {
     cross_add(&rate.w, &cross(&rate.w, r), &cross_add(&rate.alpha, r, &rate.a))
 }

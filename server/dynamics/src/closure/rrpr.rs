@@ -38,6 +38,18 @@ pub(crate) struct Rrpr<C> {
     pub(crate) polish: Option<Numerical<C>>,
 }
 
+/// Where stator and slider are for the rocker's: the stator's cosine, sine and coordinate, the
+/// slider's coordinate; of both G, rates and g.
+pub(super) struct Moved<T: Real> {
+    pub(super) cos_sin: (T, T),
+    pub(super) turn: T,
+    pub(super) slide: T,
+    pub(super) G: [T; 2],
+    pub(super) rates: [T; 2],
+    pub(super) g: [T; 2],
+    pub(super) validity: Validity<T>,
+}
+
 impl<C: nalgebra::Scalar + Copy> Rrpr<C> {
     /// The position, velocity and acceleration level in closed form.
     #[inline]
@@ -47,13 +59,40 @@ impl<C: nalgebra::Scalar + Copy> Rrpr<C> {
         level: Level,
     ) -> Validity<T> {
         let [j1, j2, j3] = self.joints;
+        let (s1, c1) = local.q[j1].sin_cos();
+        let moved = self.moved((c1, s1), local.qd[j1], level);
+        local.cos_sin[j1] = (c1, s1);
+        local.cos_sin[j2] = moved.cos_sin;
+        local.q[j2] = moved.turn;
+        local.q[j3] = moved.slide;
+        if level > Level::Position {
+            local.G[j1] = T::ONE;
+            [local.G[j2], local.G[j3]] = moved.G;
+            local.g[j1] = T::ZERO;
+        }
+        if level >= Level::Velocity {
+            [local.qd[j2], local.qd[j3]] = moved.rates;
+        }
+        if level == Level::Acceleration {
+            [local.g[j2], local.g[j3]] = moved.g;
+        }
+        moved.validity
+    }
+
+    /// Stator and slider from the rocker's cosine and sine and its rate.
+    #[inline(always)]
+    pub(super) fn moved<T: Real<Const = C>>(
+        &self,
+        (c1, s1): (T, T),
+        yd: T,
+        level: Level,
+    ) -> Moved<T> {
         let two = |v: &[C; 2]| [T::lift(v[0]), T::lift(v[1])];
         let (d3, d1, t0, e) =
             (two(&self.d3), two(&self.d1), two(&self.t0), T::lift(self.eccentricity));
         let length0 = T::lift(self.length0);
 
         // the pin: arm = R(y) d3, d = arm − d1
-        let (s1, c1) = local.q[j1].sin_cos();
         let arm = [c1.mul_add(d3[0], -(s1 * d3[1])), s1.mul_add(d3[0], c1 * d3[1])];
         let d = [arm[0] - d1[0], arm[1] - d1[1]];
         let square = d[0].mul_add(d[0], d[1] * d[1]);
@@ -70,13 +109,18 @@ impl<C: nalgebra::Scalar + Copy> Rrpr<C> {
         let cosine = w[0].mul_add(d[0], w[1] * d[1]) * inverse_square;
         let sine = w[0].mul_add(d[1], -(w[1] * d[0])) * inverse_square;
         let sense = T::lift(self.sense);
-        local.cos_sin[j1] = (c1, s1);
-        local.cos_sin[j2] = (cosine, sense * sine);
-        local.q[j2] = (sense * sine).atan2(cosine);
-        local.q[j3] = q3;
-        let validity = Validity::of(reach, T::lift(self.square0));
+        let none = [T::ZERO; 2];
+        let mut moved = Moved {
+            cos_sin: (cosine, sense * sine),
+            turn: (sense * sine).atan2(cosine),
+            slide: q3,
+            G: none,
+            rates: none,
+            g: none,
+            validity: Validity::of(reach, T::lift(self.square0)),
+        };
         if level == Level::Position {
-            return validity;
+            return moved;
         }
 
         // t, b: slider direction and its normal; p: velocity of the pin for ẏ = 1
@@ -86,19 +130,14 @@ impl<C: nalgebra::Scalar + Copy> Rrpr<C> {
         let inverse_length = T::ONE / length;
         let turn_rate = b[0].mul_add(p[0], b[1] * p[1]) * inverse_length;
         let slide_rate = t[0].mul_add(p[0], t[1].mul_add(p[1], e * turn_rate));
-        local.G[j1] = T::ONE;
-        local.G[j2] = sense * turn_rate;
-        local.G[j3] = slide_rate;
+        moved.G = [sense * turn_rate, slide_rate];
         if level == Level::Jacobian {
-            return validity;
+            return moved;
         }
-        let yd = local.qd[j1];
         let (w2, v3) = (turn_rate * yd, slide_rate * yd);
-        local.qd[j2] = sense * w2;
-        local.qd[j3] = v3;
-        local.g[j1] = T::ZERO;
+        moved.rates = [sense * w2, v3];
         if level == Level::Velocity {
-            return validity;
+            return moved;
         }
 
         // d̈ at ÿ = 0, less the centripetal and Coriolis part of the stator
@@ -107,9 +146,8 @@ impl<C: nalgebra::Scalar + Copy> Rrpr<C> {
         let bias = |k: usize| w22.mul_add(d[k], -(yd2.mul_add(arm[k], coriolis * b[k])));
         let (x0, x1) = (bias(0), bias(1));
         let turn_bias = b[0].mul_add(x0, b[1] * x1) * inverse_length;
-        local.g[j2] = sense * turn_bias;
-        local.g[j3] = t[0].mul_add(x0, t[1].mul_add(x1, e * turn_bias));
-        validity
+        moved.g = [sense * turn_bias, t[0].mul_add(x0, t[1].mul_add(x1, e * turn_bias))];
+        moved
     }
 
     /// The same geometry with every constant converted.

@@ -224,9 +224,9 @@ pub(super) fn close_zero(
 }
 
 /// Numbers of one cluster, outside any workspace.
-struct State<T> {
+pub(super) struct State<T> {
     start: Vec<T>,
-    q: Vec<T>,
+    pub(super) q: Vec<T>,
     cos_sin: Vec<(T, T)>,
     qd: Vec<T>,
     G: Vec<T>,
@@ -234,7 +234,7 @@ struct State<T> {
 }
 
 impl<T: Scalar> State<T> {
-    fn new(cluster: &Cluster<T>, zero: &[T]) -> State<T> {
+    pub(super) fn new(cluster: &Cluster<T>, zero: &[T]) -> State<T> {
         State {
             start: zero.to_vec(),
             q: zero.to_vec(),
@@ -245,7 +245,7 @@ impl<T: Scalar> State<T> {
         }
     }
 
-    fn local<'a>(&'a mut self, scratch: &'a mut Scratch<T>) -> Local<'a, T> {
+    pub(super) fn local<'a>(&'a mut self, scratch: &'a mut Scratch<T>) -> Local<'a, T> {
         Local {
             start: &self.start,
             from_zero: false,

@@ -150,7 +150,7 @@ fn build(
         if closed_forms::has_change_point(closed, bodies_there, &order, &zero) {
             numerical.set_meets();
         }
-        let closure = match closed_forms::build(kind, closed, bodies_there, &order, &zero) {
+        let mut closure = match closed_forms::build(kind, closed, bodies_there, &order, &zero) {
             None => {
                 if let Some(fault) = not_closed_form(kind, description, assembly.owner[c]) {
                     warnings.push(fault);
@@ -176,11 +176,37 @@ fn build(
                 for (s, _) in assembly.owners(c) {
                     info[s].misfit = f64::max(info[s].misfit, misfit);
                 }
-                if misfit > POLISHABLE && kind == SubmechanismKind::ParallelogramChain {
+                let numerically = match kind {
+                    SubmechanismKind::ParallelogramChain => {
+                        Some("opposite sides equal and axes parallel, or type FOURBAR")
+                    }
+                    SubmechanismKind::Surrpr2U1 => {
+                        Some("axes of each rod's universal joint that cross at a right angle")
+                    }
+                    _ => None,
+                };
+                if misfit > POLISHABLE
+                    && let Some(expected) = numerically
+                {
                     warnings.push(Diagnostic {
                         site,
                         found: format!("{worst} by {misfit:.3e} of the mechanism's size"),
-                        expected: "opposite sides equal and axes parallel, or type FOURBAR".into(),
+                        expected: expected.into(),
+                        help: "it is closed numerically".into(),
+                    });
+                    exact.closures[c] = Closure::Numerical(numerical);
+                    set_numerical(&mut info, &assembly, c);
+                    continue;
+                }
+                if kind == SubmechanismKind::Surrpr2U1
+                    && !form.agrees(&numerical, closed, bodies_there)
+                {
+                    warnings.push(Diagnostic {
+                        site,
+                        found: "a closed form that Newton's method does not confirm beside the \
+                            zero pose"
+                            .into(),
+                        expected: "a zero pose away from dead points".into(),
                         help: "it is closed numerically".into(),
                     });
                     exact.closures[c] = Closure::Numerical(numerical);
@@ -205,7 +231,8 @@ fn build(
                 form.closure()
             }
         };
-        if matches!(closure, Closure::Numerical(_)) {
+        if let Closure::Numerical(numerical) = &mut closure {
+            numerical.form = closed_forms::start(closed, bodies_there, &zero, ROUNDING);
             set_numerical(&mut info, &assembly, c);
         }
         exact.closures[c] = closure;
@@ -226,10 +253,15 @@ fn build(
             numerical.turns = turns;
         }
     }
-    for (c, seeds) in seeds::find(&model) {
-        if let Some(numerical) = model.closures[c].numerical() {
+    // a closed form that Newton's method starts from has to hold; the exact model goes without
+    for seeds::Found { cluster, seeds, holds } in seeds::find(&model) {
+        if let Some(numerical) = model.closures[cluster].numerical() {
             numerical.seeds = Some(seeds);
+            numerical.form.take_if(|_| !holds);
         }
+    }
+    for numerical in exact.closures.iter_mut().filter_map(Closure::numerical) {
+        numerical.form = None;
     }
     model.growth = masses::growth(&model, &exact);
     exact.growth = model.growth;
@@ -303,8 +335,8 @@ fn not_closed_form(
             ("couplings (<mimic>, <transmission>) and no loops", "write NUMERICAL to say so")
         }
         _ => (
-            "a type with a closed form: RRPR, 2SPU+1U, 2SPRR+1U, 6UPS, FOURBAR, SLIDERCRANK, \
-            PARALLELOGRAMCHAIN, TRANSMISSION, DIFFERENTIAL",
+            "a type with a closed form: RRPR, 2SPU+1U, 2SPRR+1U, 2SURRPR+1U, 6UPS, FOURBAR, \
+            SLIDERCRANK, PARALLELOGRAMCHAIN, TRANSMISSION, DIFFERENTIAL",
             "nothing to do: it is closed numerically from its loops",
         ),
     };

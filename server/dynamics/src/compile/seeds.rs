@@ -32,8 +32,19 @@ const REGULAR: f64 = 0.05;
 const ERROR: f64 = 2e-3;
 const CLEAR: f64 = 0.02;
 
+/// Largest distance of a closed form from Newton's method at a node, in radians or cluster lengths.
+const AGREES: f64 = 1e-9;
+
+/// A table of a cluster.
+pub(super) struct Found {
+    pub(super) cluster: usize,
+    pub(super) seeds: Arc<Seeds>,
+    /// The cluster's closed form holds in every cell that is used.
+    pub(super) holds: bool,
+}
+
 /// The tables of all clusters that can have one. Allocates.
-pub(super) fn find(model: &Model<f64>) -> Vec<(usize, Arc<Seeds>)> {
+pub(super) fn find(model: &Model<f64>) -> Vec<Found> {
     let mut chosen: Vec<(usize, &Numerical<f64>)> = Vec::new();
     for &c in &model.closed_clusters {
         let cluster = &model.clusters[c];
@@ -47,14 +58,14 @@ pub(super) fn find(model: &Model<f64>) -> Vec<(usize, Arc<Seeds>)> {
         }
     }
     let mut ws = Workspace::sized(model, Needs::default());
-    let mut found: Vec<(usize, Arc<Seeds>)> = Vec::new();
+    let mut found: Vec<Found> = Vec::new();
     for &(c, numerical) in &chosen {
         let mut table = Table { model, c, numerical, ws: &mut ws, signs: Vec::new() };
-        if let Some(seeds) = table.seeds(chosen.len()) {
+        if let Some((seeds, holds)) = table.seeds(chosen.len()) {
             // equal limbs share one
-            let equal = found.iter().find(|(_, other)| **other == seeds);
-            let seeds = equal.map_or_else(|| Arc::new(seeds), |(_, other)| other.clone());
-            found.push((c, seeds));
+            let equal = found.iter().find(|other| *other.seeds == seeds);
+            let seeds = equal.map_or_else(|| Arc::new(seeds), |other| other.seeds.clone());
+            found.push(Found { cluster: c, seeds, holds });
         }
     }
     found
@@ -82,7 +93,8 @@ impl Table<'_> {
         &self.model.clusters[self.c]
     }
 
-    fn seeds(&mut self, tables: usize) -> Option<Seeds> {
+    /// The table, and whether the closed form holds in it.
+    fn seeds(&mut self, tables: usize) -> Option<(Seeds, bool)> {
         let (model, c) = (self.model, self.c);
         let cluster = &model.clusters[c];
         let n = cluster.n_vy;
@@ -123,7 +135,49 @@ impl Table<'_> {
         let cells = self.cells(&seeds, &zero, &nodes);
         let any = cells.contains(&true);
         seeds.cells = cells;
-        any.then_some(seeds)
+        let holds = any && self.form_holds(&seeds, &zero, &nodes);
+        any.then_some((seeds, holds))
+    }
+
+    /// True where the closed form is at the pose of each corner of a cell that is used, and at its
+    /// center where the interpolation has it.
+    fn form_holds(&mut self, seeds: &Seeds, zero: &[f64], nodes: &[Option<Node>]) -> bool {
+        if self.numerical.form.is_none() || !self.numerical.turns.is_empty() {
+            return false;
+        }
+        let (grid, corners) = (Grid::of_cells(&seeds.axes), Grid::of_nodes(&seeds.axes));
+        (0..grid.len()).filter(|cell| seeds.cells[*cell]).all(|cell| {
+            let place = grid.place(cell);
+            let mut center = zero.to_vec();
+            for (axis, i) in seeds.axes.iter().zip(&place) {
+                center[axis.coordinate] += (*i as f64 + 0.5 - axis.below as f64) * axis.step;
+            }
+            let at_center = seeds.find(zero, &mut center) && self.form_is_at(&center, 2.0 * ERROR);
+            at_center
+                && (0..1 << seeds.axes.len()).all(|corner: usize| {
+                    let at: Vec<usize> =
+                        place.iter().enumerate().map(|(a, i)| i + (corner >> a & 1)).collect();
+                    let node = nodes[corners.number(&at)].as_ref();
+                    node.is_some_and(|node| self.form_is_at(&node.q, AGREES))
+                })
+        })
+    }
+
+    /// True where the closed form has the dependents of a pose at its independents.
+    fn form_is_at(&mut self, q: &[f64], allowed: f64) -> bool {
+        let (model, c) = (self.model, self.c);
+        let cluster = &model.clusters[c];
+        let at = cluster.coordinates();
+        self.ws.q[at.clone()].copy_from_slice(q);
+        self.ws.start[at.clone()].copy_from_slice(q);
+        let Some(form) = &self.numerical.form else { return false };
+        let bodies = model.bodies_of(cluster);
+        form.close(cluster, bodies, &mut self.ws.local(cluster), Level::Position);
+        cluster.dependent.iter().all(|v| {
+            let i = cluster.dofs[*v].q;
+            let apart = (self.ws.q[cluster.q + i] - q[i]).abs() / column_unit(cluster, *v);
+            apart < allowed
+        })
     }
 
     /// The nodes along independent k.

@@ -28,6 +28,7 @@ use crate::closure::numerical::block::{Block, Blocks};
 use crate::closure::numerical::newton::Start;
 use crate::closure::numerical::seeds::Seeds;
 use crate::closure::path::distance;
+use crate::closure::platform::Platform;
 use crate::closure::{Level, Local, Outcome, Rate};
 use crate::mechanism::{Body, Cluster, Dof, Motion};
 use crate::scalar::{Mask, Real, Scalar};
@@ -71,6 +72,8 @@ pub(crate) struct Numerical<C> {
     pub(crate) turns: Vec<Turn>,
     /// Closed poses near which a request without a guess can start.
     pub(crate) seeds: Option<Arc<Seeds>>,
+    /// The closed form that holds where there are seeds.
+    pub(crate) form: Option<Box<Platform<C>>>,
     pub(crate) end: End,
     /// Two assemblies can meet: every way is followed along its tangent.
     pub(crate) meets: bool,
@@ -110,6 +113,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
             zero,
             turns: Vec::new(),
             seeds: None,
+            form: None,
             end: End { tolerance: None, steps: STEPS },
             meets: false,
         }
@@ -130,6 +134,7 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
             zero: self.zero.iter().map(|x| f(*x)).collect(),
             turns: self.turns.clone(),
             seeds: self.seeds.clone(),
+            form: self.form.as_ref().map(|form| Box::new(form.map(f))),
             end: self.end,
             meets: self.meets,
         }
@@ -261,6 +266,9 @@ impl<C: Scalar> Numerical<C> {
         if local.from_zero
             && let Some(seeds) = &self.seeds
         {
+            if let Some(outcome) = self.close_in_form(seeds, cluster, bodies, local, level) {
+                return outcome;
+            }
             if let Some(outcome) = self.close_from(seeds, cluster, bodies, local) {
                 return self.differentiate(cluster, bodies, local, level, outcome);
             }
@@ -285,6 +293,22 @@ impl<C: Scalar> Numerical<C> {
         } else {
             outcome
         }
+    }
+
+    /// All levels by the closed form, where it holds; a tolerance asks for Newton's method.
+    #[inline]
+    fn close_in_form(
+        &self,
+        seeds: &Seeds,
+        cluster: &Cluster<C>,
+        bodies: &[Body<C>],
+        local: &mut Local<'_, C>,
+        level: Level,
+    ) -> Option<Outcome> {
+        let form = self.form.as_ref().filter(|_| self.end.tolerance.is_none())?;
+        seeds.cell(local.start, local.q)?;
+        let outcome = Outcome::from(form.close(cluster, bodies, local, level));
+        (outcome.status == Status::Ok).then_some(outcome)
     }
 
     /// One attempt from a seed, if there is one.

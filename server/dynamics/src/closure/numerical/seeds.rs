@@ -15,6 +15,10 @@
 //! along that path can arrive nowhere else. What comes of a seed passes the checks of every other
 //! attempt, and each determinant must have the sign that it has at the zero pose; where one fails
 //! the answer is that of continuation.
+//!
+//! **Closed form.** A mechanism of cranks and rods ([`crate::closure::RodLeg`]) whose closed form
+//! agrees with Newton's method at every corner and every center of these cells is closed by it
+//! there: in a cell γ is one smooth function, and so is the closed form.
 
 use crate::scalar::Scalar;
 
@@ -65,26 +69,31 @@ impl Seeds {
         (used, size_of_val(&*self.values) + size_of_val(&*self.cells))
     }
 
-    /// The seed of the independents in `q` into its dependents; false where there is none. `start`
-    /// is the zero pose, turned round by whole turns.
-    pub(crate) fn find<T: Scalar>(&self, start: &[T], q: &mut [T]) -> bool {
-        // the cell and the weights along each axis: (corner, derivative)
+    /// The node below the independents in `q` and how far they are from it along each axis, in its
+    /// steps; `None` outside the cells that are used.
+    #[inline]
+    pub(crate) fn cell<T: Scalar>(&self, start: &[T], q: &[T]) -> Option<(usize, [f64; MOST])> {
         let (mut cell, mut node) = (0, 0);
-        let mut along = [[[0.0; 2]; 2]; MOST];
+        let mut along = [0.0; MOST];
         for (axis, along) in self.axes.iter().zip(&mut along) {
             let from_zero = (q[axis.coordinate] - start[axis.coordinate]).to_f64();
             let x = from_zero / axis.step + axis.below as f64;
             if !(0.0 <= x && x <= (axis.nodes - 1) as f64) {
-                return false;
+                return None;
             }
             let i = (x as usize).min(axis.nodes - 2);
-            *along = hermite(x - i as f64);
+            *along = x - i as f64;
             cell = cell * (axis.nodes - 1) + i;
             node = node * axis.nodes + i;
         }
-        if !self.cells[cell] {
-            return false;
-        }
+        self.cells[cell].then_some((node, along))
+    }
+
+    /// The seed of the independents in `q` into its dependents; false where there is none. `start`
+    /// is the zero pose, turned round by whole turns.
+    pub(crate) fn find<T: Scalar>(&self, start: &[T], q: &mut [T]) -> bool {
+        let Some((node, along)) = self.cell(start, q) else { return false };
+        let along = along.map(hermite);
 
         // their products, with the place of what each is the weight of
         let (n, stride) = (self.axes.len(), self.stride());

@@ -1,12 +1,14 @@
 //! Reads the geometry of closed forms off a cluster at its zero pose, and measures how well it
 //! fits: one file for each mechanism.
 
+mod agreement;
 mod loops;
 mod parallelogram;
 mod planar;
 mod platform;
+mod rods;
 
-use crate::closure::{Closure, Numerical, constraint_residual};
+use crate::closure::{Closure, Numerical, Platform, constraint_residual};
 use crate::compile::couplings::poses_at;
 use crate::compile::geometry::norm;
 use crate::description::SubmechanismKind;
@@ -50,6 +52,20 @@ impl Form {
         }
     }
 
+    /// True where it has the poses that Newton's method finds beside the zero pose.
+    pub(super) fn agrees(
+        &self,
+        numerical: &Numerical<Dd>,
+        cluster: &Cluster<Dd>,
+        bodies: &[Body<Dd>],
+    ) -> bool {
+        agreement::agrees(&self.closure, numerical, cluster, bodies, self.misfit_size())
+    }
+
+    fn misfit_size(&self) -> f64 {
+        self.deviations.iter().fold(0.0, |worst, (_, _, size)| f64::max(worst, *size))
+    }
+
     pub(super) fn closure(self) -> Closure<Dd> {
         self.closure
     }
@@ -71,12 +87,30 @@ pub(super) fn build(
         SubmechanismKind::ParallelogramChain => parallelogram::read(&of),
         SubmechanismKind::Spu2U1 | SubmechanismKind::Ups6 => platform::read(&of, false),
         SubmechanismKind::Sprr2U1 => platform::read(&of, true),
+        SubmechanismKind::Surrpr2U1 => rods::read(&of),
         _ => return None,
     };
     if let Ok(form) = &mut form {
         form.deviations.push(("a loop that is open at zero".into(), Subject::Loop, of.open(zero)));
     }
     Some(form)
+}
+
+/// The closed form of cranks and rods from which Newton's method can start on this cluster, if its
+/// geometry has it up to rounding.
+pub(super) fn start(
+    cluster: &Cluster<Dd>,
+    bodies: &[Body<Dd>],
+    zero: &[Dd],
+    rounding: f64,
+) -> Option<Box<Platform<Dd>>> {
+    let of = Reading::new(cluster, bodies, &[], zero);
+    let form = rods::read(&of).ok()?;
+    let fits = of.open(zero) <= rounding && form.misfit_size() <= rounding;
+    match form.closure {
+        Closure::Platform(platform) if fits => Some(Box::new(platform)),
+        _ => None,
+    }
 }
 
 /// True for a plane loop of four joints of which two assemblies can meet.

@@ -1,13 +1,14 @@
 //! RRPR, SLIDERCRANK, FOURBAR: one plane loop of four joints, any of them independent.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use crate::closure::{Closure, Planar, Rrpr, Tie};
 use crate::compile::closed_forms::loops::{
     Ring, pin_in_plane, reversed, ring, senses, starting_at,
 };
-use crate::compile::closed_forms::{Form, Reading, sign};
+use crate::compile::closed_forms::{Deviation, Form, Reading, sign};
 use crate::compile::geometry::onto_z;
+use crate::mechanism::Cut;
 use crate::scalar::{Dd, Real, Scalar};
 use crate::spatial::{column, dot};
 
@@ -36,28 +37,8 @@ pub(super) fn read(of: &Reading<'_>, slider: bool) -> Result<Form, String> {
     else {
         return Err("joints are not the three of one loop, one of them independent".into());
     };
-    let mut ring = starting_at(ring(of, cut), *y)?;
-    if ring.len() != 4 || ring.iter().filter(|x| x.slides).count() != usize::from(slider) {
-        return Err(format!(
-            "loop is not one of {}",
-            if slider { "two turns, a slider and a pin" } else { "three turns and a pin" }
-        ));
-    }
-    // a slider beside the independent joint comes last, a pin beside it comes first if the slider
-    // lies opposite
-    if ring[1].slides || ring[2].slides && ring[3].joint.is_none() {
-        ring = reversed(&ring);
-    }
-
-    // the plane: n along the first turning axis, so that the independent joint's sense is +1
-    let Some(first) = ring.iter().find(|x| !x.slides && x.joint.is_some()) else {
-        return Err("loop has no axis".into());
-    };
-    let n = first.axis.map(|x| x * first.direction);
     let mut deviations = Vec::new();
-    let sense = senses(&ring, &n, &mut deviations);
-    pin_in_plane(of, cut, &n, &mut deviations)?;
-    let axes = onto_z(&n);
+    let InPlane { ring, sense, axes } = in_plane(of, cut, *y, slider, &mut deviations)?;
     let plane =
         |v: &Vector3<Dd>| -> Plane { [dot(&column(&axes, 0), v), dot(&column(&axes, 1), v)] };
     let origin = if ring[0].slides { ring[1].point } else { ring[0].point };
@@ -121,6 +102,68 @@ pub(super) fn read(of: &Reading<'_>, slider: bool) -> Result<Form, String> {
         }
     };
     Ok(Form { closure, deviations })
+}
+
+/// A plane loop of four joints from its independent one on.
+struct InPlane {
+    ring: Vec<Ring>,
+    sense: Vec<Dd>,
+    /// Its plane's axes and normal {cluster's parent body}.
+    axes: Matrix3<Dd>,
+}
+
+/// The loop of a cut from one of its joints on, with one slider or none.
+fn in_plane(
+    of: &Reading<'_>,
+    cut: &Cut<Dd>,
+    y: usize,
+    slider: bool,
+    deviations: &mut Vec<Deviation>,
+) -> Result<InPlane, String> {
+    let mut ring = starting_at(ring(of, cut), y)?;
+    if ring.len() != 4 || ring.iter().filter(|x| x.slides).count() != usize::from(slider) {
+        return Err(format!(
+            "loop is not one of {}",
+            if slider { "two turns, a slider and a pin" } else { "three turns and a pin" }
+        ));
+    }
+    // a slider beside the independent joint comes last, a pin beside it comes first if the slider
+    // lies opposite
+    if ring[1].slides || ring[2].slides && ring[3].joint.is_none() {
+        ring = reversed(&ring);
+    }
+
+    // the plane: n along the first turning axis, so that the independent joint's sense is +1
+    let Some(first) = ring.iter().find(|x| !x.slides && x.joint.is_some()) else {
+        return Err("loop has no axis".into());
+    };
+    let n = first.axis.map(|x| x * first.direction);
+    let sense = senses(&ring, &n, deviations);
+    pin_in_plane(of, cut, &n, deviations)?;
+    Ok(InPlane { axes: onto_z(&n), ring, sense })
+}
+
+/// True where a joint is in the loop of a cut.
+pub(super) fn has(of: &Reading<'_>, cut: &Cut<Dd>, joint: usize) -> bool {
+    ring(of, cut).iter().any(|x| x.joint == Some(joint))
+}
+
+/// The loop of a cut as a lambda whose rocker is this joint, which something else moves.
+pub(super) fn driving(
+    of: &Reading<'_>,
+    cut: &Cut<Dd>,
+    rocker: usize,
+    deviations: &mut Vec<Deviation>,
+) -> Result<Rrpr<Dd>, String> {
+    let InPlane { ring, sense, axes } = in_plane(of, cut, rocker, true, deviations)?;
+    if !ring[2].slides {
+        return Err("slider is not opposite to the crank that it drives".into());
+    }
+    let plane =
+        |v: &Vector3<Dd>| -> Plane { [dot(&column(&axes, 0), v), dot(&column(&axes, 1), v)] };
+    let [d3, d1] = [1, 3].map(|k: usize| plane(&(ring[k].point - ring[0].point)));
+    let t = normalised(plane(&ring[2].axis)).ok_or("slider is perpendicular to the plane")?;
+    lambda(of, &ring, &sense, d3, d1, t)
 }
 
 /// At the ends of what the independent joint reaches the links must not just stand in one line: two

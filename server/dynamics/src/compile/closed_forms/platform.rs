@@ -66,19 +66,25 @@ pub(super) fn read(of: &Reading<'_>, offsets: bool) -> Result<Form, String> {
             }
         });
     }
-    Ok(Form { closure: Closure::Platform(Platform { chain, legs, polish: None }), deviations })
+    let form = Platform { chain, legs, rods: Vec::new(), idle: Vec::new(), polish: None };
+    Ok(Form { closure: Closure::Platform(form), deviations })
 }
 
-/// Turn, turn, slide towards a point.
-fn strut(
+/// Two turns in series whose axes are perpendicular.
+pub(super) struct Universal {
+    /// X, Y along the axes at zero, origin on the first where the second is nearest {cluster's
+    /// parent body}, and how far away that is along Z.
+    pub(super) axes: Matrix3<Dd>,
+    pub(super) center: Vector3<Dd>,
+    pub(super) distance: Dd,
+}
+
+pub(super) fn universal(
     of: &Reading<'_>,
-    joints: [usize; 3],
-    point: &Vector3<Dd>,
-    offsets: bool,
+    [j1, j2]: [usize; 2],
     deviations: &mut Vec<Deviation>,
-) -> Result<Strut<Dd>, String> {
-    let [j1, j2, j3] = joints;
-    let (a1, a2, a3) = (axis(&of.zero[j1 + 1]), axis(&of.zero[j2 + 1]), axis(&of.zero[j3 + 1]));
+) -> Result<Universal, String> {
+    let (a1, a2) = (axis(&of.zero[j1 + 1]), axis(&of.zero[j2 + 1]));
     let Y =
         unit(&scale_add(&a1, -dot(&a1, &a2), &a2)).ok_or("universal joint has parallel axes")?;
     let axes = Matrix3::from_columns(&[a1, Y, cross(&a1, &Y)]);
@@ -95,7 +101,20 @@ fn strut(
     let s = (dot(&a1, &along) - skew * dot(&a2, &along)) / (Dd::ONE - skew * skew);
     let center = scale_add(&a1, s, &p1);
     let distance = t_mul(&axes, &(p2 - center))[2];
-    let a = t_mul(&axes, &a3);
+    Ok(Universal { axes, center, distance })
+}
+
+/// Turn, turn, slide towards a point.
+fn strut(
+    of: &Reading<'_>,
+    joints: [usize; 3],
+    point: &Vector3<Dd>,
+    offsets: bool,
+    deviations: &mut Vec<Deviation>,
+) -> Result<Strut<Dd>, String> {
+    let [j1, j2, j3] = joints;
+    let Universal { axes, center, distance } = universal(of, [j1, j2], deviations)?;
+    let a = t_mul(&axes, &axis(&of.zero[j3 + 1]));
 
     // axes that cross, or a slider perpendicular to the second: what is nearer
     let size = of.cluster.length;

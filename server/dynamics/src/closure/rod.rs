@@ -1,0 +1,299 @@
+//! A leg of a crank and a rod: the crank turns on the base, the rod has a universal joint whose
+//! axes cross at a right angle at one end and a ball at the other, and reaches for a platform. A
+//! slider on a turning stator may drive the crank, a lambda in its plane.
+//!
+//! With d from the center of the crank's circle to the rod's end B on the platform, all along the
+//! crank's axes X Y Z, X towards the rod's end A on the crank at zero:
+//!
+//! ```text
+//!   |d − R_z(θ) a X| = ℓ        a the crank, ℓ the rod
+//!   κ = ½ (a² + |d|² − ℓ²),   W = ±√(a² (d_x² + d_y²) − κ²)
+//!   R_z(θ) a X = (κ d + W Z × d) / (d_x² + d_y²)      in the plane of the circle
+//! ```
+//! a quadratic equation of tan θ/2. Then, with x the rod from its universal joint to its ball along
+//! the axes of that joint, w the same at zero, n the first turn and m the second:
+//!
+//! ```text
+//!   x = R_x(n) R_y(m) w,    z = ±√(w_x² + w_z² − x_x²)
+//!   m carries (w_x, w_z) onto (x_x, z),    n carries (w_y, z) onto (x_y, x_z)
+//! ```
+//! With r the rod from universal joint to ball, v the velocity of the platform in B, t that of A for
+//! θ̇ = 1, b and c the universal joint's axes:
+//!
+//! ```text
+//!   θ̇ = r · v / r · t,     r · t = ∓W
+//!   ṅ b × r + ṁ c × r = e,    ṅ = −c · e / z,    ṁ = b · e / z
+//! ```
+//! where e is what moves the ball apart from the body that carries the universal joint: v less what
+//! the crank moves the ball where the crank carries it, and θ̇ t − v where the platform does. The
+//! accelerations at q̈ = 0 have the same form.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::closure::platform::{Platform, accelerated};
+use crate::closure::{Level, Local, Rrpr, Validity};
+use crate::scalar::Real;
+use crate::spatial::{
+    Pose, column, cross, cross_add, dot, lift, lift_mat, mul_mat, scale_add, t_mul, turn_z, zero,
+};
+
+/// Geometry of a crank and its rod; every joint has one degree of freedom.
+#[derive(Clone, Debug)]
+pub(crate) struct RodLeg<C> {
+    /// Local joints: the crank, first and second turn of the universal joint.
+    pub(crate) crank: usize,
+    pub(crate) universal: [usize; 2],
+    /// The local body for which it reaches, and how many degrees of freedom of the chain carry it.
+    pub(crate) platform: usize,
+    pub(crate) depth: usize,
+    /// The universal joint is on the crank and the ball on the platform, not the other way round.
+    pub(crate) on_crank: bool,
+    /// The crank's axes at zero and the center of its circle {cluster's parent body}.
+    pub(crate) axes: Matrix3<C>,
+    pub(crate) center: Vector3<C>,
+    /// The rod's end on the platform {platform}.
+    pub(crate) pin: Vector3<C>,
+    /// Axes of the universal joint at zero {crank's axes, or platform}.
+    pub(crate) universal_axes: Matrix3<C>,
+    /// The rod from its universal joint to its ball at zero {universal joint}.
+    pub(crate) rod: Vector3<C>,
+    /// a, a², ℓ², a² − ℓ², the larger one of a² and ℓ²; w_x² + w_z².
+    pub(crate) radius: C,
+    pub(crate) radius_square: C,
+    pub(crate) length_square: C,
+    pub(crate) excess: C,
+    pub(crate) reach_square: C,
+    pub(crate) swing_square: C,
+    /// ±1, signs of W and of z.
+    pub(crate) side: C,
+    pub(crate) root: C,
+    /// What drives the crank.
+    pub(crate) drive: Option<Rrpr<C>>,
+}
+
+/// A leg at a pose {cluster's parent body}.
+struct Posed<T> {
+    /// The rod's end on the platform and its ball; A from the center of the circle; the rod from
+    /// universal joint to ball.
+    point: Vector3<T>,
+    ball: Vector3<T>,
+    arm: Vector3<T>,
+    r: Vector3<T>,
+    /// Axes of the crank and of the universal joint.
+    a: Vector3<T>,
+    b: Vector3<T>,
+    c: Vector3<T>,
+    /// What the ball, or A, moves for θ̇ = 1; 1 / (r · t) and 1 / z.
+    t: Vector3<T>,
+    inverse_lever: T,
+    inverse_root: T,
+}
+
+impl<C: nalgebra::Scalar + Copy> RodLeg<C> {
+    /// The position, velocity and acceleration level; the platform is at its pose, its rates are in
+    /// the scratch.
+    #[inline]
+    pub(super) fn close<T: Real<Const = C>>(
+        &self,
+        of: &Platform<C>,
+        n_vy: usize,
+        local: &mut Local<'_, T>,
+        level: Level,
+    ) -> Validity<T> {
+        let platform = local.scratch.pose[self.platform];
+        let (at, validity) = self.pose(&platform, local);
+        if level > Level::Position {
+            self.rates(&at, of, n_vy, &platform, local, level);
+        }
+
+        // the lambda takes the crank for its independent joint
+        let Some(lambda) = &self.drive else { return validity };
+        let crank = self.crank;
+        let [_, stator, slider] = lambda.joints;
+        let moved = lambda.moved(local.cos_sin[crank], local.qd[crank], level);
+        local.cos_sin[stator] = moved.cos_sin;
+        local.q[stator] = moved.turn;
+        local.q[slider] = moved.slide;
+        let validity = validity.then(moved.validity);
+        if level == Level::Position {
+            return validity;
+        }
+        for (j, G, qd, g) in [
+            (stator, moved.G[0], moved.rates[0], moved.g[0]),
+            (slider, moved.G[1], moved.rates[1], moved.g[1]),
+        ] {
+            for k in 0..n_vy {
+                local.G[j * n_vy + k] = G * local.G[crank * n_vy + k];
+            }
+            if level >= Level::Velocity {
+                local.qd[j] = qd;
+            }
+            if level == Level::Acceleration {
+                local.g[j] = G.mul_add(local.g[crank], g);
+            }
+        }
+        validity
+    }
+
+    /// Coordinates of the crank and of the universal joint.
+    #[inline(always)]
+    fn pose<T: Real<Const = C>>(
+        &self,
+        platform: &Pose<T>,
+        local: &mut Local<'_, T>,
+    ) -> (Posed<T>, Validity<T>) {
+        let axes: Matrix3<T> = lift_mat(&self.axes);
+        let (radius, radius_square) = (T::lift(self.radius), T::lift(self.radius_square));
+        let half = T::from_f64(0.5);
+
+        // the crank: κ, W, its end in the plane of the circle
+        let point = platform.point(&lift(&self.pin));
+        let center = lift(&self.center);
+        let d = point - center;
+        let D = t_mul(&axes, &d);
+        let square = D[0].mul_add(D[0], D[1] * D[1]);
+        let along = half * (D[2].mul_add(D[2], square) + T::lift(self.excess));
+        let W_square = radius_square.mul_add(square, -(along * along));
+        let W = T::lift(self.side) * W_square.sqrt();
+        let inverse = T::ONE / (square * radius);
+        let c0 = along.mul_add(D[0], -(W * D[1])) * inverse;
+        let s0 = along.mul_add(D[1], W * D[0]) * inverse;
+        let turned = turn_z(&axes, c0, s0);
+        let a = column(&turned, 2);
+        let arm = column(&turned, 0) * radius;
+
+        // the universal joint: z, second turn, first turn
+        let (r, carried) = if self.on_crank {
+            (d - arm, mul_mat(&turned, &lift_mat(&self.universal_axes)))
+        } else {
+            (arm - d, mul_mat(&platform.R, &lift_mat(&self.universal_axes)))
+        };
+        let x = t_mul(&carried, &r);
+        let w: Vector3<T> = lift(&self.rod);
+        let swing_square = T::lift(self.swing_square);
+        let root_square = swing_square - x[0] * x[0];
+        let z = T::lift(self.root) * root_square.sqrt();
+        let inverse_n = T::ONE / swing_square;
+        let c2 = w[0].mul_add(x[0], w[2] * z) * inverse_n;
+        let s2 = w[2].mul_add(x[0], -(w[0] * z)) * inverse_n;
+        let inverse_rho = T::ONE / x[1].mul_add(x[1], x[2] * x[2]);
+        let c1 = w[1].mul_add(x[1], z * x[2]) * inverse_rho;
+        let s1 = w[1].mul_add(x[2], -(z * x[1])) * inverse_rho;
+
+        let [first, second] = self.universal;
+        for (j, c, s) in [(self.crank, c0, s0), (first, c1, s1), (second, c2, s2)] {
+            local.cos_sin[j] = (c, s);
+            local.q[j] = s.atan2(c);
+        }
+        let size = T::lift(self.reach_square);
+        let validity = Validity::of(W_square, size * square)
+            .or(Validity::of(square, size))
+            .or(Validity::of(root_square, T::lift(self.length_square)));
+
+        // r · t is −W where r runs from crank to platform, W where it runs back
+        let (t, lever, ball) = if self.on_crank {
+            (cross(&a, &d), -W, point)
+        } else {
+            (cross(&a, &arm), W, arm + center)
+        };
+        let b = column(&carried, 0);
+        let c = scale_add(&column(&carried, 2), s1, &(column(&carried, 1) * c1));
+        let (inverse_lever, inverse_root) = (T::ONE / lever, T::ONE / z);
+        (Posed { point, ball, arm, r, a, b, c, t, inverse_lever, inverse_root }, validity)
+    }
+
+    /// Their rows of G, their rates and g.
+    #[inline(always)]
+    fn rates<T: Real<Const = C>>(
+        &self,
+        at: &Posed<T>,
+        of: &Platform<C>,
+        n_vy: usize,
+        platform: &Pose<T>,
+        local: &mut Local<'_, T>,
+        level: Level,
+    ) {
+        let joints = [self.crank, self.universal[0], self.universal[1]];
+        let chain = &of.chain[..self.depth];
+        for j in joints {
+            local.G[j * n_vy..(j + 1) * n_vy].fill(T::ZERO);
+        }
+        for (dof, k) in chain {
+            let pose = &local.scratch.pose[dof.body + 1];
+            let axis = dof.axis(&pose.R);
+            let v = if dof.slides() { axis } else { cross(&axis, &(at.ball - pose.p)) };
+            let column = self.solve(at, &v);
+            for (j, x) in joints.into_iter().zip(column) {
+                local.G[j * n_vy + k] = x;
+            }
+        }
+        if level == Level::Jacobian {
+            return;
+        }
+        let [w0, w1, w2] = joints.map(|j| {
+            let mut qd = T::ZERO;
+            for (dof, k) in chain {
+                qd = local.G[j * n_vy + k].mul_add(local.qd[dof.v], qd);
+            }
+            local.qd[j] = qd;
+            qd
+        });
+        if level == Level::Velocity {
+            return;
+        }
+
+        // acceleration of the platform against the leg's at its own rates, ÿ = 0
+        let of_platform = &local.scratch.rate[self.platform];
+        let a_platform = accelerated(of_platform, &(at.point - platform.p));
+        let a_arm = at.arm * -(w0 * w0);
+        let (w, alpha) =
+            if self.on_crank { (at.a * w0, zero()) } else { (of_platform.w, of_platform.alpha) };
+        let first = scale_add(&at.b, w1, &w);
+        let whole = scale_add(&at.c, w2, &first);
+        let turning = scale_add(&cross(&w, &at.b), w1, &alpha);
+        let turning = scale_add(&cross(&first, &at.c), w2, &turning);
+        let of_rod = cross_add(&turning, &at.r, &cross(&whole, &cross(&whole, &at.r)));
+        let bias = if self.on_crank {
+            self.solve(at, &(a_platform - a_arm - of_rod))
+        } else {
+            self.solve(at, &(a_platform - a_arm + of_rod))
+        };
+        for (j, x) in joints.into_iter().zip(bias) {
+            local.g[j] = x;
+        }
+    }
+
+    /// Rates of crank and universal joint for a velocity of the platform where the ball is.
+    #[inline(always)]
+    fn solve<T: Real<Const = C>>(&self, at: &Posed<T>, v: &Vector3<T>) -> [T; 3] {
+        let turn = dot(&at.r, v) * at.inverse_lever;
+        let e = scale_add(&at.t, -turn, v);
+        let e = if self.on_crank { e } else { -e };
+        [turn, -(dot(&at.c, &e) * at.inverse_root), dot(&at.b, &e) * at.inverse_root]
+    }
+
+    /// The same geometry with every constant converted.
+    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> RodLeg<D> {
+        RodLeg {
+            crank: self.crank,
+            universal: self.universal,
+            platform: self.platform,
+            depth: self.depth,
+            on_crank: self.on_crank,
+            axes: self.axes.map(f),
+            center: self.center.map(f),
+            pin: self.pin.map(f),
+            universal_axes: self.universal_axes.map(f),
+            rod: self.rod.map(f),
+            radius: f(self.radius),
+            radius_square: f(self.radius_square),
+            length_square: f(self.length_square),
+            excess: f(self.excess),
+            reach_square: f(self.reach_square),
+            swing_square: f(self.swing_square),
+            side: f(self.side),
+            root: f(self.root),
+            drive: self.drive.as_ref().map(|lambda| lambda.map(f)),
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! A closed form against Newton's method beside the zero pose.
+
+use crate::closure::{Closure, Level, Numerical, Scratch, column_unit, distance};
+use crate::compile::analysis::State;
+use crate::mechanism::{Body, Cluster};
+use crate::scalar::{Dd, Real, Scalar};
+
+/// How far the independents go to either side, in radians or cluster lengths: the longer one, or
+/// where Newton's method does not go that far the shorter one.
+const STEPS: [f64; 2] = [0.1, 0.01];
+/// Largest distance between the two, in radians or cluster lengths, and what each unit of misfit
+/// may add.
+const AGREES: f64 = 1e-12;
+const PER_MISFIT: f64 = 1e3;
+
+/// True where the closed form has the poses that Newton's method finds to both sides of each
+/// independent and of all of them; false where that finds none.
+pub(super) fn agrees(
+    closure: &Closure<Dd>,
+    numerical: &Numerical<Dd>,
+    cluster: &Cluster<Dd>,
+    bodies: &[Body<Dd>],
+    misfit: f64,
+) -> bool {
+    let zero = &numerical.zero;
+    let mut state = State::new(cluster, zero);
+    let mut scratch = Scratch::new(cluster.n_q, cluster.rows.len());
+    let allowed = AGREES + PER_MISFIT * misfit;
+    let m = cluster.independent.len();
+    (0..2 * (m + 1)).all(|direction| {
+        let sign = if direction % 2 == 0 { 1.0 } else { -1.0 };
+        let moves = |k: usize| direction / 2 == m || direction / 2 == k;
+        STEPS.into_iter().any(|step| {
+            let mut goal = zero.clone();
+            for (k, v) in cluster.independent.iter().enumerate().filter(|(k, _)| moves(*k)) {
+                // not the same step of all of them
+                let step = sign * step * (1.0 - 0.3 * k as f64 / m as f64);
+                goal[cluster.dofs[*v].q] += Dd::from_f64(step * column_unit(cluster, *v));
+            }
+            state.q.clone_from(zero);
+            numerical.determinants(cluster, bodies, &mut state.local(&mut scratch));
+            state.q.clone_from(&goal);
+            let moved = distance(cluster, zero, &goal);
+            if numerical.attempt(cluster, bodies, &mut state.local(&mut scratch), moved).is_none() {
+                return false;
+            }
+            let found = std::mem::replace(&mut state.q, goal);
+            closure.close(cluster, bodies, &mut state.local(&mut scratch), Level::Position);
+            cluster.dependent.iter().all(|v| {
+                let i = cluster.dofs[*v].q;
+                let apart = (state.q[i] - found[i]).to_f64().abs() / column_unit(cluster, *v);
+                apart < allowed
+            })
+        })
+    })
+}
