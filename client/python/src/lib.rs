@@ -1,6 +1,6 @@
 //! What `sarrus` for Python is made of: robots that answer with numpy's arrays, in `dynamics`, and
-//! the core of the CAN bridge as Python objects, which has no I/O and no clock here either; both are
-//! Python's.
+//! the core of the CAN bridge as Python objects. The bridge has no I/O and no clock here either;
+//! both are Python's.
 use pyo3::prelude::*;
 
 mod bridge;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 use sarrus_client::{Answer, PlanId, Prepared, QueryBuilder, Request, Robot};
-use sarrus_dynamics::{Layout, Plan};
+use sarrus_dynamics::{Layout, Plan, Slot};
 
 use super::arrays::{self, Given, common_rows, wanted, writable};
 use super::batch::{self, Engine, Rows};
@@ -140,7 +140,7 @@ impl Asked {
             .map(|(field, slot)| writable(field, slot.field.name()))
             .collect::<PyResult<Vec<_>>>()?;
         let (mut statuses, mut warnings) = (vec![0; rows], vec![0; rows]);
-        let width = |slot: &sarrus_proto::Slot| slot.range().len();
+        let width = |slot: &Slot| slot.range().len();
         let mut want = Vec::with_capacity(slots.len());
         for (array, slot) in written.iter_mut().zip(slots) {
             want.push((array.as_slice_mut()?, width(slot)));
@@ -197,7 +197,7 @@ impl Asked {
         numbers: &[f64],
         out: &[Option<Bound<'py, PyAny>>],
     ) -> PyResult<Vec<Bound<'py, PyAny>>> {
-        let field = |(k, slot): (usize, &sarrus_proto::Slot)| {
+        let field = |(k, slot): (usize, &Slot)| {
             let out = out.get(k).and_then(Option::as_ref);
             arrays::of_state(py, slot, &numbers[slot.range()], out)
         };

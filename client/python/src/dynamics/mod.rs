@@ -1,8 +1,8 @@
 //! Dynamics for Python: the robot of `sarrus-client`, asked with numpy's arrays.
 //!
-//! `arrays` reads and makes numpy's arrays, `shared` is a robot that Python's threads share, `batch`
-//! answers rows of states; `origin`, `robot` and `query` are what Python sees, `simulation` is
-//! the robot in time.
+//! `arrays` reads and makes numpy's arrays, `shared` is a robot that Python's threads share,
+//! `asked` a plan of it, `batch` answers rows of states; `origin`, `robot` and `query` are what
+//! Python sees, `simulation` is the robot in time.
 
 mod arrays;
 mod asked;

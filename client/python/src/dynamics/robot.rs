@@ -40,6 +40,14 @@ impl PyRobot {
     }
 
     /// Actuator forces for a motion: τ_u = G_u⁻ᵀ (M_y ÿ + C_y).
+    ///
+    /// `y` [m, rad] (n_qy), `yd` and `ydd` (n_vy); gives `tau_u` [N, N m] (n_u). With rows of each
+    /// (n, …) the states are answered on `threads` threads, with the same bits, and `progress` gets
+    /// how many are done and how many there are; Ctrl-C ends it. A connected robot has one thread.
+    ///
+    /// One state without an answer raises `StateError`. Rows without one are NaN, with a
+    /// `StateWarning`; with `return_status` the statuses come beside the forces, and nothing is
+    /// raised or warned of. `out` is written in place: float64, contiguous, of the right shape.
     #[pyo3(signature = (
         y, yd, ydd, *, out = None, threads = None, progress = None, return_status = false
     ))]
@@ -62,6 +70,9 @@ impl PyRobot {
     }
 
     /// Motion under actuator forces: ÿ = M_y⁻¹ (G_uᵀ τ_u − C_y).
+    ///
+    /// `y` [m, rad] (n_qy), `yd` (n_vy), `tau_u` [N, N m] (n_u); gives `ydd` (n_vy). All else is as
+    /// in `inverse_dynamics`.
     #[pyo3(signature = (
         y, yd, tau_u, *, out = None, threads = None, progress = None, return_status = false
     ))]
