@@ -4,6 +4,8 @@ import copy
 import gc
 import pickle
 import resource
+import subprocess
+import sys
 import tempfile
 import unittest
 from pathlib import Path
@@ -334,6 +336,10 @@ class Words(unittest.TestCase):
         self.assertEqual([status.name for status in sarrus.Status], _native.statuses())
         self.assertEqual([bit.name for bit in sarrus.Warnings], _native.warning_bits())
         self.assertEqual([*map(int, sarrus.Status)], [*range(len(sarrus.Status))])
+
+    def test_the_bridge_loads_no_numpy(self):
+        script = "import sys, sarrus.can; sys.exit('numpy' in sys.modules)"
+        self.assertEqual(subprocess.run([sys.executable, "-c", script], check=False).returncode, 0)
 
     def test_every_public_name_is_there(self):
         for name in sarrus.__all__:
