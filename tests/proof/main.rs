@@ -30,6 +30,7 @@ mod laws;
 mod layers;
 mod parts;
 mod published;
+mod python;
 mod reduction;
 mod regressions;
 mod safeguards;

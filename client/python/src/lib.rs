@@ -1,11 +1,13 @@
-//! What `sarrus` for Python is made of: the core of the CAN bridge as Python objects. No I/O and no
-//! clock here either; both are Python's.
+//! What `sarrus` for Python is made of: robots that answer with numpy's arrays, in `dynamics`, and
+//! the core of the CAN bridge as Python objects. The bridge has no I/O and no clock here either;
+//! both are Python's.
 use pyo3::prelude::*;
 
 mod bridge;
 mod candidates;
 mod configuration;
 mod drives;
+mod dynamics;
 mod fault_log;
 mod frames;
 mod interface;
@@ -26,6 +28,10 @@ mod native {
     use crate::configuration::PyConfiguration;
     #[pymodule_export]
     use crate::drives::PyDrives;
+    #[pymodule_export]
+    use crate::dynamics::{
+        PyOrigin, PyQuery, PyRobot, bundled_names, forked, status_help, statuses, warning_bits,
+    };
     #[pymodule_export]
     use crate::frames::PyFrame;
     #[pymodule_export]

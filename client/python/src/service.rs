@@ -1,10 +1,14 @@
 //! The bridge's services in shared memory, from its side and from a controller's.
 
-use pyo3::exceptions::PyOSError;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sarrus_proto::actuators::OperatorRequest;
 use sarrus_proto::bridge::{BridgeEnd, ControllerEnd, ObserverEnd};
+use sarrus_proto::heartbeat::monotonic_ns;
 use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::{Domain, DomainNode, ServerName};
 
@@ -80,6 +84,9 @@ pub(crate) struct PyController {
     end: Option<End>,
     node: Option<DomainNode<Threadsafe>>,
     domain: Domain,
+    /// Of the last command, and of the bridge's states.
+    sequence: AtomicU64,
+    fingerprint: OnceLock<u64>,
 }
 
 enum End {
@@ -102,31 +109,52 @@ impl PyController {
         } else {
             End::Controller(ControllerEnd::open(&node, &name).map_err(runtime_error)?)
         };
-        Ok(PyController { end: Some(end), node: Some(node), domain })
+        let (sequence, fingerprint) = (AtomicU64::new(0), OnceLock::new());
+        Ok(PyController { end: Some(end), node: Some(node), domain, sequence, fingerprint })
     }
 
-    /// Sends a command for all actuators; false where it could not be sent. `stamp_ns` is the
-    /// monotonic time at which it was computed, and `fingerprint` that of the model which it was
-    /// computed with, as the state has it.
+    /// Sends a command for all actuators; false where it could not be sent.
+    ///
+    /// What is not given is filled in: the next sequence, the monotonic time, the fingerprint of
+    /// the bridge's last `state`, and zeros. `stamp_ns` is the time at which the command was
+    /// computed, `fingerprint` that of the model which it was computed with.
+    #[pyo3(signature = (
+        sequence = None, stamp_ns = None, fingerprint = None, position = None, velocity = None,
+        effort = None, stiffness = None, damping = None
+    ))]
     fn command(
         &self,
-        sequence: u64,
-        stamp_ns: u64,
-        fingerprint: u64,
-        position: Vec<f64>,
-        velocity: Vec<f64>,
-        effort: Vec<f64>,
-        stiffness: Vec<f64>,
-        damping: Vec<f64>,
+        sequence: Option<u64>,
+        stamp_ns: Option<u64>,
+        fingerprint: Option<u64>,
+        position: Option<Vec<f64>>,
+        velocity: Option<Vec<f64>>,
+        effort: Option<Vec<f64>>,
+        stiffness: Option<Vec<f64>>,
+        damping: Option<Vec<f64>>,
     ) -> PyResult<bool> {
-        let command = command(
-            sequence,
-            stamp_ns,
-            fingerprint,
-            [&position, &velocity, &effort, &stiffness, &damping],
-        )?;
+        let given = [position, velocity, effort, stiffness, damping];
+        let n = given.iter().flatten().next().map(Vec::len);
+        let n = n.ok_or_else(|| PyValueError::new_err("a command without any numbers"))?;
+        let numbers = given.map(|numbers| numbers.unwrap_or_else(|| vec![0.0; n]));
+        let sequence = sequence.unwrap_or_else(|| self.sequence.load(Relaxed) + 1);
+        let stamp_ns = stamp_ns.unwrap_or_else(monotonic_ns);
+        let fingerprint = match (fingerprint, self.fingerprint.get()) {
+            (Some(fingerprint), _) | (None, Some(&fingerprint)) => fingerprint,
+            (None, None) => {
+                return Err(PyValueError::new_err(
+                    "the fingerprint is not known before the first `state`; ask for that, or give \
+                     it",
+                ));
+            }
+        };
+        let numbers = numbers.each_ref().map(Vec::as_slice);
+        let command = command(sequence, stamp_ns, fingerprint, numbers)?;
         match &self.end {
-            Some(End::Controller(end)) => Ok(end.send(&command)),
+            Some(End::Controller(end)) => {
+                self.sequence.store(sequence, Relaxed);
+                Ok(end.send(&command))
+            }
             _ => Err(PyOSError::new_err(
                 "who only watches commands nothing, and nobody does after `close`",
             )),
@@ -145,10 +173,10 @@ impl PyController {
 
     /// The newest state of the bridge by field, once; `None` without a new one.
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        self.observer()
-            .and_then(ObserverEnd::state)
-            .map(|state| state_fields(py, &state))
-            .transpose()
+        let Some(state) = self.observer().and_then(ObserverEnd::state) else { return Ok(None) };
+        // a bridge keeps its model as long as it lives
+        let _ = self.fingerprint.set(state.fingerprint);
+        state_fields(py, &state).map(Some)
     }
 
     /// Leaves the shared memory.

@@ -1,5 +1,7 @@
 //! A robot in this process.
 
+use std::sync::Arc;
+
 use sarrus_dynamics::{Model, Plan, Workspace};
 use sarrus_proto::Query;
 
@@ -7,7 +9,7 @@ use crate::{Answer, Error};
 
 /// The model with its scratch and its plans.
 pub(crate) struct Local {
-    model: Model<f64>,
+    pub(crate) model: Arc<Model<f64>>,
     workspace: Workspace<f64>,
     /// By their places.
     plans: Vec<Option<Plan>>,
@@ -15,7 +17,7 @@ pub(crate) struct Local {
 
 impl Local {
     pub(crate) fn new(model: Model<f64>) -> Local {
-        Local { workspace: Workspace::new(&model), model, plans: Vec::new() }
+        Local { workspace: Workspace::new(&model), model: Arc::new(model), plans: Vec::new() }
     }
 
     pub(crate) fn register(&mut self, place: usize, query: &Query) -> Result<(), Error> {

@@ -1,6 +1,8 @@
 //! A robot, in another process or in this one.
 
-use sarrus_dynamics::Compiled;
+use std::sync::Arc;
+
+use sarrus_dynamics::{Compiled, Model};
 use sarrus_models::{LoadError, Options, Source, load};
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, Statistics};
 use sarrus_proto::{Answer, Domain, ModelInfo, Query, Request, Status, Warnings};
@@ -118,6 +120,15 @@ impl Robot {
     /// Names, order, sizes and limits.
     pub fn model(&self) -> &ModelInfo {
         &self.info
+    }
+
+    /// The compiled model of a robot in this process, for plans and workspaces of other threads;
+    /// `None` for a connected one.
+    pub fn shared_model(&self) -> Option<Arc<Model<f64>>> {
+        match &self.side {
+            Side::Local(local) => Some(Arc::clone(&local.model)),
+            Side::Remote(_) => None,
+        }
     }
 
     /// What the server counts; `None` in process and while the server is gone.

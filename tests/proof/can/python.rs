@@ -229,8 +229,8 @@ fn the_controller_of_the_readme_holds_the_robot_where_it_is() {
     let readme =
         std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../client/python/README.md"))
             .unwrap();
-    let script =
-        readme.split("```python\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+    let mut scripts = readme.split("```python\n").filter_map(|rest| rest.split("```").next());
+    let script = scripts.find(|script| script.contains("Controller()")).unwrap();
     let script = script.replace("Controller()", "Controller(\"end_to_end\")");
     let _controller =
         Process::start("controller", stage.at_home(environment().command(&["-c", &script])));

@@ -1,7 +1,163 @@
+from collections.abc import Callable, Sequence
 from os import PathLike
-from typing import Any
+from typing import Any, Literal, overload
+
+import numpy as np
+import numpy.typing as npt
 
 VERSION: str
+
+Parts = tuple[tuple[float, float, float], bool, str | None, list[str], list[str]]
+Inputs = tuple[
+    list[tuple[bool, list[float]]],
+    list[tuple[bool, list[float], list[list[float]]]],
+    list[tuple[bool, list[float], list[float], list[float]]],
+]
+_Array = npt.NDArray[np.float64]
+_Codes = npt.NDArray[np.uint32]
+_Progress = Callable[[int, int], object] | None
+
+def bundled_names() -> list[tuple[str, str]]: ...
+def statuses() -> list[str]: ...
+def status_help(code: int) -> str: ...
+def warning_bits() -> list[str]: ...
+def forked() -> None: ...
+
+class Origin:
+    @staticmethod
+    def bundled(name: str, parts: Parts) -> Origin: ...
+    @staticmethod
+    def files(
+        urdf: str | PathLike[str], submechanisms: str | PathLike[str] | None, parts: Parts
+    ) -> Origin: ...
+    @staticmethod
+    def text(urdf: bytes, submechanisms: bytes | None, parts: Parts) -> Origin: ...
+    @staticmethod
+    def served(
+        name: str,
+        timeout: float,
+        deadline: float | None,
+        transport: str,
+        wait: str,
+        fingerprint: int | None,
+    ) -> Origin: ...
+    @property
+    def is_served(self) -> bool: ...
+    @property
+    def name(self) -> str: ...
+    def contents(self) -> tuple[bytes, bytes | None, Parts]: ...
+
+class Query:
+    @property
+    def given(self) -> list[tuple[str, list[int]]]: ...
+    @property
+    def want(self) -> list[tuple[str, list[int]]]: ...
+    def ask(
+        self,
+        given: Sequence[npt.ArrayLike],
+        out: Sequence[_Array | None] | None = None,
+        threads: int | None = None,
+        progress: _Progress = None,
+    ) -> tuple[tuple[Any, ...], Any, Any]: ...
+
+class Robot:
+    def __new__(cls, origin: Origin) -> Robot: ...
+    @overload
+    def inverse_dynamics(
+        self,
+        y: npt.ArrayLike,
+        yd: npt.ArrayLike,
+        ydd: npt.ArrayLike,
+        *,
+        out: _Array | None = None,
+        threads: int | None = None,
+        progress: _Progress = None,
+        return_status: Literal[False] = False,
+    ) -> _Array:
+        """Actuator forces for a motion: τ_u = G_u⁻ᵀ (M_y ÿ + C_y).
+
+        `y` [m, rad] (n_qy), `yd` and `ydd` (n_vy); gives `tau_u` [N, N m] (n_u). With rows of each
+        (n, …) the states are answered on `threads` threads, with the same bits, and `progress` gets
+        how many are done and how many there are; Ctrl-C ends it.
+
+        One state without an answer raises `StateError`. Rows without one are NaN, with a
+        `StateWarning`; with `return_status` the statuses come beside the forces, and nothing is
+        raised or warned of. `out` is written in place: float64, contiguous, of the right shape.
+        """
+
+    @overload
+    def inverse_dynamics(
+        self,
+        y: npt.ArrayLike,
+        yd: npt.ArrayLike,
+        ydd: npt.ArrayLike,
+        *,
+        out: _Array | None = None,
+        threads: int | None = None,
+        progress: _Progress = None,
+        return_status: Literal[True],
+    ) -> tuple[_Array, int | _Codes]: ...
+    @overload
+    def forward_dynamics(
+        self,
+        y: npt.ArrayLike,
+        yd: npt.ArrayLike,
+        tau_u: npt.ArrayLike,
+        *,
+        out: _Array | None = None,
+        threads: int | None = None,
+        progress: _Progress = None,
+        return_status: Literal[False] = False,
+    ) -> _Array:
+        """Motion under actuator forces: ÿ = M_y⁻¹ (G_uᵀ τ_u − C_y).
+
+        `y` [m, rad] (n_qy), `yd` (n_vy), `tau_u` [N, N m] (n_u); gives `ydd` (n_vy). All else is as
+        in `inverse_dynamics`.
+        """
+
+    @overload
+    def forward_dynamics(
+        self,
+        y: npt.ArrayLike,
+        yd: npt.ArrayLike,
+        tau_u: npt.ArrayLike,
+        *,
+        out: _Array | None = None,
+        threads: int | None = None,
+        progress: _Progress = None,
+        return_status: Literal[True],
+    ) -> tuple[_Array, int | _Codes]: ...
+    def prepare(
+        self,
+        request: str,
+        given: list[str],
+        want: list[str] | None = None,
+        frames: list[str] = ...,
+        joints: list[str] | None = None,
+        wrenches: list[str] = ...,
+        checksum: bool = False,
+        loop_tolerance: float | None = None,
+        projection_tolerance: float | None = None,
+    ) -> Query: ...
+    @property
+    def origin(self) -> Origin: ...
+    @property
+    def fingerprint(self) -> int:
+        """A number that differs whenever any name, order or constant of the robot differs."""
+
+    @property
+    def late(self) -> int:
+        """Answers that came after the deadline of `connect`; 0 in process."""
+
+    def information_json(self) -> bytes: ...
+    def run_simulation(
+        self,
+        y: list[float],
+        yd: list[float],
+        inputs: Inputs,
+        settings: tuple[str, float, float | None, float | None, float, float],
+        progress: Callable[[float, float], object] | None = None,
+    ) -> tuple[dict[str, _Array], tuple[str, float, float, list[str], list[tuple[float, str]]]]: ...
 
 def slcan_line(frame: Frame) -> bytes: ...
 def events_of_error_frame(error_class: int, data: bytes) -> list[tuple[str, int]]: ...
@@ -133,14 +289,14 @@ class Controller:
     def __init__(self, name: str = "default", *, watch: bool = False) -> None: ...
     def command(
         self,
-        sequence: int,
-        stamp_ns: int,
-        fingerprint: int,
-        position: list[float],
-        velocity: list[float],
-        effort: list[float],
-        stiffness: list[float],
-        damping: list[float],
+        sequence: int | None = None,
+        stamp_ns: int | None = None,
+        fingerprint: int | None = None,
+        position: Sequence[float] | npt.NDArray[np.float64] | None = None,
+        velocity: Sequence[float] | npt.NDArray[np.float64] | None = None,
+        effort: Sequence[float] | npt.NDArray[np.float64] | None = None,
+        stiffness: Sequence[float] | npt.NDArray[np.float64] | None = None,
+        damping: Sequence[float] | npt.NDArray[np.float64] | None = None,
     ) -> bool: ...
     def operate(self, stamp_ns: int, operation: str, actuator: int | None = None) -> bool: ...
     def state(self) -> dict[str, Any] | None: ...

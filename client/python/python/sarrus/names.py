@@ -1,0 +1,37 @@
+"""Names in an order that arrays have."""
+
+import difflib
+from typing import Any
+
+
+class Names(tuple[str, ...]):
+    """Names in the order of an array; each is an attribute too, its place in the array.
+
+    `robot.joints[2]` is the name of the third joint, `robot.joints.elbow` the place of the joint
+    `elbow`; where a name is no identifier, `robot.joints.place("base/rx")`.
+    """
+
+    __slots__ = ()
+
+    def place(self, name: str) -> int:
+        """The place of a name; a `KeyError` with the nearest one where there is none."""
+        try:
+            return self.index(name)
+        except ValueError:
+            near = difflib.get_close_matches(name, self, n=1)
+            hint = f"; did you mean `{near[0]}`?" if near else f"; there are {', '.join(self)}"
+            raise KeyError(f"no name `{name}` among these {len(self)}{hint}") from None
+
+    def __getattr__(self, name: str) -> int:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        try:
+            return self.place(name)
+        except KeyError as error:
+            raise AttributeError(error.args[0]) from None
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *(name for name in self if name.isidentifier())]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (Names, (tuple(self),))

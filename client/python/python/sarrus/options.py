@@ -1,0 +1,31 @@
+"""How a robot is read: gravity, its base, what is held still or left out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from sarrus import _native
+
+GRAVITY = (0.0, 0.0, -9.81)
+
+
+def parts(
+    gravity: Sequence[float],
+    lenient: bool,
+    floating_base: bool | str,
+    lock: Mapping[str, float | None] | Sequence[str],
+    only: Sequence[str],
+) -> _native.Parts:
+    """Options of a robot as the core takes them."""
+    if isinstance(lock, Mapping):
+        lock = [name if at is None else f"{name}={float(at)!r}" for name, at in lock.items()]
+    if isinstance(lock, str) or isinstance(only, str):
+        raise TypeError("`lock` and `only` are lists of names, found a text")
+    x, y, z = (float(number) for number in gravity)
+    base = floating_base if isinstance(floating_base, str) else ("" if floating_base else None)
+    return ((x, y, z), lenient, base, list(lock), list(only))
+
+
+def contents(text: str | bytes) -> bytes:
+    """The contents of a file, as bytes."""
+    return text.encode() if isinstance(text, str) else bytes(text)

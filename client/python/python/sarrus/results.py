@@ -1,0 +1,63 @@
+"""What the questions that have names answer; rows of states come before each shape."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from sarrus.query import Array
+
+
+class State(NamedTuple):
+    """The whole tree's motion with all loops closed."""
+
+    q: Array
+    """Tree coordinates [m, rad] (n_q)."""
+    qd: Array
+    """Tree velocities (n_v)."""
+    qdd: Array
+    """Tree accelerations (n_v)."""
+
+
+class Frames(NamedTuple):
+    """Frames of links; without the axis of links where one link was asked by its name."""
+
+    pose: Array
+    """Position and quaternion x, y, z, w in the root frame [m] (n, 7)."""
+    twist: Array
+    """ω and v in world axes at the frame's origin [rad/s, m/s] (n, 6)."""
+    acceleration: Array
+    """Classical acceleration, gravity not included (n, 6)."""
+
+
+class Actuators(NamedTuple):
+    """What was given of the independents, at the actuators; the rest is `None`."""
+
+    u: Array
+    """Coordinates [m, rad] (n_u)."""
+    ud: Array | None
+    """Velocities (n_u)."""
+    udd: Array | None
+    """Accelerations (n_u)."""
+    tau_u: Array | None
+    """Forces [N, N m] (n_u)."""
+    stiffness: Array | None
+    """Gains of positions (n_u, n_u)."""
+    damping: Array | None
+    """Gains of velocities (n_u, n_u)."""
+
+
+class Independents(NamedTuple):
+    """What was given of the actuators, at the independents; the rest is `None`."""
+
+    y: Array
+    """Coordinates [m, rad] (n_qy)."""
+    yd: Array | None
+    """Velocities (n_vy)."""
+    ydd: Array | None
+    """Accelerations (n_vy)."""
+    tau_y: Array | None
+    """Generalised forces [N, N m] (n_vy)."""
+    stiffness: Array | None
+    """Gains of positions (n_vy, n_vy)."""
+    damping: Array | None
+    """Gains of velocities (n_vy, n_vy)."""

@@ -1,0 +1,460 @@
+"""A robot that answers: in this process or held by a server, by the same methods."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from sarrus import _native
+from sarrus.described import DescribedRobot
+from sarrus.errors import LoadError, QueryError, state_error
+from sarrus.options import GRAVITY, contents, parts
+from sarrus.query import Answer, Array, Progress, Query, RequestName
+from sarrus.results import Actuators, Frames, Independents, State
+from sarrus.simulation import Constant, Gains, Method, Simulation, Table
+from sarrus.status import Status
+
+
+class Robot(DescribedRobot):
+    """A robot that answers.
+
+    `y` are the independent coordinates, `u` the actuators, `q` the spanning tree, `d` and `dd`
+    behind them their rates; units are SI and radians. An array with one dimension is one state,
+    rows of states are a batch, with the same bits. `Robot.bundled`, `Robot.load`,
+    `Robot.from_text` and `Robot.connect` make one.
+    """
+
+    # --- where robots come from -------------------------------------------------------------------
+
+    @classmethod
+    def bundled(
+        cls,
+        name: str,
+        *,
+        gravity: Sequence[float] = GRAVITY,
+        lenient: bool = False,
+        floating_base: bool | str = False,
+        lock: Mapping[str, float | None] | Sequence[str] = (),
+        only: Sequence[str] = (),
+    ) -> Robot:
+        """Load a robot that comes with sarrus; `sarrus.bundled()` has their names."""
+        options = parts(gravity, lenient, floating_base, lock, only)
+        return cls(_native.Origin.bundled(name, options))
+
+    @classmethod
+    def load(
+        cls,
+        urdf: str | os.PathLike[str],
+        submechanisms: str | os.PathLike[str] | None = None,
+        *,
+        gravity: Sequence[float] = GRAVITY,
+        lenient: bool = False,
+        floating_base: bool | str = False,
+        lock: Mapping[str, float | None] | Sequence[str] = (),
+        only: Sequence[str] = (),
+    ) -> Robot:
+        """Load a robot from its files into this process.
+
+        Without a submechanism file every joint is independent and active. `gravity` is in root axes
+        [m/s²]; with `lenient` faults of inertia are warnings; `floating_base` hangs the root on a
+        free joint; `lock` holds joints still, at a position or where they are at zero; `only` keeps
+        some links with what their motion depends on. A `LoadError` has every fault of the files.
+        """
+        options = parts(gravity, lenient, floating_base, lock, only)
+        return cls(_native.Origin.files(urdf, submechanisms, options))
+
+    @classmethod
+    def from_text(
+        cls,
+        urdf: str | bytes,
+        submechanisms: str | bytes | None = None,
+        *,
+        gravity: Sequence[float] = GRAVITY,
+        lenient: bool = False,
+        floating_base: bool | str = False,
+        lock: Mapping[str, float | None] | Sequence[str] = (),
+        only: Sequence[str] = (),
+    ) -> Robot:
+        """Load a robot from the contents of its files; else as `Robot.load`."""
+        options = parts(gravity, lenient, floating_base, lock, only)
+        texts = contents(urdf), None if submechanisms is None else contents(submechanisms)
+        return cls(_native.Origin.text(*texts, options))
+
+    @classmethod
+    def connect(
+        cls,
+        name: str,
+        *,
+        timeout: float = 1.0,
+        deadline: float | None = None,
+        transport: str = "lane",
+        wait: str = "auto",
+        fingerprint: int | None = None,
+    ) -> Robot:
+        """Connect to a server on this machine, started by `sarrus serve --name NAME`.
+
+        One call waits for `timeout` [s] at most, for a server that is gone to come back included;
+        answers later than `deadline` [s] are counted by `late`. `transport` is `lane` or
+        `service`, `wait` is `auto`, `busy` or `polite`. With `fingerprint` no other model will do.
+        A `ConnectError` says what to do.
+        """
+        origin = _native.Origin.served(name, timeout, deadline, transport, wait, fingerprint)
+        return cls(origin)
+
+    # --- questions --------------------------------------------------------------------------------
+
+    def query(
+        self,
+        request: RequestName,
+        given: Sequence[str],
+        want: Sequence[str] | None = None,
+        *,
+        frames: Sequence[str] = (),
+        joints: Sequence[str] | None = None,
+        wrenches: Sequence[str] = (),
+        checksum: bool = False,
+        loop_tolerance: float | None = None,
+        projection_tolerance: float | None = None,
+    ) -> Query:
+        """Prepare anything else that can be asked, by the words of `sarrus ask`.
+
+        `given` and `want` are names of fields, such as `y` and `tau_u`; without `want` the
+        request's usual ones come out. `frames` and `wrenches` are names of links, `joints` names or
+        patterns (`AL*`) whose rows are asked. A `QueryError` has every name that stands for
+        nothing.
+
+        >>> import sarrus
+        >>> robot = sarrus.Robot.bundled("lambda")
+        >>> terms = robot.query("inverse-dynamics", ["y", "yd"], ["M_y", "C_y"])
+        >>> terms(y=[0.2], yd=[1.0]).M_y.shape
+        (1, 1)
+        """
+        return Query(
+            self.prepare(
+                request,
+                list(given),
+                None if want is None else list(want),
+                list(frames),
+                None if joints is None else list(joints),
+                list(wrenches),
+                checksum,
+                loop_tolerance,
+                projection_tolerance,
+            )
+        )
+
+    def state(
+        self,
+        y: npt.ArrayLike,
+        yd: npt.ArrayLike | None = None,
+        ydd: npt.ArrayLike | None = None,
+        *,
+        threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> State:
+        """Give the whole tree's motion with all loops closed: q, q̇ = G ẏ, q̈ = G ÿ + g.
+
+        `y` [m, rad] (n_qy), `yd` and `ydd` (n_vy), zero where they are not given.
+        """
+        given = self._motion(y, yd, ydd)
+        query = self._cached("kinematics", ("y", "yd", "ydd"), ("q", "qd", "qdd"))
+        return State(**query.ask(given, None, threads, progress))
+
+    def frames(
+        self,
+        links: str | Sequence[str],
+        y: npt.ArrayLike,
+        yd: npt.ArrayLike | None = None,
+        ydd: npt.ArrayLike | None = None,
+        *,
+        threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> Frames:
+        """Give poses, twists and accelerations of links.
+
+        `y` [m, rad] (n_qy), `yd` and `ydd` (n_vy), zero where they are not given.
+        """
+        given = self._motion(y, yd, ydd)
+        names = (links,) if isinstance(links, str) else tuple(links)
+        want = ("frame_pose", "frame_twist", "frame_acc")
+        query = self._cached("kinematics", ("y", "yd", "ydd"), want, names)
+        answer = query.ask(given, None, threads, progress)
+        fields = [answer[name] for name in want]
+        if isinstance(links, str):
+            fields = [field[..., 0, :] for field in fields]
+        return Frames(*fields)
+
+    def jacobian(
+        self,
+        link: str,
+        y: npt.ArrayLike,
+        *,
+        columns: str = "independent",
+        threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> Array:
+        """Give the Jacobian of a link's frame: its twist `[ω; v]` is J ẏ, in world axes (6, n_vy).
+
+        `columns` are those of the velocities `independent`, `tree` (n_v) or `actuator` (n_u).
+        """
+        if columns not in ("independent", "tree", "actuator"):
+            raise QueryError(f"columns are independent, tree or actuator, not `{columns}`")
+        field = f"jacobian_{columns}"
+        query = self._cached("kinematics", ("y",), (field,), (link,))
+        jacobian: Array = query.ask([y], None, threads, progress)[field]
+        return jacobian[..., 0, :, :]
+
+    def mass_matrix(
+        self,
+        y: npt.ArrayLike,
+        *,
+        threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> Array:
+        """Give the reduced mass matrix M_y = GᵀMG (n_vy, n_vy)."""
+        query = self._cached("inverse-dynamics", ("y",), ("M_y",))
+        mass_matrix: Array = query.ask([y], None, threads, progress)["M_y"]
+        return mass_matrix
+
+    def bias_force(
+        self,
+        y: npt.ArrayLike,
+        yd: npt.ArrayLike | None = None,
+        *,
+        threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> Array:
+        """Give the reduced bias force C_y: velocity terms, gravity, springs in joints (n_vy)."""
+        query = self._cached("inverse-dynamics", ("y", "yd"), ("C_y",))
+        given = [y, self._zeros(y) if yd is None else yd]
+        bias_force: Array = query.ask(given, None, threads, progress)["C_y"]
+        return bias_force
+
+    def to_actuators(
+        self,
+        y: npt.ArrayLike,
+        yd: npt.ArrayLike | None = None,
+        ydd: npt.ArrayLike | None = None,
+        *,
+        tau_y: npt.ArrayLike | None = None,
+        stiffness: npt.ArrayLike | None = None,
+        damping: npt.ArrayLike | None = None,
+    ) -> Actuators:
+        """Take motion, forces and gains from the independents to the actuators.
+
+        u̇ = G_u ẏ, ü = G_u ÿ + g_u, τ_y = G_uᵀ τ_u. `stiffness` and `damping` are diagonals (n_vy)
+        or matrices (n_vy, n_vy) of a law τ_y = K δy + D δẏ; the actuators' matrices K_u with
+        K = G_uᵀ K_u G_u make the same law with τ_u = K_u δu + D_u δu̇ near this pose.
+        """
+        gains = _gains(stiffness, damping, len(self.independents))
+        if gains and len(self.actuators) < len(self.independents):
+            raise QueryError(
+                f"{len(self.actuators)} actuators make no gains of {len(self.independents)} "
+                "independents; give those of `to_independent`"
+            )
+        rest = self._zeros(y) if ydd is not None else None
+        given = {"y": y, "yd": _or(yd, rest), "ydd": ydd, "tau_y": tau_y}
+        answer = self._mapped(given, ("u", "ud", "udd", "tau_u"), bool(gains))
+        try:
+            through = self._inverse(answer["G_u"]) if gains else None
+        except np.linalg.LinAlgError:
+            raise state_error(Status.singular_actuation) from None
+        fields: list[Any] = [answer.get(name) for name in ("u", "ud", "udd", "tau_u")]
+        fields[1] = None if yd is None else fields[1]
+        return Actuators(*fields, *(_taken(gains.get(k), through) for k in GAINS))
+
+    def to_independent(
+        self,
+        u: npt.ArrayLike,
+        ud: npt.ArrayLike | None = None,
+        udd: npt.ArrayLike | None = None,
+        *,
+        tau_u: npt.ArrayLike | None = None,
+        stiffness: npt.ArrayLike | None = None,
+        damping: npt.ArrayLike | None = None,
+    ) -> Independents:
+        """Take what encoders, forces and gains of the actuators are to the independents.
+
+        The inverse of `to_actuators`, from the pose where all coordinates are zero; gains are
+        K = G_uᵀ K_u G_u.
+        """
+        gains = _gains(stiffness, damping, len(self.actuators))
+        rest = np.zeros(np.shape(u)) if udd is not None else None
+        given = {"u": u, "ud": _or(ud, rest), "udd": udd, "tau_u": tau_u}
+        answer = self._mapped(given, ("y", "yd", "ydd", "tau_y"), bool(gains))
+        through = answer.get("G_u")
+        fields: list[Any] = [answer.get(name) for name in ("y", "yd", "ydd", "tau_y")]
+        fields[1] = None if ud is None else fields[1]
+        return Independents(*fields, *(_taken(gains.get(k), through) for k in GAINS))
+
+    def simulate(
+        self,
+        duration: float,
+        y: npt.ArrayLike,
+        yd: npt.ArrayLike | None = None,
+        *,
+        tau_u: npt.ArrayLike | None = None,
+        tau_y: npt.ArrayLike | None = None,
+        inputs: Sequence[Constant | Table | Gains] = (),
+        method: Method = "dop853",
+        step: float | None = None,
+        every: float | None = None,
+        rtol: float = 1e-8,
+        atol: float = 1e-8,
+        progress: Callable[[float, float], object] | None = None,
+    ) -> Simulation:
+        """Simulate the robot for a time [s] from a state, at rest where `yd` is not given.
+
+        Forces are constant by `tau_u` (n_u) or `tau_y` (n_vy), or `inputs`. `method` is `euler` or
+        `rk4` with a fixed `step` [s], `dop853` or, for stiff problems, `radau5` with their own.
+        Every step is a sample, or one in `every` [s]. Ctrl-C ends it; `progress` gets the time that
+        was reached and the duration.
+        """
+        if self.is_connected:
+            raise QueryError("a server does not simulate; load the robot's files by `Robot.load`")
+        all_inputs = list(inputs)
+        if tau_u is not None:
+            all_inputs.append(Constant("u", tau_u))
+        if tau_y is not None:
+            all_inputs.append(Constant("y", tau_y))
+        sorted_inputs = _sorted(all_inputs)
+        settings = (method, duration, step, every, rtol, atol)
+        start = _list(y), _list(self._zeros(y) if yd is None else yd)
+        arrays, (end, _, drift, independents, events) = self.run_simulation(
+            *start, sorted_inputs, settings, progress
+        )
+        return Simulation(
+            **arrays, end=end, drift=drift, independents=tuple(independents), events=tuple(events)
+        )
+
+    # --- within -----------------------------------------------------------------------------------
+
+    @cached_property
+    def _queries(self) -> dict[Any, Query]:
+        return {}
+
+    def _cached(
+        self,
+        request: RequestName,
+        given: tuple[str, ...],
+        want: tuple[str, ...],
+        frames: tuple[str, ...] = (),
+    ) -> Query:
+        """The query, prepared when it is first asked."""
+        key = (request, given, want, frames)
+        query = self._queries.get(key)
+        if query is None:
+            query = self._queries[key] = self.query(request, given, want, frames=frames)
+        return query
+
+    def _zeros(self, y: npt.ArrayLike) -> Array:
+        """Rates of a robot at rest, beside these coordinates."""
+        return np.zeros((*np.shape(y)[:-1], len(self.independents)))
+
+    def _motion(
+        self,
+        y: npt.ArrayLike,
+        yd: npt.ArrayLike | None,
+        ydd: npt.ArrayLike | None,
+    ) -> list[npt.ArrayLike]:
+        rest = self._zeros(y) if yd is None or ydd is None else None
+        return [y, _or(yd, rest), _or(ydd, rest)]
+
+    def _inverse(self, g_u: Array) -> Array:
+        """The independents' motion for one of the actuators."""
+        square = len(self.actuators) == len(self.independents)
+        return np.asarray(np.linalg.inv(g_u) if square else np.linalg.pinv(g_u), np.float64)
+
+    def _mapped(
+        self, given: Mapping[str, npt.ArrayLike | None], want: tuple[str, ...], loops: bool
+    ) -> Answer:
+        """What is given, in another space, field by field."""
+        present = {name: array for name, array in given.items() if array is not None}
+        wanted = tuple(b for a, b in zip(given, want, strict=True) if a in present)
+        query = self._cached("map", tuple(present), wanted + (("G_u",) if loops else ()))
+        return query.ask([present[name] for name in query.given])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (_restored, (type(self), *self.origin.contents(), self.fingerprint))
+
+
+def bundled() -> dict[str, str]:
+    """Give the names of the robots that come with sarrus, each with a line about it."""
+    return dict(_native.bundled_names())
+
+
+GAINS = ("stiffness", "damping")
+
+
+def _restored(
+    cls: type[Robot],
+    urdf: bytes,
+    submechanisms: bytes | None,
+    options: _native.Parts,
+    fingerprint: int,
+) -> Robot:
+    """Read a pickled robot's files again, and see that it is the same."""
+    robot = cls(_native.Origin.text(urdf, submechanisms, options))
+    if robot.fingerprint != fingerprint:
+        raise LoadError(
+            f"the pickled files make the model {robot.fingerprint:016x}, expected "
+            f"{fingerprint:016x}: they were changed after the robot was loaded, name other files, "
+            "or are read by another version of sarrus; load the robot by its files",
+            [],
+        )
+    return robot
+
+
+def _or(array: npt.ArrayLike | None, other: Any) -> Any:
+    return other if array is None else array
+
+
+def _gains(
+    stiffness: npt.ArrayLike | None, damping: npt.ArrayLike | None, n: int
+) -> dict[str, Array]:
+    """The gains that are given, as matrices."""
+    matrices = {}
+    for name, gains in zip(GAINS, (stiffness, damping), strict=True):
+        if gains is None:
+            continue
+        array = np.asarray(gains, float)
+        if array.shape not in ((n,), (n, n)):
+            raise ValueError(f"`{name}` has the shape {array.shape}, expected ({n},) or ({n}, {n})")
+        matrices[name] = np.diag(array) if array.ndim == 1 else array
+    return matrices
+
+
+def _taken(gains: Array | None, through: Array | None) -> Array | None:
+    """Aᵀ K A."""
+    if gains is None or through is None:
+        return None
+    taken: Array = np.swapaxes(through, -1, -2) @ gains @ through
+    return taken
+
+
+def _list(array: npt.ArrayLike) -> list[float]:
+    numbers: list[float] = np.asarray(array, float).ravel().tolist()
+    return numbers
+
+
+def _sorted(inputs: Sequence[Constant | Table | Gains]) -> _native.Inputs:
+    """Inputs by kind, as the core takes them."""
+    constants, tables, gains = [], [], []
+    for one in inputs:
+        if one.space not in ("y", "u"):
+            raise ValueError(f"space is `{one.space}`, expected `y` or `u`")
+        actuators = one.space == "u"
+        if isinstance(one, Constant):
+            constants.append((actuators, _list(one.forces)))
+        elif isinstance(one, Table):
+            rows: list[list[float]] = np.atleast_2d(np.asarray(one.forces, float)).tolist()
+            tables.append((actuators, _list(one.times), rows))
+        else:
+            lists = _list(one.stiffness), _list(one.damping), _list(one.target)
+            gains.append((actuators, *lists))
+    return (constants, tables, gains)

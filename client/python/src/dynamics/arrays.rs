@@ -1,0 +1,184 @@
+//! numpy's arrays: fields of a request that came from Python, and arrays for an answer.
+//!
+//! A field of shape s is one state; an array with one dimension before s is rows of states.
+//! Arrays of float64, aligned and contiguous in C's order, are read where they lie; others are
+//! converted.
+
+use numpy::{
+    PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn,
+    PyUntypedArrayMethods,
+};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::intern;
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use sarrus_client::Field;
+use sarrus_proto::Slot;
+
+/// The shape of a field of one state: numbers alone have none, frames come before their rows.
+pub(super) fn shape(slot: &Slot) -> Vec<usize> {
+    use Field::*;
+    let Slot { field, rows, columns, .. } = *slot;
+    match field {
+        Residual | Iterations | CondKd | CondGu | SigmaMin | CondMy | Projection => vec![],
+        JacobianTree | JacobianIndependent | JacobianActuator => vec![rows / 6, 6, columns],
+        G | GU | K | MY | Limits | FramePose | FrameTwist | FrameAcc | Wrenches => {
+            vec![rows, columns]
+        }
+        _ => vec![rows],
+    }
+}
+
+/// A field of a request.
+pub(super) struct Given<'py> {
+    array: PyReadonlyArrayDyn<'py, f64>,
+    /// How many states; `None` for one that is no row.
+    pub(super) rows: Option<usize>,
+    name: &'static str,
+}
+
+impl<'py> Given<'py> {
+    /// A field from what Python gave for it.
+    pub(super) fn new(object: &Bound<'py, PyAny>, slot: &Slot) -> PyResult<Given<'py>> {
+        let name = slot.field.name();
+        let array = match object.cast::<PyArrayDyn<f64>>() {
+            Ok(array) if array.is_c_contiguous() && array.is_aligned() => array.try_readonly()?,
+            _ => converted(object, name)?.try_readonly()?,
+        };
+        let rows = match array.shape() {
+            [n] if slot.columns == 1 && *n == slot.rows => None,
+            found => rows(found, &shape(slot), name)?,
+        };
+        Ok(Given { array, rows, name })
+    }
+
+    /// Its numbers, state after state.
+    pub(super) fn numbers(&self) -> PyResult<&[f64]> {
+        Ok(self.array.as_slice()?)
+    }
+}
+
+/// How many rows an array of this shape has, where one state has another.
+fn rows(found: &[usize], expected: &[usize], name: &str) -> PyResult<Option<usize>> {
+    if found == expected {
+        return Ok(None);
+    }
+    match found.split_first() {
+        Some((rows, rest)) if rest == expected => Ok(Some(*rows)),
+        _ => Err(PyValueError::new_err(format!(
+            "`{name}` has the shape {}, expected {} for one state or {} for rows of states",
+            tuple(found, ""),
+            tuple(expected, ""),
+            tuple(expected, "n")
+        ))),
+    }
+}
+
+/// A shape as Python writes it.
+fn tuple(shape: &[usize], first: &str) -> String {
+    let mut sizes: Vec<String> = shape.iter().map(ToString::to_string).collect();
+    if !first.is_empty() {
+        sizes.insert(0, first.to_owned());
+    }
+    let end = if sizes.len() == 1 { "," } else { "" };
+    format!("({}{end})", sizes.join(", "))
+}
+
+/// How many rows all fields have; `None` where they are one state.
+pub(super) fn common_rows(given: &[Given<'_>]) -> PyResult<Option<usize>> {
+    let Some(first) = given.first() else { return Ok(None) };
+    let words = |given: &Given<'_>| match given.rows {
+        None => "is one state".to_owned(),
+        Some(rows) => format!("has {rows} rows"),
+    };
+    match given.iter().find(|other| other.rows != first.rows) {
+        None => Ok(first.rows),
+        Some(other) => Err(PyValueError::new_err(format!(
+            "`{}` {} and `{}` {}; give equally many rows of each, or one state",
+            first.name,
+            words(first),
+            other.name,
+            words(other)
+        ))),
+    }
+}
+
+/// Anything that numpy reads as real numbers, as an array of float64.
+fn converted<'py>(object: &Bound<'py, PyAny>, name: &str) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    static AS_ARRAY: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    static REQUIRE: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    let py = object.py();
+    let array = AS_ARRAY.import(py, "numpy", "asarray")?.call1((object,))?;
+    let dtype = array.getattr(intern!(py, "dtype"))?;
+    let kind: String = dtype.getattr(intern!(py, "kind"))?.extract()?;
+    if !matches!(kind.as_str(), "f" | "i" | "u") {
+        return Err(PyTypeError::new_err(format!(
+            "`{name}` holds {dtype}, expected real numbers (float64 is read without a copy)"
+        )));
+    }
+    let array = REQUIRE.import(py, "numpy", "require")?.call1((array, "float64", "CA"))?;
+    Ok(array.cast_into::<PyArrayDyn<f64>>()?)
+}
+
+/// The shape of a field of so many states.
+pub(super) fn full_shape(slot: &Slot, rows: Option<usize>) -> Vec<usize> {
+    rows.into_iter().chain(shape(slot)).collect()
+}
+
+/// An array for a field of an answer: the caller's, or a new one.
+pub(super) fn wanted<'py>(
+    py: Python<'py>,
+    slot: &Slot,
+    rows: Option<usize>,
+    out: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    let shape = full_shape(slot, rows);
+    let Some(out) = out else { return Ok(PyArrayDyn::zeros(py, shape, false)) };
+    let name = slot.field.name();
+    let array = out.cast::<PyArrayDyn<f64>>().map_err(|_| {
+        PyTypeError::new_err(format!("`out` for `{name}` must be an array of float64"))
+    })?;
+    if array.shape() != shape.as_slice() {
+        return Err(PyValueError::new_err(format!(
+            "`out` for `{name}` has the shape {}, expected {}",
+            tuple(array.shape(), ""),
+            tuple(&shape, "")
+        )));
+    }
+    if !array.is_c_contiguous() || !array.is_aligned() {
+        return Err(PyValueError::new_err(format!(
+            "`out` for `{name}` must be contiguous in C's order, such as `numpy.empty` makes it"
+        )));
+    }
+    Ok(array.clone())
+}
+
+/// An array of an answer, to be written.
+pub(super) fn writable<'py>(
+    array: &Bound<'py, PyArrayDyn<f64>>,
+    name: &str,
+) -> PyResult<PyReadwriteArrayDyn<'py, f64>> {
+    array.try_readwrite().map_err(|_| {
+        PyValueError::new_err(format!(
+            "`out` for `{name}` cannot be written: it is read-only, or shares memory with an input"
+        ))
+    })
+}
+
+/// A field of one state: a number, or an array of the caller's or a new one.
+pub(super) fn of_state<'py>(
+    py: Python<'py>,
+    slot: &Slot,
+    numbers: &[f64],
+    out: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let shape = shape(slot);
+    match (shape.len(), numbers, out) {
+        (0, [number], None) => return Ok(number.into_pyobject(py)?.into_any()),
+        (1, _, None) => return Ok(PyArray1::from_slice(py, numbers).into_any()),
+        _ => {}
+    }
+    let array = wanted(py, slot, None, out)?;
+    writable(&array, slot.field.name())?.as_slice_mut()?.copy_from_slice(numbers);
+    Ok(array.into_any())
+}

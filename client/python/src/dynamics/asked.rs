@@ -1,0 +1,206 @@
+//! A prepared plan with its robot, asked with numpy's arrays.
+
+use std::num::NonZero;
+use std::sync::Arc;
+
+use numpy::{IntoPyArray, PyArray1};
+use pyo3::prelude::*;
+use sarrus_client::{Answer, PlanId, Prepared, QueryBuilder, Request, Robot};
+use sarrus_dynamics::{Layout, Plan, Slot};
+
+use super::arrays::{self, Given, common_rows, wanted, writable};
+use super::batch::{self, Engine, Rows};
+use super::errors::QueryError;
+use super::shared::Shared;
+
+/// How a batch is to be answered.
+pub(super) struct BatchOptions {
+    pub(super) threads: Option<NonZero<usize>>,
+    pub(super) progress: Option<Py<PyAny>>,
+}
+
+/// A plan of a robot.
+pub(super) struct Asked {
+    shared: Arc<Shared>,
+    id: PlanId,
+    given: Layout,
+    want: Layout,
+    /// The same for threads of their own, in this process.
+    plan: Option<Plan>,
+}
+
+impl Drop for Asked {
+    fn drop(&mut self) {
+        self.shared.release(self.id);
+    }
+}
+
+/// What came back.
+pub(super) enum Answered<'py> {
+    /// One state: the packed numbers.
+    State { numbers: Vec<f64>, answer: Answer },
+    /// Rows of states.
+    Rows {
+        fields: Vec<Bound<'py, PyAny>>,
+        statuses: Bound<'py, PyArray1<u32>>,
+        warnings: Bound<'py, PyArray1<u32>>,
+        failed: Failed,
+    },
+}
+
+/// States without an answer among rows.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Failed {
+    pub(super) count: usize,
+    /// The first of them, and its status.
+    pub(super) first: Option<(usize, u32)>,
+}
+
+impl Asked {
+    /// Prepares what `build` makes of a query.
+    pub(super) fn new(
+        py: Python<'_>,
+        shared: &Arc<Shared>,
+        request: Request,
+        build: impl for<'q> FnOnce(QueryBuilder<'q>) -> QueryBuilder<'q> + Send,
+    ) -> PyResult<Asked> {
+        let prepare = |robot: &mut Robot| {
+            let id = build(robot.query(request)).prepare()?;
+            Ok((id, robot.plan(id).map(Prepared::clone)))
+        };
+        let (id, prepared) = shared.with(py, prepare)?;
+        let refused = |words: String| QueryError::new_err(words);
+        let prepared = prepared.ok_or_else(|| refused("the plan was released".to_owned()))?;
+        let plan = shared.model.as_ref().map(|model| Plan::new(model, prepared.query()));
+        Ok(Asked {
+            shared: Arc::clone(shared),
+            id,
+            given: prepared.given().clone(),
+            want: prepared.want().clone(),
+            plan: plan.transpose().map_err(|error| refused(error.to_string()))?,
+        })
+    }
+
+    /// What goes in.
+    pub(super) fn given(&self) -> &Layout {
+        &self.given
+    }
+
+    /// What comes out.
+    pub(super) fn want(&self) -> &Layout {
+        &self.want
+    }
+
+    /// Asks with one array for each given field, in packing order; `out` has one for each wanted
+    /// field, or `None`.
+    pub(super) fn ask<'py>(
+        &self,
+        py: Python<'py>,
+        given: &[Bound<'py, PyAny>],
+        out: &[Option<Bound<'py, PyAny>>],
+        options: &BatchOptions,
+    ) -> PyResult<Answered<'py>> {
+        let slots = self.given.slots().iter();
+        let given: Vec<Given<'py>> = slots
+            .zip(given)
+            .map(|(slot, object)| Given::new(object, slot))
+            .collect::<PyResult<_>>()?;
+        match common_rows(&given)? {
+            None => {
+                let mut input = Vec::with_capacity(self.given.len());
+                for field in &given {
+                    input.extend_from_slice(field.numbers()?);
+                }
+                let mut numbers = vec![f64::NAN; self.want.len()];
+                let answer = self.shared.ask(py, self.id, &input, &mut numbers)?;
+                Ok(Answered::State { numbers, answer })
+            }
+            Some(rows) => self.ask_rows(py, &given, rows, out, options),
+        }
+    }
+
+    fn ask_rows<'py>(
+        &self,
+        py: Python<'py>,
+        given: &[Given<'py>],
+        rows: usize,
+        out: &[Option<Bound<'py, PyAny>>],
+        options: &BatchOptions,
+    ) -> PyResult<Answered<'py>> {
+        // the arrays that are written
+        let slots = self.want.slots();
+        let fields = slots
+            .iter()
+            .enumerate()
+            .map(|(k, slot)| wanted(py, slot, Some(rows), out.get(k).and_then(Option::as_ref)))
+            .collect::<PyResult<Vec<_>>>()?;
+        let mut written = fields
+            .iter()
+            .zip(slots)
+            .map(|(field, slot)| writable(field, slot.field.name()))
+            .collect::<PyResult<Vec<_>>>()?;
+        let (mut statuses, mut warnings) = (vec![0; rows], vec![0; rows]);
+        let width = |slot: &Slot| slot.range().len();
+        let mut want = Vec::with_capacity(slots.len());
+        for (array, slot) in written.iter_mut().zip(slots) {
+            want.push((array.as_slice_mut()?, width(slot)));
+        }
+        let mut read = Vec::with_capacity(given.len());
+        for (field, slot) in given.iter().zip(self.given.slots()) {
+            read.push((field.numbers()?, width(slot)));
+        }
+        let numbers =
+            Rows { rows, given: read, want, statuses: &mut statuses, warnings: &mut warnings };
+
+        // one engine for each thread; a connected robot has one lane
+        match (&self.plan, &self.shared.model) {
+            (Some(plan), Some(model)) => {
+                let n = batch::threads(options.threads, rows);
+                let mut workspaces: Vec<_> = (0..n).map(|_| self.shared.workspace(model)).collect();
+                let mut engines = Vec::with_capacity(n);
+                for workspace in &mut workspaces {
+                    let engine: Box<Engine<'_>> = Box::new(|input, output| {
+                        Ok(plan.run(model, &mut *workspace, input, output))
+                    });
+                    engines.push(engine);
+                }
+                let outcome = batch::run(py, numbers, engines, options.progress.as_ref());
+                workspaces.into_iter().for_each(|one| self.shared.give_back(one));
+                outcome?;
+            }
+            _ => {
+                // refuses a robot of the parent's
+                self.shared.with(py, |_| Ok(()))?;
+                let engine: Box<Engine<'_>> =
+                    Box::new(|input, output| self.shared.ask_detached(self.id, input, output));
+                batch::run(py, numbers, vec![engine], options.progress.as_ref())?;
+            }
+        }
+        drop(written);
+        let mut failed = Failed::default();
+        for (row, status) in statuses.iter().enumerate().filter(|(_, status)| **status != 0) {
+            failed.count += 1;
+            failed.first.get_or_insert((row, *status));
+        }
+        Ok(Answered::Rows {
+            fields: fields.into_iter().map(Bound::into_any).collect(),
+            statuses: statuses.into_pyarray(py),
+            warnings: warnings.into_pyarray(py),
+            failed,
+        })
+    }
+
+    /// The fields of one state as arrays and numbers.
+    pub(super) fn fields<'py>(
+        &self,
+        py: Python<'py>,
+        numbers: &[f64],
+        out: &[Option<Bound<'py, PyAny>>],
+    ) -> PyResult<Vec<Bound<'py, PyAny>>> {
+        let field = |(k, slot): (usize, &Slot)| {
+            let out = out.get(k).and_then(Option::as_ref);
+            arrays::of_state(py, slot, &numbers[slot.range()], out)
+        };
+        self.want.slots().iter().enumerate().map(field).collect()
+    }
+}

@@ -1,0 +1,193 @@
+//! Rows of states: cut into tiles that threads take one after the other.
+//!
+//! Each row is answered as a single state is, so its bits depend on no thread. The calling thread
+//! works too, and between its tiles lets Python look for signals and calls back.
+
+use std::num::NonZero;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
+use std::sync::{Mutex, OnceLock, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use pyo3::prelude::*;
+use sarrus_client::Answer;
+
+/// Rows of a tile, and rows from which another thread is worth its start.
+const TILE: usize = 256;
+const ROWS_OF_A_THREAD: usize = 2048;
+/// Between two looks for signals.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// What answers one state after the other: packed numbers in and out.
+pub(super) type Engine<'e> = dyn FnMut(&[f64], &mut [f64]) -> PyResult<Answer> + Send + 'e;
+
+/// The rows that are left, field by field, each with the width of a row.
+pub(super) struct Rows<'a> {
+    pub(super) rows: usize,
+    pub(super) given: Vec<(&'a [f64], usize)>,
+    pub(super) want: Vec<(&'a mut [f64], usize)>,
+    pub(super) statuses: &'a mut [u32],
+    pub(super) warnings: &'a mut [u32],
+}
+
+impl<'a> Rows<'a> {
+    /// Takes a tile off the front; `None` where no row is left.
+    fn tile(&mut self) -> Option<Rows<'a>> {
+        let rows = self.rows.min(TILE);
+        if rows == 0 {
+            return None;
+        }
+        self.rows -= rows;
+        let mut given = Vec::with_capacity(self.given.len());
+        for (numbers, width) in &mut self.given {
+            let (tile, rest) = numbers.split_at(rows * *width);
+            *numbers = rest;
+            given.push((tile, *width));
+        }
+        let mut want = Vec::with_capacity(self.want.len());
+        for (numbers, width) in &mut self.want {
+            want.push((split_off(numbers, rows * *width), *width));
+        }
+        let statuses = split_off(&mut self.statuses, rows);
+        let warnings = split_off(&mut self.warnings, rows);
+        Some(Rows { rows, given, want, statuses, warnings })
+    }
+
+    /// Answers every row.
+    fn answer(self, packed: &mut Packed, engine: &mut Engine<'_>) -> PyResult<()> {
+        let Rows { rows, given, mut want, statuses, warnings } = self;
+        for row in 0..rows {
+            let mut at = 0;
+            for (numbers, width) in &given {
+                let field = &numbers[row * width..][..*width];
+                packed.input[at..][..*width].copy_from_slice(field);
+                at += width;
+            }
+            let answer = engine(&packed.input, &mut packed.output)?;
+            (statuses[row], warnings[row]) = (answer.status as u32, answer.warnings.0);
+            let mut at = 0;
+            for (numbers, width) in &mut want {
+                let field = &packed.output[at..][..*width];
+                numbers[row * *width..][..*width].copy_from_slice(field);
+                at += *width;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The first `n` entries, which are taken off.
+fn split_off<'a, T>(slice: &mut &'a mut [T], n: usize) -> &'a mut [T] {
+    let (first, rest) = std::mem::take(slice).split_at_mut(n);
+    *slice = rest;
+    first
+}
+
+/// Numbers of one state as a plan has them.
+struct Packed {
+    input: Vec<f64>,
+    output: Vec<f64>,
+}
+
+impl Packed {
+    fn new(rows: &Rows<'_>) -> Packed {
+        let n_in = rows.given.iter().map(|(_, width)| width).sum();
+        let n_out = rows.want.iter().map(|(_, width)| width).sum();
+        Packed { input: vec![0.0; n_in], output: vec![0.0; n_out] }
+    }
+}
+
+/// How many threads answer so many rows: as many as were asked for, else as are worth it.
+pub(super) fn threads(asked: Option<NonZero<usize>>, rows: usize) -> usize {
+    static PROCESSORS: OnceLock<usize> = OnceLock::new();
+    let most = match asked {
+        Some(threads) => threads.get().min(rows.div_ceil(TILE)),
+        None => {
+            let processors = || thread::available_parallelism().map_or(1, NonZero::<usize>::get);
+            (*PROCESSORS.get_or_init(processors)).min(rows.div_ceil(ROWS_OF_A_THREAD))
+        }
+    };
+    most.max(1)
+}
+
+/// What the threads of a batch share.
+struct Batch<'a> {
+    left: Mutex<Rows<'a>>,
+    done: AtomicUsize,
+    stop: AtomicBool,
+}
+
+impl Batch<'_> {
+    /// Answers tiles until none is left or somebody stops; `look` comes after each.
+    fn work(
+        &self,
+        engine: &mut Engine<'_>,
+        packed: &mut Packed,
+        look: &mut dyn FnMut() -> PyResult<()>,
+    ) -> PyResult<()> {
+        while !self.stop.load(Relaxed) {
+            let tile = self.left.lock().unwrap_or_else(PoisonError::into_inner).tile();
+            let Some(tile) = tile else { break };
+            let rows = tile.rows;
+            let outcome = tile.answer(packed, engine);
+            self.done.fetch_add(rows, Relaxed);
+            if let Err(error) = outcome.and_then(|()| look()) {
+                self.stop.store(true, Relaxed);
+                return Err(error);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Answers all rows on as many threads as there are engines, the calling one among them; Python's
+/// other threads run meanwhile.
+///
+/// A signal's exception, or that of `progress`, ends it between two tiles; what is not answered by
+/// then stays as it is.
+pub(super) fn run(
+    py: Python<'_>,
+    rows: Rows<'_>,
+    mut engines: Vec<Box<Engine<'_>>>,
+    progress: Option<&Py<PyAny>>,
+) -> PyResult<()> {
+    let Some(mut own) = engines.pop() else { return Ok(()) };
+    let total = rows.rows;
+    let mut packed: Vec<Packed> = engines.iter().map(|_| Packed::new(&rows)).collect();
+    let mut own_packed = Packed::new(&rows);
+    let batch =
+        Batch { left: Mutex::new(rows), done: AtomicUsize::new(0), stop: AtomicBool::new(false) };
+    let look = |py: Python<'_>| -> PyResult<()> {
+        py.check_signals()?;
+        if let Some(progress) = progress {
+            progress.call1(py, (batch.done.load(Relaxed), total))?;
+        }
+        Ok(())
+    };
+    let outcome = py.detach(|| {
+        thread::scope(|scope| {
+            let (mut others, batch) = (Vec::new(), &batch);
+            for (engine, packed) in engines.iter_mut().zip(&mut packed) {
+                // a thread that cannot be started leaves its tiles to the others
+                let thread = thread::Builder::new().name("sarrus-batch".to_owned());
+                others.extend(thread.spawn_scoped(scope, move || {
+                    batch.work(&mut **engine, packed, &mut || Ok(()))
+                }));
+            }
+            let mut last = Instant::now();
+            let outcome = batch.work(&mut *own, &mut own_packed, &mut || {
+                if last.elapsed() < LOOK {
+                    return Ok(());
+                }
+                let outcome = Python::attach(look);
+                last = Instant::now();
+                outcome
+            });
+            others.into_iter().fold(outcome, |outcome, other| match other.join() {
+                Ok(of_other) => outcome.and(of_other),
+                Err(panic) => std::panic::resume_unwind(panic),
+            })
+        })
+    });
+    outcome.and_then(|()| look(py))
+}

@@ -1,0 +1,68 @@
+//! Errors of robots as exceptions of `sarrus.errors`.
+
+use pyo3::exceptions::{PyOSError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use sarrus_client::{ConnectError as NotConnected, Error, LoadError as NotLoaded, Status};
+use sarrus_models::Diagnostic;
+
+pyo3::import_exception!(sarrus.errors, ConnectError);
+pyo3::import_exception!(sarrus.errors, LoadError);
+pyo3::import_exception!(sarrus.errors, QueryError);
+pyo3::import_exception!(sarrus.errors, StateError);
+
+/// A state without an answer.
+pub(super) fn state_error(status: Status) -> PyErr {
+    let words = sarrus_client::FailedState { status }.to_string();
+    StateError::new_err((words, status.name(), status as u32))
+}
+
+/// A robot that does not answer.
+pub(super) fn robot_error(error: Error) -> PyErr {
+    let words = error.to_string();
+    match error {
+        Error::Failed(failed) => state_error(failed.status),
+        Error::WrongSize { .. } => PyValueError::new_err(words),
+        Error::Connect(_) | Error::ServerGone { .. } | Error::NoAnswer { .. } => {
+            ConnectError::new_err(words)
+        }
+        _ => QueryError::new_err(words),
+    }
+}
+
+/// A server that cannot be attached to.
+pub(super) fn connect_error(error: NotConnected) -> PyErr {
+    ConnectError::new_err(error.to_string())
+}
+
+/// Files that are no robot: an `OSError` where one cannot be opened, else every fault.
+pub(super) fn load_error(py: Python<'_>, error: NotLoaded) -> PyErr {
+    let words = error.to_string();
+    match error {
+        NotLoaded::Open { .. } => PyOSError::new_err(words),
+        NotLoaded::Faults(report) => {
+            let faults: PyResult<Vec<_>> =
+                report.errors.iter().map(|fault| diagnostic(py, fault)).collect();
+            match faults {
+                Ok(faults) => LoadError::new_err((
+                    words,
+                    faults.into_iter().map(Bound::unbind).collect::<Vec<_>>(),
+                )),
+                Err(error) => error,
+            }
+        }
+        _ => LoadError::new_err((words, Vec::<Py<PyAny>>::new())),
+    }
+}
+
+/// A fault with the keys of `sarrus check`.
+fn diagnostic<'py>(py: Python<'py>, fault: &Diagnostic) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("file", &fault.file)?;
+    dict.set_item("line", fault.line)?;
+    dict.set_item("column", fault.column)?;
+    dict.set_item("found", &fault.found)?;
+    dict.set_item("expected", &fault.expected)?;
+    dict.set_item("help", &fault.help)?;
+    Ok(dict)
+}

@@ -1,0 +1,20 @@
+//! Dynamics for Python: the robot of `sarrus-client`, asked with numpy's arrays.
+//!
+//! `arrays` reads and makes numpy's arrays, `shared` is a robot that Python's threads share,
+//! `asked` a plan of it, `batch` answers rows of states; `origin`, `robot` and `query` are what
+//! Python sees, `simulation` is the robot in time.
+
+mod arrays;
+mod asked;
+mod batch;
+mod errors;
+mod origin;
+mod query;
+mod robot;
+mod shared;
+mod simulation;
+
+pub(crate) use origin::{PyOrigin, bundled_names};
+pub(crate) use query::PyQuery;
+pub(crate) use robot::PyRobot;
+pub(crate) use shared::{forked, status_help, statuses, warning_bits};

@@ -1,0 +1,265 @@
+//! A robot as Python sees it: the questions that loops ask, by the shortest way. `sarrus.Robot`
+//! adds names and everything else.
+
+use std::ffi::CString;
+use std::num::NonZero;
+use std::sync::{Arc, OnceLock};
+
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::{PyBytes, PyDict, PyTuple};
+use sarrus_client::{Field, Request, Status};
+
+use super::asked::{Answered, Asked, BatchOptions, Failed};
+use super::errors::state_error;
+use super::origin::PyOrigin;
+use super::query::PyQuery;
+use super::shared::Shared;
+use super::simulation::{self, Inputs, Simulated};
+
+/// A robot, in this process or connected.
+#[pyclass(name = "Robot", module = "sarrus._native", subclass, frozen)]
+pub(crate) struct PyRobot {
+    origin: Py<PyOrigin>,
+    shared: Arc<Shared>,
+    fingerprint: u64,
+    inverse: OnceLock<Asked>,
+    forward: OnceLock<Asked>,
+}
+
+#[pymethods]
+impl PyRobot {
+    #[new]
+    fn new(py: Python<'_>, origin: Py<PyOrigin>) -> PyResult<PyRobot> {
+        let robot = origin.get().open(py)?;
+        let fingerprint = robot.model().fingerprint;
+        let shared = Arc::new(Shared::new(robot));
+        let (inverse, forward) = (OnceLock::new(), OnceLock::new());
+        Ok(PyRobot { origin, shared, fingerprint, inverse, forward })
+    }
+
+    /// Actuator forces for a motion: τ_u = G_u⁻ᵀ (M_y ÿ + C_y).
+    ///
+    /// `y` [m, rad] (n_qy), `yd` and `ydd` (n_vy); gives `tau_u` [N, N m] (n_u). With rows of each
+    /// (n, …) the states are answered on `threads` threads, with the same bits, and `progress` gets
+    /// how many are done and how many there are; Ctrl-C ends it. A connected robot has one thread.
+    ///
+    /// One state without an answer raises `StateError`. Rows without one are NaN, with a
+    /// `StateWarning`; with `return_status` the statuses come beside the forces, and nothing is
+    /// raised or warned of. `out` is written in place: float64, contiguous, of the right shape.
+    #[pyo3(signature = (
+        y, yd, ydd, *, out = None, threads = None, progress = None, return_status = false
+    ))]
+    fn inverse_dynamics<'py>(
+        &self,
+        py: Python<'py>,
+        y: Bound<'py, PyAny>,
+        yd: Bound<'py, PyAny>,
+        ydd: Bound<'py, PyAny>,
+        out: Option<Bound<'py, PyAny>>,
+        threads: Option<NonZero<usize>>,
+        progress: Option<Py<PyAny>>,
+        return_status: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        const GIVEN: [Field; 3] = [Field::Y, Field::Yd, Field::Ydd];
+        let request = Request::InverseDynamics;
+        let asked = self.direct(py, &self.inverse, request, GIVEN, Field::TauU)?;
+        let options = BatchOptions { threads, progress };
+        one_field(py, asked, [y, yd, ydd], out, &options, return_status)
+    }
+
+    /// Motion under actuator forces: ÿ = M_y⁻¹ (G_uᵀ τ_u − C_y).
+    ///
+    /// `y` [m, rad] (n_qy), `yd` (n_vy), `tau_u` [N, N m] (n_u); gives `ydd` (n_vy). All else is as
+    /// in `inverse_dynamics`.
+    #[pyo3(signature = (
+        y, yd, tau_u, *, out = None, threads = None, progress = None, return_status = false
+    ))]
+    fn forward_dynamics<'py>(
+        &self,
+        py: Python<'py>,
+        y: Bound<'py, PyAny>,
+        yd: Bound<'py, PyAny>,
+        tau_u: Bound<'py, PyAny>,
+        out: Option<Bound<'py, PyAny>>,
+        threads: Option<NonZero<usize>>,
+        progress: Option<Py<PyAny>>,
+        return_status: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        const GIVEN: [Field; 3] = [Field::Y, Field::Yd, Field::TauU];
+        let request = Request::ForwardDynamics;
+        let asked = self.direct(py, &self.forward, request, GIVEN, Field::Ydd)?;
+        let options = BatchOptions { threads, progress };
+        one_field(py, asked, [y, yd, tau_u], out, &options, return_status)
+    }
+
+    /// Prepares a query by the words of `sarrus ask`; every name that stands for nothing is in the
+    /// exception.
+    #[pyo3(signature = (
+        request, given, want = None, frames = vec![], joints = None, wrenches = vec![],
+        checksum = false, loop_tolerance = None, projection_tolerance = None
+    ))]
+    fn prepare(
+        &self,
+        py: Python<'_>,
+        request: &str,
+        given: Vec<String>,
+        want: Option<Vec<String>>,
+        frames: Vec<String>,
+        joints: Option<Vec<String>>,
+        wrenches: Vec<String>,
+        checksum: bool,
+        loop_tolerance: Option<f64>,
+        projection_tolerance: Option<f64>,
+    ) -> PyResult<PyQuery> {
+        let known = Request::ALL.iter().copied().find(|known| known.name() == request);
+        let known = known.ok_or_else(|| {
+            let names: Vec<_> = Request::ALL.iter().map(|known| known.name()).collect();
+            let names = names.join(", ");
+            PyValueError::new_err(format!("no request `{request}`, expected one of {names}"))
+        })?;
+        let asked = Asked::new(py, &self.shared, known, move |mut query| {
+            query = query.given(given);
+            if let Some(want) = want {
+                query = query.want(want);
+            }
+            if !frames.is_empty() {
+                query = query.frames(frames);
+            }
+            if let Some(joints) = joints {
+                query = query.joints(joints);
+            }
+            if !wrenches.is_empty() {
+                query = query.wrenches(wrenches);
+            }
+            if checksum {
+                query = query.checksum();
+            }
+            if let Some(tolerance) = loop_tolerance {
+                query = query.loop_tolerance(tolerance);
+            }
+            match projection_tolerance {
+                Some(tolerance) => query.projection_tolerance(tolerance),
+                None => query,
+            }
+        })?;
+        Ok(PyQuery(asked))
+    }
+
+    /// Where the robot comes from.
+    #[getter]
+    fn origin(&self, py: Python<'_>) -> Py<PyOrigin> {
+        self.origin.clone_ref(py)
+    }
+
+    /// A number that differs whenever any name, order or constant differs.
+    #[getter]
+    fn fingerprint(&self) -> u64 {
+        self.fingerprint
+    }
+
+    /// Names, orders, sizes and limits, as JSON.
+    fn information_json<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let json = self.shared.with(py, |robot| Ok(robot.model().to_json()))?;
+        Ok(PyBytes::new(py, &json))
+    }
+
+    /// Answers that came after the deadline; 0 in process.
+    #[getter]
+    fn late(&self, py: Python<'_>) -> PyResult<u64> {
+        self.shared.with(py, |robot| Ok(robot.late()))
+    }
+
+    /// The robot in time; see `sarrus.Robot.simulate`.
+    #[pyo3(signature = (y, yd, inputs, settings, progress = None))]
+    fn run_simulation<'py>(
+        &self,
+        py: Python<'py>,
+        y: Vec<f64>,
+        yd: Vec<f64>,
+        inputs: Inputs,
+        settings: simulation::Parts,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<(Bound<'py, PyDict>, Simulated)> {
+        let loaded = self.origin.get().load(py)?;
+        let found = loaded.compiled.model.fingerprint();
+        if found != self.fingerprint {
+            return Err(PyValueError::new_err(format!(
+                "the robot's files now hold the model {found:016x}, expected {:016x}; load the \
+                 robot anew",
+                self.fingerprint
+            )));
+        }
+        simulation::run(py, &loaded, (y, yd), inputs, settings, progress.as_ref())
+    }
+}
+
+impl PyRobot {
+    /// The plan of a question, prepared with its first call.
+    fn direct<'a>(
+        &'a self,
+        py: Python<'_>,
+        place: &'a OnceLock<Asked>,
+        request: Request,
+        given: [Field; 3],
+        want: Field,
+    ) -> PyResult<&'a Asked> {
+        if let Some(asked) = place.get() {
+            return Ok(asked);
+        }
+        let asked =
+            Asked::new(py, &self.shared, request, move |query| query.given(given).want([want]))?;
+        // of two threads one is first; the other's plan is released
+        let _ = place.set(asked);
+        place.get().ok_or_else(|| PyValueError::new_err("the plan was not kept"))
+    }
+}
+
+/// Asks for a single field: one state raises, rows without an answer are NaN and counted.
+fn one_field<'py>(
+    py: Python<'py>,
+    asked: &Asked,
+    given: [Bound<'py, PyAny>; 3],
+    out: Option<Bound<'py, PyAny>>,
+    options: &BatchOptions,
+    return_status: bool,
+) -> PyResult<Bound<'py, PyAny>> {
+    let out = [out];
+    let (fields, status) = match asked.ask(py, &given, &out, options)? {
+        Answered::State { numbers, answer } => {
+            let fields = asked.fields(py, &numbers, &out)?;
+            if answer.status != Status::Ok && !return_status {
+                return Err(state_error(answer.status));
+            }
+            (fields, (answer.status as u32).into_pyobject(py)?.into_any())
+        }
+        Answered::Rows { fields, statuses, failed, .. } => {
+            if !return_status {
+                warn_of(py, failed, statuses.len()?)?;
+            }
+            (fields, statuses.into_any())
+        }
+    };
+    let field = fields.into_iter().next();
+    let field = field.ok_or_else(|| PyValueError::new_err("nothing comes out"))?;
+    if !return_status {
+        return Ok(field);
+    }
+    Ok(PyTuple::new(py, [field, status])?.into_any())
+}
+
+/// Warns of rows without an answer.
+fn warn_of(py: Python<'_>, failed: Failed, rows: usize) -> PyResult<()> {
+    static WARNING: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    let Some((row, status)) = failed.first else { return Ok(()) };
+    let words = format!(
+        "{} of {rows} states have no answer and are NaN, the first in row {row}: {}; \
+         `return_status=True` gives all statuses",
+        failed.count,
+        Status::of_answer(status).name(),
+    );
+    let category = WARNING.import(py, "sarrus.errors", "StateWarning")?;
+    let words = CString::new(words).unwrap_or_default();
+    PyErr::warn(py, category.as_any(), &words, 1)
+}

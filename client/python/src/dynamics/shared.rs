@@ -1,0 +1,147 @@
+//! A robot that Python's threads share.
+//!
+//! A robot in this process is asked with Python's lock held, one state at a time, and its batches
+//! have workspaces of their own: no thread waits for another. A connected one is asked without
+//! Python's lock. Nothing of Python runs while the robot is locked.
+
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use pyo3::prelude::*;
+use sarrus_client::{Answer, Error, FailedState, Model, PlanId, Robot, Status, Warnings};
+use sarrus_dynamics::Workspace;
+
+use super::errors::{ConnectError, robot_error};
+
+/// How often this process was forked from another since it began.
+static FORKS: AtomicU64 = AtomicU64::new(0);
+
+/// Counts a fork: Python calls it in the child.
+#[pyfunction]
+pub(crate) fn forked() {
+    FORKS.fetch_add(1, Relaxed);
+}
+
+/// The words of all statuses, by number.
+#[pyfunction]
+pub(crate) fn statuses() -> Vec<&'static str> {
+    Status::ALL.iter().map(|status| status.name()).collect()
+}
+
+/// What a status means and what to do.
+#[pyfunction]
+pub(crate) fn status_help(code: u32) -> String {
+    FailedState { status: Status::of_answer(code) }.to_string()
+}
+
+/// The words of all warnings, by bit.
+#[pyfunction]
+pub(crate) fn warning_bits() -> Vec<&'static str> {
+    Warnings(u32::MAX).names().collect()
+}
+
+/// The robot behind a lock.
+pub(super) struct Shared {
+    /// `None` only while this is dropped.
+    robot: Mutex<Option<Robot>>,
+    /// The model, in this process.
+    pub(super) model: Option<Arc<Model<f64>>>,
+    /// Workspaces of batches that ended.
+    workspaces: Mutex<Vec<Workspace<f64>>>,
+    forks: u64,
+}
+
+impl Shared {
+    pub(super) fn new(robot: Robot) -> Shared {
+        Shared {
+            model: robot.shared_model(),
+            robot: Mutex::new(Some(robot)),
+            workspaces: Mutex::new(Vec::new()),
+            forks: FORKS.load(Relaxed),
+        }
+    }
+
+    /// The connection is the parent's: nobody else may use it.
+    fn is_inherited(&self) -> bool {
+        self.model.is_none() && FORKS.load(Relaxed) != self.forks
+    }
+
+    /// Does something with the robot, which must call nothing of Python.
+    pub(super) fn with<T: Send>(
+        &self,
+        py: Python<'_>,
+        f: impl FnOnce(&mut Robot) -> Result<T, Error> + Send,
+    ) -> PyResult<T> {
+        if self.is_inherited() {
+            return Err(ConnectError::new_err(
+                "this robot was connected by the parent of this process; connect again after a \
+                 fork, by `Robot.connect`",
+            ));
+        }
+        let locked = || match lock(&self.robot).as_mut() {
+            Some(robot) => f(robot),
+            None => Err(Error::UnknownPlan),
+        };
+        let outcome = if self.model.is_some() { locked() } else { py.detach(locked) };
+        outcome.map_err(robot_error)
+    }
+
+    /// Asks for one state.
+    pub(super) fn ask(
+        &self,
+        py: Python<'_>,
+        plan: PlanId,
+        input: &[f64],
+        output: &mut [f64],
+    ) -> PyResult<Answer> {
+        self.with(py, |robot| robot.ask(plan, input, output))
+    }
+
+    /// Asks for one state of a batch, which holds no lock of Python.
+    pub(super) fn ask_detached(
+        &self,
+        plan: PlanId,
+        input: &[f64],
+        output: &mut [f64],
+    ) -> PyResult<Answer> {
+        match lock(&self.robot).as_mut() {
+            Some(robot) => robot.ask(plan, input, output).map_err(robot_error),
+            None => Err(robot_error(Error::UnknownPlan)),
+        }
+    }
+
+    /// Releases a plan.
+    pub(super) fn release(&self, plan: PlanId) {
+        if self.is_inherited() {
+            return;
+        }
+        if let Some(robot) = lock(&self.robot).as_mut() {
+            // a server that is gone took the plan with it
+            let _ = robot.release(plan);
+        }
+    }
+
+    /// A workspace for a thread of a batch.
+    pub(super) fn workspace(&self, model: &Model<f64>) -> Workspace<f64> {
+        lock(&self.workspaces).pop().unwrap_or_else(|| Workspace::new(model))
+    }
+
+    /// Takes a workspace back.
+    pub(super) fn give_back(&self, workspace: Workspace<f64>) {
+        lock(&self.workspaces).push(workspace);
+    }
+}
+
+impl Drop for Shared {
+    fn drop(&mut self) {
+        // what the parent shares with its server is the parent's to take down
+        if self.is_inherited() {
+            let robot = self.robot.get_mut().unwrap_or_else(PoisonError::into_inner);
+            std::mem::forget(robot.take());
+        }
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

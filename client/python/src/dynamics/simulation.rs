@@ -1,0 +1,135 @@
+//! A robot in time, as arrays.
+
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::time::{Duration, Instant};
+
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use sarrus_models::Loaded;
+use sarrus_simulation::{
+    EventKind, Input, Method, Run, Sample, Settings, Setup, Source, Space, Start, simulate,
+};
+
+/// Between two looks for signals.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// What pushes the joints: constants, tables and gains, each with true where it acts on actuators.
+pub(super) type Inputs = (
+    Vec<(bool, Vec<f64>)>,
+    Vec<(bool, Vec<f64>, Vec<Vec<f64>>)>,
+    Vec<(bool, Vec<f64>, Vec<f64>, Vec<f64>)>,
+);
+
+/// Method, duration, step, time between samples, tolerances.
+pub(super) type Parts = (String, f64, Option<f64>, Option<f64>, f64, f64);
+
+/// How it ended, when, the drift of its energy, the independents at the end, and what happened.
+pub(super) type Simulated = (&'static str, f64, f64, Vec<String>, Vec<(f64, &'static str)>);
+
+/// An exception of Python on its way through the integrator, whose callback cannot stop it.
+struct Interrupted(PyErr);
+
+/// Simulates; Python's other threads run meanwhile.
+pub(super) fn run<'py>(
+    py: Python<'py>,
+    loaded: &Loaded,
+    (y, yd): (Vec<f64>, Vec<f64>),
+    inputs: Inputs,
+    (method, duration, step, every, rtol, atol): Parts,
+    progress: Option<&Py<PyAny>>,
+) -> PyResult<(Bound<'py, PyDict>, Simulated)> {
+    let known = Method::ALL.into_iter().find(|known| known.name() == method);
+    let method = known.ok_or_else(|| {
+        let names = Method::ALL.map(Method::name).join(", ");
+        PyValueError::new_err(format!("no method `{method}`, expected one of {names}"))
+    })?;
+    let settings = Settings { step, every, rtol, atol, ..Settings::new(method, duration) };
+    let start = Start::Independent { y, yd, guess: None };
+    let inputs = inputs_of(inputs);
+    let Loaded { description, compiled, .. } = loaded;
+    let setup = Setup { description, compiled, springs: &[], inputs: &inputs };
+
+    // signals and the callback now and then; their exceptions unwind the integrator
+    let mut last = Instant::now();
+    let mut look = |time: f64| {
+        if last.elapsed() < LOOK {
+            return;
+        }
+        let outcome = Python::attach(|py| {
+            py.check_signals()?;
+            progress.map_or(Ok(()), |progress| progress.call1(py, (time, duration)).map(drop))
+        });
+        last = Instant::now();
+        if let Err(error) = outcome {
+            resume_unwind(Box::new(Interrupted(error)));
+        }
+    };
+    let run = py.detach(|| {
+        catch_unwind(AssertUnwindSafe(|| simulate(&setup, &start, &settings, &mut look)))
+    });
+    let run = match run {
+        Ok(run) => run.map_err(|error| PyValueError::new_err(error.to_string()))?,
+        Err(payload) => match payload.downcast::<Interrupted>() {
+            Ok(interrupted) => return Err(interrupted.0),
+            Err(other) => resume_unwind(other),
+        },
+    };
+    let events = run.events.iter().map(|event| (event.time, word(&event.kind))).collect();
+    let simulated = (run.end.name(), run.time, run.drift(), run.independents.clone(), events);
+    Ok((arrays(py, &run)?, simulated))
+}
+
+fn inputs_of((constants, tables, gains): Inputs) -> Vec<Input> {
+    let space = |actuators| if actuators { Space::Actuator } else { Space::Independent };
+    let mut inputs = Vec::new();
+    for (actuators, forces) in constants {
+        inputs.push(Input { space: space(actuators), source: Source::Constant(forces) });
+    }
+    for (actuators, times, forces) in tables {
+        inputs.push(Input { space: space(actuators), source: Source::Table { times, forces } });
+    }
+    for (actuators, stiffness, damping, target) in gains {
+        let source = Source::Gains { stiffness, damping, target };
+        inputs.push(Input { space: space(actuators), source });
+    }
+    inputs
+}
+
+fn word(kind: &EventKind) -> &'static str {
+    match kind {
+        EventKind::Switched { .. } => "switched",
+        EventKind::NotSwitched { .. } => "not_switched",
+        EventKind::Shortened { .. } => "shortened",
+        EventKind::NearSingular { .. } => "near_singular",
+        EventKind::Stiff => "stiff",
+        _ => "other",
+    }
+}
+
+/// The samples, a row each.
+fn arrays<'py>(py: Python<'py>, run: &Run) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    let samples = &run.samples;
+    let numbers = |f: fn(&Sample) -> f64| PyArray1::from_iter(py, samples.iter().map(f));
+    dict.set_item("time", numbers(|sample| sample.time))?;
+    dict.set_item("kinetic", numbers(|sample| sample.energy.kinetic))?;
+    dict.set_item("potential", numbers(|sample| sample.energy.potential))?;
+    dict.set_item("work", numbers(|sample| sample.work))?;
+    dict.set_item("residual", numbers(|sample| sample.energy.residual))?;
+    let fields: [(&str, fn(&Sample) -> &[f64]); 4] = [
+        ("y", |sample| &sample.y),
+        ("yd", |sample| &sample.yd),
+        ("q", |sample| &sample.q),
+        ("qd", |sample| &sample.qd),
+    ];
+    for (name, field) in fields {
+        let width = samples.first().map_or(0, |sample| field(sample).len());
+        let array = PyArray2::<f64>::zeros(py, [samples.len(), width], false);
+        let flat: Vec<f64> = samples.iter().flat_map(field).copied().collect();
+        array.try_readwrite()?.as_slice_mut()?.copy_from_slice(&flat);
+        dict.set_item(name, array)?;
+    }
+    Ok(dict)
+}

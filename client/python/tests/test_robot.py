@@ -1,0 +1,352 @@
+"""One state at a time: answers, arrays that do not fit, errors, names, files, pickles."""
+
+import copy
+import gc
+import pickle
+import resource
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+import sarrus
+from sarrus import _native
+
+ROBOTS = ("lambda", "torso", "stewart", "rh5v2_upper_body", "wrist")
+
+
+def text_of(robot):
+    """The contents of a robot's files."""
+    urdf, submechanisms, _ = robot.origin.contents()
+    return urdf, submechanisms
+
+
+def resident():
+    """Memory of this process [KiB]."""
+    fields = Path("/proc/self/statm").read_text().split()
+    return int(fields[1]) * resource.getpagesize() // 1024
+
+
+class Answers(unittest.TestCase):
+    def test_inverse_and_forward_dynamics_are_inverse_to_each_other(self):
+        for name in ROBOTS:
+            robot = sarrus.Robot.bundled(name)
+            random = np.random.default_rng(1)
+            y, yd, ydd = 0.1 * random.standard_normal((3, len(robot.independents)))
+            tau_u = robot.inverse_dynamics(y, yd, ydd)
+            self.assertEqual((tau_u.dtype, tau_u.shape), (float, (len(robot.actuators),)))
+            back = robot.forward_dynamics(y, yd, tau_u)
+            np.testing.assert_allclose(back, ydd, atol=1e-8)
+
+    def test_dynamics_are_mass_matrix_and_bias_force(self):
+        robot = sarrus.Robot.bundled("torso")
+        y, yd, ydd = np.array([[0.1, -0.2], [0.5, 0.3], [1.0, -2.0]])
+        tau_y = robot.mass_matrix(y) @ ydd + robot.bias_force(y, yd)
+        actuators = robot.to_actuators(y, yd, ydd, tau_y=tau_y)
+        np.testing.assert_allclose(actuators.tau_u, robot.inverse_dynamics(y, yd, ydd), rtol=1e-12)
+        resting = robot.bias_force(y)
+        np.testing.assert_allclose(resting, robot.bias_force(y, [0, 0]), rtol=0)
+
+    def test_a_state_closes_all_loops_and_rates_default_to_zero(self):
+        robot = sarrus.Robot.bundled("lambda")
+        state = robot.state([0.2], [1.0])
+        self.assertEqual(state.q[robot.joints.place(robot.independents[0])], 0.2)
+        self.assertEqual([field.shape for field in state], [(len(robot.joints),)] * 3)
+        np.testing.assert_array_equal(robot.state([0.2]).qd, np.zeros(len(robot.joints)))
+
+    def test_frames_and_jacobians_agree(self):
+        robot = sarrus.Robot.bundled("rh5v2_upper_body")
+        random = np.random.default_rng(2)
+        y, yd = 0.1 * random.standard_normal((2, len(robot.independents)))
+        link = robot.links[-1]
+        frame = robot.frames(link, y, yd)
+        self.assertEqual([field.shape for field in frame], [(7,), (6,), (6,)])
+        np.testing.assert_allclose(robot.jacobian(link, y) @ yd, frame.twist, atol=1e-12)
+        tree = robot.jacobian(link, y, columns="tree") @ robot.state(y, yd).qd
+        np.testing.assert_allclose(tree, frame.twist, atol=1e-12)
+        u = robot.jacobian(link, y, columns="actuator") @ robot.to_actuators(y, yd).ud
+        np.testing.assert_allclose(u, frame.twist, atol=1e-12)
+        several = robot.frames([robot.links[0], link], y, yd)
+        np.testing.assert_array_equal(several.pose[1], frame.pose)
+        with self.assertRaisesRegex(sarrus.QueryError, "columns are independent"):
+            robot.jacobian(link, y, columns="u")
+
+    def test_motion_and_forces_come_back_from_the_actuators(self):
+        robot = sarrus.Robot.bundled("torso")
+        y, yd, ydd, tau_y = np.array([[0.1, -0.2], [0.5, 0.3], [1.0, -2.0], [3.0, 4.0]])
+        there = robot.to_actuators(y, yd, ydd, tau_y=tau_y)
+        back = robot.to_independent(there.u, there.ud, there.udd, tau_u=there.tau_u)
+        for found, expected in zip(back[:4], (y, yd, ydd, tau_y), strict=True):
+            np.testing.assert_allclose(found, expected, atol=1e-9)
+        self.assertEqual(robot.to_actuators(y)[1:], (None,) * 5)
+        only = robot.to_actuators(y, ydd=ydd)
+        self.assertIsNone(only.ud)
+        np.testing.assert_array_equal(only.udd, robot.to_actuators(y, [0, 0], ydd).udd)
+
+    def test_gains_give_the_same_law_in_both_spaces(self):
+        robot = sarrus.Robot.bundled("torso")
+        y = np.array([0.1, -0.2])
+        there = robot.to_actuators(y, stiffness=[100.0, 50.0], damping=np.diag([3.0, 2.0]))
+        back = robot.to_independent(there.u, stiffness=there.stiffness, damping=there.damping)
+        np.testing.assert_allclose(back.stiffness, np.diag([100.0, 50.0]), atol=1e-9)
+        np.testing.assert_allclose(back.damping, np.diag([3.0, 2.0]), atol=1e-9)
+        # τ_y = G_uᵀ K_u G_u δy, for a small δy by the actuators' own motion
+        step = np.array([1e-6, -2e-6])
+        pushed = there.stiffness @ (robot.to_actuators(y + step).u - there.u)
+        found = robot.to_independent(there.u, tau_u=pushed).tau_y
+        np.testing.assert_allclose(found, [1e-4, -1e-4], rtol=1e-4)
+        with self.assertRaisesRegex(ValueError, r"`damping` has the shape \(3,\)"):
+            robot.to_actuators(y, damping=[1, 2, 3])
+
+    def test_a_query_asks_for_anything_and_reports_every_unknown_name(self):
+        robot = sarrus.Robot.bundled("lambda")
+        query = robot.query("inverse-dynamics", ["y", "yd"], ["M_y", "C_y", "sigma_min"])
+        self.assertEqual(query.want, {"M_y": (1, 1), "C_y": (1,), "sigma_min": ()})
+        answer = query(y=[0.2], yd=[1.0])
+        self.assertEqual(answer.M_y, robot.mass_matrix([0.2]))
+        self.assertIsInstance(answer.sigma_min, float)
+        self.assertEqual((answer.status, answer.warnings), (sarrus.Status.ok, sarrus.Warnings(0)))
+        out = {"C_y": np.zeros(1)}
+        self.assertIs(query(y=[0.2], yd=[1.0], out=out).C_y, out["C_y"])
+        self.assertEqual(out["C_y"], answer["C_y"])
+        self.assertEqual(pickle.loads(pickle.dumps(answer)), answer)
+        with self.assertRaisesRegex(sarrus.QueryError, "`tau` is no field(?s:.)*`hand` is no link"):
+            robot.query("kinematics", ["y"], ["tau"], frames=["hand"])
+        with self.assertRaisesRegex(sarrus.QueryError, "found y where y, yd go in"):
+            query(y=[0.2])
+        with self.assertRaisesRegex(ValueError, "no request `statics`"):
+            robot.query("statics", ["y"])
+        with self.assertRaisesRegex(AttributeError, "no field `tau_u`"):
+            _ = answer.tau_u
+
+    def test_wrenches_act_on_links(self):
+        robot = sarrus.Robot.bundled("lambda")
+        link = robot.links[-1]
+        query = robot.query("inverse-dynamics", ["y"], ["tau_y"], wrenches=[link])
+        wrench = np.array([[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]])
+        change = query(y=[0.2], wrenches=wrench).tau_y - query(y=[0.2], wrenches=0 * wrench).tau_y
+        np.testing.assert_allclose(change, -robot.jacobian(link, [0.2]).T @ wrench[0], atol=1e-12)
+
+    def test_a_simulation_keeps_its_energy(self):
+        robot = sarrus.Robot.bundled("lambda")
+        run = robot.simulate(1.0, [0.3], every=0.1)
+        self.assertEqual((run.end, run.time.shape, run.q.shape[0]), ("finished", (11,), 11))
+        self.assertLess(run.drift, 1e-6)
+        self.assertLess(np.ptp(run.energy), 1e-6 * np.ptp(run.kinetic))
+        gains = sarrus.Gains("y", [1000.0], [10.0], [0.3])
+        held = robot.simulate(0.2, [0.3], inputs=[gains], method="rk4", step=1e-3)
+        self.assertLess(np.ptp(held.y), np.ptp(run.y))
+        with self.assertRaisesRegex(ValueError, "no method `magic`"):
+            robot.simulate(1.0, [0.3], method="magic")
+        with self.assertRaises(ZeroDivisionError):
+            robot.simulate(1e5, [0.3], method="rk4", step=1e-3, progress=lambda *_: 1 / 0)
+
+
+class Arrays(unittest.TestCase):
+    def setUp(self):
+        self.robot = sarrus.Robot.bundled("torso")
+        self.given = np.array([[0.1, -0.2], [0.5, 0.3], [1.0, -2.0]])
+        self.tau_u = self.robot.inverse_dynamics(*self.given)
+
+    def test_everything_that_numpy_reads_as_real_numbers_is_taken(self):
+        y, yd, ydd = self.given
+        strided = np.zeros((2, 3))
+        strided[:, 1] = y
+        swapped = y.astype(">f8")
+        unaligned = np.frombuffer(b"." + y.tobytes(), np.uint8)[1:].view(float)
+        self.assertFalse(unaligned.flags.aligned)
+        for other in (list(y), tuple(y), strided[:, 1], swapped, unaligned, y.view(np.matrix).A1):
+            np.testing.assert_array_equal(self.robot.inverse_dynamics(other, yd, ydd), self.tau_u)
+        whole = self.robot.inverse_dynamics([0, 0], np.zeros(2, np.int8), np.zeros(2, np.float32))
+        np.testing.assert_array_equal(whole, self.robot.inverse_dynamics(*np.zeros((3, 2))))
+
+    def test_arrays_that_do_not_fit_are_named(self):
+        y, yd, ydd = self.given
+        ask = self.robot.inverse_dynamics
+        with self.assertRaisesRegex(ValueError, r"`yd` has the shape \(3,\), expected \(2,\)"):
+            ask(y, np.zeros(3), ydd)
+        with self.assertRaisesRegex(ValueError, r"`y` has the shape \(1, 2, 2\)"):
+            ask(np.zeros((1, 2, 2)), yd, ydd)
+        with self.assertRaisesRegex(ValueError, "`y` has 4 rows and `yd` is one state"):
+            ask(np.zeros((4, 2)), yd, ydd)
+        with self.assertRaisesRegex(ValueError, "`y` has 4 rows and `ydd` has 3 rows"):
+            ask(np.zeros((4, 2)), np.zeros((4, 2)), np.zeros((3, 2)))
+        for wrong in (["a", "b"], [1j, 0], [True, False], [None, None]):
+            with self.assertRaisesRegex(TypeError, "`y` holds .*, expected real numbers"):
+                ask(wrong, yd, ydd)
+
+    def test_out_is_written_in_place_or_refused(self):
+        out = np.zeros(2)
+        self.assertIs(self.robot.inverse_dynamics(*self.given, out=out), out)
+        np.testing.assert_array_equal(out, self.tau_u)
+        # one array for in and out
+        y = self.given[0].copy()
+        self.robot.inverse_dynamics(y, *self.given[1:], out=y)
+        np.testing.assert_array_equal(y, self.tau_u)
+        read_only = np.zeros(2)
+        read_only.flags.writeable = False
+        for wrong, error, words in (
+            (np.zeros(3), ValueError, r"has the shape \(3,\), expected \(2,\)"),
+            (np.zeros((1, 2)), ValueError, "has the shape"),
+            (np.zeros(2, np.float32), TypeError, "must be an array of float64"),
+            ([0.0, 0.0], TypeError, "must be an array of float64"),
+            (np.zeros(4)[::2], ValueError, "contiguous"),
+            (read_only, ValueError, "cannot be written"),
+        ):
+            with self.assertRaisesRegex(error, words):
+                self.robot.inverse_dynamics(*self.given, out=wrong)
+
+    def test_a_state_without_an_answer_raises_its_status_and_writes_nan(self):
+        robot = sarrus.Robot.bundled("stewart")
+        zero = np.zeros(6)
+        nan = np.array([np.nan, 0, 0, 0, 0, 0])
+        out = np.zeros(6)
+        with self.assertRaises(sarrus.StateError) as caught:
+            robot.inverse_dynamics(nan, zero, zero, out=out)
+        error = caught.exception
+        self.assertEqual((error.status, error.code), ("non_finite_input", 2))
+        self.assertTrue(str(error).startswith("non_finite_input: an input number is NaN"))
+        self.assertTrue(np.isnan(out).all())
+        copied = pickle.loads(pickle.dumps(error))
+        self.assertEqual((copied.status, str(copied)), (error.status, str(error)))
+        tau_u, status = robot.inverse_dynamics(nan, zero, zero, return_status=True)
+        self.assertTrue(np.isnan(tau_u).all() and status == sarrus.Status.non_finite_input)
+        self.assertIsInstance(error, ValueError)
+
+    def test_what_survives_a_failure_is_in_the_error(self):
+        robot = sarrus.Robot.bundled("wrist")
+        query = robot.query("kinematics", ["y"], ["q", "nearest_y"])
+        with self.assertRaises(sarrus.StateError) as caught:
+            query(y=[2.0, 2.0])
+        error = caught.exception
+        self.assertEqual(error.status, "unreachable")
+        self.assertTrue(np.isnan(error.answer.q).all())
+        self.assertTrue(np.isfinite(error.answer.nearest_y).all())
+        answer = query(y=[2.0, 2.0], return_status=True)
+        self.assertEqual(answer.status, sarrus.Status.unreachable)
+
+
+class Files(unittest.TestCase):
+    def test_a_robot_is_read_from_files_and_from_their_contents(self):
+        bundled = sarrus.Robot.bundled("lambda")
+        urdf, submechanisms = text_of(bundled)
+        with tempfile.TemporaryDirectory() as folder:
+            paths = Path(folder, "robot.urdf"), Path(folder, "robot.yml")
+            paths[0].write_bytes(urdf)
+            paths[1].write_bytes(submechanisms)
+            for robot in (
+                sarrus.Robot.load(*paths),
+                sarrus.Robot.load(str(paths[0]), str(paths[1])),
+                sarrus.Robot.from_text(urdf.decode(), submechanisms),
+            ):
+                self.assertEqual(robot.fingerprint, bundled.fingerprint)
+            serial = sarrus.Robot.load(paths[0])
+            self.assertEqual(len(serial.independents), len(serial.joints))
+        moon = sarrus.Robot.bundled("lambda", gravity=(0, 0, -1.62))
+        ratio = moon.bias_force([0.2]) / bundled.bias_force([0.2])
+        np.testing.assert_allclose(ratio, 1.62 / 9.81)
+        free = sarrus.Robot.bundled("lambda", floating_base=True)
+        self.assertEqual(free.joints[0], "floating_base/rx")
+        self.assertEqual(free.joints.place("floating_base/tz"), 5)
+        upper = sarrus.Robot.bundled("rh5v2_upper_body")
+        arm = [name for name in upper.independents if name.startswith("AR")]
+        locked = sarrus.Robot.bundled("rh5v2_upper_body", lock=dict.fromkeys(arm))
+        self.assertEqual(len(locked.independents), len(upper.independents) - len(arm))
+        at = sarrus.Robot.bundled("lambda", floating_base=True, lock=["floating_base"])
+        self.assertEqual(at.independents, bundled.independents)
+
+    def test_files_that_are_no_robot_are_refused_with_every_fault(self):
+        with self.assertRaises(sarrus.LoadError) as caught:
+            sarrus.Robot.from_text("<robot name='x'><link name='a'/><link name='a'/></robot")
+        fault = caught.exception.diagnostics[0]
+        self.assertEqual(fault["file"], "robot.urdf")
+        self.assertEqual({*fault}, {"file", "line", "column", "found", "expected", "help"})
+        self.assertIn(f"robot.urdf:{fault['line']}:", str(caught.exception))
+        with self.assertRaisesRegex(sarrus.LoadError, "did you mean `torso`"):
+            sarrus.Robot.bundled("toso")
+        with self.assertRaises(OSError):
+            sarrus.Robot.load("nowhere.urdf")
+        with self.assertRaisesRegex(TypeError, "found a text"):
+            sarrus.Robot.bundled("lambda", only="hand")
+        self.assertIn("lambda", sarrus.bundled())
+
+    def test_a_pickled_robot_is_the_same_wherever_it_is_read(self):
+        robot = sarrus.Robot.bundled("torso", gravity=(0, 0, -1.62))
+        given = np.array([[0.1, -0.2], [0.5, 0.3], [1.0, -2.0]])
+        for other in (pickle.loads(pickle.dumps(robot)), copy.deepcopy(robot)):
+            self.assertIsInstance(other, sarrus.Robot)
+            self.assertEqual(other.fingerprint, robot.fingerprint)
+            np.testing.assert_array_equal(
+                other.inverse_dynamics(*given), robot.inverse_dynamics(*given)
+            )
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder, "robot.urdf")
+            urdf, _ = text_of(robot)
+            path.write_bytes(urdf)
+            serial = sarrus.Robot.load(path)
+            path.write_bytes(urdf.replace(b'mass value="', b'mass value="1'))
+            changed = pickle.dumps(serial)
+            path.unlink()
+            with self.assertRaises(OSError):
+                pickle.dumps(serial)
+        with self.assertRaisesRegex(sarrus.LoadError, "expected [0-9a-f]{16}"):
+            pickle.loads(changed)
+
+    def test_robots_that_are_dropped_leave_no_memory(self):
+        def once():
+            robot = sarrus.Robot.bundled("lambda")
+            robot.inverse_dynamics([0.2], [1.0], [0.0])
+            robot.mass_matrix([[0.1], [0.2]])
+
+        def many(n):
+            for _ in range(n):
+                once()
+            gc.collect()
+            return resident()
+
+        before = many(200)
+        after = many(1000)
+        # a robot and its plans take some 100 KiB; allocators keep a little
+        self.assertLess(after - before, 2048)
+
+
+class Words(unittest.TestCase):
+    def test_names_are_places_in_arrays(self):
+        robot = sarrus.Robot.bundled("rh5v2_upper_body")
+        name = robot.actuators[3]
+        self.assertEqual(getattr(robot.actuators, name), 3)
+        self.assertIn(name, dir(robot.actuators))
+        with self.assertRaisesRegex(AttributeError, f"did you mean `{name}`"):
+            getattr(robot.actuators, name + "x")
+        self.assertEqual(pickle.loads(pickle.dumps(robot.links)), robot.links)
+        self.assertEqual(robot.limits["lower"].shape, (len(robot.joints),))
+        self.assertEqual(len(robot.coordinates), robot.information["sizes"]["n_q"])
+
+    def test_a_robot_says_what_it_is(self):
+        robot = sarrus.Robot.bundled("torso")
+        self.assertIn("2 independents, 2 actuators", repr(robot))
+        page = robot._repr_html_()
+        for closure in robot.closures:
+            self.assertIn(f"<td>{closure['name']}</td><td>{closure['type']}</td>", page)
+        self.assertFalse(robot.is_connected)
+
+    def test_statuses_and_warnings_are_those_of_the_core(self):
+        self.assertEqual([status.name for status in sarrus.Status], _native.statuses())
+        self.assertEqual([bit.name for bit in sarrus.Warnings], _native.warning_bits())
+        self.assertEqual([*map(int, sarrus.Status)], [*range(len(sarrus.Status))])
+
+    def test_the_bridge_loads_no_numpy(self):
+        script = "import sys, sarrus.can; sys.exit('numpy' in sys.modules)"
+        self.assertEqual(subprocess.run([sys.executable, "-c", script], check=False).returncode, 0)
+
+    def test_every_public_name_is_there(self):
+        for name in sarrus.__all__:
+            self.assertTrue(getattr(sarrus, name) is not None, name)
+        with self.assertRaises(AttributeError):
+            _ = sarrus.nothing
+
+
+if __name__ == "__main__":
+    unittest.main()
