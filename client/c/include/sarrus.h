@@ -1,0 +1,1503 @@
+/*
+ * sarrus: kinematics and dynamics of robots with closed loops, from C99 on and from C++.
+ *
+ * Written by cbindgen from client/c/src, whose comments these are: change them there, not here.
+ *
+ * Units are SI and radians. y are the independent coordinates, u the actuators, q the spanning
+ * tree; d and dd behind them are their rates. Sizes are in brackets, by the names of sarrus_sizes.
+ * Matrices are packed row by row.
+ *
+ * Handles. sarrus_robot, sarrus_plan, sarrus_controller and sarrus_observer are made by the library
+ * and freed by the ..._free of their kind, once. NULL instead of a handle is a status or, where
+ * there is none, the value that the function names; any other pointer that is no handle, or was
+ * freed, is undefined.
+ *
+ * Arrays and texts are the caller's, are looked at during the call only, and are not kept. Each
+ * array comes with how many numbers it has, which is checked; NULL is allowed where that is 0. An
+ * output may not overlap another array of the same call. Texts are UTF-8 and end with a zero. What
+ * the library gives as const char * is its own.
+ *
+ * Threads. Any thread may use a handle, one at a time; different handles are independent. The text
+ * of sarrus_last_error is the thread's own. A child of fork() may use what it made itself, and
+ * nothing that was made before: not even to free it.
+ *
+ * Nothing here throws, exits or prints, and no panic leaves the library.
+ */
+
+
+#ifndef SARRUS_H
+#define SARRUS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/* A status that nobody looks at is a warning of the compiler. */
+#if defined(__GNUC__) || defined(__clang__)
+#define SARRUS_MUST_USE __attribute__((warn_unused_result))
+#else
+#define SARRUS_MUST_USE
+#endif
+
+/**
+ * Version of this interface; it grows when a program must be compiled again.
+ */
+#define SARRUS_ABI_VERSION 1
+
+/**
+ * Most actuators of a robot.
+ */
+#define SARRUS_MAX_ACTUATORS 64
+
+/**
+ * How a call ended. From 0 to 99 it is the status of an answer, by the numbers of the wire; from
+ * 100 on there was no answer, and sarrus_last_error says why. The numbers never change.
+ */
+enum sarrus_status
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * The answer is complete, or the call did what it says.
+     */
+    SARRUS_STATUS_OK = 0,
+    /**
+     * The request is malformed, such as a quaternion that is not of unit length.
+     */
+    SARRUS_STATUS_BAD_REQUEST = 1,
+    /**
+     * An input number is NaN or infinite, or so large that the answer would be.
+     */
+    SARRUS_STATUS_NON_FINITE_INPUT = 2,
+    /**
+     * An array does not have the size that the plan or the robot needs.
+     */
+    SARRUS_STATUS_WRONG_SIZE = 3,
+    /**
+     * The request was made for a model with another fingerprint.
+     */
+    SARRUS_STATUS_WRONG_MODEL = 4,
+    /**
+     * The request or plan number is not known to the server.
+     */
+    SARRUS_STATUS_UNKNOWN_REQUEST = 5,
+    /**
+     * Newton's method ran out of steps although the target seems reachable.
+     */
+    SARRUS_STATUS_NOT_CONVERGED = 6,
+    /**
+     * The straight path from the guess to the target crosses onto another assembly branch.
+     */
+    SARRUS_STATUS_BRANCH_CHANGED = 7,
+    /**
+     * No closed pose has these coordinates.
+     */
+    SARRUS_STATUS_UNREACHABLE = 8,
+    /**
+     * The closure loses rank at the answer: the mechanism gains a freedom.
+     */
+    SARRUS_STATUS_SINGULAR_CLOSURE = 9,
+    /**
+     * The independent coordinates do not determine the motion at the answer.
+     */
+    SARRUS_STATUS_SINGULAR_INDEPENDENTS = 10,
+    /**
+     * The actuators do not determine the motion at the answer.
+     */
+    SARRUS_STATUS_SINGULAR_ACTUATION = 11,
+    /**
+     * The reduced mass matrix is not positive definite.
+     */
+    SARRUS_STATUS_MASS_NOT_POSITIVE = 12,
+    /**
+     * The server has more work than it accepts.
+     */
+    SARRUS_STATUS_OVERLOADED = 13,
+    /**
+     * The server is stopping.
+     */
+    SARRUS_STATUS_SHUTTING_DOWN = 14,
+    /**
+     * A checksum fails: the request or the answer is not what was sent.
+     */
+    SARRUS_STATUS_CORRUPT_ANSWER = 15,
+    /**
+     * The server answered with a status that this version does not know.
+     */
+    SARRUS_STATUS_UNKNOWN_STATUS = 16,
+    /**
+     * A pointer that must not be NULL is.
+     */
+    SARRUS_STATUS_NULL_POINTER = 100,
+    /**
+     * A pointer is not aligned for what it points to.
+     */
+    SARRUS_STATUS_UNALIGNED_POINTER = 101,
+    /**
+     * An output array overlaps another array of the same call.
+     */
+    SARRUS_STATUS_OVERLAPPING_ARRAYS = 102,
+    /**
+     * A text is not UTF-8, or malformed.
+     */
+    SARRUS_STATUS_BAD_TEXT = 103,
+    /**
+     * A number stands for nothing in its enum.
+     */
+    SARRUS_STATUS_UNKNOWN_NUMBER = 104,
+    /**
+     * The files cannot be read or have faults: all of them are in the text.
+     */
+    SARRUS_STATUS_LOAD_FAILED = 105,
+    /**
+     * No server or bridge takes this client.
+     */
+    SARRUS_STATUS_CONNECT_FAILED = 106,
+    /**
+     * The server is gone and did not come back in time; the next call looks for it again.
+     */
+    SARRUS_STATUS_SERVER_GONE = 107,
+    /**
+     * The server is there but did not answer in time.
+     */
+    SARRUS_STATUS_NO_ANSWER = 108,
+    /**
+     * Names in a query stand for nothing: all of them are in the text.
+     */
+    SARRUS_STATUS_UNKNOWN_NAME = 109,
+    /**
+     * The query cannot be planned.
+     */
+    SARRUS_STATUS_BAD_QUERY = 110,
+    /**
+     * The plan moves more numbers than a request carries.
+     */
+    SARRUS_STATUS_TOO_LARGE = 111,
+    /**
+     * The server's table of plans is full.
+     */
+    SARRUS_STATUS_TOO_MANY_PLANS = 112,
+    /**
+     * The plan is another robot's, be it one of the same model.
+     */
+    SARRUS_STATUS_UNKNOWN_PLAN = 113,
+    /**
+     * The plan was released.
+     */
+    SARRUS_STATUS_RELEASED_PLAN = 114,
+    /**
+     * There is nothing new since the last call.
+     */
+    SARRUS_STATUS_NOTHING_NEW = 115,
+    /**
+     * A command could not be sent.
+     */
+    SARRUS_STATUS_NOT_SENT = 116,
+    /**
+     * This processor lacks what the library was built for.
+     */
+    SARRUS_STATUS_OLD_PROCESSOR = 117,
+    /**
+     * A fault of the library itself; free the handle. Please report it.
+     */
+    SARRUS_STATUS_INTERNAL = 118,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum sarrus_status sarrus_status;
+#else
+typedef int32_t sarrus_status;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * Bits beside an answer; they never change its numbers.
+ */
+enum sarrus_warning
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * A position, velocity or actuator force lies outside the limits of the model.
+     */
+    SARRUS_WARNING_LIMITS_EXCEEDED = 1,
+    /**
+     * Some field of the answer may keep fewer than nine digits.
+     */
+    SARRUS_WARNING_ILL_CONDITIONED = 2,
+    /**
+     * The loops do not close here: a redundant row is open by more than the tolerance.
+     */
+    SARRUS_WARNING_LOOP_OPEN = 4,
+    /**
+     * The given q or qd does not fit its loops by more than the tolerance.
+     */
+    SARRUS_WARNING_INPUT_PROJECTED = 8,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum sarrus_warning sarrus_warning;
+#else
+typedef uint32_t sarrus_warning;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * Lists of names.
+ */
+enum sarrus_order
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * The spanning tree's velocities: order of qd (n_v).
+     */
+    SARRUS_ORDER_TREE = 0,
+    /**
+     * The spanning tree's coordinates: order of q (n_q).
+     */
+    SARRUS_ORDER_TREE_Q = 1,
+    /**
+     * The independent velocities: order of yd (n_vy).
+     */
+    SARRUS_ORDER_INDEPENDENT = 2,
+    /**
+     * The independent coordinates: order of y (n_qy).
+     */
+    SARRUS_ORDER_INDEPENDENT_Q = 3,
+    /**
+     * The actuators: order of u (n_u).
+     */
+    SARRUS_ORDER_ACTIVE = 4,
+    /**
+     * The rows of the loop Jacobian K (n_c).
+     */
+    SARRUS_ORDER_LOOPS = 5,
+    /**
+     * Clusters that have an assembly branch (n_branches).
+     */
+    SARRUS_ORDER_BRANCHES = 6,
+    /**
+     * Links.
+     */
+    SARRUS_ORDER_LINKS = 7,
+    /**
+     * What is remarkable about the files, one line each.
+     */
+    SARRUS_ORDER_WARNINGS = 8,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum sarrus_order sarrus_order;
+#else
+typedef uint32_t sarrus_order;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * Which way requests go.
+ */
+enum sarrus_transport
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * A lane of one's own: the fastest way; a server has a bounded number of them.
+     */
+    SARRUS_TRANSPORT_LANE = 0,
+    /**
+     * The service, shared by all clients; each request makes one small block of memory.
+     */
+    SARRUS_TRANSPORT_SERVICE = 1,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum sarrus_transport sarrus_transport;
+#else
+typedef uint32_t sarrus_transport;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * How a client waits for an answer.
+ */
+enum sarrus_wait_strategy
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Busy where at least three processors are there, else polite.
+     */
+    SARRUS_WAIT_STRATEGY_AUTO = 0,
+    /**
+     * Polls without pause: the lowest latency for a whole processor while waiting.
+     */
+    SARRUS_WAIT_STRATEGY_BUSY = 1,
+    /**
+     * Polls for some microseconds, then lets others run.
+     */
+    SARRUS_WAIT_STRATEGY_POLITE = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum sarrus_wait_strategy sarrus_wait_strategy;
+#else
+typedef uint32_t sarrus_wait_strategy;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * What is asked.
+ */
+enum sarrus_request
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Positions, velocities, accelerations, closures, frames.
+     */
+    SARRUS_REQUEST_KINEMATICS = 1,
+    /**
+     * Motion to forces.
+     */
+    SARRUS_REQUEST_INVERSE_DYNAMICS = 2,
+    /**
+     * Forces to motion.
+     */
+    SARRUS_REQUEST_FORWARD_DYNAMICS = 3,
+    /**
+     * Positions, velocities, accelerations and forces from one space to another.
+     */
+    SARRUS_REQUEST_MAP = 4,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum sarrus_request sarrus_request;
+#else
+typedef uint32_t sarrus_request;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * What travels beside the numbers of a query, as bits.
+ */
+enum sarrus_query_option
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Requests and answers have a checksum.
+     */
+    SARRUS_QUERY_OPTION_CHECKSUM = 1,
+    /**
+     * Answers say how old their request was and how long they took: sarrus_robot_times.
+     */
+    SARRUS_QUERY_OPTION_TIMES = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum sarrus_query_option sarrus_query_option;
+#else
+typedef uint32_t sarrus_query_option;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * State of a mechanism, and of the bridge as a whole.
+ */
+enum sarrus_mechanism_state
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Its motors have no power.
+     */
+    SARRUS_MECHANISM_STATE_DISABLED = 0,
+    /**
+     * It was asked to arm, and waits for what is missing or for its motors.
+     */
+    SARRUS_MECHANISM_STATE_ARMING = 1,
+    /**
+     * Its motors follow the commands.
+     */
+    SARRUS_MECHANISM_STATE_ENABLED = 2,
+    /**
+     * Something failed: its motors have no power until an operator resets it.
+     */
+    SARRUS_MECHANISM_STATE_FAULT = 3,
+    /**
+     * Its motors are brought to a standstill, and then lose power.
+     */
+    SARRUS_MECHANISM_STATE_STOPPING = 4,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum sarrus_mechanism_state sarrus_mechanism_state;
+#else
+typedef uint32_t sarrus_mechanism_state;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * Why a mechanism is in its state.
+ */
+enum sarrus_reason
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Nothing to report.
+     */
+    SARRUS_REASON_NONE = 0,
+    /**
+     * An operator or a controller disarmed it.
+     */
+    SARRUS_REASON_DISARMED = 1,
+    /**
+     * No command came for longer than T2.
+     */
+    SARRUS_REASON_COMMAND_LOST = 2,
+    /**
+     * The bridge itself was stopped for longer than T2.
+     */
+    SARRUS_REASON_STALLED = 3,
+    /**
+     * No command came since it was asked to arm.
+     */
+    SARRUS_REASON_NO_COMMAND = 4,
+    /**
+     * A motor has no offset in the configuration.
+     */
+    SARRUS_REASON_NOT_CALIBRATED = 5,
+    /**
+     * A motor's watchdog is off.
+     */
+    SARRUS_REASON_WATCHDOG_OFF = 6,
+    /**
+     * A motor's watchdog was not read, and is not believed to be on.
+     */
+    SARRUS_REASON_WATCHDOG_UNKNOWN = 7,
+    /**
+     * A motor does not measure, or no longer.
+     */
+    SARRUS_REASON_FEEDBACK_STALE = 8,
+    /**
+     * A motor reports a fault.
+     */
+    SARRUS_REASON_MOTOR_FAULT = 9,
+    /**
+     * A motor lost power while it was to be enabled.
+     */
+    SARRUS_REASON_POWER_LOST = 10,
+    /**
+     * Motors did not take power in time.
+     */
+    SARRUS_REASON_ARMING_TIMEOUT = 11,
+    /**
+     * The bus is error-passive.
+     */
+    SARRUS_REASON_BUS_PASSIVE = 12,
+    /**
+     * The bus is off.
+     */
+    SARRUS_REASON_BUS_OFF = 13,
+    /**
+     * Frames of before still wait to be sent.
+     */
+    SARRUS_REASON_BACKLOG = 14,
+    /**
+     * Another mechanism failed, and the robot stops as a whole.
+     */
+    SARRUS_REASON_OTHER_MECHANISM = 15,
+    /**
+     * A motor's watchdog is longer than the configuration says.
+     */
+    SARRUS_REASON_WATCHDOG_LONG = 16,
+    /**
+     * An actuator is beyond its position limit and moves outwards.
+     */
+    SARRUS_REASON_POSITION_LIMIT = 17,
+    /**
+     * An actuator is faster than its limit.
+     */
+    SARRUS_REASON_VELOCITY_LIMIT = 18,
+    /**
+     * An actuator stays behind its set-point.
+     */
+    SARRUS_REASON_FOLLOWING_ERROR = 19,
+    /**
+     * A motor reports another effort than it was asked for.
+     */
+    SARRUS_REASON_EFFORT_MISMATCH = 20,
+    /**
+     * A motor repeats one position while it must have moved.
+     */
+    SARRUS_REASON_FEEDBACK_FROZEN = 21,
+    /**
+     * A position changed by more than the speed allows.
+     */
+    SARRUS_REASON_FEEDBACK_JUMP = 22,
+    /**
+     * A motor answers requests of long ago.
+     */
+    SARRUS_REASON_FEEDBACK_LATE = 23,
+    /**
+     * More answers came than a motor was asked for.
+     */
+    SARRUS_REASON_SECOND_ANSWER = 24,
+    /**
+     * Frames with the bridge's own identifiers came from somebody else.
+     */
+    SARRUS_REASON_SECOND_MASTER = 25,
+    /**
+     * A motor is too hot.
+     */
+    SARRUS_REASON_OVER_TEMPERATURE = 26,
+    /**
+     * An actuator is outside its limits, where nothing is armed.
+     */
+    SARRUS_REASON_OUTSIDE_LIMITS = 27,
+    /**
+     * An independent coordinate of the mechanism is beyond its limit.
+     */
+    SARRUS_REASON_MECHANISM_LIMIT = 28,
+    /**
+     * No pose of the mechanism has the measured positions.
+     */
+    SARRUS_REASON_UNREACHABLE = 29,
+    /**
+     * The mechanism is too near to a singular pose.
+     */
+    SARRUS_REASON_NEAR_SINGULAR = 30,
+    /**
+     * Encoders of one closed loop contradict each other.
+     */
+    SARRUS_REASON_LOOP_RESIDUAL = 31,
+    /**
+     * Reported efforts contradict the inverse dynamics of the model.
+     */
+    SARRUS_REASON_MODEL_EFFORT = 32,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum sarrus_reason sarrus_reason;
+#else
+typedef uint32_t sarrus_reason;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * What an operator asks of the bridge.
+ */
+enum sarrus_operation
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Give the motors power as soon as everything is in order.
+     */
+    SARRUS_OPERATION_ARM = 1,
+    /**
+     * Take the power away.
+     */
+    SARRUS_OPERATION_DISARM = 2,
+    /**
+     * Forget a fault; what is armed stays as it is.
+     */
+    SARRUS_OPERATION_RESET = 3,
+    /**
+     * Bring what is outside its limits back inside, slowly, and take the power away there.
+     */
+    SARRUS_OPERATION_RETURN = 4,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum sarrus_operation sarrus_operation;
+#else
+typedef uint32_t sarrus_operation;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * What the bridge says of single actuators, as bits.
+ */
+enum sarrus_flag
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * The effort was limited.
+     */
+    SARRUS_FLAG_EFFORT_LIMITED = 1,
+    /**
+     * The position was limited.
+     */
+    SARRUS_FLAG_POSITION_LIMITED = (1 << 1),
+    /**
+     * The velocity was limited, or the position was to change faster than that.
+     */
+    SARRUS_FLAG_VELOCITY_LIMITED = (1 << 2),
+    /**
+     * The effort was to change faster than it may.
+     */
+    SARRUS_FLAG_RATE_LIMITED = (1 << 3),
+    /**
+     * Gains and efforts still grow after arming.
+     */
+    SARRUS_FLAG_RAMPING = (1 << 4),
+    /**
+     * Commands are late: the actuator is damped.
+     */
+    SARRUS_FLAG_DAMPED = (1 << 5),
+    /**
+     * The measurement is missing or too old.
+     */
+    SARRUS_FLAG_STALE = (1 << 6),
+    /**
+     * The motor reports a fault.
+     */
+    SARRUS_FLAG_MOTOR_FAULT = (1 << 7),
+    /**
+     * The motor has power.
+     */
+    SARRUS_FLAG_POWERED = (1 << 8),
+    /**
+     * No motor drives it.
+     */
+    SARRUS_FLAG_NO_MOTOR = (1 << 9),
+    /**
+     * The effort is reduced because the motor is hot.
+     */
+    SARRUS_FLAG_DERATED = (1 << 10),
+    /**
+     * The actuator is brought to a standstill.
+     */
+    SARRUS_FLAG_STOPPING = (1 << 11),
+    /**
+     * An effort that pushes outwards beyond a position limit was taken away.
+     */
+    SARRUS_FLAG_OUTWARD_LIMITED = (1 << 12),
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum sarrus_flag sarrus_flag;
+#else
+typedef uint32_t sarrus_flag;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * The controller of a bridge; a bridge has one at a time. Commands must keep coming: each later
+ * than T1 of the configuration is damped, and later than T2 disabled. One thread uses it at a
+ * time; any may.
+ */
+typedef struct sarrus_controller sarrus_controller;
+
+/**
+ * Somebody who watches a bridge, and may operate it. One thread uses it at a time; any may.
+ */
+typedef struct sarrus_observer sarrus_observer;
+
+/**
+ * A prepared query of one robot: what goes in, what comes out, and where. It belongs to the robot
+ * that prepared it and to no other, be it of the same model. Freeing it frees this memory alone;
+ * sarrus_robot_release gives back what the robot and its server hold.
+ */
+typedef struct sarrus_plan sarrus_plan;
+
+/**
+ * A robot that answers: in this process or in another, by the same functions and with the same
+ * bits. One thread uses it at a time; any may.
+ */
+typedef struct sarrus_robot sarrus_robot;
+
+/**
+ * How a robot is loaded. Begin with sarrus_load_defaults() and change what differs.
+ */
+typedef struct sarrus_load_options {
+    /**
+     * Gravity in root axes [m/s^2].
+     */
+    double gravity[3];
+    /**
+     * Faults of mass and inertia are warnings.
+     */
+    bool lenient;
+    /**
+     * The root link is on a free joint, the first of all: q = [p; x y z w], qd = [w; v] in the
+     * root link.
+     */
+    bool floating_base;
+    /**
+     * Joints that are held still, each "JOINT" or "JOINT=VALUE" [m, rad].
+     */
+    const char *const *lock;
+    /**
+     * How many.
+     */
+    size_t n_lock;
+    /**
+     * Links to which the robot is reduced, by names or patterns; none stands for all.
+     */
+    const char *const *only;
+    /**
+     * How many.
+     */
+    size_t n_only;
+} sarrus_load_options;
+
+/**
+ * How to connect. Begin with sarrus_connect_defaults() and change what differs.
+ */
+typedef struct sarrus_connect_options {
+    /**
+     * A sarrus_transport.
+     */
+    uint32_t transport;
+    /**
+     * A sarrus_wait_strategy.
+     */
+    uint32_t wait_strategy;
+    /**
+     * How long one call waits at most, for a server that is gone to come back included [ns].
+     */
+    uint64_t timeout_ns;
+    /**
+     * How long an answer may take before it is counted as late [ns]; 0 for any time.
+     */
+    uint64_t deadline_ns;
+    /**
+     * The model that must be served; 0 for any.
+     */
+    uint64_t fingerprint;
+} sarrus_connect_options;
+
+/**
+ * How long the last answer took.
+ */
+typedef struct sarrus_times {
+    /**
+     * How old the request was when the server took it [ns]; 0 in process.
+     */
+    uint32_t age_ns;
+    /**
+     * From then to the publication of the answer [ns].
+     */
+    uint32_t took_ns;
+} sarrus_times;
+
+/**
+ * Sizes that fix the shape of every field.
+ */
+typedef struct sarrus_sizes {
+    /**
+     * Tree coordinates.
+     */
+    size_t n_q;
+    /**
+     * Tree velocities.
+     */
+    size_t n_v;
+    /**
+     * Independent coordinates.
+     */
+    size_t n_qy;
+    /**
+     * Independent velocities.
+     */
+    size_t n_vy;
+    /**
+     * Actuators.
+     */
+    size_t n_u;
+    /**
+     * Constraint rows.
+     */
+    size_t n_c;
+    /**
+     * Clusters with an assembly branch.
+     */
+    size_t n_branches;
+} sarrus_sizes;
+
+/**
+ * Limits of a tree coordinate, in its own unit; infinite where there is none.
+ */
+typedef struct sarrus_limits {
+    /**
+     * Least position [m, rad].
+     */
+    double lower;
+    /**
+     * Greatest position [m, rad].
+     */
+    double upper;
+    /**
+     * Greatest speed [m/s, rad/s].
+     */
+    double velocity;
+    /**
+     * Greatest force or moment [N, N m].
+     */
+    double effort;
+} sarrus_limits;
+
+/**
+ * A query by names. Begin with zeros, `sarrus_query query = {0};`, and set what is asked.
+ */
+typedef struct sarrus_query {
+    /**
+     * A sarrus_request.
+     */
+    uint32_t request;
+    /**
+     * Bits of sarrus_query_option.
+     */
+    uint32_t options;
+    /**
+     * The fields that each request gives, such as "y".
+     */
+    const char *const *given;
+    /**
+     * How many.
+     */
+    size_t n_given;
+    /**
+     * The fields that each answer holds, such as "tau_u"; none stands for the request's usual
+     * ones.
+     */
+    const char *const *want;
+    /**
+     * How many.
+     */
+    size_t n_want;
+    /**
+     * The links whose frames are asked; which fields of frames is said in `want`.
+     */
+    const char *const *frames;
+    /**
+     * How many.
+     */
+    size_t n_frames;
+    /**
+     * The links that wrenches act on; adds "wrenches" to what is given.
+     */
+    const char *const *wrenches;
+    /**
+     * How many.
+     */
+    size_t n_wrenches;
+    /**
+     * The joints whose rows are asked, by names with * ? [...] as in shells; none stands for all.
+     */
+    const char *const *joints;
+    /**
+     * How many.
+     */
+    size_t n_joints;
+    /**
+     * How far redundant rows of loops may be open before an answer has the warning loop_open, in
+     * radians or lengths of the cluster; NULL for 1e-6.
+     */
+    const double *loop_tolerance;
+    /**
+     * How far an answer may be from the q or qd that was given before it has the warning
+     * input_projected; NULL for 1e-6.
+     */
+    const double *projection_tolerance;
+} sarrus_query;
+
+/**
+ * Where a field lies among the numbers that go in or come out.
+ */
+typedef struct sarrus_slot {
+    /**
+     * Place of its first number.
+     */
+    size_t offset;
+    /**
+     * Rows.
+     */
+    size_t rows;
+    /**
+     * Columns; a matrix is packed row by row.
+     */
+    size_t columns;
+} sarrus_slot;
+
+/**
+ * One command for all actuators of a robot, in the order of u. An actuator follows
+ * effort + stiffness (position - measured) + damping (velocity - measured), as far as its motor's
+ * mode allows. Begin with zeros. Sequence, stamp and fingerprint are filled in by
+ * sarrus_controller_send.
+ */
+typedef struct sarrus_actuator_command {
+    /**
+     * Filled in: grows with each command.
+     */
+    uint64_t sequence;
+    /**
+     * Filled in: when it was sent, by the monotonic clock of this machine [ns].
+     */
+    uint64_t stamp_ns;
+    /**
+     * Filled in: the fingerprint of the controller.
+     */
+    uint64_t fingerprint;
+    /**
+     * How many actuators it is for (n_u).
+     */
+    uint64_t n_u;
+    /**
+     * Position [rad, m].
+     */
+    double position[SARRUS_MAX_ACTUATORS];
+    /**
+     * Velocity [rad/s, m/s].
+     */
+    double velocity[SARRUS_MAX_ACTUATORS];
+    /**
+     * Moment or force, tau_u [N m, N].
+     */
+    double effort[SARRUS_MAX_ACTUATORS];
+    /**
+     * Stiffness [N m/rad, N/m], at least 0.
+     */
+    double stiffness[SARRUS_MAX_ACTUATORS];
+    /**
+     * Damping [N m s/rad, N s/m], at least 0.
+     */
+    double damping[SARRUS_MAX_ACTUATORS];
+} sarrus_actuator_command;
+
+/**
+ * What the bridge knows of all actuators after one of its cycles, in the order of u.
+ */
+typedef struct sarrus_actuator_state {
+    /**
+     * Number of the cycle.
+     */
+    uint64_t sequence;
+    /**
+     * Time of the cycle, by the monotonic clock of this machine [ns].
+     */
+    uint64_t stamp_ns;
+    /**
+     * Fingerprint of the model; 0 without one.
+     */
+    uint64_t fingerprint;
+    /**
+     * How many actuators there are (n_u).
+     */
+    uint64_t n_u;
+    /**
+     * Sequence of the last command that was taken.
+     */
+    uint64_t command;
+    /**
+     * The worst of the mechanisms, a sarrus_mechanism_state.
+     */
+    uint32_t state;
+    /**
+     * Why, a sarrus_reason.
+     */
+    uint32_t reason;
+    /**
+     * The sarrus_mechanism_state of each actuator's mechanism.
+     */
+    uint32_t states[SARRUS_MAX_ACTUATORS];
+    /**
+     * Why, a sarrus_reason each.
+     */
+    uint32_t reasons[SARRUS_MAX_ACTUATORS];
+    /**
+     * Bits of sarrus_flag.
+     */
+    uint32_t flags[SARRUS_MAX_ACTUATORS];
+    /**
+     * The motors' own codes of their faults; 0 without one.
+     */
+    uint32_t faults[SARRUS_MAX_ACTUATORS];
+    /**
+     * When each was measured, by the monotonic clock [ns]; 0 for never.
+     */
+    uint64_t measured_ns[SARRUS_MAX_ACTUATORS];
+    /**
+     * Position [rad, m]; NaN for what was never measured, here and below.
+     */
+    double position[SARRUS_MAX_ACTUATORS];
+    /**
+     * Velocity [rad/s, m/s].
+     */
+    double velocity[SARRUS_MAX_ACTUATORS];
+    /**
+     * Moment or force [N m, N].
+     */
+    double effort[SARRUS_MAX_ACTUATORS];
+    /**
+     * Temperature of the motor [degrees Celsius].
+     */
+    double temperature[SARRUS_MAX_ACTUATORS];
+} sarrus_actuator_state;
+
+/**
+ * All of them.
+ */
+#define sarrus_status_ALL { sarrus_status_Ok, sarrus_status_BadRequest, sarrus_status_NonFiniteInput, sarrus_status_WrongSize, sarrus_status_WrongModel, sarrus_status_UnknownRequest, sarrus_status_NotConverged, sarrus_status_BranchChanged, sarrus_status_Unreachable, sarrus_status_SingularClosure, sarrus_status_SingularIndependents, sarrus_status_SingularActuation, sarrus_status_MassNotPositive, sarrus_status_Overloaded, sarrus_status_ShuttingDown, sarrus_status_CorruptAnswer, sarrus_status_UnknownStatus, sarrus_status_NullPointer, sarrus_status_UnalignedPointer, sarrus_status_OverlappingArrays, sarrus_status_BadText, sarrus_status_UnknownNumber, sarrus_status_LoadFailed, sarrus_status_ConnectFailed, sarrus_status_ServerGone, sarrus_status_NoAnswer, sarrus_status_UnknownName, sarrus_status_BadQuery, sarrus_status_TooLarge, sarrus_status_TooManyPlans, sarrus_status_UnknownPlan, sarrus_status_ReleasedPlan, sarrus_status_NothingNew, sarrus_status_NotSent, sarrus_status_OldProcessor, sarrus_status_Internal, }
+
+#ifdef __cplusplus
+extern "C" {
+#endif // __cplusplus
+
+/**
+ * SARRUS_ABI_VERSION of the library: a program that was compiled with another one must not go on.
+ */
+uint32_t sarrus_abi_version(void);
+
+/**
+ * Version of the library, such as "0.1.0"; lives for ever.
+ */
+const char *sarrus_version(void);
+
+/**
+ * Name of a status, such as "unreachable"; "unknown" for a number that is none. Lives for ever.
+ */
+const char *sarrus_status_name(int32_t status);
+
+/**
+ * Name of the lowest warning among bits; NULL where there is none. Lives for ever.
+ */
+const char *sarrus_warning_name(uint32_t bits);
+
+/**
+ * What led to the last status of this thread other than SARRUS_STATUS_OK, in words; empty before.
+ * It is overwritten by the next failure of this thread, and cut at 8 KiB.
+ */
+const char *sarrus_last_error(void);
+
+/**
+ * Standard gravity downwards, strict, on the ground, the whole robot.
+ */
+struct sarrus_load_options sarrus_load_defaults(void);
+
+/**
+ * A lane, one second, waiting as fits the number of processors, no deadline, any model.
+ */
+struct sarrus_connect_options sarrus_connect_defaults(void);
+
+/**
+ * Loads a bundled robot, such as "lambda", into this process. `options` may be NULL. The robot is
+ * freed by sarrus_robot_free; `*robot` is NULL after a failure.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_robot_bundled(const char *name,
+                                   const struct sarrus_load_options *options,
+                                   struct sarrus_robot **robot);
+
+/**
+ * Loads a robot from files into this process: a URDF, or a SMURF file that names one, and its
+ * submechanisms, which may be NULL. After SARRUS_STATUS_LOAD_FAILED the text has a line for each
+ * fault.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_robot_load(const char *urdf,
+                                const char *submechanisms,
+                                const struct sarrus_load_options *options,
+                                struct sarrus_robot **robot);
+
+/**
+ * The same from the contents of files, of so many bytes; `submechanisms` may be NULL.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_robot_load_text(const char *urdf,
+                                     size_t urdf_size,
+                                     const char *submechanisms,
+                                     size_t submechanisms_size,
+                                     const struct sarrus_load_options *options,
+                                     struct sarrus_robot **robot);
+
+/**
+ * Connects to a server on this machine, of this user or below the folder that SARRUS_ROOT names.
+ * `options` may be NULL. When the server is killed and started again with the same model, the
+ * robot goes on by itself, plans included.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_robot_connect(const char *name,
+                                   const struct sarrus_connect_options *options,
+                                   struct sarrus_robot **robot);
+
+/**
+ * Frees a robot, and its plans with it; NULL does nothing.
+ */
+void sarrus_robot_free(struct sarrus_robot *robot);
+
+/**
+ * Name of the robot, which lives as long as it; NULL for NULL.
+ */
+const char *sarrus_robot_name(const struct sarrus_robot *robot);
+
+/**
+ * A number that differs whenever any name, order or constant of the model differs; 0 for NULL.
+ */
+uint64_t sarrus_robot_fingerprint(const struct sarrus_robot *robot);
+
+/**
+ * Has every simple call from now on (sarrus_robot_inverse_dynamics and those beside it) carry a
+ * checksum, times or both: bits of sarrus_query_option. The next call of each prepares its plan.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_robot_set_options(struct sarrus_robot *robot,
+                                       uint32_t options);
+
+/**
+ * How long the last answer took, where that was asked; false where it was not, or no answer came.
+ */
+bool sarrus_robot_times(const struct sarrus_robot *robot, struct sarrus_times *times);
+
+/**
+ * Answers that came after the deadline of the connection; 0 in process.
+ */
+uint64_t sarrus_robot_late(const struct sarrus_robot *robot);
+
+/**
+ * The sizes of a robot.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_robot_sizes(const struct sarrus_robot *robot,
+                                 struct sarrus_sizes *sizes);
+
+/**
+ * How many names a list has, by a number of sarrus_order; 0 for NULL and for other numbers.
+ */
+size_t sarrus_robot_name_count(const struct sarrus_robot *robot, uint32_t order);
+
+/**
+ * A name of a list, which lives as long as the robot; NULL beyond its end.
+ */
+const char *sarrus_robot_name_at(const struct sarrus_robot *robot, uint32_t order, size_t index);
+
+/**
+ * The limits of a tree coordinate, by its place in qd.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_robot_limits(const struct sarrus_robot *robot,
+                                  size_t index,
+                                  struct sarrus_limits *limits);
+
+/**
+ * Prepares a query; equal queries of a robot share one plan. Allocates. All names that stand for
+ * nothing are reported together. The plan is freed by
+ * sarrus_plan_free.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_robot_prepare(struct sarrus_robot *robot,
+                                   const struct sarrus_query *query,
+                                   struct sarrus_plan **plan);
+
+/**
+ * How many numbers go in; 0 for NULL.
+ */
+size_t sarrus_plan_inputs(const struct sarrus_plan *plan);
+
+/**
+ * How many numbers come out; 0 for NULL.
+ */
+size_t sarrus_plan_outputs(const struct sarrus_plan *plan);
+
+/**
+ * Where a given field lies in the input. Fields are packed in one order, whatever the order of
+ * their names in the query: ask here.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_plan_given(const struct sarrus_plan *plan,
+                                const char *field,
+                                struct sarrus_slot *place);
+
+/**
+ * Where a wanted field lies in the output.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_plan_want(const struct sarrus_plan *plan,
+                               const char *field,
+                               struct sarrus_slot *place);
+
+/**
+ * Asks: `input` holds the given fields, `output` gets the wanted ones, both packed as the plan
+ * says. In process and through a lane it never allocates. After any status other than
+ * SARRUS_STATUS_OK the outputs that survive a failure keep their numbers and all others are NaN;
+ * pointers that cannot be used leave them as they were. `warnings` gets bits of sarrus_warning,
+ * and may be NULL.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_robot_ask(struct sarrus_robot *robot,
+                               const struct sarrus_plan *plan,
+                               const double *input,
+                               size_t n_input,
+                               double *output,
+                               size_t n_output,
+                               uint32_t *warnings);
+
+/**
+ * Releases a plan: what it takes comes free, here and in the server, once it was released as often
+ * as it was prepared. Its handle is still to be freed, by sarrus_plan_free.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_robot_release(struct sarrus_robot *robot,
+                                   const struct sarrus_plan *plan);
+
+/**
+ * Frees the memory of a plan handle, before or after its robot; NULL does nothing.
+ */
+void sarrus_plan_free(struct sarrus_plan *plan);
+
+/**
+ * Actuator forces for a motion: tau_u = G_u^-T (M_y ydd + C_y).
+ *
+ * y [m, rad] (n_qy), yd and ydd (n_vy), tau_u [N, N m] (n_u).
+ *
+ * This and the four functions below: the first call of each prepares its plan and allocates, later
+ * ones never do, in process and through a lane; sarrus_robot_prepare_... does that ahead of time.
+ * After a failure all results are NaN, unless a pointer cannot be used. `warnings` gets bits of
+ * sarrus_warning after SARRUS_STATUS_OK, and may be NULL.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_robot_inverse_dynamics(struct sarrus_robot *robot,
+                                            const double *y,
+                                            size_t n_qy,
+                                            const double *yd,
+                                            const double *ydd,
+                                            size_t n_vy,
+                                            double *tau_u,
+                                            size_t n_u,
+                                            uint32_t *warnings);
+
+/**
+ * Motion under actuator forces: ydd = M_y^-1 (G_u^T tau_u - C_y).
+ *
+ * y [m, rad] (n_qy), yd (n_vy), tau_u [N, N m] (n_u), ydd (n_ydd, which is n_vy).
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_robot_forward_dynamics(struct sarrus_robot *robot,
+                                            const double *y,
+                                            size_t n_qy,
+                                            const double *yd,
+                                            size_t n_vy,
+                                            const double *tau_u,
+                                            size_t n_u,
+                                            double *ydd,
+                                            size_t n_ydd,
+                                            uint32_t *warnings);
+
+/**
+ * The motion of all joints of the spanning tree that goes with an independent motion.
+ *
+ * y [m, rad] (n_qy), yd and ydd (n_vy); q (n_q), qd and qdd (n_v).
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_robot_state(struct sarrus_robot *robot,
+                                 const double *y,
+                                 size_t n_qy,
+                                 const double *yd,
+                                 const double *ydd,
+                                 size_t n_vy,
+                                 double *q,
+                                 size_t n_q,
+                                 double *qd,
+                                 double *qdd,
+                                 size_t n_v,
+                                 uint32_t *warnings);
+
+/**
+ * The actuators' motion: u, ud = G_u yd, udd = G_u ydd + g_u.
+ *
+ * y [m, rad] (n_qy), yd and ydd (n_vy); u, ud and udd (n_u).
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_robot_to_actuators(struct sarrus_robot *robot,
+                                        const double *y,
+                                        size_t n_qy,
+                                        const double *yd,
+                                        const double *ydd,
+                                        size_t n_vy,
+                                        double *u,
+                                        double *ud,
+                                        double *udd,
+                                        size_t n_u,
+                                        uint32_t *warnings);
+
+/**
+ * The independent motion that encoders of the actuators show: the inverse of
+ * sarrus_robot_to_actuators, from the pose where all coordinates are zero.
+ *
+ * u [m, rad], ud and udd (n_u); y (n_qy), yd and ydd (n_vy).
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_robot_to_independent(struct sarrus_robot *robot,
+                                          const double *u,
+                                          const double *ud,
+                                          const double *udd,
+                                          size_t n_u,
+                                          double *y,
+                                          size_t n_qy,
+                                          double *yd,
+                                          double *ydd,
+                                          size_t n_vy,
+                                          uint32_t *warnings);
+
+/**
+ * Prepares sarrus_robot_inverse_dynamics, so that its first call does not allocate either.
+ * `plan` may be NULL; else it gets a plan for sarrus_robot_ask, to be freed by sarrus_plan_free.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_robot_prepare_inverse_dynamics(struct sarrus_robot *robot,
+                                                    struct sarrus_plan **plan);
+
+/**
+ * Prepares sarrus_robot_forward_dynamics.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_robot_prepare_forward_dynamics(struct sarrus_robot *robot,
+                                                    struct sarrus_plan **plan);
+
+/**
+ * Prepares sarrus_robot_state.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_robot_prepare_state(struct sarrus_robot *robot,
+                                         struct sarrus_plan **plan);
+
+/**
+ * Prepares sarrus_robot_to_actuators.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_robot_prepare_to_actuators(struct sarrus_robot *robot,
+                                                struct sarrus_plan **plan);
+
+/**
+ * Prepares sarrus_robot_to_independent.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_robot_prepare_to_independent(struct sarrus_robot *robot,
+                                                  struct sarrus_plan **plan);
+
+/**
+ * Connects to a running bridge, with the fingerprint of the model that commands are computed with:
+ * sarrus_robot_fingerprint, or 0 where the bridge has none. Freed by sarrus_controller_free.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_controller_connect(const char *name,
+                                        uint64_t fingerprint,
+                                        struct sarrus_controller **controller);
+
+/**
+ * Sends a command; its sequence, stamp and fingerprint are filled in. SARRUS_STATUS_NOT_SENT where
+ * it could not be sent. Never allocates.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_controller_send(struct sarrus_controller *controller,
+                                     struct sarrus_actuator_command *command);
+
+/**
+ * The newest state of the actuators, once: SARRUS_STATUS_NOTHING_NEW until there is another. One
+ * whose stamp is older than a few cycles means that the bridge is gone.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_controller_state(const struct sarrus_controller *controller,
+                                      struct sarrus_actuator_state *state);
+
+/**
+ * Asks the bridge for a sarrus_operation. `stamp_ns` gets the time of asking [ns], after which
+ * states may show it, and may be NULL. Stay until one does, and ask again: a bridge that does not
+ * know of this program yet does not hear it.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_controller_operate(const struct sarrus_controller *controller,
+                                        uint32_t operation,
+                                        uint64_t *stamp_ns);
+
+/**
+ * The same of the one mechanism that an actuator acts on, by its place in u.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_controller_operate_mechanism(const struct sarrus_controller *controller,
+                                                  uint32_t operation,
+                                                  size_t actuator,
+                                                  uint64_t *stamp_ns);
+
+/**
+ * Frees a controller: its motors are damped after T1, and without power after T2; NULL does
+ * nothing.
+ */
+void sarrus_controller_free(struct sarrus_controller *controller);
+
+/**
+ * Connects to a running bridge, to watch it. Freed by sarrus_observer_free.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_observer_connect(const char *name,
+                                      struct sarrus_observer **observer);
+
+/**
+ * The newest state of the actuators, once: SARRUS_STATUS_NOTHING_NEW until there is another. One
+ * whose stamp is older than a few cycles means that the bridge is gone.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_observer_state(const struct sarrus_observer *observer,
+                                    struct sarrus_actuator_state *state);
+
+/**
+ * Asks the bridge for a sarrus_operation. `stamp_ns` gets the time of asking [ns], after which
+ * states may show it, and may be NULL. Stay until one does, and ask again: a bridge that does not
+ * know of this program yet does not hear it.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_observer_operate(const struct sarrus_observer *observer,
+                                      uint32_t operation,
+                                      uint64_t *stamp_ns);
+
+/**
+ * The same of the one mechanism that an actuator acts on, by its place in u.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_observer_operate_mechanism(const struct sarrus_observer *observer,
+                                                uint32_t operation,
+                                                size_t actuator,
+                                                uint64_t *stamp_ns);
+
+/**
+ * Frees an observer; NULL does
+ * nothing.
+ */
+void sarrus_observer_free(struct sarrus_observer *observer);
+
+/**
+ * CLOCK_MONOTONIC, which all processes of a machine share and stamps are in [ns].
+ */
+uint64_t sarrus_now_ns(void);
+
+/**
+ * Name of a sarrus_mechanism_state; NULL for a number that is none. Lives for ever.
+ */
+const char *sarrus_mechanism_state_name(uint32_t state);
+
+/**
+ * Name of a sarrus_reason; NULL for a number that is none. Lives for ever.
+ */
+const char *sarrus_reason_name(uint32_t reason);
+
+#ifdef __cplusplus
+}  // extern "C"
+#endif  // __cplusplus
+
+#endif  /* SARRUS_H */

@@ -1,0 +1,280 @@
+//! What controllers and a bridge say to each other, as C has it.
+
+use sarrus_client::actuators as wire;
+
+/// Most actuators of a robot.
+pub const MAX_ACTUATORS: usize = 64;
+
+const _: () = assert!(MAX_ACTUATORS == wire::MAX_ACTUATORS);
+
+/// State of a mechanism, and of the bridge as a whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum MechanismState {
+    /// Its motors have no power.
+    Disabled = 0,
+    /// It was asked to arm, and waits for what is missing or for its motors.
+    Arming = 1,
+    /// Its motors follow the commands.
+    Enabled = 2,
+    /// Something failed: its motors have no power until an operator resets it.
+    Fault = 3,
+    /// Its motors are brought to a standstill, and then lose power.
+    Stopping = 4,
+}
+
+/// Why a mechanism is in its state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Reason {
+    /// Nothing to report.
+    None = 0,
+    /// An operator or a controller disarmed it.
+    Disarmed = 1,
+    /// No command came for longer than T2.
+    CommandLost = 2,
+    /// The bridge itself was stopped for longer than T2.
+    Stalled = 3,
+    /// No command came since it was asked to arm.
+    NoCommand = 4,
+    /// A motor has no offset in the configuration.
+    NotCalibrated = 5,
+    /// A motor's watchdog is off.
+    WatchdogOff = 6,
+    /// A motor's watchdog was not read, and is not believed to be on.
+    WatchdogUnknown = 7,
+    /// A motor does not measure, or no longer.
+    FeedbackStale = 8,
+    /// A motor reports a fault.
+    MotorFault = 9,
+    /// A motor lost power while it was to be enabled.
+    PowerLost = 10,
+    /// Motors did not take power in time.
+    ArmingTimeout = 11,
+    /// The bus is error-passive.
+    BusPassive = 12,
+    /// The bus is off.
+    BusOff = 13,
+    /// Frames of before still wait to be sent.
+    Backlog = 14,
+    /// Another mechanism failed, and the robot stops as a whole.
+    OtherMechanism = 15,
+    /// A motor's watchdog is longer than the configuration says.
+    WatchdogLong = 16,
+    /// An actuator is beyond its position limit and moves outwards.
+    PositionLimit = 17,
+    /// An actuator is faster than its limit.
+    VelocityLimit = 18,
+    /// An actuator stays behind its set-point.
+    FollowingError = 19,
+    /// A motor reports another effort than it was asked for.
+    EffortMismatch = 20,
+    /// A motor repeats one position while it must have moved.
+    FeedbackFrozen = 21,
+    /// A position changed by more than the speed allows.
+    FeedbackJump = 22,
+    /// A motor answers requests of long ago.
+    FeedbackLate = 23,
+    /// More answers came than a motor was asked for.
+    SecondAnswer = 24,
+    /// Frames with the bridge's own identifiers came from somebody else.
+    SecondMaster = 25,
+    /// A motor is too hot.
+    OverTemperature = 26,
+    /// An actuator is outside its limits, where nothing is armed.
+    OutsideLimits = 27,
+    /// An independent coordinate of the mechanism is beyond its limit.
+    MechanismLimit = 28,
+    /// No pose of the mechanism has the measured positions.
+    Unreachable = 29,
+    /// The mechanism is too near to a singular pose.
+    NearSingular = 30,
+    /// Encoders of one closed loop contradict each other.
+    LoopResidual = 31,
+    /// Reported efforts contradict the inverse dynamics of the model.
+    ModelEffort = 32,
+}
+
+/// What an operator asks of the bridge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Operation {
+    /// Give the motors power as soon as everything is in order.
+    Arm = 1,
+    /// Take the power away.
+    Disarm = 2,
+    /// Forget a fault; what is armed stays as it is.
+    Reset = 3,
+    /// Bring what is outside its limits back inside, slowly, and take the power away there.
+    Return = 4,
+}
+
+/// What the bridge says of single actuators, as bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Flag {
+    /// The effort was limited.
+    EffortLimited = 1,
+    /// The position was limited.
+    PositionLimited = 1 << 1,
+    /// The velocity was limited, or the position was to change faster than that.
+    VelocityLimited = 1 << 2,
+    /// The effort was to change faster than it may.
+    RateLimited = 1 << 3,
+    /// Gains and efforts still grow after arming.
+    Ramping = 1 << 4,
+    /// Commands are late: the actuator is damped.
+    Damped = 1 << 5,
+    /// The measurement is missing or too old.
+    Stale = 1 << 6,
+    /// The motor reports a fault.
+    MotorFault = 1 << 7,
+    /// The motor has power.
+    Powered = 1 << 8,
+    /// No motor drives it.
+    NoMotor = 1 << 9,
+    /// The effort is reduced because the motor is hot.
+    Derated = 1 << 10,
+    /// The actuator is brought to a standstill.
+    Stopping = 1 << 11,
+    /// An effort that pushes outwards beyond a position limit was taken away.
+    OutwardLimited = 1 << 12,
+}
+
+/// One command for all actuators of a robot, in the order of u. An actuator follows
+/// effort + stiffness (position - measured) + damping (velocity - measured), as far as its motor's
+/// mode allows. Begin with zeros. Sequence, stamp and fingerprint are filled in by
+/// sarrus_controller_send.
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+pub struct ActuatorCommand {
+    /// Filled in: grows with each command.
+    pub sequence: u64,
+    /// Filled in: when it was sent, by the monotonic clock of this machine [ns].
+    pub stamp_ns: u64,
+    /// Filled in: the fingerprint of the controller.
+    pub fingerprint: u64,
+    /// How many actuators it is for (n_u).
+    pub n_u: u64,
+    /// Position [rad, m].
+    pub position: [f64; MAX_ACTUATORS],
+    /// Velocity [rad/s, m/s].
+    pub velocity: [f64; MAX_ACTUATORS],
+    /// Moment or force, tau_u [N m, N].
+    pub effort: [f64; MAX_ACTUATORS],
+    /// Stiffness [N m/rad, N/m], at least 0.
+    pub stiffness: [f64; MAX_ACTUATORS],
+    /// Damping [N m s/rad, N s/m], at least 0.
+    pub damping: [f64; MAX_ACTUATORS],
+}
+
+/// What the bridge knows of all actuators after one of its cycles, in the order of u.
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+pub struct ActuatorState {
+    /// Number of the cycle.
+    pub sequence: u64,
+    /// Time of the cycle, by the monotonic clock of this machine [ns].
+    pub stamp_ns: u64,
+    /// Fingerprint of the model; 0 without one.
+    pub fingerprint: u64,
+    /// How many actuators there are (n_u).
+    pub n_u: u64,
+    /// Sequence of the last command that was taken.
+    pub command: u64,
+    /// The worst of the mechanisms, a sarrus_mechanism_state.
+    pub state: u32,
+    /// Why, a sarrus_reason.
+    pub reason: u32,
+    /// The sarrus_mechanism_state of each actuator's mechanism.
+    pub states: [u32; MAX_ACTUATORS],
+    /// Why, a sarrus_reason each.
+    pub reasons: [u32; MAX_ACTUATORS],
+    /// Bits of sarrus_flag.
+    pub flags: [u32; MAX_ACTUATORS],
+    /// The motors' own codes of their faults; 0 without one.
+    pub faults: [u32; MAX_ACTUATORS],
+    /// When each was measured, by the monotonic clock [ns]; 0 for never.
+    pub measured_ns: [u64; MAX_ACTUATORS],
+    /// Position [rad, m]; NaN for what was never measured, here and below.
+    pub position: [f64; MAX_ACTUATORS],
+    /// Velocity [rad/s, m/s].
+    pub velocity: [f64; MAX_ACTUATORS],
+    /// Moment or force [N m, N].
+    pub effort: [f64; MAX_ACTUATORS],
+    /// Temperature of the motor [degrees Celsius].
+    pub temperature: [f64; MAX_ACTUATORS],
+}
+
+impl ActuatorCommand {
+    /// The command as it travels.
+    pub(crate) fn to_wire(self) -> wire::ActuatorCommand {
+        let ActuatorCommand { sequence, stamp_ns, fingerprint, n_u, .. } = self;
+        let ActuatorCommand { position, velocity, effort, stiffness, damping, .. } = self;
+        wire::ActuatorCommand {
+            sequence,
+            stamp_ns,
+            fingerprint,
+            n_u,
+            position,
+            velocity,
+            effort,
+            stiffness,
+            damping,
+        }
+    }
+}
+
+impl From<wire::ActuatorState> for ActuatorState {
+    fn from(state: wire::ActuatorState) -> ActuatorState {
+        ActuatorState {
+            sequence: state.sequence,
+            stamp_ns: state.stamp_ns,
+            fingerprint: state.fingerprint,
+            n_u: state.n_u,
+            command: state.command,
+            state: state.state,
+            reason: state.reason,
+            states: state.states,
+            reasons: state.reasons,
+            flags: state.flags,
+            faults: state.faults,
+            measured_ns: state.measured_ns,
+            position: state.position,
+            velocity: state.velocity,
+            effort: state.effort,
+            temperature: state.temperature,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `OtherMechanism` of `other_mechanism`.
+    fn variant(name: &str) -> String {
+        let capital = |word: &str| word[..1].to_uppercase() + &word[1..];
+        name.split('_').map(capital).collect()
+    }
+
+    #[test]
+    fn numbers_and_names_are_those_of_the_wire() {
+        let source = include_str!("actuators.rs");
+        let is_there = |name: &str, code: u32| {
+            let line = format!("    {} = {code},\n", variant(name));
+            assert!(source.contains(&line), "no {line}");
+        };
+        wire::MechanismState::ALL.iter().for_each(|x| is_there(x.name(), *x as u32));
+        wire::Reason::ALL.iter().for_each(|x| is_there(x.name(), *x as u32));
+        wire::Operation::ALL.iter().for_each(|x| is_there(x.name(), *x as u32));
+        assert_eq!(MechanismState::Stopping as usize + 1, wire::MechanismState::ALL.len());
+        assert_eq!(Reason::ModelEffort as usize + 1, wire::Reason::ALL.len());
+        assert_eq!(Operation::Return as usize, wire::Operation::ALL.len());
+        for (bit, name) in wire::flag::NAMES.iter().enumerate() {
+            let number = if bit == 0 { "1".to_owned() } else { format!("1 << {bit}") };
+            let line = format!("    {} = {number},\n", variant(name));
+            assert!(source.contains(&line), "no {line}");
+        }
+    }
+}

@@ -1,0 +1,183 @@
+//! What crosses the border as pointers: checked, then a slice or a text.
+//!
+//! Handles need nothing of this: the compiler has a reference or a box that may be absent as a
+//! pointer that may be NULL.
+#![allow(unsafe_code, reason = "C passes pointers and lengths")]
+
+use core::ffi::{CStr, c_char};
+use core::mem::MaybeUninit;
+use core::ops::Range;
+use core::slice;
+
+use crate::failure::Failure;
+
+/// An array of the caller that is read: what it is called, where it is, how many numbers it has.
+pub(crate) type Given = (&'static str, *const f64, usize);
+/// An array of the caller that is written.
+pub(crate) type Want = (&'static str, *mut f64, usize);
+
+/// The addresses of an array, or what is wrong with it. An array without numbers may be NULL.
+fn addresses(name: &'static str, start: *const f64, n: usize) -> Result<Range<usize>, Failure> {
+    let at = start.addr();
+    if n == 0 {
+        return Ok(at..at);
+    }
+    if start.is_null() {
+        return Err(Failure::Null(name));
+    }
+    if !start.is_aligned() {
+        return Err(Failure::Unaligned(name));
+    }
+    let bytes = n.checked_mul(size_of::<f64>()).filter(|bytes| *bytes <= isize::MAX as usize);
+    match bytes.and_then(|bytes| at.checked_add(bytes)) {
+        Some(end) => Ok(at..end),
+        None => Err(Failure::Endless(name)),
+    }
+}
+
+/// The arrays of one call: none is NULL, unaligned or endless, and no output overlaps another.
+///
+/// # Safety
+/// Each array holds as many numbers as it says and stays for `'a`; nobody else writes the inputs or
+/// touches the outputs meanwhile.
+#[inline]
+pub(crate) unsafe fn arrays<'a, const I: usize, const O: usize>(
+    given: [Given; I],
+    want: [Want; O],
+) -> Result<([&'a [f64]; I], [&'a mut [f64]; O]), Failure> {
+    let mut inputs: [Range<usize>; I] = [const { 0..0 }; I];
+    let mut outputs: [Range<usize>; O] = [const { 0..0 }; O];
+    for i in 0..I {
+        inputs[i] = addresses(given[i].0, given[i].1, given[i].2)?;
+    }
+    for o in 0..O {
+        let range = addresses(want[o].0, want[o].1, want[o].2)?;
+        let overlaps = |other: &Range<usize>| range.start < other.end && other.start < range.end;
+        if let Some(i) = inputs.iter().position(overlaps) {
+            return Err(Failure::Overlap(want[o].0, given[i].0));
+        }
+        if let Some(other) = outputs[..o].iter().position(overlaps) {
+            return Err(Failure::Overlap(want[o].0, want[other].0));
+        }
+        outputs[o] = range;
+    }
+    let given = given.map(|(_, start, n)| match n {
+        0 => &[][..],
+        // SAFETY: it is aligned, not NULL and no longer than memory, as just checked; the rest is
+        // this function's own condition.
+        _ => unsafe { slice::from_raw_parts(start, n) },
+    });
+    let want = want.map(|(_, start, n)| match n {
+        0 => &mut [][..],
+        // SAFETY: as above, and no other slice of this call holds any of it.
+        _ => unsafe { slice::from_raw_parts_mut(start, n) },
+    });
+    Ok((given, want))
+}
+
+/// A text of the caller.
+///
+/// # Safety
+/// It ends with a zero and stays as it is for `'a`.
+pub(crate) unsafe fn text<'a>(
+    name: &'static str,
+    start: *const c_char,
+) -> Result<&'a str, Failure> {
+    if start.is_null() {
+        return Err(Failure::Null(name));
+    }
+    // SAFETY: it is not NULL; the rest is this function's own condition.
+    let text = unsafe { CStr::from_ptr(start) };
+    text.to_str().map_err(|error| Failure::Text(name, error.to_string()))
+}
+
+/// A text that may be NULL.
+///
+/// # Safety
+/// As [`text`].
+pub(crate) unsafe fn text_or_none<'a>(
+    name: &'static str,
+    start: *const c_char,
+) -> Result<Option<&'a str>, Failure> {
+    if start.is_null() {
+        return Ok(None);
+    }
+    // SAFETY: this function's own condition.
+    unsafe { text(name, start) }.map(Some)
+}
+
+/// Texts of the caller.
+///
+/// # Safety
+/// There are as many as it says, each as in [`text`].
+pub(crate) unsafe fn texts<'a>(
+    name: &'static str,
+    start: *const *const c_char,
+    n: usize,
+) -> Result<Vec<&'a str>, Failure> {
+    if n == 0 {
+        return Ok(Vec::new());
+    }
+    if start.is_null() {
+        return Err(Failure::Null(name));
+    }
+    if !start.is_aligned() {
+        return Err(Failure::Unaligned(name));
+    }
+    if n > isize::MAX as usize / size_of::<*const c_char>() {
+        return Err(Failure::Endless(name));
+    }
+    // SAFETY: aligned, not NULL and no longer than memory; the rest is this function's own
+    // condition.
+    let starts = unsafe { slice::from_raw_parts(start, n) };
+    // SAFETY: this function's own condition.
+    starts.iter().map(|start| unsafe { text(name, *start) }).collect()
+}
+
+/// Bytes of the caller, such as the contents of a file.
+///
+/// # Safety
+/// There are as many as it says.
+pub(crate) unsafe fn bytes<'a>(
+    name: &'static str,
+    start: *const c_char,
+    n: usize,
+) -> Result<&'a [u8], Failure> {
+    if n == 0 {
+        return Ok(&[]);
+    }
+    if start.is_null() {
+        return Err(Failure::Null(name));
+    }
+    if n > isize::MAX as usize {
+        return Err(Failure::Endless(name));
+    }
+    // SAFETY: not NULL, and no longer than memory; the rest is this function's own condition.
+    Ok(unsafe { slice::from_raw_parts(start.cast(), n) })
+}
+
+/// Where a new handle goes; NULL lies there until it does.
+pub(crate) type Place<'a, T> = Option<&'a mut MaybeUninit<Option<Box<T>>>>;
+
+/// Makes a handle and puts it there.
+pub(crate) fn make<T>(
+    name: &'static str,
+    place: Place<'_, T>,
+    new: impl FnOnce() -> Result<T, Failure>,
+) -> Result<(), Failure> {
+    let place = place.ok_or(Failure::Null(name))?;
+    place.write(None);
+    place.write(Some(Box::new(new()?)));
+    Ok(())
+}
+
+/// Where a value goes.
+pub(crate) type Out<'a, T> = Option<&'a mut MaybeUninit<T>>;
+
+/// Puts a value where it is wanted, if it is.
+#[inline]
+pub(crate) fn put<T>(place: Out<'_, T>, value: T) {
+    if let Some(place) = place {
+        place.write(value);
+    }
+}

@@ -1,0 +1,223 @@
+//! The controller's and the observer's side of a CAN bridge.
+#![allow(unsafe_code, reason = "functions have names that C can link, and texts come as pointers")]
+
+use core::ffi::c_char;
+use core::mem::MaybeUninit;
+use core::ptr::null;
+
+use sarrus_client::actuators as wire;
+
+use crate::actuators::{ActuatorCommand, ActuatorState};
+use crate::border::{make, put, text};
+use crate::failure::{Failure, guarded};
+use crate::processor;
+use crate::status::StatusCode;
+use crate::text::{Name, names};
+
+/// The controller of a bridge; a bridge has one at a time. Commands must keep coming: each later
+/// than T1 of the configuration is damped, and later than T2 disabled. One thread uses it at a
+/// time; any may.
+pub struct Controller(sarrus_client::Controller);
+
+/// Somebody who watches a bridge, and may operate it. One thread uses it at a time; any may.
+pub struct Observer(sarrus_client::Observer);
+
+/// Connects to a running bridge, with the fingerprint of the model that commands are computed with:
+/// sarrus_robot_fingerprint, or 0 where the bridge has none. Freed by sarrus_controller_free.
+#[unsafe(no_mangle)]
+#[must_use]
+pub unsafe extern "C" fn sarrus_controller_connect(
+    name: *const c_char,
+    fingerprint: u64,
+    controller: Option<&mut MaybeUninit<Option<Box<Controller>>>>,
+) -> StatusCode {
+    guarded(|| {
+        make("controller", controller, || {
+            processor::check().map_err(Failure::Processor)?;
+            // SAFETY: the text is as the header says.
+            let name = unsafe { text("name", name)? };
+            Ok(Controller(sarrus_client::Controller::connect(name, fingerprint)?))
+        })
+    })
+}
+
+/// Sends a command; its sequence, stamp and fingerprint are filled in. SARRUS_STATUS_NOT_SENT where
+/// it could not be sent. Never allocates.
+#[unsafe(no_mangle)]
+#[must_use]
+pub extern "C" fn sarrus_controller_send(
+    controller: Option<&mut Controller>,
+    command: Option<&mut ActuatorCommand>,
+) -> StatusCode {
+    guarded(|| {
+        let controller = controller.ok_or(Failure::Null("controller"))?;
+        let command = command.ok_or(Failure::Null("command"))?;
+        if command.n_u > crate::actuators::MAX_ACTUATORS as u64 {
+            let found = u32::try_from(command.n_u).unwrap_or(u32::MAX);
+            return Err(Failure::Number("count of actuators", found));
+        }
+        let mut sent = command.to_wire();
+        let went = controller.0.send(&mut sent);
+        (command.sequence, command.stamp_ns) = (sent.sequence, sent.stamp_ns);
+        command.fingerprint = sent.fingerprint;
+        if went { Ok(()) } else { Err(Failure::NotSent) }
+    })
+}
+
+/// The newest state of the actuators, once: SARRUS_STATUS_NOTHING_NEW until there is another. One
+/// whose stamp is older than a few cycles means that the bridge is gone.
+#[unsafe(no_mangle)]
+#[must_use]
+pub extern "C" fn sarrus_controller_state(
+    controller: Option<&Controller>,
+    state: Option<&mut MaybeUninit<ActuatorState>>,
+) -> StatusCode {
+    guarded(|| {
+        let controller = controller.ok_or(Failure::Null("controller"))?;
+        let place = state.ok_or(Failure::Null("state"))?;
+        place.write(controller.0.state().ok_or(Failure::NothingNew)?.into());
+        Ok(())
+    })
+}
+
+/// Asks the bridge for a sarrus_operation. `stamp_ns` gets the time of asking [ns], after which
+/// states may show it, and may be NULL. Stay until one does, and ask again: a bridge that does not
+/// know of this program yet does not hear it.
+#[unsafe(no_mangle)]
+#[must_use]
+pub extern "C" fn sarrus_controller_operate(
+    controller: Option<&Controller>,
+    operation: u32,
+    stamp_ns: Option<&mut MaybeUninit<u64>>,
+) -> StatusCode {
+    guarded(|| {
+        let controller = controller.ok_or(Failure::Null("controller"))?;
+        put(stamp_ns, controller.0.operate(of_code(operation)?));
+        Ok(())
+    })
+}
+
+/// The same of the one mechanism that an actuator acts on, by its place in u.
+#[unsafe(no_mangle)]
+#[must_use]
+pub extern "C" fn sarrus_controller_operate_mechanism(
+    controller: Option<&Controller>,
+    operation: u32,
+    actuator: usize,
+    stamp_ns: Option<&mut MaybeUninit<u64>>,
+) -> StatusCode {
+    guarded(|| {
+        let controller = controller.ok_or(Failure::Null("controller"))?;
+        put(stamp_ns, controller.0.operate_mechanism(of_code(operation)?, actuator));
+        Ok(())
+    })
+}
+
+/// Frees a controller: its motors are damped after T1, and without power after T2; NULL does
+/// nothing.
+#[unsafe(no_mangle)]
+pub extern "C" fn sarrus_controller_free(controller: Option<Box<Controller>>) {
+    drop(controller);
+}
+
+/// Connects to a running bridge, to watch it. Freed by sarrus_observer_free.
+#[unsafe(no_mangle)]
+#[must_use]
+pub unsafe extern "C" fn sarrus_observer_connect(
+    name: *const c_char,
+    observer: Option<&mut MaybeUninit<Option<Box<Observer>>>>,
+) -> StatusCode {
+    guarded(|| {
+        make("observer", observer, || {
+            processor::check().map_err(Failure::Processor)?;
+            // SAFETY: the text is as the header says.
+            let name = unsafe { text("name", name)? };
+            Ok(Observer(sarrus_client::Observer::connect(name)?))
+        })
+    })
+}
+
+/// The newest state of the actuators, once: SARRUS_STATUS_NOTHING_NEW until there is another. One
+/// whose stamp is older than a few cycles means that the bridge is gone.
+#[unsafe(no_mangle)]
+#[must_use]
+pub extern "C" fn sarrus_observer_state(
+    observer: Option<&Observer>,
+    state: Option<&mut MaybeUninit<ActuatorState>>,
+) -> StatusCode {
+    guarded(|| {
+        let observer = observer.ok_or(Failure::Null("observer"))?;
+        let place = state.ok_or(Failure::Null("state"))?;
+        place.write(observer.0.state().ok_or(Failure::NothingNew)?.into());
+        Ok(())
+    })
+}
+
+/// Asks the bridge for a sarrus_operation. `stamp_ns` gets the time of asking [ns], after which
+/// states may show it, and may be NULL. Stay until one does, and ask again: a bridge that does not
+/// know of this program yet does not hear it.
+#[unsafe(no_mangle)]
+#[must_use]
+pub extern "C" fn sarrus_observer_operate(
+    observer: Option<&Observer>,
+    operation: u32,
+    stamp_ns: Option<&mut MaybeUninit<u64>>,
+) -> StatusCode {
+    guarded(|| {
+        let observer = observer.ok_or(Failure::Null("observer"))?;
+        put(stamp_ns, observer.0.operate(of_code(operation)?));
+        Ok(())
+    })
+}
+
+/// The same of the one mechanism that an actuator acts on, by its place in u.
+#[unsafe(no_mangle)]
+#[must_use]
+pub extern "C" fn sarrus_observer_operate_mechanism(
+    observer: Option<&Observer>,
+    operation: u32,
+    actuator: usize,
+    stamp_ns: Option<&mut MaybeUninit<u64>>,
+) -> StatusCode {
+    guarded(|| {
+        let observer = observer.ok_or(Failure::Null("observer"))?;
+        put(stamp_ns, observer.0.operate_mechanism(of_code(operation)?, actuator));
+        Ok(())
+    })
+}
+
+/// Frees an observer; NULL does
+/// nothing.
+#[unsafe(no_mangle)]
+pub extern "C" fn sarrus_observer_free(observer: Option<Box<Observer>>) {
+    drop(observer);
+}
+
+fn of_code(operation: u32) -> Result<wire::Operation, Failure> {
+    wire::Operation::from_code(operation).ok_or(Failure::Number("operation", operation))
+}
+
+/// CLOCK_MONOTONIC, which all processes of a machine share and stamps are in [ns].
+#[unsafe(no_mangle)]
+pub extern "C" fn sarrus_now_ns() -> u64 {
+    sarrus_client::now_ns()
+}
+
+/// The name at a place of a table; NULL without one.
+fn name(table: &'static [Name], place: Option<usize>) -> *const c_char {
+    place.and_then(|place| table.get(place)).map_or(null(), Name::pointer)
+}
+
+/// Name of a sarrus_mechanism_state; NULL for a number that is none. Lives for ever.
+#[unsafe(no_mangle)]
+pub extern "C" fn sarrus_mechanism_state_name(state: u32) -> *const c_char {
+    let is_it = |one: &wire::MechanismState| *one as u32 == state;
+    name(names!(wire::MechanismState), wire::MechanismState::ALL.iter().position(is_it))
+}
+
+/// Name of a sarrus_reason; NULL for a number that is none. Lives for ever.
+#[unsafe(no_mangle)]
+pub extern "C" fn sarrus_reason_name(reason: u32) -> *const c_char {
+    let is_it = |one: &wire::Reason| *one as u32 == reason;
+    name(names!(wire::Reason), wire::Reason::ALL.iter().position(is_it))
+}

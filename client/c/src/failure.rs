@@ -1,0 +1,205 @@
+//! Why a call failed, and the text of it that stays with the thread.
+
+use core::cell::RefCell;
+use core::ffi::c_char;
+use core::fmt::{self, Write};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use sarrus_client::{ConnectError, Error, FailedState, LoadError};
+
+use crate::status::StatusCode;
+
+/// Longest text of an error, with its zero `[byte]`; longer ones are cut.
+const LONGEST: usize = 8192;
+/// What ends a text that was cut.
+const CUT: &str = " ...";
+
+/// Why a call failed.
+pub(crate) enum Failure {
+    /// An argument is NULL.
+    Null(&'static str),
+    /// An argument is not aligned.
+    Unaligned(&'static str),
+    /// An array that cannot be: more numbers than memory has addresses.
+    Endless(&'static str),
+    /// An output and another array.
+    Overlap(&'static str, &'static str),
+    /// A text that cannot be read.
+    Text(&'static str, String),
+    /// An enum, and what was found for it.
+    Number(&'static str, u32),
+    Load(LoadError),
+    Connect(ConnectError),
+    Ask(Error),
+    /// An answer without numbers.
+    Failed(FailedState),
+    NothingNew,
+    NotSent,
+    Processor(&'static str),
+    Internal,
+}
+
+impl From<Error> for Failure {
+    fn from(error: Error) -> Failure {
+        Failure::Ask(error)
+    }
+}
+
+impl From<ConnectError> for Failure {
+    fn from(error: ConnectError) -> Failure {
+        Failure::Connect(error)
+    }
+}
+
+impl Failure {
+    fn status(&self) -> StatusCode {
+        match self {
+            Failure::Null(_) => StatusCode::NullPointer,
+            Failure::Unaligned(_) => StatusCode::UnalignedPointer,
+            Failure::Endless(_) => StatusCode::WrongSize,
+            Failure::Overlap(..) => StatusCode::OverlappingArrays,
+            Failure::Text(..) => StatusCode::BadText,
+            Failure::Number(..) => StatusCode::UnknownNumber,
+            Failure::Load(_) => StatusCode::LoadFailed,
+            Failure::Connect(ConnectError::WrongModel { .. }) => StatusCode::WrongModel,
+            Failure::Connect(ConnectError::NoAnswer { .. }) => StatusCode::NoAnswer,
+            Failure::Connect(_) => StatusCode::ConnectFailed,
+            Failure::Ask(error) => StatusCode::of_error(error),
+            Failure::Failed(failed) => StatusCode::of_answer(failed.status),
+            Failure::NothingNew => StatusCode::NothingNew,
+            Failure::NotSent => StatusCode::NotSent,
+            Failure::Processor(_) => StatusCode::OldProcessor,
+            Failure::Internal => StatusCode::Internal,
+        }
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Failure::Null(what) => write!(f, "`{what}` is NULL"),
+            Failure::Unaligned(what) => write!(f, "`{what}` is not aligned for what it points to"),
+            Failure::Endless(what) => write!(f, "`{what}` has more numbers than there is memory"),
+            Failure::Overlap(a, b) => {
+                write!(f, "`{a}` overlaps `{b}`; outputs need memory of their own")
+            }
+            Failure::Text(what, why) => write!(f, "`{what}`: {why}"),
+            Failure::Number(what, found) => write!(f, "{found} is no {what} of this version"),
+            Failure::Load(error) => error.fmt(f),
+            Failure::Connect(error) => error.fmt(f),
+            Failure::Ask(error) => error.fmt(f),
+            Failure::Failed(failed) => failed.fmt(f),
+            Failure::NothingNew => f.write_str("nothing new came since the last call"),
+            Failure::NotSent => f.write_str(
+                "the command could not be sent; see whether the bridge runs, and connect again",
+            ),
+            Failure::Processor(feature) => write!(
+                f,
+                "this processor lacks {feature}; build libsarrus with the feature `portable`"
+            ),
+            Failure::Internal => f.write_str(
+                "a fault inside libsarrus; free the handle, and please report what led to it",
+            ),
+        }
+    }
+}
+
+thread_local! {
+    // without a destructor and with a constant start it needs no allocation of ours
+    static LAST: RefCell<[u8; LONGEST]> = const { RefCell::new([0; LONGEST]) };
+}
+
+/// The text of this thread's last failure.
+pub(crate) fn last() -> *const c_char {
+    LAST.with(|text| text.as_ptr().cast_const().cast())
+}
+
+/// Writes what fits, and remembers that something did not.
+struct Cursor<'a> {
+    text: &'a mut [u8],
+    len: usize,
+    cut: bool,
+}
+
+impl Write for Cursor<'_> {
+    fn write_str(&mut self, part: &str) -> fmt::Result {
+        let room = LONGEST - 1 - CUT.len() - self.len;
+        let n = (0..=part.len().min(room)).rev().find(|n| part.is_char_boundary(*n)).unwrap_or(0);
+        self.text[self.len..self.len + n].copy_from_slice(&part.as_bytes()[..n]);
+        self.len += n;
+        self.cut |= n < part.len();
+        if self.cut { Err(fmt::Error) } else { Ok(()) }
+    }
+}
+
+fn keep(failure: &Failure) {
+    LAST.with(|text| {
+        // nobody else can hold it: what is borrowed is this thread's and given back at once
+        let Ok(mut text) = text.try_borrow_mut() else { return };
+        let mut cursor = Cursor { text: &mut text[..], len: 0, cut: false };
+        // an error stands for a text that was cut
+        let _ = write!(cursor, "{failure}");
+        let Cursor { mut len, cut, .. } = cursor;
+        if cut {
+            text[len..len + CUT.len()].copy_from_slice(CUT.as_bytes());
+            len += CUT.len();
+        }
+        text[len] = 0;
+    });
+}
+
+/// Does the work of one call: what fails becomes its status and a text, a panic included.
+#[inline]
+pub(crate) fn guarded(work: impl FnOnce() -> Result<(), Failure>) -> StatusCode {
+    let outcome = catch_unwind(AssertUnwindSafe(work)).unwrap_or(Err(Failure::Internal));
+    match outcome {
+        Ok(()) => StatusCode::Ok,
+        Err(failure) => {
+            keep(&failure);
+            failure.status()
+        }
+    }
+}
+
+/// The same for calls that give a value: `otherwise` where they fail.
+#[inline]
+pub(crate) fn value<T>(otherwise: T, work: impl FnOnce() -> Result<T, Failure>) -> T {
+    let mut found = otherwise;
+    guarded(|| {
+        found = work()?;
+        Ok(())
+    });
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn text() -> String {
+        LAST.with(|text| {
+            let text = text.borrow();
+            let end = text.iter().position(|byte| *byte == 0).unwrap();
+            String::from_utf8(text[..end].to_vec()).unwrap()
+        })
+    }
+
+    #[test]
+    fn a_panic_is_a_status() {
+        assert_eq!(guarded(|| panic!("on purpose")), StatusCode::Internal);
+        assert!(text().contains("fault inside"));
+        assert_eq!(value(7, || panic!("on purpose")), 7);
+    }
+
+    #[test]
+    fn a_text_that_is_too_long_is_cut_between_letters() {
+        for start in 0..3 {
+            let why = format!("{}{}", "x".repeat(start), "ä".repeat(LONGEST));
+            assert_eq!(guarded(|| Err(Failure::Text("urdf", why))), StatusCode::BadText);
+            let text = text();
+            assert!(text.ends_with("ä ...") && text.len() > LONGEST - 8, "{}", text.len());
+        }
+        assert_eq!(guarded(|| Err(Failure::Null("robot"))), StatusCode::NullPointer);
+        assert_eq!(text(), "`robot` is NULL");
+    }
+}

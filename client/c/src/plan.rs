@@ -1,0 +1,271 @@
+//! Queries: prepared once, asked as often as needed.
+#![allow(unsafe_code, reason = "functions have names that C can link, and arrays come as pointers")]
+
+use core::ffi::c_char;
+use core::mem::MaybeUninit;
+
+use sarrus_client::{Field, Layout, PlanId};
+
+use crate::border::{arrays, make, put, text, texts};
+use crate::failure::{Failure, guarded};
+use crate::robot::{Robot, query_options};
+use crate::status::{StatusCode, bits};
+
+/// What is asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Request {
+    /// Positions, velocities, accelerations, closures, frames.
+    Kinematics = 1,
+    /// Motion to forces.
+    InverseDynamics = 2,
+    /// Forces to motion.
+    ForwardDynamics = 3,
+    /// Positions, velocities, accelerations and forces from one space to another.
+    Map = 4,
+}
+
+/// What travels beside the numbers of a query, as bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum QueryOption {
+    /// Requests and answers have a checksum.
+    Checksum = 1,
+    /// Answers say how old their request was and how long they took: sarrus_robot_times.
+    Times = 2,
+}
+
+/// A query by names. Begin with zeros, `sarrus_query query = {0};`, and set what is asked.
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+pub struct Query {
+    /// A sarrus_request.
+    pub request: u32,
+    /// Bits of sarrus_query_option.
+    pub options: u32,
+    /// The fields that each request gives, such as "y".
+    pub given: *const *const c_char,
+    /// How many.
+    pub n_given: usize,
+    /// The fields that each answer holds, such as "tau_u"; none stands for the request's usual
+    /// ones.
+    pub want: *const *const c_char,
+    /// How many.
+    pub n_want: usize,
+    /// The links whose frames are asked; which fields of frames is said in `want`.
+    pub frames: *const *const c_char,
+    /// How many.
+    pub n_frames: usize,
+    /// The links that wrenches act on; adds "wrenches" to what is given.
+    pub wrenches: *const *const c_char,
+    /// How many.
+    pub n_wrenches: usize,
+    /// The joints whose rows are asked, by names with * ? [...] as in shells; none stands for all.
+    pub joints: *const *const c_char,
+    /// How many.
+    pub n_joints: usize,
+    /// How far redundant rows of loops may be open before an answer has the warning loop_open, in
+    /// radians or lengths of the cluster; NULL for 1e-6.
+    pub loop_tolerance: *const f64,
+    /// How far an answer may be from the q or qd that was given before it has the warning
+    /// input_projected; NULL for 1e-6.
+    pub projection_tolerance: *const f64,
+}
+
+/// A prepared query of one robot: what goes in, what comes out, and where. It belongs to the robot
+/// that prepared it and to no other, be it of the same model. Freeing it frees this memory alone;
+/// sarrus_robot_release gives back what the robot and its server hold.
+pub struct Plan {
+    id: PlanId,
+    given: Layout,
+    want: Layout,
+}
+
+/// Where a field lies among the numbers that go in or come out.
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+pub struct Slot {
+    /// Place of its first number.
+    pub offset: usize,
+    /// Rows.
+    pub rows: usize,
+    /// Columns; a matrix is packed row by row.
+    pub columns: usize,
+}
+
+/// The plan as a handle of its own.
+pub(crate) fn handle(robot: &Robot, id: PlanId) -> Result<Plan, Failure> {
+    let prepared = robot.robot.plan(id).ok_or(Failure::Ask(sarrus_client::Error::ReleasedPlan))?;
+    Ok(Plan { id, given: prepared.given().clone(), want: prepared.want().clone() })
+}
+
+/// A bound that may be left out.
+fn tolerance(name: &'static str, bound: *const f64) -> Result<Option<f64>, Failure> {
+    if bound.is_null() {
+        return Ok(None);
+    }
+    // SAFETY: it points to a number where it points to anything, as the header says.
+    let ([numbers], []) = unsafe { arrays([(name, bound, 1)], [])? };
+    Ok(numbers.first().copied())
+}
+
+/// Prepares a query; equal queries of a robot share one plan. Allocates. All names that stand for
+/// nothing are reported together. The plan is freed by
+/// sarrus_plan_free.
+#[unsafe(no_mangle)]
+#[must_use]
+pub unsafe extern "C" fn sarrus_robot_prepare(
+    robot: Option<&mut Robot>,
+    query: Option<&Query>,
+    plan: Option<&mut MaybeUninit<Option<Box<Plan>>>>,
+) -> StatusCode {
+    guarded(|| {
+        make("plan", plan, || {
+            let robot = robot.ok_or(Failure::Null("robot"))?;
+            let query = query.ok_or(Failure::Null("query"))?;
+            let request = sarrus_client::Request::from_code(query.request)
+                .ok_or(Failure::Number("request", query.request))?;
+            // SAFETY: the texts are as the header says.
+            let (given, want, frames, wrenches, joints) = unsafe {
+                (
+                    texts("given", query.given, query.n_given)?,
+                    texts("want", query.want, query.n_want)?,
+                    texts("frames", query.frames, query.n_frames)?,
+                    texts("wrenches", query.wrenches, query.n_wrenches)?,
+                    texts("joints", query.joints, query.n_joints)?,
+                )
+            };
+            let options = query_options(query.options)?;
+            let loops = tolerance("loop_tolerance", query.loop_tolerance)?;
+            let projection = tolerance("projection_tolerance", query.projection_tolerance)?;
+
+            let mut builder = robot.robot.query(request).given(given);
+            if !want.is_empty() {
+                builder = builder.want(want);
+            }
+            if !frames.is_empty() {
+                builder = builder.frames(frames);
+            }
+            if !wrenches.is_empty() {
+                builder = builder.wrenches(wrenches);
+            }
+            if !joints.is_empty() {
+                builder = builder.joints(joints);
+            }
+            if options.contains(sarrus_client::QueryOptions::CHECKSUM) {
+                builder = builder.checksum();
+            }
+            if options.contains(sarrus_client::QueryOptions::TIMES) {
+                builder = builder.times();
+            }
+            if let Some(bound) = loops {
+                builder = builder.loop_tolerance(bound);
+            }
+            if let Some(bound) = projection {
+                builder = builder.projection_tolerance(bound);
+            }
+            let id = builder.prepare()?;
+            handle(robot, id)
+        })
+    })
+}
+
+/// How many numbers go in; 0 for NULL.
+#[unsafe(no_mangle)]
+pub extern "C" fn sarrus_plan_inputs(plan: Option<&Plan>) -> usize {
+    plan.map_or(0, |plan| plan.given.len())
+}
+
+/// How many numbers come out; 0 for NULL.
+#[unsafe(no_mangle)]
+pub extern "C" fn sarrus_plan_outputs(plan: Option<&Plan>) -> usize {
+    plan.map_or(0, |plan| plan.want.len())
+}
+
+fn slot(
+    layout: &Layout,
+    name: *const c_char,
+    place: Option<&mut MaybeUninit<Slot>>,
+) -> Result<(), Failure> {
+    let place = place.ok_or(Failure::Null("slot"))?;
+    // SAFETY: the text is as the header says.
+    let name = unsafe { text("field", name)? };
+    let found = Field::from_name(name).and_then(|field| layout.slot(field));
+    let absent = || Failure::Text("field", format!("`{name}` is no field of this plan"));
+    let found = found.ok_or_else(absent)?;
+    place.write(Slot { offset: found.offset, rows: found.rows, columns: found.columns });
+    Ok(())
+}
+
+/// Where a given field lies in the input. Fields are packed in one order, whatever the order of
+/// their names in the query: ask here.
+#[unsafe(no_mangle)]
+#[must_use]
+pub unsafe extern "C" fn sarrus_plan_given(
+    plan: Option<&Plan>,
+    field: *const c_char,
+    place: Option<&mut MaybeUninit<Slot>>,
+) -> StatusCode {
+    guarded(|| slot(&plan.ok_or(Failure::Null("plan"))?.given, field, place))
+}
+
+/// Where a wanted field lies in the output.
+#[unsafe(no_mangle)]
+#[must_use]
+pub unsafe extern "C" fn sarrus_plan_want(
+    plan: Option<&Plan>,
+    field: *const c_char,
+    place: Option<&mut MaybeUninit<Slot>>,
+) -> StatusCode {
+    guarded(|| slot(&plan.ok_or(Failure::Null("plan"))?.want, field, place))
+}
+
+/// Asks: `input` holds the given fields, `output` gets the wanted ones, both packed as the plan
+/// says. In process and through a lane it never allocates. After any status other than
+/// SARRUS_STATUS_OK the outputs that survive a failure keep their numbers and all others are NaN;
+/// pointers that cannot be used leave them as they were. `warnings` gets bits of sarrus_warning,
+/// and may be NULL.
+#[unsafe(no_mangle)]
+#[must_use]
+pub unsafe extern "C" fn sarrus_robot_ask(
+    robot: Option<&mut Robot>,
+    plan: Option<&Plan>,
+    input: *const f64,
+    n_input: usize,
+    output: *mut f64,
+    n_output: usize,
+    warnings: Option<&mut MaybeUninit<u32>>,
+) -> StatusCode {
+    guarded(|| {
+        // SAFETY: the arrays are as the header says.
+        let ([input], [output]) =
+            unsafe { arrays([("input", input, n_input)], [("output", output, n_output)])? };
+        let robot = robot.ok_or(Failure::Null("robot"))?;
+        let plan = plan.ok_or(Failure::Null("plan"))?;
+        let answer = robot.robot.ask(plan.id, input, output)?;
+        put(warnings, bits(answer.warnings));
+        answer.ok().map_err(Failure::Failed)?;
+        Ok(())
+    })
+}
+
+/// Releases a plan: what it takes comes free, here and in the server, once it was released as often
+/// as it was prepared. Its handle is still to be freed, by sarrus_plan_free.
+#[unsafe(no_mangle)]
+#[must_use]
+pub extern "C" fn sarrus_robot_release(
+    robot: Option<&mut Robot>,
+    plan: Option<&Plan>,
+) -> StatusCode {
+    guarded(|| {
+        let robot = robot.ok_or(Failure::Null("robot"))?;
+        let plan = plan.ok_or(Failure::Null("plan"))?;
+        Ok(robot.robot.release(plan.id)?)
+    })
+}
+
+/// Frees the memory of a plan handle, before or after its robot; NULL does nothing.
+#[unsafe(no_mangle)]
+pub extern "C" fn sarrus_plan_free(plan: Option<Box<Plan>>) {
+    drop(plan);
+}

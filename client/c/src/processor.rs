@@ -1,0 +1,22 @@
+//! Whether this processor can run what was built.
+
+/// The first feature of the stated baseline that is missing.
+#[cfg(all(target_arch = "x86_64", target_feature = "fma", target_feature = "avx2"))]
+pub(crate) fn check() -> Result<(), &'static str> {
+    // the processor itself is asked: std's macro answers at compile time where the build assumes a
+    // feature
+    let processor = raw_cpuid::CpuId::new();
+    if !processor.get_feature_info().is_some_and(|features| features.has_fma()) {
+        return Err("FMA");
+    }
+    if !processor.get_extended_feature_info().is_some_and(|features| features.has_avx2()) {
+        return Err("AVX2");
+    }
+    Ok(())
+}
+
+/// Other processors, and builds with the feature `portable` alone, assume neither.
+#[cfg(not(all(target_arch = "x86_64", target_feature = "fma", target_feature = "avx2")))]
+pub(crate) fn check() -> Result<(), &'static str> {
+    Ok(())
+}

@@ -1,0 +1,252 @@
+//! How a call ends, as a number and a name.
+
+use core::ffi::{CStr, c_char};
+
+use sarrus_client::{ConnectError, Error, Status, Warnings};
+
+use crate::text::find;
+
+/// How a call ended. From 0 to 99 it is the status of an answer, by the numbers of the wire; from
+/// 100 on there was no answer, and sarrus_last_error says why. The numbers never change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(i32)]
+pub enum StatusCode {
+    /// The answer is complete, or the call did what it says.
+    Ok = 0,
+    /// The request is malformed, such as a quaternion that is not of unit length.
+    BadRequest = 1,
+    /// An input number is NaN or infinite, or so large that the answer would be.
+    NonFiniteInput = 2,
+    /// An array does not have the size that the plan or the robot needs.
+    WrongSize = 3,
+    /// The request was made for a model with another fingerprint.
+    WrongModel = 4,
+    /// The request or plan number is not known to the server.
+    UnknownRequest = 5,
+    /// Newton's method ran out of steps although the target seems reachable.
+    NotConverged = 6,
+    /// The straight path from the guess to the target crosses onto another assembly branch.
+    BranchChanged = 7,
+    /// No closed pose has these coordinates.
+    Unreachable = 8,
+    /// The closure loses rank at the answer: the mechanism gains a freedom.
+    SingularClosure = 9,
+    /// The independent coordinates do not determine the motion at the answer.
+    SingularIndependents = 10,
+    /// The actuators do not determine the motion at the answer.
+    SingularActuation = 11,
+    /// The reduced mass matrix is not positive definite.
+    MassNotPositive = 12,
+    /// The server has more work than it accepts.
+    Overloaded = 13,
+    /// The server is stopping.
+    ShuttingDown = 14,
+    /// A checksum fails: the request or the answer is not what was sent.
+    CorruptAnswer = 15,
+    /// The server answered with a status that this version does not know.
+    UnknownStatus = 16,
+    /// A pointer that must not be NULL is.
+    NullPointer = 100,
+    /// A pointer is not aligned for what it points to.
+    UnalignedPointer = 101,
+    /// An output array overlaps another array of the same call.
+    OverlappingArrays = 102,
+    /// A text is not UTF-8, or malformed.
+    BadText = 103,
+    /// A number stands for nothing in its enum.
+    UnknownNumber = 104,
+    /// The files cannot be read or have faults: all of them are in the text.
+    LoadFailed = 105,
+    /// No server or bridge takes this client.
+    ConnectFailed = 106,
+    /// The server is gone and did not come back in time; the next call looks for it again.
+    ServerGone = 107,
+    /// The server is there but did not answer in time.
+    NoAnswer = 108,
+    /// Names in a query stand for nothing: all of them are in the text.
+    UnknownName = 109,
+    /// The query cannot be planned.
+    BadQuery = 110,
+    /// The plan moves more numbers than a request carries.
+    TooLarge = 111,
+    /// The server's table of plans is full.
+    TooManyPlans = 112,
+    /// The plan is another robot's, be it one of the same model.
+    UnknownPlan = 113,
+    /// The plan was released.
+    ReleasedPlan = 114,
+    /// There is nothing new since the last call.
+    NothingNew = 115,
+    /// A command could not be sent.
+    NotSent = 116,
+    /// This processor lacks what the library was built for.
+    OldProcessor = 117,
+    /// A fault of the library itself; free the handle. Please report it.
+    Internal = 118,
+}
+
+/// Bits beside an answer; they never change its numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Warning {
+    /// A position, velocity or actuator force lies outside the limits of the model.
+    LimitsExceeded = 1,
+    /// Some field of the answer may keep fewer than nine digits.
+    IllConditioned = 2,
+    /// The loops do not close here: a redundant row is open by more than the tolerance.
+    LoopOpen = 4,
+    /// The given q or qd does not fit its loops by more than the tolerance.
+    InputProjected = 8,
+}
+
+impl StatusCode {
+    /// All of them.
+    pub(crate) const ALL: [StatusCode; 36] = [
+        StatusCode::Ok,
+        StatusCode::BadRequest,
+        StatusCode::NonFiniteInput,
+        StatusCode::WrongSize,
+        StatusCode::WrongModel,
+        StatusCode::UnknownRequest,
+        StatusCode::NotConverged,
+        StatusCode::BranchChanged,
+        StatusCode::Unreachable,
+        StatusCode::SingularClosure,
+        StatusCode::SingularIndependents,
+        StatusCode::SingularActuation,
+        StatusCode::MassNotPositive,
+        StatusCode::Overloaded,
+        StatusCode::ShuttingDown,
+        StatusCode::CorruptAnswer,
+        StatusCode::UnknownStatus,
+        StatusCode::NullPointer,
+        StatusCode::UnalignedPointer,
+        StatusCode::OverlappingArrays,
+        StatusCode::BadText,
+        StatusCode::UnknownNumber,
+        StatusCode::LoadFailed,
+        StatusCode::ConnectFailed,
+        StatusCode::ServerGone,
+        StatusCode::NoAnswer,
+        StatusCode::UnknownName,
+        StatusCode::BadQuery,
+        StatusCode::TooLarge,
+        StatusCode::TooManyPlans,
+        StatusCode::UnknownPlan,
+        StatusCode::ReleasedPlan,
+        StatusCode::NothingNew,
+        StatusCode::NotSent,
+        StatusCode::OldProcessor,
+        StatusCode::Internal,
+    ];
+
+    /// The name, as scripts see it where it is the status of an answer.
+    pub const fn name(self) -> &'static CStr {
+        match self {
+            StatusCode::Ok => c"ok",
+            StatusCode::BadRequest => c"bad_request",
+            StatusCode::NonFiniteInput => c"non_finite_input",
+            StatusCode::WrongSize => c"wrong_size",
+            StatusCode::WrongModel => c"wrong_model",
+            StatusCode::UnknownRequest => c"unknown_request",
+            StatusCode::NotConverged => c"not_converged",
+            StatusCode::BranchChanged => c"branch_changed",
+            StatusCode::Unreachable => c"unreachable",
+            StatusCode::SingularClosure => c"singular_closure",
+            StatusCode::SingularIndependents => c"singular_independents",
+            StatusCode::SingularActuation => c"singular_actuation",
+            StatusCode::MassNotPositive => c"mass_not_positive",
+            StatusCode::Overloaded => c"overloaded",
+            StatusCode::ShuttingDown => c"shutting_down",
+            StatusCode::CorruptAnswer => c"corrupt_answer",
+            StatusCode::UnknownStatus => c"unknown_status",
+            StatusCode::NullPointer => c"null_pointer",
+            StatusCode::UnalignedPointer => c"unaligned_pointer",
+            StatusCode::OverlappingArrays => c"overlapping_arrays",
+            StatusCode::BadText => c"bad_text",
+            StatusCode::UnknownNumber => c"unknown_number",
+            StatusCode::LoadFailed => c"load_failed",
+            StatusCode::ConnectFailed => c"connect_failed",
+            StatusCode::ServerGone => c"server_gone",
+            StatusCode::NoAnswer => c"no_answer",
+            StatusCode::UnknownName => c"unknown_name",
+            StatusCode::BadQuery => c"bad_query",
+            StatusCode::TooLarge => c"too_large",
+            StatusCode::TooManyPlans => c"too_many_plans",
+            StatusCode::UnknownPlan => c"unknown_plan",
+            StatusCode::ReleasedPlan => c"released_plan",
+            StatusCode::NothingNew => c"nothing_new",
+            StatusCode::NotSent => c"not_sent",
+            StatusCode::OldProcessor => c"old_processor",
+            StatusCode::Internal => c"internal",
+        }
+    }
+
+    /// That of an answer, by its number on the wire.
+    pub(crate) fn of_answer(status: Status) -> StatusCode {
+        let same = |code: &StatusCode| *code as i32 == status as i32;
+        StatusCode::ALL.into_iter().find(same).unwrap_or(StatusCode::UnknownStatus)
+    }
+
+    pub(crate) fn of_error(error: &Error) -> StatusCode {
+        match error {
+            Error::ServerGone { .. } => StatusCode::ServerGone,
+            Error::NoAnswer { .. } | Error::Connect(ConnectError::NoAnswer { .. }) => {
+                StatusCode::NoAnswer
+            }
+            Error::Connect(ConnectError::WrongModel { .. }) => StatusCode::WrongModel,
+            Error::Connect(_) => StatusCode::ConnectFailed,
+            Error::UnknownNames { .. } => StatusCode::UnknownName,
+            Error::Query(_) | Error::NotPlanned { .. } => StatusCode::BadQuery,
+            Error::WrongSize { .. } => StatusCode::WrongSize,
+            Error::Failed(failed) => StatusCode::of_answer(failed.status),
+            Error::TooLarge { .. } => StatusCode::TooLarge,
+            Error::TooManyPlans { .. } => StatusCode::TooManyPlans,
+            Error::UnknownPlan => StatusCode::UnknownPlan,
+            Error::ReleasedPlan => StatusCode::ReleasedPlan,
+            _ => StatusCode::Internal,
+        }
+    }
+}
+
+const WARNINGS: [(Warning, &CStr); 4] = [
+    (Warning::LimitsExceeded, c"limits_exceeded"),
+    (Warning::IllConditioned, c"ill_conditioned"),
+    (Warning::LoopOpen, c"loop_open"),
+    (Warning::InputProjected, c"input_projected"),
+];
+
+/// The name of the lowest warning among bits.
+pub(crate) fn warning_name(bits: u32) -> *const c_char {
+    find(WARNINGS.into_iter(), |warning| bits & warning as u32 != 0)
+}
+
+/// The bits of warnings as they cross the border.
+pub(crate) const fn bits(warnings: Warnings) -> u32 {
+    warnings.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn statuses_of_answers_have_the_numbers_and_names_of_the_wire() {
+        for status in Status::ALL {
+            let code = StatusCode::of_answer(*status);
+            assert_eq!(code as u32, *status as u32);
+            assert_eq!(code.name().to_str().unwrap(), status.name());
+        }
+        let own = StatusCode::ALL.iter().filter(|code| **code as i32 >= 100).count();
+        assert_eq!(own + Status::ALL.len(), StatusCode::ALL.len());
+    }
+
+    #[test]
+    fn warnings_have_the_bits_and_names_of_the_wire() {
+        for (warning, name) in WARNINGS {
+            let names: Vec<_> = Warnings(warning as u32).names().collect();
+            assert_eq!(names, [name.to_str().unwrap()]);
+        }
+        assert_eq!(Warnings(u32::MAX).names().count(), WARNINGS.len());
+    }
+}
