@@ -50,6 +50,10 @@ fn givens(request: Request) -> Vec<Vec<Field>> {
         vec![U, Ud, Udd],
         vec![Q, Qd, Qdd],
         vec![Y],
+        // accelerations from rest
+        vec![Y, Ydd],
+        vec![U, Udd],
+        vec![Q, Qdd],
         vec![Y, Yd, Ydd, QGuess, QdGuess],
         vec![Y, Ud, Udd],
     ];

@@ -95,6 +95,10 @@ impl Plan {
         for &c in &self.needed.scope.closed {
             self.close_cluster(model, c, ws, input, report)?;
             report.closed += 1;
+            // the bias is zero where no velocity was given
+            if self.steps.rates && self.steps.level < Level::Acceleration {
+                ws.g[model.clusters[c].velocities()].fill(T::ZERO);
+            }
             if self.steps.given_acceleration {
                 tree_accelerations(&model.clusters[c], ws);
             }
@@ -102,10 +106,6 @@ impl Plan {
         // what rests has no rates, nor zeros with a sign from products with zero
         if self.steps.rates && self.steps.velocity.is_none() {
             ws.qd.fill(T::ZERO);
-        }
-        // the bias is zero where no velocity was given
-        if self.steps.rates && self.steps.level < Level::Acceleration {
-            ws.g.fill(T::ZERO);
         }
         if self.steps.position == Space::Actuation || self.actuated_rates() {
             self.check_unactuated(model)?;
