@@ -10,8 +10,15 @@ pub(crate) fn is_pattern(name: &str) -> bool {
 
 /// True where a name fits a pattern, or is the same: a name may hold what a pattern uses.
 pub(crate) fn fits(pattern: &str, name: &str) -> bool {
-    name == pattern
-        || is_pattern(pattern) && Pattern::new(pattern).is_ok_and(|pattern| pattern.matches(name))
+    if name == pattern || !is_pattern(pattern) {
+        return name == pattern;
+    }
+    // two stars are folders to the crate and letters to a shell, which also takes ^ for !
+    let mut pattern = pattern.replace("[^", "[!");
+    while pattern.contains("**") {
+        pattern = pattern.replace("**", "*");
+    }
+    Pattern::new(&pattern).is_ok_and(|pattern| pattern.matches(name))
 }
 
 /// The tree velocities of the joints whose names match a pattern as shells write them (`AL*`), in
@@ -33,6 +40,7 @@ mod tests {
     fn a_star_is_any_letters_and_a_question_mark_is_one() {
         assert!(fits("AL*", "ALElbow") && fits("*Elbow", "ALElbow") && fits("*", ""));
         assert!(fits("A?Elbow", "ARElbow") && fits("A*l*w", "ALElbow"));
+        assert!(fits("AL**", "ALElbow") && fits("A[^R]*", "ALElbow") && !fits("A[^R]*", "ARElbow"));
         assert!(!fits("AL*", "BALElbow") && !fits("A?Elbow", "AElbow") && !fits("AL", "ALElbow"));
     }
 

@@ -79,6 +79,9 @@ pub enum SimulationError {
         /// The loops' residual where it is known, else zero.
         detail: f64,
     },
+    /// Nothing can move.
+    #[error("the robot has no degree of freedom, expected a joint that moves")]
+    Rigid,
     /// The model does not know what is asked of it.
     #[error("{0}")]
     Plan(QueryError),

@@ -80,6 +80,14 @@ fn joints_that_are_held_are_no_columns_of_the_motion() {
     assert!(table.starts_with("time,y.BodyPitch,yd.BodyPitch,q.BodyPitch,"), "{table}");
     assert!(!table.contains("BodyRoll") && table.lines().count() == 4, "{table}");
     std::fs::remove_dir_all(folder("held")).unwrap();
+
+    // nothing is left that moves
+    for method in ["euler", "radau5"] {
+        let rigid = ["--robot", "lambda", "--lock", "Elbow", "--duration", "1", "--method", method];
+        let run = simulate("rigid", &rigid);
+        assert_eq!(run.code, Some(2), "{}", run.err);
+        assert!(run.err.contains("the robot has no degree of freedom"), "{}", run.err);
+    }
 }
 
 #[test]

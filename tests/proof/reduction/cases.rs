@@ -2,13 +2,15 @@
 
 use std::collections::BTreeSet;
 
-use sarrus_dynamics::{ClosureKind, Field, FieldSet, Model, Query, Reduced, Request, restricted};
+use sarrus_dynamics::{
+    ClosureKind, Field, FieldSet, Lock, Model, Query, Reduced, Request, locked, restricted,
+};
 use sarrus_tests::cases::{Case, Ledger, robots};
 use sarrus_tests::compare::{assert_close, largest};
 use sarrus_tests::run::{Fields, Robot};
 use sarrus_tests::seed::Seeded;
 
-use super::{Pair, independents, one_sense, places, position, sizes};
+use super::{Pair, independents, joint, one_sense, places, position, sizes};
 use Field::*;
 
 #[test]
@@ -153,6 +155,9 @@ fn a_joint_inside_a_loop_of_several_freedoms_takes_one_of_its_independents() {
         ("torso", "BodyActL"),
         ("ankle", "AnkleActR"),
         ("wrist", "WristLAct"),
+        // a motor that is one independent at the zero pose, and a joint that hardly moves
+        ("active_ankle", "motor_x"),
+        ("wrist", "WristLActB"),
         ("five_bar", "right_elbow"),
         ("delta", "rod1a_u1"),
     ] {
@@ -196,6 +201,55 @@ fn a_joint_inside_a_loop_of_several_freedoms_takes_one_of_its_independents() {
         };
         let work: Vec<f64> = (0..n).map(work).collect();
         assert_close(robot, forces.get(TauY), &work, largest(reference.get(TauY)), 1e-10);
+    }
+}
+
+#[test]
+fn every_joint_that_moves_can_be_held_where_it_is_at_the_zero_pose() {
+    for (robot, _) in sarrus_models::bundled().filter(|(robot, _)| *robot != "rh5v2_full") {
+        let case = Case::bundled(robot);
+        let model = &case.compiled.model;
+        let moved = Robot::new(model.clone())
+            .ask(Request::Kinematics, &[(Y, &case.state::<f64>(1).y)], &[G])
+            .ok();
+        let n_vy = model.sizes().n_vy;
+        for (v, name) in model.tree_names().iter().enumerate() {
+            // a part of a joint of several degrees of freedom
+            if name.contains('/') {
+                continue;
+            }
+            let lock = Lock { joint: joint(&case, name), position: None };
+            let moves = moved.get(G)[v * n_vy..(v + 1) * n_vy].iter().any(|x| x.abs() > 1e-9);
+            match locked(&case.description, &[lock]) {
+                Ok(reduced) => {
+                    assert!(moves, "{robot}: {name}");
+                    if let Ok(small) = Model::compile(&reduced.description) {
+                        assert_eq!(small.model.sizes().n_vy + 1, n_vy, "{robot}: {name}");
+                    }
+                }
+                Err(error) => {
+                    let said: Vec<&str> = error.errors.iter().map(|of| &*of.found).collect();
+                    let said = said.join("; ");
+                    let expected = if moves { "dead point" } else { "which never moves" };
+                    assert!(said.contains(expected), "{robot}: {name}: {said}");
+                    assert!(!moves || robot == "squeezer", "{robot}: {name}: {said}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn joints_of_different_mechanisms_are_held_at_once() {
+    for (robot, names) in [
+        ("r3_lambda_r", &["ALShoulder3", "ALElbowAct"][..]),
+        ("rh5v2_full", &["HeadYaw", "BodyActL", "ALHandLAct"]),
+    ] {
+        let case = Case::bundled(robot);
+        let held: Vec<(String, f64)> = names.iter().map(|of| ((*of).to_owned(), 0.0)).collect();
+        let small = Model::compile(&Pair::locked(&case, &held).description).unwrap().model;
+        assert_eq!(small.sizes().n_vy + names.len(), case.compiled.model.sizes().n_vy);
+        assert!(names.iter().all(|name| !small.tree_names().iter().any(|of| of == name)));
     }
 }
 

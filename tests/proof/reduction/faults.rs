@@ -1,6 +1,6 @@
 //! What cannot be held, and what is said of it.
 
-use sarrus_dynamics::{Lock, locked};
+use sarrus_dynamics::{Lock, Model, locked};
 use sarrus_tests::cases::Case;
 
 use super::joint;
@@ -38,10 +38,14 @@ fn joints_that_others_hold_already_cannot_be_held_elsewhere() {
     let both = [("BodyPitch", Some(0.1)), ("BodyRoll", Some(0.0)), ("BodyActL", Some(0.3))];
     let said = fault(&case, &both);
     assert!(said.contains("BodyActL locked at 0.3, where its loop is open"), "{said}");
+    // where the others hold it, it is held
     let three = [("BodyActL", None), ("BodyActR", None), ("BodyBL1", None)];
-    let said = fault(&case, &three);
-    assert!(said.contains("held already"), "{said}");
-    assert!(said.contains("lock independents instead: BodyPitch, BodyRoll"), "{said}");
+    let three = three.map(|(name, position)| Lock { joint: joint(&case, name), position });
+    let reduced = locked(&case.description, &three).unwrap();
+    assert_eq!(Model::compile(&reduced.description).unwrap().model.sizes().n_v, 0);
+    let delta = Case::bundled("delta");
+    let said = fault(&delta, &[("platform_rx", None)]);
+    assert!(said.contains("platform_rx, which never moves"), "{said}");
 }
 
 #[test]

@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use crate::compile::{Structure, suggest_independents};
+use crate::compile::Structure;
 use crate::description::{Description, JointKind};
 use crate::diagnostic::{Diagnostic, Site};
+use crate::reduction::exchange::{Exchange, exchange};
 use crate::reduction::pose::{Held, zero_position};
 
 /// What becomes of one cluster.
@@ -80,33 +81,25 @@ pub(super) fn choose(
         );
         return fault(first, found, "independent joints");
     }
-    let mut trial = description.clone();
-    for of in &mut trial.submechanisms {
-        let own = locked.iter().filter(|j| of.spanning_tree.contains(j)).copied();
-        let others = of.independent.iter().copied().filter(|j| !is_held(j));
-        of.independent = own.chain(others).collect();
-    }
-    let suggested = match suggest_independents(&trial) {
-        Ok(suggested) => suggested,
+    let (own, others): (Vec<usize>, Vec<usize>) =
+        locked.iter().copied().partition(|j| declared.contains(j));
+    let (given, found): (Vec<usize>, Vec<usize>) =
+        others.into_iter().partition(|j| held.get(j).copied().flatten().is_some());
+    let left: Vec<usize> = declared.iter().copied().filter(|j| !is_held(j)).collect();
+    let Exchange { held: taken, dropped } = match exchange(description, &given, &found, &left) {
+        Ok(exchange) => exchange,
         Err(error) => {
             errors.extend(error.errors);
             return None;
         }
     };
-    let chosen: Vec<usize> = suggested.independent.concat();
-    let bound: Vec<usize> = locked.iter().copied().filter(|j| !chosen.contains(j)).collect();
-    if let Some(&joint) = bound.first() {
-        let others: Vec<usize> = locked.iter().copied().filter(|j| chosen.contains(j)).collect();
-        let by = if others.is_empty() { "it never moves".into() } else { names(&others) };
-        let found = format!("a lock of {}, which is held already: {by}", names(&bound));
-        return fault(joint, found, "joints that move independently of each other");
+    // what these hold already is fixed with them
+    let locked = [own, taken].concat();
+    if locked.is_empty() {
+        let found = format!("a lock of {}, which never moves", name(&first));
+        return fault(first, found, "a joint that moves");
     }
-    let (left, dropped): (Vec<usize>, Vec<usize>) =
-        (declared.iter().copied()).filter(|j| !is_held(j)).partition(|j| chosen.contains(j));
-    if locked.len() + left.len() != declared.len() {
-        let found = format!("a lock of {} that leaves the others undetermined", names(&locked));
-        return fault(first, found, "independents that determine the mechanism with it");
-    }
+    let left = left.into_iter().filter(|j| !dropped.contains(j)).collect();
     for j in locked {
         let at = match held.get(&j).copied().flatten() {
             Some(at) => at,

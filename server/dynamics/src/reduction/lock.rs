@@ -53,9 +53,17 @@ pub fn locked(description: &Description, locks: &[Lock]) -> Result<Reduced, Comp
 
     // what the loops hold is where they hold it
     for (&joint, &position) in &held {
+        let name = &description.joints[joint].name;
+        if !found.fixed.contains_key(&joint) {
+            errors.push(Diagnostic {
+                site: Site::Joint(joint),
+                found: format!("the joint {name} locked beside joints that do not hold it always"),
+                expected: "joints that move independently of each other".into(),
+                help: "lock one of them less".into(),
+            });
+        }
         let Some((position, at)) = position.zip(found.at.get(&joint)) else { continue };
         if (position - at).abs() > SAME {
-            let name = &description.joints[joint].name;
             errors.push(Diagnostic {
                 site: Site::Joint(joint),
                 found: format!("the joint {name} locked at {position}, where its loop is open"),

@@ -25,6 +25,7 @@
 //! mass.
 
 mod choice;
+mod exchange;
 mod fold;
 mod lock;
 mod pose;

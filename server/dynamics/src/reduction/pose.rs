@@ -227,7 +227,7 @@ fn at(kind: JointKind, x: f64) -> Vec<f64> {
 }
 
 /// Velocities of a joint.
-const fn n_v(kind: JointKind) -> usize {
+pub(super) const fn n_v(kind: JointKind) -> usize {
     match kind {
         JointKind::Spherical | JointKind::Floating => n_q(kind) - 1,
         _ => n_q(kind),

@@ -4,7 +4,7 @@ use std::hint::black_box;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use sarrus_client::describe;
+use sarrus_client::{Status, describe};
 use sarrus_dynamics::{Plan, Workspace};
 use sarrus_models::Loaded;
 use serde::Serialize;
@@ -67,6 +67,9 @@ fn of_line(loaded: &Loaded, line: &str) -> Result<PlanReport, String> {
     let mut workspace = Workspace::for_plans(model, [&plan]);
     let mut output = vec![0.0; plan.want().len()];
     let answer = plan.run(model, &mut workspace, &input, &mut output);
+    if answer.status == Status::BadRequest {
+        return Err("the numbers are no state: a quaternion is not of unit length".to_owned());
+    }
     let mut call = || {
         let _ = plan.run(model, &mut workspace, black_box(&input), &mut output);
         black_box(&output);
