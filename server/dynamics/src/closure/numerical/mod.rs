@@ -5,7 +5,8 @@
 //! blocks before it are closed (a leg of a platform, one four-bar of a wrist). A block of up to
 //! three rows is inverted in closed form, a larger one by sparse elimination in an order fixed at
 //! load.
-//! The inverse at the accepted pose gives G and g.
+//! The inverse at the accepted pose gives G and g. Requests without a guess start from a table
+//! ([`seeds`]), or are answered by a closed form that is confirmed there.
 
 mod bias;
 mod bifurcation;
