@@ -13,6 +13,7 @@ mod bifurcation;
 pub(super) mod block;
 pub(super) mod continuation;
 pub(super) mod elimination;
+mod form;
 mod inverse;
 mod jacobian;
 mod newton;
@@ -292,22 +293,6 @@ impl<C: Scalar> Numerical<C> {
         } else {
             outcome
         }
-    }
-
-    /// All levels by the closed form, where it holds; a tolerance asks for Newton's method.
-    #[inline]
-    fn close_in_form(
-        &self,
-        seeds: &Seeds,
-        cluster: &Cluster<C>,
-        bodies: &[Body<C>],
-        local: &mut Local<'_, C>,
-        level: Level,
-    ) -> Option<Outcome> {
-        let form = self.form.as_ref().filter(|_| self.end.tolerance.is_none())?;
-        seeds.cell(local.start, local.q)?;
-        let outcome = Outcome::from(form.close(cluster, bodies, local, level));
-        (outcome.status == Status::Ok).then_some(outcome)
     }
 
     /// One attempt from a seed, if there is one.
