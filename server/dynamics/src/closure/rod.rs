@@ -17,8 +17,8 @@
 //!   x = R_x(n) R_y(m) w,    z = ±√(w_x² + w_z² − x_x²)
 //!   m carries (w_x, w_z) onto (x_x, z),    n carries (w_y, z) onto (x_y, x_z)
 //! ```
-//! With r the rod from universal joint to ball, v the velocity of the platform in B, t that of A for
-//! θ̇ = 1, b and c the universal joint's axes:
+//! With r the rod from universal joint to ball, v the velocity of the platform where the ball is, t
+//! that of A for θ̇ = 1, b and c the universal joint's axes:
 //!
 //! ```text
 //!   θ̇ = r · v / r · t,     r · t = ∓W
@@ -146,8 +146,8 @@ impl<C: nalgebra::Scalar + Copy> RodLeg<C> {
         let (radius, radius_square) = (T::lift(self.radius), T::lift(self.radius_square));
         let half = T::from_f64(0.5);
 
-        // the crank: κ, W, its end in the plane of the circle; PRECISION: κ is made of changes since
-        // zero, and the cosine and sine are of unit length whatever W lost
+        // the crank: κ, W, its end in the plane of the circle; PRECISION: κ is made of changes
+        // since zero, and the cosine and sine are of unit length whatever W lost
         let point = platform.point(&lift(&self.pin));
         let center = lift(&self.center);
         let d = point - center;
