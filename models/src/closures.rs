@@ -14,6 +14,10 @@ pub(crate) fn singular(kind: SubmechanismKind) -> &'static str {
             "a leg's pin in the plane of its first axis and of its second's direction, or a leg \
              of no length"
         }
+        SubmechanismKind::Surrpr2U1 => {
+            "a crank and its rod in one plane with the crank's axis, a rod along the first axis of \
+             its universal joint, or no length of slide between a stator's axis and its pin"
+        }
         SubmechanismKind::ParallelogramChain => "all bars in one line",
         SubmechanismKind::FourBar => "coupler and rocker in one line",
         SubmechanismKind::SliderCrank => "the coupler square to the slide",

@@ -294,8 +294,10 @@ fn fitting(
             .to_vec(),
         _ => vec![joints.clone()],
     };
-    use SubmechanismKind::{FourBar, ParallelogramChain, Rrpr, SliderCrank, Sprr2U1, Spu2U1, Ups6};
-    let closed = [Rrpr, SliderCrank, FourBar, Spu2U1, Sprr2U1, Ups6, ParallelogramChain];
+    use SubmechanismKind::{
+        FourBar, ParallelogramChain, Rrpr, SliderCrank, Sprr2U1, Spu2U1, Surrpr2U1, Ups6,
+    };
+    let closed = [Rrpr, SliderCrank, FourBar, Spu2U1, Sprr2U1, Surrpr2U1, Ups6, ParallelogramChain];
     for kind in closed {
         let known = KNOWN.iter().find(|known| known.kind == kind)?;
         if !known.tree.is_empty() && !known.tree.contains(&dofs) {

@@ -17,8 +17,8 @@
 //!   x = R_x(n) R_y(m) w,    z = ±√(w_x² + w_z² − x_x²)
 //!   m carries (w_x, w_z) onto (x_x, z),    n carries (w_y, z) onto (x_y, x_z)
 //! ```
-//! With r the rod from universal joint to ball, v the velocity of the platform in B, t that of A for
-//! θ̇ = 1, b and c the universal joint's axes:
+//! With r the rod from universal joint to ball, v the velocity of the platform where the ball is, t
+//! that of A for θ̇ = 1, b and c the universal joint's axes:
 //!
 //! ```text
 //!   θ̇ = r · v / r · t,     r · t = ∓W
@@ -57,11 +57,13 @@ pub(crate) struct RodLeg<C> {
     pub(crate) universal_axes: Matrix3<C>,
     /// The rod from its universal joint to its ball at zero {universal joint}.
     pub(crate) rod: Vector3<C>,
-    /// a, a², ℓ², a² − ℓ², the larger one of a² and ℓ²; w_x² + w_z².
+    /// A point that d is near at zero {crank's axes}, and κ there.
+    pub(crate) near: Vector3<C>,
+    pub(crate) along: C,
+    /// a, a², ℓ², the larger one of these; w_x² + w_z².
     pub(crate) radius: C,
     pub(crate) radius_square: C,
     pub(crate) length_square: C,
-    pub(crate) excess: C,
     pub(crate) reach_square: C,
     pub(crate) swing_square: C,
     /// ±1, signs of W and of z.
@@ -146,16 +148,18 @@ impl<C: nalgebra::Scalar + Copy> RodLeg<C> {
         let (radius, radius_square) = (T::lift(self.radius), T::lift(self.radius_square));
         let half = T::from_f64(0.5);
 
-        // the crank: κ, W, its end in the plane of the circle
+        // the crank: κ, W, its end in the plane of the circle; PRECISION: κ is made of changes
+        // since zero, and the cosine and sine are of unit length whatever W lost
         let point = platform.point(&lift(&self.pin));
         let center = lift(&self.center);
         let d = point - center;
         let D = t_mul(&axes, &d);
         let square = D[0].mul_add(D[0], D[1] * D[1]);
-        let along = half * (D[2].mul_add(D[2], square) + T::lift(self.excess));
+        let near: Vector3<T> = lift(&self.near);
+        let along = half.mul_add(dot(&(D - near), &(D + near)), T::lift(self.along));
         let W_square = radius_square.mul_add(square, -(along * along));
         let W = T::lift(self.side) * W_square.sqrt();
-        let inverse = T::ONE / (square * radius);
+        let inverse = T::ONE / (square * along.mul_add(along, W_square)).sqrt();
         let c0 = along.mul_add(D[0], -(W * D[1])) * inverse;
         let s0 = along.mul_add(D[1], W * D[0]) * inverse;
         let turned = turn_z(&axes, c0, s0);
@@ -176,7 +180,8 @@ impl<C: nalgebra::Scalar + Copy> RodLeg<C> {
         let inverse_n = T::ONE / swing_square;
         let c2 = w[0].mul_add(x[0], w[2] * z) * inverse_n;
         let s2 = w[2].mul_add(x[0], -(w[0] * z)) * inverse_n;
-        let inverse_rho = T::ONE / x[1].mul_add(x[1], x[2] * x[2]);
+        let rho = x[1].mul_add(x[1], x[2] * x[2]);
+        let inverse_rho = T::ONE / (rho * w[1].mul_add(w[1], root_square)).sqrt();
         let c1 = w[1].mul_add(x[1], z * x[2]) * inverse_rho;
         let s1 = w[1].mul_add(x[2], -(z * x[1])) * inverse_rho;
 
@@ -198,7 +203,7 @@ impl<C: nalgebra::Scalar + Copy> RodLeg<C> {
         };
         let b = column(&carried, 0);
         let c = scale_add(&column(&carried, 2), s1, &(column(&carried, 1) * c1));
-        let (inverse_lever, inverse_root) = (T::ONE / lever, T::ONE / z);
+        let (inverse_lever, inverse_root) = (T::ONE / lever, T::ONE / dot(&r, &cross(&b, &c)));
         (Posed { point, ball, arm, r, a, b, c, t, inverse_lever, inverse_root }, validity)
     }
 
@@ -285,10 +290,11 @@ impl<C: nalgebra::Scalar + Copy> RodLeg<C> {
             pin: self.pin.map(f),
             universal_axes: self.universal_axes.map(f),
             rod: self.rod.map(f),
+            near: self.near.map(f),
+            along: f(self.along),
             radius: f(self.radius),
             radius_square: f(self.radius_square),
             length_square: f(self.length_square),
-            excess: f(self.excess),
             reach_square: f(self.reach_square),
             swing_square: f(self.swing_square),
             side: f(self.side),

@@ -5,10 +5,14 @@
 //! pose outwards; a cell is used if it passes the checks that
 //! [`Seeds`](crate::closure::Seeds) states.
 
+mod form;
+mod grid;
+
 use core::f64::consts::PI;
 use std::sync::Arc;
 
 use crate::closure::{Axis, Closure, LANES, Level, MOST, Numerical, Seeds, column_unit, distance};
+use crate::compile::seeds::grid::Grid;
 use crate::mechanism::{Cluster, Motion};
 use crate::model::Model;
 use crate::workspace::{Needs, Workspace};
@@ -31,9 +35,6 @@ const REGULAR: f64 = 0.05;
 /// singular pose.
 const ERROR: f64 = 2e-3;
 const CLEAR: f64 = 0.02;
-
-/// Largest distance of a closed form from Newton's method at a node, in radians or cluster lengths.
-const AGREES: f64 = 1e-9;
 
 /// A table of a cluster.
 pub(super) struct Found {
@@ -137,47 +138,6 @@ impl Table<'_> {
         seeds.cells = cells;
         let holds = any && self.form_holds(&seeds, &zero, &nodes);
         any.then_some((seeds, holds))
-    }
-
-    /// True where the closed form is at the pose of each corner of a cell that is used, and at its
-    /// center where the interpolation has it.
-    fn form_holds(&mut self, seeds: &Seeds, zero: &[f64], nodes: &[Option<Node>]) -> bool {
-        if self.numerical.form.is_none() || !self.numerical.turns.is_empty() {
-            return false;
-        }
-        let (grid, corners) = (Grid::of_cells(&seeds.axes), Grid::of_nodes(&seeds.axes));
-        (0..grid.len()).filter(|cell| seeds.cells[*cell]).all(|cell| {
-            let place = grid.place(cell);
-            let mut center = zero.to_vec();
-            for (axis, i) in seeds.axes.iter().zip(&place) {
-                center[axis.coordinate] += (*i as f64 + 0.5 - axis.below as f64) * axis.step;
-            }
-            let at_center = seeds.find(zero, &mut center) && self.form_is_at(&center, 2.0 * ERROR);
-            at_center
-                && (0..1 << seeds.axes.len()).all(|corner: usize| {
-                    let at: Vec<usize> =
-                        place.iter().enumerate().map(|(a, i)| i + (corner >> a & 1)).collect();
-                    let node = nodes[corners.number(&at)].as_ref();
-                    node.is_some_and(|node| self.form_is_at(&node.q, AGREES))
-                })
-        })
-    }
-
-    /// True where the closed form has the dependents of a pose at its independents.
-    fn form_is_at(&mut self, q: &[f64], allowed: f64) -> bool {
-        let (model, c) = (self.model, self.c);
-        let cluster = &model.clusters[c];
-        let at = cluster.coordinates();
-        self.ws.q[at.clone()].copy_from_slice(q);
-        self.ws.start[at.clone()].copy_from_slice(q);
-        let Some(form) = &self.numerical.form else { return false };
-        let bodies = model.bodies_of(cluster);
-        form.close(cluster, bodies, &mut self.ws.local(cluster), Level::Position);
-        cluster.dependent.iter().all(|v| {
-            let i = cluster.dofs[*v].q;
-            let apart = (self.ws.q[cluster.q + i] - q[i]).abs() / column_unit(cluster, *v);
-            apart < allowed
-        })
     }
 
     /// The nodes along independent k.
@@ -374,75 +334,4 @@ fn values(
         }
     }
     values.into_iter().map(|x| x as f32).collect()
-}
-
-/// Numbers of nodes or cells.
-struct Grid {
-    sizes: Vec<usize>,
-    /// Node of the zero pose, or first cell beyond it.
-    below: Vec<usize>,
-    /// Cells lie between nodes: two of them are beside the zero pose.
-    cells: bool,
-}
-
-impl Grid {
-    fn of_nodes(axes: &[Axis]) -> Grid {
-        let below = axes.iter().map(|axis| axis.below).collect();
-        Grid { sizes: axes.iter().map(|axis| axis.nodes).collect(), below, cells: false }
-    }
-
-    fn of_cells(axes: &[Axis]) -> Grid {
-        let sizes = axes.iter().map(|axis| axis.nodes - 1).collect();
-        Grid { sizes, cells: true, ..Grid::of_nodes(axes) }
-    }
-
-    fn len(&self) -> usize {
-        self.sizes.iter().product()
-    }
-
-    fn number(&self, place: &[usize]) -> usize {
-        self.sizes.iter().zip(place).fold(0, |number, (size, i)| number * size + i)
-    }
-
-    fn place(&self, number: usize) -> Vec<usize> {
-        let mut rest = number;
-        let mut place: Vec<usize> = self
-            .sizes
-            .iter()
-            .rev()
-            .map(|size| {
-                let i = rest % size;
-                rest /= size;
-                i
-            })
-            .collect();
-        place.reverse();
-        place
-    }
-
-    /// How many steps along one axis lead to the zero pose.
-    fn away(&self, i: usize, a: usize) -> usize {
-        let below = self.below[a];
-        if i >= below { i - below } else { below - i - usize::from(self.cells) }
-    }
-
-    /// The neighbour along one axis that is nearer to the zero pose.
-    fn inwards(&self, place: &[usize], a: usize) -> Option<usize> {
-        if self.away(place[a], a) == 0 {
-            return None;
-        }
-        let mut inner = place.to_vec();
-        inner[a] = if place[a] >= self.below[a] { place[a] - 1 } else { place[a] + 1 };
-        Some(self.number(&inner))
-    }
-
-    /// All of them, those next to the zero pose first.
-    fn outwards(&self) -> Vec<usize> {
-        let mut all: Vec<usize> = (0..self.len()).collect();
-        let away = |number: &usize| {
-            self.place(*number).iter().enumerate().map(|(a, i)| self.away(*i, a)).sum::<usize>()
-        };
-        all.sort_by_cached_key(away);
-        all
-    }
 }

@@ -20,13 +20,16 @@
 //! | PARALLELOGRAMCHAIN | crank, coupler, follower of each loop, any order | 1 a loop | 2 a loop |
 //! | 2SPU+1U | J₁ J₂ of the universal joint; turn, turn, slider of each leg: 8 | J₁ J₂ | 3 a leg |
 //! | 2SPRR+1U | the same 8; or J₁ J₂, two arms, then the legs: 10 | J₁ J₂ | 3 or 4 a leg |
+//! | 2SURRPR+1U | J₁ J₂; crank, stator, slider, universal joint of each rod: 12; any order | J₁ J₂ | 5 a leg |
 //! | 6UPS | x y z rx ry rz of the platform; turn, turn, slider a leg: 24 | first 6 | 3 a leg |
 //! | TRANSMISSION | any | those that follow none | by couplings |
 //! | DIFFERENTIAL | cage, spider and wheels, 3 or 4 | two of them | by couplings |
 //!
 //! A cut of five rows, as a hinge writes it, is as good as two in the plane; what is redundant is
 //! dropped and named. RRPR, SLIDERCRANK, 2SPU+1U, 2SPRR+1U and 6UPS define their cuts where none is
-//! given: the pin is the origin of the slider's frame.
+//! given: the pin is the origin of the slider's frame. 2SURRPR+1U falls back on Newton's method,
+//! with a warning, where axes do not cross or Newton's method does not confirm the form beside the
+//! zero pose.
 //!
 //! # RRPR
 //!
@@ -141,6 +144,47 @@
 //! ```
 //! which gives the arm's tip, for which the leg reaches as in 2SPU+1U. Singular as there, and where
 //! k · D = 0.
+//!
+//! # 2SURRPR+1U
+//!
+#![doc = include_str!("../../docs/surrpr2u1.svg")]
+//!
+//! A platform on two turns, held by two rods. Each rod ends at A on a crank a that turns about Z,
+//! and at B on the platform; at one end it has a universal joint whose axes cross at a right angle,
+//! at the other a ball, which is the cut. A lambda in the crank's plane drives the crank, or a
+//! motor of its own. With d from the center of A's circle to B, along the crank's axes, ℓ the
+//! length of the rod:
+//!
+//! ```text
+//!   |d − R_z(θ) a X| = ℓ,    κ = ½ (a² + |d|² − ℓ²),    W = ±√(a² (d_x² + d_y²) − κ²)
+//!   R_z(θ) a X = (κ d + W Z × d) / (d_x² + d_y²)        in the plane of the circle
+//! ```
+//! one quadratic equation of tan θ/2 a leg, and θ = q₃. Then the universal joint, with x the rod
+//! from there to its ball along that joint's axes and w the same at zero:
+//!
+//! ```text
+//!   x = R_x(q₆) R_y(q₇) w,    z = ±√(w_x² + w_z² − x_x²)
+//!   q₇ carries (w_x, w_z) onto (x_x, z),    q₆ carries (w_y, z) onto (x_y, x_z)
+//! ```
+//! and q₄ q₅ are those of an RRPR whose rocker is the crank. With r the rod from universal joint to
+//! ball, b and c that joint's axes, v the velocity of the platform in the ball, t that of A and s
+//! that of the ball on the crank for θ̇ = 1:
+//!
+//! ```text
+//!   G₃ = r · v / r · t,    r · t = ∓W
+//!   G₆ = −c · e / z,       G₇ = b · e / z
+//!   e = v − G₃ s with the universal joint on the crank,  G₃ t − v with it on the platform
+//!   G₄ = G₄′ G₃,  G₅ = G₅′ G₃                            G′ and g′ those of the RRPR
+//! ```
+//! with v = z_k × (B − p_k) for column k; g has the same form with the acceleration of the platform
+//! less that of the leg at their own rates for v, and g₄ = G₄′ g₃ + g₄′. Singular where W = 0:
+//! crank and rod in one plane with Z; where z = 0: the rod along the first axis of its universal
+//! joint; and where the lambda is.
+//!
+//! A file of type NUMERICAL with this geometry is closed by Newton's method, with one exception: a
+//! request without a guess, at a pose to which the straight path from the zero pose is known to be
+//! regular, is answered by these equations; loading has compared them with Newton's method at every
+//! node of a table of such poses. A guess, or another end of Newton's method, asks for the latter.
 //!
 //! # 6UPS
 //!

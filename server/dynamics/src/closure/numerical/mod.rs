@@ -5,13 +5,15 @@
 //! blocks before it are closed (a leg of a platform, one four-bar of a wrist). A block of up to
 //! three rows is inverted in closed form, a larger one by sparse elimination in an order fixed at
 //! load.
-//! The inverse at the accepted pose gives G and g.
+//! The inverse at the accepted pose gives G and g. Requests without a guess start from a table
+//! ([`seeds`]), or are answered by a closed form that is confirmed there.
 
 mod bias;
 mod bifurcation;
 pub(super) mod block;
 pub(super) mod continuation;
 pub(super) mod elimination;
+mod form;
 mod inverse;
 mod jacobian;
 mod newton;
@@ -293,22 +295,6 @@ impl<C: Scalar> Numerical<C> {
         } else {
             outcome
         }
-    }
-
-    /// All levels by the closed form, where it holds; a tolerance asks for Newton's method.
-    #[inline]
-    fn close_in_form(
-        &self,
-        seeds: &Seeds,
-        cluster: &Cluster<C>,
-        bodies: &[Body<C>],
-        local: &mut Local<'_, C>,
-        level: Level,
-    ) -> Option<Outcome> {
-        let form = self.form.as_ref().filter(|_| self.end.tolerance.is_none())?;
-        seeds.cell(local.start, local.q)?;
-        let outcome = Outcome::from(form.close(cluster, bodies, local, level));
-        (outcome.status == Status::Ok).then_some(outcome)
     }
 
     /// One attempt from a seed, if there is one.

@@ -151,6 +151,8 @@ fn rod(
     }
 
     let carried_by = if on_crank { axes } else { of.zero[platform].R };
+    // PRECISION: a point of doubles, so that κ there belongs to it
+    let near = D.map(|x| Dd::from_f64(x.to_f64()));
     let (radius_square, length_square) = (radius * radius, dot(&along, &along));
     Ok(RodLeg {
         crank,
@@ -163,10 +165,11 @@ fn rod(
         pin: of.zero[platform].inverse().point(&point),
         universal_axes: mul_mat(&carried_by.transpose(), &universal_joint.axes),
         rod,
+        near,
+        along: (radius_square - length_square + dot(&near, &near)) * Dd::from_f64(0.5),
         radius,
         radius_square,
         length_square,
-        excess: radius_square - length_square,
         reach_square: if radius_square < length_square { length_square } else { radius_square },
         swing_square: rod[0] * rod[0] + rod[2] * rod[2],
         side: -sign(D[1]),

@@ -1,0 +1,57 @@
+//! A closed form against the closed poses of a table: where both agree it answers for Newton's
+//! method.
+
+use crate::closure::{Level, Seeds, column_unit};
+use crate::compile::seeds::grid::Grid;
+use crate::compile::seeds::{ERROR, Node, Table};
+
+/// Largest distance of a closed form from Newton's method at a node, in radians or cluster lengths.
+const AGREES: f64 = 1e-9;
+
+impl Table<'_> {
+    /// True where the closed form is at the pose of each corner of a cell that is used, and at its
+    /// center where the interpolation has it.
+    pub(super) fn form_holds(
+        &mut self,
+        seeds: &Seeds,
+        zero: &[f64],
+        nodes: &[Option<Node>],
+    ) -> bool {
+        if self.numerical.form.is_none() {
+            return false;
+        }
+        let (grid, corners) = (Grid::of_cells(&seeds.axes), Grid::of_nodes(&seeds.axes));
+        (0..grid.len()).filter(|cell| seeds.cells[*cell]).all(|cell| {
+            let place = grid.place(cell);
+            let mut center = zero.to_vec();
+            for (axis, i) in seeds.axes.iter().zip(&place) {
+                center[axis.coordinate] += (*i as f64 + 0.5 - axis.below as f64) * axis.step;
+            }
+            let at_center = seeds.find(zero, &mut center) && self.form_is_at(&center, 2.0 * ERROR);
+            at_center
+                && (0..1 << seeds.axes.len()).all(|corner: usize| {
+                    let at: Vec<usize> =
+                        place.iter().enumerate().map(|(a, i)| i + (corner >> a & 1)).collect();
+                    let node = nodes[corners.number(&at)].as_ref();
+                    node.is_some_and(|node| self.form_is_at(&node.q, AGREES))
+                })
+        })
+    }
+
+    /// True where the closed form has the dependents of a pose at its independents.
+    fn form_is_at(&mut self, q: &[f64], allowed: f64) -> bool {
+        let (model, c) = (self.model, self.c);
+        let cluster = &model.clusters[c];
+        let at = cluster.coordinates();
+        self.ws.q[at.clone()].copy_from_slice(q);
+        self.ws.start[at.clone()].copy_from_slice(q);
+        let Some(form) = &self.numerical.form else { return false };
+        let bodies = model.bodies_of(cluster);
+        form.close(cluster, bodies, &mut self.ws.local(cluster), Level::Position);
+        cluster.dependent.iter().all(|v| {
+            let i = cluster.dofs[*v].q;
+            let apart = (self.ws.q[cluster.q + i] - q[i]).abs() / column_unit(cluster, *v);
+            apart < allowed
+        })
+    }
+}
