@@ -33,7 +33,7 @@ fn folder() -> &'static Path {
 }
 
 /// Where these tests' servers are, and no others.
-fn root() -> PathBuf {
+pub(super) fn root() -> PathBuf {
     std::env::temp_dir().join(format!("sarrus-examples-{}", std::process::id()))
 }
 
@@ -53,10 +53,10 @@ fn numbers(output: &str, label: &str) -> Vec<f64> {
 }
 
 /// A server of its own; killed when dropped.
-struct Server(Child);
+pub(super) struct Server(Child);
 
 impl Server {
-    fn start(name: &str) -> Server {
+    pub(super) fn start(name: &str) -> Server {
         let mut command = Command::new(folder().join("sarrus"));
         command.args(["serve", "--robot", "lambda", "--name", name]).env("SARRUS_ROOT", root());
         command.stdout(Stdio::piped());
