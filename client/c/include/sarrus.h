@@ -21,7 +21,7 @@
  * of sarrus_last_error is the thread's own. A child of fork() may use what it made itself, and
  * nothing that was made before: not even to free it.
  *
- * Nothing here throws, exits or prints, and no panic leaves the library.
+ * Nothing here throws or exits, and no panic leaves the library.
  */
 
 
