@@ -12,6 +12,7 @@
 mod agreement;
 mod allocation;
 mod assembly;
+mod c;
 mod can;
 mod closures;
 mod commands;

@@ -21,7 +21,7 @@
  * of sarrus_last_error is the thread's own. A child of fork() may use what it made itself, and
  * nothing that was made before: not even to free it.
  *
- * Nothing here throws, exits or prints, and no panic leaves the library.
+ * Nothing here throws or exits, and no panic leaves the library.
  */
 
 
@@ -1050,11 +1050,6 @@ typedef struct sarrus_actuator_state {
      */
     double temperature[SARRUS_MAX_ACTUATORS];
 } sarrus_actuator_state;
-
-/**
- * All of them.
- */
-#define sarrus_status_ALL { sarrus_status_Ok, sarrus_status_BadRequest, sarrus_status_NonFiniteInput, sarrus_status_WrongSize, sarrus_status_WrongModel, sarrus_status_UnknownRequest, sarrus_status_NotConverged, sarrus_status_BranchChanged, sarrus_status_Unreachable, sarrus_status_SingularClosure, sarrus_status_SingularIndependents, sarrus_status_SingularActuation, sarrus_status_MassNotPositive, sarrus_status_Overloaded, sarrus_status_ShuttingDown, sarrus_status_CorruptAnswer, sarrus_status_UnknownStatus, sarrus_status_NullPointer, sarrus_status_UnalignedPointer, sarrus_status_OverlappingArrays, sarrus_status_BadText, sarrus_status_UnknownNumber, sarrus_status_LoadFailed, sarrus_status_ConnectFailed, sarrus_status_ServerGone, sarrus_status_NoAnswer, sarrus_status_UnknownName, sarrus_status_BadQuery, sarrus_status_TooLarge, sarrus_status_TooManyPlans, sarrus_status_UnknownPlan, sarrus_status_ReleasedPlan, sarrus_status_NothingNew, sarrus_status_NotSent, sarrus_status_OldProcessor, sarrus_status_Internal, }
 
 #ifdef __cplusplus
 extern "C" {

@@ -1,0 +1,100 @@
+//! The header is the library's: what cbindgen writes, and what the library exports.
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+use std::process::Command;
+
+use super::{folder, libraries};
+
+/// The version whose output is committed.
+const CBINDGEN: &str = "0.29.4";
+
+fn header() -> String {
+    std::fs::read_to_string(folder().join("include/sarrus.h")).unwrap()
+}
+
+/// The functions that a text declares, with `(` behind the name.
+fn declared() -> BTreeSet<String> {
+    let header = header();
+    let code = header.lines().filter(|line| !line.starts_with(" *"));
+    let name = |line: &str| {
+        let (before, _) = line.split_once('(')?;
+        let name = before.rsplit([' ', '*']).next()?;
+        name.starts_with("sarrus_").then(|| name.to_owned())
+    };
+    code.filter_map(name).collect()
+}
+
+/// The functions with a name to link in the sources.
+fn defined() -> BTreeSet<String> {
+    let mut found = BTreeSet::new();
+    for entry in std::fs::read_dir(folder().join("src")).unwrap() {
+        let text = std::fs::read_to_string(entry.unwrap().path()).unwrap();
+        for function in text.split("no_mangle)]").skip(1) {
+            let (_, name) = function.split_once("fn ").unwrap();
+            found.insert(name.split('(').next().unwrap().to_owned());
+        }
+    }
+    found
+}
+
+#[test]
+fn the_header_declares_what_the_library_exports_and_nothing_else() {
+    let (declared, defined) = (declared(), defined());
+    assert!(declared.len() > 40, "{declared:?}");
+    assert_eq!(declared, defined);
+    let library = libraries().join("libsarrus.so");
+    match Command::new("nm").args(["-D", "--defined-only"]).arg(library).output() {
+        Ok(output) => {
+            let symbols = String::from_utf8(output.stdout).unwrap();
+            let exported: BTreeSet<String> = symbols
+                .lines()
+                .filter_map(|line| line.rsplit(' ').next())
+                .filter(|name| name.starts_with("sarrus_"))
+                .map(str::to_owned)
+                .collect();
+            assert_eq!(exported, declared);
+        }
+        Err(_) => println!("not run: nm is missing"),
+    }
+}
+
+/// cbindgen of the right version: `SARRUS_CBINDGEN`, the one on PATH, or built once beside this
+/// build; `None` where it cannot be had.
+fn cbindgen() -> Option<PathBuf> {
+    let is_right = |path: &PathBuf| {
+        let output = Command::new(path).arg("--version").output();
+        output.is_ok_and(|output| {
+            String::from_utf8_lossy(&output.stdout).trim() == format!("cbindgen {CBINDGEN}")
+        })
+    };
+    let target = libraries().ancestors().find(|path| path.join("CACHEDIR.TAG").exists())?.join("c");
+    let built = target.join("bin/cbindgen");
+    let named = std::env::var_os("SARRUS_CBINDGEN").map_or("cbindgen".into(), PathBuf::from);
+    if let Some(found) = [named, built.clone()].into_iter().find(is_right) {
+        return Some(found);
+    }
+    // without optimisation: it writes one file
+    let mut install = Command::new(env!("CARGO"));
+    install.args(["install", "--quiet", "--locked", "--debug", "--version", CBINDGEN, "cbindgen"]);
+    install.arg("--root").arg(&target);
+    // flags of this project are none of its business
+    install.current_dir(std::env::temp_dir()).env_remove("CARGO_TARGET_DIR");
+    install.status().is_ok_and(|status| status.success()).then_some(built)
+}
+
+#[test]
+fn the_header_is_what_cbindgen_writes() {
+    let Some(cbindgen) = cbindgen() else {
+        println!("not run: cbindgen {CBINDGEN} cannot be built here");
+        return;
+    };
+    let written = std::env::temp_dir().join(format!("sarrus-{}.h", std::process::id()));
+    let script = folder().join("header.sh");
+    let status = Command::new(script).arg(&written).env("SARRUS_CBINDGEN", cbindgen).status();
+    assert!(status.unwrap().success());
+    let text = std::fs::read_to_string(&written).unwrap();
+    let _ = std::fs::remove_file(&written);
+    let first = text.lines().zip(header().lines().map(str::to_owned)).find(|(a, b)| a != b);
+    assert!(text == header(), "run client/c/header.sh; the first difference: {first:?}");
+}

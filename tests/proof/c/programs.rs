@@ -1,0 +1,108 @@
+//! Programs that are compiled and run: the examples, misuse, memory.
+
+use sarrus_models::{Options, Source, load};
+use sarrus_tests::run::Robot;
+
+use super::{C, CPP, Program, SANITIZERS, folder, present};
+use crate::examples::Server;
+use sarrus_dynamics::{Field, Request};
+use std::path::{Path, PathBuf};
+
+/// Calls of each kind; 10^6 in a longer run.
+const CALLS: &str = "20000";
+
+fn source(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("proof/c").join(name)
+}
+
+fn calls() -> String {
+    std::env::var("SARRUS_C_CALLS").unwrap_or_else(|_| CALLS.to_owned())
+}
+
+/// The forces of the example's motion, computed without it.
+fn expected(name: &str) -> Vec<(String, f64)> {
+    let loaded = load(&Source::Bundled(name.into()), &Options::default()).unwrap();
+    let model = loaded.compiled.model;
+    let names = model.info().active.clone();
+    let scaled = |scale: f64| {
+        let n = model.sizes().n_vy;
+        (0..n).map(|k| scale * (k + 1) as f64).collect::<Vec<_>>()
+    };
+    let (y, yd, ydd) = (scaled(0.01), scaled(0.1), scaled(-0.2));
+    let given = [(Field::Y, &y[..]), (Field::Yd, &yd), (Field::Ydd, &ydd)];
+    let answer = Robot::new(model).ask(Request::InverseDynamics, &given, &[Field::TauU]).ok();
+    names.into_iter().zip(answer.get(Field::TauU).to_vec()).collect()
+}
+
+fn printed(output: &str) -> Vec<(String, f64)> {
+    let row = |line: &str| {
+        let (name, number) = line.rsplit_once(": ").unwrap();
+        (name.to_owned(), number.parse().unwrap())
+    };
+    output.lines().map(row).collect()
+}
+
+#[test]
+fn the_example_in_c_has_the_bits_of_rust_in_process_and_connected() {
+    let path = folder().join("examples/inverse_dynamics.c");
+    for compiler in present(&C) {
+        let program = Program::compile(compiler, &path, &[]);
+        for robot in ["lambda", "torso", "ankle", "stewart", "wrist", "rh5v2_upper_body"] {
+            let (found, expected) = (printed(&program.run(&[robot])), expected(robot));
+            assert_eq!(found, expected, "{robot}");
+        }
+        let server = format!("c-{compiler}");
+        let _server = Server::start(&server);
+        let connected = program.run(&["--connect", &server]);
+        assert_eq!(printed(&connected), expected("lambda"));
+        // and nothing leaks, or is undefined
+        let program = Program::compile(compiler, &path, SANITIZERS);
+        assert_eq!(program.run(&["--connect", &server]), connected);
+        assert_eq!(printed(&program.run(&["torso"])), expected("torso"));
+    }
+}
+
+#[test]
+fn what_a_program_does_wrong_is_a_status_and_never_the_end_of_it() {
+    for compiler in present(&C) {
+        Program::compile(compiler, &source("checks.c"), SANITIZERS).run(&[]);
+    }
+    // the header and its users are C++ as well
+    for compiler in present(&CPP) {
+        Program::compile(compiler, &source("lane.cpp"), &["-fno-exceptions"]);
+    }
+}
+
+#[test]
+fn a_server_that_dies_is_a_status() {
+    for compiler in present(&C) {
+        let program = Program::compile(compiler, &source("checks.c"), &[]);
+        let name = format!("dies-{compiler}");
+        let server = Server::start(&name);
+        let mut talk = program.talk(&[&name]);
+        assert_eq!(talk.line(), "kill");
+        drop(server);
+        talk.tell("");
+        talk.end();
+    }
+}
+
+#[test]
+fn nothing_allocates_after_set_up_and_memory_does_not_grow() {
+    let Some(compiler) = present(&C).into_iter().next() else { return };
+    let program = Program::compile(compiler, &source("steady.c"), &["-D_GNU_SOURCE"]);
+    let _server = Server::start("steady");
+    let calls = calls();
+    for arguments in [&[calls.as_str()][..], &[calls.as_str(), "steady"]] {
+        let output = program.run(arguments);
+        println!("{arguments:?}: {}", output.trim_end());
+        let number = |label: &str| -> i64 {
+            let (_, rest) = output.split_once(label).unwrap();
+            rest.split([',', '\n']).next().unwrap().trim().parse().unwrap()
+        };
+        assert!(number("set-up ") > 100, "the counter does not count: {output}");
+        assert_eq!(number("after "), 0, "{output}");
+        // pages of the program itself that are touched for the first time
+        assert!(number("pages ") < 256, "{output}");
+    }
+}
