@@ -80,9 +80,8 @@ fn solve_above<T: Scalar>(
         if !floor.lt(pivot.abs()) {
             return None;
         }
-        if exchanged != (pivot < T::ZERO) {
-            sign = -sign;
-        }
+        sign = if exchanged { -sign } else { sign };
+        sign = T::select(pivot.lt(T::ZERO), -sign, sign);
         least = T::select(pivot.abs().lt(least), pivot.abs(), least);
         eliminate(A, B, m, n, k);
     }

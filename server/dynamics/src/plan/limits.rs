@@ -4,7 +4,7 @@ use sarrus_proto::{Field, Request, Warnings};
 
 use crate::closure::Level;
 use crate::plan::Plan;
-use crate::scalar::Scalar;
+use crate::scalar::{Figure, Scalar};
 use crate::workspace::Workspace;
 
 /// The columns of [`Field::Limits`].
@@ -43,15 +43,15 @@ impl Plan {
     ) {
         let moves = self.steps.velocity.is_some() && self.steps.level >= Level::Velocity;
         for (row, limit) in &self.needed.limits {
-            each(*row, POSITION, excess(ws.q[limit.q].to_f64(), limit.lower, limit.upper));
+            each(*row, POSITION, excess(ws.q[limit.q], limit.lower, limit.upper));
             if moves {
-                let velocity = ws.qd[limit.v].to_f64();
+                let velocity = ws.qd[limit.v];
                 each(*row, VELOCITY, excess(velocity, -limit.velocity, limit.velocity));
             }
         }
         if self.request == Request::InverseDynamics && self.wants(Field::TauU) {
             for (u, row, effort) in &self.needed.efforts {
-                each(*row, EFFORT, excess(ws.tau_u[*u].to_f64(), -effort, *effort));
+                each(*row, EFFORT, excess(ws.tau_u[*u], -effort, *effort));
             }
         }
     }
@@ -59,7 +59,8 @@ impl Plan {
 
 /// How far x lies outside: negative below, positive above.
 #[inline(always)]
-fn excess(x: f64, lower: f64, upper: f64) -> f64 {
+fn excess<T: Scalar>(x: T, lower: f64, upper: f64) -> f64 {
+    let x = x.to_figure(Figure::Limited { lower, upper });
     if x < lower {
         x - lower
     } else if x > upper {
