@@ -385,6 +385,8 @@ impl Real for Traced {
 }
 
 impl Scalar for Traced {
+    const STRAIGHT: bool = true;
+
     /// Only constants: what else leaves the kernels is no longer recorded.
     fn to_f64(self) -> f64 {
         if self.known().is_none() {

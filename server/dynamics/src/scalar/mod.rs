@@ -106,6 +106,9 @@ pub trait Scalar: Real<Mask = bool, Const = Self> + PartialOrd {
     /// Whether doubtful answers are computed again to count their digits; elsewhere the doubt alone
     /// decides.
     const PROBED: bool = false;
+    /// Whether one run stands for others, so that rows change places by [`Real::select`] and not by
+    /// a branch.
+    const STRAIGHT: bool = false;
 
     /// The nearest double.
     fn to_f64(self) -> f64;
