@@ -8,6 +8,7 @@
 //! says where it does not: there the caller asks the plan.
 
 mod c;
+mod compiler;
 mod error;
 mod graph;
 mod kernel;
@@ -17,7 +18,8 @@ mod scalar;
 mod states;
 mod trace;
 
-pub use c::{FLAGS, Source};
+pub use c::Source;
+pub use compiler::{BuildError, Built, Compiler, FLAGS};
 pub use error::GenerateError;
 pub use kernel::{Kernel, Outcome};
 pub use states::random_input;

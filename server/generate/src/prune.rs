@@ -1,6 +1,6 @@
 //! Only what outputs and checks depend on; only checks that do not follow from others.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use crate::Kernel;
 use crate::graph::{Check, Comparison, Operation, Term};
@@ -13,6 +13,7 @@ pub(crate) fn pruned(mut kernel: Kernel, dropped: &[u32]) -> Kernel {
     kernel.checks.retain(|check| !is_certain(check) && seen.insert(*check));
     let dropped = dropped.iter().map(|at| Check::Finite(Term::node(*at)));
     kernel.checks.extend(dropped.filter(|check| seen.insert(*check)));
+    keep_strongest_bounds(&mut kernel);
     keep_finite_checks(&mut kernel);
     keep_live(&mut kernel);
     kernel
@@ -22,6 +23,35 @@ pub(crate) fn pruned(mut kernel: Kernel, dropped: &[u32]) -> Kernel {
 fn is_certain(check: &Check) -> bool {
     let value = |x: Term| x.value().unwrap_or(f64::NAN);
     check.operands().all(|x| x.value().is_some()) && holds(check, value)
+}
+
+/// Leaves out lower bounds of a number that has a greater one, and of what is positive that it is no
+/// zero.
+fn keep_strongest_bounds(kernel: &mut Kernel) {
+    let bound = |check: &Check| match *check {
+        Check::Branch(Comparison::Less(x @ Term::Node { .. }, c), false) => Some((x, c.value()?)),
+        _ => None,
+    };
+    let mut greatest: HashMap<Term, f64> = HashMap::new();
+    for (x, c) in kernel.checks.iter().filter_map(bound) {
+        let most = greatest.entry(x).or_insert(c);
+        *most = most.max(c);
+    }
+    // numbers that are compared with zero as positive
+    let positive: HashSet<Term> = kernel
+        .checks
+        .iter()
+        .filter_map(|check| match *check {
+            Check::Branch(Comparison::Less(c, x), true) if c.value() >= Some(0.0) => Some(x),
+            _ => None,
+        })
+        .collect();
+    kernel.checks.retain(|check| match check {
+        Check::NotZero(x) => {
+            !positive.contains(x) && greatest.get(x).is_none_or(|most| *most <= 0.0)
+        }
+        _ => bound(check).is_none_or(|(x, c)| greatest.get(&x) == Some(&c)),
+    });
 }
 
 /// Leaves out checks that a number is finite where one that is computed from it is checked too.

@@ -201,10 +201,6 @@ impl Div for Traced {
     fn div(self, other: Traced) -> Traced {
         let value = self.value / other.value;
         let (a, b) = (self.stripped(), other.stripped());
-        // where the sign of a zero would tell
-        if b.loose {
-            recorder::with(|record| record.check(Check::NotZero(b.term())));
-        }
         match (a.known(), b.known()) {
             (Some(_), Some(_)) => return Traced::constant(value).loosely(a.loose),
             (_, Some(1.0)) => return self,
@@ -224,6 +220,11 @@ impl Div for Traced {
         let quotient = if negated { -value } else { value };
         let operation = Operation::Divide(a.term().unsigned(), b.term().unsigned());
         let quotient = Traced::new(quotient, operation, a.loose);
+        // where the sign of a zero would tell, no quotient is finite
+        if b.loose {
+            let at = quotient.term();
+            recorder::with(|record| record.check(Check::Finite(at)));
+        }
         if negated { -quotient } else { quotient }
     }
 }

@@ -24,3 +24,9 @@ static inline double sarrus_masked(double x, uint64_t mask)
 {
     return sarrus_number(sarrus_bits(x) | mask);
 }
+
+/* every bit where the condition holds, else none */
+static inline uint64_t sarrus_mask(int holds)
+{
+    return UINT64_C(0) - (uint64_t)holds;
+}

@@ -1,4 +1,7 @@
 //! `NAME.c`.
+//!
+//! Whatever is done alike to many numbers (sines, arc tangents, checks, limits) is one loop over an
+//! array whose length is a multiple of four, so that compilers make vectors of it.
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -7,13 +10,16 @@ use crate::Kernel;
 use crate::c::literal;
 use crate::graph::{Check, Comparison, Operation, Term};
 
+/// Numbers in a vector.
+const LANES: usize = 4;
+
 /// The function of a kernel.
 pub(super) fn function(kernel: &Kernel, name: &str) -> String {
     let mut text = format!(
-        "/* {name}: straight-line code, see {name}.h. Compile with\n   {} -mfma (or a newer \
-         baseline). */\n#include \"{name}.h\"\n\n#include <math.h>\n#include <stdint.h>\n#include \
+        "/* {name}: straight-line code, see {name}.h. Compile with\n   {} (or another baseline). \
+         */\n#include \"{name}.h\"\n\n#include <math.h>\n#include <stdint.h>\n#include \
          <string.h>\n\n",
-        super::FLAGS.join(" ")
+        crate::FLAGS.join(" ")
     );
     text += include_str!("elementary.c");
     let has = |is: fn(&Operation) -> bool| kernel.operations.iter().any(is);
@@ -27,9 +33,20 @@ pub(super) fn function(kernel: &Kernel, name: &str) -> String {
     if kernel.plan.given().is_empty() {
         text += "    (void)in;\n";
     }
-    Body { kernel, text: &mut text, angles: HashMap::new() }.write();
+    Body { kernel, text: &mut text, angles: HashMap::new(), late: late_angles(kernel) }.write();
     text += "}\n";
     text
+}
+
+/// The arc tangents of which no operation is made.
+fn late_angles(kernel: &Kernel) -> Vec<u32> {
+    let mut used = vec![false; kernel.operations.len()];
+    let operands = kernel.operations.iter().flat_map(Operation::operands);
+    operands.filter_map(Term::at).for_each(|at| used[at as usize] = true);
+    let is_late = |(at, operation): (usize, &Operation)| {
+        (matches!(operation, Operation::Angle(..)) && !used[at]).then_some(at as u32)
+    };
+    kernel.operations.iter().enumerate().filter_map(is_late).collect()
 }
 
 /// The statements of the function.
@@ -38,6 +55,8 @@ struct Body<'a> {
     text: &'a mut String,
     /// Where the sine and cosine of an angle stand.
     angles: HashMap<Term, String>,
+    /// Arc tangents that are computed together.
+    late: Vec<u32>,
 }
 
 impl Body<'_> {
@@ -51,15 +70,32 @@ impl Body<'_> {
         }
         self.angles_of_inputs();
         for (at, operation) in operations.iter().enumerate() {
-            self.operation(at, operation);
+            if !self.late.contains(&(at as u32)) {
+                self.operation(at, operation);
+            }
         }
+        self.late_angles();
         self.checks();
+        self.limits();
         self.outputs();
     }
 
     fn line(&mut self, line: impl AsRef<str>) {
         // a string takes whatever is written to it
         let _ = writeln!(self.text, "    {}", line.as_ref());
+    }
+
+    /// An array of whole vectors, filled up; how many it holds.
+    fn array(&mut self, head: &str, list: &[String], filling: &str) -> usize {
+        let count = list.len().div_ceil(LANES) * LANES;
+        let filling = std::iter::repeat_n(filling, count - list.len());
+        let all: Vec<&str> = list.iter().map(String::as_str).chain(filling).collect();
+        self.line(format!("{head}[{count}] = {{"));
+        for row in all.chunks(LANES) {
+            self.line(format!("    {},", row.join(", ")));
+        }
+        self.line("};");
+        count
     }
 
     fn angles_of_inputs(&mut self) {
@@ -80,10 +116,8 @@ impl Body<'_> {
         if list.is_empty() {
             return;
         }
-        // whole vectors of four: what is left over is filled with zero
-        let count = list.len().div_ceil(4) * 4;
         let names: Vec<String> = list.iter().map(|x| number(*x)).collect();
-        self.line(format!("const double angle[{count}] = {{{}}};", names.join(", ")));
+        let count = self.array("const double angle", &names, "0.0");
         self.line(format!("double sine[{count}], cosine[{count}];"));
         self.line(format!("for (int k = 0; k < {count}; k++)"));
         self.line("    sarrus_sin_cos(angle[k], &sine[k], &cosine[k]);");
@@ -128,50 +162,120 @@ impl Body<'_> {
         place
     }
 
-    fn checks(&mut self) {
-        self.line("unsigned bad = 0u, over = 0u;");
-        // x − x is zero where x is finite
-        let finite = |check: &Check| match check {
-            Check::Finite(x) => Some(format!("({0} - {0})", number(*x))),
-            _ => None,
-        };
-        let mut sum: Vec<String> = self.kernel.checks.iter().filter_map(finite).collect();
-        while sum.len() > 1 {
-            sum = sum.chunks(2).map(|pair| format!("({})", pair.join(" + "))).collect();
+    fn late_angles(&mut self) {
+        let points =
+            self.late.iter().filter_map(|at| match self.kernel.operations.get(*at as usize) {
+                Some(Operation::Angle(y, x)) => Some((number(*y), number(*x))),
+                _ => None,
+            });
+        let (y, x): (Vec<String>, Vec<String>) = points.unzip();
+        if y.is_empty() {
+            return;
         }
-        if let Some(sum) = sum.first() {
-            self.line(format!("bad |= (unsigned)!({sum} == 0.0);"));
-        }
-        for check in &self.kernel.checks {
-            let bad = match *check {
-                Check::Finite(_) => continue,
-                Check::Branch(comparison, outcome) => {
-                    format!("{}({})", if outcome { "!" } else { "" }, compared(comparison))
-                }
-                Check::NotZero(x) => format!("({} == 0.0)", number(x)),
-                Check::CertainAngle(y, x) => {
-                    format!("(({} == 0.0) & !({} > 0.0))", number(y), number(x))
-                }
-            };
-            self.line(format!("bad |= (unsigned){bad};"));
-        }
-        for limited in &self.kernel.limited {
-            let x = number(limited.x);
-            if limited.lower.is_finite() {
-                self.line(format!("over |= (unsigned)({x} < {});", literal(limited.lower)));
-            }
-            if limited.upper.is_finite() {
-                self.line(format!("over |= (unsigned)({x} > {});", literal(limited.upper)));
-            }
+        self.array("const double angle_y", &y, "0.0");
+        let count = self.array("const double angle_x", &x, "1.0");
+        self.line(format!("double turn[{count}];"));
+        self.line(format!("for (int k = 0; k < {count}; k++)"));
+        self.line("    turn[k] = sarrus_atan2(angle_y[k], angle_x[k]);");
+        for (k, at) in self.late.clone().into_iter().enumerate() {
+            self.line(format!("const double v{at} = turn[{k}];"));
         }
     }
 
-    fn outputs(&mut self) {
-        self.line("const uint64_t none = UINT64_C(0) - (uint64_t)bad;");
-        for (k, x) in self.kernel.outputs.iter().enumerate() {
-            self.line(format!("out[{k}] = sarrus_masked({}, none);", number(*x)));
+    /// One condition on many pairs, each of which makes the answer bad.
+    fn bad_pairs(&mut self, name: &str, pairs: &[(Term, Term)], filling: (&str, &str), bad: &str) {
+        if pairs.is_empty() {
+            return;
         }
-        self.line("return (int)((bad << 1) | (over & ~bad));");
+        let (a, b): (Vec<String>, Vec<String>) =
+            pairs.iter().map(|(a, b)| (number(*a), number(*b))).unzip();
+        self.array(&format!("const double {name}_a"), &a, filling.0);
+        let count = self.array(&format!("const double {name}_b"), &b, filling.1);
+        self.line(format!("for (int k = 0; k < {count}; k++)"));
+        let bad = bad.replace("a[", &format!("{name}_a[")).replace("b[", &format!("{name}_b["));
+        self.line(format!("    bad |= sarrus_mask({bad});"));
+    }
+
+    fn checks(&mut self) {
+        self.line("uint64_t bad = 0u, over = 0u;");
+        let pairs = |of: fn(&Check) -> Option<(Term, Term)>| {
+            self.kernel.checks.iter().filter_map(of).collect::<Vec<(Term, Term)>>()
+        };
+        let less = pairs(|check| match check {
+            Check::Branch(Comparison::Less(a, b), true) => Some((*a, *b)),
+            _ => None,
+        });
+        let not_less = pairs(|check| match check {
+            Check::Branch(Comparison::Less(a, b), false) => Some((*a, *b)),
+            _ => None,
+        });
+        let equal = pairs(|check| match check {
+            Check::Branch(Comparison::Equal(a, b), true) => Some((*a, *b)),
+            _ => None,
+        });
+        let zero = Term::constant(0.0);
+        let unequal: Vec<(Term, Term)> = self
+            .kernel
+            .checks
+            .iter()
+            .filter_map(|check| match check {
+                Check::Branch(Comparison::Equal(a, b), false) => Some((*a, *b)),
+                Check::NotZero(a) => Some((*a, zero)),
+                _ => None,
+            })
+            .collect();
+        let certain = pairs(|check| match check {
+            Check::CertainAngle(y, x) => Some((*y, *x)),
+            _ => None,
+        });
+        // x − x is zero where x is finite, outputs come later
+        let finite: Vec<(Term, Term)> = self
+            .kernel
+            .checks
+            .iter()
+            .filter_map(|check| match check {
+                Check::Finite(x) if !self.kernel.outputs.contains(x) => Some((*x, *x)),
+                _ => None,
+            })
+            .collect();
+        self.bad_pairs("less", &less, ("0.0", "1.0"), "!(a[k] < b[k])");
+        self.bad_pairs("not_less", &not_less, ("0.0", "0.0"), "a[k] < b[k]");
+        self.bad_pairs("equal", &equal, ("0.0", "0.0"), "!(a[k] == b[k])");
+        self.bad_pairs("unequal", &unequal, ("1.0", "0.0"), "a[k] == b[k]");
+        self.bad_pairs("certain", &certain, ("1.0", "1.0"), "(a[k] == 0.0) & !(b[k] > 0.0)");
+        self.bad_pairs("finite", &finite, ("0.0", "0.0"), "!(a[k] - b[k] == 0.0)");
+    }
+
+    fn limits(&mut self) {
+        let limited = &self.kernel.limited;
+        if limited.is_empty() {
+            return;
+        }
+        let list = |of: fn(&crate::recorder::Limited) -> String| {
+            limited.iter().map(of).collect::<Vec<String>>()
+        };
+        let numbers = list(|limited| number(limited.x));
+        let (lower, upper) =
+            (list(|limited| literal(limited.lower)), list(|limited| literal(limited.upper)));
+        self.array("static const double lower", &lower, "0.0");
+        self.array("static const double upper", &upper, "0.0");
+        let count = self.array("const double limited", &numbers, "0.0");
+        self.line(format!("for (int k = 0; k < {count}; k++)"));
+        self.line("    over |= sarrus_mask((limited[k] < lower[k]) | (limited[k] > upper[k]));");
+    }
+
+    fn outputs(&mut self) {
+        let list: Vec<String> = self.kernel.outputs.iter().map(|x| number(*x)).collect();
+        if !list.is_empty() {
+            let padded = self.array("const double result", &list, "0.0");
+            self.line(format!("for (int k = 0; k < {padded}; k++)"));
+            self.line("    bad |= sarrus_mask(!(result[k] - result[k] == 0.0));");
+            self.line(format!("for (int k = 0; k < {}; k++)", list.len()));
+            self.line("    out[k] = sarrus_masked(result[k], bad);");
+        } else {
+            self.line("(void)out;");
+        }
+        self.line("return (int)((bad & 2u) | (over & ~bad & 1u));");
     }
 }
 

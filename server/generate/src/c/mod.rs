@@ -21,10 +21,6 @@ pub struct Source {
     pub test: String,
 }
 
-/// The flags that keep the bits: no contraction, and no call where an instruction does.
-pub const FLAGS: [&str; 5] =
-    ["-std=c11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"];
-
 impl Source {
     /// C for a kernel of this model under this name, of which only letters, digits and `_` are
     /// kept. Allocates.
