@@ -1,11 +1,10 @@
 //! Generated code against the generic kernels: every bit, in C as the compiler here makes it.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use std::hint::black_box;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Status, Warnings, Workspace};
 use sarrus_generate::{Compiler, GenerateError, Kernel, Outcome, Source, random_input};
@@ -198,60 +197,6 @@ fn sanitizers_find_nothing() {
         }
         _ => println!("not run: no C compiler with sanitizers"),
     }
-}
-
-/// Times of both, one after the other and again.
-#[test]
-#[ignore = "measures"]
-fn times_beside_the_kernels() {
-    let Some(compiler) = Compiler::found() else {
-        println!("not run: no C compiler");
-        return;
-    };
-    println!("{:<18} {:<8} {:>9} {:>9} {:>6}", "robot", "query", "kernel", "C", "ratio");
-    for robot in ROBOTS {
-        let model = model(robot);
-        for (name, query) in queries() {
-            let plan = Plan::new(&model, &query).unwrap();
-            let kernel = Kernel::trace(&model, &plan).unwrap();
-            let source = Source::new(&kernel, &model, &format!("{robot}_{name}"));
-            let folder = folder("times");
-            Compiler::write(&source, &folder).unwrap();
-            let built = compiler.build(&source, &folder, &[]).unwrap();
-            let states: Vec<Vec<f64>> = (0..400)
-                .map(|k| random_input(model.info(), plan.given(), k))
-                .filter(|input| {
-                    let mut output = vec![0.0; plan.want().len()];
-                    kernel.evaluate(input, &mut output) == Outcome::Ok
-                })
-                .take(32)
-                .collect();
-            let (mut generic, mut straight) = (f64::INFINITY, f64::INFINITY);
-            for _ in 0..5 {
-                generic = generic.min(kernel_ns(&model, &plan, &states));
-                let words = built.test().unwrap();
-                let ns = words.split_whitespace().rev().nth(3).unwrap().parse().unwrap();
-                straight = straight.min(ns);
-            }
-            let ratio = generic / straight;
-            println!("{robot:<18} {name:<8} {generic:>9.1} {straight:>9.1} {ratio:>6.2}");
-        }
-    }
-}
-
-/// Nanoseconds of a call of the generic kernel.
-fn kernel_ns(model: &Model<f64>, plan: &Plan, states: &[Vec<f64>]) -> f64 {
-    let mut workspace = Workspace::for_plans(model, [plan]);
-    let mut output = vec![0.0; plan.want().len()];
-    let (start, mut calls) = (Instant::now(), 0);
-    while start.elapsed() < Duration::from_millis(100) {
-        for input in states.iter().cycle().take(4096) {
-            let _ = plan.run(model, &mut workspace, black_box(input), &mut output);
-            black_box(&output);
-            calls += 1;
-        }
-    }
-    start.elapsed().as_secs_f64() * 1e9 / f64::from(calls)
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! `NAME.c`.
 //!
-//! Whatever is done alike to many numbers (sines, arc tangents, checks, limits) is one loop over an
-//! array whose length is a multiple of four, so that compilers make vectors of it.
+//! Sines and arc tangents, where there are several, are one loop over an array whose length is a
+//! multiple of four, so that compilers make vectors of it. Checks do not gain by that.
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -12,6 +12,8 @@ use crate::graph::{Check, Comparison, Operation, Term};
 
 /// Numbers in a vector.
 const LANES: usize = 4;
+/// From how many on a loop is faster: what fills the vector is computed too.
+const WORTH: usize = 3;
 
 /// The function of a kernel.
 pub(super) fn function(kernel: &Kernel, name: &str) -> String {
@@ -46,7 +48,8 @@ fn late_angles(kernel: &Kernel) -> Vec<u32> {
     let is_late = |(at, operation): (usize, &Operation)| {
         (matches!(operation, Operation::Angle(..)) && !used[at]).then_some(at as u32)
     };
-    kernel.operations.iter().enumerate().filter_map(is_late).collect()
+    let late: Vec<u32> = kernel.operations.iter().enumerate().filter_map(is_late).collect();
+    if late.len() < WORTH { Vec::new() } else { late }
 }
 
 /// The statements of the function.
@@ -113,7 +116,7 @@ impl Body<'_> {
                 list.push(*x);
             }
         }
-        if list.is_empty() {
+        if list.len() < WORTH {
             return;
         }
         let names: Vec<String> = list.iter().map(|x| number(*x)).collect();
@@ -182,97 +185,63 @@ impl Body<'_> {
         }
     }
 
-    /// One condition on many pairs, each of which makes the answer bad.
-    fn bad_pairs(&mut self, name: &str, pairs: &[(Term, Term)], filling: (&str, &str), bad: &str) {
-        if pairs.is_empty() {
-            return;
-        }
-        let (a, b): (Vec<String>, Vec<String>) =
-            pairs.iter().map(|(a, b)| (number(*a), number(*b))).unzip();
-        self.array(&format!("const double {name}_a"), &a, filling.0);
-        let count = self.array(&format!("const double {name}_b"), &b, filling.1);
-        self.line(format!("for (int k = 0; k < {count}; k++)"));
-        let bad = bad.replace("a[", &format!("{name}_a[")).replace("b[", &format!("{name}_b["));
-        self.line(format!("    bad |= sarrus_mask({bad});"));
-    }
-
+    /// The conditions that make the answer bad, as masks that are joined pair by pair.
     fn checks(&mut self) {
-        self.line("uint64_t bad = 0u, over = 0u;");
-        let pairs = |of: fn(&Check) -> Option<(Term, Term)>| {
-            self.kernel.checks.iter().filter_map(of).collect::<Vec<(Term, Term)>>()
-        };
-        let less = pairs(|check| match check {
-            Check::Branch(Comparison::Less(a, b), true) => Some((*a, *b)),
-            _ => None,
-        });
-        let not_less = pairs(|check| match check {
-            Check::Branch(Comparison::Less(a, b), false) => Some((*a, *b)),
-            _ => None,
-        });
-        let equal = pairs(|check| match check {
-            Check::Branch(Comparison::Equal(a, b), true) => Some((*a, *b)),
-            _ => None,
-        });
         let zero = Term::constant(0.0);
-        let unequal: Vec<(Term, Term)> = self
-            .kernel
-            .checks
-            .iter()
-            .filter_map(|check| match check {
-                Check::Branch(Comparison::Equal(a, b), false) => Some((*a, *b)),
-                Check::NotZero(a) => Some((*a, zero)),
-                _ => None,
-            })
-            .collect();
-        let certain = pairs(|check| match check {
-            Check::CertainAngle(y, x) => Some((*y, *x)),
-            _ => None,
-        });
-        // x − x is zero where x is finite, outputs come later
-        let finite: Vec<(Term, Term)> = self
-            .kernel
-            .checks
-            .iter()
-            .filter_map(|check| match check {
-                Check::Finite(x) if !self.kernel.outputs.contains(x) => Some((*x, *x)),
-                _ => None,
-            })
-            .collect();
-        self.bad_pairs("less", &less, ("0.0", "1.0"), "!(a[k] < b[k])");
-        self.bad_pairs("not_less", &not_less, ("0.0", "0.0"), "a[k] < b[k]");
-        self.bad_pairs("equal", &equal, ("0.0", "0.0"), "!(a[k] == b[k])");
-        self.bad_pairs("unequal", &unequal, ("1.0", "0.0"), "a[k] == b[k]");
-        self.bad_pairs("certain", &certain, ("1.0", "1.0"), "(a[k] == 0.0) & !(b[k] > 0.0)");
-        self.bad_pairs("finite", &finite, ("0.0", "0.0"), "!(a[k] - b[k] == 0.0)");
+        let bad = |check: &Check| match *check {
+            Check::Branch(comparison, true) => format!("!({})", compared(comparison)),
+            Check::Branch(comparison, false) => compared(comparison),
+            Check::NotZero(x) => compared(Comparison::Equal(x, zero)),
+            Check::CertainAngle(y, x) => {
+                format!("({} == 0.0) & !({} > 0.0)", number(y), number(x))
+            }
+            // x − x is zero where x is finite
+            Check::Finite(x) => format!("!({0} - {0} == 0.0)", number(x)),
+        };
+        let list = self.kernel.checks.iter().map(bad).collect();
+        self.joined("bad", list);
     }
 
     fn limits(&mut self) {
-        let limited = &self.kernel.limited;
-        if limited.is_empty() {
-            return;
+        let mut list = Vec::new();
+        for limited in &self.kernel.limited {
+            let x = number(limited.x);
+            if limited.lower.is_finite() {
+                list.push(format!("{x} < {}", literal(limited.lower)));
+            }
+            if limited.upper.is_finite() {
+                list.push(format!("{x} > {}", literal(limited.upper)));
+            }
         }
-        let list = |of: fn(&crate::recorder::Limited) -> String| {
-            limited.iter().map(of).collect::<Vec<String>>()
-        };
-        let numbers = list(|limited| number(limited.x));
-        let (lower, upper) =
-            (list(|limited| literal(limited.lower)), list(|limited| literal(limited.upper)));
-        self.array("static const double lower", &lower, "0.0");
-        self.array("static const double upper", &upper, "0.0");
-        let count = self.array("const double limited", &numbers, "0.0");
-        self.line(format!("for (int k = 0; k < {count}; k++)"));
-        self.line("    over |= sarrus_mask((limited[k] < lower[k]) | (limited[k] > upper[k]));");
+        self.joined("over", list);
+    }
+
+    /// A mask: all bits where one of the conditions holds.
+    fn joined(&mut self, name: &str, conditions: Vec<String>) {
+        let masks = conditions.into_iter().map(|condition| format!("sarrus_mask({condition})"));
+        let mut masks: Vec<String> = masks.collect();
+        let mut parts = 0;
+        // statements of eight, then of what they leave
+        while masks.len() > 1 {
+            let mut next = Vec::new();
+            for group in masks.chunks(8) {
+                let part = format!("{name}{parts}");
+                self.line(format!("const uint64_t {part} ="));
+                self.line(format!("    {};", group.join(" |\n        ")));
+                next.push(part);
+                parts += 1;
+            }
+            masks = next;
+        }
+        let all = masks.first().map_or("UINT64_C(0)", String::as_str);
+        self.line(format!("const uint64_t {name} = {all};"));
     }
 
     fn outputs(&mut self) {
-        let list: Vec<String> = self.kernel.outputs.iter().map(|x| number(*x)).collect();
-        if !list.is_empty() {
-            let padded = self.array("const double result", &list, "0.0");
-            self.line(format!("for (int k = 0; k < {padded}; k++)"));
-            self.line("    bad |= sarrus_mask(!(result[k] - result[k] == 0.0));");
-            self.line(format!("for (int k = 0; k < {}; k++)", list.len()));
-            self.line("    out[k] = sarrus_masked(result[k], bad);");
-        } else {
+        for (k, x) in self.kernel.outputs.iter().enumerate() {
+            self.line(format!("out[{k}] = sarrus_masked({}, bad);", number(*x)));
+        }
+        if self.kernel.outputs.is_empty() {
             self.line("(void)out;");
         }
         self.line("return (int)((bad & 2u) | (over & ~bad & 1u));");
