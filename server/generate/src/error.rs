@@ -10,7 +10,10 @@ pub enum GenerateError {
     #[error(transparent)]
     Query(#[from] QueryError),
     /// A field that is not traced.
-    #[error("`{}` is not generated; give y, yd, ydd, forces or wrenches, and want {WANTED}", .0.name())]
+    #[error(
+        "`{}` is not generated; give y, yd, ydd, forces or wrenches, and want {WANTED}",
+        .0.name()
+    )]
     Field(Field),
     /// A closure in the query takes Newton's method, whose steps are no straight line.
     #[error(
@@ -36,7 +39,10 @@ pub enum GenerateError {
         most: usize,
     },
     /// No state was found that has an answer without warnings.
-    #[error("none of {tried} random states has an answer without warnings (the last: {})", last.name())]
+    #[error(
+        "none of {tried} random states has an answer without warnings (the last: {})",
+        last.name()
+    )]
     NoState {
         /// How many were tried.
         tried: usize,

@@ -59,6 +59,11 @@ pub(crate) fn with<R>(run: impl FnOnce(&mut Record) -> R) -> R {
     RECORD.with_borrow_mut(run)
 }
 
+/// Says that this thread's run cannot be recorded; the first reason stays.
+pub(crate) fn stop(obstacle: Obstacle) {
+    with(|record| record.stop(obstacle));
+}
+
 /// Starts a new record of up to this many operations.
 pub(crate) fn start(most: usize) {
     with(|record| *record = Record { most, ..Record::default() });
@@ -70,10 +75,14 @@ pub(crate) fn take() -> Record {
 }
 
 impl Record {
+    fn stop(&mut self, obstacle: Obstacle) {
+        self.obstacle = self.obstacle.or(Some(obstacle));
+    }
+
     /// The node of an operation.
     pub(crate) fn node(&mut self, operation: Operation) -> u32 {
         if self.graph.len() >= self.most {
-            self.obstacle.get_or_insert(Obstacle::TooLarge);
+            self.stop(Obstacle::TooLarge);
             return 0;
         }
         self.graph.node(operation)
@@ -95,7 +104,7 @@ impl Record {
                 Some(decision.comparison)
             }
             None => {
-                self.obstacle.get_or_insert(Obstacle::UnknownChoice);
+                self.stop(Obstacle::UnknownChoice);
                 None
             }
         }

@@ -2,11 +2,16 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::io::Write as _;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
-use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Status, Warnings, Workspace};
+use sarrus_dynamics::description::Inertial;
+use sarrus_dynamics::{
+    DescriptionBuilder, Field, FieldSet, LinkId, Model, Plan, Query, Request, Status, Warnings,
+    Workspace,
+};
 use sarrus_generate::{Compiler, GenerateError, Kernel, Outcome, Source, random_input};
 use sarrus_models::{Options, load};
 
@@ -16,6 +21,8 @@ const ROBOTS: [&str; 7] =
     ["lambda", "torso", "ankle", "parallelogram", "stewart", "r3_lambda_r", "rh5v2_upper_body"];
 /// First of the states that nothing was traced or compared at.
 const FRESH: u64 = 1_000_000;
+/// States that go through a program at once.
+const CHUNK: usize = 10_000;
 
 fn model(robot: &str) -> Model<f64> {
     let source = sarrus_models::Source::Bundled(robot.to_owned());
@@ -80,8 +87,8 @@ impl<'a> Judge<'a> {
 }
 
 /// States of every kind: random ones, at rest, with zeros among them, out of range, no numbers.
-fn states(model: &Model<f64>, plan: &Plan, count: u64) -> impl Iterator<Item = Vec<f64>> {
-    (0..count).map(move |k| {
+fn states(model: &Model<f64>, plan: &Plan, range: Range<u64>) -> impl Iterator<Item = Vec<f64>> {
+    range.map(move |k| {
         let mut input = random_input(model.info(), plan.given(), FRESH + k);
         let n = input.len();
         match k % 64 {
@@ -145,11 +152,13 @@ fn compared_in_c(robot: &str, count: u64, flags: &[&str]) {
         let seconds = start.elapsed().as_secs_f64();
         let words = built.test().unwrap();
         let mut judge = Judge::new(&model, &plan);
-        let states: Vec<Vec<f64>> = states(&model, &plan, count).collect();
-        for (input, (outcome, output)) in
-            states.iter().zip(answers(&built.test, &states, plan.want().len()))
-        {
-            judge.see(input, outcome, &output);
+        for first in (0..count).step_by(CHUNK) {
+            let here = first..count.min(first + CHUNK as u64);
+            let states: Vec<Vec<f64>> = states(&model, &plan, here).collect();
+            let answers = answers(&built.test, &states, plan.want().len());
+            for (input, (outcome, output)) in states.iter().zip(answers) {
+                judge.see(input, outcome, &output);
+            }
         }
         let Compared { answered, left } = judge.compared;
         println!(
@@ -208,7 +217,7 @@ fn traced_code_has_the_bits_of_the_kernels() {
             let kernel = Kernel::trace(&model, &plan).unwrap();
             let mut judge = Judge::new(&model, &plan);
             let mut output = vec![0.0; plan.want().len()];
-            for input in states(&model, &plan, 2_000) {
+            for input in states(&model, &plan, 0..2_000) {
                 let outcome = kernel.evaluate(&input, &mut output);
                 judge.see(&input, outcome, &output);
             }
@@ -226,4 +235,21 @@ fn numerical_closures_are_refused_by_name() {
         let error = Kernel::trace(&model, &plan).unwrap_err();
         assert!(matches!(error, GenerateError::Numerical { .. }), "{error}");
     }
+}
+
+#[test]
+fn what_is_too_large_for_a_compiler_is_refused() {
+    let mut robot = DescriptionBuilder::new("chain");
+    let mut link = LinkId::BASE;
+    for k in 0..600 {
+        let axis = [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]][k % 2];
+        let bob = Inertial::point(1.0, [0.1, 0.0, 0.2]);
+        let joint = robot.revolute(format!("joint_{k}"), link, axis);
+        link = joint.origin([0.05, 0.1, 0.02]).inertial(bob).link();
+    }
+    let model = robot.compile().unwrap().model;
+    let [_, (_, inverse), _] = queries();
+    let plan = Plan::new(&model, &inverse).unwrap();
+    let error = Kernel::trace(&model, &plan).unwrap_err();
+    assert!(matches!(error, GenerateError::TooLarge { .. }), "{error}");
 }
