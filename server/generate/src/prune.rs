@@ -25,7 +25,7 @@ fn is_certain(check: &Check) -> bool {
     check.operands().all(|x| x.value().is_some()) && holds(check, value)
 }
 
-/// Leaves out lower bounds of a number that has a greater one, and that what is positive is no zero.
+/// Leaves out lower bounds of a number that has a greater one; what is positive is no zero.
 fn keep_strongest_bounds(kernel: &mut Kernel) {
     let bound = |check: &Check| match *check {
         Check::Branch(Comparison::Less(x @ Term::Node { .. }, c), false) => Some((x, c.value()?)),

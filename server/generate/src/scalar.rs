@@ -5,8 +5,8 @@
 //! Each identity that is used holds to the bit for all numbers but for two things, of which
 //! account is kept:
 //!
-//! - **The sign of a zero.** 0 x and x + 0 may leave the other zero than the kernel has. A number of
-//!   which this holds is *loose*. No other number ever depends on it but through a quotient, an
+//! - **The sign of a zero.** 0 x and x + 0 may leave the other zero than the kernel has. A number
+//!   of which this holds is *loose*. No other number ever depends on it but through a quotient, an
 //!   angle and an output; there a check is recorded.
 //! - **What is not finite.** 0 x is no number where x is none. Such an x is *dropped*, and that it
 //!   is finite has to follow from something else, or is checked.
