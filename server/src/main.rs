@@ -57,6 +57,15 @@ enum Command {
     /// answers that come out differently. Ends with 0 when all do the same, 1 when some differ or
     /// cannot be read, 2 for a file that is no whole recording and wrong flags.
     Replay(commands::replay::Replay),
+    /// Write one query on one robot as straight-line C, and build it where there is a compiler.
+    ///
+    /// NAME.c with one function, NAME.h with its sizes and orders, NAME_test.c with answers that it
+    /// must give to the bit; with a C compiler (CC, or cc) a shared object and the test, which is
+    /// run. Prints the files, the number of operations and the compiler's name or "not built".
+    /// Ends with 0 when it did, 1 when the query has no straight-line code, the test failed or the
+    /// robot is bad, 2 for wrong flags and files that cannot be written.
+    #[cfg(feature = "generate")]
+    Generate(commands::generate::Generate),
     /// Look at this machine: what costs time or stands in the way of a server, and what to do.
     ///
     /// One line a finding. Ends with 0 when there is none, 1 when there is one, 2 for wrong flags.
@@ -109,6 +118,8 @@ fn main() -> ExitCode {
         Command::Ask(command) => command.run(),
         Command::Serve(command) => command.run(),
         Command::Replay(command) => command.run(),
+        #[cfg(feature = "generate")]
+        Command::Generate(command) => command.run(),
         Command::Doctor(command) => command.run(),
         Command::Top(command) => command.run(),
         Command::Tidy(command) => command.run(),

@@ -4,6 +4,8 @@ pub(crate) mod ask;
 pub(crate) mod check;
 pub(crate) mod demo;
 pub(crate) mod doctor;
+#[cfg(feature = "generate")]
+pub(crate) mod generate;
 pub(crate) mod output;
 pub(crate) mod processor;
 pub(crate) mod progress;

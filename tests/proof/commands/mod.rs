@@ -4,6 +4,7 @@ mod answers;
 mod assemble;
 mod check;
 mod closures_page;
+mod generate;
 mod lines;
 mod load_warnings;
 mod parts;

@@ -2,7 +2,7 @@
 
 use sarrus_proto::Status;
 
-use crate::scalar::{Mask, Real, Scalar};
+use crate::scalar::{Figure, Mask, Real, Scalar};
 
 /// What came of closing a cluster.
 #[derive(Clone, Copy, Debug)]
@@ -91,7 +91,7 @@ impl<T: Scalar> From<Validity<T>> for Outcome {
         } else if validity.singular {
             Outcome::failed(Status::SingularClosure, 0)
         } else {
-            Outcome { gain: validity.gain.to_f64().max(1.0), ..Outcome::FINE }
+            Outcome { gain: validity.gain.to_figure(Figure::Gain).max(1.0), ..Outcome::FINE }
         }
     }
 }

@@ -92,14 +92,12 @@ fn solve_of<T: Scalar>(
     let floor = largest * T::from_f64(roundings * T::EPSILON);
     let (mut sign, mut least) = (T::ONE, largest);
     for k in 0..m {
-        let exchanged = exchange(A, B, m, n, k);
+        sign *= exchange(A, B, m, n, k);
         let pivot = A[k * m + k];
         if !floor.lt(pivot.abs()) {
             return None;
         }
-        if exchanged != (pivot < T::ZERO) {
-            sign = -sign;
-        }
+        sign = T::select(pivot.lt(T::ZERO), -sign, sign);
         least = T::select(pivot.abs().lt(least), pivot.abs(), least);
         eliminate(A, B, m, n, k);
     }
@@ -107,10 +105,13 @@ fn solve_of<T: Scalar>(
     Some(Solved { sign, least: least / largest })
 }
 
-/// Brings the largest entry of column k, on or below the diagonal, to its place; true where rows
-/// changed places.
+/// Brings the largest entry of column k, on or below the diagonal, to its place; −1 where rows
+/// changed places, else 1.
 #[inline(always)]
-fn exchange<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize, k: usize) -> bool {
+fn exchange<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize, k: usize) -> T {
+    if T::STRAIGHT {
+        return exchange_straight(A, B, m, n, k);
+    }
     let mut p = k;
     for i in k + 1..m {
         if A[i * m + k].abs() > A[p * m + k].abs() {
@@ -118,7 +119,7 @@ fn exchange<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize, k: usize) -
         }
     }
     if p == k {
-        return false;
+        return T::ONE;
     }
     for j in 0..m {
         A.swap(k * m + j, p * m + j);
@@ -126,7 +127,30 @@ fn exchange<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize, k: usize) -
     for j in 0..n {
         B.swap(k * n + j, p * n + j);
     }
-    true
+    -T::ONE
+}
+
+/// The same without a branch on a value.
+fn exchange_straight<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize, k: usize) -> T {
+    // the row of the pivot, as a number
+    let (mut p, mut largest) = (T::from_f64(k as f64), A[k * m + k].abs());
+    for i in k + 1..m {
+        let x = A[i * m + k].abs();
+        p = T::select(largest.lt(x), T::from_f64(i as f64), p);
+        largest = T::select(largest.lt(x), x, largest);
+    }
+    let is = |i: usize| (p - T::from_f64(i as f64)).abs().lt(T::from_f64(0.5));
+    for (x, n) in [(A, m), (B, n)] {
+        for j in 0..n {
+            let before = x[k * n + j];
+            for i in k + 1..m {
+                let own = x[i * n + j];
+                x[k * n + j] = T::select(is(i), own, x[k * n + j]);
+                x[i * n + j] = T::select(is(i), before, own);
+            }
+        }
+    }
+    T::select(is(k), T::ONE, -T::ONE)
 }
 
 /// Clears column k below its pivot, which becomes its inverse.
@@ -253,9 +277,7 @@ pub(crate) fn singular_range<T: Scalar>(A: &mut [T], m: usize, n: usize) -> (T, 
 pub(crate) fn determinant_sign<T: Scalar>(A: &mut [T], m: usize) -> T {
     let mut sign = T::ONE;
     for k in 0..m {
-        if exchange(A, &mut [], m, 0, k) {
-            sign = -sign;
-        }
+        sign *= exchange(A, &mut [], m, 0, k);
         let pivot = A[k * m + k];
         if pivot == T::ZERO {
             return T::ZERO;

@@ -6,18 +6,19 @@ use crate::closure::column_unit;
 use crate::linalg::{least_norm, solve_sound};
 use crate::mechanism::Cluster;
 use crate::model::{Direct, Model, Scope};
-use crate::scalar::Scalar;
+use crate::scalar::{Figure, Scalar};
 use crate::workspace::Workspace;
 
 /// τ_u from G_uᵀ τ_u = τ_y, answered cluster by cluster: exact where there are as many actuators as
 /// independents, of least norm where there are more, and where there are fewer the best, with the
-/// remainder in `tau_rest`. The least part of their control that the actuators of a cluster have.
+/// remainder in `tau_rest`. By how much that grows roundings: one over the least part of their
+/// control that the actuators of a cluster have.
 pub(super) fn to_actuators<T: Scalar>(
     model: &Model<T>,
     scope: &Scope,
     ws: &mut Workspace<T>,
 ) -> Result<f64, Status> {
-    let mut control = 1.0_f64;
+    let mut control = T::ONE;
     ws.tau_rest.fill(T::ZERO);
     let mut independents = scope.independents.runs();
     if !independents.all(|run| ws.tau_y[run].iter().all(|tau| tau.is_finite())) {
@@ -34,8 +35,8 @@ pub(super) fn to_actuators<T: Scalar>(
         if (m, n_u) == (1, 1) {
             let (u, j) = cluster.active[0];
             let (G, i) = (cluster.G(&ws.G)[(j, 0)], cluster.independent[0]);
-            let scaled = G.to_f64() * column_unit(cluster, i) / column_unit(cluster, j);
-            control = control.min(scaled.abs());
+            let unit = |j| T::from_f64(column_unit(cluster, j));
+            control = lesser(control, (G * unit(i) / unit(j)).abs());
             let tau = ws.tau_y[cluster.vy] / G;
             if !tau.is_finite() {
                 return Err(Status::SingularActuation);
@@ -45,7 +46,7 @@ pub(super) fn to_actuators<T: Scalar>(
             actuator_matrix(cluster, ws);
             let solved = solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1)
                 .ok_or(Status::SingularActuation)?;
-            control = control.min(solved.least.to_f64());
+            control = lesser(control, solved.least);
             for (r, (u, _)) in cluster.active.iter().enumerate() {
                 if !(ws.dense_rhs[r].is_finite()) {
                     return Err(Status::SingularActuation);
@@ -68,7 +69,12 @@ pub(super) fn to_actuators<T: Scalar>(
             }
         }
     }
-    Ok(control)
+    Ok((T::ONE / control).to_figure(Figure::Growth))
+}
+
+/// The lesser one; `a` where `b` is not a number.
+fn lesser<T: Scalar>(a: T, b: T) -> T {
+    T::select(b.lt(a), b, a)
 }
 
 /// G_uᵀ (n_vy × n_u) into `dense`, τ_y into `dense_rhs`.

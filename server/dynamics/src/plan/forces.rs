@@ -9,7 +9,7 @@ use crate::plan::actuation::to_actuators;
 use crate::plan::diagnostics::digits::{ZERO, cancellation};
 use crate::plan::run::RunReport;
 use crate::plan::state::tree_accelerations;
-use crate::scalar::{Mask, Scalar};
+use crate::scalar::{Figure, Mask, Scalar};
 use crate::spatial::zero;
 use crate::workspace::Workspace;
 
@@ -71,7 +71,7 @@ impl Plan {
             self.doubt_forces(&ws.tau_terms, &ws.tau_y, report);
         }
         if self.wants_any(&[Field::TauU, Field::TauUnactuated, Field::Lambda]) {
-            report.doubt.times(1.0 / to_actuators(model, scope, ws)?);
+            report.doubt.times(to_actuators(model, scope, ws)?);
         }
         if self.wants(Field::Lambda) {
             // what the tree needs beyond the actuators comes from the loops
@@ -121,7 +121,8 @@ impl Plan {
             algorithms::embedded_solve(model, scope, ws)
         };
         let Divided { inertia, terms, alone } = self.divided(model, ws);
-        report.doubt.times(inertia.to_f64() / PIVOTS);
+        let pivots = inertia / T::from_f64(PIVOTS);
+        report.doubt.times(pivots.to_figure(Figure::Growth));
         if self.method == Method::Kkt {
             self.tree_forward_dynamics(model, ws, input)?;
             if !self.balanced(model, ws, input) {
@@ -132,10 +133,11 @@ impl Plan {
         if !positive.all() {
             return Err(Status::MassNotPositive);
         }
-        let left = largest(&scope.independents, &ws.ydd).to_f64();
-        let (growth, zero) = cancellation(terms.to_f64(), left, STILL * alone.to_f64());
+        let left = largest(&scope.independents, &ws.ydd);
+        let (growth, zero) = cancellation(terms, left, T::from_f64(STILL) * alone);
         report.doubt.times(growth);
-        report.doubt.times(model.growth_of(self.method) / ROUNDINGS);
+        let of_method = T::from_f64(model.growth_of(self.method) / ROUNDINGS);
+        report.doubt.times(of_method.to_figure(Figure::Growth));
         report.doubt.acceleration = zero;
         for run in scope.clusters.runs() {
             for cluster in &model.clusters[run] {
@@ -270,7 +272,7 @@ impl Plan {
             ws.tau_terms.fill(T::ZERO);
             self.given_forces(model, ws, input);
             if self.wants_any(&[Field::TauU, Field::TauUnactuated]) {
-                report.doubt.times(1.0 / to_actuators(model, &self.needed.scope, ws)?);
+                report.doubt.times(to_actuators(model, &self.needed.scope, ws)?);
             }
         }
         Ok(())
@@ -301,9 +303,9 @@ impl Plan {
     /// What is lost of forces on the independents in the sums of their terms.
     fn doubt_forces<T: Scalar>(&self, terms: &[T], forces: &[T], report: &mut RunReport<T>) {
         let independents = &self.needed.scope.independents;
-        let terms = largest(independents, terms).to_f64();
-        let left = largest(independents, forces).to_f64();
-        let (growth, zero) = cancellation(terms, left, ZERO * terms);
+        let terms = largest(independents, terms);
+        let left = largest(independents, forces);
+        let (growth, zero) = cancellation(terms, left, T::from_f64(ZERO) * terms);
         report.doubt.times(growth);
         report.doubt.force = zero;
     }

@@ -4,7 +4,7 @@ use sarrus_proto::{Field, Request, Warnings};
 
 use crate::closure::Level;
 use crate::plan::Plan;
-use crate::scalar::Scalar;
+use crate::scalar::{Figure, Scalar};
 use crate::workspace::Workspace;
 
 /// The columns of [`Field::Limits`].
@@ -39,22 +39,26 @@ impl Plan {
     ) {
         let moves = self.steps.velocity.is_some() && self.steps.level >= Level::Velocity;
         for (row, limit) in &self.needed.limits {
-            each(*row, POSITION, ws.q[limit.q].to_f64(), [limit.lower, limit.upper]);
+            let [lower, upper] = [limit.lower, limit.upper];
+            each(*row, POSITION, figure(ws.q[limit.q], lower, upper), [lower, upper]);
             if moves {
-                let velocity = ws.qd[limit.v].to_f64();
-                each(*row, VELOCITY, velocity, [-limit.velocity, limit.velocity]);
+                let [lower, upper] = [-limit.velocity, limit.velocity];
+                each(*row, VELOCITY, figure(ws.qd[limit.v], lower, upper), [lower, upper]);
             }
         }
         if self.request == Request::InverseDynamics && self.wants(Field::TauU) {
             for (u, row, effort) in &self.needed.efforts {
-                each(*row, EFFORT, ws.tau_u[*u].to_f64(), [-effort, *effort]);
+                each(*row, EFFORT, figure(ws.tau_u[*u], -effort, *effort), [-effort, *effort]);
             }
         }
     }
 }
 
+fn figure<T: Scalar>(x: T, lower: f64, upper: f64) -> f64 {
+    x.to_figure(Figure::Limited { lower, upper })
+}
+
 /// How far x lies outside: negative below, positive above.
-#[inline(always)]
 fn excess(x: f64, lower: f64, upper: f64) -> f64 {
     if x < lower {
         x - lower

@@ -4,6 +4,7 @@ mod counted;
 mod double_double;
 mod dual;
 mod elementary;
+mod figure;
 mod noise;
 mod single;
 mod stochastic;
@@ -11,6 +12,7 @@ mod stochastic;
 pub use counted::Counted;
 pub use double_double::Dd;
 pub use dual::Dual;
+pub use figure::{DOUBTFUL, Figure};
 pub(crate) use noise::noise;
 pub(crate) use stochastic::Stochastic;
 
@@ -104,9 +106,19 @@ pub trait Scalar: Real<Mask = bool, Const = Self> + PartialOrd {
     /// Whether doubtful answers are computed again to count their digits; elsewhere the doubt alone
     /// decides.
     const PROBED: bool = false;
+    /// Whether one run stands for others, so that rows change places by [`Real::select`] and not by
+    /// a branch.
+    const STRAIGHT: bool = false;
 
     /// The nearest double.
     fn to_f64(self) -> f64;
+
+    /// The nearest double, by which a plan decides what `figure` says; a scalar that records what
+    /// is done takes note.
+    #[inline(always)]
+    fn to_figure(self, _figure: Figure) -> f64 {
+        self.to_f64()
+    }
 }
 
 impl Real for f64 {

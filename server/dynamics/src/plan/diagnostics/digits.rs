@@ -11,12 +11,9 @@ use sarrus_proto::Field;
 use crate::closure::Level;
 use crate::plan::Plan;
 use crate::plan::run::RunReport;
-use crate::scalar::{Scalar, Stochastic};
+use crate::scalar::{DOUBTFUL, Figure, Scalar, Stochastic};
 use crate::workspace::Workspace;
 
-/// The doubt from which on digits are counted: with the roundings of a few hundred operations ten
-/// digits are left below it.
-pub(in crate::plan) const DOUBTFUL: f64 = 5e3;
 /// Difference of the runs, against the largest number of a field, at which it keeps nine digits for
 /// sure: roundings are moved by about four times their own size.
 const KEPT: f64 = 5e-11;
@@ -66,9 +63,11 @@ fn larger(a: f64, b: f64) -> f64 {
 
 /// Terms of this size leave numbers of that one, of which `zero` counts as zero: how much their
 /// roundings grow, and what counts as zero against what is left.
-pub(in crate::plan) fn cancellation(terms: f64, left: f64, zero: f64) -> (f64, f64) {
-    if terms > 0.0 && zero > 0.0 {
-        (terms / f64::max(left, zero), f64::max(1.0, zero / left))
+pub(in crate::plan) fn cancellation<T: Scalar>(terms: T, left: T, zero: T) -> (f64, f64) {
+    if terms > T::ZERO && zero > T::ZERO {
+        let growth = terms / T::select(left.lt(zero), zero, left);
+        let part = (zero / left).to_figure(Figure::OfDoubt);
+        (growth.to_figure(Figure::Growth), f64::max(1.0, part))
     } else {
         (1.0, 1.0)
     }

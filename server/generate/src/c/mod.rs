@@ -1,0 +1,61 @@
+//! C11 of a kernel: the function, its header, a test with answers of the generic kernel.
+
+mod function;
+mod header;
+mod test;
+
+use sarrus_dynamics::Model;
+
+use crate::Kernel;
+
+/// The three files of a kernel.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Source {
+    /// The name of the function, which the files have too.
+    pub name: String,
+    /// `NAME.h`.
+    pub header: String,
+    /// `NAME.c`.
+    pub function: String,
+    /// `NAME_test.c`: a program that ends with 0 where every answer has the generic kernel's bits.
+    pub test: String,
+}
+
+impl Source {
+    /// C for a kernel of this model under this name, of which only letters, digits and `_` are
+    /// kept. Allocates.
+    pub fn new(kernel: &Kernel, model: &Model<f64>, name: &str) -> Source {
+        let name = identifier(name);
+        Source {
+            header: header::header(kernel, &name),
+            function: function::function(kernel, &name),
+            test: test::test(kernel, model, &name),
+            name,
+        }
+    }
+}
+
+/// A name that C takes.
+fn identifier(name: &str) -> String {
+    let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let word: String = name.chars().map(|c| if is_word(c) { c } else { '_' }).collect();
+    let is_start = |c: char| c.is_ascii_alphabetic();
+    if word.starts_with(is_start) { word } else { format!("robot_{word}") }
+}
+
+/// A double as C reads it, to the bit.
+fn literal(x: f64) -> String {
+    let text = format!("{x:?}");
+    match text.as_str() {
+        "NaN" => "(double)NAN".to_owned(),
+        "inf" => "(double)INFINITY".to_owned(),
+        "-inf" => "(-(double)INFINITY)".to_owned(),
+        _ if x.is_sign_negative() => format!("({text})"),
+        _ => text,
+    }
+}
+
+/// Text of a comment that cannot end it.
+fn comment(text: &str) -> String {
+    text.replace("*/", "* /").replace(['\n', '\r'], " ")
+}

@@ -1,0 +1,44 @@
+//! `NAME_test.c`.
+
+use sarrus_dynamics::{Model, Status, Workspace};
+
+use crate::c::literal;
+use crate::{Kernel, Outcome};
+
+/// A program that compares answers with those of the generic kernel, and says how long one takes.
+pub(super) fn test(kernel: &Kernel, model: &Model<f64>, name: &str) -> String {
+    let upper = name.to_ascii_uppercase();
+    let count = kernel.golden.len();
+    let mut workspace = Workspace::for_plans(model, [&kernel.plan]);
+    let mut output = vec![0.0; kernel.outputs()];
+    let (mut inputs, mut outputs, mut codes) = (String::new(), String::new(), String::new());
+    for input in &kernel.golden {
+        let code = match kernel.evaluate(input, &mut output) {
+            Outcome::Ok => 0,
+            Outcome::LimitsExceeded => 1,
+            Outcome::NotAnswered => 2,
+        };
+        // the answer is the generic kernel's, not ours
+        let answer = kernel.plan.run(model, &mut workspace, input, &mut output);
+        debug_assert!(answer.status == Status::Ok);
+        let row: Vec<String> = input.iter().map(|x| literal(*x)).collect();
+        inputs += &format!("    {{{}}},\n", or_zero(row.join(", ")));
+        let row: Vec<String> =
+            output.iter().map(|x| format!("UINT64_C(0x{:016x})", x.to_bits())).collect();
+        outputs += &format!("    {{{}}},\n", or_zero(row.join(", ")));
+        codes += &format!("{code}, ");
+    }
+    include_str!("test.c")
+        .replace("@NAME@", name)
+        .replace("@UPPER@", &upper)
+        .replace("@COUNT@", &count.to_string())
+        .replace("@IN@", &kernel.inputs().max(1).to_string())
+        .replace("@OUT@", &kernel.outputs().max(1).to_string())
+        .replace("@CODES@", codes.trim_end_matches(", "))
+        .replace("@INPUTS@", &inputs)
+        .replace("@OUTPUTS@", &outputs)
+}
+
+fn or_zero(list: String) -> String {
+    if list.is_empty() { "0".to_owned() } else { list }
+}

@@ -1,0 +1,64 @@
+//! Why there is no straight-line code for a query.
+
+use sarrus_dynamics::{Field, QueryError, Status};
+
+/// Why there is no straight-line code for a query; the generic kernels answer it.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum GenerateError {
+    /// The query does not fit the robot.
+    #[error(transparent)]
+    Query(#[from] QueryError),
+    /// A field that is not traced.
+    #[error(
+        "`{}` is not generated; give y, yd, ydd, forces or wrenches, and want {WANTED}",
+        .0.name()
+    )]
+    Field(Field),
+    /// A closure in the query takes Newton's method, whose steps are no straight line.
+    #[error(
+        "closure `{name}` is numerical (misfit {misfit:.1e}): the number of its steps depends on \
+         the state; pick joints that do not need it, or ask the generic kernels"
+    )]
+    Numerical {
+        /// The submechanism.
+        name: String,
+        /// How far it is from a closed form.
+        misfit: f64,
+    },
+    /// Joints of several degrees of freedom among the independents.
+    #[error("joints with quaternions among the independents are not generated")]
+    Quaternions,
+    /// More operations than a compiler takes in reasonable time.
+    #[error(
+        "more than {most} operations: compilers take minutes for them; pick joints or frames, or \
+         ask the generic kernels"
+    )]
+    TooLarge {
+        /// The bound.
+        most: usize,
+    },
+    /// No state was found that has an answer without warnings.
+    #[error(
+        "none of {tried} random states has an answer without warnings (the last: {})",
+        last.name()
+    )]
+    NoState {
+        /// How many were tried.
+        tried: usize,
+        /// How the last one ended.
+        last: Status,
+    },
+    /// The kernels did something that is not a straight line.
+    #[error("the kernels take a decision by a number that cannot be traced")]
+    NotStraight,
+    /// The traced code is not the kernel.
+    #[error("traced and generic numbers differ at input {input:?}")]
+    Differs {
+        /// Where.
+        input: Vec<f64>,
+    },
+}
+
+/// For the message above.
+const WANTED: &str = "states, forces, G, M_y, C_y, frames or Jacobians";

@@ -1,0 +1,25 @@
+//! Straight-line C of the dynamics of one robot.
+//!
+//! The kernels of [`sarrus_dynamics`] are generic over their scalar. With one that records what is
+//! done with it ([`Kernel::trace`]) a plan on a model becomes a list of operations in which the
+//! robot's constants are folded, products with zero and sums with it are gone, and no operation
+//! stands twice. As C ([`Source`]) it needs `math.h` alone, has no branches and no memory of its
+//! own. It gives the bits of [`sarrus_dynamics::Plan::run`] wherever it says that it answers, and
+//! says where it does not: there the caller asks the plan.
+
+mod c;
+mod compiler;
+mod error;
+mod graph;
+mod kernel;
+mod prune;
+mod recorder;
+mod scalar;
+mod states;
+mod trace;
+
+pub use c::Source;
+pub use compiler::{BuildError, Built, Compiler, FLAGS};
+pub use error::GenerateError;
+pub use kernel::{Kernel, Outcome};
+pub use states::random_input;

@@ -1,0 +1,152 @@
+//! Only what outputs and checks depend on; only checks that do not follow from others.
+
+use std::collections::{HashMap, HashSet};
+
+use crate::Kernel;
+use crate::graph::{Check, Comparison, Operation, Term};
+use crate::kernel::holds;
+
+/// The kernel without the rest, and with a check for each dropped number that could be infinite
+/// without any other number showing it.
+pub(crate) fn pruned(mut kernel: Kernel, dropped: &[u32]) -> Kernel {
+    let mut seen = HashSet::new();
+    kernel.checks.retain(|check| !is_certain(check) && seen.insert(*check));
+    let dropped = dropped.iter().map(|at| Check::Finite(Term::node(*at)));
+    kernel.checks.extend(dropped.filter(|check| seen.insert(*check)));
+    keep_strongest_bounds(&mut kernel);
+    keep_finite_checks(&mut kernel);
+    keep_live(&mut kernel);
+    kernel
+}
+
+/// True where a check is one of constants, and holds.
+fn is_certain(check: &Check) -> bool {
+    let value = |x: Term| x.value().unwrap_or(f64::NAN);
+    check.operands().all(|x| x.value().is_some()) && holds(check, value)
+}
+
+/// Leaves out lower bounds of a number that has a greater one; what is positive is no zero.
+fn keep_strongest_bounds(kernel: &mut Kernel) {
+    let bound = |check: &Check| match *check {
+        Check::Branch(Comparison::Less(x @ Term::Node { .. }, c), false) => Some((x, c.value()?)),
+        _ => None,
+    };
+    let mut greatest: HashMap<Term, f64> = HashMap::new();
+    for (x, c) in kernel.checks.iter().filter_map(bound) {
+        let most = greatest.entry(x).or_insert(c);
+        *most = most.max(c);
+    }
+    // numbers that are compared with zero as positive
+    let positive: HashSet<Term> = kernel
+        .checks
+        .iter()
+        .filter_map(|check| match *check {
+            Check::Branch(Comparison::Less(c, x), true) if c.value() >= Some(0.0) => Some(x),
+            _ => None,
+        })
+        .collect();
+    kernel.checks.retain(|check| match check {
+        Check::NotZero(x) => {
+            !positive.contains(x) && greatest.get(x).is_none_or(|most| *most <= 0.0)
+        }
+        _ => bound(check).is_none_or(|(x, c)| greatest.get(&x) == Some(&c)),
+    });
+}
+
+/// Leaves out checks that a number is finite where one that is computed from it is checked too.
+fn keep_finite_checks(kernel: &mut Kernel) {
+    // nodes that make some later checked one infinite or NaN too
+    let mut shown = vec![false; kernel.operations.len()];
+    let mut checked = vec![false; kernel.operations.len()];
+    for check in &kernel.checks {
+        if let Check::Finite(Term::Node { at, .. }) = check {
+            checked[*at as usize] = true;
+        }
+    }
+    for at in (0..kernel.operations.len()).rev() {
+        if !shown[at] && !checked[at] {
+            continue;
+        }
+        use Operation::*;
+        match kernel.operations[at] {
+            Add(..) | Multiply(..) | Fused(..) | Root(_) | Absolute(_) | Sine(_) | Cosine(_) => {
+                let operands = kernel.operations[at].operands();
+                operands.filter_map(Term::at).for_each(|at| shown[at as usize] = true);
+            }
+            Divide(a, _) => a.at().into_iter().for_each(|at| shown[at as usize] = true),
+            // a choice may leave it, an angle of what is infinite is finite
+            Input(_) | Angle(..) | Select(..) => {}
+        }
+    }
+    kernel.checks.retain(|check| match check {
+        Check::Finite(Term::Node { at, .. }) => !shown[*at as usize],
+        _ => true,
+    });
+}
+
+/// Leaves out what nothing depends on and counts the rest anew.
+fn keep_live(kernel: &mut Kernel) {
+    let mut live = vec![false; kernel.operations.len()];
+    let mut needs = |term: Term| term.at().into_iter().for_each(|at| live[at as usize] = true);
+    kernel.outputs.iter().copied().for_each(&mut needs);
+    kernel.checks.iter().flat_map(|check| check.operands()).for_each(&mut needs);
+    kernel.limited.iter().for_each(|limited| needs(limited.x));
+    for at in (0..kernel.operations.len()).rev() {
+        if live[at] {
+            let operands = kernel.operations[at].operands();
+            operands.filter_map(Term::at).for_each(|at| live[at as usize] = true);
+        }
+    }
+
+    let mut next = 0;
+    let mut places = vec![0; live.len()];
+    for (place, live) in places.iter_mut().zip(&live) {
+        *place = next;
+        next += u32::from(*live);
+    }
+    let moved = |term: Term| match term {
+        Term::Constant(_) => term,
+        Term::Node { at, negated } => Term::Node { at: places[at as usize], negated },
+    };
+    let mut kept = live.iter();
+    kernel.operations.retain(|_| kept.next().copied().unwrap_or(false));
+    kernel.operations.iter_mut().for_each(|operation| *operation = renumbered(*operation, moved));
+    kernel.outputs.iter_mut().for_each(|term| *term = moved(*term));
+    kernel.limited.iter_mut().for_each(|limited| limited.x = moved(limited.x));
+    for check in &mut kernel.checks {
+        *check = match *check {
+            Check::Branch(comparison, outcome) => {
+                Check::Branch(renumbered_comparison(comparison, moved), outcome)
+            }
+            Check::Finite(x) => Check::Finite(moved(x)),
+            Check::NotZero(x) => Check::NotZero(moved(x)),
+            Check::CertainAngle(y, x) => Check::CertainAngle(moved(y), moved(x)),
+        };
+    }
+}
+
+fn renumbered(operation: Operation, moved: impl Fn(Term) -> Term + Copy) -> Operation {
+    use Operation::*;
+    match operation {
+        Input(k) => Input(k),
+        Add(a, b) => Add(moved(a), moved(b)),
+        Multiply(a, b) => Multiply(moved(a), moved(b)),
+        Divide(a, b) => Divide(moved(a), moved(b)),
+        Fused(a, b, c) => Fused(moved(a), moved(b), moved(c)),
+        Root(x) => Root(moved(x)),
+        Absolute(x) => Absolute(moved(x)),
+        Sine(x) => Sine(moved(x)),
+        Cosine(x) => Cosine(moved(x)),
+        Angle(y, x) => Angle(moved(y), moved(x)),
+        Select(comparison, a, b) => {
+            Select(renumbered_comparison(comparison, moved), moved(a), moved(b))
+        }
+    }
+}
+
+fn renumbered_comparison(comparison: Comparison, moved: impl Fn(Term) -> Term) -> Comparison {
+    match comparison {
+        Comparison::Less(a, b) => Comparison::Less(moved(a), moved(b)),
+        Comparison::Equal(a, b) => Comparison::Equal(moved(a), moved(b)),
+    }
+}

@@ -1,0 +1,413 @@
+//! A scalar that records what is done with it.
+//!
+//! What a kernel does with it becomes a graph in which no operation stands twice, constants are
+//! folded as the kernel would compute them, and products and sums with zero and one are gone.
+//! Each identity that is used holds to the bit for all numbers but for two things, of which
+//! account is kept:
+//!
+//! - **The sign of a zero.** 0 x and x + 0 may leave the other zero than the kernel has. A number
+//!   of which this holds is *loose*. No other number ever depends on it but through a quotient, an
+//!   angle and an output; there a check is recorded.
+//! - **What is not finite.** 0 x is no number where x is none. Such an x is *dropped*, and that it
+//!   is finite has to follow from something else, or is checked.
+
+use core::cmp::Ordering;
+use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+
+use sarrus_dynamics::scalar::{Figure, Real, Scalar};
+
+use crate::graph::{Check, Comparison, Operation, Term};
+use crate::recorder::{self, Limited, Obstacle, Record};
+
+/// No node: a constant.
+const CONSTANT: u32 = u32::MAX;
+
+/// A double of a recorded run: its value there, and the node that computes it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Traced {
+    pub(crate) value: f64,
+    at: u32,
+    negated: bool,
+    /// Its zero may have the other sign.
+    loose: bool,
+}
+
+impl Traced {
+    pub(crate) const fn constant(value: f64) -> Traced {
+        Traced { value, at: CONSTANT, negated: false, loose: false }
+    }
+
+    /// Number `k` of the input.
+    pub(crate) fn input(k: usize, value: f64) -> Traced {
+        Traced::new(value, Operation::Input(k as u32), false)
+    }
+
+    /// The result of an operation.
+    fn new(value: f64, operation: Operation, loose: bool) -> Traced {
+        let at = recorder::with(|record| record.node(operation));
+        Traced { value, at, negated: false, loose }
+    }
+
+    pub(crate) fn term(self) -> Term {
+        if self.at == CONSTANT {
+            Term::constant(self.value)
+        } else {
+            Term::Node { at: self.at, negated: self.negated }
+        }
+    }
+
+    pub(crate) fn is_loose(self) -> bool {
+        self.loose
+    }
+
+    /// Where it is a constant, which one.
+    fn known(self) -> Option<f64> {
+        (self.at == CONSTANT).then_some(self.value)
+    }
+
+    fn is_zero(self) -> bool {
+        self.known() == Some(0.0)
+    }
+
+    fn loosely(self, loose: bool) -> Traced {
+        Traced { loose: self.loose | loose, ..self }
+    }
+
+    /// A zero by a product with `x`, which has to be finite.
+    fn nothing_of(self) -> Traced {
+        if self.at != CONSTANT {
+            recorder::with(|record| record.dropped.push(self.at));
+        }
+        Traced::constant(0.0).loosely(true)
+    }
+
+    /// The same number before a zero was added to it, for whatever does not see its sign.
+    fn stripped(self) -> Traced {
+        if self.at == CONSTANT {
+            return self;
+        }
+        let inner = recorder::with(|record| match record.graph.operations.get(self.at as usize) {
+            Some(Operation::Add(x, Term::Constant(0))) => Some(*x),
+            _ => None,
+        });
+        match inner {
+            Some(Term::Node { at, negated }) => {
+                Traced { at, negated: negated != self.negated, loose: true, ..self }
+            }
+            _ => self,
+        }
+    }
+
+    /// The operands of a commutative operation in the order of the graph.
+    fn sorted(a: Traced, b: Traced) -> (Traced, Traced) {
+        if a.at <= b.at { (a, b) } else { (b, a) }
+    }
+
+    /// Takes note of a comparison and says how it came out.
+    fn decided(comparison: Comparison, outcome: bool, may_choose: bool) -> bool {
+        recorder::with(|record| record.decide(comparison, outcome, may_choose));
+        outcome
+    }
+
+    fn less(self, other: Traced, may_choose: bool) -> bool {
+        let (a, b) = (self.stripped(), other.stripped());
+        Traced::decided(Comparison::Less(a.term(), b.term()), self.value < other.value, may_choose)
+    }
+}
+
+impl PartialEq for Traced {
+    fn eq(&self, other: &Traced) -> bool {
+        let (a, b) = (self.stripped().term(), other.stripped().term());
+        Traced::decided(Comparison::Equal(a, b), self.value == other.value, false)
+    }
+}
+
+impl PartialOrd for Traced {
+    /// Never asked: each comparison below is recorded as itself.
+    fn partial_cmp(&self, other: &Traced) -> Option<Ordering> {
+        recorder::stop(Obstacle::LeavesKernel);
+        self.value.partial_cmp(&other.value)
+    }
+    fn lt(&self, other: &Traced) -> bool {
+        self.less(*other, false)
+    }
+    fn gt(&self, other: &Traced) -> bool {
+        other.less(*self, false)
+    }
+    fn le(&self, other: &Traced) -> bool {
+        let less = self.less(*other, false);
+        less || self == other
+    }
+    fn ge(&self, other: &Traced) -> bool {
+        other.le(self)
+    }
+}
+
+impl Add for Traced {
+    type Output = Traced;
+    fn add(self, other: Traced) -> Traced {
+        let value = self.value + other.value;
+        match (self.known(), other.known()) {
+            (Some(_), Some(_)) => Traced::constant(value).loosely(self.loose | other.loose),
+            (Some(_), None) => other + self,
+            // x − 0 is x; x + 0 is 0 where x is −0
+            (None, Some(0.0)) if other.value.is_sign_negative() && !other.loose => self,
+            (None, Some(0.0)) if !other.loose => {
+                let x = self.stripped().term();
+                Traced::new(value, Operation::Add(x, Term::constant(0.0)), false)
+            }
+            (None, Some(0.0)) => self.loosely(true),
+            _ => {
+                let (a, b) = Traced::sorted(self.stripped(), other.stripped());
+                Traced::new(value, Operation::Add(a.term(), b.term()), a.loose | b.loose)
+            }
+        }
+    }
+}
+
+impl Sub for Traced {
+    type Output = Traced;
+    fn sub(self, other: Traced) -> Traced {
+        self + -other
+    }
+}
+
+impl Mul for Traced {
+    type Output = Traced;
+    fn mul(self, other: Traced) -> Traced {
+        let value = self.value * other.value;
+        match (self.known(), other.known()) {
+            (Some(_), Some(_)) => Traced::constant(value).loosely(self.loose | other.loose),
+            (Some(_), None) => other * self,
+            (None, Some(0.0)) => self.nothing_of(),
+            (None, Some(1.0)) => self,
+            (None, Some(-1.0)) => -self,
+            _ => {
+                let (a, b) = Traced::sorted(self.stripped(), other.stripped());
+                // (−a) b = −(a b), and of a constant factor the sign belongs to the constant
+                let is_signed = |x: Traced| x.at != CONSTANT && x.negated;
+                let negated = is_signed(a) != is_signed(b);
+                let (x, y) = (a.term().unsigned(), b.term().unsigned());
+                let product = if negated { -value } else { value };
+                let product = Traced::new(product, Operation::Multiply(x, y), a.loose | b.loose);
+                if negated { -product } else { product }
+            }
+        }
+    }
+}
+
+impl Div for Traced {
+    type Output = Traced;
+    fn div(self, other: Traced) -> Traced {
+        let value = self.value / other.value;
+        let (a, b) = (self.stripped(), other.stripped());
+        match (a.known(), b.known()) {
+            (Some(_), Some(_)) => return Traced::constant(value).loosely(a.loose),
+            (_, Some(1.0)) => return self,
+            (_, Some(-1.0)) => return -self,
+            // nothing, divided by something
+            (Some(0.0), None) => {
+                recorder::with(|record| record.check(Check::NotZero(b.term())));
+                return b.nothing_of();
+            }
+            // the quotient by a power of two is the product with its inverse
+            (None, Some(by)) if is_power_of_two(by) => {
+                return self * Traced::constant(1.0 / by);
+            }
+            _ => {}
+        }
+        let negated = (a.at != CONSTANT && a.negated) != (b.at != CONSTANT && b.negated);
+        let quotient = if negated { -value } else { value };
+        let operation = Operation::Divide(a.term().unsigned(), b.term().unsigned());
+        let quotient = Traced::new(quotient, operation, a.loose);
+        // where the sign of a zero would tell, no quotient is finite
+        if b.loose {
+            let at = quotient.term();
+            recorder::with(|record| record.check(Check::Finite(at)));
+        }
+        if negated { -quotient } else { quotient }
+    }
+}
+
+/// ±2^k whose inverse is one too, both normal.
+fn is_power_of_two(x: f64) -> bool {
+    x.is_normal() && x.to_bits() & ((1 << 52) - 1) == 0 && (1.0 / x).is_normal()
+}
+
+impl Neg for Traced {
+    type Output = Traced;
+    fn neg(self) -> Traced {
+        let negated = self.at != CONSTANT && !self.negated;
+        Traced { value: -self.value, negated, ..self }
+    }
+}
+
+impl AddAssign for Traced {
+    fn add_assign(&mut self, other: Traced) {
+        *self = *self + other;
+    }
+}
+
+impl SubAssign for Traced {
+    fn sub_assign(&mut self, other: Traced) {
+        *self = *self - other;
+    }
+}
+
+impl MulAssign for Traced {
+    fn mul_assign(&mut self, other: Traced) {
+        *self = *self * other;
+    }
+}
+
+impl Real for Traced {
+    type Mask = bool;
+    type Const = Traced;
+
+    const ZERO: Traced = Traced::constant(0.0);
+    const ONE: Traced = Traced::constant(1.0);
+    const EPSILON: f64 = <f64 as Real>::EPSILON;
+
+    fn lift(constant: Traced) -> Traced {
+        constant
+    }
+    fn from_f64(x: f64) -> Traced {
+        Traced::constant(x)
+    }
+    fn mul_add(self, a: Traced, b: Traced) -> Traced {
+        let (x, y, c) = (self, a, b);
+        let value = f64::mul_add(x.value, y.value, c.value);
+        match (x.known(), y.known()) {
+            (Some(_), None) => return y.mul_add(x, c),
+            (Some(p), Some(q)) => {
+                let product = p * q;
+                if c.known().is_some() {
+                    return Traced::constant(value).loosely(x.loose | y.loose | c.loose);
+                }
+                // an exact product is rounded once in the sum
+                if f64::mul_add(p, q, -product) == 0.0 && (product.is_normal() || product == 0.0) {
+                    return Traced::constant(product).loosely(x.loose | y.loose) + c;
+                }
+            }
+            (None, Some(0.0)) => return x.nothing_of() + c,
+            (None, Some(1.0)) => return x + c,
+            (None, Some(-1.0)) => return -x + c,
+            _ => {}
+        }
+        // x y − 0 is x y; x y + 0 is 0 where x y is −0
+        if c.is_zero() {
+            let loose = c.loose || c.value.is_sign_positive();
+            return (x * y).loosely(loose);
+        }
+        let (a, b) = Traced::sorted(x.stripped(), y.stripped());
+        let c = c.stripped();
+        let negated = a.term().is_negated() != b.term().is_negated();
+        let (p, q) = (a.term().unsigned(), b.term().unsigned());
+        // a sign before the product belongs to its constant, if it has one
+        let (p, q) = match q {
+            _ if !negated => (p, q),
+            Term::Constant(_) => (p, q.negated()),
+            Term::Node { .. } => (p.negated(), q),
+        };
+        let loose = a.loose | b.loose | c.loose;
+        Traced::new(value, Operation::Fused(p, q, c.term()), loose)
+    }
+    fn sqrt(self) -> Traced {
+        match self.known() {
+            Some(x) => Traced::constant(x.sqrt()).loosely(self.loose),
+            None => {
+                let x = self.stripped();
+                Traced::new(self.value.sqrt(), Operation::Root(x.term()), x.loose)
+            }
+        }
+    }
+    fn abs(self) -> Traced {
+        match self.known() {
+            Some(x) => Traced::constant(x.abs()),
+            None => {
+                let x = self.stripped().term().unsigned();
+                Traced::new(self.value.abs(), Operation::Absolute(x), false)
+            }
+        }
+    }
+    fn sin_cos(self) -> (Traced, Traced) {
+        let (s, c) = Real::sin_cos(self.value);
+        if self.known().is_some() {
+            return (Traced::constant(s).loosely(self.loose), Traced::constant(c));
+        }
+        // sin(−x) = −sin x and cos(−x) = cos x to the bit
+        let x = self.stripped();
+        let negated = x.negated;
+        let at = x.term().unsigned();
+        let sine = Traced::new(if negated { -s } else { s }, Operation::Sine(at), x.loose);
+        let cosine = Traced::new(c, Operation::Cosine(at), false);
+        (if negated { -sine } else { sine }, cosine)
+    }
+    fn atan2(self, x: Traced) -> Traced {
+        let value = Real::atan2(self.value, x.value);
+        let (a, b) = (self.stripped(), x.stripped());
+        if a.known().is_some() && b.known().is_some() && !a.loose && !b.loose {
+            return Traced::constant(value);
+        }
+        if a.loose | b.loose {
+            recorder::with(|record| record.check(Check::CertainAngle(a.term(), b.term())));
+        }
+        Traced::new(value, Operation::Angle(a.term(), b.term()), a.loose)
+    }
+    fn lt(self, other: Traced) -> bool {
+        self.less(other, true)
+    }
+    fn is_finite(self) -> bool {
+        if self.known().is_none() {
+            let term = self.stripped().term().unsigned();
+            recorder::with(|record| record.check(Check::Finite(term)));
+        }
+        self.value.is_finite()
+    }
+    fn select(mask: bool, a: Traced, b: Traced) -> Traced {
+        let comparison = recorder::with(|record| record.choice(mask));
+        let value = if mask { a.value } else { b.value };
+        match comparison {
+            // of constants, or between two that are the same
+            Some(Comparison::Less(Term::Constant(_), Term::Constant(_))) | None => {
+                if mask {
+                    a
+                } else {
+                    b
+                }
+            }
+            Some(_) if a.term() == b.term() => a.loosely(b.loose),
+            Some(comparison) => {
+                let operation = Operation::Select(comparison, a.term(), b.term());
+                Traced::new(value, operation, a.loose | b.loose)
+            }
+        }
+    }
+}
+
+impl Scalar for Traced {
+    const STRAIGHT: bool = true;
+
+    /// Only constants: what else leaves the kernels is no longer recorded.
+    fn to_f64(self) -> f64 {
+        if self.known().is_none() {
+            recorder::stop(Obstacle::LeavesKernel);
+        }
+        self.value
+    }
+
+    fn to_figure(self, figure: Figure) -> f64 {
+        let (known, x) = (self.known(), self.stripped().term());
+        recorder::with(|record: &mut Record| match figure {
+            Figure::Gain => record.gains.push(self),
+            Figure::Growth => record.growths.push(self),
+            Figure::Limited { lower, upper } => {
+                if known.is_none() {
+                    record.limited.push(Limited { x, lower, upper });
+                }
+            }
+            Figure::OfDoubt => {}
+        });
+        self.value
+    }
+}

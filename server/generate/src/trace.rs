@@ -1,0 +1,226 @@
+//! From a plan to its straight-line code.
+
+use sarrus_dynamics::scalar::{DOUBTFUL, Real};
+use sarrus_dynamics::{
+    ClosureKind, Field, FieldSet, Method, Model, Plan, Request, Status, Warnings, Workspace,
+};
+
+use crate::graph::{Check, Comparison};
+use crate::recorder::{self, Obstacle, Record};
+use crate::scalar::Traced;
+use crate::{GenerateError, Kernel, Outcome, prune, random_input};
+
+/// Most operations that are recorded, and that are left for a compiler.
+const RECORDED: usize = 400_000;
+const COMPILED: usize = 40_000;
+/// States that are looked at for one without warnings, branches that are traced, states that decide
+/// between them, and states on which the code is compared with the kernel.
+const TRIED: u64 = 400;
+const TRACED: usize = 8;
+const COMPARED: u64 = 256;
+/// States in the test.
+const GOLDEN: usize = 32;
+/// Below the bound on doubt by more than the rounding of what is compared with it.
+const SURE: f64 = DOUBTFUL * (1.0 - 1e-9);
+
+/// What may be given and wanted.
+const GIVEN: [Field; 7] =
+    [Field::Y, Field::Yd, Field::Ydd, Field::TauQ, Field::TauY, Field::TauU, Field::Wrenches];
+const WANTED: [Field; 25] = [
+    Field::Y,
+    Field::Yd,
+    Field::Ydd,
+    Field::Q,
+    Field::Qd,
+    Field::Qdd,
+    Field::U,
+    Field::Ud,
+    Field::Udd,
+    Field::TauQ,
+    Field::TauY,
+    Field::TauU,
+    Field::TauUnactuated,
+    Field::G,
+    Field::GBias,
+    Field::GU,
+    Field::GUBias,
+    Field::MY,
+    Field::CY,
+    Field::FramePose,
+    Field::FrameTwist,
+    Field::FrameAcc,
+    Field::JacobianTree,
+    Field::JacobianIndependent,
+    Field::JacobianActuator,
+];
+
+/// Traces a plan where most states go, and compares.
+pub(crate) fn kernel(model: &Model<f64>, plan: &Plan) -> Result<Kernel, GenerateError> {
+    check_fields(model, plan)?;
+    let mut generic = Generic::new(model, plan);
+    let (mut states, mut last) = (Vec::new(), Status::Ok);
+    for k in 0..TRIED {
+        let input = generic.input(k);
+        let (status, warnings) = generic.answer(&input);
+        last = status;
+        if status == Status::Ok && warnings == Warnings::NONE {
+            states.push(input);
+        }
+    }
+    // the traced branch that serves most of them
+    let mut best: Option<(usize, Kernel)> = None;
+    for state in states.iter().take(TRACED) {
+        let kernel = at_state(model, plan, state, &states)?;
+        let served = states.iter().filter(|state| is_served(&kernel, state)).count();
+        if best.as_ref().is_none_or(|(most, _)| *most < served) {
+            best = Some((served, kernel));
+        }
+        if served == states.len() {
+            break;
+        }
+    }
+    let Some((_, kernel)) = best else {
+        return Err(GenerateError::NoState { tried: TRIED as usize, last });
+    };
+    for k in 0..COMPARED {
+        let input = generic.input(TRIED + k);
+        generic.compare(&kernel, &input)?;
+    }
+    Ok(kernel)
+}
+
+fn is_served(kernel: &Kernel, state: &[f64]) -> bool {
+    let mut output = vec![0.0; kernel.outputs()];
+    kernel.evaluate(state, &mut output) != Outcome::NotAnswered
+}
+
+/// Only fields whose computation is a straight line.
+fn check_fields(model: &Model<f64>, plan: &Plan) -> Result<(), GenerateError> {
+    let query = plan.query();
+    let (given, wanted) = (FieldSet::of(&GIVEN), FieldSet::of(&WANTED));
+    let other = query.given.iter().find(|field| !given.has(*field));
+    let other = other.or(query.want.iter().find(|field| !wanted.has(*field)));
+    if let Some(field) = other {
+        return Err(GenerateError::Field(field));
+    }
+    let sizes = model.sizes();
+    if sizes.n_qy != sizes.n_vy {
+        return Err(GenerateError::Quaternions);
+    }
+    if query.request == Request::ForwardDynamics as u32 && plan.method() == Method::Kkt {
+        return Err(GenerateError::NotStraight);
+    }
+    Ok(())
+}
+
+/// The code of the branch that the kernels take at one state.
+fn at_state(
+    model: &Model<f64>,
+    plan: &Plan,
+    state: &[f64],
+    states: &[Vec<f64>],
+) -> Result<Kernel, GenerateError> {
+    let traced = model.convert(Traced::constant);
+    let mut workspace = Workspace::for_plans(&traced, [plan]);
+    recorder::start(RECORDED);
+    let input: Vec<Traced> = state.iter().enumerate().map(|(k, x)| Traced::input(k, *x)).collect();
+    let mut output = vec![Traced::ZERO; plan.want().len()];
+    let answer = plan.run(&traced, &mut workspace, &input, &mut output);
+    record_doubt();
+    let record = recorder::take();
+    match record.obstacle {
+        None if answer.status == Status::Ok => {}
+        Some(Obstacle::TooLarge) => return Err(GenerateError::TooLarge { most: RECORDED }),
+        Some(_) if numerical(model).is_some() => {
+            return Err(numerical(model).unwrap_or(GenerateError::NotStraight));
+        }
+        _ => return Err(GenerateError::NotStraight),
+    }
+    let Record { graph, decisions, mut checks, dropped, limited, .. } = record;
+    let is_known = |comparison: Comparison| {
+        let (Comparison::Less(a, b) | Comparison::Equal(a, b)) = comparison;
+        a.value().is_some() && b.value().is_some()
+    };
+    let branches = decisions.iter().filter(|x| !x.is_choice && !is_known(x.comparison));
+    checks.extend(branches.map(|x| Check::Branch(x.comparison, x.outcome)));
+    checks.extend(output.iter().filter(|x| x.is_loose()).map(|x| Check::NotZero(x.term())));
+    let kernel = Kernel {
+        info: model.info().clone(),
+        plan: plan.clone(),
+        operations: graph.operations,
+        outputs: output.iter().map(|x| x.term()).collect(),
+        checks,
+        limited,
+        golden: states.iter().take(GOLDEN).cloned().collect(),
+    };
+    let kernel = prune::pruned(kernel, &dropped);
+    if kernel.operations.len() > COMPILED {
+        return Err(GenerateError::TooLarge { most: COMPILED });
+    }
+    Ok(kernel)
+}
+
+/// Records the condition under which a plan does not count digits, see
+/// [`sarrus_dynamics::scalar::Figure`].
+fn record_doubt() {
+    let (gains, growths) = recorder::with(|record| (record.gains.clone(), record.growths.clone()));
+    let larger = |a: Traced, b: Traced| Traced::select(a.lt(b), b, a);
+    let gain = gains.into_iter().fold(Traced::ONE, larger);
+    let growth =
+        growths.into_iter().fold(gain * gain.sqrt(), |product, x| product * larger(Traced::ONE, x));
+    let bound = Comparison::Less(growth.term(), Traced::constant(SURE).term());
+    recorder::with(|record| record.check(Check::Branch(bound, true)));
+}
+
+/// The first closure that is not closed by its closed form alone.
+fn numerical(model: &Model<f64>) -> Option<GenerateError> {
+    let is_numerical = |kind| kind == ClosureKind::Numerical;
+    let closures = &model.info().closures;
+    let first = closures.iter().find(|closure| is_numerical(closure.kind));
+    let first = first.or(closures.iter().find(|closure| closure.misfit > 0.0));
+    first.map(|closure| GenerateError::Numerical {
+        name: closure.name.clone(),
+        misfit: closure.misfit,
+    })
+}
+
+/// The generic kernel.
+struct Generic<'a> {
+    model: &'a Model<f64>,
+    plan: &'a Plan,
+    workspace: Workspace<f64>,
+    output: Vec<f64>,
+}
+
+impl<'a> Generic<'a> {
+    fn new(model: &'a Model<f64>, plan: &'a Plan) -> Generic<'a> {
+        let workspace = Workspace::for_plans(model, [plan]);
+        Generic { model, plan, workspace, output: vec![0.0; plan.want().len()] }
+    }
+
+    fn input(&self, k: u64) -> Vec<f64> {
+        random_input(self.model.info(), self.plan.given(), k)
+    }
+
+    fn answer(&mut self, input: &[f64]) -> (Status, Warnings) {
+        let answer = self.plan.run(self.model, &mut self.workspace, input, &mut self.output);
+        (answer.status, answer.warnings)
+    }
+
+    /// Where the code answers it has the kernel's bits.
+    fn compare(&mut self, kernel: &Kernel, input: &[f64]) -> Result<(), GenerateError> {
+        let (status, warnings) = self.answer(input);
+        let mut output = vec![0.0; self.output.len()];
+        let expected = match kernel.evaluate(input, &mut output) {
+            Outcome::NotAnswered => return Ok(()),
+            Outcome::Ok => Warnings::NONE,
+            Outcome::LimitsExceeded => Warnings::LIMITS_EXCEEDED,
+        };
+        let same = output.iter().zip(&self.output).all(|(a, b)| a.to_bits() == b.to_bits());
+        if status == Status::Ok && warnings == expected && same {
+            Ok(())
+        } else {
+            Err(GenerateError::Differs { input: input.to_vec() })
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! `sarrus generate`: straight-line C of one query on one robot.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Args;
+use sarrus_client::describe;
+use sarrus_dynamics::Plan;
+use sarrus_generate::{BuildError, Compiler, Kernel, Source};
+use serde::Serialize;
+
+use super::ask::read_plan;
+use super::output::{Format, FormatFlag, finish, json_line};
+use super::robot::{RobotFlags, refuse};
+
+/// Flags of `generate`.
+#[derive(Args)]
+pub(crate) struct Generate {
+    #[command(flatten)]
+    robot: RobotFlags,
+    /// The query: a line of `ask` with its request, of which the numbers do not matter:
+    /// '{"request": "inverse-dynamics", "y": […], "yd": […], "want": ["tau_u"]}'.
+    #[arg(long, value_name = "LINE")]
+    query: String,
+    /// Where the files go; made where it is missing.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    #[command(flatten)]
+    format: FormatFlag,
+}
+
+/// What was generated.
+#[derive(Serialize)]
+struct Generated {
+    files: Vec<PathBuf>,
+    operations: usize,
+    checks: usize,
+    /// The compiler's name, or "not built".
+    compiler: String,
+    /// What the test printed.
+    test: Option<String>,
+}
+
+/// Why nothing was.
+enum Failure {
+    /// The line is none.
+    Line(String),
+    /// There is no straight-line code, or it is not the kernel's.
+    Finding(String),
+    /// A file cannot be written.
+    Start(BuildError),
+}
+
+impl Generate {
+    pub(crate) fn run(self) -> ExitCode {
+        let loaded = match self.robot.load_and_warn() {
+            Ok(loaded) => loaded,
+            Err(error) => return refuse("generate", &error),
+        };
+        let (words, code) = match self.generate(&loaded) {
+            Ok(generated) => {
+                let results = match self.format.format {
+                    Format::Json => json_line(&generated),
+                    Format::Text => in_words(&generated),
+                };
+                return finish("generate", &results, 0);
+            }
+            Err(Failure::Line(words)) => (format!("--query: {words}"), 2),
+            Err(Failure::Start(error)) => (error.to_string(), 2),
+            Err(Failure::Finding(words)) => (words, 1),
+        };
+        eprintln!("sarrus generate: {words}");
+        ExitCode::from(code)
+    }
+
+    fn generate(&self, loaded: &sarrus_models::Loaded) -> Result<Generated, Failure> {
+        let model = &loaded.compiled.model;
+        let (query, _) = read_plan(&describe(loaded), &self.query).map_err(Failure::Line)?;
+        let request =
+            query.check(model.info()).map_err(|error| Failure::Line(error.to_string()))?;
+        let plan = Plan::new(model, &query).map_err(|error| Failure::Line(error.to_string()))?;
+        let kernel =
+            Kernel::trace(model, &plan).map_err(|error| Failure::Finding(error.to_string()))?;
+        let name = format!("{}_{}", model.name(), request.name());
+        let source = Source::new(&kernel, model, &name);
+        let mut files = Compiler::write(&source, &self.out).map_err(Failure::Start)?;
+        let (mut compiler, mut test) = ("not built".to_owned(), None);
+        if let Some(found) = Compiler::found() {
+            let finding = |error: BuildError| Failure::Finding(error.to_string());
+            let built = found.build(&source, &self.out, &[]).map_err(finding)?;
+            test = Some(built.test().map_err(finding)?);
+            files.extend([built.library, built.test]);
+            compiler = found.name().to_owned();
+        }
+        Ok(Generated {
+            files,
+            operations: kernel.operations(),
+            checks: kernel.checks(),
+            compiler,
+            test,
+        })
+    }
+}
+
+fn in_words(generated: &Generated) -> String {
+    let mut text = String::new();
+    for file in &generated.files {
+        text += &format!("{:<12} {}\n", "written", file.display());
+    }
+    text += &format!("{:<12} {}\n", "operations", generated.operations);
+    text += &format!("{:<12} {}\n", "checks", generated.checks);
+    text += &format!("{:<12} {}\n", "compiler", generated.compiler);
+    if let Some(test) = &generated.test {
+        text += &format!("{:<12} {test}\n", "test");
+    }
+    text
+}

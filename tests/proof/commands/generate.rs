@@ -1,0 +1,47 @@
+//! `generate`.
+
+use serde_json::json;
+
+use super::{Folder, run};
+
+const LINE: &str = r#"{"request": "inverse-dynamics", "y": [0], "yd": [0], "want": ["tau_u"]}"#;
+
+/// Exit code, results and words of `generate` on a robot, into a new folder.
+fn generate(robot: &str, line: &str, folder: &Folder) -> (Option<i32>, String, String) {
+    let out = folder.0.display().to_string();
+    let arguments =
+        ["generate", "--robot", robot, "--query", line, "--out", &out, "--format", "json"];
+    let run = run(&arguments, b"");
+    (run.code, run.out, run.err)
+}
+
+#[test]
+fn one_query_becomes_c_that_passes_its_own_test() {
+    let folder = Folder::new("generate");
+    let (code, out, err) = generate("lambda", LINE, &folder);
+    assert_eq!((code, err.as_str()), (Some(0), ""));
+    let results: serde_json::Value = serde_json::from_str(&out).unwrap();
+    assert!(results["operations"].as_u64().unwrap() > 20);
+    // whether it was built depends on the machine
+    let built = results["compiler"] != json!("not built");
+    assert_eq!(results["files"].as_array().unwrap().len(), if built { 5 } else { 3 });
+    for file in results["files"].as_array().unwrap() {
+        assert!(std::path::Path::new(file.as_str().unwrap()).exists());
+    }
+    assert_eq!(results["test"].as_str().is_some_and(|test| test.contains("the same bits")), built);
+}
+
+#[test]
+fn what_has_no_straight_line_is_a_finding_and_a_bad_line_a_wrong_flag() {
+    let folder = Folder::new("generate_not");
+    let wrist = r#"{"request": "kinematics", "y": [0, 0], "want": ["q"]}"#;
+    for (robot, line, expected, words) in [
+        ("wrist", wrist, 1, "is numerical"),
+        ("lambda", r#"{"request": "kinematics", "y": [0], "want": ["K"]}"#, 1, "`K`"),
+        ("lambda", r#"{"request": "kinematics", "y": [0]"#, 2, "--query"),
+    ] {
+        let (code, out, err) = generate(robot, line, &folder);
+        assert_eq!((code, out.as_str()), (Some(expected), ""));
+        assert!(err.starts_with("sarrus generate: ") && err.contains(words), "{err}");
+    }
+}
