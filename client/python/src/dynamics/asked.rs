@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
-use sarrus_client::{Answer, PlanId, Prepared, QueryBuilder, Request, Robot};
+use sarrus_client::{Answer, PlanId, QueryBuilder, Request, Robot};
 use sarrus_dynamics::{Layout, Plan, Slot};
 
 use super::arrays::{self, Given, common_rows, wanted, writable};
@@ -66,7 +66,7 @@ impl Asked {
     ) -> PyResult<Asked> {
         let prepare = |robot: &mut Robot| {
             let id = build(robot.query(request)).prepare()?;
-            Ok((id, robot.plan(id).map(Prepared::clone)))
+            Ok((id, robot.plan(id).cloned()))
         };
         let (id, prepared) = shared.with(py, prepare)?;
         let refused = |words: String| QueryError::new_err(words);
