@@ -96,9 +96,18 @@ pub(super) struct Stage {
 
 impl Stage {
     pub(super) fn new() -> Stage {
-        static ALONE: Mutex<()> = Mutex::new(());
-        let alone = ALONE.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let alone = Stage::alone();
         Stage::with(Some(alone), slowness().min(LONGEST))
+    }
+
+    /// A stage with the longest times, for what is not judged by them.
+    pub(super) fn of_long_times() -> Stage {
+        Stage::with(Some(Stage::alone()), LONGEST)
+    }
+
+    fn alone() -> MutexGuard<'static, ()> {
+        static ALONE: Mutex<()> = Mutex::new(());
+        ALONE.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
     /// A stage for simulated time, which no machine is too slow for.

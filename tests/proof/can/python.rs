@@ -223,7 +223,7 @@ fn a_limit_that_stops_a_motion_is_named_and_not_the_motor_and_so_are_malformed_a
 
 #[test]
 fn the_controller_of_the_readme_holds_the_robot_where_it_is() {
-    let stage = Stage::new();
+    let stage = Stage::of_long_times();
     let mut motors: Vec<Process> = BUSES.iter().map(|(bus, _)| stage.motors(bus)).collect();
     let _bridge = stage.bridge(Frontend::Python);
     let readme =
