@@ -12,7 +12,8 @@
 //!
 //! Cases are named `robot/closures[/start]/question`: `FD` goes by the method that the model
 //! chooses, `FD-recursion`, `FD-projection` and `FD-kkt` by that one; `chain/N/FD` is a row of N
-//! lambdas, whose instructions per lambda must not grow with N.
+//! lambdas, whose instructions per lambda must not grow with N; `gravity`, the robot at rest, is
+//! counted and not timed.
 //!
 //! To add a bundled robot or a way to close its loops: one line in
 //! `server/report/src/robots/catalogue.rs`. A small robot as text:
