@@ -13,7 +13,7 @@ const EXAMPLES: [&str; 6] =
     ["inverse_dynamics", "forward_dynamics", "jacobian", "own_robot", "loop_1khz", "simulation"];
 
 /// The folder of this build: the examples are in `examples`, the programs beside it.
-fn folder() -> &'static Path {
+pub(super) fn folder() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| {
         // target/PROFILE/deps/proof-…

@@ -5,6 +5,7 @@
 
 mod bridge;
 mod header;
+mod page;
 mod programs;
 mod timing;
 

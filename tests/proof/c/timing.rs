@@ -8,12 +8,12 @@ use sarrus_client::{ConnectOptions, Domain, Request, Robot};
 use super::{CPP, Program, present};
 use crate::examples::{Server, root};
 
-const BLOCKS: usize = 30;
-const CALLS: u32 = 1000;
+const BLOCKS: usize = 200;
+const CALLS: u32 = 100;
 
-fn median(mut times: Vec<f64>) -> f64 {
-    times.sort_by(f64::total_cmp);
-    times[times.len() / 2]
+/// The fastest block: what others on the machine take is in all slower ones.
+fn fastest(times: &[f64]) -> f64 {
+    times.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
 #[test]
@@ -44,6 +44,9 @@ fn a_lane_call_from_cpp_has_the_same_bits_and_its_time_is_printed_beside_rusts()
         cpp.push(talk.line().parse().unwrap());
     }
     talk.end();
-    let (rust, cpp) = (median(rust), median(cpp));
-    println!("a lane call: Rust {rust:.0} ns, C++ {cpp:.0} ns, difference {:.0} ns", cpp - rust);
+    let (rust, cpp) = (fastest(&rust), fastest(&cpp));
+    println!(
+        "a lane call, fastest of {BLOCKS} blocks: Rust {rust:.0} ns, C++ {cpp:.0} ns, difference {:.0} ns",
+        cpp - rust
+    );
 }
