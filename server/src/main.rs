@@ -81,9 +81,9 @@ enum Command {
     /// Print what a shell needs to complete commands, flags and their values.
     ///
     /// For bash: `sarrus completions bash > ~/.local/share/bash-completion/completions/sarrus`.
-    Completions(commands::shell::Completions),
+    Completions(commands::completions::Completions),
     /// Write the manual: a page of the program and one of each command.
-    Man(commands::shell::Man),
+    Man(commands::man::Man),
     /// Measure: error against run time, time integration, stress cases, as a page that
     /// opens offline.
     ///

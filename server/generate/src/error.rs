@@ -49,6 +49,15 @@ pub enum GenerateError {
         /// How the last one ended.
         last: Status,
     },
+    /// The code would leave every state to the generic kernels.
+    #[error(
+        "the code would answer none of {states} states: some number is a zero whose sign it cannot \
+         know, as frames and Jacobians along the axes of the root have them; want other fields"
+    )]
+    Unserved {
+        /// How many were tried.
+        states: usize,
+    },
     /// The kernels did something that is not a straight line.
     #[error("the kernels take a decision by a number that cannot be traced")]
     NotStraight,

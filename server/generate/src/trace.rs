@@ -69,8 +69,15 @@ pub(crate) fn kernel(model: &Model<f64>, plan: &Plan) -> Result<Kernel, Generate
     }
     // the traced branch that serves most of them
     let mut best: Option<(usize, Kernel)> = None;
+    let mut refused = None;
     for state in states.iter().take(TRACED) {
-        let kernel = at_state(model, plan, state, &states)?;
+        let kernel = match at_state(model, plan, state, &states) {
+            Ok(kernel) => kernel,
+            Err(error) => {
+                refused.get_or_insert(error);
+                continue;
+            }
+        };
         let served = states.iter().filter(|state| is_served(&kernel, state)).count();
         if best.as_ref().is_none_or(|(most, _)| *most < served) {
             best = Some((served, kernel));
@@ -79,8 +86,11 @@ pub(crate) fn kernel(model: &Model<f64>, plan: &Plan) -> Result<Kernel, Generate
             break;
         }
     }
-    let Some((_, kernel)) = best else {
-        return Err(GenerateError::NoState { tried: TRIED as usize, last });
+    let kernel = match (best, refused) {
+        (Some((1.., kernel)), _) => kernel,
+        (Some(_), _) => return Err(GenerateError::Unserved { states: states.len() }),
+        (None, Some(error)) => return Err(error),
+        (None, None) => return Err(GenerateError::NoState { tried: TRIED as usize, last }),
     };
     for k in 0..COMPARED {
         let input = generic.input(TRIED + k);
@@ -165,6 +175,10 @@ fn at_state(
 fn record_doubt() {
     let (gains, growths) = recorder::with(|record| (record.gains.clone(), record.growths.clone()));
     let larger = |a: Traced, b: Traced| Traced::select(a.lt(b), b, a);
+    // which of two is larger says nothing of what is no number
+    for x in gains.iter().chain(&growths) {
+        recorder::with(|record| record.check(Check::Finite(x.term())));
+    }
     let gain = gains.into_iter().fold(Traced::ONE, larger);
     let growth =
         growths.into_iter().fold(gain * gain.sqrt(), |product, x| product * larger(Traced::ONE, x));

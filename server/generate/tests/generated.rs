@@ -50,7 +50,7 @@ struct Compared {
 }
 
 /// One answer of the code against the generic one.
-struct Judge<'a> {
+struct Comparison<'a> {
     model: &'a Model<f64>,
     plan: &'a Plan,
     workspace: Workspace<f64>,
@@ -58,14 +58,14 @@ struct Judge<'a> {
     compared: Compared,
 }
 
-impl<'a> Judge<'a> {
-    fn new(model: &'a Model<f64>, plan: &'a Plan) -> Judge<'a> {
+impl<'a> Comparison<'a> {
+    fn new(model: &'a Model<f64>, plan: &'a Plan) -> Comparison<'a> {
         let workspace = Workspace::for_plans(model, [plan]);
         let output = vec![0.0; plan.want().len()];
-        Judge { model, plan, workspace, output, compared: Compared::default() }
+        Comparison { model, plan, workspace, output, compared: Compared::default() }
     }
 
-    fn see(&mut self, input: &[f64], outcome: Outcome, output: &[f64]) {
+    fn compare(&mut self, input: &[f64], outcome: Outcome, output: &[f64]) {
         let answer = self.plan.run(self.model, &mut self.workspace, input, &mut self.output);
         let sure =
             answer.status == Status::Ok && Warnings::LIMITS_EXCEEDED.contains(answer.warnings);
@@ -151,16 +151,16 @@ fn compared_in_c(robot: &str, count: u64, flags: &[&str]) {
         let built = compiler.build(&source, &folder, &[&WARNINGS, flags].concat()).unwrap();
         let seconds = start.elapsed().as_secs_f64();
         let words = built.test().unwrap();
-        let mut judge = Judge::new(&model, &plan);
+        let mut comparison = Comparison::new(&model, &plan);
         for first in (0..count).step_by(CHUNK) {
             let here = first..count.min(first + CHUNK as u64);
             let states: Vec<Vec<f64>> = states(&model, &plan, here).collect();
             let answers = answers(&built.test, &states, plan.want().len());
             for (input, (outcome, output)) in states.iter().zip(answers) {
-                judge.see(input, outcome, &output);
+                comparison.compare(input, outcome, &output);
             }
         }
-        let Compared { answered, left } = judge.compared;
+        let Compared { answered, left } = comparison.compared;
         println!(
             "{robot} {name}: {} operations, {} checks, built in {seconds:.1} s, {} bytes; \
              {answered} of {count} answered, {left} left to the kernel; {words}",
@@ -215,13 +215,13 @@ fn traced_code_has_the_bits_of_the_kernels() {
         for (name, query) in queries() {
             let plan = Plan::new(&model, &query).unwrap();
             let kernel = Kernel::trace(&model, &plan).unwrap();
-            let mut judge = Judge::new(&model, &plan);
+            let mut comparison = Comparison::new(&model, &plan);
             let mut output = vec![0.0; plan.want().len()];
             for input in states(&model, &plan, 0..2_000) {
                 let outcome = kernel.evaluate(&input, &mut output);
-                judge.see(&input, outcome, &output);
+                comparison.compare(&input, outcome, &output);
             }
-            let Compared { answered, left } = judge.compared;
+            let Compared { answered, left } = comparison.compared;
             println!("{robot} {name}: {answered} answered, {left} left to the kernel");
         }
     }

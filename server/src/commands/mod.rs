@@ -2,10 +2,12 @@
 
 pub(crate) mod ask;
 pub(crate) mod check;
+pub(crate) mod completions;
 pub(crate) mod demo;
 pub(crate) mod doctor;
 #[cfg(feature = "generate")]
 pub(crate) mod generate;
+pub(crate) mod man;
 pub(crate) mod output;
 pub(crate) mod processor;
 pub(crate) mod progress;
@@ -15,7 +17,6 @@ pub(crate) mod report;
 pub(crate) mod robot;
 pub(crate) mod robots;
 pub(crate) mod serve;
-pub(crate) mod shell;
 #[cfg(feature = "simulate")]
 pub(crate) mod simulate;
 pub(crate) mod tidy;

@@ -26,7 +26,7 @@ pub(super) const SEGMENT: u64 = u64::from_le_bytes(*b"sarrusSG");
 /// Upper half of the first word of a frame.
 pub(super) const FRAME: u32 = u32::from_le_bytes(*b"saFR");
 /// Version of this layout.
-pub(super) const FORMAT: u64 = 3;
+pub(super) const FORMAT: u64 = 4;
 /// Bytes of a word.
 pub(super) const WORD: usize = 8;
 /// Bytes of the header, and of what everything before the segments is a multiple of.

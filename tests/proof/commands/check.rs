@@ -41,7 +41,16 @@ fn a_valid_robot_is_one_object_with_every_order() {
             assert_eq!(keys[..6], ["name", "type", "kind", "rows", "rank", "misfit"]);
             assert_eq!(
                 keys[6..],
-                ["redundant", "idle", "branch", "sigma_min", "cond_Kd", "singular"]
+                [
+                    "redundant",
+                    "idle",
+                    "branch",
+                    "sigma_min",
+                    "cond_Kd",
+                    "singular",
+                    "seed_cells",
+                    "seed_bytes"
+                ]
             );
         }
     }

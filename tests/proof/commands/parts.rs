@@ -70,7 +70,8 @@ fn a_plan_says_what_it_does_and_leaves_out() {
     let (code, pose, _) = plan(&pose);
     let pose = pose.unwrap();
     assert_eq!((code, &pose["status"]), (Some(0), &json!("ok")));
-    let state = json!({ "request": "kinematics", "y": y, "want": ["q", "u"] });
+    let want = ["q", "qd", "qdd", "u"];
+    let state = json!({ "request": "kinematics", "y": y, "yd": y, "ydd": y, "want": want });
     let state = plan(&state).1.unwrap();
     // the torso's platform stays open: its two joints are given
     assert_eq!(count(&pose, "closed_loops"), 0);

@@ -11,7 +11,7 @@
 //! ÿ   = L⁻ᵀ Δ⁻¹ (L⁻¹ r − Y a_p)                       a_i = Xᵀ a_parent + S_i G_i ÿ
 //! ```
 //!
-//! What is factorised is m×m for m independents, whatever the number of bodies. A body without
+//! What is factorised is m×m for m independents, whatever the number of bodies. A body that carries
 //! no other cluster stays rigid. An articulated inertia is kept as the blocks of n = J α + H a, f =
 //! Hᵀ α + M a.
 

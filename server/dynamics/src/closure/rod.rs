@@ -15,7 +15,7 @@
 //!
 //! ```text
 //!   x = R_x(n) R_y(m) w,    z = ±√(w_x² + w_z² − x_x²)
-//!   m carries (w_x, w_z) onto (x_x, z),    n carries (w_y, z) onto (x_y, x_z)
+//!   m takes (w_x, w_z) onto (x_x, z),    n takes (w_y, z) onto (x_y, x_z)
 //! ```
 //! With r the rod from universal joint to ball, v the velocity of the platform where the ball is, t
 //! that of A for θ̇ = 1, b and c the universal joint's axes:
@@ -167,12 +167,12 @@ impl<C: nalgebra::Scalar + Copy> RodLeg<C> {
         let arm = column(&turned, 0) * radius;
 
         // the universal joint: z, second turn, first turn
-        let (r, carried) = if self.on_crank {
+        let (r, turned_axes) = if self.on_crank {
             (d - arm, mul_mat(&turned, &lift_mat(&self.universal_axes)))
         } else {
             (arm - d, mul_mat(&platform.R, &lift_mat(&self.universal_axes)))
         };
-        let x = t_mul(&carried, &r);
+        let x = t_mul(&turned_axes, &r);
         let w: Vector3<T> = lift(&self.rod);
         let swing_square = T::lift(self.swing_square);
         let root_square = swing_square - x[0] * x[0];
@@ -201,8 +201,8 @@ impl<C: nalgebra::Scalar + Copy> RodLeg<C> {
         } else {
             (cross(&a, &arm), W, arm + center)
         };
-        let b = column(&carried, 0);
-        let c = scale_add(&column(&carried, 2), s1, &(column(&carried, 1) * c1));
+        let b = column(&turned_axes, 0);
+        let c = scale_add(&column(&turned_axes, 2), s1, &(column(&turned_axes, 1) * c1));
         let (inverse_lever, inverse_root) = (T::ONE / lever, T::ONE / dot(&r, &cross(&b, &c)));
         (Posed { point, ball, arm, r, a, b, c, t, inverse_lever, inverse_root }, validity)
     }

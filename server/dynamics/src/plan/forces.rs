@@ -352,8 +352,8 @@ impl Plan {
 }
 
 /// Wrenches on links (place among the wrenches, link), `[n; f]` in world axes at their frames'
-/// origins, as those on bodies; `bodies`
-/// carry the links, and their poses in their parents are known.
+/// origins, as those on bodies; `bodies` carry the links, and their poses in their parents are
+/// known.
 pub(crate) fn wrenches_on_bodies<T: Scalar>(
     model: &Model<T>,
     ws: &mut Workspace<T>,

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use crate::compile::Structure;
 use crate::description::{Description, JointKind};
 use crate::diagnostic::{Diagnostic, Site};
+use crate::model::Model;
 use crate::reduction::exchange::{Exchange, exchange};
 use crate::reduction::pose::{Held, zero_position};
 
@@ -29,7 +30,7 @@ pub(super) fn choose(
     structure: &Structure,
     cluster: usize,
     held: &BTreeMap<usize, Option<f64>>,
-    errors: &mut Vec<Diagnostic>,
+    (model, errors): (&mut Option<Model<f64>>, &mut Vec<Diagnostic>),
 ) -> Option<Choice> {
     let joints = &structure.clusters[cluster];
     let declared: Vec<usize> = (description.submechanisms.iter())
@@ -62,6 +63,12 @@ pub(super) fn choose(
     let locked: Vec<usize> = joints.iter().copied().filter(is_held).collect();
     let name = |j: &usize| description.joints[*j].name.as_str();
     let names = |of: &[usize]| of.iter().map(name).collect::<Vec<_>>().join(", ");
+    if model.is_none() {
+        match Model::compile(description) {
+            Ok(compiled) => *model = Some(compiled.model),
+            Err(error) => errors.extend(error.errors),
+        }
+    }
     let mut fault = |joint: usize, found: String, expected: &str| {
         let (site, expected) = (Site::Joint(joint), expected.into());
         let help = format!("lock independents instead: {}", names(&declared));
@@ -86,13 +93,13 @@ pub(super) fn choose(
     let (given, found): (Vec<usize>, Vec<usize>) =
         others.into_iter().partition(|j| held.get(j).copied().flatten().is_some());
     let left: Vec<usize> = declared.iter().copied().filter(|j| !is_held(j)).collect();
-    let Exchange { held: taken, dropped } = match exchange(description, &given, &found, &left) {
-        Ok(exchange) => exchange,
-        Err(error) => {
-            errors.extend(error.errors);
-            return None;
-        }
-    };
+    let model = model.as_ref()?;
+    let Exchange { held: taken, dropped } = exchange(description, model, [&given, &found], &left);
+    // of a mechanism of one freedom at the zero pose: whatever holds it, all of it stands
+    if let ([only], [_], []) = (&declared[..], &taken[..], &given[..]) {
+        choice.locked = vec![(*only, 0.0)];
+        return Some(choice);
+    }
     // what these hold already is fixed with them
     let locked = [own, taken].concat();
     if locked.is_empty() {

@@ -3,7 +3,6 @@
 use sarrus_proto::{Field, FieldSet, Query, Request, Status};
 
 use crate::description::{Description, JointKind};
-use crate::diagnostic::CompileError;
 use crate::initial_pose::n_q;
 use crate::model::Model;
 use crate::plan::Plan;
@@ -32,18 +31,17 @@ pub(super) struct Exchange {
 
 /// Exchanges as many of the held joints as move independently of each other while `independents`
 /// alone move: those with a given position first. At the zero pose, from which the robot is brought
-/// to the locks; elsewhere where more of them move. Compiles the robot; allocates.
+/// to the locks; elsewhere where more of them move. Allocates.
 pub(super) fn exchange(
     description: &Description,
-    with_position: &[usize],
-    without: &[usize],
+    model: &Model<f64>,
+    [with_position, without]: [&[usize]; 2],
     independents: &[usize],
-) -> Result<Exchange, CompileError> {
-    let model = Model::compile(description)?.model;
+) -> Exchange {
     let wanted = independents.len().min(with_position.len() + without.len());
     let mut best = Exchange::default();
     for k in 0..POSES {
-        let Some(gains) = Gains::at(description, &model, k) else { continue };
+        let Some(gains) = Gains::at(description, model, k) else { continue };
         let mut tableau = Tableau::new(&gains, independents);
         tableau.take(&gains, with_position);
         tableau.take(&gains, without);
@@ -54,7 +52,7 @@ pub(super) fn exchange(
             break;
         }
     }
-    Ok(best)
+    best
 }
 
 /// G at a closed pose, by joints of one degree of freedom, each in its unit.

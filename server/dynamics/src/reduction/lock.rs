@@ -24,7 +24,7 @@ pub struct Lock {
 }
 
 /// The robot with some joints held still: a later lock of the same joint replaces an earlier one.
-/// Compiles the mechanisms that they are part of; allocates, takes milliseconds.
+/// Compiles the robot where dependent joints are held, and with the joints held; allocates.
 ///
 /// # Errors
 /// Joints that do not exist or are fixed already; positions that are no numbers; joints that are
@@ -42,9 +42,11 @@ pub fn locked(description: &Description, locks: &[Lock]) -> Result<Reduced, Comp
         return failed(errors);
     }
     let structure = Structure::of(description)?;
+    // compiled once, if it is needed
+    let mut model = None;
     let choices: Vec<Choice> = (0..structure.clusters.len())
         .filter(|c| structure.clusters[*c].iter().any(|j| held.contains_key(j)))
-        .filter_map(|c| choose(description, &structure, c, &held, &mut errors))
+        .filter_map(|c| choose(description, &structure, c, &held, (&mut model, &mut errors)))
         .collect();
     if !errors.is_empty() {
         return failed(errors);

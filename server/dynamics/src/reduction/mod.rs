@@ -16,7 +16,8 @@
 //! independents: inverse dynamics shares forces among them by least norm.
 //!
 //! An independent joint takes its own coordinate away. For any other joint one of the independents
-//! of its mechanism becomes dependent: the first of them that are independent beside it stay.
+//! of its mechanism that moves with it becomes dependent: the last one with at least 0.3 of the
+//! largest gain.
 //!
 //! # Leaving branches out
 //! [`restricted`] keeps some links with what their motion depends on: the joints between them and

@@ -31,10 +31,10 @@ pub fn simulate(
     settings: &Settings,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Run, SimulationError> {
-    settings.check()?;
     if setup.compiled.model.sizes().n_vy == 0 {
         return Err(SimulationError::Rigid);
     }
+    settings.check()?;
     let once = |settings: &Settings, progress: &mut dyn FnMut(f64)| {
         if settings.method.is_implicit_form() {
             tree_coordinates::run(setup, start, settings, progress)

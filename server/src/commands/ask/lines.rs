@@ -62,16 +62,21 @@ impl<R: Read> Lines<R> {
         loop {
             let buffer = self.source.buffer();
             let end = buffer.iter().position(|byte| *byte == b'\n');
+            if self.line.len() > LONGEST {
+                // the rest of it is skipped when it is there
+                return Ok(end.is_none());
+            }
             let n = end.map_or(buffer.len(), |end| end + 1);
-            let is_blank =
-                [&self.line, &buffer[..n]].iter().all(|part| part.trim_ascii().is_empty());
-            if end.is_some() && is_blank {
+            if end.is_some() {
+                let is_blank = |part: &[u8]| part.trim_ascii().is_empty();
+                if !(is_blank(&self.line) && is_blank(&buffer[..n]))
+                    || self.line.len() + n > LONGEST
+                {
+                    return Ok(false);
+                }
                 self.line.clear();
                 self.source.consume(n);
                 continue;
-            }
-            if end.is_some() || self.line.len() > LONGEST {
-                return Ok(false);
             }
             self.line.extend_from_slice(buffer);
             self.source.consume(n);

@@ -153,6 +153,8 @@ impl Session {
             let line = match lines.next() {
                 Ok(line) => line,
                 Err(error) => {
+                    // what was answered is not lost
+                    let _ = io::stdout().lock().write_all(&text);
                     eprintln!("sarrus ask: stdin cannot be read: {error}");
                     return ExitCode::from(2);
                 }

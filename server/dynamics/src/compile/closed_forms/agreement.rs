@@ -12,6 +12,8 @@ const STEPS: [f64; 2] = [0.1, 0.01];
 /// may add.
 const AGREES: f64 = 1e-12;
 const PER_MISFIT: f64 = 1e3;
+/// And never more of the step than this.
+const SHARE: f64 = 0.1;
 
 /// True where the closed form has the poses that Newton's method finds to both sides of each
 /// independent and of all of them; false where that finds none.
@@ -25,7 +27,6 @@ pub(super) fn agrees(
     let zero = &numerical.zero;
     let mut state = State::new(cluster, zero);
     let mut scratch = Scratch::new(cluster.n_q, cluster.rows.len());
-    let allowed = AGREES + PER_MISFIT * misfit;
     let m = cluster.independent.len();
     (0..2 * (m + 1)).all(|direction| {
         let sign = if direction % 2 == 0 { 1.0 } else { -1.0 };
@@ -49,7 +50,7 @@ pub(super) fn agrees(
             cluster.dependent.iter().all(|v| {
                 let i = cluster.dofs[*v].q;
                 let apart = (state.q[i] - found[i]).to_f64().abs() / column_unit(cluster, *v);
-                apart < allowed
+                apart < (AGREES + PER_MISFIT * misfit).min(SHARE * step)
             })
         })
     })

@@ -78,24 +78,27 @@ pub(super) fn read(of: &Reading<'_>) -> Result<Form, String> {
     Ok(Form { closure: Closure::Platform(platform), deviations })
 }
 
-/// The joints of a crank and its rod, if the cut is the ball of one; idle joints do not count.
+/// The joints of a crank and its rod, if the cut is the ball of one. Idle joints of the ball do not
+/// count; elsewhere they would turn the rod's axes.
 fn leg(of: &Reading<'_>, cut: &Cut<Dd>, depth: impl Fn(usize) -> Option<usize>) -> Option<Joints> {
     if !is_ball(cut) {
         return None;
     }
+    let is_idle = |j: &usize| of.cluster.locked.contains(j);
     let path = |mut body: usize| {
         let mut joints = Vec::new();
         while depth(body).is_none() {
             joints.push(body - 1);
             body = of.cluster.local_parent[body - 1];
         }
-        joints.retain(|j| !of.cluster.locked.contains(j));
+        let of_ball = joints.iter().take_while(|j| is_idle(j)).count();
+        joints.drain(..of_ball);
         joints.reverse();
         (joints, body)
     };
     let ends = [path(cut.predecessor), path(cut.successor)];
     let turn = |j: &usize| of.bodies[*j].motion == Motion::Revolute;
-    if !ends.iter().flat_map(|(joints, _)| joints).all(turn) {
+    if !ends.iter().flat_map(|(joints, _)| joints).all(|j| turn(j) && !is_idle(j)) {
         return None;
     }
     let [(p, on_p), (s, on_s)] = &ends;

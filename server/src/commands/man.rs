@@ -1,4 +1,4 @@
-//! What a shell and `man` know of the program: `sarrus completions`, `sarrus man`.
+//! `sarrus man`: the pages of the manual.
 
 use std::fs;
 use std::io;
@@ -6,24 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, Command};
-use clap_complete::Shell;
 
 use super::output::finish;
-
-/// Flags of `completions`.
-#[derive(Args)]
-pub(crate) struct Completions {
-    /// The shell.
-    shell: Shell,
-}
-
-impl Completions {
-    pub(crate) fn run(self, mut program: Command) -> ExitCode {
-        let mut script = Vec::new();
-        clap_complete::generate(self.shell, &mut program, "sarrus", &mut script);
-        finish("completions", &String::from_utf8_lossy(&script), 0)
-    }
-}
 
 /// Flags of `man`.
 #[derive(Args)]
