@@ -6,9 +6,11 @@
 #ifndef SARRUS_HPP
 #define SARRUS_HPP
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <initializer_list>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -57,8 +59,10 @@ class [[nodiscard]] result {
     sarrus_status status() const noexcept { return status_; }
     std::string_view name() const noexcept { return sarrus::name(status_); }
     T &operator*() & noexcept { return value_; }
-    T &&operator*() && noexcept { return std::move(value_); }
-    T *operator->() noexcept { return &value_; }
+    T operator*() && noexcept { return std::move(value_); }
+    const T &operator*() const & noexcept { return value_; }
+    T *operator->() & noexcept { return &value_; }
+    const T *operator->() const & noexcept { return &value_; }
 
   private:
     sarrus_status status_;
@@ -102,6 +106,12 @@ using handle = std::unique_ptr<T, deleter<T, release>>;
 template <class... Spans>
 std::size_t common(std::size_t first, const Spans &...rest) noexcept {
     return ((rest.size() == first) && ...) ? first : 0;
+}
+
+/* No number of an earlier call is left where the library cannot know the sizes. */
+template <class... Spans>
+void forget(const Spans &...outputs) noexcept {
+    (std::fill(outputs.begin(), outputs.end(), std::numeric_limits<double>::quiet_NaN()), ...);
 }
 
 inline sarrus_load_options plain(const load_options &options) noexcept {
@@ -259,6 +269,9 @@ class robot {
             handle_.get(), y.data(), y.size(), yd.data(), ydd.data(),
             detail::common(yd.size(), ydd), q.data(), q.size(), qd.data(), qdd.data(),
             detail::common(qd.size(), qdd), &outcome.warnings);
+        if (outcome.status == SARRUS_STATUS_WRONG_SIZE) {
+            detail::forget(q, qd, qdd);
+        }
         return outcome;
     }
     outcome to_actuators(input y, input yd, input ydd, output u, output ud, output udd) noexcept {
@@ -267,6 +280,9 @@ class robot {
             handle_.get(), y.data(), y.size(), yd.data(), ydd.data(),
             detail::common(yd.size(), ydd), u.data(), ud.data(), udd.data(),
             detail::common(u.size(), ud, udd), &outcome.warnings);
+        if (outcome.status == SARRUS_STATUS_WRONG_SIZE) {
+            detail::forget(u, ud, udd);
+        }
         return outcome;
     }
     outcome to_independent(input u, input ud, input udd, output y, output yd,
@@ -276,6 +292,9 @@ class robot {
             handle_.get(), u.data(), ud.data(), udd.data(), detail::common(u.size(), ud, udd),
             y.data(), y.size(), yd.data(), ydd.data(), detail::common(yd.size(), ydd),
             &outcome.warnings);
+        if (outcome.status == SARRUS_STATUS_WRONG_SIZE) {
+            detail::forget(y, yd, ydd);
+        }
         return outcome;
     }
 

@@ -9,7 +9,7 @@ use sarrus_client::actuators as wire;
 
 use crate::actuators::{ActuatorCommand, ActuatorState};
 use crate::border::{make, put, text};
-use crate::failure::{Failure, guarded};
+use crate::failure::{Failure, guarded, value};
 use crate::processor;
 use crate::status::StatusCode;
 use crate::text::{Name, names};
@@ -117,7 +117,10 @@ pub extern "C" fn sarrus_controller_operate_mechanism(
 /// nothing.
 #[unsafe(no_mangle)]
 pub extern "C" fn sarrus_controller_free(controller: Option<Box<Controller>>) {
-    drop(controller);
+    value((), || {
+        drop(controller);
+        Ok(())
+    });
 }
 
 /// Connects to a running bridge, to watch it. Freed by sarrus_observer_free.
@@ -190,7 +193,10 @@ pub extern "C" fn sarrus_observer_operate_mechanism(
 /// nothing.
 #[unsafe(no_mangle)]
 pub extern "C" fn sarrus_observer_free(observer: Option<Box<Observer>>) {
-    drop(observer);
+    value((), || {
+        drop(observer);
+        Ok(())
+    });
 }
 
 fn of_code(operation: u32) -> Result<wire::Operation, Failure> {

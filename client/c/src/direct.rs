@@ -230,11 +230,17 @@ fn prepared(
     prepare: impl FnOnce(&mut Robot) -> Result<PlanId, Error>,
 ) -> StatusCode {
     guarded(|| {
-        let robot = robot.ok_or(Failure::Null("robot"))?;
-        let id = prepare(robot)?;
+        let prepared = || {
+            let robot = robot.ok_or(Failure::Null("robot"))?;
+            let id = prepare(robot)?;
+            Ok((robot, id))
+        };
         match plan {
-            None => Ok(()),
-            plan => make("plan", plan, || handle(robot, id)),
+            None => prepared().map(|_| ()),
+            plan => make("plan", plan, || {
+                let (robot, id) = prepared()?;
+                handle(robot, id)
+            }),
         }
     })
 }

@@ -111,6 +111,9 @@ pub(crate) unsafe fn loading(options: Option<&LoadOptions>) -> Result<Options, F
     let (lock, only) = unsafe {
         (texts("lock", options.lock, options.n_lock)?, texts("only", options.only, options.n_only)?)
     };
+    if !options.gravity.iter().all(|x| x.is_finite()) {
+        return Err(Failure::Text("gravity", "it is not finite".to_owned()));
+    }
     let one = |text: &str| text.parse::<Lock>().map_err(|why| Failure::Text("lock", why));
     Ok(Options {
         gravity: options.gravity,

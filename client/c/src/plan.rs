@@ -7,7 +7,7 @@ use core::mem::MaybeUninit;
 use sarrus_client::{Field, Layout, PlanId};
 
 use crate::border::{arrays, make, put, text, texts};
-use crate::failure::{Failure, guarded};
+use crate::failure::{Failure, guarded, value};
 use crate::robot::{Robot, query_options};
 use crate::status::{StatusCode, bits};
 
@@ -267,5 +267,8 @@ pub extern "C" fn sarrus_robot_release(
 /// Frees the memory of a plan handle, before or after its robot; NULL does nothing.
 #[unsafe(no_mangle)]
 pub extern "C" fn sarrus_plan_free(plan: Option<Box<Plan>>) {
-    drop(plan);
+    value((), || {
+        drop(plan);
+        Ok(())
+    });
 }

@@ -53,7 +53,6 @@ impl Robot {
     }
 
     fn load(source: &Source, options: &sarrus_client::Options) -> Result<Robot, Failure> {
-        processor::check().map_err(Failure::Processor)?;
         Ok(Robot::new(sarrus_client::Robot::load(source, options).map_err(Failure::Load)?))
     }
 }
@@ -69,6 +68,7 @@ pub unsafe extern "C" fn sarrus_robot_bundled(
 ) -> StatusCode {
     guarded(|| {
         make("robot", robot, || {
+            processor::check().map_err(Failure::Processor)?;
             // SAFETY: the texts are as the header says.
             let (name, options) = unsafe { (text("name", name)?, loading(options)?) };
             Robot::load(&Source::Bundled(name.to_owned()), &options)
@@ -89,6 +89,7 @@ pub unsafe extern "C" fn sarrus_robot_load(
 ) -> StatusCode {
     guarded(|| {
         make("robot", robot, || {
+            processor::check().map_err(Failure::Processor)?;
             // SAFETY: the texts are as the header says.
             let (urdf, submechanisms, options) = unsafe {
                 (
@@ -115,6 +116,7 @@ pub unsafe extern "C" fn sarrus_robot_load_text(
 ) -> StatusCode {
     guarded(|| {
         make("robot", robot, || {
+            processor::check().map_err(Failure::Processor)?;
             let is_there = !submechanisms.is_null();
             // SAFETY: the texts are as the header says.
             let (urdf, submechanisms, options) = unsafe {

@@ -116,8 +116,9 @@ impl PyController {
     /// Sends a command for all actuators; false where it could not be sent.
     ///
     /// What is not given is filled in: the next sequence, the monotonic time, the fingerprint of
-    /// the bridge's last `state`, and zeros. `stamp_ns` is the time at which the command was
-    /// computed, `fingerprint` that of the model which it was computed with.
+    /// the bridge's last `state`, and zeros, but for the position of a stiffness. `stamp_ns` is the
+    /// time at which the command was computed, `fingerprint` that of the model which it was
+    /// computed with.
     #[pyo3(signature = (
         sequence = None, stamp_ns = None, fingerprint = None, position = None, velocity = None,
         effort = None, stiffness = None, damping = None
@@ -136,6 +137,12 @@ impl PyController {
         let given = [position, velocity, effort, stiffness, damping];
         let n = given.iter().flatten().next().map(Vec::len);
         let n = n.ok_or_else(|| PyValueError::new_err("a command without any numbers"))?;
+        let [position, _, _, stiffness, _] = &given;
+        if position.is_none() && stiffness.iter().flatten().any(|k| *k != 0.0) {
+            return Err(PyValueError::new_err(
+                "a stiffness pulls to a position: give both, such as the one of `state`",
+            ));
+        }
         let numbers = given.map(|numbers| numbers.unwrap_or_else(|| vec![0.0; n]));
         let sequence = sequence.unwrap_or_else(|| self.sequence.load(Relaxed) + 1);
         let stamp_ns = stamp_ns.unwrap_or_else(monotonic_ns);

@@ -111,7 +111,7 @@ class Batches(unittest.TestCase):
         with self.assertRaisesRegex(ValueError, "shares memory with an input"):
             robot.inverse_dynamics(y, yd, ydd, out=y)
 
-    def test_progress_is_told_and_may_end_it(self):
+    def test_progress_is_given_and_may_end_it(self):
         robot = sarrus.Robot.bundled("rh5v2_full")
         given = motions(robot, 20_000)
         seen = []
@@ -128,9 +128,8 @@ class Batches(unittest.TestCase):
     def test_other_threads_run_meanwhile_and_a_signal_ends_a_batch(self):
         robot = sarrus.Robot.bundled("rh5v2_full")
         few = motions(robot, 1)
-        # seconds of work; nobody waits for it
         given = np.zeros((3, 300_000, len(robot.independents)))
-        started, ticks = threading.Event(), []
+        started, sent, ticks = threading.Event(), threading.Event(), []
 
         def interrupt():
             started.wait()
@@ -138,6 +137,7 @@ class Batches(unittest.TestCase):
                 time.sleep(0.02)
                 ticks.append(robot.inverse_dynamics(*few[:, 0]))
             _thread.interrupt_main()
+            sent.set()
 
         thread = threading.Thread(target=interrupt)
         thread.start()
@@ -146,12 +146,41 @@ class Batches(unittest.TestCase):
         def note(done, total):
             started.set()
             progress.append(done)
+            if done > total // 2:
+                sent.wait()
 
         with self.assertRaises(KeyboardInterrupt):
             robot.inverse_dynamics(*given, threads=1, progress=note)
         thread.join()
         self.assertEqual(len(ticks), 5)
         self.assertLess(progress[-1], given.shape[1])
+
+    def test_memory_that_is_shared_by_other_ways_is_refused(self):
+        robot = sarrus.Robot.bundled("torso")
+        n, m = 6, len(robot.independents)
+        memory = bytearray(8 * m * (n + 1))
+        y = np.frombuffer(memory, float, m * n).reshape(n, m)
+        out = np.frombuffer(memory, float, m * n, 8 * m).reshape(n, m)
+        with self.assertRaisesRegex(ValueError, "shares memory"):
+            robot.inverse_dynamics(y, y.copy(), y.copy(), out=out)
+
+    def test_rows_without_an_answer_are_said_by_every_method(self):
+        robot = sarrus.Robot.bundled("torso")
+        y = np.array([[0.1, 0.2], [np.nan, 0.0], [0.0, 0.1]])
+        asked = [
+            lambda: robot.mass_matrix(y),
+            lambda: robot.bias_force(y),
+            lambda: robot.state(y).q,
+            lambda: robot.frames(robot.links[-1], y).pose,
+            lambda: robot.jacobian(robot.links[-1], y),
+            lambda: robot.to_actuators(y).u,
+            lambda: robot.to_actuators(y, stiffness=[5.0, 5.0]).stiffness,
+        ]
+        for ask in asked:
+            with self.assertWarnsRegex(sarrus.StateWarning, "1 of 3 .* row 1: non_finite_input"):
+                found = ask()
+            good = np.isfinite(found.reshape(3, -1)).all(axis=1)
+            self.assertEqual(list(good), [True, False, True])
 
     def test_threads_share_a_robot(self):
         robot = sarrus.Robot.bundled("torso")
@@ -180,10 +209,16 @@ class Processes(unittest.TestCase):
         robot = sarrus.Robot.bundled("torso")
         given = motions(robot, 3000)
         expected = robot.inverse_dynamics(*given, threads=2)
-        child = os.fork()
+        with warnings.catch_warnings():
+            # later Pythons warn of threads, of which numpy has some
+            warnings.simplefilter("ignore", DeprecationWarning)
+            child = os.fork()
         if child == 0:
-            same = np.array_equal(robot.inverse_dynamics(*given, threads=2), expected)
-            os._exit(0 if same else 1)
+            same = False
+            try:
+                same = np.array_equal(robot.inverse_dynamics(*given, threads=2), expected)
+            finally:
+                os._exit(0 if same else 1)
         self.assertEqual(os.waitpid(child, 0)[1], 0)
 
     def test_workers_of_a_pool_get_robots_by_their_files(self):

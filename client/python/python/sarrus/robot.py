@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
@@ -12,7 +13,7 @@ import numpy.typing as npt
 
 from sarrus import _native
 from sarrus.described import DescribedRobot
-from sarrus.errors import LoadError, QueryError, state_error
+from sarrus.errors import LoadError, QueryError, StateWarning
 from sarrus.options import GRAVITY, contents, parts
 from sarrus.query import Answer, Array, Progress, Query, RequestName
 from sarrus.results import Actuators, Frames, Independents, State
@@ -163,7 +164,7 @@ class Robot(DescribedRobot):
         """
         given = self._motion(y, yd, ydd)
         query = self._cached("kinematics", ("y", "yd", "ydd"), ("q", "qd", "qdd"))
-        return State(**query.ask(given, None, threads, progress))
+        return State(**_warned(query.ask(given, None, threads, progress)))
 
     def frames(
         self,
@@ -183,7 +184,7 @@ class Robot(DescribedRobot):
         names = (links,) if isinstance(links, str) else tuple(links)
         want = ("frame_pose", "frame_twist", "frame_acc")
         query = self._cached("kinematics", ("y", "yd", "ydd"), want, names)
-        answer = query.ask(given, None, threads, progress)
+        answer = _warned(query.ask(given, None, threads, progress))
         fields = [answer[name] for name in want]
         if isinstance(links, str):
             fields = [field[..., 0, :] for field in fields]
@@ -206,7 +207,7 @@ class Robot(DescribedRobot):
             raise QueryError(f"columns are independent, tree or actuator, not `{columns}`")
         field = f"jacobian_{columns}"
         query = self._cached("kinematics", ("y",), (field,), (link,))
-        jacobian: Array = query.ask([y], None, threads, progress)[field]
+        jacobian: Array = _warned(query.ask([y], None, threads, progress))[field]
         return jacobian[..., 0, :, :]
 
     def mass_matrix(
@@ -218,7 +219,7 @@ class Robot(DescribedRobot):
     ) -> Array:
         """Give the reduced mass matrix M_y = GᵀMG (n_vy, n_vy)."""
         query = self._cached("inverse-dynamics", ("y",), ("M_y",))
-        mass_matrix: Array = query.ask([y], None, threads, progress)["M_y"]
+        mass_matrix: Array = _warned(query.ask([y], None, threads, progress))["M_y"]
         return mass_matrix
 
     def bias_force(
@@ -232,7 +233,7 @@ class Robot(DescribedRobot):
         """Give the reduced bias force C_y: velocity terms, gravity, springs in joints (n_vy)."""
         query = self._cached("inverse-dynamics", ("y", "yd"), ("C_y",))
         given = [y, self._zeros(y) if yd is None else yd]
-        bias_force: Array = query.ask(given, None, threads, progress)["C_y"]
+        bias_force: Array = _warned(query.ask(given, None, threads, progress))["C_y"]
         return bias_force
 
     def to_actuators(
@@ -258,14 +259,14 @@ class Robot(DescribedRobot):
                 "independents; give those of `to_independent`"
             )
         rest = self._zeros(y) if ydd is not None else None
-        given = {"y": y, "yd": _or(yd, rest), "ydd": ydd, "tau_y": tau_y}
+        # forces decide whether actuators and independents determine each other
+        forces = self._zeros(y) if gains and tau_y is None else tau_y
+        given = {"y": y, "yd": _or(yd, rest), "ydd": ydd, "tau_y": forces}
         answer = self._mapped(given, ("u", "ud", "udd", "tau_u"), bool(gains))
-        try:
-            through = self._inverse(answer["G_u"]) if gains else None
-        except np.linalg.LinAlgError:
-            raise state_error(Status.singular_actuation) from None
+        through = self._inverse(answer) if gains else None
         fields: list[Any] = [answer.get(name) for name in ("u", "ud", "udd", "tau_u")]
         fields[1] = None if yd is None else fields[1]
+        fields[3] = None if tau_y is None else fields[3]
         return Actuators(*fields, *(_taken(gains.get(k), through) for k in GAINS))
 
     def to_independent(
@@ -365,10 +366,14 @@ class Robot(DescribedRobot):
         rest = self._zeros(y) if yd is None or ydd is None else None
         return [y, _or(yd, rest), _or(ydd, rest)]
 
-    def _inverse(self, g_u: Array) -> Array:
-        """The independents' motion for one of the actuators."""
+    def _inverse(self, answer: Answer) -> Array:
+        """The independents' motion for one of the actuators; NaN in rows without an answer."""
+        g_u = answer["G_u"]
         square = len(self.actuators) == len(self.independents)
-        return np.asarray(np.linalg.inv(g_u) if square else np.linalg.pinv(g_u), np.float64)
+        inverse = np.full((*g_u.shape[:-2], g_u.shape[-1], g_u.shape[-2]), np.nan)
+        good = np.equal(answer.status, Status.ok)
+        inverse[good] = np.linalg.inv(g_u[good]) if square else np.linalg.pinv(g_u[good])
+        return inverse
 
     def _mapped(
         self, given: Mapping[str, npt.ArrayLike | None], want: tuple[str, ...], loops: bool
@@ -377,7 +382,7 @@ class Robot(DescribedRobot):
         present = {name: array for name, array in given.items() if array is not None}
         wanted = tuple(b for a, b in zip(given, want, strict=True) if a in present)
         query = self._cached("map", tuple(present), wanted + (("G_u",) if loops else ()))
-        return query.ask([present[name] for name in query.given])
+        return _warned(query.ask([present[name] for name in query.given]))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return (_restored, (type(self), *self.origin.contents(), self.fingerprint))
@@ -389,6 +394,21 @@ def bundled() -> dict[str, str]:
 
 
 GAINS = ("stiffness", "damping")
+
+
+def _warned(answer: Answer) -> Answer:
+    """Warn where rows have no answer."""
+    failed = np.flatnonzero(answer.status)
+    if failed.size:
+        first = int(failed[0])
+        name = Status(int(np.ravel(answer.status)[first])).name
+        warnings.warn(
+            f"{failed.size} of {np.size(answer.status)} states have no answer and are NaN, the "
+            f"first in row {first}: {name}",
+            StateWarning,
+            stacklevel=3,
+        )
+    return answer
 
 
 def _restored(

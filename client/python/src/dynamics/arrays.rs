@@ -165,6 +165,25 @@ pub(super) fn writable<'py>(
     })
 }
 
+/// Refuses arrays to be written that share memory with others, whatever objects they are views of:
+/// threads read and write them without Python's lock.
+pub(super) fn refuse_shared(
+    read: &[(&[f64], usize)],
+    want: &[(&mut [f64], usize)],
+) -> PyResult<()> {
+    let written: Vec<_> = want.iter().map(|(numbers, _)| numbers.as_ptr_range()).collect();
+    let others = read.iter().map(|(numbers, _)| numbers.as_ptr_range());
+    let meet = |a: &std::ops::Range<*const f64>, b: &std::ops::Range<*const f64>| {
+        a.start < b.end && b.start < a.end
+    };
+    let all: Vec<_> = written.iter().cloned().chain(others).collect();
+    let shares = |(k, a): (usize, &_)| all[k + 1..].iter().any(|b| meet(a, b));
+    if written.iter().enumerate().any(shares) {
+        return Err(PyValueError::new_err("`out` shares memory with an input or another output"));
+    }
+    Ok(())
+}
+
 /// A field of one state: a number, or an array of the caller's or a new one.
 pub(super) fn of_state<'py>(
     py: Python<'py>,

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use sarrus_client::{Answer, PlanId, QueryBuilder, Request, Robot};
 use sarrus_dynamics::{Layout, Plan, Slot};
 
-use super::arrays::{self, Given, common_rows, wanted, writable};
+use super::arrays::{self, Given, common_rows, refuse_shared, wanted, writable};
 use super::batch::{self, Engine, Rows};
 use super::errors::QueryError;
 use super::shared::Shared;
@@ -112,8 +112,12 @@ impl Asked {
                     input.extend_from_slice(field.numbers()?);
                 }
                 let mut numbers = vec![f64::NAN; self.want.len()];
-                let answer = self.shared.ask(py, self.id, &input, &mut numbers)?;
-                Ok(Answered::State { numbers, answer })
+                let answer = self.shared.ask(py, self.id, &input, &mut numbers);
+                if answer.is_err() {
+                    // no number of an earlier call is left
+                    self.fields(py, &vec![f64::NAN; numbers.len()], out)?;
+                }
+                Ok(Answered::State { numbers, answer: answer? })
             }
             Some(rows) => self.ask_rows(py, &given, rows, out, options),
         }
@@ -149,6 +153,7 @@ impl Asked {
         for (field, slot) in given.iter().zip(self.given.slots()) {
             read.push((field.numbers()?, width(slot)));
         }
+        refuse_shared(&read, &want)?;
         let numbers =
             Rows { rows, given: read, want, statuses: &mut statuses, warnings: &mut warnings };
 
