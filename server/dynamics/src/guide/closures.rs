@@ -105,6 +105,50 @@
 //!
 #![doc = include_str!("../../docs/spu2u1.svg")]
 //!
+//! A platform on two turns, held by two legs, each of two turns whose axes X and Y cross at C at a
+//! right angle and a slider whose end P is cut from the platform as a ball. In the leg's frame,
+//! with v = P − C by the pose of the platform, a the slider's direction at zero and e ⟂ a what it
+//! passes beside C:
+//!
+//! ```text
+//!   v = R_x(q₁) R_y(q₂) w,    w = ℓ a + e,    ℓ = ±√(|v|² − |e|²),    q₃ = ℓ − ℓ₀
+//!   z = ±√(v_y² + v_z² − w_y²)
+//!   q₂ carries (w_x, w_z) onto (v_x, z),    q₁ carries (w_y, z) onto (v_y, v_z)
+//!
+//!   S q̇_leg = Ṗ,    S = [ X × v   a₂ × v   a₃ ],    a₂ = R_x Y,   a₃ = R_x R_y a
+//!   column k of G for a leg: S⁻¹ (z_k × (P − p_k))
+//! ```
+//! with z_k and p_k axis and point of the k-th joint under the platform; g is S⁻¹ of the pin's
+//! acceleration at ÿ = 0 less that of the leg at its own rates. Here q₁ q₂ q₃ are those of one leg.
+//! Singular where a leg lies along its first axis or has no length.
+//!
+//! # 2SPRR+1U
+//!
+#![doc = include_str!("../../docs/sprr2u1.svg")]
+//!
+//! 2SPU+1U with an offset in each leg.
+//!
+//! Offset at the base: the two axes pass at a distance r along Z. Then
+//!
+//! ```text
+//!   v = R_x(q₁) (r Z + R_y(q₂) w),    z = ±√(v_y² + v_z² − e_y²) − r
+//!   ℓ² = v_x² + z² + e_y² − |e|²,     S = [ X × v   a₂ × (v − r R_x Z)   a₃ ]
+//! ```
+//! Arms on the platform: an arm turns about n through P, and C stays in a plane of the arm with
+//! normal m ⟂ n. In the axes of the platform, with D = C − P, k m n right-handed and h = m · D at
+//! zero:
+//!
+//! ```text
+//!   m₀ · R_n(−θ) D = h,    k₀ · R_n(−θ) D = ±√(D_k² + D_m² − h²)
+//!   θ̇ (k · D) = −m · v_platform(C)
+//! ```
+//! which gives the arm's tip, for which the leg reaches as in 2SPU+1U. Singular as there, and where
+//! k · D = 0.
+//!
+//! # 2SURRPR+1U
+//!
+#![doc = include_str!("../../docs/surrpr2u1.svg")]
+//!
 //! A platform on two turns, held by two rods. Each rod ends at A on a crank a that turns about Z,
 //! and at B on the platform; at one end it has a universal joint whose axes cross at a right angle,
 //! at the other a ball, which is the cut. A lambda in the crank's plane drives the crank, or, where
@@ -120,7 +164,7 @@
 //!
 //! ```text
 //!   x = R_x(q₆) R_y(q₇) w,    z = ±√(w_x² + w_z² − x_x²)
-//!   q₇ carries (w_x, w_z) onto (x_x, z),    q₆ carries (w_y, z) onto (x_y, x_z)
+//!   q₇ takes (w_x, w_z) onto (x_x, z),    q₆ takes (w_y, z) onto (x_y, x_z)
 //! ```
 //! and q₄ q₅ are those of an RRPR whose rocker is the crank. With r the rod from universal joint to
 //! ball, b and c that joint's axes, v the velocity of the platform in the ball, t that of A and s
