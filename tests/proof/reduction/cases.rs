@@ -209,11 +209,14 @@ fn every_joint_that_moves_can_be_held_where_it_is_at_the_zero_pose() {
     for (robot, _) in sarrus_models::bundled().filter(|(robot, _)| *robot != "rh5v2_full") {
         let case = Case::bundled(robot);
         let model = &case.compiled.model;
+        // beside an independent joint of several degrees of freedom none of its loop is held
+        if model.independent_names().iter().any(|name| name.contains('/')) {
+            continue;
+        }
         let mut whole = Robot::new(model.clone());
         let mut gains = |y: &[f64]| whole.ask(Request::Kinematics, &[(Y, y)], &[G]).ok();
         let state = case.state::<f64>(1).y;
-        let quaternion = |name: &String| f64::from(name.ends_with("/qw"));
-        let zero: Vec<f64> = model.independent_q_names().iter().map(quaternion).collect();
+        let zero = vec![0.0; state.len()];
         let (moved, at_zero) = (gains(&state), gains(&zero));
         let n_vy = model.sizes().n_vy;
         for (v, name) in model.tree_names().iter().enumerate() {
