@@ -105,7 +105,7 @@ enum Command {
 
 fn main() -> ExitCode {
     // before anything that may need it
-    if let Err(missing) = commands::processor::check() {
+    if let Err(missing) = sarrus_client::processor::check() {
         eprintln!(
             "sarrus: this processor has no {missing}; sarrus is built for x86-64-v3 (FMA and \
              AVX2, processors from 2015 on)"

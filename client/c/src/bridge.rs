@@ -10,7 +10,6 @@ use sarrus_client::actuators as wire;
 use crate::actuators::{ActuatorCommand, ActuatorState};
 use crate::border::{make, put, text};
 use crate::failure::{Failure, guarded, value};
-use crate::processor;
 use crate::status::StatusCode;
 use crate::text::{Name, names};
 
@@ -33,7 +32,7 @@ pub unsafe extern "C" fn sarrus_controller_connect(
 ) -> StatusCode {
     guarded(|| {
         make("controller", controller, || {
-            processor::check().map_err(Failure::Processor)?;
+            sarrus_client::processor::check().map_err(Failure::Processor)?;
             // SAFETY: the text is as the header says.
             let name = unsafe { text("name", name)? };
             Ok(Controller(sarrus_client::Controller::connect(name, fingerprint)?))
@@ -132,7 +131,7 @@ pub unsafe extern "C" fn sarrus_observer_connect(
 ) -> StatusCode {
     guarded(|| {
         make("observer", observer, || {
-            processor::check().map_err(Failure::Processor)?;
+            sarrus_client::processor::check().map_err(Failure::Processor)?;
             // SAFETY: the text is as the header says.
             let name = unsafe { text("name", name)? };
             Ok(Observer(sarrus_client::Observer::connect(name)?))

@@ -8,7 +8,6 @@
 
 mod border;
 mod failure;
-mod processor;
 mod text;
 
 // the order of the header

@@ -11,7 +11,6 @@ use sarrus_client::{QueryOptions, Source};
 use crate::border::{bytes, make, put, text, text_or_none};
 use crate::failure::{Failure, guarded, value};
 use crate::options::{Connecting, LoadOptions, connecting, loading};
-use crate::processor;
 use crate::status::StatusCode;
 use crate::text::kept;
 
@@ -68,7 +67,7 @@ pub unsafe extern "C" fn sarrus_robot_bundled(
 ) -> StatusCode {
     guarded(|| {
         make("robot", robot, || {
-            processor::check().map_err(Failure::Processor)?;
+            sarrus_client::processor::check().map_err(Failure::Processor)?;
             // SAFETY: the texts are as the header says.
             let (name, options) = unsafe { (text("name", name)?, loading(options)?) };
             Robot::load(&Source::Bundled(name.to_owned()), &options)
@@ -89,7 +88,7 @@ pub unsafe extern "C" fn sarrus_robot_load(
 ) -> StatusCode {
     guarded(|| {
         make("robot", robot, || {
-            processor::check().map_err(Failure::Processor)?;
+            sarrus_client::processor::check().map_err(Failure::Processor)?;
             // SAFETY: the texts are as the header says.
             let (urdf, submechanisms, options) = unsafe {
                 (
@@ -116,7 +115,7 @@ pub unsafe extern "C" fn sarrus_robot_load_text(
 ) -> StatusCode {
     guarded(|| {
         make("robot", robot, || {
-            processor::check().map_err(Failure::Processor)?;
+            sarrus_client::processor::check().map_err(Failure::Processor)?;
             let is_there = !submechanisms.is_null();
             // SAFETY: the texts are as the header says.
             let (urdf, submechanisms, options) = unsafe {
@@ -144,7 +143,7 @@ pub unsafe extern "C" fn sarrus_robot_connect(
 ) -> StatusCode {
     guarded(|| {
         make("robot", robot, || {
-            processor::check().map_err(Failure::Processor)?;
+            sarrus_client::processor::check().map_err(Failure::Processor)?;
             // SAFETY: the text is as the header says.
             let name = unsafe { text("name", name)? };
             let options = connecting(options)?;

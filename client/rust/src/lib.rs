@@ -17,6 +17,7 @@ mod life;
 mod local;
 mod options;
 mod plan;
+pub mod processor;
 mod query;
 mod remote;
 mod robot;

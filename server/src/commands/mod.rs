@@ -9,7 +9,6 @@ pub(crate) mod doctor;
 pub(crate) mod generate;
 pub(crate) mod man;
 pub(crate) mod output;
-pub(crate) mod processor;
 pub(crate) mod progress;
 pub(crate) mod replay;
 #[cfg(feature = "report")]

@@ -12,7 +12,7 @@ use core::f64::consts::PI;
 use std::sync::Arc;
 
 use crate::closure::{Axis, Closure, LANES, Level, MOST, Numerical, Seeds, column_unit, distance};
-use crate::compile::seeds::grid::Grid;
+use crate::compile::seeds::grid::{Grid, center};
 use crate::mechanism::{Cluster, Motion};
 use crate::model::Model;
 use crate::workspace::{Needs, Workspace};
@@ -250,11 +250,7 @@ impl Table<'_> {
             if !(0..axes.len()).filter_map(|a| grid.inwards(&place, a)).all(|inner| used[inner]) {
                 continue;
             }
-            let around = (0..1 << axes.len()).map(|corner: usize| {
-                let at: Vec<usize> =
-                    place.iter().enumerate().map(|(a, i)| i + (corner >> a & 1)).collect();
-                nodes[corners.number(&at)].as_ref()
-            });
+            let around = corners.corners(&place).map(|corner| nodes[corner].as_ref());
             let Some(around) = around.collect::<Option<Vec<_>>>() else { continue };
             used[number] = self.is_smooth(seeds, zero, &place, &around);
         }
@@ -269,10 +265,7 @@ impl Table<'_> {
         place: &[usize],
         around: &[&Node],
     ) -> bool {
-        let mut q = zero.to_vec();
-        for (axis, i) in seeds.axes.iter().zip(place) {
-            q[axis.coordinate] += (*i as f64 + 0.5 - axis.below as f64) * axis.step;
-        }
+        let mut q = center(&seeds.axes, zero, place);
         if !seeds.find(zero, &mut q) {
             return false;
         }

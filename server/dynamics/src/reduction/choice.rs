@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::compile::Structure;
 use crate::description::{Description, JointKind};
 use crate::diagnostic::{Diagnostic, Site};
-use crate::model::Model;
+use crate::model::{Compiled, Model};
 use crate::reduction::exchange::{Exchange, exchange};
 use crate::reduction::pose::{Held, zero_position};
 
@@ -30,7 +30,7 @@ pub(super) fn choose(
     structure: &Structure,
     cluster: usize,
     held: &BTreeMap<usize, Option<f64>>,
-    (model, errors): (&mut Option<Model<f64>>, &mut Vec<Diagnostic>),
+    (compiled, errors): (&mut Option<Compiled>, &mut Vec<Diagnostic>),
 ) -> Option<Choice> {
     let joints = &structure.clusters[cluster];
     let declared: Vec<usize> = (description.submechanisms.iter())
@@ -63,9 +63,9 @@ pub(super) fn choose(
     let locked: Vec<usize> = joints.iter().copied().filter(is_held).collect();
     let name = |j: &usize| description.joints[*j].name.as_str();
     let names = |of: &[usize]| of.iter().map(name).collect::<Vec<_>>().join(", ");
-    if model.is_none() {
+    if compiled.is_none() {
         match Model::compile(description) {
-            Ok(compiled) => *model = Some(compiled.model),
+            Ok(whole) => *compiled = Some(whole),
             Err(error) => errors.extend(error.errors),
         }
     }
@@ -93,8 +93,9 @@ pub(super) fn choose(
     let (given, found): (Vec<usize>, Vec<usize>) =
         others.into_iter().partition(|j| held.get(j).copied().flatten().is_some());
     let left: Vec<usize> = declared.iter().copied().filter(|j| !is_held(j)).collect();
-    let model = model.as_ref()?;
-    let Exchange { held: taken, dropped } = exchange(description, model, [&given, &found], &left);
+    let compiled = compiled.as_ref()?;
+    let Exchange { held: taken, dropped } =
+        exchange(description, &compiled.model, [&given, &found], &left);
     // of a mechanism of one freedom at the zero pose: whatever holds it, all of it stands
     if let ([only], [_], []) = (&declared[..], &taken[..], &given[..]) {
         choice.locked = vec![(*only, 0.0)];
@@ -107,19 +108,9 @@ pub(super) fn choose(
         return fault(first, found, "a joint that moves");
     }
     let left = left.into_iter().filter(|j| !dropped.contains(j)).collect();
-    for j in locked {
-        let at = match held.get(&j).copied().flatten() {
-            Some(at) => at,
-            None => match zero_position(description, j) {
-                Ok(at) => at,
-                Err(error) => {
-                    errors.extend(error.errors);
-                    return None;
-                }
-            },
-        };
-        choice.locked.push((j, at));
-    }
+    let zero = |j| zero_position(description, &compiled.exact, j);
+    let position = |j| held.get(&j).copied().flatten().unwrap_or_else(|| zero(j));
+    choice.locked = locked.into_iter().map(|j| (j, position(j))).collect();
     (choice.independent, choice.dropped) = (left, dropped);
     Some(choice)
 }

@@ -3,10 +3,9 @@
 use sarrus_proto::{Field, FieldSet, Query, Request, Status};
 
 use crate::description::{Description, JointKind};
-use crate::initial_pose::n_q;
 use crate::model::Model;
 use crate::plan::Plan;
-use crate::reduction::pose::n_v;
+use crate::reduction::pose::{at, n_v};
 use crate::scalar::noise;
 use crate::workspace::Workspace;
 
@@ -79,10 +78,7 @@ impl Gains {
                 columns[j] = (n_v(kind) == 1).then_some(units.len());
                 units.resize(units.len() + n_v(kind), unit(s, j));
                 let off = if k == 0 { 0.0 } else { REACH * unit(s, j) * noise(71 * k + y.len()) };
-                match n_q(kind) {
-                    1 => y.push(off),
-                    n => y.extend((1..=n).map(|i| if i == n { 1.0 } else { 0.0 })),
-                }
+                y.extend(at(kind, off));
             }
         }
         let want = FieldSet::of(&[Field::G]);

@@ -43,10 +43,10 @@ pub fn locked(description: &Description, locks: &[Lock]) -> Result<Reduced, Comp
     }
     let structure = Structure::of(description)?;
     // compiled once, if it is needed
-    let mut model = None;
+    let mut compiled = None;
     let choices: Vec<Choice> = (0..structure.clusters.len())
         .filter(|c| structure.clusters[*c].iter().any(|j| held.contains_key(j)))
-        .filter_map(|c| choose(description, &structure, c, &held, (&mut model, &mut errors)))
+        .filter_map(|c| choose(description, &structure, c, &held, (&mut compiled, &mut errors)))
         .collect();
     if !errors.is_empty() {
         return failed(errors);

@@ -84,13 +84,12 @@ impl Held {
 }
 
 /// Where a joint is at the zero pose of its robot.
-pub(super) fn zero_position(description: &Description, joint: usize) -> Result<f64, CompileError> {
-    let model = Model::compile(description)?.exact;
+pub(super) fn zero_position(description: &Description, model: &Model<Dd>, joint: usize) -> f64 {
     let mut names = description.submechanisms.iter().flat_map(|of| &of.spanning_tree);
     let e: usize = (names.by_ref().take_while(|j| **j != joint))
         .map(|j| n_q(description.joints[*j].kind))
         .sum();
-    Ok(model.order.q.get(e).map_or(0.0, |q| model.zero[*q].to_f64()))
+    model.order.q.get(e).map_or(0.0, |q| model.zero[*q].to_f64())
 }
 
 /// The whole robot, with the locked joints as independents.
@@ -218,7 +217,7 @@ impl Trial {
 }
 
 /// Coordinates of a joint at a position; of several degrees of freedom at rest.
-fn at(kind: JointKind, x: f64) -> Vec<f64> {
+pub(super) fn at(kind: JointKind, x: f64) -> Vec<f64> {
     let mut q = vec![0.0; n_q(kind)];
     if let Some(last) = q.last_mut() {
         *last = if n_v(kind) > 1 { 1.0 } else { x };

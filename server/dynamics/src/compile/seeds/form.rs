@@ -2,7 +2,7 @@
 //! method.
 
 use crate::closure::{Level, Seeds, column_unit};
-use crate::compile::seeds::grid::Grid;
+use crate::compile::seeds::grid::{Grid, center};
 use crate::compile::seeds::{ERROR, Node, Table};
 
 /// Largest distance of a closed form from Newton's method at a node, in radians or cluster lengths.
@@ -23,17 +23,11 @@ impl Table<'_> {
         let (grid, corners) = (Grid::of_cells(&seeds.axes), Grid::of_nodes(&seeds.axes));
         (0..grid.len()).filter(|cell| seeds.cells[*cell]).all(|cell| {
             let place = grid.place(cell);
-            let mut center = zero.to_vec();
-            for (axis, i) in seeds.axes.iter().zip(&place) {
-                center[axis.coordinate] += (*i as f64 + 0.5 - axis.below as f64) * axis.step;
-            }
+            let mut center = center(&seeds.axes, zero, &place);
             let at_center = seeds.find(zero, &mut center) && self.form_is_at(&center, 2.0 * ERROR);
             at_center
-                && (0..1 << seeds.axes.len()).all(|corner: usize| {
-                    let at: Vec<usize> =
-                        place.iter().enumerate().map(|(a, i)| i + (corner >> a & 1)).collect();
-                    let node = nodes[corners.number(&at)].as_ref();
-                    node.is_some_and(|node| self.form_is_at(&node.q, AGREES))
+                && corners.corners(&place).all(|corner| {
+                    nodes[corner].as_ref().is_some_and(|node| self.form_is_at(&node.q, AGREES))
                 })
         })
     }

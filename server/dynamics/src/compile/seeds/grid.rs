@@ -2,6 +2,15 @@
 
 use crate::closure::Axis;
 
+/// The independents at the center of a cell, and the zero pose's other coordinates.
+pub(super) fn center(axes: &[Axis], zero: &[f64], cell: &[usize]) -> Vec<f64> {
+    let mut q = zero.to_vec();
+    for (axis, i) in axes.iter().zip(cell) {
+        q[axis.coordinate] += (*i as f64 + 0.5 - axis.below as f64) * axis.step;
+    }
+    q
+}
+
 /// Numbers of nodes or cells.
 pub(super) struct Grid {
     sizes: Vec<usize>,
@@ -44,6 +53,14 @@ impl Grid {
             .collect();
         place.reverse();
         place
+    }
+
+    /// The nodes at the corners of a cell; of the grid of nodes.
+    pub(super) fn corners(&self, cell: &[usize]) -> impl Iterator<Item = usize> {
+        (0..1 << cell.len()).map(move |corner: usize| {
+            let along = self.sizes.iter().zip(cell).enumerate();
+            along.fold(0, |number, (a, (size, i))| number * size + i + (corner >> a & 1))
+        })
     }
 
     /// How many steps along one axis lead to the zero pose.

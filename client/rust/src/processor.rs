@@ -1,8 +1,12 @@
 //! Whether this processor can run what was built.
 
-/// The first feature of the stated baseline that is missing.
+/// Programs that are built for x86-64-v3 ask this before anything else, to end in words and not by
+/// an instruction that is not there.
+///
+/// # Errors
+/// The first feature of that baseline that is missing.
 #[cfg(all(target_arch = "x86_64", target_feature = "fma", target_feature = "avx2"))]
-pub(crate) fn check() -> Result<(), &'static str> {
+pub fn check() -> Result<(), &'static str> {
     // the processor itself is asked: std's macro answers at compile time where the build assumes a
     // feature
     let processor = raw_cpuid::CpuId::new();
@@ -16,7 +20,10 @@ pub(crate) fn check() -> Result<(), &'static str> {
 }
 
 /// Other processors, and builds with the feature `portable` alone, assume neither.
+///
+/// # Errors
+/// None.
 #[cfg(not(all(target_arch = "x86_64", target_feature = "fma", target_feature = "avx2")))]
-pub(crate) fn check() -> Result<(), &'static str> {
+pub fn check() -> Result<(), &'static str> {
     Ok(())
 }
