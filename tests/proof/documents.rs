@@ -50,7 +50,8 @@ fn files(ending: &str) -> Vec<String> {
         for entry in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
             let name = entry.file_name().unwrap().to_str().unwrap().to_owned();
             // what is hidden or built is no part of the project
-            if name.starts_with('.') || entry.join("CACHEDIR.TAG").exists() {
+            let is_built = name == "target" || entry.join("CACHEDIR.TAG").exists();
+            if name.starts_with('.') || is_built {
                 continue;
             }
             if entry.is_dir() { walk(&entry, found) } else { found.push(entry) }
