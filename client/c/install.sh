@@ -1,35 +1,97 @@
 #!/usr/bin/env bash
-# Builds libsarrus and installs it: client/c/install.sh PREFIX [FOLDER]. FOLDER has libsarrus.so and
-# libsarrus.a that were built before; without it they are built here, for processors with AVX2 and
-# FMA as `.cargo/config.toml` has it. pkg-config and CMake find it below PREFIX.
+# Builds libsarrus and installs it: client/c/install.sh [--portable] PREFIX [FOLDER]. FOLDER has
+# libsarrus.so and libsarrus.a that were built before; without it they are built here, for
+# processors with AVX2 and FMA as `.cargo/config.toml` has it, or with --portable for any x86-64.
+# pkg-config and CMake find it below PREFIX. For packages: LIBDIR is the folder of libraries below
+# PREFIX (lib), and everything goes below DESTDIR, which no file mentions.
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd -P)
 root=$(cd "$here/../.." && pwd -P)
-if [ $# -lt 1 ] || [ $# -gt 2 ]; then
-    echo "usage: client/c/install.sh PREFIX [FOLDER]" >&2
-    exit 2
+destination=${DESTDIR:-}
+libdir=${LIBDIR:-lib}
+
+refuse() {
+    printf 'install.sh: %s\n' "$1" >&2
+    exit "${2:-1}"
+}
+
+portable=
+if [ "${1:-}" = --portable ]; then
+    portable=yes
+    shift
 fi
-mkdir -p "$1"
-prefix=$(cd "$1" && pwd -P)
+if [ $# -lt 1 ] || [ $# -gt 2 ] || [ -z "$1" ] || [ "${1#-}" != "$1" ]; then
+    refuse "usage: client/c/install.sh [--portable] PREFIX [FOLDER]" 2
+fi
+if [ -n "$portable" ] && [ $# -eq 2 ]; then
+    refuse "--portable is how it is built: not with a FOLDER that was built before" 2
+fi
+
+# files name PREFIX as it will be, so it is absolute and can be written in a .pc file
+case $1 in
+    /*) prefix=$1 ;;
+    *) prefix=$PWD/$1 ;;
+esac
+case "$prefix$libdir" in
+    *[\"\'\$\`\\\#\&\|$'\n']*)
+        refuse "pkg-config cannot name \"$prefix/$libdir\": it has quotes, \$, \`, \\, #, &, | \
+or a new line" 2
+        ;;
+esac
+case /$libdir/ in
+    *//* | */../* | */./*)
+        refuse "LIBDIR is a folder below PREFIX such as lib or lib64, found \"$libdir\"" 2
+        ;;
+esac
+
+# folders first: what cannot be written is known before anything is built
+for folder in include "$libdir/pkgconfig" "$libdir/cmake/sarrus"; do
+    mkdir -p "$destination$prefix/$folder" && [ -w "$destination$prefix/$folder" ] ||
+        refuse "\"$destination$prefix/$folder\" cannot be written: choose another PREFIX, or \
+install as the user who may"
+done
+if [ -z "$destination" ]; then
+    prefix=$(cd "$prefix" && pwd -P)
+fi
+to=$destination$prefix
+
+# built, or given
 if [ $# -eq 2 ]; then
     built=$(cd "$2" && pwd -P)
+elif [ -n "$portable" ]; then
+    # other flags: in a folder of their own, so that both builds keep what they have compiled
+    built=${CARGO_TARGET_DIR:-$root/target}/portable
+    (cd "$root" && RUSTFLAGS=-Ctarget-cpu=x86-64 cargo build --release --locked -p sarrus-c \
+        --features portable --target-dir "$built")
+    built=$built/release
 else
     (cd "$root" && cargo build --release --locked -p sarrus-c)
     built=${CARGO_TARGET_DIR:-$root/target}/release
 fi
+[ -f "$built/libsarrus.so" ] && [ -f "$built/libsarrus.a" ] ||
+    refuse "\"$built\" has no libsarrus.so and libsarrus.a"
 version=$(sed -n '/^\[workspace.package\]/,/^\[/s/^version = "\(.*\)"/\1/p' "$root/Cargo.toml")
+abi=$(sed -n 's/^#define SARRUS_ABI_VERSION //p' "$here/include/sarrus.h")
 
-install -d "$prefix/include" "$prefix/lib/pkgconfig" "$prefix/lib/cmake/sarrus"
-install -m 644 "$here/include/sarrus.h" "$here/include/sarrus.hpp" "$prefix/include"
-install -m 755 "$built/libsarrus.so" "$prefix/lib"
-install -m 644 "$built/libsarrus.a" "$prefix/lib"
+# a library that runs programs is replaced, not written over
+rm -f "$to/$libdir/libsarrus.so.$abi"
+install -m 644 "$here/include/sarrus.h" "$here/include/sarrus.hpp" "$to/include"
+install -m 644 "$built/libsarrus.so" "$to/$libdir/libsarrus.so.$abi"
+ln -sf "libsarrus.so.$abi" "$to/$libdir/libsarrus.so"
+install -m 644 "$built/libsarrus.a" "$to/$libdir"
 # what debuggers read is most of them
 if command -v strip >/dev/null; then
-    strip --strip-debug "$prefix/lib/libsarrus.so" "$prefix/lib/libsarrus.a"
+    strip --strip-unneeded "$to/$libdir/libsarrus.so.$abi"
+    strip --strip-debug "$to/$libdir/libsarrus.a"
 fi
-fill() { sed "s|@PREFIX@|$prefix|; s|@VERSION@|$version|; s|@MINOR@|${version%.*}|" "$1"; }
-fill "$here/install/sarrus.pc.in" >"$prefix/lib/pkgconfig/sarrus.pc"
-fill "$here/install/sarrus-config-version.cmake.in" \
-    >"$prefix/lib/cmake/sarrus/sarrus-config-version.cmake"
-install -m 644 "$here/install/sarrus-config.cmake" "$prefix/lib/cmake/sarrus"
-echo "installed $prefix/lib/libsarrus.so $version"
+# from LIBDIR up to PREFIX
+up=$(sed 's|[^/][^/]*|..|g' <<<"$libdir")
+fill() {
+    sed "s|@PREFIX@|${prefix// /\\\\ }|; s|@LIBDIR@|${libdir// /\\\\ }|; s|@UP@|$up|
+        s|@VERSION@|$version|; s|@MINOR@|${version%.*}|; s|@ABI@|$abi|" "$here/install/$1" >"$2"
+    chmod 644 "$2"
+}
+fill sarrus.pc.in "$to/$libdir/pkgconfig/sarrus.pc"
+fill sarrus-config.cmake.in "$to/$libdir/cmake/sarrus/sarrus-config.cmake"
+fill sarrus-config-version.cmake.in "$to/$libdir/cmake/sarrus/sarrus-config-version.cmake"
+echo "installed $to/$libdir/libsarrus.so.$abi $version"

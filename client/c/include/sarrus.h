@@ -42,7 +42,7 @@
 /**
  * Version of this interface; it grows when a program must be compiled again.
  */
-#define SARRUS_ABI_VERSION 1
+#define SARRUS_ABI_VERSION 0
 
 /**
  * Most actuators of a robot.

@@ -7,7 +7,7 @@ use crate::failure::last;
 use crate::status::{StatusCode, warning_name};
 
 /// Version of this interface; it grows when a program must be compiled again.
-pub const ABI_VERSION: u32 = 1;
+pub const ABI_VERSION: u32 = 0;
 
 /// SARRUS_ABI_VERSION of the library: a program that was compiled with another one must not go on.
 #[unsafe(no_mangle)]

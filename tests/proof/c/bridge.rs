@@ -9,7 +9,7 @@ use sarrus_proto::heartbeat::monotonic_ns;
 use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::{Domain, ServerName};
 
-use super::{CPP, Program, folder, present};
+use super::{CPP, Program, folder, with_sanitizers};
 use crate::examples::root;
 
 #[test]
@@ -17,7 +17,7 @@ fn the_controller_in_cpp_commands_1000_times_a_second_what_carries_the_robot() {
     let path = folder().join("examples/controller_1khz.cpp");
     let loaded = load(&Source::Bundled("rh5v2_upper_body".into()), &Options::default()).unwrap();
     let info = loaded.compiled.model.info().clone();
-    for compiler in present(&CPP) {
+    for compiler in with_sanitizers(&CPP) {
         let program = Program::compile(compiler, &path, super::SANITIZERS);
         let domain = Domain::at(&root()).unwrap();
         let node = domain.node::<Threadsafe>().unwrap();

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::process::Command;
 
-use super::{folder, libraries};
+use super::{folder, libraries, soname};
 
 /// The version whose output is committed.
 const CBINDGEN: &str = "0.29.4";
@@ -56,6 +56,18 @@ fn the_header_declares_what_the_library_exports_and_nothing_else() {
             assert_eq!(exported, declared);
         }
         Err(_) => println!("not run: nm is missing"),
+    }
+}
+
+#[test]
+fn the_soname_is_the_version_of_the_interface() {
+    let library = libraries().join("libsarrus.so");
+    match Command::new("readelf").arg("-d").arg(library).output() {
+        Ok(output) => {
+            let text = String::from_utf8_lossy(&output.stdout);
+            assert!(text.contains(&format!("[{}]", soname())), "{text}");
+        }
+        Err(_) => println!("not run: readelf is missing"),
     }
 }
 

@@ -5,6 +5,7 @@
 
 mod bridge;
 mod header;
+mod install;
 mod page;
 mod programs;
 mod timing;
@@ -34,6 +35,34 @@ fn libraries() -> PathBuf {
     folders.into_iter().find(has).expect("cargo has not built libsarrus.so").to_owned()
 }
 
+/// The file name that programs look for, which the library has as its soname.
+fn soname() -> String {
+    let header = std::fs::read_to_string(folder().join("include/sarrus.h")).unwrap();
+    let line = header.lines().find_map(|line| line.strip_prefix("#define SARRUS_ABI_VERSION "));
+    format!("libsarrus.so.{}", line.unwrap())
+}
+
+/// The compilers of a list that are there and have what sanitized programs are linked with, which
+/// some systems have in a package apart.
+fn with_sanitizers(compilers: &[&'static str]) -> Vec<&'static str> {
+    let folder = fresh_folder();
+    let source = folder.join("empty.c");
+    std::fs::write(&source, "int main(void) { return 0; }\n").unwrap();
+    let links = |compiler: &&str| {
+        let mut command = Command::new(compiler);
+        command.args(SANITIZERS).arg(&source).arg("-o").arg(folder.join("empty"));
+        let output = command.output();
+        let links = output.unwrap().status.success();
+        if !links {
+            println!("not run: {compiler} has no sanitizers");
+        }
+        links
+    };
+    let found = present(compilers).into_iter().filter(links).collect();
+    let _ = std::fs::remove_dir_all(&folder);
+    found
+}
+
 /// The compilers of a list that are there.
 fn present(compilers: &[&'static str]) -> Vec<&'static str> {
     let is_there = |compiler: &&str| {
@@ -44,6 +73,14 @@ fn present(compilers: &[&'static str]) -> Vec<&'static str> {
         found
     };
     compilers.iter().copied().filter(is_there).collect()
+}
+
+fn fresh_folder() -> PathBuf {
+    static FOLDERS: AtomicU32 = AtomicU32::new(0);
+    let number = FOLDERS.fetch_add(1, Relaxed);
+    let folder = std::env::temp_dir().join(format!("sarrus-c-{}-{number}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    folder
 }
 
 /// A program, and the folder that goes with it.
@@ -61,20 +98,17 @@ impl Drop for Program {
 impl Program {
     /// Compiles a source, without a warning, and links it with libsarrus.
     fn compile(compiler: &str, source: &Path, flags: &[&str]) -> Program {
-        static PROGRAMS: AtomicU32 = AtomicU32::new(0);
-        let number = PROGRAMS.fetch_add(1, Relaxed);
-        let name = format!("sarrus-c-{}-{number}", std::process::id());
-        let folder = std::env::temp_dir().join(name);
-        std::fs::create_dir_all(&folder).unwrap();
+        let folder = fresh_folder();
         let path = folder.join("program");
         let is_c = source.extension().is_some_and(|ending| ending == "c");
-        let libraries = libraries();
+        // under the name that is looked for
+        let library = libraries().join("libsarrus.so");
+        std::os::unix::fs::symlink(&library, folder.join(soname())).unwrap();
         let mut command = Command::new(compiler);
         command.arg(if is_c { "-std=c99" } else { "-std=c++20" });
         command.args(["-Wall", "-Wextra", "-Wpedantic", "-Werror", "-O2", "-I"]);
         command.arg(self::folder().join("include")).args(flags).arg(source).arg("-o").arg(&path);
-        command.arg("-L").arg(&libraries).arg("-lsarrus");
-        command.arg(format!("-Wl,-rpath,{}", libraries.display()));
+        command.arg(&library).arg(format!("-Wl,-rpath,{}", folder.display()));
         let program = Program { path, folder };
         let output = command.output().unwrap();
         let text = String::from_utf8_lossy(&output.stderr);

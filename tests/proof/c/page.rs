@@ -6,7 +6,7 @@ use std::process::Command;
 use super::{C, CPP, Program, folder, libraries, present};
 
 /// The blocks of the page in one language.
-fn blocks(language: &str) -> Vec<String> {
+pub(super) fn blocks(language: &str) -> Vec<String> {
     let page = std::fs::read_to_string(folder().join("README.md")).unwrap();
     let blocks = page.split("```").skip(1).step_by(2);
     let of = |block: &str| block.strip_prefix(language)?.strip_prefix('\n').map(str::to_owned);
