@@ -21,6 +21,7 @@ use sarrus_proto::service::{ComputeServer, serve_compute};
 use sarrus_proto::socket::{ControlListener, ControlSocket, MAX_MESSAGE, timespec};
 
 use crate::arrivals::Arrivals;
+use crate::events;
 use crate::hot::{End, Order, Retired};
 use crate::places::Place;
 use crate::refusals::{failed, no_space, take_down};
@@ -170,6 +171,7 @@ impl Connections {
             for socket in self.arrivals.take(room) {
                 self.numbers += 1;
                 let is_surplus = self.clients.len() >= self.limit();
+                events::attached(self.numbers, socket.peer().map_or(0, |peer| peer.process));
                 let client = Connection {
                     socket,
                     place: None,
@@ -199,7 +201,9 @@ impl Connections {
     /// Ends a connection: what it has goes back.
     pub(crate) fn close(&mut self, number: u64) {
         self.give_back(number);
-        self.clients.remove(&number);
+        if self.clients.remove(&number).is_some() {
+            events::detached(number);
+        }
     }
 
     /// Takes back what the answering thread returned; call it often.

@@ -13,6 +13,7 @@ use sarrus_proto::message::Statistics;
 use sarrus_proto::run::Run;
 
 use crate::connections::Connections;
+use crate::events;
 use crate::plans::{Plans, Unplanned};
 
 /// The control path's side of the server.
@@ -76,6 +77,7 @@ impl Control {
             Some(Err((head, refusal))) => (head, 0, Err(refusal)),
             None => (CallHead::default(), 0, Err(Refusal::UnknownCall)),
         };
+        events::answered(client, &outcome);
         let descriptor = matches!(outcome, Ok(Grant::Hello { .. })).then(|| self.heartbeat.as_fd());
         let response = ControlResponse {
             version: PROTOCOL_VERSION,

@@ -21,6 +21,7 @@ use crate::control::{Control, pages};
 use crate::counters::{Counters, Latency};
 use crate::engine::Engine;
 use crate::error::{MAX_LANES, ServeError};
+use crate::events;
 use crate::hot::{Hot, Shared};
 use crate::placement::{Flags, Placement};
 use crate::plans::{MAX_ORDERS, Plans};
@@ -187,17 +188,21 @@ fn run(
         since: now,
         folded: now,
         checked: now,
+        late: 0,
     };
     ready();
+    events::serving(name.as_str(), &info.robot, info.fingerprint, options.lanes);
     while !stop.load(Relaxed) && !thread.is_finished() {
         upkeep.step(stop, false);
         if upkeep.pulse.is_lost() {
             // a thread that hangs cannot be ended: the process is, and its clients know at once
+            events::hung(name.as_str());
             return Err(ServeError::Hung);
         }
     }
 
     // the end: refuse what still comes, then take everything down in order
+    events::stopping(name.as_str());
     shared.stopping.store(true, Relaxed);
     while !thread.is_finished() {
         upkeep.step(stop, true);
@@ -272,6 +277,8 @@ struct Upkeep {
     since: Instant,
     folded: Instant,
     checked: Instant,
+    /// Late answers that were logged.
+    late: u64,
 }
 
 /// The longest wait for clients.
@@ -307,6 +314,16 @@ impl Upkeep {
         if now - self.checked > CHECK {
             self.checked = now;
             self.restore();
+            self.log_late();
+        }
+    }
+
+    /// Logs how many answers were late since the last look.
+    fn log_late(&mut self) {
+        let late = self.shared.counters.counts().late;
+        if late > self.late {
+            events::late(late - self.late);
+            self.late = late;
         }
     }
 

@@ -31,6 +31,7 @@ pub use replay::{Difference, Replayed, replay};
 pub(crate) use ring::Recorder;
 pub use robot::RecordedRobot;
 
+use crate::events;
 use file::RecordFile;
 use format::{checksum, words};
 use header::Header;
@@ -95,6 +96,7 @@ pub(crate) fn start(
             writer.run();
         })
         .map_err(|source| RecordError::Thread { source })?;
+    events::recording(&options.file);
     Ok((recorder, thread))
 }
 
@@ -113,6 +115,7 @@ impl Writer {
             let is_last = self.records.is_abandoned();
             if let Err(error) = self.write() {
                 eprintln!("sarrus serve: warning: the recording ends here: {error}");
+                events::recording_ended(&error);
                 return;
             }
             if is_last {

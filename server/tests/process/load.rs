@@ -5,14 +5,14 @@ use std::fs;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use sarrus_client::{Options, Robot, Source, Status, Transport};
+use sarrus_client::{Options, QueryOptions, Robot, Source, Status, Transport};
 use sarrus_proto::PROTOCOL_VERSION;
 use sarrus_proto::board::ClaimedLane;
 use sarrus_proto::lane::{ComputeClient, Threadsafe, send_request};
 use sarrus_proto::message::RequestHead;
 
 use crate::lies::Liar;
-use crate::support::{Asker, ROBOT, Sandbox};
+use crate::support::{Asker, ROBOT, STATE, Sandbox};
 
 #[test]
 fn no_request_reaches_the_systems_allocator() {
@@ -63,11 +63,20 @@ fn asking_allocates_nothing_through_a_lane_and_in_process() {
 
 #[test]
 fn the_busy_loop_makes_no_system_call() {
+    no_system_call(&[]);
+}
+
+#[test]
+fn the_busy_loop_makes_no_system_call_where_everything_is_logged() {
+    no_system_call(&["--log", "debug"]);
+}
+
+fn no_system_call(log: &[&str]) {
     if Command::new("strace").arg("-V").stdout(Stdio::null()).status().is_err() {
         return println!("not run: strace is missing");
     }
     let sandbox = Sandbox::new();
-    let server = sandbox.serve("silent", &["--wait", "busy"]);
+    let server = sandbox.serve("silent", &[&["--wait", "busy"], log].concat());
     let mut askers = [Transport::Lane, Transport::Service]
         .map(|transport| Asker::new(sandbox.connect("silent", transport).unwrap()));
     askers.iter_mut().for_each(|asker| assert_eq!(asker.ask().unwrap().status, Status::Ok));
@@ -85,7 +94,7 @@ fn the_busy_loop_makes_no_system_call() {
     let trace = std::env::temp_dir().join(format!("sarrus-strace-{}", std::process::id()));
     let hot = hot.file_name().unwrap().to_str().unwrap();
     let mut strace = Command::new("strace")
-        .args(["-f", "-o"])
+        .args(["-f", "-s", "200", "-o"])
         .arg(&trace)
         .args(["-p", &server.id().to_string()])
         .stderr(Stdio::piped())
@@ -97,6 +106,8 @@ fn the_busy_loop_makes_no_system_call() {
     }
     let before = askers[0].robot.statistics().unwrap();
     for asker in &mut askers {
+        // something to log
+        assert!(asker.robot.prepare(&STATE.with_options(QueryOptions::CHECKSUM)).is_ok());
         for _ in 0..5_000 {
             assert_eq!(asker.ask().unwrap().status, Status::Ok);
         }
@@ -116,6 +127,8 @@ fn the_busy_loop_makes_no_system_call() {
     let (of_hot, of_others): (Vec<&str>, Vec<&str>) =
         calls.lines().partition(|line| line.split(' ').next() == Some(hot));
     assert!(!of_others.is_empty(), "the trace sees nothing");
+    let logged = of_others.iter().any(|line| line.contains("plan registered"));
+    assert_eq!(logged, !log.is_empty(), "what the other thread logs");
     let of_hot: Vec<&&str> = of_hot.iter().filter(|line| !line.contains("detached")).collect();
     assert!(of_hot.is_empty(), "{} system calls, the first: {}", of_hot.len(), of_hot[0]);
 }

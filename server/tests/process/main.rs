@@ -10,6 +10,7 @@ mod ends;
 mod heads;
 mod lies;
 mod load;
+mod log;
 mod placement;
 mod plans;
 mod record;

@@ -1,5 +1,6 @@
 //! `sarrus serve`.
 
+mod log;
 mod standby;
 mod supervise;
 
@@ -19,6 +20,7 @@ use sarrus_server::{ServeError, ServeOptions, Wait, serve};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use super::robot::{RobotFlags, refuse};
+use log::LogFlags;
 use standby::{Message, Order};
 
 /// Flags of `serve`.
@@ -60,6 +62,8 @@ pub(crate) struct Serve {
         value_parser = clap::value_parser!(u32).range(1..=86_400)
     )]
     record_seconds: u32,
+    #[command(flatten)]
+    log: LogFlags,
     /// Be a process of the supervisor that has this number: load, say so, and wait for an order.
     #[arg(long, value_name = "PROCESS", hide = true, conflicts_with = "supervise")]
     standby: Option<i32>,
@@ -78,6 +82,10 @@ enum WaitFlag {
 
 impl Serve {
     pub(crate) fn run(self) -> ExitCode {
+        if let Err(words) = self.log.start() {
+            eprintln!("sarrus serve: {words}");
+            return ExitCode::from(2);
+        }
         if self.supervise {
             return supervise::run(&self.name, Duration::from_secs(self.short_life));
         }

@@ -1,0 +1,115 @@
+//! What `serve` logs: events of the control thread and the recorder, a line each, to stderr.
+
+use std::io::{self, Write};
+use std::str::FromStr;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::time::Duration;
+
+use clap::{Args, ValueEnum};
+use rustix::event::{PollFd, PollFlags, poll};
+use sarrus_proto::socket::timespec;
+use tracing_subscriber::filter::LevelFilter;
+
+/// The variable that sets the level where no flag does.
+const VARIABLE: &str = "SARRUS_LOG";
+
+/// A pipe that has room takes a line up to this length whole, at once `[byte]`.
+const LONGEST: usize = 4096;
+
+/// Lines that nobody took.
+static LOST: AtomicU64 = AtomicU64::new(0);
+
+/// Flags of the log.
+#[derive(Args)]
+pub(super) struct LogFlags {
+    /// Log to stderr: off, error, warn (refusals, late answers), info (clients, plans, recordings)
+    /// or debug (lanes, services); without it what SARRUS_LOG says, else off.
+    #[arg(long, value_name = "LEVEL", value_parser = level)]
+    log: Option<LevelFilter>,
+    /// Form of a line of the log.
+    #[arg(long, value_name = "FORMAT", default_value = "text")]
+    log_format: LogFormat,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum LogFormat {
+    /// Time, level, what happened, then `key=value`.
+    Text,
+    /// An object with these.
+    Json,
+}
+
+fn level(text: &str) -> Result<LevelFilter, String> {
+    let known = ["off", "error", "warn", "info", "debug"].contains(&text);
+    let level = known.then(|| LevelFilter::from_str(text).ok()).flatten();
+    level.ok_or_else(|| "expected off, error, warn, info or debug".to_owned())
+}
+
+impl LogFlags {
+    /// Logs from now on, if anything; why not, in words.
+    pub(super) fn start(&self) -> Result<(), String> {
+        let wanted = match (self.log, std::env::var_os(VARIABLE).filter(|text| !text.is_empty())) {
+            (Some(level), _) => level,
+            (None, None) => return Ok(()),
+            (None, Some(text)) => {
+                let text = text.to_string_lossy();
+                level(&text).map_err(|error| format!("{VARIABLE}: {error}, found `{text}`"))?
+            }
+        };
+        if wanted == LevelFilter::OFF {
+            return Ok(());
+        }
+        let is_json = self.log_format == LogFormat::Json;
+        let lines = tracing_subscriber::fmt()
+            .with_max_level(wanted)
+            .with_target(false)
+            .with_ansi(false)
+            .log_internal_errors(false)
+            .with_writer(move || Stderr { is_json });
+        let set =
+            if is_json { lines.json().flatten_event(true).try_init() } else { lines.try_init() };
+        set.map_err(|error| format!("nothing can be logged: {error}"))
+    }
+}
+
+/// stderr; a line that nobody takes is left out, so that a full pipe keeps no client waiting.
+struct Stderr {
+    is_json: bool,
+}
+
+impl Write for Stderr {
+    fn write(&mut self, line: &[u8]) -> io::Result<usize> {
+        let mut stderr = io::stderr().lock();
+        if !has_room(&stderr) {
+            LOST.fetch_add(1, Relaxed);
+            return Ok(line.len());
+        }
+        let lost = LOST.swap(0, Relaxed);
+        if lost > 0 {
+            let words = if self.is_json {
+                format!("{{\"level\":\"WARN\",\"message\":\"lines lost\",\"lines\":{lost}}}\n")
+            } else {
+                format!("WARN lines lost lines={lost}\n")
+            };
+            stderr.write_all(words.as_bytes())?;
+        }
+        match line.get(..LONGEST - 1) {
+            Some(start) if line.len() > LONGEST => {
+                stderr.write_all(start).and_then(|()| stderr.write_all(b"\n"))?;
+            }
+            _ => stderr.write_all(line)?,
+        }
+        Ok(line.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Whether whoever reads stderr leaves room for a line.
+fn has_room(stderr: &io::StderrLock<'_>) -> bool {
+    let mut descriptors = [PollFd::new(stderr, PollFlags::OUT)];
+    poll(&mut descriptors, Some(&timespec(Duration::ZERO)))
+        .is_ok_and(|_| descriptors[0].revents().contains(PollFlags::OUT))
+}
