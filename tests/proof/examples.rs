@@ -9,8 +9,15 @@ use sarrus_dynamics::{Field, Request};
 use sarrus_models::{Options, Source, load};
 use sarrus_tests::run::Robot;
 
-const EXAMPLES: [&str; 6] =
-    ["inverse_dynamics", "forward_dynamics", "jacobian", "own_robot", "loop_1khz", "simulation"];
+const EXAMPLES: [&str; 7] = [
+    "inverse_dynamics",
+    "forward_dynamics",
+    "jacobian",
+    "own_robot",
+    "loop_1khz",
+    "simulation",
+    "speed",
+];
 
 /// The folder of this build: the examples are in `examples`, the programs beside it.
 pub(super) fn folder() -> &'static Path {
@@ -66,11 +73,20 @@ impl Server {
         assert!(line.starts_with("ready "), "{line}");
         Server(child)
     }
+
+    /// Sends it a signal, by the name that `kill` has for it.
+    pub(crate) fn signal(&self, signal: &str) {
+        let id = self.0.id().to_string();
+        assert!(Command::new("kill").args([signal, &id]).status().unwrap().success());
+    }
 }
 
 impl Drop for Server {
     fn drop(&mut self) {
-        let stopped = Command::new("kill").arg(self.0.id().to_string()).status();
+        // one that was paused goes on first
+        let id = self.0.id().to_string();
+        let _ = Command::new("kill").args(["-CONT", &id]).status();
+        let stopped = Command::new("kill").arg(id).status();
         if !stopped.is_ok_and(|status| status.success()) {
             let _ = self.0.kill();
         }

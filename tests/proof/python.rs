@@ -120,6 +120,8 @@ fn a_connected_robot_answers_as_one_in_process_and_outlives_its_server() {
         match line.as_str() {
             "stop the server" => drop(server.take()),
             "start the server" => server = Some(examples::Server::start("python")),
+            "pause the server" => server.as_ref().unwrap().signal("-STOP"),
+            "resume the server" => server.as_ref().unwrap().signal("-CONT"),
             other => panic!("{other}"),
         }
         writeln!(stdin, "done").unwrap();
@@ -140,6 +142,9 @@ fn programs_on_the_page_of_the_package_run() {
     std::fs::write(folder.join("crank.yml"), submechanisms).unwrap();
     let mut count = 0;
     for block in blocks.filter(|block| !block.contains("sarrus.can")) {
+        if block.contains("dask") && !environment().has_optional_packages() {
+            continue;
+        }
         let block = block.replace("connect(\"elbow\"", "connect(\"python-page\"");
         // a warning is what one program is about
         let mut command = environment().command(&["-c", &block]);
@@ -159,11 +164,73 @@ fn examples_of_the_package_run() {
         if path.extension().is_some_and(|ending| ending == "py") {
             let mut command = environment().command(&["-W", "error"]);
             command.arg(&path).current_dir(package("examples"));
+            if path.ends_with("speed.py") {
+                command.arg("--rust").arg(examples::folder().join("examples/speed"));
+            }
             run(command, "");
             count += 1;
         }
     }
     assert!(count > 0);
+}
+
+#[test]
+fn notebooks_of_the_package_run_and_show_tables_and_pictures() {
+    if !environment().has_optional_packages() {
+        return;
+    }
+    let mut count = 0;
+    for entry in std::fs::read_dir(package("examples")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|ending| ending == "ipynb") {
+            let mut command = script("notebook.py", &[]);
+            command.arg(&path);
+            run(command, "");
+            count += 1;
+        }
+    }
+    assert!(count > 0);
+}
+
+#[test]
+fn rows_on_workers_of_dask_have_the_bits_of_one_process_also_when_a_worker_is_killed() {
+    if environment().has_optional_packages() {
+        // dask's own warnings are no faults
+        let mut command = environment().command(&[]);
+        command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("proof/python/cluster.py"));
+        run(command, "");
+    }
+}
+
+#[test]
+fn importing_the_package_on_an_older_processor_raises_what_that_lacks() {
+    // the interpreter on processors without FMA or AVX2, emulated; and on one with both
+    let emulator = "qemu-x86_64";
+    if !cfg!(all(target_arch = "x86_64", target_feature = "avx2")) {
+        return println!("not run: this build is for any processor");
+    }
+    let version = Command::new(emulator).arg("--version").output();
+    let version = version.map_or(String::new(), |output| String::from_utf8(output.stdout).unwrap());
+    // `qemu-x86_64 version 7.2.22 (…)`; AVX2 is emulated since 7.2
+    let number = version.split(' ').nth(2).unwrap_or_default();
+    let number: Vec<u32> = number.split('.').filter_map(|part| part.parse().ok()).collect();
+    if number.as_slice() < &[7, 2] {
+        return println!("not run: {emulator} 7.2 or newer is missing (Debian: qemu-user)");
+    }
+    let import = "try:\n    import sarrus.can\nexcept ImportError as error:\n    print(error)";
+    for (processor, reported) in [
+        ("Nehalem", "this processor has no FMA; sarrus is built for x86-64-v3"),
+        ("max,-avx2", "this processor has no AVX2; sarrus is built for x86-64-v3"),
+        ("max", ""),
+    ] {
+        let python = environment().command(&["-c", import]);
+        let mut command = Command::new(emulator);
+        command.args(["-cpu", processor]).arg(python.get_program()).args(python.get_args());
+        command.envs(python.get_envs().filter_map(|(name, value)| Some((name, value?))));
+        let output = run(command, "");
+        assert!(output.starts_with(reported), "{processor}: {output}");
+        assert_eq!(output.is_empty(), reported.is_empty(), "{processor}: {output}");
+    }
 }
 
 #[test]

@@ -13,12 +13,16 @@ use std::sync::OnceLock;
 
 /// What the tests need beside the package itself.
 const REQUIREMENTS: &str = include_str!("../../client/python/requirements.txt");
+/// What some tests need, which are not run where it cannot be installed.
+const OPTIONAL: &str = include_str!("../../client/python/requirements-optional.txt");
 
 /// A virtual environment that is ready.
 #[derive(Debug)]
 pub struct Environment {
     python: PathBuf,
     package: PathBuf,
+    /// Whether the packages of `OPTIONAL` are there, or why not.
+    optional: Result<(), String>,
 }
 
 impl Environment {
@@ -46,6 +50,14 @@ impl Environment {
         command
     }
 
+    /// True where the optional packages are there; else says that the caller is not run.
+    pub fn has_optional_packages(&self) -> bool {
+        if let Err(error) = &self.optional {
+            println!("not run: client/python/requirements-optional.txt is not installed\n{error}");
+        }
+        self.optional.is_ok()
+    }
+
     /// `python -m sarrus.can` with arguments.
     pub fn can(&self, arguments: &[&str]) -> Command {
         let mut command = self.command(&["-m", "sarrus.can"]);
@@ -71,7 +83,9 @@ fn make() -> Result<Environment, String> {
     // one process at a time; the lock ends with the file's handle
     let lock = File::create(root.join("lock")).map_err(described)?;
     lock.lock().map_err(described)?;
-    let python = virtual_environment(&root.join("environment"))?;
+    let folder = root.join("environment");
+    let python = virtual_environment(&folder)?;
+    let optional = install(&folder, "optional", OPTIONAL);
     // each profile has a package of its own
     let package = root.join(profile.file_name().ok_or("no profile")?);
     let name = format!("{DLL_PREFIX}sarrus_python{DLL_SUFFIX}");
@@ -82,7 +96,7 @@ fn make() -> Result<Environment, String> {
     let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../client/python/python/sarrus");
     copy_folder(&sources, &package.join("sarrus"))?;
     copy_file(&extension, &package.join("sarrus/_native.abi3.so"))?;
-    Ok(Environment { python, package })
+    Ok(Environment { python, package, optional })
 }
 
 /// A virtual environment with the packages of `REQUIREMENTS`; gives its interpreter.
@@ -111,15 +125,23 @@ fn virtual_environment(folder: &Path) -> Result<PathBuf, String> {
     }
     run(Command::new(&base).args(["-m", "venv"]).arg(folder))
         .map_err(|error| format!("{error}\non Debian: apt install python3-venv"))?;
-    let requirements = folder.join("requirements.txt");
-    fs::write(&requirements, REQUIREMENTS).map_err(described)?;
-    let mut install = Command::new(&python);
-    install
-        .args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--requirement"])
-        .arg(&requirements);
-    run(&mut install)?;
+    install(folder, "requirements", REQUIREMENTS)?;
     fs::write(&stamp, made_from).map_err(described)?;
     Ok(python)
+}
+
+/// Installs packages into an environment, once.
+fn install(folder: &Path, name: &str, requirements: &str) -> Result<(), String> {
+    let stamp = folder.join(name).with_extension("installed");
+    if fs::read_to_string(&stamp).is_ok_and(|installed| installed == requirements) {
+        return Ok(());
+    }
+    let file = folder.join(name).with_extension("txt");
+    fs::write(&file, requirements).map_err(described)?;
+    run(Command::new(folder.join("bin/python"))
+        .args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--requirement"])
+        .arg(&file))?;
+    fs::write(&stamp, requirements).map_err(described)
 }
 
 fn described(error: std::io::Error) -> String {

@@ -1,56 +1,97 @@
-"""What a call costs beside the same states as rows, where Rust goes from one to the next.
+"""What inverse dynamics cost in Python and in Rust, by turns in one run.
 
-    python speed.py [ROUNDS]
+    cargo build --release --workspace --examples
+    python speed.py [ROUNDS] [--rust target/release/examples/speed]
 
-Inverse dynamics: nanoseconds a state, one state a call (with and without `out=`), rows on one
-thread and on all. All ways take turns, and of each the fastest of some rounds counts; the overhead
-is that of a call over a row on one thread.
+Nanoseconds a state: one state a call (in Rust, in Python, in Python with `out=`), and 100,000
+states as rows (in Rust one after the other, in Python on one thread and on all). All ways take
+turns, and of each the fastest round counts. `over` is what Python adds, without `out=` to a call
+and on one thread to rows.
 """
 
-import sys
+import argparse
+import contextlib
+import subprocess
 import time
 
 import numpy as np
 import sarrus
 
-ROWS = 2000
-WAYS = ("call", "out=", "rows", "threads", "overhead")
+CALLS, ROWS = 2000, 100_000
+ROBOTS = ("lambda", "torso", "stewart", "rh5v2_upper_body", "rh5v2_full")
+HEAD = f"{'robot':18} {'call: Rust':>11} {'Python':>7} {'out=':>6} {'over':>6}" + (
+    f" {'rows: Rust':>12} {'Python':>7} {'over':>7} {'threads':>8}"
+)
 
 
-def measured(robot, rounds):
-    """Nanoseconds a state by each way."""
+@contextlib.contextmanager
+def rust(program):
+    """Give what asks the program in Rust for its nanoseconds; NaN without one."""
+    if program is None:
+        yield lambda *_: np.nan
+        return
+    with subprocess.Popen(
+        [program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+    ) as child:
+
+        def ask(name, way, n):
+            child.stdin.write(f"{name} {way} {n}\n")
+            return int(child.stdout.readline()) / n
+
+        yield ask
+        child.stdin.close()
+
+
+def timed(n, f):
+    """Nanoseconds a state of something that answers so many."""
+    begin = time.perf_counter_ns()
+    f()
+    return (time.perf_counter_ns() - begin) / n
+
+
+def measured(name, rounds, in_rust):
+    """The least nanoseconds a state by each way."""
+    robot = sarrus.Robot.bundled(name)
     one = np.full((3, len(robot.independents)), 0.05)
-    many = np.repeat(one[:, None, :], ROWS, axis=1)
-    more = np.repeat(many, 10, axis=1)
+    many = np.full((3, ROWS, len(robot.independents)), 0.05)
     out = np.empty(len(robot.actuators))
     outs = np.empty((ROWS, len(robot.actuators)))
-    mores = np.empty((10 * ROWS, len(robot.actuators)))
     y, yd, ydd = one
     ask = robot.inverse_dynamics
-    least = [np.inf] * 4
-    for _ in range(rounds):
-        times = [time.perf_counter_ns()]
-        for _ in range(ROWS):
+
+    def calls():
+        for _ in range(CALLS):
             ask(y, yd, ydd)
-        times.append(time.perf_counter_ns())
-        for _ in range(ROWS):
+
+    def calls_with_out():
+        for _ in range(CALLS):
             ask(y, yd, ydd, out=out)
-        times.append(time.perf_counter_ns())
-        ask(*many, out=outs, threads=1)
-        times.append(time.perf_counter_ns())
-        ask(*more, out=mores)
-        times.append(time.perf_counter_ns())
-        found = np.diff(times) / (ROWS, ROWS, ROWS, 10 * ROWS)
+
+    least = np.full(6, np.inf)
+    for _ in range(rounds):
+        found = (
+            in_rust(name, "call", CALLS),
+            timed(CALLS, calls),
+            timed(CALLS, calls_with_out),
+            in_rust(name, "rows", ROWS),
+            timed(ROWS, lambda: ask(*many, out=outs, threads=1)),
+            timed(ROWS, lambda: ask(*many, out=outs)),
+        )
         least = np.minimum(least, found)
-    return [*least, least[0] - least[2]]
+    return least
 
 
 def main():
-    rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 5
-    print(f"{'robot':18}", *(f"{way:>9}" for way in WAYS))
-    for name in ("lambda", "torso", "stewart", "rh5v2_upper_body", "rh5v2_full"):
-        times = measured(sarrus.Robot.bundled(name), rounds)
-        print(f"{name:18}", *(f"{time:9.0f}" for time in times))
+    parser = argparse.ArgumentParser()
+    parser.add_argument("rounds", nargs="?", type=int, default=1)
+    parser.add_argument("--rust")
+    arguments = parser.parse_args()
+    with rust(arguments.rust) as in_rust:
+        print(HEAD)
+        for name in ROBOTS:
+            call, python, out, row, rows, threads = measured(name, arguments.rounds, in_rust)
+            print(f"{name:18} {call:11.0f} {python:7.0f} {out:6.0f} {python - call:6.0f}", end="")
+            print(f" {row:12.0f} {rows:7.0f} {rows / row - 1:7.1%} {threads:8.0f}")
 
 
 if __name__ == "__main__":

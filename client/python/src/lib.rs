@@ -8,6 +8,7 @@ mod candidates;
 mod configuration;
 mod drives;
 mod dynamics;
+mod entry;
 mod fault_log;
 mod frames;
 mod interface;
@@ -17,8 +18,9 @@ mod service;
 mod slcan;
 mod telemetry;
 
-/// The core of sarrus in Rust. Its Python face is the package around it.
-#[pymodule(name = "_native")]
+/// The core of sarrus in Rust. Its Python face is the package around it; `entry` loads it as
+/// `sarrus._native`.
+#[pymodule(name = "_checked")]
 mod native {
     #[pymodule_export]
     use crate::bridge::PyBridge;

@@ -155,6 +155,27 @@ class Batches(unittest.TestCase):
         self.assertEqual(len(ticks), 5)
         self.assertLess(progress[-1], given.shape[1])
 
+    def test_a_signal_ends_a_simulation_whose_progress_is_given(self):
+        robot = sarrus.Robot.bundled("lambda")
+        started, seen = threading.Event(), []
+
+        def interrupt():
+            started.wait()
+            _thread.interrupt_main()
+
+        def note(reached, duration):
+            seen.append(reached)
+            self.assertEqual(duration, 1e5)
+            started.set()
+
+        thread = threading.Thread(target=interrupt)
+        thread.start()
+        with self.assertRaises(KeyboardInterrupt):
+            robot.simulate(1e5, [0.3], method="rk4", step=1e-3, every=1.0, progress=note)
+        thread.join()
+        self.assertEqual(seen, sorted(seen))
+        self.assertLess(seen[-1], 1e5)
+
     def test_memory_that_is_shared_by_other_ways_is_refused(self):
         robot = sarrus.Robot.bundled("torso")
         n, m = 6, len(robot.independents)

@@ -4,6 +4,8 @@ import gc
 import os
 import pickle
 import sys
+import threading
+import time
 import warnings
 
 import numpy as np
@@ -67,6 +69,45 @@ if child == 0:
         os._exit(code)
 assert os.waitpid(child, 0)[1] == 0
 np.testing.assert_array_equal(there.inverse_dynamics(y, yd, ydd), expected)
+
+# threads take turns, rows and single states
+found, questions = [], [(y, yd, ydd), (y[7], yd[7], ydd[7])] * 3
+threads = [
+    threading.Thread(target=lambda asked=asked: found.append(there.inverse_dynamics(*asked)))
+    for asked in questions
+]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+assert sorted(map(len, found)) == [1, 1, 1, 300, 300, 300]
+for answer in found:
+    np.testing.assert_array_equal(answer, expected if len(answer) == 300 else expected[7])
+
+# progress of rows, and its exception, which ends them
+seen = []
+there.inverse_dynamics(y, yd, ydd, progress=lambda *state: seen.append(state))
+assert seen[-1] == (300, 300), seen
+raises(ZeroDivisionError, "", there.inverse_dynamics, y, yd, ydd, progress=lambda *_: 1 / 0)
+
+# queries and robots that are dropped wait for no server, and for no thread that asks it
+patient = sarrus.Robot.connect(name, timeout=600.0)
+queries = [patient.query("kinematics", ["y"], [field]) for field in ("q", "u", "G")]
+asked = queries.pop()
+do("pause the server")
+answers = []
+thread = threading.Thread(target=lambda: answers.append(asked(y=[0.1])))
+thread.start()
+before = time.monotonic()
+while queries:
+    queries.pop()
+    gc.collect()
+assert time.monotonic() - before < 300 and not answers
+do("resume the server")
+thread.join()
+assert np.isfinite(answers[0].G).all()
+again = patient.query("kinematics", ["y"], ["q"])
+np.testing.assert_array_equal(again(y=[0.1]).q, here.state([0.1]).q)
 
 # what a connection cannot do
 raises(TypeError, "connect anew", pickle.dumps, there)

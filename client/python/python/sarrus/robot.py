@@ -385,7 +385,7 @@ class Robot(DescribedRobot):
         return _warned(query.ask([present[name] for name in query.given]))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return (_restored, (type(self), *self.origin.contents(), self.fingerprint))
+        return (restored, (type(self), *self.origin.contents(), self.fingerprint))
 
 
 def bundled() -> dict[str, str]:
@@ -411,7 +411,7 @@ def _warned(answer: Answer) -> Answer:
     return answer
 
 
-def _restored(
+def restored(
     cls: type[Robot],
     urdf: bytes,
     submechanisms: bytes | None,
@@ -422,7 +422,7 @@ def _restored(
     robot = cls(_native.Origin.text(urdf, submechanisms, options))
     if robot.fingerprint != fingerprint:
         raise LoadError(
-            f"the pickled files make the model {robot.fingerprint:016x}, expected "
+            f"these files make the model {robot.fingerprint:016x}, expected "
             f"{fingerprint:016x}: they were changed after the robot was loaded, name other files, "
             "or are read by another version of sarrus; load the robot by its files",
             [],

@@ -68,7 +68,7 @@ impl Asked {
             let id = build(robot.query(request)).prepare()?;
             Ok((id, robot.plan(id).cloned()))
         };
-        let (id, prepared) = shared.with(py, prepare)?;
+        let (id, prepared) = shared.prepare(py, prepare)?;
         let refused = |words: String| QueryError::new_err(words);
         let prepared = prepared.ok_or_else(|| refused("the plan was released".to_owned()))?;
         let plan = shared.model.as_ref().map(|model| Plan::new(model, prepared.query()));

@@ -48,6 +48,8 @@ pub(super) struct Shared {
     pub(super) model: Option<Arc<Model<f64>>>,
     /// Workspaces of batches that ended.
     workspaces: Mutex<Vec<Workspace<f64>>>,
+    /// Plans of a connected robot that are held no more, and of which its server does not know yet.
+    released: Mutex<Vec<PlanId>>,
     forks: u64,
 }
 
@@ -57,6 +59,7 @@ impl Shared {
             model: robot.shared_model(),
             robot: Mutex::new(Some(robot)),
             workspaces: Mutex::new(Vec::new()),
+            released: Mutex::new(Vec::new()),
             forks: FORKS.load(Relaxed),
         }
     }
@@ -86,6 +89,21 @@ impl Shared {
         outcome.map_err(robot_error)
     }
 
+    /// Prepares a plan, and says first which ones are held no more.
+    pub(super) fn prepare<T: Send>(
+        &self,
+        py: Python<'_>,
+        f: impl FnOnce(&mut Robot) -> Result<T, Error> + Send,
+    ) -> PyResult<T> {
+        self.with(py, |robot| {
+            for plan in std::mem::take(&mut *lock(&self.released)) {
+                // a server that is gone took the plan with it
+                let _ = robot.release(plan);
+            }
+            f(robot)
+        })
+    }
+
     /// Asks for one state.
     pub(super) fn ask(
         &self,
@@ -110,13 +128,15 @@ impl Shared {
         }
     }
 
-    /// Releases a plan.
+    /// Releases a plan. Whoever drops one holds Python's lock and waits neither for a server nor
+    /// for a thread that asks it: a connected robot releases it when the next one is prepared.
     pub(super) fn release(&self, plan: PlanId) {
         if self.is_inherited() {
             return;
         }
-        if let Some(robot) = lock(&self.robot).as_mut() {
-            // a server that is gone took the plan with it
+        if self.model.is_none() {
+            lock(&self.released).push(plan);
+        } else if let Some(robot) = lock(&self.robot).as_mut() {
             let _ = robot.release(plan);
         }
     }

@@ -1,0 +1,235 @@
+"""Rows of states on the workers of dask.distributed.
+
+Answers are pure functions of model and rows, so rows go out in blocks with the robot's files, and
+any worker answers any block: one that is lost is answered again by another. Needs
+`pip install 'sarrus[distributed]'` here and `sarrus` of the same version on every worker.
+"""
+
+from __future__ import annotations
+
+import importlib
+import threading
+import time
+import uuid
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from sarrus import __version__, _native
+from sarrus.errors import Error
+from sarrus.query import Answer, Array, Progress, Query, RequestName
+from sarrus.robot import Robot, restored
+
+BLOCKS_OF_A_THREAD = 8
+"""How many blocks each thread of the cluster gets, for an even end and little lost work."""
+LEAST_ROWS, MOST_NUMBERS = 1024, 1 << 20
+"""A block is worth its way from so many rows on, and has so many numbers at most."""
+AHEAD = 3
+"""Blocks of a thread that are under way, so that it finds the next one beside it."""
+LOOK = 1.0
+"""Between two counts of the cluster's threads [s]."""
+ROBOTS = 8
+"""Robots that a worker keeps."""
+
+
+def map(
+    robot: Robot,
+    rows: Mapping[str, npt.ArrayLike],
+    client: Any,
+    *,
+    request: RequestName = "inverse-dynamics",
+    want: Sequence[str] | None = None,
+    rows_of_a_block: int | None = None,
+    progress: Progress | None = None,
+    **options: Any,
+) -> Answer:
+    """Answer rows of states on the workers of a `dask.distributed.Client`.
+
+    `rows` has an array (n, …) for each given field, such as `y`, `yd` and `ydd`; `want` are names
+    of fields that come out, without it the request's usual ones; `options` are those of
+    `Robot.query`. The answer has rows in the order of those given, `status` and `warnings` among
+    them, with the bits of `robot.query(request, rows, want)(**rows)`.
+
+    The robot travels as its files; each worker compiles it once and refuses it with a `LoadError`
+    where its fingerprint is another one. `progress` gets how many rows are done and how many there
+    are. Its exception, that of a block and Ctrl-C end it: blocks that no worker has begun are
+    withdrawn. A worker that is lost costs its blocks' time only, until one block has been on too
+    many of them (`distributed.KilledWorker`). Without any worker it waits for one.
+    """
+    dask = _dask()
+    if not isinstance(client, dask.Client):
+        raise TypeError(f"`client` is {client!r}, expected a `dask.distributed.Client`")
+    if client.asynchronous:
+        raise TypeError("`client` is asynchronous, expected one that waits for its answers")
+    query = robot.query(request, list(rows), want, **options)
+    given = _arrays(query, rows)
+    n = len(given[0])
+    answer = _empty(query, n)
+    if n == 0:
+        if progress is not None:
+            progress(0, 0)
+        return answer
+
+    # the robot is a task as well, of which dask keeps the recipe: no worker's end loses it
+    key = f"sarrus-{robot.fingerprint:016x}-{uuid.uuid4().hex}"
+    recipe = Recipe(
+        robot.origin.contents(), robot.fingerprint, __version__, (request, [*rows], want, options)
+    )
+    shared = client.submit(_carried, recipe, key=f"{key}-robot", pure=False)
+
+    def submit(block: slice) -> Any:
+        arrays = [array[block] for array in given]
+        name = f"{key}-{block.start}"
+        return client.submit(_answered, shared, *arrays, key=name, pure=False)
+
+    threads = _threads(client)
+    if rows_of_a_block is None:
+        rows_of_a_block = _usual_rows(query, n, threads())
+    blocks = _blocks(n, rows_of_a_block)
+    under_way: dict[Any, slice] = {}
+    ended = dask.as_completed(loop=client.loop)
+
+    def fill() -> None:
+        # only as many as the workers can have: the scheduler holds the rows of each
+        while len(under_way) < AHEAD * threads() and (block := next(blocks, None)) is not None:
+            future = submit(block)
+            under_way[future] = block
+            ended.add(future)
+
+    try:
+        fill()
+        done = 0
+        for future in ended:
+            fields, status, warnings = future.result()
+            block = under_way.pop(future)
+            for name, field in zip(query.want, fields, strict=True):
+                answer[name][block] = field
+            answer.status[block], answer.warnings[block] = status, warnings
+            future.release()
+            done += block.stop - block.start
+            fill()
+            if progress is not None:
+                progress(done, n)
+    finally:
+        for future in (*under_way, shared):
+            future.release()
+    return answer
+
+
+class Recipe(NamedTuple):
+    """What a worker makes a query of again: files, and what they must make."""
+
+    files: tuple[bytes, bytes | None, _native.Parts]
+    fingerprint: int
+    version: str
+    query: tuple[RequestName, list[str], Sequence[str] | None, dict[str, Any]]
+
+
+# --- on a worker ----------------------------------------------------------------------------------
+
+_robots: OrderedDict[int, tuple[Robot, dict[str, Query]]] = OrderedDict()
+_lock = threading.Lock()
+
+
+def _carried(recipe: Recipe) -> Recipe:
+    """Make the recipe a result, which workers pass on to each other."""
+    return recipe
+
+
+def _answered(recipe: Recipe, *given: Array) -> tuple[list[Array], Any, Any]:
+    """Answer a block: its fields, statuses and warnings."""
+    # one thread: dask runs as many blocks at a time as a worker has
+    answer = _prepared(recipe).ask(given, threads=1)
+    return list(answer.values()), answer.status, answer.warnings
+
+
+def _prepared(recipe: Recipe) -> Query:
+    """The query of a recipe; its robot is compiled once and kept while others are not many."""
+    if recipe.version != __version__:
+        raise Error(
+            f"this worker has sarrus {__version__}, and rows came from sarrus {recipe.version}; "
+            "install the same version on both"
+        )
+    with _lock:
+        if recipe.fingerprint not in _robots:
+            _robots[recipe.fingerprint] = restored(Robot, *recipe.files, recipe.fingerprint), {}
+        _robots.move_to_end(recipe.fingerprint)
+        while len(_robots) > ROBOTS:
+            _robots.popitem(last=False)
+        robot, queries = _robots[recipe.fingerprint]
+        key = repr(recipe.query)
+        if key not in queries:
+            request, given, want, options = recipe.query
+            queries[key] = robot.query(request, given, want, **options)
+        return queries[key]
+
+
+# --- within ---------------------------------------------------------------------------------------
+
+
+def _dask() -> Any:
+    """The package `distributed`, which sarrus needs for nothing else."""
+    try:
+        return importlib.import_module("distributed")
+    except ImportError as error:
+        raise ImportError(
+            "`sarrus.distributed` needs dask: pip install 'sarrus[distributed]'"
+        ) from error
+
+
+def _arrays(query: Query, rows: Mapping[str, npt.ArrayLike]) -> list[Array]:
+    """The rows of each field, in the order of the query, or what does not fit."""
+    given = [np.asarray(rows[name]) for name in query.given]
+    for name, array in zip(query.given, given, strict=True):
+        if array.ndim != 1 + len(query.given[name]):
+            raise ValueError(
+                f"`{name}` has the shape {array.shape}, expected rows of states, "
+                f"(n{''.join(f', {size}' for size in query.given[name])})"
+            )
+        if len(array) != len(given[0]):
+            first = next(iter(query.given))
+            raise ValueError(
+                f"`{first}` has {len(given[0])} rows and `{name}` has {len(array)} rows; give "
+                "equally many rows of each"
+            )
+    # no row of each: shapes and types are refused in the core's words
+    query.ask([array[:0] for array in given])
+    return [np.require(array, np.float64, ["C", "A"]) for array in given]
+
+
+def _empty(query: Query, n: int) -> Answer:
+    """Arrays for the answer of so many rows."""
+    fields = {name: np.empty((n, *shape)) for name, shape in query.want.items()}
+    return Answer(fields, np.empty(n, np.uint32), np.empty(n, np.uint32))
+
+
+def _usual_rows(query: Query, n: int, threads: int) -> int:
+    """Rows of a block: some blocks for each thread, none too small or too large to send."""
+    shapes = [*query.given.values(), *query.want.values()]
+    numbers = sum(int(np.prod(shape)) for shape in shapes)
+    rows = max(LEAST_ROWS, -(-n // (BLOCKS_OF_A_THREAD * threads)))
+    return max(1, min(rows, MOST_NUMBERS // max(1, numbers)))
+
+
+def _blocks(n: int, rows: int) -> Iterator[slice]:
+    """So many rows, cut into blocks."""
+    if rows < 1:
+        raise ValueError(f"`rows_of_a_block` is {rows}, expected 1 or more")
+    return (slice(start, min(start + rows, n)) for start in range(0, n, rows))
+
+
+def _threads(client: Any) -> Callable[[], int]:
+    """How many threads the cluster has, at least one, counted anew now and then."""
+    count, next_look = 1, 0.0
+
+    def threads() -> int:
+        nonlocal count, next_look
+        if time.monotonic() >= next_look:
+            count = max(1, sum(client.nthreads().values()))
+            next_look = time.monotonic() + LOOK
+        return count
+
+    return threads
