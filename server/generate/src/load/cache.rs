@@ -176,6 +176,9 @@ impl Cache {
     ) -> Result<Made, MakeError> {
         let folder = self.folder.join(compiler_name(compiler));
         let path = folder.join(file_name(model, plan));
+        for folder in [&self.folder, &folder].into_iter().filter(|folder| folder.exists()) {
+            self.check(folder)?;
+        }
         let refused = match ObjectFile::read(&path) {
             Err(LoadError::Io { error, .. }) if error.kind() == io::ErrorKind::NotFound => None,
             Err(error) => Some(error),
