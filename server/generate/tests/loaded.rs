@@ -2,8 +2,10 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::fs;
+use std::hint::black_box;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Workspace};
 use sarrus_generate::{
@@ -55,12 +57,13 @@ fn built(
     path
 }
 
-/// The last digit of the last long decimal number is another one: some mass or length.
+/// The last digit of the first long decimal number of the function is another one: some length.
 fn with_another_constant(function: String) -> String {
     let is_digit = |c: &char| c.is_ascii_digit();
-    let mut places = function.match_indices("0.").map(|(at, _)| at + 2).collect::<Vec<_>>();
-    places.retain(|at| function[*at..].chars().take_while(is_digit).count() >= 5);
-    let at = *places.last().unwrap();
+    let start = function.find("\nint elbow(").unwrap();
+    let places = function.match_indices("0.").map(|(at, _)| at + 2).filter(|at| *at > start);
+    let is_long = |at: &usize| function[*at..].chars().take_while(is_digit).count() >= 5;
+    let at = places.into_iter().find(is_long).unwrap();
     let end = at + function[at..].chars().take_while(is_digit).count();
     let digit = if &function[end - 1..end] == "7" { "3" } else { "7" };
     format!("{}{digit}{}", &function[..end - 1], &function[end..])
@@ -85,9 +88,9 @@ fn a_loaded_kernel_has_the_bits_of_the_plan_and_leaves_it_what_it_cannot_answer(
     let mut answered = 0;
     for k in 0..10_000 {
         let mut input = random_input(model.info(), plan.given(), 77_000_000 + k);
-        // velocities of exactly zero are left to the plan
+        // what is no number is left to the plan
         if k % 10 == 0 {
-            input[1] = 0.0;
+            input[1] = f64::NAN;
         }
         let right = plan.run(&model, &mut workspace, &input, &mut expected);
         if let Some(answer) = kernel.answer(&input, &mut found) {
@@ -95,7 +98,7 @@ fn a_loaded_kernel_has_the_bits_of_the_plan_and_leaves_it_what_it_cannot_answer(
             answered += 1;
         }
     }
-    assert!((5_000..=9_500).contains(&answered), "{answered}");
+    assert!((5_000..=9_000).contains(&answered), "{answered}");
     assert!(kernel.answer(&[f64::NAN, 0.1, 0.1], &mut found).is_none());
     // of other sizes it is not called
     assert!(kernel.answer(&[0.1, 0.1], &mut found).is_none());
@@ -222,4 +225,66 @@ fn an_order_to_stop_ends_a_compiler_and_leaves_nothing() {
     let error = cache.kernel(&lambda, &plan, &compiler, &cancel).unwrap_err();
     assert!(matches!(error, MakeError::Cancelled), "{error}");
     assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
+}
+
+/// Nanoseconds of a call, the least of several runs.
+fn ns(best: &mut f64, calls: usize, mut call: impl FnMut(usize)) {
+    let start = Instant::now();
+    (0..calls).for_each(&mut call);
+    *best = best.min(start.elapsed().as_nanos() as f64 / calls as f64);
+}
+
+#[test]
+#[ignore = "compiles large functions"]
+fn kernels_of_every_size_have_the_bits_of_their_plans_and_their_times_are_printed() {
+    use Field::*;
+    let Some(compiler) = compiler() else { return };
+    let cache = Cache::at(folder("times").join("kernels"));
+    let queries = [
+        ("state", Request::Kinematics, [Y, Yd, Ydd], [Q, Qd, Qdd].as_slice()),
+        ("inverse", Request::InverseDynamics, [Y, Yd, Ydd], &[TauU]),
+        ("forward", Request::ForwardDynamics, [Y, Yd, TauU], &[Ydd]),
+    ];
+    for robot in ["lambda", "torso", "rh5v2_upper_body"] {
+        let model = model(robot);
+        for (name, request, given, want) in &queries {
+            let query = Query::new(*request, FieldSet::of(given), FieldSet::of(want));
+            let plan = Plan::new(&model, &query).unwrap();
+            let kernel = cache.kernel(&model, &plan, &compiler, &Cancel::default()).unwrap().kernel;
+            let inputs: Vec<Vec<f64>> =
+                (0..1000).map(|k| random_input(model.info(), plan.given(), k)).collect();
+            let mut workspace = Workspace::for_plans(&model, [&plan]);
+            let [mut found, mut expected] = [(); 2].map(|()| vec![0.0; plan.want().len()]);
+            let mut left = 0;
+            for input in &inputs {
+                let right = plan.run(&model, &mut workspace, input, &mut expected);
+                match kernel.answer(input, &mut found) {
+                    Some(answer) => {
+                        assert_eq!(answer, right);
+                        let pairs = found.iter().zip(&expected);
+                        pairs.for_each(|(a, b)| assert_eq!(a.to_bits(), b.to_bits()));
+                    }
+                    None => left += 1,
+                }
+            }
+            // by turns, so that what else runs here disturbs both
+            let [mut generic, mut generated] = [f64::INFINITY; 2];
+            for _ in 0..40 {
+                let out = &mut expected;
+                ns(&mut generic, 2000, |k| {
+                    black_box(plan.run(&model, &mut workspace, &inputs[k % 1000], out));
+                });
+                ns(&mut generated, 2000, |k| {
+                    let input = &inputs[k % 1000];
+                    if black_box(kernel.answer(input, &mut found)).is_none() {
+                        black_box(plan.run(&model, &mut workspace, input, &mut found));
+                    }
+                });
+            }
+            println!(
+                "{robot} {name}: {generic:.0} ns by the plan, {generated:.0} ns with its kernel, \
+                 which leaves {left} of 1000 states to it"
+            );
+        }
+    }
 }
