@@ -53,6 +53,12 @@ pub enum ServeError {
     /// The handler of missing memory cannot be installed.
     #[error("SIGBUS cannot be handled: {0}")]
     Guard(io::Error),
+    /// A generated kernel cannot be used.
+    #[error("--kernel: {reason}")]
+    Kernel {
+        /// Why.
+        reason: String,
+    },
     /// Nothing can be recorded.
     #[error(transparent)]
     Record(#[from] RecordError),

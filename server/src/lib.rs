@@ -4,9 +4,9 @@
 //! transports and runs plans (`engine.rs`); the thread that called takes clients in
 //! (`arrivals.rs`), makes and retires lanes (`connections.rs`) and plans (`plans.rs`), answers the
 //! control socket (`control.rs`) and counts (`counters.rs`). A third one keeps the last seconds in
-//! a file where that is asked ([`record`]). Which processors and policies they have is decided in
-//! `placement/`. They meet in counters and in bounded channels, never in a lock. What all but the
-//! answering thread log is in `events.rs`.
+//! a file where that is asked ([`record`]), another makes kernels of plans (`kernels/`). Which
+//! processors and policies they have is decided in `placement/`. They meet in counters and in bounded
+//! channels, never in a lock. What all but the answering thread log is in `events.rs`.
 
 mod arrivals;
 mod bus_guard;
@@ -17,6 +17,7 @@ mod engine;
 mod error;
 mod events;
 mod hot;
+mod kernels;
 mod placement;
 mod places;
 mod plans;
@@ -30,6 +31,7 @@ mod taken;
 mod wait;
 
 pub use error::{MAX_LANES, ServeError};
+pub use kernels::Kernels;
 pub use placement::PlacementError;
 pub use serve::{ServeOptions, serve};
 pub use wait::Wait;

@@ -6,12 +6,15 @@
 //! hands each back, and only then its slot in the table is free for another plan, under another
 //! number.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use rtrb::{Consumer, Producer};
 use sarrus_dynamics::{Model, Plan};
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, PlanNumber};
 use sarrus_proto::{Query, QueryError, QueryOptions};
+
+use crate::kernels::{Maker, NativeKernel};
 
 /// How long a registration waits for a slot that is just being given back.
 const HAND_BACK: Duration = Duration::from_millis(20);
@@ -20,21 +23,26 @@ const HAND_BACK: Duration = Duration::from_millis(20);
 pub(crate) struct ServedPlan {
     pub(crate) number: PlanNumber,
     pub(crate) plan: Plan,
+    /// Answers most states faster, with the same bits.
+    pub(crate) kernel: Option<Arc<NativeKernel>>,
     /// Requests and answers have a checksum.
     pub(crate) checks: bool,
 }
 
-/// What the maintenance thread tells the answering thread of plans. There are at most two orders
-/// for each slot under way.
+/// What the maintenance thread tells the answering thread of plans. There are at most three
+/// orders for each slot under way.
 pub(crate) enum PlanOrder {
     /// Answer requests for this plan from now on.
     Serve(Box<ServedPlan>),
+    /// Answer by this kernel from now on. The maintenance thread keeps one too, so that dropping it
+    /// unloads nothing.
+    Kernel(PlanNumber, Arc<NativeKernel>),
     /// Give the plan back.
     Retire(PlanNumber),
 }
 
 /// Room for every order that can be under way.
-pub(crate) const MAX_ORDERS: usize = 2 * MAX_PLANS;
+pub(crate) const MAX_ORDERS: usize = 3 * MAX_PLANS;
 
 /// A registered plan, as its client learns it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,12 +82,17 @@ pub(crate) struct Plans {
     slots: Vec<Slot>,
     orders: Producer<PlanOrder>,
     retired: Consumer<Box<ServedPlan>>,
+    kernels: Maker,
 }
 
 impl Plans {
-    pub(crate) fn new(orders: Producer<PlanOrder>, retired: Consumer<Box<ServedPlan>>) -> Plans {
+    pub(crate) fn new(
+        orders: Producer<PlanOrder>,
+        retired: Consumer<Box<ServedPlan>>,
+        kernels: Maker,
+    ) -> Plans {
         let slots = (0..MAX_PLANS).map(|_| Slot { generation: 0, state: State::Free }).collect();
-        Plans { slots, orders, retired }
+        Plans { slots, orders, retired, kernels }
     }
 
     /// How many there are.
@@ -116,7 +129,8 @@ impl Plans {
         let slot = &mut self.slots[index];
         let number = PlanNumber::new(index, slot.generation);
         let checks = query.options.contains(QueryOptions::CHECKSUM);
-        let order = PlanOrder::Serve(Box::new(ServedPlan { number, plan, checks }));
+        let kernel = self.kernels.kernel_of(&plan);
+        let order = PlanOrder::Serve(Box::new(ServedPlan { number, plan, kernel, checks }));
         // there is room: full means that the answering thread is gone
         self.orders.push(order).map_err(|_| Unplanned::TooMany)?;
         slot.generation += 1;
@@ -162,6 +176,21 @@ impl Plans {
     pub(crate) fn upkeep(&mut self) {
         self.collect();
         self.slots.iter_mut().for_each(|slot| retire_if_unheld(&mut self.orders, slot));
+        while let Some((is_for, kernel)) = self.kernels.made() {
+            for slot in &self.slots {
+                if let State::Held { query, registered, .. } = &slot.state
+                    && is_for(query)
+                {
+                    // there is room, else the generic kernel goes on
+                    let _ = self.orders.push(PlanOrder::Kernel(registered.number, kernel.clone()));
+                }
+            }
+        }
+    }
+
+    /// Ends what goes on beside the server.
+    pub(crate) fn stop(&mut self) {
+        self.kernels.stop();
     }
 
     fn collect(&mut self) {

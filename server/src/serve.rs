@@ -23,6 +23,7 @@ use crate::engine::Engine;
 use crate::error::{MAX_LANES, ServeError};
 use crate::events;
 use crate::hot::{Hot, Shared};
+use crate::kernels::{Kernels, Maker};
 use crate::placement::{Flags, Placement};
 use crate::plans::{MAX_ORDERS, Plans};
 use crate::pool;
@@ -39,6 +40,8 @@ pub struct ServeOptions {
     pub wait: Wait,
     /// How many clients can have a lane at one time.
     pub lanes: usize,
+    /// Generated kernels for the plans of clients.
+    pub kernels: Kernels,
     /// Where the last seconds are recorded, if anywhere.
     pub record: Option<RecordOptions>,
     /// The processor of the answering thread; all other threads leave it.
@@ -55,6 +58,7 @@ impl Default for ServeOptions {
             name: "default".to_owned(),
             wait: Wait::auto(),
             lanes: 16,
+            kernels: Kernels::default(),
             record: None,
             cpu: None,
             priority: None,
@@ -154,6 +158,11 @@ fn run(
         clock: clock.clone(),
         wait: options.wait,
     };
+    let kernels = {
+        let placement = placement.clone();
+        let place = move || drop(placement.place_other());
+        Maker::start(&options.kernels, &model, place)?
+    };
     // whoever connects before the end of this function waits
     let socket = |source| ServeError::Socket { path: run.name_folder().to_owned(), source };
     let listener = run.listen().map_err(socket)?;
@@ -171,7 +180,7 @@ fn run(
         root: domain.root().to_string_lossy().into_owned(),
         connections,
         model,
-        plans: Plans::new(plan_orders_in, retired_plans_out),
+        plans: Plans::new(plan_orders_in, retired_plans_out, kernels),
         pages: pages(&String::from_utf8_lossy(&info.to_json())),
         fingerprint: info.fingerprint,
         heartbeat: heartbeat_reader,
@@ -211,6 +220,7 @@ fn run(
         }
     }
     let ended = thread.join();
+    upkeep.control.plans.stop();
     // what was answered is written
     recording.map(JoinHandle::join);
     if ended.is_ok() && stop.load(Relaxed) { Ok(()) } else { Err(ServeError::Died) }

@@ -13,6 +13,8 @@ mod describe;
 mod direct;
 mod error;
 mod head;
+#[cfg(feature = "kernels")]
+mod kernels;
 mod life;
 mod local;
 mod options;
@@ -29,6 +31,8 @@ pub use bridge::{Controller, Observer, now_ns};
 pub use describe::describe;
 pub use error::{ConnectError, Error};
 pub use head::Times;
+#[cfg(feature = "kernels")]
+pub use kernels::{AnsweredBy, KernelError, Kernels};
 pub use life::{Life, ProcessState};
 pub use options::{ConnectOptions, Transport, WaitStrategy};
 pub use plan::{PlanId, Prepared};

@@ -5,6 +5,8 @@ use std::sync::Arc;
 use sarrus_dynamics::{Model, Plan, Workspace};
 use sarrus_proto::Query;
 
+#[cfg(feature = "kernels")]
+use crate::kernels::{AnsweredBy, KernelError, Kernels, Source};
 use crate::{Answer, Error};
 
 /// The model with its scratch and its plans.
@@ -12,18 +14,55 @@ pub(crate) struct Local {
     pub(crate) model: Arc<Model<f64>>,
     workspace: Workspace<f64>,
     /// By their places.
-    plans: Vec<Option<Plan>>,
+    plans: Vec<Option<Prepared>>,
+    /// Where kernels of plans come from.
+    #[cfg(feature = "kernels")]
+    kernels: Source,
+}
+
+/// A plan, with its kernel where one was asked for.
+struct Prepared {
+    plan: Plan,
+    #[cfg(feature = "kernels")]
+    kernel: Option<Result<Arc<sarrus_generate::NativeKernel>, KernelError>>,
 }
 
 impl Local {
     pub(crate) fn new(model: Model<f64>) -> Local {
-        Local { workspace: Workspace::new(&model), model: Arc::new(model), plans: Vec::new() }
+        Local {
+            workspace: Workspace::new(&model),
+            model: Arc::new(model),
+            plans: Vec::new(),
+            #[cfg(feature = "kernels")]
+            kernels: Source::default(),
+        }
+    }
+
+    /// Plans that are registered from now on get these kernels.
+    #[cfg(feature = "kernels")]
+    pub(crate) fn use_kernels(&mut self, kernels: Kernels) -> Result<(), KernelError> {
+        self.kernels = Source::new(kernels, &self.model)?;
+        Ok(())
+    }
+
+    /// By what a plan is answered.
+    #[cfg(feature = "kernels")]
+    pub(crate) fn answered_by(&self, place: usize) -> AnsweredBy<'_> {
+        match self.plans.get(place).and_then(Option::as_ref).map(|prepared| &prepared.kernel) {
+            Some(Some(Ok(kernel))) => AnsweredBy::Generated(kernel.manifest()),
+            Some(Some(Err(error))) => AnsweredBy::Refused(error),
+            _ => AnsweredBy::Generic,
+        }
     }
 
     pub(crate) fn register(&mut self, place: usize, query: &Query) -> Result<(), Error> {
         let plan = Plan::new(&self.model, query).map_err(Error::Query)?;
         self.plans.resize_with(self.plans.len().max(place + 1), || None);
-        self.plans[place] = Some(plan);
+        self.plans[place] = Some(Prepared {
+            #[cfg(feature = "kernels")]
+            kernel: self.kernels.kernel(&self.model, &plan),
+            plan,
+        });
         Ok(())
     }
 
@@ -39,7 +78,14 @@ impl Local {
         input: &[f64],
         output: &mut [f64],
     ) -> Result<Answer, Error> {
-        let Some(Some(plan)) = self.plans.get(place) else { return Err(Error::ReleasedPlan) };
-        Ok(plan.run(&self.model, &mut self.workspace, input, output))
+        let Some(Some(prepared)) = self.plans.get(place) else { return Err(Error::ReleasedPlan) };
+        // the same bits by either
+        #[cfg(feature = "kernels")]
+        if let Some(Ok(kernel)) = &prepared.kernel
+            && let Some(answer) = kernel.answer(input, output)
+        {
+            return Ok(answer);
+        }
+        Ok(prepared.plan.run(&self.model, &mut self.workspace, input, output))
     }
 }

@@ -131,6 +131,39 @@ impl Robot {
         }
     }
 
+    /// Which generated kernels plans get that are prepared from now on; none without. The numbers
+    /// stay the same bits, errors and warnings too. With [`crate::Kernels::File`] the file is
+    /// loaded and compared now, else kernels are looked for, or compiled, as plans are prepared;
+    /// where there is none the generic ones answer, and [`Robot::answered_by`] says why.
+    ///
+    /// Loading a shared object runs it with the rights of this process: only files are taken that
+    /// belong to this user or to root and that nobody else may write.
+    ///
+    /// # Errors
+    /// [`crate::KernelError`]: a connected robot, or a file that is refused. What was asked before
+    /// stays.
+    #[cfg(feature = "kernels")]
+    pub fn use_kernels(&mut self, kernels: crate::Kernels) -> Result<(), crate::KernelError> {
+        match &mut self.side {
+            Side::Local(local) => local.use_kernels(kernels),
+            Side::Remote(_) if kernels == crate::Kernels::None => Ok(()),
+            Side::Remote(_) => Err(crate::KernelError::Connected),
+        }
+    }
+
+    /// By what a plan is answered.
+    ///
+    /// # Errors
+    /// [`Error::UnknownPlan`], [`Error::ReleasedPlan`].
+    #[cfg(feature = "kernels")]
+    pub fn answered_by(&self, plan: PlanId) -> Result<crate::AnsweredBy<'_>, Error> {
+        let (place, _) = self.plans.find(plan)?;
+        Ok(match &self.side {
+            Side::Local(local) => local.answered_by(place),
+            Side::Remote(_) => crate::AnsweredBy::Generic,
+        })
+    }
+
     /// What the server counts; `None` in process and while the server is gone.
     pub fn statistics(&self) -> Option<Statistics> {
         match &self.side {

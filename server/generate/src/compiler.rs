@@ -74,6 +74,12 @@ impl Compiler {
         &self.name
     }
 
+    /// The program.
+    #[cfg(feature = "load")]
+    pub(crate) fn command(&self) -> &str {
+        &self.command
+    }
+
     /// Writes the files of a source into a folder, which is made where it is missing.
     pub fn write(source: &Source, folder: &Path) -> Result<Vec<PathBuf>, BuildError> {
         let failed = |path: &Path, error| BuildError::Io { path: path.to_owned(), error };
@@ -104,7 +110,8 @@ impl Compiler {
         // once for both: a function may take long
         let object = file(".o");
         let [fpic, only, shared, to, math] = ["-fPIC", "-c", "-shared", "-o", "-lm"].map(Path::new);
-        run(&[fpic, only, &file(".c"), to, &object])?;
+        let named = format!("-D{}", crate::manifest::DEFINITION);
+        run(&[fpic, only, Path::new(&named), &file(".c"), to, &object])?;
         run(&[shared, &object, to, &library, math])?;
         run(&[&file("_test.c"), &object, to, &test, math])?;
         std::fs::remove_file(&object)

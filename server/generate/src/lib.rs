@@ -6,12 +6,18 @@
 //! stands twice. As C ([`Source`]) it needs `math.h` alone, has no branches and no memory of its
 //! own. It gives the bits of [`sarrus_dynamics::Plan::run`] wherever it says that it answers, and
 //! says where it does not: there the caller asks the plan.
+//!
+//! With the feature `load` a program loads the shared objects that a compiler made of it
+//! (`ObjectFile`, `NativeKernel`) and keeps them for the next time (`Cache`).
 
 mod c;
 mod compiler;
 mod error;
 mod graph;
 mod kernel;
+#[cfg(feature = "load")]
+mod load;
+mod manifest;
 mod prune;
 mod recorder;
 mod scalar;
@@ -22,4 +28,9 @@ pub use c::Source;
 pub use compiler::{BuildError, Built, Compiler, FLAGS};
 pub use error::GenerateError;
 pub use kernel::{Kernel, Outcome};
+#[cfg(feature = "load")]
+pub use load::{
+    Cache, CacheError, Cancel, LoadError, Made, MakeError, NativeKernel, ObjectFile, Origin,
+};
+pub use manifest::{Manifest, bare_query};
 pub use states::random_input;

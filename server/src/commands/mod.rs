@@ -7,6 +7,7 @@ pub(crate) mod demo;
 pub(crate) mod doctor;
 #[cfg(feature = "generate")]
 pub(crate) mod generate;
+pub(crate) mod kernel;
 pub(crate) mod man;
 pub(crate) mod output;
 pub(crate) mod progress;

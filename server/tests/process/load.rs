@@ -63,20 +63,21 @@ fn asking_allocates_nothing_through_a_lane_and_in_process() {
 
 #[test]
 fn the_busy_loop_makes_no_system_call() {
-    no_system_call(&[]);
+    system_calls_of_the_busy_loop(&[]);
 }
 
 #[test]
 fn the_busy_loop_makes_no_system_call_where_everything_is_logged() {
-    no_system_call(&["--log", "debug"]);
+    system_calls_of_the_busy_loop(&["--log", "debug"]);
 }
 
-fn no_system_call(log: &[&str]) {
+/// Serves with these flags, and looks at the answering thread while it answers.
+pub(crate) fn system_calls_of_the_busy_loop(flags: &[&str]) {
     if Command::new("strace").arg("-V").stdout(Stdio::null()).status().is_err() {
         return println!("not run: strace is missing");
     }
     let sandbox = Sandbox::new();
-    let server = sandbox.serve("silent", &[&["--wait", "busy"], log].concat());
+    let server = sandbox.serve("silent", &[&["--wait", "busy"], flags].concat());
     let mut askers = [Transport::Lane, Transport::Service]
         .map(|transport| Asker::new(sandbox.connect("silent", transport).unwrap()));
     askers.iter_mut().for_each(|asker| assert_eq!(asker.ask().unwrap().status, Status::Ok));

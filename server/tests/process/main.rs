@@ -8,6 +8,8 @@ mod direct;
 mod doctor;
 mod ends;
 mod heads;
+#[cfg(feature = "generate")]
+mod kernels;
 mod lies;
 mod load;
 mod log;

@@ -5,6 +5,7 @@ use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 use std::process::{Child, ChildStderr, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
@@ -93,7 +94,10 @@ impl Sandbox {
         if line.is_empty() {
             panic!("the server did not start: {:?}", child.wait_with_output());
         }
-        Server { child, ready: line }
+        let (heard, words) = channel();
+        let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+        std::thread::spawn(move || lines.all(|line| line.is_ok_and(|x| heard.send(x).is_ok())));
+        Server { child, ready: line, words }
     }
 
     pub(crate) fn command(&self, robot: &str, name: &str, flags: &[&str]) -> Command {
@@ -168,11 +172,25 @@ pub(crate) fn options() -> ConnectOptions {
 pub(crate) struct Server {
     child: Child,
     pub(crate) ready: String,
+    /// What it says on stderr, line by line.
+    words: Receiver<String>,
 }
 
 impl Server {
     pub(crate) fn id(&self) -> u32 {
         self.child.id()
+    }
+
+    /// Waits for a line on stderr that has these words.
+    pub(crate) fn hears(&self, words: &str) -> String {
+        let mut lines = Vec::new();
+        loop {
+            match self.words.recv_timeout(Duration::from_secs(120)) {
+                Ok(line) if line.contains(words) => return line,
+                Ok(line) => lines.push(line),
+                Err(error) => panic!("no line `{words}`, {error}: {lines:?}"),
+            }
+        }
     }
 
     pub(crate) fn kill(mut self) {

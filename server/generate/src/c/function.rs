@@ -6,9 +6,9 @@
 use std::collections::HashMap;
 use std::fmt::Write as _;
 
-use crate::Kernel;
 use crate::c::literal;
 use crate::graph::{Check, Comparison, Operation, Term};
+use crate::{Kernel, Manifest};
 
 /// Numbers in a vector.
 const LANES: usize = 4;
@@ -37,6 +37,7 @@ pub(super) fn function(kernel: &Kernel, name: &str) -> String {
     }
     Body { kernel, text: &mut text, angles: HashMap::new(), late: late_angles(kernel) }.write();
     text += "}\n";
+    text += &Manifest::of(kernel, name).c();
     text
 }
 

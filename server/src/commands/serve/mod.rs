@@ -13,12 +13,14 @@ use std::time::Duration;
 
 use clap::{Args, ValueEnum};
 use sarrus_client::describe;
+use sarrus_dynamics::Model;
 use sarrus_models::LoadError;
 use sarrus_proto::{Domain, ServerName, supervision};
 use sarrus_server::record::{RecordOptions, RecordedRobot};
-use sarrus_server::{ServeError, ServeOptions, Wait, serve};
+use sarrus_server::{Kernels, ServeError, ServeOptions, Wait, serve};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
+use super::kernel::KernelFlag;
 use super::robot::{RobotFlags, refuse};
 use log::LogFlags;
 use standby::{Message, Order};
@@ -49,6 +51,11 @@ pub(crate) struct Serve {
     /// Lock memory, so that the answering thread meets no page fault.
     #[arg(long)]
     lock_memory: bool,
+    /// Answer by generated code, with the same bits: FILE, a shared object of `sarrus generate` for
+    /// its query, or auto: what the C compiler (CC, or cc) makes in the background of each query
+    /// that clients register, kept in the cache (XDG_CACHE_HOME).
+    #[arg(long, value_name = "none|auto|FILE", default_value = "none")]
+    kernel: KernelFlag,
     /// Keep the last requests and answers in this file, for `sarrus replay`; one of an earlier run
     /// goes to FILE.1.
     #[arg(long, value_name = "FILE")]
@@ -120,6 +127,10 @@ impl Serve {
                 return refuse("serve", &error);
             }
         };
+        options.kernels = match self.kernels(&loaded.compiled.model) {
+            Ok(kernels) => kernels,
+            Err(error) => return self.fail(&error),
+        };
         let is_whole = |record: &RecordOptions| is_whole(&record.robot, info.fingerprint);
         let is_whole = options.record.as_ref().is_none_or(is_whole);
         let mut warn = true;
@@ -165,7 +176,17 @@ impl Serve {
         };
         let &Serve { lanes, cpu, priority, lock_memory, .. } = self;
         let name = self.name.clone();
-        ServeOptions { name, wait, lanes, cpu, priority, lock_memory, record: None }
+        let kernels = Kernels::default();
+        ServeOptions { name, wait, lanes, cpu, priority, lock_memory, kernels, record: None }
+    }
+
+    /// The kernels of the plans of clients.
+    fn kernels(&self, model: &Model<f64>) -> Result<Kernels, ServeError> {
+        match &self.kernel {
+            KernelFlag::None => Ok(Kernels::default()),
+            KernelFlag::Auto => Kernels::auto(),
+            KernelFlag::File(path) => Kernels::of_file(path, model),
+        }
     }
 
     /// What to record, if anything is: the robot's files go with it.

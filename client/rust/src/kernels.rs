@@ -1,0 +1,108 @@
+//! Generated kernels for robots in this process.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use sarrus_dynamics::{Model, Plan};
+use sarrus_generate::{
+    Cache, Cancel, Compiler, MakeError, Manifest, NativeKernel, ObjectFile, bare_query,
+};
+
+/// Which generated kernels the plans of a robot get. The numbers are the same bits with all of
+/// them.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Kernels {
+    /// None: the generic ones answer.
+    #[default]
+    None,
+    /// Those that are kept in the user's cache. No program is run.
+    Kept,
+    /// Those that are kept; what is missing is compiled by `CC`, or `cc`, while the plan is
+    /// prepared, which takes seconds, and kept.
+    Compiled,
+    /// A shared object of `sarrus generate`, for the query that it was made for.
+    File(PathBuf),
+}
+
+/// By what a plan is answered.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub enum AnsweredBy<'a> {
+    /// The generic kernels: nothing else was asked for, or the robot is connected.
+    Generic,
+    /// A generated one, and the generic ones where it has no answer.
+    Generated(&'a Manifest),
+    /// The generic kernels, because there is no generated one.
+    Refused(&'a KernelError),
+}
+
+/// Why a plan has no generated kernel.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum KernelError {
+    /// The robot is in another process.
+    #[error("a connected robot is answered by its server: `sarrus serve --kernel`")]
+    Connected,
+    /// The file is for another query.
+    #[error("{} is for another query", .0.display())]
+    OtherQuery(PathBuf),
+    /// It cannot be made, or is refused.
+    #[error(transparent)]
+    Make(#[from] MakeError),
+}
+
+/// Gives plans their kernels.
+#[derive(Default)]
+pub(crate) enum Source {
+    #[default]
+    None,
+    Kept,
+    Compiled,
+    One(PathBuf, Arc<NativeKernel>),
+}
+
+impl Source {
+    /// Loads and checks what there is already.
+    pub(crate) fn new(kernels: Kernels, model: &Model<f64>) -> Result<Source, KernelError> {
+        Ok(match kernels {
+            Kernels::None => Source::None,
+            Kernels::Kept => Source::Kept,
+            Kernels::Compiled => Source::Compiled,
+            Kernels::File(path) => {
+                let file = ObjectFile::read(&path).map_err(MakeError::from)?;
+                let plan = file.plan(model).map_err(MakeError::from)?;
+                let kernel = NativeKernel::load(&file, model, &plan).map_err(MakeError::from)?;
+                Source::One(path, Arc::new(kernel))
+            }
+        })
+    }
+
+    /// The kernel of a plan; `None` where none is asked for.
+    pub(crate) fn kernel(
+        &self,
+        model: &Model<f64>,
+        plan: &Plan,
+    ) -> Option<Result<Arc<NativeKernel>, KernelError>> {
+        let cache = || Cache::usual(|name| std::env::var_os(name)).map_err(MakeError::from);
+        Some(match self {
+            Source::None => return None,
+            Source::One(path, kernel) => {
+                match kernel.manifest().query == bare_query(plan.query()) {
+                    true => Ok(Arc::clone(kernel)),
+                    false => Err(KernelError::OtherQuery(path.clone())),
+                }
+            }
+            Source::Kept => {
+                cache().and_then(|cache| cache.find(model, plan)).map(Arc::new).map_err(Into::into)
+            }
+            Source::Compiled => cache()
+                .and_then(|cache| {
+                    let compiler = Compiler::found().ok_or(MakeError::NoCompiler)?;
+                    cache.kernel(model, plan, &compiler, &Cancel::default())
+                })
+                .map(|made| Arc::new(made.kernel))
+                .map_err(Into::into),
+        })
+    }
+}

@@ -1,0 +1,296 @@
+//! Shared objects that were made once, in a folder of the user's.
+//!
+//! `COMPILER/FINGERPRINT-QUERY.so`, hashes of what it was made of: the compiler with its flags and
+//! the version of sarrus, the robot, the query. Nothing is believed because of its name: an object
+//! from here is checked like any other, and made again where it is refused.
+
+use std::ffi::OsString;
+use std::fs::{self, DirBuilder};
+use std::io;
+use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::time::{Duration, Instant, SystemTime};
+
+use sarrus_dynamics::{Model, Plan};
+use sarrus_proto::fnv1a_64;
+
+use super::build::library;
+use super::{Cancel, LoadError, NativeKernel, ObjectFile};
+use crate::manifest::{bare_query, query_text};
+use crate::{BuildError, Compiler, FLAGS, GenerateError, Kernel, Source};
+
+/// Objects that are kept for one compiler.
+const KEPT: usize = 256;
+/// The longest that a compiler may take.
+const COMPILE: Duration = Duration::from_secs(120);
+/// What folders of builds begin with.
+const BUILD: &str = ".build-";
+
+/// Where objects are kept.
+#[derive(Clone, Debug)]
+pub struct Cache {
+    folder: PathBuf,
+}
+
+/// Why there is no such folder.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CacheError {
+    /// Neither `XDG_CACHE_HOME` nor `HOME` says where.
+    #[error("no folder for kernels: set HOME or XDG_CACHE_HOME")]
+    Nowhere,
+    /// It cannot be made or read.
+    #[error("{}: {error}", path.display())]
+    Io {
+        /// The folder.
+        path: PathBuf,
+        /// What the system says.
+        error: io::Error,
+    },
+    /// It belongs to somebody else, or others may write into it.
+    #[error("{}: not a folder that only this user may write; chmod 700 or remove it", .0.display())]
+    Open(PathBuf),
+}
+
+/// Why no kernel was made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum MakeError {
+    /// There is no straight line.
+    #[error(transparent)]
+    Generate(#[from] GenerateError),
+    /// There is no compiler.
+    #[error("no C compiler: set CC, or install cc")]
+    NoCompiler,
+    /// The compiler cannot be run, or fails.
+    #[error(transparent)]
+    Build(#[from] BuildError),
+    /// The compiler takes too long.
+    #[error("the compiler was ended after {seconds} s")]
+    TooSlow {
+        /// The bound `[s]`.
+        seconds: u64,
+    },
+    /// It was told to stop.
+    #[error("cancelled")]
+    Cancelled,
+    /// What was made, or what is kept, is refused.
+    #[error(transparent)]
+    Load(#[from] LoadError),
+    /// There is nowhere to keep it.
+    #[error(transparent)]
+    Cache(#[from] CacheError),
+    /// No object of this robot and query is kept.
+    #[error("none is kept for this robot and query")]
+    NotKept,
+}
+
+/// Where a kernel came from.
+#[derive(Debug)]
+pub enum Origin {
+    /// It was kept.
+    Kept,
+    /// It was made in this time; `refused` says why one that was kept is not used.
+    Made {
+        /// From the plan to the checked kernel.
+        time: Duration,
+        /// Arithmetic operations of it.
+        operations: usize,
+        /// Why one that was there is not used.
+        refused: Option<LoadError>,
+    },
+}
+
+/// A kernel with what there is to say of it.
+#[derive(Debug)]
+pub struct Made {
+    /// The kernel.
+    pub kernel: NativeKernel,
+    /// The file that it is kept in.
+    pub path: PathBuf,
+    /// Where it came from.
+    pub origin: Origin,
+}
+
+impl Cache {
+    /// In a folder, which is made when it is needed.
+    pub fn at(folder: PathBuf) -> Cache {
+        Cache { folder }
+    }
+
+    /// In the usual folder, by the conventions of XDG; `of` gives variables of the environment.
+    ///
+    /// # Errors
+    /// [`CacheError::Nowhere`].
+    pub fn usual(of: impl Fn(&str) -> Option<OsString>) -> Result<Cache, CacheError> {
+        let of = |name: &str| of(name).map(PathBuf::from).filter(|path| path.is_absolute());
+        let base = of("XDG_CACHE_HOME").or_else(|| of("HOME").map(|home| home.join(".cache")));
+        Ok(Cache::at(base.ok_or(CacheError::Nowhere)?.join("sarrus/kernels")))
+    }
+
+    /// The folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// A kernel that is kept, by whichever compiler; runs no program. Allocates.
+    ///
+    /// # Errors
+    /// [`MakeError::NotKept`], [`MakeError::Load`], [`MakeError::Cache`].
+    pub fn find(&self, model: &Model<f64>, plan: &Plan) -> Result<NativeKernel, MakeError> {
+        let name = file_name(model, plan);
+        let compilers = match fs::read_dir(&self.folder) {
+            Ok(compilers) => compilers,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                return Err(MakeError::NotKept);
+            }
+            Err(error) => return Err(io_error(&self.folder, error).into()),
+        };
+        self.check(&self.folder)?;
+        let mut paths: Vec<PathBuf> =
+            compilers.flatten().map(|entry| entry.path().join(&name)).collect();
+        paths.retain(|path| path.is_file());
+        paths.sort();
+        let mut refused = None;
+        for path in paths {
+            match NativeKernel::open(&path, model, plan) {
+                Ok(kernel) => return Ok(kernel),
+                Err(error) => refused = Some(error),
+            }
+        }
+        Err(refused.map_or(MakeError::NotKept, MakeError::Load))
+    }
+
+    /// The kernel of a plan: the one that is kept, else a new one, which takes seconds, a compiler
+    /// and up to some hundred MB. Allocates.
+    ///
+    /// # Errors
+    /// [`MakeError`] with the reason; nothing of an attempt stays in the folder.
+    pub fn kernel(
+        &self,
+        model: &Model<f64>,
+        plan: &Plan,
+        compiler: &Compiler,
+        cancel: &Cancel,
+    ) -> Result<Made, MakeError> {
+        let folder = self.folder.join(compiler_name(compiler));
+        let path = folder.join(file_name(model, plan));
+        for folder in [&self.folder, &folder].into_iter().filter(|folder| folder.exists()) {
+            self.check(folder)?;
+        }
+        let refused = match ObjectFile::read(&path) {
+            Err(LoadError::Io { error, .. }) if error.kind() == io::ErrorKind::NotFound => None,
+            Err(error) => Some(error),
+            Ok(file) => match NativeKernel::load(&file, model, plan) {
+                Ok(kernel) => return Ok(Made { kernel, path, origin: Origin::Kept }),
+                Err(error) => Some(error),
+            },
+        };
+
+        let start = Instant::now();
+        let kernel = Kernel::trace(model, plan)?;
+        if cancel.is_cancelled() {
+            return Err(MakeError::Cancelled);
+        }
+        let source = Source::new(&kernel, model, &function_name(model, plan));
+        for folder in [&self.folder, &folder] {
+            let mut builder = DirBuilder::new();
+            let made = builder.recursive(true).mode(0o700).create(folder);
+            made.map_err(|error| io_error(folder, error))?;
+            self.check(folder)?;
+        }
+        let build = Build::new(&folder)?;
+        let built = library(compiler, &source, &build.0, COMPILE, cancel)?;
+        let loaded = NativeKernel::load(&private(&built)?, model, plan)?;
+        // whoever reads sees the old one or the new one
+        fs::rename(&built, &path).map_err(|error| io_error(&path, error))?;
+        remove_oldest(&folder);
+        let (time, operations) = (start.elapsed(), kernel.operations());
+        let origin = Origin::Made { time, operations, refused };
+        Ok(Made { kernel: loaded, path, origin })
+    }
+
+    /// Only this user may write into it.
+    fn check(&self, folder: &Path) -> Result<(), CacheError> {
+        let about = fs::symlink_metadata(folder).map_err(|error| io_error(folder, error))?;
+        let is_ours = about.uid() == rustix::process::geteuid().as_raw();
+        match about.is_dir() && is_ours && about.mode() & 0o022 == 0 {
+            true => Ok(()),
+            false => Err(CacheError::Open(folder.to_owned())),
+        }
+    }
+}
+
+fn io_error(path: &Path, error: io::Error) -> CacheError {
+    CacheError::Io { path: path.to_owned(), error }
+}
+
+/// Reads a file that the compiler made with whatever mode the user's mask leaves.
+fn private(path: &Path) -> Result<ObjectFile, MakeError> {
+    use std::os::unix::fs::PermissionsExt;
+    let set = fs::set_permissions(path, fs::Permissions::from_mode(0o600));
+    set.map_err(|error| io_error(path, error))?;
+    Ok(ObjectFile::read(path)?)
+}
+
+fn function_name(model: &Model<f64>, plan: &Plan) -> String {
+    let request = plan.query().check(model.info()).map_or("query", |request| request.name());
+    format!("{}_{request}", model.name())
+}
+
+fn file_name(model: &Model<f64>, plan: &Plan) -> String {
+    let query = fnv1a_64(query_text(&bare_query(plan.query())).as_bytes());
+    format!("{:016x}-{query:016x}.so", model.fingerprint())
+}
+
+fn compiler_name(compiler: &Compiler) -> String {
+    let version = env!("CARGO_PKG_VERSION");
+    let words = [compiler.command(), compiler.name(), version, &FLAGS.join(" ")].join("\n");
+    format!("{:016x}", fnv1a_64(words.as_bytes()))
+}
+
+/// All but the newest objects go.
+fn remove_oldest(folder: &Path) {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let objects = entries.map(|entry| entry.path());
+    let time = |path: PathBuf| {
+        let time = fs::metadata(&path).and_then(|about| about.modified());
+        (time.unwrap_or(SystemTime::UNIX_EPOCH), path)
+    };
+    let is_object = |path: &PathBuf| path.extension().is_some_and(|ending| ending == "so");
+    let mut objects: Vec<_> = objects.filter(is_object).map(time).collect();
+    objects.sort();
+    for (_, path) in objects.iter().rev().skip(KEPT) {
+        let _ = fs::remove_file(path);
+    }
+}
+
+/// The folder of one build, gone when dropped.
+struct Build(PathBuf);
+
+impl Build {
+    /// Makes it, and removes those of processes that ended in the middle of theirs.
+    fn new(folder: &Path) -> Result<Build, CacheError> {
+        static BUILDS: AtomicU64 = AtomicU64::new(0);
+        for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            let process = name.strip_prefix(BUILD).and_then(|rest| rest.split('-').next());
+            if process.is_some_and(|process| !Path::new("/proc").join(process).exists()) {
+                let _ = fs::remove_dir_all(entry.path());
+            }
+        }
+        let number = BUILDS.fetch_add(1, Relaxed);
+        let path = folder.join(format!("{BUILD}{}-{number}", std::process::id()));
+        let _ = fs::remove_dir_all(&path);
+        let made = DirBuilder::new().mode(0o700).create(&path);
+        made.map_err(|error| io_error(&path, error))?;
+        Ok(Build(path))
+    }
+}
+
+impl Drop for Build {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}

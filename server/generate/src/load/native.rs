@@ -1,0 +1,79 @@
+//! A kernel in the code of this computer.
+
+use std::path::Path;
+
+use sarrus_dynamics::{Answer, Model, Plan, Status, Warnings};
+
+use super::LoadError;
+use super::check::{self, STATES};
+use super::file::ObjectFile;
+use super::object::Object;
+use crate::Manifest;
+use crate::manifest::bare_query;
+
+/// What generated functions return.
+const OK: i32 = 0;
+const LIMITS_EXCEEDED: i32 = 1;
+
+/// A kernel that was loaded and found to have the bits of the generic ones.
+#[derive(Debug)]
+pub struct NativeKernel {
+    object: Object,
+    manifest: Manifest,
+}
+
+impl NativeKernel {
+    /// Reads, checks and loads the shared object of a plan on the model that it was made for, and
+    /// compares its answers with the plan's on thousands of states. Allocates; takes some
+    /// milliseconds.
+    ///
+    /// # Errors
+    /// [`LoadError`] with the reason; nothing of it stays loaded.
+    pub fn open(path: &Path, model: &Model<f64>, plan: &Plan) -> Result<NativeKernel, LoadError> {
+        NativeKernel::load(&ObjectFile::read(path)?, model, plan)
+    }
+
+    /// The same of a file that was read.
+    ///
+    /// # Errors
+    /// As [`NativeKernel::open`].
+    pub fn load(
+        file: &ObjectFile,
+        model: &Model<f64>,
+        plan: &Plan,
+    ) -> Result<NativeKernel, LoadError> {
+        let (path, manifest) = (|| file.path().to_owned(), file.manifest());
+        file.plan(model)?;
+        let sizes = [plan.given().len(), plan.want().len()];
+        if manifest.query != bare_query(plan.query())
+            || [manifest.inputs, manifest.outputs] != sizes
+        {
+            return Err(LoadError::WrongQuery(path()));
+        }
+        let kernel = NativeKernel { object: Object::load(file)?, manifest: manifest.clone() };
+        match check::compare(&kernel, model, plan) {
+            Ok(0) => Err(LoadError::Unserved { path: path(), states: STATES }),
+            Ok(_) => Ok(kernel),
+            Err((state, what)) => {
+                Err(LoadError::Differs { path: path(), state, states: STATES, what })
+            }
+        }
+    }
+
+    /// The plan's answer, to the bit, or `None` where the plan has to be asked: `output` is then
+    /// without meaning. Never allocates, locks, or calls the system.
+    #[inline]
+    pub fn answer(&self, input: &[f64], output: &mut [f64]) -> Option<Answer> {
+        let warnings = match self.object.call(input, output) {
+            Some(OK) => Warnings::NONE,
+            Some(LIMITS_EXCEEDED) => Warnings::LIMITS_EXCEEDED,
+            _ => return None,
+        };
+        Some(Answer { status: Status::Ok, warnings })
+    }
+
+    /// What it says of itself.
+    pub fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+}

@@ -1,0 +1,84 @@
+//! The one place that runs code which the Rust compiler has not seen.
+//!
+//! Loading an object runs whatever it says is to be run at loading, with the rights of this
+//! process; no check of ours can tell what that is. It is done only for files that this user or
+//! root wrote, after all that can be read off them was found right, and SECURITY.md says so.
+// lint: the system's loader and the function behind a pointer cannot be called in safe Rust; this
+// file holds all unsafe code of the crate
+#![allow(unsafe_code)]
+
+use std::ffi::{CStr, c_char, c_int};
+use std::hint::black_box;
+use std::os::fd::OwnedFd;
+
+use libloading::os::unix::{Library, RTLD_LOCAL, RTLD_NOW};
+
+use super::{LoadError, ObjectFile};
+use crate::manifest::SYMBOL;
+
+/// The type of every generated function.
+type Function = unsafe extern "C" fn(input: *const f64, output: *mut f64) -> c_int;
+
+/// A loaded object; its code is gone from memory when this is dropped.
+#[derive(Debug)]
+pub(super) struct Object {
+    function: Function,
+    inputs: usize,
+    outputs: usize,
+    /// Dropped before the descriptor under whose number it was loaded: as long as it is there no
+    /// other object can have the same path, by which the loader tells objects apart.
+    _library: Library,
+    _file: OwnedFd,
+}
+
+impl Object {
+    /// Loads a file whose manifest was found right.
+    pub(super) fn load(file: &ObjectFile) -> Result<Object, LoadError> {
+        let path = || file.path().to_owned();
+        let refused = |reason: String| LoadError::Loader { path: path(), reason };
+        let (descriptor, sealed) = file
+            .sealed()
+            .map_err(|error| refused(format!("no memory that can be sealed: {error}")))?;
+        // SAFETY: what the object runs at loading is trusted as far as the file's owner is: the
+        // user of this process or root. Its parts lie within the file, which nobody can change.
+        let library = unsafe { Library::open(Some(&sealed), RTLD_NOW | RTLD_LOCAL) };
+        let library = library.map_err(|error| refused(error.to_string()))?;
+        if !keeps_small_numbers() {
+            return Err(LoadError::ChangesRounding(path()));
+        }
+
+        // what was loaded says what the file said
+        // SAFETY: the symbol is an array of characters; its address is all that is taken here.
+        let text = unsafe { library.get::<*const c_char>(SYMBOL.as_bytes()) };
+        let text = text.map_err(|error| refused(error.to_string()))?;
+        // SAFETY: the file has this text with its zero at its end as the value of the symbol, in
+        // sealed memory that stays mapped as long as the library.
+        let text = unsafe { CStr::from_ptr(text.into_raw().cast()) };
+        if text.to_bytes() != file.text() {
+            return Err(LoadError::NoKernel(path()));
+        }
+        let manifest = file.manifest();
+        // SAFETY: objects with this manifest have a function of this type under this name.
+        let function = unsafe { library.get::<Function>(manifest.function.as_bytes()) };
+        let function = *function.map_err(|error| refused(error.to_string()))?;
+        let (inputs, outputs) = (manifest.inputs, manifest.outputs);
+        Ok(Object { function, inputs, outputs, _library: library, _file: descriptor })
+    }
+
+    /// Calls the function: what it returns, or `None` where the sizes are not its own. Never
+    /// allocates.
+    #[inline]
+    pub(super) fn call(&self, input: &[f64], output: &mut [f64]) -> Option<c_int> {
+        (input.len() == self.inputs && output.len() == self.outputs).then(|| {
+            // SAFETY: a function with this manifest reads `inputs` numbers and writes `outputs`,
+            // keeps neither pointer and has no memory of its own.
+            unsafe { (self.function)(input.as_ptr(), output.as_mut_ptr()) }
+        })
+    }
+}
+
+/// False where numbers below the normal ones have become zeros, as some linkers make it for a
+/// whole thread when an object of theirs is loaded.
+fn keeps_small_numbers() -> bool {
+    black_box(f64::MIN_POSITIVE) * black_box(0.5) != 0.0
+}

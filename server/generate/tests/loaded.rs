@@ -1,0 +1,290 @@
+//! Shared objects: what is loaded, what is refused and why, what is kept.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use std::fs;
+use std::hint::black_box;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Workspace};
+use sarrus_generate::{
+    Cache, Cancel, Compiler, Kernel, LoadError, MakeError, NativeKernel, ObjectFile, Origin,
+    Source, random_input,
+};
+use sarrus_models::{Options, load};
+
+fn model(robot: &str) -> Model<f64> {
+    let source = sarrus_models::Source::Bundled(robot.to_owned());
+    load(&source, &Options::default()).unwrap().compiled.model
+}
+
+/// Inverse dynamics, for actuator forces or others.
+fn plan(model: &Model<f64>, want: Field) -> Plan {
+    let given = FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]);
+    let query = Query::new(Request::InverseDynamics, given, FieldSet::of(&[want]));
+    Plan::new(model, &query).unwrap()
+}
+
+/// An empty folder of one test.
+fn folder(name: &str) -> PathBuf {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+fn compiler() -> Option<Compiler> {
+    let compiler = Compiler::found();
+    if compiler.is_none() {
+        println!("not run: no C compiler");
+    }
+    compiler
+}
+
+/// The shared object of a plan, after a change of its C.
+fn built(
+    (model, plan): (&Model<f64>, &Plan),
+    folder: &Path,
+    flags: &[&str],
+    change: impl Fn(String) -> String,
+) -> PathBuf {
+    let mut source = Source::new(&Kernel::trace(model, plan).unwrap(), model, "elbow");
+    source.function = change(source.function);
+    Compiler::write(&source, folder).unwrap();
+    let path = Compiler::found().unwrap().build(&source, folder, flags).unwrap().library;
+    fs::set_permissions(&path, fs::Permissions::from_mode(0o644)).unwrap();
+    path
+}
+
+/// The last digit of the first long decimal number of the function is another one: some length.
+fn with_another_constant(function: String) -> String {
+    let is_digit = |c: &char| c.is_ascii_digit();
+    let start = function.find("\nint elbow(").unwrap();
+    let places = function.match_indices("0.").map(|(at, _)| at + 2).filter(|at| *at > start);
+    let is_long = |at: &usize| function[*at..].chars().take_while(is_digit).count() >= 5;
+    let at = places.into_iter().find(is_long).unwrap();
+    let end = at + function[at..].chars().take_while(is_digit).count();
+    let digit = if &function[end - 1..end] == "7" { "3" } else { "7" };
+    format!("{}{digit}{}", &function[..end - 1], &function[end..])
+}
+
+#[test]
+fn a_loaded_kernel_has_the_bits_of_the_plan_and_leaves_it_what_it_cannot_answer() {
+    if compiler().is_none() {
+        return;
+    }
+    let model = model("lambda");
+    let plan = plan(&model, Field::TauU);
+    let path = built((&model, &plan), &folder("answers"), &[], |function| function);
+    let kernel = NativeKernel::open(&path, &model, &plan).unwrap();
+    let manifest = kernel.manifest();
+    assert_eq!((manifest.robot.as_str(), manifest.function.as_str()), (model.name(), "elbow"));
+    assert!(manifest.compiler.contains('.'), "{manifest:?}");
+    // the file may go, and be another one: what was loaded stays
+    fs::write(&path, "nothing").unwrap();
+    let mut workspace = Workspace::for_plans(&model, [&plan]);
+    let (mut found, mut expected) = ([0.0], [0.0]);
+    let mut answered = 0;
+    for k in 0..10_000 {
+        let mut input = random_input(model.info(), plan.given(), 77_000_000 + k);
+        // what is no number is left to the plan
+        if k % 10 == 0 {
+            input[1] = f64::NAN;
+        }
+        let right = plan.run(&model, &mut workspace, &input, &mut expected);
+        if let Some(answer) = kernel.answer(&input, &mut found) {
+            assert_eq!((answer, found[0].to_bits()), (right, expected[0].to_bits()));
+            answered += 1;
+        }
+    }
+    assert!((5_000..=9_000).contains(&answered), "{answered}");
+    assert!(kernel.answer(&[f64::NAN, 0.1, 0.1], &mut found).is_none());
+    // of other sizes it is not called
+    assert!(kernel.answer(&[0.1, 0.1], &mut found).is_none());
+    assert!(kernel.answer(&[0.1, 0.1, 0.1], &mut []).is_none());
+}
+
+#[test]
+fn what_is_not_the_kernel_of_a_plan_is_refused_with_the_reason() {
+    if compiler().is_none() {
+        return;
+    }
+    let (lambda, other) = (model("lambda"), model("parallelogram"));
+    let own = plan(&lambda, Field::TauU);
+    let folder = folder("refused");
+    let path = built((&lambda, &own), &folder, &[], |function| function);
+    let open = |path: &Path| NativeKernel::open(path, &lambda, &own).unwrap_err();
+
+    // for another robot, for another query
+    let error = NativeKernel::open(&path, &other, &plan(&other, Field::TauU)).unwrap_err();
+    assert!(matches!(error, LoadError::WrongRobot { .. }), "{error}");
+    let error = NativeKernel::open(&path, &lambda, &plan(&lambda, Field::TauY)).unwrap_err();
+    assert!(matches!(error, LoadError::WrongQuery(_)), "{error}");
+
+    // not there, no file, no object, half an object, a description alone, another version
+    let error = open(&folder.join("nothing.so"));
+    assert!(matches!(error, LoadError::Io { .. }), "{error}");
+    let error = open(&folder);
+    assert!(matches!(error, LoadError::NoFile(_)), "{error}");
+    let bytes = fs::read(&path).unwrap();
+    let damaged = |name: &str, bytes: &[u8]| {
+        let path = folder.join(name);
+        fs::write(&path, bytes).unwrap();
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o644)).unwrap();
+        open(&path)
+    };
+    let error = damaged("text.so", b"no object");
+    assert!(matches!(error, LoadError::NoKernel(_)), "{error}");
+    for part in [16, 100, 1000, bytes.len() / 2, bytes.len() - 1] {
+        let error = damaged("half.so", &bytes[..part]);
+        assert!(matches!(error, LoadError::NoKernel(_) | LoadError::Broken(_)), "{error}");
+    }
+    let head = b"sarrus kernel 1\n";
+    let at = bytes.windows(head.len()).position(|window| window == head).unwrap();
+    let error = damaged("manifest.so", &bytes[at..]);
+    assert!(matches!(error, LoadError::Broken(_)), "{error}");
+    let mut later = bytes.clone();
+    later[at + head.len() - 2] = b'2';
+    let error = damaged("later.so", &later);
+    assert!(matches!(error, LoadError::NoKernel(_)), "{error}");
+
+    // others may write it
+    fs::set_permissions(&path, fs::Permissions::from_mode(0o664)).unwrap();
+    let error = open(&path);
+    assert!(matches!(error, LoadError::Writable { mode: 0o664, .. }), "{error}");
+    fs::set_permissions(&path, fs::Permissions::from_mode(0o644)).unwrap();
+    assert!(ObjectFile::read(&path).is_ok());
+}
+
+#[test]
+fn a_kernel_with_other_bits_is_refused_with_a_state() {
+    if compiler().is_none() {
+        return;
+    }
+    let lambda = model("lambda");
+    let plan = plan(&lambda, Field::TauU);
+    // a constant of the robot in its last digit
+    let path = built((&lambda, &plan), &folder("constant"), &[], with_another_constant);
+    let error = NativeKernel::open(&path, &lambda, &plan).unwrap_err();
+    assert!(matches!(error, LoadError::Differs { .. }), "{error}");
+    // nothing is ever answered
+    let silent = |function: String| function.replace("return (int)(", "return 2 | (int)(");
+    let path = built((&lambda, &plan), &folder("silent"), &[], silent);
+    let error = NativeKernel::open(&path, &lambda, &plan).unwrap_err();
+    assert!(matches!(error, LoadError::Unserved { .. }), "{error}");
+    // a compiler that may change numbers; in a thread of its own, whose rounding it may change too
+    let path = built((&lambda, &plan), &folder("fast"), &["-ffast-math"], |function| function);
+    let open = move || NativeKernel::open(&path, &lambda, &plan).unwrap_err();
+    let error = std::thread::spawn(open).join().unwrap();
+    let is_right = matches!(error, LoadError::Differs { .. } | LoadError::ChangesRounding(_));
+    assert!(is_right, "{error}");
+}
+
+#[test]
+fn what_was_made_once_is_kept_and_what_was_changed_is_made_again() {
+    let Some(compiler) = compiler() else { return };
+    let folder = folder("kept");
+    let cache = Cache::at(folder.join("kernels"));
+    let lambda = model("lambda");
+    let plan = plan(&lambda, Field::TauU);
+    assert!(matches!(cache.find(&lambda, &plan), Err(MakeError::NotKept)));
+    let make = || cache.kernel(&lambda, &plan, &compiler, &Cancel::default()).unwrap();
+    let made = make();
+    assert!(matches!(made.origin, Origin::Made { refused: None, .. }), "{made:?}");
+    assert!(matches!(make().origin, Origin::Kept));
+    assert!(cache.find(&lambda, &plan).is_ok());
+
+    // nobody else can write it, and nothing else is left
+    let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
+    let compiled = made.path.parent().unwrap();
+    assert_eq!([mode(cache.folder()), mode(compiled), mode(&made.path)], [0o700, 0o700, 0o600]);
+    assert_eq!(fs::read_dir(compiled).unwrap().count(), 1);
+
+    // damaged: made again, with the reason
+    fs::write(&made.path, "nothing").unwrap();
+    let again = make();
+    let Origin::Made { refused: Some(error), .. } = again.origin else { panic!("{again:?}") };
+    assert!(matches!(error, LoadError::NoKernel(_)), "{error}");
+    assert!(matches!(make().origin, Origin::Kept));
+
+    // a folder that others may write is not used
+    fs::set_permissions(cache.folder(), fs::Permissions::from_mode(0o777)).unwrap();
+    assert!(matches!(cache.find(&lambda, &plan), Err(MakeError::Cache(_))));
+}
+
+#[test]
+fn an_order_to_stop_ends_a_compiler_and_leaves_nothing() {
+    let Some(compiler) = compiler() else { return };
+    let folder = folder("cancelled");
+    let cache = Cache::at(folder.clone());
+    let lambda = model("lambda");
+    let plan = plan(&lambda, Field::TauU);
+    let cancel = Cancel::default();
+    cancel.cancel();
+    let error = cache.kernel(&lambda, &plan, &compiler, &cancel).unwrap_err();
+    assert!(matches!(error, MakeError::Cancelled), "{error}");
+    assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
+}
+
+/// Nanoseconds of a call, the least of several runs.
+fn ns(best: &mut f64, calls: usize, mut call: impl FnMut(usize)) {
+    let start = Instant::now();
+    (0..calls).for_each(&mut call);
+    *best = best.min(start.elapsed().as_nanos() as f64 / calls as f64);
+}
+
+#[test]
+#[ignore = "compiles large functions"]
+fn kernels_of_every_size_have_the_bits_of_their_plans_and_their_times_are_printed() {
+    use Field::*;
+    let Some(compiler) = compiler() else { return };
+    let cache = Cache::at(folder("times").join("kernels"));
+    let queries = [
+        ("state", Request::Kinematics, [Y, Yd, Ydd], [Q, Qd, Qdd].as_slice()),
+        ("inverse", Request::InverseDynamics, [Y, Yd, Ydd], &[TauU]),
+        ("forward", Request::ForwardDynamics, [Y, Yd, TauU], &[Ydd]),
+    ];
+    for robot in ["lambda", "torso", "rh5v2_upper_body"] {
+        let model = model(robot);
+        for (name, request, given, want) in &queries {
+            let query = Query::new(*request, FieldSet::of(given), FieldSet::of(want));
+            let plan = Plan::new(&model, &query).unwrap();
+            let kernel = cache.kernel(&model, &plan, &compiler, &Cancel::default()).unwrap().kernel;
+            let inputs: Vec<Vec<f64>> =
+                (0..1000).map(|k| random_input(model.info(), plan.given(), k)).collect();
+            let mut workspace = Workspace::for_plans(&model, [&plan]);
+            let [mut found, mut expected] = [(); 2].map(|()| vec![0.0; plan.want().len()]);
+            let mut left = 0;
+            for input in &inputs {
+                let right = plan.run(&model, &mut workspace, input, &mut expected);
+                match kernel.answer(input, &mut found) {
+                    Some(answer) => {
+                        assert_eq!(answer, right);
+                        let pairs = found.iter().zip(&expected);
+                        pairs.for_each(|(a, b)| assert_eq!(a.to_bits(), b.to_bits()));
+                    }
+                    None => left += 1,
+                }
+            }
+            // by turns, so that what else runs here disturbs both
+            let [mut generic, mut generated] = [f64::INFINITY; 2];
+            for _ in 0..40 {
+                let out = &mut expected;
+                ns(&mut generic, 2000, |k| {
+                    black_box(plan.run(&model, &mut workspace, &inputs[k % 1000], out));
+                });
+                ns(&mut generated, 2000, |k| {
+                    let input = &inputs[k % 1000];
+                    if black_box(kernel.answer(input, &mut found)).is_none() {
+                        black_box(plan.run(&model, &mut workspace, input, &mut found));
+                    }
+                });
+            }
+            println!(
+                "{robot} {name}: {generic:.0} ns by the plan, {generated:.0} ns with its kernel, \
+                 which leaves {left} of 1000 states to it"
+            );
+        }
+    }
+}

@@ -1,0 +1,28 @@
+//! `--kernel`: by which code queries are answered. The numbers are the same.
+
+use std::convert::Infallible;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+/// The value of `--kernel`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum KernelFlag {
+    /// The generic kernels alone.
+    None,
+    /// Generated ones, where they can be made.
+    Auto,
+    /// One generated one; a file called `auto` is `./auto`.
+    File(PathBuf),
+}
+
+impl FromStr for KernelFlag {
+    type Err = Infallible;
+
+    fn from_str(text: &str) -> Result<KernelFlag, Infallible> {
+        Ok(match text {
+            "none" => KernelFlag::None,
+            "auto" => KernelFlag::Auto,
+            path => KernelFlag::File(path.into()),
+        })
+    }
+}

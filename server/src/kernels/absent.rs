@@ -1,0 +1,64 @@
+//! A server without generated kernels.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use sarrus_dynamics::{Model, Plan};
+use sarrus_proto::{Answer, Query};
+
+use crate::ServeError;
+
+/// Which kernels the plans of clients get: none in this build.
+#[derive(Clone, Debug, Default)]
+pub struct Kernels(());
+
+impl Kernels {
+    /// Refused.
+    ///
+    /// # Errors
+    /// [`ServeError::Kernel`].
+    pub fn auto() -> Result<Kernels, ServeError> {
+        Err(ServeError::Kernel { reason: "built without the feature `generate`".to_owned() })
+    }
+
+    /// Refused.
+    ///
+    /// # Errors
+    /// [`ServeError::Kernel`].
+    pub fn of_file(_path: &Path, _model: &Model<f64>) -> Result<Kernels, ServeError> {
+        Kernels::auto()
+    }
+}
+
+/// There is none.
+#[derive(Debug)]
+pub(crate) enum NativeKernel {}
+
+impl NativeKernel {
+    pub(crate) fn answer(&self, _input: &[f64], _output: &mut [f64]) -> Option<Answer> {
+        match *self {}
+    }
+}
+
+/// Makes nothing.
+pub(crate) struct Maker;
+
+impl Maker {
+    pub(crate) fn start(
+        _kernels: &Kernels,
+        _model: &Arc<Model<f64>>,
+        _place: impl FnOnce() + Send + 'static,
+    ) -> Result<Maker, ServeError> {
+        Ok(Maker)
+    }
+
+    pub(crate) fn kernel_of(&mut self, _plan: &Plan) -> Option<Arc<NativeKernel>> {
+        None
+    }
+
+    pub(crate) fn made(&mut self) -> Option<(fn(&Query) -> bool, Arc<NativeKernel>)> {
+        None
+    }
+
+    pub(crate) fn stop(&mut self) {}
+}

@@ -1,0 +1,227 @@
+//! Where kernels come from: one file, or a thread that makes them of the plans that clients
+//! register.
+//!
+//! The thread traces and compiles beside everything else, one plan after the other, at a lower
+//! priority than the threads that serve; whoever registers a plan waits for nothing. What it makes
+//! is kept in the user's cache for the next start. A query that is refused once is not tried again.
+
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use rustix::process::setpriority_process;
+use sarrus_dynamics::{Model, Plan};
+use sarrus_generate::{
+    Cache, Cancel, Compiler, LoadError, MakeError, NativeKernel, ObjectFile, Origin, bare_query,
+};
+use sarrus_proto::{FieldSet, Query, Request};
+
+use crate::ServeError;
+
+/// Queries of one run that kernels are made for: a client that registers new ones without end keeps
+/// no compiler busy.
+const QUERIES: usize = 64;
+/// Niceness of the thread and of its compilers.
+const NICE: i32 = 10;
+/// How long the end of the server waits for a compiler to be ended.
+const END: Duration = Duration::from_millis(200);
+
+/// Which kernels the plans of clients get.
+#[derive(Clone, Debug, Default)]
+pub struct Kernels(Choice);
+
+#[derive(Clone, Debug, Default)]
+enum Choice {
+    #[default]
+    None,
+    Auto,
+    One(Arc<NativeKernel>),
+}
+
+impl Kernels {
+    /// Those that are kept, and new ones by the C compiler of this machine.
+    ///
+    /// # Errors
+    /// None in this build.
+    pub fn auto() -> Result<Kernels, ServeError> {
+        Ok(Kernels(Choice::Auto))
+    }
+
+    /// One shared object, for the query that it was made for.
+    ///
+    /// # Errors
+    /// [`ServeError::Kernel`] with the reason why it is refused.
+    pub fn of_file(path: &Path, model: &Model<f64>) -> Result<Kernels, ServeError> {
+        let refused = |error: LoadError| ServeError::Kernel { reason: error.to_string() };
+        let file = ObjectFile::read(path).map_err(refused)?;
+        let plan = file.plan(model).map_err(refused)?;
+        let kernel = NativeKernel::load(&file, model, &plan).map_err(refused)?;
+        Ok(Kernels(Choice::One(Arc::new(kernel))))
+    }
+}
+
+/// A query and what became of it.
+type Made = (Query, Option<Arc<NativeKernel>>);
+
+/// Gives plans their kernels; on the maintenance thread.
+pub(crate) struct Maker {
+    /// By their queries; without a kernel while it is made, and where it is refused.
+    known: HashMap<Query, Option<Arc<NativeKernel>>>,
+    thread: Option<Thread>,
+}
+
+/// The thread that makes them.
+struct Thread {
+    plans: Sender<Plan>,
+    made: Receiver<Made>,
+    cancel: Cancel,
+    handle: JoinHandle<()>,
+}
+
+impl Maker {
+    /// With the thread where one is needed, which begins with `place`.
+    pub(crate) fn start(
+        kernels: &Kernels,
+        model: &Arc<Model<f64>>,
+        place: impl FnOnce() + Send + 'static,
+    ) -> Result<Maker, ServeError> {
+        let (mut known, mut thread) = (HashMap::new(), None);
+        match &kernels.0 {
+            Choice::None => {}
+            Choice::One(kernel) => {
+                let what = label(&kernel.manifest().query);
+                eprintln!("sarrus serve: kernel for {what}: from the file");
+                known.insert(kernel.manifest().query, Some(Arc::clone(kernel)));
+            }
+            Choice::Auto => thread = Some(Thread::start(Arc::clone(model), place)?),
+        }
+        Ok(Maker { known, thread })
+    }
+
+    /// The kernel of a new plan, if it is there; else it is ordered.
+    pub(crate) fn kernel_of(&mut self, plan: &Plan) -> Option<Arc<NativeKernel>> {
+        let query = bare_query(plan.query());
+        if let Some(kernel) = self.known.get(&query) {
+            return kernel.clone();
+        }
+        let thread = self.thread.as_ref()?;
+        match self.known.len() {
+            ..QUERIES => {
+                self.known.insert(query, None);
+                // a thread that is gone makes nothing
+                let _ = thread.plans.send(plan.clone());
+            }
+            QUERIES => {
+                self.known.insert(query, None);
+                eprintln!(
+                    "sarrus serve: no more kernels: {QUERIES} queries were tried; the generic \
+                     ones answer further ones"
+                );
+            }
+            _ => {}
+        }
+        None
+    }
+
+    /// A kernel that was made meanwhile, and whether it is one for a query.
+    pub(crate) fn made(&mut self) -> Option<(impl Fn(&Query) -> bool, Arc<NativeKernel>)> {
+        let thread = self.thread.as_ref()?;
+        loop {
+            let (query, kernel) = thread.made.try_recv().ok()?;
+            if let Some(kernel) = kernel {
+                self.known.insert(query, Some(Arc::clone(&kernel)));
+                return Some((move |other: &Query| bare_query(other) == query, kernel));
+            }
+        }
+    }
+
+    /// Ends the thread, and a compiler that runs. A trace cannot be ended and needs no end: it has
+    /// nothing outside of this process.
+    pub(crate) fn stop(&mut self) {
+        if let Some(Thread { cancel, handle, .. }) = self.thread.take() {
+            cancel.cancel();
+            let start = Instant::now();
+            while !handle.is_finished() && start.elapsed() < END {
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        }
+    }
+}
+
+impl Thread {
+    fn start(
+        model: Arc<Model<f64>>,
+        place: impl FnOnce() + Send + 'static,
+    ) -> Result<Thread, ServeError> {
+        let (plans, orders) = channel::<Plan>();
+        let (done, made) = channel();
+        let cancel = Cancel::default();
+        let cancelled = cancel.clone();
+        let body = move || {
+            place();
+            let _ = setpriority_process(None, NICE);
+            let mut compiler = None;
+            for plan in orders {
+                let compiler = compiler.get_or_insert_with(Compiler::found);
+                let kernel = make(&model, &plan, compiler.as_ref(), &cancelled);
+                let query = bare_query(plan.query());
+                if cancelled.is_cancelled() || done.send((query, kernel)).is_err() {
+                    return;
+                }
+            }
+        };
+        // traces are deep where robots are
+        let builder = std::thread::Builder::new().name("sarrus-kernels".to_owned());
+        let handle = builder.stack_size(16 << 20).spawn(body);
+        let handle = handle.map_err(|source| ServeError::Thread { source })?;
+        Ok(Thread { plans, made, cancel, handle })
+    }
+}
+
+/// Makes one kernel and says what came of it.
+fn make(
+    model: &Model<f64>,
+    plan: &Plan,
+    compiler: Option<&Compiler>,
+    cancel: &Cancel,
+) -> Option<Arc<NativeKernel>> {
+    let what = label(plan.query());
+    let made = (|| {
+        let cache = Cache::usual(|name| std::env::var_os(name))?;
+        let compiler = compiler.ok_or(MakeError::NoCompiler)?;
+        cache.kernel(model, plan, compiler, cancel)
+    })();
+    match made {
+        Ok(made) => {
+            match &made.origin {
+                Origin::Kept => eprintln!("sarrus serve: kernel for {what}: kept from before"),
+                Origin::Made { time, operations, refused } => {
+                    if let Some(error) = refused {
+                        eprintln!("sarrus serve: warning: a kernel is made again: {error}");
+                    }
+                    eprintln!(
+                        "sarrus serve: kernel for {what}: made in {:.1} s, {operations} operations",
+                        time.as_secs_f64()
+                    );
+                }
+            }
+            Some(Arc::new(made.kernel))
+        }
+        Err(MakeError::Cancelled) => None,
+        Err(error) => {
+            eprintln!("sarrus serve: no kernel for {what}: {error}; the generic ones answer");
+            None
+        }
+    }
+}
+
+/// A query in one line.
+fn label(query: &Query) -> String {
+    let names =
+        |fields: FieldSet| fields.iter().map(|field| field.name()).collect::<Vec<_>>().join(", ");
+    let request = Request::from_code(query.request).map_or("a query", Request::name);
+    format!("{request} of {} for {}", names(query.given), names(query.want))
+}

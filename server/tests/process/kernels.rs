@@ -1,0 +1,190 @@
+//! Generated kernels behind plans: the same bits, nothing more on the hot path, and reasons where
+//! there is none.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+use sarrus_client::{
+    AnsweredBy, Kernels, Model, Options, QueryOptions, Robot, Source, Status, Transport,
+};
+use sarrus_dynamics::Plan;
+use sarrus_generate::{Cache, Cancel, Compiler, random_input};
+
+use crate::load::system_calls_of_the_busy_loop;
+use crate::support::{Asker, ROBOT, STATE, Sandbox, Server};
+
+fn local(robot: &str) -> Robot {
+    Robot::load(&Source::Bundled(robot.into()), &Options::default()).unwrap()
+}
+
+fn model(robot: &str) -> std::sync::Arc<Model<f64>> {
+    local(robot).shared_model().unwrap()
+}
+
+/// The shared object of the state's query on a robot, made once for all tests; `None` without a
+/// compiler.
+fn object(robot: &'static str) -> Option<PathBuf> {
+    static MADE: OnceLock<Cache> = OnceLock::new();
+    let Some(compiler) = Compiler::found() else {
+        println!("not run: no C compiler");
+        return None;
+    };
+    let cache = MADE.get_or_init(|| {
+        let name = format!("sarrus-kernels-{}", std::process::id());
+        Cache::at(PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name))
+    });
+    let model = model(robot);
+    let plan = Plan::new(&model, &STATE).unwrap();
+    Some(cache.kernel(&model, &plan, &compiler, &Cancel::default()).unwrap().path)
+}
+
+/// Answers of both to many states, among them some that are out of range or have no answer.
+fn compare(one: &mut Asker, other: &mut Asker) {
+    let robot = one.robot.model().clone();
+    let layout = one.robot.plan(one.plan).unwrap().given().clone();
+    let mut answered = 0;
+    for k in 0..2_000 {
+        one.input = random_input(&robot, &layout, 55_000_000 + k);
+        match k % 50 {
+            0 => one.input.iter_mut().for_each(|x| *x *= 50.0),
+            1 => one.input[0] = f64::NAN,
+            2 => one.input.fill(0.0),
+            _ => {}
+        }
+        other.input.clone_from(&one.input);
+        let [a, b] = [one.ask().unwrap(), other.ask().unwrap()];
+        assert_eq!((a, one.bits()), (b, other.bits()), "state {k}: {:?}", one.input);
+        answered += usize::from(a.status == Status::Ok);
+    }
+    assert!((1_000..2_000).contains(&answered), "{answered}");
+}
+
+#[test]
+fn answers_by_a_kernel_have_the_same_bits_through_every_transport_and_in_process() {
+    let Some(path) = object("lambda") else { return };
+    let sandbox = Sandbox::new();
+    let flags = ["--wait", "busy", "--kernel", path.to_str().unwrap()];
+    let server = sandbox.serve_robot("lambda", "quick", &flags);
+    server.hears("kernel for kinematics of y, yd, ydd for q, qd, qdd, u: from the file");
+    let mut generic = Asker::new(local("lambda"));
+    for transport in [Transport::Lane, Transport::Service] {
+        let mut served = Asker::new(sandbox.connect("quick", transport).unwrap());
+        compare(&mut generic, &mut served);
+        std::thread::sleep(Duration::from_millis(200));
+        let statistics = served.robot.statistics().unwrap();
+        assert_eq!(statistics.system_allocations, 0, "{statistics:?}");
+    }
+
+    // in process, where nothing is allocated either
+    let mut robot = local("lambda");
+    robot.use_kernels(Kernels::File(path.clone())).unwrap();
+    let mut quick = Asker::new(robot);
+    let by = quick.robot.answered_by(quick.plan).unwrap();
+    let AnsweredBy::Generated(manifest) = by else { panic!("{by:?}") };
+    assert_eq!(manifest.query, STATE);
+    compare(&mut generic, &mut quick);
+    quick.input = vec![0.1, 0.2, 0.3];
+    assert_eq!(quick.thousand(), (1000, 0, 0));
+
+    // what travels beside the numbers is no other query; other fields are one
+    let checked = quick.robot.prepare(&STATE.with_options(QueryOptions::CHECKSUM)).unwrap();
+    assert!(matches!(quick.robot.answered_by(checked), Ok(AnsweredBy::Generated(_))));
+    let other = quick.robot.query(sarrus_client::Request::Kinematics).given(["y"]).want(["q"]);
+    let other = other.prepare().unwrap();
+    assert!(matches!(quick.robot.answered_by(other), Ok(AnsweredBy::Refused(_))));
+
+    // a robot that is elsewhere has its server's
+    let mut served = sandbox.connect("quick", Transport::Lane).unwrap();
+    assert!(served.use_kernels(Kernels::File(path)).is_err());
+}
+
+#[test]
+fn a_kernel_makes_no_system_call() {
+    let Some(path) = object(ROBOT) else { return };
+    system_calls_of_the_busy_loop(&["--kernel", path.to_str().unwrap()]);
+}
+
+/// How a server ends that is not to start, and what it says.
+fn refused(sandbox: &Sandbox, robot: &str, path: &Path) -> String {
+    let flags = ["--kernel", path.to_str().unwrap()];
+    let output = sandbox.command(robot, "never", &flags).output().unwrap();
+    assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0));
+    String::from_utf8(output.stderr).unwrap()
+}
+
+#[test]
+fn a_file_that_is_no_kernel_of_the_robot_starts_no_server_and_the_reason_is_said() {
+    let Some(path) = object("lambda") else { return };
+    let sandbox = Sandbox::new();
+    let words = refused(&sandbox, "torso", &path);
+    assert!(words.starts_with("sarrus serve: --kernel: "), "{words}");
+    assert!(words.contains("made for the robot `lambda`"), "{words}");
+
+    let copy = path.with_file_name(format!("damaged-{}", std::process::id()));
+    let mut bytes = fs::read(&path).unwrap();
+    bytes.truncate(bytes.len() / 2);
+    fs::write(&copy, &bytes).unwrap();
+    let words = refused(&sandbox, "lambda", &copy);
+    assert!(words.contains("no kernel of this version") || words.contains("no whole"), "{words}");
+    fs::remove_file(&copy).unwrap();
+    let words = refused(&sandbox, "lambda", &copy);
+    assert!(words.contains("No such file"), "{words}");
+    assert_eq!(sandbox.leftovers(), Vec::<PathBuf>::new());
+}
+
+/// A server that makes kernels, with its cache in a folder.
+fn auto(sandbox: &Sandbox, robot: &str, cache: &Path, compiler: Option<&str>) -> Server {
+    let mut command = sandbox.command(robot, "auto", &["--kernel", "auto"]);
+    command.env("XDG_CACHE_HOME", cache).envs(compiler.map(|compiler| ("CC", compiler)));
+    sandbox.start(&mut command)
+}
+
+#[test]
+fn kernels_are_made_beside_the_answers_and_kept_for_the_next_server() {
+    if Compiler::found().is_none() {
+        return println!("not run: no C compiler");
+    }
+    let sandbox = Sandbox::new();
+    let name = format!("sarrus-auto-{}", std::process::id());
+    let cache = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    for words in ["made in", "kept from before"] {
+        let server = auto(&sandbox, "lambda", &cache, None);
+        let mut generic = Asker::new(local("lambda"));
+        // whoever registers waits for no compiler
+        let start = Instant::now();
+        let mut served = Asker::new(sandbox.connect("auto", Transport::Lane).unwrap());
+        assert_eq!(served.ask().unwrap().status, Status::Ok);
+        println!("{words}: answered after {:?}", start.elapsed());
+        server.hears(words);
+        // from before to after it is swapped in, the bits are the same
+        compare(&mut generic, &mut served);
+        std::thread::sleep(Duration::from_millis(100));
+        compare(&mut generic, &mut served);
+        assert!(server.stop("-TERM").success());
+    }
+    fs::remove_dir_all(&cache).unwrap();
+}
+
+#[test]
+fn without_a_compiler_or_a_straight_line_the_generic_kernels_answer_and_that_is_said() {
+    let sandbox = Sandbox::new();
+    let cache = std::env::temp_dir().join(format!("sarrus-none-{}", std::process::id()));
+    for (robot, compiler, words) in [
+        ("lambda", Some("/nonexistent/cc"), "no C compiler: set CC, or install cc"),
+        ("wrist", None, "is numerical"),
+    ] {
+        if compiler.is_none() && Compiler::found().is_none() {
+            continue;
+        }
+        let server = auto(&sandbox, robot, &cache, compiler);
+        let mut served = Asker::new(sandbox.connect("auto", Transport::Lane).unwrap());
+        assert_eq!(served.ask().unwrap().status, Status::Ok);
+        let line = server.hears("no kernel for kinematics of y, yd, ydd for q, qd, qdd, u: ");
+        assert!(line.contains(words) && line.ends_with("; the generic ones answer"), "{line}");
+        assert_eq!(served.ask().unwrap().status, Status::Ok);
+        assert!(server.stop("-TERM").success());
+    }
+    assert!(!cache.exists());
+}
