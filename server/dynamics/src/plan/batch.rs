@@ -61,8 +61,10 @@ const WANT: [Field; 25] = [
 /// use std::sync::Arc;
 ///
 /// use sarrus_dynamics::description::Inertial;
-/// use sarrus_dynamics::{Answer, Batch, DescriptionBuilder, Field, FieldSet, LinkId, Plan, Query};
-/// use sarrus_dynamics::{Request, Status, Warnings};
+/// use sarrus_dynamics::{
+///     Answer, Batch, DescriptionBuilder, Field, FieldSet, LinkId, Plan, Query, Request, Status,
+///     Warnings,
+/// };
 ///
 /// // a pendulum: 1 kg, 1 m below a horizontal axis
 /// let mut robot = DescriptionBuilder::new("pendulum");
@@ -73,7 +75,8 @@ const WANT: [Field; 25] = [
 /// let plan = Plan::new(&model, &Query::new(Request::InverseDynamics, given, want))?;
 /// let mut batch = Batch::new(&model, &plan);
 /// let angles: Vec<f64> = (0..100).map(|k| 0.01 * f64::from(k)).collect();
-/// let (mut forces, mut answers) = (vec![0.0; 100], vec![Answer::default(); 100]);
+/// let unknown = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
+/// let (mut forces, mut answers) = (vec![0.0; 100], vec![unknown; 100]);
 /// batch.run(&angles, &mut forces, &mut answers);
 /// assert!(answers.iter().all(|answer| answer.status == Status::Ok));
 /// assert!((forces[99] - 9.81 * 0.99_f64.sin()).abs() < 1e-12);
@@ -86,6 +89,7 @@ pub struct Batch {
     workspace: Workspace<f64>,
     /// Where states of the plan go abreast.
     tile: Option<Tile>,
+    alone: u64,
 }
 
 /// What states that go abreast need.
@@ -114,7 +118,13 @@ impl Batch {
             plan: plan.clone(),
             workspace: Workspace::for_plans(model, [plan]),
             tile,
+            alone: 0,
         }
+    }
+
+    /// How many states it answered one by one so far.
+    pub fn alone(&self) -> u64 {
+        self.alone
     }
 
     /// How many states go abreast: [`LANES`], or 1 where each is answered alone.
@@ -150,6 +160,7 @@ impl Batch {
                 _ => u32::MAX,
             };
             for row in (0..rows).filter(|row| alone >> row & 1 != 0) {
+                self.alone += 1;
                 of_rows[row] = self.plan.run(
                     &self.model,
                     &mut self.workspace,
