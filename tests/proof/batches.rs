@@ -11,6 +11,8 @@ use sarrus_tests::plans::{every_plan, input};
 use sarrus_tests::run::Robot;
 use sarrus_tests::seed::Seeded;
 
+use crate::allocation::calls;
+
 const UNKNOWN: Answer = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
 
 /// A number's bits; every NaN is the same.
@@ -80,7 +82,9 @@ fn states_abreast_have_the_bits_that_each_has_alone() {
             let given = rows(case, &plan, n, true, &mut seeded);
             let (expected, answers) = alone(case, &plan, &given, n);
             let (mut output, mut found) = (vec![0.2; expected.len()], vec![UNKNOWN; n]);
+            let before = calls();
             batch.run(&given, &mut output, &mut found);
+            assert_eq!(calls(), before, "{}: {:?}", case.name, plan.query());
             let what = format!("{}, seed {}: {:?}", case.name, case.seed, plan.query());
             compare(&what, (&output, &found), (&expected, &answers));
         }
