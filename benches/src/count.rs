@@ -6,6 +6,7 @@ use std::hint::black_box;
 use sarrus_report::Outcome;
 use sarrus_report::robots::{Robot, Subject};
 
+use crate::batches::Many;
 use crate::bridge;
 use crate::cases::{self, Case};
 
@@ -30,12 +31,22 @@ pub fn run(count: &[String]) -> Outcome {
         .find(|what| what.name() == robot && what.may_have(name))
         .ok_or_else(unknown)?;
 
+    // the same states at once
+    let (name, is_batch) = match name.strip_suffix("/batch") {
+        Some(name) => (name, true),
+        None => (name.as_str(), false),
+    };
     let robot = Robot::load_some(what, STATES, |variant| variant == closures)?;
     let mut case = cases::of_robot(&robot)?
         .into_iter()
         .chain(cases::at_rest(&robot)?)
-        .find(|case| case.name() == *name)
+        .find(|case| case.name() == name)
         .ok_or_else(unknown)?;
+    if is_batch {
+        let mut many = Many::new(&robot, case.question, STATES)?;
+        passes_of_batch(&mut many, repeats);
+        return many.check();
+    }
     passes(&mut case, repeats)
 }
 
@@ -49,4 +60,12 @@ fn passes(case: &mut Case<'_>, repeats: usize) -> Outcome {
         }
     }
     Ok(())
+}
+
+/// The same of a batch.
+#[inline(never)]
+fn passes_of_batch(many: &mut Many, repeats: usize) {
+    for _ in 0..repeats {
+        many.abreast();
+    }
 }

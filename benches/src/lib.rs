@@ -5,6 +5,7 @@
 //!   ratios hold on a machine that others use too; each time beside the error of the same answers
 //!   against double-double.
 //! - Forward dynamics by each method beside what the cost model predicts (`forward.rs`).
+//! - Many states at once beside one after the other (`batches.rs`).
 //! - Instructions of one case (`count.rs`, `benches/count.sh`), among them those of the bridge
 //!   between commands and motors (`bridge.rs`).
 //!
@@ -20,6 +21,7 @@
 //! `server/report/src/robots/texts.rs`. A case of the regression gate: one line in `count.sh`,
 //! then `benches/count.sh --update`.
 
+mod batches;
 mod bridge;
 mod cases;
 mod count;
@@ -29,6 +31,7 @@ mod in_process;
 pub mod printed;
 pub mod table;
 
+pub use self::batches::run as batches;
 pub use self::count::run as count;
 pub use self::forward::run as forward;
 pub use self::in_process::{Options, run as in_process};

@@ -27,6 +27,10 @@ struct Flags {
     /// Go this many times through 16 states of one case and end; for counting instructions.
     #[arg(long, num_args = 2, value_names = ["CASE", "REPEATS"])]
     count: Option<Vec<String>>,
+    /// Many states at once beside one after the other, of the robots whose name has `--only` in
+    /// it, and end.
+    #[arg(long)]
+    batches: bool,
     /// Forward dynamics by each method, predicted beside measured, and end.
     #[arg(long)]
     forward: bool,
@@ -35,6 +39,7 @@ struct Flags {
 fn main() -> ExitCode {
     let outcome = match Flags::parse() {
         Flags { count: Some(count), .. } => sarrus_benches::count(&count),
+        Flags { batches: true, only, .. } => sarrus_benches::batches(&only),
         Flags { forward: true, .. } => sarrus_benches::forward(),
         Flags { quick, only, format, out, list, .. } => {
             sarrus_benches::in_process(&Options { quick, only, format, out, list })

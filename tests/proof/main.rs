@@ -12,6 +12,7 @@
 mod agreement;
 mod allocation;
 mod assembly;
+mod batches;
 mod c;
 mod can;
 mod closures;

@@ -7,6 +7,7 @@
 //! clients go on by themselves. [`Controller`] sends commands to a CAN bridge and [`Observer`]
 //! watches one.
 
+mod batch;
 mod bridge;
 mod control;
 mod describe;

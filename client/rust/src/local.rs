@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use sarrus_dynamics::{Model, Plan, Workspace};
+use sarrus_dynamics::{Batch, Model, Plan, Workspace};
 use sarrus_proto::Query;
 
 #[cfg(feature = "kernels")]
@@ -20,9 +20,11 @@ pub(crate) struct Local {
     kernels: Source,
 }
 
-/// A plan, with its kernel where one was asked for.
+/// A plan, the scratch of each thread that answered batches of it, and its kernel where one was
+/// asked for.
 struct Prepared {
     plan: Plan,
+    batches: Vec<Batch>,
     #[cfg(feature = "kernels")]
     kernel: Option<Result<Arc<sarrus_generate::NativeKernel>, KernelError>>,
 }
@@ -62,6 +64,7 @@ impl Local {
             #[cfg(feature = "kernels")]
             kernel: self.kernels.kernel(&self.model, &plan),
             plan,
+            batches: Vec::new(),
         });
         Ok(())
     }
@@ -87,5 +90,20 @@ impl Local {
             return Ok(answer);
         }
         Ok(prepared.plan.run(&self.model, &mut self.workspace, input, output))
+    }
+
+    /// What so many threads answer batches of a plan with.
+    pub(crate) fn batches(&mut self, place: usize, threads: usize) -> Result<&mut [Batch], Error> {
+        let Some(Some(prepared)) = self.plans.get_mut(place) else {
+            return Err(Error::ReleasedPlan);
+        };
+        let batches = &mut prepared.batches;
+        if batches.is_empty() {
+            batches.push(Batch::new(&self.model, &prepared.plan));
+        }
+        while batches.len() < threads {
+            batches.extend(batches.first().cloned());
+        }
+        Ok(batches)
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use sarrus_dynamics::{Compiled, Model};
+use sarrus_dynamics::{Batch, Compiled, Model};
 use sarrus_models::{LoadError, Options, Source, load};
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, Statistics};
 use sarrus_proto::{Answer, Domain, ModelInfo, Query, Request, Status, Warnings};
@@ -289,6 +289,19 @@ impl Robot {
             output.fill(f64::NAN);
         }
         outcome
+    }
+
+    /// What so many threads of this process answer batches with; `None` for a connected robot.
+    pub(crate) fn batches(
+        &mut self,
+        plan: PlanId,
+        threads: usize,
+    ) -> Result<Option<&mut [Batch]>, Error> {
+        let (place, _) = self.plans.find(plan)?;
+        match &mut self.side {
+            Side::Local(local) => local.batches(place, threads).map(Some),
+            Side::Remote(_) => Ok(None),
+        }
     }
 }
 

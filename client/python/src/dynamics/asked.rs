@@ -1,12 +1,12 @@
 //! A prepared plan with its robot, asked with numpy's arrays.
 
 use std::num::NonZero;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
-use sarrus_client::{Answer, PlanId, QueryBuilder, Request, Robot};
-use sarrus_dynamics::{Layout, Plan, Slot};
+use sarrus_client::{Answer, Model, PlanId, Query, QueryBuilder, Request, Robot};
+use sarrus_dynamics::{Batch, Layout, Plan, Slot};
 
 use super::arrays::{self, Given, common_rows, refuse_shared, wanted, writable};
 use super::batch::{self, Engine, Rows};
@@ -25,8 +25,9 @@ pub(super) struct Asked {
     id: PlanId,
     given: Layout,
     want: Layout,
-    /// The same for threads of their own, in this process.
-    plan: Option<Plan>,
+    /// The query, for threads of their own in this process, and what they answer batches with.
+    query: Query,
+    batches: Mutex<Vec<Batch>>,
 }
 
 impl Drop for Asked {
@@ -71,13 +72,13 @@ impl Asked {
         let (id, prepared) = shared.prepare(py, prepare)?;
         let refused = |words: String| QueryError::new_err(words);
         let prepared = prepared.ok_or_else(|| refused("the plan was released".to_owned()))?;
-        let plan = shared.model.as_ref().map(|model| Plan::new(model, prepared.query()));
         Ok(Asked {
             shared: Arc::clone(shared),
             id,
             given: prepared.given().clone(),
             want: prepared.want().clone(),
-            plan: plan.transpose().map_err(|error| refused(error.to_string()))?,
+            query: *prepared.query(),
+            batches: Mutex::new(Vec::new()),
         })
     }
 
@@ -158,26 +159,34 @@ impl Asked {
             Rows { rows, given: read, want, statuses: &mut statuses, warnings: &mut warnings };
 
         // one engine for each thread; a connected robot has one lane
-        match (&self.plan, &self.shared.model) {
-            (Some(plan), Some(model)) => {
+        match &self.shared.model {
+            Some(model) => {
                 let n = batch::threads(options.threads, rows);
-                let mut workspaces: Vec<_> = (0..n).map(|_| self.shared.workspace(model)).collect();
+                let mut batches = self.batches(model, n)?;
                 let mut engines = Vec::with_capacity(n);
-                for workspace in &mut workspaces {
-                    let engine: Box<Engine<'_>> = Box::new(|input, output| {
-                        Ok(plan.run(model, &mut *workspace, input, output))
+                for batch in &mut batches {
+                    let engine: Box<Engine<'_>> = Box::new(|input, output, answers| {
+                        batch.run(input, output, answers);
+                        Ok(())
                     });
                     engines.push(engine);
                 }
                 let outcome = batch::run(py, numbers, engines, options.progress.as_ref());
-                workspaces.into_iter().for_each(|one| self.shared.give_back(one));
+                self.kept().append(&mut batches);
                 outcome?;
             }
-            _ => {
+            None => {
                 // refuses a robot of the parent's
                 self.shared.with(py, |_| Ok(()))?;
-                let engine: Box<Engine<'_>> =
-                    Box::new(|input, output| self.shared.ask_detached(self.id, input, output));
+                let [n_in, n_out] = [self.given.len(), self.want.len()];
+                let engine: Box<Engine<'_>> = Box::new(|input, output, answers| {
+                    for (row, answer) in answers.iter_mut().enumerate() {
+                        let given = &input[row * n_in..][..n_in];
+                        let want = &mut output[row * n_out..][..n_out];
+                        *answer = self.shared.ask_detached(self.id, given, want)?;
+                    }
+                    Ok(())
+                });
                 batch::run(py, numbers, vec![engine], options.progress.as_ref())?;
             }
         }
@@ -193,6 +202,27 @@ impl Asked {
             warnings: warnings.into_pyarray(py),
             failed,
         })
+    }
+
+    fn kept(&self) -> MutexGuard<'_, Vec<Batch>> {
+        self.batches.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What so many threads answer rows with: those that are kept, and clones of them.
+    fn batches(&self, model: &Arc<Model<f64>>, threads: usize) -> PyResult<Vec<Batch>> {
+        let mut kept = self.kept();
+        let free = kept.len().min(threads);
+        let mut batches: Vec<Batch> = kept.drain(..free).collect();
+        drop(kept);
+        if batches.is_empty() {
+            let plan = Plan::new(model, &self.query)
+                .map_err(|error| QueryError::new_err(error.to_string()))?;
+            batches.push(Batch::new(model, &plan));
+        }
+        while batches.len() < threads {
+            batches.extend(batches.first().cloned());
+        }
+        Ok(batches)
     }
 
     /// The fields of one state as arrays and numbers.

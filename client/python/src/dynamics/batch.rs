@@ -1,7 +1,8 @@
 //! Rows of states: cut into tiles that threads take one after the other.
 //!
-//! Each row is answered as a single state is, so its bits depend on no thread. The calling thread
-//! works too, and between its tiles lets Python look for signals and calls back.
+//! Each row has the bits of a single state, so they depend on no thread and not on the rows beside
+//! it. The calling thread works too, and between its tiles lets Python look for signals and calls
+//! back.
 
 use std::num::NonZero;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
@@ -10,7 +11,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
-use sarrus_client::Answer;
+use sarrus_client::{Answer, Status, Warnings};
 
 /// Rows of a tile, and rows from which another thread is worth its start.
 const TILE: usize = 256;
@@ -18,8 +19,12 @@ const ROWS_OF_A_THREAD: usize = 2048;
 /// Between two looks for signals.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// What answers one state after the other: packed numbers in and out.
-pub(super) type Engine<'e> = dyn FnMut(&[f64], &mut [f64]) -> PyResult<Answer> + Send + 'e;
+/// Rows that an engine gets at once, so that its states can go abreast.
+const PACKED: usize = 16;
+
+/// What answers some states: their packed numbers in and out, row after row, and their answers.
+pub(super) type Engine<'e> =
+    dyn FnMut(&[f64], &mut [f64], &mut [Answer]) -> PyResult<()> + Send + 'e;
 
 /// The rows that are left, field by field, each with the width of a row.
 pub(super) struct Rows<'a> {
@@ -56,19 +61,29 @@ impl<'a> Rows<'a> {
     /// Answers every row.
     fn answer(self, packed: &mut Packed, engine: &mut Engine<'_>) -> PyResult<()> {
         let Rows { rows, given, mut want, statuses, warnings } = self;
-        for row in 0..rows {
+        let Packed { widths: [n_in, n_out], input, output, answers } = packed;
+        for first in (0..rows).step_by(PACKED) {
+            let here = PACKED.min(rows - first);
             let mut at = 0;
             for (numbers, width) in &given {
-                let field = &numbers[row * width..][..*width];
-                packed.input[at..][..*width].copy_from_slice(field);
+                for row in 0..here {
+                    let field = &numbers[(first + row) * width..][..*width];
+                    input[row * *n_in + at..][..*width].copy_from_slice(field);
+                }
                 at += width;
             }
-            let answer = engine(&packed.input, &mut packed.output)?;
-            (statuses[row], warnings[row]) = (answer.status as u32, answer.warnings.0);
+            let answers = &mut answers[..here];
+            engine(&input[..here * *n_in], &mut output[..here * *n_out], answers)?;
+            for (row, answer) in answers.iter().enumerate() {
+                statuses[first + row] = answer.status as u32;
+                warnings[first + row] = answer.warnings.0;
+            }
             let mut at = 0;
             for (numbers, width) in &mut want {
-                let field = &packed.output[at..][..*width];
-                numbers[row * *width..][..*width].copy_from_slice(field);
+                for row in 0..here {
+                    let field = &output[row * *n_out + at..][..*width];
+                    numbers[(first + row) * *width..][..*width].copy_from_slice(field);
+                }
                 at += *width;
             }
         }
@@ -83,17 +98,25 @@ fn split_off<'a, T>(slice: &mut &'a mut [T], n: usize) -> &'a mut [T] {
     first
 }
 
-/// Numbers of one state as a plan has them.
+/// Numbers of some states as a plan has them, with the widths of a row.
 struct Packed {
+    widths: [usize; 2],
     input: Vec<f64>,
     output: Vec<f64>,
+    answers: Vec<Answer>,
 }
 
 impl Packed {
     fn new(rows: &Rows<'_>) -> Packed {
-        let n_in = rows.given.iter().map(|(_, width)| width).sum();
-        let n_out = rows.want.iter().map(|(_, width)| width).sum();
-        Packed { input: vec![0.0; n_in], output: vec![0.0; n_out] }
+        let n_in = rows.given.iter().map(|(_, width)| width).sum::<usize>();
+        let n_out = rows.want.iter().map(|(_, width)| width).sum::<usize>();
+        let unknown = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
+        Packed {
+            widths: [n_in, n_out],
+            input: vec![0.0; PACKED * n_in],
+            output: vec![0.0; PACKED * n_out],
+            answers: vec![unknown; PACKED],
+        }
     }
 }
 

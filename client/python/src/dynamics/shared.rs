@@ -1,7 +1,7 @@
 //! A robot that Python's threads share.
 //!
 //! A robot in this process is asked with Python's lock held, one state at a time, and its batches
-//! have workspaces of their own: no thread waits for another. A connected one is asked without
+//! have scratch of their own: no thread waits for another. A connected one is asked without
 //! Python's lock. Nothing of Python runs while the robot is locked.
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -9,7 +9,6 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use pyo3::prelude::*;
 use sarrus_client::{Answer, Error, FailedState, Model, PlanId, Robot, Status, Warnings};
-use sarrus_dynamics::Workspace;
 
 use super::errors::{ConnectError, robot_error};
 
@@ -46,8 +45,6 @@ pub(super) struct Shared {
     robot: Mutex<Option<Robot>>,
     /// The model, in this process.
     pub(super) model: Option<Arc<Model<f64>>>,
-    /// Workspaces of batches that ended.
-    workspaces: Mutex<Vec<Workspace<f64>>>,
     /// Plans of a connected robot that are held no more, and of which its server does not know yet.
     released: Mutex<Vec<PlanId>>,
     forks: u64,
@@ -58,7 +55,6 @@ impl Shared {
         Shared {
             model: robot.shared_model(),
             robot: Mutex::new(Some(robot)),
-            workspaces: Mutex::new(Vec::new()),
             released: Mutex::new(Vec::new()),
             forks: FORKS.load(Relaxed),
         }
@@ -139,16 +135,6 @@ impl Shared {
         } else if let Some(robot) = lock(&self.robot).as_mut() {
             let _ = robot.release(plan);
         }
-    }
-
-    /// A workspace for a thread of a batch.
-    pub(super) fn workspace(&self, model: &Model<f64>) -> Workspace<f64> {
-        lock(&self.workspaces).pop().unwrap_or_else(|| Workspace::new(model))
-    }
-
-    /// Takes a workspace back.
-    pub(super) fn give_back(&self, workspace: Workspace<f64>) {
-        lock(&self.workspaces).push(workspace);
     }
 }
 

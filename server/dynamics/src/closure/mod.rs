@@ -164,6 +164,18 @@ fn polished<T: Scalar>(
 }
 
 impl<C> Closure<C> {
+    /// True where no state needs Newton's method.
+    pub(crate) fn is_closed_form(&self) -> bool {
+        match self {
+            Closure::Serial => true,
+            Closure::Coupling(coupling) => coupling.polish.is_none(),
+            Closure::Rrpr(rrpr) => rrpr.polish.is_none(),
+            Closure::Platform(platform) => platform.polish.is_none(),
+            Closure::Planar(planar) => planar.polish.is_none(),
+            Closure::Numerical(_) => false,
+        }
+    }
+
     /// Newton's method, where the closure has need of it.
     pub(crate) fn numerical(&mut self) -> Option<&mut Numerical<C>> {
         match self {

@@ -1,6 +1,7 @@
 //! A plan: the steps that a query needs on a model, and no others.
 
 mod actuation;
+mod batch;
 mod diagnostics;
 mod forces;
 mod kkt;
@@ -12,6 +13,7 @@ mod run;
 mod scratch;
 mod state;
 
+pub use batch::Batch;
 pub(crate) use forces::wrenches_on_bodies;
 pub(crate) use kkt::{Drift, drift_of, tree_under_constraints};
 pub use outline::Outline;

@@ -97,7 +97,12 @@ impl Plan {
             Err(status) => status,
         };
         if report.status != Status::Ok {
-            self.write_failure(model, workspace, &report, output);
+            // of several states nobody knows whose failure it is
+            if T::STRAIGHT {
+                output.fill(T::from_f64(f64::NAN));
+            } else {
+                self.write_failure(model, workspace, &report, output);
+            }
             return Answer { status: report.status, warnings: Warnings::NONE };
         }
         let doubtful = report.doubt.is_large();

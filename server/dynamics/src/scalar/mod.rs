@@ -1,26 +1,30 @@
 //! The numbers that every kernel is written over.
 
+mod abreast;
 mod counted;
 mod double_double;
 mod dual;
 mod elementary;
 mod figure;
+mod lanes;
 mod noise;
 mod single;
 mod stochastic;
 
+pub(crate) use abreast::{Abreast, Marks};
 pub use counted::Counted;
 pub use double_double::Dd;
 pub use dual::Dual;
 pub use figure::{DOUBTFUL, Figure};
+pub(crate) use lanes::FUSED;
+pub use lanes::{LANES, LaneMask, Lanes};
 pub(crate) use noise::noise;
 pub(crate) use stochastic::Stochastic;
 
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, MulAssign, Neg, Not, Sub, SubAssign};
 
-/// A real number as kernels see it: `f64`, `f32`, double-double, dual numbers, and later SIMD
-/// lanes.
+/// A real number as kernels see it: `f64`, `f32`, double-double, dual numbers, and lanes of doubles.
 ///
 /// Kernels never branch on a value: comparisons give a [`Mask`], choices are made by
 /// [`Real::select`].

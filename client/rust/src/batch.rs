@@ -1,0 +1,120 @@
+//! Many states at once: rows in, rows out, on as many threads as are given.
+
+use std::num::NonZero;
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+
+use sarrus_dynamics::Batch;
+use sarrus_proto::{Answer, Status, Warnings};
+
+use crate::{Error, PlanId, Robot};
+
+/// Rows that a thread takes at once.
+const TILE: usize = 256;
+
+impl Robot {
+    /// Asks for as many states as there are places for answers: `input` and `output` hold their
+    /// rows one after the other, each packed as the plan says, and every row, status and warning is
+    /// that of [`Robot::ask`], to the bit. In process up to so many threads work, the calling one
+    /// among them; each keeps its scratch for the next batch of the plan. A connected robot is asked
+    /// state after state. Where the sizes do not fit every row is [`Status::WrongSize`] and NaN.
+    ///
+    /// # Errors
+    /// As [`Robot::ask`]; rows that have no answer yet are NaN then, with the status
+    /// [`Status::UnknownRequest`].
+    ///
+    /// ```
+    /// use std::num::NonZero;
+    ///
+    /// use sarrus_client::{Answer, Options, Request, Robot, Source, Status, Warnings};
+    ///
+    /// let mut robot = Robot::load(&Source::Bundled("lambda".into()), &Options::default())?;
+    /// let plan = robot.query(Request::InverseDynamics).given(["y"]).want(["tau_u"]).prepare()?;
+    /// let angles: Vec<f64> = (0..100).map(|k| 0.005 * f64::from(k)).collect();
+    /// let unknown = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
+    /// let (mut forces, mut answers) = (vec![0.0; 100], vec![unknown; 100]);
+    /// robot.batch(plan, NonZero::<usize>::MIN, &angles, &mut forces, &mut answers)?;
+    /// assert!(answers.iter().all(|answer| answer.status == Status::Ok));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn batch(
+        &mut self,
+        plan: PlanId,
+        threads: NonZero<usize>,
+        input: &[f64],
+        output: &mut [f64],
+        answers: &mut [Answer],
+    ) -> Result<(), Error> {
+        output.fill(f64::NAN);
+        answers.fill(Answer { status: Status::UnknownRequest, warnings: Warnings::NONE });
+        let (_, prepared) = self.plans.find(plan)?;
+        let (n_in, n_out) = (prepared.given().len(), prepared.want().len());
+        let rows = answers.len();
+        if Some(input.len()) != rows.checked_mul(n_in)
+            || Some(output.len()) != rows.checked_mul(n_out)
+        {
+            answers.fill(Answer { status: Status::WrongSize, warnings: Warnings::NONE });
+            return Ok(());
+        }
+        let mut rows = Rows { widths: [n_in, n_out], input, output, answers };
+        let threads = threads.get().min(rows.answers.len().div_ceil(TILE)).max(1);
+        if let Some(batches) = self.batches(plan, threads)? {
+            answer_all(&mut batches[..threads], rows);
+            return Ok(());
+        }
+        while let Some(row) = rows.take(1) {
+            for answer in row.answers {
+                *answer = self.ask(plan, row.input, row.output)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Rows that have no answer yet.
+struct Rows<'a> {
+    /// Numbers of a row in and out.
+    widths: [usize; 2],
+    input: &'a [f64],
+    output: &'a mut [f64],
+    answers: &'a mut [Answer],
+}
+
+impl<'a> Rows<'a> {
+    /// Takes up to so many rows off the front; `None` where none is left.
+    fn take(&mut self, most: usize) -> Option<Rows<'a>> {
+        let rows = self.answers.len().min(most);
+        if rows == 0 {
+            return None;
+        }
+        let [n_in, n_out] = self.widths;
+        let (input, rest) = self.input.split_at(rows * n_in);
+        self.input = rest;
+        let (output, rest) = std::mem::take(&mut self.output).split_at_mut(rows * n_out);
+        self.output = rest;
+        let (answers, rest) = std::mem::take(&mut self.answers).split_at_mut(rows);
+        self.answers = rest;
+        Some(Rows { widths: self.widths, input, output, answers })
+    }
+}
+
+/// Answers all rows, tile by tile, on a thread for each batch.
+fn answer_all(batches: &mut [Batch], rows: Rows<'_>) {
+    let Some((own, others)) = batches.split_first_mut() else { return };
+    let left = Mutex::new(rows);
+    let work = |batch: &mut Batch| {
+        loop {
+            let tile = left.lock().unwrap_or_else(PoisonError::into_inner).take(TILE);
+            let Some(tile) = tile else { break };
+            batch.run(tile.input, tile.output, tile.answers);
+        }
+    };
+    thread::scope(|scope| {
+        for batch in others {
+            // a thread that cannot be started leaves its tiles to the others
+            let thread = thread::Builder::new().name("sarrus-batch".to_owned());
+            let _ = thread.spawn_scoped(scope, || work(batch));
+        }
+        work(own);
+    });
+}

@@ -1,0 +1,213 @@
+//! Many states of one plan, several abreast.
+//!
+//! States that go the same way through a plan share its run over lanes, and each has the bits that
+//! it has alone. What a state does by itself is done alone: where it fails, is warned of anything
+//! but limits, or would have gone another way than the first of its lanes
+//! ([`crate::scalar::Figure`]). Closures by Newton's method take another number of steps for each
+//! state, so plans that need one answer state after state.
+
+use std::sync::Arc;
+
+use sarrus_proto::{Answer, Field, FieldSet, Request, Status, Warnings};
+
+use crate::model::{Method, Model};
+use crate::plan::Plan;
+use crate::scalar::{Abreast, FUSED, LANES, Marks, Real};
+use crate::workspace::Workspace;
+
+/// What may be given and wanted of states that go abreast: numbers of each state alone.
+const GIVEN: [Field; 9] = [
+    Field::Y,
+    Field::Yd,
+    Field::Ydd,
+    Field::QGuess,
+    Field::QdGuess,
+    Field::TauQ,
+    Field::TauY,
+    Field::TauU,
+    Field::Wrenches,
+];
+const WANT: [Field; 25] = [
+    Field::Y,
+    Field::Yd,
+    Field::Ydd,
+    Field::Q,
+    Field::Qd,
+    Field::Qdd,
+    Field::U,
+    Field::Ud,
+    Field::Udd,
+    Field::TauQ,
+    Field::TauY,
+    Field::TauU,
+    Field::TauUnactuated,
+    Field::G,
+    Field::GBias,
+    Field::GU,
+    Field::GUBias,
+    Field::MY,
+    Field::CY,
+    Field::FramePose,
+    Field::FrameTwist,
+    Field::FrameAcc,
+    Field::JacobianTree,
+    Field::JacobianIndependent,
+    Field::JacobianActuator,
+];
+
+/// A plan with the scratch for many states; a clone for each thread shares the constants.
+///
+/// ```
+/// use std::sync::Arc;
+///
+/// use sarrus_dynamics::description::Inertial;
+/// use sarrus_dynamics::{
+///     Answer, Batch, DescriptionBuilder, Field, FieldSet, LinkId, Plan, Query, Request, Status,
+///     Warnings,
+/// };
+///
+/// // a pendulum: 1 kg, 1 m below a horizontal axis
+/// let mut robot = DescriptionBuilder::new("pendulum");
+/// let bob = Inertial::point(1.0, [0.0, 0.0, -1.0]);
+/// robot.revolute("pivot", LinkId::BASE, [0.0, 1.0, 0.0]).inertial(bob);
+/// let model = Arc::new(robot.compile()?.model);
+/// let (given, want) = (FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::TauU]));
+/// let plan = Plan::new(&model, &Query::new(Request::InverseDynamics, given, want))?;
+/// let mut batch = Batch::new(&model, &plan);
+/// let angles: Vec<f64> = (0..100).map(|k| 0.01 * f64::from(k)).collect();
+/// let unknown = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
+/// let (mut forces, mut answers) = (vec![0.0; 100], vec![unknown; 100]);
+/// batch.run(&angles, &mut forces, &mut answers);
+/// assert!(answers.iter().all(|answer| answer.status == Status::Ok));
+/// assert!((forces[99] - 9.81 * 0.99_f64.sin()).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Batch {
+    model: Arc<Model<f64>>,
+    plan: Plan,
+    workspace: Workspace<f64>,
+    /// Where states of the plan go abreast.
+    tile: Option<Tile>,
+    alone: u64,
+}
+
+/// What states that go abreast need.
+#[derive(Clone, Debug)]
+struct Tile {
+    model: Arc<Model<Abreast>>,
+    workspace: Workspace<Abreast>,
+    input: Vec<Abreast>,
+    output: Vec<Abreast>,
+}
+
+impl Batch {
+    /// Scratch for many states of a plan of this model. Allocates; nothing after it does.
+    pub fn new(model: &Arc<Model<f64>>, plan: &Plan) -> Batch {
+        let tile = plan.goes_abreast(model).then(|| {
+            let constants = model.convert(Abreast::splat);
+            Tile {
+                workspace: Workspace::for_plans(&constants, [plan]),
+                model: Arc::new(constants),
+                input: vec![Abreast::ZERO; plan.given().len()],
+                output: vec![Abreast::ZERO; plan.want().len()],
+            }
+        });
+        Batch {
+            model: Arc::clone(model),
+            plan: plan.clone(),
+            workspace: Workspace::for_plans(model, [plan]),
+            tile,
+            alone: 0,
+        }
+    }
+
+    /// How many states it answered one by one so far.
+    pub fn alone(&self) -> u64 {
+        self.alone
+    }
+
+    /// How many states go abreast: [`LANES`], or 1 where each is answered alone.
+    pub fn lanes(&self) -> usize {
+        if self.tile.is_some() { LANES } else { 1 }
+    }
+
+    /// Answers as many states as there are places for answers; `input` and `output` hold their rows
+    /// one after the other, packed as [`Plan::given`] and [`Plan::want`] say. Each row, status and
+    /// warning is that of [`Plan::run`], to the bit. Where the sizes do not fit every row is
+    /// [`Status::WrongSize`] and NaN. Allocates never.
+    pub fn run(&mut self, input: &[f64], output: &mut [f64], answers: &mut [Answer]) {
+        let (n_in, n_out) = (self.plan.given().len(), self.plan.want().len());
+        let rows = answers.len();
+        if Some(input.len()) != rows.checked_mul(n_in)
+            || Some(output.len()) != rows.checked_mul(n_out)
+        {
+            output.fill(f64::NAN);
+            answers.fill(Answer { status: Status::WrongSize, warnings: Warnings::NONE });
+            return;
+        }
+        let (mut input, mut output, mut answers) = (input, output, answers);
+        while !answers.is_empty() {
+            let rows = answers.len().min(LANES);
+            let (given, rest) = input.split_at(rows * n_in);
+            input = rest;
+            let (want, rest) = output.split_at_mut(rows * n_out);
+            output = rest;
+            let (of_rows, rest) = answers.split_at_mut(rows);
+            answers = rest;
+            let alone = match &mut self.tile {
+                Some(tile) if rows == LANES => tile.run(&self.plan, given, want, of_rows),
+                _ => u32::MAX,
+            };
+            for row in (0..rows).filter(|row| alone >> row & 1 != 0) {
+                self.alone += 1;
+                of_rows[row] = self.plan.run(
+                    &self.model,
+                    &mut self.workspace,
+                    &given[row * n_in..][..n_in],
+                    &mut want[row * n_out..][..n_out],
+                );
+            }
+        }
+    }
+}
+
+impl Tile {
+    /// Answers [`LANES`] states but for those in the bits that it returns, which have to go alone.
+    fn run(&mut self, plan: &Plan, given: &[f64], want: &mut [f64], answers: &mut [Answer]) -> u32 {
+        let (n_in, n_out) = (self.input.len(), self.output.len());
+        for (k, x) in self.input.iter_mut().enumerate() {
+            *x = Abreast::new(core::array::from_fn(|lane| given[lane * n_in + k]));
+        }
+        Marks::take();
+        let answer = plan.run(&self.model, &mut self.workspace, &self.input, &mut self.output);
+        let marks = Marks::take();
+        if answer.status != Status::Ok || answer.warnings != Warnings::NONE {
+            return u32::MAX;
+        }
+        for (k, x) in self.output.iter().enumerate() {
+            for (lane, x) in x.states().into_iter().enumerate() {
+                want[lane * n_out + k] = x;
+            }
+        }
+        for (lane, answer) in answers.iter_mut().enumerate() {
+            let is_beyond = marks.beyond >> lane & 1 != 0;
+            let warnings = if is_beyond { Warnings::LIMITS_EXCEEDED } else { Warnings::NONE };
+            *answer = Answer { status: Status::Ok, warnings };
+        }
+        marks.left
+    }
+}
+
+impl Plan {
+    /// True where states of this plan can share a run over lanes, and where that is faster.
+    fn goes_abreast(&self, model: &Model<f64>) -> bool {
+        let is_only = |fields: FieldSet, of: &[Field]| fields.0 & !FieldSet::of(of).0 == 0;
+        let whole = self.request == Request::ForwardDynamics && self.method == Method::Kkt;
+        FUSED
+            && !whole
+            && is_only(self.query.given, &GIVEN)
+            && is_only(self.query.want, &WANT)
+            && self.needed.scope.closed.iter().all(|c| model.closures[*c].is_closed_form())
+    }
+}

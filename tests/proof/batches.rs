@@ -1,0 +1,152 @@
+//! Rows of states have the bits, statuses and warnings of each state alone.
+
+use std::num::NonZero;
+use std::sync::Arc;
+
+use sarrus_client::{Error, Options, PlanId, Request, Robot as Client, Source};
+use sarrus_dynamics::scalar::LANES;
+use sarrus_dynamics::{Answer, Batch, Field, FieldSet, Plan, Query, Status, Warnings, Workspace};
+use sarrus_tests::cases::{Case, robots};
+use sarrus_tests::plans::{every_plan, input};
+use sarrus_tests::run::Robot;
+use sarrus_tests::seed::Seeded;
+
+use crate::allocation::calls;
+
+const UNKNOWN: Answer = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
+
+/// A number's bits; every NaN is the same.
+fn bits(x: &f64) -> u64 {
+    if x.is_nan() { u64::MAX } else { x.to_bits() }
+}
+
+/// The same rows, and the same answers to them.
+fn compare(what: &str, found: (&[f64], &[Answer]), expected: (&[f64], &[Answer])) {
+    assert_eq!(found.1, expected.1, "{what}");
+    let n = expected.0.len() / expected.1.len().max(1);
+    for row in 0..expected.1.len() {
+        let of = |numbers: &[f64]| numbers[row * n..][..n].iter().map(bits).collect::<Vec<_>>();
+        assert_eq!(of(found.0), of(expected.0), "{what}, row {row}");
+    }
+}
+
+/// Rows for a plan, of which some are far out, unreachable or no numbers.
+fn rows(case: &Case, plan: &Plan, n: usize, astray: bool, seeded: &mut Seeded) -> Vec<f64> {
+    let mut robot = Robot::new(case.compiled.model.clone());
+    let mut rows = Vec::new();
+    for k in 0..n {
+        let mut row = input(case, &mut robot, plan, &case.state(k as u64), seeded);
+        match seeded.below(12) {
+            0 if astray => row.iter_mut().for_each(|x| *x *= 7.0),
+            1 if astray => row.iter_mut().for_each(|x| *x *= 1e3),
+            2 if astray && !row.is_empty() => {
+                let k = seeded.below(row.len());
+                row[k] = [f64::NAN, f64::INFINITY, 1e300, 1e17][seeded.below(4)];
+            }
+            3 if astray => row.fill(0.0),
+            _ => {}
+        }
+        rows.append(&mut row);
+    }
+    rows
+}
+
+/// Answers rows one by one.
+fn alone(case: &Case, plan: &Plan, input: &[f64], n: usize) -> (Vec<f64>, Vec<Answer>) {
+    let model = &case.compiled.model;
+    let mut workspace = Workspace::for_plans(model, [plan]);
+    let (n_in, n_out) = (plan.given().len(), plan.want().len());
+    let mut output = vec![0.1; n * n_out];
+    let run = |row: usize| {
+        let output = &mut output[row * n_out..][..n_out];
+        plan.run(model, &mut workspace, &input[row * n_in..][..n_in], output)
+    };
+    let answers = (0..n).map(run).collect();
+    (output, answers)
+}
+
+#[test]
+fn states_abreast_have_the_bits_that_each_has_alone() {
+    let mut abreast = 0;
+    for case in robots().iter().take(16).chain(robots().iter().skip(16).step_by(12)) {
+        let model = Arc::new(case.compiled.model.clone());
+        let mut seeded = Seeded::new(case.seed + 9);
+        for plan in every_plan(&*model, &mut seeded) {
+            let mut batch = Batch::new(&model, &plan);
+            // what goes alone anyway is tried with few of the plans
+            if batch.lanes() == 1 && seeded.below(20) > 0 {
+                continue;
+            }
+            abreast += usize::from(batch.lanes() > 1);
+            let n = 3 * LANES + 1;
+            let given = rows(case, &plan, n, true, &mut seeded);
+            let (expected, answers) = alone(case, &plan, &given, n);
+            let (mut output, mut found) = (vec![0.2; expected.len()], vec![UNKNOWN; n]);
+            let before = calls();
+            batch.run(&given, &mut output, &mut found);
+            assert_eq!(calls(), before, "{}: {:?}", case.name, plan.query());
+            let what = format!("{}, seed {}: {:?}", case.name, case.seed, plan.query());
+            compare(&what, (&output, &found), (&expected, &answers));
+        }
+    }
+    assert!(abreast > 1000, "{abreast} plans only");
+}
+
+#[test]
+fn most_states_of_bundled_robots_need_nobody_else() {
+    for name in ["lambda", "torso", "ankle", "stewart", "rh5v2_upper_body"] {
+        let case = Case::bundled(name);
+        let model = Arc::new(case.compiled.model.clone());
+        let mut seeded = Seeded::new(case.seed);
+        let motion = FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]);
+        let forces = FieldSet::of(&[Field::TauU]);
+        let query = Query::new(Request::InverseDynamics, motion, forces);
+        let plan = Plan::new(&model, &query).unwrap();
+        let mut batch = Batch::new(&model, &plan);
+        assert_eq!(batch.lanes(), LANES, "{name}");
+        let n = 64 * LANES;
+        let given = rows(&case, &plan, n, false, &mut seeded);
+        let (mut output, mut found) = (vec![0.0; n * plan.want().len()], vec![UNKNOWN; n]);
+        batch.run(&given, &mut output, &mut found);
+        assert!(batch.alone() < n as u64 / 4, "{name}: {} of {n} alone", batch.alone());
+    }
+}
+
+#[test]
+fn rows_of_the_wrong_size_are_no_rows() {
+    let case = Case::bundled("lambda");
+    let model = Arc::new(case.compiled.model.clone());
+    let plan = every_plan(&*model, &mut Seeded::new(1)).swap_remove(0);
+    let mut batch = Batch::new(&model, &plan);
+    let (mut output, mut found) = (vec![0.0; 3 * plan.want().len()], vec![UNKNOWN; 3]);
+    batch.run(&vec![0.0; 3 * plan.given().len() + 1], &mut output, &mut found);
+    assert!(found.iter().all(|answer| answer.status == Status::WrongSize));
+    assert!(output.iter().all(|x| x.is_nan()));
+}
+
+#[test]
+fn batches_of_a_robot_depend_on_no_thread() {
+    for name in ["rh5v2_upper_body", "wrist"] {
+        let case = Case::bundled(name);
+        let options = Options::default();
+        let mut robot = Client::load(&Source::Bundled(name.into()), &options).unwrap();
+        let query = robot.query(Request::InverseDynamics).given(["y", "yd", "ydd"]);
+        let id: PlanId = query.want(["tau_u", "q"]).prepare().unwrap();
+        let prepared = robot.plan(id).unwrap().clone();
+        let plan = Plan::new(&case.compiled.model, prepared.query()).unwrap();
+        let n = 1100;
+        let given = rows(&case, &plan, n, true, &mut Seeded::new(case.seed));
+        let (expected, answers) = alone(&case, &plan, &given, n);
+        for threads in [1, 2, 3, 2] {
+            let (mut output, mut found) = (vec![0.2; expected.len()], vec![UNKNOWN; n]);
+            let threads = NonZero::new(threads).unwrap();
+            robot.batch(id, threads, &given, &mut output, &mut found).unwrap();
+            compare(name, (&output, &found), (&expected, &answers));
+        }
+        robot.release(id).unwrap();
+        let (mut output, mut found) = (vec![0.2; expected.len()], vec![UNKNOWN; n]);
+        let outcome = robot.batch(id, NonZero::<usize>::MIN, &given, &mut output, &mut found);
+        assert!(matches!(outcome, Err(Error::ReleasedPlan | Error::UnknownPlan)));
+        assert!(output.iter().all(|x| x.is_nan()));
+    }
+}
