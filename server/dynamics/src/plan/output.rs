@@ -103,8 +103,9 @@ impl Plan {
         }
     }
 
-    /// A field that stands in the workspace, or one that is formed from it. By itself: in the loop
-    /// over the fields, all that any field needs would be read before the first.
+    /// A field that stands in the workspace, or one that is formed from it, without a negative
+    /// zero. By itself: in the loop over the fields, all that any field needs would be read before
+    /// the first.
     #[inline(never)]
     fn write_field<T: Scalar>(
         &self,
@@ -131,9 +132,13 @@ impl Plan {
             Field::CY => (&ws.C_y, &rows.vy),
             Field::GBias => (&ws.g, &rows.v),
             Field::GUBias => (&ws.g, &rows.u_v),
-            _ => return self.write_formed(model, ws, slot, out),
+            _ => {
+                let status = self.write_formed(model, ws, slot, out);
+                out.iter_mut().for_each(|x| *x = x.plus_zero());
+                return status;
+            }
         };
-        out.iter_mut().zip(order).for_each(|(x, i)| *x = from[*i]);
+        out.iter_mut().zip(order).for_each(|(x, i)| *x = from[*i].plus_zero());
         Status::Ok
     }
 

@@ -135,6 +135,11 @@ impl Scalar for Counted {
     fn to_f64(self) -> f64 {
         self.0
     }
+
+    /// Nothing is computed.
+    fn plus_zero(self) -> Self {
+        self
+    }
 }
 
 #[cfg(test)]

@@ -123,6 +123,13 @@ pub trait Scalar: Real<Mask = bool, Const = Self> + PartialOrd {
     fn to_figure(self, _figure: Figure) -> f64 {
         self.to_f64()
     }
+
+    /// The same number, but 0 for −0: what an answer has, so that no sign of a zero hangs on the
+    /// order in which a kernel adds nothing to it.
+    #[inline(always)]
+    fn plus_zero(self) -> Self {
+        self + Self::ZERO
+    }
 }
 
 impl Real for f64 {

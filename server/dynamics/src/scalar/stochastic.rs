@@ -169,6 +169,11 @@ impl Scalar for Stochastic {
     fn to_f64(self) -> f64 {
         self.x
     }
+
+    /// Nothing is rounded.
+    fn plus_zero(self) -> Self {
+        self
+    }
 }
 
 #[cfg(test)]
