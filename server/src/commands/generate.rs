@@ -2,6 +2,9 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::thread;
+use std::time::{Duration, Instant};
 
 use clap::Args;
 use sarrus_client::describe;
@@ -11,6 +14,7 @@ use serde::Serialize;
 
 use super::ask::read_plan;
 use super::output::{Format, FormatFlag, finish, json_line};
+use super::progress::Progress;
 use super::robot::{RobotFlags, refuse};
 
 /// Flags of `generate`.
@@ -41,6 +45,11 @@ struct Generated {
     test: Option<String>,
 }
 
+/// What is done, one after the other.
+const STAGES: [&str; 3] = ["traced and compared", "compiled", "tested"];
+/// Between two looks whether it is done.
+const LOOK: Duration = Duration::from_millis(5);
+
 /// Why nothing was.
 enum Failure {
     /// The line is none.
@@ -57,7 +66,7 @@ impl Generate {
             Ok(loaded) => loaded,
             Err(error) => return refuse("generate", &error),
         };
-        let (words, code) = match self.generate(&loaded) {
+        let (words, code) = match self.generate_in_sight(&loaded) {
             Ok(generated) => {
                 let results = match self.format.format {
                     Format::Json => json_line(&generated),
@@ -73,7 +82,32 @@ impl Generate {
         ExitCode::from(code)
     }
 
-    fn generate(&self, loaded: &sarrus_models::Loaded) -> Result<Generated, Failure> {
+    /// Generates on a thread of its own, so that the bar moves while others have the word: the
+    /// kernels that are traced, and the compiler.
+    fn generate_in_sight(&self, loaded: &sarrus_models::Loaded) -> Result<Generated, Failure> {
+        let stage = AtomicUsize::new(0);
+        let (start, mut progress) = (Instant::now(), Progress::new());
+        let failed = |error| BuildError::Io { path: self.out.clone(), error };
+        thread::scope(|scope| {
+            // traces are deep where robots are
+            let builder = thread::Builder::new().stack_size(16 << 20);
+            let worker = builder.spawn_scoped(scope, || self.generate(loaded, &stage));
+            let worker = worker.map_err(|error| Failure::Start(failed(error)))?;
+            while !worker.is_finished() {
+                let at = stage.load(Relaxed).min(STAGES.len() - 1);
+                let what = format!("{} … {:.0} s", STAGES[at], start.elapsed().as_secs_f64());
+                progress.show(&what, at as f64 / STAGES.len() as f64);
+                thread::sleep(LOOK);
+            }
+            worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        })
+    }
+
+    fn generate(
+        &self,
+        loaded: &sarrus_models::Loaded,
+        stage: &AtomicUsize,
+    ) -> Result<Generated, Failure> {
         let model = &loaded.compiled.model;
         let (query, _) = read_plan(&describe(loaded), &self.query).map_err(Failure::Line)?;
         let request =
@@ -87,7 +121,9 @@ impl Generate {
         let (mut compiler, mut test) = ("not built".to_owned(), None);
         if let Some(found) = Compiler::found() {
             let finding = |error: BuildError| Failure::Finding(error.to_string());
+            stage.store(1, Relaxed);
             let built = found.build(&source, &self.out, &[]).map_err(finding)?;
+            stage.store(2, Relaxed);
             test = Some(built.test().map_err(finding)?);
             files.extend([built.library, built.test]);
             compiler = found.name().to_owned();
