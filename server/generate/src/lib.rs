@@ -3,17 +3,21 @@
 //! The kernels of [`sarrus_dynamics`] are generic over their scalar. With one that records what is
 //! done with it ([`Kernel::trace`]) a plan on a model becomes a list of operations in which the
 //! robot's constants are folded, products with zero and sums with it are gone, and no operation
-//! stands twice. As C ([`Source`]) it needs `math.h` alone, has no branches and no memory of its
-//! own. It gives the bits of [`sarrus_dynamics::Plan::run`] wherever it says that it answers, and
+//! stands twice. As C ([`Source`]) it needs `math.h` alone, does in pairs what like parts of the
+//! robot have in common, has no memory of its own and one branch, at its end. It gives the bits of
+//! [`sarrus_dynamics::Plan::run`] wherever it says that it answers, and
 //! says where it does not: there the caller asks the plan.
 
+mod bound;
 mod c;
 mod compiler;
 mod error;
 mod graph;
 mod kernel;
+mod pair;
 mod prune;
 mod recorder;
+mod row;
 mod scalar;
 mod states;
 mod trace;
