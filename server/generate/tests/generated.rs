@@ -197,14 +197,15 @@ fn tested_by(compiler: &str, source: &Source, folder: &Path, flags: &[&str]) -> 
 }
 
 #[test]
-fn gcc_and_clang_agree_with_and_without_pairs_of_numbers() {
+fn gcc_and_clang_give_the_bits_with_every_kind_of_pair() {
     for compiler in ["gcc", "clang"] {
         let model = model("torso");
         for (name, query) in queries() {
             let plan = Plan::new(&model, &query).unwrap();
             let kernel = Kernel::trace(&model, &plan).unwrap();
             let source = Source::new(&kernel, &model, &format!("torso_{name}"));
-            for (folder, flags) in [("pairs", &[][..]), ("single", &["-DSARRUS_PORTABLE"][..])] {
+            let single = ["-DSARRUS_PORTABLE", "-DSARRUS_SINGLE"];
+            for (folder, flags) in [("sse", &[][..]), ("gnu", &single[..1]), ("single", &single)] {
                 let folder = self::folder(&format!("{compiler}_{folder}"));
                 match tested_by(compiler, &source, &folder, flags) {
                     Some(words) => println!("{compiler} {flags:?}: {words}"),
