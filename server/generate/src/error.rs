@@ -51,8 +51,8 @@ pub enum GenerateError {
     },
     /// The code would leave every state to the generic kernels.
     #[error(
-        "the code would answer none of {states} states: some number is a zero whose sign it cannot \
-         know, as frames and Jacobians along the axes of the root have them; want other fields"
+        "the code would answer none of {states} states: some quotient or angle is of a zero whose \
+         sign it cannot know; want other fields"
     )]
     Unserved {
         /// How many were tried.

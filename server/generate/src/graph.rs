@@ -108,6 +108,8 @@ pub(crate) enum Check {
     Branch(Comparison, bool),
     /// Neither infinite nor NaN.
     Finite(Term),
+    /// At most as large as the double of these bits.
+    Bounded(Term, u64),
     /// No zero: its sign would tell.
     NotZero(Term),
     /// The angle of the point (second, first) does not hang on the sign of a zero.
@@ -119,7 +121,7 @@ impl Check {
         let list = match *self {
             Check::Branch(Comparison::Less(a, b) | Comparison::Equal(a, b), _)
             | Check::CertainAngle(a, b) => [Some(a), Some(b)],
-            Check::Finite(a) | Check::NotZero(a) => [Some(a), None],
+            Check::Finite(a) | Check::Bounded(a, _) | Check::NotZero(a) => [Some(a), None],
         };
         list.into_iter().flatten()
     }

@@ -6,6 +6,7 @@ use sarrus_dynamics::{Model, ModelInfo, Plan};
 use crate::GenerateError;
 use crate::graph::{Check, Comparison, Operation, Term};
 use crate::recorder::Limited;
+use crate::row::Row;
 use crate::trace;
 
 /// What generated code says of its numbers.
@@ -79,7 +80,8 @@ impl Kernel {
             values.push(x);
         }
         let of = |term: Term| number(term, &values);
-        if input.len() != self.inputs() || !self.checks.iter().all(|check| holds(check, of)) {
+        if input.len() != self.inputs() || !self.checks.iter().all(|check| Row::of(check).holds(of))
+        {
             output.fill(f64::NAN);
             return Outcome::NotAnswered;
         }
@@ -126,14 +128,5 @@ fn compared(comparison: Comparison, of: impl Fn(Term) -> f64) -> bool {
     match comparison {
         Comparison::Less(a, b) => of(a) < of(b),
         Comparison::Equal(a, b) => of(a) == of(b),
-    }
-}
-
-pub(crate) fn holds(check: &Check, of: impl Fn(Term) -> f64 + Copy) -> bool {
-    match *check {
-        Check::Branch(comparison, outcome) => compared(comparison, of) == outcome,
-        Check::Finite(x) => of(x).is_finite(),
-        Check::NotZero(x) => of(x) != 0.0,
-        Check::CertainAngle(y, x) => of(y) != 0.0 || of(x) > 0.0,
     }
 }

@@ -2,19 +2,16 @@
 
 use std::collections::{HashMap, HashSet};
 
-use crate::Kernel;
 use crate::graph::{Check, Comparison, Operation, Term};
-use crate::kernel::holds;
+use crate::row::Row;
+use crate::{Kernel, bound};
 
-/// The kernel without the rest, and with a check for each dropped number that could be infinite
-/// without any other number showing it.
+/// The kernel without the rest, and with bounds that keep each dropped number finite.
 pub(crate) fn pruned(mut kernel: Kernel, dropped: &[u32]) -> Kernel {
     let mut seen = HashSet::new();
     kernel.checks.retain(|check| !is_certain(check) && seen.insert(*check));
-    let dropped = dropped.iter().map(|at| Check::Finite(Term::node(*at)));
-    kernel.checks.extend(dropped.filter(|check| seen.insert(*check)));
+    bound::bound(&mut kernel, dropped);
     keep_strongest_bounds(&mut kernel);
-    keep_finite_checks(&mut kernel);
     keep_live(&mut kernel);
     kernel
 }
@@ -22,7 +19,7 @@ pub(crate) fn pruned(mut kernel: Kernel, dropped: &[u32]) -> Kernel {
 /// True where a check is one of constants, and holds.
 fn is_certain(check: &Check) -> bool {
     let value = |x: Term| x.value().unwrap_or(f64::NAN);
-    check.operands().all(|x| x.value().is_some()) && holds(check, value)
+    check.operands().all(|x| x.value().is_some()) && Row::of(check).holds(value)
 }
 
 /// Leaves out lower bounds of a number that has a greater one; what is positive is no zero.
@@ -50,37 +47,6 @@ fn keep_strongest_bounds(kernel: &mut Kernel) {
             !positive.contains(x) && greatest.get(x).is_none_or(|most| *most <= 0.0)
         }
         _ => bound(check).is_none_or(|(x, c)| greatest.get(&x) == Some(&c)),
-    });
-}
-
-/// Leaves out checks that a number is finite where one that is computed from it is checked too.
-fn keep_finite_checks(kernel: &mut Kernel) {
-    // nodes that make some later checked one infinite or NaN too
-    let mut shown = vec![false; kernel.operations.len()];
-    let mut checked = vec![false; kernel.operations.len()];
-    for check in &kernel.checks {
-        if let Check::Finite(Term::Node { at, .. }) = check {
-            checked[*at as usize] = true;
-        }
-    }
-    for at in (0..kernel.operations.len()).rev() {
-        if !shown[at] && !checked[at] {
-            continue;
-        }
-        use Operation::*;
-        match kernel.operations[at] {
-            Add(..) | Multiply(..) | Fused(..) | Root(_) | Absolute(_) | Sine(_) | Cosine(_) => {
-                let operands = kernel.operations[at].operands();
-                operands.filter_map(Term::at).for_each(|at| shown[at as usize] = true);
-            }
-            Divide(a, _) => a.at().into_iter().for_each(|at| shown[at as usize] = true),
-            // a choice may leave it, an angle of what is infinite is finite
-            Input(_) | Angle(..) | Select(..) => {}
-        }
-    }
-    kernel.checks.retain(|check| match check {
-        Check::Finite(Term::Node { at, .. }) => !shown[*at as usize],
-        _ => true,
     });
 }
 
@@ -119,6 +85,7 @@ fn keep_live(kernel: &mut Kernel) {
                 Check::Branch(renumbered_comparison(comparison, moved), outcome)
             }
             Check::Finite(x) => Check::Finite(moved(x)),
+            Check::Bounded(x, bound) => Check::Bounded(moved(x), bound),
             Check::NotZero(x) => Check::NotZero(moved(x)),
             Check::CertainAngle(y, x) => Check::CertainAngle(moved(y), moved(x)),
         };

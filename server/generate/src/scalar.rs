@@ -148,7 +148,13 @@ impl Add for Traced {
     fn add(self, other: Traced) -> Traced {
         let value = self.value + other.value;
         match (self.known(), other.known()) {
-            (Some(_), Some(_)) => Traced::constant(value).loosely(self.loose | other.loose),
+            // of two zeros it is 0 where one of them is
+            (Some(a), Some(b)) => {
+                let is_sure = |x: Traced| x.value == 0.0 && x.value.is_sign_positive() && !x.loose;
+                let is_zero = a == 0.0 && b == 0.0 && (is_sure(self) || is_sure(other));
+                let value = if is_zero { 0.0 } else { value };
+                Traced::constant(value).loosely(!is_zero && (self.loose | other.loose))
+            }
             (Some(_), None) => other + self,
             // x − 0 is x; x + 0 is 0 where x is −0
             (None, Some(0.0)) if other.value.is_sign_negative() && !other.loose => self,

@@ -12,10 +12,10 @@ use sarrus_dynamics::{
     DescriptionBuilder, Field, FieldSet, LinkId, Model, Plan, Query, Request, Status, Warnings,
     Workspace,
 };
-use sarrus_generate::{Compiler, GenerateError, Kernel, Outcome, Source, random_input};
+use sarrus_generate::{Compiler, FLAGS, GenerateError, Kernel, Outcome, Source, random_input};
 use sarrus_models::{Options, load};
 
-const WARNINGS: [&str; 4] = ["-Wall", "-Wextra", "-Wconversion", "-Werror"];
+const WARNINGS: [&str; 5] = ["-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror"];
 /// The bundled robots with closed forms alone.
 const ROBOTS: [&str; 7] =
     ["lambda", "torso", "ankle", "parallelogram", "stewart", "r3_lambda_r", "rh5v2_upper_body"];
@@ -177,6 +177,87 @@ fn c_has_the_bits_of_the_kernels() {
     for robot in ["lambda", "torso", "parallelogram", "r3_lambda_r"] {
         compared_in_c(robot, 10_000, &[]);
     }
+}
+
+/// Builds the test of a source with a compiler of this name, and runs it; `None` where there is no
+/// such compiler.
+fn tested_by(compiler: &str, source: &Source, folder: &Path, flags: &[&str]) -> Option<String> {
+    Command::new(compiler).arg("--version").stdout(Stdio::null()).status().ok()?;
+    Compiler::write(source, folder).unwrap();
+    let file = |ending: &str| folder.join(format!("{}{ending}", source.name));
+    let program = file("_test");
+    let mut command = Command::new(compiler);
+    command.args(FLAGS).args(WARNINGS).args(flags).args([file(".c"), file("_test.c")]);
+    let output = command.arg("-o").arg(&program).arg("-lm").output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let output = Command::new(&program).output().unwrap();
+    let words = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(output.status.success(), "{words}");
+    Some(words)
+}
+
+#[test]
+fn gcc_and_clang_give_the_bits_with_every_kind_of_pair() {
+    for compiler in ["gcc", "clang"] {
+        let model = model("torso");
+        for (name, query) in queries() {
+            let plan = Plan::new(&model, &query).unwrap();
+            let kernel = Kernel::trace(&model, &plan).unwrap();
+            let source = Source::new(&kernel, &model, &format!("torso_{name}"));
+            let single = ["-DSARRUS_PORTABLE", "-DSARRUS_SINGLE"];
+            for (folder, flags) in [("sse", &[][..]), ("gnu", &single[..1]), ("single", &single)] {
+                let folder = self::folder(&format!("{compiler}_{folder}"));
+                match tested_by(compiler, &source, &folder, flags) {
+                    Some(words) => println!("{compiler} {flags:?}: {words}"),
+                    None => println!("not run: no {compiler}"),
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_robot_at_rest_is_answered() {
+    for robot in ROBOTS {
+        let model = model(robot);
+        for (name, query) in queries() {
+            let plan = Plan::new(&model, &query).unwrap();
+            let kernel = Kernel::trace(&model, &plan).unwrap();
+            let mut comparison = Comparison::new(&model, &plan);
+            let mut output = vec![0.0; plan.want().len()];
+            let rates = plan.given().slot(Field::Yd).unwrap().range();
+            for zero in [0.0, -0.0] {
+                for k in 0..100 {
+                    let mut input = random_input(model.info(), plan.given(), FRESH + k);
+                    input[rates.clone()].fill(zero);
+                    let outcome = kernel.evaluate(&input, &mut output);
+                    comparison.compare(&input, outcome, &output);
+                }
+            }
+            let Compared { answered, left } = comparison.compared;
+            println!("{robot} {name}: {answered} at rest answered, {left} left to the kernel");
+            assert!(answered > 100 && left == 0, "{answered} {left}");
+        }
+    }
+}
+
+#[test]
+fn frames_and_jacobians_of_a_plane_robot_are_answered() {
+    use Field::*;
+    let model = model("parallelogram");
+    let want = FieldSet::of(&[FramePose, FrameTwist, JacobianTree, JacobianIndependent]);
+    let link = model.info().links.len() as u16 - 1;
+    let query = Query::new(Request::Kinematics, FieldSet::of(&[Y, Yd]), want).with_frames(&[link]);
+    let plan = Plan::new(&model, &query).unwrap();
+    let kernel = Kernel::trace(&model, &plan).unwrap();
+    let mut comparison = Comparison::new(&model, &plan);
+    let mut output = vec![0.0; plan.want().len()];
+    for input in states(&model, &plan, 0..2_000) {
+        let outcome = kernel.evaluate(&input, &mut output);
+        comparison.compare(&input, outcome, &output);
+    }
+    let Compared { answered, left } = comparison.compared;
+    assert!(answered > 1_000 && left == 0, "{answered} {left}");
 }
 
 #[test]

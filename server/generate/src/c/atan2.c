@@ -1,5 +1,5 @@
 
-static inline double sarrus_atan2(double y, double x)
+SARRUS_INLINE double sarrus_atan2(double y, double x)
 {
     const double largest = 1.7976931348623157e308;
     const double half_pi0 = 1.5707963267948966, half_pi1 = 6.123233995736766e-17;

@@ -35,7 +35,8 @@ pub(super) fn header(kernel: &Kernel, name: &str) -> String {
     );
     text += "#ifdef __cplusplus\nextern \"C\" {\n#endif\n\n";
     text += &format!(
-        "/* in[{upper}_INPUTS], out[{upper}_OUTPUTS]; no memory, no state, no branches */\nint \
+        "/* in[{upper}_INPUTS], out[{upper}_OUTPUTS]; no memory, no state, one branch at\n   \
+         the end: without an answer out is NaN */\nint \
          {name}(const double *in, double *out);\n\n"
     );
     text += "#ifdef __cplusplus\n}\n#endif\n\n#endif\n";

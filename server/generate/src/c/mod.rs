@@ -2,11 +2,13 @@
 
 mod function;
 mod header;
+mod table;
 mod test;
 
 use sarrus_dynamics::Model;
 
 use crate::Kernel;
+use crate::graph::Term;
 
 /// The three files of a kernel.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -52,6 +54,14 @@ fn literal(x: f64) -> String {
         "-inf" => "(-(double)INFINITY)".to_owned(),
         _ if x.is_sign_negative() => format!("({text})"),
         _ => text,
+    }
+}
+
+/// A constant, or this name of a number with the sign before it.
+fn term(x: Term, name: &str) -> String {
+    match x {
+        Term::Constant(bits) => literal(f64::from_bits(bits)),
+        Term::Node { negated, .. } => format!("{}{name}", if negated { "-" } else { "" }),
     }
 }
 

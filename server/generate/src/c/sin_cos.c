@@ -1,5 +1,5 @@
 
-static inline void sarrus_sin_cos(double x, double *sine, double *cosine)
+SARRUS_INLINE void sarrus_sin_cos(double x, double *sine, double *cosine)
 {
     const double integer = 6755399441055744.0;
     const double half_pi0 = 1.5707963267948966, half_pi1 = 6.123233995736766e-17;
