@@ -7,6 +7,7 @@ use super::{C, CPP, Program, SANITIZERS, folder, present, with_sanitizers};
 use crate::examples::Server;
 use sarrus_dynamics::{Field, Request};
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// Calls of each kind; 10^6 in a longer run.
 const CALLS: &str = "20000";
@@ -73,7 +74,7 @@ fn what_a_program_does_wrong_is_a_status_and_never_the_end_of_it() {
     }
     // the header and its users are C++ as well
     for compiler in present(&CPP) {
-        Program::compile(compiler, &source("lane.cpp"), &["-fno-exceptions"]);
+        Program::compile(compiler, &source("calls.cpp"), &["-fno-exceptions"]);
     }
 }
 
@@ -109,4 +110,38 @@ fn nothing_allocates_after_set_up_and_memory_does_not_grow() {
         // pages of the program itself that are touched for the first time
         assert!(number("pages ") < 256, "{output}");
     }
+}
+
+#[test]
+fn calls_leak_nothing() {
+    let flags = &[SANITIZERS, &["-D_POSIX_C_SOURCE=200809L"]].concat();
+    let _server = Server::start("leaks");
+    for compiler in with_sanitizers(&C) {
+        let program = Program::compile(compiler, &source("calls.c"), flags);
+        for arguments in [&[][..], &["leaks"]] {
+            let mut talk = program.talk(arguments);
+            let _answer = talk.line();
+            talk.tell(&calls());
+            let _nanoseconds = talk.line();
+            // the sanitizer counts what is left and makes it the program's exit code
+            talk.end();
+            println!("{compiler} {arguments:?}: {} calls, no leak", calls());
+        }
+    }
+}
+
+#[test]
+fn valgrind_finds_nothing() {
+    if Command::new("valgrind").arg("--version").output().is_err() {
+        return println!("not run: valgrind is missing");
+    }
+    let Some(compiler) = present(&C).into_iter().next() else { return };
+    let program = Program::compile(compiler, &source("checks.c"), &["-g"]);
+    let mut command = Command::new("valgrind");
+    command.args(["--quiet", "--error-exitcode=9", "--leak-check=full"]);
+    command.arg("--errors-for-leak-kinds=definite,indirect").arg(&program.path);
+    let output = command.env("SARRUS_ROOT", crate::examples::root()).output().unwrap();
+    let words = String::from_utf8_lossy(&output.stderr);
+    let first: Vec<&str> = words.lines().take(40).collect();
+    assert!(output.status.success(), "{:?}: {}", output.status, first.join("\n"));
 }
