@@ -7,7 +7,6 @@ use super::{C, CPP, Program, SANITIZERS, folder, present, with_sanitizers};
 use crate::examples::Server;
 use sarrus_dynamics::{Field, Request};
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 /// Calls of each kind; 10^6 in a longer run.
 const CALLS: &str = "20000";
@@ -128,20 +127,4 @@ fn calls_leak_nothing() {
             println!("{compiler} {arguments:?}: {} calls, no leak", calls());
         }
     }
-}
-
-#[test]
-fn valgrind_finds_nothing() {
-    if Command::new("valgrind").arg("--version").output().is_err() {
-        return println!("not run: valgrind is missing");
-    }
-    let Some(compiler) = present(&C).into_iter().next() else { return };
-    let program = Program::compile(compiler, &source("checks.c"), &["-g"]);
-    let mut command = Command::new("valgrind");
-    command.args(["--quiet", "--error-exitcode=9", "--leak-check=full"]);
-    command.arg("--errors-for-leak-kinds=definite,indirect").arg(&program.path);
-    let output = command.env("SARRUS_ROOT", crate::examples::root()).output().unwrap();
-    let words = String::from_utf8_lossy(&output.stderr);
-    let first: Vec<&str> = words.lines().take(40).collect();
-    assert!(output.status.success(), "{:?}: {}", output.status, first.join("\n"));
 }
