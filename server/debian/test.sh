@@ -7,8 +7,8 @@ package=$(realpath "$1")
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd -P)
 place=$(mktemp -d)
 trap 'rm -rf "$place"' EXIT
-dpkg-deb -x "$package" "$place/root"
-cd "$place/root"
+dpkg-deb -x "$package" "$place/tree"
+cd "$place/tree"
 
 usr/bin/sarrus check --robot lambda >/dev/null
 usr/bin/sarrus-can --version
@@ -21,10 +21,10 @@ done
 
 # as after an installation, but for the folder
 config=$(echo usr/lib/*/pkgconfig)
-libraries=$place/root/${config%/pkgconfig}
+libraries=$place/tree/${config%/pkgconfig}
 sed -n '/^```c$/,/^```$/p' "$here/../../client/c/README.md" | sed '1d; /^```$/,$d' >"$place/main.c"
 if command -v cc >/dev/null && command -v pkg-config >/dev/null; then
-    flags=$(PKG_CONFIG_SYSROOT_DIR=$place/root PKG_CONFIG_LIBDIR=$place/root/$config \
+    flags=$(PKG_CONFIG_SYSROOT_DIR=$place/tree PKG_CONFIG_LIBDIR=$place/tree/$config \
         pkg-config --cflags --libs sarrus)
     # shellcheck disable=SC2086
     cc -Wall -Werror "$place/main.c" -o "$place/main" $flags
