@@ -39,20 +39,21 @@ install -d "$share/bash-completion/completions" "$share/zsh/vendor-completions" 
 "$built/sarrus" completions zsh >"$share/zsh/vendor-completions/_sarrus"
 "$built/sarrus" completions fish >"$share/fish/vendor_completions.d/sarrus.fish"
 
-# documents; cargo-deb compresses what policy wants compressed
+# documents, those compressed of which policy wants it
 install -m 644 client/c/examples/* "$documents/examples"
 install -m 644 server/README.md "$documents/README.md"
 install -m 644 client/c/README.md "$documents/README.C.md"
 install -m 644 client/can/README.md "$documents/README.CAN.md"
 install -m 644 SECURITY.md "$documents"
 install -m 644 CHANGELOG.md "$documents/changelog"
+maintainer=$(sed -n 's/^maintainer = "\(.*\)"/\1/p' server/Cargo.toml)
+seconds=${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct 2>/dev/null || stat -c %Y CHANGELOG.md)}
 printf 'sarrus (%s-1) unstable; urgency=medium\n\n  * As in changelog.gz.\n\n -- %s  %s\n' \
-    "$version" "$(sed -n 's/^maintainer = "\(.*\)"/\1/p' server/Cargo.toml)" \
-    "$(LC_ALL=C date -u -R -d "@${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct 2>/dev/null || stat -c %Y CHANGELOG.md)}")" \
-    >"$documents/changelog.Debian"
+    "$version" "$maintainer" "$(LC_ALL=C date -u -R -d "@$seconds")" >"$documents/changelog.Debian"
 cargo tree --locked -p sarrus-server -p sarrus-can -p sarrus-c -e normal --prefix none \
     --format '{p}: {l}' | grep -v " ($root" | sed 's/ (\*)$//' | sort -u \
     >"$documents/dependencies.txt"
+gzip -9n "$share"/man/man1/*.1 "$documents/changelog" "$documents/changelog.Debian"
 
+# prints where the package is
 cargo deb --quiet --locked --no-build --no-strip -p sarrus-server
-ls -d "$target/debian/sarrus_$version"*.deb

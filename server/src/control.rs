@@ -77,7 +77,6 @@ impl Control {
             Some(Err((head, refusal))) => (head, 0, Err(refusal)),
             None => (CallHead::default(), 0, Err(Refusal::UnknownCall)),
         };
-        events::answered(client, &outcome);
         let descriptor = matches!(outcome, Ok(Grant::Hello { .. })).then(|| self.heartbeat.as_fd());
         let response = ControlResponse {
             version: PROTOCOL_VERSION,
@@ -91,6 +90,7 @@ impl Control {
             .connections
             .get(client)
             .map(|connection| connection.socket.send(&response.to_bytes(), descriptor));
+        events::answered(client, &response.outcome);
         let is_surplus = matches!(response.outcome, Err(Refusal::TooManyClients { .. }));
         if is_surplus || !matches!(sent, Some(Ok(()))) {
             self.end(client);

@@ -7,6 +7,7 @@ mod bridge;
 mod header;
 mod install;
 mod page;
+mod pipe;
 mod programs;
 mod timing;
 

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use super::{C, CPP, Program, folder, libraries, present};
+use super::{C, CPP, folder, libraries, present};
 
 /// The blocks of the page in one language.
 pub(super) fn blocks(language: &str) -> Vec<String> {
@@ -95,27 +95,4 @@ fn the_programs_of_the_page_run_with_the_installed_library() {
             assert_eq!(run(&mut Command::new(build.join(program))), "16.8023\n");
         }
     }
-}
-
-#[test]
-fn the_pipe_of_the_page_answers_in_cpp() {
-    let text = blocks("cpp").remove(2);
-    let folder = std::env::temp_dir();
-    let source = folder.join(format!("sarrus-pipe-{}.cpp", std::process::id()));
-    std::fs::write(&source, text).unwrap();
-    let programs = crate::examples::folder();
-    let path = std::env::var("PATH").unwrap_or_default();
-    for compiler in present(&CPP) {
-        let program = Program::compile(compiler, &source, &[]);
-        let mut command = program.command(&[]);
-        let output = run(command.env("PATH", format!("{}:{path}", programs.display())));
-        let tau_u = |line: &str| -> f64 {
-            let answer: serde_json::Value = serde_json::from_str(line).unwrap();
-            assert_eq!(answer["status"], "ok");
-            answer["tau_u"][0].as_f64().unwrap()
-        };
-        let found: Vec<f64> = output.lines().map(tau_u).collect();
-        assert!(found.len() == 2 && (found[1] - 16.8023).abs() < 1e-4, "{output}");
-    }
-    let _ = std::fs::remove_file(&source);
 }

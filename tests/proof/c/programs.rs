@@ -73,7 +73,7 @@ fn what_a_program_does_wrong_is_a_status_and_never_the_end_of_it() {
     }
     // the header and its users are C++ as well
     for compiler in present(&CPP) {
-        Program::compile(compiler, &source("lane.cpp"), &["-fno-exceptions"]);
+        Program::compile(compiler, &source("calls.cpp"), &["-fno-exceptions"]);
     }
 }
 
@@ -108,5 +108,23 @@ fn nothing_allocates_after_set_up_and_memory_does_not_grow() {
         assert_eq!(number("after "), 0, "{output}");
         // pages of the program itself that are touched for the first time
         assert!(number("pages ") < 256, "{output}");
+    }
+}
+
+#[test]
+fn calls_leak_nothing() {
+    let flags = &[SANITIZERS, &["-D_POSIX_C_SOURCE=200809L"]].concat();
+    let _server = Server::start("leaks");
+    for compiler in with_sanitizers(&C) {
+        let program = Program::compile(compiler, &source("calls.c"), flags);
+        for arguments in [&[][..], &["leaks"]] {
+            let mut talk = program.talk(arguments);
+            let _answer = talk.line();
+            talk.tell(&calls());
+            let _nanoseconds = talk.line();
+            // the sanitizer counts what is left and makes it the program's exit code
+            talk.end();
+            println!("{compiler} {arguments:?}: {} calls, no leak", calls());
+        }
     }
 }

@@ -1,52 +1,71 @@
-//! A lane call from C++ beside one from Rust, in one run and one after the other.
+//! A call from C and from C++ beside one from Rust, in process and through a lane: in one run, a
+//! block of calls of each after the other.
 
 use std::path::Path;
 use std::time::Instant;
 
-use sarrus_client::{ConnectOptions, Domain, Request, Robot};
+use sarrus_client::{ConnectOptions, Domain, Options, Request, Robot, Source};
 
-use super::{CPP, Program, present};
+use super::{C, CPP, Program, Talk, present};
 use crate::examples::{Server, root};
 
 const BLOCKS: usize = 200;
 const CALLS: u32 = 100;
+const INPUT: [f64; 3] = [0.2, 1.0, 0.0];
 
 /// The fastest block: what others on the machine take is in all slower ones.
 fn fastest(times: &[f64]) -> f64 {
     times.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
-#[test]
-fn a_lane_call_from_cpp_has_the_same_bits_and_its_time_is_printed_beside_rusts() {
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("proof/c/lane.cpp");
-    let Some(compiler) = present(&CPP).into_iter().next() else { return };
-    let program = Program::compile(compiler, &source, &[]);
-    let _server = Server::start("timed");
-    let domain = Domain::at(&root()).unwrap();
-    let mut robot = Robot::connect_in(domain, "timed", ConnectOptions::default()).unwrap();
+/// The fastest blocks `[ns]`: of Rust, then of each program.
+fn measure(mut robot: Robot, mut programs: Vec<Talk>) -> Vec<f64> {
     let query = robot.query(Request::InverseDynamics).given(["y", "yd", "ydd"]).want(["tau_u"]);
     let plan = query.prepare().unwrap();
     let mut tau_u = [0.0];
-    let mut talk = program.talk(&["timed"]);
-    let found: f64 = talk.line().parse().unwrap();
-    let input = [0.2, 1.0, 0.0];
-    robot.ask(plan, &input, &mut tau_u).unwrap().ok().unwrap();
-    assert_eq!(found, tau_u[0]);
-
-    let (mut rust, mut cpp) = (Vec::new(), Vec::new());
+    robot.ask(plan, &INPUT, &mut tau_u).unwrap().ok().unwrap();
+    for program in &mut programs {
+        assert_eq!(program.line().parse(), Ok(tau_u[0]));
+    }
+    let mut times = vec![Vec::new(); 1 + programs.len()];
     for _ in 0..BLOCKS {
         let start = Instant::now();
         for _ in 0..CALLS {
-            robot.ask(plan, &input, &mut tau_u).unwrap().ok().unwrap();
+            robot.ask(plan, &INPUT, &mut tau_u).unwrap().ok().unwrap();
         }
-        rust.push(start.elapsed().as_secs_f64() * 1e9 / f64::from(CALLS));
-        talk.tell(&CALLS.to_string());
-        cpp.push(talk.line().parse().unwrap());
+        times[0].push(start.elapsed().as_secs_f64() * 1e9 / f64::from(CALLS));
+        for (program, times) in programs.iter_mut().zip(&mut times[1..]) {
+            program.tell(&CALLS.to_string());
+            times.push(program.line().parse().unwrap());
+        }
     }
-    talk.end();
-    let (rust, cpp) = (fastest(&rust), fastest(&cpp));
-    println!(
-        "a lane call, fastest of {BLOCKS} blocks: Rust {rust:.0} ns, C++ {cpp:.0} ns, difference {:.0} ns",
-        cpp - rust
-    );
+    programs.into_iter().for_each(Talk::end);
+    times.iter().map(|times| fastest(times)).collect()
+}
+
+#[test]
+fn a_call_from_c_and_cpp_has_the_same_bits_and_its_time_is_printed_beside_rusts() {
+    let compile = |compilers: &[&'static str], name: &str, flags: &[&str]| {
+        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("proof/c").join(name);
+        let compiler = present(compilers).into_iter().next();
+        compiler.map(|compiler| (compiler, Program::compile(compiler, &source, flags)))
+    };
+    let programs =
+        [compile(&C, "calls.c", &["-D_POSIX_C_SOURCE=200809L"]), compile(&CPP, "calls.cpp", &[])];
+    let programs: Vec<_> = programs.into_iter().flatten().collect();
+    let _server = Server::start("timed");
+    let domain = Domain::at(&root()).unwrap();
+    let lane = Robot::connect_in(domain, "timed", ConnectOptions::default()).unwrap();
+    let here = Robot::load(&Source::Bundled("lambda".into()), &Options::default()).unwrap();
+    for (name, robot, arguments) in
+        [("in process", here, &[][..]), ("through a lane", lane, &["timed"])]
+    {
+        let talks = programs.iter().map(|(_, program)| program.talk(arguments)).collect();
+        let times = measure(robot, talks);
+        let others = programs.iter().map(|(compiler, _)| *compiler);
+        for (by, time) in std::iter::once("Rust").chain(others).zip(&times) {
+            let more = time - times[0];
+            println!("{name}, fastest of {BLOCKS} blocks: {by} {time:.0} ns, {more:+.0} ns");
+        }
+    }
 }

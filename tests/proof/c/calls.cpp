@@ -1,5 +1,6 @@
-// Times of a lane call: lane SERVER. For each line on stdin, COUNT, it asks so often and prints how
-// long one call took on average [ns]; the first line that it prints is the answer.
+// Times of a call: calls [SERVER], through a lane or in this process. For each line on stdin, COUNT,
+// it asks so often and prints how long one call took on average [ns]; the first line that it prints
+// is the answer.
 #include <array>
 #include <chrono>
 #include <cstdio>
@@ -7,7 +8,8 @@
 #include <sarrus.hpp>
 
 int main(int argc, char **argv) {
-    auto robot = sarrus::robot::connect(argc > 1 ? argv[1] : "default");
+    auto robot =
+        argc > 1 ? sarrus::robot::connect(argv[1]) : sarrus::robot::bundled("lambda");
     if (!robot) {
         std::fprintf(stderr, "%s\n", sarrus_last_error());
         return 1;
