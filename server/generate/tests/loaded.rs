@@ -57,14 +57,15 @@ fn built(
     path
 }
 
-/// The last digit of the first long decimal number of the function is another one: some length.
+/// The twelfth digit of the first number of the function with so many is another one: the sine of
+/// some angle.
 fn with_another_constant(function: String) -> String {
     let is_digit = |c: &char| c.is_ascii_digit();
     let start = function.find("\nint elbow(").unwrap();
     let places = function.match_indices("0.").map(|(at, _)| at + 2).filter(|at| *at > start);
-    let is_long = |at: &usize| function[*at..].chars().take_while(is_digit).count() >= 5;
+    let is_long = |at: &usize| function[*at..].chars().take_while(is_digit).count() >= 12;
     let at = places.into_iter().find(is_long).unwrap();
-    let end = at + function[at..].chars().take_while(is_digit).count();
+    let end = at + 12;
     let digit = if &function[end - 1..end] == "7" { "3" } else { "7" };
     format!("{}{digit}{}", &function[..end - 1], &function[end..])
 }
@@ -164,7 +165,7 @@ fn a_kernel_with_other_bits_is_refused_with_a_state() {
     }
     let lambda = model("lambda");
     let plan = plan(&lambda, Field::TauU);
-    // a constant of the robot in its last digit
+    // a constant of the robot
     let path = built((&lambda, &plan), &folder("constant"), &[], with_another_constant);
     let error = NativeKernel::open(&path, &lambda, &plan).unwrap_err();
     assert!(matches!(error, LoadError::Differs { .. }), "{error}");
