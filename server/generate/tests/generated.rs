@@ -236,7 +236,7 @@ fn a_robot_at_rest_is_answered() {
             }
             let Compared { answered, left } = comparison.compared;
             println!("{robot} {name}: {answered} at rest answered, {left} left to the kernel");
-            assert!(answered > 100 && left < answered, "{answered} {left}");
+            assert!(answered > 100 && left == 0, "{answered} {left}");
         }
     }
 }
