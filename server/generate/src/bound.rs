@@ -38,8 +38,16 @@ pub(crate) fn bound(kernel: &mut Kernel, dropped: &[u32]) {
             continue;
         }
         let operation = kernel.operations[at];
-        let natural = natural(&operation, &bounds);
-        bounds[at] = match natural {
+        // where bounds multiply beyond all doubles it is the largest operand that is cut off: others
+        // are computed from it too
+        while natural(&operation, &bounds).is_some_and(|bound| bound > MOST) {
+            let of = |x: &Term| x.at().map_or(0.0, |at| bounds[at as usize]);
+            let largest = operation.operands().max_by(|a, b| of(a).total_cmp(&of(b)));
+            let Some(x) = largest.filter(|x| of(x) > CUT) else { break };
+            x.at().into_iter().for_each(|at| bounds[at as usize] = CUT);
+            kernel.checks.push(Check::Bounded(x.unsigned(), CUT.to_bits()));
+        }
+        bounds[at] = match natural(&operation, &bounds) {
             Some(bound) if bound <= MOST => bound,
             _ => {
                 let bound = if matches!(operation, Operation::Input(_)) { INPUT } else { CUT };

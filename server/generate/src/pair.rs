@@ -3,7 +3,7 @@
 //! Left and right arm, the legs of a platform: what is done with them is the same, on other
 //! numbers. One instruction does it on both, which halves the code; and code of tens of kilobytes
 //! is as slow as it is long. Pairs are found by the neighbourhood of an operation (kinds of what it
-//! is computed from and of what is computed from it, four steps far, without constants): where two
+//! is computed from and of what is computed from it, some steps far, without constants): where two
 //! operations alone have the same one they are a pair. From these pairs spread to users and
 //! operands. Those that cost more than they save are dissolved again.
 
@@ -14,8 +14,8 @@ use std::hash::{DefaultHasher, Hasher as _};
 use crate::Kernel;
 use crate::graph::{Operation, Term};
 
-/// Steps of a neighbourhood.
-const STEPS: usize = 4;
+/// Steps of a neighbourhood: of these, those that leave the fewest statements.
+const STEPS: [usize; 5] = [3, 4, 5, 6, 8];
 /// Most operations with one neighbourhood of which pairs are made.
 const ALIKE: usize = 8;
 /// Rounds in which pairs spread, and in which they are dissolved.
@@ -82,6 +82,15 @@ fn hashed(x: impl std::hash::Hash) -> u64 {
 
 impl<'a> Pairs<'a> {
     pub(crate) fn new(kernel: &'a Kernel) -> Pairs<'a> {
+        let [first, others @ ..] = STEPS;
+        let shorter = |best: Pairs<'a>, steps| {
+            let other = Pairs::of_neighbours(kernel, steps);
+            if other.steps.len() < best.steps.len() { other } else { best }
+        };
+        others.into_iter().fold(Pairs::of_neighbours(kernel, first), shorter)
+    }
+
+    fn of_neighbours(kernel: &'a Kernel, steps: usize) -> Pairs<'a> {
         let operations = &kernel.operations;
         let mut users = vec![Vec::new(); operations.len()];
         for (at, operation) in operations.iter().enumerate() {
@@ -93,7 +102,7 @@ impl<'a> Pairs<'a> {
         let len = operations.len();
         let (mates, lanes) = (vec![None; len], vec![0; len]);
         let mut pairs = Pairs { operations, users, mates, lanes, steps: Vec::new() };
-        pairs.seed();
+        pairs.seed(steps);
         for _ in 0..ROUNDS {
             if !(pairs.spread_to_users() | pairs.spread_to_operands()) {
                 break;
@@ -135,9 +144,9 @@ impl<'a> Pairs<'a> {
     }
 
     /// Pairs of operations that alone have their neighbourhood; of a few, the first two, and so on.
-    fn seed(&mut self) {
+    fn seed(&mut self, steps: usize) {
         let mut colors: Vec<u64> = self.operations.iter().map(|x| hashed(kind(x))).collect();
-        for _ in 0..STEPS {
+        for _ in 0..steps {
             let color = |(at, operation): (usize, &Operation)| {
                 let of = |x: Term| x.at().map_or(7, |at| colors[at as usize]);
                 let mut from: Vec<u64> = operation.operands().map(of).collect();
