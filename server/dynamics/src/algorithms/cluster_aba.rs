@@ -60,10 +60,15 @@ pub(crate) fn embedded_solve<T: Real>(
             let (D, independents) = (cluster.g_offset, cluster.independents());
             let alone = &mut alone[independents.clone()];
             let (Y, b) = (&mut Y[independents.clone()], &mut b[independents]);
-            let sound = if cluster.n_v == 1 && cluster.n_vy == 1 {
-                pass.single_joint(cluster, &mut Y[0], &mut factor[D], &mut b[0])
-            } else {
-                pass.several_joints(cluster, Y, &mut factor[D..], b, alone)
+            let D = &mut factor[D..];
+            let sound = match cluster.n_vy {
+                1 if cluster.n_v == 1 => {
+                    pass.single_joint(cluster, &mut Y[0], &mut D[0], &mut b[0])
+                }
+                1 => pass.several_joints::<1>(cluster, Y, D, b, alone),
+                2 => pass.several_joints::<2>(cluster, Y, D, b, alone),
+                3 => pass.several_joints::<3>(cluster, Y, D, b, alone),
+                _ => pass.several_joints::<0>(cluster, Y, D, b, alone),
             };
             positive = positive & sound;
         }
@@ -183,9 +188,10 @@ impl<T: Real> Pass<'_, T> {
         T::ZERO.lt(d[0])
     }
 
-    /// Joints closed by loops, or one of several degrees of freedom: U and Y at the parent body.
+    /// Joints closed by loops, or one of several degrees of freedom: U and Y at the parent body. M
+    /// as for [`ClusterJoint::columns`].
     #[inline]
-    fn several_joints(
+    fn several_joints<const M: usize>(
         &mut self,
         cluster: &Cluster<T::Const>,
         Y: &mut [Force<T>],
@@ -193,7 +199,10 @@ impl<T: Real> Pass<'_, T> {
         b: &mut [T],
         alone: &mut [T],
     ) -> T::Mask {
-        let (model, motion, m, G) = (self.model, self.motion, cluster.n_vy, cluster.G(self.G));
+        let m = if M > 0 { M } else { cluster.n_vy };
+        let (model, motion, G) =
+            (self.model, self.motion, GBlock::new(&self.G[cluster.block()], m));
+        let (Y, D, b) = (&mut Y[..m], &mut D[..m * m], &mut b[..m]);
         let (composite, bodies) = (&mut *self.composite, &mut *self.bodies);
         // what each body supports, and r
         for i in cluster.bodies().rev() {
@@ -228,7 +237,7 @@ impl<T: Real> Pass<'_, T> {
                 rigid[i].column(joint, k)
             }
         };
-        ClusterJoint { model, cluster, G, motion }.columns(column, self.inside, Y, D, alone);
+        ClusterJoint { model, cluster, G, motion }.columns::<M>(column, self.inside, Y, D, alone);
         add_rotors::<T>(&mut self.rotors, (cluster.v, cluster.n_v), G, D, m);
 
         // L and Δ, L⁻¹ r, Y = L⁻¹ Uᵀ, and what the parent feels of them

@@ -33,9 +33,10 @@ impl<T: Real> ClusterJoint<'_, T> {
     /// D (m×m row-major) and U (m columns at the parent body; left zero where that is the world).
     /// `column` gives I_i s for dof k of local body i; `F` is scratch for m columns of each body.
     /// `alone` (m) is the diagonal of D if each joint moved alone, Σ_i G_i² s·I_i s: what D is of
-    /// it says how much cancels.
+    /// it says how much cancels. M is m where the compiler knows it, so that the loops over it
+    /// dissolve, else 0.
     #[inline(always)]
-    pub(super) fn columns(
+    pub(super) fn columns<const M: usize>(
         &self,
         column: impl Fn(usize, Motion, usize) -> Force<T>,
         F: &mut [Force<T>],
@@ -44,17 +45,19 @@ impl<T: Real> ClusterJoint<'_, T> {
         alone: &mut [T],
     ) {
         let ClusterJoint { model, cluster, G, motion } = *self;
-        let (n, m) = (cluster.n, cluster.n_vy);
-        D[..m * m].fill(T::ZERO);
+        let (n, m) = (cluster.n, if M > 0 { M } else { cluster.n_vy });
+        let D = &mut D[..m * m];
+        D.fill(T::ZERO);
         F[..n * m].fill((zero(), zero()));
         U[..m].fill((zero(), zero()));
-        alone[..m].fill(T::ZERO);
+        let alone = &mut alone[..m];
+        alone.fill(T::ZERO);
         for i in (0..n).rev() {
             let body = &model.bodies[cluster.body + i];
             let (before, F_i) = F.split_at_mut(i * m);
             let F_i = &mut F_i[..m];
             for k in 0..body.motion.n_v() {
-                let G_i = G.row(body.v - cluster.v + k);
+                let G_i = &G.row(body.v - cluster.v + k)[..m];
                 let own = column(i, body.motion, k);
                 // its own inertia counts half: the mirror image brings the other half
                 let half = component(body.motion, k, &own) * T::from_f64(0.5);

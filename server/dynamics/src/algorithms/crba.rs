@@ -134,7 +134,12 @@ impl<T: Real> Pass<'_, T> {
             let composite = &self.composite[cluster.body..];
             let joint = ClusterJoint { model: self.model, cluster, G, motion: self.motion };
             let column = |i: usize, motion, k| composite[i].column(motion, k);
-            joint.columns(column, self.inside, self.columns, block, alone);
+            match m {
+                1 => joint.columns::<1>(column, self.inside, self.columns, block, alone),
+                2 => joint.columns::<2>(column, self.inside, self.columns, block, alone),
+                3 => joint.columns::<3>(column, self.inside, self.columns, block, alone),
+                _ => joint.columns::<0>(column, self.inside, self.columns, block, alone),
+            }
         }
         add_rotors::<T>(&mut self.rotors, (cluster.v, cluster.n_v), G, block, m);
     }

@@ -6,7 +6,7 @@ use crate::closure::column_unit;
 use crate::linalg::{least_norm, solve_sound};
 use crate::mechanism::Cluster;
 use crate::model::{Direct, Model, Scope};
-use crate::scalar::{Figure, Scalar};
+use crate::scalar::{Figure, Scalar, all_finite};
 use crate::workspace::Workspace;
 
 /// τ_u from G_uᵀ τ_u = τ_y, answered cluster by cluster: exact where there are as many actuators as
@@ -21,7 +21,7 @@ pub(super) fn to_actuators<T: Scalar>(
     let mut control = T::ONE;
     ws.tau_rest.fill(T::ZERO);
     let mut independents = scope.independents.runs();
-    if !independents.all(|run| ws.tau_y[run].iter().all(|tau| tau.is_finite())) {
+    if !independents.all(|run| all_finite(&ws.tau_y[run])) {
         return Err(Status::NonFiniteInput);
     }
     for &Direct { vy, u, .. } in &scope.direct {

@@ -9,7 +9,7 @@ use crate::model::Model;
 use crate::plan::Plan;
 use crate::plan::diagnostics::singular;
 use crate::plan::run::RunReport;
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, all_finite};
 use crate::workspace::Workspace;
 
 impl Plan {
@@ -64,11 +64,12 @@ impl Plan {
         let may_be_infinite =
             |field| matches!(field, Field::CondKd | Field::CondGu | Field::CondMy);
         let mut slots = self.want().slots().iter().filter(|slot| !may_be_infinite(slot.field));
-        if slots.all(|slot| output[slot.range()].iter().all(|x| x.is_finite())) {
-            Status::Ok
+        let fits = if self.steps.conditions {
+            slots.all(|slot| all_finite(&output[slot.range()]))
         } else {
-            Status::NonFiniteInput
-        }
+            all_finite(output)
+        };
+        if fits { Status::Ok } else { Status::NonFiniteInput }
     }
 
     /// NaN everywhere, but for what survives a failure.

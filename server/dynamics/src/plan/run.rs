@@ -7,7 +7,7 @@ use crate::mechanism::Motion;
 use crate::model::Model;
 use crate::plan::diagnostics::digits::Doubt;
 use crate::plan::{Answer, Plan, Space};
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, all_finite};
 use crate::workspace::Workspace;
 
 /// What a run found besides the numbers in the workspace.
@@ -124,7 +124,7 @@ impl Plan {
         input: &[T],
         report: &mut RunReport<T>,
     ) -> Result<(), Status> {
-        if !input.iter().all(|x| x.is_finite()) {
+        if !all_finite(input) {
             return Err(Status::NonFiniteInput);
         }
         self.close_state(model, ws, input, report)?;

@@ -105,6 +105,13 @@ impl Mask for bool {
     }
 }
 
+/// True where every number is finite in every lane. None ends the loop early, so that the compiler
+/// takes several at once.
+#[inline]
+pub(crate) fn all_finite<T: Real>(x: &[T]) -> bool {
+    x.iter().fold(T::Mask::splat(true), |all, x| all & x.is_finite()).all()
+}
+
 /// A scalar of one lane: code off the straight path may branch on it.
 pub trait Scalar: Real<Mask = bool, Const = Self> + PartialOrd {
     /// Whether doubtful answers are computed again to count their digits; elsewhere the doubt alone
