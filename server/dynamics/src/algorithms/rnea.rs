@@ -10,7 +10,7 @@ use crate::algorithms::terms::{joint_forces, spring_forces};
 use crate::mechanism::{Body, Motion, joint_pose};
 use crate::model::{Model, Runs, Scope};
 use crate::scalar::Real;
-use crate::spatial::{cross, cross_add, lift, mul, mul_add, t_mul, zero};
+use crate::spatial::{cross, cross_add, lift, lift_mat, mul, mul_add, t_mul, turn_z, zero};
 use crate::workspace::BodyState;
 
 /// Poses of the given bodies in their parents, from the coordinates and their cosines and sines.
@@ -25,8 +25,14 @@ pub(crate) fn joint_poses<T: Real>(
     for run in bodies.runs() {
         let joints = model.bodies[run.clone()].iter().zip(&cos_sin[run.clone()]);
         for ((body, cos_sin), state) in joints.zip(&mut motion[run]) {
-            let pose = joint_pose(body, &q[body.q..], *cos_sin);
-            (state.R, state.p) = (pose.R, pose.p);
+            if body.motion == Motion::Revolute {
+                // straight to its place: a pose of lanes is large
+                state.R = turn_z(&lift_mat(&body.R_parent_body), cos_sin.0, cos_sin.1);
+                state.p = lift(&body.p_parent_body);
+            } else {
+                let pose = joint_pose(body, &q[body.q..], *cos_sin);
+                (state.R, state.p) = (pose.R, pose.p);
+            }
         }
     }
 }

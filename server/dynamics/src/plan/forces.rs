@@ -439,7 +439,7 @@ fn largest<T: Scalar>(places: &Runs, x: &[T]) -> T {
     let mut largest = T::ZERO;
     for run in places.runs() {
         for x in &x[run] {
-            largest = T::select(largest.lt(x.abs()), x.abs(), largest);
+            largest = largest.larger(x.abs());
         }
     }
     largest

@@ -35,10 +35,11 @@ impl Plan {
 
         // where closures start: the guess, or the given q itself, or their own zero
         let start = slot(Field::Q).or(slot(Field::QGuess));
+        let mut sound = Ok(());
         match start {
             Some(start) => {
                 scatter(start, &mut ws.start, &order.q);
-                normalise_quaternions(&self.needed.quaternions, &mut ws.start)?;
+                sound = normalise_quaternions(&self.needed.quaternions, &mut ws.start);
             }
             None if self.starts_nowhere() => {}
             None => ws.start.copy_from_slice(&model.zero),
@@ -61,6 +62,8 @@ impl Plan {
                 scatter(slot(Field::U).unwrap_or(&[]), &mut ws.q, &order.u_q);
             }
         }
+        // after the positions: what a failure looks at is this request's
+        sound?;
         // of what was given; the dependents are not known yet
         if self.steps.position == Space::Independent {
             normalise_quaternions(&self.needed.independent_quaternions, &mut ws.q)?;

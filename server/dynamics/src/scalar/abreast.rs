@@ -251,6 +251,11 @@ impl Real for Abreast {
 impl Scalar for Abreast {
     const STRAIGHT: bool = true;
 
+    #[inline(always)]
+    fn larger(self, other: Abreast) -> Abreast {
+        Abreast(Lanes::select(Real::lt(self.0, other.0), other.0, self.0))
+    }
+
     /// What else leaves the kernels is that of the first state.
     #[inline(always)]
     fn to_f64(self) -> f64 {
@@ -276,8 +281,8 @@ impl Scalar for Abreast {
                 if beyond != 0 {
                     RUN.with(|run| run.beyond.set(run.beyond.get() | beyond));
                 }
-                // within them
-                if lower > 0.0 { lower } else { upper.min(0.0) }
+                // what is no number lies beyond none
+                f64::NAN
             }
             Figure::OfDoubt => self.first(),
         }

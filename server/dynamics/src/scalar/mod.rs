@@ -121,6 +121,12 @@ pub trait Scalar: Real<Mask = bool, Const = Self> + PartialOrd {
     /// a branch.
     const STRAIGHT: bool = false;
 
+    /// The larger one; this one where either is no number.
+    #[inline(always)]
+    fn larger(self, other: Self) -> Self {
+        Self::select(Real::lt(self, other), other, self)
+    }
+
     /// The nearest double.
     fn to_f64(self) -> f64;
 

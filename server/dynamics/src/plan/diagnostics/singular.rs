@@ -77,6 +77,8 @@ pub(in crate::plan) fn uncontrolled<T: Scalar>(
     direction: &mut [T],
 ) {
     let mut least = T::from_f64(f64::INFINITY);
+    // where no cluster has a finite G there is none
+    direction.fill(T::from_f64(f64::NAN));
     let open = &model.closed_clusters[closed.min(model.closed_clusters.len())..];
     for (_, cluster) in model.clusters.iter().enumerate().filter(|(c, _)| !open.contains(c)) {
         let (m, rows) = (cluster.n_vy, cluster.active.len().max(cluster.n_vy));
