@@ -4,8 +4,9 @@
 //! transports and runs plans (`engine.rs`); the thread that called takes clients in
 //! (`arrivals.rs`), makes and retires lanes (`connections.rs`) and plans (`plans.rs`), answers the
 //! control socket (`control.rs`) and counts (`counters.rs`). A third one keeps the last seconds in
-//! a file where that is asked ([`record`]), another makes kernels of plans (`kernels/`). Which processors and policies they have is decided in
-//! `placement/`. They meet in counters and in bounded channels, never in a lock.
+//! a file where that is asked ([`record`]), another makes kernels of plans (`kernels/`). Which
+//! processors and policies they have is decided in `placement/`. They meet in counters and in
+//! bounded channels, never in a lock.
 
 mod arrivals;
 mod bus_guard;
