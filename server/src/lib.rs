@@ -5,8 +5,8 @@
 //! (`arrivals.rs`), makes and retires lanes (`connections.rs`) and plans (`plans.rs`), answers the
 //! control socket (`control.rs`) and counts (`counters.rs`). A third one keeps the last seconds in
 //! a file where that is asked ([`record`]), another makes kernels of plans (`kernels/`). Which
-//! processors and policies they have is decided in `placement/`. They meet in counters and in bounded
-//! channels, never in a lock. What all but the answering thread log is in `events.rs`.
+//! processors and policies they have is decided in `placement/`. They meet in counters and in
+//! bounded channels, never in a lock. What all but the answering thread log is in `events.rs`.
 
 mod arrivals;
 mod bus_guard;
