@@ -105,7 +105,7 @@ impl Plan {
     }
 
     /// A field that stands in the workspace, or one that is formed from it, without a negative
-    /// zero. By itself: in the loop over the fields, all that any field needs would be read before
+    /// zero where it was not given. By itself: in the loop over the fields, all that any field needs would be read before
     /// the first.
     #[inline(never)]
     fn write_field<T: Scalar>(
@@ -139,7 +139,14 @@ impl Plan {
                 return status;
             }
         };
-        out.iter_mut().zip(order).for_each(|(x, i)| *x = from[*i].plus_zero());
+        // numbers that were given come back as they are
+        let is_given = matches!(slot.field, Field::Y | Field::Yd | Field::Ydd)
+            && self.query().given.has(slot.field);
+        if is_given {
+            out.iter_mut().zip(order).for_each(|(x, i)| *x = from[*i]);
+        } else {
+            out.iter_mut().zip(order).for_each(|(x, i)| *x = from[*i].plus_zero());
+        }
         Status::Ok
     }
 
