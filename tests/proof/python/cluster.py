@@ -3,6 +3,7 @@
 import os
 import signal
 import tempfile
+import threading
 import time
 from pathlib import Path
 
@@ -27,6 +28,11 @@ def raises(error, words, f, *args, **keywords):
         assert words in str(found), found
         return
     raise AssertionError(f"{f} raised nothing")
+
+
+def queries():
+    """How many queries a worker keeps of each robot."""
+    return [len(queries) for _, queries in sarrus.distributed._robots.values()]
 
 
 def kept():
@@ -93,7 +99,14 @@ def whole(client, robot, rows):
     np.testing.assert_array_equal(
         bits(light.C_y), bits(moon.query("inverse-dynamics", list(few), ["C_y"])(**few).C_y)
     )
-    empty = {name: array[:0] for name, array in few.items()}
+    # of many queries a worker keeps the last ones
+    few = {"y": rows["y"][:2]}
+    for link in robot.links[: sarrus.distributed.QUERIES + 2]:
+        options["frames"] = [link]
+        sarrus.distributed.map(robot, few, client, rows_of_a_block=1, **options)
+    counts = [max(counts) for counts in client.run(queries).values()]
+    assert max(counts) == sarrus.distributed.QUERIES, counts
+    empty = {name: rows[name][:0] for name in ("y", "yd")}
     assert sarrus.distributed.map(robot, empty, client).tau_y.shape[0] == 0
 
 
@@ -139,7 +152,23 @@ def ended(client, robot, rows):
         time.sleep(0.05)
 
 
+def late():
+    """Without a worker it waits, and one that comes later answers all."""
+    robot = sarrus.Robot.bundled("lambda")
+    rows = {"y": np.full((3_000, 1), 0.1)}
+    cluster = LocalCluster(n_workers=0, threads_per_worker=1, dashboard_address=None)
+    with cluster, Client(cluster) as client:
+        raises(TimeoutError, "", sarrus.distributed.map, robot, rows, client, timeout=0.1)
+        timer = threading.Timer(0.5, lambda: cluster.scale(1))
+        timer.start()
+        answer = sarrus.distributed.map(robot, rows, client, want=["tau_u"])
+        timer.join()
+    expected = robot.query("inverse-dynamics", ["y"], ["tau_u"])(**rows)
+    np.testing.assert_array_equal(bits(answer.tau_u), bits(expected.tau_u))
+
+
 def main():
+    late()
     robot = sarrus.Robot.bundled("rh5v2_upper_body")
     rows = motions(robot, ROWS)
     expected = robot.query("inverse-dynamics", list(rows), ["tau_u"])(**rows)
