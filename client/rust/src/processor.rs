@@ -29,10 +29,7 @@ pub fn check() -> Result<(), String> {
         ("LZCNT", identifiers.is_some_and(|found| found.has_lzcnt())),
         ("F16C", basic.is_some_and(|found| found.has_f16c())),
         ("MOVBE", basic.is_some_and(|found| found.has_movbe())),
-        (
-            "YMM registers",
-            basic.is_some_and(|found| found.has_oxsave()) && area >= AREA_WITH_YMM,
-        ),
+        ("YMM registers", basic.is_some_and(|found| found.has_oxsave()) && area >= AREA_WITH_YMM),
     ];
     let mut missing = String::new();
     for (name, is_there) in features {
