@@ -108,6 +108,15 @@ fn bits(numbers: &[f64]) -> Vec<u64> {
     numbers.iter().map(|number| number.to_bits()).collect()
 }
 
+/// How many plans the clients of a server hold, as `sarrus top` has it.
+fn plans_held(server: &str) -> u64 {
+    let mut top = Command::new(examples::folder().join("sarrus"));
+    top.args(["top", server, "--format", "json"]);
+    let top: Value = serde_json::from_str(&run(top, "")).unwrap();
+    let clients = top["clients"].as_array().unwrap();
+    clients.iter().map(|client| client["plans"].as_u64().unwrap()).sum()
+}
+
 #[test]
 fn a_connected_robot_answers_as_one_in_process_and_outlives_its_server() {
     let mut server = Some(examples::Server::start("python"));
@@ -122,6 +131,10 @@ fn a_connected_robot_answers_as_one_in_process_and_outlives_its_server() {
             "start the server" => server = Some(examples::Server::start("python")),
             "pause the server" => server.as_ref().unwrap().signal("-STOP"),
             "resume the server" => server.as_ref().unwrap().signal("-CONT"),
+            "count the plans" => {
+                writeln!(stdin, "{}", plans_held("python")).unwrap();
+                continue;
+            }
             other => panic!("{other}"),
         }
         writeln!(stdin, "done").unwrap();
@@ -204,7 +217,8 @@ fn rows_on_workers_of_dask_have_the_bits_of_one_process_also_when_a_worker_is_ki
 
 #[test]
 fn importing_the_package_on_an_older_processor_raises_what_that_lacks() {
-    // the interpreter on processors without FMA or AVX2, emulated; and on one with both
+    // the interpreter on processors that lack all or one of what x86-64-v3 has, emulated;
+    // and on one that has all
     let emulator = "qemu-x86_64";
     if !cfg!(all(target_arch = "x86_64", target_feature = "avx2")) {
         return println!("not run: this build is for any processor");
@@ -217,10 +231,13 @@ fn importing_the_package_on_an_older_processor_raises_what_that_lacks() {
     if number.as_slice() < &[7, 2] {
         return println!("not run: {emulator} 7.2 or newer is missing (Debian: qemu-user)");
     }
+    const NEHALEM: &str = "this processor has no FMA, AVX2, BMI1, BMI2, LZCNT, F16C, MOVBE, YMM \
+                           registers; sarrus is built for x86-64-v3";
     let import = "try:\n    import sarrus.can\nexcept ImportError as error:\n    print(error)";
     for (processor, reported) in [
-        ("Nehalem", "this processor has no FMA; sarrus is built for x86-64-v3"),
+        ("Nehalem", NEHALEM),
         ("max,-avx2", "this processor has no AVX2; sarrus is built for x86-64-v3"),
+        ("max,-bmi2", "this processor has no BMI2; sarrus is built for x86-64-v3"),
         ("max", ""),
     ] {
         let python = environment().command(&["-c", import]);

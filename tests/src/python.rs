@@ -3,7 +3,9 @@
 //!
 //! Cargo builds the extension before any test runs, since this crate depends on it without linking
 //! it. What is left to do is made once under a lock and used again until it changes. The
-//! interpreter is `SARRUS_PYTHON`, else `python3`; packages come from where `pip` takes them.
+//! interpreter is `SARRUS_PYTHON`, else `python3`; packages come from where `pip` takes them. With
+//! `SARRUS_OPTIONAL=missing`, and where pip reaches no index, packages that only some tests need
+//! may be missing; any other failure to install these fails.
 
 use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
 use std::fs::{self, File};
@@ -13,7 +15,7 @@ use std::sync::OnceLock;
 
 /// What the tests need beside the package itself.
 const REQUIREMENTS: &str = include_str!("../../client/python/requirements.txt");
-/// What some tests need, which are not run where it cannot be installed.
+/// What some tests need, which are not run where pip reaches no index.
 const OPTIONAL: &str = include_str!("../../client/python/requirements-optional.txt");
 
 /// A virtual environment that is ready.
@@ -85,7 +87,7 @@ fn make() -> Result<Environment, String> {
     lock.lock().map_err(described)?;
     let folder = root.join("environment");
     let python = virtual_environment(&folder)?;
-    let optional = install(&folder, "optional", OPTIONAL);
+    let optional = install_optional(&folder)?;
     // each profile has a package of its own
     let package = root.join(profile.file_name().ok_or("no profile")?);
     let name = format!("{DLL_PREFIX}sarrus_python{DLL_SUFFIX}");
@@ -128,6 +130,31 @@ fn virtual_environment(folder: &Path) -> Result<PathBuf, String> {
     install(folder, "requirements", REQUIREMENTS)?;
     fs::write(&stamp, made_from).map_err(described)?;
     Ok(python)
+}
+
+/// The optional packages, or why tests may go without them: where that is asked for, or where pip
+/// reached no index. Anything else, such as a pin that no index has, is an error.
+fn install_optional(folder: &Path) -> Result<Result<(), String>, String> {
+    // one try for all processes of a run of cargo
+    let note = folder.join("unreachable");
+    let this_run = format!("{}\n{OPTIONAL}", std::os::unix::process::parent_id());
+    let is_asked = std::env::var_os("SARRUS_OPTIONAL").is_some_and(|value| value == "missing");
+    if fs::read_to_string(&note).is_ok_and(|noted| noted == this_run) {
+        return Ok(Err("pip reached no index before in this run".to_owned()));
+    }
+    match install(folder, "optional", OPTIONAL) {
+        Err(error) if is_asked || reached_no_index(&error) => {
+            fs::write(&note, this_run).map_err(described)?;
+            Ok(Err(error))
+        }
+        outcome => outcome.map(Ok),
+    }
+}
+
+/// Whether pip says that it could not connect, and knows therefore no version at all; of a package
+/// whose pin is wrong it lists the versions that there are.
+fn reached_no_index(error: &str) -> bool {
+    error.contains("connection broken by") && error.contains("(from versions: none)")
 }
 
 /// Installs packages into an environment, once.

@@ -4,13 +4,14 @@
     python speed.py [ROUNDS] [--rust target/release/examples/speed]
 
 Nanoseconds a state: one state a call (in Rust, in Python, in Python with `out=`), and 100,000
-states as rows (in Rust one after the other, in Python on one thread and on all). All ways take
-turns, and of each the fastest round counts. `over` is what Python adds, without `out=` to a call
-and on one thread to rows.
+states as rows of a batch, on one thread and on all (in Rust by `Robot::batch`, in Python with
+`out=`). All ways take turns, and of each the fastest round counts. `over` is what Python adds,
+without `out=` to a call and on one thread to rows.
 """
 
 import argparse
 import contextlib
+import os
 import subprocess
 import time
 
@@ -18,9 +19,10 @@ import numpy as np
 import sarrus
 
 CALLS, ROWS = 2000, 100_000
+THREADS = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
 ROBOTS = ("lambda", "torso", "stewart", "rh5v2_upper_body", "rh5v2_full")
 HEAD = f"{'robot':18} {'call: Rust':>11} {'Python':>7} {'out=':>6} {'over':>6}" + (
-    f" {'rows: Rust':>12} {'Python':>7} {'over':>7} {'threads':>8}"
+    f" {'rows: Rust':>12} {'Python':>7} {'over':>7} {f'{THREADS} threads: Rust':>16} {'Python':>7}"
 )
 
 
@@ -34,8 +36,8 @@ def rust(program):
         [program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
     ) as child:
 
-        def ask(name, way, n):
-            child.stdin.write(f"{name} {way} {n}\n")
+        def ask(name, way, n, *threads):
+            child.stdin.write(" ".join(map(str, (name, way, n, *threads))) + "\n")
             return int(child.stdout.readline()) / n
 
         yield ask
@@ -67,15 +69,16 @@ def measured(name, rounds, in_rust):
         for _ in range(CALLS):
             ask(y, yd, ydd, out=out)
 
-    least = np.full(6, np.inf)
+    least = np.full(7, np.inf)
     for _ in range(rounds):
         found = (
             in_rust(name, "call", CALLS),
             timed(CALLS, calls),
             timed(CALLS, calls_with_out),
-            in_rust(name, "rows", ROWS),
+            in_rust(name, "rows", ROWS, 1),
             timed(ROWS, lambda: ask(*many, out=outs, threads=1)),
-            timed(ROWS, lambda: ask(*many, out=outs)),
+            in_rust(name, "rows", ROWS, THREADS),
+            timed(ROWS, lambda: ask(*many, out=outs, threads=THREADS)),
         )
         least = np.minimum(least, found)
     return least
@@ -83,15 +86,15 @@ def measured(name, rounds, in_rust):
 
 def main():
     parser = argparse.ArgumentParser()
-    parser.add_argument("rounds", nargs="?", type=int, default=1)
+    parser.add_argument("rounds", nargs="?", type=int, default=5)
     parser.add_argument("--rust")
     arguments = parser.parse_args()
     with rust(arguments.rust) as in_rust:
         print(HEAD)
         for name in ROBOTS:
-            call, python, out, row, rows, threads = measured(name, arguments.rounds, in_rust)
+            call, python, out, row, rows, *many = measured(name, arguments.rounds, in_rust)
             print(f"{name:18} {call:11.0f} {python:7.0f} {out:6.0f} {python - call:6.0f}", end="")
-            print(f" {row:12.0f} {rows:7.0f} {rows / row - 1:7.1%} {threads:8.0f}")
+            print(f" {row:12.0f} {rows:7.0f} {rows / row - 1:7.1%} {many[0]:16.0f} {many[1]:7.0f}")
 
 
 if __name__ == "__main__":

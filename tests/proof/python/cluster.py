@@ -1,8 +1,10 @@
 """Rows on workers of dask: the bits of one process, a worker killed, faults, and an early end."""
 
+import itertools
 import os
 import signal
 import tempfile
+import threading
 import time
 from pathlib import Path
 
@@ -27,6 +29,11 @@ def raises(error, words, f, *args, **keywords):
         assert words in str(found), found
         return
     raise AssertionError(f"{f} raised nothing")
+
+
+def queries():
+    """How many queries a worker keeps of each robot."""
+    return [len(queries) for _, queries in sarrus.distributed._robots.values()]
 
 
 def kept():
@@ -75,11 +82,13 @@ def whole(client, robot, rows):
     few = {name: array[:9_000] for name, array in rows.items() if name != "ydd"}
     want = ["M_y", "sigma_min"]
     expected = robot.query("inverse-dynamics", list(few), want)(**few)
-    for _ in range(2):
+    there = {}
+    # until a worker that began late has had blocks as well
+    while len(there) < 2 or not all(robot.fingerprint in one for one in there.values()):
         answer = sarrus.distributed.map(robot, few, client, request="inverse-dynamics", want=want)
         for name in want:
             np.testing.assert_array_equal(bits(answer[name]), bits(expected[name]))
-    there = client.run(kept)
+        there = client.run(kept)
     link = robot.links[-1]
     y = {"y": rows["y"][:2_100]}
     options = {"request": "kinematics", "want": ["frame_pose"], "frames": [link]}
@@ -93,7 +102,15 @@ def whole(client, robot, rows):
     np.testing.assert_array_equal(
         bits(light.C_y), bits(moon.query("inverse-dynamics", list(few), ["C_y"])(**few).C_y)
     )
-    empty = {name: array[:0] for name, array in few.items()}
+    # of many queries a worker keeps the last ones: one of two gets more than half of these
+    few = {"y": rows["y"][:1]}
+    pairs = itertools.combinations(robot.links, 2)
+    for pair in itertools.islice(pairs, 2 * sarrus.distributed.QUERIES + 1):
+        options["frames"] = list(pair)
+        sarrus.distributed.map(robot, few, client, **options)
+    counts = [max(counts) for counts in client.run(queries).values()]
+    assert max(counts) == sarrus.distributed.QUERIES, counts
+    empty = {name: rows[name][:0] for name in ("y", "yd")}
     assert sarrus.distributed.map(robot, empty, client).tau_y.shape[0] == 0
 
 
@@ -139,7 +156,23 @@ def ended(client, robot, rows):
         time.sleep(0.05)
 
 
+def late():
+    """Without a worker it waits, and one that comes later answers all."""
+    robot = sarrus.Robot.bundled("lambda")
+    rows = {"y": np.full((3_000, 1), 0.1)}
+    cluster = LocalCluster(n_workers=0, threads_per_worker=1, dashboard_address=None)
+    with cluster, Client(cluster) as client:
+        raises(TimeoutError, "", sarrus.distributed.map, robot, rows, client, timeout=0.1)
+        timer = threading.Timer(0.5, lambda: cluster.scale(1))
+        timer.start()
+        answer = sarrus.distributed.map(robot, rows, client, want=["tau_u"])
+        timer.join()
+    expected = robot.query("inverse-dynamics", ["y"], ["tau_u"])(**rows)
+    np.testing.assert_array_equal(bits(answer.tau_u), bits(expected.tau_u))
+
+
 def main():
+    late()
     robot = sarrus.Robot.bundled("rh5v2_upper_body")
     rows = motions(robot, ROWS)
     expected = robot.query("inverse-dynamics", list(rows), ["tau_u"])(**rows)

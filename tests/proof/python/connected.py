@@ -1,5 +1,6 @@
 """A connected robot beside the same one in this process; stdout asks for what is to be done."""
 
+import contextlib
 import gc
 import os
 import pickle
@@ -7,6 +8,7 @@ import sys
 import threading
 import time
 import warnings
+from pathlib import Path
 
 import numpy as np
 import sarrus
@@ -26,6 +28,38 @@ def raises(error, words, f, *args, **keywords):
         assert words in str(found), found
         return
     raise AssertionError(f"{f} raised nothing")
+
+
+def plans():
+    """How many plans the server's clients hold, by its own count."""
+    print("count the plans", flush=True)
+    return int(sys.stdin.readline())
+
+
+@contextlib.contextmanager
+def waiting(call):
+    """A thread is within a call of the extension that waits; it ends after this."""
+    begun = threading.Event()
+
+    def run():
+        begun.set()
+        call()
+
+    thread = threading.Thread(target=run)
+    # from `begun` on it has Python's lock until the extension gives that away
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(600.0)
+    try:
+        thread.start()
+        begun.wait()
+        # `S` behind the name: it sleeps
+        stat = Path(f"/proc/self/task/{thread.native_id}/stat")
+        while stat.read_text().rpartition(")")[2].split()[0] != "S":
+            time.sleep(0.001)
+        yield
+    finally:
+        sys.setswitchinterval(interval)
+    thread.join()
 
 
 name = sys.argv[1]
@@ -90,24 +124,34 @@ there.inverse_dynamics(y, yd, ydd, progress=lambda *state: seen.append(state))
 assert seen[-1] == (300, 300), seen
 raises(ZeroDivisionError, "", there.inverse_dynamics, y, yd, ydd, progress=lambda *_: 1 / 0)
 
-# queries and robots that are dropped wait for no server, and for no thread that asks it
-patient = sarrus.Robot.connect(name, timeout=600.0)
-queries = [patient.query("kinematics", ["y"], [field]) for field in ("q", "u", "G")]
+# queries that are dropped wait for no server, and for no thread that asks it: a wait with Python's
+# lock held would be for ever, since the server goes on only after it
+patient = sarrus.Robot.connect(name, timeout=600.0, wait="polite")
+fields = ("q", "u", "G", "qd", "ud")
+queries = [patient.query("kinematics", ["y", "yd"], [field]) for field in fields]
 asked = queries.pop()
+held = plans()
 do("pause the server")
 answers = []
-thread = threading.Thread(target=lambda: answers.append(asked(y=[0.1])))
-thread.start()
-before = time.monotonic()
-while queries:
+with waiting(lambda: answers.append(asked(y=[0.1], yd=[0.0]))):
+    queries.pop()
     queries.pop()
     gc.collect()
-assert time.monotonic() - before < 300 and not answers
-do("resume the server")
-thread.join()
-assert np.isfinite(answers[0].G).all()
-again = patient.query("kinematics", ["y"], ["q"])
-np.testing.assert_array_equal(again(y=[0.1]).q, here.state([0.1]).q)
+    assert not answers
+    do("resume the server")
+assert np.isfinite(answers[0].ud).all()
+assert plans() == held
+# the next query releases both before it is prepared, which another thread's drop does not wait for
+do("pause the server")
+with waiting(lambda: answers.append(patient.query("kinematics", ["y"], ["q"]))):
+    queries.pop()
+    gc.collect()
+    assert len(answers) == 1
+    do("resume the server")
+assert plans() == held - 2 + 1
+np.testing.assert_array_equal(answers[1](y=[0.1]).q, here.state([0.1]).q)
+last = patient.query("kinematics", ["y"], ["u"])
+assert plans() == held - 3 + 2
 
 # what a connection cannot do
 raises(TypeError, "connect anew", pickle.dumps, there)

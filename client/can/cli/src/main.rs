@@ -69,6 +69,14 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    // before anything that may need it
+    if let Err(missing) = sarrus_client::processor::check() {
+        eprintln!(
+            "sarrus-can: this processor has no {missing}; sarrus-can is built for x86-64-v3 (FMA \
+             and AVX2, processors from 2015 on)"
+        );
+        return ExitCode::from(2);
+    }
     match Arguments::parse().command {
         Command::Check(check) => check.run(),
         Command::Doctor(doctor) => doctor.run(),

@@ -8,6 +8,7 @@ any worker answers any block: one that is lost is answered again by another. Nee
 from __future__ import annotations
 
 import importlib
+import pickle
 import threading
 import time
 import uuid
@@ -31,8 +32,10 @@ AHEAD = 3
 """Blocks of a thread that are under way, so that it finds the next one beside it."""
 LOOK = 1.0
 """Between two counts of the cluster's threads [s]."""
-ROBOTS = 8
-"""Robots that a worker keeps."""
+BLOCKS = 64
+"""So many blocks there are at least, where rows allow, for workers that come later."""
+ROBOTS, QUERIES = 8, 16
+"""Robots that a worker keeps, and queries of each."""
 
 
 def map(
@@ -44,6 +47,7 @@ def map(
     want: Sequence[str] | None = None,
     rows_of_a_block: int | None = None,
     progress: Progress | None = None,
+    timeout: float | None = None,
     **options: Any,
 ) -> Answer:
     """Answer rows of states on the workers of a `dask.distributed.Client`.
@@ -57,7 +61,8 @@ def map(
     where its fingerprint is another one. `progress` gets how many rows are done and how many there
     are. Its exception, that of a block and Ctrl-C end it: blocks that no worker has begun are
     withdrawn. A worker that is lost costs its blocks' time only, until one block has been on too
-    many of them (`distributed.KilledWorker`). Without any worker it waits for one.
+    many of them (`distributed.KilledWorker`). Without any worker it waits for the first, `timeout`
+    [s] at most where that is given (`TimeoutError`); workers that come later get blocks too.
     """
     dask = _dask()
     if not isinstance(client, dask.Client):
@@ -75,15 +80,15 @@ def map(
 
     # the robot is a task as well, of which dask keeps the recipe: no worker's end loses it
     key = f"sarrus-{robot.fingerprint:016x}-{uuid.uuid4().hex}"
-    recipe = Recipe(
-        robot.origin.contents(), robot.fingerprint, __version__, (request, [*rows], want, options)
-    )
-    shared = client.submit(_carried, recipe, key=f"{key}-robot", pure=False)
+    recipe = Recipe(robot.origin.contents(), robot.fingerprint, (request, [*rows], want, options))
+    shared = client.submit(_passed_on, pickle.dumps(recipe), key=f"{key}-robot", pure=False)
+    # after that task, which makes an adaptive cluster start one
+    client.wait_for_workers(1, timeout=timeout)
 
     def submit(block: slice) -> Any:
         arrays = [array[block] for array in given]
         name = f"{key}-{block.start}"
-        return client.submit(_answered, shared, *arrays, key=name, pure=False)
+        return client.submit(_answered, __version__, shared, *arrays, key=name, pure=False)
 
     threads = _threads(client)
     if rows_of_a_block is None:
@@ -124,38 +129,39 @@ class Recipe(NamedTuple):
 
     files: tuple[bytes, bytes | None, _native.Parts]
     fingerprint: int
-    version: str
     query: tuple[RequestName, list[str], Sequence[str] | None, dict[str, Any]]
 
 
 # --- on a worker ----------------------------------------------------------------------------------
 
-_robots: OrderedDict[int, tuple[Robot, dict[str, Query]]] = OrderedDict()
+_robots: OrderedDict[int, tuple[Robot, OrderedDict[str, Query]]] = OrderedDict()
 _lock = threading.Lock()
 
 
-def _carried(recipe: Recipe) -> Recipe:
-    """Make the recipe a result, which workers pass on to each other."""
+def _passed_on(recipe: bytes) -> bytes:
+    """Make the pickled recipe a result, which workers pass on to each other."""
     return recipe
 
 
-def _answered(recipe: Recipe, *given: Array) -> tuple[list[Array], Any, Any]:
+def _answered(version: str, recipe: bytes, *given: Array) -> tuple[list[Array], Any, Any]:
     """Answer a block: its fields, statuses and warnings."""
+    # before the recipe is read: another version may have another one
+    if version != __version__:
+        raise Error(
+            f"this worker has sarrus {__version__}, and rows came from sarrus {version}; "
+            "install the same version on both"
+        )
     # one thread: dask runs as many blocks at a time as a worker has
-    answer = _prepared(recipe).ask(given, threads=1)
+    answer = _prepared(pickle.loads(recipe)).ask(given, threads=1)
     return list(answer.values()), answer.status, answer.warnings
 
 
 def _prepared(recipe: Recipe) -> Query:
     """The query of a recipe; its robot is compiled once and kept while others are not many."""
-    if recipe.version != __version__:
-        raise Error(
-            f"this worker has sarrus {__version__}, and rows came from sarrus {recipe.version}; "
-            "install the same version on both"
-        )
     with _lock:
         if recipe.fingerprint not in _robots:
-            _robots[recipe.fingerprint] = restored(Robot, *recipe.files, recipe.fingerprint), {}
+            robot = restored(Robot, *recipe.files, recipe.fingerprint)
+            _robots[recipe.fingerprint] = robot, OrderedDict()
         _robots.move_to_end(recipe.fingerprint)
         while len(_robots) > ROBOTS:
             _robots.popitem(last=False)
@@ -164,6 +170,9 @@ def _prepared(recipe: Recipe) -> Query:
         if key not in queries:
             request, given, want, options = recipe.query
             queries[key] = robot.query(request, given, want, **options)
+        queries.move_to_end(key)
+        while len(queries) > QUERIES:
+            queries.popitem(last=False)
         return queries[key]
 
 
@@ -207,10 +216,10 @@ def _empty(query: Query, n: int) -> Answer:
 
 
 def _usual_rows(query: Query, n: int, threads: int) -> int:
-    """Rows of a block: some blocks for each thread, none too small or too large to send."""
+    """Rows of a block: some for each thread, enough for late ones, none too small or large."""
     shapes = [*query.given.values(), *query.want.values()]
     numbers = sum(int(np.prod(shape)) for shape in shapes)
-    rows = max(LEAST_ROWS, -(-n // (BLOCKS_OF_A_THREAD * threads)))
+    rows = max(LEAST_ROWS, -(-n // max(BLOCKS, BLOCKS_OF_A_THREAD * threads)))
     return max(1, min(rows, MOST_NUMBERS // max(1, numbers)))
 
 

@@ -92,7 +92,9 @@ impl Shared {
         f: impl FnOnce(&mut Robot) -> Result<T, Error> + Send,
     ) -> PyResult<T> {
         self.with(py, |robot| {
-            for plan in std::mem::take(&mut *lock(&self.released)) {
+            // taken in a statement of its own: a thread that drops a plan meanwhile must not wait
+            let released = std::mem::take(&mut *lock(&self.released));
+            for plan in released {
                 // a server that is gone took the plan with it
                 let _ = robot.release(plan);
             }
