@@ -6,9 +6,14 @@ use std::process::{Command, Output, Stdio};
 
 use crate::Source;
 
-/// The flags that keep the bits: no contraction, and no call where an instruction does. With those
-/// of the baseline where sarrus has one, so that `fma` is an instruction.
-pub const FLAGS: &[&str] = if cfg!(target_arch = "x86_64") {
+/// Whether this build of sarrus needs a processor with FMA and AVX2: then what it compiles may too.
+const HAS_BASELINE: bool =
+    cfg!(all(target_arch = "x86_64", target_feature = "fma", target_feature = "avx2"));
+
+/// The flags that keep the bits: no contraction, and no call where an instruction does. With the
+/// baseline of this build where it has one, so that `fma` is an instruction; a portable build
+/// compiles for every processor, and `fma` is a call there.
+pub const FLAGS: &[&str] = if HAS_BASELINE {
     &[
         "-std=c11",
         "-O2",

@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Workspace};
 use sarrus_generate::{
-    Cache, Cancel, Compiler, Kernel, LoadError, MakeError, NativeKernel, ObjectFile, Origin,
+    Cache, Cancel, Compiler, FLAGS, Kernel, LoadError, MakeError, NativeKernel, ObjectFile, Origin,
     Source, random_input,
 };
 use sarrus_models::{Options, load};
@@ -141,14 +141,27 @@ fn what_is_not_the_kernel_of_a_plan_is_refused_with_the_reason() {
         let error = damaged("half.so", &bytes[..part]);
         assert!(matches!(error, LoadError::NoKernel(_) | LoadError::Broken(_)), "{error}");
     }
-    let head = b"sarrus kernel 1\n";
+    let head = b"sarrus kernel 2\n";
     let at = bytes.windows(head.len()).position(|window| window == head).unwrap();
     let error = damaged("manifest.so", &bytes[at..]);
     assert!(matches!(error, LoadError::Broken(_)), "{error}");
     let mut later = bytes.clone();
-    later[at + head.len() - 2] = b'2';
+    later[at + head.len() - 2] = b'3';
     let error = damaged("later.so", &later);
     assert!(matches!(error, LoadError::NoKernel(_)), "{error}");
+
+    // for a processor that nobody has
+    let place = bytes.windows(5).position(|window| window == b"avx2 ");
+    if let Some(at) = place {
+        let mut newer = bytes.clone();
+        newer[at + 3] = b'9';
+        let error = damaged("newer.so", &newer);
+        let LoadError::Processor { missing, .. } = &error else { panic!("{error}") };
+        assert_eq!(missing, "avx9");
+    }
+    let needed = &ObjectFile::read(&path).unwrap().manifest().processor.clone();
+    let is_built_for_it = FLAGS.contains(&"-march=x86-64-v3");
+    assert_eq!((needed.contains("fma avx2"), place.is_some()), (is_built_for_it, is_built_for_it));
 
     // others may write it
     fs::set_permissions(&path, fs::Permissions::from_mode(0o664)).unwrap();

@@ -59,6 +59,18 @@ pub enum LoadError {
     /// It is no shared object, or its end is missing.
     #[error("{}: no whole shared object of this kind of computer", .0.display())]
     Broken(PathBuf),
+    /// It needs instructions that this processor does not have.
+    #[error(
+        "{}: made for a processor with {missing}, which this one does not have; generate it again \
+         with a portable build of sarrus",
+        path.display()
+    )]
+    Processor {
+        /// The file.
+        path: PathBuf,
+        /// The instructions.
+        missing: String,
+    },
     /// It was made for another robot.
     #[error(
         "{}: made for the robot `{robot}` with the fingerprint {found:016x}, expected \

@@ -50,6 +50,10 @@ impl NativeKernel {
         {
             return Err(LoadError::WrongQuery(path()));
         }
+        let missing = manifest.missing_instructions();
+        if !missing.is_empty() {
+            return Err(LoadError::Processor { path: path(), missing: missing.join(" and ") });
+        }
         let kernel = NativeKernel { object: Object::load(file)?, manifest: manifest.clone() };
         match check::compare(&kernel, model, plan) {
             Ok(0) => Err(LoadError::Unserved { path: path(), states: STATES }),
