@@ -98,16 +98,19 @@ pub enum LoadError {
         /// What the loader says.
         reason: String,
     },
-    /// Loading it changed how this thread computes.
+    /// Its hash is not that of its bytes, or is missing.
+    #[error("{}: damaged, or not written by the cache", .0.display())]
+    Damaged(PathBuf),
+    /// Loading it changed how the thread that loads it computes.
     #[error(
-        "{}: it turns small numbers into zeros in the whole program; link it without -ffast-math",
+        "{}: it turns small numbers into zeros; link it without -ffast-math",
         .0.display()
     )]
     ChangesRounding(PathBuf),
     /// It answers otherwise than the generic kernels.
     #[error(
         "{}: other bits than the generic kernel's in state {state} of {states}: {what}; generate \
-         it again, without -ffast-math in CC",
+         it again with a CC that has no -ffast-math",
         path.display()
     )]
     Differs {
