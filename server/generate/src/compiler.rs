@@ -1,14 +1,28 @@
 //! The C compiler of this machine.
 
+use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+use rustix::fs::{MemfdFlags, memfd_create};
 
 use crate::Source;
+use crate::run::{Cancel, run};
 
-/// The flags that keep the bits: no contraction, and no call where an instruction does. With those
-/// of the baseline where sarrus has one, so that `fma` is an instruction.
-pub const FLAGS: &[&str] = if cfg!(target_arch = "x86_64") {
+/// The longest that a compiler may take to say its name.
+const NAME: Duration = Duration::from_secs(10);
+
+/// Whether this build of sarrus needs a processor with FMA and AVX2: then what it compiles may too.
+const HAS_BASELINE: bool =
+    cfg!(all(target_arch = "x86_64", target_feature = "fma", target_feature = "avx2"));
+
+/// The flags that keep the bits: no contraction, and no call where an instruction does. With the
+/// baseline of this build where it has one, so that `fma` is an instruction; a portable build
+/// compiles for every processor, and `fma` is a call there.
+pub const FLAGS: &[&str] = if HAS_BASELINE {
     &[
         "-std=c11",
         "-O2",
@@ -41,9 +55,21 @@ pub enum BuildError {
         /// What it printed.
         words: String,
     },
+    /// A program took too long.
+    #[error("{program} was ended after {seconds} s")]
+    TooSlow {
+        /// Which one.
+        program: String,
+        /// The bound `[s]`.
+        seconds: u64,
+    },
+    /// The caller cancelled it.
+    #[error("cancelled")]
+    Cancelled,
 }
 
-/// A C compiler: `CC`, or `cc`.
+/// A C compiler: `CC`, or `cc` where that is unset or empty. As for make it is a program with
+/// arguments: `ccache gcc`, `gcc -m64`.
 #[derive(Clone, Debug)]
 pub struct Compiler {
     command: String,
@@ -60,13 +86,45 @@ pub struct Built {
 }
 
 impl Compiler {
-    /// The compiler of this machine, if there is one.
+    /// The compiler of this machine, if there is one. Runs it the first time that it is asked
+    /// for, for at most 10 s.
     pub fn found() -> Option<Compiler> {
-        let command = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
-        let output = Command::new(&command).arg("--version").stdin(Stdio::null()).output().ok()?;
-        let words = String::from_utf8_lossy(&output.stdout);
-        let name = words.lines().next().unwrap_or_default().trim().to_owned();
-        output.status.success().then_some(Compiler { command, name })
+        Compiler::found_unless(&Cancel::default())
+    }
+
+    /// The same, without an answer as soon as it is cancelled.
+    pub fn found_unless(cancel: &Cancel) -> Option<Compiler> {
+        let command = command_of(std::env::var("CC").ok());
+        let mut asked = ASKED.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, found)) = asked.iter().find(|(of, _)| *of == command) {
+            return found.as_ref().ok().cloned();
+        }
+        let found = Compiler::named(&command, cancel);
+        if matches!(found, Err(BuildError::Cancelled)) {
+            return None;
+        }
+        let compiler = found.as_ref().ok().cloned();
+        asked.push((command, found.map_err(|error| error.to_string())));
+        compiler
+    }
+
+    /// The compiler that this command starts, after it has said its name.
+    ///
+    /// # Errors
+    /// [`BuildError`]: it cannot be started, fails, takes longer than 10 s, or was cancelled.
+    pub fn named(command: &str, cancel: &Cancel) -> Result<Compiler, BuildError> {
+        let mut compiler =
+            Compiler { command: command_of(Some(command.to_owned())), name: String::new() };
+        let failed = |error: io::Error| BuildError::Io { path: command.into(), error };
+        let log = memfd_create("sarrus_compiler", MemfdFlags::CLOEXEC);
+        let log = File::from(log.map_err(|error| failed(error.into()))?);
+        let ended = run(compiler.start().arg("--version"), &compiler.command, log, NAME, cancel)?;
+        if !ended.is_success {
+            let program = format!("{command} --version");
+            return Err(BuildError::Failed { program, words: ended.words });
+        }
+        compiler.name = ended.words.lines().next().unwrap_or_default().trim().to_owned();
+        Ok(compiler)
     }
 
     /// What it calls itself: the first line of `--version`.
@@ -74,7 +132,15 @@ impl Compiler {
         &self.name
     }
 
-    /// The program.
+    /// Its program, with its arguments.
+    pub(crate) fn start(&self) -> Command {
+        let mut words = self.command.split_whitespace();
+        let mut command = Command::new(words.next().unwrap_or("cc"));
+        command.args(words);
+        command
+    }
+
+    /// What `CC` says.
     #[cfg(feature = "load")]
     pub(crate) fn command(&self) -> &str {
         &self.command
@@ -103,7 +169,7 @@ impl Compiler {
         let file = |ending: &str| folder.join(format!("{}{ending}", source.name));
         let (library, test) = (file(".so"), file("_test"));
         let run = |arguments: &[&Path]| {
-            let mut command = Command::new(&self.command);
+            let mut command = self.start();
             command.args(FLAGS).args(flags).args(arguments);
             finished(&mut command, &self.command)
         };
@@ -127,6 +193,24 @@ impl Built {
         let output = finished(&mut Command::new(&self.test), &name)?;
         Ok(String::from_utf8_lossy(&output.stdout).trim().to_owned())
     }
+}
+
+/// What was found under each command, or why nothing: a program is asked for its name once.
+static ASKED: Mutex<Vec<(String, Result<Compiler, String>)>> = Mutex::new(Vec::new());
+
+/// The command of a value of `CC`.
+fn command_of(value: Option<String>) -> String {
+    value.filter(|value| !value.trim().is_empty()).unwrap_or_else(|| "cc".to_owned())
+}
+
+/// Why there is no compiler, in brackets; empty where none was looked for.
+#[cfg(feature = "load")]
+pub(crate) fn why_not_found() -> String {
+    let command = command_of(std::env::var("CC").ok());
+    let asked = ASKED.lock().unwrap_or_else(PoisonError::into_inner);
+    let why =
+        asked.iter().find(|(of, _)| *of == command).and_then(|(_, found)| found.as_ref().err());
+    why.map_or_else(String::new, |why| format!(" (tried {why})"))
 }
 
 /// The output of a program that ends well.

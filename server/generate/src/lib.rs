@@ -24,6 +24,7 @@ mod pair;
 mod prune;
 mod recorder;
 mod row;
+mod run;
 mod scalar;
 mod states;
 mod trace;
@@ -33,8 +34,7 @@ pub use compiler::{BuildError, Built, Compiler, FLAGS};
 pub use error::GenerateError;
 pub use kernel::{Kernel, Outcome};
 #[cfg(feature = "load")]
-pub use load::{
-    Cache, CacheError, Cancel, LoadError, Made, MakeError, NativeKernel, ObjectFile, Origin,
-};
+pub use load::{Cache, CacheError, LoadError, Made, MakeError, NativeKernel, ObjectFile, Origin};
 pub use manifest::{Manifest, bare_query};
+pub use run::Cancel;
 pub use states::random_input;

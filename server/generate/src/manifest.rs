@@ -9,15 +9,20 @@ use sarrus_proto::Tolerance;
 
 use crate::Kernel;
 
-/// The first line: a magic number and the version of all that an object promises, from the
-/// function's arguments to the numbers it returns.
-const HEAD: &str = "sarrus kernel 1\n";
+/// The first line: a magic number and the revision of this text and of the C that is written. It
+/// is raised with every change of either, from the function's arguments to the conditions under
+/// which it answers; objects of another revision are refused, and made again where they are kept.
+pub(crate) const HEAD: &str = "sarrus kernel 2\n";
 /// The symbol of the text.
 pub(crate) const SYMBOL: &str = "sarrus_kernel";
 /// The definition under which the text is compiled.
 pub(crate) const DEFINITION: &str = "SARRUS_SHARED_OBJECT";
 /// No text is longer.
 const LONGEST: usize = 4096;
+/// Instructions beyond the oldest processor's that an object may need, by the macros under which
+/// compilers use them.
+const INSTRUCTIONS: [(&str, &str); 3] =
+    [("__FMA__", "fma"), ("__AVX2__", "avx2"), ("__AVX512F__", "avx512f")];
 
 /// What a shared object says of itself.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -36,6 +41,8 @@ pub struct Manifest {
     pub outputs: usize,
     /// The version of sarrus that wrote the C.
     pub generator: String,
+    /// The instructions that the compiler could take for granted: names such as `fma avx2`.
+    pub processor: String,
     /// What the compiler calls its version; empty in a text that was not compiled.
     pub compiler: String,
 }
@@ -51,6 +58,7 @@ impl Manifest {
             inputs: kernel.plan.given().len(),
             outputs: kernel.plan.want().len(),
             generator: env!("CARGO_PKG_VERSION").to_owned(),
+            processor: String::new(),
             compiler: String::new(),
         }
     }
@@ -76,11 +84,20 @@ impl Manifest {
             inputs: value("inputs")?.parse().ok()?,
             outputs: value("outputs")?.parse().ok()?,
             generator: value("generator")?.to_owned(),
+            processor: value("processor")?.trim_end().to_owned(),
             compiler: value("compiler")?.to_owned(),
         })
     }
 
-    /// The text as a constant in C; the compiler adds its own version.
+    /// The instructions that it needs and the running processor does not have, or that nobody here
+    /// knows.
+    #[cfg(feature = "load")]
+    pub(crate) fn missing_instructions(&self) -> Vec<&str> {
+        self.processor.split_whitespace().filter(|name| !has_instruction(name)).collect()
+    }
+
+    /// The text as a constant in C; the compiler adds what it was allowed to use and its own
+    /// version.
     pub(crate) fn c(&self) -> String {
         let lines = [
             HEAD.trim_end().to_owned(),
@@ -93,13 +110,35 @@ impl Manifest {
             format!("generator {}", self.generator),
         ];
         let lines: String = lines.iter().map(|line| format!("    \"{line}\\n\"\n")).collect();
+        let instruction = |(macro_name, name): (&str, &str)| {
+            format!("#ifdef {macro_name}\n    \"{name} \"\n#endif\n")
+        };
+        let instructions: String = INSTRUCTIONS.map(instruction).concat();
         format!(
             "\n#ifdef {DEFINITION}\n#ifndef __VERSION__\n#define __VERSION__ \"unknown\"\n#endif\n\
              /* what sarrus reads in a shared object before it loads it */\n\
-             extern const char {SYMBOL}[];\nconst char {SYMBOL}[] =\n{lines}    \"compiler \" \
-             __VERSION__ \"\\n\";\n#endif\n"
+             extern const char {SYMBOL}[];\nconst char {SYMBOL}[] =\n{lines}    \"processor \"\n\
+             {instructions}    \"\\ncompiler \" __VERSION__ \"\\n\";\n#endif\n"
         )
     }
+}
+
+/// Whether the running processor, and its system, have it.
+#[cfg(feature = "load")]
+fn has_instruction(name: &str) -> bool {
+    #[cfg(target_arch = "x86_64")]
+    let has = match name {
+        "fma" => std::is_x86_feature_detected!("fma"),
+        "avx2" => std::is_x86_feature_detected!("avx2"),
+        "avx512f" => std::is_x86_feature_detected!("avx512f"),
+        _ => false,
+    };
+    #[cfg(not(target_arch = "x86_64"))]
+    let has = {
+        let _ = name;
+        false
+    };
+    has
 }
 
 /// The query without the options that travel beside the numbers: what a kernel is made for.
@@ -194,6 +233,7 @@ mod tests {
             inputs: 3,
             outputs: 4,
             generator: "0.1.0".to_owned(),
+            processor: "fma avx2".to_owned(),
             compiler: "12.2.0".to_owned(),
         };
         // the constant as a compiler would put it together
@@ -201,10 +241,10 @@ mod tests {
         let lines = c.lines().filter_map(|line| line.trim().strip_prefix('"'));
         let lines = lines.filter_map(|line| line.strip_suffix("\\n\""));
         let mut text: String = lines.map(|line| format!("{line}\n")).collect();
-        text += "compiler 12.2.0\n";
+        text += "processor fma avx2 \ncompiler 12.2.0\n";
         let bytes = [b"\x7fELF", text.as_bytes(), b"\0rest"].concat();
         assert_eq!(Manifest::find(&bytes), Some((manifest, text.as_bytes())));
         assert_eq!(Manifest::find(text.as_bytes()), None);
-        assert_eq!(Manifest::find(b"sarrus kernel 2\nfunction f\0"), None);
+        assert_eq!(Manifest::find(b"sarrus kernel 1\nfunction f\0"), None);
     }
 }

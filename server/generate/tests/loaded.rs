@@ -5,11 +5,12 @@ use std::fs;
 use std::hint::black_box;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::sync::mpsc::channel;
+use std::time::{Duration, Instant, SystemTime};
 
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Workspace};
 use sarrus_generate::{
-    Cache, Cancel, Compiler, Kernel, LoadError, MakeError, NativeKernel, ObjectFile, Origin,
+    Cache, Cancel, Compiler, FLAGS, Kernel, LoadError, MakeError, NativeKernel, ObjectFile, Origin,
     Source, random_input,
 };
 use sarrus_models::{Options, load};
@@ -26,12 +27,28 @@ fn plan(model: &Model<f64>, want: Field) -> Plan {
     Plan::new(model, &query).unwrap()
 }
 
-/// An empty folder of one test.
-fn folder(name: &str) -> PathBuf {
+/// A folder of one test, gone at its end.
+struct Folder(PathBuf);
+
+impl std::ops::Deref for Folder {
+    type Target = Path;
+
+    fn deref(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+fn folder(name: &str) -> Folder {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(&folder).unwrap();
-    folder
+    Folder(folder)
 }
 
 fn compiler() -> Option<Compiler> {
@@ -77,7 +94,8 @@ fn a_loaded_kernel_has_the_bits_of_the_plan_and_leaves_it_what_it_cannot_answer(
     }
     let model = model("lambda");
     let plan = plan(&model, Field::TauU);
-    let path = built((&model, &plan), &folder("answers"), &[], |function| function);
+    let folder = folder("answers");
+    let path = built((&model, &plan), &folder, &[], |function| function);
     let kernel = NativeKernel::open(&path, &model, &plan).unwrap();
     let manifest = kernel.manifest();
     assert_eq!((manifest.robot.as_str(), manifest.function.as_str()), (model.name(), "elbow"));
@@ -141,14 +159,27 @@ fn what_is_not_the_kernel_of_a_plan_is_refused_with_the_reason() {
         let error = damaged("half.so", &bytes[..part]);
         assert!(matches!(error, LoadError::NoKernel(_) | LoadError::Broken(_)), "{error}");
     }
-    let head = b"sarrus kernel 1\n";
+    let head = b"sarrus kernel 2\n";
     let at = bytes.windows(head.len()).position(|window| window == head).unwrap();
     let error = damaged("manifest.so", &bytes[at..]);
     assert!(matches!(error, LoadError::Broken(_)), "{error}");
     let mut later = bytes.clone();
-    later[at + head.len() - 2] = b'2';
+    later[at + head.len() - 2] = b'3';
     let error = damaged("later.so", &later);
     assert!(matches!(error, LoadError::NoKernel(_)), "{error}");
+
+    // for a processor that nobody has
+    let place = bytes.windows(5).position(|window| window == b"avx2 ");
+    if let Some(at) = place {
+        let mut newer = bytes.clone();
+        newer[at + 3] = b'9';
+        let error = damaged("newer.so", &newer);
+        let LoadError::Processor { missing, .. } = &error else { panic!("{error}") };
+        assert_eq!(missing, "avx9");
+    }
+    let needed = &ObjectFile::read(&path).unwrap().manifest().processor.clone();
+    let is_built_for_it = FLAGS.contains(&"-march=x86-64-v3");
+    assert_eq!((needed.contains("fma avx2"), place.is_some()), (is_built_for_it, is_built_for_it));
 
     // others may write it
     fs::set_permissions(&path, fs::Permissions::from_mode(0o664)).unwrap();
@@ -165,21 +196,47 @@ fn a_kernel_with_other_bits_is_refused_with_a_state() {
     }
     let lambda = model("lambda");
     let plan = plan(&lambda, Field::TauU);
+    let folder = folder("bits");
+    let of = |name: &str| folder.join(name);
     // a constant of the robot
-    let path = built((&lambda, &plan), &folder("constant"), &[], with_another_constant);
+    let path = built((&lambda, &plan), &of("constant"), &[], with_another_constant);
     let error = NativeKernel::open(&path, &lambda, &plan).unwrap_err();
     assert!(matches!(error, LoadError::Differs { .. }), "{error}");
     // nothing is ever answered
     let silent = |function: String| function.replace("return (int)(", "return 2 | (int)(");
-    let path = built((&lambda, &plan), &folder("silent"), &[], silent);
+    let path = built((&lambda, &plan), &of("silent"), &[], silent);
     let error = NativeKernel::open(&path, &lambda, &plan).unwrap_err();
     assert!(matches!(error, LoadError::Unserved { .. }), "{error}");
-    // a compiler that may change numbers; in a thread of its own, whose rounding it may change too
-    let path = built((&lambda, &plan), &folder("fast"), &["-ffast-math"], |function| function);
-    let open = move || NativeKernel::open(&path, &lambda, &plan).unwrap_err();
-    let error = std::thread::spawn(open).join().unwrap();
+}
+
+/// Whether the half of the smallest normal number is a number here.
+fn has_small_numbers() -> bool {
+    black_box(f64::MIN_POSITIVE) * black_box(0.5) > 0.0
+}
+
+#[test]
+fn an_object_that_changes_rounding_changes_it_in_no_thread_but_its_own() {
+    if compiler().is_none() {
+        return;
+    }
+    let lambda = model("lambda");
+    let plan = plan(&lambda, Field::TauU);
+    let folder = folder("fast");
+    // with the start-up code that turns small numbers into zeros, where the compiler has it
+    let path = built((&lambda, &plan), &folder, &["-ffast-math"], |function| function);
+    let (ask, asked) = channel();
+    let earlier = std::thread::spawn(move || {
+        asked.recv().unwrap();
+        has_small_numbers()
+    });
+    assert!(has_small_numbers());
+    let error = NativeKernel::open(&path, &lambda, &plan).unwrap_err();
     let is_right = matches!(error, LoadError::Differs { .. } | LoadError::ChangesRounding(_));
     assert!(is_right, "{error}");
+    assert!(has_small_numbers(), "{error}");
+    ask.send(()).unwrap();
+    assert!(earlier.join().unwrap(), "{error}");
+    assert!(std::thread::spawn(has_small_numbers).join().unwrap(), "{error}");
 }
 
 #[test]
@@ -209,23 +266,37 @@ fn what_was_made_once_is_kept_and_what_was_changed_is_made_again() {
     assert!(matches!(error, LoadError::NoKernel(_)), "{error}");
     assert!(matches!(make().origin, Origin::Kept));
 
+    // one bit of it, anywhere: nothing of it is loaded
+    let bytes = fs::read(&made.path).unwrap();
+    let description = bytes.windows(14).position(|window| window == b"sarrus kernel ").unwrap();
+    for place in [bytes.len() / 3, bytes.len() / 2, bytes.len() - 2] {
+        // in the description it would be of another robot first
+        let is_described = (description..description + 500).contains(&place);
+        let place = if is_described { description + 500 } else { place };
+        let mut other = bytes.clone();
+        other[place] ^= 1;
+        fs::write(&made.path, other).unwrap();
+        let error = cache.find(&lambda, &plan).unwrap_err();
+        assert!(matches!(error, MakeError::Load(LoadError::Damaged(_))), "{error}");
+    }
+    assert!(matches!(make().origin, Origin::Made { refused: Some(LoadError::Damaged(_)), .. }));
+
+    // what was used is the newest, and what an ended process left goes after an hour
+    let long_ago = SystemTime::now() - Duration::from_secs(7200);
+    let old = |path: &Path| fs::File::open(path).unwrap().set_modified(long_ago).unwrap();
+    old(&made.path);
+    assert!(matches!(make().origin, Origin::Kept));
+    assert!(fs::metadata(&made.path).unwrap().modified().unwrap() > long_ago);
+    let [abandoned, recent] = [".build-1", ".build-2"].map(|name| compiled.join(name));
+    [&abandoned, &recent].iter().for_each(|path| fs::create_dir(path).unwrap());
+    old(&abandoned);
+    fs::remove_file(&made.path).unwrap();
+    make();
+    assert_eq!([abandoned.exists(), recent.exists()], [false, true]);
+
     // a folder that others may write is not used
     fs::set_permissions(cache.folder(), fs::Permissions::from_mode(0o777)).unwrap();
     assert!(matches!(cache.find(&lambda, &plan), Err(MakeError::Cache(_))));
-}
-
-#[test]
-fn an_order_to_stop_ends_a_compiler_and_leaves_nothing() {
-    let Some(compiler) = compiler() else { return };
-    let folder = folder("cancelled");
-    let cache = Cache::at(folder.clone());
-    let lambda = model("lambda");
-    let plan = plan(&lambda, Field::TauU);
-    let cancel = Cancel::default();
-    cancel.cancel();
-    let error = cache.kernel(&lambda, &plan, &compiler, &cancel).unwrap_err();
-    assert!(matches!(error, MakeError::Cancelled), "{error}");
-    assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
 }
 
 /// Nanoseconds of a call, the least of several runs.
@@ -240,7 +311,8 @@ fn ns(best: &mut f64, calls: usize, mut call: impl FnMut(usize)) {
 fn kernels_of_every_size_have_the_bits_of_their_plans_and_their_times_are_printed() {
     use Field::*;
     let Some(compiler) = compiler() else { return };
-    let cache = Cache::at(folder("times").join("kernels"));
+    let folder = folder("times");
+    let cache = Cache::at(folder.join("kernels"));
     let queries = [
         ("state", Request::Kinematics, [Y, Yd, Ydd], [Q, Qd, Qdd].as_slice()),
         ("inverse", Request::InverseDynamics, [Y, Yd, Ydd], &[TauU]),

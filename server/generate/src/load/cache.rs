@@ -1,24 +1,28 @@
 //! Shared objects that were made once, in a folder of the user's.
 //!
 //! `COMPILER/FINGERPRINT-QUERY.so`, hashes of what it was made of: the compiler with its flags and
-//! the version of sarrus, the robot, the query. Nothing is believed because of its name: an object
-//! from here is checked like any other, and made again where it is refused.
+//! the version and the revision of sarrus, the robot, the query. Nothing is believed because of its
+//! name: an object from here is compared with the hash behind it, checked like any other, and made
+//! again where it is refused.
 
+use std::collections::hash_map::RandomState;
 use std::ffi::OsString;
-use std::fs::{self, DirBuilder};
+use std::fs::{self, DirBuilder, File};
+use std::hash::{BuildHasher, Hasher};
 use std::io;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant, SystemTime};
 
 use sarrus_dynamics::{Model, Plan};
 use sarrus_proto::fnv1a_64;
 
-use super::build::library;
-use super::{Cancel, LoadError, NativeKernel, ObjectFile};
-use crate::manifest::{bare_query, query_text};
-use crate::{BuildError, Compiler, FLAGS, GenerateError, Kernel, Source};
+use rustix::fs::Access;
+
+use super::build::{library, seal};
+use super::{LoadError, NativeKernel, ObjectFile};
+use crate::manifest::{HEAD, bare_query, query_text};
+use crate::{BuildError, Cancel, Compiler, FLAGS, GenerateError, Kernel, Source};
 
 /// Objects that are kept for one compiler.
 const KEPT: usize = 256;
@@ -26,6 +30,9 @@ const KEPT: usize = 256;
 const COMPILE: Duration = Duration::from_secs(120);
 /// What folders of builds begin with.
 const BUILD: &str = ".build-";
+/// From which age on such a folder is of a process that ended within its build: no build takes so
+/// long.
+const ABANDONED: Duration = Duration::from_secs(3600);
 
 /// Where objects are kept.
 #[derive(Clone, Debug)]
@@ -61,18 +68,18 @@ pub enum MakeError {
     #[error(transparent)]
     Generate(#[from] GenerateError),
     /// There is no compiler.
-    #[error("no C compiler: set CC, or install cc")]
+    #[error("no C compiler: set CC, or install cc{}", crate::compiler::why_not_found())]
     NoCompiler,
     /// The compiler cannot be run, or fails.
     #[error(transparent)]
-    Build(#[from] BuildError),
+    Build(BuildError),
     /// The compiler takes too long.
     #[error("the compiler was ended after {seconds} s")]
     TooSlow {
         /// The bound `[s]`.
         seconds: u64,
     },
-    /// It was told to stop.
+    /// The caller cancelled it.
     #[error("cancelled")]
     Cancelled,
     /// What was made, or what is kept, is refused.
@@ -84,6 +91,16 @@ pub enum MakeError {
     /// No object of this robot and query is kept.
     #[error("none is kept for this robot and query")]
     NotKept,
+}
+
+impl From<BuildError> for MakeError {
+    fn from(error: BuildError) -> MakeError {
+        match error {
+            BuildError::Cancelled => MakeError::Cancelled,
+            BuildError::TooSlow { seconds, .. } => MakeError::TooSlow { seconds },
+            error => MakeError::Build(error),
+        }
+    }
 }
 
 /// Where a kernel came from.
@@ -154,16 +171,20 @@ impl Cache {
         paths.sort();
         let mut refused = None;
         for path in paths {
-            match NativeKernel::open(&path, model, plan) {
-                Ok(kernel) => return Ok(kernel),
+            let file = ObjectFile::read_kept(&path, &path);
+            match file.and_then(|file| NativeKernel::load(&file, model, plan)) {
+                Ok(kernel) => {
+                    touch(&path);
+                    return Ok(kernel);
+                }
                 Err(error) => refused = Some(error),
             }
         }
         Err(refused.map_or(MakeError::NotKept, MakeError::Load))
     }
 
-    /// The kernel of a plan: the one that is kept, else a new one, which takes seconds, a compiler
-    /// and up to some hundred MB. Allocates.
+    /// The kernel of a plan: the one that is kept, else a new one, which takes a compiler
+    /// with its time and memory. Allocates.
     ///
     /// # Errors
     /// [`MakeError`] with the reason; nothing of an attempt stays in the folder.
@@ -179,14 +200,19 @@ impl Cache {
         for folder in [&self.folder, &folder].into_iter().filter(|folder| folder.exists()) {
             self.check(folder)?;
         }
-        let refused = match ObjectFile::read(&path) {
+        let refused = match ObjectFile::read_kept(&path, &path) {
             Err(LoadError::Io { error, .. }) if error.kind() == io::ErrorKind::NotFound => None,
             Err(error) => Some(error),
             Ok(file) => match NativeKernel::load(&file, model, plan) {
-                Ok(kernel) => return Ok(Made { kernel, path, origin: Origin::Kept }),
+                Ok(kernel) => {
+                    touch(&path);
+                    return Ok(Made { kernel, path, origin: Origin::Kept });
+                }
                 Err(error) => Some(error),
             },
         };
+        // before a trace that would be for nothing
+        writable(&folder)?;
 
         let start = Instant::now();
         let kernel = Kernel::trace(model, plan)?;
@@ -201,8 +227,10 @@ impl Cache {
             self.check(folder)?;
         }
         let build = Build::new(&folder)?;
-        let built = library(compiler, &source, &build.0, COMPILE, cancel)?;
-        let loaded = NativeKernel::load(&private(&built)?, model, plan)?;
+        let name = &source.name;
+        let built = library(compiler, &source, name, &build.0, COMPILE, cancel)?;
+        let file = finished(&built, &path).map_err(|error| io_error(&path, error))?;
+        let loaded = NativeKernel::load(&file?, model, plan)?;
         // whoever reads sees the old one or the new one
         fs::rename(&built, &path).map_err(|error| io_error(&path, error))?;
         remove_oldest(&folder);
@@ -226,12 +254,27 @@ fn io_error(path: &Path, error: io::Error) -> CacheError {
     CacheError::Io { path: path.to_owned(), error }
 }
 
-/// Reads a file that the compiler made with whatever mode the user's mask leaves.
-fn private(path: &Path) -> Result<ObjectFile, MakeError> {
+/// Whether a folder can be written, or made where it is missing.
+fn writable(folder: &Path) -> Result<(), CacheError> {
+    let there = folder.ancestors().find(|path| path.exists()).unwrap_or(folder);
+    let access = rustix::fs::access(there, Access::WRITE_OK | Access::EXEC_OK);
+    access.map_err(|error| io_error(there, error.into()))
+}
+
+/// Seals and reads a file that the compiler made with whatever mode the user's mask leaves; errors
+/// name the place where it will be kept.
+fn finished(built: &Path, path: &Path) -> io::Result<Result<ObjectFile, LoadError>> {
     use std::os::unix::fs::PermissionsExt;
-    let set = fs::set_permissions(path, fs::Permissions::from_mode(0o600));
-    set.map_err(|error| io_error(path, error))?;
-    Ok(ObjectFile::read(path)?)
+    fs::set_permissions(built, fs::Permissions::from_mode(0o600))?;
+    seal(built)?;
+    Ok(ObjectFile::read_kept(built, path))
+}
+
+/// Marks an object as used: the one that was used longest ago goes first.
+fn touch(path: &Path) {
+    if let Ok(file) = File::open(path) {
+        let _ = file.set_modified(SystemTime::now());
+    }
 }
 
 fn function_name(model: &Model<f64>, plan: &Plan) -> String {
@@ -246,11 +289,11 @@ fn file_name(model: &Model<f64>, plan: &Plan) -> String {
 
 fn compiler_name(compiler: &Compiler) -> String {
     let version = env!("CARGO_PKG_VERSION");
-    let words = [compiler.command(), compiler.name(), version, &FLAGS.join(" ")].join("\n");
+    let words = [compiler.command(), compiler.name(), version, HEAD, &FLAGS.join(" ")].join("\n");
     format!("{:016x}", fnv1a_64(words.as_bytes()))
 }
 
-/// All but the newest objects go.
+/// All but the objects that were used last go.
 fn remove_oldest(folder: &Path) {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let objects = entries.map(|entry| entry.path());
@@ -272,17 +315,17 @@ struct Build(PathBuf);
 impl Build {
     /// Makes it, and removes those of processes that ended in the middle of theirs.
     fn new(folder: &Path) -> Result<Build, CacheError> {
-        static BUILDS: AtomicU64 = AtomicU64::new(0);
         for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
-            let name = entry.file_name().to_string_lossy().into_owned();
-            let process = name.strip_prefix(BUILD).and_then(|rest| rest.split('-').next());
-            if process.is_some_and(|process| !Path::new("/proc").join(process).exists()) {
+            let is_build = entry.file_name().to_string_lossy().starts_with(BUILD);
+            let made = entry.metadata().and_then(|about| about.modified());
+            let age = made.ok().and_then(|made| made.elapsed().ok());
+            if is_build && age.is_some_and(|age| age > ABANDONED) {
                 let _ = fs::remove_dir_all(entry.path());
             }
         }
-        let number = BUILDS.fetch_add(1, Relaxed);
-        let path = folder.join(format!("{BUILD}{}-{number}", std::process::id()));
-        let _ = fs::remove_dir_all(&path);
+        // no number of a process: other machines and containers may share the folder
+        let name = RandomState::new().build_hasher().finish();
+        let path = folder.join(format!("{BUILD}{name:016x}"));
         let made = DirBuilder::new().mode(0o700).create(&path);
         made.map_err(|error| io_error(&path, error))?;
         Ok(Build(path))
@@ -291,6 +334,14 @@ impl Build {
 
 impl Drop for Build {
     fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
+        // what a compiler started may write until the system has ended it
+        for _ in 0..20 {
+            match fs::remove_dir_all(&self.0) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                    std::thread::sleep(Duration::from_millis(5));
+                }
+                _ => return,
+            }
+        }
     }
 }

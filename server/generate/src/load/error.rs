@@ -59,6 +59,18 @@ pub enum LoadError {
     /// It is no shared object, or its end is missing.
     #[error("{}: no whole shared object of this kind of computer", .0.display())]
     Broken(PathBuf),
+    /// It needs instructions that this processor does not have.
+    #[error(
+        "{}: made for a processor with {missing}, which this one does not have; generate it again \
+         with a portable build of sarrus",
+        path.display()
+    )]
+    Processor {
+        /// The file.
+        path: PathBuf,
+        /// The instructions.
+        missing: String,
+    },
     /// It was made for another robot.
     #[error(
         "{}: made for the robot `{robot}` with the fingerprint {found:016x}, expected \
@@ -86,16 +98,19 @@ pub enum LoadError {
         /// What the loader says.
         reason: String,
     },
-    /// Loading it changed how this thread computes.
+    /// Its hash is not that of its bytes, or is missing.
+    #[error("{}: damaged, or not written by the cache", .0.display())]
+    Damaged(PathBuf),
+    /// Loading it changed how the thread that loads it computes.
     #[error(
-        "{}: it turns small numbers into zeros in the whole program; link it without -ffast-math",
+        "{}: it turns small numbers into zeros; link it without -ffast-math",
         .0.display()
     )]
     ChangesRounding(PathBuf),
     /// It answers otherwise than the generic kernels.
     #[error(
         "{}: other bits than the generic kernel's in state {state} of {states}: {what}; generate \
-         it again, without -ffast-math in CC",
+         it again with a CC that has no -ffast-math",
         path.display()
     )]
     Differs {

@@ -8,14 +8,18 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::{MemfdFlags, OFlags, SealFlags, fcntl_add_seals, memfd_create};
 use sarrus_dynamics::{Model, Plan};
+use sarrus_proto::fnv1a_64;
 
 use super::LoadError;
 use crate::Manifest;
 
-/// No kernel is larger: those of the largest functions that are compiled have a tenth.
+/// The largest file that is read `[byte]`.
 const MOST: u64 = 8 << 20;
 /// Writing by the group and by everybody.
 const OTHERS_WRITE: u32 = 0o022;
+
+/// Before the hash behind the bytes of a file that is kept.
+const SUM: &str = "sarrus fnv1a_64 ";
 
 /// A shared object that was read: what it says of itself, and its bytes. Nothing of it has run.
 #[derive(Clone, Debug)]
@@ -30,13 +34,29 @@ impl ObjectFile {
     /// Reads a file of this user or of root that nobody else may write.
     ///
     /// # Errors
-    /// [`LoadError`]: it cannot be read, others could have written it, it is none of ours or not
-    /// whole.
+    /// [`LoadError`]: it cannot be read, others could have written it, it is no object
+    /// of sarrus, or not whole. Whether bytes between its ends were changed is not seen.
     pub fn read(path: &Path) -> Result<ObjectFile, LoadError> {
+        ObjectFile::read_as(path, path)
+    }
+
+    /// Reads one that the cache wrote, with the hash of its bytes behind them; errors name it
+    /// `path`.
+    pub(super) fn read_kept(from: &Path, path: &Path) -> Result<ObjectFile, LoadError> {
+        let file = ObjectFile::read_as(from, path)?;
+        let length = file.bytes.len().saturating_sub(sum(&[]).len());
+        let (bytes, end) = file.bytes.split_at(length);
+        match sum(bytes).as_bytes() == end {
+            true => Ok(file),
+            false => Err(LoadError::Damaged(path.to_owned())),
+        }
+    }
+
+    fn read_as(from: &Path, path: &Path) -> Result<ObjectFile, LoadError> {
         let failed = |error: io::Error| LoadError::Io { path: path.to_owned(), error };
         // a pipe would wait for whoever writes to it
         let flags = OFlags::RDONLY | OFlags::CLOEXEC | OFlags::NONBLOCK;
-        let file = rustix::fs::open(path, flags, rustix::fs::Mode::empty());
+        let file = rustix::fs::open(from, flags, rustix::fs::Mode::empty());
         let file = File::from(file.map_err(|error| failed(error.into()))?);
         // of the open file: what is checked is what is read
         let about = file.metadata().map_err(failed)?;
@@ -115,6 +135,11 @@ impl ObjectFile {
         let path = PathBuf::from(format!("/proc/self/fd/{}", file.as_raw_fd()));
         Ok((file.into(), path))
     }
+}
+
+/// What stands behind the bytes of a file that is kept.
+pub(super) fn sum(bytes: &[u8]) -> String {
+    format!("{SUM}{:016x}\n", fnv1a_64(bytes))
 }
 
 /// Whether every part that the loader maps is in the file: reading beyond its end would end the

@@ -13,7 +13,6 @@ mod file;
 mod native;
 mod object;
 
-pub use build::Cancel;
 pub use cache::{Cache, CacheError, Made, MakeError, Origin};
 pub use error::LoadError;
 pub use file::ObjectFile;

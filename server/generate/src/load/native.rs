@@ -24,8 +24,8 @@ pub struct NativeKernel {
 
 impl NativeKernel {
     /// Reads, checks and loads the shared object of a plan on the model that it was made for, and
-    /// compares its answers with the plan's on thousands of states. Allocates; takes some
-    /// milliseconds.
+    /// compares its answers with the plan's on thousands of states, in a thread that ends with it:
+    /// what loading changes of how a thread computes is gone with the thread. Allocates.
     ///
     /// # Errors
     /// [`LoadError`] with the reason; nothing of it stays loaded.
@@ -50,7 +50,29 @@ impl NativeKernel {
         {
             return Err(LoadError::WrongQuery(path()));
         }
-        let kernel = NativeKernel { object: Object::load(file)?, manifest: manifest.clone() };
+        let missing = manifest.missing_instructions();
+        if !missing.is_empty() {
+            return Err(LoadError::Processor { path: path(), missing: missing.join(" and ") });
+        }
+        let load = || NativeKernel::loaded(file, model, plan);
+        std::thread::scope(|scope| {
+            // functions of many numbers have large frames
+            let builder = std::thread::Builder::new().stack_size(16 << 20);
+            let loader = builder.spawn_scoped(scope, load);
+            let loader = loader.map_err(|error| LoadError::Io { path: path(), error })?;
+            loader.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        })
+    }
+
+    /// Loads and compares, on a thread whose floating-point mode may be lost.
+    fn loaded(
+        file: &ObjectFile,
+        model: &Model<f64>,
+        plan: &Plan,
+    ) -> Result<NativeKernel, LoadError> {
+        let path = || file.path().to_owned();
+        let manifest = file.manifest().clone();
+        let kernel = NativeKernel { object: Object::load(file)?, manifest };
         match check::compare(&kernel, model, plan) {
             Ok(0) => Err(LoadError::Unserved { path: path(), states: STATES }),
             Ok(_) => Ok(kernel),

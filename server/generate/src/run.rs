@@ -1,0 +1,86 @@
+//! A program in the background: within a time, and ended together with all that it started.
+
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom};
+use std::os::unix::process::CommandExt;
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process_group};
+
+use crate::BuildError;
+
+/// Between two looks whether the program is done.
+const LOOK: Duration = Duration::from_millis(10);
+/// Words of a program that are kept `[byte]`.
+const WORDS: u64 = 2000;
+/// How readily the system ends the program, before this process, where memory is short.
+const OUT_OF_MEMORY: &str = "500";
+
+/// An order to stop that another thread can give.
+#[derive(Clone, Debug, Default)]
+pub struct Cancel(Arc<AtomicBool>);
+
+impl Cancel {
+    /// Ends what goes on as soon as it is seen.
+    pub fn cancel(&self) {
+        self.0.store(true, Relaxed);
+    }
+
+    /// Whether it was given.
+    pub fn is_cancelled(&self) -> bool {
+        self.0.load(Relaxed)
+    }
+}
+
+/// How a program ended.
+pub(crate) struct Ended {
+    /// Whether it says that it did what it was to do.
+    pub is_success: bool,
+    /// The beginning of what it wrote.
+    pub words: String,
+}
+
+/// Runs a program to its end; what it writes goes to an empty file, because a pipe that nobody
+/// reads would stop it.
+pub(crate) fn run(
+    command: &mut Command,
+    name: &str,
+    mut log: File,
+    most: Duration,
+    cancel: &Cancel,
+) -> Result<Ended, BuildError> {
+    let failed = |error: io::Error| BuildError::Io { path: name.into(), error };
+    let [output, errors] = [log.try_clone().map_err(failed)?, log.try_clone().map_err(failed)?];
+    command.stdin(Stdio::null()).stdout(output).stderr(errors);
+    // a group of its own: compilers start others
+    let mut child = command.process_group(0).spawn().map_err(failed)?;
+    let _ = std::fs::write(format!("/proc/{}/oom_score_adj", child.id()), OUT_OF_MEMORY);
+    let start = Instant::now();
+    loop {
+        match child.try_wait().map_err(failed)? {
+            Some(status) => {
+                let mut words = Vec::new();
+                log.seek(SeekFrom::Start(0)).map_err(failed)?;
+                log.take(WORDS).read_to_end(&mut words).map_err(failed)?;
+                let words = String::from_utf8_lossy(&words).trim().to_owned();
+                return Ok(Ended { is_success: status.success(), words });
+            }
+            None if cancel.is_cancelled() || start.elapsed() > most => {
+                if let Some(group) = Pid::from_raw(child.id() as i32) {
+                    let _ = kill_process_group(group, Signal::KILL);
+                }
+                let _ = child.wait();
+                return Err(match cancel.is_cancelled() {
+                    true => BuildError::Cancelled,
+                    false => {
+                        BuildError::TooSlow { program: name.to_owned(), seconds: most.as_secs() }
+                    }
+                });
+            }
+            None => std::thread::sleep(LOOK),
+        }
+    }
+}
