@@ -14,10 +14,12 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 baseline=benches/instructions.tsv
 cases="
 lambda/analytic/state
+lambda/analytic/state/batch
 lambda/numerical/warm/state
 parallelogram/analytic/state
 ankle/analytic/state
 torso/analytic/state
+torso/analytic/ID/batch
 torso/analytic/gravity
 torso/numerical/warm/state
 stewart/analytic/ID
@@ -30,6 +32,7 @@ active_ankle/numerical/cold/state
 delta/numerical/cold/state
 rh5v2_upper_body/analytic/state
 rh5v2_upper_body/analytic/ID
+rh5v2_upper_body/analytic/ID/batch
 rh5v2_upper_body/analytic/gravity
 rh5v2_upper_body/analytic/FD
 rh5v2_upper_body/analytic/FD-recursion

@@ -17,6 +17,12 @@ fn assert_honest<T: Scalar>(plan: &Plan, status: Status, output: &[T]) {
     for slot in plan.want().slots() {
         let numbers = &output[slot.range()];
         let query = plan.query();
+        let is_negative_zero = |x: &T| x.to_f64().to_bits() == (-0.0_f64).to_bits();
+        assert!(
+            !numbers.iter().any(is_negative_zero),
+            "{status} with {numbers:?} in {:?} of {query:?}",
+            slot.field
+        );
         if status == Status::Ok {
             assert!(
                 numbers.iter().all(|x| x.to_f64().is_finite()),

@@ -16,8 +16,8 @@ impl Robot {
     /// Asks for as many states as there are places for answers: `input` and `output` hold their
     /// rows one after the other, each packed as the plan says, and every row, status and warning is
     /// that of [`Robot::ask`], to the bit. In process up to so many threads work, the calling one
-    /// among them; each keeps its scratch for the next batch of the plan. A connected robot is asked
-    /// state after state. Where the sizes do not fit every row is [`Status::WrongSize`] and NaN.
+    /// among them; each keeps its scratch for the next batch of the plan. A connected robot is
+    /// asked state after state. Where the sizes do not fit every row is [`Status::WrongSize`] and NaN.
     ///
     /// # Errors
     /// As [`Robot::ask`]; rows that have no answer yet are NaN then, with the status
@@ -64,7 +64,11 @@ impl Robot {
         }
         while let Some(row) = rows.take(1) {
             for answer in row.answers {
-                *answer = self.ask(plan, row.input, row.output)?;
+                let asked = self.ask(plan, row.input, row.output);
+                if asked.is_err() {
+                    row.output.fill(f64::NAN);
+                }
+                *answer = asked?;
             }
         }
         Ok(())

@@ -287,8 +287,8 @@ fn close<T: Scalar>(
         // no longer than allowed
         let size = ws.dense_spare[..columns().count()]
             .iter()
-            .fold(T::ZERO, |size, x| T::select(size.lt(x.abs()), x.abs(), size));
-        let part = T::select(T::from_f64(LONGEST).lt(size), T::from_f64(LONGEST) / size, T::ONE);
+            .fold(T::ZERO, |size, x| T::select_lt(size, x.abs(), x.abs(), size));
+        let part = T::select_lt(T::from_f64(LONGEST), size, T::from_f64(LONGEST) / size, T::ONE);
         for (a, v) in columns().enumerate() {
             let step = -(ws.dense_spare[a] * part * T::from_f64(column_unit(cluster, v)));
             cluster.dofs[v].advance(&mut ws.q[cluster.q..], step);
@@ -328,7 +328,7 @@ fn residuals<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) -> T {
         let row = cluster.cuts.iter().flat_map(|cut| &cut.rows).nth(r);
         let phi = scratch.phi[r] * row.map_or(T::ONE, |row| T::from_f64(row_unit(cluster, row)));
         ws.dense_rhs[i] = phi;
-        largest = T::select(largest.lt(phi.abs()), phi.abs(), largest);
+        largest = T::select_lt(largest, phi.abs(), phi.abs(), largest);
     }
     largest
 }

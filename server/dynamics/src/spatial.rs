@@ -179,15 +179,14 @@ pub(crate) fn to_quaternion<T: Real>(R: &Matrix3<T>) -> [T; 4] {
     ];
     let (mut best, mut q) = (squares[3], candidates[3]);
     for k in 0..3 {
-        let larger = best.lt(squares[k]);
-        best = T::select(larger, squares[k], best);
         for i in 0..4 {
-            q[i] = T::select(larger, candidates[k][i], q[i]);
+            q[i] = T::select_lt(best, squares[k], candidates[k][i], q[i]);
         }
+        best = T::select_lt(best, squares[k], squares[k], best);
     }
     let half = T::from_f64(0.5);
     let scale = half / best.sqrt();
-    let sign = T::select(q[3].lt(T::ZERO), -scale, scale);
+    let sign = T::select_lt(q[3], T::ZERO, -scale, scale);
     q.map(|x| x * sign)
 }
 

@@ -38,8 +38,8 @@ pub(crate) fn bound(kernel: &mut Kernel, dropped: &[u32]) {
             continue;
         }
         let operation = kernel.operations[at];
-        // where bounds multiply beyond all doubles it is the largest operand that is cut off: others
-        // are computed from it too
+        // where bounds multiply beyond all doubles it is the largest operand that is cut off:
+        // others are computed from it too
         while natural(&operation, &bounds).is_some_and(|bound| bound > MOST) {
             let of = |x: &Term| x.at().map_or(0.0, |at| bounds[at as usize]);
             let largest = operation.operands().max_by(|a, b| of(a).total_cmp(&of(b)));

@@ -5,8 +5,8 @@
 //! robot's constants are folded, products with zero and sums with it are gone, and no operation
 //! stands twice. As C ([`Source`]) it needs `math.h` alone, does in pairs what like parts of the
 //! robot have in common, has no memory of its own and one branch, at its end. It gives the bits of
-//! [`sarrus_dynamics::Plan::run`] wherever it says that it answers, and says where it does not: there
-//! the caller asks the plan.
+//! [`sarrus_dynamics::Plan::run`] wherever it says that it answers, and says where it does not:
+//! there the caller asks the plan.
 //!
 //! With the feature `load` a program loads the shared objects that a compiler made of it
 //! (`ObjectFile`, `NativeKernel`) and keeps them for the next time (`Cache`).

@@ -13,13 +13,13 @@ use std::time::{Duration, Instant};
 use pyo3::prelude::*;
 use sarrus_client::{Answer, Status, Warnings};
 
-/// Rows of a tile, and rows from which another thread is worth its start.
+/// Rows of a tile, and rows for which another thread is started: both chosen, not measured.
 const TILE: usize = 256;
 const ROWS_OF_A_THREAD: usize = 2048;
 /// Between two looks for signals.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Rows that an engine gets at once, so that its states can go abreast.
+/// Rows that an engine gets at once, so that its states can go abreast: a choice.
 const PACKED: usize = 16;
 
 /// What answers some states: their packed numbers in and out, row after row, and their answers.

@@ -68,14 +68,14 @@ impl<T: Real> Validity<T> {
         Validity {
             unreachable: self.unreachable | other.unreachable,
             singular: self.singular | other.singular,
-            gain: T::select(self.gain.lt(other.gain), other.gain, self.gain),
+            gain: T::select_lt(self.gain, other.gain, other.gain, self.gain),
         }
     }
 
     /// The other one after this one, on which it depends.
     #[inline(always)]
     pub(crate) fn then(self, next: Validity<T>) -> Validity<T> {
-        let larger = |a: T, b: T| T::select(a.lt(b), b, a);
+        let larger = |a: T, b: T| T::select_lt(a, b, b, a);
         Validity {
             unreachable: self.unreachable | next.unreachable,
             singular: self.singular | next.singular,

@@ -57,7 +57,7 @@ fn free_distance<T: Scalar>(cluster: &Cluster<T>, dof: &Dof, from: &[T], to: &[T
     // |q − p|² = 2 (1 − cos ½ angle), of q or −q
     let chord = square(four..four + 4);
     let other = T::from_f64(4.0) - chord;
-    let chord = T::select(other.lt(chord), other, chord);
+    let chord = T::select_lt(other, chord, other, chord);
     let half_angle =
         (chord * T::from_f64(0.25)).sqrt().atan2((T::ONE - chord * T::from_f64(0.25)).sqrt())
             * T::from_f64(2.0);

@@ -24,7 +24,7 @@ pub(crate) fn solve_unpivoted<T: Real>(
         let mut largest = T::ZERO;
         for j in k..m {
             let x = A[k * m + j].abs();
-            largest = T::select(largest.lt(x), x, largest);
+            largest = T::select_lt(largest, x, x, largest);
         }
         good = good & (largest * T::from_f64(floor)).lt(pivot.abs());
         det *= pivot;
@@ -88,7 +88,7 @@ fn solve_of<T: Scalar>(
 ) -> Option<Solved<T>> {
     let largest = A[..m * m]
         .iter()
-        .fold(T::ZERO, |largest, x| T::select(largest.lt(x.abs()), x.abs(), largest));
+        .fold(T::ZERO, |largest, x| T::select_lt(largest, x.abs(), x.abs(), largest));
     let floor = largest * T::from_f64(roundings * T::EPSILON);
     let (mut sign, mut least) = (T::ONE, largest);
     for k in 0..m {
@@ -97,8 +97,8 @@ fn solve_of<T: Scalar>(
         if !floor.lt(pivot.abs()) {
             return None;
         }
-        sign = T::select(pivot.lt(T::ZERO), -sign, sign);
-        least = T::select(pivot.abs().lt(least), pivot.abs(), least);
+        sign = T::select_lt(pivot, T::ZERO, -sign, sign);
+        least = T::select_lt(pivot.abs(), least, pivot.abs(), least);
         eliminate(A, B, m, n, k);
     }
     substitute_back(A, B, m, n);
@@ -136,21 +136,23 @@ fn exchange_straight<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize, k:
     let (mut p, mut largest) = (T::from_f64(k as f64), A[k * m + k].abs());
     for i in k + 1..m {
         let x = A[i * m + k].abs();
-        p = T::select(largest.lt(x), T::from_f64(i as f64), p);
-        largest = T::select(largest.lt(x), x, largest);
+        p = T::select_lt(largest, x, T::from_f64(i as f64), p);
+        largest = T::select_lt(largest, x, x, largest);
     }
-    let is = |i: usize| (p - T::from_f64(i as f64)).abs().lt(T::from_f64(0.5));
+    let of_pivot = |i: usize, a: T, b: T| {
+        T::select_lt((p - T::from_f64(i as f64)).abs(), T::from_f64(0.5), a, b)
+    };
     for (x, n) in [(A, m), (B, n)] {
         for j in 0..n {
             let before = x[k * n + j];
             for i in k + 1..m {
                 let own = x[i * n + j];
-                x[k * n + j] = T::select(is(i), own, x[k * n + j]);
-                x[i * n + j] = T::select(is(i), before, own);
+                x[k * n + j] = of_pivot(i, own, x[k * n + j]);
+                x[i * n + j] = of_pivot(i, before, own);
             }
         }
     }
-    T::select(is(k), T::ONE, -T::ONE)
+    of_pivot(k, T::ONE, -T::ONE)
 }
 
 /// Clears column k below its pivot, which becomes its inverse.

@@ -74,7 +74,7 @@ pub(super) fn to_actuators<T: Scalar>(
 
 /// The lesser one; `a` where `b` is not a number.
 fn lesser<T: Scalar>(a: T, b: T) -> T {
-    T::select(b.lt(a), b, a)
+    T::select_lt(b, a, b, a)
 }
 
 /// G_uᵀ (n_vy × n_u) into `dense`, τ_y into `dense_rhs`.

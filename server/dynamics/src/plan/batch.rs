@@ -1,8 +1,8 @@
 //! Many states of one plan, several abreast.
 //!
-//! States that go the same way through a plan share its run over lanes, and each has the bits that
-//! it has alone. What a state does by itself is done alone: where it fails, is warned of anything
-//! but limits, or would have gone another way than the first of its lanes
+//! States that take the same branches of a plan share its run over lanes, and each has the bits
+//! that it has alone. What a state does by itself is done alone: where it fails, is warned of
+//! anything but limits, or decides otherwise than the first of its lanes
 //! ([`crate::scalar::Figure`]). Closures by Newton's method take another number of steps for each
 //! state, so plans that need one answer state after state.
 
@@ -102,7 +102,8 @@ struct Tile {
 }
 
 impl Batch {
-    /// Scratch for many states of a plan of this model. Allocates; nothing after it does.
+    /// Scratch for many states of a plan of this model; of a plan of another model every answer is
+    /// [`Status::WrongModel`]. Allocates; nothing after it does.
     pub fn new(model: &Arc<Model<f64>>, plan: &Plan) -> Batch {
         let tile = plan.goes_abreast(model).then(|| {
             let constants = model.convert(Abreast::splat);
@@ -200,8 +201,13 @@ impl Tile {
 }
 
 impl Plan {
-    /// True where states of this plan can share a run over lanes, and where that is faster.
+    /// True where states of this plan share a run over lanes. Forward dynamics of the whole KKT
+    /// system, which is there to check the others, is left out: a choice.
     fn goes_abreast(&self, model: &Model<f64>) -> bool {
+        // of another model, places in the plan say nothing
+        if model.meta.fingerprint != self.fingerprint {
+            return false;
+        }
         let is_only = |fields: FieldSet, of: &[Field]| fields.0 & !FieldSet::of(of).0 == 0;
         let whole = self.request == Request::ForwardDynamics && self.method == Method::Kkt;
         FUSED

@@ -163,7 +163,7 @@ impl Plan {
     /// What the pivots divide, where a pivot is what is left of an inertia where all behind it is
     /// free.
     fn divided<T: Scalar>(&self, model: &Model<T>, ws: &Workspace<T>) -> Divided<T> {
-        let larger = |a: T, b: T| T::select(a.lt(b), b, a);
+        let larger = |a: T, b: T| T::select_lt(a, b, b, a);
         let mut largest = Divided { inertia: T::ONE, terms: T::ZERO, alone: T::ZERO };
         let mut of = |k: usize, inverse: T| {
             let own = larger(T::from_f64(model.inertia[k]), ws.alone[k]);
@@ -224,10 +224,10 @@ impl Plan {
         algorithms::newton_euler(model, scope, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
         ws.start_rate = qdd;
         let of_all =
-            |x: &[T]| x.iter().fold(T::ZERO, |most, x| T::select(most.lt(x.abs()), x.abs(), most));
+            |x: &[T]| x.iter().fold(T::ZERO, |most, x| T::select_lt(most, x.abs(), x.abs(), most));
         let mut largest = of_all(&ws.tau_q);
         self.each_given_force(model, input, |v, tau| {
-            largest = T::select(largest.lt(tau.abs()), tau.abs(), largest);
+            largest = T::select_lt(largest, tau.abs(), tau.abs(), largest);
             ws.tau_q[v] -= tau;
         });
         to_independent(model, scope, &ws.G, &ws.tau_q, &mut ws.ydd, &mut ws.tau_terms);
@@ -237,7 +237,7 @@ impl Plan {
         let positive = algorithms::embedded_solve(model, scope, ws);
         let given =
             model.order.vy_v.iter().fold(T::ZERO, |size, v| {
-                T::select(size.lt(ws.qdd[*v].abs()), ws.qdd[*v].abs(), size)
+                T::select_lt(size, ws.qdd[*v].abs(), ws.qdd[*v].abs(), size)
             });
         positive && of_all(&ws.ydd).lt(given * T::from_f64(WORTH))
     }

@@ -80,7 +80,7 @@ pub(crate) fn tree_under_constraints<T: Scalar>(
     algorithms::tree_mass_matrix(model, scope, &ws.motion, &mut ws.composite, &mut A, n);
     for v in 0..n_v {
         x[v] = ws.loop_q[v] - ws.tau_q[v];
-        scale[v] = T::select(T::ZERO.lt(A[v * n + v]), T::ONE / A[v * n + v].sqrt(), T::ONE);
+        scale[v] = T::select_lt(T::ZERO, A[v * n + v], T::ONE / A[v * n + v].sqrt(), T::ONE);
     }
     let mut row = n_v;
     for &c in &model.closed_clusters {
@@ -97,9 +97,9 @@ pub(crate) fn tree_under_constraints<T: Scalar>(
                 let (v, entry) = (cluster.v + j, ws.scratch.K[r * cluster.n_v + j]);
                 (A[row * n + v], A[v * n + row]) = (entry, entry);
                 let size = (entry * scale[v]).abs();
-                largest = T::select(largest.lt(size), size, largest);
+                largest = T::select_lt(largest, size, size, largest);
             }
-            scale[row] = T::select(T::ZERO.lt(largest), T::ONE / largest, T::ONE);
+            scale[row] = T::select_lt(T::ZERO, largest, T::ONE / largest, T::ONE);
             row += 1;
         }
         // an idle joint has a row of its own: q̈ = 0
@@ -166,7 +166,7 @@ fn stabilise<T: Scalar>(
         let unit = T::from_f64(row_unit(cluster, row));
         for (largest, x) in [(&mut drift.position, phi[r]), (&mut drift.velocity, phi_dot)] {
             let x = x.abs() * unit;
-            *largest = T::select((*largest).lt(x), x, *largest);
+            *largest = T::select_lt(*largest, x, x, *largest);
         }
     }
 }

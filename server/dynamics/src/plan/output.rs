@@ -83,24 +83,28 @@ impl Plan {
         output.fill(T::from_f64(f64::NAN));
         let slot = |field| self.want().slot(field).map(Slot::range);
         if let (Some(range), true) = (slot(Field::NearestY), report.nearest) {
-            output[range].iter_mut().zip(&self.needed.qy_q).for_each(|(x, q)| *x = ws.q[*q]);
+            let nearest = output[range].iter_mut().zip(&self.needed.qy_q);
+            nearest.for_each(|(x, q)| *x = ws.q[*q].plus_zero());
         }
         self.write_figure(Field::Residual, report.residual, output);
         self.write_figure(Field::SigmaMin, self.distance_after(model, ws, report), output);
         self.write_figure(Field::Iterations, T::from_f64(f64::from(report.iterations)), output);
         if let (Some(range), true) = (slot(Field::GoodIndependents), report.failed) {
-            output[range].copy_from_slice(&ws.loop_q);
+            let independents = output[range].iter_mut().zip(&ws.loop_q);
+            independents.for_each(|(x, is_good)| *x = is_good.plus_zero());
         }
         if let (Some(range), Status::SingularActuation) = (slot(Field::Uncontrolled), report.status)
         {
             // the one that failed was closed as far as it matters here
-            singular::uncontrolled(model, ws, report.closed + 1, &mut output[range]);
+            let direction = &mut output[range];
+            singular::uncontrolled(model, ws, report.closed + 1, direction);
+            direction.iter_mut().for_each(|x| *x = x.plus_zero());
         }
     }
 
     fn write_figure<T: Scalar>(&self, field: Field, value: T, output: &mut [T]) {
         if let Some(slot) = self.want().slot(field) {
-            output[slot.offset] = value;
+            output[slot.offset] = value.plus_zero();
         }
     }
 

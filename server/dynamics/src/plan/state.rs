@@ -325,10 +325,10 @@ fn from_actuators<T: Scalar>(
         for (k, &j) in cluster.independent.iter().enumerate() {
             let unit = if cluster.dofs[j].slides() { 1.0 / cluster.length } else { 1.0 };
             let step = ws.step_y[k].abs() * T::from_f64(unit);
-            size = T::select(size.lt(step), step, size);
+            size = T::select_lt(size, step, step, size);
         }
         let longest = T::from_f64(LONGEST);
-        let part = damping * T::select(longest.lt(size), longest / size, T::ONE);
+        let part = damping * T::select_lt(longest, size, longest / size, T::ONE);
         for &i in &cluster.independent_q {
             ws.q[cluster.q + i] = ws.start[cluster.q + i];
         }

@@ -1,9 +1,11 @@
-//! A number of several states that take one way through a plan.
+//! A number of several states that take the same branches of a plan.
 //!
-//! Kernels run over [`Lanes`] as they run over `f64`. What decides by a number goes the way of the
-//! first lane, and the lanes that would have gone another way are marked: their state has to be
-//! answered alone. Where the kernel chooses by [`Real::select`] each lane gets its own, and no lane
-//! is marked; a kernel chooses by the mask of the last comparison.
+//! Kernels run over [`Lanes`] as they run over `f64`. The outcome of a comparison is that of the
+//! first lane, and the lanes in which it comes out otherwise are marked: their state has to be
+//! answered alone. So in a lane without a mark every outcome that a kernel holds is the lane's own,
+//! whether it branches on it, combines it with others or chooses by it, now or later, and no order
+//! of comparisons and choices can give such a lane another number than it has alone.
+//! [`Real::select_lt`] compares and chooses at once, lane by lane, and marks none.
 
 use core::cell::Cell;
 use core::cmp::Ordering;
@@ -17,32 +19,19 @@ const ALL: u32 = (1 << LANES) - 1;
 
 /// What one run of this thread knows of its lanes, one bit for each.
 struct Run {
-    /// The last comparison, how it came out in the first lane, and where it came out otherwise
-    /// without a choice by it so far.
-    last: Cell<LaneMask<LANES>>,
-    outcome: Cell<bool>,
-    pending: Cell<u32>,
-    /// Lanes that would have gone another way, and those with a number beyond its limits.
+    /// Lanes of another decision than the first one's, and those with a number beyond its limits.
     left: Cell<u32>,
     beyond: Cell<u32>,
 }
 
 std::thread_local! {
-    static RUN: Run = const {
-        Run {
-            last: Cell::new(LaneMask::NONE),
-            outcome: Cell::new(false),
-            pending: Cell::new(0),
-            left: Cell::new(0),
-            beyond: Cell::new(0),
-        }
-    };
+    static RUN: Run = const { Run { left: Cell::new(0), beyond: Cell::new(0) } };
 }
 
 /// What became of the lanes of a run, one bit for each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Marks {
-    /// Lanes that would have gone another way.
+    /// Lanes of another decision than the first one's.
     pub(crate) left: u32,
     /// Lanes with a number beyond its limits.
     pub(crate) beyond: u32,
@@ -51,13 +40,10 @@ pub(crate) struct Marks {
 impl Marks {
     /// The marks since the last call on this thread, which start from none again.
     pub(crate) fn take() -> Marks {
-        RUN.with(|run| Marks {
-            left: run.left.replace(0) | run.pending.replace(0),
-            beyond: run.beyond.replace(0),
-        })
+        RUN.with(|run| Marks { left: run.left.replace(0), beyond: run.beyond.replace(0) })
     }
 
-    /// Lanes that go another way than the first one.
+    /// Marks lanes that decide otherwise than the first one.
     #[inline(always)]
     fn leave(lanes: u32) {
         if lanes != 0 {
@@ -220,16 +206,7 @@ impl Real for Abreast {
     }
     #[inline(always)]
     fn lt(self, other: Abreast) -> bool {
-        let mask = Real::lt(self.0, other.0);
-        let outcome = mask.bits() & 1 != 0;
-        RUN.with(|run| {
-            // nothing was chosen by the one before
-            run.left.set(run.left.get() | run.pending.get());
-            run.pending.set(others(mask));
-            run.last.set(mask);
-            run.outcome.set(outcome);
-        });
-        outcome
+        decided(Real::lt(self.0, other.0))
     }
     #[inline(always)]
     fn is_finite(self) -> bool {
@@ -237,24 +214,16 @@ impl Real for Abreast {
     }
     #[inline(always)]
     fn select(mask: bool, a: Abreast, b: Abreast) -> Abreast {
-        RUN.with(|run| {
-            // chosen by another one: no lane knows its own
-            if mask != run.outcome.get() {
-                Marks::leave(ALL);
-            }
-            run.pending.set(0);
-            Abreast(Lanes::select(run.last.get(), a.0, b.0))
-        })
+        if mask { a } else { b }
+    }
+    #[inline(always)]
+    fn select_lt(x: Abreast, y: Abreast, a: Abreast, b: Abreast) -> Abreast {
+        Abreast(Lanes::select_lt(x.0, y.0, a.0, b.0))
     }
 }
 
 impl Scalar for Abreast {
     const STRAIGHT: bool = true;
-
-    #[inline(always)]
-    fn larger(self, other: Abreast) -> Abreast {
-        Abreast(Lanes::select(Real::lt(self.0, other.0), other.0, self.0))
-    }
 
     /// What else leaves the kernels is that of the first state.
     #[inline(always)]

@@ -136,7 +136,7 @@ impl Scalar for Counted {
         self.0
     }
 
-    /// Nothing is computed.
+    /// Not counted: it belongs to writing an answer.
     fn plus_zero(self) -> Self {
         self
     }

@@ -7,7 +7,8 @@ use wide::{bytemuck, f64x4, f64x8, u64x4, u64x8};
 use crate::scalar::elementary::{self, Lane};
 use crate::scalar::{Mask, Real};
 
-/// How many lanes a register of the processor that is compiled for has.
+/// How many states go abreast: 8 where AVX-512 is compiled for, else 4, be it in one register or
+/// in two.
 pub const LANES: usize = if cfg!(target_feature = "avx512f") { 8 } else { 4 };
 
 /// True where every operation on lanes is one of the processor's and rounds as the single one does;
@@ -20,28 +21,30 @@ pub(crate) const FUSED: bool = cfg!(any(
 /// N doubles, each of which is computed with as if it were alone: with fused multiply-add at
 /// compile time the bits of every lane are those of `f64`. N is 4 or 8.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lanes<const N: usize>(<Width<N> as Packed>::Vector)
+pub(crate) struct Lanes<const N: usize>(<Width<N> as Packed>::Vector)
 where
     Width<N>: Packed;
 
 /// The outcome of a comparison in each of N lanes.
 #[derive(Clone, Copy, Debug)]
-pub struct LaneMask<const N: usize>(<Width<N> as Packed>::Vector)
+pub(crate) struct LaneMask<const N: usize>(<Width<N> as Packed>::Vector)
 where
     Width<N>: Packed;
 
 /// A number of lanes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Width<const N: usize>;
+pub(crate) struct Width<const N: usize>;
 
 /// A number of lanes for which there are registers.
-pub trait Packed: Copy + core::fmt::Debug + PartialEq + Send + Sync + 'static {
+pub(crate) trait Packed:
+    Copy + core::fmt::Debug + PartialEq + Send + Sync + 'static
+{
     /// The registers.
     type Vector: Vector;
 }
 
 /// Registers of doubles; a mask has all bits of a lane set, or none.
-pub trait Vector:
+pub(crate) trait Vector:
     Copy
     + core::fmt::Debug
     + PartialEq
@@ -427,6 +430,9 @@ mod tests {
         compare(&mut next, |a: Lanes<N>, b| a.mul_add(b, a - b), |a, b| f64::mul_add(a, b, a - b));
         compare(&mut next, |a: Lanes<N>, b| -(a / b) + a * b, |a, b| -(a / b) + a * b);
         compare(&mut next, |a: Lanes<N>, _| a.sqrt(), |a, _| a.sqrt());
+        // and the sign of zero, which a sum with it hides
+        compare(&mut next, |a: Lanes<N>, _| -a, |a, _| -a);
+        compare(&mut next, |a: Lanes<N>, b| a.xor_sign(b), |a, b| a.xor_sign(b));
         let (one, two) = (Lanes::<N>::ONE, Lanes::from_f64(2.0));
         let chosen = |a: Lanes<N>, b| Lanes::select(a.lt(b) & b.is_finite(), one, two);
         let single = |a: f64, b: f64| if a < b && b.is_finite() { 1.0 } else { 2.0 };

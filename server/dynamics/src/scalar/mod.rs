@@ -16,15 +16,15 @@ pub use counted::Counted;
 pub use double_double::Dd;
 pub use dual::Dual;
 pub use figure::{DOUBTFUL, Figure};
-pub(crate) use lanes::FUSED;
-pub use lanes::{LANES, LaneMask, Lanes};
+pub use lanes::LANES;
+pub(crate) use lanes::{FUSED, Lanes};
 pub(crate) use noise::noise;
 pub(crate) use stochastic::Stochastic;
 
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, MulAssign, Neg, Not, Sub, SubAssign};
 
-/// A real number as kernels see it: `f64`, `f32`, double-double, dual numbers, and lanes of doubles.
+/// A real number as kernels see it: `f64`, `f32`, double-double, dual numbers, lanes of doubles.
 ///
 /// Kernels never branch on a value: comparisons give a [`Mask`], choices are made by
 /// [`Real::select`].
@@ -76,6 +76,12 @@ pub trait Real:
     fn is_finite(self) -> Self::Mask;
     /// `a` where the mask is set, else `b`.
     fn select(mask: Self::Mask, a: Self, b: Self) -> Self;
+    /// `a` where x < y, else `b`: the choice of kernels on the straight path. Of states abreast each
+    /// gets its own by it, whereas a mask is that of the first.
+    #[inline(always)]
+    fn select_lt(x: Self, y: Self, a: Self, b: Self) -> Self {
+        Self::select(x.lt(y), a, b)
+    }
 }
 
 /// The outcome of a comparison, one bit for each lane.
@@ -124,7 +130,7 @@ pub trait Scalar: Real<Mask = bool, Const = Self> + PartialOrd {
     /// The larger one; this one where either is no number.
     #[inline(always)]
     fn larger(self, other: Self) -> Self {
-        Self::select(Real::lt(self, other), other, self)
+        Self::select_lt(self, other, other, self)
     }
 
     /// The nearest double.

@@ -275,7 +275,7 @@ pub(crate) fn largest_residual<T: Real>(cluster: &Cluster<T::Const>, phi: &[T]) 
         // angles and couplings are numbers already
         let is_length = row.terms.is_empty() && row.linear.iter().any(|x| T::lift(*x) != T::ZERO);
         let size = if is_length { phi.abs() * unit } else { phi.abs() };
-        T::select(size.lt(largest), largest, size)
+        T::select_lt(size, largest, largest, size)
     })
 }
 

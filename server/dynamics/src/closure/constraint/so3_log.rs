@@ -10,18 +10,18 @@ pub(in crate::closure) fn log<T: Real>(R: &Matrix3<T>) -> Vector3<T> {
     let [x, y, z, w] = to_quaternion(R);
     let v = Vector3::new(x, y, z);
     let square = dot(&v, &v);
-    let small = square.lt(T::from_f64(T::EPSILON));
-    let norm = T::select(small, T::ONE, square).sqrt();
+    let small = T::from_f64(T::EPSILON);
+    let norm = T::select_lt(square, small, T::ONE, square).sqrt();
     let two = T::from_f64(2.0);
-    let factor = T::select(small, two / w, two * norm.atan2(w) / norm);
+    let factor = T::select_lt(square, small, two / w, two * norm.atan2(w) / norm);
     v * factor
 }
 
 /// c(θ²) = (1 − (θ/2) cot(θ/2)) / θ² and its derivative by θ².
 pub(in crate::closure) fn log_factors<T: Real>(theta: &Vector3<T>) -> (T, T) {
     let square = dot(theta, theta);
-    let small = square.lt(T::from_f64(T::EPSILON));
-    let s = T::select(small, T::ONE, square);
+    let small = T::from_f64(T::EPSILON);
+    let s = T::select_lt(square, small, T::ONE, square);
     let half = T::from_f64(0.5);
     let x = half * s.sqrt();
     let (sine, cosine) = x.sin_cos();
@@ -32,12 +32,13 @@ pub(in crate::closure) fn log_factors<T: Real>(theta: &Vector3<T>) -> (T, T) {
     let dc = -(df + c) / s;
     // PRECISION: the differences lose all digits of dc near θ = 0; its series is exact to rounding
     // where θ⁸ is
-    let near = square.lt(T::from_f64(T::EPSILON.sqrt().sqrt()));
+    let near = T::from_f64(T::EPSILON.sqrt().sqrt());
     let series = [3.0 / 1_209_600.0, 2.0 / 30_240.0]
         .into_iter()
         .fold(T::from_f64(4.0 / 47_900_160.0), |sum, x| sum.mul_add(square, T::from_f64(x)));
     let series = series.mul_add(square, T::ONE / T::from_f64(720.0));
-    (T::select(small, T::ONE / T::from_f64(12.0), c), T::select(near, series, dc))
+    let c = T::select_lt(square, small, T::ONE / T::from_f64(12.0), c);
+    (c, T::select_lt(square, near, series, dc))
 }
 
 /// A = 1 − ½ [θ]× + c [θ]×², the matrix of θ̇ = A ω.

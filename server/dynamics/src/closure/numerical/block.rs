@@ -105,7 +105,7 @@ impl Block {
     /// The gain of this block b, which multiplies that of the blocks before it.
     #[inline(always)]
     pub(super) fn multiply_gain<T: Real>(&self, b: usize, own: T, gains: &mut [T]) {
-        let larger = |a: T, b: T| T::select(a.lt(b), b, a);
+        let larger = |a: T, b: T| T::select_lt(a, b, b, a);
         let before = self.earlier.iter().fold(T::ONE, |gain, a| larger(gain, gains[*a]));
         gains[b] = larger(T::ONE, own) * before;
     }
@@ -182,7 +182,7 @@ impl Block {
                     }
                 };
                 phi[i] = value;
-                largest = T::select(largest.lt(value.abs()), value.abs(), largest);
+                largest = T::select_lt(largest, value.abs(), value.abs(), largest);
             }
             if jacobian {
                 for (dof, side, column) in &rows.solve {

@@ -249,7 +249,7 @@ fn search<T: Scalar>(
         if next < cost {
             cost = next;
             damping =
-                T::select(damping.lt(T::from_f64(lightest)), damping, damping * T::from_f64(0.2));
+                T::select_lt(damping, T::from_f64(lightest), damping, damping * T::from_f64(0.2));
         } else {
             for &i in &cluster.dependent_q {
                 local.q[i] = scratch.last[i];

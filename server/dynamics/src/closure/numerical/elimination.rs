@@ -40,7 +40,7 @@ impl Elimination {
     /// L U with what is zero left out, then the inverse row by row.
     fn in_order<T: Real>(&self, A: &mut [T], inverse: &mut [T], m: usize) -> (T::Mask, T) {
         let (floor, growth) = (T::from_f64(least_pivot::<T>()), T::from_f64(GROWTH));
-        let larger = |a: T, b: T| T::select(a.lt(b), b, a);
+        let larger = |a: T, b: T| T::select_lt(a, b, b, a);
         let mut good = T::Mask::splat(true);
         let mut det = T::ONE;
         inverse.fill(T::ZERO);
@@ -96,7 +96,7 @@ impl Elimination {
         inverse.fill(T::ZERO);
         (0..m).for_each(|k| inverse[k * m + k] = T::ONE);
         let (mut good, mut det) = (T::Mask::splat(true), T::ONE);
-        let larger = |a: T, b: T| T::select(a.lt(b), b, a);
+        let larger = |a: T, b: T| T::select_lt(a, b, b, a);
         for k in 0..m {
             let mut p = k;
             for i in k + 1..m {

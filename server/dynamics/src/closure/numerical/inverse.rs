@@ -122,7 +122,7 @@ pub(in crate::closure) fn inverse_square_sine<T: Real>(
     let mut inverse_square_sine = T::ZERO;
     for (row, square) in inverse.chunks_exact(m).zip(squares) {
         let x = row.iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum)) * *square;
-        inverse_square_sine = T::select(inverse_square_sine.lt(x), x, inverse_square_sine);
+        inverse_square_sine = T::select_lt(inverse_square_sine, x, x, inverse_square_sine);
     }
     inverse_square_sine
 }

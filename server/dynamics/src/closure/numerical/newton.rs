@@ -109,7 +109,7 @@ impl<T: Real> Attempt<T> {
     /// nearest singular pose.
     #[inline(always)]
     pub(super) fn trusts(&mut self, size: T, moved: T, inverse_square_sine: T) {
-        let distance = T::select(size.lt(moved), moved, size);
+        let distance = T::select_lt(size, moved, moved, size);
         self.good = self.good
             & size.lt(T::from_f64(TRUST))
             & (distance * distance * inverse_square_sine).lt(T::from_f64(CAUTION * CAUTION));
@@ -289,7 +289,7 @@ impl Block {
             dof.advance(local.q, -steps[i]);
             let scaled = steps[i].abs();
             let scaled = if dof.slides() { scaled * unit } else { scaled };
-            size = T::select(size.lt(scaled), scaled, size);
+            size = T::select_lt(size, scaled, scaled, size);
         }
         size
     }

@@ -141,7 +141,7 @@ impl Block {
             let fresh = k == 0 || !attempt.size.lt(thresholds.chord).all();
             let (phi, point) = ends.residual(&series.pose[M - 1].point(&ends.tip));
             let residual =
-                phi.iter().fold(T::ZERO, |x, phi| T::select(x.lt(phi.abs()), phi.abs(), x));
+                phi.iter().fold(T::ZERO, |x, phi| T::select_lt(x, phi.abs(), phi.abs(), x));
             if fresh {
                 for (a, dof) in dofs.iter().enumerate() {
                     let column = ends.column(dof, &series.pose[a], &point, on_successor);
@@ -171,7 +171,7 @@ impl Block {
                 series.q[i] += -step[i];
                 let scaled = step[i].abs();
                 let scaled = if dof.slides() { scaled * unit } else { scaled };
-                size = T::select(size.lt(scaled), scaled, size);
+                size = T::select_lt(size, scaled, scaled, size);
             }
             taken += 1;
             if k == 0 {

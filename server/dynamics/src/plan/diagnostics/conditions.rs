@@ -65,7 +65,7 @@ impl Plan {
                 &mut scratch.phi,
             );
             let of_cluster = largest_residual(cluster, &scratch.phi);
-            residual = T::select(residual.lt(of_cluster), of_cluster, residual);
+            residual = T::select_lt(residual, of_cluster, of_cluster, residual);
             constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
             if let Some(range) = &K {
                 let K = &mut output[range.clone()];
@@ -133,8 +133,8 @@ impl<T: Scalar> Range<T> {
     }
 
     fn add(&mut self, (largest, least): (T, T)) {
-        self.largest = T::select(self.largest.lt(largest), largest, self.largest);
-        self.least = T::select(least.lt(self.least), least, self.least);
+        self.largest = T::select_lt(self.largest, largest, largest, self.largest);
+        self.least = T::select_lt(least, self.least, least, self.least);
     }
 
     fn ratio(&self) -> T {

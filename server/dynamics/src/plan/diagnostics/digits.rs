@@ -65,7 +65,7 @@ fn larger(a: f64, b: f64) -> f64 {
 /// roundings grow, and what counts as zero against what is left.
 pub(in crate::plan) fn cancellation<T: Scalar>(terms: T, left: T, zero: T) -> (f64, f64) {
     if terms > T::ZERO && zero > T::ZERO {
-        let growth = terms / T::select(left.lt(zero), zero, left);
+        let growth = terms / T::select_lt(left, zero, zero, left);
         let part = (zero / left).to_figure(Figure::OfDoubt);
         (growth.to_figure(Figure::Growth), f64::max(1.0, part))
     } else {

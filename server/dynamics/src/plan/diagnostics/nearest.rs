@@ -177,7 +177,7 @@ impl<T: Scalar> Search<'_, T> {
             let x = (0..m)
                 .fold(T::ZERO, |sum, a| ws.dense_rhs[i * n + a].mul_add(ws.scratch.step[a], sum))
                 .abs();
-            size = T::select(size.lt(x), x, size);
+            size = T::select_lt(size, x, x, size);
         }
         if size > T::from_f64(LONGEST) {
             (0..m).for_each(|a| ws.scratch.step[a] *= T::from_f64(LONGEST) / size);
