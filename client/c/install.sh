@@ -55,7 +55,11 @@ if [ -z "$destination" ]; then
 fi
 to=$destination$prefix
 
-# built, or given
+# built, or given; a relative folder of targets is the caller's
+if [ -n "${CARGO_TARGET_DIR:-}" ]; then
+    CARGO_TARGET_DIR=$(realpath -m -- "$CARGO_TARGET_DIR")
+    export CARGO_TARGET_DIR
+fi
 if [ $# -eq 2 ]; then
     built=$(cd "$2" && pwd -P)
 elif [ -n "$portable" ]; then

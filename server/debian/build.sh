@@ -5,15 +5,22 @@
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd -P)
 root=$(cd "$here/../.." && pwd -P)
+if [ $# -gt 1 ]; then
+    echo "usage: server/debian/build.sh [FOLDER]" >&2
+    exit 2
+fi
+# folders are those of the caller: resolved before the folder changes
+target=$(realpath -m -- "${CARGO_TARGET_DIR:-$root/target}")
+if [ $# -eq 1 ]; then
+    built=$(cd "$1" && pwd -P)
+fi
+export CARGO_TARGET_DIR=$target
 cd "$root"
-target=${CARGO_TARGET_DIR:-$root/target}
 if ! command -v cargo-deb >/dev/null; then
     echo "build.sh: cargo-deb is missing: cargo install --locked cargo-deb" >&2
     exit 1
 fi
-if [ $# -eq 1 ]; then
-    built=$(cd "$1" && pwd -P)
-else
+if [ $# -eq 0 ]; then
     cargo build --release --locked -p sarrus-server -p sarrus-can -p sarrus-c
     built=$target/release
 fi
