@@ -27,6 +27,7 @@ pub mod record;
 mod refusals;
 pub mod rights;
 mod serve;
+pub mod stderr;
 mod taken;
 mod wait;
 

@@ -17,7 +17,8 @@ impl Robot {
     /// rows one after the other, each packed as the plan says, and every row, status and warning is
     /// that of [`Robot::ask`], to the bit. In process up to so many threads work, the calling one
     /// among them; each keeps its scratch for the next batch of the plan. A connected robot is
-    /// asked state after state. Where the sizes do not fit every row is [`Status::WrongSize`] and NaN.
+    /// asked state after state. Where the sizes do not fit every row is [`Status::WrongSize`] and
+    /// NaN.
     ///
     /// # Errors
     /// As [`Robot::ask`]; rows that have no answer yet are NaN then, with the status

@@ -20,6 +20,7 @@ use sarrus_generate::{
 use sarrus_proto::{FieldSet, Query, Request};
 
 use crate::ServeError;
+use crate::stderr::line;
 
 /// Queries of one run that kernels are made for: a client that registers new ones without end keeps
 /// no compiler busy.
@@ -93,7 +94,7 @@ impl Maker {
             Choice::None => {}
             Choice::One(kernel) => {
                 let what = label(&kernel.manifest().query);
-                eprintln!("sarrus serve: kernel for {what}: from the file");
+                line(format_args!("sarrus serve: kernel for {what}: from the file"));
                 known.insert(kernel.manifest().query, Some(Arc::clone(kernel)));
             }
             Choice::Auto => thread = Some(Thread::start(Arc::clone(model), place)?),
@@ -116,10 +117,10 @@ impl Maker {
             }
             QUERIES => {
                 self.known.insert(query, None);
-                eprintln!(
+                line(format_args!(
                     "sarrus serve: no more kernels: {QUERIES} queries were tried; the generic \
                      ones answer further ones"
-                );
+                ));
             }
             _ => {}
         }
@@ -151,6 +152,12 @@ impl Maker {
     }
 }
 
+impl Drop for Maker {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
+
 impl Thread {
     fn start(
         model: Arc<Model<f64>>,
@@ -165,7 +172,7 @@ impl Thread {
             let _ = setpriority_process(None, NICE);
             let mut compiler = None;
             for plan in orders {
-                let compiler = compiler.get_or_insert_with(Compiler::found);
+                let compiler = compiler.get_or_insert_with(|| Compiler::found_unless(&cancelled));
                 let kernel = make(&model, &plan, compiler.as_ref(), &cancelled);
                 let query = bare_query(plan.query());
                 if cancelled.is_cancelled() || done.send((query, kernel)).is_err() {
@@ -197,22 +204,28 @@ fn make(
     match made {
         Ok(made) => {
             match &made.origin {
-                Origin::Kept => eprintln!("sarrus serve: kernel for {what}: kept from before"),
+                Origin::Kept => {
+                    line(format_args!("sarrus serve: kernel for {what}: kept from before"));
+                }
                 Origin::Made { time, operations, refused } => {
                     if let Some(error) = refused {
-                        eprintln!("sarrus serve: warning: a kernel is made again: {error}");
+                        line(format_args!(
+                            "sarrus serve: warning: a kernel is made again: {error}"
+                        ));
                     }
-                    eprintln!(
+                    line(format_args!(
                         "sarrus serve: kernel for {what}: made in {:.1} s, {operations} operations",
                         time.as_secs_f64()
-                    );
+                    ));
                 }
             }
             Some(Arc::new(made.kernel))
         }
         Err(MakeError::Cancelled) => None,
         Err(error) => {
-            eprintln!("sarrus serve: no kernel for {what}: {error}; the generic ones answer");
+            line(format_args!(
+                "sarrus serve: no kernel for {what}: {error}; the generic ones answer"
+            ));
             None
         }
     }

@@ -114,7 +114,9 @@ impl Writer {
             // looked at first: what came before the end is written
             let is_last = self.records.is_abandoned();
             if let Err(error) = self.write() {
-                eprintln!("sarrus serve: warning: the recording ends here: {error}");
+                crate::stderr::line(format_args!(
+                    "sarrus serve: warning: the recording ends here: {error}"
+                ));
                 events::recording_ended(&error);
                 return;
             }

@@ -67,7 +67,7 @@ fn answers_by_a_kernel_have_the_same_bits_through_every_transport_and_in_process
     let sandbox = Sandbox::new();
     let flags = ["--wait", "busy", "--kernel", path.to_str().unwrap()];
     let server = sandbox.serve_robot("lambda", "quick", &flags);
-    server.hears("kernel for kinematics of y, yd, ydd for q, qd, qdd, u: from the file");
+    server.wait_for_line("kernel for kinematics of y, yd, ydd for q, qd, qdd, u: from the file");
     let mut generic = Asker::new(local("lambda"));
     for transport in [Transport::Lane, Transport::Service] {
         let mut served = Asker::new(sandbox.connect("quick", transport).unwrap());
@@ -157,7 +157,7 @@ fn kernels_are_made_beside_the_answers_and_kept_for_the_next_server() {
         let mut served = Asker::new(sandbox.connect("auto", Transport::Lane).unwrap());
         assert_eq!(served.ask().unwrap().status, Status::Ok);
         println!("{words}: answered after {:?}", start.elapsed());
-        server.hears(words);
+        server.wait_for_line(words);
         // from before to after it is swapped in, the bits are the same
         compare(&mut generic, &mut served);
         std::thread::sleep(Duration::from_millis(100));
@@ -181,7 +181,8 @@ fn without_a_compiler_or_a_straight_line_the_generic_kernels_answer_and_that_is_
         let server = auto(&sandbox, robot, &cache, compiler);
         let mut served = Asker::new(sandbox.connect("auto", Transport::Lane).unwrap());
         assert_eq!(served.ask().unwrap().status, Status::Ok);
-        let line = server.hears("no kernel for kinematics of y, yd, ydd for q, qd, qdd, u: ");
+        let line =
+            server.wait_for_line("no kernel for kinematics of y, yd, ydd for q, qd, qdd, u: ");
         assert!(line.contains(words) && line.ends_with("; the generic ones answer"), "{line}");
         assert_eq!(served.ask().unwrap().status, Status::Ok);
         assert!(server.stop("-TERM").success());

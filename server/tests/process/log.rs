@@ -78,7 +78,7 @@ fn a_line_of_json_has_level_message_and_fields() {
 }
 
 #[test]
-fn a_level_that_is_none_is_refused() {
+fn an_unknown_level_is_refused() {
     let sandbox = Sandbox::new();
     for (flags, variable) in [(&["--log", "loud"][..], ""), (&[], "loud")] {
         let mut command = sandbox.command(ROBOT, "loud", flags);
@@ -92,8 +92,9 @@ fn a_level_that_is_none_is_refused() {
 #[test]
 fn a_log_that_nobody_reads_keeps_no_client_from_attaching() {
     let sandbox = Sandbox::new();
-    let mut server = sandbox.serve("unread", &["--log", "debug"]);
-    let mut stderr = BufReader::new(server.stderr());
+    let mut command = sandbox.command(ROBOT, "unread", &["--log", "debug"]);
+    let (_server, stderr) = sandbox.start_unread(&mut command);
+    let mut stderr = BufReader::new(stderr);
     // several times what a pipe holds
     let mut robot = sandbox.connect("unread", Transport::Lane).unwrap();
     let plan = robot.prepare(&STATE).unwrap();

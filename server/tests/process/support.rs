@@ -86,18 +86,26 @@ impl Sandbox {
 
     /// A server by its command line.
     pub(crate) fn start(&self, command: &mut Command) -> Server {
+        let (mut server, stderr) = self.start_unread(command);
+        let (heard, lines) = channel();
+        let mut read = BufReader::new(stderr).lines();
+        std::thread::spawn(move || read.all(|line| line.is_ok_and(|x| heard.send(x).is_ok())));
+        server.lines = lines;
+        server
+    }
+
+    /// The same, and its stderr, which nobody reads.
+    pub(crate) fn start_unread(&self, command: &mut Command) -> (Server, ChildStderr) {
         command.env("SARRUS_ROOT", self.domain.root());
         command.stdout(Stdio::piped()).stderr(Stdio::piped()).stdin(Stdio::null());
         let mut child = command.spawn().unwrap();
-        let mut line = String::new();
-        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
-        if line.is_empty() {
+        let mut ready = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut ready).unwrap();
+        if ready.is_empty() {
             panic!("the server did not start: {:?}", child.wait_with_output());
         }
-        let (heard, words) = channel();
-        let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
-        std::thread::spawn(move || lines.all(|line| line.is_ok_and(|x| heard.send(x).is_ok())));
-        Server { child, ready: line, words }
+        let stderr = child.stderr.take().unwrap();
+        (Server { child, ready, lines: channel().1 }, stderr)
     }
 
     pub(crate) fn command(&self, robot: &str, name: &str, flags: &[&str]) -> Command {
@@ -172,8 +180,8 @@ pub(crate) fn options() -> ConnectOptions {
 pub(crate) struct Server {
     child: Child,
     pub(crate) ready: String,
-    /// What it says on stderr, line by line.
-    words: Receiver<String>,
+    /// Its stderr.
+    lines: Receiver<String>,
 }
 
 impl Server {
@@ -181,14 +189,14 @@ impl Server {
         self.child.id()
     }
 
-    /// Waits for a line on stderr that has these words.
-    pub(crate) fn hears(&self, words: &str) -> String {
-        let mut lines = Vec::new();
+    /// Waits for a line on stderr that has this text.
+    pub(crate) fn wait_for_line(&self, text: &str) -> String {
+        let mut others = Vec::new();
         loop {
-            match self.words.recv_timeout(Duration::from_secs(120)) {
-                Ok(line) if line.contains(words) => return line,
-                Ok(line) => lines.push(line),
-                Err(error) => panic!("no line `{words}`, {error}: {lines:?}"),
+            match self.lines.recv_timeout(Duration::from_secs(120)) {
+                Ok(line) if line.contains(text) => return line,
+                Ok(line) => others.push(line),
+                Err(error) => panic!("no line `{text}`, {error}: {others:?}"),
             }
         }
     }
@@ -200,13 +208,9 @@ impl Server {
 
     /// What it has written to stderr, after a clean stop.
     pub(crate) fn errors(mut self) -> String {
-        let stderr = self.stderr();
+        let lines = std::mem::replace(&mut self.lines, channel().1);
         assert!(self.stop("-TERM").success());
-        std::io::read_to_string(stderr).unwrap()
-    }
-
-    pub(crate) fn stderr(&mut self) -> ChildStderr {
-        self.child.stderr.take().unwrap()
+        lines.iter().map(|line| line + "\n").collect()
     }
 
     pub(crate) fn stop(mut self, signal: &str) -> ExitStatus {

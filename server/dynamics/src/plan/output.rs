@@ -109,8 +109,8 @@ impl Plan {
     }
 
     /// A field that stands in the workspace, or one that is formed from it, without a negative
-    /// zero where it was not given. By itself: in the loop over the fields, all that any field needs would be read before
-    /// the first.
+    /// zero where it was not given. By itself: in the loop over the fields, all that any field
+    /// needs would be read before the first.
     #[inline(never)]
     fn write_field<T: Scalar>(
         &self,

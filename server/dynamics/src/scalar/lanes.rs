@@ -426,7 +426,7 @@ mod tests {
         };
         compare(&mut next, |a: Lanes<N>, _| a.sin_cos().0, |a, _| Real::sin_cos(a).0);
         compare(&mut next, |a: Lanes<N>, _| a.sin_cos().1, |a, _| Real::sin_cos(a).1);
-        compare(&mut next, |a: Lanes<N>, b| a.atan2(b), |a, b| Real::atan2(a, b));
+        compare(&mut next, |a: Lanes<N>, b| a.atan2(b), Real::atan2);
         compare(&mut next, |a: Lanes<N>, b| a.mul_add(b, a - b), |a, b| f64::mul_add(a, b, a - b));
         compare(&mut next, |a: Lanes<N>, b| -(a / b) + a * b, |a, b| -(a / b) + a * b);
         compare(&mut next, |a: Lanes<N>, _| a.sqrt(), |a, _| a.sqrt());

@@ -76,8 +76,8 @@ pub trait Real:
     fn is_finite(self) -> Self::Mask;
     /// `a` where the mask is set, else `b`.
     fn select(mask: Self::Mask, a: Self, b: Self) -> Self;
-    /// `a` where x < y, else `b`: the choice of kernels on the straight path. Of states abreast each
-    /// gets its own by it, whereas a mask is that of the first.
+    /// `a` where x < y, else `b`: the choice of kernels on the straight path. Of states abreast
+    /// each gets its own by it, whereas a mask is that of the first.
     #[inline(always)]
     fn select_lt(x: Self, y: Self, a: Self, b: Self) -> Self {
         Self::select(x.lt(y), a, b)

@@ -3,18 +3,13 @@
 use std::io::{self, Write};
 use std::str::FromStr;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::time::Duration;
 
 use clap::{Args, ValueEnum};
-use rustix::event::{PollFd, PollFlags, poll};
-use sarrus_proto::socket::timespec;
+use sarrus_server::stderr::{LONGEST, has_room};
 use tracing_subscriber::filter::LevelFilter;
 
 /// The variable that sets the level where no flag does.
 const VARIABLE: &str = "SARRUS_LOG";
-
-/// A pipe that has room takes a line up to this length whole, at once `[byte]`.
-const LONGEST: usize = 4096;
 
 /// Lines that nobody took.
 static LOST: AtomicU64 = AtomicU64::new(0);
@@ -48,7 +43,7 @@ fn level(text: &str) -> Result<LevelFilter, String> {
 impl LogFlags {
     /// Logs from now on, if anything; why not, in words.
     pub(super) fn start(&self) -> Result<(), String> {
-        let wanted = match (self.log, std::env::var_os(VARIABLE).filter(|text| !text.is_empty())) {
+        let level = match (self.log, std::env::var_os(VARIABLE).filter(|text| !text.is_empty())) {
             (Some(level), _) => level,
             (None, None) => return Ok(()),
             (None, Some(text)) => {
@@ -56,12 +51,12 @@ impl LogFlags {
                 level(&text).map_err(|error| format!("{VARIABLE}: {error}, found `{text}`"))?
             }
         };
-        if wanted == LevelFilter::OFF {
+        if level == LevelFilter::OFF {
             return Ok(());
         }
         let is_json = self.log_format == LogFormat::Json;
         let lines = tracing_subscriber::fmt()
-            .with_max_level(wanted)
+            .with_max_level(level)
             .with_target(false)
             .with_ansi(false)
             .log_internal_errors(false)
@@ -105,11 +100,4 @@ impl Write for Stderr {
     fn flush(&mut self) -> io::Result<()> {
         Ok(())
     }
-}
-
-/// Whether whoever reads stderr leaves room for a line.
-fn has_room(stderr: &io::StderrLock<'_>) -> bool {
-    let mut descriptors = [PollFd::new(stderr, PollFlags::OUT)];
-    poll(&mut descriptors, Some(&timespec(Duration::ZERO)))
-        .is_ok_and(|_| descriptors[0].revents().contains(PollFlags::OUT))
 }
