@@ -177,17 +177,20 @@ pub struct Counts<N = u64> {
     pub statuses: [N; N_STATUSES],
     /// Answers that were published after the deadline of their requests.
     pub late: N,
+    /// Answers by generated kernels.
+    pub by_kernel: N,
 }
 
 impl<N> Counts<N> {
     /// Every counter converted.
     pub fn map<M>(&self, f: impl Fn(&N) -> M) -> Counts<M> {
-        let Counts { lane_requests, service_requests, statuses, late } = self;
+        let Counts { lane_requests, service_requests, statuses, late, by_kernel } = self;
         Counts {
             lane_requests: f(lane_requests),
             service_requests: f(service_requests),
             statuses: statuses.each_ref().map(&f),
             late: f(late),
+            by_kernel: f(by_kernel),
         }
     }
 }

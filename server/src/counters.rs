@@ -49,6 +49,12 @@ impl Counters {
         add_one(&self.buckets[bucket_of(ticks)]);
     }
 
+    /// How many answers kernels have given.
+    #[inline]
+    pub(crate) fn set_by_kernel(&self, answers: u64) {
+        self.counts.by_kernel.store(answers, Relaxed);
+    }
+
     /// Counts an answer that came after its deadline, for the client that has this place.
     #[cold]
     pub(crate) fn record_late(&self, place: usize) {

@@ -37,6 +37,8 @@ pub(crate) struct Engine {
     private: Vec<f64>,
     /// Copies what is asked and answered, where that is recorded.
     pub(crate) recorder: Option<Recorder>,
+    /// Answers by generated kernels.
+    pub(crate) by_kernel: u64,
 }
 
 /// How a plan ended.
@@ -59,7 +61,17 @@ impl Engine {
         let plans = (0..MAX_PLANS).map(|_| None).collect();
         let (scratch, private) = (vec![0.0; MAX_NUMBERS_IN], vec![0.0; MAX_NUMBERS_OUT]);
         let recorder = None;
-        Engine { model, plans, orders, retired, workspace, scratch, private, recorder }
+        Engine {
+            model,
+            plans,
+            orders,
+            retired,
+            workspace,
+            scratch,
+            private,
+            recorder,
+            by_kernel: 0,
+        }
     }
 
     /// Takes new plans and gives back old ones. Nobody ever blocks on these channels.
@@ -195,7 +207,10 @@ impl Engine {
         // the same bits by either
         let answer = kernel.as_ref().and_then(|kernel| kernel.answer(input, output));
         let answer = match answer {
-            Some(answer) => answer,
+            Some(answer) => {
+                self.by_kernel += 1;
+                answer
+            }
             None => plan.run(&self.model, &mut self.workspace, input, output),
         };
         if let Some(recorder) = &mut self.recorder {

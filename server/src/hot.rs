@@ -159,6 +159,7 @@ impl Hot {
             }
             let ticks = clock.raw().wrapping_sub(turn.start);
             shared.counters.record(turn.transport, turn.status, ticks);
+            shared.counters.set_by_kernel(engine.by_kernel);
             engine.sent();
             answered += 1;
         }

@@ -97,6 +97,7 @@ impl Seen<'_> {
             "latency_ns": { "p50": p50, "p90": p90, "p99": p99, "p99.9": p999, "max": max },
             "statuses": statuses,
             "late": counts.late,
+            "by_kernel": counts.by_kernel,
             "heartbeat": { "state": self.state, "age_ms": self.silent_ms },
         })
     }
@@ -107,13 +108,14 @@ impl Seen<'_> {
         let mut words = format!(
             "{}: process {process}, {}, up {uptime:.0} s, heartbeat {} ms ago\n\
              {lanes_taken} of {lanes} lanes, {plans} plans; answers/s: {:.0} through lanes, {:.0} \
-             through services; {} late\n",
+             through services; {} late, {} by kernels\n",
             self.name,
             self.state,
             self.silent_ms.map_or("?".to_owned(), |ms| format!("{ms:.1}")),
             self.rates[0],
             self.rates[1],
-            counts.late
+            counts.late,
+            counts.by_kernel
         );
         let us = latency_ns.map(|ns| format!("{:.1}", ns as f64 * 1e-3));
         let _ = writeln!(

@@ -71,9 +71,11 @@ fn answers_by_a_kernel_have_the_same_bits_through_every_transport_and_in_process
     let mut generic = Asker::new(local("lambda"));
     for transport in [Transport::Lane, Transport::Service] {
         let mut served = Asker::new(sandbox.connect("quick", transport).unwrap());
+        let before = served.robot.statistics().unwrap().counts.by_kernel;
         compare(&mut generic, &mut served);
         std::thread::sleep(Duration::from_millis(200));
         let statistics = served.robot.statistics().unwrap();
+        assert!(statistics.counts.by_kernel > before + 1_000, "{statistics:?}");
         assert_eq!(statistics.system_allocations, 0, "{statistics:?}");
     }
 
@@ -160,8 +162,11 @@ fn kernels_are_made_beside_the_answers_and_kept_for_the_next_server() {
         server.wait_for_line(words);
         // from before to after it is swapped in, the bits are the same
         compare(&mut generic, &mut served);
-        std::thread::sleep(Duration::from_millis(100));
-        compare(&mut generic, &mut served);
+        // with one that was swapped in
+        let by_kernel = |served: &Asker| served.robot.statistics().unwrap().counts.by_kernel;
+        while by_kernel(&served) == 0 {
+            compare(&mut generic, &mut served);
+        }
         assert!(server.stop("-TERM").success());
     }
     fs::remove_dir_all(&cache).unwrap();
