@@ -35,7 +35,7 @@ pub(crate) enum Failure {
     Failed(FailedState),
     NothingNew,
     NotSent,
-    Processor(String),
+    Processor(&'static str),
     Internal,
 }
 
