@@ -2,7 +2,8 @@
 
 use sarrus_dynamics::scalar::{DOUBTFUL, Real};
 use sarrus_dynamics::{
-    ClosureKind, Field, FieldSet, Method, Model, Plan, Request, Status, Warnings, Workspace,
+    ClosureKind, Field, FieldSet, Method, Model, Plan, Request, STRAIGHT_FIELDS, Status, Warnings,
+    Workspace,
 };
 
 use crate::graph::{Check, Comparison};
@@ -23,36 +24,16 @@ const GOLDEN: usize = 32;
 /// Below the bound on doubt by more than the rounding of what is compared with it.
 const SURE: f64 = DOUBTFUL * (1.0 - 1e-9);
 
-/// What may be given and wanted.
-const GIVEN: [Field; 7] =
-    [Field::Y, Field::Yd, Field::Ydd, Field::TauQ, Field::TauY, Field::TauU, Field::Wrenches];
-const WANTED: [Field; 25] = [
+/// What may be given.
+const GIVEN: FieldSet = FieldSet::of(&[
     Field::Y,
     Field::Yd,
     Field::Ydd,
-    Field::Q,
-    Field::Qd,
-    Field::Qdd,
-    Field::U,
-    Field::Ud,
-    Field::Udd,
     Field::TauQ,
     Field::TauY,
     Field::TauU,
-    Field::TauUnactuated,
-    Field::G,
-    Field::GBias,
-    Field::GU,
-    Field::GUBias,
-    Field::MY,
-    Field::CY,
-    Field::FramePose,
-    Field::FrameTwist,
-    Field::FrameAcc,
-    Field::JacobianTree,
-    Field::JacobianIndependent,
-    Field::JacobianActuator,
-];
+    Field::Wrenches,
+]);
 
 /// Traces a plan where most states go, and compares.
 pub(crate) fn kernel(model: &Model<f64>, plan: &Plan) -> Result<Kernel, GenerateError> {
@@ -107,9 +88,8 @@ fn is_served(kernel: &Kernel, state: &[f64]) -> bool {
 /// Only fields whose computation is a straight line.
 fn check_fields(model: &Model<f64>, plan: &Plan) -> Result<(), GenerateError> {
     let query = plan.query();
-    let (given, wanted) = (FieldSet::of(&GIVEN), FieldSet::of(&WANTED));
-    let other = query.given.iter().find(|field| !given.has(*field));
-    let other = other.or(query.want.iter().find(|field| !wanted.has(*field)));
+    let other = query.given.iter().find(|field| !GIVEN.has(*field));
+    let other = other.or(query.want.iter().find(|field| !STRAIGHT_FIELDS.has(*field)));
     if let Some(field) = other {
         return Err(GenerateError::Field(field));
     }

@@ -105,6 +105,18 @@ fn states(model: &Model<f64>, plan: &Plan, range: Range<u64>) -> impl Iterator<I
     })
 }
 
+/// What traced code answers of these states, each with the kernels' bits.
+fn evaluated(model: &Model<f64>, plan: &Plan, inputs: impl Iterator<Item = Vec<f64>>) -> Compared {
+    let kernel = Kernel::trace(model, plan).unwrap();
+    let mut comparison = Comparison::new(model, plan);
+    let mut output = vec![0.0; plan.want().len()];
+    for input in inputs {
+        let outcome = kernel.evaluate(&input, &mut output);
+        comparison.compare(&input, outcome, &output);
+    }
+    comparison.compared
+}
+
 /// The folder of a test's files.
 fn folder(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name)
@@ -222,19 +234,13 @@ fn a_robot_at_rest_is_answered() {
         let model = model(robot);
         for (name, query) in queries() {
             let plan = Plan::new(&model, &query).unwrap();
-            let kernel = Kernel::trace(&model, &plan).unwrap();
-            let mut comparison = Comparison::new(&model, &plan);
-            let mut output = vec![0.0; plan.want().len()];
             let rates = plan.given().slot(Field::Yd).unwrap().range();
-            for zero in [0.0, -0.0] {
-                for k in 0..100 {
-                    let mut input = random_input(model.info(), plan.given(), FRESH + k);
-                    input[rates.clone()].fill(zero);
-                    let outcome = kernel.evaluate(&input, &mut output);
-                    comparison.compare(&input, outcome, &output);
-                }
-            }
-            let Compared { answered, left } = comparison.compared;
+            let at_rest = (0..200).map(|k| {
+                let mut input = random_input(model.info(), plan.given(), FRESH + k % 100);
+                input[rates.clone()].fill(if k < 100 { 0.0 } else { -0.0 });
+                input
+            });
+            let Compared { answered, left } = evaluated(&model, &plan, at_rest);
             println!("{robot} {name}: {answered} at rest answered, {left} left to the kernel");
             assert!(answered > 100 && left == 0, "{answered} {left}");
         }
@@ -249,14 +255,7 @@ fn frames_and_jacobians_of_a_plane_robot_are_answered() {
     let link = model.info().links.len() as u16 - 1;
     let query = Query::new(Request::Kinematics, FieldSet::of(&[Y, Yd]), want).with_frames(&[link]);
     let plan = Plan::new(&model, &query).unwrap();
-    let kernel = Kernel::trace(&model, &plan).unwrap();
-    let mut comparison = Comparison::new(&model, &plan);
-    let mut output = vec![0.0; plan.want().len()];
-    for input in states(&model, &plan, 0..2_000) {
-        let outcome = kernel.evaluate(&input, &mut output);
-        comparison.compare(&input, outcome, &output);
-    }
-    let Compared { answered, left } = comparison.compared;
+    let Compared { answered, left } = evaluated(&model, &plan, states(&model, &plan, 0..2_000));
     assert!(answered > 1_000 && left == 0, "{answered} {left}");
 }
 
@@ -295,14 +294,8 @@ fn traced_code_has_the_bits_of_the_kernels() {
         let model = model(robot);
         for (name, query) in queries() {
             let plan = Plan::new(&model, &query).unwrap();
-            let kernel = Kernel::trace(&model, &plan).unwrap();
-            let mut comparison = Comparison::new(&model, &plan);
-            let mut output = vec![0.0; plan.want().len()];
-            for input in states(&model, &plan, 0..2_000) {
-                let outcome = kernel.evaluate(&input, &mut output);
-                comparison.compare(&input, outcome, &output);
-            }
-            let Compared { answered, left } = comparison.compared;
+            let inputs = states(&model, &plan, 0..2_000);
+            let Compared { answered, left } = evaluated(&model, &plan, inputs);
             println!("{robot} {name}: {answered} answered, {left} left to the kernel");
         }
     }

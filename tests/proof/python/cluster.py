@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import sarrus
 import sarrus.distributed
+from checks import raises
 from dask.distributed import Client, LocalCluster
 
 ROWS, BLOCK = 40_000, 500
@@ -19,16 +20,6 @@ ROWS, BLOCK = 40_000, 500
 def bits(array):
     """The bits of numbers, which NaN has too."""
     return np.ascontiguousarray(array).view(np.uint64)
-
-
-def raises(error, words, f, *args, **keywords):
-    """What is called raises this, with these words."""
-    try:
-        f(*args, **keywords)
-    except error as found:
-        assert words in str(found), found
-        return
-    raise AssertionError(f"{f} raised nothing")
 
 
 def queries():

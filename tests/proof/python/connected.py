@@ -12,22 +12,13 @@ from pathlib import Path
 
 import numpy as np
 import sarrus
+from checks import raises
 
 
 def do(order):
     """Ask the test for something, and wait until it is done."""
     print(order, flush=True)
     assert sys.stdin.readline() == "done\n"
-
-
-def raises(error, words, f, *args, **keywords):
-    """What is called raises this, with these words."""
-    try:
-        f(*args, **keywords)
-    except error as found:
-        assert words in str(found), found
-        return
-    raise AssertionError(f"{f} raised nothing")
 
 
 def plans():

@@ -16,7 +16,7 @@ use crate::scalar::{Abreast, FUSED, LANES, Marks, Real};
 use crate::workspace::Workspace;
 
 /// What may be given and wanted of states that go abreast: numbers of each state alone.
-const GIVEN: [Field; 9] = [
+const GIVEN: FieldSet = FieldSet::of(&[
     Field::Y,
     Field::Yd,
     Field::Ydd,
@@ -26,8 +26,11 @@ const GIVEN: [Field; 9] = [
     Field::TauY,
     Field::TauU,
     Field::Wrenches,
-];
-const WANT: [Field; 25] = [
+]);
+
+/// The fields whose numbers kernels compute in a straight line: one run of a plan over a scalar that
+/// stands for several states, or for all, gives them.
+pub const STRAIGHT_FIELDS: FieldSet = FieldSet::of(&[
     Field::Y,
     Field::Yd,
     Field::Ydd,
@@ -53,7 +56,7 @@ const WANT: [Field; 25] = [
     Field::JacobianTree,
     Field::JacobianIndependent,
     Field::JacobianActuator,
-];
+]);
 
 /// A plan with the scratch for many states; a clone for each thread shares the constants.
 ///
@@ -208,12 +211,12 @@ impl Plan {
         if model.meta.fingerprint != self.fingerprint {
             return false;
         }
-        let is_only = |fields: FieldSet, of: &[Field]| fields.0 & !FieldSet::of(of).0 == 0;
+        let is_only = |fields: FieldSet, of: FieldSet| fields.0 & !of.0 == 0;
         let whole = self.request == Request::ForwardDynamics && self.method == Method::Kkt;
         FUSED
             && !whole
-            && is_only(self.query.given, &GIVEN)
-            && is_only(self.query.want, &WANT)
+            && is_only(self.query.given, GIVEN)
+            && is_only(self.query.want, STRAIGHT_FIELDS)
             && self.needed.scope.closed.iter().all(|c| model.closures[*c].is_closed_form())
     }
 }

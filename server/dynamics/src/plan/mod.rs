@@ -13,7 +13,7 @@ mod run;
 mod scratch;
 mod state;
 
-pub use batch::Batch;
+pub use batch::{Batch, STRAIGHT_FIELDS};
 pub(crate) use forces::wrenches_on_bodies;
 pub(crate) use kkt::{Drift, drift_of, tree_under_constraints};
 pub use outline::Outline;
