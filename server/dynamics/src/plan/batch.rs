@@ -15,7 +15,7 @@ use crate::plan::Plan;
 use crate::scalar::{Abreast, FUSED, LANES, Marks, Real};
 use crate::workspace::Workspace;
 
-/// What may be given and wanted of states that go abreast: numbers of each state alone.
+/// What may be given of states that go abreast: numbers of each state alone.
 const GIVEN: FieldSet = FieldSet::of(&[
     Field::Y,
     Field::Yd,
@@ -28,8 +28,8 @@ const GIVEN: FieldSet = FieldSet::of(&[
     Field::Wrenches,
 ]);
 
-/// The fields whose numbers kernels compute in a straight line: one run of a plan over a scalar that
-/// stands for several states, or for all, gives them.
+/// The fields whose numbers kernels compute in a straight line: one run of a plan over a scalar
+/// that stands for several states, or for all, gives them.
 pub const STRAIGHT_FIELDS: FieldSet = FieldSet::of(&[
     Field::Y,
     Field::Yd,
