@@ -4,9 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use sarrus_dynamics::{Model, Plan};
-use sarrus_generate::{
-    Cache, Cancel, Compiler, MakeError, Manifest, NativeKernel, ObjectFile, bare_query,
-};
+use sarrus_generate::{Cache, Cancel, Compiler, MakeError, Manifest, NativeKernel, bare_query};
 
 /// Which generated kernels the plans of a robot get. The numbers are the same bits with all of
 /// them.
@@ -70,9 +68,7 @@ impl Source {
             Kernels::Kept => Source::Kept,
             Kernels::Compiled => Source::Compiled,
             Kernels::File(path) => {
-                let file = ObjectFile::read(&path).map_err(MakeError::from)?;
-                let plan = file.plan(model).map_err(MakeError::from)?;
-                let kernel = NativeKernel::load(&file, model, &plan).map_err(MakeError::from)?;
+                let kernel = NativeKernel::of_file(&path, model).map_err(MakeError::from)?;
                 Source::One(path, Arc::new(kernel))
             }
         })

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 use rustix::process::setpriority_process;
 use sarrus_dynamics::{Model, Plan};
 use sarrus_generate::{
-    Cache, Cancel, Compiler, LoadError, MakeError, NativeKernel, ObjectFile, Origin, bare_query,
+    Cache, Cancel, Compiler, LoadError, MakeError, NativeKernel, Origin, bare_query,
 };
 use sarrus_proto::{FieldSet, Query, Request};
 
@@ -57,9 +57,7 @@ impl Kernels {
     /// [`ServeError::Kernel`] with the reason why it is refused.
     pub fn of_file(path: &Path, model: &Model<f64>) -> Result<Kernels, ServeError> {
         let refused = |error: LoadError| ServeError::Kernel { reason: error.to_string() };
-        let file = ObjectFile::read(path).map_err(refused)?;
-        let plan = file.plan(model).map_err(refused)?;
-        let kernel = NativeKernel::load(&file, model, &plan).map_err(refused)?;
+        let kernel = NativeKernel::of_file(path, model).map_err(refused)?;
         Ok(Kernels(Choice::One(Arc::new(kernel))))
     }
 }

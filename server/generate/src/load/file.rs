@@ -104,7 +104,7 @@ impl ObjectFile {
     ///
     /// # Errors
     /// [`LoadError::WrongRobot`], [`LoadError::WrongQuery`].
-    pub fn plan(&self, model: &Model<f64>) -> Result<Plan, LoadError> {
+    pub(super) fn plan(&self, model: &Model<f64>) -> Result<Plan, LoadError> {
         let (path, manifest) = (|| self.path.clone(), &self.manifest);
         // the query of another robot may name what is not there
         if manifest.fingerprint != model.fingerprint() {

@@ -33,6 +33,16 @@ impl NativeKernel {
         NativeKernel::load(&ObjectFile::read(path)?, model, plan)
     }
 
+    /// The same for the plan that the file itself names. Allocates.
+    ///
+    /// # Errors
+    /// As [`NativeKernel::open`].
+    pub fn of_file(path: &Path, model: &Model<f64>) -> Result<NativeKernel, LoadError> {
+        let file = ObjectFile::read(path)?;
+        let plan = file.plan(model)?;
+        NativeKernel::load(&file, model, &plan)
+    }
+
     /// The same of a file that was read.
     ///
     /// # Errors
