@@ -184,8 +184,17 @@ fn listen(first: &[String]) -> Result<mpsc::Receiver<Order>, String> {
 
 impl Simulation {
     fn run(&mut self) -> Result<(), String> {
+        // what holds from the start does so before a frame is heard
+        self.obey(now_ns()).map_err(|error| error.to_string())?;
         while !self.stop.load(Ordering::Relaxed) {
             self.cycle().map_err(|error| error.to_string())?;
+        }
+        Ok(())
+    }
+
+    fn obey(&mut self, now_ns: u64) -> Result<(), BusError> {
+        while let Ok(order) = self.orders.try_recv() {
+            console::obey(&order, now_ns, &mut self.motors, &mut self.lines)?;
         }
         Ok(())
     }
@@ -199,9 +208,7 @@ impl Simulation {
             line.hear(now_ns, &mut self.motors)?;
             line.send(now_ns)?;
         }
-        while let Ok(order) = self.orders.try_recv() {
-            console::obey(&order, now_ns, &mut self.motors, &mut self.lines)?;
-        }
+        self.obey(now_ns)?;
         self.motors.news(now_ns).iter().for_each(|news| say(news));
         let mut fds: Vec<PollFd<'_>> = Vec::with_capacity(self.lines.len());
         fds.extend(
