@@ -96,8 +96,14 @@ def map(
     blocks = _blocks(n, rows_of_a_block)
     under_way: dict[Any, slice] = {}
     ended = dask.as_completed(loop=client.loop)
+    reached = 0
 
     def fill() -> None:
+        nonlocal reached
+        if threads() > reached:
+            # blocks go to workers that have the robot: each shall, also one that began late
+            client.replicate(shared)
+            reached = threads()
         # only as many as the workers can have: the scheduler holds the rows of each
         while len(under_way) < AHEAD * threads() and (block := next(blocks, None)) is not None:
             future = submit(block)
