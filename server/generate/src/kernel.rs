@@ -5,6 +5,7 @@ use sarrus_dynamics::{Model, ModelInfo, Plan};
 
 use crate::GenerateError;
 use crate::graph::{Check, Comparison, Operation, Term};
+use crate::prune;
 use crate::recorder::Limited;
 use crate::row::Row;
 use crate::trace;
@@ -54,6 +55,14 @@ impl Kernel {
             _ => true,
         };
         self.operations.iter().filter(is_one).count()
+    }
+
+    /// The same operations without the conditions under which their numbers are the plan's: what
+    /// the conditions cost is measured beside it, and nothing else is it for. Allocates.
+    pub fn unchecked(&self) -> Kernel {
+        let mut kernel = Kernel { checks: Vec::new(), limited: Vec::new(), ..self.clone() };
+        prune::keep_live(&mut kernel);
+        kernel
     }
 
     /// How many numbers go in.

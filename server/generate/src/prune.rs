@@ -51,7 +51,7 @@ fn keep_strongest_bounds(kernel: &mut Kernel) {
 }
 
 /// Leaves out what nothing depends on and counts the rest anew.
-fn keep_live(kernel: &mut Kernel) {
+pub(crate) fn keep_live(kernel: &mut Kernel) {
     let mut live = vec![false; kernel.operations.len()];
     let mut needs = |term: Term| term.at().into_iter().for_each(|at| live[at as usize] = true);
     kernel.outputs.iter().copied().for_each(&mut needs);

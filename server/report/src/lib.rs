@@ -12,12 +12,14 @@
 //! robots     robots, questions, states
 //! page       figures, sections, HTML, JSON, CSV          reference  the same in double-double
 //! peer       other engines on the same states
-//! accuracy   integration   stress                        one section each
+//! accuracy   parts   generated   integration   stress    one section each
 //! run        all sections into a folder
 //! ```
 
 mod accuracy;
 pub mod csv_rows;
+#[cfg(feature = "generate")]
+mod generated;
 pub mod integration;
 pub mod measure;
 pub mod page;

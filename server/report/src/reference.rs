@@ -110,6 +110,62 @@ impl Reference {
     }
 }
 
+/// Exact answers, by question, variant and start.
+pub(crate) struct References<'a> {
+    robot: &'a Robot,
+    kept: Vec<((Question, usize, bool), Reference)>,
+}
+
+impl<'a> References<'a> {
+    pub(crate) fn new(robot: &'a Robot) -> References<'a> {
+        References { robot, kept: Vec::new() }
+    }
+
+    /// The error of an answer to a question at a state, whose numbers are those of `want`: on
+    /// chains of the forces, for ÿ.
+    pub(crate) fn error(
+        &mut self,
+        (question, place, start): (Question, usize, Start),
+        want: &Layout,
+        state: usize,
+        answer: &[f64],
+    ) -> Outcome<f64> {
+        // a cold start has to find the pose that a warm one leads to
+        let key = (question, place, start != Start::None);
+        if !self.kept.iter().any(|(of, _)| *of == key) {
+            self.kept.push((key, Reference::new(self.robot, place, question, start)?));
+        }
+        let reference = self
+            .kept
+            .iter_mut()
+            .find(|(of, _)| *of == key)
+            .map(|(_, reference)| reference)
+            .ok_or("no exact answers")?;
+        for before in 0..=state {
+            reference.compute(self.robot, before)?;
+        }
+        let exact = reference.exact(want, state);
+        let chain = matches!(self.robot.subject, Subject::Chain(_));
+        Ok(if chain && question == Question::ForwardDynamics {
+            exact.backward_error(answer)
+        } else {
+            exact.error(answer)
+        })
+    }
+}
+
+/// The numbers of a question to this robot.
+pub(crate) fn layout(robot: &Robot, question: Question) -> Layout {
+    Layout::of_want(&question.query(), robot.variants[0].compiled.model.info())
+}
+
+/// The numbers of an answer that is q alone.
+pub(crate) fn only_q(robot: &Robot) -> Layout {
+    let mut query = Question::State.query();
+    query.want = FieldSet::of(&[Field::Q]);
+    Layout::of_want(&query, robot.variants[0].compiled.model.info())
+}
+
 impl ExactField<'_> {
     /// ‖a − b‖∞ / max(‖b‖∞, least); NaN where there is no number.
     fn error(&self, answer: &[f64]) -> f64 {
@@ -127,7 +183,7 @@ impl Exact<'_> {
     /// The largest error of all fields by size.
     pub fn error(&self, answer: &[f64]) -> f64 {
         let errors = self.fields.iter().map(|field| field.error(answer));
-        errors.fold(0.0, |worst, error| if error > worst || error.is_nan() { error } else { worst })
+        errors.fold(0.0, worse)
     }
 
     /// How much the forces would have to change for ÿ to be exact, relative to what enters.
@@ -143,6 +199,11 @@ impl Exact<'_> {
         let size = ydd.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
         residual / (norm_m * size + largest(self.c_y) + largest(self.tau_y))
     }
+}
+
+/// The larger of two errors; NaN where one is.
+pub(crate) fn worse(a: f64, b: f64) -> f64 {
+    if b > a || b.is_nan() { b } else { a }
 }
 
 /// ‖x‖∞.

@@ -14,9 +14,11 @@ use crate::{Outcome, accuracy, integration, parts, stress};
 
 /// Every section: its name, what fills it, and its share of the time of a full report. The name is
 /// that of the flag, of the JSON and of the files: `extremes` are the stress cases.
-const SECTIONS: [(&str, fn(&Effort, &Progress) -> Outcome<Section>, f64); 4] = [
-    ("accuracy", accuracy::run, 0.5),
+const SECTIONS: &[(&str, fn(&Effort, &Progress) -> Outcome<Section>, f64)] = &[
+    ("accuracy", accuracy::run, 0.4),
     ("parts", parts::run, 0.05),
+    #[cfg(feature = "generate")]
+    ("generated", crate::generated::run, 0.1),
     ("integration", integration::run, 0.15),
     ("extremes", stress::run, 0.3),
 ];

@@ -1,10 +1,11 @@
 //! The figures of one robot: error over time, a series for each method and peer.
 
-use super::measure::{Measured, References, layout, only_q};
+use super::measure::Measured;
 use super::{id, runner, title};
 use crate::Outcome;
 use crate::page::{Axis, Figure, Point, Series};
-use crate::peer::{self};
+use crate::peer;
+use crate::reference::{References, layout, only_q};
 use crate::robots::{Question, Robot, Start, Subject};
 
 /// What a peer adds to a figure; of a state it finds q alone.

@@ -3,14 +3,13 @@
 use std::time::Duration;
 
 use sarrus_dynamics::scalar::Dd;
-use sarrus_dynamics::{Field, FieldSet, ImplicitForm, Layout, Status};
+use sarrus_dynamics::{Field, ImplicitForm, Status};
 
 use super::methods::Method;
 use crate::Outcome;
 use crate::measure::timing::{Timed, interleaved};
-use crate::reference::Reference;
-use crate::robots::Robot;
-use crate::robots::{Question, Start, Subject};
+use crate::reference::{References, layout, worse};
+use crate::robots::{Question, Robot};
 
 /// What a method with one setting costs and what it is worth.
 #[derive(Clone, Debug)]
@@ -27,50 +26,6 @@ pub(super) struct Measured {
     pub(super) residual: Option<f64>,
     /// Why there is no answer.
     pub(super) fault: Option<String>,
-}
-
-/// Exact answers, by question, variant and start.
-pub(super) struct References<'a> {
-    robot: &'a Robot,
-    kept: Vec<((Question, usize, bool), Reference)>,
-}
-
-impl<'a> References<'a> {
-    pub(super) fn new(robot: &'a Robot) -> References<'a> {
-        References { robot, kept: Vec::new() }
-    }
-
-    /// The error of an answer to a question at a state, whose numbers are those of `want`: on
-    /// chains of the forces, for ÿ.
-    pub(super) fn error(
-        &mut self,
-        (question, place, start): (Question, usize, Start),
-        want: &Layout,
-        state: usize,
-        answer: &[f64],
-    ) -> Outcome<f64> {
-        // a cold start has to find the pose that a warm one leads to
-        let key = (question, place, start != Start::None);
-        if !self.kept.iter().any(|(of, _)| *of == key) {
-            self.kept.push((key, Reference::new(self.robot, place, question, start)?));
-        }
-        let reference = self
-            .kept
-            .iter_mut()
-            .find(|(of, _)| *of == key)
-            .map(|(_, reference)| reference)
-            .ok_or("no exact answers")?;
-        for before in 0..=state {
-            reference.compute(self.robot, before)?;
-        }
-        let exact = reference.exact(want, state);
-        let chain = matches!(self.robot.subject, Subject::Chain(_));
-        Ok(if chain && question == Question::ForwardDynamics {
-            exact.backward_error(answer)
-        } else {
-            exact.error(answer)
-        })
-    }
 }
 
 /// A method as the timing sees it.
@@ -118,11 +73,6 @@ pub(super) fn measure(
     Ok(measured)
 }
 
-/// The numbers of a question to this robot.
-pub(super) fn layout(robot: &Robot, question: Question) -> Layout {
-    Layout::of_want(&question.query(), robot.variants[0].compiled.model.info())
-}
-
 fn errors(
     robot: &Robot,
     method: &mut Method,
@@ -141,7 +91,7 @@ fn errors(
         }
         let answer = method.runner.answer();
         let error = references.error((question, place, start), &want, state, &answer)?;
-        worst = if error > worst || error.is_nan() { error } else { worst };
+        worst = worse(worst, error);
         if let (Some(form), Some(slot)) = (&mut form, want.slot(Field::Q)) {
             let q: Vec<Dd> = answer[slot.range()].iter().map(|x| Dd::from(*x)).collect();
             form.measure_drift(exact, &q, &vec![Dd::from(0.0); exact.sizes().n_v]);
@@ -159,11 +109,4 @@ fn errors(
         residual: form.is_some().then(|| nan(residual)),
         fault,
     })
-}
-
-/// The numbers of an answer that is q alone.
-pub(super) fn only_q(robot: &Robot) -> Layout {
-    let mut query = Question::State.query();
-    query.want = FieldSet::of(&[Field::Q]);
-    Layout::of_want(&query, robot.variants[0].compiled.model.info())
 }

@@ -16,12 +16,13 @@ use sarrus_dynamics::description::{Description, SubmechanismKind};
 
 use self::defaults::{DefaultRow, row, sentence};
 use self::figures::{figure, of_peer};
-use self::measure::{Measured, References, measure};
+use self::measure::{Measured, measure};
 use crate::Outcome;
 use crate::measure::Effort;
 use crate::measure::progress::Progress;
 use crate::page::{Figure, Section, Table, exponent};
 use crate::peer::{self, Peer};
+use crate::reference::{References, worse};
 use crate::robots::catalogue::variants;
 use crate::robots::{Question, Robot, Subject, Variant};
 
@@ -77,9 +78,7 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
         let of_robot: Vec<DefaultRow> = with_figure.map(place).collect();
         places.push(sentence(subject, &of_robot));
         for of in &of_robot {
-            let worst = section.worst_error.unwrap_or(0.0);
-            section.worst_error =
-                Some(if of.error > worst || of.error.is_nan() { of.error } else { worst });
+            section.worst_error = Some(worse(section.worst_error.unwrap_or(0.0), of.error));
         }
         rows.extend(of_robot.into_iter().map(|of| of.cells));
         section.figures.extend(figures);

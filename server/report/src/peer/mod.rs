@@ -13,6 +13,7 @@ use sarrus_dynamics::description::Description;
 
 use crate::Outcome;
 use crate::page::{PINOCCHIO, Point, Series};
+use crate::reference::worse;
 use crate::robots::{Question, State};
 
 /// Where its program is below the folder of what is built.
@@ -109,9 +110,7 @@ pub fn series(
     let mut all: Vec<Series> = Vec::new();
     for run in runs.iter().filter(|run| run.question == question) {
         let errors = run.answers.iter().enumerate().map(|(state, answer)| error(state, answer));
-        let worst = errors.fold(0.0, |worst: f64, error| {
-            if error.is_nan() || worst.is_nan() { f64::NAN } else { worst.max(error) }
-        });
+        let worst = errors.fold(0.0, worse);
         let point = Point { x: run.ns, y: worst, label: run.setting.clone() };
         match all.iter_mut().find(|series| series.name == run.name) {
             Some(series) => series.points.push(point),

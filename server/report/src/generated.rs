@@ -1,0 +1,420 @@
+//! Section `generated`: straight-line code of each robot beside the kernels that it was traced
+//! from, the same code without its checks, and a peer at equal error.
+
+use std::hint::black_box;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use sarrus_dynamics::{Answer, Model, Plan, Status, Workspace};
+use sarrus_generate::{Compiler, Kernel, NativeKernel, Source};
+
+use crate::Outcome;
+use crate::measure::Effort;
+use crate::measure::progress::Progress;
+use crate::measure::timing::{Timed, interleaved};
+use crate::page::{Section, Table, exponent};
+use crate::peer::{Peer, Run, pinocchio};
+use crate::reference::{References, layout, only_q, worse};
+use crate::robots::catalogue::BUNDLED;
+use crate::robots::{Question, Robot, Start, Subject, packed};
+
+/// Robots of a quick report.
+const QUICK: [&str; 3] = ["lambda", "torso", "rh5v2_upper_body"];
+/// A peer's error that counts as equal to ours.
+const EQUAL: f64 = 1e-12;
+/// How often the programs of generated code time themselves, by turns.
+const TURNS: usize = 5;
+
+/// How much is measured.
+struct Amount {
+    robots: &'static [&'static str],
+    states: usize,
+    /// How long the batches of one robot take turns.
+    rounds: Duration,
+    /// How long a peer times each of its methods, in seconds.
+    of_peer: f64,
+}
+
+impl Amount {
+    const QUICK: Amount =
+        Amount { robots: &QUICK, states: 16, rounds: Duration::from_millis(250), of_peer: 0.02 };
+    const FULL: Amount =
+        Amount { robots: &BUNDLED, states: 64, rounds: Duration::from_secs(3), of_peer: 0.1 };
+}
+
+/// Fills the section.
+pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
+    let mut section = Section::new("generated", "Straight-line code");
+    let Some(compiler) = Compiler::found() else {
+        section.summary.push("Straight-line code: not measured, there is no C compiler.".into());
+        return Ok(section);
+    };
+    let amount = if effort.quick { Amount::QUICK } else { Amount::FULL };
+    let (mut rows, mut refused) = (Vec::new(), Vec::new());
+    for (k, name) in amount.robots.iter().enumerate() {
+        progress.show(name, k as f64 / amount.robots.len() as f64);
+        let robot = Robot::load(Subject::Bundled(name), amount.states)?;
+        of_robot(&robot, &amount, &compiler, &mut rows, &mut refused)?;
+    }
+    section.summary.push(summary(&rows));
+    section.tables.push(Table {
+        id: "generated-times".into(),
+        title: "Plan, its straight-line code, and a peer".into(),
+        caption: format!(
+            "Nanoseconds of a call from y without a guess. Plan: the kernels that every robot \
+            shares; with code: an answer by the shared object that `sarrus generate` made of the \
+            plan, or by the plan where the code leaves a state to it, medians of batches that \
+            take turns. Code and bare: the least of {TURNS} runs by turns of the test programs of \
+            the same function, and of it without checks and without pairs; their ratio is what \
+            checks cost and pairs gain. Peer: the fastest method of Pinocchio whose largest error \
+            is at most {EQUAL:.0e} or ours (of a state it finds q alone, from a guess where ours \
+            needs none), and how many times as long it takes as ours with code, or by the plan \
+            where there is none. Bits of the code are compared with the plan's on 4096 states \
+            when it is loaded. Compiler: {}.",
+            compiler.name()
+        ),
+        columns: [
+            "robot",
+            "asked",
+            "operations",
+            "plan",
+            "with code",
+            "code",
+            "bare",
+            "code / bare",
+            "largest error",
+            "peer",
+            "peer / ours",
+        ]
+        .map(str::to_owned)
+        .into(),
+        rows: rows.iter().map(Row::cells).collect(),
+    });
+    if !refused.is_empty() {
+        section.tables.push(Table {
+            id: "generated-refused".into(),
+            title: "Left to the plan".into(),
+            caption: "What has no straight-line code, and why.".into(),
+            columns: ["robot", "asked", "reason"].map(str::to_owned).into(),
+            rows: refused,
+        });
+    }
+    Ok(section)
+}
+
+/// A question to a robot.
+struct Row {
+    robot: &'static str,
+    question: Question,
+    /// Nanoseconds of the plan.
+    plan: f64,
+    /// Largest error of the plan by size, which is that of its code.
+    error: f64,
+    code: Option<Code>,
+    /// Nanoseconds of the peer.
+    peer: Option<f64>,
+}
+
+/// What the straight-line code of a plan takes.
+struct Code {
+    operations: usize,
+    /// Nanoseconds in process, with the plan for what the code leaves to it.
+    in_process: f64,
+    /// Nanoseconds of the function in its test program, and without its checks.
+    alone: f64,
+    bare: f64,
+}
+
+impl Row {
+    /// Nanoseconds of what a user of `--kernel auto` gets.
+    fn ours(&self) -> f64 {
+        self.code.as_ref().map_or(self.plan, |code| code.in_process)
+    }
+
+    fn gain(&self) -> Option<f64> {
+        Some(self.peer? / self.ours())
+    }
+
+    fn cells(&self) -> Vec<String> {
+        let or_none = |cell: Option<String>| cell.unwrap_or_else(|| "-".to_owned());
+        let of_code = |cell: fn(&Code) -> String| or_none(self.code.as_ref().map(cell));
+        vec![
+            self.robot.to_owned(),
+            self.question.name().to_owned(),
+            of_code(|code| code.operations.to_string()),
+            format!("{:.0}", self.plan),
+            of_code(|code| format!("{:.0}", code.in_process)),
+            of_code(|code| format!("{:.0}", code.alone)),
+            of_code(|code| format!("{:.0}", code.bare)),
+            of_code(|code| format!("{:.2}", code.alone / code.bare)),
+            exponent(self.error),
+            or_none(self.peer.map(|ns| format!("{ns:.0}"))),
+            or_none(self.gain().map(|gain| format!("{gain:.1}"))),
+        ]
+    }
+}
+
+/// The ranges of the ratios.
+fn summary(rows: &[Row]) -> String {
+    let range = |ratios: &mut dyn Iterator<Item = f64>| {
+        let (mut least, mut most) = (f64::INFINITY, 0.0_f64);
+        ratios.for_each(|ratio| (least, most) = (least.min(ratio), most.max(ratio)));
+        (least <= most).then(|| format!("{least:.1} to {most:.1}"))
+    };
+    let gains = |question: Question| {
+        let gains = &mut rows.iter().filter(|row| row.question == question).filter_map(Row::gain);
+        let name = question.name();
+        range(gains).map(|gains| format!("; {name} of Pinocchio takes {gains} times ours"))
+    };
+    let coded = &mut rows.iter().filter_map(|row| Some(row.plan / row.code.as_ref()?.in_process));
+    let mut text = match range(coded) {
+        None => "Straight-line code: none".to_owned(),
+        Some(ratios) => format!("Straight-line code: {ratios} times as fast as the plan"),
+    };
+    Question::CHOSEN.into_iter().filter_map(gains).for_each(|gain| text += &gain);
+    text
+}
+
+/// A plan, alone or with its code.
+struct Case<'a> {
+    model: &'a Model,
+    plan: Plan,
+    kernel: Option<NativeKernel>,
+    workspace: Workspace<f64>,
+    inputs: Vec<Vec<f64>>,
+    output: Vec<f64>,
+}
+
+impl<'a> Case<'a> {
+    fn new(robot: &Robot, model: &'a Model, plan: Plan, kernel: Option<NativeKernel>) -> Case<'a> {
+        Case {
+            model,
+            workspace: Workspace::for_plans(model, [&plan]),
+            inputs: robot.states.iter().map(|state| packed(&plan, state, 0)).collect(),
+            output: vec![0.0; plan.want().len()],
+            plan,
+            kernel,
+        }
+    }
+
+    #[inline]
+    fn answer(&mut self, state: usize) -> Answer {
+        let input = black_box(self.inputs[state].as_slice());
+        let by_code =
+            self.kernel.as_ref().and_then(|kernel| kernel.answer(input, &mut self.output));
+        by_code.unwrap_or_else(|| {
+            self.plan.run(self.model, &mut self.workspace, input, &mut self.output)
+        })
+    }
+}
+
+impl Timed for Case<'_> {
+    fn name(&self) -> String {
+        format!("{}: {}", self.model.name(), self.plan.query().want)
+    }
+
+    fn states(&self) -> usize {
+        self.inputs.len()
+    }
+
+    #[inline]
+    fn call(&mut self, state: usize) -> Status {
+        let status = self.answer(state).status;
+        black_box(&self.output);
+        status
+    }
+}
+
+/// Adds the rows of one robot.
+fn of_robot(
+    robot: &Robot,
+    amount: &Amount,
+    compiler: &Compiler,
+    rows: &mut Vec<Row>,
+    refused: &mut Vec<Vec<String>>,
+) -> Outcome {
+    let variant = robot.variants.first().ok_or("no variant")?;
+    let model = &variant.compiled.model;
+    let start = if variant.closures == "analytic" { Start::None } else { Start::Warm };
+    let mut references = References::new(robot);
+    let (mut cases, mut made) = (Vec::new(), Vec::new());
+    for question in Question::CHOSEN {
+        let plan = Plan::new(model, &question.query())?;
+        let folder = Folder::new(&format!("{}-{}", robot.name, question.name()));
+        let generated = Generated::new(model, &plan, compiler, &folder);
+        let (kernel, code) = match generated {
+            Ok(generated) => {
+                let (alone, bare) = generated.alone()?;
+                let Generated { kernel, operations, .. } = generated;
+                (Some(kernel), Some(Code { operations, in_process: f64::NAN, alone, bare }))
+            }
+            Err(reason) => {
+                let name = robot.name.to_owned();
+                refused.push(vec![name, question.name().to_owned(), reason.to_string()]);
+                (None, None)
+            }
+        };
+        cases.push(Case::new(robot, model, plan.clone(), None));
+        cases.push(Case::new(robot, model, plan, kernel));
+        made.push((question, code));
+    }
+    let times = interleaved(&mut cases, amount.rounds, |_| {})?;
+    let peer = pinocchio(&robot.description, &robot.states, 0, amount.of_peer)?;
+    let runs = if let Peer::Measured { runs, .. } = peer { runs } else { Vec::new() };
+    for (k, (question, mut code)) in made.into_iter().enumerate() {
+        if let Some(code) = &mut code {
+            code.in_process = times[2 * k + 1].median();
+        }
+        let (mut error, want) = (0.0_f64, layout(robot, question));
+        for state in 0..robot.states.len() {
+            let case = &mut cases[2 * k];
+            case.answer(state).ok()?;
+            let key = (question, 0, Start::None);
+            error = worse(error, references.error(key, &want, state, &case.output)?);
+        }
+        let least = EQUAL.max(error);
+        rows.push(Row {
+            robot: robot.name,
+            question,
+            plan: times[2 * k].median(),
+            error,
+            code,
+            peer: fastest(robot, &mut references, (question, start), &runs, least)?,
+        });
+    }
+    Ok(())
+}
+
+/// Nanoseconds of the fastest run of a peer whose largest error is at most `bound`.
+fn fastest(
+    robot: &Robot,
+    references: &mut References<'_>,
+    (question, start): (Question, Start),
+    runs: &[Run],
+    bound: f64,
+) -> Outcome<Option<f64>> {
+    let want = if question == Question::State { only_q(robot) } else { layout(robot, question) };
+    let mut fastest: Option<f64> = None;
+    for run in runs.iter().filter(|run| run.question == question) {
+        let mut worst = 0.0_f64;
+        for (state, answer) in run.answers.iter().enumerate() {
+            let fits = answer.len() == want.len();
+            worst = worse(
+                worst,
+                match fits {
+                    true => references.error((question, 0, start), &want, state, answer)?,
+                    false => f64::NAN,
+                },
+            );
+        }
+        if worst <= bound {
+            fastest = Some(fastest.map_or(run.ns, |ns| ns.min(run.ns)));
+        }
+    }
+    Ok(fastest)
+}
+
+/// Code of one plan: as it is used, and the programs that time it.
+struct Generated {
+    kernel: NativeKernel,
+    operations: usize,
+    /// The test programs of the function, and of it without checks.
+    programs: [sarrus_generate::Built; 2],
+}
+
+impl Generated {
+    fn new(model: &Model, plan: &Plan, compiler: &Compiler, folder: &Folder) -> Outcome<Generated> {
+        let traced = Kernel::trace(model, plan)?;
+        let build = |kernel: &Kernel, name: &str, flags: &[&str]| {
+            let source = Source::new(kernel, model, name);
+            Compiler::write(&source, &folder.0)?;
+            compiler.build(&source, &folder.0, flags)
+        };
+        let checked = build(&traced, "checked", &[])?;
+        let bare = build(&traced.unchecked(), "bare", &["-DSARRUS_PORTABLE", "-DSARRUS_SINGLE"])?;
+        Ok(Generated {
+            kernel: NativeKernel::open(&checked.library, model, plan)?,
+            operations: traced.operations(),
+            programs: [checked, bare],
+        })
+    }
+
+    /// Nanoseconds of a call of both, as their test programs say.
+    fn alone(&self) -> Outcome<(f64, f64)> {
+        let mut least = [f64::INFINITY; 2];
+        for _ in 0..TURNS {
+            for (least, program) in least.iter_mut().zip(&self.programs) {
+                let words = program.test()?;
+                let ns = words.rsplit("; ").next().and_then(|end| end.split(' ').next());
+                let ns: Option<f64> = ns.and_then(|ns| ns.parse().ok());
+                *least = least.min(ns.ok_or_else(|| format!("no time: {words}"))?);
+            }
+        }
+        Ok((least[0], least[1]))
+    }
+}
+
+/// A folder of one build, gone when dropped.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Folder {
+        let process = std::process::id();
+        Folder(std::env::temp_dir().join(format!("sarrus-report-{process}-{name}")))
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test that fails panics")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn code_of_a_robot_is_measured_and_what_has_none_says_why() {
+        let Some(compiler) = Compiler::found() else { return println!("not run: no C compiler") };
+        let amount = Amount { rounds: Duration::from_millis(50), of_peer: 0.001, ..Amount::QUICK };
+        let (mut rows, mut refused) = (Vec::new(), Vec::new());
+        for name in ["lambda", "wrist"] {
+            let robot = Robot::load(Subject::Bundled(name), 4).unwrap();
+            of_robot(&robot, &amount, &compiler, &mut rows, &mut refused).unwrap();
+        }
+        assert_eq!((rows.len(), refused.len()), (6, 3), "{refused:?}");
+        for row in &rows {
+            assert!(row.plan > 0.0 && row.error < 1e-12, "{:?}", row.cells());
+            assert_eq!(row.code.is_some(), row.robot == "lambda", "{:?}", row.cells());
+            if let Some(code) = &row.code {
+                assert!(code.operations > 0 && code.bare > 0.0, "{:?}", row.cells());
+                assert!(code.in_process > 0.0 && code.alone > 0.0, "{:?}", row.cells());
+            }
+        }
+        assert!(summary(&rows).contains("times as fast as the plan"), "{}", summary(&rows));
+    }
+
+    #[test]
+    fn a_peer_that_is_less_exact_does_not_count() {
+        let robot = Robot::load(Subject::Bundled("lambda"), 1).unwrap();
+        let mut references = References::new(&robot);
+        let asked = Question::InverseDynamics;
+        let mut case = {
+            let model = &robot.variants[0].compiled.model;
+            Case::new(&robot, model, Plan::new(model, &asked.query()).unwrap(), None)
+        };
+        assert_eq!(case.call(0), Status::Ok);
+        let run = |ns: f64, off: f64| Run {
+            question: asked,
+            name: "Pinocchio".into(),
+            setting: String::new(),
+            ns,
+            answers: vec![case.output.iter().map(|x| x * (1.0 + off)).collect()],
+        };
+        let runs = [run(10.0, 1e-6), run(30.0, 0.0), run(20.0, 1e-15)];
+        let found = fastest(&robot, &mut references, (asked, Start::None), &runs, EQUAL);
+        assert_eq!(found.unwrap(), Some(20.0));
+    }
+}
