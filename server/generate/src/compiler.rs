@@ -121,9 +121,9 @@ impl Compiler {
         let ended = run(compiler.start().arg("--version"), &compiler.command, log, NAME, cancel)?;
         if !ended.is_success {
             let program = format!("{command} --version");
-            return Err(BuildError::Failed { program, words: ended.words });
+            return Err(BuildError::Failed { program, words: first_line(&ended.words) });
         }
-        compiler.name = ended.words.lines().next().unwrap_or_default().trim().to_owned();
+        compiler.name = first_line(&ended.words);
         Ok(compiler)
     }
 
@@ -193,6 +193,10 @@ impl Built {
         let output = finished(&mut Command::new(&self.test), &name)?;
         Ok(String::from_utf8_lossy(&output.stdout).trim().to_owned())
     }
+}
+
+fn first_line(words: &str) -> String {
+    words.lines().next().unwrap_or_default().trim().to_owned()
 }
 
 /// What was found under each command, or why nothing: a program is asked for its name once.

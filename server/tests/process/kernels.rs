@@ -13,6 +13,7 @@ use sarrus_dynamics::Plan;
 use sarrus_generate::{Cache, Cancel, Compiler, random_input};
 
 use crate::load::system_calls_of_the_busy_loop;
+use crate::supervise::{kill, serving, supervised, two, until};
 use crate::support::{Asker, ROBOT, STATE, Sandbox, Server};
 
 fn local(robot: &str) -> Robot {
@@ -134,6 +135,34 @@ fn a_file_that_is_no_kernel_of_the_robot_starts_no_server_and_the_reason_is_said
     let words = refused(&sandbox, "lambda", &copy);
     assert!(words.contains("No such file"), "{words}");
     assert_eq!(sandbox.leftovers(), Vec::<PathBuf>::new());
+}
+
+#[test]
+fn a_kernel_that_goes_bad_after_the_first_start_is_done_without() {
+    let Some(kernel) = object(ROBOT) else { return };
+    let sandbox = Sandbox::new();
+    let file = sandbox.domain.root().join("kernel.so");
+    fs::create_dir_all(sandbox.domain.root()).unwrap();
+    fs::copy(kernel, &file).unwrap();
+    let flags = ["--short-life", "0", "--kernel", file.to_str().unwrap()];
+    let server = supervised(&sandbox, "worn", &flags);
+    let mut asker = Asker::new(sandbox.connect("worn", Transport::Lane).unwrap());
+    assert_eq!(asker.ask().unwrap().status, Status::Ok);
+    assert_eq!(asker.robot.statistics().unwrap().counts.by_kernel, 1);
+    let bits = asker.bits();
+    two(server.id());
+    fs::write(&file, "no kernel").unwrap();
+    // the first that waits had read it, the second has not
+    for by_kernel in [true, false] {
+        kill(serving(server.id()));
+        let _ = until("an answer", || asker.ask().ok().filter(|one| one.status == Status::Ok));
+        assert_eq!(asker.bits(), bits);
+        assert_eq!(asker.robot.statistics().unwrap().counts.by_kernel > 0, by_kernel);
+        two(server.id());
+    }
+    server.wait_for_line("no kernel of this version of sarrus");
+    fs::remove_file(&file).unwrap();
+    assert!(server.stop("-TERM").success());
 }
 
 /// A server that makes kernels, with its cache in a folder.

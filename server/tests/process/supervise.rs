@@ -13,7 +13,7 @@ use crate::support::{Asker, ROBOT, Sandbox, Server};
 /// Longer than anything here takes on a busy machine.
 const LONG: Duration = Duration::from_secs(20);
 
-fn until<T>(what: &str, mut probe: impl FnMut() -> Option<T>) -> T {
+pub(crate) fn until<T>(what: &str, mut probe: impl FnMut() -> Option<T>) -> T {
     let start = Instant::now();
     while start.elapsed() < LONG {
         if let Some(found) = probe() {
@@ -45,14 +45,14 @@ pub(crate) fn answering_thread(process: u32) -> Option<PathBuf> {
 }
 
 /// The process that serves under a supervisor.
-fn serving(supervisor: u32) -> u32 {
+pub(crate) fn serving(supervisor: u32) -> u32 {
     until("a process that serves", || {
         children(supervisor).into_iter().find(|child| answering_thread(*child).is_some())
     })
 }
 
 /// Waits until there is one process to serve and one that has loaded and waits for its order.
-fn two(supervisor: u32) {
+pub(crate) fn two(supervisor: u32) {
     let waits = |process: &u32| {
         let call = fs::read_to_string(format!("/proc/{process}/wchan")).unwrap_or_default();
         answering_thread(*process).is_none() && call.contains("pipe")
@@ -66,7 +66,7 @@ fn two(supervisor: u32) {
     std::thread::sleep(Duration::from_millis(if blind { 500 } else { 5 }));
 }
 
-fn kill(process: u32) {
+pub(crate) fn kill(process: u32) {
     let id = process.to_string();
     assert!(Command::new("kill").args(["-KILL", &id]).status().unwrap().success());
 }
@@ -75,7 +75,7 @@ fn name(text: &str) -> ServerName {
     ServerName::new(text).unwrap()
 }
 
-fn supervised(sandbox: &Sandbox, name: &str, flags: &[&str]) -> Server {
+pub(crate) fn supervised(sandbox: &Sandbox, name: &str, flags: &[&str]) -> Server {
     sandbox.serve(name, &[&["--supervise"], flags].concat())
 }
 

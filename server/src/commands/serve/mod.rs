@@ -127,10 +127,7 @@ impl Serve {
                 return refuse("serve", &error);
             }
         };
-        options.kernels = match self.kernels(&loaded.compiled.model) {
-            Ok(kernels) => kernels,
-            Err(error) => return self.fail(&error),
-        };
+        let kernels = self.kernels(&loaded.compiled.model);
         let is_whole = |record: &RecordOptions| is_whole(&record.robot, info.fingerprint);
         let is_whole = options.record.as_ref().is_none_or(is_whole);
         let mut warn = true;
@@ -145,6 +142,15 @@ impl Serve {
                 return code;
             }
         }
+        options.kernels = match kernels {
+            Ok(kernels) => kernels,
+            // what went bad since the first start makes answers slow, not wrong
+            Err(error) if !warn => {
+                eprintln!("sarrus serve: warning: {error}; the generic kernels answer");
+                Kernels::default()
+            }
+            Err(error) => return self.fail(&error),
+        };
 
         if warn {
             if !is_whole {
