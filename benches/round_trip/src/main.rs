@@ -4,9 +4,11 @@
 //! ```text
 //! cargo run --release -p sarrus-round-trip                    # some minutes
 //! cargo run --release -p sarrus-round-trip -- --quick --only lane/FD
+//! cargo run --release -p sarrus-round-trip -- --quick --only lane/ID --flooding 3
 //! ```
 
 mod child;
+mod crowd;
 mod floor;
 mod measure;
 
@@ -52,6 +54,12 @@ struct Flags {
     /// The server records to this file, see `sarrus serve --record`.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
+    /// So many other clients have a lane and say nothing.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    idle: usize,
+    /// So many other clients always have a batch of 1024 states under way.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    flooding: usize,
     #[arg(long, hide = true)]
     child: Option<child::Role>,
     /// Processors of the child: it inherits the one that its parent is tied to.
@@ -80,8 +88,9 @@ fn main() -> ExitCode {
 }
 
 fn run(flags: &Flags) -> Outcome {
-    let mut effort = if flags.quick { Effort::QUICK } else { Effort::FULL };
+    let mut effort = Effort::new(flags.quick);
     effort.record = flags.record.clone();
+    effort.crowd = crowd::Numbers { idle: flags.idle, flooding: flags.flooding };
     let progress = Progress::silent();
     let cores = Cores::choose()?;
     cores.pin_client();

@@ -21,7 +21,10 @@ const QUICK: Duration = Duration::from_millis(250);
 /// One attempt to exchange something with a run of the server.
 struct Attempt<'a> {
     session: &'a mut Session,
-    to: BatchHead,
+    /// The run's number of the plan.
+    plan: u32,
+    fingerprint: u64,
+    sequence: &'a mut u64,
     options: &'a ConnectOptions,
     deadline: &'a mut Option<Instant>,
 }
@@ -95,8 +98,10 @@ impl Remote {
     ) -> Result<Answer, Error> {
         let query = prepared.at(place).ok_or(Error::ReleasedPlan)?.query();
         let terms = Terms::of(query, self.options.deadline);
-        self.exchange(prepared, place, |Attempt { session, to, options, deadline }| {
-            let head = terms.head(to.plan, to.fingerprint, to.sequence, input);
+        self.exchange(prepared, place, |attempt| {
+            let Attempt { session, plan, fingerprint, sequence, options, deadline } = attempt;
+            *sequence += 1;
+            let head = terms.head(plan, fingerprint, *sequence, input);
             Ok(match session.exchange(&head, input, output, options, deadline) {
                 Exchange::Answered(answer) => {
                     Exchange::Answered(terms.read(&head, &answer, output, seen))
@@ -118,9 +123,11 @@ impl Remote {
         output: &mut [f64],
         answers: &mut [Answer],
     ) -> Result<(), Error> {
-        self.exchange(prepared, place, |Attempt { session, to, options, deadline }| {
-            let head = BatchHead { rows: shape.rows() as u64, ..to };
-            session.exchange_batch(&head, shape, (input, output, answers), options, deadline)
+        self.exchange(prepared, place, |attempt| {
+            let Attempt { session, plan, fingerprint, options, deadline, .. } = attempt;
+            let (version, rows) = (PROTOCOL_VERSION, shape.rows() as u64);
+            let head = BatchHead { version, plan, fingerprint, sequence: 0, rows };
+            session.exchange_batch(head, shape, (input, output, answers), options, deadline)
         })?;
         Ok(())
     }
@@ -144,15 +151,9 @@ impl Remote {
             let Remote { session: Some(session), options, fingerprint, sequence, .. } = self else {
                 continue;
             };
-            *sequence += 1;
-            let to = BatchHead {
-                version: PROTOCOL_VERSION,
-                plan: session.number(place).ok_or(Error::ReleasedPlan)?,
-                fingerprint: *fingerprint,
-                sequence: *sequence,
-                rows: 1,
-            };
-            match attempt(Attempt { session, to, options, deadline: &mut deadline })? {
+            let plan = session.number(place).ok_or(Error::ReleasedPlan)?;
+            let (fingerprint, deadline) = (*fingerprint, &mut deadline);
+            match attempt(Attempt { session, plan, fingerprint, sequence, options, deadline })? {
                 Exchange::Answered(answer) => return Ok(answer),
                 Exchange::Lost => self.session = None,
                 Exchange::TimedOut => {

@@ -17,8 +17,8 @@ use crate::{ConnectError, ConnectOptions, Error, Transport};
 pub(crate) struct Session {
     /// The server's number of each plan, by its place.
     pub(crate) plans: Vec<Option<u32>>,
-    /// Where batches go, once one was asked; it goes with the end.
-    batch: Option<ClaimedBatch>,
+    /// Where batches go, once one was asked, and how many went; it goes with the end.
+    batch: Option<(ClaimedBatch, u64)>,
     // before the connection, whose end tells the server to take its side down
     end: End,
     pub(crate) control: Control,
@@ -178,23 +178,26 @@ impl Session {
 
 impl Session {
     /// Asks for rows that go together and waits for all of them; the status is that of the batch.
+    /// The sequence is the area's own.
     pub(crate) fn exchange_batch(
         &mut self,
-        head: &BatchHead,
+        mut head: BatchHead,
         shape: &BatchShape,
         (input, output, answers): (&[f64], &mut [f64], &mut [Answer]),
         options: &ConnectOptions,
         deadline: &mut Option<Instant>,
     ) -> Result<Exchange<Status>, Error> {
-        let area = match &mut self.batch {
-            Some(area) => area,
+        let (area, sequence) = match &mut self.batch {
+            Some(batch) => batch,
             none => match self.control.batch(deadline_after(options.timeout)) {
-                Ok(area) => none.insert(area),
+                Ok(area) => none.insert((area, 0)),
                 Err(error) if error.may_pass() => return Ok(Exchange::Lost),
                 Err(error) => return Err(error.into()),
             },
         };
-        area.send(head, shape, input);
+        *sequence += 1;
+        head.sequence = *sequence;
+        area.send(&head, shape, input);
         let (mut waiter, mut done) = (Waiter::new(options.wait_strategy), area.done());
         loop {
             if let Some(status) = area.answer(head.sequence) {
