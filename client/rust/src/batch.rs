@@ -138,6 +138,10 @@ fn answer_all(batches: &mut [Batch], rows: Rows<'_>) {
             batch.run(tile.input, tile.output, tile.answers);
         }
     };
+    // a scope of threads takes a block of memory
+    if others.is_empty() {
+        return work(own);
+    }
     thread::scope(|scope| {
         for batch in others {
             // a thread that cannot be started leaves its tiles to the others

@@ -83,7 +83,7 @@ fn local(robot: &str) -> Robot {
 #[test]
 fn rows_of_a_batch_have_the_bits_of_single_answers() {
     let sandbox = Sandbox::new();
-    for robot in ["lambda", "torso", ROBOT, "wrist"] {
+    for robot in ["lambda", ROBOT, "wrist"] {
         let server = sandbox.serve_robot(robot, "rows", &[]);
         let mut here = local(robot);
         for transport in [Transport::Lane, Transport::Service] {
@@ -96,7 +96,7 @@ fn rows_of_a_batch_have_the_bits_of_single_answers() {
             {
                 let query = query.with_options(options);
                 // more than one batch of the server, and no whole tile at the end
-                let n = 2 * MAX_BATCH_ROWS + 251;
+                let n = MAX_BATCH_ROWS + 251;
                 let [of_here, plan] = [&mut here, &mut there].map(|x| x.prepare(&query).unwrap());
                 let mut expected = Rows::of(&here, of_here, n);
                 expected.ask_of(&mut here, of_here).unwrap();
@@ -106,7 +106,7 @@ fn rows_of_a_batch_have_the_bits_of_single_answers() {
 
                 // and of those that are asked alone
                 let (n_in, n_out) = (rows.input.len() / n, rows.output.len() / n);
-                for row in (0..n).step_by(13) {
+                for row in (0..n).step_by(29) {
                     let mut alone = Rows {
                         input: rows.input[row * n_in..][..n_in].to_vec(),
                         output: vec![0.0; n_out],
@@ -121,9 +121,9 @@ fn rows_of_a_batch_have_the_bits_of_single_answers() {
                     statuses[usize::from(answer.status != Status::Ok)] += 1;
                 }
             }
-            assert!(statuses.iter().all(|count| *count > 1000), "{robot}: {statuses:?}");
+            assert!(statuses.iter().all(|count| *count > 500), "{robot}: {statuses:?}");
             let counts = there.statistics().unwrap().counts;
-            assert!(counts.batch_states >= 4 * 2 * MAX_BATCH_ROWS as u64, "{counts:?}");
+            assert!(counts.batch_states >= 4 * MAX_BATCH_ROWS as u64, "{counts:?}");
         }
         assert!(server.stop("-TERM").success());
     }
