@@ -70,6 +70,9 @@ pub enum Call {
     Service,
     /// The client's end of the service is there: requests may come.
     Serve,
+    /// An area for [batches](crate::batch), beside the lane or the service of this connection, with
+    /// which it goes; the answer carries its descriptor.
+    Batch,
     /// Give back the lane or the service of this connection; it is polled no more when this is
     /// answered.
     Leave,
@@ -140,6 +143,8 @@ pub enum Grant {
     },
     /// To [`Call::Serve`].
     Served,
+    /// To [`Call::Batch`]: it is there.
+    Batch,
     /// To [`Call::Leave`].
     Left,
     /// To [`Call::Statistics`].
@@ -180,7 +185,8 @@ pub enum Refusal {
         /// How many there are.
         limit: usize,
     },
-    /// The connection has no service that waits for its client.
+    /// The connection has no service that waits for its client, or none and no lane that batches
+    /// could go beside.
     NoEnd,
     /// The server has as many connections as it takes.
     TooManyClients {
@@ -325,6 +331,7 @@ mod tests {
             Call::Lane { n_in: 1, n_out: usize::MAX },
             Call::Service,
             Call::Serve,
+            Call::Batch,
             Call::Leave,
             Call::Statistics,
         ];

@@ -19,6 +19,8 @@ pub mod watch;
 mod wire_enum;
 
 #[cfg(feature = "transport")]
+pub mod batch;
+#[cfg(feature = "transport")]
 pub mod board;
 #[cfg(feature = "transport")]
 pub mod bridge;
@@ -32,6 +34,8 @@ mod domain;
 pub mod heartbeat;
 #[cfg(feature = "transport")]
 pub mod lane;
+#[cfg(feature = "transport")]
+mod mapping;
 #[cfg(feature = "transport")]
 pub mod message;
 #[cfg(feature = "transport")]

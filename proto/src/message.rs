@@ -6,7 +6,7 @@ use crate::{Status, Warnings};
 
 /// Version of everything on the wire; a change of any payload raises it, together with the type
 /// names in `lane.rs`.
-pub const PROTOCOL_VERSION: u32 = 6;
+pub const PROTOCOL_VERSION: u32 = 7;
 /// Plans that one server holds at one time; a power of two, see [`PlanNumber`].
 pub const MAX_PLANS: usize = 1024;
 /// Numbers that one request can carry: y, ẏ, ÿ and a guess of a thousand joints.
@@ -173,6 +173,8 @@ pub struct Counts<N = u64> {
     pub lane_requests: N,
     /// Requests answered through the service.
     pub service_requests: N,
+    /// States answered in batches.
+    pub batch_states: N,
     /// Answers by number of the [`Status`].
     pub statuses: [N; N_STATUSES],
     /// Answers that were published after the deadline of their requests.
@@ -184,10 +186,12 @@ pub struct Counts<N = u64> {
 impl<N> Counts<N> {
     /// Every counter converted.
     pub fn map<M>(&self, f: impl Fn(&N) -> M) -> Counts<M> {
-        let Counts { lane_requests, service_requests, statuses, late, by_kernel } = self;
+        let Counts { lane_requests, service_requests, batch_states, statuses, late, by_kernel } =
+            self;
         Counts {
             lane_requests: f(lane_requests),
             service_requests: f(service_requests),
+            batch_states: f(batch_states),
             statuses: statuses.each_ref().map(&f),
             late: f(late),
             by_kernel: f(by_kernel),
@@ -202,7 +206,7 @@ pub struct Statistics {
     pub uptime: f64,
     /// What the thread that answers counted.
     pub counts: Counts,
-    /// Time from finding a request to publishing its answer `[ns]`: p50, p90, p99, p99.9 and the
+    /// Time from finding a request of one state to publishing its answer `[ns]`: p50, p90, p99, p99.9 and the
     /// largest, to about 6 %.
     pub latency_ns: [u64; 5],
     /// Lanes that clients hold or are about to.
@@ -248,8 +252,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn payloads_keep_the_sizes_of_version_6() {
-        assert_eq!(PROTOCOL_VERSION, 6);
+    fn payloads_keep_the_sizes_of_version_7() {
+        assert_eq!(PROTOCOL_VERSION, 7);
         assert_eq!(size_of::<RequestHead>(), 48);
         assert_eq!(size_of::<ResponseHead>(), 32);
         assert_eq!(size_of::<LaneRequest<16>>(), 48 + 8 * 16);

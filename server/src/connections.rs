@@ -1,5 +1,5 @@
 //! The clients of a run: each a connection of the control socket, with the plans that it holds and
-//! at most one end, a lane or a service of its own.
+//! at most one end, a lane or a service of its own, and beside that an area for batches.
 //!
 //! Everything that a client has hangs on its connection. The kernel closes that when the client
 //! dies, whatever it was doing; then its end is taken back from the answering thread, and its link
@@ -7,11 +7,13 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
+use std::os::fd::OwnedFd;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
 
 use rtrb::{Consumer, Producer};
 use rustix::event::{PollFd, PollFlags, poll};
+use sarrus_proto::batch::ServedBatch;
 use sarrus_proto::board::ServedLane;
 use sarrus_proto::control::Refusal;
 use sarrus_proto::lane::Threadsafe;
@@ -21,9 +23,11 @@ use sarrus_proto::service::{ComputeServer, serve_compute};
 use sarrus_proto::socket::{ControlListener, ControlSocket, MAX_MESSAGE, timespec};
 
 use crate::arrivals::Arrivals;
+use crate::batches::Batches;
 use crate::events;
 use crate::hot::{End, Order, Retired};
 use crate::places::Place;
+use crate::record::Client;
 use crate::refusals::{failed, no_space, take_down};
 
 /// Connections without a lane or a service that a server takes besides.
@@ -50,6 +54,8 @@ pub(crate) struct Connection {
     pub(crate) is_over: bool,
     /// The server's port of a service whose client has not opened its own.
     unserved: Option<ComputeServer<Threadsafe>>,
+    /// Its area for batches, which goes with its end.
+    pub(crate) batches: Option<OwnedFd>,
 }
 
 /// All clients of a run.
@@ -178,6 +184,7 @@ impl Connections {
                     surplus_since: is_surplus.then(Instant::now),
                     is_over: false,
                     unserved: None,
+                    batches: None,
                 };
                 self.clients.insert(self.numbers, client);
             }
@@ -209,6 +216,10 @@ impl Connections {
     /// Takes back what the answering thread returned; call it often.
     pub(crate) fn collect(&mut self) {
         while let Ok((index, end)) = self.retired.pop() {
+            if matches!(end, End::Batches(_)) {
+                // its place is that of another end
+                continue;
+            }
             if matches!(end, End::Broken) {
                 let mut clients = self.clients.values_mut();
                 if let Some(client) = clients.find(|client| client.place == Some(index)) {
@@ -230,13 +241,14 @@ impl Connections {
     fn give_back(&mut self, number: u64) {
         let Some(client) = self.clients.get_mut(&number) else { return };
         let Some(index) = client.place.take() else { return };
+        client.batches = None;
         match client.unserved.take() {
             Some(port) => {
                 take_down(port);
                 self.free(index);
             }
             None => {
-                // room for two orders of each place: full means that the answering thread is gone
+                // room for three orders of each place: full means that the answering thread is gone
                 let _ = self.orders.push(Order::Retire { place: index });
                 if let Some(place) = &mut self.places[index] {
                     place.is_leaving = true;
@@ -325,6 +337,24 @@ impl Connections {
             return Err(Refusal::NoEnd);
         }
         self.serve(number, index, End::Service(port))
+    }
+
+    /// Makes an area for batches beside what a client has, where it has none yet.
+    pub(crate) fn make_batches(&mut self, number: u64) -> Result<(), Refusal> {
+        let lanes = self.lanes();
+        let client = self.clients.get_mut(&number).ok_or(Refusal::NoEnd)?;
+        let (Some(place), None) = (client.place, &client.unserved) else {
+            return Err(Refusal::NoEnd);
+        };
+        if client.batches.is_none() {
+            let (area, memory) = ServedBatch::create().map_err(|error| no_space(&error))?;
+            let is_lane = lanes.contains(&place);
+            let who = if is_lane { Client::Lane(place as u32) } else { Client::Service };
+            let end = End::Batches(Batches::new(area, who));
+            self.orders.push(Order::Serve { place, end }).map_err(|_| Refusal::Stopping)?;
+            client.batches = Some(memory);
+        }
+        Ok(())
     }
 
     fn serve(&mut self, number: u64, index: usize, end: End) -> Result<(), Refusal> {

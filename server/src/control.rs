@@ -77,7 +77,12 @@ impl Control {
             Some(Err((head, refusal))) => (head, 0, Err(refusal)),
             None => (CallHead::default(), 0, Err(Refusal::UnknownCall)),
         };
-        let descriptor = matches!(outcome, Ok(Grant::Hello { .. })).then(|| self.heartbeat.as_fd());
+        let connection = self.connections.get(client);
+        let descriptor = match &outcome {
+            Ok(Grant::Hello { .. }) => Some(self.heartbeat.as_fd()),
+            Ok(Grant::Batch) => connection.and_then(|one| one.batches.as_ref()).map(AsFd::as_fd),
+            _ => None,
+        };
         let response = ControlResponse {
             version: PROTOCOL_VERSION,
             nonce: head.nonce,
@@ -86,10 +91,8 @@ impl Control {
             instance: self.run.instance(),
             outcome,
         };
-        let sent = self
-            .connections
-            .get(client)
-            .map(|connection| connection.socket.send(&response.to_bytes(), descriptor));
+        let sent =
+            connection.map(|connection| connection.socket.send(&response.to_bytes(), descriptor));
         events::answered(client, &response.outcome);
         let is_surplus = matches!(response.outcome, Err(Refusal::TooManyClients { .. }));
         if is_surplus || !matches!(sent, Some(Ok(()))) {
@@ -150,6 +153,10 @@ impl Control {
             Call::Serve => {
                 self.connections.serve_service(client)?;
                 Ok(Grant::Served)
+            }
+            Call::Batch => {
+                self.connections.make_batches(client)?;
+                Ok(Grant::Batch)
             }
             Call::Leave => {
                 self.connections.leave(client);

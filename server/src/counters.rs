@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use hdrhistogram::Histogram;
 use quanta::Clock;
 use sarrus_proto::message::Counts;
+use sarrus_proto::{Answer, Status};
 
 /// Buckets of latency: sixteen for each doubling of the counter's ticks.
 const N_BUCKETS: usize = 640;
@@ -40,13 +41,32 @@ impl Counters {
     /// the answer.
     #[inline]
     pub(crate) fn record(&self, transport: Transport, status: u32, ticks: u64) {
-        let Counts { lane_requests, service_requests, statuses, .. } = &self.counts;
+        let Counts { lane_requests, service_requests, .. } = &self.counts;
         match transport {
             Transport::Lane => add_one(lane_requests),
             Transport::Service => add_one(service_requests),
         }
-        add_one(&statuses[(status as usize).min(statuses.len() - 1)]);
+        self.count(status);
         add_one(&self.buckets[bucket_of(ticks)]);
+    }
+
+    /// Counts the states of a tile of a batch.
+    pub(crate) fn record_states(&self, answers: &[Answer]) {
+        for answer in answers {
+            add_one(&self.counts.batch_states);
+            self.count(answer.status as u32);
+        }
+    }
+
+    /// Counts a batch that was refused.
+    pub(crate) fn record_refused(&self, status: Status) {
+        self.count(status as u32);
+    }
+
+    #[inline]
+    fn count(&self, status: u32) {
+        let statuses = &self.counts.statuses;
+        add_one(&statuses[(status as usize).min(statuses.len() - 1)]);
     }
 
     /// How many answers kernels have given.

@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use rtrb::{Consumer, Producer, PushError};
-use sarrus_dynamics::{Model, Workspace};
+use sarrus_dynamics::scalar::LANES;
+use sarrus_dynamics::{BatchWorkspace, Model};
+use sarrus_proto::batch::{BatchHead, BatchShape, ServedBatch};
 use sarrus_proto::checksum::of_request;
 use sarrus_proto::message::{
     ComputeRequest, MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, PlanNumber, RequestHead,
@@ -25,15 +27,14 @@ pub(crate) enum Input<'a> {
 
 /// Everything that answering needs; belongs to the answering thread.
 pub(crate) struct Engine {
-    model: Arc<Model<f64>>,
     /// By their slots.
     plans: Box<[Option<Box<ServedPlan>>]>,
     orders: Consumer<PlanOrder>,
     retired: Producer<Box<ServedPlan>>,
-    workspace: Workspace<f64>,
+    workspace: BatchWorkspace,
     scratch: Vec<f64>,
-    /// Where answers with a checksum, and recorded ones, come to be: the memory they go to is not
-    /// ours alone.
+    /// Where answers with a checksum, recorded ones, and those of batches come to be: the memory
+    /// they go to is not ours alone.
     private: Vec<f64>,
     /// Copies what is asked and answered, where that is recorded.
     pub(crate) recorder: Option<Recorder>,
@@ -57,21 +58,11 @@ impl Engine {
         orders: Consumer<PlanOrder>,
         retired: Producer<Box<ServedPlan>>,
     ) -> Engine {
-        let workspace = Workspace::new(&model);
+        let workspace = BatchWorkspace::new(&model, MAX_NUMBERS_IN, MAX_NUMBERS_OUT);
         let plans = (0..MAX_PLANS).map(|_| None).collect();
-        let (scratch, private) = (vec![0.0; MAX_NUMBERS_IN], vec![0.0; MAX_NUMBERS_OUT]);
+        let [scratch, private] = [MAX_NUMBERS_IN, MAX_NUMBERS_OUT].map(|n| vec![0.0; LANES * n]);
         let recorder = None;
-        Engine {
-            model,
-            plans,
-            orders,
-            retired,
-            workspace,
-            scratch,
-            private,
-            recorder,
-            by_kernel: 0,
-        }
+        Engine { plans, orders, retired, workspace, scratch, private, recorder, by_kernel: 0 }
     }
 
     /// Takes new plans and gives back old ones. Nobody ever blocks on these channels.
@@ -159,6 +150,22 @@ impl Engine {
         }
     }
 
+    /// The gate: the slot of the plan that is asked.
+    #[inline]
+    fn admit(&mut self, version: u32, fingerprint: u64, plan: u32) -> Result<usize, Status> {
+        if version != PROTOCOL_VERSION {
+            return Err(Status::BadRequest);
+        }
+        if fingerprint != self.workspace.model().fingerprint() {
+            return Err(Status::WrongModel);
+        }
+        let number = PlanNumber(plan);
+        if !self.has(number) {
+            return Err(Status::UnknownRequest);
+        }
+        Ok(number.slot())
+    }
+
     #[inline]
     fn run(
         &mut self,
@@ -166,19 +173,8 @@ impl Engine {
         input: Input<'_>,
         output: &mut [f64],
     ) -> Result<Ran, Status> {
-        // the gate
-        if head.version != PROTOCOL_VERSION {
-            return Err(Status::BadRequest);
-        }
-        if head.fingerprint != self.model.fingerprint() {
-            return Err(Status::WrongModel);
-        }
-        let number = PlanNumber(head.plan);
-        if !self.has(number) {
-            return Err(Status::UnknownRequest);
-        }
-        let Some(ServedPlan { plan, kernel, checks, .. }) = self.plans[number.slot()].as_deref()
-        else {
+        let slot = self.admit(head.version, head.fingerprint, head.plan)?;
+        let Some(ServedPlan { plan, kernel, checks, .. }) = self.plans[slot].as_deref() else {
             return Err(Status::UnknownRequest);
         };
 
@@ -211,7 +207,7 @@ impl Engine {
                 self.by_kernel += 1;
                 answer
             }
-            None => plan.run(&self.model, &mut self.workspace, input, output),
+            None => self.workspace.run_one(plan, input, output),
         };
         if let Some(recorder) = &mut self.recorder {
             recorder.record(head, plan.query(), input, output, answer);
@@ -219,6 +215,79 @@ impl Engine {
         let Answer { status, warnings } = answer;
         Ok(Ran { status, warnings, n_out, is_private, checks })
     }
+}
+
+/// What was answered of a batch at once.
+pub(crate) struct Tile<'a> {
+    pub(crate) answers: &'a [Answer],
+    /// The batch is answered whole.
+    pub(crate) is_last: bool,
+}
+
+impl Engine {
+    /// Checks a batch and answers the tile of it that begins at row `first`: as many states as its
+    /// plan takes abreast. Why the batch has no answer where it has none. Never allocates, never
+    /// panics; the rows of a tile are read once, and written when all of them are answered.
+    pub(crate) fn answer_tile<'a>(
+        &mut self,
+        head: &BatchHead,
+        first: usize,
+        area: &ServedBatch,
+        answers: &'a mut [Answer; LANES],
+    ) -> Result<Tile<'a>, Status> {
+        let tile = self.run_tile(head, first, area, answers);
+        if let (Err(status), Some(recorder)) = (&tile, &mut self.recorder) {
+            recorder.record_refusal(&single(head), *status);
+            recorder.commit();
+        }
+        tile
+    }
+
+    fn run_tile<'a>(
+        &mut self,
+        head: &BatchHead,
+        first: usize,
+        area: &ServedBatch,
+        answers: &'a mut [Answer; LANES],
+    ) -> Result<Tile<'a>, Status> {
+        // also of a tile that is not the first: its client may have released the plan meanwhile
+        let slot = self.admit(head.version, head.fingerprint, head.plan)?;
+        let Some(ServedPlan { plan, checks, .. }) = self.plans[slot].as_deref() else {
+            return Err(Status::UnknownRequest);
+        };
+        if *checks {
+            // there is none
+            return Err(Status::CorruptAnswer);
+        }
+        let (n_in, n_out) = (plan.given().len(), plan.want().len());
+        let shape = BatchShape::new(head.rows, n_in, n_out).ok_or(Status::WrongSize)?;
+
+        // from the area and back to it
+        let rows = plan.abreast().min(shape.rows().saturating_sub(first));
+        let input = self.scratch.get_mut(..rows * n_in).ok_or(Status::WrongSize)?;
+        let output = self.private.get_mut(..rows * n_out).ok_or(Status::WrongSize)?;
+        let answers = answers.get_mut(..rows).ok_or(Status::WrongSize)?;
+        area.read(&shape, first, input);
+        self.workspace.run(plan, input, output, answers);
+        area.write(&shape, first, answers, output);
+
+        // each row as a request of its own
+        if let Some(recorder) = &mut self.recorder {
+            for (row, answer) in answers.iter().enumerate() {
+                let (input, output) =
+                    (&input[row * n_in..][..n_in], &output[row * n_out..][..n_out]);
+                recorder.record(&single(head), plan.query(), input, output, *answer);
+                recorder.commit();
+            }
+        }
+        Ok(Tile { answers, is_last: first + rows >= shape.rows() })
+    }
+}
+
+/// The head of a row of a batch.
+fn single(head: &BatchHead) -> RequestHead {
+    let BatchHead { version, plan, fingerprint, sequence, rows: _ } = *head;
+    RequestHead { version, plan, fingerprint, sequence, ..RequestHead::default() }
 }
 
 /// An answer without numbers.

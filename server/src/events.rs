@@ -52,6 +52,7 @@ pub(crate) fn answered(client: u64, outcome: &Result<Grant, Refusal>) {
         Ok(Grant::Lane { link, .. }) => debug!(client, link, "lane"),
         Ok(Grant::Service { link }) => debug!(client, link, "service"),
         Ok(Grant::Served) => debug!(client, "service is polled"),
+        Ok(Grant::Batch) => debug!(client, "batches are polled"),
         Ok(Grant::Left) => debug!(client, "lane or service given back"),
         Ok(Grant::Hello { .. } | Grant::Page { .. } | Grant::Statistics(_)) => {}
         Err(reason) => warn!(client, ?reason, "refused"),

@@ -6,10 +6,14 @@
 //! (and the system's for a heartbeat and for a request with a stamp), and in busy mode makes no
 //! system call. What comes and goes is mapped and unmapped beside it.
 //!
+//! Batches are answered tile by tile: after each sweep one tile of one of them, in turns. So a
+//! client with a lane or a service waits for one tile at most, however many batches are under way.
+//!
 //! Overload: work is bounded by the number of clients, so requests wait, at most for one request of
 //! each other client. A client that gives up a request and asks again before the server took it is
 //! answered `overloaded` by its own side of the service; through a lane its newer request
-//! replaces the one that it gave up. Nothing else is ever dropped.
+//! replaces the one that it gave up. A client that asks for a batch before the last one was
+//! answered has lost that one, and hears `overloaded` for the other. Nothing else is ever dropped.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -26,6 +30,7 @@ use sarrus_proto::message::{RequestHead, ResponseHead};
 use sarrus_proto::service::ComputeServer;
 
 use crate::Wait;
+use crate::batches::Batches;
 use crate::counters::{Counters, Transport};
 use crate::engine::{Engine, Input, refuse};
 use crate::record::Client;
@@ -52,6 +57,8 @@ pub(crate) enum End {
     /// With the sequence of the last request: an entry may be seen twice while it is written.
     Lane(ServedLane, u64),
     Service(ComputeServer<Threadsafe>),
+    /// Beside one of the others.
+    Batches(Batches),
     /// Of a client that has overwritten the transport's records.
     Broken,
 }
@@ -60,7 +67,7 @@ pub(crate) enum End {
 pub(crate) enum Order {
     /// Poll this end from now on.
     Serve { place: usize, end: End },
-    /// Give the end back.
+    /// Give back what there is in this place.
     Retire { place: usize },
 }
 
@@ -78,6 +85,8 @@ pub(crate) struct Hot {
     pub(crate) engine: Engine,
     /// What is polled, with its place; there is room for all.
     pub(crate) ends: Vec<Retired>,
+    /// Which of these comes first when the next tile of a batch is answered.
+    pub(crate) next: usize,
     pub(crate) orders: Consumer<Order>,
     pub(crate) retired: Producer<Retired>,
     pub(crate) heartbeat: HeartbeatWriter,
@@ -135,7 +144,8 @@ impl Hot {
         }
     }
 
-    /// Looks at each client once, and answers what waits; how many requests there were.
+    /// Looks at each client once, and answers what waits and a tile of a batch; how many of these
+    /// there were.
     fn sweep(&mut self, stopping: bool) -> usize {
         let Hot { engine, ends, shared, clock, .. } = self;
         let (mut answered, mut broken) = (0, None);
@@ -144,7 +154,7 @@ impl Hot {
             let look = catch_unwind(AssertUnwindSafe(|| match end {
                 End::Lane(lane, last) => poll_lane(lane, last, *place, engine, clock, stopping),
                 End::Service(port) => poll_service(port, engine, clock, stopping),
-                End::Broken => None,
+                End::Batches(_) | End::Broken => None,
             }));
             let turn = match look {
                 Ok(Some(turn)) => turn,
@@ -166,17 +176,41 @@ impl Hot {
         if let Some(index) = broken {
             self.give_up(index);
         }
-        answered
+        answered + usize::from(self.answer_tile(stopping))
+    }
+
+    /// Answers one tile of one batch, if any is under way; the others' turns come first next time.
+    fn answer_tile(&mut self, stopping: bool) -> bool {
+        let Hot { engine, ends, shared, clock, next, .. } = self;
+        for index in (*next..ends.len()).chain(0..(*next).min(ends.len())) {
+            if let Some((_, End::Batches(batches))) = ends.get_mut(index)
+                && batches.turn(engine, &shared.counters, clock, stopping)
+            {
+                *next = index + 1;
+                return true;
+            }
+        }
+        false
     }
 
     /// An end that the transport cannot work with any more is not touched again, not even to be
     /// taken down; its client is.
     #[cold]
     fn give_up(&mut self, index: usize) {
-        if let Some((_, end)) = self.ends.get_mut(index) {
+        if let Some((place, end)) = self.ends.get_mut(index) {
             std::mem::forget(std::mem::replace(end, End::Broken));
+            let place = *place;
+            self.retire_all(place);
         }
-        self.retire(index);
+    }
+
+    /// Gives back all that a place has.
+    fn retire_all(&mut self, place: usize) {
+        for index in (0..self.ends.len()).rev() {
+            if self.ends[index].0 == place {
+                self.retire(index);
+            }
+        }
     }
 
     fn retire(&mut self, index: usize) {
@@ -192,16 +226,14 @@ impl Hot {
         self.engine.obey();
         while let Ok(order) = self.orders.pop() {
             match order {
-                // never more than there is room for: a place is served once
+                // never more than there is room for: a place has one end, and one for batches
                 Order::Serve { place, end } => {
-                    self.shared.counters.forget_late(place);
+                    if !matches!(end, End::Batches(_)) {
+                        self.shared.counters.forget_late(place);
+                    }
                     self.ends.push((place, end));
                 }
-                Order::Retire { place } => {
-                    if let Some(index) = self.ends.iter().position(|(one, _)| *one == place) {
-                        self.retire(index);
-                    }
-                }
+                Order::Retire { place } => self.retire_all(place),
             }
         }
     }
@@ -307,3 +339,6 @@ impl Ticks {
         Ticks((span.as_nanos() as u64).saturating_mul(1_000_000) / ns_per_million)
     }
 }
+
+#[cfg(test)]
+mod tests;

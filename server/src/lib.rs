@@ -9,6 +9,7 @@
 //! bounded channels, never in a lock. What all but the answering thread log is in `events.rs`.
 
 mod arrivals;
+mod batches;
 mod bus_guard;
 mod connections;
 mod control;

@@ -130,9 +130,9 @@ fn run(
     let shared = Arc::new(Shared { counters, stopping: AtomicBool::new(false) });
     let (plan_orders_in, plan_orders) = RingBuffer::new(MAX_ORDERS);
     let (retired_plans, retired_plans_out) = RingBuffer::new(MAX_PLANS);
-    // an end is ordered there and back before its place is free again
-    let (orders_in, orders) = RingBuffer::new(2 * places);
-    let (retired, retired_out) = RingBuffer::new(places);
+    // an end and one for batches are ordered there, and both back, before their place is free again
+    let (orders_in, orders) = RingBuffer::new(3 * places);
+    let (retired, retired_out) = RingBuffer::new(2 * places);
     let heartbeat = HeartbeatWriter::new().map_err(ServeError::Heartbeat)?;
     let heartbeat_reader = heartbeat.reader_descriptor().map_err(ServeError::Heartbeat)?;
     let clock = Clock::new();
@@ -150,7 +150,8 @@ fn run(
     });
     let hot = Hot {
         engine,
-        ends: Vec::with_capacity(places),
+        ends: Vec::with_capacity(2 * places),
+        next: 0,
         orders,
         retired,
         heartbeat,

@@ -1,9 +1,12 @@
 //! The wire contract, number by number: what a client of another build or language counts on.
 
+use std::fs::File;
 use std::mem::{align_of, offset_of, size_of};
+use std::os::unix::fs::FileExt;
 
-use sarrus_dynamics::{Field, FieldSet, Layout, Query, Request, Sizes, Status};
+use sarrus_dynamics::{Answer, Field, FieldSet, Layout, Query, Request, Sizes, Status, Warnings};
 use sarrus_proto::actuators::{MechanismState, Operation, Reason};
+use sarrus_proto::batch::{BATCH_WORDS, BatchHead, BatchShape, ClaimedBatch, ServedBatch};
 use sarrus_proto::control::{
     Call, CallHead, ControlRequest, ControlResponse, Grant, Refusal, query_hash,
 };
@@ -123,7 +126,7 @@ fn statuses_and_requests_keep_their_numbers_and_names() {
 
 #[test]
 fn calls_and_their_answers_keep_their_words() {
-    assert_eq!(PROTOCOL_VERSION, 6);
+    assert_eq!(PROTOCOL_VERSION, 7);
     let head = CallHead { version: PROTOCOL_VERSION, nonce: 7 };
     let text = |call| ControlRequest { head, fingerprint: 1, call }.to_bytes();
     let calls = [
@@ -133,11 +136,12 @@ fn calls_and_their_answers_keep_their_words() {
         (Call::Lane { n_in: 39, n_out: 13 }, r#"{"lane":{"n_in":39,"n_out":13}}"#),
         (Call::Service, r#""service""#),
         (Call::Serve, r#""serve""#),
+        (Call::Batch, r#""batch""#),
         (Call::Leave, r#""leave""#),
         (Call::Statistics, r#""statistics""#),
     ];
     for (call, words) in calls {
-        let expected = format!(r#"{{"version":6,"nonce":7,"fingerprint":1,"call":{words}}}"#);
+        let expected = format!(r#"{{"version":7,"nonce":7,"fingerprint":1,"call":{words}}}"#);
         assert_eq!(String::from_utf8(text(call)).unwrap(), expected);
     }
     let refusals = [
@@ -166,7 +170,7 @@ fn calls_and_their_answers_keep_their_words() {
     };
     for (refusal, words) in refusals {
         let expected = format!(
-            r#"{{"version":6,"nonce":7,"query":0,"fingerprint":1,"instance":2,"outcome":{{"Err":{words}}}}}"#
+            r#"{{"version":7,"nonce":7,"query":0,"fingerprint":1,"instance":2,"outcome":{{"Err":{words}}}}}"#
         );
         let bytes = answer(Err(refusal)).to_bytes();
         assert_eq!(String::from_utf8(bytes).unwrap(), expected);
@@ -180,6 +184,32 @@ fn calls_and_their_answers_keep_their_words() {
     let query = Query::new(Request::Kinematics, FieldSet(1), FieldSet(2));
     let other = Query::new(Request::Kinematics, FieldSet(1), FieldSet(3));
     assert_ne!(query_hash(&query), query_hash(&other));
+}
+
+#[test]
+fn the_words_of_a_batch_keep_their_places() {
+    let (served, memory) = ServedBatch::create().unwrap();
+    let claimed = ClaimedBatch::open(&memory).unwrap();
+    let shape = BatchShape::new(2, 2, 1).unwrap();
+    let head = BatchHead { version: 7, plan: 9, fingerprint: 42, sequence: 3, rows: 2 };
+    claimed.send(&head, &shape, &[1.0, 2.0, 3.0, 4.0]);
+    let warned = Answer { status: Status::Ok, warnings: Warnings(5) };
+    let failed = Answer { status: Status::Unreachable, warnings: Warnings::NONE };
+    served.write(&shape, 0, &[warned, failed], &[5.0, 6.0]);
+    served.publish(3, Status::Ok);
+
+    let memory = File::from(memory);
+    assert_eq!((memory.metadata().unwrap().len(), BATCH_WORDS), (1 << 20, 1 << 17));
+    let mut bytes = [0; 24 * 8];
+    memory.read_exact_at(&mut bytes, 0).unwrap();
+    let words: Vec<u64> =
+        bytes.as_chunks().0.iter().map(|word| u64::from_ne_bytes(*word)).collect();
+    let numbers = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0].map(f64::to_bits);
+    let unreachable = Status::Unreachable as u64;
+    assert_eq!(words[..4], [3, 7 | 9 << 32, 42, 2]);
+    assert_eq!(words[8..11], [3, 0, 2]);
+    assert_eq!(words[16..18], [5 << 32, unreachable]);
+    assert_eq!(words[18..], numbers);
 }
 
 #[test]

@@ -105,7 +105,7 @@ pub(crate) fn child(role: Role, processors: &[usize], record: Option<PathBuf>) -
             let options = ServeOptions {
                 name: ROBOT.to_owned(),
                 wait: Wait::Busy,
-                lanes: 4,
+                lanes: 64,
                 record: record.transpose()?,
                 ..ServeOptions::default()
             };

@@ -4,9 +4,11 @@
 //! ```text
 //! cargo run --release -p sarrus-round-trip                    # some minutes
 //! cargo run --release -p sarrus-round-trip -- --quick --only lane/FD
+//! cargo run --release -p sarrus-round-trip -- --quick --only lane/ID --flooding 3
 //! ```
 
 mod child;
+mod crowd;
 mod floor;
 mod measure;
 
@@ -25,6 +27,7 @@ use sarrus_report::robots::Robot;
 use sarrus_report::robots::Subject;
 use serde_json::json;
 
+use crate::crowd::Numbers;
 use crate::measure::{Effort, ROBOT, STATES, Trip};
 
 /// The service needs it: see `sarrus_server::pool`. Nothing else here notices.
@@ -52,6 +55,12 @@ struct Flags {
     /// The server records to this file, see `sarrus serve --record`.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
+    /// So many other clients have a lane and say nothing.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    idle: usize,
+    /// So many other clients always have a batch of 1024 states under way.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    flooding: usize,
     #[arg(long, hide = true)]
     child: Option<child::Role>,
     /// Processors of the child: it inherits the one that its parent is tied to.
@@ -80,25 +89,30 @@ fn main() -> ExitCode {
 }
 
 fn run(flags: &Flags) -> Outcome {
-    let mut effort = if flags.quick { Effort::QUICK } else { Effort::FULL };
+    let mut effort = Effort::new(flags.quick);
     effort.record = flags.record.clone();
+    effort.crowd = Numbers { idle: flags.idle, flooding: flags.flooding };
     let progress = Progress::silent();
     let cores = Cores::choose()?;
     cores.pin_client();
     let robot = Robot::load(Subject::Bundled(ROBOT), STATES)?;
     let trips = measure::measure(&robot, &cores, &effort, &flags.only, &progress)?;
     progress.clear();
+    let tables = match trips.is_empty() {
+        true => Vec::new(),
+        false => vec![round_trips(&trips, &cores, effort.crowd)],
+    };
     let printed = Printed {
         package: "sarrus-round-trip",
         machine: machine(&cores),
-        tables: if trips.is_empty() { Vec::new() } else { vec![round_trips(&trips, &cores)] },
+        tables,
         values: json!({ "round_trip": trips.iter().map(Trip::value).collect::<Vec<_>>() }),
         samples: trips.into_iter().map(|trip| trip.samples).collect(),
     };
     printed.finish(flags.format, &flags.out)
 }
 
-fn round_trips(trips: &[Trip], cores: &Cores) -> Table {
+fn round_trips(trips: &[Trip], cores: &Cores, crowd: Numbers) -> Table {
     let row = |trip: &Trip| {
         let mut row = vec![
             trip.payload.name.to_owned(),
@@ -135,6 +149,11 @@ fn round_trips(trips: &[Trip], cores: &Cores) -> Table {
         n_text: 3,
         rows: trips.iter().map(row).collect(),
         notes: vec![
+            format!(
+                "Besides {} clients with a lane that say nothing, and {} that always have a batch \
+                under way.",
+                crowd.idle, crowd.flooding
+            ),
             "p50 of starts: the least and the largest p50 of one start of the processes; where \
             they differ much, the machine does."
                 .to_owned(),

@@ -20,6 +20,7 @@ use sarrus_report::robots::{Question, packed};
 use serde_json::{Value, json};
 
 use crate::child::{Child, Role};
+use crate::crowd::{Crowd, Numbers};
 use crate::floor;
 
 /// The robot that is served.
@@ -36,11 +37,16 @@ pub(crate) struct Effort {
     trips: usize,
     /// Where the server records.
     pub(crate) record: Option<PathBuf>,
+    /// Who else is there.
+    pub(crate) crowd: Numbers,
 }
 
 impl Effort {
-    pub(crate) const QUICK: Effort = Effort { segments: 6, trips: 15_000, record: None };
-    pub(crate) const FULL: Effort = Effort { segments: 10, trips: 100_000, record: None };
+    /// Few starts and trips, or many.
+    pub(crate) fn new(quick: bool) -> Effort {
+        let (segments, trips) = if quick { (6, 15_000) } else { (10, 100_000) };
+        Effort { segments, trips, record: None, crowd: Numbers::default() }
+    }
 }
 
 /// What is asked and answered.
@@ -170,6 +176,9 @@ pub(crate) fn measure(
         floor.stop()?;
 
         let server = Child::start(Role::Server, &domain, cores, effort.record.as_deref())?;
+        let dynamics = &measured[1];
+        let (state, n_out) = (&dynamics.inputs[0], dynamics.answers[0].len());
+        let crowd = Crowd::start(&domain, effort.crowd, &dynamics.query, state, n_out)?;
         let mut routes = [
             (Route::Lane, Transport::Lane, QueryOptions::NONE),
             (Route::Checked, Transport::Lane, QueryOptions::CHECKSUM),
@@ -192,6 +201,7 @@ pub(crate) fn measure(
                 measured.compute(robot)?;
             }
         }
+        drop(crowd);
         server.stop()?;
     }
     domain.tidy();

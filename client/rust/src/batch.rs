@@ -5,8 +5,11 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 
 use sarrus_dynamics::Batch;
-use sarrus_proto::{Answer, Status, Warnings};
+use sarrus_proto::batch::BatchShape;
+use sarrus_proto::{Answer, QueryOptions, Status, Warnings};
 
+use crate::plan::Plans;
+use crate::remote::Remote;
 use crate::{Error, PlanId, Robot};
 
 /// Rows that a thread takes at once.
@@ -16,9 +19,13 @@ impl Robot {
     /// Asks for as many states as there are places for answers: `input` and `output` hold their
     /// rows one after the other, each packed as the plan says, and every row, status and warning is
     /// that of [`Robot::ask`], to the bit. In process up to so many threads work, the calling one
-    /// among them; each keeps its scratch for the next batch of the plan. A connected robot is
-    /// asked state after state. Where the sizes do not fit every row is [`Status::WrongSize`] and
-    /// NaN.
+    /// among them; each keeps its scratch for the next batch of the plan. A server answers up to
+    /// [`MAX_BATCH_ROWS`](sarrus_proto::batch::MAX_BATCH_ROWS) rows at once, some of them abreast,
+    /// and others between them; [`ConnectOptions::timeout`](crate::ConnectOptions::timeout) is how
+    /// long it may go without answering one. Of plans with a checksum it is asked row by row. Rows
+    /// of a batch that it refuses have the reason as their status. Where the sizes do not fit every
+    /// row is [`Status::WrongSize`] and NaN. [`Robot::times`] is `None` after a batch, and
+    /// deadlines are those of single requests. Allocates nothing after the first batch.
     ///
     /// # Errors
     /// As [`Robot::ask`]; rows that have no answer yet are NaN then, with the status
@@ -48,8 +55,10 @@ impl Robot {
     ) -> Result<(), Error> {
         output.fill(f64::NAN);
         answers.fill(Answer { status: Status::UnknownRequest, warnings: Warnings::NONE });
+        self.forget_times();
         let (_, prepared) = self.plans.find(plan)?;
         let (n_in, n_out) = (prepared.given().len(), prepared.want().len());
+        let checks = prepared.query().options.contains(QueryOptions::CHECKSUM);
         let rows = answers.len();
         if Some(input.len()) != rows.checked_mul(n_in)
             || Some(output.len()) != rows.checked_mul(n_out)
@@ -59,21 +68,36 @@ impl Robot {
         }
         let mut rows = Rows { widths: [n_in, n_out], input, output, answers };
         let threads = threads.get().min(rows.answers.len().div_ceil(TILE)).max(1);
-        if let Some(batches) = self.batches(plan, threads)? {
-            answer_all(&mut batches[..threads], rows);
-            return Ok(());
-        }
-        while let Some(row) = rows.take(1) {
-            for answer in row.answers {
-                let asked = self.ask(plan, row.input, row.output);
-                if asked.is_err() {
-                    row.output.fill(f64::NAN);
+        match self.batches(plan, threads)? {
+            Batches::Here(batches) => answer_all(&mut batches[..threads], rows),
+            // the numbers of a batch have no checksum
+            Batches::There { .. } if checks => {
+                while let Some(row) = rows.take(1) {
+                    for answer in row.answers {
+                        *answer = self.ask(plan, row.input, row.output)?;
+                    }
                 }
-                *answer = asked?;
+            }
+            Batches::There { remote, plans, place } => {
+                while let Some(rows) = rows.take(BatchShape::most_rows(n_in, n_out)) {
+                    let Rows { input, output, answers, .. } = rows;
+                    // there is one: so many rows fit
+                    if let Some(shape) = BatchShape::new(answers.len() as u64, n_in, n_out) {
+                        remote.batch(plans, place, &shape, input, output, answers)?;
+                    }
+                }
             }
         }
         Ok(())
     }
+}
+
+/// What answers batches of a plan.
+pub(crate) enum Batches<'a> {
+    /// One for each thread.
+    Here(&'a mut [Batch]),
+    /// A server.
+    There { remote: &'a mut Remote, plans: &'a Plans, place: usize },
 }
 
 /// Rows that have no answer yet.
@@ -114,6 +138,10 @@ fn answer_all(batches: &mut [Batch], rows: Rows<'_>) {
             batch.run(tile.input, tile.output, tile.answers);
         }
     };
+    // a scope of threads takes a block of memory
+    if others.is_empty() {
+        return work(own);
+    }
     thread::scope(|scope| {
         for batch in others {
             // a thread that cannot be started leaves its tiles to the others

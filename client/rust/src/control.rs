@@ -1,10 +1,12 @@
 //! A connection to a run of a server: calls beside the data path, and whether the server is there.
 
 use std::io::{self, ErrorKind};
+use std::os::fd::OwnedFd;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
+use sarrus_proto::batch::ClaimedBatch;
 use sarrus_proto::board::ClaimedLane;
 use sarrus_proto::control::{
     Call, CallHead, ControlRequest, ControlResponse, Grant, NoResponse, Refusal, exchange,
@@ -200,6 +202,15 @@ impl Control {
         Ok((node, client))
     }
 
+    /// An area for batches beside the lane or the service.
+    pub(crate) fn batch(&self, deadline: Instant) -> Result<ClaimedBatch, ConnectError> {
+        let (response, descriptor) = self.exchange(Call::Batch, deadline)?;
+        let granted = granted(&response, self.fingerprint)?;
+        let bad = || ConnectError::BadAnswer { what: "for batches" };
+        let memory = descriptor.filter(|_| *granted == Grant::Batch).ok_or_else(bad)?;
+        ClaimedBatch::open(&memory).map_err(|_| bad())
+    }
+
     fn of_service(&self, error: ServiceError) -> ConnectError {
         ConnectError::of_service(&self.name, &self.domain, error)
     }
@@ -214,13 +225,19 @@ impl Control {
     }
 
     fn call(&self, call: Call, deadline: Instant) -> Result<ControlResponse, ConnectError> {
+        Ok(self.exchange(call, deadline)?.0)
+    }
+
+    fn exchange(
+        &self,
+        call: Call,
+        deadline: Instant,
+    ) -> Result<(ControlResponse, Option<OwnedFd>), ConnectError> {
         let start = Instant::now();
         let head = CallHead { version: PROTOCOL_VERSION, nonce: self.nonce.fetch_add(1, Relaxed) };
         let request = ControlRequest { head, fingerprint: self.fingerprint, call };
-        match exchange(&self.socket, &request, deadline) {
-            Ok((response, _)) => Ok(response),
-            Err(error) => Err(failed(error, &self.domain, &self.name, start, || self.life())),
-        }
+        exchange(&self.socket, &request, deadline)
+            .map_err(|error| failed(error, &self.domain, &self.name, start, || self.life()))
     }
 }
 

@@ -3,8 +3,9 @@
 
 use std::time::{Duration, Instant};
 
+use sarrus_proto::batch::{BatchHead, BatchShape};
 use sarrus_proto::message::Statistics;
-use sarrus_proto::{Domain, ModelInfo, ServerName};
+use sarrus_proto::{Domain, ModelInfo, PROTOCOL_VERSION, ServerName};
 
 use crate::control::{Control, deadline_after};
 use crate::head::{Seen, Terms};
@@ -16,6 +17,17 @@ use crate::{Answer, ConnectError, ConnectOptions, Error};
 const RETRY: [Duration; 2] = [Duration::from_millis(1), Duration::from_millis(20)];
 /// How long attempts follow each other quickly: a server that is watched over is back by then.
 const QUICK: Duration = Duration::from_millis(250);
+
+/// One attempt to exchange something with a run of the server.
+struct Attempt<'a> {
+    session: &'a mut Session,
+    /// The run's number of the plan.
+    plan: u32,
+    fingerprint: u64,
+    sequence: &'a mut u64,
+    options: &'a ConnectOptions,
+    deadline: &'a mut Option<Instant>,
+}
 
 /// The connection to a server.
 pub(crate) struct Remote {
@@ -86,6 +98,48 @@ impl Remote {
     ) -> Result<Answer, Error> {
         let query = prepared.at(place).ok_or(Error::ReleasedPlan)?.query();
         let terms = Terms::of(query, self.options.deadline);
+        self.exchange(prepared, place, |attempt| {
+            let Attempt { session, plan, fingerprint, sequence, options, deadline } = attempt;
+            *sequence += 1;
+            let head = terms.head(plan, fingerprint, *sequence, input);
+            Ok(match session.exchange(&head, input, output, options, deadline) {
+                Exchange::Answered(answer) => {
+                    Exchange::Answered(terms.read(&head, &answer, output, seen))
+                }
+                Exchange::Lost => Exchange::Lost,
+                Exchange::TimedOut => Exchange::TimedOut,
+            })
+        })
+    }
+
+    /// Asks for rows that go together and waits; as [`Remote::ask`]. Rows of a batch that is
+    /// refused have its status, and no numbers.
+    pub(crate) fn batch(
+        &mut self,
+        prepared: &Plans,
+        place: usize,
+        shape: &BatchShape,
+        input: &[f64],
+        output: &mut [f64],
+        answers: &mut [Answer],
+    ) -> Result<(), Error> {
+        self.exchange(prepared, place, |attempt| {
+            let Attempt { session, plan, fingerprint, options, deadline, .. } = attempt;
+            let (version, rows) = (PROTOCOL_VERSION, shape.rows() as u64);
+            let head = BatchHead { version, plan, fingerprint, sequence: 0, rows };
+            session.exchange_batch(head, shape, (input, output, answers), options, deadline)
+        })?;
+        Ok(())
+    }
+
+    /// Exchanges something with the server, again where it was restarted meanwhile.
+    #[inline]
+    fn exchange<T>(
+        &mut self,
+        prepared: &Plans,
+        place: usize,
+        mut attempt: impl FnMut(Attempt<'_>) -> Result<Exchange<T>, Error>,
+    ) -> Result<T, Error> {
         // the clock is read only where something takes long
         let mut deadline = None;
         loop {
@@ -94,12 +148,13 @@ impl Remote {
                     *deadline.get_or_insert_with(|| deadline_after(self.options.timeout));
                 self.attach(prepared, deadline)?;
             }
-            let Some(session) = &mut self.session else { continue };
-            self.sequence += 1;
-            let number = session.number(place).ok_or(Error::ReleasedPlan)?;
-            let head = terms.head(number, self.fingerprint, self.sequence, input);
-            match session.exchange(&head, input, output, &self.options, &mut deadline) {
-                Exchange::Answered(answer) => return Ok(terms.read(&head, &answer, output, seen)),
+            let Remote { session: Some(session), options, fingerprint, sequence, .. } = self else {
+                continue;
+            };
+            let plan = session.number(place).ok_or(Error::ReleasedPlan)?;
+            let (fingerprint, deadline) = (*fingerprint, &mut deadline);
+            match attempt(Attempt { session, plan, fingerprint, sequence, options, deadline })? {
+                Exchange::Answered(answer) => return Ok(answer),
                 Exchange::Lost => self.session = None,
                 Exchange::TimedOut => {
                     let life = session.control.life();

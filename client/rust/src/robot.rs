@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
-use sarrus_dynamics::{Batch, Compiled, Model};
+use sarrus_dynamics::{Compiled, Model};
 use sarrus_models::{LoadError, Options, Source, load};
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, Statistics};
 use sarrus_proto::{Answer, Domain, ModelInfo, Query, Request, Status, Warnings};
 
+use crate::batch::Batches;
 use crate::describe::{describe, describe_model};
 use crate::direct::Direct;
 use crate::head::{Seen, Times};
@@ -291,17 +292,18 @@ impl Robot {
         outcome
     }
 
-    /// What so many threads of this process answer batches with; `None` for a connected robot.
-    pub(crate) fn batches(
-        &mut self,
-        plan: PlanId,
-        threads: usize,
-    ) -> Result<Option<&mut [Batch]>, Error> {
+    /// What answers batches of a plan, on so many threads in this process.
+    pub(crate) fn batches(&mut self, plan: PlanId, threads: usize) -> Result<Batches<'_>, Error> {
         let (place, _) = self.plans.find(plan)?;
         match &mut self.side {
-            Side::Local(local) => local.batches(place, threads).map(Some),
-            Side::Remote(_) => Ok(None),
+            Side::Local(local) => local.batches(place, threads).map(Batches::Here),
+            Side::Remote(remote) => Ok(Batches::There { remote, plans: &self.plans, place }),
         }
+    }
+
+    /// No answer of a single state came last.
+    pub(crate) fn forget_times(&mut self) {
+        self.seen.times = None;
     }
 }
 

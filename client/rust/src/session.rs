@@ -2,10 +2,11 @@
 
 use std::time::{Duration, Instant};
 
+use sarrus_proto::batch::{BatchHead, BatchShape, ClaimedBatch};
 use sarrus_proto::board::ClaimedLane;
 use sarrus_proto::lane::{ComputeClient, Threadsafe, send_request};
 use sarrus_proto::message::{RequestHead, ResponseHead};
-use sarrus_proto::{Status, Warnings};
+use sarrus_proto::{Answer, Status, Warnings};
 
 use crate::control::{Control, LinkNode, deadline_after};
 use crate::plan::Plans;
@@ -16,6 +17,8 @@ use crate::{ConnectError, ConnectOptions, Error, Transport};
 pub(crate) struct Session {
     /// The server's number of each plan, by its place.
     pub(crate) plans: Vec<Option<u32>>,
+    /// Where batches go, once one was asked, and how many went; it goes with the end.
+    batch: Option<(ClaimedBatch, u64)>,
     // before the connection, whose end tells the server to take its side down
     end: End,
     pub(crate) control: Control,
@@ -47,8 +50,8 @@ enum End {
 }
 
 /// How an exchange with the server ended.
-pub(crate) enum Exchange {
-    Answered(ResponseHead),
+pub(crate) enum Exchange<T> {
+    Answered(T),
     /// The server may be gone.
     Lost,
     /// The server lives.
@@ -78,7 +81,7 @@ impl Session {
                 End::Requests { client, _node: node }
             }
         };
-        Ok(Session { plans, end, control })
+        Ok(Session { plans, batch: None, end, control })
     }
 
     /// The server's number of the plan in this place.
@@ -97,7 +100,7 @@ impl Session {
         if let End::Lane { classes, .. } = &self.end
             && (needs[0] > classes[0] || needs[1] > classes[1])
         {
-            self.end = End::None;
+            (self.end, self.batch) = (End::None, None);
             let (node, lane, classes) = self.control.lane(needs, deadline)?;
             self.end = End::Lane { lane, classes, _node: node };
         }
@@ -111,7 +114,7 @@ impl Session {
         output: &mut [f64],
         options: &ConnectOptions,
         deadline: &mut Option<Instant>,
-    ) -> Exchange {
+    ) -> Exchange<ResponseHead> {
         let mut waiter = Waiter::new(options.wait_strategy);
         let control = &self.control;
         match &mut self.end {
@@ -173,6 +176,52 @@ impl Session {
     }
 }
 
+impl Session {
+    /// Asks for rows that go together and waits for all of them; the status is that of the batch.
+    /// The sequence is the area's own.
+    pub(crate) fn exchange_batch(
+        &mut self,
+        mut head: BatchHead,
+        shape: &BatchShape,
+        (input, output, answers): (&[f64], &mut [f64], &mut [Answer]),
+        options: &ConnectOptions,
+        deadline: &mut Option<Instant>,
+    ) -> Result<Exchange<Status>, Error> {
+        let (area, sequence) = match &mut self.batch {
+            Some(batch) => batch,
+            none => match self.control.batch(deadline_after(options.timeout)) {
+                Ok(area) => none.insert((area, 0)),
+                Err(error) if error.may_pass() => return Ok(Exchange::Lost),
+                Err(error) => return Err(error.into()),
+            },
+        };
+        *sequence += 1;
+        head.sequence = *sequence;
+        area.send(&head, shape, input);
+        let (mut waiter, mut done) = (Waiter::new(options.wait_strategy), area.done());
+        loop {
+            if let Some(status) = area.answer(head.sequence) {
+                let status = Status::of_answer(status);
+                match status {
+                    Status::Ok => area.read(shape, answers, output),
+                    _ => answers.fill(Answer { status, warnings: Warnings::NONE }),
+                }
+                return Ok(Exchange::Answered(status));
+            }
+            if let Some(waited) = waiter.pause() {
+                // as long as rows are answered the server is at it
+                if done != area.done() {
+                    done = area.done();
+                    *deadline = Some(deadline_after(options.timeout));
+                }
+                if let Some(end) = look(&self.control, waited, options.timeout, deadline) {
+                    return Ok(end);
+                }
+            }
+        }
+    }
+}
+
 /// Whether an answer of this sequence is taken for the request's. With a checksum another number is
 /// a changed one, but for that of the answer before, which may be seen twice.
 #[inline]
@@ -191,12 +240,12 @@ fn copy_or_nan(numbers: &[f64], output: &mut [f64]) {
 /// Whether to give a wait up, and why: the kernel reports at once when the server is gone, and as
 /// long as it does not, the server may only be late.
 #[cold]
-fn look(
+fn look<T>(
     control: &Control,
     waited: Duration,
     timeout: Duration,
     deadline: &mut Option<Instant>,
-) -> Option<Exchange> {
+) -> Option<Exchange<T>> {
     if control.is_over() {
         return Some(Exchange::Lost);
     }

@@ -44,6 +44,7 @@ impl Top {
         let rates = [
             rate(|statistics| statistics.counts.lane_requests),
             rate(|statistics| statistics.counts.service_requests),
+            rate(|statistics| statistics.counts.batch_states),
         ];
         let life = view.life();
         let silent_ms = life.silent.map(|silent| silent.as_secs_f64() * 1e3);
@@ -65,8 +66,8 @@ impl Top {
 struct Seen<'a> {
     name: &'a str,
     now: Statistics,
-    /// Answers each second through lanes and services.
-    rates: [f64; 2],
+    /// Answers each second through lanes, through services and in batches.
+    rates: [f64; 3],
     silent_ms: Option<f64>,
     state: &'static str,
 }
@@ -92,8 +93,16 @@ impl Seen<'_> {
             "lanes": lanes,
             "lanes_taken": lanes_taken,
             "plans": plans,
-            "rates": { "lane": self.rates[0], "service": self.rates[1] },
-            "requests": { "lane": counts.lane_requests, "service": counts.service_requests },
+            "rates": {
+                "lane": self.rates[0],
+                "service": self.rates[1],
+                "batch": self.rates[2],
+            },
+            "requests": {
+                "lane": counts.lane_requests,
+                "service": counts.service_requests,
+                "batch": counts.batch_states,
+            },
             "latency_ns": { "p50": p50, "p90": p90, "p99": p99, "p99.9": p999, "max": max },
             "statuses": statuses,
             "late": counts.late,
@@ -108,12 +117,13 @@ impl Seen<'_> {
         let mut words = format!(
             "{}: process {process}, {}, up {uptime:.0} s, heartbeat {} ms ago\n\
              {lanes_taken} of {lanes} lanes, {plans} plans; answers/s: {:.0} through lanes, {:.0} \
-             through services; {} late, {} by kernels\n",
+             through services, {:.0} in batches; {} late, {} by kernels\n",
             self.name,
             self.state,
             self.silent_ms.map_or("?".to_owned(), |ms| format!("{ms:.1}")),
             self.rates[0],
             self.rates[1],
+            self.rates[2],
             counts.late,
             counts.by_kernel
         );

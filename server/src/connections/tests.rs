@@ -14,8 +14,8 @@ fn a_lane_is_granted_while_that_of_a_dead_client_is_on_its_way_back() {
     let domain = Domain::at(&root).unwrap();
     let run = Run::start(&domain, &ServerName::new("places").unwrap()).unwrap();
     let places = Connections::places(1);
-    let (orders_in, mut orders) = RingBuffer::new(2 * places);
-    let (mut retired, retired_out) = RingBuffer::new(places);
+    let (orders_in, mut orders) = RingBuffer::new(3 * places);
+    let (mut retired, retired_out) = RingBuffer::new(2 * places);
     let mut connections = Connections::new(run.listen().unwrap(), 1, orders_in, retired_out);
     let _clients = [0; 3].map(|_| ControlSocket::connect(run.name_folder()).unwrap());
     connections.wait(Duration::ZERO);

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use iceoryx2::node::Node;
 use sarrus_client::{Status, Transport};
+use sarrus_proto::batch::ClaimedBatch;
 use sarrus_proto::board::{ClaimedLane, class_of};
 use sarrus_proto::control::{Call, CallHead, ControlRequest, Grant, Refusal, exchange};
 use sarrus_proto::lane::{ComputeClient, Threadsafe, send_request};
@@ -88,6 +89,14 @@ impl Liar<'_> {
         (node, client)
     }
 
+    /// The area for batches.
+    pub(crate) fn batches(&self) -> ClaimedBatch {
+        let request = ControlRequest { head: head(), fingerprint: 0, call: Call::Batch };
+        let (response, memory) = exchange(&self.socket, &request, soon()).unwrap();
+        assert_eq!(response.outcome, Ok(Grant::Batch));
+        ClaimedBatch::open(&memory.unwrap()).unwrap()
+    }
+
     fn link(&self, number: u64) -> Node<Threadsafe> {
         Link::new(&self.sandbox.domain, self.instance, number).unwrap().node().unwrap()
     }
@@ -130,7 +139,7 @@ fn lies_through_the_control_socket_are_refused() {
     let liar = Liar::new(&sandbox, "liar");
 
     let hello = || ControlRequest { head: head(), fingerprint: 0, call: Call::Hello };
-    let other = CallHead { version: 7, nonce: 9 };
+    let other = CallHead { version: PROTOCOL_VERSION + 1, nonce: 9 };
     let refusal = |request| liar.send(&request).unwrap_err();
     assert_eq!(refusal(ControlRequest { head: other, ..hello() }), Refusal::WrongVersion);
     assert_eq!(refusal(ControlRequest { fingerprint: 42, ..hello() }), Refusal::WrongModel);
@@ -138,7 +147,7 @@ fn lies_through_the_control_socket_are_refused() {
         assert_eq!(liar.call(Call::Model { page }), Err(Refusal::NoSuchPage));
     }
     let deep = "[".repeat(10_000);
-    for garbage in ["{", "\0", &deep, "{\"version\":6,\"nonce\":1}", "null"] {
+    for garbage in ["{", "\0", &deep, "{\"version\":7,\"nonce\":1}", "null"] {
         assert_eq!(liar.raw(garbage.as_bytes()), Refusal::UnknownCall);
     }
 

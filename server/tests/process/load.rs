@@ -10,7 +10,9 @@ use sarrus_proto::PROTOCOL_VERSION;
 use sarrus_proto::board::ClaimedLane;
 use sarrus_proto::lane::{ComputeClient, Threadsafe, send_request};
 use sarrus_proto::message::RequestHead;
+use sarrus_server::pool;
 
+use crate::batches::Rows;
 use crate::lies::Liar;
 use crate::support::{Asker, ROBOT, STATE, Sandbox};
 
@@ -28,9 +30,12 @@ fn no_request_reaches_the_systems_allocator() {
             asker.robot.ask(asker.plan, &bad, &mut asker.output).unwrap().status,
             Status::NonFiniteInput
         );
+        let mut rows = Rows::new(&asker, 3000);
+        rows.ask(&mut asker).unwrap();
         std::thread::sleep(Duration::from_millis(200));
         let statistics = asker.robot.statistics().unwrap();
         assert_eq!(statistics.system_allocations, 0, "{transport:?}: {statistics:?}");
+        assert!(statistics.counts.batch_states >= 3000, "{transport:?}: {statistics:?}");
         let served = if transport == Transport::Lane {
             statistics.counts.lane_requests
         } else {
@@ -58,6 +63,16 @@ fn asking_allocates_nothing_through_a_lane_and_in_process() {
         let mut asker = Asker::new(robot);
         let _ = asker.ask().unwrap();
         assert_eq!(asker.thousand(), (1000, 1000 * blocks, 0));
+        // batches make none anywhere
+        let mut rows = Rows::new(&asker, 2000);
+        rows.ask(&mut asker).unwrap();
+        let before = pool::counts();
+        let adopted = pool::adopt_thread();
+        let outcome = rows.ask(&mut asker);
+        drop(adopted);
+        let after = pool::counts();
+        assert!(outcome.is_ok());
+        assert_eq!((after.pool - before.pool, after.system - before.system), (0, 0));
     }
 }
 
@@ -81,6 +96,7 @@ pub(crate) fn system_calls_of_the_busy_loop(flags: &[&str]) {
     let mut askers = [Transport::Lane, Transport::Service]
         .map(|transport| Asker::new(sandbox.connect("silent", transport).unwrap()));
     askers.iter_mut().for_each(|asker| assert_eq!(asker.ask().unwrap().status, Status::Ok));
+    let mut rows = askers.each_ref().map(|asker| Rows::new(asker, 3000));
 
     let tasks = fs::read_dir(format!("/proc/{}/task", server.id()))
         .unwrap()
@@ -106,7 +122,8 @@ pub(crate) fn system_calls_of_the_busy_loop(flags: &[&str]) {
         return println!("not run: strace may not look into processes here ({status})");
     }
     let before = askers[0].robot.statistics().unwrap();
-    for asker in &mut askers {
+    for (asker, rows) in askers.iter_mut().zip(&mut rows) {
+        rows.ask(asker).unwrap();
         // something to log
         assert!(asker.robot.prepare(&STATE.with_options(QueryOptions::CHECKSUM)).is_ok());
         for _ in 0..5_000 {
@@ -122,6 +139,7 @@ pub(crate) fn system_calls_of_the_busy_loop(flags: &[&str]) {
     assert!(
         after.counts.lane_requests >= before.counts.lane_requests + 5_000
             && after.counts.service_requests >= before.counts.service_requests + 5_000
+            && after.counts.batch_states >= before.counts.batch_states + 6_000
     );
     let calls = fs::read_to_string(&trace).unwrap();
     fs::remove_file(&trace).unwrap();

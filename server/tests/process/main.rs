@@ -3,6 +3,7 @@
 // lint: helpers of tests say what they expect, as tests do
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod batches;
 mod border;
 mod direct;
 mod doctor;
@@ -51,6 +52,13 @@ fn the_other_process() {
         let _plan = asker.robot.prepare(&plans::distinct(number.parse().unwrap())).unwrap();
     }
     let _ = asker.ask().unwrap();
+    if std::env::var("SARRUS_TEST_BATCHES").is_ok() {
+        let mut batch = batches::Rows::new(&asker, 20_000);
+        batch.ask(&mut asker).unwrap();
+        println!("answered");
+        while batch.ask(&mut asker).is_ok() {}
+        return;
+    }
     println!("answered");
     loop {
         let _ = asker.ask().unwrap();

@@ -7,7 +7,8 @@ use std::time::{Duration, Instant};
 
 use sarrus_client::{Field, FieldSet, Query, Request, Robot, Status, Transport};
 
-use crate::support::{ROBOT, Sandbox};
+use crate::batches::Rows;
+use crate::support::{Asker, ROBOT, Sandbox};
 
 /// A folder of its own for each test.
 struct Folder(PathBuf);
@@ -118,6 +119,26 @@ fn what_was_answered_before_a_kill_is_on_record_and_comes_out_the_same() {
     }
     let seconds = replayed["seconds"].as_f64().unwrap();
     assert!(seconds > 0.0 && seconds < 60.0, "{replayed}");
+}
+
+#[test]
+fn rows_of_a_batch_are_on_record_like_single_requests() {
+    const N: usize = 3000;
+    let (sandbox, folder) = (Sandbox::new(), Folder::new("record-rows"));
+    let file = folder.file("box");
+    let server = sandbox.serve("box", &["--record", &file, "--record-seconds", "20"]);
+    let mut asker = Asker::new(sandbox.connect("box", Transport::Lane).unwrap());
+    Rows::new(&asker, N).ask(&mut asker).unwrap();
+    assert_eq!(asker.ask().unwrap().status, Status::Ok);
+    settle();
+    assert_eq!(asker.robot.statistics().unwrap().system_allocations, 0);
+    server.kill();
+    let (code, replayed, words) = replay(&file, &[]);
+    assert_eq!((code, words.as_str()), (Some(0), ""), "{replayed}");
+    assert_eq!((&replayed["requests"], &replayed["clients"]), (&(N + 1).into(), &1.into()));
+    for key in ["differing_bits", "differing_answers", "lost", "damaged", "refused", "unplanned"] {
+        assert_eq!(replayed[key], 0, "{key}: {replayed}");
+    }
 }
 
 #[test]

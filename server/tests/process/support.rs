@@ -136,12 +136,27 @@ impl Sandbox {
         self.client_with(name, transport, None)
     }
 
+    /// The same, with batch after batch.
+    pub(crate) fn flooding(&self, name: &str, transport: Transport) -> Client {
+        self.other_process(name, transport, Some(("SARRUS_TEST_BATCHES", "1".to_owned())))
+    }
+
     /// The same, with a plan of its own beside that of the state.
     pub(crate) fn client_with(
         &self,
         name: &str,
         transport: Transport,
         query: Option<usize>,
+    ) -> Client {
+        let query = query.map(|number| ("SARRUS_TEST_QUERY", number.to_string()));
+        self.other_process(name, transport, query)
+    }
+
+    fn other_process(
+        &self,
+        name: &str,
+        transport: Transport,
+        variable: Option<(&str, String)>,
     ) -> Client {
         let mut command = Command::new(std::env::current_exe().unwrap());
         command
@@ -152,7 +167,7 @@ impl Sandbox {
             .env("SARRUS_ROOT", self.domain.root())
             .env("SARRUS_TEST_SERVER", name)
             .env("SARRUS_TEST_TRANSPORT", format!("{transport:?}"))
-            .envs(query.map(|number| ("SARRUS_TEST_QUERY", number.to_string())));
+            .envs(variable);
         let mut child = command.spawn().unwrap();
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
         assert!(

@@ -186,11 +186,20 @@ fn every_answer_comes_before_the_next_question() {
 
 #[test]
 fn answers_of_a_batch_are_those_of_lines_one_by_one() {
-    let text = "{\"y\":[0.1]}\nbad\n{\"y\":[0.3]}\n\n{\"y\":[9e999]}\n".repeat(100) + "{\"y\":[7]}";
+    // questions that alternate, fail, ask what may fail alone, and are none
+    let frames = "\"frames\":[\"Elbow_Link\"],\"want\":[\"jacobians\",\"q\"]";
+    let mut text = String::new();
+    for k in 0..100 {
+        let y = f64::from(k) * 0.01;
+        text += &format!("{{\"y\":[{y}]}}\n{{\"y\":[{y}],{frames}}}\nbad\n");
+        text += &format!("{{\"y\":[-{y}]}}\n\n{{\"y\":[9e999]}}\n{{\"u\":[{y}]}}\n");
+        text += &format!("{{\"y\":[{y}],\"yd\":[1],\"want\":[\"K\",\"k_bias\"]}}\n");
+    }
+    text += "{\"y\":[7]}";
     let batch =
         |n: &str| run(&["ask", "kinematics", "--robot", "lambda", "--batch", n], text.as_bytes());
     let one_by_one = batch("1");
-    assert_eq!((one_by_one.code, one_by_one.statuses().len()), (Some(1), 401));
+    assert_eq!((one_by_one.code, one_by_one.statuses().len()), (Some(1), 701));
     for n in ["2", "7", "400", "1000000"] {
         let together = batch(n);
         assert_eq!((together.code, together.out == one_by_one.out), (Some(1), true), "{n}");

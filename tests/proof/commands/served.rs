@@ -155,7 +155,16 @@ fn through_a_server_the_text_is_the_same() {
             assert_eq!(here.code, there.code);
             assert_eq!(here.out, there.out, "{robot} {request}");
             assert_eq!((here.err.as_str(), there.err.as_str()), ("", ""));
+            // several lines together
+            for flags in [["--robot", robot], ["--connect", "same"]] {
+                let command = [&["ask", request, "--batch", "50"][..], &flags].concat();
+                let together = Run::of(&mut place.command(&command), text.as_bytes());
+                assert_eq!((together.code, together.err.as_str()), (here.code, ""));
+                assert!(together.out == here.out, "{robot} {request} {flags:?}");
+            }
         }
+        let top = Run::of(&mut place.command(&["top", "same", "--format", "json"]), b"");
+        assert!(top.json()[0]["requests"]["batch"].as_u64().unwrap() > 0, "{}", top.out);
         server.stop();
     }
     assert_eq!(place.leftovers(), Vec::<PathBuf>::new());

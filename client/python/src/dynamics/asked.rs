@@ -171,23 +171,18 @@ impl Asked {
                     });
                     engines.push(engine);
                 }
-                let outcome = batch::run(py, numbers, engines, options.progress.as_ref());
+                let at_once = batch::PACKED;
+                let outcome = batch::run(py, numbers, engines, at_once, options.progress.as_ref());
                 self.kept().append(&mut batches);
                 outcome?;
             }
             None => {
                 // refuses a robot of the parent's
                 self.shared.with(py, |_| Ok(()))?;
-                let [n_in, n_out] = [self.given.len(), self.want.len()];
                 let engine: Box<Engine<'_>> = Box::new(|input, output, answers| {
-                    for (row, answer) in answers.iter_mut().enumerate() {
-                        let given = &input[row * n_in..][..n_in];
-                        let want = &mut output[row * n_out..][..n_out];
-                        *answer = self.shared.ask_detached(self.id, given, want)?;
-                    }
-                    Ok(())
+                    self.shared.batch_detached(self.id, input, output, answers)
                 });
-                batch::run(py, numbers, vec![engine], options.progress.as_ref())?;
+                batch::run(py, numbers, vec![engine], batch::TILE, options.progress.as_ref())?;
             }
         }
         drop(written);

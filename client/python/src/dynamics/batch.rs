@@ -14,13 +14,14 @@ use pyo3::prelude::*;
 use sarrus_client::{Answer, Status, Warnings};
 
 /// Rows of a tile, and rows for which another thread is started: both chosen, not measured.
-const TILE: usize = 256;
+pub(super) const TILE: usize = 256;
 const ROWS_OF_A_THREAD: usize = 2048;
 /// Between two looks for signals.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Rows that an engine gets at once, so that its states can go abreast: a choice.
-const PACKED: usize = 16;
+/// Rows that an engine in this process gets at once, so that its states can go abreast: a choice. A
+/// server gets whole tiles.
+pub(super) const PACKED: usize = 16;
 
 /// What answers some states: their packed numbers in and out, row after row, and their answers.
 pub(super) type Engine<'e> =
@@ -62,8 +63,9 @@ impl<'a> Rows<'a> {
     fn answer(self, packed: &mut Packed, engine: &mut Engine<'_>) -> PyResult<()> {
         let Rows { rows, given, mut want, statuses, warnings } = self;
         let Packed { widths: [n_in, n_out], input, output, answers } = packed;
-        for first in (0..rows).step_by(PACKED) {
-            let here = PACKED.min(rows - first);
+        let at_once = answers.len();
+        for first in (0..rows).step_by(at_once) {
+            let here = at_once.min(rows - first);
             let mut at = 0;
             for (numbers, width) in &given {
                 for row in 0..here {
@@ -107,15 +109,15 @@ struct Packed {
 }
 
 impl Packed {
-    fn new(rows: &Rows<'_>) -> Packed {
+    fn new(rows: &Rows<'_>, at_once: usize) -> Packed {
         let n_in = rows.given.iter().map(|(_, width)| width).sum::<usize>();
         let n_out = rows.want.iter().map(|(_, width)| width).sum::<usize>();
         let unknown = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
         Packed {
             widths: [n_in, n_out],
-            input: vec![0.0; PACKED * n_in],
-            output: vec![0.0; PACKED * n_out],
-            answers: vec![unknown; PACKED],
+            input: vec![0.0; at_once * n_in],
+            output: vec![0.0; at_once * n_out],
+            answers: vec![unknown; at_once],
         }
     }
 }
@@ -163,8 +165,8 @@ impl Batch<'_> {
     }
 }
 
-/// Answers all rows on as many threads as there are engines, the calling one among them; Python's
-/// other threads run meanwhile.
+/// Answers all rows on as many threads as there are engines, the calling one among them; each gets
+/// up to `at_once` rows at once, and Python's other threads run meanwhile.
 ///
 /// A signal's exception, or that of `progress`, ends it between two tiles; what is not answered by
 /// then stays as it is.
@@ -172,12 +174,13 @@ pub(super) fn run(
     py: Python<'_>,
     rows: Rows<'_>,
     mut engines: Vec<Box<Engine<'_>>>,
+    at_once: usize,
     progress: Option<&Py<PyAny>>,
 ) -> PyResult<()> {
     let Some(mut own) = engines.pop() else { return Ok(()) };
     let total = rows.rows;
-    let mut packed: Vec<Packed> = engines.iter().map(|_| Packed::new(&rows)).collect();
-    let mut own_packed = Packed::new(&rows);
+    let mut packed: Vec<Packed> = engines.iter().map(|_| Packed::new(&rows, at_once)).collect();
+    let mut own_packed = Packed::new(&rows, at_once);
     let batch =
         Batch { left: Mutex::new(rows), done: AtomicUsize::new(0), stop: AtomicBool::new(false) };
     let look = |py: Python<'_>| -> PyResult<()> {

@@ -4,6 +4,7 @@
 //! have scratch of their own: no thread waits for another. A connected one is asked without
 //! Python's lock. Nothing of Python runs while the robot is locked.
 
+use std::num::NonZero;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -113,15 +114,17 @@ impl Shared {
         self.with(py, |robot| robot.ask(plan, input, output))
     }
 
-    /// Asks for one state of a batch, which holds no lock of Python.
-    pub(super) fn ask_detached(
+    /// Asks for states of a batch, which holds no lock of Python.
+    pub(super) fn batch_detached(
         &self,
         plan: PlanId,
         input: &[f64],
         output: &mut [f64],
-    ) -> PyResult<Answer> {
+        answers: &mut [Answer],
+    ) -> PyResult<()> {
+        let threads = NonZero::<usize>::MIN;
         match lock(&self.robot).as_mut() {
-            Some(robot) => robot.ask(plan, input, output).map_err(robot_error),
+            Some(robot) => robot.batch(plan, threads, input, output, answers).map_err(robot_error),
             None => Err(robot_error(Error::UnknownPlan)),
         }
     }

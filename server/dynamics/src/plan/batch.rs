@@ -87,15 +87,58 @@ pub const STRAIGHT_FIELDS: FieldSet = FieldSet::of(&[
 /// ```
 #[derive(Clone, Debug)]
 pub struct Batch {
-    model: Arc<Model<f64>>,
     plan: Plan,
+    workspace: BatchWorkspace,
+}
+
+impl Batch {
+    /// Scratch for many states of a plan of this model; of a plan of another model every answer is
+    /// [`Status::WrongModel`]. Allocates; nothing after it does.
+    pub fn new(model: &Arc<Model<f64>>, plan: &Plan) -> Batch {
+        let abreast = plan.abreast() > 1;
+        let workspace = BatchWorkspace {
+            model: Arc::clone(model),
+            workspace: Workspace::for_plans(model, [plan]),
+            tile: abreast.then(|| {
+                let constants = model.convert(Abreast::splat);
+                let workspace = Workspace::for_plans(&constants, [plan]);
+                Tile::new(constants, workspace, plan.given().len(), plan.want().len())
+            }),
+            alone: 0,
+        };
+        Batch { plan: plan.clone(), workspace }
+    }
+
+    /// How many states it answered one by one so far.
+    pub fn alone(&self) -> u64 {
+        self.workspace.alone
+    }
+
+    /// How many states go abreast: [`LANES`], or 1 where each is answered alone.
+    pub fn lanes(&self) -> usize {
+        self.plan.abreast()
+    }
+
+    /// Answers as many states as there are places for answers; `input` and `output` hold their rows
+    /// one after the other, packed as [`Plan::given`] and [`Plan::want`] say. Each row, status and
+    /// warning is that of [`Plan::run`], to the bit. Where the sizes do not fit every row is
+    /// [`Status::WrongSize`] and NaN. Allocates never.
+    pub fn run(&mut self, input: &[f64], output: &mut [f64], answers: &mut [Answer]) {
+        self.workspace.run(&self.plan, input, output, answers);
+    }
+}
+
+/// Scratch for one state and for many, of any plan of a model.
+#[derive(Clone, Debug)]
+pub struct BatchWorkspace {
+    model: Arc<Model<f64>>,
     workspace: Workspace<f64>,
-    /// Where states of the plan go abreast.
+    /// Where states go abreast.
     tile: Option<Tile>,
     alone: u64,
 }
 
-/// What states that go abreast need.
+/// What states that go abreast need: room for plans of up to so many numbers.
 #[derive(Clone, Debug)]
 struct Tile {
     model: Arc<Model<Abreast>>,
@@ -104,44 +147,36 @@ struct Tile {
     output: Vec<Abreast>,
 }
 
-impl Batch {
-    /// Scratch for many states of a plan of this model; of a plan of another model every answer is
-    /// [`Status::WrongModel`]. Allocates; nothing after it does.
-    pub fn new(model: &Arc<Model<f64>>, plan: &Plan) -> Batch {
-        let tile = plan.goes_abreast(model).then(|| {
-            let constants = model.convert(Abreast::splat);
-            Tile {
-                workspace: Workspace::for_plans(&constants, [plan]),
-                model: Arc::new(constants),
-                input: vec![Abreast::ZERO; plan.given().len()],
-                output: vec![Abreast::ZERO; plan.want().len()],
-            }
-        });
-        Batch {
+impl BatchWorkspace {
+    /// Scratch for every plan of this model that takes and gives at most so many numbers, but those
+    /// that force [`Method::Kkt`]. Allocates; nothing after it does.
+    pub fn new(model: &Arc<Model<f64>>, n_in: usize, n_out: usize) -> BatchWorkspace {
+        BatchWorkspace {
             model: Arc::clone(model),
-            plan: plan.clone(),
-            workspace: Workspace::for_plans(model, [plan]),
-            tile,
+            workspace: Workspace::new(model),
+            tile: FUSED.then(|| {
+                let constants = model.convert(Abreast::splat);
+                let workspace = Workspace::new(&constants);
+                Tile::new(constants, workspace, n_in, n_out)
+            }),
             alone: 0,
         }
     }
 
-    /// How many states it answered one by one so far.
-    pub fn alone(&self) -> u64 {
-        self.alone
+    /// The model that it was made for.
+    pub fn model(&self) -> &Model<f64> {
+        &self.model
     }
 
-    /// How many states go abreast: [`LANES`], or 1 where each is answered alone.
-    pub fn lanes(&self) -> usize {
-        if self.tile.is_some() { LANES } else { 1 }
+    /// Answers one state, as [`Plan::run`].
+    #[inline]
+    pub fn run_one(&mut self, plan: &Plan, input: &[f64], output: &mut [f64]) -> Answer {
+        plan.run(&self.model, &mut self.workspace, input, output)
     }
 
-    /// Answers as many states as there are places for answers; `input` and `output` hold their rows
-    /// one after the other, packed as [`Plan::given`] and [`Plan::want`] say. Each row, status and
-    /// warning is that of [`Plan::run`], to the bit. Where the sizes do not fit every row is
-    /// [`Status::WrongSize`] and NaN. Allocates never.
-    pub fn run(&mut self, input: &[f64], output: &mut [f64], answers: &mut [Answer]) {
-        let (n_in, n_out) = (self.plan.given().len(), self.plan.want().len());
+    /// Answers states of a plan, as [`Batch::run`].
+    pub fn run(&mut self, plan: &Plan, input: &[f64], output: &mut [f64], answers: &mut [Answer]) {
+        let (n_in, n_out) = (plan.given().len(), plan.want().len());
         let rows = answers.len();
         if Some(input.len()) != rows.checked_mul(n_in)
             || Some(output.len()) != rows.checked_mul(n_out)
@@ -150,6 +185,7 @@ impl Batch {
             answers.fill(Answer { status: Status::WrongSize, warnings: Warnings::NONE });
             return;
         }
+        let mut tile = self.tile.as_mut().filter(|tile| plan.abreast > 1 && tile.holds(plan));
         let (mut input, mut output, mut answers) = (input, output, answers);
         while !answers.is_empty() {
             let rows = answers.len().min(LANES);
@@ -159,13 +195,13 @@ impl Batch {
             output = rest;
             let (of_rows, rest) = answers.split_at_mut(rows);
             answers = rest;
-            let alone = match &mut self.tile {
-                Some(tile) if rows == LANES => tile.run(&self.plan, given, want, of_rows),
+            let alone = match &mut tile {
+                Some(tile) if rows == LANES => tile.run(plan, given, want, of_rows),
                 _ => u32::MAX,
             };
             for row in (0..rows).filter(|row| alone >> row & 1 != 0) {
                 self.alone += 1;
-                of_rows[row] = self.plan.run(
+                of_rows[row] = plan.run(
                     &self.model,
                     &mut self.workspace,
                     &given[row * n_in..][..n_in],
@@ -177,19 +213,35 @@ impl Batch {
 }
 
 impl Tile {
+    fn new(
+        model: Model<Abreast>,
+        workspace: Workspace<Abreast>,
+        n_in: usize,
+        n_out: usize,
+    ) -> Tile {
+        let [input, output] = [n_in, n_out].map(|n| vec![Abreast::ZERO; n]);
+        Tile { model: Arc::new(model), workspace, input, output }
+    }
+
+    /// True where there is room for the numbers of a plan.
+    fn holds(&self, plan: &Plan) -> bool {
+        plan.given().len() <= self.input.len() && plan.want().len() <= self.output.len()
+    }
+
     /// Answers [`LANES`] states but for those in the bits that it returns, which have to go alone.
     fn run(&mut self, plan: &Plan, given: &[f64], want: &mut [f64], answers: &mut [Answer]) -> u32 {
-        let (n_in, n_out) = (self.input.len(), self.output.len());
-        for (k, x) in self.input.iter_mut().enumerate() {
+        let (n_in, n_out) = (plan.given().len(), plan.want().len());
+        let (input, output) = (&mut self.input[..n_in], &mut self.output[..n_out]);
+        for (k, x) in input.iter_mut().enumerate() {
             *x = Abreast::new(core::array::from_fn(|lane| given[lane * n_in + k]));
         }
         Marks::take();
-        let answer = plan.run(&self.model, &mut self.workspace, &self.input, &mut self.output);
+        let answer = plan.run(&self.model, &mut self.workspace, input, output);
         let marks = Marks::take();
         if answer.status != Status::Ok || answer.warnings != Warnings::NONE {
             return u32::MAX;
         }
-        for (k, x) in self.output.iter().enumerate() {
+        for (k, x) in output.iter().enumerate() {
             for (lane, x) in x.states().into_iter().enumerate() {
                 want[lane * n_out + k] = x;
             }
@@ -204,19 +256,21 @@ impl Tile {
 }
 
 impl Plan {
-    /// True where states of this plan share a run over lanes. Forward dynamics of the whole KKT
-    /// system, which is there to check the others, is left out: a choice.
-    fn goes_abreast(&self, model: &Model<f64>) -> bool {
-        // of another model, places in the plan say nothing
-        if model.meta.fingerprint != self.fingerprint {
-            return false;
-        }
+    /// How many states of this plan go abreast: [`LANES`], or 1 where each is answered alone.
+    pub fn abreast(&self) -> usize {
+        self.abreast
+    }
+
+    /// The same, found. Forward dynamics of the whole KKT system, which is there to check the
+    /// others, is left out: a choice.
+    pub(super) fn find_abreast<C>(&self, model: &Model<C>) -> usize {
         let is_only = |fields: FieldSet, of: FieldSet| fields.0 & !of.0 == 0;
         let whole = self.request == Request::ForwardDynamics && self.method == Method::Kkt;
-        FUSED
+        let abreast = FUSED
             && !whole
             && is_only(self.query.given, GIVEN)
             && is_only(self.query.want, STRAIGHT_FIELDS)
-            && self.needed.scope.closed.iter().all(|c| model.closures[*c].is_closed_form())
+            && self.needed.scope.closed.iter().all(|c| model.closures[*c].is_closed_form());
+        if abreast { LANES } else { 1 }
     }
 }

@@ -13,7 +13,7 @@ mod run;
 mod scratch;
 mod state;
 
-pub use batch::{Batch, STRAIGHT_FIELDS};
+pub use batch::{Batch, BatchWorkspace, STRAIGHT_FIELDS};
 pub(crate) use forces::wrenches_on_bodies;
 pub(crate) use kkt::{Drift, drift_of, tree_under_constraints};
 pub use outline::Outline;
@@ -73,6 +73,8 @@ pub struct Plan {
     /// The links with wrenches that are felt, as (place in the request, link).
     wrench_links: Vec<(usize, usize)>,
     needed: Needed,
+    /// How many states go abreast.
+    abreast: usize,
 }
 
 /// Which space the motion comes from.
@@ -211,7 +213,7 @@ impl Plan {
         let links = wrench_links.into_iter().enumerate();
         let felt: Vec<(usize, usize)> = links.filter(is_felt).collect();
         let felt_links: Vec<usize> = felt.iter().map(|(_, link)| *link).collect();
-        Ok(Plan {
+        let mut plan = Plan {
             query: *query,
             request,
             given: Layout::of_given(query, &sizes),
@@ -224,7 +226,10 @@ impl Plan {
             frames: frame_links,
             wrench_links: felt,
             needed,
-        })
+            abreast: 1,
+        };
+        plan.abreast = plan.find_abreast(model);
+        Ok(plan)
     }
 
     /// How the input numbers are packed.

@@ -1,11 +1,11 @@
 //! Who answers: the model in this process, or a server.
 
+use std::num::NonZeroUsize;
 use std::time::{Duration, Instant};
 
 use sarrus_client::{
     Answer, ConnectError, ConnectOptions, Error, PlanId, Query, Robot, Status, Transport, Warnings,
 };
-use sarrus_dynamics::{Model, Plan, Workspace};
 use sarrus_proto::ServerName;
 
 /// Plans that are kept: scripts use few, and one that uses a new one for each line must fill
@@ -14,83 +14,29 @@ const PLANS: usize = 64;
 /// How long a server that is gone is not looked for again.
 const PAUSE: Duration = Duration::from_secs(1);
 
-/// Who answers.
-pub(super) enum Engine {
-    Here(Box<Here>),
-    There(Box<There>),
-}
-
 /// What came of a request; with words where nobody computed anything.
+#[derive(Clone, Debug)]
 pub(super) struct Reply {
     pub(super) answer: Answer,
     pub(super) words: Option<String>,
 }
 
-impl Engine {
-    /// Asks for `output`, packed as `wanted` says, from `input`.
-    pub(super) fn ask(&mut self, query: &Query, input: &[f64], output: &mut [f64]) -> Reply {
-        match self {
-            Engine::Here(here) => here.ask(query, input, output),
-            Engine::There(there) => there.ask(query, input, output),
-        }
-    }
-
-    /// True when the server was gone at some time.
-    pub(super) fn was_lost(&self) -> bool {
-        matches!(self, Engine::There(there) if there.was_lost)
-    }
-}
-
-/// The model in this process.
-pub(super) struct Here {
-    model: Model<f64>,
-    workspace: Workspace<f64>,
-    plans: Vec<Plan>,
-}
-
-impl Here {
-    pub(super) fn new(model: Model<f64>) -> Here {
-        Here { workspace: Workspace::new(&model), model, plans: Vec::new() }
-    }
-
-    fn ask(&mut self, query: &Query, input: &[f64], output: &mut [f64]) -> Reply {
-        let known = self.plans.iter().position(|plan| plan.query() == query);
-        let index =
-            match known.map_or_else(|| Plan::new(&self.model, query).map(Some), |_| Ok(None)) {
-                Err(error) => return Reply::failed(Status::BadRequest, error.to_string()),
-                Ok(Some(plan)) => {
-                    if self.plans.len() == PLANS {
-                        self.plans.clear();
-                    }
-                    self.plans.push(plan);
-                    self.plans.len() - 1
-                }
-                Ok(None) => known.unwrap_or(0),
-            };
-        let answer = self
-            .plans
-            .get(index)
-            .map(|plan| plan.run(&self.model, &mut self.workspace, input, output));
-        Reply {
-            answer: answer
-                .unwrap_or(Answer { status: Status::UnknownRequest, warnings: Warnings::NONE }),
-            words: None,
-        }
-    }
-}
-
-/// A server.
-pub(super) struct There {
-    pub(super) robot: Robot,
+/// A robot, here or connected, with the plans of the lines so far.
+pub(super) struct Engine {
+    robot: Robot,
     plans: Vec<(Query, PlanId)>,
     /// When and how the server was found to be gone.
     lost: Option<(Instant, Status, String)>,
     was_lost: bool,
 }
 
-impl There {
+impl Engine {
+    pub(super) fn new(robot: Robot) -> Engine {
+        Engine { robot, plans: Vec::new(), lost: None, was_lost: false }
+    }
+
     /// Connects through a lane, or through the service when all lanes are taken.
-    pub(super) fn connect(name: &str) -> Result<There, ConnectError> {
+    pub(super) fn connect(name: &str) -> Result<Engine, ConnectError> {
         // a bad name is reported before anything is made
         ServerName::new(name)?;
         let robot = match Robot::connect(name) {
@@ -100,30 +46,56 @@ impl There {
             ),
             outcome => outcome,
         };
-        Ok(There { robot: robot?, plans: Vec::new(), lost: None, was_lost: false })
+        robot.map(Engine::new)
     }
 
-    fn ask(&mut self, query: &Query, input: &[f64], output: &mut [f64]) -> Reply {
+    pub(super) fn robot(&self) -> &Robot {
+        &self.robot
+    }
+
+    /// True when the server was gone at some time.
+    pub(super) fn was_lost(&self) -> bool {
+        self.was_lost
+    }
+
+    /// Asks for so many states of one query: rows in, rows out, packed as it says.
+    pub(super) fn ask(
+        &mut self,
+        query: &Query,
+        rows: usize,
+        input: &[f64],
+        output: &mut [f64],
+    ) -> Vec<Reply> {
         // each look for a lost server takes a second: the lines between two looks are answered at
         // once
         if let Some((since, status, words)) = &self.lost
             && since.elapsed() < PAUSE
         {
-            return Reply::failed(*status, words.clone());
+            return vec![Reply::failed(*status, words.clone()); rows];
         }
-        let error = match self.plan(query).and_then(|plan| self.robot.ask(plan, input, output)) {
-            Ok(answer) => {
-                self.lost = None;
-                return Reply { answer, words: None };
+        let nothing = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
+        let mut answers = vec![nothing; rows];
+        let outcome = match (self.plan(query), &mut answers[..]) {
+            (Err(error), _) => Err(error),
+            (Ok(plan), [answer]) => {
+                self.robot.ask(plan, input, output).map(|answered| *answer = answered)
             }
-            Err(error) => error,
+            (Ok(plan), answers) => {
+                self.robot.batch(plan, NonZeroUsize::MIN, input, output, answers)
+            }
+        };
+        let Err(error) = outcome else {
+            self.lost = None;
+            return answers.into_iter().map(|answer| Reply { answer, words: None }).collect();
         };
         let words = error.to_string();
         let status = match error {
             Error::Query(_) | Error::TooLarge { .. } => {
-                return Reply::failed(Status::BadRequest, words);
+                return vec![Reply::failed(Status::BadRequest, words); rows];
             }
-            Error::TooManyPlans { .. } => return Reply::failed(Status::Overloaded, words),
+            Error::TooManyPlans { .. } => {
+                return vec![Reply::failed(Status::Overloaded, words); rows];
+            }
             Error::NoAnswer { .. } => Status::Overloaded,
             Error::Connect(ConnectError::WrongModel { .. }) => Status::WrongModel,
             _ => Status::ShuttingDown,
@@ -133,11 +105,14 @@ impl There {
         }
         self.was_lost = true;
         self.lost = Some((Instant::now(), status, words.clone()));
-        Reply::failed(status, words)
+        // those before the server went have their answers
+        let reply = |answer: Answer| match answer.status {
+            Status::UnknownRequest => Reply::failed(status, words.clone()),
+            _ => Reply { answer, words: None },
+        };
+        answers.into_iter().map(reply).collect()
     }
-}
 
-impl There {
     /// The plan of a query; where too many are kept, they are released first.
     fn plan(&mut self, query: &Query) -> Result<PlanId, Error> {
         if let Some((_, plan)) = self.plans.iter().find(|(known, _)| known == query) {

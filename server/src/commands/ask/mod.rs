@@ -21,14 +21,14 @@ use std::process::ExitCode;
 use clap::{Args, ValueEnum};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use sarrus_client::{
-    Answer, Error, Field, FieldSet, Layout, ModelInfo, Query, Request, Status, Warnings, describe,
+    Answer, Error, Field, FieldSet, Layout, ModelInfo, Query, Request, Robot, Status, Warnings,
 };
 use sarrus_proto::Tolerance;
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT};
 
 use super::robot::{RobotFlags, refuse};
 use answer::Remark;
-use engine::{Engine, Here, Reply, There};
+use engine::{Engine, Reply};
 use lines::{LONGEST, Line, Lines};
 use request::{Asked, Problem};
 
@@ -57,13 +57,13 @@ pub(crate) struct Ask {
     /// which on it carries `input_projected`; a line's own `projection_tolerance` comes first.
     #[arg(long, value_name = "X", default_value_t = USUAL, value_parser = tolerance)]
     projection_tolerance: f64,
-    /// Answers up to N lines before it writes: same lines, same order, written when N are there or
-    /// the input pauses.
+    /// Answers up to N lines together: same lines, same order, written when N are there or the
+    /// input pauses. Lines that ask the same of other states share their computation.
     #[arg(long, value_name = "N", default_value_t = NonZeroUsize::MIN)]
     batch: NonZeroUsize,
 }
 
-/// Bytes of answers from which on they are written, however many lines may go together.
+/// Bytes of lines and answers from which on they are written, however many lines may go together.
 const MOST_UNWRITTEN: usize = 1 << 20;
 
 /// The tolerance of a query that names none.
@@ -104,33 +104,21 @@ impl Ask {
     pub(crate) fn run(self) -> ExitCode {
         let request = self.request.request();
         let tolerances = [self.loop_tolerance, self.projection_tolerance].map(Tolerance::new);
-        let session = match &self.connect {
-            Some(name) => match There::connect(name) {
-                Ok(there) => Session {
-                    request,
-                    tolerances,
-                    model: there.robot.model().clone(),
-                    engine: Engine::There(Box::new(there)),
-                },
+        let engine = match &self.connect {
+            Some(name) => match Engine::connect(name) {
+                Ok(engine) => engine,
                 Err(error) => {
                     eprintln!("sarrus ask: {error}");
                     return ExitCode::from(2);
                 }
             },
             None => match self.robot.load_and_warn() {
-                Ok(loaded) => {
-                    let model = describe(&loaded);
-                    Session {
-                        request,
-                        tolerances,
-                        model,
-                        engine: Engine::Here(Box::new(Here::new(loaded.compiled.model))),
-                    }
-                }
+                Ok(loaded) => Engine::new(Robot::from_model(loaded.compiled)),
                 Err(error) => return refuse("ask", &error),
             },
         };
-        session.run(self.batch.get())
+        let model = engine.robot().model().clone();
+        Session { request, tolerances, model, engine }.run(self.batch.get())
     }
 }
 
@@ -143,46 +131,63 @@ struct Session {
     engine: Engine,
 }
 
+/// A line that was read, on its way to its answer.
+enum Item {
+    /// Answered before anybody computes.
+    Answered(Status, Vec<u8>),
+    Asked(Box<Question>),
+}
+
+/// What a line asks, and what came of it.
+struct Question {
+    asked: Asked,
+    /// The column of its positions.
+    column: usize,
+    input: Vec<f64>,
+    want: Layout,
+    /// As `want` says.
+    numbers: Vec<f64>,
+    reply: Option<Reply>,
+}
+
 impl Session {
     fn run(mut self, batch: usize) -> ExitCode {
         let mut lines = Lines::new(io::stdin().lock());
-        // the answers that are not written yet, and how many they are
-        let (mut text, mut answered) = (Vec::new(), 0);
+        // the lines that are not answered yet, and the bytes that they take
+        let (mut items, mut bytes) = (Vec::new(), 0);
         let mut every_line_good = true;
         loop {
             let line = match lines.next() {
                 Ok(line) => line,
                 Err(error) => {
-                    // what was answered is not lost
+                    // what was asked is answered
+                    let (text, _) = self.answer(&mut items);
                     let _ = io::stdout().lock().write_all(&text);
                     eprintln!("sarrus ask: stdin cannot be read: {error}");
                     return ExitCode::from(2);
                 }
             };
             let is_end = matches!(line, Line::End);
-            let status = match line {
-                Line::End => Status::Ok,
-                Line::Text(line) => self.answer(line, &mut text),
+            match line {
+                Line::End => {}
+                Line::Text(line) => items.push(self.read(line)),
                 Line::TooLong => {
                     let words = format!("a line of more than {LONGEST} bytes, expected fewer");
-                    answer::bad_request(&mut text, &Remark { column: Some(LONGEST + 1), words });
-                    Status::BadRequest
+                    items.push(Item::bad(&Remark { column: Some(LONGEST + 1), words }));
                 }
-            };
-            every_line_good &= status != Status::BadRequest;
-            answered += 1;
+            }
+            bytes += items.last().map_or(0, Item::bytes);
             // what cannot be read is said when it is the next line
-            let goes_on = answered < batch && text.len() < MOST_UNWRITTEN && !is_end;
+            let goes_on = items.len() < batch && bytes < MOST_UNWRITTEN && !is_end;
             if goes_on && !lines.would_wait(has_input).unwrap_or(true) {
                 continue;
             }
+            let (text, all_good) = self.answer(&mut items);
+            (every_line_good, bytes) = (every_line_good && all_good, 0);
             let mut out = io::stdout().lock();
             match out.write_all(&text).and_then(|()| out.flush()) {
                 Ok(()) if is_end => break,
-                Ok(()) => {
-                    text.clear();
-                    answered = 0;
-                }
+                Ok(()) => {}
                 // nobody listens any more
                 Err(error) if error.kind() == ErrorKind::BrokenPipe => break,
                 Err(error) => {
@@ -198,8 +203,8 @@ impl Session {
         }
     }
 
-    /// Writes the answer to a line and says how it ended.
-    fn answer(&mut self, line: &[u8], out: &mut Vec<u8>) -> Status {
+    /// Reads a line.
+    fn read(&self, line: &[u8]) -> Item {
         let valid = std::str::from_utf8(line);
         let text = match valid {
             Ok(text) => text,
@@ -220,10 +225,7 @@ impl Session {
         };
         let mut asked = match asked {
             Ok(asked) => asked,
-            Err(problem) => {
-                answer::bad_request(out, &remark(problem));
-                return Status::BadRequest;
-            }
+            Err(problem) => return Item::bad(&remark(problem)),
         };
 
         // a state that fails before anybody computes
@@ -233,68 +235,123 @@ impl Session {
                 &Query::new(self.request, FieldSet::EMPTY, FieldSet::EMPTY),
                 &self.model,
             );
-            answer::answer(out, &asked, &self.model, failed, &nothing, &[], Some(&remark(problem)));
-            return failed.status;
+            let (mut out, remark) = (Vec::new(), remark(problem));
+            let remark = Some(&remark);
+            answer::answer(&mut out, &asked, &self.model, failed, &nothing, &[], remark);
+            return Item::Answered(failed.status, out);
         }
 
-        let (reply, layout, numbers) = self.ask(&mut asked);
-        if reply.answer.status == Status::BadRequest {
-            // numbers that are no state: the offset is that of the positions
-            let positions = [Field::Y, Field::Q, Field::QGuess];
-            let offset = asked
-                .given
-                .iter()
-                .find(|given| positions.contains(&given.field))
-                .map_or(0, |given| given.offset);
-            let words = reply.words.unwrap_or_else(|| {
-                "a quaternion is not of unit length, expected one within 1e-6 of it".to_owned()
-            });
-            answer::bad_request(
-                out,
-                &remark(Problem { status: Status::BadRequest, offset, words }),
-            );
+        let given = Layout::of_given(&asked.query, &self.model.sizes);
+        let positions = [Field::Y, Field::Q, Field::QGuess];
+        let mut fields = asked.given.iter();
+        let offset = fields.find(|given| positions.contains(&given.field)).map_or(0, |x| x.offset);
+        let mut question = Question {
+            column: column(text, offset),
+            input: packed(&asked, &given),
+            want: Layout::of_want(&asked.query, &self.model),
+            numbers: Vec::new(),
+            reply: None,
+            asked,
+        };
+        let (n_in, n_out) = (given.len(), question.want.len());
+        if n_in > MAX_NUMBERS_IN || n_out > MAX_NUMBERS_OUT {
+            // in process it could be answered; the same line gets the same answer everywhere
+            let (max_in, max_out) = (MAX_NUMBERS_IN, MAX_NUMBERS_OUT);
+            let error = Error::TooLarge { n_in, n_out, max_in, max_out };
+            question.reply = Some(Reply::failed(Status::BadRequest, error.to_string()));
         } else {
-            let remark = reply.words.map(|words| Remark { column: None, words });
-            answer::answer(
-                out,
-                &asked,
-                &self.model,
-                reply.answer,
-                &layout,
-                &numbers,
-                remark.as_ref(),
-            );
+            question.numbers.resize(n_out, f64::NAN);
         }
-        reply.answer.status
+        Item::Asked(Box::new(question))
     }
 
-    /// Packs, asks, and asks again without the one output that may fail alone.
-    fn ask(&mut self, asked: &mut Asked) -> (Reply, Layout, Vec<f64>) {
-        let given = Layout::of_given(&asked.query, &self.model.sizes);
-        let input = packed(asked, &given);
-        loop {
-            let want = Layout::of_want(&asked.query, &self.model);
-            let (n_in, n_out) = (given.len(), want.len());
-            if n_in > MAX_NUMBERS_IN || n_out > MAX_NUMBERS_OUT {
-                // in process it could be answered; the same line gets the same answer everywhere
-                let error = Error::TooLarge {
-                    n_in,
-                    n_out,
-                    max_in: MAX_NUMBERS_IN,
-                    max_out: MAX_NUMBERS_OUT,
-                };
-                return (Reply::failed(Status::BadRequest, error.to_string()), want, Vec::new());
+    /// Answers lines and forgets them: their answers, and whether each was a valid request.
+    fn answer(&mut self, items: &mut Vec<Item>) -> (Vec<u8>, bool) {
+        self.ask(items);
+        let (mut text, mut all_good) = (Vec::new(), true);
+        for item in items.drain(..) {
+            let status = match item {
+                Item::Answered(status, answer) => {
+                    text.extend(answer);
+                    status
+                }
+                Item::Asked(question) => self.write(*question, &mut text),
+            };
+            all_good &= status != Status::BadRequest;
+        }
+        (text, all_good)
+    }
+
+    /// Asks, those with the same query together, and asks again without the one output that may
+    /// fail alone.
+    fn ask(&mut self, items: &mut [Item]) {
+        let mut open: Vec<&mut Question> = items
+            .iter_mut()
+            .filter_map(|item| match item {
+                Item::Asked(question) if question.reply.is_none() => Some(&mut **question),
+                _ => None,
+            })
+            .collect();
+        while let Some(query) = open.first().map(|question| question.asked.query) {
+            let (mut alike, others): (Vec<_>, Vec<_>) =
+                open.into_iter().partition(|question| question.asked.query == query);
+            open = others;
+            let input: Vec<f64> = alike.iter().flat_map(|one| &one.input).copied().collect();
+            let n_out = alike.first().map_or(0, |one| one.numbers.len());
+            let mut output = vec![f64::NAN; alike.len() * n_out];
+            let replies = self.engine.ask(&query, alike.len(), &input, &mut output);
+            for (row, (question, reply)) in alike.drain(..).zip(replies).enumerate() {
+                if reply.answer.status == Status::SingularActuation
+                    && query.want.has(Field::JacobianActuator)
+                {
+                    let actuator = FieldSet::of(&[Field::JacobianActuator]);
+                    question.asked.query.want = FieldSet(query.want.0 & !actuator.0);
+                    question.want = Layout::of_want(&question.asked.query, &self.model);
+                    question.numbers.resize(question.want.len(), f64::NAN);
+                    open.push(question);
+                    continue;
+                }
+                let numbers = output.get(row * n_out..(row + 1) * n_out);
+                question.numbers.copy_from_slice(numbers.unwrap_or_default());
+                question.reply = Some(reply);
             }
-            let mut numbers = vec![f64::NAN; n_out];
-            let reply = self.engine.ask(&asked.query, &input, &mut numbers);
-            if reply.answer.status == Status::SingularActuation
-                && asked.query.want.has(Field::JacobianActuator)
-            {
-                asked.query.want =
-                    FieldSet(asked.query.want.0 & !FieldSet::of(&[Field::JacobianActuator]).0);
-                continue;
+        }
+    }
+
+    /// Writes the answer to a line and says how it ended.
+    fn write(&self, question: Question, out: &mut Vec<u8>) -> Status {
+        let Question { asked, column, want, numbers, reply, .. } = question;
+        let Some(Reply { answer, words }) = reply else { return Status::Ok };
+        if answer.status == Status::BadRequest {
+            // numbers that are no state
+            let words = words.unwrap_or_else(|| {
+                "a quaternion is not of unit length, expected one within 1e-6 of it".to_owned()
+            });
+            answer::bad_request(out, &Remark { column: Some(column), words });
+        } else {
+            let remark = words.map(|words| Remark { column: None, words });
+            answer::answer(out, &asked, &self.model, answer, &want, &numbers, remark.as_ref());
+        }
+        answer.status
+    }
+}
+
+impl Item {
+    /// A line that is no request.
+    fn bad(remark: &Remark) -> Item {
+        let mut out = Vec::new();
+        answer::bad_request(&mut out, remark);
+        Item::Answered(Status::BadRequest, out)
+    }
+
+    /// About what it takes.
+    fn bytes(&self) -> usize {
+        match self {
+            Item::Answered(_, text) => text.len(),
+            Item::Asked(question) => {
+                let numbers = question.input.len() + question.numbers.len();
+                size_of::<Question>() + size_of::<f64>() * numbers
             }
-            return (reply, want, numbers);
         }
     }
 }

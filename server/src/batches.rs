@@ -1,0 +1,79 @@
+//! The batches of one client, on the answering thread: one under way, answered tile by tile, so
+//! that nobody else waits for more than a tile of it.
+
+use quanta::Clock;
+use sarrus_dynamics::scalar::LANES;
+use sarrus_proto::batch::{BatchHead, ServedBatch};
+use sarrus_proto::{Answer, Status, Warnings};
+
+use crate::counters::Counters;
+use crate::engine::{Engine, Tile};
+use crate::record::Client;
+
+/// Where a client asks for batches, and what is under way there.
+pub(crate) struct Batches {
+    area: ServedBatch,
+    /// Whose requests a recording says that the rows are.
+    client: Client,
+    /// The sequence of the last batch that was looked at.
+    last: u64,
+    under_way: Option<UnderWay>,
+}
+
+/// A batch that is answered up to this row.
+struct UnderWay {
+    head: BatchHead,
+    row: usize,
+}
+
+impl Batches {
+    pub(crate) fn new(area: ServedBatch, client: Client) -> Batches {
+        Batches { area, client, last: 0, under_way: None }
+    }
+
+    /// Answers a tile, or refuses a batch; false where there is nothing to do.
+    pub(crate) fn turn(
+        &mut self,
+        engine: &mut Engine,
+        counters: &Counters,
+        clock: &Clock,
+        stopping: bool,
+    ) -> bool {
+        let sequence = self.area.sequence();
+        let is_new = sequence != self.last;
+        self.last = sequence;
+        let UnderWay { head, row } = match self.under_way.take() {
+            None if is_new => UnderWay { head: self.area.head(sequence), row: 0 },
+            None => return false,
+            Some(under_way) if !is_new => under_way,
+            // asked again before the answer: the rows of both lie in one place
+            Some(_) => {
+                self.refuse(Status::Overloaded, counters);
+                return true;
+            }
+        };
+        if stopping {
+            self.refuse(Status::ShuttingDown, counters);
+            return true;
+        }
+        engine.found(clock.raw(), self.client);
+        let mut answers =
+            [Answer { status: Status::UnknownRequest, warnings: Warnings::NONE }; LANES];
+        match engine.answer_tile(&head, row, &self.area, &mut answers) {
+            Ok(Tile { answers, is_last }) => {
+                counters.record_states(answers);
+                match is_last {
+                    true => self.area.publish(sequence, Status::Ok),
+                    false => self.under_way = Some(UnderWay { head, row: row + answers.len() }),
+                }
+            }
+            Err(status) => self.refuse(status, counters),
+        }
+        true
+    }
+
+    fn refuse(&self, status: Status, counters: &Counters) {
+        counters.record_refused(status);
+        self.area.publish(self.last, status);
+    }
+}

@@ -1,0 +1,191 @@
+//! The answering thread step by step: who is answered when, counted in tiles.
+
+use std::os::fd::OwnedFd;
+
+use rtrb::RingBuffer;
+use sarrus_dynamics::scalar::LANES;
+use sarrus_dynamics::{Model, Plan};
+use sarrus_models::{Options, Source, load};
+use sarrus_proto::batch::{BatchHead, BatchShape, ClaimedBatch, MAX_BATCH_ROWS, ServedBatch};
+use sarrus_proto::board::{ClaimedLane, class_of};
+use sarrus_proto::message::PlanNumber;
+use sarrus_proto::run::{Link, Run};
+use sarrus_proto::{Domain, Field, FieldSet, PROTOCOL_VERSION, Query, Request, ServerName};
+
+use super::*;
+use crate::plans::{MAX_ORDERS, PlanOrder, ServedPlan};
+
+/// The number of the plan that is served.
+const NUMBER: PlanNumber = PlanNumber(5);
+const ROWS: usize = MAX_BATCH_ROWS;
+
+/// An answering thread that answers when it is told to.
+struct Stepped {
+    hot: Hot,
+    plan: Plan,
+    fingerprint: u64,
+    plan_orders: Producer<PlanOrder>,
+    orders: Producer<Order>,
+    retired: Consumer<Retired>,
+}
+
+impl Stepped {
+    fn new() -> Stepped {
+        let source = Source::Bundled("rh5v2_upper_body".into());
+        let model: Model<f64> = load(&source, &Options::default()).unwrap().compiled.model;
+        let motion = FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]);
+        let query = Query::new(Request::InverseDynamics, motion, FieldSet::of(&[Field::TauU]));
+        let plan = Plan::new(&model, &query).unwrap();
+        let fingerprint = model.fingerprint();
+        let (mut plan_orders, plan_orders_out) = RingBuffer::new(MAX_ORDERS);
+        let (retired_plans, _) = RingBuffer::new(8);
+        let served = ServedPlan { number: NUMBER, plan: plan.clone(), kernel: None, checks: false };
+        assert!(plan_orders.push(PlanOrder::Serve(Box::new(served))).is_ok());
+        let (orders_in, orders) = RingBuffer::new(16);
+        let (retired_in, retired) = RingBuffer::new(16);
+        let hot = Hot {
+            engine: Engine::new(Arc::new(model), plan_orders_out, retired_plans),
+            ends: Vec::with_capacity(16),
+            next: 0,
+            orders,
+            retired: retired_in,
+            heartbeat: HeartbeatWriter::new().unwrap(),
+            shared: Arc::new(Shared {
+                counters: Counters::new(8),
+                stopping: AtomicBool::new(false),
+            }),
+            clock: Clock::new(),
+            wait: Wait::Busy,
+        };
+        Stepped { hot, plan, fingerprint, plan_orders, orders: orders_in, retired }
+    }
+
+    /// The client's side of an area that is polled from now on.
+    fn batches(&mut self, place: usize) -> ClaimedBatch {
+        let (area, memory): (ServedBatch, OwnedFd) = ServedBatch::create().unwrap();
+        let end = End::Batches(Batches::new(area, Client::Service));
+        assert!(self.orders.push(Order::Serve { place, end }).is_ok());
+        self.hot.obey();
+        ClaimedBatch::open(&memory).unwrap()
+    }
+
+    /// Asks for a batch of states near zero.
+    fn ask(&self, area: &ClaimedBatch, sequence: u64, rows: usize) {
+        let (n_in, n_out) = (self.plan.given().len(), self.plan.want().len());
+        let shape = BatchShape::new(rows as u64, n_in, n_out).unwrap();
+        let input: Vec<f64> = (0..rows * n_in).map(|k| 1e-3 * (k % 101) as f64).collect();
+        area.send(&self.head(sequence, rows), &shape, &input);
+    }
+
+    fn head(&self, sequence: u64, rows: usize) -> BatchHead {
+        let (version, fingerprint) = (PROTOCOL_VERSION, self.fingerprint);
+        BatchHead { version, plan: NUMBER.0, fingerprint, sequence, rows: rows as u64 }
+    }
+
+    fn answered(&self, status: Status) -> u64 {
+        self.hot.shared.counters.counts().statuses[status as usize]
+    }
+}
+
+#[test]
+fn a_lane_waits_for_one_tile_at_most_and_batches_take_turns() {
+    let root = std::env::temp_dir().join(format!("sarrus-turns-{}", std::process::id()));
+    let domain = Domain::at(&root).unwrap();
+    let run = Run::start(&domain, &ServerName::new("turns").unwrap()).unwrap();
+    let (number, link) = run.new_link().unwrap();
+    let mut stepped = Stepped::new();
+    let (n_in, n_out) = (stepped.plan.given().len(), stepped.plan.want().len());
+    let classes = [n_in, n_out].map(|n| class_of(n).unwrap());
+    let node = link.node().unwrap();
+    let lane = ServedLane::create(&node, classes).unwrap();
+    assert!(stepped.orders.push(Order::Serve { place: 0, end: End::Lane(lane, 0) }).is_ok());
+    let other = Link::new(&domain, run.instance(), number).unwrap().node().unwrap();
+    let mut lane = ClaimedLane::claim(&other, classes).unwrap();
+
+    let areas = [1, 2, 3].map(|place| stepped.batches(place));
+    areas.iter().for_each(|area| stepped.ask(area, 1, ROWS));
+    let mut sequence = 0;
+    while areas.iter().any(|area| area.answer(1).is_none()) {
+        // whenever the lane asks, its answer comes before another tile is whole
+        let done = areas.each_ref().map(ClaimedBatch::done);
+        let (version, fingerprint) = (PROTOCOL_VERSION, stepped.fingerprint);
+        sequence += 1;
+        let head = RequestHead {
+            version,
+            plan: NUMBER.0,
+            fingerprint,
+            sequence,
+            ..RequestHead::default()
+        };
+        lane.outbox.numbers()[..n_in].fill(0.1);
+        lane.outbox.publish(head);
+        stepped.hot.sweep(false);
+        let (answer, _) = lane.inbox.poll().unwrap();
+        assert_eq!((answer.sequence, answer.status), (sequence, Status::Ok as u32));
+        let now = areas.each_ref().map(ClaimedBatch::done);
+        let rows = |done: [u64; 3]| done.iter().sum::<u64>();
+        assert_eq!(rows(now) - rows(done), stepped.plan.abreast() as u64);
+        // nobody is ahead by more than the tile of this turn
+        let [least, most] = [now.iter().min(), now.iter().max()].map(|x| *x.unwrap());
+        assert!(most - least <= stepped.plan.abreast() as u64, "{now:?}");
+    }
+    assert_eq!(sequence as usize, 3 * ROWS / stepped.plan.abreast());
+    let counts = stepped.hot.shared.counters.counts();
+    assert_eq!((counts.lane_requests, counts.batch_states), (sequence, 3 * ROWS as u64));
+    assert_eq!(stepped.answered(Status::Ok), sequence + 3 * ROWS as u64);
+    drop((lane, other, stepped, node));
+    link.remove();
+    drop(run);
+    domain.tidy();
+}
+
+#[test]
+fn a_batch_that_is_asked_over_another_is_overloaded_and_the_next_is_answered() {
+    let mut stepped = Stepped::new();
+    let area = stepped.batches(0);
+    stepped.ask(&area, 1, ROWS);
+    assert_eq!(stepped.hot.sweep(false), 1);
+    stepped.ask(&area, 2, ROWS);
+    assert_eq!(stepped.hot.sweep(false), 1);
+    assert_eq!((area.answer(1), area.answer(2)), (None, Some(Status::Overloaded as u32)));
+    assert_eq!(stepped.hot.sweep(false), 0, "neither goes on");
+
+    stepped.ask(&area, 3, LANES + 1);
+    let mut turns = 0;
+    while area.answer(3).is_none() {
+        turns += stepped.hot.sweep(false);
+    }
+    assert_eq!((turns, area.answer(3)), ((LANES + 1).div_ceil(stepped.plan.abreast()), Some(0)));
+    assert_eq!(stepped.answered(Status::Overloaded), 1);
+}
+
+#[test]
+fn a_batch_ends_where_its_plan_or_the_server_does() {
+    let mut stepped = Stepped::new();
+    let [first, second] = [0, 1].map(|place| stepped.batches(place));
+    stepped.ask(&first, 1, ROWS);
+    assert_eq!(stepped.hot.sweep(false), 1);
+    assert!(stepped.plan_orders.push(PlanOrder::Retire(NUMBER)).is_ok());
+    stepped.hot.obey();
+    assert_eq!(stepped.hot.sweep(false), 1);
+    assert_eq!(first.answer(1), Some(Status::UnknownRequest as u32));
+
+    for area in [&first, &second] {
+        stepped.ask(area, 2, 1);
+    }
+    assert_eq!((stepped.hot.sweep(true), stepped.hot.sweep(true)), (1, 1));
+    for area in [&first, &second] {
+        assert_eq!(area.answer(2), Some(Status::ShuttingDown as u32));
+    }
+}
+
+#[test]
+fn an_area_goes_back_with_the_end_beside_it() {
+    let mut stepped = Stepped::new();
+    let _areas = [7, 2].map(|place| stepped.batches(place));
+    assert!(stepped.orders.push(Order::Serve { place: 7, end: End::Broken }).is_ok());
+    assert!(stepped.orders.push(Order::Retire { place: 7 }).is_ok());
+    stepped.hot.obey();
+    let back: Vec<usize> = std::iter::from_fn(|| stepped.retired.pop().ok()).map(|x| x.0).collect();
+    assert_eq!((back, stepped.hot.ends.len()), (vec![7, 7], 1));
+}
