@@ -1,13 +1,18 @@
 #!/usr/bin/env bash
 # Uses the Debian package without installing it: server/debian/test.sh PACKAGE. Programs run, every
-# file that the README names is there, the first program of client/c/README.md is compiled by
-# pkg-config and run, and lintian finds no error where it is installed.
+# file that the README names is there, the shell can read the scripts for dpkg, the first program of
+# client/c/README.md is compiled by pkg-config and run, and lintian finds no error where it is
+# installed.
 set -euo pipefail
 package=$(realpath "$1")
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd -P)
 place=$(mktemp -d)
 trap 'rm -rf "$place"' EXIT
 dpkg-deb -x "$package" "$place/tree"
+dpkg-deb -e "$package" "$place/control"
+for script in postinst prerm postrm; do
+    sh -n "$place/control/$script"
+done
 cd "$place/tree"
 
 usr/bin/sarrus check --robot lambda >/dev/null

@@ -1244,6 +1244,26 @@ sarrus_status sarrus_robot_ask(struct sarrus_robot *robot,
                                uint32_t *warnings);
 
 /**
+ * Asks for rows of states: `input` and `output` hold those of all rows, one after the other, each
+ * packed as the plan says. Every number, status and warning is that of sarrus_robot_ask, to the
+ * bit. In process `threads` threads work, the calling one among them, 0 standing for one on each
+ * processor; a connected robot is asked row after row. `statuses` and `warnings` get a number for
+ * each row, and may be NULL. All rows are answered; the status of the call is that of the first
+ * row without an answer. Allocates.
+ */
+SARRUS_MUST_USE
+sarrus_status sarrus_robot_batch(struct sarrus_robot *robot,
+                                 const struct sarrus_plan *plan,
+                                 size_t threads,
+                                 size_t rows,
+                                 const double *input,
+                                 size_t n_input,
+                                 double *output,
+                                 size_t n_output,
+                                 int32_t *statuses,
+                                 uint32_t *warnings);
+
+/**
  * Releases a plan: what it takes comes free, here and in the server, once it was released as often
  * as it was prepared. Its handle is still to be freed, by sarrus_plan_free.
  */

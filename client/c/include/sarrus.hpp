@@ -244,6 +244,23 @@ class robot {
                                           &outcome.warnings);
         return outcome;
     }
+    /* As many rows as `want` has room for; `statuses` and `warnings` have a number for each, or
+       are left out. */
+    outcome batch(const plan &plan, input given, output want,
+                  std::span<std::int32_t> statuses = {}, std::span<std::uint32_t> warnings = {},
+                  std::size_t threads = 0) noexcept {
+        const std::size_t rows = plan.outputs() == 0 ? 0 : want.size() / plan.outputs();
+        if ((!statuses.empty() && statuses.size() != rows) ||
+            (!warnings.empty() && warnings.size() != rows)) {
+            detail::forget(want);
+            return {SARRUS_STATUS_WRONG_SIZE};
+        }
+        outcome outcome;
+        outcome.status = sarrus_robot_batch(handle_.get(), plan.c_handle(), threads, rows,
+                                            given.data(), given.size(), want.data(), want.size(),
+                                            statuses.data(), warnings.data());
+        return outcome;
+    }
     outcome release(plan plan) noexcept {
         return {sarrus_robot_release(handle_.get(), plan.c_handle())};
     }

@@ -17,7 +17,7 @@ pub(crate) type Given = (&'static str, *const f64, usize);
 pub(crate) type Want = (&'static str, *mut f64, usize);
 
 /// The addresses of an array, or what is wrong with it. An array without numbers may be NULL.
-fn addresses(name: &'static str, start: *const f64, n: usize) -> Result<Range<usize>, Failure> {
+fn addresses<T>(name: &'static str, start: *const T, n: usize) -> Result<Range<usize>, Failure> {
     let at = start.addr();
     if n == 0 {
         return Ok(at..at);
@@ -28,7 +28,7 @@ fn addresses(name: &'static str, start: *const f64, n: usize) -> Result<Range<us
     if !start.is_aligned() {
         return Err(Failure::Unaligned(name));
     }
-    let bytes = n.checked_mul(size_of::<f64>()).filter(|bytes| *bytes <= isize::MAX as usize);
+    let bytes = n.checked_mul(size_of::<T>()).filter(|bytes| *bytes <= isize::MAX as usize);
     match bytes.and_then(|bytes| at.checked_add(bytes)) {
         Some(end) => Ok(at..end),
         None => Err(Failure::Endless(name)),
@@ -73,6 +73,39 @@ pub(crate) unsafe fn arrays<'a, const I: usize, const O: usize>(
         _ => unsafe { slice::from_raw_parts_mut(start, n) },
     });
     Ok((given, want))
+}
+
+/// Where an array of the caller lies.
+pub(crate) fn addresses_of<T>(array: &[T]) -> Range<usize> {
+    let range = array.as_ptr_range();
+    range.start.addr()..range.end.addr()
+}
+
+/// An array that is written beside those of [`arrays`], of which it overlaps none; empty where NULL
+/// says that it is not wanted.
+///
+/// # Safety
+/// As [`arrays`].
+pub(crate) unsafe fn array_beside<'a, T>(
+    name: &'static str,
+    start: *mut T,
+    n: usize,
+    others: &[(&'static str, Range<usize>)],
+) -> Result<&'a mut [T], Failure> {
+    if start.is_null() {
+        return Ok(&mut []);
+    }
+    let range = addresses(name, start, n)?;
+    let overlaps = |other: &Range<usize>| range.start < other.end && other.start < range.end;
+    if let Some((other, _)) = others.iter().find(|(_, other)| overlaps(other)) {
+        return Err(Failure::Overlap(name, other));
+    }
+    if n == 0 {
+        return Ok(&mut []);
+    }
+    // SAFETY: aligned, not NULL, no longer than memory and apart from the other slices; the rest is
+    // this function's own condition.
+    Ok(unsafe { slice::from_raw_parts_mut(start, n) })
 }
 
 /// A text of the caller.

@@ -3,10 +3,12 @@
 
 use core::ffi::c_char;
 use core::mem::MaybeUninit;
+use core::num::NonZero;
+use std::thread;
 
-use sarrus_client::{Field, Layout, PlanId};
+use sarrus_client::{Answer, FailedState, Field, Layout, PlanId, Status, Warnings};
 
-use crate::border::{arrays, make, put, text, texts};
+use crate::border::{addresses_of, array_beside, arrays, make, put, text, texts};
 use crate::failure::{Failure, guarded, value};
 use crate::robot::{Robot, query_options};
 use crate::status::{StatusCode, bits};
@@ -246,6 +248,64 @@ pub unsafe extern "C" fn sarrus_robot_ask(
         put(warnings, bits(answer.warnings));
         answer.ok().map_err(Failure::Failed)?;
         Ok(())
+    })
+}
+
+/// Asks for rows of states: `input` and `output` hold those of all rows, one after the other, each
+/// packed as the plan says. Every number, status and warning is that of sarrus_robot_ask, to the
+/// bit. In process `threads` threads work, the calling one among them, 0 standing for one on each
+/// processor; a connected robot is asked row after row. `statuses` and `warnings` get a number for
+/// each row, and may be NULL. All rows are answered; the status of the call is that of the first
+/// row without an answer. Allocates.
+#[unsafe(no_mangle)]
+#[must_use]
+pub unsafe extern "C" fn sarrus_robot_batch(
+    robot: Option<&mut Robot>,
+    plan: Option<&Plan>,
+    threads: usize,
+    rows: usize,
+    input: *const f64,
+    n_input: usize,
+    output: *mut f64,
+    n_output: usize,
+    statuses: *mut i32,
+    warnings: *mut u32,
+) -> StatusCode {
+    guarded(|| {
+        // SAFETY: the arrays are as the header says.
+        let ([input], [output]) =
+            unsafe { arrays([("input", input, n_input)], [("output", output, n_output)])? };
+        let mut others = vec![("input", addresses_of(input)), ("output", addresses_of(output))];
+        // SAFETY: as above.
+        let statuses = unsafe { array_beside("statuses", statuses, rows, &others)? };
+        others.push(("statuses", addresses_of(statuses)));
+        // SAFETY: as above.
+        let warnings = unsafe { array_beside("warnings", warnings, rows, &others)? };
+        let robot = robot.ok_or(Failure::Null("robot"))?;
+        let plan = plan.ok_or(Failure::Null("plan"))?;
+        // before memory is taken for so many rows
+        let fits = |numbers: &[f64], layout: &Layout| {
+            rows.checked_mul(layout.len()).is_some_and(|n| n == numbers.len())
+        };
+        if !fits(input, &plan.given) || !fits(output, &plan.want) {
+            output.fill(f64::NAN);
+            statuses.fill(Status::WrongSize as i32);
+            warnings.fill(0);
+            return Err(Failure::Failed(FailedState { status: Status::WrongSize }));
+        }
+        let none = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
+        let mut answers = vec![none; rows];
+        let threads = NonZero::new(threads).or_else(|| thread::available_parallelism().ok());
+        let threads = threads.unwrap_or(NonZero::<usize>::MIN);
+        let outcome = robot.robot.batch(plan.id, threads, input, output, &mut answers);
+        for (status, answer) in statuses.iter_mut().zip(&answers) {
+            *status = answer.status as i32;
+        }
+        for (warnings, answer) in warnings.iter_mut().zip(&answers) {
+            *warnings = bits(answer.warnings);
+        }
+        outcome?;
+        answers.iter().try_for_each(|answer| answer.ok().map(drop)).map_err(Failure::Failed)
     })
 }
 

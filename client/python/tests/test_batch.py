@@ -191,6 +191,43 @@ class Batches(unittest.TestCase):
         with self.assertRaisesRegex(ValueError, "shares memory"):
             robot.inverse_dynamics(y, y.copy(), y.copy(), out=out)
 
+    def test_what_a_batch_is_writing_is_neither_read_nor_written_by_others(self):
+        robot = sarrus.Robot.bundled("rh5v2_full")
+        n = len(robot.independents)
+        given, out, state = np.zeros((3, 100_000, n)), np.zeros((100_000, n)), np.zeros(n)
+        begun, asked, faults = threading.Event(), threading.Event(), []
+
+        def ask():
+            begun.wait()
+            for words, arguments in (
+                ("`y` is being written by a batch", {"y": out[0]}),
+                ("`y` is being written by a batch", {"y": out}),
+                ("cannot be written", {"y": state, "out": out[0]}),
+            ):
+                rest = np.zeros_like(arguments["y"])
+                try:
+                    robot.inverse_dynamics(yd=rest, ydd=rest, **arguments)
+                except ValueError as error:
+                    if words not in str(error):
+                        faults.append(error)
+                else:
+                    faults.append(arguments)
+            asked.set()
+
+        thread = threading.Thread(target=ask)
+        thread.start()
+
+        def wait(done, total):
+            begun.set()
+            self.assertTrue(done < total or asked.is_set())
+            asked.wait(60)
+
+        robot.inverse_dynamics(*given, out=out, threads=1, progress=wait)
+        thread.join()
+        self.assertEqual(faults, [])
+        # and are as ever once it is done
+        robot.inverse_dynamics(out[0] * 0, state, state, out=out[1])
+
     def test_rows_without_an_answer_are_said_by_every_method(self):
         robot = sarrus.Robot.bundled("torso")
         y = np.array([[0.1, 0.2], [np.nan, 0.0], [0.0, 0.1]])

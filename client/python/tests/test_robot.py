@@ -157,7 +157,15 @@ class Arrays(unittest.TestCase):
         swapped = y.astype(">f8")
         unaligned = np.frombuffer(b"." + y.tobytes(), np.uint8)[1:].view(float)
         self.assertFalse(unaligned.flags.aligned)
-        for other in (list(y), tuple(y), strided[:, 1], swapped, unaligned, y.view(np.matrix).A1):
+        packed = np.zeros(2, [("a", "i4"), ("b", "f8")])
+        packed["b"] = y
+        read_only = y.copy()
+        read_only.flags.writeable = False
+        backward = y[::-1].copy()[::-1]
+        for other in (
+            *(list(y), tuple(y), strided[:, 1], swapped, unaligned, y.view(np.matrix).A1),
+            *(packed["b"], read_only, backward),
+        ):
             np.testing.assert_array_equal(self.robot.inverse_dynamics(other, yd, ydd), self.tau_u)
         whole = self.robot.inverse_dynamics([0, 0], np.zeros(2, np.int8), np.zeros(2, np.float32))
         np.testing.assert_array_equal(whole, self.robot.inverse_dynamics(*np.zeros((3, 2))))

@@ -2,6 +2,7 @@
 //! system calls.
 
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -117,8 +118,10 @@ pub(crate) fn system_calls_of_the_busy_loop(flags: &[&str]) {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    std::thread::sleep(Duration::from_millis(500));
-    if let Some(status) = strace.try_wait().unwrap() {
+    // it says so once it looks at all threads; its pipe stays open as long as it runs
+    let mut words = BufReader::new(strace.stderr.take().unwrap()).lines();
+    if !words.any(|line| line.unwrap().contains(" attached")) {
+        let status = strace.wait().unwrap();
         return println!("not run: strace may not look into processes here ({status})");
     }
     let before = askers[0].robot.statistics().unwrap();
@@ -134,13 +137,19 @@ pub(crate) fn system_calls_of_the_busy_loop(flags: &[&str]) {
         Command::new("kill").args(["-INT", &strace.id().to_string()]).status().unwrap().success()
     );
     strace.wait().unwrap();
-    std::thread::sleep(Duration::from_millis(200));
-    let after = askers[0].robot.statistics().unwrap();
-    assert!(
-        after.counts.lane_requests >= before.counts.lane_requests + 5_000
+    // counts are published now and then
+    let start = Instant::now();
+    loop {
+        let after = askers[0].robot.statistics().unwrap();
+        if after.counts.lane_requests >= before.counts.lane_requests + 5_000
             && after.counts.service_requests >= before.counts.service_requests + 5_000
             && after.counts.batch_states >= before.counts.batch_states + 6_000
-    );
+        {
+            break;
+        }
+        assert!(start.elapsed() < Duration::from_secs(60), "{after:?}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
     let calls = fs::read_to_string(&trace).unwrap();
     fs::remove_file(&trace).unwrap();
     let (of_hot, of_others): (Vec<&str>, Vec<&str>) =

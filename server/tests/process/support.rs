@@ -206,12 +206,19 @@ impl Server {
 
     /// Waits for a line on stderr that has this text.
     pub(crate) fn wait_for_line(&self, text: &str) -> String {
-        let mut others = Vec::new();
+        self.lines_to(text, |line| line.contains(text)).pop().unwrap()
+    }
+
+    /// What comes on stderr up to a line that is waited for.
+    pub(crate) fn lines_to(&self, what: &str, mut last: impl FnMut(&str) -> bool) -> Vec<String> {
+        let mut lines = Vec::new();
         loop {
             match self.lines.recv_timeout(Duration::from_secs(120)) {
-                Ok(line) if line.contains(text) => return line,
-                Ok(line) => others.push(line),
-                Err(error) => panic!("no line `{text}`, {error}: {others:?}"),
+                Ok(line) => lines.push(line),
+                Err(error) => panic!("no line `{what}`, {error}: {lines:?}"),
+            }
+            if lines.last().is_some_and(|line| last(line)) {
+                return lines;
             }
         }
     }

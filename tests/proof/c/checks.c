@@ -158,6 +158,43 @@ static int plans(void) {
     CHECK(isnan(output[0]) && !isnan(output[1]));
     IS(sarrus_robot_ask(robot, plan, input, 2, input, 2, NULL), "overlapping_arrays");
     IS(sarrus_robot_ask(robot, NULL, input, 2, output, 2, NULL), "null_pointer");
+    /* rows: the bits of single states, and a status for each */
+    double rows[1200], answers[1200];
+    int32_t statuses[600];
+    uint32_t warnings[600];
+    for (int k = 0; k < 1200; ++k) {
+        rows[k] = k == 84 ? NAN : 1e-3 * k;
+    }
+    for (size_t threads = 0; threads < 4; ++threads) {
+        IS(sarrus_robot_batch(robot, plan, threads, 600, rows, 1200, answers, 1200, statuses,
+                              warnings),
+           "non_finite_input");
+        for (int k = 0; k < 600; ++k) {
+            int32_t status = (int32_t)sarrus_robot_ask(robot, plan, rows + 2 * k, 2, output, 2,
+                                                       NULL);
+            CHECK(statuses[k] == status && (status == 0) == (k != 42) && warnings[k] == 0);
+            CHECK(memcmp(answers + 2 * k, output, sizeof output) == 0);
+        }
+    }
+    IS(sarrus_robot_batch(robot, plan, 1, 42, rows, 84, answers, 84, NULL, NULL), "ok");
+    IS(sarrus_robot_batch(robot, plan, 1, 0, NULL, 0, NULL, 0, NULL, NULL), "ok");
+    IS(sarrus_robot_batch(robot, plan, 1, 42, rows, 84, answers, 83, statuses, NULL), "wrong_size");
+    CHECK(isnan(answers[82]) && !isnan(answers[83]) && statuses[41] == SARRUS_STATUS_WRONG_SIZE);
+    IS(sarrus_robot_batch(robot, plan, 1, (size_t)-1, rows, 84, answers, 84, NULL, NULL),
+       "wrong_size");
+    IS(sarrus_robot_batch(robot, plan, 1, 42, rows, 84, rows, 84, NULL, NULL),
+       "overlapping_arrays");
+    IS(sarrus_robot_batch(robot, plan, 1, 42, rows, 84, answers, 84, (int32_t *)answers, NULL),
+       "overlapping_arrays");
+    IS(sarrus_robot_batch(robot, plan, 1, 42, rows, 84, answers, 84, statuses,
+                          (uint32_t *)statuses),
+       "overlapping_arrays");
+    IS(sarrus_robot_batch(robot, plan, 1, 42, rows, 84, answers, 84,
+                          (int32_t *)(void *)((char *)statuses + 1), NULL),
+       "unaligned_pointer");
+    IS(sarrus_robot_batch(other, plan, 1, 1, rows, 2, answers, 2, statuses, NULL), "unknown_plan");
+    CHECK(isnan(answers[0]) && statuses[0] != SARRUS_STATUS_OK);
+    IS(sarrus_robot_batch(NULL, plan, 1, 1, rows, 2, answers, 2, NULL, NULL), "null_pointer");
     IS(sarrus_robot_ask(other, plan, input, 2, output, 2, NULL), "unknown_plan");
     IS(sarrus_robot_release(other, plan), "unknown_plan");
     IS(sarrus_robot_release(robot, plan), "ok");

@@ -41,9 +41,14 @@ impl<'py> Given<'py> {
     /// A field from what Python gave for it.
     pub(super) fn new(object: &Bound<'py, PyAny>, slot: &Slot) -> PyResult<Given<'py>> {
         let name = slot.field.name();
+        let readable = |array: &Bound<'py, PyArrayDyn<f64>>| {
+            array.try_readonly().map_err(|_| {
+                PyValueError::new_err(format!("`{name}` is being written by a batch under way"))
+            })
+        };
         let array = match object.cast::<PyArrayDyn<f64>>() {
-            Ok(array) if array.is_c_contiguous() && array.is_aligned() => array.try_readonly()?,
-            _ => converted(object, name)?.try_readonly()?,
+            Ok(array) if array.is_c_contiguous() && array.is_aligned() => readable(array)?,
+            _ => readable(&converted(object, name)?)?,
         };
         let rows = match array.shape() {
             [n] if slot.columns == 1 && *n == slot.rows => None,
@@ -56,6 +61,17 @@ impl<'py> Given<'py> {
     pub(super) fn numbers(&self) -> PyResult<&[f64]> {
         Ok(self.array.as_slice()?)
     }
+}
+
+/// Appends the numbers of one state, where an array of float64 has just these; false where it has
+/// not. They are copied under Python's lock, which costs less than to claim the array.
+pub(super) fn copied(object: &Bound<'_, PyAny>, slot: &Slot, input: &mut Vec<f64>) -> bool {
+    let Ok(array) = object.cast::<PyArray1<f64>>() else { return false };
+    if slot.columns != 1 || array.len() != slot.rows || !array.is_aligned() {
+        return false;
+    }
+    input.extend((0..slot.rows).map_while(|k| array.get_owned(k)));
+    true
 }
 
 /// How many rows an array of this shape has, where one state has another.

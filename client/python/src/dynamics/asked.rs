@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use sarrus_client::{Answer, Model, PlanId, Query, QueryBuilder, Request, Robot};
 use sarrus_dynamics::{Batch, Layout, Plan, Slot};
 
-use super::arrays::{self, Given, common_rows, refuse_shared, wanted, writable};
+use super::arrays::{self, Given, common_rows, copied, refuse_shared, wanted, writable};
 use super::batch::{self, Engine, Rows};
 use super::errors::QueryError;
 use super::shared::Shared;
@@ -101,6 +101,11 @@ impl Asked {
         out: &[Option<Bound<'py, PyAny>>],
         options: &BatchOptions,
     ) -> PyResult<Answered<'py>> {
+        let mut input = Vec::with_capacity(self.given.len());
+        let mut slots = self.given.slots().iter().zip(given);
+        if !batch::is_under_way() && slots.all(|(slot, object)| copied(object, slot, &mut input)) {
+            return self.ask_state(py, &input, out);
+        }
         let slots = self.given.slots().iter();
         let given: Vec<Given<'py>> = slots
             .zip(given)
@@ -108,20 +113,31 @@ impl Asked {
             .collect::<PyResult<_>>()?;
         match common_rows(&given)? {
             None => {
-                let mut input = Vec::with_capacity(self.given.len());
+                input.clear();
                 for field in &given {
                     input.extend_from_slice(field.numbers()?);
                 }
-                let mut numbers = vec![f64::NAN; self.want.len()];
-                let answer = self.shared.ask(py, self.id, &input, &mut numbers);
-                if answer.is_err() {
-                    // no number of an earlier call is left
-                    self.fields(py, &vec![f64::NAN; numbers.len()], out)?;
-                }
-                Ok(Answered::State { numbers, answer: answer? })
+                // an array may be given for what comes out as well
+                drop(given);
+                self.ask_state(py, &input, out)
             }
             Some(rows) => self.ask_rows(py, &given, rows, out, options),
         }
+    }
+
+    fn ask_state<'py>(
+        &self,
+        py: Python<'py>,
+        input: &[f64],
+        out: &[Option<Bound<'py, PyAny>>],
+    ) -> PyResult<Answered<'py>> {
+        let mut numbers = vec![f64::NAN; self.want.len()];
+        let answer = self.shared.ask(py, self.id, input, &mut numbers);
+        if answer.is_err() {
+            // no number of an earlier call is left
+            self.fields(py, &vec![f64::NAN; numbers.len()], out)?;
+        }
+        Ok(Answered::State { numbers, answer: answer? })
     }
 
     fn ask_rows<'py>(

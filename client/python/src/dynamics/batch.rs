@@ -23,6 +23,31 @@ const LOOK: Duration = Duration::from_millis(50);
 /// server gets whole tiles.
 pub(super) const PACKED: usize = 16;
 
+/// Batches under way, which write arrays without Python's lock.
+static UNDER_WAY: AtomicUsize = AtomicUsize::new(0);
+
+/// One of them.
+struct UnderWay;
+
+impl UnderWay {
+    fn begin() -> UnderWay {
+        UNDER_WAY.fetch_add(1, Relaxed);
+        UnderWay
+    }
+}
+
+impl Drop for UnderWay {
+    fn drop(&mut self) {
+        UNDER_WAY.fetch_sub(1, Relaxed);
+    }
+}
+
+/// Whether a batch may be writing arrays now; asked with Python's lock, it stays false as long as
+/// that is held.
+pub(super) fn is_under_way() -> bool {
+    UNDER_WAY.load(Relaxed) != 0
+}
+
 /// What answers some states: their packed numbers in and out, row after row, and their answers.
 pub(super) type Engine<'e> =
     dyn FnMut(&[f64], &mut [f64], &mut [Answer]) -> PyResult<()> + Send + 'e;
@@ -190,6 +215,7 @@ pub(super) fn run(
         }
         Ok(())
     };
+    let under_way = UnderWay::begin();
     let outcome = py.detach(|| {
         thread::scope(|scope| {
             let (mut others, batch) = (Vec::new(), &batch);
@@ -215,5 +241,6 @@ pub(super) fn run(
             })
         })
     });
+    drop(under_way);
     outcome.and_then(|()| look(py))
 }
