@@ -2,6 +2,7 @@
 
 mod function;
 mod header;
+mod parts;
 mod table;
 mod test;
 
