@@ -201,7 +201,8 @@ impl Engine {
         }
 
         // the same bits by either
-        let answer = kernel.as_ref().and_then(|kernel| kernel.answer(input, output));
+        let (of, workspace) = ((&*self.model, plan), &mut self.workspace);
+        let answer = kernel.as_ref().and_then(|kernel| kernel.answer(of, workspace, input, output));
         let answer = match answer {
             Some(answer) => {
                 self.by_kernel += 1;

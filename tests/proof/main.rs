@@ -26,6 +26,7 @@ mod energy;
 mod examples;
 mod failures;
 mod forward;
+mod generated;
 mod hyrodyn;
 mod implicit;
 mod laws;

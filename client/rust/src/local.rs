@@ -83,13 +83,15 @@ impl Local {
     ) -> Result<Answer, Error> {
         let Some(Some(prepared)) = self.plans.get(place) else { return Err(Error::ReleasedPlan) };
         // the same bits by either
+        let workspace = &mut self.workspace;
         #[cfg(feature = "kernels")]
-        if let Some(Ok(kernel)) = &prepared.kernel
-            && let Some(answer) = kernel.answer(input, output)
-        {
-            return Ok(answer);
+        if let Some(Ok(kernel)) = &prepared.kernel {
+            let of = (&*self.model, &prepared.plan);
+            if let Some(answer) = kernel.answer(of, workspace, input, output) {
+                return Ok(answer);
+            }
         }
-        Ok(prepared.plan.run(&self.model, &mut self.workspace, input, output))
+        Ok(prepared.plan.run(&self.model, workspace, input, output))
     }
 
     /// What so many threads answer batches of a plan with.

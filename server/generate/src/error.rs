@@ -11,24 +11,10 @@ pub enum GenerateError {
     Query(#[from] QueryError),
     /// A field that is not traced.
     #[error(
-        "`{}` is not generated; give y, yd, ydd, forces or wrenches, and want {WANTED}",
+        "`{}` is not generated; give y, yd, ydd, guesses, forces or wrenches, and want {WANTED}",
         .0.name()
     )]
     Field(Field),
-    /// A closure in the query takes Newton's method, whose steps are no straight line.
-    #[error(
-        "closure `{name}` is numerical (misfit {misfit:.1e}): the number of its steps depends on \
-         the state; pick joints that do not need it, or ask the generic kernels"
-    )]
-    Numerical {
-        /// The submechanism.
-        name: String,
-        /// How far it is from a closed form.
-        misfit: f64,
-    },
-    /// Joints of several degrees of freedom among the independents.
-    #[error("joints with quaternions among the independents are not generated")]
-    Quaternions,
     /// More operations than a compiler takes in reasonable time.
     #[error(
         "more than {most} operations: compilers take minutes for them; pick joints or frames, or \

@@ -65,9 +65,9 @@ impl Kernel {
         kernel
     }
 
-    /// How many numbers go in.
+    /// How many numbers go in: the given ones, and those that [`Plan::close`] puts behind them.
     pub fn inputs(&self) -> usize {
-        self.plan.given().len()
+        self.plan.given().len() + self.plan.closed_len()
     }
 
     /// How many numbers come out.
@@ -80,8 +80,8 @@ impl Kernel {
         self.checks.len()
     }
 
-    /// Computes the operations one by one: slow, for comparisons. Outputs are NaN where there is no
-    /// answer. Allocates.
+    /// Computes the operations one by one: slow, for comparisons. The input is what
+    /// [`Plan::close`] gives. Outputs are NaN where there is no answer. Allocates.
     pub fn evaluate(&self, input: &[f64], output: &mut [f64]) -> Outcome {
         let mut values: Vec<f64> = Vec::with_capacity(self.operations.len());
         for operation in &self.operations {

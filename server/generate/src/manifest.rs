@@ -12,7 +12,7 @@ use crate::Kernel;
 /// The first line: a magic number and the revision of this text and of the C that is written. It
 /// is raised with every change of either, from the function's arguments to the conditions under
 /// which it answers; objects of another revision are refused, and made again where they are kept.
-pub(crate) const HEAD: &str = "sarrus kernel 2\n";
+pub(crate) const HEAD: &str = "sarrus kernel 3\n";
 /// The symbol of the text.
 pub(crate) const SYMBOL: &str = "sarrus_kernel";
 /// The definition under which the text is compiled.
@@ -35,7 +35,7 @@ pub struct Manifest {
     pub fingerprint: u64,
     /// The query, without options that mathematics does not see.
     pub query: Query,
-    /// How many numbers go in.
+    /// How many numbers go in, with those that [`sarrus_dynamics::Plan::close`] adds.
     pub inputs: usize,
     /// How many numbers come out.
     pub outputs: usize,
@@ -55,7 +55,7 @@ impl Manifest {
             robot: plain(&kernel.info.robot),
             fingerprint: kernel.info.fingerprint,
             query: bare_query(kernel.plan.query()),
-            inputs: kernel.plan.given().len(),
+            inputs: kernel.inputs(),
             outputs: kernel.plan.want().len(),
             generator: env!("CARGO_PKG_VERSION").to_owned(),
             processor: String::new(),

@@ -1,12 +1,68 @@
 //! Random inputs of a plan.
 
-use sarrus_dynamics::{Field, Layout, ModelInfo};
+use sarrus_dynamics::{Field, FieldSet, Layout, Model, ModelInfo, Plan, Query, Request, Workspace};
 
 /// Part of the range of each coordinate, in turns: far out closures may be out of reach.
 const PARTS: [f64; 4] = [1.0, 0.5, 0.25, 0.1];
 
+/// Part of the way from zero at which a guess stands.
+const GUESS: f64 = 0.9;
+
+/// Random inputs of one plan.
+#[derive(Debug)]
+pub struct RandomInputs<'a> {
+    model: &'a Model<f64>,
+    given: &'a Layout,
+    /// From y, and ẏ, to the closed pose that is a guess.
+    guess: Option<(Plan, Workspace<f64>)>,
+}
+
+impl<'a> RandomInputs<'a> {
+    /// Those of a plan of this model. Allocates.
+    pub fn new(model: &'a Model<f64>, plan: &'a Plan) -> RandomInputs<'a> {
+        use Field::{Q, QGuess, Qd, QdGuess, Y, Yd};
+        let given = plan.given();
+        let (mut from, mut to) = (vec![Y], vec![Q]);
+        if given.slot(QdGuess).is_some() {
+            from.push(Yd);
+            to.push(Qd);
+        }
+        let query = Query::new(Request::Kinematics, FieldSet::of(&from), FieldSet::of(&to));
+        let plan = given.slot(QGuess).and_then(|_| Plan::new(model, &query).ok());
+        let guess = plan.map(|plan| {
+            let workspace = Workspace::for_plans(model, [&plan]);
+            (plan, workspace)
+        });
+        RandomInputs { model, given, guess }
+    }
+
+    /// Input number `k`: that of [`random_input`], with a closed pose nearby where a guess is
+    /// given; no numbers where there is none. Allocates.
+    pub fn input(&mut self, k: u64) -> Vec<f64> {
+        let info = self.model.info();
+        let mut input = random_input(info, self.given, k);
+        if let Some((plan, workspace)) = &mut self.guess {
+            let mut near = random_input(info, plan.given(), k);
+            if let (Some(own), Some(y)) = (self.given.slot(Field::Y), plan.given().slot(Field::Y)) {
+                near[y.range()].copy_from_slice(&input[own.range()]);
+                for (x, name) in near[y.range()].iter_mut().zip(&info.independent_q) {
+                    *x *= if name.contains('/') { 1.0 } else { GUESS };
+                }
+            }
+            let mut closed = vec![0.0; plan.want().len()];
+            let _ = plan.run(self.model, workspace, &near, &mut closed);
+            for (guess, of) in [(Field::QGuess, Field::Q), (Field::QdGuess, Field::Qd)] {
+                if let (Some(to), Some(from)) = (self.given.slot(guess), plan.want().slot(of)) {
+                    input[to.range()].copy_from_slice(&closed[from.range()]);
+                }
+            }
+        }
+        input
+    }
+}
+
 /// Input number `k` of a fixed sequence: coordinates in their limits, rates of up to 1 and 5,
-/// forces of up to 10, in SI.
+/// forces of up to 10, in SI; quaternions of unit length, and zeros for guesses.
 pub fn random_input(info: &ModelInfo, given: &Layout, k: u64) -> Vec<f64> {
     let mut random = fastrand::Rng::with_seed(k.wrapping_add(20_261_122));
     let part = PARTS[(k % 4) as usize];
@@ -24,11 +80,24 @@ pub fn random_input(info: &ModelInfo, given: &Layout, k: u64) -> Vec<f64> {
                 }
                 Field::Yd => unit,
                 Field::Ydd => 5.0 * unit,
+                Field::QGuess | Field::QdGuess => 0.0,
                 _ => 10.0 * unit,
             };
         }
+        if slot.field == Field::Y {
+            normalise_quaternions(info, &mut input[slot.range()]);
+        }
     }
     input
+}
+
+fn normalise_quaternions(info: &ModelInfo, y: &mut [f64]) {
+    let first = |(row, name): (usize, &String)| name.ends_with("/qx").then_some(row);
+    for row in info.independent_q.iter().enumerate().filter_map(first) {
+        let Some(quaternion) = y.get_mut(row..row + 4) else { return };
+        let length = quaternion.iter().fold(0.0, |sum, x| sum + *x * *x).sqrt();
+        quaternion.iter_mut().for_each(|x| *x /= length);
+    }
 }
 
 /// Range of an independent coordinate, at most half a turn or a metre to each side.

@@ -2,14 +2,13 @@
 
 use sarrus_dynamics::scalar::{DOUBTFUL, Real};
 use sarrus_dynamics::{
-    ClosureKind, Field, FieldSet, Method, Model, Plan, Request, STRAIGHT_FIELDS, Status, Warnings,
-    Workspace,
+    Field, FieldSet, Method, Model, Plan, Request, STRAIGHT_FIELDS, Status, Warnings, Workspace,
 };
 
 use crate::graph::{Check, Comparison};
 use crate::recorder::{self, Obstacle, Record};
 use crate::scalar::Traced;
-use crate::{GenerateError, Kernel, Outcome, prune, random_input};
+use crate::{GenerateError, Kernel, Outcome, RandomInputs, prune};
 
 /// Most operations that are recorded, and that are left for a compiler.
 const RECORDED: usize = 400_000;
@@ -29,6 +28,8 @@ const GIVEN: FieldSet = FieldSet::of(&[
     Field::Y,
     Field::Yd,
     Field::Ydd,
+    Field::QGuess,
+    Field::QdGuess,
     Field::TauQ,
     Field::TauY,
     Field::TauU,
@@ -37,15 +38,15 @@ const GIVEN: FieldSet = FieldSet::of(&[
 
 /// Traces a plan where most states go, and compares.
 pub(crate) fn kernel(model: &Model<f64>, plan: &Plan) -> Result<Kernel, GenerateError> {
-    check_fields(model, plan)?;
+    check_fields(plan)?;
     let mut generic = Generic::new(model, plan);
     let (mut states, mut last) = (Vec::new(), Status::Ok);
     for k in 0..TRIED {
-        let input = generic.input(k);
+        let input = generic.inputs.input(k);
         let (status, warnings) = generic.answer(&input);
         last = status;
         if status == Status::Ok && warnings == Warnings::NONE {
-            states.push(input);
+            states.extend(generic.closed(&input));
         }
     }
     // the traced branch that serves most of them
@@ -74,7 +75,7 @@ pub(crate) fn kernel(model: &Model<f64>, plan: &Plan) -> Result<Kernel, Generate
         (None, None) => return Err(GenerateError::NoState { tried: TRIED as usize, last }),
     };
     for k in 0..COMPARED {
-        let input = generic.input(TRIED + k);
+        let input = generic.inputs.input(TRIED + k);
         generic.compare(&kernel, &input)?;
     }
     Ok(kernel)
@@ -86,16 +87,12 @@ fn is_served(kernel: &Kernel, state: &[f64]) -> bool {
 }
 
 /// Only fields whose computation is a straight line.
-fn check_fields(model: &Model<f64>, plan: &Plan) -> Result<(), GenerateError> {
+fn check_fields(plan: &Plan) -> Result<(), GenerateError> {
     let query = plan.query();
     let other = query.given.iter().find(|field| !GIVEN.has(*field));
     let other = other.or(query.want.iter().find(|field| !STRAIGHT_FIELDS.has(*field)));
     if let Some(field) = other {
         return Err(GenerateError::Field(field));
-    }
-    let sizes = model.sizes();
-    if sizes.n_qy != sizes.n_vy {
-        return Err(GenerateError::Quaternions);
     }
     if query.request == Request::ForwardDynamics as u32 && plan.method() == Method::Kkt {
         return Err(GenerateError::NotStraight);
@@ -115,15 +112,12 @@ fn at_state(
     recorder::start(RECORDED);
     let input: Vec<Traced> = state.iter().enumerate().map(|(k, x)| Traced::input(k, *x)).collect();
     let mut output = vec![Traced::ZERO; plan.want().len()];
-    let answer = plan.run(&traced, &mut workspace, &input, &mut output);
+    let answer = plan.run_closed(&traced, &mut workspace, &input, &mut output);
     record_doubt();
     let record = recorder::take();
     match record.obstacle {
         None if answer.status == Status::Ok => {}
         Some(Obstacle::TooLarge) => return Err(GenerateError::TooLarge { most: RECORDED }),
-        Some(_) if numerical(model).is_some() => {
-            return Err(numerical(model).unwrap_or(GenerateError::NotStraight));
-        }
         _ => return Err(GenerateError::NotStraight),
     }
     let Record { graph, decisions, mut checks, dropped, limited, .. } = record;
@@ -166,22 +160,11 @@ fn record_doubt() {
     recorder::with(|record| record.check(Check::Branch(bound, true)));
 }
 
-/// The first closure that is not closed by its closed form alone.
-fn numerical(model: &Model<f64>) -> Option<GenerateError> {
-    let is_numerical = |kind| kind == ClosureKind::Numerical;
-    let closures = &model.info().closures;
-    let first = closures.iter().find(|closure| is_numerical(closure.kind));
-    let first = first.or(closures.iter().find(|closure| closure.misfit > 0.0));
-    first.map(|closure| GenerateError::Numerical {
-        name: closure.name.clone(),
-        misfit: closure.misfit,
-    })
-}
-
 /// The generic kernel.
 struct Generic<'a> {
     model: &'a Model<f64>,
     plan: &'a Plan,
+    inputs: RandomInputs<'a>,
     workspace: Workspace<f64>,
     output: Vec<f64>,
 }
@@ -189,11 +172,13 @@ struct Generic<'a> {
 impl<'a> Generic<'a> {
     fn new(model: &'a Model<f64>, plan: &'a Plan) -> Generic<'a> {
         let workspace = Workspace::for_plans(model, [plan]);
-        Generic { model, plan, workspace, output: vec![0.0; plan.want().len()] }
+        let inputs = RandomInputs::new(model, plan);
+        Generic { model, plan, inputs, workspace, output: vec![0.0; plan.want().len()] }
     }
 
-    fn input(&self, k: u64) -> Vec<f64> {
-        random_input(self.model.info(), self.plan.given(), k)
+    /// The input of the code: with what is left of closures by Newton's method.
+    fn closed(&mut self, input: &[f64]) -> Option<Vec<f64>> {
+        self.plan.close(self.model, &mut self.workspace, input).map(<[f64]>::to_vec)
     }
 
     fn answer(&mut self, input: &[f64]) -> (Status, Warnings) {
@@ -203,9 +188,10 @@ impl<'a> Generic<'a> {
 
     /// Where the code answers it has the kernel's bits.
     fn compare(&mut self, kernel: &Kernel, input: &[f64]) -> Result<(), GenerateError> {
+        let Some(closed) = self.closed(input) else { return Ok(()) };
         let (status, warnings) = self.answer(input);
         let mut output = vec![0.0; self.output.len()];
-        let expected = match kernel.evaluate(input, &mut output) {
+        let expected = match kernel.evaluate(&closed, &mut output) {
             Outcome::NotAnswered => return Ok(()),
             Outcome::Ok => Warnings::NONE,
             Outcome::LimitsExceeded => Warnings::LIMITS_EXCEEDED,

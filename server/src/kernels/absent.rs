@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use sarrus_dynamics::{Model, Plan};
+use sarrus_dynamics::{Model, Plan, Workspace};
 use sarrus_proto::{Answer, Query};
 
 use crate::ServeError;
@@ -35,7 +35,13 @@ impl Kernels {
 pub(crate) enum NativeKernel {}
 
 impl NativeKernel {
-    pub(crate) fn answer(&self, _input: &[f64], _output: &mut [f64]) -> Option<Answer> {
+    pub(crate) fn answer(
+        &self,
+        _of: (&Model<f64>, &Plan),
+        _workspace: &mut Workspace<f64>,
+        _input: &[f64],
+        _output: &mut [f64],
+    ) -> Option<Answer> {
         match *self {}
     }
 }

@@ -64,12 +64,19 @@ fn compare(one: &mut Asker, other: &mut Asker) {
 
 #[test]
 fn answers_by_a_kernel_have_the_same_bits_through_every_transport_and_in_process() {
-    let Some(path) = object("lambda") else { return };
+    // without and with a closure by Newton's method
+    for robot in ["lambda", "wrist"] {
+        answered_by_kernel(robot);
+    }
+}
+
+fn answered_by_kernel(name: &'static str) {
+    let Some(path) = object(name) else { return };
     let sandbox = Sandbox::new();
     let flags = ["--wait", "busy", "--kernel", path.to_str().unwrap()];
-    let server = sandbox.serve_robot("lambda", "quick", &flags);
+    let server = sandbox.serve_robot(name, "quick", &flags);
     server.wait_for_line("kernel for kinematics of y, yd, ydd for q, qd, qdd, u: from the file");
-    let mut generic = Asker::new(local("lambda"));
+    let mut generic = Asker::new(local(name));
     for transport in [Transport::Lane, Transport::Service] {
         let mut served = Asker::new(sandbox.connect("quick", transport).unwrap());
         let before = served.robot.statistics().unwrap().counts.by_kernel;
@@ -81,14 +88,14 @@ fn answers_by_a_kernel_have_the_same_bits_through_every_transport_and_in_process
     }
 
     // in process, where nothing is allocated either
-    let mut robot = local("lambda");
+    let mut robot = local(name);
     robot.use_kernels(Kernels::File(path.clone())).unwrap();
     let mut quick = Asker::new(robot);
     let by = quick.robot.answered_by(quick.plan).unwrap();
     let AnsweredBy::Generated(manifest) = by else { panic!("{by:?}") };
     assert_eq!(manifest.query, STATE);
     compare(&mut generic, &mut quick);
-    quick.input = vec![0.1, 0.2, 0.3];
+    quick.input.fill(0.1);
     assert_eq!(quick.thousand(), (1000, 0, 0));
 
     // what travels beside the numbers is no other query; other fields are one
@@ -205,20 +212,21 @@ fn kernels_are_made_beside_the_answers_and_kept_for_the_next_server() {
 fn without_a_compiler_or_a_straight_line_the_generic_kernels_answer_and_that_is_said() {
     let sandbox = Sandbox::new();
     let cache = std::env::temp_dir().join(format!("sarrus-none-{}", std::process::id()));
-    for (robot, compiler, words) in [
-        ("lambda", Some("/nonexistent/cc"), "no C compiler: set CC, or install cc"),
-        ("wrist", None, "is numerical"),
+    for (want, compiler, words) in [
+        ("q", Some("/nonexistent/cc"), "no C compiler: set CC, or install cc"),
+        ("residual", None, "`residual` is not generated"),
     ] {
         if compiler.is_none() && Compiler::found().is_none() {
             continue;
         }
-        let server = auto(&sandbox, robot, &cache, compiler);
-        let mut served = Asker::new(sandbox.connect("auto", Transport::Lane).unwrap());
-        assert_eq!(served.ask().unwrap().status, Status::Ok);
-        let line =
-            server.wait_for_line("no kernel for kinematics of y, yd, ydd for q, qd, qdd, u: ");
+        let server = auto(&sandbox, "lambda", &cache, compiler);
+        let mut served = sandbox.connect("auto", Transport::Lane).unwrap();
+        let query = served.query(sarrus_client::Request::Kinematics).given(["y"]).want([want]);
+        let plan = query.prepare().unwrap();
+        let line = server.wait_for_line(&format!("no kernel for kinematics of y for {want}: "));
         assert!(line.contains(words) && line.ends_with("; the generic ones answer"), "{line}");
-        assert_eq!(served.ask().unwrap().status, Status::Ok);
+        let mut numbers = vec![0.0; served.plan(plan).unwrap().want().len()];
+        assert_eq!(served.ask(plan, &[0.1], &mut numbers).unwrap().status, Status::Ok);
         assert!(server.stop("-TERM").success());
     }
     assert!(!cache.exists());

@@ -2,6 +2,7 @@
 
 mod actuation;
 mod batch;
+mod closed;
 mod diagnostics;
 mod forces;
 mod kkt;
@@ -14,6 +15,7 @@ mod scratch;
 mod state;
 
 pub use batch::{Batch, BatchWorkspace, STRAIGHT_FIELDS};
+pub use closed::ClosedNumbers;
 pub(crate) use forces::wrenches_on_bodies;
 pub(crate) use kkt::{Drift, drift_of, tree_under_constraints};
 pub use outline::Outline;
@@ -25,6 +27,7 @@ use sarrus_proto::{Field, FieldSet, Layout, Query, QueryError, Request, Rows};
 
 use crate::closure::Level;
 use crate::model::{Method, Model};
+use crate::plan::closed::Closed;
 use crate::plan::needed::Needed;
 use crate::workspace::Needs;
 
@@ -73,6 +76,7 @@ pub struct Plan {
     /// The links with wrenches that are felt, as (place in the request, link).
     wrench_links: Vec<(usize, usize)>,
     needed: Needed,
+    closed: Closed,
     /// How many states go abreast.
     abreast: usize,
 }
@@ -213,6 +217,7 @@ impl Plan {
         let links = wrench_links.into_iter().enumerate();
         let felt: Vec<(usize, usize)> = links.filter(is_felt).collect();
         let felt_links: Vec<usize> = felt.iter().map(|(_, link)| *link).collect();
+        let closed = Closed::new(model, query, &needed.scope, &steps);
         let mut plan = Plan {
             query: *query,
             request,
@@ -226,6 +231,7 @@ impl Plan {
             frames: frame_links,
             wrench_links: felt,
             needed,
+            closed,
             abreast: 1,
         };
         plan.abreast = plan.find_abreast(model);

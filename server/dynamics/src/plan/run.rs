@@ -33,7 +33,7 @@ pub(super) struct RunReport<T> {
 
 impl<T: Scalar> RunReport<T> {
     /// Before anything is known.
-    fn none() -> RunReport<T> {
+    pub(super) fn none() -> RunReport<T> {
         let nan = T::from_f64(f64::NAN);
         RunReport {
             status: Status::Ok,
@@ -74,7 +74,24 @@ impl Plan {
         input: &[T],
         output: &mut [T],
     ) -> Answer {
-        if input.len() != self.given.len() || output.len() != self.want.len() {
+        if input.len() != self.given.len() {
+            output.fill(T::from_f64(f64::NAN));
+            return Answer { status: Status::WrongSize, warnings: Warnings::NONE };
+        }
+        self.answer::<T, false>(model, workspace, input, &[], output)
+    }
+
+    /// The same; with `CLOSED` what is left of closures that were closed before is in `closed`.
+    #[inline]
+    pub(super) fn answer<T: Scalar, const CLOSED: bool>(
+        &self,
+        model: &Model<T>,
+        workspace: &mut Workspace<T>,
+        input: &[T],
+        closed: &[T],
+        output: &mut [T],
+    ) -> Answer {
+        if output.len() != self.want.len() {
             output.fill(T::from_f64(f64::NAN));
             return Answer { status: Status::WrongSize, warnings: Warnings::NONE };
         }
@@ -87,7 +104,8 @@ impl Plan {
             return Answer { status: Status::WrongModel, warnings: Warnings::NONE };
         }
         let mut report = RunReport::none();
-        report.status = match self.compute(model, workspace, input, &mut report) {
+        let computed = self.compute::<T, CLOSED>(model, workspace, input, closed, &mut report);
+        report.status = match computed {
             Ok(()) => self.write(model, workspace, &report, output),
             // an angle without sine breaks whatever uses it first
             Err(_) if self.beyond_angles(model, workspace, &report) => {
@@ -117,17 +135,19 @@ impl Plan {
         Answer { status: Status::Ok, warnings: report.warnings }
     }
 
-    fn compute<T: Scalar>(
+    fn compute<T: Scalar, const CLOSED: bool>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
         input: &[T],
+        closed: &[T],
         report: &mut RunReport<T>,
     ) -> Result<(), Status> {
         if !all_finite(input) {
             return Err(Status::NonFiniteInput);
         }
-        self.close_state(model, ws, input, report)?;
+        self.set_state(model, ws, input)?;
+        self.close_state::<T, CLOSED>(model, ws, input, closed, report)?;
         if self.steps.poses {
             for &(i, q) in &self.needed.scope.free {
                 let (s, c) = ws.q[q].sin_cos();

@@ -14,11 +14,13 @@ impl<T: Scalar> Workspace<T> {
         plans: impl IntoIterator<Item = &'a Plan>,
     ) -> Workspace<T> {
         let (mut needs, mut given, mut want) = (Needs::default(), 0, 0);
+        let mut closed = 0;
         for plan in plans {
             needs = needs.and(plan.needs());
             (given, want) = (given.max(plan.given().len()), want.max(plan.want().len()));
+            closed = closed.max(plan.room_for_closed());
         }
         let probe = Probe::new(model, needs, given, want);
-        Workspace::sized(model, needs).with_probe(probe)
+        Workspace::sized(model, needs).with_probe(probe).with_room_for_closed(closed)
     }
 }

@@ -19,13 +19,14 @@ const LONGEST: f64 = 0.2;
 const UNIT: f64 = 1e-6;
 
 impl Plan {
-    /// Fills q, q̇, q̈, the cosines and sines of closed clusters, G and g from the input.
-    pub(super) fn close_state<T: Scalar>(
+    /// Fills the given coordinates, velocities and accelerations, and where closures start, from
+    /// the input.
+    #[inline]
+    pub(super) fn set_state<T: Scalar>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
         input: &[T],
-        report: &mut RunReport<T>,
     ) -> Result<(), Status> {
         let order = &model.order;
         let slot = |field| self.given.slot(field).map(|slot: &Slot| &input[slot.range()]);
@@ -94,9 +95,32 @@ impl Plan {
             }
             None => {}
         }
+        Ok(())
+    }
 
+    /// Fills q, q̇, q̈, the cosines and sines of closed clusters, G and g from the given numbers;
+    /// with `CLOSED` what is left of closures that were closed before is in `closed`.
+    #[inline]
+    pub(super) fn close_state<T: Scalar, const CLOSED: bool>(
+        &self,
+        model: &Model<T>,
+        ws: &mut Workspace<T>,
+        input: &[T],
+        closed: &[T],
+        report: &mut RunReport<T>,
+    ) -> Result<(), Status> {
+        if CLOSED {
+            let gain = self.closed.restore(model, ws, closed);
+            report.doubt.closure(gain, self.steps.level, 1.0);
+        }
         for &c in &self.needed.scope.closed {
-            self.close_cluster(model, c, ws, input, report)?;
+            let known =
+                if CLOSED { self.closed.close(model, c, ws, self.steps.level) } else { None };
+            let (gain, control) = match known {
+                Some(closed) => (closed?, 1.0),
+                None => self.close_cluster(model, c, ws, input, report)?,
+            };
+            report.doubt.closure(gain, self.steps.level, control);
             report.closed += 1;
             // the bias is zero where no velocity was given
             if self.steps.rates && self.steps.level < Level::Acceleration {
@@ -113,11 +137,12 @@ impl Plan {
         if self.steps.position == Space::Actuation || self.actuated_rates() {
             self.check_unactuated(model)?;
         }
-        if let (Some(given), true) = (slot(Field::Qd), self.steps.level > Level::Position) {
+        let given = self.given.slot(Field::Qd).map(|slot: &Slot| &input[slot.range()]);
+        if let (Some(given), true) = (given, self.steps.level > Level::Position) {
             // only where loops are closed can the velocity differ from what was given
             for cluster in self.needed.scope.closed.iter().map(|c| &model.clusters[*c]) {
                 for v in cluster.velocities() {
-                    let off = given[order.v_external[v]] - ws.qd[v];
+                    let off = given[model.order.v_external[v]] - ws.qd[v];
                     let off = off.abs().to_f64() / column_unit(cluster, v - cluster.v);
                     report.projection = report.projection.max(off);
                 }
@@ -148,15 +173,16 @@ impl Plan {
         }
     }
 
-    /// Closes one cluster, from whatever space its numbers come.
-    fn close_cluster<T: Scalar>(
+    /// Closes one cluster, from whatever space its numbers come; its gain, and the part of their
+    /// control that the actuators have there.
+    pub(super) fn close_cluster<T: Scalar>(
         &self,
         model: &Model<T>,
         c: usize,
         ws: &mut Workspace<T>,
         input: &[T],
         report: &mut RunReport<T>,
-    ) -> Result<(), Status> {
+    ) -> Result<(f64, f64), Status> {
         let given =
             |field| self.given.slot(field).map_or(&[] as &[T], |slot: &Slot| &input[slot.range()]);
         let cluster = &model.clusters[c];
@@ -196,8 +222,7 @@ impl Plan {
             }
         }
         report.open = report.open.max(outcome.open);
-        report.doubt.closure(outcome.gain, self.steps.level, control);
-        Ok(())
+        Ok((outcome.gain, control))
     }
 
     /// All levels at the closed pose that was just found.
@@ -241,7 +266,7 @@ impl Plan {
 }
 
 /// Idle joints stand still; where, the closure reads off its start.
-fn hold_idle<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
+pub(super) fn hold_idle<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
     for &v in &cluster.locked {
         ws.qd[cluster.v + v] = T::ZERO;
         ws.qdd[cluster.v + v] = T::ZERO;

@@ -9,8 +9,9 @@ use nalgebra::Vector3;
 
 pub(crate) use body::{Articulated, BodyState, Composite, Embedding, Force};
 pub(crate) use probe::Probe;
+use probe::longest_input;
 
-use crate::closure::{self, Closure, Level, Local, Outcome, Scratch};
+use crate::closure::{self, Closure, Level, Local, Numerical, Outcome, Scratch};
 use crate::mechanism::{Body, Cluster};
 use crate::model::Model;
 use crate::scalar::Scalar;
@@ -97,6 +98,8 @@ pub struct Workspace<T> {
     pub(crate) dense_spare: Vec<T>,
     /// One frame's Jacobian (6 × n_vy) {root axes at the frame}, by `plan/output.rs`.
     pub(crate) jacobian: Vec<T>,
+    /// Given numbers, and what is left of closures that were closed before, by `plan/closed.rs`.
+    pub(crate) closed: Vec<T>,
     /// What doubtful answers are computed with again, for scalars that have it.
     pub(crate) probe: Option<Box<Probe>>,
     needs: Needs,
@@ -132,7 +135,8 @@ impl<T: Scalar> Workspace<T> {
     pub fn new(model: &Model<T>) -> Workspace<T> {
         let needs = Needs { mass_matrix: true, dense: true, kkt: false };
         let probe = Probe::for_any_plan(model, needs);
-        Workspace::sized(model, needs).with_probe(probe)
+        let most = longest_input(model) + most_closed(model);
+        Workspace::sized(model, needs).with_probe(probe).with_room_for_closed(most)
     }
 
     /// The workspace's numbers of one cluster.
@@ -178,12 +182,18 @@ impl<T: Scalar> Workspace<T> {
     ) -> Outcome {
         let cluster = &model.clusters[c];
         if let Closure::Numerical(numerical) = &model.closures[c] {
-            let at = cluster.coordinates();
-            let (start, q) = (&mut self.start[at.clone()], &self.q[at]);
-            numerical.turns.iter().for_each(|turn| turn.bring(start, q));
+            self.bring_start(cluster, numerical);
         }
         let mut local = Local { from_zero: zero, ..self.local(cluster) };
         model.closures[c].close(cluster, model.bodies_of(cluster), &mut local, level)
+    }
+
+    /// Brings the start of a cluster within half a turn of its independents.
+    #[inline]
+    pub(crate) fn bring_start(&mut self, cluster: &Cluster<T>, numerical: &Numerical<T>) {
+        let at = cluster.coordinates();
+        let (start, q) = (&mut self.start[at.clone()], &self.q[at]);
+        numerical.turns.iter().for_each(|turn| turn.bring(start, q));
     }
 
     /// True where it was made for this model.
@@ -199,6 +209,11 @@ impl<T: Scalar> Workspace<T> {
     /// The same scratch for requests whose doubtful answers are computed again with this.
     pub(crate) fn with_probe(self, probe: Option<Box<Probe>>) -> Workspace<T> {
         Workspace { probe, ..self }
+    }
+
+    /// The same scratch with room for so many given numbers and those of closures together.
+    pub(crate) fn with_room_for_closed(self, most: usize) -> Workspace<T> {
+        Workspace { closed: vec![T::ZERO; most], ..self }
     }
 
     /// Scratch with these square matrices and no others; without a probe.
@@ -261,6 +276,7 @@ impl<T: Scalar> Workspace<T> {
             kkt: of(kkt * kkt),
             kkt_rhs: of(kkt),
             kkt_scale: of(kkt),
+            closed: Vec::new(),
             probe: None,
             needs,
             fingerprint: model.fingerprint(),
@@ -271,6 +287,15 @@ impl<T: Scalar> Workspace<T> {
             loop_q: of(sizes.n_v),
         }
     }
+}
+
+/// More numbers than any plan needs of closures by Newton's method; none where there are none.
+fn most_closed<T: Scalar>(model: &Model<T>) -> usize {
+    let sizes = model.sizes();
+    if model.closures.iter().all(Closure::is_closed_form) {
+        return 0;
+    }
+    1 + 2 * sizes.n_q + 2 * model.bodies.len() + model.n_g + 2 * sizes.n_v
 }
 
 /// G blocks with the identity at every free joint, which no request changes.

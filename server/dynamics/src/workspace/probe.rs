@@ -23,17 +23,10 @@ pub(crate) struct Probe {
 impl Probe {
     /// For plans of up to some size on this model, `None` for scalars without one. Allocates.
     pub(crate) fn for_any_plan<T: Scalar>(model: &Model<T>, needs: Needs) -> Option<Box<Probe>> {
-        let sizes = model.sizes();
-        let numbers = |field: &Field, frames| {
-            let (rows, columns) = field.shape(&sizes, frames, MAX_WRENCHES);
-            rows.saturating_mul(columns)
-        };
-        let is_input = |field: &&Field| **field <= Field::Wrenches;
-        let input = Field::ALL.iter().filter(is_input).map(|field| numbers(field, 0)).sum();
         let output = Field::ALL
             .iter()
-            .fold(0_usize, |sum, field| sum.saturating_add(numbers(field, FRAMES)));
-        Probe::new(model, needs, input, output.min(LONGEST))
+            .fold(0_usize, |sum, field| sum.saturating_add(numbers(model, field, FRAMES)));
+        Probe::new(model, needs, longest_input(model), output.min(LONGEST))
     }
 
     /// For plans of up to these counts of numbers. Allocates.
@@ -53,4 +46,15 @@ impl Probe {
             })
         })
     }
+}
+
+/// More numbers than any plan is given.
+pub(crate) fn longest_input<C>(model: &Model<C>) -> usize {
+    let is_input = |field: &&Field| **field <= Field::Wrenches;
+    Field::ALL.iter().filter(is_input).map(|field| numbers(model, field, 0)).sum()
+}
+
+fn numbers<C>(model: &Model<C>, field: &Field, frames: usize) -> usize {
+    let (rows, columns) = field.shape(&model.sizes(), frames, MAX_WRENCHES);
+    rows.saturating_mul(columns)
 }

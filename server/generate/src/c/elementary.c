@@ -1,7 +1,9 @@
 #if defined(__GNUC__)
 #define SARRUS_INLINE static inline __attribute__((unused))
+#define SARRUS_APART __attribute__((noinline))
 #else
 #define SARRUS_INLINE static inline
+#define SARRUS_APART
 #endif
 
 /* Sine, cosine and arc tangent: the operations of sarrus, one by one. */

@@ -6,8 +6,8 @@
 //! tables of bounds and one loop each.
 
 use std::collections::HashMap;
-use std::fmt::Write as _;
 
+use crate::c::parts::Statements;
 use crate::c::table::{Table, Value};
 use crate::c::term;
 use crate::graph::{Comparison, Operation, Term};
@@ -40,15 +40,12 @@ pub(super) fn function(kernel: &Kernel, name: &str) -> String {
     if pairs.steps.iter().any(|step| matches!(step, Step::Pair(..))) {
         text += include_str!("pair.c");
     }
-    text += &format!("\nint {name}(const double *in, double *out)\n{{\n");
-    if kernel.plan.given().is_empty() {
-        text += "    (void)in;\n";
-    }
     let late = late_angles(kernel);
     let (angles, follow) = (HashMap::new(), HashMap::new());
     let used = vec![false; kernel.operations.len()];
-    Body { kernel, pairs, text: &mut text, angles, late, follow, used }.write();
-    text += "}\n";
+    let lines = Vec::new();
+    let statements = Body { kernel, pairs, lines, angles, late, follow, used }.statements();
+    text += &statements.text(name);
     text += &Manifest::of(kernel, name).c();
     text
 }
@@ -69,7 +66,8 @@ fn late_angles(kernel: &Kernel) -> Vec<u32> {
 struct Body<'a> {
     kernel: &'a Kernel,
     pairs: Pairs<'a>,
-    text: &'a mut String,
+    /// What was written since it was last taken.
+    lines: Vec<String>,
     /// Where the sine and cosine of an angle stand.
     angles: HashMap<Term, String>,
     /// Arc tangents that are computed together.
@@ -81,7 +79,10 @@ struct Body<'a> {
 }
 
 impl Body<'_> {
-    fn write(&mut self) {
+    fn statements(mut self) -> Statements {
+        if self.kernel.inputs() == 0 {
+            self.line("(void)in;");
+        }
         let table = Table::new(self.kernel, &self.pairs);
         let angles = self.input_angles();
         let is_angle = |operation: &&Operation| match operation {
@@ -102,6 +103,8 @@ impl Body<'_> {
         self.plan_stores(&table);
         table.of_inputs().iter().for_each(|line| self.line(line));
         self.angles_of_inputs(angles);
+        let head = std::mem::take(&mut self.lines);
+        let mut steps = Vec::new();
         for (place, step) in self.pairs.steps.clone().into_iter().enumerate() {
             match step {
                 Step::Pair(x, y) if self.used[x as usize] || self.used[y as usize] => {
@@ -112,16 +115,17 @@ impl Body<'_> {
                 Step::One(at) => self.operation(at),
             }
             self.stores_after(place);
+            steps.push(std::mem::take(&mut self.lines));
         }
         self.late_angles();
         self.stores_after(usize::MAX);
         table.of_results().iter().for_each(|line| self.line(line));
         self.end();
+        Statements { head, steps, tail: self.lines }
     }
 
     fn line(&mut self, line: impl AsRef<str>) {
-        // a string takes whatever is written to it
-        let _ = writeln!(self.text, "    {}", line.as_ref());
+        self.lines.push(line.as_ref().to_owned());
     }
 
     /// Checked numbers and outputs go to their arrays as soon as there are.

@@ -1,12 +1,12 @@
 //! `NAME.h`.
 
-use sarrus_dynamics::{Field, ModelInfo, Slot};
+use sarrus_dynamics::{Field, Model, ModelInfo, Slot};
 
 use crate::Kernel;
 use crate::c::comment;
 
 /// Sizes and orders of what goes in and comes out.
-pub(super) fn header(kernel: &Kernel, name: &str) -> String {
+pub(super) fn header(kernel: &Kernel, model: &Model<f64>, name: &str) -> String {
     let upper = name.to_ascii_uppercase();
     let (given, want) = (kernel.plan.given(), kernel.plan.want());
     let mut text = format!(
@@ -17,8 +17,9 @@ pub(super) fn header(kernel: &Kernel, name: &str) -> String {
         kernel.info.fingerprint,
         kernel.operations(),
     );
-    text += &format!("#define {upper}_INPUTS {}\n", given.len());
+    text += &format!("#define {upper}_INPUTS {}\n", kernel.inputs());
     text += &format!("#define {upper}_OUTPUTS {}\n", want.len());
+    let closed = closed_inputs(kernel, model, &upper);
     for (what, slots) in [("IN", given.slots()), ("OUT", want.slots())] {
         text += "\n";
         for slot in slots {
@@ -26,6 +27,9 @@ pub(super) fn header(kernel: &Kernel, name: &str) -> String {
             let Slot { offset, rows, columns, .. } = slot;
             text += &format!("/* {}{} */\n", shape(*rows, *columns), names(&kernel.info, slot));
             text += &format!("#define {upper}_{what}_{field} {offset}\n");
+        }
+        if what == "IN" {
+            text += &closed;
         }
     }
     text += &format!(
@@ -40,6 +44,39 @@ pub(super) fn header(kernel: &Kernel, name: &str) -> String {
          {name}(const double *in, double *out);\n\n"
     );
     text += "#ifdef __cplusplus\n}\n#endif\n\n#endif\n";
+    text
+}
+
+/// What sarrus puts behind the given numbers, where a closure is by Newton's method.
+fn closed_inputs(kernel: &Kernel, model: &Model<f64>, upper: &str) -> String {
+    if !kernel.plan.closes_apart() {
+        return String::new();
+    }
+    let mut text =
+        "\n/* NOT BY ITSELF: some loops of this robot are closed by Newton's method, which \
+                    is not in this file.\n   sarrus closes them (sarrus serve --kernel, \
+                    Robot::use_kernels, Plan::close of sarrus-dynamics), looks\n   whether the \
+                    state is one that the function is for, and puts these numbers behind the given \
+                    ones. */\n"
+            .to_owned();
+    let mut offset = kernel.plan.given().len();
+    for (k, numbers) in kernel.plan.closed_numbers(model).iter().enumerate() {
+        let what = match numbers.name {
+            "gain" => "by how much these closures let roundings grow",
+            "start" => "where closures start",
+            "q" => "coordinates of dependent joints",
+            "cos_sin" => "cosine and sine of joints",
+            "G" => "rows of the loop Jacobian",
+            "qd" => "velocities of dependent joints",
+            _ => "their accelerations without those of the independents",
+        };
+        let rows = numbers.joints.len();
+        let (shape, joints) = (shape(rows, numbers.columns), comment(&numbers.joints.join(" ")));
+        text += &format!("/* {what}, {shape}: {joints} */\n");
+        let name = numbers.name.to_ascii_uppercase();
+        text += &format!("#define {upper}_CLOSED_{k}_{name} {offset}\n");
+        offset += rows * numbers.columns;
+    }
     text
 }
 

@@ -2,6 +2,7 @@
 
 mod function;
 mod header;
+mod parts;
 mod table;
 mod test;
 
@@ -29,7 +30,7 @@ impl Source {
     pub fn new(kernel: &Kernel, model: &Model<f64>, name: &str) -> Source {
         let name = identifier(name);
         Source {
-            header: header::header(kernel, &name),
+            header: header::header(kernel, model, &name),
             function: function::function(kernel, &name),
             test: test::test(kernel, model, &name),
             name,

@@ -3,7 +3,7 @@
 use sarrus_dynamics::{Model, Plan, Workspace};
 
 use super::NativeKernel;
-use crate::random_input;
+use crate::RandomInputs;
 
 /// States that are compared.
 pub(super) const STATES: u64 = 4096;
@@ -19,11 +19,13 @@ pub(super) fn compare(
 ) -> Result<u64, (u64, String)> {
     let mut workspace = Workspace::for_plans(model, [plan]);
     let [mut expected, mut output] = [(); 2].map(|()| vec![0.0; plan.want().len()]);
+    let mut inputs = RandomInputs::new(model, plan);
     let mut answered = 0;
     for k in 0..STATES {
-        let mut input = random_input(model.info(), plan.given(), FRESH + k);
+        let mut input = inputs.input(FRESH + k);
         disturb(&mut input, k);
-        let Some(answer) = kernel.answer(&input, &mut output) else { continue };
+        let answer = kernel.answer((model, plan), &mut workspace, &input, &mut output);
+        let Some(answer) = answer else { continue };
         let right = plan.run(model, &mut workspace, &input, &mut expected);
         if answer != right {
             let [found, expected] = [answer, right]

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use sarrus_dynamics::{Answer, Model, Plan, Status, Warnings};
+use sarrus_dynamics::{Answer, Model, Plan, Status, Warnings, Workspace};
 
 use super::LoadError;
 use super::check::{self, STATES};
@@ -54,7 +54,7 @@ impl NativeKernel {
     ) -> Result<NativeKernel, LoadError> {
         let (path, manifest) = (|| file.path().to_owned(), file.manifest());
         file.plan(model)?;
-        let sizes = [plan.given().len(), plan.want().len()];
+        let sizes = [plan.given().len() + plan.closed_len(), plan.want().len()];
         if manifest.query != bare_query(plan.query())
             || [manifest.inputs, manifest.outputs] != sizes
         {
@@ -93,9 +93,17 @@ impl NativeKernel {
     }
 
     /// The plan's answer, to the bit, or `None` where the plan has to be asked: `output` is then
-    /// without meaning. Never allocates, locks, or calls the system.
+    /// without meaning. What Newton's method closes is closed by the plan. Never allocates, locks,
+    /// or calls the system.
     #[inline]
-    pub fn answer(&self, input: &[f64], output: &mut [f64]) -> Option<Answer> {
+    pub fn answer(
+        &self,
+        (model, plan): (&Model<f64>, &Plan),
+        workspace: &mut Workspace<f64>,
+        input: &[f64],
+        output: &mut [f64],
+    ) -> Option<Answer> {
+        let input = if plan.closes_apart() { plan.close(model, workspace, input)? } else { input };
         let warnings = match self.object.call(input, output) {
             Some(OK) => Warnings::NONE,
             Some(LIMITS_EXCEEDED) => Warnings::LIMITS_EXCEEDED,

@@ -4,12 +4,20 @@ use sarrus_proto::Status;
 
 use crate::closure::numerical::Numerical;
 use crate::closure::numerical::seeds::Seeds;
+use crate::closure::platform::Platform;
 use crate::closure::{Level, Local, Outcome};
 use crate::mechanism::{Body, Cluster};
 use crate::scalar::Scalar;
 
+impl<C> Numerical<C> {
+    /// The closed form, if it may answer anywhere: a tolerance asks for Newton's method.
+    pub(crate) fn form(&self) -> Option<&Platform<C>> {
+        self.form.as_deref().filter(|_| self.end.tolerance.is_none())
+    }
+}
+
 impl<C: Scalar> Numerical<C> {
-    /// All levels by the closed form, where it holds; a tolerance asks for Newton's method.
+    /// All levels by the closed form, where it holds.
     #[inline]
     pub(super) fn close_in_form(
         &self,
@@ -19,8 +27,27 @@ impl<C: Scalar> Numerical<C> {
         local: &mut Local<'_, C>,
         level: Level,
     ) -> Option<Outcome> {
-        let form = self.form.as_ref().filter(|_| self.end.tolerance.is_none())?;
+        let form = self.form()?;
         seeds.cell(local.start, local.q)?;
+        let outcome = self.close_by(form, cluster, bodies, local, level);
+        (outcome.status == Status::Ok).then_some(outcome)
+    }
+
+    /// True where it may answer, from the zero pose that was turned round.
+    pub(crate) fn is_in_form(&self, start: &[C], q: &[C]) -> bool {
+        let cell = |seeds: &Seeds| seeds.cell(start, q).is_some();
+        self.form().is_some() && self.seeds.as_deref().is_some_and(cell)
+    }
+
+    /// All levels by the closed form, wherever that is.
+    pub(crate) fn close_by(
+        &self,
+        form: &Platform<C>,
+        cluster: &Cluster<C>,
+        bodies: &[Body<C>],
+        local: &mut Local<'_, C>,
+        level: Level,
+    ) -> Outcome {
         let outcome = Outcome::from(form.close(cluster, bodies, local, level));
         // the start may be the zero pose turned round
         if !self.turns.is_empty() {
@@ -28,6 +55,6 @@ impl<C: Scalar> Numerical<C> {
                 local.q[i] += local.start[i] - self.zero[i];
             }
         }
-        (outcome.status == Status::Ok).then_some(outcome)
+        outcome
     }
 }

@@ -1,0 +1,311 @@
+//! Closures by Newton's method apart from the rest of a plan.
+//!
+//! How many steps Newton's method takes depends on the state, so that a plan with such closures is
+//! no straight line; all that stands around them is. [`Plan::close`] closes these clusters alone
+//! and puts what they leave behind the given numbers; [`Plan::run_closed`] is the rest of the plan
+//! on both. A closed form that answers for Newton's method in the cells of its table
+//! ([`crate::closure::Seeds`]) belongs to the rest: of it [`Plan::close`] only looks whether the
+//! state lies in such a cell.
+
+use sarrus_proto::{Answer, Field, Query, Status, Warnings};
+
+use crate::closure::{Closure, Level, Numerical, Platform};
+use crate::mechanism::Motion;
+use crate::model::{Model, Scope};
+use crate::plan::run::RunReport;
+use crate::plan::state::hold_idle;
+use crate::plan::{Plan, Space, Steps};
+use crate::scalar::{Figure, Scalar, all_finite};
+use crate::workspace::Workspace;
+
+/// Numbers that [`Plan::close`] puts behind the given ones, one after the other.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ClosedNumbers {
+    /// What they are: `gain`, `start`, `q`, `cos_sin`, `G`, `qd` or `g_bias`.
+    pub name: &'static str,
+    /// Coordinates or velocities of the tree that they belong to, each in one row.
+    pub joints: Vec<String>,
+    /// Numbers in a row.
+    pub columns: usize,
+}
+
+/// The clusters that are closed apart, and where in the workspace stands what they leave.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Closed {
+    /// Closed by Newton's method.
+    by_newton: Vec<usize>,
+    /// Closed by the closed form that answers for it.
+    by_form: Vec<usize>,
+    /// Where the latter start, of clusters with joints that can turn round.
+    start: Vec<usize>,
+    /// Of the former: dependent coordinates, cosines and sines, and of dependent velocities the
+    /// rows of G, q̇ and g.
+    q: Vec<usize>,
+    cos_sin: Vec<usize>,
+    G: Vec<usize>,
+    qd: Vec<usize>,
+    g: Vec<usize>,
+}
+
+impl Closed {
+    /// What a plan with these steps reads of its closures; nothing where the motion is not that of
+    /// the independents.
+    pub(super) fn new<C>(model: &Model<C>, query: &Query, scope: &Scope, steps: &Steps) -> Closed {
+        let mut closed = Closed::default();
+        let of_independents = [Some(steps.position), steps.velocity, steps.acceleration]
+            .into_iter()
+            .flatten()
+            .all(|space| space == Space::Independent);
+        if !of_independents {
+            return closed;
+        }
+        let is_cold = !query.given.has(Field::QGuess);
+        for &c in &scope.closed {
+            let (cluster, closure) = (&model.clusters[c], &model.closures[c]);
+            if closure.is_closed_form() {
+                continue;
+            }
+            if let Closure::Numerical(numerical) = closure
+                && is_cold
+                && numerical.form().is_some()
+            {
+                closed.by_form.push(c);
+                if !numerical.turns.is_empty() {
+                    closed.start.extend(cluster.coordinates());
+                }
+                continue;
+            }
+            closed.by_newton.push(c);
+            let q = (0..cluster.n_q).filter(|q| !cluster.independent_q.contains(q));
+            closed.q.extend(q.map(|q| cluster.q + q));
+            if steps.poses {
+                let is_revolute = |i: &usize| model.bodies[*i].motion == Motion::Revolute;
+                closed.cos_sin.extend(cluster.bodies().filter(is_revolute));
+            }
+            for &j in &cluster.dependent {
+                let row = cluster.g_offset + j * cluster.n_vy;
+                if steps.level >= Level::Jacobian {
+                    closed.G.extend(row..row + cluster.n_vy);
+                }
+                if steps.level >= Level::Velocity {
+                    closed.qd.push(cluster.v + j);
+                }
+                if steps.level >= Level::Acceleration {
+                    closed.g.push(cluster.v + j);
+                }
+            }
+        }
+        closed
+    }
+
+    fn is_empty(&self) -> bool {
+        self.by_newton.is_empty() && self.by_form.is_empty()
+    }
+
+    fn len(&self) -> usize {
+        let of_newton = self.q.len() + 2 * self.cos_sin.len() + self.G.len();
+        let of_rates = self.qd.len() + self.g.len();
+        usize::from(!self.by_newton.is_empty()) + self.start.len() + of_newton + of_rates
+    }
+
+    /// What stands in the workspace, in its order.
+    fn save<T: Scalar>(&self, ws: &Workspace<T>, gain: f64, out: &mut [T]) {
+        let gain = (!self.by_newton.is_empty()).then(|| T::from_f64(gain));
+        let start = self.start.iter().map(|i| ws.start[*i]);
+        let q = self.q.iter().map(|i| ws.q[*i]);
+        let mut at = 0;
+        for x in gain.into_iter().chain(start).chain(q) {
+            out[at] = x;
+            at += 1;
+        }
+        for i in &self.cos_sin {
+            (out[at], out[at + 1]) = ws.cos_sin[*i];
+            at += 2;
+        }
+        for (places, from) in [(&self.G, &ws.G), (&self.qd, &ws.qd), (&self.g, &ws.g)] {
+            for (x, i) in out[at..].iter_mut().zip(places) {
+                *x = from[*i];
+            }
+            at += places.len();
+        }
+    }
+
+    /// Puts it there again, with the rows of the independents; returns the gain.
+    pub(super) fn restore<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        ws: &mut Workspace<T>,
+        closed: &[T],
+    ) -> f64 {
+        let mut numbers = closed.iter().copied();
+        let mut next = || numbers.next().unwrap_or(T::ZERO);
+        let mut gain = 1.0;
+        if !self.by_newton.is_empty() {
+            gain = next().to_figure(Figure::Gain);
+        }
+        self.start.iter().for_each(|i| ws.start[*i] = next());
+        self.q.iter().for_each(|i| ws.q[*i] = next());
+        self.cos_sin.iter().for_each(|i| ws.cos_sin[*i] = (next(), next()));
+        self.G.iter().for_each(|i| ws.G[*i] = next());
+        self.qd.iter().for_each(|i| ws.qd[*i] = next());
+        self.g.iter().for_each(|i| ws.g[*i] = next());
+        for cluster in self.by_newton.iter().map(|c| &model.clusters[*c]) {
+            for (k, &j) in cluster.independent.iter().enumerate() {
+                let row = cluster.g_offset + j * cluster.n_vy;
+                ws.G[row..row + cluster.n_vy].fill(T::ZERO);
+                ws.G[row + k] = T::ONE;
+                ws.g[cluster.v + j] = T::ZERO;
+            }
+        }
+        gain
+    }
+
+    /// The gain of cluster c, where it was closed before, or is closed by the closed form that
+    /// answers for Newton's method.
+    pub(super) fn close<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        c: usize,
+        ws: &mut Workspace<T>,
+        level: Level,
+    ) -> Option<Result<f64, Status>> {
+        let cluster = &model.clusters[c];
+        if self.by_newton.contains(&c) {
+            hold_idle(cluster, ws);
+            return Some(Ok(1.0));
+        }
+        let (numerical, form) = self.form_of(model, c)?;
+        hold_idle(cluster, ws);
+        for q in cluster.dependent_q.iter().map(|q| cluster.q + q) {
+            ws.q[q] = ws.start[q];
+        }
+        let bodies = model.bodies_of(cluster);
+        let outcome = numerical.close_by(form, cluster, bodies, &mut ws.local(cluster), level);
+        let is_closed = outcome.status == Status::Ok;
+        Some(if is_closed { Ok(outcome.gain) } else { Err(outcome.status) })
+    }
+
+    /// The closed form that answers for Newton's method in cluster c.
+    fn form_of<'a, T: Scalar>(
+        &self,
+        model: &'a Model<T>,
+        c: usize,
+    ) -> Option<(&'a Numerical<T>, &'a Platform<T>)> {
+        match &model.closures[c] {
+            Closure::Numerical(numerical) if self.by_form.contains(&c) => {
+                Some((numerical, numerical.form()?))
+            }
+            _ => None,
+        }
+    }
+}
+
+impl Plan {
+    /// True where [`Plan::close`] has something to close or to look at: some closure is by Newton's
+    /// method, and the motion is given by the independents.
+    #[inline]
+    pub fn closes_apart(&self) -> bool {
+        !self.closed.is_empty()
+    }
+
+    /// How many numbers [`Plan::close`] puts behind the given ones.
+    pub fn closed_len(&self) -> usize {
+        self.closed.len()
+    }
+
+    /// Numbers, given ones included, that a workspace needs room for.
+    pub(super) fn room_for_closed(&self) -> usize {
+        self.given.len() + self.closed.len()
+    }
+
+    /// Which numbers [`Plan::close`] puts behind the given ones. Allocates.
+    pub fn closed_numbers<C>(&self, model: &Model<C>) -> Vec<ClosedNumbers> {
+        let meta = &model.meta;
+        let of_v = |v: usize| meta.tree[model.order.v_external[v]].clone();
+        let of_q = |q: usize| {
+            let row = model.order.q.iter().position(|internal| *internal == q);
+            row.map(|row| meta.tree_q[row].clone()).unwrap_or_default()
+        };
+        let closed = &self.closed;
+        let mut list = Vec::new();
+        let mut add = |name, joints: Vec<String>, columns| {
+            if !joints.is_empty() {
+                list.push(ClosedNumbers { name, joints, columns });
+            }
+        };
+        let is_by_newton = !closed.by_newton.is_empty();
+        add("gain", is_by_newton.then(|| "all".to_owned()).into_iter().collect(), 1);
+        add("start", closed.start.iter().map(|q| of_q(*q)).collect(), 1);
+        add("q", closed.q.iter().map(|q| of_q(*q)).collect(), 1);
+        let of_body = |i: &usize| of_v(model.bodies[*i].v);
+        add("cos_sin", closed.cos_sin.iter().map(of_body).collect(), 2);
+        for cluster in closed.by_newton.iter().map(|c| &model.clusters[*c]) {
+            let rows = cluster.dependent.iter().map(|j| of_v(cluster.v + j));
+            if !closed.G.is_empty() {
+                add("G", rows.collect(), cluster.n_vy);
+            }
+        }
+        add("qd", closed.qd.iter().map(|v| of_v(*v)).collect(), 1);
+        add("g_bias", closed.g.iter().map(|v| of_v(*v)).collect(), 1);
+        list
+    }
+
+    /// Closes what Newton's method closes: the given numbers, and behind them what
+    /// [`Plan::run_closed`] needs of it; `None` where only [`Plan::run`] has the answer, because
+    /// something is not as it should be. Allocates never.
+    pub fn close<'a, T: Scalar>(
+        &self,
+        model: &Model<T>,
+        workspace: &'a mut Workspace<T>,
+        input: &[T],
+    ) -> Option<&'a [T]> {
+        let ws = workspace;
+        let (given, len) = (self.given.len(), self.given.len() + self.closed.len());
+        let fits = input.len() == given && ws.closed.len() >= len && ws.serves(self.needs());
+        let is_ours = model.meta.fingerprint == self.fingerprint && ws.belongs_to(model);
+        if !fits || !is_ours || !all_finite(input) {
+            return None;
+        }
+        self.set_state(model, ws, input).ok()?;
+        for &c in &self.closed.by_form {
+            let cluster = &model.clusters[c];
+            let (numerical, _) = self.closed.form_of(model, c)?;
+            ws.bring_start(cluster, numerical);
+            let at = cluster.coordinates();
+            if !numerical.is_in_form(&ws.start[at.clone()], &ws.q[at]) {
+                return None;
+            }
+        }
+        let (mut report, mut most) = (RunReport::none(), 1.0);
+        for &c in &self.closed.by_newton {
+            let (gain, _) = self.close_cluster(model, c, ws, input, &mut report).ok()?;
+            // what is no number stays
+            most = if gain <= most { most } else { gain };
+        }
+        if report.open > self.query.loop_tolerance.bound() {
+            return None;
+        }
+        let mut numbers = core::mem::take(&mut ws.closed);
+        numbers[..given].copy_from_slice(input);
+        self.closed.save(ws, most, &mut numbers[given..len]);
+        ws.closed = numbers;
+        Some(&ws.closed[..len])
+    }
+
+    /// The rest of [`Plan::run`] on what [`Plan::close`] gave, with the same bits; a warning that
+    /// it would add is missing where [`Plan::close`] would have given nothing. Allocates never.
+    pub fn run_closed<T: Scalar>(
+        &self,
+        model: &Model<T>,
+        workspace: &mut Workspace<T>,
+        input: &[T],
+        output: &mut [T],
+    ) -> Answer {
+        if input.len() != self.given.len() + self.closed.len() {
+            output.fill(T::from_f64(f64::NAN));
+            return Answer { status: Status::WrongSize, warnings: Warnings::NONE };
+        }
+        let (input, closed) = input.split_at(self.given.len());
+        self.answer::<T, true>(model, workspace, input, closed, output)
+    }
+}

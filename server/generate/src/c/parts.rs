@@ -1,0 +1,197 @@
+//! A long function as several.
+//!
+//! What compilers do with a function grows faster than its length, so a long one is divided: each
+//! part has a bounded number of statements, and what a later part needs of an earlier one goes
+//! through arrays, whose places are used again as soon as nobody needs them.
+
+use std::collections::HashMap;
+
+/// Statements of one part.
+const LONGEST: usize = 4_000;
+/// The arrays that parts share, beside those of numbers.
+const ARRAYS: [(&str, &str); 6] = [
+    ("in", "const double"),
+    ("out", "double"),
+    ("seen", "double"),
+    ("limited", "double"),
+    ("sine", "double"),
+    ("cosine", "double"),
+];
+
+/// The statements of a function: what comes first, the operations, and what comes last.
+pub(super) struct Statements {
+    pub(super) head: Vec<String>,
+    /// The lines of each operation, between which the function may be divided.
+    pub(super) steps: Vec<Vec<String>>,
+    pub(super) tail: Vec<String>,
+}
+
+/// Where a number waits for later parts.
+#[derive(Clone, Copy)]
+struct Place {
+    is_pair: bool,
+    at: usize,
+}
+
+/// One number that crosses parts.
+struct Crossing {
+    from: usize,
+    last: usize,
+}
+
+impl Statements {
+    /// The function, with the parts that it calls before it.
+    pub(super) fn text(self, name: &str) -> String {
+        let Statements { head, steps, tail } = self;
+        let count = steps.iter().map(Vec::len).sum::<usize>().div_ceil(LONGEST).max(1);
+        let whole = format!("\nint {name}(const double *in, double *out)\n{{\n");
+        if count == 1 {
+            let lines = head.iter().chain(steps.iter().flatten()).chain(&tail);
+            return format!("{whole}{}}}\n", lines.map(|line| indented(line)).collect::<String>());
+        }
+        // parts of equal length; the last lines are one more
+        let mut parts: Vec<Vec<String>> = Vec::new();
+        let each = steps.len().div_ceil(count);
+        for steps in steps.chunks(each) {
+            parts.push(steps.iter().flatten().cloned().collect());
+        }
+        parts.push(tail);
+        let (places, sizes) = places(&parts);
+        let crosses = |name: &str| places.get(name).copied();
+
+        let has = |array: &str| {
+            let lines = || parts.iter().flatten().chain(&head);
+            lines().any(|line| words(line).any(|word| word == array))
+        };
+        let arrays: Vec<(&str, &str)> = ARRAYS.into_iter().filter(|(name, _)| has(name)).collect();
+        let mut text = format!("\n/* what the parts of {name} share */\nstruct {name}_shared {{\n");
+        arrays.iter().for_each(|(array, of)| text += &format!("    {of} *{array};\n"));
+        if sizes[0] > 0 {
+            text += &format!("    double one[{}];\n", sizes[0]);
+        }
+        if sizes[1] > 0 {
+            text += &format!("    sarrus_pair two[{}];\n", sizes[1]);
+        }
+        text += "};\n";
+
+        let mut defined: HashMap<&str, usize> = HashMap::new();
+        let mut main = String::new();
+        for (k, lines) in parts.iter().enumerate() {
+            let here: Vec<&str> = lines.iter().flat_map(|line| definitions(line)).collect();
+            here.iter().for_each(|name| {
+                defined.insert(name, k);
+            });
+            let is_last = k + 1 == parts.len();
+            let mut part = String::new();
+            if !is_last {
+                for (array, of) in &arrays {
+                    if lines.iter().flat_map(|line| words(line)).any(|word| word == *array) {
+                        part += &format!("    {of} *const {array} = all->{array};\n");
+                    }
+                }
+            }
+            let of = if is_last { "all." } else { "all->" };
+            let mut fetched: Vec<&str> = Vec::new();
+            for word in lines.iter().flat_map(|line| words(line)) {
+                let is_early = defined.get(word).is_some_and(|at| *at < k);
+                if let Some(Place { is_pair, at }) = crosses(word).filter(|_| is_early)
+                    && !fetched.contains(&word)
+                {
+                    let (kind, array) = kind_of(is_pair);
+                    part += &format!("    const {kind} {word} = {of}{array}[{at}];\n");
+                    fetched.push(word);
+                }
+            }
+            lines.iter().for_each(|line| part += &indented(line));
+            for name in here {
+                if let Some(Place { is_pair, at }) = crosses(name) {
+                    part += &format!("    {of}{}[{at}] = {name};\n", kind_of(is_pair).1);
+                }
+            }
+            if is_last {
+                main = part;
+            } else {
+                let arguments = format!("(struct {name}_shared *all)");
+                text +=
+                    &format!("\nstatic SARRUS_APART void {name}_{k}{arguments}\n{{\n{part}}}\n");
+            }
+        }
+        text += &whole;
+        head.iter().for_each(|line| text += &indented(line));
+        text += &format!("    struct {name}_shared all;\n");
+        arrays.iter().for_each(|(array, _)| text += &format!("    all.{array} = {array};\n"));
+        (0..parts.len() - 1).for_each(|k| text += &format!("    {name}_{k}(&all);\n"));
+        text + &main + "}\n"
+    }
+}
+
+fn indented(line: &str) -> String {
+    format!("    {line}\n")
+}
+
+/// The type of a number, and the array in which it waits.
+fn kind_of(is_pair: bool) -> (&'static str, &'static str) {
+    if is_pair { ("sarrus_pair", "two") } else { ("double", "one") }
+}
+
+/// The names in a line.
+fn words(line: &str) -> impl Iterator<Item = &str> {
+    let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    line.split(move |c| !is_word(c))
+        .filter(|word| word.starts_with(|c: char| c.is_ascii_alphabetic()))
+}
+
+/// The numbers that a line defines.
+fn definitions(line: &str) -> impl Iterator<Item = &str> {
+    let constant =
+        line.strip_prefix("const double ").or_else(|| line.strip_prefix("const sarrus_pair "));
+    // not arrays
+    let constant = constant.and_then(|rest| rest.split_once(" = ")).map(|(name, _)| name);
+    let constant = constant.filter(|name| !name.contains('['));
+    let both = line.strip_prefix("double ").and_then(|rest| rest.strip_suffix(';'));
+    let both = both.filter(|names| !names.contains('[')).unwrap_or_default();
+    constant.into_iter().chain(both.split(", ").filter(|name| !name.is_empty()))
+}
+
+/// Where numbers wait that a later part needs, and how many places there are of each kind.
+fn places(parts: &[Vec<String>]) -> (HashMap<&str, Place>, [usize; 2]) {
+    let mut crossings: HashMap<&str, Crossing> = HashMap::new();
+    let mut order: Vec<&str> = Vec::new();
+    for (k, lines) in parts.iter().enumerate() {
+        for line in lines {
+            for name in definitions(line) {
+                crossings.insert(name, Crossing { from: k, last: k });
+                order.push(name);
+            }
+            for word in words(line) {
+                if let Some(crossing) = crossings.get_mut(word) {
+                    crossing.last = k;
+                }
+            }
+        }
+    }
+    let mut places = HashMap::new();
+    let (mut free, mut sizes) = ([Vec::new(), Vec::new()], [0, 0]);
+    // places that are free again from a part on
+    let mut ends: Vec<Vec<Place>> = parts.iter().map(|_| Vec::new()).collect();
+    let mut names = order.into_iter().peekable();
+    for k in 0..parts.len() {
+        for place in std::mem::take(&mut ends[k]) {
+            free[usize::from(place.is_pair)].push(place.at);
+        }
+        while let Some(name) = names.next_if(|name| crossings[name].from == k) {
+            let Crossing { last, .. } = crossings[name];
+            if last > k {
+                let is_pair = name.starts_with('p');
+                let kind = usize::from(is_pair);
+                let at = free[kind].pop().unwrap_or(sizes[kind]);
+                sizes[kind] = sizes[kind].max(at + 1);
+                let place = Place { is_pair, at };
+                places.insert(name, place);
+                // fetched at the beginning of its last part, whose own are put away at its end
+                ends[last].push(place);
+            }
+        }
+    }
+    (places, sizes)
+}

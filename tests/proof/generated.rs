@@ -1,0 +1,195 @@
+//! Generated code of bundled and of random robots against their plans: every bit.
+
+use std::path::PathBuf;
+
+use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Status, Warnings, Workspace};
+use sarrus_generate::{
+    Cache, Cancel, Compiler, GenerateError, Kernel, MakeError, NativeKernel, Outcome, RandomInputs,
+};
+use sarrus_tests::cases::{Case, robots};
+use sarrus_tests::random::random_robot;
+use sarrus_tests::reference::ROBOTS;
+use sarrus_tests::seed::Seeded;
+
+/// First of the states that nothing was traced or compared at.
+const FRESH: u64 = 3_000_000;
+/// States of each robot and query in the long run, and its random robots.
+const MANY: u64 = 1_000_000;
+const RANDOM: u64 = 100;
+
+/// State, inverse and forward dynamics, without a guess and with one.
+fn queries() -> [(&'static str, Query); 6] {
+    use Field::*;
+    let query = |request, given: &[Field], want: &[Field]| {
+        Query::new(request, FieldSet::of(given), FieldSet::of(want))
+    };
+    let state = [Q, Qd, Qdd];
+    [
+        ("state", query(Request::Kinematics, &[Y, Yd, Ydd], &state)),
+        ("inverse", query(Request::InverseDynamics, &[Y, Yd, Ydd], &[TauY])),
+        ("forward", query(Request::ForwardDynamics, &[Y, Yd, TauY], &[Ydd])),
+        ("warm state", query(Request::Kinematics, &[Y, Yd, Ydd, QGuess, QdGuess], &state)),
+        ("warm inverse", query(Request::InverseDynamics, &[Y, Yd, Ydd, QGuess], &[TauY])),
+        ("warm forward", query(Request::ForwardDynamics, &[Y, Yd, TauY, QGuess], &[Ydd])),
+    ]
+}
+
+/// States of a plan: those of its robot and random ones by turns, some astray.
+struct States<'a> {
+    case: &'a Case,
+    plan: &'a Plan,
+    inputs: RandomInputs<'a>,
+    seeded: Seeded,
+}
+
+impl<'a> States<'a> {
+    fn new(case: &'a Case, plan: &'a Plan) -> States<'a> {
+        let inputs = RandomInputs::new(&case.compiled.model, plan);
+        States { case, plan, inputs, seeded: Seeded::new(case.seed + 77) }
+    }
+
+    fn state(&mut self, k: u64) -> Vec<f64> {
+        let mut input = self.inputs.input(FRESH + k);
+        if k % 2 == 0 {
+            // without a guess: the one that is there is of other independents, which it may be
+            let state = self.case.state::<f64>(k);
+            let parts = [(Field::Y, state.y), (Field::Yd, state.yd), (Field::Ydd, state.ydd)];
+            for (field, numbers) in parts {
+                if let Some(slot) = self.plan.given().slot(field) {
+                    input[slot.range()].copy_from_slice(&numbers);
+                }
+            }
+        }
+        match self.seeded.below(40) {
+            0 => input.iter_mut().for_each(|x| *x *= 7.0),
+            1 => input.iter_mut().for_each(|x| *x *= 1e3),
+            2 if !input.is_empty() => {
+                let at = self.seeded.below(input.len());
+                input[at] = [f64::NAN, f64::INFINITY, 1e300, 1e17][self.seeded.below(4)];
+            }
+            3 => input.fill(0.0),
+            4 => input.iter_mut().step_by(3).for_each(|x| *x = -0.0),
+            _ => {}
+        }
+        input
+    }
+}
+
+/// States that the code answered, that the plan answers without doubt, and that were asked.
+#[derive(Clone, Copy, Debug, Default)]
+struct Count {
+    answered: u64,
+    sure: u64,
+    asked: u64,
+}
+
+/// Compares what `code` answers with the plan, bit by bit.
+fn compare(
+    what: &str,
+    (case, plan): (&Case, &Plan),
+    range: std::ops::Range<u64>,
+    mut code: impl FnMut(&mut Workspace<f64>, &[f64], &mut [f64]) -> Option<Warnings>,
+) -> Count {
+    let model = &case.compiled.model;
+    let mut workspace = Workspace::for_plans(model, [plan]);
+    let [mut found, mut expected] = [(); 2].map(|()| vec![0.0; plan.want().len()]);
+    let mut states = States::new(case, plan);
+    let mut count = Count::default();
+    for k in range {
+        let input = states.state(k);
+        let warnings = code(&mut workspace, &input, &mut found);
+        let right = plan.run(model, &mut workspace, &input, &mut expected);
+        count.asked += 1;
+        let is_sure =
+            right.status == Status::Ok && Warnings::LIMITS_EXCEEDED.contains(right.warnings);
+        count.sure += u64::from(is_sure);
+        let Some(warnings) = warnings else { continue };
+        count.answered += 1;
+        assert_eq!((Status::Ok, warnings), (right.status, right.warnings), "{what}: {input:?}");
+        for (a, b) in found.iter().zip(&expected) {
+            assert_eq!(a.to_bits(), b.to_bits(), "{what}: {a:e} for {b:e} at {input:?}");
+        }
+    }
+    count
+}
+
+/// Why there may be no code for a random robot.
+fn is_excused(error: &GenerateError) -> bool {
+    use GenerateError::*;
+    matches!(error, NoState { .. } | Unserved { .. } | TooLarge { .. } | NotStraight)
+}
+
+#[test]
+fn traced_code_of_bundled_and_random_robots_has_the_bits_of_their_plans() {
+    let (mut traced, mut refused, mut all) = (0, 0, Count::default());
+    for case in robots().iter().take(ROBOTS.len()).chain(robots().iter().skip(16).step_by(12)) {
+        let model = &case.compiled.model;
+        for (name, query) in queries() {
+            let plan = Plan::new(model, &query).unwrap();
+            let what = format!("{} {name}", case.name);
+            let kernel = match Kernel::trace(model, &plan) {
+                Ok(kernel) => kernel,
+                Err(error) => {
+                    println!("{what}: {error}");
+                    assert!(is_excused(&error), "{what}: {error}");
+                    refused += 1;
+                    continue;
+                }
+            };
+            traced += 1;
+            let count = compare(&what, (case, &plan), 0..100, |workspace, input, output| {
+                let closed = plan.close(model, workspace, input)?.to_vec();
+                match kernel.evaluate(&closed, output) {
+                    Outcome::Ok => Some(Warnings::NONE),
+                    Outcome::LimitsExceeded => Some(Warnings::LIMITS_EXCEEDED),
+                    Outcome::NotAnswered => None,
+                }
+            });
+            all.answered += count.answered;
+            all.sure += count.sure;
+        }
+    }
+    println!("{traced} traced, {refused} refused; {all:?}");
+    assert!(refused * 4 < traced, "{refused} of {traced}");
+    assert!(all.answered * 10 > all.sure * 7, "{all:?}");
+}
+
+#[test]
+#[ignore = "compiles hundreds of functions, and runs each on a million states"]
+fn compiled_code_of_every_robot_has_the_bits_of_its_plan_on_a_million_states() {
+    let Some(compiler) = Compiler::found() else { return println!("not run: no C compiler") };
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("generated");
+    let cache = Cache::at(folder.join("kernels"));
+    let kernel = |model: &Model<f64>, plan: &Plan| -> Result<NativeKernel, MakeError> {
+        Ok(cache.kernel(model, plan, &compiler, &Cancel::default())?.kernel)
+    };
+    let of_seed = |seed| Case::of_text(&random_robot(seed), seed, &Default::default()).ok();
+    let random = (5_000..5_000 + RANDOM).filter_map(of_seed);
+    let mut all = Count::default();
+    for case in ROBOTS.iter().map(|name| Case::bundled(name)).chain(random) {
+        let model = &case.compiled.model;
+        for (name, query) in queries() {
+            let plan = Plan::new(model, &query).unwrap();
+            // with a guess it is another plan only where one is read
+            if query.given.has(Field::QGuess) && !plan.closes_apart() {
+                continue;
+            }
+            let what = format!("{} {name}", case.name);
+            match kernel(model, &plan) {
+                Ok(native) => {
+                    let of = (model, &plan);
+                    let count =
+                        compare(&what, (&case, &plan), 0..MANY, |workspace, input, output| {
+                            let answer = native.answer(of, workspace, input, output)?;
+                            Some(answer.warnings)
+                        });
+                    all.answered += count.answered;
+                    all.sure += count.sure;
+                    all.asked += count.asked;
+                    println!("{what}: {count:?}; all: {all:?}");
+                }
+                Err(error) => println!("{what}: {error}"),
+            }
+        }
+    }
+}
