@@ -5,7 +5,7 @@ use sarrus_dynamics::{Answer, Model, Plan, Workspace};
 use sarrus_proto::{Field, FieldSet, Query, Request, Status};
 
 /// A model with everything that it takes to ask it.
-pub struct Robot<T> {
+pub struct Robot<T: Scalar> {
     /// The model.
     pub model: Model<T>,
     workspace: Workspace<T>,

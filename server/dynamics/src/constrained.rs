@@ -11,7 +11,7 @@ use crate::linalg::least_norm;
 use crate::mechanism::{Cluster, Motion};
 use crate::model::{Model, Scope};
 use crate::plan::{Drift, drift_of, supports, tree_under_constraints, wrenches_on_bodies};
-use crate::scalar::Scalar;
+use crate::scalar::{Real, Scalar};
 use crate::workspace::{Needs, Workspace};
 
 /// Steps of one projection, and the longest one, in radians or cluster lengths.
@@ -35,7 +35,7 @@ const LENGTHS: [f64; 2] = [0.5, 2.0];
 ///
 /// Source: [F08, 8.5]; \[B72\], see [`crate::guide::bibliography`].
 #[derive(Clone, Debug)]
-pub struct ImplicitForm<T> {
+pub struct ImplicitForm<T: Real> {
     fingerprint: u64,
     ws: Workspace<T>,
     /// Links with wrenches, and the bodies on the paths to them.

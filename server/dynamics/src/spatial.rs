@@ -1,6 +1,8 @@
 //! Products of three-vectors and 3×3 matrices with fused multiply-add; nalgebra's types are the
 //! containers.
 
+pub(crate) mod triples;
+
 use nalgebra::{Matrix3, Vector3};
 
 use crate::scalar::Real;

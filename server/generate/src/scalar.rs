@@ -14,7 +14,7 @@
 use core::cmp::Ordering;
 use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use sarrus_dynamics::scalar::{Figure, Real, Scalar};
+use sarrus_dynamics::scalar::{Figure, Plain, Real, Scalar, Six};
 
 use crate::graph::{Check, Comparison, Operation, Term};
 use crate::recorder::{self, Limited, Obstacle, Record};
@@ -269,6 +269,8 @@ impl MulAssign for Traced {
 impl Real for Traced {
     type Mask = bool;
     type Const = Traced;
+    type Triple = Plain<Traced>;
+    type Symmetric = Six<Traced>;
 
     const ZERO: Traced = Traced::constant(0.0);
     const ONE: Traced = Traced::constant(1.0);

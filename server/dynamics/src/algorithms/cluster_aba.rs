@@ -15,15 +15,13 @@
 //! no other cluster stays rigid. An articulated inertia is kept as the blocks of n = J α + H a, f =
 //! Hᵀ α + M a.
 
-use nalgebra::{Matrix3, Vector3};
-
 use crate::algorithms::cluster_columns::{ClusterJoint, component, transform_force};
 use crate::algorithms::terms::add_rotors;
 use crate::linalg::factorise_full;
 use crate::mechanism::{Cluster, GBlock, Motion, Rotor};
 use crate::model::{Model, Scope};
-use crate::scalar::{Mask, Real};
-use crate::spatial::{cross, cross_add, dot, mul, mul_mat, scale_add, t_mul, zero};
+use crate::scalar::{Mask, Real, Symmetric, Triple};
+use crate::spatial::triples::{cross, cross_add, cross_rows, dot, mul, mul_mat, scale_add, zero};
 use crate::workspace::{Articulated, BodyState, Composite, Embedding, Force, Workspace};
 
 /// Solves M_y ÿ = b; `ws.ydd` holds b and becomes ÿ. The scope has whatever stands on the world
@@ -75,7 +73,7 @@ pub(crate) fn embedded_solve<T: Real>(
     }
 
     // accelerations, from the root outwards
-    (bodies[0].alpha, bodies[0].a) = (zero(), zero());
+    (bodies[0].alpha, bodies[0].a) = (zero::<T>(), zero::<T>());
     for run in scope.clusters.runs() {
         for cluster in &model.clusters[run] {
             let (Y, b) = (&Y[cluster.independents()], &mut b[cluster.independents()]);
@@ -101,8 +99,8 @@ fn accelerate_joint<T: Real>(
 ) {
     let i = cluster.body;
     let (mut alpha, mut a) = bodies[cluster.parent].acceleration_in(&motion[i]);
-    b[0] = (b[0] - dot(&Y.0, &alpha) - dot(&Y.1, &a)) * inverse;
-    accelerate(model.bodies[i].motion, b, &mut alpha, &mut a);
+    b[0] = (b[0] - dot::<T>(&Y.0, &alpha) - dot::<T>(&Y.1, &a)) * inverse;
+    accelerate::<T>(model.bodies[i].motion, b, &mut alpha, &mut a);
     (bodies[i].alpha, bodies[i].a) = (alpha, a);
 }
 
@@ -120,7 +118,9 @@ fn accelerate_joints<T: Real>(
     let m = cluster.n_vy;
     let (p, L) = (&bodies[cluster.parent], &factor[..m * m]);
     for k in (0..m).rev() {
-        let mut ydd = (b[k] - dot(&Y[k].0, &p.alpha) - dot(&Y[k].1, &p.a)) * L[k * m + k];
+        let (n, f) = &Y[k];
+        let felt = (dot::<T>(n, &p.alpha), dot::<T>(f, &p.a));
+        let mut ydd = (b[k] - felt.0 - felt.1) * L[k * m + k];
         for l in k + 1..m {
             ydd = (-L[l * m + k]).mul_add(b[l], ydd);
         }
@@ -138,7 +138,7 @@ fn accelerate_joints<T: Real>(
             let G_i = G.row(body.v - cluster.v + k);
             qdd[k] = G_i.iter().zip(b.iter()).fold(T::ZERO, |sum, (g, ydd)| g.mul_add(*ydd, sum));
         }
-        accelerate(body.motion, &qdd, &mut alpha, &mut a);
+        accelerate::<T>(body.motion, &qdd, &mut alpha, &mut a);
         (bodies[i].alpha, bodies[i].a) = (alpha, a);
     }
 }
@@ -247,7 +247,7 @@ impl<T: Real> Pass<'_, T> {
                 let x = -D[k * m + l];
                 b[k] = x.mul_add(b[l], b[k]);
                 let (n, f) = Y[l];
-                Y[k] = (scale_add(&n, x, &Y[k].0), scale_add(&f, x, &Y[k].1));
+                Y[k] = (scale_add::<T>(&n, x, &Y[k].0), scale_add::<T>(&f, x, &Y[k].1));
             }
             if cluster.parent != 0 {
                 bodies[cluster.parent].project_out(&Y[k], D[k * m + k], b[k]);
@@ -259,14 +259,14 @@ impl<T: Real> Pass<'_, T> {
 
 /// Adds the joint's own acceleration.
 #[inline(always)]
-fn accelerate<T: Real>(joint: Motion, qdd: &[T], alpha: &mut Vector3<T>, a: &mut Vector3<T>) {
+fn accelerate<T: Real>(joint: Motion, qdd: &[T], alpha: &mut T::Triple, a: &mut T::Triple) {
     match joint {
         Motion::Revolute => alpha[2] += qdd[0],
         Motion::Prismatic => a[2] += qdd[0],
-        Motion::Spherical => *alpha += Vector3::new(qdd[0], qdd[1], qdd[2]),
+        Motion::Spherical => *alpha += T::Triple::new(qdd[0], qdd[1], qdd[2]),
         Motion::Floating => {
-            *alpha += Vector3::new(qdd[0], qdd[1], qdd[2]);
-            *a += Vector3::new(qdd[3], qdd[4], qdd[5]);
+            *alpha += T::Triple::new(qdd[0], qdd[1], qdd[2]);
+            *a += T::Triple::new(qdd[3], qdd[4], qdd[5]);
         }
     }
 }
@@ -275,26 +275,19 @@ impl<T: Real> Articulated<T> {
     /// Adds a rigid inertia.
     #[inline(always)]
     fn add_rigid(&mut self, of: &Composite<T>) {
-        for (entry, x) in self.J.iter_mut().zip(of.inertia) {
-            *entry += x;
-        }
+        self.J += of.inertia;
         let (h, o) = (of.h, T::ZERO);
-        self.H += Matrix3::new(o, -h[2], h[1], h[2], o, -h[0], -h[1], h[0], o);
-        for k in [0, 3, 5] {
-            self.M[k] += of.mass;
-        }
+        let h = T::Triple::columns([o, h[2], -h[1], -h[2], o, h[0], h[1], -h[0], o]);
+        self.H.iter_mut().zip(h).for_each(|(x, h)| *x += h);
+        self.M.add_to_diagonal(of.mass);
     }
 
     /// I s for dof k of a joint.
     #[inline(always)]
     fn column(&self, joint: Motion, k: usize) -> Force<T> {
         let H = &self.H;
-        let turn = |k: usize| {
-            (symmetric_column(&self.J, k), Vector3::new(H[(k, 0)], H[(k, 1)], H[(k, 2)]))
-        };
-        let slide = |k: usize| {
-            (Vector3::new(H[(0, k)], H[(1, k)], H[(2, k)]), symmetric_column(&self.M, k))
-        };
+        let turn = |k: usize| (self.J.column(k), T::Triple::new(H[0][k], H[1][k], H[2][k]));
+        let slide = |k: usize| (H[k], self.M.column(k));
         match joint {
             Motion::Revolute => turn(2),
             Motion::Prismatic => slide(2),
@@ -306,17 +299,15 @@ impl<T: Real> Articulated<T> {
     /// I − y yᵀ / d and p + y r / d.
     #[inline(always)]
     fn project_out(&mut self, (n, f): &Force<T>, inverse: T, r: T) {
-        let (n_d, f_d) = (n * -inverse, f * -inverse);
-        for (k, (i, j)) in SYMMETRIC.into_iter().enumerate() {
-            self.J[k] = n[i].mul_add(n_d[j], self.J[k]);
-            self.M[k] = f[i].mul_add(f_d[j], self.M[k]);
+        let by = T::Triple::splat(-inverse);
+        let (n_d, f_d) = (n.times(by), f.times(by));
+        self.J.add_product(n, &n_d);
+        self.M.add_product(f, &f_d);
+        for (j, x) in self.H.iter_mut().enumerate() {
+            *x = n.fused(T::Triple::splat(f_d[j]), *x);
         }
-        for j in 0..3 {
-            for i in 0..3 {
-                self.H[(i, j)] = n[i].mul_add(f_d[j], self.H[(i, j)]);
-            }
-        }
-        (self.n, self.f) = (scale_add(&n_d, -r, &self.n), scale_add(&f_d, -r, &self.f));
+        self.n = scale_add::<T>(&n_d, -r, &self.n);
+        self.f = scale_add::<T>(&f_d, -r, &self.f);
     }
 
     /// Adds inertia and bias force to the parent's: M' = R M Rᵀ, H' = R H Rᵀ + [p]× M', J' = R J Rᵀ
@@ -324,28 +315,18 @@ impl<T: Real> Articulated<T> {
     #[inline(always)]
     fn add_to_parent(&self, x: &BodyState<T>, parent: &mut Articulated<T>) {
         let (R, p) = (&x.R, &x.p);
-        let (J, M) = (turned(R, &self.J), turned(R, &self.M));
-        let H = mul_mat(&mul_mat(R, &self.H), &R.transpose());
-        let row = |A: &Matrix3<T>, i: usize| Vector3::new(A[(i, 0)], A[(i, 1)], A[(i, 2)]);
-        let across = |k: usize| cross(p, &symmetric_column(&M, k));
-        let shifted = H + Matrix3::from_columns(&[across(0), across(1), across(2)]);
-        // columns of the two products
-        let (a0, a1, a2) =
-            (cross(p, &row(&shifted, 0)), cross(p, &row(&shifted, 1)), cross(p, &row(&shifted, 2)));
-        let (b0, b1, b2) = (cross(p, &row(&H, 0)), cross(p, &row(&H, 1)), cross(p, &row(&H, 2)));
-        let both = [
-            a0[0] + b0[0],
-            a1[0] + b0[1],
-            a2[0] + b0[2],
-            a1[1] + b1[1],
-            a2[1] + b1[2],
-            a2[2] + b2[2],
-        ];
-        for k in 0..6 {
-            parent.J[k] += J[k] + both[k];
-            parent.M[k] += M[k];
+        let (mut J, M) = (self.J.turned(R), self.M.turned(R));
+        let H = mul_mat::<T>(&mul_mat::<T>(R, &self.H), &T::Triple::transposed(R));
+        let mut shifted = H;
+        for (k, x) in shifted.iter_mut().enumerate() {
+            *x += cross::<T>(p, &M.column(k));
         }
-        parent.H += shifted;
+        // the two products
+        let (a, b) = (T::Triple::transposed(&cross_rows::<T>(p, &shifted)), cross_rows::<T>(p, &H));
+        J.add_upper(&[a[0] + b[0], a[1] + b[1], a[2] + b[2]]);
+        parent.J += J;
+        parent.M += M;
+        parent.H.iter_mut().zip(shifted).for_each(|(x, of)| *x += of);
         let (n, f) = transform_force(&(self.n, self.f), x);
         parent.n += n;
         parent.f += f;
@@ -353,31 +334,9 @@ impl<T: Real> Articulated<T> {
 
     /// The acceleration of this body where a child's origin is, in the child's axes.
     #[inline(always)]
-    fn acceleration_in(&self, x: &BodyState<T>) -> (Vector3<T>, Vector3<T>) {
-        (t_mul(&x.R, &self.alpha), t_mul(&x.R, &cross_add(&self.alpha, &x.p, &self.a)))
+    fn acceleration_in(&self, x: &BodyState<T>) -> (T::Triple, T::Triple) {
+        let rows = T::Triple::transposed(&x.R);
+        let a = cross_add::<T>(&self.alpha, &x.p, &self.a);
+        (mul::<T>(&rows, &self.alpha), mul::<T>(&rows, &a))
     }
-}
-
-/// Where xx xy xz yy yz zz stand.
-const SYMMETRIC: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
-
-/// Column k of xx xy xz yy yz zz.
-#[inline(always)]
-fn symmetric_column<T: Real>(A: &[T; 6], k: usize) -> Vector3<T> {
-    let [xx, xy, xz, yy, yz, zz] = *A;
-    match k {
-        0 => Vector3::new(xx, xy, xz),
-        1 => Vector3::new(xy, yy, yz),
-        _ => Vector3::new(xz, yz, zz),
-    }
-}
-
-/// R A Rᵀ of a symmetric matrix.
-#[inline(always)]
-fn turned<T: Real>(R: &Matrix3<T>, A: &[T; 6]) -> [T; 6] {
-    let column = |k: usize| mul(R, &symmetric_column(A, k));
-    let (x, y, z) = (column(0), column(1), column(2));
-    let entry =
-        |i: usize, j: usize| x[i].mul_add(R[(j, 0)], y[i].mul_add(R[(j, 1)], z[i] * R[(j, 2)]));
-    [entry(0, 0), entry(0, 1), entry(0, 2), entry(1, 1), entry(1, 2), entry(2, 2)]
 }

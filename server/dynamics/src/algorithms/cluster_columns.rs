@@ -12,13 +12,10 @@
 //!
 //! so that the cost grows with bodies × independents, never with the square of the bodies.
 
-use nalgebra::Vector3;
-
-use crate::algorithms::rnea::turn_by;
 use crate::mechanism::{Cluster, GBlock, Motion};
 use crate::model::Model;
-use crate::scalar::Real;
-use crate::spatial::{cross_add, lift, mul, zero};
+use crate::scalar::{Real, Symmetric, Triple};
+use crate::spatial::triples::{cross_add, lift, mul, zero};
 use crate::workspace::{BodyState, Composite, Force};
 
 /// One cluster as a single joint, and what its columns are formed from.
@@ -48,8 +45,9 @@ impl<T: Real> ClusterJoint<'_, T> {
         let (n, m) = (cluster.n, if M > 0 { M } else { cluster.n_vy });
         let D = &mut D[..m * m];
         D.fill(T::ZERO);
-        F[..n * m].fill((zero(), zero()));
-        U[..m].fill((zero(), zero()));
+        let none = (zero::<T>(), zero::<T>());
+        F[..n * m].fill(none);
+        U[..m].fill(none);
         let alone = &mut alone[..m];
         alone.fill(T::ZERO);
         for i in (0..n).rev() {
@@ -60,17 +58,15 @@ impl<T: Real> ClusterJoint<'_, T> {
                 let G_i = &G.row(body.v - cluster.v + k)[..m];
                 let own = column(i, body.motion, k);
                 // its own inertia counts half: the mirror image brings the other half
-                let half = component(body.motion, k, &own) * T::from_f64(0.5);
+                let half = component::<T>(body.motion, k, &own) * T::from_f64(0.5);
                 for l in 0..m {
                     let t = half.mul_add(G_i[l], component(body.motion, k, &F_i[l]));
                     alone[l] = (half + half).mul_add(G_i[l] * G_i[l], alone[l]);
                     for j in 0..m {
                         D[j * m + l] = G_i[j].mul_add(t, D[j * m + l]);
                     }
-                    for a in 0..3 {
-                        F_i[l].0[a] = own.0[a].mul_add(G_i[l], F_i[l].0[a]);
-                        F_i[l].1[a] = own.1[a].mul_add(G_i[l], F_i[l].1[a]);
-                    }
+                    let g = T::Triple::splat(G_i[l]);
+                    F_i[l] = (own.0.fused(g, F_i[l].0), own.1.fused(g, F_i[l].1));
                 }
             }
             let to = match cluster.local_parent[i] {
@@ -108,15 +104,16 @@ pub(super) fn component<T: Real>(motion: Motion, k: usize, force: &Force<T>) -> 
 /// The same force at the parent's origin in the parent's axes.
 #[inline(always)]
 pub(super) fn transform_force<T: Real>(force: &Force<T>, state: &BodyState<T>) -> Force<T> {
-    let f = mul(&state.R, &force.1);
-    (cross_add(&state.p, &f, &mul(&state.R, &force.0)), f)
+    let f = mul::<T>(&state.R, &force.1);
+    (cross_add::<T>(&state.p, &f, &mul::<T>(&state.R, &force.0)), f)
 }
 
 impl<T: Real> Composite<T> {
     /// The inertia of one body alone.
     #[inline(always)]
     pub(super) fn of(body: &crate::mechanism::Body<T::Const>) -> Composite<T> {
-        Composite { mass: T::lift(body.mass), h: lift(&body.h), inertia: body.inertia.map(T::lift) }
+        let inertia = T::Symmetric::new(body.inertia.map(T::lift));
+        Composite { mass: T::lift(body.mass), h: lift::<T>(&body.h), inertia }
     }
 
     /// Adds another inertia about the same origin.
@@ -124,9 +121,7 @@ impl<T: Real> Composite<T> {
     pub(super) fn add(&mut self, other: &Composite<T>) {
         self.mass += other.mass;
         self.h += other.h;
-        for (a, b) in self.inertia.iter_mut().zip(other.inertia) {
-            *a += b;
-        }
+        self.inertia += other.inertia;
     }
 
     /// Force that a unit acceleration of dof k of a joint takes.
@@ -134,20 +129,17 @@ impl<T: Real> Composite<T> {
     pub(super) fn column(&self, motion: Motion, k: usize) -> Force<T> {
         let Composite { mass, h, inertia } = self;
         match motion {
-            Motion::Revolute => (
-                Vector3::new(inertia[2], inertia[4], inertia[5]),
-                Vector3::new(-h[1], h[0], T::ZERO),
-            ),
+            Motion::Revolute => (inertia.column(2), T::Triple::new(-h[1], h[0], T::ZERO)),
             Motion::Prismatic => {
-                (Vector3::new(h[1], -h[0], T::ZERO), Vector3::new(T::ZERO, T::ZERO, *mass))
+                (T::Triple::new(h[1], -h[0], T::ZERO), T::Triple::new(T::ZERO, T::ZERO, *mass))
             }
             Motion::Spherical | Motion::Floating => {
                 let axis = |i: usize| if k % 3 == i { T::ONE } else { T::ZERO };
-                let e = Vector3::new(axis(0), axis(1), axis(2));
+                let e = T::Triple::new(axis(0), axis(1), axis(2));
                 if k < 3 {
-                    (turn_by(inertia, &e), cross_add(&e, h, &zero()))
+                    (inertia.column(k), cross_add::<T>(&e, h, &zero::<T>()))
                 } else {
-                    (cross_add(h, &e, &zero()), e * *mass)
+                    (cross_add::<T>(h, &e, &zero::<T>()), e.times(T::Triple::splat(*mass)))
                 }
             }
         }
@@ -158,38 +150,13 @@ impl<T: Real> Composite<T> {
     #[inline(always)]
     pub(super) fn transformed(&self, state: &BodyState<T>) -> Composite<T> {
         let (R, p) = (&state.R, &state.p);
-        let [xx, xy, xz, yy, yz, zz] = self.inertia;
-        let rows = [Vector3::new(xx, xy, xz), Vector3::new(xy, yy, yz), Vector3::new(xz, yz, zz)];
-        // A = R I, then entries of A Rᵀ
-        let A = rows.map(|row| mul(R, &row));
-        let entry = |i: usize, j: usize| {
-            A[0][i].mul_add(R[(j, 0)], A[1][i].mul_add(R[(j, 1)], A[2][i] * R[(j, 2)]))
-        };
-        let h = mul(R, &self.h);
-        let half = self.mass * T::from_f64(0.5);
-        let b = Vector3::new(
-            half.mul_add(p[0], h[0]),
-            half.mul_add(p[1], h[1]),
-            half.mul_add(p[2], h[2]),
-        );
-        let products = [b[0] * p[0], b[1] * p[1], b[2] * p[2]];
-        let mixed = |i: usize, j: usize| -(b[i].mul_add(p[j], p[i] * b[j]));
-        let two = T::from_f64(2.0);
+        let h = mul::<T>(R, &self.h);
+        let (mass, half) = (T::Triple::splat(self.mass), self.mass * T::from_f64(0.5));
+        let b = T::Triple::splat(half).fused(*p, h);
         Composite {
             mass: self.mass,
-            h: Vector3::new(
-                self.mass.mul_add(p[0], h[0]),
-                self.mass.mul_add(p[1], h[1]),
-                self.mass.mul_add(p[2], h[2]),
-            ),
-            inertia: [
-                two.mul_add(products[1] + products[2], entry(0, 0)),
-                entry(0, 1) + mixed(0, 1),
-                entry(0, 2) + mixed(0, 2),
-                two.mul_add(products[0] + products[2], entry(1, 1)),
-                entry(1, 2) + mixed(1, 2),
-                two.mul_add(products[0] + products[1], entry(2, 2)),
-            ],
+            h: mass.fused(*p, h),
+            inertia: self.inertia.turned(R).shifted(&b, p),
         }
     }
 }

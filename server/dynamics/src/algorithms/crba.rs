@@ -178,7 +178,7 @@ impl<T: Real> Pass<'_, T> {
                 for (k, column) in columns.iter_mut().enumerate() {
                     let row = &mut M_y[sparsity.start[cluster.vy + k] + first..][..m];
                     for d in 0..body.motion.n_v() {
-                        let force = component(body.motion, d, column);
+                        let force: T = component(body.motion, d, column);
                         for (entry, g) in row.iter_mut().zip(&G_i[d * m..][..m]) {
                             *entry = force.mul_add(*g, *entry);
                         }

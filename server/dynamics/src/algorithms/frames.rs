@@ -5,7 +5,8 @@ use nalgebra::Vector3;
 use crate::algorithms::rnea::accelerate;
 use crate::mechanism::{Frame, Motion};
 use crate::model::Model;
-use crate::scalar::Real;
+use crate::scalar::{Real, Triple};
+use crate::spatial::triples::{self, vector};
 use crate::spatial::{
     Pose, column, cross, cross_add, lift, lift_mat, mul, mul_mat, t_mul, to_quaternion, zero,
 };
@@ -19,7 +20,7 @@ pub(crate) fn world_poses<T: Real>(
     world: &mut [Pose<T>],
 ) {
     for &i in bodies {
-        let in_parent = Pose { R: motion[i].R, p: motion[i].p };
+        let in_parent = triples::pose(&motion[i].R, &motion[i].p);
         let parent = model.bodies[i].parent;
         world[i] = if parent == 0 { in_parent } else { world[parent].then(&in_parent) };
     }
@@ -32,22 +33,23 @@ pub(crate) fn velocities<T: Real>(
     qd: &[T],
     motion: &mut [BodyState<T>],
 ) {
-    (motion[0].w, motion[0].v) = (zero(), zero());
+    (motion[0].w, motion[0].v) = (triples::zero::<T>(), triples::zero::<T>());
     for &i in bodies {
         let body = &model.bodies[i];
         let (p, state) = (motion[body.parent], &mut motion[i]);
-        state.w = t_mul(&state.R, &p.w);
-        state.v = t_mul(&state.R, &cross_add(&p.w, &state.p, &p.v));
+        let rows = T::Triple::transposed(&state.R);
+        state.w = triples::mul::<T>(&rows, &p.w);
+        state.v = triples::mul::<T>(&rows, &triples::cross_add::<T>(&p.w, &state.p, &p.v));
         match body.motion {
             Motion::Revolute => state.w[2] += qd[body.v],
             Motion::Prismatic => state.v[2] += qd[body.v],
             Motion::Spherical => {
-                state.w += Vector3::new(qd[body.v], qd[body.v + 1], qd[body.v + 2])
+                state.w += T::Triple::new(qd[body.v], qd[body.v + 1], qd[body.v + 2])
             }
             Motion::Floating => {
                 let rates = &qd[body.v..body.v + 6];
-                state.w += Vector3::new(rates[0], rates[1], rates[2]);
-                state.v += Vector3::new(rates[3], rates[4], rates[5]);
+                state.w += T::Triple::new(rates[0], rates[1], rates[2]);
+                state.v += T::Triple::new(rates[3], rates[4], rates[5]);
             }
         }
     }
@@ -61,7 +63,8 @@ pub(crate) fn rates<T: Real>(
     qdd: &[T],
     motion: &mut [BodyState<T>],
 ) {
-    (motion[0].w, motion[0].alpha, motion[0].a) = (zero(), zero(), zero());
+    let none = triples::zero::<T>();
+    (motion[0].w, motion[0].alpha, motion[0].a) = (none, none, none);
     for &i in bodies {
         let body = &model.bodies[i];
         let (before, state) = motion.split_at_mut(i);
@@ -84,8 +87,9 @@ pub(crate) fn frame_twist<T: Real>(
     motion: &[BodyState<T>],
 ) -> [T; 6] {
     let (state, R) = (&motion[frame.body], &world[frame.body].R);
-    let v = cross_add(&state.w, &lift(&frame.x_body_frame.p), &state.v);
-    pack(&mul(R, &state.w), &mul(R, &v))
+    let (w, v) = (vector::<T>(&state.w), vector::<T>(&state.v));
+    let v = cross_add(&w, &lift(&frame.x_body_frame.p), &v);
+    pack(&mul(R, &w), &mul(R, &v))
 }
 
 /// [α; a] of a frame after [`rates`].
@@ -96,8 +100,10 @@ pub(crate) fn frame_acceleration<T: Real>(
 ) -> [T; 6] {
     let (state, R) = (&motion[frame.body], &world[frame.body].R);
     let arm = lift(&frame.x_body_frame.p);
-    let a = cross_add(&state.w, &cross(&state.w, &arm), &cross_add(&state.alpha, &arm, &state.a));
-    pack(&mul(R, &state.alpha), &mul(R, &a))
+    let (w, alpha) = (vector::<T>(&state.w), vector::<T>(&state.alpha));
+    let a = cross_add(&alpha, &arm, &vector::<T>(&state.a));
+    let a = cross_add(&w, &cross(&w, &arm), &a);
+    pack(&mul(R, &alpha), &mul(R, &a))
 }
 
 /// Columns of a frame's Jacobian over the tree velocities: calls `each(internal velocity, column)`

@@ -9,8 +9,11 @@ use nalgebra::Vector3;
 use crate::algorithms::terms::{joint_forces, spring_forces};
 use crate::mechanism::{Body, Motion, joint_pose};
 use crate::model::{Model, Runs, Scope};
-use crate::scalar::Real;
-use crate::spatial::{cross, cross_add, lift, lift_mat, mul, mul_add, t_mul, turn_z, zero};
+use crate::scalar::{Real, Triple};
+use crate::spatial::triples::{
+    Columns, columns, cross, cross_add, lift, lift_columns, mul, mul_add, scale_add, triple,
+    turn_z, zero,
+};
 use crate::workspace::BodyState;
 
 /// Poses of the given bodies in their parents, from the coordinates and their cosines and sines.
@@ -25,13 +28,19 @@ pub(crate) fn joint_poses<T: Real>(
     for run in bodies.runs() {
         let joints = model.bodies[run.clone()].iter().zip(&cos_sin[run.clone()]);
         for ((body, cos_sin), state) in joints.zip(&mut motion[run]) {
-            if body.motion == Motion::Revolute {
-                // straight to its place: a pose of lanes is large
-                state.R = turn_z(&lift_mat(&body.R_parent_body), cos_sin.0, cos_sin.1);
-                state.p = lift(&body.p_parent_body);
-            } else {
-                let pose = joint_pose(body, &q[body.q..], *cos_sin);
-                (state.R, state.p) = (pose.R, pose.p);
+            // straight to its place: a pose of lanes is large
+            let at_zero = || lift_columns::<T>(&body.R_parent_body);
+            state.p = lift::<T>(&body.p_parent_body);
+            match body.motion {
+                Motion::Revolute => state.R = turn_z::<T>(&at_zero(), cos_sin.0, cos_sin.1),
+                Motion::Prismatic => {
+                    state.R = at_zero();
+                    state.p = scale_add::<T>(&state.R[2], q[body.q], &state.p);
+                }
+                Motion::Spherical | Motion::Floating => {
+                    let pose = joint_pose(body, &q[body.q..], *cos_sin);
+                    (state.R, state.p) = (columns(&pose.R), triple(&pose.p));
+                }
             }
         }
     }
@@ -57,8 +66,8 @@ pub(crate) fn newton_euler<T: Real>(
     tau: &mut [T],
 ) {
     // the world accelerates against gravity
-    motion[0].w = zero();
-    motion[0].alpha = zero();
+    motion[0].w = zero::<T>();
+    motion[0].alpha = zero::<T>();
     motion[0].a = -lift::<T>(&model.gravity);
 
     // motion, from the root outwards
@@ -67,7 +76,7 @@ pub(crate) fn newton_euler<T: Real>(
         let (before, state) = motion.split_at_mut(i);
         let state = &mut state[0];
         (state.w, state.alpha, state.a) = accelerate(body, state, &before[body.parent], qd, qdd);
-        (state.n, state.f) = (zero(), zero());
+        (state.n, state.f) = (zero::<T>(), zero::<T>());
     }
     for run in scope.driven.runs() {
         let (bodies, motion) = (&model.bodies[..run.end], &mut motion[..run.end]);
@@ -77,10 +86,10 @@ pub(crate) fn newton_euler<T: Real>(
             let state = &mut state[0];
             (state.w, state.alpha, state.a) =
                 accelerate(body, state, &before[body.parent], qd, qdd);
-            (state.n, state.f) = inertial_force(body, &state.w, &state.alpha, &state.a);
+            (state.n, state.f) = inertial_force::<T>(body, &state.w, &state.alpha, &state.a);
             if let Some(wrench) = wrench {
-                state.n -= wrench[i].0;
-                state.f -= wrench[i].1;
+                state.n -= triple(&wrench[i].0);
+                state.f -= triple(&wrench[i].1);
             }
         }
     }
@@ -104,8 +113,8 @@ pub(crate) fn rest_forces<T: Real>(
     motion[0].a = -lift::<T>(&model.gravity);
     for i in scope.carriers.places() {
         let (before, state) = motion.split_at_mut(i);
-        state[0].a = t_mul(&state[0].R, &before[model.bodies[i].parent].a);
-        (state[0].n, state[0].f) = (zero(), zero());
+        state[0].a = mul::<T>(&rows(&state[0]), &before[model.bodies[i].parent].a);
+        (state[0].n, state[0].f) = (zero::<T>(), zero::<T>());
     }
     for run in scope.driven.runs() {
         let (bodies, motion) = (&model.bodies[..run.end], &mut motion[..run.end]);
@@ -113,12 +122,12 @@ pub(crate) fn rest_forces<T: Real>(
             let body = &bodies[i];
             let (before, state) = motion.split_at_mut(i);
             let state = &mut state[0];
-            state.a = t_mul(&state.R, &before[body.parent].a);
-            state.n = cross(&lift(&body.h), &state.a);
-            state.f = state.a * T::lift(body.mass);
+            state.a = mul::<T>(&rows(state), &before[body.parent].a);
+            state.n = cross::<T>(&lift::<T>(&body.h), &state.a);
+            state.f = state.a.times(T::Triple::splat(T::lift(body.mass)));
             if let Some(wrench) = wrench {
-                state.n -= wrench[i].0;
-                state.f -= wrench[i].1;
+                state.n -= triple(&wrench[i].0);
+                state.f -= triple(&wrench[i].1);
             }
         }
     }
@@ -151,14 +160,21 @@ fn forces_to_root<T: Real>(
                 }
             }
             if body.parent != 0 {
-                let f = mul(&state.R, &state.f);
+                let f = mul::<T>(&state.R, &state.f);
                 let parent = &mut before[body.parent];
-                parent.n = cross_add(&state.p, &f, &mul_add(&state.R, &state.n, &parent.n));
+                let n = mul_add::<T>(&state.R, &state.n, &parent.n);
+                parent.n = cross_add::<T>(&state.p, &f, &n);
                 parent.f += f;
             }
             motion = before;
         }
     }
+}
+
+/// The rows of a body's rotation: by them vectors of the parent are turned into its axes.
+#[inline(always)]
+fn rows<T: Real>(state: &BodyState<T>) -> Columns<T> {
+    T::Triple::transposed(&state.R)
 }
 
 /// ω, α, a of a body from its pose, those of its parent p and the rates of its joint.
@@ -169,66 +185,62 @@ pub(super) fn accelerate<T: Real>(
     p: &BodyState<T>,
     qd: &[T],
     qdd: &[T],
-) -> (Vector3<T>, Vector3<T>, Vector3<T>) {
-    let w = t_mul(&state.R, &p.w);
-    let alpha = t_mul(&state.R, &p.alpha);
-    let a = t_mul(
-        &state.R,
-        &cross_add(&p.w, &cross(&p.w, &state.p), &cross_add(&p.alpha, &state.p, &p.a)),
-    );
+) -> (T::Triple, T::Triple, T::Triple) {
+    let to_body = rows(state);
+    let mut w = mul::<T>(&to_body, &p.w);
+    let alpha = mul::<T>(&to_body, &p.alpha);
+    let inner = cross::<T>(&p.w, &state.p);
+    let a = cross_add::<T>(&p.w, &inner, &cross_add::<T>(&p.alpha, &state.p, &p.a));
+    let a = mul::<T>(&to_body, &a);
+    let of = |x: &[T]| T::Triple::new(x[0], x[1], x[2]);
     match body.motion {
+        // x + ω × z v + z v̇
         Motion::Revolute => {
             let (v, vd) = (qd[body.v], qdd[body.v]);
-            let alpha_x = w[1].mul_add(v, alpha[0]);
-            let alpha_y = (-w[0]).mul_add(v, alpha[1]);
-            let w = Vector3::new(w[0], w[1], w[2] + v);
-            (w, Vector3::new(alpha_x, alpha_y, alpha[2] + vd), a)
+            let alpha = along_z::<T>(&w, v, vd, &alpha);
+            w[2] += v;
+            (w, alpha, a)
         }
         Motion::Prismatic => {
             let (v, vd) = (qd[body.v], qdd[body.v]);
-            let v2 = v + v;
-            let a = Vector3::new(w[1].mul_add(v2, a[0]), (-w[0]).mul_add(v2, a[1]), a[2] + vd);
-            (w, alpha, a)
+            (w, alpha, along_z::<T>(&w, v + v, vd, &a))
         }
         Motion::Spherical => {
-            let (v, vd) = (&qd[body.v..body.v + 3], &qdd[body.v..body.v + 3]);
-            let w_j = Vector3::new(v[0], v[1], v[2]);
-            let alpha = cross_add(&w, &w_j, &(alpha + Vector3::new(vd[0], vd[1], vd[2])));
+            let (w_j, vd) = (of(&qd[body.v..body.v + 3]), of(&qdd[body.v..body.v + 3]));
+            let alpha = cross_add::<T>(&w, &w_j, &(alpha + vd));
             (w + w_j, alpha, a)
         }
         Motion::Floating => {
             let (v, vd) = (&qd[body.v..body.v + 6], &qdd[body.v..body.v + 6]);
-            let (w_j, v_j) = (Vector3::new(v[0], v[1], v[2]), Vector3::new(v[3], v[4], v[5]));
-            let alpha = cross_add(&w, &w_j, &(alpha + Vector3::new(vd[0], vd[1], vd[2])));
+            let (w_j, v_j) = (of(v), of(&v[3..]));
+            let alpha = cross_add::<T>(&w, &w_j, &(alpha + of(vd)));
             let w_i = w + w_j;
-            let a = cross_add(&(w + w_i), &v_j, &(a + Vector3::new(vd[3], vd[4], vd[5])));
+            let a = cross_add::<T>(&(w + w_i), &v_j, &(a + of(&vd[3..])));
             (w_i, alpha, a)
         }
     }
+}
+
+/// c + ω × z v + z v̇.
+#[inline(always)]
+fn along_z<T: Real>(w: &T::Triple, v: T, vd: T, c: &T::Triple) -> T::Triple {
+    T::Triple::new(w[1], w[0], T::ONE).fused(T::Triple::new(v, -v, vd), *c)
 }
 
 /// n = I α + ω × I ω + h × a and f = m a + α × h + ω × (ω × h).
 #[inline(always)]
 fn inertial_force<T: Real>(
     body: &Body<T::Const>,
-    w: &Vector3<T>,
-    alpha: &Vector3<T>,
-    a: &Vector3<T>,
-) -> (Vector3<T>, Vector3<T>) {
-    let h = lift(&body.h);
-    let inertia = body.inertia.map(T::lift);
-    let n = cross_add(w, &turn_by(&inertia, w), &cross_add(&h, a, &turn_by(&inertia, alpha)));
-    let f = cross_add(w, &cross(w, &h), &cross_add(alpha, &h, &(a * T::lift(body.mass))));
+    w: &T::Triple,
+    alpha: &T::Triple,
+    a: &T::Triple,
+) -> (T::Triple, T::Triple) {
+    let h = lift::<T>(&body.h);
+    let [xx, xy, xz, yy, yz, zz] = body.inertia.map(T::lift);
+    let inertia = T::Triple::columns([xx, xy, xz, xy, yy, yz, xz, yz, zz]);
+    let turning = cross_add::<T>(&h, a, &mul::<T>(&inertia, alpha));
+    let n = cross_add::<T>(w, &mul::<T>(&inertia, w), &turning);
+    let weight = a.times(T::Triple::splat(T::lift(body.mass)));
+    let f = cross_add::<T>(w, &cross::<T>(w, &h), &cross_add::<T>(alpha, &h, &weight));
     (n, f)
-}
-
-/// I x for I = xx xy xz yy yz zz.
-#[inline(always)]
-pub(super) fn turn_by<T: Real>(inertia: &[T; 6], x: &Vector3<T>) -> Vector3<T> {
-    let [xx, xy, xz, yy, yz, zz] = *inertia;
-    Vector3::new(
-        xx.mul_add(x[0], xy.mul_add(x[1], xz * x[2])),
-        xy.mul_add(x[0], yy.mul_add(x[1], yz * x[2])),
-        xz.mul_add(x[0], yz.mul_add(x[1], zz * x[2])),
-    )
 }

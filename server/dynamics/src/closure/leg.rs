@@ -59,7 +59,7 @@ pub(super) struct Reach<T> {
 }
 
 impl<C: nalgebra::Scalar + Copy> Strut<C> {
-    /// Position level: coordinates of the three joints for a point {cluster's parent body}, and the
+    /// Position level: the slider's coordinate and the cosines and sines of the turns for a point {cluster's parent body}, and the
     /// Jacobian there.
     #[inline(always)]
     pub(super) fn reach<T: Real<Const = C>>(
@@ -106,8 +106,6 @@ impl<C: nalgebra::Scalar + Copy> Strut<C> {
         let s1 = w[1].mul_add(v[2], -(root * v[1])) * inverse_rho;
         local.cos_sin[j1.body] = (c1, s1);
         local.cos_sin[j2.body] = (c2, s2);
-        local.q[j1.q] = s1.atan2(c1);
-        local.q[j2.q] = s2.atan2(c2);
         // each alone: where one is negative the other is no number
         let validity = Validity::of(reach, square0).or(Validity::of(root_square, square0));
 

@@ -133,7 +133,14 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
                 _ => (links.turn_c.0, -links.turn_c.1),
             };
             local.cos_sin[tie.joint] = (c, sense * s);
-            local.q[tie.joint] = (sense * s).atan2(c);
+            if self.slider {
+                local.q[tie.joint] = (sense * s).atan2(c);
+            }
+        }
+        if !self.slider {
+            let turns = self.others.each_ref().map(|tie| local.cos_sin[tie.joint]);
+            let others = self.others.iter().zip(T::angles_of(turns));
+            others.for_each(|(tie, angle)| local.q[tie.joint] = angle);
         }
         if level == Level::Position {
             return validity;

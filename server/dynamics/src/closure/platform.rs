@@ -16,7 +16,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::closure::{Level, Local, Numerical, Rate, RodLeg, Strut, Validity};
-use crate::mechanism::{Body, Cluster, Dof, Motion, joint_pose};
+use crate::mechanism::{Body, Cluster, Dof, Motion, joint_pose, read_turns, turn};
 use crate::scalar::Real;
 use crate::spatial::{
     Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, turn_z,
@@ -32,6 +32,10 @@ pub(crate) struct Platform<C> {
     pub(crate) legs: Vec<Leg<C>>,
     /// Legs of a crank and a rod.
     pub(crate) rods: Vec<RodLeg<C>>,
+    /// Turns of the chain, and those that the legs find: place of the cosine and sine, and of the
+    /// coordinate.
+    turned: Vec<(usize, usize)>,
+    found: Vec<(usize, usize)>,
     /// Joints that stand still where the start has them.
     pub(crate) idle: Vec<Dof>,
     /// Newton's method on the true rows, where the geometry is only nearly of this type.
@@ -75,6 +79,30 @@ struct Pin<T> {
 }
 
 impl<C: nalgebra::Scalar + Copy> Platform<C> {
+    /// Without Newton's method.
+    pub(crate) fn new(
+        chain: Vec<(Dof, usize)>,
+        legs: Vec<Leg<C>>,
+        rods: Vec<RodLeg<C>>,
+        idle: Vec<Dof>,
+    ) -> Platform<C> {
+        let is_turn = |at: &&Dof| at.k == 0 && at.motion == Motion::Revolute;
+        let place = |at: &Dof| (at.body, at.q);
+        let turned = chain.iter().map(|(at, _)| at).filter(is_turn).map(place).collect();
+        let of_leg = |leg: &Leg<C>| {
+            let arm = leg.arm.as_ref().map(|arm| place(&arm.joint));
+            leg.strut.joints[..2].iter().map(place).chain(arm).collect::<Vec<_>>()
+        };
+        // joints of rods are single ones
+        let of_rod = |rod: &RodLeg<C>| {
+            let stator = rod.drive.as_ref().map(|lambda| lambda.joints[1]);
+            let joints = [rod.crank, rod.universal[0], rod.universal[1]].into_iter().chain(stator);
+            joints.map(|j| (j, j)).collect::<Vec<_>>()
+        };
+        let found = legs.iter().flat_map(of_leg).chain(rods.iter().flat_map(of_rod)).collect();
+        Platform { chain, turned, found, legs, rods, idle, polish: None }
+    }
+
     /// The position, velocity and acceleration level in closed form.
     pub(crate) fn close<T: Real<Const = C>>(
         &self,
@@ -85,12 +113,9 @@ impl<C: nalgebra::Scalar + Copy> Platform<C> {
     ) -> Validity<T> {
         // pose of the platform along the chain; its joints' axes and points are kept for the
         // Jacobian
+        turn(&self.turned, local.q, local.cos_sin);
         let mut pose = Pose::identity();
         for (at, _) in self.chain.iter().filter(|(at, _)| at.k == 0) {
-            if at.motion == Motion::Revolute {
-                let (s, c) = local.q[at.q].sin_cos();
-                local.cos_sin[at.body] = (c, s);
-            }
             pose =
                 pose.then(&joint_pose(&bodies[at.body], &local.q[at.q..], local.cos_sin[at.body]));
             local.scratch.pose[at.body + 1] = pose;
@@ -116,6 +141,7 @@ impl<C: nalgebra::Scalar + Copy> Platform<C> {
         for rod in &self.rods {
             validity = validity.or(rod.close(self, cluster.n_vy, local, level));
         }
+        read_turns(&self.found, local.cos_sin, local.q);
         for at in &self.idle {
             local.q[at.q] = local.start[at.q];
             if at.motion == Motion::Revolute {
@@ -154,6 +180,8 @@ impl<C: nalgebra::Scalar + Copy> Platform<C> {
         };
         Platform {
             chain: self.chain.clone(),
+            turned: self.turned.clone(),
+            found: self.found.clone(),
             legs: self.legs.iter().map(leg).collect(),
             rods: self.rods.iter().map(|rod| rod.map(f)).collect(),
             idle: self.idle.clone(),
@@ -245,7 +273,7 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         validity
     }
 
-    /// The pin on the platform or on its arm; the arm's coordinate.
+    /// The pin on the platform or on its arm; the arm's cosine and sine.
     #[inline(always)]
     fn pin<T: Real<Const = C>>(
         &self,
@@ -280,7 +308,6 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         let c = length.mul_add(D[0], beside * D[1]) * inverse;
         let s = length.mul_add(D[1], -(beside * D[0])) * inverse;
         local.cos_sin[arm.joint.body] = (c, s);
-        local.q[arm.joint.q] = s.atan2(c);
         let turned = turn_z(&axes, c, s);
         let tip = mul(&turned, &pin);
         let validity = Validity::of(reach, dot(&D, &D));

@@ -114,7 +114,6 @@ impl<C: nalgebra::Scalar + Copy> RodLeg<C> {
         let [_, stator, slider] = lambda.joints;
         let moved = lambda.moved(local.cos_sin[crank], local.qd[crank], level);
         local.cos_sin[stator] = moved.cos_sin;
-        local.q[stator] = moved.turn;
         local.q[slider] = moved.slide;
         let validity = validity.then(moved.validity);
         if level == Level::Position {
@@ -137,7 +136,7 @@ impl<C: nalgebra::Scalar + Copy> RodLeg<C> {
         validity
     }
 
-    /// Coordinates of the crank and of the universal joint.
+    /// Cosines and sines of the crank and of the universal joint.
     #[inline(always)]
     fn pose<T: Real<Const = C>>(
         &self,
@@ -188,7 +187,6 @@ impl<C: nalgebra::Scalar + Copy> RodLeg<C> {
         let [first, second] = self.universal;
         for (j, c, s) in [(self.crank, c0, s0), (first, c1, s1), (second, c2, s2)] {
             local.cos_sin[j] = (c, s);
-            local.q[j] = s.atan2(c);
         }
         let size = T::lift(self.reach_square);
         let validity = Validity::of(W_square, size * square)

@@ -38,11 +38,10 @@ pub(crate) struct Rrpr<C> {
     pub(crate) polish: Option<Numerical<C>>,
 }
 
-/// Where stator and slider are for the rocker's: the stator's cosine, sine and coordinate, the
-/// slider's coordinate; of both G, rates and g.
+/// Where stator and slider are for the rocker's: the stator's cosine and sine, the slider's
+/// coordinate; of both G, rates and g.
 pub(super) struct Moved<T: Real> {
     pub(super) cos_sin: (T, T),
-    pub(super) turn: T,
     pub(super) slide: T,
     pub(super) G: [T; 2],
     pub(super) rates: [T; 2],
@@ -63,7 +62,7 @@ impl<C: nalgebra::Scalar + Copy> Rrpr<C> {
         let moved = self.moved((c1, s1), local.qd[j1], level);
         local.cos_sin[j1] = (c1, s1);
         local.cos_sin[j2] = moved.cos_sin;
-        local.q[j2] = moved.turn;
+        local.q[j2] = moved.cos_sin.1.atan2(moved.cos_sin.0);
         local.q[j3] = moved.slide;
         if level > Level::Position {
             local.G[j1] = T::ONE;
@@ -112,7 +111,6 @@ impl<C: nalgebra::Scalar + Copy> Rrpr<C> {
         let none = [T::ZERO; 2];
         let mut moved = Moved {
             cos_sin: (cosine, sense * sine),
-            turn: (sense * sine).atan2(cosine),
             slide: q3,
             G: none,
             rates: none,

@@ -3,7 +3,7 @@
 use sarrus_proto::{Request, Status, Warnings};
 
 use crate::algorithms;
-use crate::mechanism::Motion;
+use crate::mechanism::{Motion, turn};
 use crate::model::Model;
 use crate::plan::diagnostics::digits::Doubt;
 use crate::plan::{Answer, Plan, Space};
@@ -149,10 +149,7 @@ impl Plan {
         self.set_state(model, ws, input)?;
         self.close_state::<T, CLOSED>(model, ws, input, closed, report)?;
         if self.steps.poses {
-            for &(i, q) in &self.needed.scope.free {
-                let (s, c) = ws.q[q].sin_cos();
-                ws.cos_sin[i] = (c, s);
-            }
+            turn(&self.needed.scope.free, &ws.q, &mut ws.cos_sin);
             algorithms::joint_poses(
                 model,
                 &self.needed.scope.posed,

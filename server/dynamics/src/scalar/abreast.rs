@@ -12,7 +12,7 @@ use core::cmp::Ordering;
 use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 use crate::scalar::lanes::LaneMask;
-use crate::scalar::{Figure, LANES, Lanes, Real, Scalar};
+use crate::scalar::{Figure, LANES, Lanes, Plain, Real, Scalar, Six};
 
 /// One bit for each lane.
 const ALL: u32 = (1 << LANES) - 1;
@@ -170,6 +170,8 @@ impl Neg for Abreast {
 impl Real for Abreast {
     type Mask = bool;
     type Const = Abreast;
+    type Triple = Plain<Abreast>;
+    type Symmetric = Six<Abreast>;
 
     const ZERO: Abreast = Abreast(Lanes::ZERO);
     const ONE: Abreast = Abreast(Lanes::ONE);

@@ -4,7 +4,7 @@ use core::cell::Cell;
 use core::cmp::Ordering;
 use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use crate::scalar::{Real, Scalar};
+use crate::scalar::{Plain, Real, Scalar, Six};
 
 std::thread_local! {
     /// Operations of this thread since the last [`Counted::take`].
@@ -93,6 +93,8 @@ impl MulAssign for Counted {
 impl Real for Counted {
     type Mask = bool;
     type Const = Counted;
+    type Triple = Plain<Counted>;
+    type Symmetric = Six<Counted>;
 
     const ZERO: Counted = Counted(0.0);
     const ONE: Counted = Counted(1.0);

@@ -8,7 +8,7 @@ pub(super) mod reference;
 
 use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use crate::scalar::{Real, Scalar};
+use crate::scalar::{Plain, Real, Scalar, Six};
 
 /// hi + lo with |lo| ≤ ulp(hi) / 2, about 106 bits.
 ///
@@ -160,6 +160,8 @@ impl MulAssign for Dd {
 impl Real for Dd {
     type Mask = bool;
     type Const = Dd;
+    type Triple = Plain<Dd>;
+    type Symmetric = Six<Dd>;
 
     const ZERO: Dd = Dd { hi: 0.0, lo: 0.0 };
     const ONE: Dd = Dd { hi: 1.0, lo: 0.0 };

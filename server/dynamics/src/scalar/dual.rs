@@ -3,7 +3,7 @@
 use core::cmp::Ordering;
 use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use crate::scalar::{Real, Scalar};
+use crate::scalar::{Plain, Real, Scalar, Six};
 
 /// re + ε du: a number and its derivative, carried through every operation alike. A dual of duals
 /// carries two directions and the mixed second derivative.
@@ -128,6 +128,8 @@ impl<S: Scalar> MulAssign for Dual<S> {
 impl<S: Scalar> Real for Dual<S> {
     type Mask = bool;
     type Const = Dual<S>;
+    type Triple = Plain<Dual<S>>;
+    type Symmetric = Six<Dual<S>>;
 
     const ZERO: Dual<S> = Dual { re: S::ZERO, du: S::ZERO };
     const ONE: Dual<S> = Dual { re: S::ONE, du: S::ZERO };

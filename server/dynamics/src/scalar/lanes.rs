@@ -5,7 +5,7 @@ use core::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, MulAssign, Neg, Not, Su
 use wide::{bytemuck, f64x4, f64x8, u64x4, u64x8};
 
 use crate::scalar::elementary::{self, Lane};
-use crate::scalar::{Mask, Real};
+use crate::scalar::{Mask, Plain, Real, Six};
 
 /// How many states go abreast: 8 where AVX-512 is compiled for, else 4, be it in one register or
 /// in two.
@@ -299,6 +299,8 @@ where
 {
     type Mask = LaneMask<N>;
     type Const = f64;
+    type Triple = Plain<Lanes<N>>;
+    type Symmetric = Six<Lanes<N>>;
 
     const ZERO: Lanes<N> = Lanes(<Width<N> as Packed>::Vector::ZERO);
     const ONE: Lanes<N> = Lanes(<Width<N> as Packed>::Vector::ONE);

@@ -10,6 +10,7 @@ mod lanes;
 mod noise;
 mod single;
 mod stochastic;
+mod triple;
 
 pub(crate) use abreast::{Abreast, Marks};
 pub use counted::Counted;
@@ -20,7 +21,9 @@ pub use lanes::LANES;
 pub(crate) use lanes::{FUSED, Lanes};
 pub(crate) use noise::noise;
 pub(crate) use stochastic::Stochastic;
+pub use triple::{Plain, Six, Symmetric, Triple};
 
+use core::array;
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, MulAssign, Neg, Not, Sub, SubAssign};
 
@@ -48,6 +51,10 @@ pub trait Real:
     type Mask: Mask;
     /// The scalar in which the model's constants are kept.
     type Const: Copy + Debug + PartialEq + Send + Sync + 'static;
+    /// Three numbers, [`Plain`] unless the processor takes them together.
+    type Triple: Triple<Self>;
+    /// A symmetric matrix, [`Six`] with [`Plain`].
+    type Symmetric: Symmetric<Self>;
 
     /// 0.
     const ZERO: Self;
@@ -70,6 +77,16 @@ pub trait Real:
     fn sin_cos(self) -> (Self, Self);
     /// The angle of the point (x, self) in (−π, π].
     fn atan2(self, x: Self) -> Self;
+    /// (sin x, cos x) of several angles, the bits of each alone.
+    #[inline(always)]
+    fn sin_cos_of<const N: usize>(angles: [Self; N]) -> [(Self, Self); N] {
+        angles.map(Self::sin_cos)
+    }
+    /// The angles of several points (x, y), the bits of each alone.
+    #[inline(always)]
+    fn angles_of<const N: usize>(points: [(Self, Self); N]) -> [Self; N] {
+        points.map(|(x, y)| y.atan2(x))
+    }
     /// self < other.
     fn lt(self, other: Self) -> Self::Mask;
     /// Neither NaN nor infinite.
@@ -151,9 +168,17 @@ pub trait Scalar: Real<Mask = bool, Const = Self> + PartialOrd {
     }
 }
 
+/// Four of up to four numbers.
+#[inline(always)]
+fn filled<const N: usize>(x: [f64; N]) -> [f64; 4] {
+    array::from_fn(|k| x.get(k).copied().unwrap_or(1.0))
+}
+
 impl Real for f64 {
     type Mask = bool;
     type Const = f64;
+    type Triple = triple::OfDoubles;
+    type Symmetric = triple::SymmetricOfDoubles;
 
     const ZERO: f64 = 0.0;
     const ONE: f64 = 1.0;
@@ -186,6 +211,24 @@ impl Real for f64 {
     #[inline]
     fn atan2(self, x: f64) -> f64 {
         elementary::atan2(self, x)
+    }
+    #[inline]
+    fn sin_cos_of<const N: usize>(angles: [f64; N]) -> [(f64, f64); N] {
+        if !(FUSED && matches!(N, 2..=4)) {
+            return angles.map(elementary::sin_cos);
+        }
+        let (sines, cosines) = Lanes::from(filled(angles)).sin_cos();
+        let (sines, cosines): ([f64; 4], [f64; 4]) = (sines.into(), cosines.into());
+        array::from_fn(|k| (sines[k], cosines[k]))
+    }
+    #[inline]
+    fn angles_of<const N: usize>(points: [(f64, f64); N]) -> [f64; N] {
+        if !(FUSED && matches!(N, 2..=4)) {
+            return points.map(|(x, y)| elementary::atan2(y, x));
+        }
+        let (x, y) = (points.map(|point| point.0), points.map(|point| point.1));
+        let angles: [f64; 4] = Lanes::from(filled(y)).atan2(Lanes::from(filled(x))).into();
+        array::from_fn(|k| angles[k])
     }
     #[inline(always)]
     fn lt(self, other: f64) -> bool {

@@ -1,7 +1,7 @@
 //! Single precision: about seven decimal digits, for robots that are asked to be fast rather than
 //! exact, and to see what that costs.
 
-use crate::scalar::{Real, Scalar, elementary};
+use crate::scalar::{Plain, Real, Scalar, Six, elementary};
 
 /// From this |x| on, sine and cosine are not numbers: neighbouring angles are 0.008 rad and more
 /// apart, as at the end of the range in double.
@@ -12,6 +12,8 @@ const RANGE: f32 = (1_u32 << 16) as f32;
 impl Real for f32 {
     type Mask = bool;
     type Const = f32;
+    type Triple = Plain<f32>;
+    type Symmetric = Six<f32>;
 
     const ZERO: f32 = 0.0;
     const ONE: f32 = 1.0;

@@ -4,7 +4,7 @@
 use core::cmp::Ordering;
 use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use crate::scalar::{Real, Scalar};
+use crate::scalar::{Plain, Real, Scalar, Six};
 
 /// A number whose operations end one or two units of the last place away from where they would.
 ///
@@ -117,6 +117,8 @@ impl MulAssign for Stochastic {
 impl Real for Stochastic {
     type Mask = bool;
     type Const = Stochastic;
+    type Triple = Plain<Stochastic>;
+    type Symmetric = Six<Stochastic>;
 
     const ZERO: Stochastic = Stochastic { x: 0.0, key: 0 };
     const ONE: Stochastic = Stochastic { x: 1.0, key: 0 };

@@ -1,58 +1,55 @@
 //! What the recursions keep for one body, in its own axes at its origin.
 
-use nalgebra::{Matrix3, Vector3};
-
 use crate::model::{Model, Runs};
-use crate::scalar::Real;
-use crate::spatial::zero;
+use crate::scalar::{Real, Symmetric};
+use crate::spatial::triples::{Columns, identity, zero};
 
 /// A moment and a force, in body axes at the body's origin.
-pub(crate) type Force<T> = (Vector3<T>, Vector3<T>);
+pub(crate) type Force<T> = (<T as Real>::Triple, <T as Real>::Triple);
 
 /// Motion of one body and the force through its joint.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct BodyState<T> {
+pub(crate) struct BodyState<T: Real> {
     /// Pose in the parent.
-    pub(crate) R: Matrix3<T>,
-    pub(crate) p: Vector3<T>,
+    pub(crate) R: Columns<T>,
+    pub(crate) p: T::Triple,
     /// Angular velocity, velocity of the origin, angular acceleration, classical acceleration of
     /// the origin.
-    pub(crate) w: Vector3<T>,
-    pub(crate) v: Vector3<T>,
-    pub(crate) alpha: Vector3<T>,
-    pub(crate) a: Vector3<T>,
+    pub(crate) w: T::Triple,
+    pub(crate) v: T::Triple,
+    pub(crate) alpha: T::Triple,
+    pub(crate) a: T::Triple,
     /// Moment and force that the joint transmits.
-    pub(crate) n: Vector3<T>,
-    pub(crate) f: Vector3<T>,
+    pub(crate) n: T::Triple,
+    pub(crate) f: T::Triple,
 }
 
 /// Inertia of a body with everything that it supports, as if rigid.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Composite<T> {
+pub(crate) struct Composite<T: Real> {
     pub(crate) mass: T,
-    pub(crate) h: Vector3<T>,
-    /// xx xy xz yy yz zz about the body's origin.
-    pub(crate) inertia: [T; 6],
+    pub(crate) h: T::Triple,
+    /// About the body's origin.
+    pub(crate) inertia: T::Symmetric,
 }
 
 /// Articulated inertia, bias force and acceleration of a body that carries clusters.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Articulated<T> {
-    /// xx xy xz yy yz zz of J and M.
-    pub(crate) J: [T; 6],
-    pub(crate) H: Matrix3<T>,
-    pub(crate) M: [T; 6],
+pub(crate) struct Articulated<T: Real> {
+    pub(crate) J: T::Symmetric,
+    pub(crate) H: Columns<T>,
+    pub(crate) M: T::Symmetric,
     /// Bias force p.
-    pub(crate) n: Vector3<T>,
-    pub(crate) f: Vector3<T>,
+    pub(crate) n: T::Triple,
+    pub(crate) f: T::Triple,
     /// Acceleration: angular, linear.
-    pub(crate) alpha: Vector3<T>,
-    pub(crate) a: Vector3<T>,
+    pub(crate) alpha: T::Triple,
+    pub(crate) a: T::Triple,
 }
 
 /// Scratch of the recursion.
 #[derive(Clone, Debug)]
-pub(crate) struct Embedding<T> {
+pub(crate) struct Embedding<T: Real> {
     pub(crate) bodies: Vec<Articulated<T>>,
     /// Y, a column for each independent: of one joint at its body, else at the cluster's parent.
     pub(crate) Y: Vec<Force<T>>,
@@ -65,7 +62,7 @@ impl<T: Real> Embedding<T> {
         let bodies = vec![Articulated::none(); model.bodies.len()];
         Embedding {
             bodies,
-            Y: vec![(zero(), zero()); model.meta.sizes.n_vy],
+            Y: vec![(zero::<T>(), zero::<T>()); model.meta.sizes.n_vy],
             factor: vec![T::ZERO; model.n_g],
         }
     }
@@ -83,18 +80,27 @@ impl<T: Real> Embedding<T> {
     }
 }
 
+impl<T: Real> BodyState<T> {
+    /// At the parent, without motion or force.
+    pub(crate) fn at_rest() -> BodyState<T> {
+        let zero = zero::<T>();
+        BodyState {
+            R: identity::<T>(),
+            p: zero,
+            w: zero,
+            v: zero,
+            alpha: zero,
+            a: zero,
+            n: zero,
+            f: zero,
+        }
+    }
+}
+
 impl<T: Real> Articulated<T> {
     #[inline(always)]
     pub(crate) fn none() -> Articulated<T> {
-        let none = [T::ZERO; 6];
-        Articulated {
-            J: none,
-            H: Matrix3::from_element(T::ZERO),
-            M: none,
-            n: zero(),
-            f: zero(),
-            alpha: zero(),
-            a: zero(),
-        }
+        let (none, zero) = (T::Symmetric::ZERO, zero::<T>());
+        Articulated { J: none, H: [zero; 3], M: none, n: zero, f: zero, alpha: zero, a: zero }
     }
 }

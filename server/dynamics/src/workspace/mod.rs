@@ -14,13 +14,13 @@ use probe::longest_input;
 use crate::closure::{self, Closure, Level, Local, Numerical, Outcome, Scratch};
 use crate::mechanism::{Body, Cluster};
 use crate::model::Model;
-use crate::scalar::Scalar;
-use crate::spatial::{Pose, identity, zero};
+use crate::scalar::{Real, Scalar, Symmetric};
+use crate::spatial::{Pose, triples, zero};
 
 /// All scratch of one model, allocated once. Nothing that a request leaves here is read by the next
 /// one.
 #[derive(Clone, Debug)]
-pub struct Workspace<T> {
+pub struct Workspace<T: Real> {
     // state: written by `plan/state.rs`
     /// Tree coordinates `[rad, m]` (n_q), velocities and accelerations (n_v).
     pub(crate) q: Vec<T>,
@@ -220,16 +220,8 @@ impl<T: Scalar> Workspace<T> {
     pub(crate) fn sized(model: &Model<T>, needs: Needs) -> Workspace<T> {
         let sizes = model.sizes();
         let bodies = model.bodies.len();
-        let at_rest = BodyState {
-            R: identity(),
-            p: zero(),
-            w: zero(),
-            v: zero(),
-            alpha: zero(),
-            a: zero(),
-            n: zero(),
-            f: zero(),
-        };
+        let none = triples::zero::<T>();
+        let massless = Composite { mass: T::ZERO, h: none, inertia: T::Symmetric::ZERO };
         let of = |n: usize| vec![T::ZERO; n];
         let clusters = || model.clusters.iter();
         let widest = clusters().map(|c| c.n_vy).max().unwrap_or(0);
@@ -256,8 +248,8 @@ impl<T: Scalar> Workspace<T> {
             G: free_jacobians(model),
             g: of(sizes.n_v),
             scratch: Scratch::new(largest, rows),
-            motion: vec![at_rest; bodies],
-            composite: vec![Composite { mass: T::ZERO, h: zero(), inertia: [T::ZERO; 6] }; bodies],
+            motion: vec![BodyState::at_rest(); bodies],
+            composite: vec![massless; bodies],
             embedding: Embedding::new(model),
             world: vec![Pose::identity(); bodies],
             wrench: vec![(zero(), zero()); bodies],
@@ -269,8 +261,8 @@ impl<T: Scalar> Workspace<T> {
             M_y: of(packed),
             C_y: of(sizes.n_vy),
             factor: of(packed),
-            columns: vec![(zero(), zero()); widest],
-            inside: vec![(zero(), zero()); clusters().map(|c| c.n * c.n_vy).max().unwrap_or(0)],
+            columns: vec![(none, none); widest],
+            inside: vec![(none, none); clusters().map(|c| c.n * c.n_vy).max().unwrap_or(0)],
             block: of(widest * widest),
             alone: of(sizes.n_vy),
             kkt: of(kkt * kkt),

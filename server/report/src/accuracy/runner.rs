@@ -24,7 +24,7 @@ pub(super) trait Runner {
 }
 
 /// A plan with its inputs in the scalar of the model.
-pub(super) struct Planned<T> {
+pub(super) struct Planned<T: Scalar> {
     model: Model<T>,
     plan: Plan,
     workspace: Workspace<T>,

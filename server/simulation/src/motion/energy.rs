@@ -35,7 +35,7 @@ struct Mass {
 
 /// Measures energies, in the precision in which loops are closed.
 #[derive(Clone, Debug)]
-pub(crate) struct Meter<T> {
+pub(crate) struct Meter<T: Scalar> {
     masses: Vec<Mass>,
     plans: Vec<Planned<T>>,
     workspace: Workspace<T>,

@@ -78,7 +78,7 @@ pub(crate) struct Anchor {
 }
 
 /// The right-hand side over another scalar, with its numbers.
-struct Other<T> {
+struct Other<T: Scalar> {
     rates: Rates<T>,
     x: Vec<T>,
     rate: Vec<T>,

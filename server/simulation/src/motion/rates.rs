@@ -109,7 +109,7 @@ impl Mechanism {
 
 /// The right-hand side over one scalar.
 #[derive(Clone, Debug)]
-pub(crate) struct Rates<T> {
+pub(crate) struct Rates<T: Scalar> {
     model: Model<T>,
     workspace: Workspace<T>,
     /// Where the robot is, for the forces that depend on it.

@@ -25,14 +25,14 @@ use std::sync::Arc;
 use sarrus_proto::Status;
 
 use crate::closure::constraint::rates::rate_of;
-use crate::closure::constraint::rows::{cos_sin_of, local_poses, place};
+use crate::closure::constraint::rows::{local_poses, place};
 use crate::closure::numerical::block::{Block, Blocks};
 use crate::closure::numerical::newton::Start;
 use crate::closure::numerical::seeds::Seeds;
 use crate::closure::path::distance;
 use crate::closure::platform::Platform;
 use crate::closure::{Level, Local, Outcome, Rate};
-use crate::mechanism::{Body, Cluster, Dof, Motion};
+use crate::mechanism::{Body, Cluster, Dof, Motion, turn_some};
 use crate::scalar::{Mask, Real, Scalar};
 use crate::spatial::Pose;
 
@@ -155,11 +155,8 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
         moved: T,
     ) -> (T::Mask, u32) {
         local.scratch.pose[0] = Pose::identity();
-        for (body, cos_sin) in bodies.iter().zip(&mut *local.cos_sin) {
-            if body.motion == Motion::Revolute {
-                *cos_sin = cos_sin_of(local.q[body.q - cluster.q]);
-            }
-        }
+        let turns = bodies.iter().enumerate().filter(|(_, body)| body.motion == Motion::Revolute);
+        turn_some(turns.map(|(j, body)| (j, body.q - cluster.q)), local.q, local.cos_sin);
         let mut good = T::Mask::splat(true);
         let mut taken = 0;
         for (b, block) in self.blocks.iter().enumerate() {

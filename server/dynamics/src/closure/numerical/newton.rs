@@ -24,12 +24,12 @@
 //! again, as what is left then is the cube of that step.
 
 use crate::closure::Local;
-use crate::closure::constraint::rows::{base, cos_sin_of};
+use crate::closure::constraint::rows::base;
 use crate::closure::numerical::End;
 use crate::closure::numerical::block::{Block, by_width};
 use crate::closure::numerical::inverse::{Inverted, inverse_square_sine};
 use crate::linalg::column_square;
-use crate::mechanism::{Body, Cluster, Motion};
+use crate::mechanism::{Body, Cluster, Motion, turn_some};
 use crate::scalar::{Mask, Real};
 
 /// Largest first step, in radians or cluster lengths.
@@ -298,17 +298,16 @@ impl Block {
     /// its first order, as the second is below half a unit roundoff.
     #[inline(always)]
     fn update_cos_sin<T: Real, const M: usize>(&self, local: &mut Local<'_, T>, tiny: bool) {
-        let m = self.width::<M>();
-        for (i, dof) in self.unknowns[..m].iter().enumerate() {
-            if dof.motion == Motion::Revolute {
-                let (c, s) = local.cos_sin[dof.body];
-                let step = local.scratch.step[i];
-                local.cos_sin[dof.body] = if tiny {
-                    (s.mul_add(step, c), (-c).mul_add(step, s))
-                } else {
-                    cos_sin_of(local.q[dof.q])
-                };
-            }
+        let turns = || self.unknowns[..self.width::<M>()].iter().enumerate();
+        let turns = || turns().filter(|(_, dof)| dof.motion == Motion::Revolute);
+        if !tiny {
+            turn_some(turns().map(|(_, dof)| (dof.body, dof.q)), local.q, local.cos_sin);
+            return;
+        }
+        for (i, dof) in turns() {
+            let (c, s) = local.cos_sin[dof.body];
+            let step = local.scratch.step[i];
+            local.cos_sin[dof.body] = (s.mul_add(step, c), (-c).mul_add(step, s));
         }
     }
 }

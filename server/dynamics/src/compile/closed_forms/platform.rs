@@ -66,7 +66,7 @@ pub(super) fn read(of: &Reading<'_>, offsets: bool) -> Result<Form, String> {
             }
         });
     }
-    let form = Platform { chain, legs, rods: Vec::new(), idle: Vec::new(), polish: None };
+    let form = Platform::new(chain, legs, Vec::new(), Vec::new());
     Ok(Form { closure: Closure::Platform(form), deviations })
 }
 

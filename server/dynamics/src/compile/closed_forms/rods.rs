@@ -74,7 +74,7 @@ pub(super) fn read(of: &Reading<'_>) -> Result<Form, String> {
         return Err("joints are not those of the platform, cranks, rods and their drives".into());
     }
     let idle = cluster.locked.iter().map(|v| cluster.dofs[*v]).collect();
-    let platform = Platform { chain, legs: Vec::new(), rods, idle, polish: None };
+    let platform = Platform::new(chain, Vec::new(), rods, idle);
     Ok(Form { closure: Closure::Platform(platform), deviations })
 }
 

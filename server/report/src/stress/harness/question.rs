@@ -182,7 +182,7 @@ impl Question {
 }
 
 /// An answer, by field.
-pub(crate) struct Answered<T> {
+pub(crate) struct Answered<T: Scalar> {
     answer: Answer,
     plan: Plan,
     numbers: Vec<T>,
