@@ -2,9 +2,14 @@
 
 use crate::scalar::Real;
 
-/// Calls a body with four joints at a time, and with what is left of them.
+/// Calls a body with four joints at a time, and with what is left of them; with one at a time where
+/// that costs less.
 macro_rules! in_fours {
-    ($joints:expr, |$some:ident| $body:block) => {
+    ($T:ty, $joints:expr, |$some:ident| $body:block) => {
+        if !<$T>::TOGETHER {
+            for joint in $joints { let $some = [*joint]; $body }
+            return;
+        }
         let (fours, rest) = $joints.as_chunks::<4>();
         for $some in fours.iter().copied() $body
         match *rest {
@@ -20,7 +25,7 @@ macro_rules! in_fours {
 /// coordinate.
 #[inline]
 pub(crate) fn turn<T: Real>(joints: &[(usize, usize)], q: &[T], cos_sin: &mut [(T, T)]) {
-    in_fours!(joints, |some| {
+    in_fours!(T, joints, |some| {
         let found = T::sin_cos_of(some.map(|(_, q_at)| q[q_at]));
         for ((at, _), (s, c)) in some.into_iter().zip(found) {
             cos_sin[at] = (c, s);
@@ -35,6 +40,10 @@ pub(crate) fn turn_some<T: Real>(
     q: &[T],
     cos_sin: &mut [(T, T)],
 ) {
+    if !T::TOGETHER {
+        joints.for_each(|joint| turn(&[joint], q, cos_sin));
+        return;
+    }
     let (mut some, mut count) = ([(0, 0); 4], 0);
     for joint in joints {
         some[count % 4] = joint;
@@ -49,7 +58,7 @@ pub(crate) fn turn_some<T: Real>(
 /// The coordinate of each of these joints from its cosine and sine.
 #[inline]
 pub(crate) fn read_turns<T: Real>(joints: &[(usize, usize)], cos_sin: &[(T, T)], q: &mut [T]) {
-    in_fours!(joints, |some| {
+    in_fours!(T, joints, |some| {
         let found = T::angles_of(some.map(|(at, _)| cos_sin[at]));
         for ((_, q_at), angle) in some.into_iter().zip(found) {
             q[q_at] = angle;

@@ -62,6 +62,8 @@ pub trait Real:
     const ONE: Self;
     /// Unit roundoff: the largest relative error of one operation.
     const EPSILON: f64;
+    /// Whether several angles cost less together than one by one.
+    const TOGETHER: bool = false;
 
     /// A constant of the model, the same in all lanes.
     fn lift(constant: Self::Const) -> Self;
@@ -183,6 +185,7 @@ impl Real for f64 {
     const ZERO: f64 = 0.0;
     const ONE: f64 = 1.0;
     const EPSILON: f64 = f64::EPSILON / 2.0;
+    const TOGETHER: bool = FUSED;
 
     #[inline(always)]
     fn lift(constant: f64) -> f64 {
@@ -214,7 +217,7 @@ impl Real for f64 {
     }
     #[inline]
     fn sin_cos_of<const N: usize>(angles: [f64; N]) -> [(f64, f64); N] {
-        if !(FUSED && matches!(N, 2..=4)) {
+        if !(Self::TOGETHER && matches!(N, 2..=4)) {
             return angles.map(elementary::sin_cos);
         }
         let (sines, cosines) = Lanes::from(filled(angles)).sin_cos();
@@ -223,7 +226,7 @@ impl Real for f64 {
     }
     #[inline]
     fn angles_of<const N: usize>(points: [(f64, f64); N]) -> [f64; N] {
-        if !(FUSED && matches!(N, 2..=4)) {
+        if !(Self::TOGETHER && matches!(N, 2..=4)) {
             return points.map(|(x, y)| elementary::atan2(y, x));
         }
         let (x, y) = (points.map(|point| point.0), points.map(|point| point.1));

@@ -174,7 +174,7 @@ impl<T: Real> Triple<T> for Plain<T> {
     }
     #[inline(always)]
     fn transposed([a, b, c]: &[Plain<T>; 3]) -> [Plain<T>; 3] {
-        [0, 1, 2].map(|k: usize| Plain([a[k], b[k], c[k]]))
+        [Plain([a[0], b[0], c[0]]), Plain([a[1], b[1], c[1]]), Plain([a[2], b[2], c[2]])]
     }
 }
 
@@ -243,8 +243,8 @@ impl<T: Real<Triple = Plain<T>>> Symmetric<T> for Six<T> {
         };
         let (x, y, z) = (column(0), column(1), column(2));
         let entry =
-            |(i, j): (usize, usize)| x[i].mul_add(R[0][j], y[i].mul_add(R[1][j], z[i] * R[2][j]));
-        Six(SYMMETRIC.map(entry))
+            |i: usize, j: usize| x[i].mul_add(R[0][j], y[i].mul_add(R[1][j], z[i] * R[2][j]));
+        Six([entry(0, 0), entry(0, 1), entry(0, 2), entry(1, 1), entry(1, 2), entry(2, 2)])
     }
 
     #[inline(always)]

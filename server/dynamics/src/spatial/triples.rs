@@ -80,17 +80,23 @@ pub(crate) fn scale_add<T: Real>(a: &T::Triple, s: T, c: &T::Triple) -> T::Tripl
     a.fused(T::Triple::splat(s), *c)
 }
 
+/// Each number of x three times.
+#[inline(always)]
+fn splats<T: Real>(x: &T::Triple) -> (T::Triple, T::Triple, T::Triple) {
+    (T::Triple::splat(x[0]), T::Triple::splat(x[1]), T::Triple::splat(x[2]))
+}
+
 /// R x.
 #[inline(always)]
 pub(crate) fn mul<T: Real>(R: &Columns<T>, x: &T::Triple) -> T::Triple {
-    let [x, y, z] = [x[0], x[1], x[2]].map(T::Triple::splat);
+    let (x, y, z) = splats::<T>(x);
     R[0].fused(x, R[1].fused(y, R[2].times(z)))
 }
 
 /// R x + c.
 #[inline(always)]
 pub(crate) fn mul_add<T: Real>(R: &Columns<T>, x: &T::Triple, c: &T::Triple) -> T::Triple {
-    let [x, y, z] = [x[0], x[1], x[2]].map(T::Triple::splat);
+    let (x, y, z) = splats::<T>(x);
     R[0].fused(x, R[1].fused(y, R[2].fused(z, *c)))
 }
 
@@ -110,7 +116,7 @@ pub(crate) fn turn_z<T: Real>(E: &Columns<T>, c: T, s: T) -> Columns<T> {
 /// A [p]×ᵀ, whose row i is p × (row i of A).
 #[inline(always)]
 pub(crate) fn cross_rows<T: Real>(p: &T::Triple, A: &Columns<T>) -> Columns<T> {
-    let [x, y, z] = [p[0], p[1], p[2]].map(T::Triple::splat);
+    let (x, y, z) = splats::<T>(p);
     [
         y.fused_sub(A[2], z.times(A[1])),
         z.fused_sub(A[0], x.times(A[2])),

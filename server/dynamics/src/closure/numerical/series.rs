@@ -8,7 +8,7 @@ use core::array::from_fn;
 
 use nalgebra::Vector3;
 
-use crate::closure::constraint::rows::base;
+use crate::closure::constraint::rows::{base, cos_sin_of};
 use crate::closure::numerical::End;
 use crate::closure::numerical::block::{Block, RowKind};
 use crate::closure::numerical::inverse::{Inverted, inverse_square_sine, invert};
@@ -186,13 +186,14 @@ impl Block {
             // PRECISION: as in `Block::update_cos_sin`
             let tiny = size.lt(thresholds.last).all();
             // of a slide too: it is not read
-            let fresh = (!tiny).then(|| T::sin_cos_of(series.q));
+            let fresh = (!tiny && T::TOGETHER).then(|| T::sin_cos_of(series.q));
             for (i, dof) in dofs.iter().enumerate().filter(|(_, dof)| !dof.slides()) {
                 debug_assert!(dof.motion == Motion::Revolute);
                 let (c, s) = series.cos_sin[i];
                 series.cos_sin[i] = match fresh {
                     Some(fresh) => (fresh[i].1, fresh[i].0),
-                    None => (s.mul_add(step[i], c), (-c).mul_add(step[i], s)),
+                    None if tiny => (s.mul_add(step[i], c), (-c).mul_add(step[i], s)),
+                    None => cos_sin_of(series.q[i]),
                 };
             }
             series.place(self, bodies, &first);
