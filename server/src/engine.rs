@@ -201,14 +201,16 @@ impl Engine {
         }
 
         // the same bits by either
-        let (of, workspace) = ((&*self.model, plan), &mut self.workspace);
-        let answer = kernel.as_ref().and_then(|kernel| kernel.answer(of, workspace, input, output));
+        let (model, workspace) = self.workspace.one();
+        let answer = kernel
+            .as_ref()
+            .and_then(|kernel| kernel.answer((model, plan), workspace, input, output));
         let answer = match answer {
             Some(answer) => {
                 self.by_kernel += 1;
                 answer
             }
-            None => self.workspace.run_one(plan, input, output),
+            None => plan.run(model, workspace, input, output),
         };
         if let Some(recorder) = &mut self.recorder {
             recorder.record(head, plan.query(), input, output, answer);

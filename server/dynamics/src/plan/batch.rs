@@ -168,10 +168,10 @@ impl BatchWorkspace {
         &self.model
     }
 
-    /// Answers one state, as [`Plan::run`].
+    /// What one state is answered with: for [`Plan::run`].
     #[inline]
-    pub fn run_one(&mut self, plan: &Plan, input: &[f64], output: &mut [f64]) -> Answer {
-        plan.run(&self.model, &mut self.workspace, input, output)
+    pub fn one(&mut self) -> (&Model<f64>, &mut Workspace<f64>) {
+        (&self.model, &mut self.workspace)
     }
 
     /// Answers states of a plan, as [`Batch::run`].
