@@ -449,7 +449,7 @@ fn a_long_function_is_divided_and_has_the_bits_of_the_plan() {
 #[test]
 #[ignore = "compiles large functions"]
 fn what_compilers_take_grows_with_the_length_of_a_chain() {
-    for n in [14, 28, 56] {
+    for n in [14, 28, 50] {
         let model = chain_of_lambdas(n);
         queries_compared_in_c(&model, &format!("chain_{n}"), &queries()[1..], 1_000, &[]);
     }

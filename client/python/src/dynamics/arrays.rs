@@ -1,8 +1,8 @@
 //! numpy's arrays: fields of a request that came from Python, and arrays for an answer.
 //!
 //! A field of shape s is one state; an array with one dimension before s is rows of states.
-//! Arrays of float64, aligned and contiguous in C's order, are read where they lie; others are
-//! converted.
+//! Arrays of float64, aligned and contiguous in C's order, are read where they lie, one state with
+//! any strides is; others are converted.
 
 use numpy::{
     PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn,
