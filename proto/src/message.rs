@@ -206,8 +206,8 @@ pub struct Statistics {
     pub uptime: f64,
     /// What the thread that answers counted.
     pub counts: Counts,
-    /// Time from finding a request of one state to publishing its answer `[ns]`: p50, p90, p99, p99.9 and the
-    /// largest, to about 6 %.
+    /// Time from finding a request of one state to publishing its answer `[ns]`: p50, p90, p99,
+    /// p99.9 and the largest, to about 6 %.
     pub latency_ns: [u64; 5],
     /// Lanes that clients hold or are about to.
     pub lanes_taken: u64,

@@ -3,11 +3,11 @@
 //! The kernels of [`sarrus_dynamics`] are generic over their scalar. With one that records what is
 //! done with it ([`Kernel::trace`]) a plan on a model becomes a list of operations in which the
 //! robot's constants are folded, products with zero and sums with it are gone, and no operation
-//! stands twice. What Newton's method closes is closed before, by
-//! [`sarrus_dynamics::Plan::close`], and its results are inputs. As C ([`Source`]) it needs `math.h`
-//! alone, does in pairs what like parts of the robot have in common, has no memory of its own and
-//! one branch, at its end. It gives the bits of [`sarrus_dynamics::Plan::run`] wherever it says that
-//! it answers, and says where it does not: there the caller asks the plan.
+//! stands twice. What Newton's method closes is closed before, by [`sarrus_dynamics::Plan::close`],
+//! and its results are inputs. As C ([`Source`]) it needs `math.h` alone, does in pairs what like
+//! parts of the robot have in common, has no memory of its own and one branch, at its end. It gives
+//! the bits of [`sarrus_dynamics::Plan::run`] wherever it says that it answers, and says where it
+//! does not: there the caller asks the plan.
 //!
 //! With the feature `load` a program loads the shared objects that a compiler made of it
 //! (`ObjectFile`, `NativeKernel`) and keeps them for the next time (`Cache`).

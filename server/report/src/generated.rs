@@ -67,11 +67,11 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
             take turns. Code and bare: the least of {TURNS} runs by turns of the test programs of \
             the same function, and of it without checks and without pairs; their ratio is what \
             checks cost and pairs gain; of robots with Newton's method both are without its \
-            closures, which stay the plan's. Peer: the fastest method of Pinocchio whose largest error \
-            is at most {EQUAL:.0e} or ours (of a state it finds q alone, from a guess where ours \
-            needs none), and how many times as long it takes as ours with code, or by the plan \
-            where there is none. Bits of the code are compared with the plan's on 4096 states \
-            when it is loaded. Compiler: {}.",
+            closures, which stay the plan's. Peer: the fastest method of Pinocchio whose largest \
+            error is at most {EQUAL:.0e} or ours (of a state it finds q alone, from a guess where \
+            ours needs none), and how many times as long it takes as ours with code, or by the \
+            plan where there is none. Bits of the code are compared with the plan's on 4096 \
+            states when it is loaded. Compiler: {}.",
             compiler.name()
         ),
         columns: [

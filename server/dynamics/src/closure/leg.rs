@@ -59,8 +59,8 @@ pub(super) struct Reach<T> {
 }
 
 impl<C: nalgebra::Scalar + Copy> Strut<C> {
-    /// Position level: the slider's coordinate and the cosines and sines of the turns for a point {cluster's parent body}, and the
-    /// Jacobian there.
+    /// Position level: the slider's coordinate and the cosines and sines of the turns for a point
+    /// {cluster's parent body}, and the Jacobian there.
     #[inline(always)]
     pub(super) fn reach<T: Real<Const = C>>(
         &self,
