@@ -50,7 +50,7 @@ impl<'a> States<'a> {
 
     fn state(&mut self, k: u64) -> Vec<f64> {
         let mut input = self.inputs.input(FRESH + k);
-        if k % 2 == 0 {
+        if k.is_multiple_of(2) {
             // without a guess: the one that is there is of other independents, which it may be
             let state = self.case.state::<f64>(k);
             let parts = [(Field::Y, state.y), (Field::Yd, state.yd), (Field::Ydd, state.ydd)];
