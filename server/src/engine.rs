@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use rtrb::{Consumer, Producer, PushError};
 use sarrus_dynamics::scalar::LANES;
-use sarrus_dynamics::{BatchWorkspace, Model};
+use sarrus_dynamics::{BatchWorkspace, Model, Plan};
 use sarrus_proto::batch::{BatchHead, BatchShape, ServedBatch};
 use sarrus_proto::checksum::of_request;
 use sarrus_proto::message::{
@@ -13,6 +13,7 @@ use sarrus_proto::message::{
 };
 use sarrus_proto::{Answer, PROTOCOL_VERSION, Status, Warnings};
 
+use crate::kernels::NativeKernel;
 use crate::plans::{PlanOrder, ServedPlan};
 use crate::record::{Client, Recorder};
 use crate::taken::Taken;
@@ -200,18 +201,8 @@ impl Engine {
             output = self.private.get_mut(..n_out).ok_or(Status::WrongSize)?;
         }
 
-        // the same bits by either
-        let (model, workspace) = self.workspace.one();
-        let answer = kernel
-            .as_ref()
-            .and_then(|kernel| kernel.answer((model, plan), workspace, input, output));
-        let answer = match answer {
-            Some(answer) => {
-                self.by_kernel += 1;
-                answer
-            }
-            None => plan.run(model, workspace, input, output),
-        };
+        let of = (plan, kernel.as_deref());
+        let answer = answer(of, &mut self.workspace, input, output, &mut self.by_kernel);
         if let Some(recorder) = &mut self.recorder {
             recorder.record(head, plan.query(), input, output, answer);
         }
@@ -255,7 +246,7 @@ impl Engine {
     ) -> Result<Tile<'a>, Status> {
         // also of a tile that is not the first: its client may have released the plan meanwhile
         let slot = self.admit(head.version, head.fingerprint, head.plan)?;
-        let Some(ServedPlan { plan, checks, .. }) = self.plans[slot].as_deref() else {
+        let Some(ServedPlan { plan, kernel, checks, .. }) = self.plans[slot].as_deref() else {
             return Err(Status::UnknownRequest);
         };
         if *checks {
@@ -271,7 +262,18 @@ impl Engine {
         let output = self.private.get_mut(..rows * n_out).ok_or(Status::WrongSize)?;
         let answers = answers.get_mut(..rows).ok_or(Status::WrongSize)?;
         area.read(&shape, first, input);
-        self.workspace.run(plan, input, output, answers);
+        match kernel.as_deref() {
+            // faster than lanes of the generic kernels
+            Some(kernel) => {
+                for (row, one) in answers.iter_mut().enumerate() {
+                    let input = &input[row * n_in..][..n_in];
+                    let output = &mut output[row * n_out..][..n_out];
+                    let (of, scratch) = ((plan, Some(kernel)), &mut self.workspace);
+                    *one = answer(of, scratch, input, output, &mut self.by_kernel);
+                }
+            }
+            None => self.workspace.run(plan, input, output, answers),
+        }
         area.write(&shape, first, answers, output);
 
         // each row as a request of its own
@@ -284,6 +286,26 @@ impl Engine {
             }
         }
         Ok(Tile { answers, is_last: first + rows >= shape.rows() })
+    }
+}
+
+/// Answers one state, by its kernel where there is one and it does; the same bits by either.
+#[inline]
+fn answer(
+    (plan, kernel): (&Plan, Option<&NativeKernel>),
+    scratch: &mut BatchWorkspace,
+    input: &[f64],
+    output: &mut [f64],
+    by_kernel: &mut u64,
+) -> Answer {
+    let (model, workspace) = scratch.one();
+    let answer = kernel.and_then(|kernel| kernel.answer((model, plan), workspace, input, output));
+    match answer {
+        Some(answer) => {
+            *by_kernel += 1;
+            answer
+        }
+        None => plan.run(model, workspace, input, output),
     }
 }
 

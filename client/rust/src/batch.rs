@@ -5,6 +5,8 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 
 use sarrus_dynamics::Batch;
+#[cfg(feature = "kernels")]
+use sarrus_generate::NativeKernel;
 use sarrus_proto::batch::BatchShape;
 use sarrus_proto::{Answer, QueryOptions, Status, Warnings};
 
@@ -69,7 +71,7 @@ impl Robot {
         let mut rows = Rows { widths: [n_in, n_out], input, output, answers };
         let threads = threads.get().min(rows.answers.len().div_ceil(TILE)).max(1);
         match self.batches(plan, threads)? {
-            Batches::Here(batches) => answer_all(&mut batches[..threads], rows),
+            Batches::Here(here) => answer_all(here, rows),
             // the numbers of a batch have no checksum
             Batches::There { .. } if checks => {
                 while let Some(row) = rows.take(1) {
@@ -94,10 +96,21 @@ impl Robot {
 
 /// What answers batches of a plan.
 pub(crate) enum Batches<'a> {
-    /// One for each thread.
-    Here(&'a mut [Batch]),
+    Here(Here<'a>),
     /// A server.
-    There { remote: &'a mut Remote, plans: &'a Plans, place: usize },
+    There {
+        remote: &'a mut Remote,
+        plans: &'a Plans,
+        place: usize,
+    },
+}
+
+/// What answers batches of a plan in this process.
+pub(crate) struct Here<'a> {
+    /// One for each thread.
+    pub(crate) batches: &'a mut [Batch],
+    #[cfg(feature = "kernels")]
+    pub(crate) kernel: Option<&'a NativeKernel>,
 }
 
 /// Rows that have no answer yet.
@@ -128,13 +141,18 @@ impl<'a> Rows<'a> {
 }
 
 /// Answers all rows, tile by tile, on a thread for each batch.
-fn answer_all(batches: &mut [Batch], rows: Rows<'_>) {
-    let Some((own, others)) = batches.split_first_mut() else { return };
+fn answer_all(here: Here<'_>, rows: Rows<'_>) {
+    let Some((own, others)) = here.batches.split_first_mut() else { return };
     let left = Mutex::new(rows);
     let work = |batch: &mut Batch| {
         loop {
             let tile = left.lock().unwrap_or_else(PoisonError::into_inner).take(TILE);
             let Some(tile) = tile else { break };
+            #[cfg(feature = "kernels")]
+            if let Some(kernel) = here.kernel {
+                by_kernel(kernel, batch, tile);
+                continue;
+            }
             batch.run(tile.input, tile.output, tile.answers);
         }
     };
@@ -150,4 +168,18 @@ fn answer_all(batches: &mut [Batch], rows: Rows<'_>) {
         }
         work(own);
     });
+}
+
+/// Answers rows one by one, by the kernel where it does: faster than several abreast by the generic
+/// ones.
+#[cfg(feature = "kernels")]
+fn by_kernel(kernel: &NativeKernel, batch: &mut Batch, mut rows: Rows<'_>) {
+    while let Some(row) = rows.take(1) {
+        let (model, plan, workspace) = batch.one();
+        for answer in row.answers {
+            let by_kernel = kernel.answer((model, plan), workspace, row.input, row.output);
+            *answer =
+                by_kernel.unwrap_or_else(|| plan.run(model, workspace, row.input, row.output));
+        }
+    }
 }

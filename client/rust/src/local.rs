@@ -5,6 +5,7 @@ use std::sync::Arc;
 use sarrus_dynamics::{Batch, Model, Plan, Workspace};
 use sarrus_proto::Query;
 
+use crate::batch::Here;
 #[cfg(feature = "kernels")]
 use crate::kernels::{AnsweredBy, KernelError, Kernels, Source};
 use crate::{Answer, Error};
@@ -95,7 +96,7 @@ impl Local {
     }
 
     /// What so many threads answer batches of a plan with.
-    pub(crate) fn batches(&mut self, place: usize, threads: usize) -> Result<&mut [Batch], Error> {
+    pub(crate) fn batches(&mut self, place: usize, threads: usize) -> Result<Here<'_>, Error> {
         let Some(Some(prepared)) = self.plans.get_mut(place) else {
             return Err(Error::ReleasedPlan);
         };
@@ -106,6 +107,10 @@ impl Local {
         while batches.len() < threads {
             batches.extend(batches.first().cloned());
         }
-        Ok(batches)
+        Ok(Here {
+            batches: &mut batches[..threads],
+            #[cfg(feature = "kernels")]
+            kernel: prepared.kernel.as_ref().and_then(|kernel| kernel.as_deref().ok()),
+        })
     }
 }

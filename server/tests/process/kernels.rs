@@ -2,12 +2,14 @@
 //! there is none.
 
 use std::fs;
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use sarrus_client::{
-    AnsweredBy, Kernels, Model, Options, QueryOptions, Robot, Source, Status, Transport,
+    Answer, AnsweredBy, Kernels, Model, Options, QueryOptions, Robot, Source, Status, Transport,
+    Warnings,
 };
 use sarrus_dynamics::Plan;
 use sarrus_generate::{Cache, Cancel, Compiler, random_input};
@@ -62,6 +64,28 @@ fn compare(one: &mut Asker, other: &mut Asker) {
     assert!((1_000..2_000).contains(&answered), "{answered}");
 }
 
+/// Answers of both to many states at once; how many there were.
+fn compare_rows(one: &mut Asker, other: &mut Asker) -> u64 {
+    const ROWS: usize = 3_000;
+    let robot = one.robot.model().clone();
+    let layout = one.robot.plan(one.plan).unwrap().given().clone();
+    let mut input: Vec<f64> =
+        (0..ROWS as u64).flat_map(|k| random_input(&robot, &layout, 77_000_000 + k)).collect();
+    input[layout.len() * 7] = f64::NAN;
+    let answers_of = |asker: &mut Asker| {
+        let nothing = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
+        let mut output = vec![0.0; ROWS * asker.output.len()];
+        let mut answers = vec![nothing; ROWS];
+        let threads = NonZeroUsize::new(2).unwrap();
+        asker.robot.batch(asker.plan, threads, &input, &mut output, &mut answers).unwrap();
+        (answers, output.iter().map(|x| x.to_bits()).collect::<Vec<u64>>())
+    };
+    let expected = answers_of(one);
+    assert_eq!(expected.0[7].status, Status::NonFiniteInput);
+    assert!(answers_of(other) == expected);
+    ROWS as u64
+}
+
 #[test]
 fn answers_by_a_kernel_have_the_same_bits_through_every_transport_and_in_process() {
     // without and with a closure by Newton's method
@@ -81,9 +105,10 @@ fn answered_by_kernel(name: &'static str) {
         let mut served = Asker::new(sandbox.connect("quick", transport).unwrap());
         let before = served.robot.statistics().unwrap().counts.by_kernel;
         compare(&mut generic, &mut served);
+        let rows = compare_rows(&mut generic, &mut served);
         std::thread::sleep(Duration::from_millis(200));
         let statistics = served.robot.statistics().unwrap();
-        assert!(statistics.counts.by_kernel > before + 1_000, "{statistics:?}");
+        assert!(statistics.counts.by_kernel > before + 1_000 + rows / 2, "{statistics:?}");
         assert_eq!(statistics.system_allocations, 0, "{statistics:?}");
     }
 
@@ -95,6 +120,7 @@ fn answered_by_kernel(name: &'static str) {
     let AnsweredBy::Generated(manifest) = by else { panic!("{by:?}") };
     assert_eq!(manifest.query, STATE);
     compare(&mut generic, &mut quick);
+    compare_rows(&mut generic, &mut quick);
     quick.input.fill(0.1);
     assert_eq!(quick.thousand(), (1000, 0, 0));
 

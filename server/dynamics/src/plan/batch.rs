@@ -119,6 +119,12 @@ impl Batch {
         self.plan.abreast()
     }
 
+    /// What one state is answered with: for [`Plan::run`].
+    pub fn one(&mut self) -> (&Model<f64>, &Plan, &mut Workspace<f64>) {
+        let (model, workspace) = self.workspace.one();
+        (model, &self.plan, workspace)
+    }
+
     /// Answers as many states as there are places for answers; `input` and `output` hold their rows
     /// one after the other, packed as [`Plan::given`] and [`Plan::want`] say. Each row, status and
     /// warning is that of [`Plan::run`], to the bit. Where the sizes do not fit every row is
