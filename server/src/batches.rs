@@ -62,6 +62,7 @@ impl Batches {
         match engine.answer_tile(&head, row, &self.area, &mut answers) {
             Ok(Tile { answers, is_last }) => {
                 counters.record_states(answers);
+                counters.set_by_kernel(engine.by_kernel);
                 match is_last {
                     true => self.area.publish(sequence, Status::Ok),
                     false => self.under_way = Some(UnderWay { head, row: row + answers.len() }),

@@ -225,6 +225,8 @@ impl Connections {
                 if let Some(client) = clients.find(|client| client.place == Some(index)) {
                     (client.place, client.is_over) = (None, true);
                 }
+                // also an area for batches that it was granted since
+                let _ = self.orders.push(Order::Retire { place: index });
             }
             // here, not on the answering thread: unmapping is a system call
             take_down(end);

@@ -282,7 +282,7 @@ impl Engine {
                 let (input, output) =
                     (&input[row * n_in..][..n_in], &output[row * n_out..][..n_out]);
                 recorder.record(&single(head), plan.query(), input, output, *answer);
-                recorder.commit();
+                recorder.commit_row();
             }
         }
         Ok(Tile { answers, is_last: first + rows >= shape.rows() })

@@ -188,8 +188,12 @@ fn compiled_code_of_every_robot_has_the_bits_of_its_plan_on_a_million_states() {
                     all.asked += count.asked;
                     println!("{what}: {count:?}; all: {all:?}");
                 }
-                Err(error) => println!("{what}: {error}"),
+                Err(MakeError::Generate(error)) if is_excused(&error) => {
+                    println!("{what}: {error}");
+                }
+                Err(error) => panic!("{what}: {error}"),
             }
         }
     }
+    assert!(all.answered * 10 > all.sure * 7, "{all:?}");
 }

@@ -1247,7 +1247,7 @@ sarrus_status sarrus_robot_ask(struct sarrus_robot *robot,
  * Asks for rows of states: `input` and `output` hold those of all rows, one after the other, each
  * packed as the plan says. Every number, status and warning is that of sarrus_robot_ask, to the
  * bit. In process `threads` threads work, the calling one among them, 0 standing for one on each
- * processor; a connected robot is asked row after row. `statuses` and `warnings` get a number for
+ * processor; a connected robot's server answers them. `statuses` and `warnings` get a number for
  * each row, and may be NULL. All rows are answered; the status of the call is that of the first
  * row without an answer. Allocates.
  */

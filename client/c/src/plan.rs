@@ -254,7 +254,7 @@ pub unsafe extern "C" fn sarrus_robot_ask(
 /// Asks for rows of states: `input` and `output` hold those of all rows, one after the other, each
 /// packed as the plan says. Every number, status and warning is that of sarrus_robot_ask, to the
 /// bit. In process `threads` threads work, the calling one among them, 0 standing for one on each
-/// processor; a connected robot is asked row after row. `statuses` and `warnings` get a number for
+/// processor; a connected robot's server answers them. `statuses` and `warnings` get a number for
 /// each row, and may be NULL. All rows are answered; the status of the call is that of the first
 /// row without an answer. Allocates.
 #[unsafe(no_mangle)]
@@ -287,7 +287,8 @@ pub unsafe extern "C" fn sarrus_robot_batch(
         let fits = |numbers: &[f64], layout: &Layout| {
             rows.checked_mul(layout.len()).is_some_and(|n| n == numbers.len())
         };
-        if !fits(input, &plan.given) || !fits(output, &plan.want) {
+        let is_empty = rows > 0 && plan.given.is_empty() && plan.want.is_empty();
+        if is_empty || !fits(input, &plan.given) || !fits(output, &plan.want) {
             output.fill(f64::NAN);
             statuses.fill(Status::WrongSize as i32);
             warnings.fill(0);

@@ -20,7 +20,7 @@ mod telemetry;
 
 /// The core of sarrus in Rust. Its Python face is the package around it; `entry` loads it as
 /// `sarrus._native`.
-#[pymodule(name = "_checked")]
+#[pymodule(name = "_checked", gil_used = true)]
 mod native {
     #[pymodule_export]
     use crate::bridge::PyBridge;

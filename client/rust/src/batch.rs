@@ -74,11 +74,9 @@ impl Robot {
             Batches::Here(here) => answer_all(here, rows),
             // the numbers of a batch have no checksum
             Batches::There { .. } if checks => {
-                while let Some(row) = rows.take(1) {
-                    for answer in row.answers {
-                        *answer = self.ask(plan, row.input, row.output)?;
-                    }
-                }
+                let asked = self.ask_all(plan, rows);
+                self.forget_times();
+                asked?;
             }
             Batches::There { remote, plans, place } => {
                 while let Some(rows) = rows.take(BatchShape::most_rows(n_in, n_out)) {
@@ -88,6 +86,16 @@ impl Robot {
                         remote.batch(plans, place, &shape, input, output, answers)?;
                     }
                 }
+            }
+        }
+        Ok(())
+    }
+
+    /// Asks row by row.
+    fn ask_all(&mut self, plan: PlanId, mut rows: Rows<'_>) -> Result<(), Error> {
+        while let Some(row) = rows.take(1) {
+            for answer in row.answers {
+                *answer = self.ask(plan, row.input, row.output)?;
             }
         }
         Ok(())
@@ -164,6 +172,8 @@ fn answer_all(here: Here<'_>, rows: Rows<'_>) {
         for batch in others {
             // a thread that cannot be started leaves its tiles to the others
             let thread = thread::Builder::new().name("sarrus-batch".to_owned());
+            // as where kernels were compared: functions of many numbers have large frames
+            let thread = thread.stack_size(16 << 20);
             let _ = thread.spawn_scoped(scope, || work(batch));
         }
         work(own);

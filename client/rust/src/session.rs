@@ -189,11 +189,14 @@ impl Session {
     ) -> Result<Exchange<Status>, Error> {
         let (area, sequence) = match &mut self.batch {
             Some(batch) => batch,
-            none => match self.control.batch(deadline_after(options.timeout)) {
-                Ok(area) => none.insert((area, 0)),
-                Err(error) if error.may_pass() => return Ok(Exchange::Lost),
-                Err(error) => return Err(error.into()),
-            },
+            none => {
+                let until = *deadline.get_or_insert_with(|| deadline_after(options.timeout));
+                match self.control.batch(until) {
+                    Ok(area) => none.insert((area, 0)),
+                    Err(error) if error.may_pass() => return Ok(Exchange::Lost),
+                    Err(error) => return Err(error.into()),
+                }
+            }
         };
         *sequence += 1;
         head.sequence = *sequence;

@@ -365,6 +365,7 @@ fn traced_code_has_the_bits_of_the_kernels() {
             let inputs = states(&model, &plan, 0..2_000);
             let Compared { answered, left } = evaluated(&model, &plan, inputs);
             println!("{robot} {name}: {answered} answered, {left} left to the kernel");
+            assert!(answered > 1_000 && left < answered / 4);
         }
     }
 }

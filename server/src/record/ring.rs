@@ -98,6 +98,17 @@ impl Recorder {
         }
     }
 
+    /// The same of a row of a batch: half of the ring is for single requests.
+    #[inline]
+    pub(crate) fn commit_row(&mut self) {
+        if 2 * self.ring.slots() < self.ring.buffer().capacity() {
+            self.n_staged = 0;
+            self.lost += 1;
+        } else {
+            self.commit();
+        }
+    }
+
     /// The words of a body up to the query.
     fn fixed(
         &self,

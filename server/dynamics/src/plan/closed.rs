@@ -292,8 +292,10 @@ impl Plan {
         Some(&ws.closed[..len])
     }
 
-    /// The rest of [`Plan::run`] on what [`Plan::close`] gave, with the same bits; a warning that
-    /// it would add is missing where [`Plan::close`] would have given nothing. Allocates never.
+    /// The rest of [`Plan::run`] on what [`Plan::close`] gave: for [`crate::STRAIGHT_FIELDS`], and
+    /// where it is `ok`, with the same bits. Where it fails [`Plan::run`] may have an answer. A
+    /// warning that it would add is missing where [`Plan::close`] would have given nothing.
+    /// Allocates never.
     pub fn run_closed<T: Scalar>(
         &self,
         model: &Model<T>,

@@ -93,8 +93,9 @@ impl NativeKernel {
     }
 
     /// The plan's answer, to the bit, or `None` where the plan has to be asked: `output` is then
-    /// without meaning. What Newton's method closes is closed by the plan. Never allocates, locks,
-    /// or calls the system.
+    /// without meaning. `model` and `plan` are those that it was loaded with: of others it has the
+    /// numbers of its own. What Newton's method closes is closed by the plan. Never allocates,
+    /// locks, or calls the system.
     #[inline]
     pub fn answer(
         &self,
