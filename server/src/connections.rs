@@ -217,8 +217,7 @@ impl Connections {
     pub(crate) fn collect(&mut self) {
         while let Ok((index, end)) = self.retired.pop() {
             if matches!(end, End::Batches(_)) {
-                // its place is that of another end
-                continue;
+                continue; // its place is that of another end
             }
             if matches!(end, End::Broken) {
                 let mut clients = self.clients.values_mut();
@@ -228,7 +227,7 @@ impl Connections {
                 // also an area for batches that it was granted since
                 let _ = self.orders.push(Order::Retire { place: index });
             }
-            // here, not on the answering thread: unmapping is a system call
+            // not on the answering thread: unmapping is a system call
             take_down(end);
             self.free(index);
         }
