@@ -19,7 +19,7 @@ use crate::plans::{MAX_ORDERS, PlanOrder, ServedPlan};
 const NUMBER: PlanNumber = PlanNumber(5);
 const ROWS: usize = MAX_BATCH_ROWS;
 
-/// An answering thread that answers when it is told to.
+/// An answering thread that sweeps when a test calls for it.
 struct Stepped {
     hot: Hot,
     plan: Plan,
