@@ -2,7 +2,7 @@
 //! that nobody else waits for more than a tile of it.
 
 use quanta::Clock;
-use sarrus_dynamics::scalar::LANES;
+use sarrus_dynamics::MOST_ROWS;
 use sarrus_proto::batch::{BatchHead, ServedBatch};
 use sarrus_proto::{Answer, Status, Warnings};
 
@@ -58,7 +58,7 @@ impl Batches {
         }
         engine.found(clock.raw(), self.client);
         let mut answers =
-            [Answer { status: Status::UnknownRequest, warnings: Warnings::NONE }; LANES];
+            [Answer { status: Status::UnknownRequest, warnings: Warnings::NONE }; MOST_ROWS];
         match engine.answer_tile(&head, row, &self.area, &mut answers) {
             Ok(Tile { answers, is_last }) => {
                 counters.record_states(answers);

@@ -3,8 +3,7 @@
 use std::sync::Arc;
 
 use rtrb::{Consumer, Producer, PushError};
-use sarrus_dynamics::scalar::LANES;
-use sarrus_dynamics::{BatchWorkspace, Model, Plan};
+use sarrus_dynamics::{BatchWorkspace, MOST_ROWS, Model, Plan};
 use sarrus_proto::batch::{BatchHead, BatchShape, ServedBatch};
 use sarrus_proto::checksum::of_request;
 use sarrus_proto::message::{
@@ -61,7 +60,8 @@ impl Engine {
     ) -> Engine {
         let workspace = BatchWorkspace::new(&model, MAX_NUMBERS_IN, MAX_NUMBERS_OUT);
         let plans = (0..MAX_PLANS).map(|_| None).collect();
-        let [scratch, private] = [MAX_NUMBERS_IN, MAX_NUMBERS_OUT].map(|n| vec![0.0; LANES * n]);
+        let [scratch, private] =
+            [MAX_NUMBERS_IN, MAX_NUMBERS_OUT].map(|n| vec![0.0; MOST_ROWS * n]);
         let recorder = None;
         Engine { plans, orders, retired, workspace, scratch, private, recorder, by_kernel: 0 }
     }
@@ -227,7 +227,7 @@ impl Engine {
         head: &BatchHead,
         first: usize,
         area: &ServedBatch,
-        answers: &'a mut [Answer; LANES],
+        answers: &'a mut [Answer; MOST_ROWS],
     ) -> Result<Tile<'a>, Status> {
         let tile = self.run_tile(head, first, area, answers);
         if let (Err(status), Some(recorder)) = (&tile, &mut self.recorder) {
@@ -242,7 +242,7 @@ impl Engine {
         head: &BatchHead,
         first: usize,
         area: &ServedBatch,
-        answers: &'a mut [Answer; LANES],
+        answers: &'a mut [Answer; MOST_ROWS],
     ) -> Result<Tile<'a>, Status> {
         // also of a tile that is not the first: its client may have released the plan meanwhile
         let slot = self.admit(head.version, head.fingerprint, head.plan)?;
@@ -257,20 +257,17 @@ impl Engine {
         let shape = BatchShape::new(head.rows, n_in, n_out).ok_or(Status::WrongSize)?;
 
         // from the area and back to it
-        let rows = plan.abreast().min(shape.rows().saturating_sub(first));
+        let abreast = kernel.as_deref().map_or(1, NativeKernel::rows).max(plan.abreast());
+        let rows = abreast.min(shape.rows().saturating_sub(first));
         let input = self.scratch.get_mut(..rows * n_in).ok_or(Status::WrongSize)?;
         let output = self.private.get_mut(..rows * n_out).ok_or(Status::WrongSize)?;
         let answers = answers.get_mut(..rows).ok_or(Status::WrongSize)?;
         area.read(&shape, first, input);
         match kernel.as_deref() {
-            // faster than lanes of the generic kernels
             Some(kernel) => {
-                for (row, one) in answers.iter_mut().enumerate() {
-                    let input = &input[row * n_in..][..n_in];
-                    let output = &mut output[row * n_out..][..n_out];
-                    let (of, scratch) = ((plan, Some(kernel)), &mut self.workspace);
-                    *one = answer(of, scratch, input, output, &mut self.by_kernel);
-                }
+                let by_kernel =
+                    kernel.answer_rows(plan, &mut self.workspace, input, output, answers);
+                self.by_kernel += by_kernel as u64;
             }
             None => self.workspace.run(plan, input, output, answers),
         }

@@ -158,7 +158,8 @@ fn answer_all(here: Here<'_>, rows: Rows<'_>) {
             let Some(tile) = tile else { break };
             #[cfg(feature = "kernels")]
             if let Some(kernel) = here.kernel {
-                by_kernel(kernel, batch, tile);
+                let (plan, scratch) = batch.parts();
+                kernel.answer_rows(plan, scratch, tile.input, tile.output, tile.answers);
                 continue;
             }
             batch.run(tile.input, tile.output, tile.answers);
@@ -178,18 +179,4 @@ fn answer_all(here: Here<'_>, rows: Rows<'_>) {
         }
         work(own);
     });
-}
-
-/// Answers rows one by one, by the kernel where it does: faster than several abreast by the generic
-/// ones.
-#[cfg(feature = "kernels")]
-fn by_kernel(kernel: &NativeKernel, batch: &mut Batch, mut rows: Rows<'_>) {
-    while let Some(row) = rows.take(1) {
-        let (model, plan, workspace) = batch.one();
-        for answer in row.answers {
-            let by_kernel = kernel.answer((model, plan), workspace, row.input, row.output);
-            *answer =
-                by_kernel.unwrap_or_else(|| plan.run(model, workspace, row.input, row.output));
-        }
-    }
 }

@@ -35,6 +35,9 @@ pub const FLAGS: &[&str] = if HAS_BASELINE {
     &["-std=c11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"]
 };
 
+/// With this flag the function for rows is compiled too.
+pub(crate) const ROWS: &str = "-DSARRUS_ROWS";
+
 /// Why generated code was not built.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -170,7 +173,7 @@ impl Compiler {
         let (library, test) = (file(".so"), file("_test"));
         let run = |arguments: &[&Path]| {
             let mut command = self.start();
-            command.args(FLAGS).args(flags).args(arguments);
+            command.args(FLAGS).arg(ROWS).args(flags).args(arguments);
             finished(&mut command, &self.command)
         };
         // once for both: a function may take long

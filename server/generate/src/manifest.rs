@@ -4,7 +4,7 @@
 //! anything of it is loaded. Only objects that sarrus compiles have it: the C source leaves it out
 //! unless `SARRUS_SHARED_OBJECT` is defined.
 
-use sarrus_dynamics::{FieldSet, Query, Request};
+use sarrus_dynamics::{FieldSet, MOST_ROWS, Query, Request};
 use sarrus_proto::Tolerance;
 
 use crate::Kernel;
@@ -12,7 +12,7 @@ use crate::Kernel;
 /// The first line: a magic number and the revision of this text and of the C that is written. It
 /// is raised with every change of either, from the function's arguments to the conditions under
 /// which it answers; objects of another revision are refused, and made again where they are kept.
-pub(crate) const HEAD: &str = "sarrus kernel 3\n";
+pub(crate) const HEAD: &str = "sarrus kernel 4\n";
 /// The symbol of the text.
 pub(crate) const SYMBOL: &str = "sarrus_kernel";
 /// The definition under which the text is compiled.
@@ -39,6 +39,8 @@ pub struct Manifest {
     pub inputs: usize,
     /// How many numbers come out.
     pub outputs: usize,
+    /// How many states the function for rows answers at once; 0 where there is none.
+    pub rows: usize,
     /// The version of sarrus that wrote the C.
     pub generator: String,
     /// The instructions that the compiler could take for granted: names such as `fma avx2`.
@@ -57,6 +59,7 @@ impl Manifest {
             query: bare_query(kernel.plan.query()),
             inputs: kernel.inputs(),
             outputs: kernel.plan.want().len(),
+            rows: 0,
             generator: env!("CARGO_PKG_VERSION").to_owned(),
             processor: String::new(),
             compiler: String::new(),
@@ -83,6 +86,7 @@ impl Manifest {
             query: query_of(value("query")?)?,
             inputs: value("inputs")?.parse().ok()?,
             outputs: value("outputs")?.parse().ok()?,
+            rows: value("rows")?.parse().ok().filter(|rows| *rows <= MOST_ROWS)?,
             generator: value("generator")?.to_owned(),
             processor: value("processor")?.trim_end().to_owned(),
             compiler: value("compiler")?.to_owned(),
@@ -107,18 +111,21 @@ impl Manifest {
             format!("query {}", query_text(&self.query)),
             format!("inputs {}", self.inputs),
             format!("outputs {}", self.outputs),
-            format!("generator {}", self.generator),
         ];
-        let lines: String = lines.iter().map(|line| format!("    \"{line}\\n\"\n")).collect();
+        let line = |line: &str| format!("    \"{line}\\n\"\n");
+        let lines: String = lines.iter().map(|text| line(text)).collect();
+        let generator = line(&format!("generator {}", self.generator));
         let instruction = |(macro_name, name): (&str, &str)| {
             format!("#ifdef {macro_name}\n    \"{name} \"\n#endif\n")
         };
         let instructions: String = INSTRUCTIONS.map(instruction).concat();
         format!(
-            "\n#ifdef {DEFINITION}\n#ifndef __VERSION__\n#define __VERSION__ \"unknown\"\n#endif\n\
+            "\n#ifdef {DEFINITION}\n#define SARRUS_QUOTED(x) #x\n#define SARRUS_TEXT(x) \
+             SARRUS_QUOTED(x)\n#ifndef __VERSION__\n#define __VERSION__ \"unknown\"\n#endif\n\
              /* what sarrus reads in a shared object before it loads it */\n\
-             extern const char {SYMBOL}[];\nconst char {SYMBOL}[] =\n{lines}    \"processor \"\n\
-             {instructions}    \"\\ncompiler \" __VERSION__ \"\\n\";\n#endif\n"
+             extern const char {SYMBOL}[];\nconst char {SYMBOL}[] =\n{lines}#ifdef SARRUS_LANES\n    \
+             \"rows \" SARRUS_TEXT(SARRUS_LANES) \"\\n\"\n#else\n    \"rows 0\\n\"\n#endif\n\
+             {generator}    \"processor \"\n{instructions}    \"\\ncompiler \" __VERSION__ \"\\n\";\n#endif\n"
         )
     }
 }
@@ -232,12 +239,13 @@ mod tests {
             query,
             inputs: 3,
             outputs: 4,
+            rows: 0,
             generator: "0.1.0".to_owned(),
             processor: "fma avx2".to_owned(),
             compiler: "12.2.0".to_owned(),
         };
-        // the constant as a compiler would put it together
-        let c = manifest.c();
+        // the constant as a compiler would put it together that has no vectors
+        let c = manifest.c().replace("\"rows \" ", "");
         let lines = c.lines().filter_map(|line| line.trim().strip_prefix('"'));
         let lines = lines.filter_map(|line| line.strip_suffix("\\n\""));
         let mut text: String = lines.map(|line| format!("{line}\n")).collect();

@@ -32,6 +32,15 @@ pub(crate) struct Row {
 }
 
 impl Measure {
+    /// What it is computed from.
+    pub(crate) fn terms(self) -> [Option<Term>; 2] {
+        use Measure::*;
+        match self {
+            Plain(a) | Absolute(a) => [Some(a), None],
+            Difference(a, b) | Distance(a, b) | Larger(a, b) => [Some(a), Some(b)],
+        }
+    }
+
     pub(crate) fn of(self, of: impl Fn(Term) -> f64) -> f64 {
         match self {
             Measure::Plain(a) => of(a),

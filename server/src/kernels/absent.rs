@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use sarrus_dynamics::{Model, Plan, Workspace};
+use sarrus_dynamics::{BatchWorkspace, Model, Plan, Workspace};
 use sarrus_proto::{Answer, Query};
 
 use crate::ServeError;
@@ -42,6 +42,21 @@ impl NativeKernel {
         _input: &[f64],
         _output: &mut [f64],
     ) -> Option<Answer> {
+        match *self {}
+    }
+
+    pub(crate) fn rows(&self) -> usize {
+        match *self {}
+    }
+
+    pub(crate) fn answer_rows(
+        &self,
+        _plan: &Plan,
+        _scratch: &mut BatchWorkspace,
+        _input: &[f64],
+        _output: &mut [f64],
+        _answers: &mut [Answer],
+    ) -> usize {
         match *self {}
     }
 }

@@ -4,7 +4,8 @@
 //! that it has alone. What a state does by itself is done alone: where it fails, is warned of
 //! anything but limits, or decides otherwise than the first of its lanes
 //! ([`crate::scalar::Figure`]). Closures by Newton's method take another number of steps for each
-//! state, so plans that need one answer state after state.
+//! state: they are closed one state after the other before ([`Plan::close`]), and the rest goes
+//! abreast.
 
 use std::sync::Arc;
 
@@ -13,7 +14,13 @@ use sarrus_proto::{Answer, Field, FieldSet, Request, Status, Warnings};
 use crate::model::{Method, Model};
 use crate::plan::Plan;
 use crate::scalar::{Abreast, FUSED, LANES, Marks, Real};
-use crate::workspace::Workspace;
+use crate::workspace::{Workspace, most_closed};
+
+/// Most states that [`BatchWorkspace::close_rows`] closes at once.
+pub const MOST_ROWS: usize = 8;
+
+/// Every row goes alone.
+const ALL: u32 = u32::MAX;
 
 /// What may be given of states that go abreast: numbers of each state alone.
 const GIVEN: FieldSet = FieldSet::of(&[
@@ -96,13 +103,15 @@ impl Batch {
     /// [`Status::WrongModel`]. Allocates; nothing after it does.
     pub fn new(model: &Arc<Model<f64>>, plan: &Plan) -> Batch {
         let abreast = plan.abreast() > 1;
+        let width = plan.given().len() + plan.closed_len();
         let workspace = BatchWorkspace {
             model: Arc::clone(model),
             workspace: Workspace::for_plans(model, [plan]),
+            closed: vec![0.0; if plan.closes_apart() { MOST_ROWS * width } else { 0 }],
             tile: abreast.then(|| {
                 let constants = model.convert(Abreast::splat);
                 let workspace = Workspace::for_plans(&constants, [plan]);
-                Tile::new(constants, workspace, plan.given().len(), plan.want().len())
+                Box::new(Tile::new(constants, workspace, width, plan.want().len()))
             }),
             alone: 0,
         };
@@ -119,10 +128,9 @@ impl Batch {
         self.plan.abreast()
     }
 
-    /// What one state is answered with: for [`Plan::run`].
-    pub fn one(&mut self) -> (&Model<f64>, &Plan, &mut Workspace<f64>) {
-        let (model, workspace) = self.workspace.one();
-        (model, &self.plan, workspace)
+    /// The plan, and the scratch for it.
+    pub fn parts(&mut self) -> (&Plan, &mut BatchWorkspace) {
+        (&self.plan, &mut self.workspace)
     }
 
     /// Answers as many states as there are places for answers; `input` and `output` hold their rows
@@ -139,8 +147,11 @@ impl Batch {
 pub struct BatchWorkspace {
     model: Arc<Model<f64>>,
     workspace: Workspace<f64>,
+    /// Given numbers of up to [`MOST_ROWS`] states with what closes apart behind them, row after
+    /// row; of models where nothing does empty.
+    closed: Vec<f64>,
     /// Where states go abreast.
-    tile: Option<Tile>,
+    tile: Option<Box<Tile>>,
     alone: u64,
 }
 
@@ -157,13 +168,16 @@ impl BatchWorkspace {
     /// Scratch for every plan of this model that takes and gives at most so many numbers, but those
     /// that force [`Method::Kkt`]. Allocates; nothing after it does.
     pub fn new(model: &Arc<Model<f64>>, n_in: usize, n_out: usize) -> BatchWorkspace {
+        let closed = most_closed(model);
+        let width = n_in + closed;
         BatchWorkspace {
             model: Arc::clone(model),
             workspace: Workspace::new(model),
+            closed: vec![0.0; if closed > 0 { MOST_ROWS * width } else { 0 }],
             tile: FUSED.then(|| {
                 let constants = model.convert(Abreast::splat);
                 let workspace = Workspace::new(&constants);
-                Tile::new(constants, workspace, n_in, n_out)
+                Box::new(Tile::new(constants, workspace, width, n_out))
             }),
             alone: 0,
         }
@@ -180,6 +194,32 @@ impl BatchWorkspace {
         (&self.model, &mut self.workspace)
     }
 
+    /// Closes up to [`MOST_ROWS`] states of a plan by [`Plan::close`], as many as `given` has: one
+    /// after the other, rows for [`Plan::run_closed`], and a bit for each that has none, in whose
+    /// place stands one that has. `None` where none has one, or there is no room. Allocates never.
+    pub fn close_rows(&mut self, plan: &Plan, given: &[f64]) -> Option<(&[f64], u32)> {
+        let n_in = plan.given().len();
+        let width = n_in + plan.closed_len();
+        let rows = given.len().checked_div(n_in)?.min(MOST_ROWS);
+        let closed = self.closed.get_mut(..rows * width)?;
+        let (mut open, mut sound) = (0, None);
+        for row in 0..rows {
+            let given = &given[row * n_in..][..n_in];
+            match plan.close(&self.model, &mut self.workspace, given) {
+                Some(numbers) => {
+                    closed[row * width..][..width].copy_from_slice(numbers);
+                    sound = Some(row);
+                }
+                None => open |= 1 << row,
+            }
+        }
+        let sound = sound? * width;
+        for row in (0..rows).filter(|row| open >> row & 1 != 0) {
+            closed.copy_within(sound..sound + width, row * width);
+        }
+        Some((closed, open))
+    }
+
     /// Answers states of a plan, as [`Batch::run`].
     pub fn run(&mut self, plan: &Plan, input: &[f64], output: &mut [f64], answers: &mut [Answer]) {
         let (n_in, n_out) = (plan.given().len(), plan.want().len());
@@ -191,7 +231,8 @@ impl BatchWorkspace {
             answers.fill(Answer { status: Status::WrongSize, warnings: Warnings::NONE });
             return;
         }
-        let mut tile = self.tile.as_mut().filter(|tile| plan.abreast > 1 && tile.holds(plan));
+        let is_abreast =
+            plan.abreast > 1 && self.tile.as_ref().is_some_and(|tile| tile.holds(plan));
         let (mut input, mut output, mut answers) = (input, output, answers);
         while !answers.is_empty() {
             let rows = answers.len().min(LANES);
@@ -201,10 +242,8 @@ impl BatchWorkspace {
             output = rest;
             let (of_rows, rest) = answers.split_at_mut(rows);
             answers = rest;
-            let alone = match &mut tile {
-                Some(tile) if rows == LANES => tile.run(plan, given, want, of_rows),
-                _ => u32::MAX,
-            };
+            let is_abreast = is_abreast && rows == LANES;
+            let alone = if is_abreast { self.run_tile(plan, given, want, of_rows) } else { ALL };
             for row in (0..rows).filter(|row| alone >> row & 1 != 0) {
                 self.alone += 1;
                 of_rows[row] = plan.run(
@@ -215,6 +254,28 @@ impl BatchWorkspace {
                 );
             }
         }
+    }
+}
+
+impl BatchWorkspace {
+    /// Answers [`LANES`] states but for those in the bits that it returns, which have to go alone.
+    fn run_tile(
+        &mut self,
+        plan: &Plan,
+        given: &[f64],
+        want: &mut [f64],
+        answers: &mut [Answer],
+    ) -> u32 {
+        // away from this scratch as long as it is used
+        let Some(mut tile) = self.tile.take() else { return ALL };
+        let alone = if plan.closes_apart() {
+            self.close_rows(plan, given)
+                .map_or(ALL, |(closed, open)| open | tile.run(plan, closed, want, answers))
+        } else {
+            tile.run(plan, given, want, answers)
+        };
+        self.tile = Some(tile);
+        alone
     }
 }
 
@@ -231,21 +292,24 @@ impl Tile {
 
     /// True where there is room for the numbers of a plan.
     fn holds(&self, plan: &Plan) -> bool {
-        plan.given().len() <= self.input.len() && plan.want().len() <= self.output.len()
+        let n_in = plan.given().len() + plan.closed_len();
+        n_in <= self.input.len() && plan.want().len() <= self.output.len()
     }
 
-    /// Answers [`LANES`] states but for those in the bits that it returns, which have to go alone.
+    /// Answers [`LANES`] states, of what closes apart closed ones, but for those in the bits that
+    /// it returns.
     fn run(&mut self, plan: &Plan, given: &[f64], want: &mut [f64], answers: &mut [Answer]) -> u32 {
-        let (n_in, n_out) = (plan.given().len(), plan.want().len());
+        let (n_in, n_out) = (plan.given().len() + plan.closed_len(), plan.want().len());
         let (input, output) = (&mut self.input[..n_in], &mut self.output[..n_out]);
         for (k, x) in input.iter_mut().enumerate() {
             *x = Abreast::new(core::array::from_fn(|lane| given[lane * n_in + k]));
         }
         Marks::take();
-        let answer = plan.run(&self.model, &mut self.workspace, input, output);
+        // of what does not close apart the two are one
+        let answer = plan.run_closed(&self.model, &mut self.workspace, input, output);
         let marks = Marks::take();
         if answer.status != Status::Ok || answer.warnings != Warnings::NONE {
-            return u32::MAX;
+            return ALL;
         }
         for (k, x) in output.iter().enumerate() {
             for (lane, x) in x.states().into_iter().enumerate() {
@@ -276,7 +340,8 @@ impl Plan {
             && !whole
             && is_only(self.query.given, GIVEN)
             && is_only(self.query.want, STRAIGHT_FIELDS)
-            && self.needed.scope.closed.iter().all(|c| model.closures[*c].is_closed_form());
+            && (self.closes_apart()
+                || self.needed.scope.closed.iter().all(|c| model.closures[*c].is_closed_form()));
         if abreast { LANES } else { 1 }
     }
 }

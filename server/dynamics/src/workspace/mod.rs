@@ -282,7 +282,7 @@ impl<T: Scalar> Workspace<T> {
 }
 
 /// More numbers than any plan needs of closures by Newton's method; none where there are none.
-fn most_closed<T: Scalar>(model: &Model<T>) -> usize {
+pub(crate) fn most_closed<T: Scalar>(model: &Model<T>) -> usize {
     let sizes = model.sizes();
     if model.closures.iter().all(Closure::is_closed_form) {
         return 0;

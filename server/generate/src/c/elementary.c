@@ -33,6 +33,8 @@ SARRUS_INLINE uint64_t sarrus_mask(int holds)
     return UINT64_C(0) - (uint64_t)holds;
 }
 
+#define sarrus_choose(first, a, b) ((first) ? (a) : (b))
+
 SARRUS_INLINE double sarrus_larger(double a, double b)
 {
     return a > b ? a : b;

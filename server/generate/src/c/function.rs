@@ -7,7 +7,9 @@
 
 use std::collections::HashMap;
 
+use crate::c::elementary::elementary;
 use crate::c::parts::Statements;
+use crate::c::rows::rows;
 use crate::c::table::{Table, Value};
 use crate::c::term;
 use crate::graph::{Comparison, Operation, Term};
@@ -29,13 +31,7 @@ pub(super) fn function(kernel: &Kernel, name: &str) -> String {
         crate::FLAGS.join(" ")
     );
     text += include_str!("elementary.c");
-    let has = |is: fn(&Operation) -> bool| kernel.operations.iter().any(is);
-    if has(|operation| matches!(operation, Operation::Sine(_) | Operation::Cosine(_))) {
-        text += include_str!("sin_cos.c");
-    }
-    if has(|operation| matches!(operation, Operation::Angle(..))) {
-        text += include_str!("atan2.c");
-    }
+    text += &elementary(kernel, false);
     let pairs = Pairs::new(kernel);
     if pairs.steps.iter().any(|step| matches!(step, Step::Pair(..))) {
         text += include_str!("pair.c");
@@ -46,6 +42,7 @@ pub(super) fn function(kernel: &Kernel, name: &str) -> String {
     let lines = Vec::new();
     let statements = Body { kernel, pairs, lines, angles, late, follow, used }.statements();
     text += &statements.text(name);
+    text += &rows(kernel, name);
     text += &Manifest::of(kernel, name).c();
     text
 }
@@ -412,12 +409,10 @@ impl Body<'_> {
 
 /// What a stored number is computed from.
 fn terms(value: Value) -> impl Iterator<Item = Term> {
-    use Measure::*;
-    let [a, b] = match value {
+    let list = match value {
         Value::Filling => [None, None],
         Value::Pair(x, _) => [Some(Term::node(x)), None],
-        Value::One(Plain(a) | Absolute(a)) => [Some(a), None],
-        Value::One(Difference(a, b) | Distance(a, b) | Larger(a, b)) => [Some(a), Some(b)],
+        Value::One(measure) => measure.terms(),
     };
-    a.into_iter().chain(b)
+    list.into_iter().flatten()
 }

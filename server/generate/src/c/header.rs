@@ -43,6 +43,14 @@ pub(super) fn header(kernel: &Kernel, model: &Model<f64>, name: &str) -> String 
          the end: without an answer out is NaN */\nint \
          {name}(const double *in, double *out);\n\n"
     );
+    text += &format!(
+        "/* with SARRUS_ROWS defined, and compilers that have vectors: so many states at once,\n   \
+         in[{upper}_ROWS][{upper}_INPUTS], out[{upper}_ROWS][{upper}_OUTPUTS]; returns bit k where \
+         row k has no\n   answer and its numbers are none, bit k + {upper}_ROWS where it is \
+         outside of its limits */\n#if defined(SARRUS_ROWS) && defined(__GNUC__)\n#if \
+         defined(__AVX512F__)\n#define {upper}_ROWS 8\n#else\n#define {upper}_ROWS 4\n#endif\nint \
+         {name}_rows(const double *in, double *out);\n#endif\n\n"
+    );
     text += "#ifdef __cplusplus\n}\n#endif\n\n#endif\n";
     text
 }

@@ -1,8 +1,10 @@
 //! C11 of a kernel: the function, its header, a test with answers of the generic kernel.
 
+mod elementary;
 mod function;
 mod header;
 mod parts;
+mod rows;
 mod table;
 mod test;
 

@@ -9,14 +9,19 @@ use std::collections::HashMap;
 /// Statements of one part.
 const LONGEST: usize = 4_000;
 /// The arrays that parts share, beside those of numbers.
-const ARRAYS: [(&str, &str); 6] = [
+const ARRAYS: [(&str, &str); 8] = [
     ("in", "const double"),
     ("out", "double"),
     ("seen", "double"),
     ("limited", "double"),
     ("sine", "double"),
     ("cosine", "double"),
+    ("bad", "sarrus_lanes"),
+    ("over", "sarrus_lanes"),
 ];
+/// The types of numbers, and the arrays in which they wait.
+const KINDS: [(&str, &str); 3] =
+    [("double", "one"), ("sarrus_pair", "two"), ("sarrus_rows", "rows")];
 
 /// The statements of a function: what comes first, the operations, and what comes last.
 pub(super) struct Statements {
@@ -29,12 +34,13 @@ pub(super) struct Statements {
 /// Where a number waits for later parts.
 #[derive(Clone, Copy)]
 struct Place {
-    is_pair: bool,
+    kind: usize,
     at: usize,
 }
 
 /// One number that crosses parts.
 struct Crossing {
+    kind: usize,
     from: usize,
     last: usize,
 }
@@ -66,18 +72,16 @@ impl Statements {
         let arrays: Vec<(&str, &str)> = ARRAYS.into_iter().filter(|(name, _)| has(name)).collect();
         let mut text = format!("\n/* what the parts of {name} share */\nstruct {name}_shared {{\n");
         arrays.iter().for_each(|(array, of)| text += &format!("    {of} *{array};\n"));
-        if sizes[0] > 0 {
-            text += &format!("    double one[{}];\n", sizes[0]);
-        }
-        if sizes[1] > 0 {
-            text += &format!("    sarrus_pair two[{}];\n", sizes[1]);
+        for ((kind, array), size) in KINDS.into_iter().zip(sizes).filter(|(_, size)| *size > 0) {
+            text += &format!("    {kind} {array}[{size}];\n");
         }
         text += "};\n";
 
         let mut defined: HashMap<&str, usize> = HashMap::new();
         let mut main = String::new();
         for (k, lines) in parts.iter().enumerate() {
-            let here: Vec<&str> = lines.iter().flat_map(|line| definitions(line)).collect();
+            let here: Vec<&str> =
+                lines.iter().flat_map(|line| definitions(line)).map(|(_, name)| name).collect();
             here.iter().for_each(|name| {
                 defined.insert(name, k);
             });
@@ -94,18 +98,18 @@ impl Statements {
             let mut fetched: Vec<&str> = Vec::new();
             for word in lines.iter().flat_map(|line| words(line)) {
                 let is_early = defined.get(word).is_some_and(|at| *at < k);
-                if let Some(Place { is_pair, at }) = crosses(word).filter(|_| is_early)
+                if let Some(Place { kind, at }) = crosses(word).filter(|_| is_early)
                     && !fetched.contains(&word)
                 {
-                    let (kind, array) = kind_of(is_pair);
+                    let (kind, array) = KINDS[kind];
                     part += &format!("    const {kind} {word} = {of}{array}[{at}];\n");
                     fetched.push(word);
                 }
             }
             lines.iter().for_each(|line| part += &indented(line));
             for name in here {
-                if let Some(Place { is_pair, at }) = crosses(name) {
-                    part += &format!("    {of}{}[{at}] = {name};\n", kind_of(is_pair).1);
+                if let Some(Place { kind, at }) = crosses(name) {
+                    part += &format!("    {of}{}[{at}] = {name};\n", KINDS[kind].1);
                 }
             }
             if is_last {
@@ -129,11 +133,6 @@ fn indented(line: &str) -> String {
     format!("    {line}\n")
 }
 
-/// The type of a number, and the array in which it waits.
-fn kind_of(is_pair: bool) -> (&'static str, &'static str) {
-    if is_pair { ("sarrus_pair", "two") } else { ("double", "one") }
-}
-
 /// The names in a line.
 fn words(line: &str) -> impl Iterator<Item = &str> {
     let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
@@ -141,26 +140,32 @@ fn words(line: &str) -> impl Iterator<Item = &str> {
         .filter(|word| word.starts_with(|c: char| c.is_ascii_alphabetic()))
 }
 
-/// The numbers that a line defines.
-fn definitions(line: &str) -> impl Iterator<Item = &str> {
-    let constant =
-        line.strip_prefix("const double ").or_else(|| line.strip_prefix("const sarrus_pair "));
+/// The numbers that a line defines, with their kind.
+fn definitions(line: &str) -> impl Iterator<Item = (usize, &str)> {
+    let (is_constant, rest) =
+        line.strip_prefix("const ").map_or((false, line), |rest| (true, rest));
+    let kind = |(kind, (of, _)): (usize, (&str, &str))| {
+        Some((kind, rest.strip_prefix(of)?.strip_prefix(' ')?))
+    };
+    let (kind, rest) = KINDS.into_iter().enumerate().find_map(kind).unwrap_or_default();
     // not arrays
-    let constant = constant.and_then(|rest| rest.split_once(" = ")).map(|(name, _)| name);
-    let constant = constant.filter(|name| !name.contains('['));
-    let both = line.strip_prefix("double ").and_then(|rest| rest.strip_suffix(';'));
-    let both = both.filter(|names| !names.contains('[')).unwrap_or_default();
-    constant.into_iter().chain(both.split(", ").filter(|name| !name.is_empty()))
+    let names = if is_constant {
+        rest.split_once(" = ").map(|(name, _)| name)
+    } else {
+        rest.strip_suffix(';')
+    };
+    let names = names.filter(|names| !names.contains('[')).unwrap_or_default();
+    names.split(", ").filter(|name| !name.is_empty()).map(move |name| (kind, name))
 }
 
 /// Where numbers wait that a later part needs, and how many places there are of each kind.
-fn places(parts: &[Vec<String>]) -> (HashMap<&str, Place>, [usize; 2]) {
+fn places(parts: &[Vec<String>]) -> (HashMap<&str, Place>, [usize; 3]) {
     let mut crossings: HashMap<&str, Crossing> = HashMap::new();
     let mut order: Vec<&str> = Vec::new();
     for (k, lines) in parts.iter().enumerate() {
         for line in lines {
-            for name in definitions(line) {
-                crossings.insert(name, Crossing { from: k, last: k });
+            for (kind, name) in definitions(line) {
+                crossings.insert(name, Crossing { kind, from: k, last: k });
                 order.push(name);
             }
             for word in words(line) {
@@ -171,22 +176,20 @@ fn places(parts: &[Vec<String>]) -> (HashMap<&str, Place>, [usize; 2]) {
         }
     }
     let mut places = HashMap::new();
-    let (mut free, mut sizes) = ([Vec::new(), Vec::new()], [0, 0]);
+    let (mut free, mut sizes) = ([const { Vec::new() }; 3], [0; 3]);
     // places that are free again from a part on
     let mut ends: Vec<Vec<Place>> = parts.iter().map(|_| Vec::new()).collect();
     let mut names = order.into_iter().peekable();
     for k in 0..parts.len() {
         for place in std::mem::take(&mut ends[k]) {
-            free[usize::from(place.is_pair)].push(place.at);
+            free[place.kind].push(place.at);
         }
         while let Some(name) = names.next_if(|name| crossings[name].from == k) {
-            let Crossing { last, .. } = crossings[name];
+            let Crossing { kind, last, .. } = crossings[name];
             if last > k {
-                let is_pair = name.starts_with('p');
-                let kind = usize::from(is_pair);
                 let at = free[kind].pop().unwrap_or(sizes[kind]);
                 sizes[kind] = sizes[kind].max(at + 1);
-                let place = Place { is_pair, at };
+                let place = Place { kind, at };
                 places.insert(name, place);
                 // fetched at the beginning of its last part, whose own are put away at its end
                 ends[last].push(place);

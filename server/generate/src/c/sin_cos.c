@@ -1,35 +1,35 @@
 
-SARRUS_INLINE void sarrus_sin_cos(double x, double *sine, double *cosine)
+SARRUS_INLINE void NAME(REAL x, REAL *sine, REAL *cosine)
 {
-    const double integer = 6755399441055744.0;
-    const double half_pi0 = 1.5707963267948966, half_pi1 = 6.123233995736766e-17;
-    const double half_pi2 = -1.4973849048591698e-33;
-    const double b = fabs(x);
-    const double a = b < 35184372088832.0 ? b : (double)NAN;
-    const double t = fma(a, 0.6366197723675814, integer);
-    const double n = t - integer;
-    const double r1 = fma(-n, half_pi0, a);
-    const double p = n * half_pi1;
-    const double r = r1 - p;
-    const double dr = ((r1 - r) - p) - fma(n, half_pi2, fma(n, half_pi1, -p));
-    const double z = r * r;
-    const double z2 = z * z;
-    const double of_sine =
-        fma(fma(fma(1.589346260505195e-10, z, -2.5050701023123465e-8), z2,
-                fma(2.7557313329894517e-6, z, -0.000198412698287716)), z2,
-            fma(0.008333333333321128, z, -0.16666666666666627));
-    const double of_cosine =
-        fma(fma(fma(-1.1357264527674212e-11, z, 2.0875676842343087e-9), z2,
-                fma(-2.755731400737406e-7, z, 2.4801587288274786e-5)), z2,
-            fma(-0.0013888888888872167, z, 0.04166666666666659));
-    const double h = r * -0.5;
-    const double w = fma(h, r, 1.0);
-    const double e = fma(h, r, 1.0 - w);
-    const double s = fma(z * r, of_sine, dr * w) + r;
-    const double c = fma(z2, of_cosine, fma(-r, dr, e)) + w;
-    const double m = fma(n, 0.5, -0.25);
-    const int odd = ((m + integer) - integer) < m;
-    const uint64_t ones = sarrus_bits(t) << 63, twos = sarrus_bits(t) << 62;
-    *sine = sarrus_xor_sign(sarrus_xor_sign(odd ? c : s, twos), sarrus_bits(x));
-    *cosine = sarrus_xor_sign(sarrus_xor_sign(odd ? s : c, twos), ones);
+    const REAL integer = SAME(6755399441055744.0);
+    const REAL half_pi0 = SAME(1.5707963267948966), half_pi1 = SAME(6.123233995736766e-17);
+    const REAL half_pi2 = SAME(-1.4973849048591698e-33);
+    const REAL b = ABSOLUTE(x);
+    const REAL a = CHOOSE(b < 35184372088832.0, b, SAME((double)NAN));
+    const REAL t = FMA(a, SAME(0.6366197723675814), integer);
+    const REAL n = t - integer;
+    const REAL r1 = FMA(-n, half_pi0, a);
+    const REAL p = n * half_pi1;
+    const REAL r = r1 - p;
+    const REAL dr = ((r1 - r) - p) - FMA(n, half_pi2, FMA(n, half_pi1, -p));
+    const REAL z = r * r;
+    const REAL z2 = z * z;
+    const REAL of_sine =
+        FMA(FMA(FMA(SAME(1.589346260505195e-10), z, SAME(-2.5050701023123465e-8)), z2,
+                FMA(SAME(2.7557313329894517e-6), z, SAME(-0.000198412698287716))), z2,
+            FMA(SAME(0.008333333333321128), z, SAME(-0.16666666666666627)));
+    const REAL of_cosine =
+        FMA(FMA(FMA(SAME(-1.1357264527674212e-11), z, SAME(2.0875676842343087e-9)), z2,
+                FMA(SAME(-2.755731400737406e-7), z, SAME(2.4801587288274786e-5))), z2,
+            FMA(SAME(-0.0013888888888872167), z, SAME(0.04166666666666659)));
+    const REAL h = r * -0.5;
+    const REAL w = FMA(h, r, SAME(1.0));
+    const REAL e = FMA(h, r, 1.0 - w);
+    const REAL s = FMA(z * r, of_sine, dr * w) + r;
+    const REAL c = FMA(z2, of_cosine, FMA(-r, dr, e)) + w;
+    const REAL m = FMA(n, SAME(0.5), SAME(-0.25));
+    const MASK odd = (MASK)(((m + integer) - integer) < m);
+    const BITS ones = BITS_OF(t) << 63, twos = BITS_OF(t) << 62;
+    *sine = XOR_SIGN(XOR_SIGN(CHOOSE(odd, c, s), twos), BITS_OF(x));
+    *cosine = XOR_SIGN(XOR_SIGN(CHOOSE(odd, s, c), twos), ones);
 }

@@ -1,6 +1,6 @@
 /* @NAME@_test: answers of sarrus, which @NAME@ must give to the bit; ends with 0 where it does.
    With an argument: states from stdin, as doubles of this machine, are answered on stdout: the
-   code as a double, then the numbers. */
+   code as a double, then the numbers; those of "rows" by @NAME@_rows. */
 #include "@NAME@.h"
 
 #include <stdint.h>
@@ -15,6 +15,76 @@ static const double inputs[@COUNT@][@IN@] = {
 
 static const uint64_t outputs[@COUNT@][@OUT@] = {
 @OUTPUTS@};
+
+#if defined(SARRUS_ROWS) && defined(__GNUC__)
+/* the code of a row in what @NAME@_rows returned */
+static int code_of(int bits, int row)
+{
+    if (bits >> row & 1)
+        return @UPPER@_NOT_ANSWERED;
+    return bits >> (row + @UPPER@_ROWS) & 1;
+}
+
+static int filter_rows(void)
+{
+    static double in[@UPPER@_ROWS][@IN@], out[@UPPER@_ROWS][@OUT@];
+    size_t count;
+    while ((count = fread(in, sizeof in[0], @UPPER@_ROWS, stdin)) > 0) {
+        const int bits = @NAME@_rows(in[0], out[0]);
+        for (int row = 0; row < (int)count; row++) {
+            const double code = code_of(bits, row);
+            if (fwrite(&code, sizeof code, 1, stdout) != 1 ||
+                fwrite(out[row], sizeof out[row], 1, stdout) != 1)
+                return 1;
+        }
+    }
+    return 0;
+}
+
+static int test_rows(void)
+{
+    static double in[@UPPER@_ROWS][@IN@], out[@UPPER@_ROWS][@OUT@];
+    int wrong = 0;
+    for (int k = 0; k < @COUNT@; k++) {
+        for (int row = 0; row < @UPPER@_ROWS; row++)
+            memcpy(in[row], inputs[(k + row) % @COUNT@], sizeof in[row]);
+        const int bits = @NAME@_rows(in[0], out[0]);
+        for (int row = 0; row < @UPPER@_ROWS; row++) {
+            const int state = (k + row) % @COUNT@, code = code_of(bits, row);
+            const int same =
+                memcmp(out[row], outputs[state], @UPPER@_OUTPUTS * sizeof out[0][0]) == 0;
+            if (code != codes[state] || (code != @UPPER@_NOT_ANSWERED && !same)) {
+                printf("@NAME@_rows: state %d in row %d: code %d, not %d, or other numbers\n",
+                       state, row, code, codes[state]);
+                wrong = 1;
+            }
+        }
+    }
+    if (!wrong) {
+        const clock_t start = clock();
+        double calls = 0.0, seconds = 0.0;
+        while (seconds < 0.1) {
+            for (int k = 0; k < 1024; k++)
+                wrong |= @NAME@_rows(in[0], out[0]) < 0;
+            calls += 1024.0;
+            seconds = (double)(clock() - start) / (double)CLOCKS_PER_SEC;
+        }
+        printf("@NAME@_rows: %d abreast, the same bits; %.1f ns a state\n", @UPPER@_ROWS,
+               1e9 * seconds / calls / @UPPER@_ROWS);
+    }
+    return wrong;
+}
+#else
+static int filter_rows(void)
+{
+    return 2;
+}
+
+static int test_rows(void)
+{
+    return 0;
+}
+#endif
 
 static int filter(void)
 {
@@ -31,9 +101,8 @@ int main(int count, char **arguments)
 {
     double out[@OUT@];
     int wrong = 0;
-    (void)arguments;
     if (count > 1)
-        return filter();
+        return strcmp(arguments[1], "rows") == 0 ? filter_rows() : filter();
     for (int k = 0; k < @COUNT@; k++) {
         const int code = @NAME@(inputs[k], out);
         const int same = memcmp(out, outputs[k], @UPPER@_OUTPUTS * sizeof out[0]) == 0;
@@ -55,5 +124,5 @@ int main(int count, char **arguments)
         printf("@NAME@: %d states, the same bits; %.1f ns a call\n", @COUNT@,
                1e9 * seconds / calls);
     }
-    return wrong;
+    return wrong | test_rows();
 }

@@ -5,6 +5,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use crate::compiler::ROWS;
 use crate::manifest::DEFINITION;
 use crate::run::{Cancel, run};
 use crate::{BuildError, Compiler, FLAGS, Source};
@@ -28,7 +29,7 @@ pub(super) fn library(
     })?;
     let log = File::options().read(true).append(true).create_new(true).open(log);
     let mut command = compiler.start();
-    command.args(FLAGS).arg(format!("-D{DEFINITION}"));
+    command.args(FLAGS).arg(ROWS).arg(format!("-D{DEFINITION}"));
     command.args(["-fPIC", "-shared", "-o"]).arg(&to).arg(&from).arg("-lm");
     // a compiler that is ended leaves its files where all is removed
     command.env("TMPDIR", folder);

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use sarrus_dynamics::{Answer, Model, Plan, Status, Warnings, Workspace};
+use sarrus_dynamics::{Answer, BatchWorkspace, Model, Plan, Status, Warnings, Workspace};
 
 use super::LoadError;
 use super::check::{self, STATES};
@@ -14,6 +14,22 @@ use crate::manifest::bare_query;
 /// What generated functions return.
 const OK: i32 = 0;
 const LIMITS_EXCEEDED: i32 = 1;
+
+/// What became of rows, one bit for each.
+struct RowBits {
+    /// Rows without an answer, and rows out of limits.
+    left: u32,
+    beyond: u32,
+}
+
+impl RowBits {
+    #[inline]
+    fn answer(&self, row: usize) -> Option<Answer> {
+        let is_beyond = self.beyond >> row & 1 != 0;
+        let warnings = if is_beyond { Warnings::LIMITS_EXCEEDED } else { Warnings::NONE };
+        (self.left >> row & 1 == 0).then_some(Answer { status: Status::Ok, warnings })
+    }
+}
 
 /// A kernel that was loaded and found to have the bits of the generic ones.
 #[derive(Debug)]
@@ -111,6 +127,73 @@ impl NativeKernel {
             _ => return None,
         };
         Some(Answer { status: Status::Ok, warnings })
+    }
+
+    /// How many rows [`NativeKernel::answer_rows`] answers at once; it takes any number.
+    #[inline]
+    pub fn rows(&self) -> usize {
+        self.object.rows().max(1)
+    }
+
+    /// Answers rows of the plan that it was loaded with, as
+    /// [`Batch::run`](sarrus_dynamics::Batch::run) does: several at once, those that it leaves to
+    /// the plan alone, every row to the bit; how many it answered itself. Rows of other sizes than
+    /// there are answers are [`Status::WrongSize`]. Never allocates, locks, or calls the system.
+    pub fn answer_rows(
+        &self,
+        plan: &Plan,
+        scratch: &mut BatchWorkspace,
+        input: &[f64],
+        output: &mut [f64],
+        answers: &mut [Answer],
+    ) -> usize {
+        let (n_in, n_out) = (plan.given().len(), plan.want().len());
+        let rows = answers.len();
+        if Some(input.len()) != rows.checked_mul(n_in)
+            || Some(output.len()) != rows.checked_mul(n_out)
+        {
+            scratch.run(plan, input, output, answers);
+            return 0;
+        }
+        let (mut by_kernel, mut first) = (0, 0);
+        while first < rows {
+            let count = (rows - first).min(self.rows());
+            let input = &input[first * n_in..][..count * n_in];
+            let output = &mut output[first * n_out..][..count * n_out];
+            let answers = &mut answers[first..][..count];
+            let bits = self.bits(plan, scratch, input, output);
+            for (row, answer) in answers.iter_mut().enumerate() {
+                let input = &input[row * n_in..][..n_in];
+                let output = &mut output[row * n_out..][..n_out];
+                let (model, workspace) = scratch.one();
+                let by_code = match &bits {
+                    Some(bits) => bits.answer(row),
+                    None => self.answer((model, plan), workspace, input, output),
+                };
+                by_kernel += usize::from(by_code.is_some());
+                *answer = by_code.unwrap_or_else(|| plan.run(model, workspace, input, output));
+            }
+            first += count;
+        }
+        by_kernel
+    }
+
+    /// What the function for rows says of as many as it takes.
+    fn bits(
+        &self,
+        plan: &Plan,
+        scratch: &mut BatchWorkspace,
+        input: &[f64],
+        output: &mut [f64],
+    ) -> Option<RowBits> {
+        let rows = self.object.rows();
+        if rows < 2 {
+            return None;
+        }
+        let (input, open) =
+            if plan.closes_apart() { scratch.close_rows(plan, input)? } else { (input, 0) };
+        let bits = self.object.call_rows(input, output)?;
+        Some(RowBits { left: bits as u32 | open, beyond: bits as u32 >> rows })
     }
 
     /// What it says of itself.

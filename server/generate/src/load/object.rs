@@ -23,6 +23,8 @@ type Function = unsafe extern "C" fn(input: *const f64, output: *mut f64) -> c_i
 #[derive(Debug)]
 pub(super) struct Object {
     function: Function,
+    /// That for rows, and how many it takes at once.
+    of_rows: Option<(Function, usize)>,
     inputs: usize,
     outputs: usize,
     /// Dropped before the descriptor under whose number it was loaded: as long as it is there no
@@ -61,8 +63,35 @@ impl Object {
         // SAFETY: objects with this manifest have a function of this type under this name.
         let function = unsafe { library.get::<Function>(manifest.function.as_bytes()) };
         let function = *function.map_err(|error| refused(error.to_string()))?;
+        let mut of_rows = None;
+        if manifest.rows > 0 {
+            let name = format!("{}_rows", manifest.function);
+            // SAFETY: and where they say so another one of the same type under this name.
+            let function = unsafe { library.get::<Function>(name.as_bytes()) };
+            let function = *function.map_err(|error| refused(error.to_string()))?;
+            of_rows = Some((function, manifest.rows));
+        }
         let (inputs, outputs) = (manifest.inputs, manifest.outputs);
-        Ok(Object { function, inputs, outputs, _library: library, _file: descriptor })
+        Ok(Object { function, of_rows, inputs, outputs, _library: library, _file: descriptor })
+    }
+
+    /// How many rows one call takes; 0 where there is no function for them.
+    #[inline]
+    pub(super) fn rows(&self) -> usize {
+        self.of_rows.map_or(0, |(_, rows)| rows)
+    }
+
+    /// Calls the function for rows: what it returns, or `None` where there is none, or the sizes
+    /// are not its own. Never allocates.
+    #[inline]
+    pub(super) fn call_rows(&self, input: &[f64], output: &mut [f64]) -> Option<c_int> {
+        let (function, rows) = self.of_rows?;
+        let fits = input.len() == rows * self.inputs && output.len() == rows * self.outputs;
+        fits.then(|| {
+            // SAFETY: a function with this manifest reads `inputs` numbers of each of its rows and
+            // writes `outputs`, keeps neither pointer and has no memory of its own.
+            unsafe { function(input.as_ptr(), output.as_mut_ptr()) }
+        })
     }
 
     /// Calls the function: what it returns, or `None` where the sizes are not its own. Never

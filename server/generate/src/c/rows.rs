@@ -1,0 +1,153 @@
+//! `NAME_rows`: several states at once, each in a lane of every number.
+//!
+//! The operations of the function for one state in their order, without its pairs and tables: a
+//! vector is full here without them. A row that fails a check has its bit in what is returned.
+
+use std::collections::HashSet;
+
+use crate::Kernel;
+use crate::c::elementary::elementary;
+use crate::c::parts::Statements;
+use crate::c::{literal, term};
+use crate::graph::{Comparison, Operation, Term};
+use crate::row::{Measure, Row};
+
+/// The function for rows, and what it needs, where the compiler has vectors and is asked for it.
+pub(super) fn rows(kernel: &Kernel, name: &str) -> String {
+    let mut text = include_str!("rows.c").to_owned() + &elementary(kernel, true);
+    let body = Body { kernel, angles: HashSet::new() };
+    text += &body.statements().text(&format!("{name}_rows"));
+    format!("\n#if defined(SARRUS_ROWS) && defined(__GNUC__)\n{text}#endif\n")
+}
+
+/// The statements of the function.
+struct Body<'a> {
+    kernel: &'a Kernel,
+    /// Angles that have their sine and cosine.
+    angles: HashSet<Term>,
+}
+
+impl Body<'_> {
+    fn statements(mut self) -> Statements {
+        let head = ["sarrus_lanes bad[1] = {{0}}, over[1] = {{0}};", "(void)in;", "(void)out;"];
+        let mut head: Vec<String> = head.map(str::to_owned).into();
+        let rows = Row::all(&self.kernel.checks);
+        let limits = Row::merged(self.kernel.limited.iter().map(Row::of_limit).collect());
+        // what looks at a number follows it
+        let mut follow: Vec<Vec<String>> = vec![Vec::new(); self.kernel.operations.len()];
+        let mut after = |terms: [Option<Term>; 2], line: String| match terms
+            .into_iter()
+            .flatten()
+            .filter_map(Term::at)
+            .max()
+        {
+            Some(at) => follow[at as usize].push(line),
+            None => head.push(line),
+        };
+        for (mask, rows) in [("bad", rows), ("over", limits)] {
+            for row in rows {
+                if let Some(line) = outside(mask, &row) {
+                    after(row.measure.terms(), line);
+                }
+            }
+        }
+        let apart = self.kernel.outputs.len();
+        for (k, x) in self.kernel.outputs.iter().enumerate() {
+            let line = format!("sarrus_put(out + {k}, {apart}, {});", number(*x));
+            after([Some(*x), None], line);
+        }
+        let mut steps = Vec::new();
+        for (at, operation) in self.kernel.operations.iter().enumerate() {
+            let mut lines = self.operation(at, operation);
+            lines.append(&mut follow[at]);
+            steps.push(lines);
+        }
+        let end = "return sarrus_bits_of(bad[0]) | sarrus_bits_of(over[0]) << SARRUS_LANES;";
+        Statements { head, steps, tail: vec![end.to_owned()] }
+    }
+
+    fn operation(&mut self, at: usize, operation: &Operation) -> Vec<String> {
+        use Operation::*;
+        let n = |x: Term| number(x);
+        let mut lines = Vec::new();
+        let value = match *operation {
+            Input(k) => format!("sarrus_get(in + {k}, {})", self.kernel.inputs()),
+            Add(a, b) => match b {
+                Term::Node { negated: true, .. } => format!("{} - {}", n(a), n(b.negated())),
+                _ => format!("{} + {}", n(a), n(b)),
+            },
+            Multiply(a, b) => format!("{} * {}", n(a), n(b)),
+            Divide(a, b) => format!("{} / {}", n(a), n(b)),
+            Fused(a, b, c) => {
+                let name = match (a.is_negated() != b.is_negated(), c.is_negated()) {
+                    (false, false) => "fma",
+                    (false, true) => "fms",
+                    (true, false) => "fnma",
+                    (true, true) => "fnms",
+                };
+                let [a, b, c] = [a, b, c].map(|x| n(x.unsigned()));
+                format!("sarrus_{name}({a}, {b}, {c})")
+            }
+            Root(x) => format!("sarrus_root({})", n(x)),
+            Absolute(x) => format!("sarrus_absolute({})", n(x)),
+            Sine(x) | Cosine(x) => {
+                let of = x.at().unwrap_or_default();
+                if self.angles.insert(x) {
+                    let call = format!("sarrus_sin_cos_rows({}, &s{of}, &c{of});", n(x));
+                    lines.extend([format!("sarrus_rows s{of}, c{of};"), call]);
+                }
+                let name = if matches!(operation, Sine(_)) { "s" } else { "c" };
+                format!("{name}{of}")
+            }
+            Angle(y, x) => format!("sarrus_atan2_rows({}, {})", n(y), n(x)),
+            Select(comparison, a, b) => {
+                let (x, sign, y) = match comparison {
+                    Comparison::Less(x, y) => (x, "<", y),
+                    Comparison::Equal(x, y) => (x, "==", y),
+                };
+                let is_first = format!("{} {sign} {}", n(x), n(y));
+                format!("sarrus_choose_rows({is_first}, {}, {})", n(a), n(b))
+            }
+        };
+        lines.push(format!("const sarrus_rows v{at} = {value};"));
+        lines
+    }
+}
+
+/// A number of each row, or the same constant for all.
+fn number(x: Term) -> String {
+    match x.at() {
+        Some(at) => term(x, &format!("v{at}")),
+        None => format!("sarrus_same({})", term(x, "")),
+    }
+}
+
+/// The statement that marks rows in which a number is out of its bounds; limits do not see what is
+/// no number, checks do.
+fn outside(mask: &str, row: &Row) -> Option<String> {
+    let x = match row.measure {
+        Measure::Plain(a) => number(a),
+        Measure::Absolute(a) => format!("sarrus_absolute({})", number(a)),
+        Measure::Difference(a, b) => format!("({} - {})", number(a), number(b)),
+        Measure::Distance(a, b) => format!("sarrus_absolute({} - {})", number(a), number(b)),
+        Measure::Larger(a, b) => {
+            let (a, b) = (format!("sarrus_absolute({})", number(a)), number(b));
+            format!("sarrus_choose_rows({a} > {b}, {a}, {b})")
+        }
+    };
+    let (is_limit, same) = (mask == "over", |x: f64| format!("sarrus_same({})", literal(x)));
+    let [below, above] = if is_limit { ["<", ">"] } else { [">=", "<="] };
+    let mut sides = Vec::new();
+    if row.lower > f64::NEG_INFINITY {
+        sides.push(format!("({x} {below} {})", same(row.lower)));
+    }
+    if row.upper < f64::INFINITY {
+        sides.push(format!("({x} {above} {})", same(row.upper)));
+    }
+    match (is_limit, sides.is_empty()) {
+        (true, true) => None,
+        (true, false) => Some(format!("{mask}[0] |= (sarrus_lanes)({});", sides.join(" | "))),
+        (false, true) => Some(format!("{mask}[0] |= ~(sarrus_lanes)({x} == {x});")),
+        (false, false) => Some(format!("{mask}[0] |= ~(sarrus_lanes)({});", sides.join(" & "))),
+    }
+}
