@@ -12,6 +12,7 @@ use sarrus_proto::{Answer, Field, Query, Status, Warnings};
 use crate::closure::{Closure, Level, Numerical, Platform};
 use crate::mechanism::Motion;
 use crate::model::{Model, Scope};
+use crate::plan::diagnostics::digits::larger;
 use crate::plan::run::RunReport;
 use crate::plan::state::hold_idle;
 use crate::plan::{Plan, Space, Steps};
@@ -280,7 +281,7 @@ impl Plan {
         for &c in &self.closed.by_newton {
             let (gain, _) = self.close_cluster(model, c, ws, input, &mut report).ok()?;
             // what is no number stays
-            most = if gain <= most { most } else { gain };
+            most = larger(most, gain);
         }
         if report.open > self.query.loop_tolerance.bound() {
             return None;

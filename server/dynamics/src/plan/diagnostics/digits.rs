@@ -56,9 +56,10 @@ impl Doubt {
     }
 }
 
-/// The larger one; NaN where either is.
-fn larger(a: f64, b: f64) -> f64 {
-    if b <= a { a } else { b }
+/// The larger one; NaN where either is, so that it stays however many others follow.
+#[inline(always)]
+pub(in crate::plan) fn larger(a: f64, b: f64) -> f64 {
+    if b > a || b.is_nan() { b } else { a }
 }
 
 /// Terms of this size leave numbers of that one, of which `zero` counts as zero: how much their
@@ -121,5 +122,33 @@ impl Plan {
             // of nothing, rounding is all there is
             apart <= KEPT * size * part || part.is_infinite()
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_of_several_is_no_number_wherever_one_of_them_is_none() {
+        let largest = |x: [f64; 3]| x.into_iter().fold(1.0, larger);
+        let nan = f64::NAN;
+        for x in [[nan, 2.0, 3.0], [2.0, nan, 3.0], [2.0, 3.0, nan], [f64::INFINITY, nan, 0.0]] {
+            assert!(largest(x).is_nan(), "{x:?}");
+        }
+        assert_eq!(largest([3.0, 2.0, f64::INFINITY]), f64::INFINITY);
+        assert_eq!((largest([3.0, 7.0, 2.0]), largest([0.0, -1.0, 0.5])), (7.0, 1.0));
+    }
+
+    #[test]
+    fn a_doubt_that_is_no_number_is_large_whatever_follows() {
+        let mut doubt = Doubt::NONE;
+        for gain in [2.0, f64::NAN, 3.0] {
+            doubt.closure(gain, Level::Acceleration, 1.0);
+        }
+        assert!(doubt.is_large());
+        let mut doubt = Doubt::NONE;
+        [f64::NAN, 3.0].into_iter().for_each(|factor| doubt.times(factor));
+        assert!(doubt.is_large());
     }
 }
