@@ -16,7 +16,7 @@ use crate::table::{Table, ns};
 
 /// States of a call, and of one on two threads, where a start of a thread must not count.
 const STATES: usize = 64;
-const LONG: usize = 512;
+const LONG: usize = 4096;
 /// Rounds of batches, and how long a batch takes at least.
 const ROUNDS: usize = 40;
 const BATCH: Duration = Duration::from_micros(200);

@@ -164,11 +164,16 @@ fn folder(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name)
 }
 
-/// What a test program answers to states.
-fn answers(program: &Path, states: &[Vec<f64>], outputs: usize) -> Vec<(Outcome, Vec<f64>)> {
+/// What a test program answers to states, one by one (`states`) or several at once (`rows`).
+fn answers(
+    program: &Path,
+    how: &str,
+    states: &[Vec<f64>],
+    outputs: usize,
+) -> Vec<(Outcome, Vec<f64>)> {
     let bytes: Vec<u8> = states.iter().flatten().flat_map(|x| x.to_ne_bytes()).collect();
     let mut command = Command::new(program);
-    command.arg("states").stdin(Stdio::piped()).stdout(Stdio::piped());
+    command.arg(how).stdin(Stdio::piped()).stdout(Stdio::piped());
     let mut child = command.spawn().unwrap();
     let mut stdin = child.stdin.take().unwrap();
     let writer = std::thread::spawn(move || stdin.write_all(&bytes).unwrap());
@@ -223,10 +228,16 @@ fn queries_compared_in_c(
             let states: Vec<(Option<Vec<f64>>, Vec<f64>)> = states.map(of).collect();
             let closed: Vec<Vec<f64>> = states.iter().filter_map(|x| x.0.clone()).collect();
             unclosed += states.len() - closed.len();
-            let answers = answers(&built.test, &closed, plan.want().len());
+            let [answers, abreast] =
+                ["states", "rows"].map(|how| answers(&built.test, how, &closed, plan.want().len()));
             let inputs = states.iter().filter(|x| x.0.is_some()).map(|x| &x.1);
-            for (input, (outcome, output)) in inputs.zip(answers) {
+            for ((input, (outcome, output)), row) in inputs.zip(answers).zip(abreast) {
                 comparison.compare(input, outcome, &output);
+                assert_eq!(outcome, row.0, "{input:?}");
+                let is_answered = outcome != Outcome::NotAnswered;
+                let mut pairs = output.iter().zip(&row.1);
+                let is_same = pairs.all(|(a, b)| a.to_bits() == b.to_bits());
+                assert!(is_same || !is_answered, "{:?} for {output:?} at {input:?}", row.1);
             }
         }
         let Compared { answered, left } = comparison.compared;
@@ -266,7 +277,12 @@ fn tested_by(compiler: &str, source: &Source, folder: &Path, flags: &[&str]) -> 
     let file = |ending: &str| folder.join(format!("{}{ending}", source.name));
     let program = file("_test");
     let mut command = Command::new(compiler);
-    command.args(FLAGS).args(WARNINGS).args(flags).args([file(".c"), file("_test.c")]);
+    command
+        .args(FLAGS)
+        .arg("-DSARRUS_ROWS")
+        .args(WARNINGS)
+        .args(flags)
+        .args([file(".c"), file("_test.c")]);
     let output = command.arg("-o").arg(&program).arg("-lm").output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let output = Command::new(&program).output().unwrap();

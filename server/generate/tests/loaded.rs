@@ -162,12 +162,12 @@ fn what_is_not_the_kernel_of_a_plan_is_refused_with_the_reason() {
         let error = damaged("half.so", &bytes[..part]);
         assert!(matches!(error, LoadError::NoKernel(_) | LoadError::Broken(_)), "{error}");
     }
-    let head = b"sarrus kernel 3\n";
+    let head = b"sarrus kernel 4\n";
     let at = bytes.windows(head.len()).position(|window| window == head).unwrap();
     let error = damaged("manifest.so", &bytes[at..]);
     assert!(matches!(error, LoadError::Broken(_)), "{error}");
     let mut later = bytes.clone();
-    later[at + head.len() - 2] = b'4';
+    later[at + head.len() - 2] = b'5';
     let error = damaged("later.so", &later);
     assert!(matches!(error, LoadError::NoKernel(_)), "{error}");
 
@@ -205,8 +205,21 @@ fn a_kernel_with_other_bits_is_refused_with_a_state() {
     let path = built((&lambda, &plan), &of("constant"), &[], with_another_constant);
     let error = NativeKernel::open(&path, &lambda, &plan).unwrap_err();
     assert!(matches!(error, LoadError::Differs { .. }), "{error}");
+    // a number of rows alone, a row that is left
+    for (of_row, changed) in [
+        ("sarrus_put(out + 0, 1, ", "sarrus_put(out + 0, 1, 1.000000000001 * "),
+        ("return sarrus_bits_of(", "return 2 | sarrus_bits_of("),
+    ] {
+        let change = |function: String| function.replace(of_row, changed);
+        let path = built((&lambda, &plan), &of("rows"), &[], change);
+        let error = NativeKernel::open(&path, &lambda, &plan).unwrap_err();
+        assert!(matches!(&error, LoadError::Differs { what, .. } if what.contains("row")));
+    }
     // nothing is ever answered
-    let silent = |function: String| function.replace("return (int)(", "return 2 | (int)(");
+    let silent = |function: String| {
+        let function = function.replace("return sarrus_bits_of(", "return -1 | sarrus_bits_of(");
+        function.replace("return (int)(", "return 2 | (int)(")
+    };
     let path = built((&lambda, &plan), &of("silent"), &[], silent);
     let error = NativeKernel::open(&path, &lambda, &plan).unwrap_err();
     assert!(matches!(error, LoadError::Unserved { .. }), "{error}");

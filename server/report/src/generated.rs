@@ -1,22 +1,27 @@
 //! Section `generated`: straight-line code of each robot beside the kernels that it was traced
 //! from, the same code without its checks, and a peer at equal error.
 
-use std::hint::black_box;
+mod case;
+#[cfg(test)]
+mod tests;
+
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
-use sarrus_dynamics::{Answer, Model, Plan, Status, Workspace};
+use sarrus_dynamics::{Model, Plan};
 use sarrus_generate::{Compiler, Kernel, NativeKernel, Source};
 
+use self::case::Case;
 use crate::Outcome;
 use crate::measure::Effort;
 use crate::measure::progress::Progress;
-use crate::measure::timing::{Timed, interleaved};
+use crate::measure::timing::interleaved;
 use crate::page::{Section, Table, exponent};
 use crate::peer::{Peer, Run, pinocchio};
 use crate::reference::{References, layout, only_q, worse};
 use crate::robots::catalogue::BUNDLED;
-use crate::robots::{Question, Robot, Start, Subject, packed};
+use crate::robots::{Question, Robot, Start, Subject};
 
 /// Robots of a quick report.
 const QUICK: [&str; 3] = ["lambda", "torso", "rh5v2_upper_body"];
@@ -63,8 +68,9 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
         caption: format!(
             "Nanoseconds of a call from y without a guess. Plan: the kernels that every robot \
             shares; with code: an answer by the shared object that `sarrus generate` made of the \
-            plan, or by the plan where the code leaves a state to it, medians of batches that \
-            take turns. Code and bare: the least of {TURNS} runs by turns of the test programs of \
+            plan, or by the plan where the code leaves a state to it; in rows: a state of {} that \
+            are asked at once, by the code for several abreast; medians of batches that take \
+            turns. Code and bare: the least of {TURNS} runs by turns of the test programs of \
             the same function, and of it without checks and without pairs; their ratio is what \
             checks cost and pairs gain; of robots with Newton's method both are without its \
             closures, which stay the plan's. Peer: the fastest method of Pinocchio whose largest \
@@ -72,6 +78,7 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
             ours needs none), and how many times as long it takes as ours with code, or by the \
             plan where there is none. Bits of the code are compared with the plan's on 4096 \
             states when it is loaded. Compiler: {}.",
+            amount.states,
             compiler.name()
         ),
         columns: [
@@ -80,6 +87,7 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
             "operations",
             "plan",
             "with code",
+            "in rows",
             "code",
             "bare",
             "code / bare",
@@ -121,6 +129,8 @@ struct Code {
     operations: usize,
     /// Nanoseconds in process, with the plan for what the code leaves to it.
     in_process: f64,
+    /// The same of one state among many that are asked at once.
+    in_rows: f64,
     /// Nanoseconds of the function in its test program, and without its checks.
     alone: f64,
     bare: f64,
@@ -145,6 +155,7 @@ impl Row {
             of_code(|code| code.operations.to_string()),
             format!("{:.0}", self.plan),
             of_code(|code| format!("{:.0}", code.in_process)),
+            of_code(|code| format!("{:.0}", code.in_rows)),
             of_code(|code| format!("{:.0}", code.alone)),
             of_code(|code| format!("{:.0}", code.bare)),
             of_code(|code| format!("{:.2}", code.alone / code.bare)),
@@ -160,7 +171,7 @@ fn summary(rows: &[Row]) -> String {
     let range = |ratios: &mut dyn Iterator<Item = f64>| {
         let (mut least, mut most) = (f64::INFINITY, 0.0_f64);
         ratios.for_each(|ratio| (least, most) = (least.min(ratio), most.max(ratio)));
-        (least <= most).then(|| format!("{least:.1} to {most:.1}"))
+        (least <= most).then(|| format!("{least:.2} to {most:.1}"))
     };
     let gains = |question: Question| {
         let gains = &mut rows.iter().filter(|row| row.question == question).filter_map(Row::gain);
@@ -172,61 +183,11 @@ fn summary(rows: &[Row]) -> String {
         None => "Straight-line code: none".to_owned(),
         Some(ratios) => format!("Straight-line code: {ratios} times as fast as the plan"),
     };
+    let shares = rows.iter().filter_map(|row| row.code.as_ref());
+    let shares = range(&mut shares.map(|code| code.in_rows / code.in_process));
+    shares.into_iter().for_each(|shares| text += &format!(", in rows {shares} of its time"));
     Question::CHOSEN.into_iter().filter_map(gains).for_each(|gain| text += &gain);
     text
-}
-
-/// A plan, alone or with its code.
-struct Case<'a> {
-    model: &'a Model,
-    plan: Plan,
-    kernel: Option<NativeKernel>,
-    workspace: Workspace<f64>,
-    inputs: Vec<Vec<f64>>,
-    output: Vec<f64>,
-}
-
-impl<'a> Case<'a> {
-    fn new(robot: &Robot, model: &'a Model, plan: Plan, kernel: Option<NativeKernel>) -> Case<'a> {
-        Case {
-            model,
-            workspace: Workspace::for_plans(model, [&plan]),
-            inputs: robot.states.iter().map(|state| packed(&plan, state, 0)).collect(),
-            output: vec![0.0; plan.want().len()],
-            plan,
-            kernel,
-        }
-    }
-
-    #[inline]
-    fn answer(&mut self, state: usize) -> Answer {
-        let input = black_box(self.inputs[state].as_slice());
-        let of = (self.model, &self.plan);
-        let by_code = self
-            .kernel
-            .as_ref()
-            .and_then(|kernel| kernel.answer(of, &mut self.workspace, input, &mut self.output));
-        by_code.unwrap_or_else(|| {
-            self.plan.run(self.model, &mut self.workspace, input, &mut self.output)
-        })
-    }
-}
-
-impl Timed for Case<'_> {
-    fn name(&self) -> String {
-        format!("{}: {}", self.model.name(), self.plan.query().want)
-    }
-
-    fn states(&self) -> usize {
-        self.inputs.len()
-    }
-
-    #[inline]
-    fn call(&mut self, state: usize) -> Status {
-        let status = self.answer(state).status;
-        black_box(&self.output);
-        status
-    }
 }
 
 /// Adds the rows of one robot.
@@ -239,6 +200,7 @@ fn of_robot(
 ) -> Outcome {
     let variant = robot.variants.first().ok_or("no variant")?;
     let model = &variant.compiled.model;
+    let shared = Arc::new(model.clone());
     let start = if variant.closures == "analytic" { Start::None } else { Start::Warm };
     let mut references = References::new(robot);
     let (mut cases, mut made) = (Vec::new(), Vec::new());
@@ -250,7 +212,9 @@ fn of_robot(
             Ok(generated) => {
                 let (alone, bare) = generated.alone()?;
                 let Generated { kernel, operations, .. } = generated;
-                (Some(kernel), Some(Code { operations, in_process: f64::NAN, alone, bare }))
+                let [in_process, in_rows] = [f64::NAN; 2];
+                let code = Code { operations, in_process, in_rows, alone, bare };
+                (Some(Arc::new(kernel)), Some(code))
             }
             Err(reason) => {
                 let name = robot.name.to_owned();
@@ -258,8 +222,8 @@ fn of_robot(
                 (None, None)
             }
         };
-        cases.push(Case::new(robot, model, plan.clone(), None));
-        cases.push(Case::new(robot, model, plan, kernel));
+        let case = |kernel| Case::new(robot, model, plan.clone(), kernel);
+        cases.extend([case(None), case(kernel.clone()), case(kernel).in_rows(&shared)]);
         made.push((question, code));
     }
     let times = interleaved(&mut cases, amount.rounds, |_| {})?;
@@ -267,11 +231,12 @@ fn of_robot(
     let runs = if let Peer::Measured { runs, .. } = peer { runs } else { Vec::new() };
     for (k, (question, mut code)) in made.into_iter().enumerate() {
         if let Some(code) = &mut code {
-            code.in_process = times[2 * k + 1].median();
+            code.in_process = times[3 * k + 1].median();
+            code.in_rows = times[3 * k + 2].median() / robot.states.len() as f64;
         }
         let (mut error, want) = (0.0_f64, layout(robot, question));
         for state in 0..robot.states.len() {
-            let case = &mut cases[2 * k];
+            let case = &mut cases[3 * k];
             case.answer(state).ok()?;
             let key = (question, 0, Start::None);
             error = worse(error, references.error(key, &want, state, &case.output)?);
@@ -280,7 +245,7 @@ fn of_robot(
         rows.push(Row {
             robot: robot.name,
             question,
-            plan: times[2 * k].median(),
+            plan: times[3 * k].median(),
             error,
             code,
             peer: fastest(robot, &mut references, (question, start), &runs, least)?,
@@ -349,6 +314,7 @@ impl Generated {
         for _ in 0..TURNS {
             for (least, program) in least.iter_mut().zip(&self.programs) {
                 let words = program.test()?;
+                let words = words.lines().next().unwrap_or_default();
                 let ns = words.rsplit("; ").next().and_then(|end| end.split(' ').next());
                 let ns: Option<f64> = ns.and_then(|ns| ns.parse().ok());
                 *least = least.min(ns.ok_or_else(|| format!("no time: {words}"))?);
@@ -373,6 +339,3 @@ impl Drop for Folder {
         let _ = std::fs::remove_dir_all(&self.0);
     }
 }
-
-#[cfg(test)]
-mod tests;

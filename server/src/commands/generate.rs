@@ -146,7 +146,7 @@ fn in_words(generated: &Generated) -> String {
     text += &format!("{:<12} {}\n", "operations", generated.operations);
     text += &format!("{:<12} {}\n", "checks", generated.checks);
     text += &format!("{:<12} {}\n", "compiler", generated.compiler);
-    if let Some(test) = &generated.test {
+    for test in generated.test.iter().flat_map(|test| test.lines()) {
         text += &format!("{:<12} {test}\n", "test");
     }
     text

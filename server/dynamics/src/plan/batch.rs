@@ -18,6 +18,7 @@ use crate::workspace::{Workspace, most_closed};
 
 /// Most states that [`BatchWorkspace::close_rows`] closes at once.
 pub const MOST_ROWS: usize = 8;
+const _: () = assert!(LANES <= MOST_ROWS);
 
 /// Every row goes alone.
 const ALL: u32 = u32::MAX;

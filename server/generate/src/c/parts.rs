@@ -16,8 +16,8 @@ const ARRAYS: [(&str, &str); 8] = [
     ("limited", "double"),
     ("sine", "double"),
     ("cosine", "double"),
-    ("bad", "sarrus_lanes"),
-    ("over", "sarrus_lanes"),
+    ("left", "sarrus_lanes"),
+    ("beyond", "sarrus_lanes"),
 ];
 /// The types of numbers, and the arrays in which they wait.
 const KINDS: [(&str, &str); 3] =

@@ -29,7 +29,7 @@ struct Body<'a> {
 
 impl Body<'_> {
     fn statements(mut self) -> Statements {
-        let head = ["sarrus_lanes bad[1] = {{0}}, over[1] = {{0}};", "(void)in;", "(void)out;"];
+        let head = ["sarrus_lanes left[1] = {{0}}, beyond[1] = {{0}};", "(void)in;", "(void)out;"];
         let mut head: Vec<String> = head.map(str::to_owned).into();
         let rows = Row::all(&self.kernel.checks);
         let limits = Row::merged(self.kernel.limited.iter().map(Row::of_limit).collect());
@@ -44,7 +44,7 @@ impl Body<'_> {
             Some(at) => follow[at as usize].push(line),
             None => head.push(line),
         };
-        for (mask, rows) in [("bad", rows), ("over", limits)] {
+        for (mask, rows) in [("left", rows), ("beyond", limits)] {
             for row in rows {
                 if let Some(line) = outside(mask, &row) {
                     after(row.measure.terms(), line);
@@ -62,7 +62,7 @@ impl Body<'_> {
             lines.append(&mut follow[at]);
             steps.push(lines);
         }
-        let end = "return sarrus_bits_of(bad[0]) | sarrus_bits_of(over[0]) << SARRUS_LANES;";
+        let end = "return sarrus_bits_of(left[0]) | sarrus_bits_of(beyond[0]) << SARRUS_LANES;";
         Statements { head, steps, tail: vec![end.to_owned()] }
     }
 
@@ -135,7 +135,7 @@ fn outside(mask: &str, row: &Row) -> Option<String> {
             format!("sarrus_choose_rows({a} > {b}, {a}, {b})")
         }
     };
-    let (is_limit, same) = (mask == "over", |x: f64| format!("sarrus_same({})", literal(x)));
+    let (is_limit, same) = (mask == "beyond", |x: f64| format!("sarrus_same({})", literal(x)));
     let [below, above] = if is_limit { ["<", ">"] } else { [">=", "<="] };
     let mut sides = Vec::new();
     if row.lower > f64::NEG_INFINITY {

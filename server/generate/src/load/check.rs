@@ -1,6 +1,6 @@
 //! A loaded kernel against the generic ones, bit by bit.
 
-use sarrus_dynamics::{Model, Plan, Workspace};
+use sarrus_dynamics::{Answer, Model, Plan, Workspace};
 
 use super::NativeKernel;
 use crate::RandomInputs;
@@ -20,25 +20,81 @@ pub(super) fn compare(
     let mut workspace = Workspace::for_plans(model, [plan]);
     let [mut expected, mut output] = [(); 2].map(|()| vec![0.0; plan.want().len()]);
     let mut inputs = RandomInputs::new(model, plan);
+    let mut group = Group::default();
     let mut answered = 0;
     for k in 0..STATES {
         let mut input = inputs.input(FRESH + k);
         disturb(&mut input, k);
+        let closed = match plan.closes_apart() {
+            true => plan.close(model, &mut workspace, &input).map(<[f64]>::to_vec),
+            false => Some(input.clone()),
+        };
+        let Some(closed) = closed else { continue };
         let answer = kernel.answer((model, plan), &mut workspace, &input, &mut output);
+        group.push(&closed, answer, &output);
+        group.compare(kernel).map_err(|what| (k, what))?;
         let Some(answer) = answer else { continue };
         let right = plan.run(model, &mut workspace, &input, &mut expected);
-        if answer != right {
-            let [found, expected] = [answer, right]
-                .map(|answer| format!("{} {:?}", answer.status.name(), answer.warnings));
-            return Err((k, format!("{found}, expected {expected}")));
-        }
-        let pairs = output.iter().zip(&expected);
-        if let Some((found, expected)) = pairs.clone().find(|(a, b)| a.to_bits() != b.to_bits()) {
-            return Err((k, format!("{found:?}, expected {expected:?}")));
-        }
+        same((answer, &output), (right, &expected)).map_err(|what| (k, what))?;
         answered += 1;
     }
     Ok(answered)
+}
+
+/// What differs between two answers.
+fn same(
+    (answer, output): (Answer, &[f64]),
+    (right, expected): (Answer, &[f64]),
+) -> Result<(), String> {
+    if answer != right {
+        let [found, expected] =
+            [answer, right].map(|answer| format!("{} {:?}", answer.status.name(), answer.warnings));
+        return Err(format!("{found}, expected {expected}"));
+    }
+    let mut pairs = output.iter().zip(expected);
+    match pairs.find(|(a, b)| a.to_bits() != b.to_bits()) {
+        Some((found, expected)) => Err(format!("{found:?}, expected {expected:?}")),
+        None => Ok(()),
+    }
+}
+
+/// States for the function for rows, with the answers of that for one.
+#[derive(Default)]
+struct Group {
+    input: Vec<f64>,
+    answers: Vec<Option<Answer>>,
+    output: Vec<f64>,
+}
+
+impl Group {
+    fn push(&mut self, closed: &[f64], answer: Option<Answer>, output: &[f64]) {
+        self.input.extend(closed);
+        self.answers.push(answer);
+        self.output.extend(output);
+    }
+
+    /// As soon as there are enough of them the function for rows must answer as that for one does.
+    fn compare(&mut self, kernel: &NativeKernel) -> Result<(), String> {
+        let rows = kernel.rows();
+        if rows == 1 || self.answers.len() < rows {
+            return Ok(());
+        }
+        let mut output = vec![0.0; self.output.len()];
+        let bits = kernel.bits(&self.input, &mut output, 0);
+        let width = output.len() / rows;
+        for (row, expected) in self.answers.iter().enumerate() {
+            let answer = bits.as_ref().and_then(|bits| bits.answer(row));
+            let [found, right] = [&output, &self.output].map(|rows| &rows[row * width..][..width]);
+            match (answer, *expected) {
+                (Some(answer), Some(expected)) => same((answer, found), (expected, right))
+                    .map_err(|what| format!("row: {what}"))?,
+                (None, None) => {}
+                _ => return Err("a row is answered or left as no single state is".to_owned()),
+            }
+        }
+        *self = Group::default();
+        Ok(())
+    }
 }
 
 /// One state in eight is at rest, has zeros of both signs, is far out, or holds what is no number.

@@ -16,7 +16,7 @@ const OK: i32 = 0;
 const LIMITS_EXCEEDED: i32 = 1;
 
 /// What became of rows, one bit for each.
-struct RowBits {
+pub(super) struct RowBits {
     /// Rows without an answer, and rows out of limits.
     left: u32,
     beyond: u32,
@@ -24,7 +24,7 @@ struct RowBits {
 
 impl RowBits {
     #[inline]
-    fn answer(&self, row: usize) -> Option<Answer> {
+    pub(super) fn answer(&self, row: usize) -> Option<Answer> {
         let is_beyond = self.beyond >> row & 1 != 0;
         let warnings = if is_beyond { Warnings::LIMITS_EXCEEDED } else { Warnings::NONE };
         (self.left >> row & 1 == 0).then_some(Answer { status: Status::Ok, warnings })
@@ -161,7 +161,14 @@ impl NativeKernel {
             let input = &input[first * n_in..][..count * n_in];
             let output = &mut output[first * n_out..][..count * n_out];
             let answers = &mut answers[first..][..count];
-            let bits = self.bits(plan, scratch, input, output);
+            let bits = if count < self.object.rows().max(2) {
+                None
+            } else if plan.closes_apart() {
+                let closed = scratch.close_rows(plan, input);
+                closed.and_then(|(closed, open)| self.bits(closed, output, open))
+            } else {
+                self.bits(input, output, 0)
+            };
             for (row, answer) in answers.iter_mut().enumerate() {
                 let input = &input[row * n_in..][..n_in];
                 let output = &mut output[row * n_out..][..n_out];
@@ -178,22 +185,12 @@ impl NativeKernel {
         by_kernel
     }
 
-    /// What the function for rows says of as many as it takes.
-    fn bits(
-        &self,
-        plan: &Plan,
-        scratch: &mut BatchWorkspace,
-        input: &[f64],
-        output: &mut [f64],
-    ) -> Option<RowBits> {
-        let rows = self.object.rows();
-        if rows < 2 {
-            return None;
-        }
-        let (input, open) =
-            if plan.closes_apart() { scratch.close_rows(plan, input)? } else { (input, 0) };
-        let bits = self.object.call_rows(input, output)?;
-        Some(RowBits { left: bits as u32 | open, beyond: bits as u32 >> rows })
+    /// What the function for rows says of as many closed ones as it takes; those in `open` are
+    /// not closed.
+    #[inline]
+    pub(super) fn bits(&self, closed: &[f64], output: &mut [f64], open: u32) -> Option<RowBits> {
+        let bits = self.object.call_rows(closed, output)? as u32;
+        Some(RowBits { left: bits | open, beyond: bits >> self.object.rows() })
     }
 
     /// What it says of itself.
