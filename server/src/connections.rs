@@ -249,7 +249,7 @@ impl Connections {
                 self.free(index);
             }
             None => {
-                // room for three orders of each place: full means that the answering thread is gone
+                // room for all orders of a place: full means that the answering thread is gone
                 let _ = self.orders.push(Order::Retire { place: index });
                 if let Some(place) = &mut self.places[index] {
                     place.is_leaving = true;

@@ -71,8 +71,17 @@ pub(crate) enum Order {
     Retire { place: usize },
 }
 
+/// Orders of one place that can be under way: of a client who is gone its area for batches, and two
+/// to give back, one of them because its end was broken; and of the next one there its end, its
+/// area, and the order to give both back.
+pub(crate) const MAX_ORDERS: usize = 6;
+
 /// An end given back, with its place.
 pub(crate) type Retired = (usize, End);
+
+/// Those of one place that can be on their way back: an area of the client before, an end and an
+/// area of the one that is there.
+pub(crate) const MAX_RETIRED: usize = 3;
 
 /// What both threads see.
 pub(crate) struct Shared {
