@@ -31,6 +31,12 @@ impl Batches {
         Batches { area, client, last: 0, under_way: None }
     }
 
+    /// Gives the memory of the area back, whoever keeps a descriptor of it: its client is told that
+    /// nothing in it is an answer. Beside the thread that answers.
+    pub(crate) fn let_go(self) {
+        self.area.empty();
+    }
+
     /// Answers a tile, or refuses a batch; false where there is nothing to do.
     pub(crate) fn turn(
         &mut self,
