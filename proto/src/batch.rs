@@ -22,7 +22,10 @@ use std::os::fd::OwnedFd;
 use std::sync::atomic::{
     AtomicU64,
     Ordering::{Acquire, Relaxed, Release},
+    fence,
 };
+
+use rustix::fs::{SealFlags, fcntl_add_seals};
 
 use crate::mapping::Mapping;
 use crate::{Answer, Status, Warnings};
@@ -101,6 +104,8 @@ impl ServedBatch {
     /// answers.
     pub fn create() -> io::Result<(ServedBatch, OwnedFd)> {
         let (mapping, memory) = Mapping::create("sarrus-batch", BATCH_WORDS)?;
+        // against a client whose seal would keep its memory from being given back
+        fcntl_add_seals(&memory, SealFlags::SEAL)?;
         Ok((ServedBatch(mapping), memory))
     }
 
@@ -150,6 +155,15 @@ impl ServedBatch {
         // SYNC POINT: answered batch (the other end is `answer`)
         words[ANSWERED].store(sequence, Release);
     }
+
+    /// Gives the memory back, also that of clients who keep descriptors of it: nothing in it is an
+    /// answer any more.
+    pub fn empty(&self) {
+        self.0.words()[ANSWERED].store(0, Relaxed);
+        // SYNC POINT: emptied (the other end is `has_kept`)
+        fence(Release);
+        self.0.empty();
+    }
 }
 
 /// The client's side of an area.
@@ -183,6 +197,14 @@ impl ClaimedBatch {
         // SYNC POINT: answered batch (the other end is `publish`)
         let answered = words[ANSWERED].load(Acquire) == sequence;
         answered.then(|| words[STATUS].load(Relaxed) as u32)
+    }
+
+    /// True where the rows that were just read are those of this sequence's answer. A server that
+    /// takes the area back empties it, and zeros would look like an answer.
+    pub fn has_kept(&self, sequence: u64) -> bool {
+        // SYNC POINT: emptied (the other end is `empty`)
+        fence(Acquire);
+        self.0.words()[ANSWERED].load(Relaxed) == sequence
     }
 
     /// How many rows were answered so far, of all batches.
@@ -253,6 +275,24 @@ mod tests {
         claimed.read(&shape, &mut answers, &mut output);
         assert_eq!(answers, [ok, failed, ok]);
         assert!(output[1].is_nan() && [output[0], output[2]] == [1.0, 3.0]);
+    }
+
+    #[test]
+    fn an_area_that_was_emptied_has_no_answer_and_keeps_its_words() {
+        let (served, memory) = ServedBatch::create().unwrap();
+        let claimed = ClaimedBatch::open(&memory).unwrap();
+        assert!(fcntl_add_seals(&memory, SealFlags::FUTURE_WRITE).is_err());
+        let shape = BatchShape::new(1, 1, 1).unwrap();
+        let failed = Answer { status: Status::Unreachable, warnings: Warnings::NONE };
+        let (mut answers, mut output) = ([failed], [0.0]);
+        served.publish(1, Status::Ok);
+        claimed.read(&shape, &mut answers, &mut output);
+        assert!(claimed.has_kept(1));
+        served.empty();
+        assert_eq!((claimed.has_kept(1), claimed.answer(1)), (false, None));
+        drop(served);
+        claimed.send(&BatchHead { sequence: 2, ..BatchHead::default() }, &shape, &[1.0]);
+        assert_eq!(claimed.answer(2), None);
     }
 
     #[test]

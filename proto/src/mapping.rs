@@ -13,7 +13,7 @@ use rustix::fs::{
     FallocateFlags, MemfdFlags, SealFlags, fallocate, fcntl_add_seals, fcntl_get_seals, fstat,
     memfd_create,
 };
-use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
+use rustix::mm::{Advice, MapFlags, ProtFlags, madvise, mmap, munmap};
 
 /// Words of shared memory, mapped until this is dropped.
 pub(crate) struct Mapping {
@@ -67,6 +67,16 @@ impl Mapping {
         // the mapping is read-only its owner stores nothing.
         unsafe { std::slice::from_raw_parts(self.start.as_ptr(), self.n_words) }
     }
+
+    /// Gives the memory back for everybody who maps it or keeps its descriptor: zeros are read from
+    /// now on, and who writes takes memory anew. Where that is refused it stays as it is.
+    pub(crate) fn empty(&self) {
+        // SAFETY: all of it is this mapping's; its words stay mapped, and are atomic integers
+        // whatever they become.
+        let _ = unsafe {
+            madvise(self.start.as_ptr().cast(), bytes(self.n_words), Advice::LinuxRemove)
+        };
+    }
 }
 
 impl Drop for Mapping {
@@ -96,6 +106,19 @@ mod tests {
         assert_eq!(mine.words()[999].load(Relaxed), 7);
         assert!(ftruncate(&memory, 8).is_err() && ftruncate(&memory, 1 << 20).is_err());
         assert!(Mapping::open(&memory, 1001, true).is_err());
+    }
+
+    #[test]
+    fn what_is_emptied_takes_no_memory_whoever_keeps_its_descriptor() {
+        let blocks = |memory: &OwnedFd| fstat(memory).unwrap().st_blocks;
+        let (mine, memory) = Mapping::create("words", 1 << 17).unwrap();
+        let theirs = Mapping::open(&memory, 1 << 17, true).unwrap();
+        theirs.words().iter().for_each(|word| word.store(7, Relaxed));
+        assert_eq!(blocks(&memory), 1 << 11);
+        mine.empty();
+        assert_eq!(blocks(&memory), 0);
+        drop(mine);
+        assert!([0, (1 << 17) - 1].iter().all(|k| theirs.words()[*k].load(Relaxed) == 0));
     }
 
     #[test]

@@ -18,6 +18,9 @@ pub(crate) struct Batches {
     /// The sequence of the last batch that was looked at.
     last: u64,
     under_way: Option<UnderWay>,
+    /// A test's fault: a plan that panics over the tile which begins here.
+    #[cfg(test)]
+    pub(crate) panics_at: Option<usize>,
 }
 
 /// A batch that is answered up to this row.
@@ -28,7 +31,20 @@ struct UnderWay {
 
 impl Batches {
     pub(crate) fn new(area: ServedBatch, client: Client) -> Batches {
-        Batches { area, client, last: 0, under_way: None }
+        Batches {
+            area,
+            client,
+            last: 0,
+            under_way: None,
+            #[cfg(test)]
+            panics_at: None,
+        }
+    }
+
+    /// Gives the memory of the area back, whoever keeps a descriptor of it: its client is told that
+    /// nothing in it is an answer. Beside the thread that answers.
+    pub(crate) fn let_go(self) {
+        self.area.empty();
     }
 
     /// Answers a tile, or refuses a batch; false where there is nothing to do.
@@ -57,6 +73,8 @@ impl Batches {
             return true;
         }
         engine.found(clock.raw(), self.client);
+        #[cfg(test)]
+        assert_ne!(self.panics_at, Some(row), "a plan that panics");
         let mut answers =
             [Answer { status: Status::UnknownRequest, warnings: Warnings::NONE }; MOST_ROWS];
         match engine.answer_tile(&head, row, &self.area, &mut answers) {

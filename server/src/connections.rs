@@ -216,7 +216,8 @@ impl Connections {
     /// Takes back what the answering thread returned; call it often.
     pub(crate) fn collect(&mut self) {
         while let Ok((index, end)) = self.retired.pop() {
-            if matches!(end, End::Batches(_)) {
+            if let End::Batches(batches) = end {
+                batches.let_go();
                 continue; // its place is that of another end
             }
             if matches!(end, End::Broken) {
@@ -234,9 +235,7 @@ impl Connections {
     }
 
     fn free(&mut self, index: usize) {
-        if let Some(place) = self.places[index].take() {
-            place.free();
-        }
+        self.places[index].take().into_iter().for_each(Place::free);
     }
 
     fn give_back(&mut self, number: u64) {
@@ -249,7 +248,7 @@ impl Connections {
                 self.free(index);
             }
             None => {
-                // room for three orders of each place: full means that the answering thread is gone
+                // room for all orders of a place: full means that the answering thread is gone
                 let _ = self.orders.push(Order::Retire { place: index });
                 if let Some(place) = &mut self.places[index] {
                     place.is_leaving = true;

@@ -71,8 +71,17 @@ pub(crate) enum Order {
     Retire { place: usize },
 }
 
+/// Orders of one place that can be under way: of a client who is gone its area for batches, and two
+/// to give back, one of them because its end was broken; and of the next one there its end, its
+/// area, and the order to give both back.
+pub(crate) const MAX_ORDERS: usize = 6;
+
 /// An end given back, with its place.
 pub(crate) type Retired = (usize, End);
+
+/// Those of one place that can be on their way back: an area of the client before, an end and an
+/// area of the one that is there.
+pub(crate) const MAX_RETIRED: usize = 3;
 
 /// What both threads see.
 pub(crate) struct Shared {
@@ -183,18 +192,30 @@ impl Hot {
     fn answer_tile(&mut self, stopping: bool) -> bool {
         let Hot { engine, ends, shared, clock, next, .. } = self;
         for index in (*next..ends.len()).chain(0..(*next).min(ends.len())) {
-            if let Some((_, End::Batches(batches))) = ends.get_mut(index)
-                && batches.turn(engine, &shared.counters, clock, stopping)
-            {
-                *next = index + 1;
-                return true;
+            let Some((place, End::Batches(batches))) = ends.get_mut(index) else { continue };
+            // as of a single request: a panic ends its client and nobody else
+            let turn = catch_unwind(AssertUnwindSafe(|| {
+                batches.turn(engine, &shared.counters, clock, stopping)
+            }));
+            if let Ok(false) = turn {
+                continue;
             }
+            *next = index + 1;
+            if turn.is_err() {
+                // by the end beside it, with which it goes
+                let place = *place;
+                let end = ends
+                    .iter()
+                    .position(|(other, end)| *other == place && !matches!(end, End::Batches(_)));
+                self.give_up(end.unwrap_or(index));
+            }
+            return true;
         }
         false
     }
 
-    /// An end that the transport cannot work with any more is not touched again, not even to be
-    /// taken down; its client is.
+    /// An end that the transport or a plan cannot work with any more is not touched again, not even
+    /// to be taken down; its client is.
     #[cold]
     fn give_up(&mut self, index: usize) {
         if let Some((place, end)) = self.ends.get_mut(index) {

@@ -22,7 +22,7 @@ use crate::counters::{Counters, Latency};
 use crate::engine::Engine;
 use crate::error::{MAX_LANES, ServeError};
 use crate::events;
-use crate::hot::{Hot, Shared};
+use crate::hot::{self, Hot, Shared};
 use crate::kernels::{Kernels, Maker};
 use crate::placement::{Flags, Placement};
 use crate::plans::{MAX_ORDERS, Plans};
@@ -130,9 +130,8 @@ fn run(
     let shared = Arc::new(Shared { counters, stopping: AtomicBool::new(false) });
     let (plan_orders_in, plan_orders) = RingBuffer::new(MAX_ORDERS);
     let (retired_plans, retired_plans_out) = RingBuffer::new(MAX_PLANS);
-    // an end and one for batches are ordered there, and both back, before their place is free again
-    let (orders_in, orders) = RingBuffer::new(3 * places);
-    let (retired, retired_out) = RingBuffer::new(2 * places);
+    let (orders_in, orders) = RingBuffer::new(hot::MAX_ORDERS * places);
+    let (retired, retired_out) = RingBuffer::new(hot::MAX_RETIRED * places);
     let heartbeat = HeartbeatWriter::new().map_err(ServeError::Heartbeat)?;
     let heartbeat_reader = heartbeat.reader_descriptor().map_err(ServeError::Heartbeat)?;
     let clock = Clock::new();

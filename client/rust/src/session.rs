@@ -209,6 +209,10 @@ impl Session {
                     Status::Ok => area.read(shape, answers, output),
                     _ => answers.fill(Answer { status, warnings: Warnings::NONE }),
                 }
+                if !area.has_kept(head.sequence) {
+                    // the server took it back meanwhile
+                    return Ok(Exchange::Lost);
+                }
                 return Ok(Exchange::Answered(status));
             }
             if let Some(waited) = waiter.pause() {

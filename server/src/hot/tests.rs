@@ -189,3 +189,38 @@ fn an_area_goes_back_with_the_end_beside_it() {
     let back: Vec<usize> = std::iter::from_fn(|| stepped.retired.pop().ok()).map(|x| x.0).collect();
     assert_eq!((back, stepped.hot.ends.len()), (vec![7, 7], 1));
 }
+
+#[test]
+fn a_plan_that_panics_over_a_tile_ends_its_client_and_nobody_else() {
+    let mut stepped = Stepped::new();
+    let [panics, other] = [0, 1].map(|place| stepped.batches(place));
+    let tile = stepped.plan.abreast();
+    let Some((_, End::Batches(batches))) = stepped.hot.ends.first_mut() else { panic!("no area") };
+    batches.panics_at = Some(tile);
+    stepped.ask(&panics, 1, ROWS);
+    stepped.ask(&other, 1, 2 * tile);
+    let turns: usize = (0..4).map(|_| stepped.hot.sweep(false)).sum();
+    assert_eq!((turns, other.answer(1)), (4, Some(Status::Ok as u32)));
+    assert_eq!((panics.answer(1), panics.done()), (None, tile as u64));
+    // its place goes back as that of a client which has broken its end
+    let (place, end) = stepped.retired.pop().unwrap();
+    assert!(place == 0 && matches!(end, End::Broken));
+    assert_eq!((stepped.hot.ends.len(), stepped.hot.sweep(false)), (1, 0));
+
+    // and so does the end beside the area
+    let area = stepped.batches(2);
+    assert!(stepped.orders.push(Order::Serve { place: 2, end: End::Broken }).is_ok());
+    stepped.hot.obey();
+    let ends = stepped.hot.ends.iter_mut();
+    let mine = ends.filter_map(|(place, end)| match end {
+        End::Batches(batches) if *place == 2 => Some(batches),
+        _ => None,
+    });
+    mine.for_each(|batches| batches.panics_at = Some(0));
+    stepped.ask(&area, 1, 1);
+    assert_eq!(stepped.hot.sweep(false), 1);
+    let back: Vec<Retired> = std::iter::from_fn(|| stepped.retired.pop().ok()).collect();
+    let broken = back.iter().filter(|(_, end)| matches!(end, End::Broken)).count();
+    assert_eq!((back.len(), broken, stepped.hot.ends.len()), (2, 1, 1));
+    assert!(back.iter().all(|(place, _)| *place == 2));
+}

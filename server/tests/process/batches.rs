@@ -1,7 +1,8 @@
 //! Batches through shared memory: the bits of single answers, whatever goes wrong beside them.
 
-use std::fs;
+use std::fs::{self, File};
 use std::num::NonZero;
+use std::os::unix::fs::MetadataExt;
 use std::time::{Duration, Instant};
 
 use sarrus_client::{
@@ -9,9 +10,10 @@ use sarrus_client::{
     Status, Transport, Warnings,
 };
 use sarrus_proto::PROTOCOL_VERSION;
-use sarrus_proto::batch::{BatchHead, BatchShape, ClaimedBatch, MAX_BATCH_ROWS};
+use sarrus_proto::batch::{BATCH_WORDS, BatchHead, BatchShape, ClaimedBatch, MAX_BATCH_ROWS};
 use sarrus_proto::control::{Call, Refusal};
 
+use crate::border::wait_until;
 use crate::lies::Liar;
 use crate::support::{Asker, ROBOT, STATE, Sandbox};
 
@@ -270,6 +272,37 @@ fn a_client_that_dies_in_a_batch_leaves_nothing_and_holds_nobody_up() {
     drop(honest);
     assert!(server.stop("-TERM").success());
     assert_eq!(sandbox.leftovers(), Vec::<std::path::PathBuf>::new());
+}
+
+#[test]
+fn areas_that_were_given_back_take_no_memory_whoever_keeps_them() {
+    let sandbox = Sandbox::new();
+    let server = sandbox.serve("kept", &["--lanes", "2"]);
+    let liar = Liar::new(&sandbox, "kept");
+    let take = |liar: &Liar| {
+        assert!(liar.call(Call::Lane { n_in: 1, n_out: 1 }).is_ok());
+        let memory = File::from(liar.area());
+        assert_eq!(blocks(&memory), 8 * BATCH_WORDS as u64 / 512);
+        assert!(memory.set_len(0).is_err() && memory.set_len(1 << 30).is_err());
+        memory
+    };
+    let mut kept = Vec::new();
+    for _ in 0..200 {
+        kept.push(take(&liar));
+        assert!(liar.call(Call::Leave).is_ok());
+    }
+    // and those of connections that end
+    for _ in 0..20 {
+        kept.push(take(&Liar::new(&sandbox, "kept")));
+    }
+    wait_until("their memory is free", || kept.iter().all(|memory| blocks(memory) == 0));
+    drop(liar);
+    assert!(server.stop("-TERM").success());
+}
+
+/// Memory that a file takes, in pieces of 512 bytes.
+fn blocks(memory: &File) -> u64 {
+    memory.metadata().unwrap().blocks()
 }
 
 #[test]

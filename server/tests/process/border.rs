@@ -32,7 +32,7 @@ fn sarrus(sandbox: &Sandbox, arguments: &[&str]) -> (Option<i32>, String, String
 }
 
 /// Waits until something holds.
-fn wait_until(what: &str, mut holds: impl FnMut() -> bool) -> Duration {
+pub(crate) fn wait_until(what: &str, mut holds: impl FnMut() -> bool) -> Duration {
     let start = Instant::now();
     while !holds() {
         assert!(start.elapsed() < Duration::from_secs(5), "never: {what}");

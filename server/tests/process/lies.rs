@@ -1,5 +1,6 @@
 //! Clients that lie: whatever they write, the server answers with a status and lives.
 
+use std::os::fd::OwnedFd;
 use std::time::{Duration, Instant};
 
 use iceoryx2::node::Node;
@@ -91,10 +92,15 @@ impl Liar<'_> {
 
     /// The area for batches.
     pub(crate) fn batches(&self) -> ClaimedBatch {
+        ClaimedBatch::open(&self.area()).unwrap()
+    }
+
+    /// Its descriptor.
+    pub(crate) fn area(&self) -> OwnedFd {
         let request = ControlRequest { head: head(), fingerprint: 0, call: Call::Batch };
         let (response, memory) = exchange(&self.socket, &request, soon()).unwrap();
         assert_eq!(response.outcome, Ok(Grant::Batch));
-        ClaimedBatch::open(&memory.unwrap()).unwrap()
+        memory.unwrap()
     }
 
     fn link(&self, number: u64) -> Node<Threadsafe> {
