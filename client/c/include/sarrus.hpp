@@ -6,6 +6,10 @@
 #ifndef SARRUS_HPP
 #define SARRUS_HPP
 
+#if __cplusplus <= 201703L
+#error "sarrus.hpp is C++20: compile with -std=c++20 (in CMake cxx_std_20), or include sarrus.h"
+#endif
+
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>

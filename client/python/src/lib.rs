@@ -32,7 +32,8 @@ mod native {
     use crate::drives::PyDrives;
     #[pymodule_export]
     use crate::dynamics::{
-        PyOrigin, PyQuery, PyRobot, bundled_names, forked, status_help, statuses, warning_bits,
+        PyOrigin, PyQuery, PyRobot, bundled_names, forked, refuse_masked, status_help, statuses,
+        warning_bits,
     };
     #[pymodule_export]
     use crate::frames::PyFrame;

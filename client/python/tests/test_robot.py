@@ -185,6 +185,41 @@ class Arrays(unittest.TestCase):
             with self.assertRaisesRegex(TypeError, "`y` holds .*, expected real numbers"):
                 ask(wrong, yd, ydd)
 
+    def test_masked_elements_are_refused_wherever_numbers_are_read(self):
+        y, yd, ydd = self.given
+        robot = self.robot
+        masked = np.ma.array(y, mask=[False, True])
+        rows = np.ma.array([y, y], mask=[[False, True], [False, False]])
+        table = sarrus.Table("y", [0.0, 1.0], rows)
+        terms = robot.query("inverse-dynamics", ["y"], ["C_y"])
+        asks = {
+            "y": [
+                lambda: robot.inverse_dynamics(masked, yd, ydd),
+                lambda: robot.inverse_dynamics(masked.astype(int), yd, ydd),
+                lambda: robot.inverse_dynamics(rows, [yd, yd], [ydd, ydd]),
+                lambda: robot.inverse_dynamics([y, masked], [yd, yd], [ydd, ydd]),
+                lambda: terms(y=masked),
+                lambda: robot.simulate(0.1, masked),
+            ],
+            "yd": [lambda: robot.state(y, masked), lambda: robot.simulate(0.1, y, masked)],
+            "tau_u": [lambda: robot.forward_dynamics(y, yd, masked)],
+            "damping": [lambda: robot.to_actuators(y, damping=masked)],
+            "forces": [
+                lambda: robot.simulate(0.1, y, tau_y=masked),
+                lambda: robot.simulate(0.1, y, inputs=[table]),
+            ],
+            "out": [lambda: robot.inverse_dynamics(y, yd, ydd, out=masked.copy())],
+        }
+        for name, calls in asks.items():
+            for call in calls:
+                with self.assertRaisesRegex(ValueError, f"`{name}` has masked elements"):
+                    call()
+        # a mask of nothing hides nothing, and neither do other arrays of numpy's
+        for whole in (np.ma.array(y), np.ma.array(y, mask=[False, False]), y.view(np.recarray)):
+            np.testing.assert_array_equal(robot.inverse_dynamics(whole, yd, ydd), self.tau_u)
+        both = robot.inverse_dynamics(np.ma.array([y, y]), [yd, yd], [ydd, ydd])
+        np.testing.assert_array_equal(both, [self.tau_u] * 2)
+
     def test_out_is_written_in_place_or_refused(self):
         out = np.zeros(2)
         self.assertIs(self.robot.inverse_dynamics(*self.given, out=out), out)

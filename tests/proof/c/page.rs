@@ -76,14 +76,25 @@ fn the_programs_of_the_page_run_with_the_installed_library() {
         }
     }
 
+    // C++ before C++20 is told what it lacks
+    let source = prefix.path().join("first.cpp");
+    for compiler in present(&CPP[..]) {
+        let mut compile = Command::new(compiler);
+        compile.args(["-std=c++17", "-fsyntax-only", "-I"]).arg(prefix.path().join("include"));
+        let output = compile.arg(&source).output().unwrap();
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success() && errors.contains("-std=c++20"), "{errors}");
+    }
+
     // both libraries by CMake
     if is_there("cmake") {
-        let text = "cmake_minimum_required(VERSION 3.16)\nproject(page C CXX)\n\
-                    set(CMAKE_CXX_STANDARD 20)\nfind_package(sarrus 0.1 REQUIRED)\n\
-                    add_executable(shared first.cpp)\n\
-                    target_link_libraries(shared PRIVATE sarrus::sarrus)\n\
-                    add_executable(static first.c)\n\
-                    target_link_libraries(static PRIVATE sarrus::static)\n";
+        let text = format!(
+            "cmake_minimum_required(VERSION 3.16)\nproject(page C CXX)\n\
+             add_executable(controller first.cpp)\n{}\
+             find_package(sarrus 0.1 REQUIRED)\nadd_executable(static first.c)\n\
+             target_link_libraries(static PRIVATE sarrus::static)\n",
+            blocks("cmake").remove(0)
+        );
         std::fs::write(prefix.path().join("CMakeLists.txt"), text).unwrap();
         let build = prefix.path().join("build");
         let mut configure = Command::new("cmake");
@@ -91,7 +102,7 @@ fn the_programs_of_the_page_run_with_the_installed_library() {
         let named = format!("-DCMAKE_PREFIX_PATH={}", prefix.path().display());
         run(configure.arg(named));
         run(Command::new("cmake").arg("--build").arg(&build));
-        for program in ["shared", "static"] {
+        for program in ["controller", "static"] {
             assert_eq!(run(&mut Command::new(build.join(program))), "16.8023\n");
         }
     }

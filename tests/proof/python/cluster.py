@@ -113,6 +113,8 @@ def faults(client, robot, rows):
     raises(ValueError, "equally many rows", ask, robot, {**rows, "yd": rows["yd"][1:]}, client)
     raises(ValueError, "`y` has the shape", ask, robot, {**rows, "y": np.zeros((ROWS, 3))}, client)
     raises(TypeError, "real numbers", ask, robot, {**rows, "y": rows["y"] * 1j}, client)
+    masked = np.ma.masked_greater(rows["y"], 0.1)
+    raises(ValueError, "`y` has masked elements", ask, robot, {**rows, "y": masked}, client)
     raises(ValueError, "`rows_of_a_block` is 0", ask, robot, rows, client, rows_of_a_block=0)
     raises(TypeError, "expected a `dask.distributed.Client`", ask, robot, rows, "tcp://there")
     # files that were changed make another robot, which no worker takes for this one

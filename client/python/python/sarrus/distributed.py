@@ -204,6 +204,7 @@ def _arrays(query: Query, rows: Mapping[str, npt.ArrayLike]) -> list[Array]:
                 f"`{name}` has the shape {array.shape}, expected rows of states, "
                 f"(n{''.join(f', {size}' for size in query.given[name])})"
             )
+        _native.refuse_masked(rows[name], name)
         if len(array) != len(given[0]):
             first = next(iter(query.given))
             raise ValueError(

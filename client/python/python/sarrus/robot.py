@@ -325,7 +325,7 @@ class Robot(DescribedRobot):
             all_inputs.append(Constant("y", tau_y))
         sorted_inputs = _sorted(all_inputs)
         settings = (method, duration, step, every, rtol, atol)
-        start = _list(y), _list(self._zeros(y) if yd is None else yd)
+        start = _list(y, "y"), _list(self._zeros(y) if yd is None else yd, "yd")
         arrays, (end, _, drift, independents, events) = self.run_simulation(
             *start, sorted_inputs, settings, progress
         )
@@ -442,7 +442,7 @@ def _gains(
     for name, gains in zip(GAINS, (stiffness, damping), strict=True):
         if gains is None:
             continue
-        array = np.asarray(gains, float)
+        array = _real(gains, name)
         if array.shape not in ((n,), (n, n)):
             raise ValueError(f"`{name}` has the shape {array.shape}, expected ({n},) or ({n}, {n})")
         matrices[name] = np.diag(array) if array.ndim == 1 else array
@@ -457,9 +457,16 @@ def _taken(gains: Array | None, through: Array | None) -> Array | None:
     return taken
 
 
-def _list(array: npt.ArrayLike) -> list[float]:
-    numbers: list[float] = np.asarray(array, float).ravel().tolist()
-    return numbers
+def _real(numbers: npt.ArrayLike, name: str) -> Array:
+    """An array of what numpy reads as real numbers, all of which are known."""
+    array = np.asarray(numbers, float)
+    _native.refuse_masked(numbers, name)
+    return array
+
+
+def _list(numbers: npt.ArrayLike, name: str) -> list[float]:
+    listed: list[float] = _real(numbers, name).ravel().tolist()
+    return listed
 
 
 def _sorted(inputs: Sequence[Constant | Table | Gains]) -> _native.Inputs:
@@ -470,11 +477,12 @@ def _sorted(inputs: Sequence[Constant | Table | Gains]) -> _native.Inputs:
             raise ValueError(f"space is `{one.space}`, expected `y` or `u`")
         actuators = one.space == "u"
         if isinstance(one, Constant):
-            constants.append((actuators, _list(one.forces)))
+            constants.append((actuators, _list(one.forces, "forces")))
         elif isinstance(one, Table):
-            rows: list[list[float]] = np.atleast_2d(np.asarray(one.forces, float)).tolist()
-            tables.append((actuators, _list(one.times), rows))
+            rows: list[list[float]] = np.atleast_2d(_real(one.forces, "forces")).tolist()
+            tables.append((actuators, _list(one.times, "times"), rows))
         else:
-            lists = _list(one.stiffness), _list(one.damping), _list(one.target)
-            gains.append((actuators, *lists))
+            numbers = (one.stiffness, one.damping, one.target)
+            names = ("stiffness", "damping", "target")
+            gains.append((actuators, *map(_list, numbers, names)))
     return (constants, tables, gains)

@@ -5,13 +5,14 @@
 //! any strides is; others are converted.
 
 use numpy::{
-    PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn,
+    PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArray,
     PyUntypedArrayMethods,
 };
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
+use pyo3::types::{PyList, PyTuple};
 use sarrus_client::Field;
 use sarrus_proto::Slot;
 
@@ -50,6 +51,7 @@ impl<'py> Given<'py> {
             Ok(array) if array.is_c_contiguous() && array.is_aligned() => readable(array)?,
             _ => readable(&converted(object, name)?)?,
         };
+        refuse_masked(object, name)?;
         let rows = match array.shape() {
             [n] if slot.columns == 1 && *n == slot.rows => None,
             found => rows(found, &shape(slot), name)?,
@@ -64,9 +66,9 @@ impl<'py> Given<'py> {
 }
 
 /// Appends the numbers of one state, where an array of float64 has just these; false where it has
-/// not. They are copied under Python's lock, which costs less than to claim the array.
+/// not, or may have a mask, as subclasses do. They are copied under Python's lock, which costs less than to claim the array.
 pub(super) fn copied(object: &Bound<'_, PyAny>, slot: &Slot, input: &mut Vec<f64>) -> bool {
-    let Ok(array) = object.cast::<PyArray1<f64>>() else { return false };
+    let Ok(array) = object.cast_exact::<PyArray1<f64>>() else { return false };
     if slot.columns != 1 || array.len() != slot.rows || !array.is_aligned() {
         return false;
     }
@@ -136,6 +138,31 @@ fn converted<'py>(object: &Bound<'py, PyAny>, name: &str) -> PyResult<Bound<'py,
     Ok(array.cast_into::<PyArrayDyn<f64>>()?)
 }
 
+/// Refuses masked arrays of which an element is masked, within lists and tuples as well: what lies
+/// below a mask is no number that anybody meant. For what numpy has read already.
+#[pyfunction]
+pub(crate) fn refuse_masked(object: &Bound<'_, PyAny>, name: &str) -> PyResult<()> {
+    static IS_MASKED: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    let py = object.py();
+    if object.is_exact_instance_of::<PyUntypedArray>() {
+        return Ok(());
+    }
+    if let Ok(list) = object.cast::<PyList>() {
+        return list.iter().try_for_each(|item| refuse_masked(&item, name));
+    }
+    if let Ok(tuple) = object.cast::<PyTuple>() {
+        return tuple.iter().try_for_each(|item| refuse_masked(&item, name));
+    }
+    let subclass = object.is_instance_of::<PyUntypedArray>();
+    if subclass && IS_MASKED.import(py, "numpy.ma", "is_masked")?.call1((object,))?.is_truthy()? {
+        return Err(PyValueError::new_err(format!(
+            "`{name}` has masked elements, expected numbers for all; leave out the states that \
+             have them, or fill them (`numpy.ma.filled`)"
+        )));
+    }
+    Ok(())
+}
+
 /// The shape of a field of so many states.
 pub(super) fn full_shape(slot: &Slot, rows: Option<usize>) -> Vec<usize> {
     rows.into_iter().chain(shape(slot)).collect()
@@ -154,6 +181,7 @@ pub(super) fn wanted<'py>(
     let array = out.cast::<PyArrayDyn<f64>>().map_err(|_| {
         PyTypeError::new_err(format!("`out` for `{name}` must be an array of float64"))
     })?;
+    refuse_masked(out, "out")?;
     if array.shape() != shape.as_slice() {
         return Err(PyValueError::new_err(format!(
             "`out` for `{name}` has the shape {}, expected {}",

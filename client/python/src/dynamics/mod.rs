@@ -14,6 +14,7 @@ mod robot;
 mod shared;
 mod simulation;
 
+pub(crate) use arrays::refuse_masked;
 pub(crate) use origin::{PyOrigin, bundled_names};
 pub(crate) use query::PyQuery;
 pub(crate) use robot::PyRobot;

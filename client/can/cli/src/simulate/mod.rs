@@ -11,7 +11,7 @@ mod link;
 mod motors;
 mod robot;
 
-use std::io::{self, BufRead, Write};
+use std::io::{self, BufRead, IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -20,7 +20,8 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 use clap::{Args, ValueEnum};
-use rustix::event::{PollFd, PollFlags};
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::{process, termios};
 use sarrus_can_core::config::Configuration;
 use sarrus_can_sim::Physics;
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -168,7 +169,10 @@ fn listen(first: &[String]) -> Result<mpsc::Receiver<Order>, String> {
         let _ = sender.send(console::read(line).map_err(|why| format!("--fault `{line}`: {why}"))?);
     }
     std::thread::spawn(move || {
-        for line in io::stdin().lock().lines().map_while(Result::ok) {
+        let mut lines = io::stdin().lock().lines();
+        loop {
+            wait_for_terminal();
+            let Some(Ok(line)) = lines.next() else { return };
             match console::read(&line) {
                 Ok(order) => {
                     if sender.send(order).is_err() {
@@ -180,6 +184,20 @@ fn listen(first: &[String]) -> Result<mpsc::Receiver<Order>, String> {
         }
     });
     Ok(receiver)
+}
+
+/// Where stdin is a terminal, waits until it has a line for this process. In the background nothing
+/// may be read from it: the system stops whoever tries, motors and all.
+fn wait_for_terminal() {
+    const LOOK: Duration = Duration::from_millis(100);
+    let stdin = io::stdin();
+    while stdin.is_terminal() {
+        let _ = poll(&mut [PollFd::new(&stdin, PollFlags::IN)], None);
+        if !termios::tcgetpgrp(&stdin).is_ok_and(|group| group != process::getpgrp()) {
+            return;
+        }
+        std::thread::sleep(LOOK);
+    }
 }
 
 impl Simulation {

@@ -1,6 +1,8 @@
 //! `sarrus-can simulate` over a pseudo-terminal, spoken to byte by byte as the manuals of slcan and
 //! MIT mode have it.
 
+use std::io::Write;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use super::allowance::{slowness, wait_for};
@@ -198,4 +200,29 @@ fn a_robot_moves_behind_its_motors() {
         let now = motors.report()["actuator_position"].as_f64().unwrap();
         ((now - position).abs() > 0.3).then_some(())
     });
+}
+
+#[test]
+fn in_the_background_of_a_terminal_nothing_is_read_and_motors_go_on() {
+    if Command::new("script").arg("--version").output().is_err() {
+        return println!("not run: script is missing (Debian: bsdutils)");
+    }
+    let folder = Folder::new();
+    let configuration = folder.configuration(&[MOTOR]);
+    // a shell with jobs on a terminal of its own, as somebody types it
+    let program = env!("CARGO_BIN_EXE_sarrus-can");
+    let job = format!("{program} simulate {} --pty & read; kill %1", configuration.display());
+    let shell = format!("bash --norc -ic '{job}'");
+    let mut script = Command::new("script");
+    script.args(["-qec", &shell, "/dev/null"]).stdin(Stdio::piped()).stdout(Stdio::null());
+    let mut script = script.spawn().unwrap();
+    wait_for("the bus", || folder.path("bus").exists().then_some(()));
+    let mut host = Host::opened(&folder.path("bus"));
+    for _ in 0..3 {
+        assert_eq!(&host.ask(HOLD_2_RAD)[..7], "t013703");
+        std::thread::sleep(Duration::from_millis(200));
+    }
+    // a line is the shell's, which then ends the motors
+    writeln!(script.stdin.as_mut().unwrap()).unwrap();
+    assert!(script.wait().unwrap().success());
 }
