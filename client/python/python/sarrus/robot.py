@@ -482,7 +482,6 @@ def _sorted(inputs: Sequence[Constant | Table | Gains]) -> _native.Inputs:
             rows: list[list[float]] = np.atleast_2d(_real(one.forces, "forces")).tolist()
             tables.append((actuators, _list(one.times, "times"), rows))
         else:
-            numbers = (one.stiffness, one.damping, one.target)
-            names = ("stiffness", "damping", "target")
-            gains.append((actuators, *map(_list, numbers, names)))
+            stiffness, damping = _list(one.stiffness, "stiffness"), _list(one.damping, "damping")
+            gains.append((actuators, stiffness, damping, _list(one.target, "target")))
     return (constants, tables, gains)

@@ -66,7 +66,8 @@ impl<'py> Given<'py> {
 }
 
 /// Appends the numbers of one state, where an array of float64 has just these; false where it has
-/// not, or may have a mask, as subclasses do. They are copied under Python's lock, which costs less than to claim the array.
+/// not, or may have a mask, as subclasses do. They are copied under Python's lock, which costs less
+/// than to claim the array.
 pub(super) fn copied(object: &Bound<'_, PyAny>, slot: &Slot, input: &mut Vec<f64>) -> bool {
     let Ok(array) = object.cast_exact::<PyArray1<f64>>() else { return false };
     if slot.columns != 1 || array.len() != slot.rows || !array.is_aligned() {
