@@ -333,7 +333,7 @@ impl Served {
 
     /// A garbled message is answered, and is no call.
     fn garbage(&mut self, bytes: &mut Bytes<'_>) -> Result<u64, String> {
-        let call = if bytes.u8() % 2 == 0 { Call::Statistics } else { Call::Batch };
+        let call = if bytes.u8().is_multiple_of(2) { Call::Statistics } else { Call::Batch };
         let mut message = ControlRequest::to_bytes(&request_of(call));
         for _ in 0..=bytes.u8() % 4 {
             let place = bytes.u64() as usize % message.len();

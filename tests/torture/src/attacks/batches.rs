@@ -123,7 +123,7 @@ impl Attackers<'_> {
             while running.len() < ATTACKERS {
                 let mut flags = vec!["--seed".to_owned(), self.random.u64(..1 << 32).to_string()];
                 flags.extend(transport_flags(TRANSPORTS[self.random.usize(..2)]));
-                flags.extend((made % 2 == 0).then(|| "--flood".to_owned()));
+                flags.extend(made.is_multiple_of(2).then(|| "--flood".to_owned()));
                 let process = self.sandbox.role("liar", &flags)?.spawn().map_err(words)?;
                 let end = now + Duration::from_millis(self.random.u64(30..300));
                 running.push((Process(process), end));
