@@ -1,5 +1,6 @@
 //! The attacks.
 
+mod batches;
 mod burst;
 mod clear;
 mod flood;
@@ -35,6 +36,8 @@ pub(crate) enum Attack {
     Scribble(scribble::Scribble),
     /// Clients send calls and garbage without end.
     Flood,
+    /// Clients lie in batches, flood with them, die over them and keep their memory.
+    Batches,
     /// The server's folder is removed while it runs.
     Clear,
     /// Requests of every kind through many lanes and services, every bit compared.
@@ -53,6 +56,7 @@ impl Attack {
             Attack::Uid,
             Attack::Scribble(scribble::Scribble::default()),
             Attack::Flood,
+            Attack::Batches,
             Attack::Clear,
             Attack::Soak(soak::Soak::default()),
         ]
@@ -68,6 +72,7 @@ impl Attack {
             Attack::Uid => "uid",
             Attack::Scribble(_) => "scribble",
             Attack::Flood => "flood",
+            Attack::Batches => "batches",
             Attack::Clear => "clear",
             Attack::Soak(_) => "soak",
         }
@@ -83,6 +88,7 @@ impl Attack {
             Attack::Uid => uid::run(settings),
             Attack::Scribble(attack) => attack.run(settings),
             Attack::Flood => flood::run(settings),
+            Attack::Batches => batches::run(settings),
             Attack::Clear => clear::run(settings),
             Attack::Soak(attack) => attack.run(settings),
         }

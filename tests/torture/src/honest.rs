@@ -1,5 +1,6 @@
 //! Clients that only ask, and compare every answer with that of a robot in this process.
 
+use std::num::NonZero;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::JoinHandle;
@@ -7,10 +8,11 @@ use std::time::{Duration, Instant};
 
 use fastrand::Rng;
 use sarrus_client::{
-    ConnectError, ConnectOptions, Domain, Error, PlanId, Robot, Transport, WaitStrategy,
+    Answer, ConnectError, ConnectOptions, Domain, Error, PlanId, Robot, Status, Transport,
+    WaitStrategy, Warnings,
 };
 
-use crate::oracle::{Oracle, is_refusal};
+use crate::oracle::{Oracle, Question, is_refusal};
 use crate::report::Report;
 use crate::sandbox::NAME;
 
@@ -89,28 +91,66 @@ impl Honest {
             counts.refused += 1;
             return Ok(());
         }
-        counts.answers += 1;
         counts.late += u64::from(took > LATE);
         counts.slowest = counts.slowest.max(took);
-        if !question.is_answered_by(status, warnings, &self.output) {
-            counts.wrong += 1;
-            counts.first_wrong.get_or_insert_with(|| {
-                format!(
-                    "query {}: status {status} instead of {}, warnings {warnings} instead of {}, \
-                     {:?} instead of {:?}",
-                    question.query,
-                    question.status,
-                    question.warnings,
-                    self.output,
-                    question.output
-                )
-            });
+        counts.compare(question, status, warnings, &self.output);
+        Ok(())
+    }
+
+    /// Asks for up to so many rows of one query together, compares each and counts.
+    pub(crate) fn ask_rows(&mut self, most: usize) -> Result<(), Error> {
+        let Some(query) = self.oracle.any(&mut self.random).map(|one| one.query) else {
+            return Ok(());
+        };
+        let Some(plan) = self.plans.get(query) else { return Ok(()) };
+        let of_query = |question: &&Question| question.query == query;
+        let rows = 1 + self.random.usize(..most.max(1));
+        let questions: Vec<&Question> =
+            self.oracle.questions.iter().filter(of_query).cycle().take(rows).collect();
+        let input: Vec<f64> = questions.iter().flat_map(|one| one.input.clone()).collect();
+        let n_out = questions.first().map_or(0, |one| one.output.len());
+        let unknown = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
+        let (mut output, mut answers) = (vec![0.0; rows * n_out], vec![unknown; rows]);
+        let start = Instant::now();
+        let outcome =
+            self.robot.batch(*plan, NonZero::<usize>::MIN, &input, &mut output, &mut answers);
+        let (took, counts) = (start.elapsed(), &mut self.counts);
+        if let Err(error) = outcome {
+            counts.lost += 1;
+            counts.first_error.get_or_insert_with(|| error.to_string());
+            return Err(error);
+        }
+        counts.late += u64::from(took > LATE);
+        counts.slowest = counts.slowest.max(took);
+        for (question, (answer, output)) in
+            questions.iter().zip(answers.iter().zip(output.chunks(n_out.max(1))))
+        {
+            let (status, warnings) = (answer.status as u32, answer.warnings.0);
+            match is_refusal(status) {
+                true => counts.refused += 1,
+                false => counts.compare(question, status, warnings, output),
+            }
         }
         Ok(())
     }
 }
 
 impl Counts {
+    /// Counts an answer, and whether it is the right one.
+    fn compare(&mut self, question: &Question, status: u32, warnings: u32, output: &[f64]) {
+        self.answers += 1;
+        if !question.is_answered_by(status, warnings, output) {
+            self.wrong += 1;
+            self.first_wrong.get_or_insert_with(|| {
+                format!(
+                    "query {}: status {status} instead of {}, warnings {warnings} instead of {}, \
+                     {output:?} instead of {:?}",
+                    question.query, question.status, question.warnings, question.output
+                )
+            });
+        }
+    }
+
     pub(crate) fn add(&mut self, other: Counts) {
         self.answers += other.answers;
         self.wrong += other.wrong;

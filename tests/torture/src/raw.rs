@@ -1,9 +1,11 @@
 //! A client made of the parts of the protocol, which can stop between any two of them.
 
+use std::os::fd::OwnedFd;
 use std::time::{Duration, Instant};
 
 use iceoryx2::node::Node;
 use sarrus_client::Domain;
+use sarrus_proto::batch::{BatchHead, ClaimedBatch};
 use sarrus_proto::board::ClaimedLane;
 use sarrus_proto::control::{Call, CallHead, ControlRequest, Grant, Refusal, exchange};
 use sarrus_proto::lane::{ComputeClient, Threadsafe};
@@ -114,6 +116,22 @@ impl Raw {
 
     fn node(&self, link: u64) -> Result<LinkNode, String> {
         Link::new(&self.domain, self.instance, link).and_then(|link| link.node()).map_err(words)
+    }
+
+    /// The area for batches, and its descriptor.
+    pub(crate) fn batches(&mut self) -> Result<(ClaimedBatch, OwnedFd), String> {
+        let request = self.request(Call::Batch);
+        let (response, memory) =
+            exchange(&self.socket, &request, soon()).map_err(|error| format!("{error:?}"))?;
+        response.outcome.map_err(|refusal| format!("{refusal:?}"))?;
+        let memory = memory.ok_or("an area without a descriptor")?;
+        Ok((ClaimedBatch::open(&memory).map_err(words)?, memory))
+    }
+
+    /// The head of a batch.
+    pub(crate) fn batch_head(&self, plan: u32, sequence: u64, rows: u64) -> BatchHead {
+        let (version, fingerprint) = (PROTOCOL_VERSION, self.fingerprint);
+        BatchHead { version, plan, fingerprint, sequence, rows }
     }
 
     /// The head of a request.

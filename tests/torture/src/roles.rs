@@ -2,6 +2,7 @@
 
 mod asker;
 mod flooder;
+mod liar;
 mod scribbler;
 mod victim;
 
@@ -28,6 +29,8 @@ pub(crate) enum Role {
     Scribbler(scribbler::Scribbler),
     /// Sends calls and garbage as fast as it can.
     Flooder(flooder::Flooder),
+    /// Lies in batches, or floods with them.
+    Liar(liar::Liar),
     /// Fills the shared memory of a namespace of its own.
     Filler(full::Filler),
     /// Another user who looks for a way in.
@@ -79,6 +82,7 @@ impl Role {
             Role::Asker(role) => role.run(settings),
             Role::Scribbler(role) => role.run(settings),
             Role::Flooder(role) => role.run(settings),
+            Role::Liar(role) => role.run(settings),
             Role::Intruder(role) => role.run(),
             Role::Filler(role) => return role.run(settings),
         };

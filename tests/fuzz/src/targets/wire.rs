@@ -1,5 +1,5 @@
-//! Messages of a client that may say anything: queries as the server plans them, and calls and
-//! requests through the services of a server in this process.
+//! Messages of a client that may say anything: queries as the server plans them, and calls, requests
+//! and batches to a server in this process.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -11,6 +11,7 @@ use iceoryx2::node::Node;
 use sarrus_client::describe;
 use sarrus_dynamics::{Model, Plan, Workspace};
 use sarrus_models::{Options, Source, load};
+use sarrus_proto::batch::{BatchHead, BatchShape, ClaimedBatch};
 use sarrus_proto::board::class_of;
 use sarrus_proto::control::{
     Call, CallHead, ControlRequest, ControlResponse, Grant, Refusal, exchange,
@@ -21,7 +22,7 @@ use sarrus_proto::run::Link;
 use sarrus_proto::service::open_compute;
 use sarrus_proto::socket::{ControlSocket, MAX_MESSAGE};
 use sarrus_proto::{
-    Domain, Field, FieldSet, MAX_FRAMES, MAX_WRENCHES, PROTOCOL_VERSION, Query, Request,
+    Answer, Domain, Field, FieldSet, MAX_FRAMES, MAX_WRENCHES, PROTOCOL_VERSION, Query, Request,
     ServerName, Status, Warnings,
 };
 use sarrus_server::{ServeOptions, Wait, serve};
@@ -57,10 +58,11 @@ pub(super) const SERVER: Target = Target {
         let mut served = Served::start()?;
         let check: Check = Box::new(move |input| {
             let mut bytes = Bytes(input);
-            match bytes.u8() % 3 {
+            match bytes.u8() % 4 {
                 0 => served.call(&mut bytes),
                 1 => served.garbage(&mut bytes),
-                _ => served.request(&mut bytes),
+                2 => served.request(&mut bytes),
+                _ => served.batch(&mut bytes),
             }
         });
         Ok(check)
@@ -200,8 +202,10 @@ fn kept(layout: &sarrus_dynamics::Layout, status: Status, output: &[f64]) -> Res
 /// A server in this process and a client of its services.
 struct Served {
     model: Model<f64>,
+    workspace: Workspace<f64>,
     control: ControlSocket,
     compute: ComputeClient<Threadsafe>,
+    area: ClaimedBatch,
     instance: u64,
     sequence: u64,
     plans: Vec<Query>,
@@ -258,10 +262,16 @@ impl Served {
         let node = link.node::<Threadsafe>().map_err(|error| words(&error))?;
         let compute = open_compute(&node).map_err(|error| words(&error))?;
         ask(&control, &request_of(Call::Serve))?;
+        let granted = exchange(&control, &request_of(Call::Batch), Instant::now() + PATIENT);
+        let (_, memory) = granted.map_err(|error| format!("{error:?} to a call for an area"))?;
+        let area = ClaimedBatch::open(&memory.ok_or("no area")?).map_err(|error| words(&error))?;
+        let model = model()?;
         Ok(Served {
-            model: model()?,
+            workspace: Workspace::new(&model),
+            model,
             control,
             compute,
+            area,
             instance: hello.instance,
             sequence: 0,
             plans: Vec::new(),
@@ -273,12 +283,14 @@ impl Served {
 
     /// A call is granted or refused for the first reason that there is.
     fn call(&mut self, bytes: &mut Bytes<'_>) -> Result<u64, String> {
-        let kind = bytes.u8() % 4;
+        let kind = bytes.u8() % 5;
         let [first, second] = [bytes.or(1), bytes.or(20)].map(|number| number as usize);
         let call = match kind {
             0 => Call::Hello,
             1 => Call::Model { page: first },
             2 => Call::Plan { query: Box::new(bytes.query()) },
+            // the area that is there already
+            3 => Call::Batch,
             // lanes and services take the place of the one that requests go through
             _ if class_of(first).and(class_of(second)).is_some() => Call::Statistics,
             _ => Call::Lane { n_in: first, n_out: second },
@@ -311,6 +323,9 @@ impl Served {
                 let large = matches!(response.outcome, Err(Refusal::TooLarge { .. }));
                 law(large, || about("such a lane"))?;
             }
+            (None, Call::Batch) => {
+                law(response.outcome == Ok(Grant::Batch), || about("no area"))?;
+            }
             (None, _) => {}
         }
         Ok(u64::from(kind) << 8 | u64::from(response.outcome.is_err()))
@@ -318,8 +333,8 @@ impl Served {
 
     /// A garbled message is answered, and is no call.
     fn garbage(&mut self, bytes: &mut Bytes<'_>) -> Result<u64, String> {
-        let call = ControlRequest::to_bytes(&request_of(Call::Statistics));
-        let mut message = call.clone();
+        let call = if bytes.u8().is_multiple_of(2) { Call::Statistics } else { Call::Batch };
+        let mut message = ControlRequest::to_bytes(&request_of(call));
         for _ in 0..=bytes.u8() % 4 {
             let place = bytes.u64() as usize % message.len();
             message[place] = bytes.u8();
@@ -416,6 +431,62 @@ impl Served {
             law(since.elapsed() < PATIENT, || format!("no answer to {head:?}"))?;
             std::thread::sleep(Duration::from_micros(50));
         }
+    }
+
+    /// A batch is answered with its own number: by the reason why nobody computes it, or row by row
+    /// as here.
+    fn batch(&mut self, bytes: &mut Bytes<'_>) -> Result<u64, String> {
+        self.sequence += 1;
+        let plan = bytes.u8() as usize % (self.plans.len() + 1);
+        let rows = bytes.u8();
+        let head = BatchHead {
+            version: bytes.or(PROTOCOL_VERSION.into()) as u32,
+            plan: bytes.or(plan as u64) as u32,
+            fingerprint: bytes.or(self.model.fingerprint()),
+            sequence: self.sequence,
+            rows: if rows < 240 { u64::from(rows % 40) } else { bytes.u64() >> ((rows - 240) * 4) },
+        };
+        let plan = self.plans.get(head.plan as usize).map(|query| Plan::new(&self.model, query));
+        let plan = plan.transpose().map_err(|error| error.to_string())?;
+        let (n_in, n_out) =
+            plan.as_ref().map_or((1, 1), |plan| (plan.given().len(), plan.want().len()));
+        let shape = BatchShape::new(head.rows, n_in, n_out);
+        let place = shape.or(BatchShape::new(1, n_in, n_out)).ok_or("no room for a row")?;
+        let input = bytes.numbers(place.rows() * n_in);
+        self.area.send(&head, &place, &input);
+        let since = Instant::now();
+        let status = loop {
+            if let Some(status) = self.area.answer(head.sequence) {
+                break status;
+            }
+            law(since.elapsed() < PATIENT, || format!("no answer to {head:?}"))?;
+            std::thread::sleep(Duration::from_micros(50));
+        };
+
+        let expected = match (&plan, shape) {
+            _ if head.version != PROTOCOL_VERSION => Status::BadRequest,
+            _ if head.fingerprint != self.model.fingerprint() => Status::WrongModel,
+            (None, _) => Status::UnknownRequest,
+            (_, None) => Status::WrongSize,
+            _ => Status::Ok,
+        };
+        law(status == expected as u32, || format!("{status} to {head:?}"))?;
+        if let (Some(plan), Some(shape), Status::Ok) = (&plan, shape, expected) {
+            let failed = Answer { status: Status::UnknownStatus, warnings: Warnings::NONE };
+            let mut answers = vec![failed; shape.rows()];
+            let (mut output, mut here) = (vec![0.0; shape.rows() * n_out], vec![0.0; n_out]);
+            self.area.read(&shape, &mut answers, &mut output);
+            for (row, answer) in answers.iter().enumerate() {
+                let input = &input[row * n_in..][..n_in];
+                let output = &output[row * n_out..][..n_out];
+                let expected = plan.run(&self.model, &mut self.workspace, input, &mut here);
+                let same =
+                    |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan();
+                let alike = *answer == expected && output.iter().zip(&here).all(same);
+                law(alike, || format!("{answer:?}, {output:?} to row {row} of {head:?}"))?;
+            }
+        }
+        Ok(1 << 41 | u64::from(status))
     }
 }
 

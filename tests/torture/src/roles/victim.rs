@@ -6,6 +6,7 @@ use std::time::Duration;
 use clap::{Args, ValueEnum};
 use rustix::process::Signal;
 use sarrus_client::{Field, FieldSet, Query, Request, Transport};
+use sarrus_proto::batch::BatchShape;
 use sarrus_proto::control::Call;
 use sarrus_proto::lane::send_request;
 
@@ -40,13 +41,15 @@ pub(crate) enum Stage {
     Asked,
     /// It was answered, and goes on asking.
     Answered,
+    /// A batch is under way, and the next one after it.
+    Batched,
     /// Never.
     Never,
 }
 
 impl Stage {
     /// Every stage as often as it is worth: attaching is where servers died.
-    pub(crate) const WEIGHTED: [Stage; 22] = [
+    pub(crate) const WEIGHTED: [Stage; 26] = [
         Stage::Start,
         Stage::Connected,
         Stage::Connected,
@@ -69,6 +72,10 @@ impl Stage {
         Stage::Asked,
         Stage::Answered,
         Stage::Answered,
+        Stage::Batched,
+        Stage::Batched,
+        Stage::Batched,
+        Stage::Batched,
     ];
 
     pub(crate) fn flag(self) -> String {
@@ -119,6 +126,9 @@ impl Victim {
                 let (mut lane, _node) = raw.claim(link, classes)?;
                 at(Stage::Opened);
                 at(Stage::Served);
+                if self.stage == Stage::Batched {
+                    return ask_rows(&mut raw, plan, sizes, at);
+                }
                 for sequence in 1.. {
                     if let Some(entry) = lane.outbox.numbers().get_mut(..numbers.len()) {
                         entry.copy_from_slice(&numbers);
@@ -139,6 +149,9 @@ impl Victim {
                 at(Stage::Opened);
                 raw.call(Call::Serve)?;
                 at(Stage::Served);
+                if self.stage == Stage::Batched {
+                    return ask_rows(&mut raw, plan, sizes, at);
+                }
                 for sequence in 1.. {
                     let pending = send_request(&client, &raw.head(plan, sequence), &numbers);
                     at(Stage::Asked);
@@ -161,6 +174,27 @@ impl Victim {
             std::thread::sleep(Duration::from_millis(1));
         }
     }
+}
+
+/// Asks for as many rows as there is room for, again and again.
+fn ask_rows(
+    raw: &mut Raw,
+    plan: u32,
+    [n_in, n_out]: [usize; 2],
+    at: impl Fn(Stage),
+) -> Result<(), String> {
+    let (area, _memory) = raw.batches()?;
+    let rows = BatchShape::most_rows(n_in, n_out) as u64;
+    let shape = BatchShape::new(rows, n_in, n_out).ok_or("no room for a row")?;
+    let input = vec![0.0; shape.rows() * n_in];
+    for sequence in 1.. {
+        area.send(&raw.batch_head(plan, sequence, rows), &shape, &input);
+        at(Stage::Batched);
+        while area.answer(sequence).is_none() {
+            std::thread::yield_now();
+        }
+    }
+    Ok(())
 }
 
 fn reach(victim: &Victim, stage: Stage, reached: &SyncSender<()>) {
