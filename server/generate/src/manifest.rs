@@ -119,13 +119,27 @@ impl Manifest {
             format!("#ifdef {macro_name}\n    \"{name} \"\n#endif\n")
         };
         let instructions: String = INSTRUCTIONS.map(instruction).concat();
+        // how many rows is known where the function for them is compiled
         format!(
-            "\n#ifdef {DEFINITION}\n#define SARRUS_QUOTED(x) #x\n#define SARRUS_TEXT(x) \
-             SARRUS_QUOTED(x)\n#ifndef __VERSION__\n#define __VERSION__ \"unknown\"\n#endif\n\
-             /* what sarrus reads in a shared object before it loads it */\n\
-             extern const char {SYMBOL}[];\nconst char {SYMBOL}[] =\n{lines}#ifdef SARRUS_LANES\n    \
-             \"rows \" SARRUS_TEXT(SARRUS_LANES) \"\\n\"\n#else\n    \"rows 0\\n\"\n#endif\n\
-             {generator}    \"processor \"\n{instructions}    \"\\ncompiler \" __VERSION__ \"\\n\";\n#endif\n"
+            r#"
+#ifdef {DEFINITION}
+#ifndef __VERSION__
+#define __VERSION__ "unknown"
+#endif
+#define SARRUS_QUOTED(x) #x
+#define SARRUS_TEXT(x) SARRUS_QUOTED(x)
+/* what sarrus reads in a shared object before it loads it */
+extern const char {SYMBOL}[];
+const char {SYMBOL}[] =
+{lines}#ifdef SARRUS_LANES
+    "rows " SARRUS_TEXT(SARRUS_LANES) "\n"
+#else
+    "rows 0\n"
+#endif
+{generator}    "processor "
+{instructions}    "\ncompiler " __VERSION__ "\n";
+#endif
+"#
         )
     }
 }
