@@ -23,9 +23,6 @@ const LOOK: Duration = Duration::from_millis(50);
 /// server gets whole tiles.
 pub(super) const PACKED: usize = 16;
 
-/// Fields of so many numbers are moved one by one: a choice.
-const SHORT: usize = 4;
-
 /// Batches under way, which write arrays without Python's lock.
 static UNDER_WAY: AtomicUsize = AtomicUsize::new(0);
 
@@ -96,8 +93,10 @@ impl<'a> Rows<'a> {
             let here = at_once.min(rows - first);
             let mut at = 0;
             for (numbers, width) in &given {
-                let numbers = &numbers[first * width..][..here * width];
-                moved((numbers, *width), 0, (&mut input[..here * *n_in], *n_in), at);
+                for row in 0..here {
+                    let field = &numbers[(first + row) * width..][..*width];
+                    input[row * *n_in + at..][..*width].copy_from_slice(field);
+                }
                 at += width;
             }
             let answers = &mut answers[..here];
@@ -108,39 +107,14 @@ impl<'a> Rows<'a> {
             }
             let mut at = 0;
             for (numbers, width) in &mut want {
-                let numbers = &mut numbers[first * *width..][..here * *width];
-                moved((&output[..here * *n_out], *n_out), at, (numbers, *width), 0);
+                for row in 0..here {
+                    let field = &output[row * *n_out + at..][..*width];
+                    numbers[(first + row) * *width..][..*width].copy_from_slice(field);
+                }
                 at += *width;
             }
         }
         Ok(())
-    }
-}
-
-/// Moves the field that both rows have, from one place in its row to the other's; each with the
-/// width of its rows, the narrower one of which is the field's.
-fn moved(
-    (from, n_from): (&[f64], usize),
-    start: usize,
-    (to, n_to): (&mut [f64], usize),
-    place: usize,
-) {
-    let width = n_from.min(n_to);
-    if width == 0 {
-        return;
-    }
-    let rows = to.chunks_exact_mut(n_to).zip(from.chunks_exact(n_from));
-    // for so few numbers a copy of a slice takes longer to begin than to do
-    if width <= SHORT {
-        for (to, from) in rows {
-            for k in 0..width {
-                to[place + k] = from[start + k];
-            }
-        }
-    } else {
-        rows.for_each(|(to, from)| {
-            to[place..][..width].copy_from_slice(&from[start..][..width]);
-        });
     }
 }
 
