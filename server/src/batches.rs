@@ -41,8 +41,8 @@ impl Batches {
         }
     }
 
-    /// Gives the memory of the area back, whoever keeps a descriptor of it: its client is told that
-    /// nothing in it is an answer. Beside the thread that answers.
+    /// Gives the memory of the area back, whoever keeps a descriptor of it: its client finds no
+    /// answer in it any more. Beside the thread that answers.
     pub(crate) fn let_go(self) {
         self.area.empty();
     }

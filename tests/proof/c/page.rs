@@ -76,7 +76,7 @@ fn the_programs_of_the_page_run_with_the_installed_library() {
         }
     }
 
-    // C++ before C++20 is told what it lacks
+    // C++ before C++20 gets an error that names what it lacks
     let source = prefix.path().join("first.cpp");
     for compiler in present(&CPP[..]) {
         let mut compile = Command::new(compiler);

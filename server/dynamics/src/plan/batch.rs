@@ -256,9 +256,7 @@ impl BatchWorkspace {
             }
         }
     }
-}
 
-impl BatchWorkspace {
     /// Answers [`LANES`] states but for those in the bits that it returns, which have to go alone.
     fn run_tile(
         &mut self,

@@ -11,8 +11,8 @@ use crate::c::elementary::elementary;
 use crate::c::parts::Statements;
 use crate::c::rows::rows;
 use crate::c::table::{Table, Value};
-use crate::c::term;
-use crate::graph::{Comparison, Operation, Term};
+use crate::c::{arithmetic, compared, fused, term};
+use crate::graph::{Operation, Term};
 use crate::pair::{Pairs, Step};
 use crate::row::Measure;
 use crate::{Kernel, Manifest};
@@ -265,19 +265,14 @@ impl Body<'_> {
         let n = |x| self.number(x);
         let value = match operation {
             Input(k) => format!("in[{k}]"),
-            Add(a, b) => match b {
-                Term::Node { negated: true, .. } => format!("{} - {}", n(a), n(b.negated())),
-                _ => format!("{} + {}", n(a), n(b)),
-            },
-            Multiply(a, b) => format!("{} * {}", n(a), n(b)),
-            Divide(a, b) => format!("{} / {}", n(a), n(b)),
             Fused(a, b, c) => format!("fma({}, {}, {})", n(a), n(b), n(c)),
             Root(x) => format!("sqrt({})", n(x)),
             Absolute(x) => format!("fabs({})", n(x)),
             Angle(y, x) => format!("sarrus_atan2({}, {})", n(y), n(x)),
             Select(comparison, a, b) => {
-                format!("{} ? {} : {}", self.compared(comparison), n(a), n(b))
+                format!("{} ? {} : {}", compared(comparison, n), n(a), n(b))
             }
+            Add(..) | Multiply(..) | Divide(..) => arithmetic(&operation, n).unwrap_or_default(),
             Sine(_) | Cosine(_) => return,
         };
         self.line(format!("const double v{at} = {value};"));
@@ -307,13 +302,8 @@ impl Body<'_> {
             (Multiply(..), _) => format!("sarrus_multiply2({}, {})", signed(0), signed(1)),
             (Divide(..), _) => format!("sarrus_divide2({}, {})", signed(0), signed(1)),
             (Fused(..), _) => {
-                let name = match (two[0].0 != two[1].0, two[2].0) {
-                    (false, false) => "fma2",
-                    (false, true) => "fms2",
-                    (true, false) => "fnma2",
-                    (true, true) => "fnms2",
-                };
-                format!("sarrus_{name}({}, {}, {})", plain(0), plain(1), plain(2))
+                let name = fused(two[0].0 != two[1].0, two[2].0);
+                format!("sarrus_{name}2({}, {}, {})", plain(0), plain(1), plain(2))
             }
             (Root(_), _) => format!("sarrus_root2({})", signed(0)),
             (Absolute(_), _) => format!("sarrus_absolute2({})", plain(0)),
@@ -350,13 +340,6 @@ impl Body<'_> {
         match (index(&a), index(&b)) {
             (Some(k), Some(l)) if l == k + 1 => format!("sarrus_load2({name} + {k})"),
             _ => format!("sarrus_both2({name}{a}, {name}{b})"),
-        }
-    }
-
-    fn compared(&self, comparison: Comparison) -> String {
-        match comparison {
-            Comparison::Less(a, b) => format!("{} < {}", self.number(a), self.number(b)),
-            Comparison::Equal(a, b) => format!("{} == {}", self.number(a), self.number(b)),
         }
     }
 

@@ -11,7 +11,7 @@ mod test;
 use sarrus_dynamics::Model;
 
 use crate::Kernel;
-use crate::graph::Term;
+use crate::graph::{Comparison, Operation, Term};
 
 /// The three files of a kernel.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -65,6 +65,35 @@ fn term(x: Term, name: &str) -> String {
     match x {
         Term::Constant(bits) => literal(f64::from_bits(bits)),
         Term::Node { negated, .. } => format!("{}{name}", if negated { "-" } else { "" }),
+    }
+}
+
+/// A sum, a product or a quotient, which look alike for one number and for several.
+fn arithmetic(operation: &Operation, n: impl Fn(Term) -> String) -> Option<String> {
+    Some(match *operation {
+        Operation::Add(a, b) if b.is_negated() => format!("{} - {}", n(a), n(b.negated())),
+        Operation::Add(a, b) => format!("{} + {}", n(a), n(b)),
+        Operation::Multiply(a, b) => format!("{} * {}", n(a), n(b)),
+        Operation::Divide(a, b) => format!("{} / {}", n(a), n(b)),
+        _ => return None,
+    })
+}
+
+/// A comparison, of one number or of several.
+fn compared(comparison: Comparison, n: impl Fn(Term) -> String) -> String {
+    match comparison {
+        Comparison::Less(a, b) => format!("{} < {}", n(a), n(b)),
+        Comparison::Equal(a, b) => format!("{} == {}", n(a), n(b)),
+    }
+}
+
+/// The fused multiply-add with the signs of its product and of what is added.
+fn fused(is_product_negated: bool, is_sum_negated: bool) -> &'static str {
+    match (is_product_negated, is_sum_negated) {
+        (false, false) => "fma",
+        (false, true) => "fms",
+        (true, false) => "fnma",
+        (true, true) => "fnms",
     }
 }
 

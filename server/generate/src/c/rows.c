@@ -1,10 +1,5 @@
 
 /* One number of several states: the same operations on each. */
-#if defined(__AVX512F__)
-#define SARRUS_LANES 8
-#else
-#define SARRUS_LANES 4
-#endif
 typedef double sarrus_rows __attribute__((vector_size(8 * SARRUS_LANES)));
 typedef uint64_t sarrus_lanes __attribute__((vector_size(8 * SARRUS_LANES)));
 

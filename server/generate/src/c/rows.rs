@@ -8,13 +8,16 @@ use std::collections::HashSet;
 use crate::Kernel;
 use crate::c::elementary::elementary;
 use crate::c::parts::Statements;
-use crate::c::{literal, term};
-use crate::graph::{Comparison, Operation, Term};
+use crate::c::{arithmetic, compared, fused, literal, term};
+use crate::graph::{Operation, Term};
 use crate::row::{Measure, Row};
 
 /// The function for rows, and what it needs, where the compiler has vectors and is asked for it.
 pub(super) fn rows(kernel: &Kernel, name: &str) -> String {
-    let mut text = include_str!("rows.c").to_owned() + &elementary(kernel, true);
+    // as many lanes as the header says
+    let mut text = format!("#define SARRUS_LANES {}_ROWS\n", name.to_ascii_uppercase());
+    text += include_str!("rows.c");
+    text += &elementary(kernel, true);
     let body = Body { kernel, angles: HashSet::new() };
     text += &body.statements().text(&format!("{name}_rows"));
     format!("\n#if defined(SARRUS_ROWS) && defined(__GNUC__)\n{text}#endif\n")
@@ -68,23 +71,13 @@ impl Body<'_> {
 
     fn operation(&mut self, at: usize, operation: &Operation) -> Vec<String> {
         use Operation::*;
-        let n = |x: Term| number(x);
+        let n = number;
         let mut lines = Vec::new();
         let value = match *operation {
             Input(k) => format!("sarrus_get(in + {k}, {})", self.kernel.inputs()),
-            Add(a, b) => match b {
-                Term::Node { negated: true, .. } => format!("{} - {}", n(a), n(b.negated())),
-                _ => format!("{} + {}", n(a), n(b)),
-            },
-            Multiply(a, b) => format!("{} * {}", n(a), n(b)),
-            Divide(a, b) => format!("{} / {}", n(a), n(b)),
+            Add(..) | Multiply(..) | Divide(..) => arithmetic(operation, n).unwrap_or_default(),
             Fused(a, b, c) => {
-                let name = match (a.is_negated() != b.is_negated(), c.is_negated()) {
-                    (false, false) => "fma",
-                    (false, true) => "fms",
-                    (true, false) => "fnma",
-                    (true, true) => "fnms",
-                };
+                let name = fused(a.is_negated() != b.is_negated(), c.is_negated());
                 let [a, b, c] = [a, b, c].map(|x| n(x.unsigned()));
                 format!("sarrus_{name}({a}, {b}, {c})")
             }
@@ -101,11 +94,7 @@ impl Body<'_> {
             }
             Angle(y, x) => format!("sarrus_atan2_rows({}, {})", n(y), n(x)),
             Select(comparison, a, b) => {
-                let (x, sign, y) = match comparison {
-                    Comparison::Less(x, y) => (x, "<", y),
-                    Comparison::Equal(x, y) => (x, "==", y),
-                };
-                let is_first = format!("{} {sign} {}", n(x), n(y));
+                let is_first = compared(comparison, n);
                 format!("sarrus_choose_rows({is_first}, {}, {})", n(a), n(b))
             }
         };

@@ -75,13 +75,14 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
     askers.finish().report(&mut report, "honest clients", false);
     report.count(format!("{attacks} attackers killed"));
 
-    // what they were told
+    // how they were refused
     if let Grant::Statistics(statistics) = observer.call(Call::Statistics)? {
-        let told = REFUSALS.map(|status| statistics.answered(status));
-        let words = REFUSALS.iter().zip(told).map(|(status, n)| format!("{} {n}", status.name()));
+        let refused = REFUSALS.map(|status| statistics.answered(status));
+        let words =
+            REFUSALS.iter().zip(refused).map(|(status, n)| format!("{} {n}", status.name()));
         let rows = statistics.counts.batch_states;
         report.count(format!("{rows} rows, {}", words.collect::<Vec<_>>().join(", ")));
-        report.require(told.iter().any(|n| *n > 0), || "no lie was told".to_owned());
+        report.require(refused.iter().any(|n| *n > 0), || "nothing was refused".to_owned());
     }
 
     // nothing of them is left
