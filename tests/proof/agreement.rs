@@ -1,7 +1,7 @@
 //! Two ways to the same number: closed form and Newton's method, double and double-double.
 
-use sarrus_dynamics::scalar::{Dd, Real, Scalar};
-use sarrus_dynamics::{Compiled, Field, FieldSet, Model, Query, Request};
+use sarrus_dynamics::scalar::{Dd, Real};
+use sarrus_dynamics::{Compiled, Field, FieldSet, Model, PlanScalar, Query, Request};
 use sarrus_models::{Options, bundled_text};
 use sarrus_tests::cases::{Case, Ledger, SEEDS, State, robots};
 use sarrus_tests::compare::{error_by_size, largest};
@@ -13,7 +13,7 @@ use Field::*;
 
 /// What one model answers to a state: kinematics with frames, inverse dynamics, forward dynamics
 /// for random actuator forces.
-fn answers<T: Scalar>(
+fn answers<T: PlanScalar>(
     model: &Model<T>,
     state: &State<T>,
     links: &[u16],
@@ -74,7 +74,7 @@ struct Scale {
 }
 
 impl Scale {
-    fn of<T: Scalar>([state, inverse, forward]: &[Fields<T>; 3]) -> Scale {
+    fn of<T: PlanScalar>([state, inverse, forward]: &[Fields<T>; 3]) -> Scale {
         let figure = |fields: &Fields<T>, field| fields.get(field)[0].to_f64();
         let force =
             largest(inverse.get(TauQ)).max(largest(inverse.get(MY)) * largest(forward.get(Ydd)));
@@ -111,7 +111,7 @@ impl Scale {
 }
 
 /// Compares field by field; `share` is what is allowed at condition 1.
-fn compare<T: Scalar>(
+fn compare<T: PlanScalar>(
     ledger: &mut Ledger,
     case: &Case,
     what: &str,

@@ -4,8 +4,8 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use sarrus_dynamics::scalar::{Dd, Scalar};
-use sarrus_dynamics::{Compiled, Field, Model, Status, Workspace};
+use sarrus_dynamics::scalar::Dd;
+use sarrus_dynamics::{Compiled, Field, Model, PlanScalar, Status, Workspace};
 use sarrus_tests::cases::{Case, robots};
 use sarrus_tests::plans::{every_plan, input};
 use sarrus_tests::run::Robot;
@@ -50,7 +50,7 @@ fn the_counter_counts() {
     assert_eq!(calls() - before, 2);
 }
 
-fn run_all<T: Scalar>(case: &Case, model: &Model<T>) -> Vec<Status> {
+fn run_all<T: PlanScalar>(case: &Case, model: &Model<T>) -> Vec<Status> {
     let mut seeded = Seeded::new(case.seed);
     let mut robot = Robot::new(model.clone());
     let mut workspace = Workspace::new(model);

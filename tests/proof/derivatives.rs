@@ -3,7 +3,7 @@
 
 use sarrus_dynamics::description::Terms;
 use sarrus_dynamics::scalar::{Dd, Scalar};
-use sarrus_dynamics::{Field, FieldSet, Model, Query, Request};
+use sarrus_dynamics::{Field, FieldSet, Model, PlanScalar, Query, Request};
 use sarrus_tests::cases::{Case, Ledger, State, robots};
 use sarrus_tests::compare::largest;
 use sarrus_tests::rigid::Pose;
@@ -19,7 +19,7 @@ const ALLOWED: f64 = 1e-12;
 
 /// The state a time t later with ÿ constant, to second order in t; a quaternion to first, whose
 /// even error differences do not see.
-pub(crate) fn later<T: Scalar>(case: &Case, state: &State<T>, t: T) -> State<T> {
+pub(crate) fn later<T: PlanScalar>(case: &Case, state: &State<T>, t: T) -> State<T> {
     let yd = plus(&state.yd, &times(t, &state.ydd));
     let half = T::from_f64(0.5);
     let mean = plus(&state.yd, &times(half * t, &state.ydd));
@@ -29,7 +29,7 @@ pub(crate) fn later<T: Scalar>(case: &Case, state: &State<T>, t: T) -> State<T> 
 
 /// y + t ẏ; at a floating joint p + t R v, of a quaternion q + t/2 q ω at unit length, which is
 /// right to second order.
-pub(crate) fn moved<T: Scalar>(case: &Case, y: &[T], yd: &[T], t: T) -> Vec<T> {
+pub(crate) fn moved<T: PlanScalar>(case: &Case, y: &[T], yd: &[T], t: T) -> Vec<T> {
     let (mut y, mut v) = (y.to_vec(), 0);
     let names = case.compiled.model.independent_q_names();
     let mut i = 0;
@@ -55,7 +55,7 @@ pub(crate) fn moved<T: Scalar>(case: &Case, y: &[T], yd: &[T], t: T) -> Vec<T> {
 }
 
 /// ½ q ω with ω in the body.
-pub(crate) fn quaternion_rate<T: Scalar>(q: &[T], w: &[T]) -> [T; 4] {
+pub(crate) fn quaternion_rate<T: PlanScalar>(q: &[T], w: &[T]) -> [T; 4] {
     let half = T::from_f64(0.5);
     [
         half * (q[3] * w[0] + q[1] * w[2] - q[2] * w[1]),
@@ -66,7 +66,7 @@ pub(crate) fn quaternion_rate<T: Scalar>(q: &[T], w: &[T]) -> [T; 4] {
 }
 
 /// R(q) v.
-pub(crate) fn turned<T: Scalar>(q: &[T], v: &[T]) -> [T; 3] {
+pub(crate) fn turned<T: PlanScalar>(q: &[T], v: &[T]) -> [T; 3] {
     let cross = |a: [T; 3], b: [T; 3]| {
         [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
     };
@@ -79,7 +79,7 @@ pub(crate) fn turned<T: Scalar>(q: &[T], v: &[T]) -> [T; 3] {
 
 /// Kinetic and potential energy from masses, poses and twists of the links, without any mass
 /// matrix.
-pub(crate) fn energy<T: Scalar>(case: &Case, pose: &[T], twist: &[T]) -> (T, T) {
+pub(crate) fn energy<T: PlanScalar>(case: &Case, pose: &[T], twist: &[T]) -> (T, T) {
     let (mut kinetic, mut potential) = (T::ZERO, T::ZERO);
     let links = case.description.links.iter().zip(pose.chunks_exact(7)).zip(twist.chunks_exact(6));
     for ((link, pose), twist) in links {
@@ -111,7 +111,7 @@ pub(crate) fn energy<T: Scalar>(case: &Case, pose: &[T], twist: &[T]) -> (T, T) 
 }
 
 /// Poses and twists of all links.
-pub(crate) fn frames<T: Scalar>(robot: &mut Robot<T>, state: &State<T>) -> (Vec<T>, Vec<T>) {
+pub(crate) fn frames<T: PlanScalar>(robot: &mut Robot<T>, state: &State<T>) -> (Vec<T>, Vec<T>) {
     let links: Vec<u16> = (0..robot.model.link_names().len() as u16).collect();
     let (mut pose, mut twist) = (Vec::new(), Vec::new());
     for some in links.chunks(32) {
@@ -129,7 +129,7 @@ pub(crate) fn frames<T: Scalar>(robot: &mut Robot<T>, state: &State<T>) -> (Vec<
 }
 
 /// Kinetic energy of the rotors, potential of the springs, and the power that damping takes.
-pub(crate) fn in_joints<T: Scalar>(case: &Case, model: &Model<T>, q: &[T], qd: &[T]) -> [T; 3] {
+pub(crate) fn in_joints<T: PlanScalar>(case: &Case, model: &Model<T>, q: &[T], qd: &[T]) -> [T; 3] {
     let half = T::from_f64(0.5);
     let (mut kinetic, mut potential, mut loss) = (T::ZERO, T::ZERO, T::ZERO);
     for joint in case.description.joints.iter().filter(|joint| joint.terms != Terms::default()) {

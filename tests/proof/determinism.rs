@@ -1,7 +1,7 @@
 //! The answer to a request depends on model and request alone.
 
-use sarrus_dynamics::scalar::{Dd, Scalar};
-use sarrus_dynamics::{Model, Workspace};
+use sarrus_dynamics::scalar::Dd;
+use sarrus_dynamics::{Model, PlanScalar, Workspace};
 use sarrus_tests::cases::{Case, robots};
 use sarrus_tests::plans::{every_plan, input};
 use sarrus_tests::run::Robot;
@@ -10,7 +10,7 @@ use sarrus_tests::seed::Seeded;
 /// A number's bits; every NaN is the same.
 type Bits = (u64, u64);
 
-fn check<T: Scalar>(case: &Case, model: &Model<T>, bits: impl Fn(T) -> Bits) {
+fn check<T: PlanScalar>(case: &Case, model: &Model<T>, bits: impl Fn(T) -> Bits) {
     let mut seeded = Seeded::new(case.seed + 5);
     let mut robot = Robot::new(model.clone());
     let plans = every_plan(model, &mut seeded);

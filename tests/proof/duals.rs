@@ -5,7 +5,7 @@
 //! from there gives the first derivative, one more the second.
 
 use sarrus_dynamics::scalar::{Dd, Dual, Real, Scalar};
-use sarrus_dynamics::{Field, FieldSet, Model, Query, Request};
+use sarrus_dynamics::{Field, FieldSet, Model, PlanScalar, Query, Request};
 use sarrus_tests::cases::{Case, Ledger, State, robots};
 use sarrus_tests::compare::largest;
 use sarrus_tests::dual::{First, Second, model};
@@ -22,7 +22,7 @@ const ROUNDING: f64 = 64.0;
 
 /// Closes at y from the closed pose q, as often as there are orders of derivatives, and asks from
 /// there.
-fn ask_at<S: Scalar>(
+fn ask_at<S: PlanScalar>(
     robot: &mut Robot<Dual<S>>,
     base: Query,
     given: &[(Field, &[Dual<S>])],
@@ -38,11 +38,11 @@ fn ask_at<S: Scalar>(
     robot.ask_for(base, &given).ok()
 }
 
-fn constants<S: Scalar>(x: &[S]) -> Vec<Dual<S>> {
+fn constants<S: PlanScalar>(x: &[S]) -> Vec<Dual<S>> {
     x.iter().map(|x| Dual::constant(*x)).collect()
 }
 
-fn slopes<S: Scalar>(x: &[Dual<S>]) -> Vec<S> {
+fn slopes<S: PlanScalar>(x: &[Dual<S>]) -> Vec<S> {
     x.iter().map(|x| x.du).collect()
 }
 
@@ -52,7 +52,7 @@ fn kinematics(want: &[Field]) -> Query {
 
 /// Joint rates (place in q̇, rate) from the derivative of q: that itself, or 2 q* q̇ of a
 /// quaternion; also the second derivatives.
-fn rates<S: Scalar>(model: &Model<S>, q: &[S], dq: &[S]) -> Vec<(usize, S)> {
+fn rates<S: PlanScalar>(model: &Model<S>, q: &[S], dq: &[S]) -> Vec<(usize, S)> {
     let (q_names, v_names) = (model.tree_q_names(), model.tree_names());
     let place = |name: &str| v_names.iter().position(|x| x == name);
     let mut rates = Vec::new();
@@ -74,7 +74,7 @@ fn rates<S: Scalar>(model: &Model<S>, q: &[S], dq: &[S]) -> Vec<(usize, S)> {
 }
 
 /// Compares the rates of some joints with a field over all of q̇.
-fn compare_rates<S: Scalar>(
+fn compare_rates<S: PlanScalar>(
     ledger: &mut Ledger,
     what: &str,
     case: &Case,
@@ -88,7 +88,7 @@ fn compare_rates<S: Scalar>(
 }
 
 /// ∂γ/∂y = G and ∂u/∂y = G_u, column by column, without any velocity.
-fn columns<S: Scalar>(case: &Case, plain: &Model<S>, ledger: &mut Ledger, scalar: &str) {
+fn columns<S: PlanScalar>(case: &Case, plain: &Model<S>, ledger: &mut Ledger, scalar: &str) {
     let (mut robot, mut over_duals) = (Robot::new(plain.clone()), Robot::new(model(plain)));
     let n = plain.sizes().n_vy;
     let state = case.state::<S>(0);
@@ -201,7 +201,12 @@ fn the_bias_is_the_second_derivative_of_the_closure() {
 }
 
 /// What one dual along the motion makes of every output that has a rate among the outputs.
-fn along_the_motion<S: Scalar>(case: &Case, plain: &Model<S>, ledger: &mut Ledger, scalar: &str) {
+fn along_the_motion<S: PlanScalar>(
+    case: &Case,
+    plain: &Model<S>,
+    ledger: &mut Ledger,
+    scalar: &str,
+) {
     let (mut robot, mut over_duals) = (Robot::new(plain.clone()), Robot::new(model(plain)));
     let now = case.state::<S>(1);
     let q = robot.ask_for(kinematics(&[Q]), &[(Y, &now.y)]).ok().get(Q).to_vec();
@@ -267,7 +272,13 @@ fn every_rate_is_a_derivative_by_duals() {
 
 /// Kinetic and potential energy with rotors and springs, from poses and twists of the links and
 /// from q and q̇.
-fn energies<T: Scalar>(case: &Case, robot: &mut Robot<T>, y: &[T], yd: &[T], q: &[T]) -> (T, T) {
+fn energies<T: PlanScalar>(
+    case: &Case,
+    robot: &mut Robot<T>,
+    y: &[T],
+    yd: &[T],
+    q: &[T],
+) -> (T, T) {
     let links: Vec<u16> = (0..robot.model.link_names().len() as u16).collect();
     let (mut pose, mut twist) = (Vec::new(), Vec::new());
     let given = [(Y, y), (Yd, yd), (QGuess, q)];

@@ -1,7 +1,7 @@
 //! How requests end that have no answer: by name, and with NaN wherever a number would be a lie.
 
 use sarrus_dynamics::scalar::{Dd, Real, Scalar};
-use sarrus_dynamics::{Field, Model, Plan, Request, Status, Workspace};
+use sarrus_dynamics::{Field, Model, Plan, PlanScalar, Request, Status, Workspace};
 use sarrus_models::{Options, Source, load};
 use sarrus_tests::cases::{Case, Ledger, robots};
 use sarrus_tests::compare::error_by_size;
@@ -13,7 +13,7 @@ use sarrus_tests::seed::Seeded;
 use Field::*;
 
 /// What may stand in an answer of this status.
-fn assert_honest<T: Scalar>(plan: &Plan, status: Status, output: &[T]) {
+fn assert_honest<T: PlanScalar>(plan: &Plan, status: Status, output: &[T]) {
     for slot in plan.want().slots() {
         let numbers = &output[slot.range()];
         let query = plan.query();
@@ -209,7 +209,7 @@ fn lambda(type_name: &str, arm: f64, offset: f64) -> Case {
 
 /// Follows a path in short steps, each from the pose before; the last pose, if the path can be
 /// followed.
-fn followed<T: Scalar>(model: &Model<T>, y: &[T], steps: u32) -> Option<Vec<T>> {
+fn followed<T: PlanScalar>(model: &Model<T>, y: &[T], steps: u32) -> Option<Vec<T>> {
     let mut robot = Robot::new(model.clone());
     let mut guess: Option<Vec<T>> = None;
     for k in 0..=steps {

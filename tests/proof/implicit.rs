@@ -2,9 +2,10 @@
 //! to them from others.
 
 use sarrus_dynamics::description::JointKind;
-use sarrus_dynamics::scalar::{Dd, Real, Scalar};
+use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{
-    Compiled, Field, FieldSet, ImplicitForm, Method, Model, Plan, Query, Request, Status, Workspace,
+    Compiled, Field, FieldSet, ImplicitForm, Method, Model, Plan, PlanScalar, Query, Request,
+    Status, Workspace,
 };
 use sarrus_tests::cases::{Case, Ledger, State, robots};
 use sarrus_tests::compare::{error_by_size, largest};
@@ -30,7 +31,7 @@ struct Closed<T> {
     cond: f64,
 }
 
-fn closed<T: Scalar>(model: &Model<T>, state: &State<T>) -> Closed<T> {
+fn closed<T: PlanScalar>(model: &Model<T>, state: &State<T>) -> Closed<T> {
     let mut robot = Robot::new(model.clone());
     let motion: [(Field, &[T]); 2] = [(Y, &state.y), (Yd, &state.yd)];
     let x = robot.ask(Request::Kinematics, &motion, &[Q, Qd, K, CondKd]).ok();
@@ -40,7 +41,7 @@ fn closed<T: Scalar>(model: &Model<T>, state: &State<T>) -> Closed<T> {
 }
 
 /// Forward dynamics from forces on the tree by one method: q̈ and λ.
-fn planned<T: Scalar>(
+fn planned<T: PlanScalar>(
     model: &Model<T>,
     method: Method,
     base: Query,
@@ -61,7 +62,7 @@ fn planned<T: Scalar>(
     [Qdd, Lambda].map(|field| output[plan.want().slot(field).unwrap().range()].to_vec())
 }
 
-fn agree<T: Scalar>(
+fn agree<T: PlanScalar>(
     case: &Case,
     model: &Model<T>,
     state: &State<T>,

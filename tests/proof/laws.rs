@@ -3,8 +3,8 @@
 //! A law that holds in double-double to its last digits is a law of the formulas; the same in
 //! double measures their rounding.
 
-use sarrus_dynamics::scalar::{Dd, Real, Scalar};
-use sarrus_dynamics::{Compiled, Field, FieldSet, Model, Query, Request, Status};
+use sarrus_dynamics::scalar::{Dd, Real};
+use sarrus_dynamics::{Compiled, Field, FieldSet, Model, PlanScalar, Query, Request, Status};
 use sarrus_models::Options;
 use sarrus_tests::cases::{Case, Ledger, SEEDS, State, robots};
 use sarrus_tests::compare::largest;
@@ -29,7 +29,7 @@ fn every_random_robot_can_be_read() {
 
 /// A law that is written once for both scalars.
 trait Law {
-    fn check<T: Scalar>(
+    fn check<T: PlanScalar>(
         case: &Case,
         model: &Model<T>,
         state: &State<T>,
@@ -46,7 +46,7 @@ struct Note<'a> {
 }
 
 impl Note<'_> {
-    fn close<T: Scalar>(&mut self, what: &str, a: &[T], b: &[T], least: f64, allowed: f64) {
+    fn close<T: PlanScalar>(&mut self, what: &str, a: &[T], b: &[T], least: f64, allowed: f64) {
         self.ledger.compare(&format!("{what} in {}", self.scalar), self.case, a, b, least, allowed);
     }
 }
@@ -90,11 +90,11 @@ fn on_all<L: Law>(cases: &[Case]) {
     });
 }
 
-fn zeros<T: Scalar>(n: usize) -> Vec<T> {
+fn zeros<T: PlanScalar>(n: usize) -> Vec<T> {
     vec![T::ZERO; n]
 }
 
-fn value<T: Scalar>(fields: &Fields<T>, field: Field) -> f64 {
+fn value<T: PlanScalar>(fields: &Fields<T>, field: Field) -> f64 {
     fields.get(field)[0].to_f64()
 }
 
@@ -112,7 +112,7 @@ fn motion<T>(state: &State<T>) -> [(Field, &[T]); 3] {
 
 struct LoopsAreClosed;
 impl Law for LoopsAreClosed {
-    fn check<T: Scalar>(
+    fn check<T: PlanScalar>(
         _: &Case,
         model: &Model<T>,
         state: &State<T>,
@@ -175,7 +175,7 @@ fn loops_stay_closed_at_every_level() {
 
 struct ForcesAgree;
 impl Law for ForcesAgree {
-    fn check<T: Scalar>(
+    fn check<T: PlanScalar>(
         _: &Case,
         model: &Model<T>,
         state: &State<T>,
@@ -287,7 +287,7 @@ fn forces_agree_in_all_spaces() {
 
 struct Inverses;
 impl Law for Inverses {
-    fn check<T: Scalar>(
+    fn check<T: PlanScalar>(
         _: &Case,
         model: &Model<T>,
         state: &State<T>,
@@ -392,7 +392,7 @@ fn forward_and_inverse_dynamics_are_inverses() {
 
 struct Frames;
 impl Law for Frames {
-    fn check<T: Scalar>(
+    fn check<T: PlanScalar>(
         case: &Case,
         model: &Model<T>,
         state: &State<T>,
@@ -513,7 +513,7 @@ fn jacobians_move_velocities_and_wrenches() {
 
 struct RoundTrips;
 impl Law for RoundTrips {
-    fn check<T: Scalar>(
+    fn check<T: PlanScalar>(
         case: &Case,
         model: &Model<T>,
         state: &State<T>,

@@ -2,7 +2,7 @@
 //! against forty digits.
 
 use sarrus_dynamics::scalar::{Dd, Scalar};
-use sarrus_dynamics::{Compiled, Field, Request};
+use sarrus_dynamics::{Compiled, Field, PlanScalar, Request};
 use sarrus_models::{Options, Source, load};
 use sarrus_tests::compare::{assert_close, largest};
 use sarrus_tests::reference::{ROBOTS, cases, digits, numbers, vectors};
@@ -15,12 +15,12 @@ fn bundled(name: &str) -> Compiled {
         .compiled
 }
 
-fn negated<T: Scalar>(x: Vec<T>) -> Vec<T> {
+fn negated<T: PlanScalar>(x: Vec<T>) -> Vec<T> {
     x.into_iter().map(|x| -x).collect()
 }
 
 /// Compares one case at the tolerance; `read` takes numbers of the file in the scalar under test.
-fn check_case<T: Scalar>(
+fn check_case<T: PlanScalar>(
     robot: &mut Robot<T>,
     case: &Value,
     what: &str,

@@ -1,7 +1,7 @@
 //! Every kind of request on a model, with inputs for it.
 
 use sarrus_dynamics::scalar::Scalar;
-use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request};
+use sarrus_dynamics::{Field, FieldSet, Model, Plan, PlanScalar, Query, Request};
 
 use crate::cases::{Case, State};
 use crate::run::Robot;
@@ -79,7 +79,7 @@ fn givens(request: Request) -> Vec<Vec<Field>> {
 }
 
 /// Numbers for a plan at a state.
-pub fn input<T: Scalar>(
+pub fn input<T: PlanScalar>(
     case: &Case,
     robot: &mut Robot<T>,
     plan: &Plan,

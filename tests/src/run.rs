@@ -1,11 +1,11 @@
 //! One request in process, by field.
 
 use sarrus_dynamics::scalar::Scalar;
-use sarrus_dynamics::{Answer, Model, Plan, Workspace};
+use sarrus_dynamics::{Answer, Model, Plan, PlanScalar, Workspace};
 use sarrus_proto::{Field, FieldSet, Query, Request, Status};
 
 /// A model with everything that it takes to ask it.
-pub struct Robot<T: Scalar> {
+pub struct Robot<T: PlanScalar> {
     /// The model.
     pub model: Model<T>,
     workspace: Workspace<T>,
@@ -19,7 +19,7 @@ pub struct Fields<T> {
     numbers: Vec<T>,
 }
 
-impl<T: Scalar> Robot<T> {
+impl<T: PlanScalar> Robot<T> {
     /// A model and its workspace.
     pub fn new(model: Model<T>) -> Robot<T> {
         Robot { workspace: Workspace::new(&model), model }

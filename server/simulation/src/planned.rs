@@ -1,7 +1,6 @@
 //! A plan with room for its numbers, by field.
 
-use sarrus_dynamics::scalar::Scalar;
-use sarrus_dynamics::{Answer, Field, Model, Plan, Query, Workspace};
+use sarrus_dynamics::{Answer, Field, Model, Plan, PlanScalar, Query, Workspace};
 
 use crate::error::SimulationError;
 
@@ -13,7 +12,7 @@ pub(crate) struct Planned<T> {
     output: Vec<T>,
 }
 
-impl<T: Scalar> Planned<T> {
+impl<T: PlanScalar> Planned<T> {
     pub(crate) fn new(model: &Model<T>, query: &Query) -> Result<Planned<T>, SimulationError> {
         let plan = Plan::new(model, query)?;
         let (n, m) = (plan.given().len(), plan.want().len());

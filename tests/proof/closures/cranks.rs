@@ -3,7 +3,7 @@
 
 use sarrus_dynamics::description::SubmechanismKind as Kind;
 use sarrus_dynamics::scalar::{Dd, Scalar};
-use sarrus_dynamics::{ClosureKind, Compiled, Field, Request, Status};
+use sarrus_dynamics::{ClosureKind, Compiled, Field, PlanScalar, Request, Status};
 use sarrus_tests::compare::{error_by_size, largest};
 use sarrus_tests::draft::Draft;
 use sarrus_tests::rigid::{Vector, add, cross, unit};
@@ -120,7 +120,12 @@ fn state(draft: &Draft, seeded: &mut Seeded) -> (Vec<f64>, Vec<f64>) {
 const STATE: [Field; 7] = [Q, Qd, Qdd, G, GBias, CondKd, Iterations];
 
 /// A state by Newton's method from the zero pose, or without a guess.
-fn asked<T: Scalar>(robot: &mut Robot<T>, y: &[f64], yd: &[f64], guess: bool) -> Option<Fields<T>> {
+fn asked<T: PlanScalar>(
+    robot: &mut Robot<T>,
+    y: &[f64],
+    yd: &[f64],
+    guess: bool,
+) -> Option<Fields<T>> {
     let of = |x: &[f64]| x.iter().map(|x| T::from_f64(*x)).collect::<Vec<T>>();
     let (y, yd) = (of(y), of(yd));
     let zero = vec![T::ZERO; robot.model.sizes().n_q];

@@ -6,8 +6,8 @@ mod drawn;
 mod known;
 
 use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
-use sarrus_dynamics::scalar::{Dd, Real, Scalar};
-use sarrus_dynamics::{ClosureKind, Compiled, Field, Model, Request, Status};
+use sarrus_dynamics::scalar::{Dd, Real};
+use sarrus_dynamics::{ClosureKind, Compiled, Field, Model, PlanScalar, Request, Status};
 use sarrus_tests::compare::{error_by_size, largest};
 use sarrus_tests::draft::Draft;
 use sarrus_tests::rigid::Vector;
@@ -33,7 +33,11 @@ fn numerical(description: &Description) -> Compiled {
 
 const STATE: [Field; 9] = [Q, Qd, Qdd, G, GBias, K, KBias, Residual, CondKd];
 
-fn answers<T: Scalar>(model: &Model<T>, y: &[f64], yd: &[f64]) -> Option<(Fields<T>, Fields<T>)> {
+fn answers<T: PlanScalar>(
+    model: &Model<T>,
+    y: &[f64],
+    yd: &[f64],
+) -> Option<(Fields<T>, Fields<T>)> {
     let of = |x: &[f64]| x.iter().map(|x| T::from_f64(*x)).collect::<Vec<T>>();
     let (y, yd) = (of(y), of(yd));
     let ydd = yd.clone();
@@ -46,7 +50,7 @@ fn answers<T: Scalar>(model: &Model<T>, y: &[f64], yd: &[f64]) -> Option<(Fields
 
 /// Largest share of what is allowed: 64 ε cond × size, the square of cond at the acceleration
 /// level, and what the misfit leaves.
-fn share<T: Scalar>(
+fn share<T: PlanScalar>(
     mine: &(Fields<T>, Fields<T>),
     reference: &(Fields<T>, Fields<T>),
     misfit: f64,

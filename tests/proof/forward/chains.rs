@@ -1,13 +1,14 @@
 //! Loops in a row, from one to a thousand, and spherical joints beside them.
 
 use super::*;
+use sarrus_dynamics::PlanScalar;
 
 #[test]
 fn the_methods_agree_on_chains_of_loops() {
     for n in [1, 2, 3, 10, 40] {
         let Compiled { model, exact, .. } =
             Model::compile(&lambdas(n)).unwrap_or_else(|error| panic!("{error}"));
-        fn check<T: Scalar>(model: &Model<T>, allowed: f64) {
+        fn check<T: PlanScalar>(model: &Model<T>, allowed: f64) {
             let n = model.sizes().n_vy;
             let mut seeded = Seeded::new(n as u64);
             let mut random = |size: f64| -> Vec<T> {
@@ -69,7 +70,7 @@ fn the_methods_agree_on_spherical_joints() {
         on = ball.rpy([0.1, 0.5, 0.0]).inertial(inertial).link();
     }
     let Compiled { model, exact, .. } = robot.compile().unwrap_or_else(|error| panic!("{error}"));
-    fn check<T: Scalar>(model: &Model<T>, allowed: f64) {
+    fn check<T: PlanScalar>(model: &Model<T>, allowed: f64) {
         let half = T::from_f64(0.5);
         let y =
             [T::from_f64(0.1), T::from_f64(-0.1), half, half, half, half, half, -half, half, -half];

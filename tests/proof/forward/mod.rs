@@ -7,10 +7,10 @@ mod terms;
 use sarrus_dynamics::description::{
     Description, Inertial, JointKind, Placement, SubmechanismKind, Terms,
 };
-use sarrus_dynamics::scalar::{Dd, Scalar};
+use sarrus_dynamics::scalar::Dd;
 use sarrus_dynamics::{
-    Compiled, DescriptionBuilder, Field, FieldSet, LinkId, Method, Model, Plan, Query, Request,
-    Status, Workspace,
+    Compiled, DescriptionBuilder, Field, FieldSet, LinkId, Method, Model, Plan, PlanScalar, Query,
+    Request, Status, Workspace,
 };
 use sarrus_tests::cases::{Case, Ledger, State, robots};
 use sarrus_tests::compare::{assert_close, largest};
@@ -25,7 +25,7 @@ use Field::*;
 const STATES: u64 = 2;
 
 /// What one method answers; the fields one after the other.
-fn forward<T: Scalar>(
+fn forward<T: PlanScalar>(
     model: &Model<T>,
     method: Method,
     given: &[(Field, &[T])],
@@ -51,7 +51,7 @@ fn forward<T: Scalar>(
 }
 
 /// ‖M_y ÿ + C_y − τ_y‖ / (‖M_y‖‖ÿ‖ + ‖C_y‖ + ‖τ_y‖).
-fn backward_error<T: Scalar>(M: &[T], C: &[T], tau: &[T], ydd: &[T]) -> f64 {
+fn backward_error<T: PlanScalar>(M: &[T], C: &[T], tau: &[T], ydd: &[T]) -> f64 {
     let residual = largest(&minus(&plus(&product(M, ydd), C), tau));
     let norm = M
         .chunks_exact(ydd.len().max(1))
@@ -61,7 +61,7 @@ fn backward_error<T: Scalar>(M: &[T], C: &[T], tau: &[T], ydd: &[T]) -> f64 {
     if residual == 0.0 { 0.0 } else { residual / size }
 }
 
-fn methods_agree<T: Scalar>(
+fn methods_agree<T: PlanScalar>(
     case: &Case,
     model: &Model<T>,
     state: &State<T>,

@@ -1,6 +1,7 @@
 //! Springs, dampers and rotors on mechanisms whose equations fit in a line, and a mass that is not
 //! positive.
 
+use sarrus_dynamics::PlanScalar;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::*;
@@ -59,7 +60,7 @@ fn terms_of_dependent_joints_act_through_the_loop() {
             gear_ratio: 9.0,
         };
     }
-    fn check<T: Scalar>(plain: &Model<T>, loaded: &Model<T>, allowed: f64) {
+    fn check<T: PlanScalar>(plain: &Model<T>, loaded: &Model<T>, allowed: f64) {
         let number = T::from_f64;
         let of = |x: [f64; 3]| x.map(number);
         let (y, yd, ydd) = (of([0.1, -0.2, 0.15]), of([0.5, 1.0, -0.8]), of([2.0, -1.0, 3.0]));

@@ -199,26 +199,7 @@ impl BatchWorkspace {
     /// after the other, rows for [`Plan::run_closed`], and a bit for each that has none, in whose
     /// place stands one that has. `None` where none has one, or there is no room. Allocates never.
     pub fn close_rows(&mut self, plan: &Plan, given: &[f64]) -> Option<(&[f64], u32)> {
-        let n_in = plan.given().len();
-        let width = n_in + plan.closed_len();
-        let rows = given.len().checked_div(n_in)?.min(MOST_ROWS);
-        let closed = self.closed.get_mut(..rows * width)?;
-        let (mut open, mut sound) = (0, None);
-        for row in 0..rows {
-            let given = &given[row * n_in..][..n_in];
-            match plan.close(&self.model, &mut self.workspace, given) {
-                Some(numbers) => {
-                    closed[row * width..][..width].copy_from_slice(numbers);
-                    sound = Some(row);
-                }
-                None => open |= 1 << row,
-            }
-        }
-        let sound = sound? * width;
-        for row in (0..rows).filter(|row| open >> row & 1 != 0) {
-            closed.copy_within(sound..sound + width, row * width);
-        }
-        Some((closed, open))
+        close_rows(plan, &self.model, &mut self.workspace, &mut self.closed, given)
     }
 
     /// Answers states of a plan, as [`Batch::run`].
@@ -265,16 +246,14 @@ impl BatchWorkspace {
         want: &mut [f64],
         answers: &mut [Answer],
     ) -> u32 {
-        // away from this scratch as long as it is used
-        let Some(mut tile) = self.tile.take() else { return ALL };
-        let alone = if plan.closes_apart() {
-            self.close_rows(plan, given)
-                .map_or(ALL, |(closed, open)| open | tile.run(plan, closed, want, answers))
-        } else {
-            tile.run(plan, given, want, answers)
+        let BatchWorkspace { model, workspace, closed, tile: Some(tile), .. } = self else {
+            return ALL;
         };
-        self.tile = Some(tile);
-        alone
+        if !plan.closes_apart() {
+            return tile.run(plan, given, want, answers);
+        }
+        close_rows(plan, model, workspace, closed, given)
+            .map_or(ALL, |(closed, open)| open | tile.run(plan, closed, want, answers))
     }
 }
 
@@ -300,9 +279,7 @@ impl Tile {
     fn run(&mut self, plan: &Plan, given: &[f64], want: &mut [f64], answers: &mut [Answer]) -> u32 {
         let (n_in, n_out) = (plan.given().len() + plan.closed_len(), plan.want().len());
         let (input, output) = (&mut self.input[..n_in], &mut self.output[..n_out]);
-        for (k, x) in input.iter_mut().enumerate() {
-            *x = Abreast::new(core::array::from_fn(|lane| given[lane * n_in + k]));
-        }
+        read(given, input);
         Marks::take();
         // of what does not close apart the two are one
         let answer = plan.run_closed(&self.model, &mut self.workspace, input, output);
@@ -310,17 +287,79 @@ impl Tile {
         if answer.status != Status::Ok || answer.warnings != Warnings::NONE {
             return ALL;
         }
-        for (k, x) in output.iter().enumerate() {
-            for (lane, x) in x.states().into_iter().enumerate() {
-                want[lane * n_out + k] = x;
-            }
-        }
+        write(output, want);
         for (lane, answer) in answers.iter_mut().enumerate() {
             let is_beyond = marks.beyond >> lane & 1 != 0;
             let warnings = if is_beyond { Warnings::LIMITS_EXCEEDED } else { Warnings::NONE };
             *answer = Answer { status: Status::Ok, warnings };
         }
         marks.left
+    }
+}
+
+/// As [`BatchWorkspace::close_rows`].
+fn close_rows<'a>(
+    plan: &Plan,
+    model: &Model<f64>,
+    workspace: &mut Workspace<f64>,
+    closed: &'a mut [f64],
+    given: &[f64],
+) -> Option<(&'a [f64], u32)> {
+    let n_in = plan.given().len();
+    let width = n_in + plan.closed_len();
+    let rows = given.len().checked_div(n_in)?.min(MOST_ROWS);
+    let closed = closed.get_mut(..rows * width)?;
+    let (mut open, mut sound) = (0, None);
+    for row in 0..rows {
+        let given = &given[row * n_in..][..n_in];
+        match plan.close(model, workspace, given) {
+            Some(numbers) => {
+                closed[row * width..][..width].copy_from_slice(numbers);
+                sound = Some(row);
+            }
+            None => open |= 1 << row,
+        }
+    }
+    let sound = sound? * width;
+    for row in (0..rows).filter(|row| open >> row & 1 != 0) {
+        closed.copy_within(sound..sound + width, row * width);
+    }
+    Some((closed, open))
+}
+
+/// The numbers of [`LANES`] rows, each of one state, in blocks of as many numbers as rows; the last
+/// block may overlap the one before.
+fn read(rows: &[f64], numbers: &mut [Abreast]) {
+    let n = numbers.len();
+    let rows: [&[f64]; LANES] = core::array::from_fn(|lane| &rows[lane * n..][..n]);
+    let Some(last) = n.checked_sub(LANES) else {
+        for (k, x) in numbers.iter_mut().enumerate() {
+            *x = Abreast::new(rows.map(|row| row[k]));
+        }
+        return;
+    };
+    for at in (0..n).step_by(LANES).map(|at| at.min(last)) {
+        let block = rows.map(|row| core::array::from_fn(|k| row[at + k]));
+        numbers[at..][..LANES].copy_from_slice(&Abreast::of_rows(block));
+    }
+}
+
+/// The reverse.
+fn write(numbers: &[Abreast], rows: &mut [f64]) {
+    let n = numbers.len();
+    let Some(last) = n.checked_sub(LANES) else {
+        for (k, x) in numbers.iter().enumerate() {
+            for (lane, x) in x.states().into_iter().enumerate() {
+                rows[lane * n + k] = x;
+            }
+        }
+        return;
+    };
+    for at in (0..n).step_by(LANES).map(|at| at.min(last)) {
+        let block = Abreast::rows(core::array::from_fn(|k| numbers[at + k]));
+        for (lane, block) in block.iter().enumerate() {
+            rows[lane * n + at..][..LANES].copy_from_slice(block);
+        }
     }
 }
 

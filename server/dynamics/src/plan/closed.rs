@@ -254,12 +254,12 @@ impl Plan {
     /// Closes what Newton's method closes: the given numbers, and behind them what
     /// [`Plan::run_closed`] needs of it; `None` where only [`Plan::run`] has the answer, because
     /// something is not as it should be. Allocates never.
-    pub fn close<'a, T: Scalar>(
+    pub fn close<'a>(
         &self,
-        model: &Model<T>,
-        workspace: &'a mut Workspace<T>,
-        input: &[T],
-    ) -> Option<&'a [T]> {
+        model: &Model<f64>,
+        workspace: &'a mut Workspace<f64>,
+        input: &[f64],
+    ) -> Option<&'a [f64]> {
         let ws = workspace;
         let (given, len) = (self.given.len(), self.given.len() + self.closed.len());
         let fits = input.len() == given && ws.closed.len() >= len && ws.serves(self.needs());

@@ -19,6 +19,7 @@ pub use closed::ClosedNumbers;
 pub(crate) use forces::wrenches_on_bodies;
 pub(crate) use kkt::{Drift, drift_of, tree_under_constraints};
 pub use outline::Outline;
+pub use run::PlanScalar;
 
 pub(crate) use sarrus_proto::Answer;
 #[cfg(doc)]

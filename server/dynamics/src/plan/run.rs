@@ -7,7 +7,7 @@ use crate::mechanism::{Motion, turn};
 use crate::model::Model;
 use crate::plan::diagnostics::digits::Doubt;
 use crate::plan::{Answer, Plan, Space};
-use crate::scalar::{Scalar, all_finite};
+use crate::scalar::{Counted, Dd, Dual, Scalar, all_finite};
 use crate::workspace::Workspace;
 
 /// What a run found besides the numbers in the workspace.
@@ -58,6 +58,46 @@ impl<T: Scalar> RunReport<T> {
     }
 }
 
+/// A scalar that plans run over.
+///
+/// What is generic is compiled by every crate that calls it. For the scalars that most callers
+/// share, `f64` and [`Dd`], the whole road of a request is compiled here, once.
+pub trait PlanScalar: Scalar {
+    /// As [`Plan::run`].
+    #[doc(hidden)]
+    fn run(
+        plan: &Plan,
+        model: &Model<Self>,
+        workspace: &mut Workspace<Self>,
+        input: &[Self],
+        output: &mut [Self],
+    ) -> Answer {
+        plan.run_over(model, workspace, input, output)
+    }
+}
+
+macro_rules! compiled_here {
+    ($($scalar:ty),*) => {$(
+        impl PlanScalar for $scalar {
+            #[inline(never)]
+            fn run(
+                plan: &Plan,
+                model: &Model<$scalar>,
+                workspace: &mut Workspace<$scalar>,
+                input: &[$scalar],
+                output: &mut [$scalar],
+            ) -> Answer {
+                plan.run_over(model, workspace, input, output)
+            }
+        }
+    )*};
+}
+
+compiled_here!(f64, Dd);
+impl PlanScalar for f32 {}
+impl PlanScalar for Counted {}
+impl<S: Scalar> PlanScalar for Dual<S> {}
+
 impl Plan {
     /// Answers one request.
     ///
@@ -67,7 +107,18 @@ impl Plan {
     /// model than `model` is [`Status::WrongModel`] (conversions of one model to other scalars are
     /// one model). Allocates never; panics never. A failed answer is NaN wherever its status
     /// forbids a number.
-    pub fn run<T: Scalar>(
+    #[inline]
+    pub fn run<T: PlanScalar>(
+        &self,
+        model: &Model<T>,
+        workspace: &mut Workspace<T>,
+        input: &[T],
+        output: &mut [T],
+    ) -> Answer {
+        T::run(self, model, workspace, input, output)
+    }
+
+    pub(super) fn run_over<T: Scalar>(
         &self,
         model: &Model<T>,
         workspace: &mut Workspace<T>,

@@ -11,7 +11,7 @@ use core::cell::Cell;
 use core::cmp::Ordering;
 use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use crate::scalar::lanes::LaneMask;
+use crate::scalar::lanes::{LaneMask, Transposed};
 use crate::scalar::{Figure, LANES, Lanes, Plain, Real, Scalar, Six};
 
 /// One bit for each lane.
@@ -81,6 +81,18 @@ impl Abreast {
     #[inline(always)]
     pub(crate) fn new(states: [f64; LANES]) -> Abreast {
         Abreast(states.into())
+    }
+
+    /// As many numbers as states, given as a row of each state.
+    #[inline(always)]
+    pub(crate) fn of_rows(rows: [[f64; LANES]; LANES]) -> [Abreast; LANES] {
+        Lanes::transposed(rows.map(Lanes::from)).map(Abreast)
+    }
+
+    /// The reverse.
+    #[inline(always)]
+    pub(crate) fn rows(numbers: [Abreast; LANES]) -> [[f64; LANES]; LANES] {
+        Lanes::transposed(numbers.map(|x| x.0)).map(Into::into)
     }
 
     /// The number of each state.

@@ -86,6 +86,12 @@ pub(crate) trait Vector:
     fn xor_sign(self, sign: Self) -> Self;
 }
 
+/// As many numbers as lanes.
+pub(crate) trait Transposed<const N: usize>: Sized {
+    /// The k-th has lane k of the first, of the second and so on.
+    fn transposed(numbers: [Self; N]) -> [Self; N];
+}
+
 macro_rules! vector {
     ($lanes:literal, $vector:ident, $bits:ident) => {
         impl Packed for Width<$lanes> {
@@ -103,6 +109,13 @@ macro_rules! vector {
             #[inline(always)]
             fn from(lanes: Lanes<$lanes>) -> [f64; $lanes] {
                 lanes.0.to_array()
+            }
+        }
+
+        impl Transposed<$lanes> for Lanes<$lanes> {
+            #[inline(always)]
+            fn transposed(numbers: [Lanes<$lanes>; $lanes]) -> [Lanes<$lanes>; $lanes] {
+                $vector::transpose(numbers.map(|x| x.0)).map(Lanes)
             }
         }
 

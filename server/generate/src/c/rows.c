@@ -64,7 +64,7 @@ SARRUS_INLINE sarrus_rows sarrus_xor_sign_rows(sarrus_rows x, sarrus_lanes sign)
     return (sarrus_rows)((sarrus_lanes)x ^ (sign & UINT64_C(0x8000000000000000)));
 }
 
-/* a number of each row, so many numbers apart */
+/* a number of each row, rows being so many numbers apart */
 SARRUS_INLINE sarrus_rows sarrus_get(const double *from, int apart)
 {
     sarrus_rows x;
@@ -78,6 +78,44 @@ SARRUS_INLINE void sarrus_put(double *to, int apart, sarrus_rows x)
     for (int k = 0; k < SARRUS_LANES; k++)
         to[k * apart] = x[k];
 }
+
+/* two numbers of each row that stand side by side */
+#if SARRUS_LANES == 4 && defined(sarrus_same)
+SARRUS_INLINE __m256d sarrus_halves(const double *first, const double *second)
+{
+    const __m256d x = _mm256_castpd128_pd256(_mm_loadu_pd(first));
+    return _mm256_insertf128_pd(x, _mm_loadu_pd(second), 1);
+}
+
+SARRUS_INLINE void sarrus_get_both(const double *from, int apart, sarrus_rows *a, sarrus_rows *b)
+{
+    const __m256d even = sarrus_halves(from, from + 2 * apart);
+    const __m256d odd = sarrus_halves(from + apart, from + 3 * apart);
+    *a = (sarrus_rows)_mm256_unpacklo_pd(even, odd);
+    *b = (sarrus_rows)_mm256_unpackhi_pd(even, odd);
+}
+
+SARRUS_INLINE void sarrus_put_both(double *to, int apart, sarrus_rows a, sarrus_rows b)
+{
+    const __m256d even = _mm256_unpacklo_pd(a, b), odd = _mm256_unpackhi_pd(a, b);
+    _mm_storeu_pd(to, _mm256_castpd256_pd128(even));
+    _mm_storeu_pd(to + apart, _mm256_castpd256_pd128(odd));
+    _mm_storeu_pd(to + 2 * apart, _mm256_extractf128_pd(even, 1));
+    _mm_storeu_pd(to + 3 * apart, _mm256_extractf128_pd(odd, 1));
+}
+#else
+SARRUS_INLINE void sarrus_get_both(const double *from, int apart, sarrus_rows *a, sarrus_rows *b)
+{
+    *a = sarrus_get(from, apart);
+    *b = sarrus_get(from + 1, apart);
+}
+
+SARRUS_INLINE void sarrus_put_both(double *to, int apart, sarrus_rows a, sarrus_rows b)
+{
+    sarrus_put(to, apart, a);
+    sarrus_put(to + 1, apart, b);
+}
+#endif
 
 /* one bit for each row */
 SARRUS_INLINE int sarrus_bits_of(sarrus_lanes mask)

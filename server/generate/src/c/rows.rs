@@ -3,7 +3,7 @@
 //! The operations of the function for one state in their order, without its pairs and tables: a
 //! vector is full here without them. A row that fails a check has its bit in what is returned.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use crate::Kernel;
 use crate::c::elementary::elementary;
@@ -18,7 +18,12 @@ pub(super) fn rows(kernel: &Kernel, name: &str) -> String {
     let mut text = format!("#define SARRUS_LANES {}_ROWS\n", name.to_ascii_uppercase());
     text += include_str!("rows.c");
     text += &elementary(kernel, true);
-    let body = Body { kernel, angles: HashSet::new() };
+    let input = |(at, operation): (usize, &Operation)| match operation {
+        Operation::Input(k) => Some((*k, at)),
+        _ => None,
+    };
+    let inputs = kernel.operations.iter().enumerate().filter_map(input).collect();
+    let body = Body { kernel, angles: HashSet::new(), inputs };
     text += &body.statements().text(&format!("{name}_rows"));
     format!("\n#if defined(SARRUS_ROWS) && defined(__GNUC__)\n{text}#endif\n")
 }
@@ -28,6 +33,8 @@ struct Body<'a> {
     kernel: &'a Kernel,
     /// Angles that have their sine and cosine.
     angles: HashSet<Term>,
+    /// The operations of inputs that are not read yet.
+    inputs: HashMap<u32, usize>,
 }
 
 impl Body<'_> {
@@ -55,9 +62,15 @@ impl Body<'_> {
             }
         }
         let apart = self.kernel.outputs.len();
-        for (k, x) in self.kernel.outputs.iter().enumerate() {
-            let line = format!("sarrus_put(out + {k}, {apart}, {});", number(*x));
-            after([Some(*x), None], line);
+        for (k, some) in self.kernel.outputs.chunks(2).enumerate() {
+            let to = format!("out + {}, {apart}, {}", 2 * k, number(some[0]));
+            match some.get(1) {
+                Some(x) => after(
+                    [Some(some[0]), Some(*x)],
+                    format!("sarrus_put_both({to}, {});", number(*x)),
+                ),
+                None => after([Some(some[0]), None], format!("sarrus_put({to});")),
+            }
         }
         let mut steps = Vec::new();
         for (at, operation) in self.kernel.operations.iter().enumerate() {
@@ -74,7 +87,7 @@ impl Body<'_> {
         let n = number;
         let mut lines = Vec::new();
         let value = match *operation {
-            Input(k) => format!("sarrus_get(in + {k}, {})", self.kernel.inputs()),
+            Input(k) => return self.input(k),
             Add(..) | Multiply(..) | Divide(..) => arithmetic(operation, n).unwrap_or_default(),
             Fused(a, b, c) => {
                 let name = fused(a.is_negated() != b.is_negated(), c.is_negated());
@@ -100,6 +113,21 @@ impl Body<'_> {
         };
         lines.push(format!("const sarrus_rows v{at} = {value};"));
         lines
+    }
+
+    /// Reads an input, and the one beside it, unless it came with that.
+    fn input(&mut self, k: u32) -> Vec<String> {
+        let (first, apart) = (k & !1, self.kernel.inputs());
+        match [first, first + 1].map(|k| self.inputs.remove(&k)) {
+            [Some(a), Some(b)] => vec![
+                format!("sarrus_rows v{a}, v{b};"),
+                format!("sarrus_get_both(in + {first}, {apart}, &v{a}, &v{b});"),
+            ],
+            [Some(at), None] | [None, Some(at)] => {
+                vec![format!("const sarrus_rows v{at} = sarrus_get(in + {k}, {apart});")]
+            }
+            [None, None] => Vec::new(),
+        }
     }
 }
 

@@ -1,8 +1,7 @@
 //! Every method that is measured on a robot: how loops are closed and how well, in which scalar,
 //! how forward dynamics go.
 
-use sarrus_dynamics::scalar::Scalar;
-use sarrus_dynamics::{Method as Forward, Model, Plan};
+use sarrus_dynamics::{Method as Forward, Model, Plan, PlanScalar};
 
 use super::runner::{Implicit, Planned, Runner, with_start};
 use crate::Outcome;
@@ -218,7 +217,7 @@ impl Methods<'_> {
         Ok(())
     }
 
-    fn ask<T: Scalar>(
+    fn ask<T: PlanScalar>(
         &mut self,
         closing: &Closing<'_>,
         model: &Model<T>,

@@ -2,9 +2,9 @@
 
 use std::hint::black_box;
 
-use sarrus_dynamics::scalar::Scalar;
 use sarrus_dynamics::{
-    Field, FieldSet, ImplicitForm, Layout, Model, Plan, Query, Request, Status, Workspace,
+    Field, FieldSet, ImplicitForm, Layout, Model, Plan, PlanScalar, Query, Request, Status,
+    Workspace,
 };
 
 use crate::Outcome;
@@ -24,7 +24,7 @@ pub(super) trait Runner {
 }
 
 /// A plan with its inputs in the scalar of the model.
-pub(super) struct Planned<T: Scalar> {
+pub(super) struct Planned<T: PlanScalar> {
     model: Model<T>,
     plan: Plan,
     workspace: Workspace<T>,
@@ -40,7 +40,7 @@ pub(super) fn with_start(mut query: Query, start: Start) -> Query {
     query
 }
 
-impl<T: Scalar> Planned<T> {
+impl<T: PlanScalar> Planned<T> {
     /// On the states of a robot, with the guesses of the variant at this place.
     pub(super) fn new(model: Model<T>, plan: Plan, robot: &Robot, place: usize) -> Planned<T> {
         let input = |state| packed(&plan, state, place).into_iter().map(T::from_f64).collect();
@@ -54,7 +54,7 @@ impl<T: Scalar> Planned<T> {
     }
 }
 
-impl<T: Scalar> Runner for Planned<T> {
+impl<T: PlanScalar> Runner for Planned<T> {
     fn states(&self) -> usize {
         self.inputs.len()
     }

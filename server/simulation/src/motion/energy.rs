@@ -2,8 +2,8 @@
 //! without any mass matrix.
 
 use sarrus_dynamics::description::Description;
-use sarrus_dynamics::scalar::{Real, Scalar};
-use sarrus_dynamics::{Field, FieldSet, Model, Query, Request, Status, Workspace};
+use sarrus_dynamics::scalar::Real;
+use sarrus_dynamics::{Field, FieldSet, Model, PlanScalar, Query, Request, Status, Workspace};
 
 use crate::coordinates::{Coordinates, cross, turned};
 use crate::error::SimulationError;
@@ -35,7 +35,7 @@ struct Mass {
 
 /// Measures energies, in the precision in which loops are closed.
 #[derive(Clone, Debug)]
-pub(crate) struct Meter<T: Scalar> {
+pub(crate) struct Meter<T: PlanScalar> {
     masses: Vec<Mass>,
     plans: Vec<Planned<T>>,
     workspace: Workspace<T>,
@@ -45,7 +45,7 @@ pub(crate) struct Meter<T: Scalar> {
     springs: Vec<(usize, f64, f64)>,
 }
 
-impl<T: Scalar> Meter<T> {
+impl<T: PlanScalar> Meter<T> {
     pub(crate) fn new(
         model: &Model<T>,
         description: &Description,

@@ -4,7 +4,8 @@
 use sarrus_dynamics::description::Description;
 use sarrus_dynamics::scalar::{Dd, Dual, Scalar};
 use sarrus_dynamics::{
-    Answer, Compiled, Field, FieldSet, Model, Query, Request, Status, Warnings, Workspace,
+    Answer, Compiled, Field, FieldSet, Model, PlanScalar, Query, Request, Status, Warnings,
+    Workspace,
 };
 
 use crate::error::SimulationError;
@@ -78,7 +79,7 @@ pub(crate) struct Anchor {
 }
 
 /// The right-hand side over another scalar, with its numbers.
-struct Other<T: Scalar> {
+struct Other<T: PlanScalar> {
     rates: Rates<T>,
     x: Vec<T>,
     rate: Vec<T>,
@@ -86,7 +87,7 @@ struct Other<T: Scalar> {
     qd: Vec<T>,
 }
 
-impl<T: Scalar> Other<T> {
+impl<T: PlanScalar> Other<T> {
     fn new(model: Model<T>, mechanism: &Mechanism) -> Result<Other<T>, SimulationError> {
         let zero = |n: usize| vec![T::ZERO; n];
         let (x, q, qd) =
@@ -338,7 +339,7 @@ impl Engine {
 }
 
 impl Anchor {
-    fn take<T: Scalar>(&mut self, from: &Rates<T>) {
+    fn take<T: PlanScalar>(&mut self, from: &Rates<T>) {
         for (to, field) in
             [(&mut self.q, Field::Q), (&mut self.qd, Field::Qd), (&mut self.G, Field::G)]
         {

@@ -10,9 +10,8 @@
 use std::f64::consts::TAU;
 
 use sarrus_dynamics::description::{Description, JointKind};
-use sarrus_dynamics::scalar::Scalar;
 use sarrus_dynamics::{
-    Answer, Field, FieldSet, Model, Query, Request, Sizes, Status, Warnings, Workspace,
+    Answer, Field, FieldSet, Model, PlanScalar, Query, Request, Sizes, Status, Warnings, Workspace,
 };
 
 use crate::coordinates::Coordinates;
@@ -84,7 +83,7 @@ impl Mechanism {
     }
 
     /// What inputs do and dampers take in unit time: τ_q · q̇ − losses.
-    pub(crate) fn power<T: Scalar>(&self, qd: &[T], tau_q: &[T], loss: T) -> T {
+    pub(crate) fn power<T: PlanScalar>(&self, qd: &[T], tau_q: &[T], loss: T) -> T {
         let given = qd.iter().zip(tau_q).fold(T::ZERO, |sum, (v, tau)| v.mul_add(*tau, sum));
         self.dampers
             .iter()
@@ -109,7 +108,7 @@ impl Mechanism {
 
 /// The right-hand side over one scalar.
 #[derive(Clone, Debug)]
-pub(crate) struct Rates<T: Scalar> {
+pub(crate) struct Rates<T: PlanScalar> {
     model: Model<T>,
     workspace: Workspace<T>,
     /// Where the robot is, for the forces that depend on it.
@@ -121,7 +120,7 @@ pub(crate) struct Rates<T: Scalar> {
     effect: Effect<T>,
 }
 
-impl<T: Scalar> Rates<T> {
+impl<T: PlanScalar> Rates<T> {
     pub(crate) fn new(model: Model<T>, mechanism: &Mechanism) -> Result<Rates<T>, SimulationError> {
         use Field::*;
         // the guess is a pose of the loops

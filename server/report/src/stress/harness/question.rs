@@ -4,7 +4,8 @@ use std::collections::HashMap;
 
 use sarrus_dynamics::scalar::{Dd, Scalar};
 use sarrus_dynamics::{
-    Answer, Field, FieldSet, Method, Model, Plan, Query, Request, Status, Warnings, Workspace,
+    Answer, Field, FieldSet, Method, Model, Plan, PlanScalar, Query, Request, Status, Warnings,
+    Workspace,
 };
 
 use super::robot::Robot;
@@ -139,12 +140,12 @@ impl Question {
     }
 
     /// The answer of a model.
-    pub(crate) fn run<T: Scalar>(&self, model: &Model<T>) -> Outcome<Answered<T>> {
+    pub(crate) fn run<T: PlanScalar>(&self, model: &Model<T>) -> Outcome<Answered<T>> {
         self.run_with(model, |_, x| T::from_f64(x))
     }
 
     /// The same with every given number as `number` makes it of its place and its value.
-    pub(crate) fn run_with<T: Scalar>(
+    pub(crate) fn run_with<T: PlanScalar>(
         &self,
         model: &Model<T>,
         number: impl Fn(usize, f64) -> T,
@@ -209,7 +210,9 @@ impl<T: Scalar> Answered<T> {
         let nan = |field| self.get(field).iter().all(|x| x.to_f64().is_nan());
         self.plan.want().slots().iter().all(|slot| slot.field.survives_failure() || nan(slot.field))
     }
+}
 
+impl<T: PlanScalar> Answered<T> {
     /// The shortest time of a call in nanoseconds, over a few.
     pub(crate) fn nanoseconds(&mut self, model: &Model<T>, repeats: u32) -> f64 {
         let mut shortest = f64::INFINITY;

@@ -3,8 +3,8 @@
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_6};
 
 use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
-use sarrus_dynamics::scalar::{Dd, Scalar};
-use sarrus_dynamics::{Field, Model, Request, Status};
+use sarrus_dynamics::scalar::Dd;
+use sarrus_dynamics::{Field, Model, PlanScalar, Request, Status};
 
 use crate::Outcome;
 use crate::stress::harness::question::{Question, State};
@@ -153,7 +153,7 @@ fn determinant(mut a: Vec<Dd>, n: usize) -> f64 {
 
 /// The pose at the end of the straight way from zero in small steps, each from the one before; none
 /// where the way ends.
-pub(crate) fn followed<T: Scalar>(model: &Model<T>, y: &[f64]) -> Outcome<Option<Vec<T>>> {
+pub(crate) fn followed<T: PlanScalar>(model: &Model<T>, y: &[f64]) -> Outcome<Option<Vec<T>>> {
     const STEPS: u32 = 200;
     let mut guess: Option<Vec<f64>> = None;
     for k in 1..=STEPS {
