@@ -1,8 +1,12 @@
 //! Generated code of bundled and of random robots against their plans: every bit.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
-use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Status, Warnings, Workspace};
+use sarrus_dynamics::{
+    Answer, BatchWorkspace, Field, FieldSet, Model, Plan, Query, Request, Status, Warnings,
+    Workspace,
+};
 use sarrus_generate::{
     Cache, Cancel, Compiler, GenerateError, Kernel, MakeError, NativeKernel, Outcome, RandomInputs,
 };
@@ -13,9 +17,12 @@ use sarrus_tests::seed::Seeded;
 
 /// First of the states that nothing was traced or compared at.
 const FRESH: u64 = 3_000_000;
-/// States of each robot and query in the long run, and its random robots.
-const MANY: u64 = 1_000_000;
+/// States of each query in the long run, of a bundled and of a random robot, and its random robots.
+const OF_BUNDLED: u64 = 1_000_000;
+const OF_RANDOM: u64 = 50_000;
 const RANDOM: u64 = 100;
+/// Rows of a batch: whole calls of code for rows, and a rest.
+const ROWS: usize = 61;
 
 /// State, inverse and forward dynamics, without a guess and with one.
 fn queries() -> [(&'static str, Query); 6] {
@@ -113,6 +120,39 @@ fn compare(
     count
 }
 
+/// Compares batches of code with the plan, bit by bit.
+fn compare_rows(
+    what: &str,
+    (case, plan): (&Case, &Plan),
+    range: std::ops::Range<u64>,
+    native: &NativeKernel,
+) -> Count {
+    let model = &case.compiled.model;
+    let (n_in, n_out) = (plan.given().len(), plan.want().len());
+    let mut scratch = BatchWorkspace::new(&Arc::new(model.clone()), n_in, n_out);
+    let mut workspace = Workspace::for_plans(model, [plan]);
+    let unknown = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
+    let (mut found, mut answers) = (vec![0.0; ROWS * n_out], [unknown; ROWS]);
+    let mut expected = vec![0.0; n_out];
+    let mut states = States::new(case, plan);
+    let mut count = Count::default();
+    for first in range.step_by(ROWS) {
+        let input: Vec<f64> = (first..).take(ROWS).flat_map(|k| states.state(k)).collect();
+        let by_code = native.answer_rows(plan, &mut scratch, &input, &mut found, &mut answers);
+        count.answered += by_code as u64;
+        for (row, answer) in answers.iter().enumerate() {
+            let input = &input[row * n_in..][..n_in];
+            let right = plan.run(model, &mut workspace, input, &mut expected);
+            count.asked += 1;
+            assert_eq!(*answer, right, "{what}, row {row}: {input:?}");
+            for (a, b) in found[row * n_out..][..n_out].iter().zip(&expected) {
+                assert_eq!(a.to_bits(), b.to_bits(), "{what}: {a:e} for {b:e} at {input:?}");
+            }
+        }
+    }
+    count
+}
+
 /// Why there may be no code for a random robot.
 fn is_excused(error: &GenerateError) -> bool {
     use GenerateError::*;
@@ -164,9 +204,10 @@ fn compiled_code_of_every_robot_has_the_bits_of_its_plan_on_a_million_states() {
         Ok(cache.kernel(model, plan, &compiler, &Cancel::default())?.kernel)
     };
     let of_seed = |seed| Case::of_text(&random_robot(seed), seed, &Default::default()).ok();
-    let random = (5_000..5_000 + RANDOM).filter_map(of_seed);
-    let mut all = Count::default();
-    for case in ROBOTS.iter().map(|name| Case::bundled(name)).chain(random) {
+    let bundled = ROBOTS.iter().map(|name| (Case::bundled(name), OF_BUNDLED));
+    let random = (5_000..5_000 + RANDOM).filter_map(of_seed).map(|case| (case, OF_RANDOM));
+    let (mut all, mut in_rows) = (Count::default(), Count::default());
+    for (case, states) in bundled.chain(random) {
         let model = &case.compiled.model;
         for (name, query) in queries() {
             let plan = Plan::new(model, &query).unwrap();
@@ -179,14 +220,18 @@ fn compiled_code_of_every_robot_has_the_bits_of_its_plan_on_a_million_states() {
                 Ok(native) => {
                     let of = (model, &plan);
                     let count =
-                        compare(&what, (&case, &plan), 0..MANY, |workspace, input, output| {
+                        compare(&what, (&case, &plan), 0..states, |workspace, input, output| {
                             let answer = native.answer(of, workspace, input, output)?;
                             Some(answer.warnings)
                         });
                     all.answered += count.answered;
                     all.sure += count.sure;
                     all.asked += count.asked;
-                    println!("{what}: {count:?}; all: {all:?}");
+                    // other states than alone
+                    let rows = compare_rows(&what, (&case, &plan), states..2 * states, &native);
+                    in_rows.answered += rows.answered;
+                    in_rows.asked += rows.asked;
+                    println!("{what}: {count:?}, in rows {rows:?}; all: {all:?}, {in_rows:?}");
                 }
                 Err(MakeError::Generate(error)) if is_excused(&error) => {
                     println!("{what}: {error}");
@@ -195,5 +240,8 @@ fn compiled_code_of_every_robot_has_the_bits_of_its_plan_on_a_million_states() {
             }
         }
     }
+    // the states of both are of one kind
+    let share = |count: Count| count.answered as f64 / count.asked as f64;
+    assert!((share(all) - share(in_rows)).abs() < 0.02, "{all:?}, in rows {in_rows:?}");
     assert!(all.answered * 10 > all.sure * 7, "{all:?}");
 }

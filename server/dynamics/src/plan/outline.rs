@@ -94,7 +94,7 @@ impl Plan {
         let input: Vec<Counted> = input.iter().map(|x| Counted(*x)).collect();
         let mut output = vec![Counted(0.0); self.want.len()];
         Counted::take();
-        let _ = self.run_over(&counted, &mut workspace, &input, &mut output);
+        let _ = self.run(&counted, &mut workspace, &input, &mut output);
         Counted::take()
     }
 }

@@ -7,7 +7,7 @@ use crate::mechanism::{Motion, turn};
 use crate::model::Model;
 use crate::plan::diagnostics::digits::Doubt;
 use crate::plan::{Answer, Plan, Space};
-use crate::scalar::{Counted, Dd, Dual, Scalar, all_finite};
+use crate::scalar::{Counted, Dd, Dual, Scalar, Stochastic, all_finite};
 use crate::workspace::Workspace;
 
 /// What a run found besides the numbers in the workspace.
@@ -60,8 +60,8 @@ impl<T: Scalar> RunReport<T> {
 
 /// A scalar that plans run over.
 ///
-/// What is generic is compiled by every crate that calls it. For the scalars that most callers
-/// share, `f64` and [`Dd`], the whole road of a request is compiled here, once.
+/// What is generic is compiled by every crate that calls it. For the scalars that callers share the
+/// whole road of a request is compiled here, once.
 pub trait PlanScalar: Scalar {
     /// As [`Plan::run`].
     #[doc(hidden)]
@@ -93,9 +93,8 @@ macro_rules! compiled_here {
     )*};
 }
 
-compiled_here!(f64, Dd);
+compiled_here!(f64, Dd, Counted, Stochastic);
 impl PlanScalar for f32 {}
-impl PlanScalar for Counted {}
 impl<S: Scalar> PlanScalar for Dual<S> {}
 
 impl Plan {
@@ -118,7 +117,7 @@ impl Plan {
         T::run(self, model, workspace, input, output)
     }
 
-    pub(super) fn run_over<T: Scalar>(
+    fn run_over<T: Scalar>(
         &self,
         model: &Model<T>,
         workspace: &mut Workspace<T>,

@@ -7,6 +7,7 @@ mod parts;
 mod rows;
 mod table;
 mod test;
+mod watches;
 
 use sarrus_dynamics::Model;
 

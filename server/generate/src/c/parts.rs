@@ -9,7 +9,7 @@ use std::collections::HashMap;
 /// Statements of one part.
 const LONGEST: usize = 4_000;
 /// The arrays that parts share, beside those of numbers.
-const ARRAYS: [(&str, &str); 8] = [
+const ARRAYS: [(&str, &str); 11] = [
     ("in", "const double"),
     ("out", "double"),
     ("seen", "double"),
@@ -18,6 +18,9 @@ const ARRAYS: [(&str, &str); 8] = [
     ("cosine", "double"),
     ("left", "sarrus_lanes"),
     ("beyond", "sarrus_lanes"),
+    ("squares", "sarrus_rows"),
+    ("most", "sarrus_rows"),
+    ("least", "sarrus_rows"),
 ];
 /// The types of numbers, and the arrays in which they wait.
 const KINDS: [(&str, &str); 3] =

@@ -8,6 +8,8 @@ typedef uint64_t sarrus_lanes __attribute__((vector_size(8 * SARRUS_LANES)));
 #define sarrus_same(a) ((sarrus_rows)_mm512_set1_pd(a))
 #define sarrus_root(x) ((sarrus_rows)_mm512_sqrt_pd(x))
 #define sarrus_fma(a, b, c) ((sarrus_rows)_mm512_fmadd_pd((a), (b), (c)))
+#define sarrus_larger(a, b) ((sarrus_rows)_mm512_max_pd((a), (b)))
+#define sarrus_smaller(a, b) ((sarrus_rows)_mm512_min_pd((a), (b)))
 #define sarrus_fms(a, b, c) ((sarrus_rows)_mm512_fmsub_pd((a), (b), (c)))
 #define sarrus_fnma(a, b, c) ((sarrus_rows)_mm512_fnmadd_pd((a), (b), (c)))
 #define sarrus_fnms(a, b, c) ((sarrus_rows)_mm512_fnmsub_pd((a), (b), (c)))
@@ -16,6 +18,8 @@ typedef uint64_t sarrus_lanes __attribute__((vector_size(8 * SARRUS_LANES)));
 #define sarrus_same(a) ((sarrus_rows)_mm256_set1_pd(a))
 #define sarrus_root(x) ((sarrus_rows)_mm256_sqrt_pd(x))
 #define sarrus_fma(a, b, c) ((sarrus_rows)_mm256_fmadd_pd((a), (b), (c)))
+#define sarrus_larger(a, b) ((sarrus_rows)_mm256_max_pd((a), (b)))
+#define sarrus_smaller(a, b) ((sarrus_rows)_mm256_min_pd((a), (b)))
 #define sarrus_fms(a, b, c) ((sarrus_rows)_mm256_fmsub_pd((a), (b), (c)))
 #define sarrus_fnma(a, b, c) ((sarrus_rows)_mm256_fnmadd_pd((a), (b), (c)))
 #define sarrus_fnms(a, b, c) ((sarrus_rows)_mm256_fnmsub_pd((a), (b), (c)))
@@ -58,6 +62,19 @@ SARRUS_INLINE sarrus_rows sarrus_chosen(sarrus_lanes first, sarrus_rows a, sarru
 }
 
 #define sarrus_choose_rows(first, a, b) sarrus_chosen((sarrus_lanes)(first), (a), (b))
+
+/* b where one is no number */
+#ifndef sarrus_larger
+#define sarrus_larger(a, b) sarrus_choose_rows((a) > (b), (a), (b))
+#define sarrus_smaller(a, b) sarrus_choose_rows((a) < (b), (a), (b))
+#endif
+
+/* of this no bit is asked */
+#if defined(__FMA__) && !defined(SARRUS_PORTABLE)
+#define sarrus_add_square(a, b) sarrus_fma((a), (a), (b))
+#else
+#define sarrus_add_square(a, b) ((a) * (a) + (b))
+#endif
 
 SARRUS_INLINE sarrus_rows sarrus_xor_sign_rows(sarrus_rows x, sarrus_lanes sign)
 {

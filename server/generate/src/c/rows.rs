@@ -8,9 +8,9 @@ use std::collections::{HashMap, HashSet};
 use crate::Kernel;
 use crate::c::elementary::elementary;
 use crate::c::parts::Statements;
-use crate::c::{arithmetic, compared, fused, literal, term};
+use crate::c::watches::Watches;
+use crate::c::{arithmetic, compared, fused, term};
 use crate::graph::{Operation, Term};
-use crate::row::{Measure, Row};
 
 /// The function for rows, and what it needs, where the compiler has vectors and is asked for it.
 pub(super) fn rows(kernel: &Kernel, name: &str) -> String {
@@ -41,8 +41,8 @@ impl Body<'_> {
     fn statements(mut self) -> Statements {
         let head = ["sarrus_lanes left[1] = {{0}}, beyond[1] = {{0}};", "(void)in;", "(void)out;"];
         let mut head: Vec<String> = head.map(str::to_owned).into();
-        let rows = Row::all(&self.kernel.checks);
-        let limits = Row::merged(self.kernel.limited.iter().map(Row::of_limit).collect());
+        let mut watches = Watches::new(self.kernel);
+        head.append(&mut watches.head);
         // what looks at a number follows it
         let mut follow: Vec<Vec<String>> = vec![Vec::new(); self.kernel.operations.len()];
         let mut after = |terms: [Option<Term>; 2], line: String| match terms
@@ -54,13 +54,7 @@ impl Body<'_> {
             Some(at) => follow[at as usize].push(line),
             None => head.push(line),
         };
-        for (mask, rows) in [("left", rows), ("beyond", limits)] {
-            for row in rows {
-                if let Some(line) = outside(mask, &row) {
-                    after(row.measure.terms(), line);
-                }
-            }
-        }
+        watches.lines.into_iter().for_each(|(terms, line)| after(terms, line));
         let apart = self.kernel.outputs.len();
         for (k, some) in self.kernel.outputs.chunks(2).enumerate() {
             let to = format!("out + {}, {apart}, {}", 2 * k, number(some[0]));
@@ -79,7 +73,8 @@ impl Body<'_> {
             steps.push(lines);
         }
         let end = "return sarrus_bits_of(left[0]) | sarrus_bits_of(beyond[0]) << SARRUS_LANES;";
-        Statements { head, steps, tail: vec![end.to_owned()] }
+        watches.tail.push(end.to_owned());
+        Statements { head, steps, tail: watches.tail }
     }
 
     fn operation(&mut self, at: usize, operation: &Operation) -> Vec<String> {
@@ -132,39 +127,9 @@ impl Body<'_> {
 }
 
 /// A number of each row, or the same constant for all.
-fn number(x: Term) -> String {
+pub(super) fn number(x: Term) -> String {
     match x.at() {
         Some(at) => term(x, &format!("v{at}")),
         None => format!("sarrus_same({})", term(x, "")),
-    }
-}
-
-/// The statement that marks rows in which a number is out of its bounds; limits do not see what is
-/// no number, checks do.
-fn outside(mask: &str, row: &Row) -> Option<String> {
-    let x = match row.measure {
-        Measure::Plain(a) => number(a),
-        Measure::Absolute(a) => format!("sarrus_absolute({})", number(a)),
-        Measure::Difference(a, b) => format!("({} - {})", number(a), number(b)),
-        Measure::Distance(a, b) => format!("sarrus_absolute({} - {})", number(a), number(b)),
-        Measure::Larger(a, b) => {
-            let (a, b) = (format!("sarrus_absolute({})", number(a)), number(b));
-            format!("sarrus_choose_rows({a} > {b}, {a}, {b})")
-        }
-    };
-    let (is_limit, same) = (mask == "beyond", |x: f64| format!("sarrus_same({})", literal(x)));
-    let [below, above] = if is_limit { ["<", ">"] } else { [">=", "<="] };
-    let mut sides = Vec::new();
-    if row.lower > f64::NEG_INFINITY {
-        sides.push(format!("({x} {below} {})", same(row.lower)));
-    }
-    if row.upper < f64::INFINITY {
-        sides.push(format!("({x} {above} {})", same(row.upper)));
-    }
-    match (is_limit, sides.is_empty()) {
-        (true, true) => None,
-        (true, false) => Some(format!("{mask}[0] |= (sarrus_lanes)({});", sides.join(" | "))),
-        (false, true) => Some(format!("{mask}[0] |= ~(sarrus_lanes)({x} == {x});")),
-        (false, false) => Some(format!("{mask}[0] |= ~(sarrus_lanes)({});", sides.join(" & "))),
     }
 }

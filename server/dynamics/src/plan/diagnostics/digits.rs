@@ -93,7 +93,7 @@ impl Plan {
                 for (to, x) in given.iter_mut().zip(input) {
                     *to = Stochastic::input(x.to_f64(), key);
                 }
-                let answer = self.run_over(&probe.model, &mut probe.workspace, given, found);
+                let answer = self.run(&probe.model, &mut probe.workspace, given, found);
                 answer.status == sarrus_proto::Status::Ok && self.agree(output, found, report)
             });
         ws.probe = Some(probe);
