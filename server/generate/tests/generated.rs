@@ -220,7 +220,7 @@ fn queries_compared_in_c(
         let seconds = start.elapsed().as_secs_f64();
         let words = built.test().unwrap();
         let mut comparison = Comparison::new(model, &plan);
-        let mut unclosed = 0;
+        let (mut unclosed, mut early) = (0, 0);
         for first in (0..count).step_by(CHUNK) {
             let here = first..count.min(first + CHUNK as u64);
             let states = states(model, &plan, here);
@@ -233,14 +233,17 @@ fn queries_compared_in_c(
             let inputs = states.iter().filter(|x| x.0.is_some()).map(|x| &x.1);
             for ((input, (outcome, output)), row) in inputs.zip(answers).zip(abreast) {
                 comparison.compare(input, outcome, &output);
-                assert_eq!(outcome, row.0, "{input:?}");
-                let is_answered = outcome != Outcome::NotAnswered;
+                // what is looked at together leaves a row early
+                let is_answered = row.0 != Outcome::NotAnswered;
+                early += u64::from(!is_answered && outcome != Outcome::NotAnswered);
+                assert!(outcome == row.0 || !is_answered, "{input:?}");
                 let mut pairs = output.iter().zip(&row.1);
                 let is_same = pairs.all(|(a, b)| a.to_bits() == b.to_bits());
                 assert!(is_same || !is_answered, "{:?} for {output:?} at {input:?}", row.1);
             }
         }
         let Compared { answered, left } = comparison.compared;
+        assert!(early * 50 <= answered, "{early} rows of {answered} are left");
         println!(
             "{robot} {name}: {} operations, {} checks, built in {seconds:.1} s, {} bytes; \
              {answered} of {count} answered, {unclosed} not closed, {left} left to the kernel; \

@@ -21,7 +21,7 @@ pub(super) fn compare(
     let [mut expected, mut output] = [(); 2].map(|()| vec![0.0; plan.want().len()]);
     let mut inputs = RandomInputs::new(model, plan);
     let mut group = Group::default();
-    let mut answered = 0;
+    let (mut answered, mut left) = (0, 0);
     for k in 0..STATES {
         let mut input = inputs.input(FRESH + k);
         disturb(&mut input, k);
@@ -32,11 +32,14 @@ pub(super) fn compare(
         let Some(closed) = closed else { continue };
         let answer = kernel.answer((model, plan), &mut workspace, &input, &mut output);
         group.push(&closed, answer, &output);
-        group.compare(kernel).map_err(|what| (k, what))?;
+        left += group.compare(kernel).map_err(|what| (k, what))?;
         let Some(answer) = answer else { continue };
         let right = plan.run(model, &mut workspace, &input, &mut expected);
         same((answer, &output), (right, &expected)).map_err(|what| (k, what))?;
         answered += 1;
+    }
+    if left * 8 > answered {
+        return Err((STATES, format!("{left} rows are left that alone are answered")));
     }
     Ok(answered)
 }
@@ -73,12 +76,14 @@ impl Group {
         self.output.extend(output);
     }
 
-    /// As soon as there are enough of them the function for rows must answer as that for one does.
-    fn compare(&mut self, kernel: &NativeKernel) -> Result<(), String> {
+    /// As soon as there are enough of them the function for rows must answer as that for one does,
+    /// or leave what it looks at together; how many it left.
+    fn compare(&mut self, kernel: &NativeKernel) -> Result<u64, String> {
         let rows = kernel.rows();
         if rows == 1 || self.answers.len() < rows {
-            return Ok(());
+            return Ok(0);
         }
+        let mut left = 0;
         let mut output = vec![0.0; self.output.len()];
         let bits = kernel.bits(&self.input, &mut output, 0);
         let width = output.len() / rows;
@@ -88,13 +93,12 @@ impl Group {
             match (answer, *expected) {
                 (Some(answer), Some(expected)) => same((answer, found), (expected, right))
                     .map_err(|what| format!("row: {what}"))?,
-                // it may leave more
-                (None, _) => {}
+                (None, expected) => left += u64::from(expected.is_some()),
                 (Some(_), None) => return Err("a row is answered that alone is left".to_owned()),
             }
         }
         *self = Group::default();
-        Ok(())
+        Ok(left)
     }
 }
 
