@@ -73,7 +73,9 @@ pub use constrained::ImplicitForm;
 pub use diagnostic::{CompileError, Diagnostic, Site};
 pub use initial_pose::{AssembleError, Assembled, OpenModel, closing_placements, rezeroed};
 pub use model::{ClosureAtZero, Compiled, Method, Model};
-pub use plan::{Batch, BatchWorkspace, ClosedNumbers, MOST_ROWS, Outline, Plan, STRAIGHT_FIELDS};
+pub use plan::{
+    Batch, BatchWorkspace, ClosedNumbers, MOST_ROWS, Outline, PackedRows, Plan, STRAIGHT_FIELDS,
+};
 pub use reduction::{Lock, Reduced, locked, restricted};
 pub use sarrus_proto::{
     Answer, ClosureInfo, ClosureKind, FailedState, Field, FieldSet, JointLimits, Layout, ModelInfo,

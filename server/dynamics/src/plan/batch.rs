@@ -7,8 +7,11 @@
 //! state: they are closed one state after the other before ([`Plan::close`]), and the rest goes
 //! abreast.
 
+mod fields;
+
 use std::sync::Arc;
 
+pub use fields::PackedRows;
 use sarrus_proto::{Answer, Field, FieldSet, Request, Status, Warnings};
 
 use crate::model::{Method, Model};
@@ -97,6 +100,7 @@ pub const STRAIGHT_FIELDS: FieldSet = FieldSet::of(&[
 pub struct Batch {
     plan: Plan,
     workspace: BatchWorkspace,
+    packed: PackedRows,
 }
 
 impl Batch {
@@ -116,7 +120,8 @@ impl Batch {
             }),
             alone: 0,
         };
-        Batch { plan: plan.clone(), workspace }
+        let packed = PackedRows::new(LANES, plan.given().len(), plan.want().len());
+        Batch { plan: plan.clone(), workspace, packed }
     }
 
     /// How many states it answered one by one so far.
@@ -299,21 +304,31 @@ impl Tile {
     /// it returns.
     fn run(&mut self, plan: &Plan, given: &[f64], want: &mut [f64], answers: &mut [Answer]) -> u32 {
         let (n_in, n_out) = (plan.given().len() + plan.closed_len(), plan.want().len());
-        let (input, output) = (&mut self.input[..n_in], &mut self.output[..n_out]);
-        for (k, x) in input.iter_mut().enumerate() {
+        for (k, x) in self.input[..n_in].iter_mut().enumerate() {
             *x = Abreast::new(core::array::from_fn(|lane| given[lane * n_in + k]));
         }
+        let alone = self.answer(plan, answers);
+        if alone != ALL {
+            for (k, x) in self.output[..n_out].iter().enumerate() {
+                for (lane, x) in x.states().into_iter().enumerate() {
+                    want[lane * n_out + k] = x;
+                }
+            }
+        }
+        alone
+    }
+
+    /// The same from numbers in to numbers out, which are none where all go alone.
+    #[inline]
+    fn answer(&mut self, plan: &Plan, answers: &mut [Answer]) -> u32 {
+        let (n_in, n_out) = (plan.given().len() + plan.closed_len(), plan.want().len());
+        let (input, output) = (&self.input[..n_in], &mut self.output[..n_out]);
         Marks::take();
         // of what does not close apart the two are one
         let answer = plan.run_closed(&self.model, &mut self.workspace, input, output);
         let marks = Marks::take();
         if answer.status != Status::Ok || answer.warnings != Warnings::NONE {
             return ALL;
-        }
-        for (k, x) in output.iter().enumerate() {
-            for (lane, x) in x.states().into_iter().enumerate() {
-                want[lane * n_out + k] = x;
-            }
         }
         for (lane, answer) in answers.iter_mut().enumerate() {
             let is_beyond = marks.beyond >> lane & 1 != 0;
