@@ -1,12 +1,14 @@
 //! Rows of states have the bits, statuses and warnings of each state alone.
 
 use std::num::NonZero;
+use std::ops::Range;
 use std::sync::Arc;
 
 use sarrus_client::{Error, Options, PlanId, Request, Robot as Client, Source};
 use sarrus_dynamics::scalar::LANES;
 use sarrus_dynamics::{
-    Answer, Batch, BatchWorkspace, Field, FieldSet, Plan, Query, Status, Warnings, Workspace,
+    Answer, Batch, BatchWorkspace, Field, FieldSet, Layout, Plan, Query, Status, Warnings,
+    Workspace,
 };
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT};
 use sarrus_tests::cases::{Case, robots};
@@ -37,6 +39,13 @@ fn compare(what: &str, found: (&[f64], &[Answer]), expected: (&[f64], &[Answer])
         let of = |numbers: &[f64]| numbers[row * n..][..n].iter().map(bits).collect::<Vec<_>>();
         assert_eq!(of(found.0), of(expected.0), "{what}, row {row}");
     }
+}
+
+/// The rows of each field by themselves, with how many numbers one has.
+fn apart(layout: &Layout, rows: &[f64]) -> Vec<(Vec<f64>, usize)> {
+    let rows = || rows.chunks(layout.len().max(1));
+    let field = |range: Range<usize>| rows().flat_map(|row| row[range.clone()].to_vec()).collect();
+    layout.slots().iter().map(|slot| (field(slot.range()), slot.range().len())).collect()
 }
 
 /// Rows for a plan, of which some are far out, unreachable or no numbers.
@@ -104,6 +113,20 @@ fn states_abreast_have_the_bits_that_each_has_alone() {
                 any.run(&plan, &given, &mut output, &mut found);
                 assert_eq!(calls(), before, "{what}");
                 compare(&what, (&output, &found), (&expected, &answers));
+            }
+            // each field by itself
+            let given_apart = apart(plan.given(), &given);
+            let mut want_apart = apart(plan.want(), &vec![0.2; expected.len()]);
+            let given_apart: Vec<_> = given_apart.iter().map(|(x, n)| (&x[..], *n)).collect();
+            let mut want: Vec<_> = want_apart.iter_mut().map(|(x, n)| (&mut x[..], *n)).collect();
+            found.fill(UNKNOWN);
+            let before = calls();
+            batch.run_fields(&given_apart, &mut want, &mut found);
+            assert_eq!(calls(), before, "{what}");
+            assert_eq!(found, answers, "{what}, apart");
+            for (found, expected) in want_apart.iter().zip(apart(plan.want(), &expected)) {
+                let of = |numbers: &[f64]| numbers.iter().map(bits).collect::<Vec<_>>();
+                assert_eq!(of(&found.0), of(&expected.0), "{what}, apart");
             }
             // no answer has a negative zero, and failed ones have none either
             let negative = |x: &f64| x.to_bits() == (-0.0_f64).to_bits();
@@ -173,6 +196,15 @@ fn rows_of_the_wrong_size_are_refused() {
     batch.run(&vec![0.0; 3 * plan.given().len() + 1], &mut output, &mut found);
     assert!(found.iter().all(|answer| answer.status == Status::WrongSize));
     assert!(output.iter().all(|x| x.is_nan()));
+    // of fields that lie apart: a number is missing, or it is another's
+    let (n_in, n_out) = (plan.given().len(), plan.want().len());
+    let numbers = vec![0.0; 3 * (n_in + 1)];
+    for given in [(&numbers[..3 * n_in - 1], n_in), (&numbers[..], n_in + 1)] {
+        (output, found) = (vec![0.0; 3 * n_out], vec![UNKNOWN; 3]);
+        batch.run_fields(&[given], &mut [(&mut output[..], n_out)], &mut found);
+        assert!(found.iter().all(|answer| answer.status == Status::WrongSize));
+        assert!(output.iter().all(|x| x.is_nan()));
+    }
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 use sarrus_client::{Answer, Model, PlanId, Query, QueryBuilder, Request, Robot};
-use sarrus_dynamics::{Batch, Layout, Plan, Slot};
+use sarrus_dynamics::{Batch, Layout, PackedRows, Plan, Slot};
 
 use super::arrays::{self, Given, common_rows, copied, refuse_shared, wanted, writable};
 use super::batch::{self, Engine, Rows};
@@ -181,24 +181,29 @@ impl Asked {
                 let mut batches = self.batches(model, n)?;
                 let mut engines = Vec::with_capacity(n);
                 for batch in &mut batches {
-                    let engine: Box<Engine<'_>> = Box::new(|input, output, answers| {
-                        batch.run(input, output, answers);
+                    let engine: Box<Engine<'_>> = Box::new(|given, want, answers| {
+                        batch.run_fields(given, want, answers);
                         Ok(())
                     });
                     engines.push(engine);
                 }
-                let at_once = batch::PACKED;
-                let outcome = batch::run(py, numbers, engines, at_once, options.progress.as_ref());
+                let outcome = batch::run(py, numbers, engines, options.progress.as_ref());
                 self.kept().append(&mut batches);
                 outcome?;
             }
             None => {
                 // refuses a robot of the parent's
                 self.shared.with(py, |_| Ok(()))?;
-                let engine: Box<Engine<'_>> = Box::new(|input, output, answers| {
-                    self.shared.batch_detached(self.id, input, output, answers)
+                let (n_in, n_out) = (self.given.len(), self.want.len());
+                let mut packed = PackedRows::new(batch::TILE, n_in, n_out);
+                let engine: Box<Engine<'_>> = Box::new(|given, want, answers| {
+                    let rows = 0..answers.len();
+                    let (input, output) = packed.pack(given, rows.clone());
+                    self.shared.batch_detached(self.id, input, output, answers)?;
+                    packed.unpack(want, rows);
+                    Ok(())
                 });
-                batch::run(py, numbers, vec![engine], batch::TILE, options.progress.as_ref())?;
+                batch::run(py, numbers, vec![engine], options.progress.as_ref())?;
             }
         }
         drop(written);

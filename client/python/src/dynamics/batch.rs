@@ -19,10 +19,6 @@ const ROWS_OF_A_THREAD: usize = 2048;
 /// Between two looks for signals.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Rows that an engine in this process gets at once, so that its states can go abreast: a choice. A
-/// server gets whole tiles.
-pub(super) const PACKED: usize = 16;
-
 /// Batches under way, which write arrays without Python's lock.
 static UNDER_WAY: AtomicUsize = AtomicUsize::new(0);
 
@@ -48,9 +44,14 @@ pub(super) fn is_under_way() -> bool {
     UNDER_WAY.load(Relaxed) != 0
 }
 
-/// What answers some states: their packed numbers in and out, row after row, and their answers.
+/// Rows that go in, field by field, each with the width of a row.
+pub(super) type Given<'a> = [(&'a [f64], usize)];
+/// The same that come out.
+pub(super) type Want<'a> = [(&'a mut [f64], usize)];
+
+/// What answers up to [`TILE`] states.
 pub(super) type Engine<'e> =
-    dyn FnMut(&[f64], &mut [f64], &mut [Answer]) -> PyResult<()> + Send + 'e;
+    dyn FnMut(&Given<'_>, &mut Want<'_>, &mut [Answer]) -> PyResult<()> + Send + 'e;
 
 /// The rows that are left, field by field, each with the width of a row.
 pub(super) struct Rows<'a> {
@@ -84,34 +85,19 @@ impl<'a> Rows<'a> {
         Some(Rows { rows, given, want, statuses, warnings })
     }
 
-    /// Answers every row.
-    fn answer(self, packed: &mut Packed, engine: &mut Engine<'_>) -> PyResult<()> {
-        let Rows { rows, given, mut want, statuses, warnings } = self;
-        let Packed { widths: [n_in, n_out], input, output, answers } = packed;
-        let at_once = answers.len();
-        for first in (0..rows).step_by(at_once) {
-            let here = at_once.min(rows - first);
-            let mut at = 0;
-            for (numbers, width) in &given {
-                for row in 0..here {
-                    let field = &numbers[(first + row) * width..][..*width];
-                    input[row * *n_in + at..][..*width].copy_from_slice(field);
-                }
-                at += width;
+    /// Answers every row of a tile, of which statuses and warnings are 0 before.
+    fn answer(mut self, engine: &mut Engine<'_>) -> PyResult<()> {
+        let unknown = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
+        let mut answers = [unknown; TILE];
+        let answers = &mut answers[..self.rows];
+        engine(&self.given, &mut self.want, answers)?;
+        // pages of zeros to which nothing is written are never made
+        for (row, answer) in answers.iter().enumerate() {
+            if answer.status != Status::Ok {
+                self.statuses[row] = answer.status as u32;
             }
-            let answers = &mut answers[..here];
-            engine(&input[..here * *n_in], &mut output[..here * *n_out], answers)?;
-            for (row, answer) in answers.iter().enumerate() {
-                statuses[first + row] = answer.status as u32;
-                warnings[first + row] = answer.warnings.0;
-            }
-            let mut at = 0;
-            for (numbers, width) in &mut want {
-                for row in 0..here {
-                    let field = &output[row * *n_out + at..][..*width];
-                    numbers[(first + row) * *width..][..*width].copy_from_slice(field);
-                }
-                at += *width;
+            if answer.warnings != Warnings::NONE {
+                self.warnings[row] = answer.warnings.0;
             }
         }
         Ok(())
@@ -123,28 +109,6 @@ fn split_off<'a, T>(slice: &mut &'a mut [T], n: usize) -> &'a mut [T] {
     let (first, rest) = std::mem::take(slice).split_at_mut(n);
     *slice = rest;
     first
-}
-
-/// Numbers of some states as a plan has them, with the widths of a row.
-struct Packed {
-    widths: [usize; 2],
-    input: Vec<f64>,
-    output: Vec<f64>,
-    answers: Vec<Answer>,
-}
-
-impl Packed {
-    fn new(rows: &Rows<'_>, at_once: usize) -> Packed {
-        let n_in = rows.given.iter().map(|(_, width)| width).sum::<usize>();
-        let n_out = rows.want.iter().map(|(_, width)| width).sum::<usize>();
-        let unknown = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
-        Packed {
-            widths: [n_in, n_out],
-            input: vec![0.0; at_once * n_in],
-            output: vec![0.0; at_once * n_out],
-            answers: vec![unknown; at_once],
-        }
-    }
 }
 
 /// How many threads answer so many rows: as many as were asked for, else as are worth it.
@@ -172,14 +136,13 @@ impl Batch<'_> {
     fn work(
         &self,
         engine: &mut Engine<'_>,
-        packed: &mut Packed,
         look: &mut dyn FnMut() -> PyResult<()>,
     ) -> PyResult<()> {
         while !self.stop.load(Relaxed) {
             let tile = self.left.lock().unwrap_or_else(PoisonError::into_inner).tile();
             let Some(tile) = tile else { break };
             let rows = tile.rows;
-            let outcome = tile.answer(packed, engine);
+            let outcome = tile.answer(engine);
             self.done.fetch_add(rows, Relaxed);
             if let Err(error) = outcome.and_then(|()| look()) {
                 self.stop.store(true, Relaxed);
@@ -190,8 +153,8 @@ impl Batch<'_> {
     }
 }
 
-/// Answers all rows on as many threads as there are engines, the calling one among them; each gets
-/// up to `at_once` rows at once, and Python's other threads run meanwhile.
+/// Answers all rows on as many threads as there are engines, the calling one among them; Python's
+/// other threads run meanwhile.
 ///
 /// A signal's exception, or that of `progress`, ends it between two tiles; what is not answered by
 /// then stays as it is.
@@ -199,13 +162,10 @@ pub(super) fn run(
     py: Python<'_>,
     rows: Rows<'_>,
     mut engines: Vec<Box<Engine<'_>>>,
-    at_once: usize,
     progress: Option<&Py<PyAny>>,
 ) -> PyResult<()> {
     let Some(mut own) = engines.pop() else { return Ok(()) };
     let total = rows.rows;
-    let mut packed: Vec<Packed> = engines.iter().map(|_| Packed::new(&rows, at_once)).collect();
-    let mut own_packed = Packed::new(&rows, at_once);
     let batch =
         Batch { left: Mutex::new(rows), done: AtomicUsize::new(0), stop: AtomicBool::new(false) };
     let look = |py: Python<'_>| -> PyResult<()> {
@@ -219,15 +179,15 @@ pub(super) fn run(
     let outcome = py.detach(|| {
         thread::scope(|scope| {
             let (mut others, batch) = (Vec::new(), &batch);
-            for (engine, packed) in engines.iter_mut().zip(&mut packed) {
+            for engine in &mut engines {
                 // a thread that cannot be started leaves its tiles to the others
                 let thread = thread::Builder::new().name("sarrus-batch".to_owned());
-                others.extend(thread.spawn_scoped(scope, move || {
-                    batch.work(&mut **engine, packed, &mut || Ok(()))
-                }));
+                others.extend(
+                    thread.spawn_scoped(scope, move || batch.work(&mut **engine, &mut || Ok(()))),
+                );
             }
             let mut last = Instant::now();
-            let outcome = batch.work(&mut *own, &mut own_packed, &mut || {
+            let outcome = batch.work(&mut *own, &mut || {
                 if last.elapsed() < LOOK {
                     return Ok(());
                 }

@@ -7,13 +7,19 @@
 //! state: they are closed one state after the other before ([`Plan::close`]), and the rest goes
 //! abreast.
 
+mod fields;
+mod tile;
+
+use std::iter;
 use std::sync::Arc;
 
+pub use fields::PackedRows;
 use sarrus_proto::{Answer, Field, FieldSet, Request, Status, Warnings};
 
 use crate::model::{Method, Model};
 use crate::plan::Plan;
-use crate::scalar::{Abreast, FUSED, LANES, Marks, Real};
+use crate::plan::batch::tile::Tile;
+use crate::scalar::{Abreast, FUSED, LANES};
 use crate::workspace::{Workspace, most_closed};
 
 /// Most states that [`BatchWorkspace::close_rows`] closes at once.
@@ -97,6 +103,7 @@ pub const STRAIGHT_FIELDS: FieldSet = FieldSet::of(&[
 pub struct Batch {
     plan: Plan,
     workspace: BatchWorkspace,
+    packed: PackedRows,
 }
 
 impl Batch {
@@ -116,7 +123,8 @@ impl Batch {
             }),
             alone: 0,
         };
-        Batch { plan: plan.clone(), workspace }
+        let packed = PackedRows::new(LANES, plan.given().len(), plan.want().len());
+        Batch { plan: plan.clone(), workspace, packed }
     }
 
     /// How many states it answered one by one so far.
@@ -154,15 +162,6 @@ pub struct BatchWorkspace {
     /// Where states go abreast.
     tile: Option<Box<Tile>>,
     alone: u64,
-}
-
-/// What states that go abreast need: room for plans of up to so many numbers.
-#[derive(Clone, Debug)]
-struct Tile {
-    model: Arc<Model<Abreast>>,
-    workspace: Workspace<Abreast>,
-    input: Vec<Abreast>,
-    output: Vec<Abreast>,
 }
 
 impl BatchWorkspace {
@@ -249,51 +248,17 @@ impl BatchWorkspace {
         let BatchWorkspace { model, workspace, closed, tile: Some(tile), .. } = self else {
             return ALL;
         };
-        if !plan.closes_apart() {
-            return tile.run(plan, given, want, answers);
-        }
-        close_rows(plan, model, workspace, closed, given)
-            .map_or(ALL, |(closed, open)| open | tile.run(plan, closed, want, answers))
-    }
-}
-
-impl Tile {
-    fn new(
-        model: Model<Abreast>,
-        workspace: Workspace<Abreast>,
-        n_in: usize,
-        n_out: usize,
-    ) -> Tile {
-        let [input, output] = [n_in, n_out].map(|n| vec![Abreast::ZERO; n]);
-        Tile { model: Arc::new(model), workspace, input, output }
-    }
-
-    /// True where there is room for the numbers of a plan.
-    fn holds(&self, plan: &Plan) -> bool {
-        let n_in = plan.given().len() + plan.closed_len();
-        n_in <= self.input.len() && plan.want().len() <= self.output.len()
-    }
-
-    /// Answers [`LANES`] states, of what closes apart closed ones, but for those in the bits that
-    /// it returns.
-    fn run(&mut self, plan: &Plan, given: &[f64], want: &mut [f64], answers: &mut [Answer]) -> u32 {
-        let (n_in, n_out) = (plan.given().len() + plan.closed_len(), plan.want().len());
-        let (input, output) = (&mut self.input[..n_in], &mut self.output[..n_out]);
-        read(given, input);
-        Marks::take();
-        // of what does not close apart the two are one
-        let answer = plan.run_closed(&self.model, &mut self.workspace, input, output);
-        let marks = Marks::take();
-        if answer.status != Status::Ok || answer.warnings != Warnings::NONE {
-            return ALL;
-        }
-        write(output, want);
-        for (lane, answer) in answers.iter_mut().enumerate() {
-            let is_beyond = marks.beyond >> lane & 1 != 0;
-            let warnings = if is_beyond { Warnings::LIMITS_EXCEEDED } else { Warnings::NONE };
-            *answer = Answer { status: Status::Ok, warnings };
-        }
-        marks.left
+        let (given, open) = if plan.closes_apart() {
+            let Some(closed) = close_rows(plan, model, workspace, closed, given) else {
+                return ALL;
+            };
+            closed
+        } else {
+            (given, 0)
+        };
+        let given = iter::once((given, plan.given().len() + plan.closed_len()));
+        let want = iter::once((want, plan.want().len()));
+        open | tile.run(plan, given, want, answers)
     }
 }
 
@@ -325,42 +290,6 @@ fn close_rows<'a>(
         closed.copy_within(sound..sound + width, row * width);
     }
     Some((closed, open))
-}
-
-/// The numbers of [`LANES`] rows, each of one state, in blocks of as many numbers as rows; the last
-/// block may overlap the one before.
-fn read(rows: &[f64], numbers: &mut [Abreast]) {
-    let n = numbers.len();
-    let rows: [&[f64]; LANES] = core::array::from_fn(|lane| &rows[lane * n..][..n]);
-    let Some(last) = n.checked_sub(LANES) else {
-        for (k, x) in numbers.iter_mut().enumerate() {
-            *x = Abreast::new(rows.map(|row| row[k]));
-        }
-        return;
-    };
-    for at in (0..n).step_by(LANES).map(|at| at.min(last)) {
-        let block = rows.map(|row| core::array::from_fn(|k| row[at + k]));
-        numbers[at..][..LANES].copy_from_slice(&Abreast::of_rows(block));
-    }
-}
-
-/// The reverse.
-fn write(numbers: &[Abreast], rows: &mut [f64]) {
-    let n = numbers.len();
-    let Some(last) = n.checked_sub(LANES) else {
-        for (k, x) in numbers.iter().enumerate() {
-            for (lane, x) in x.states().into_iter().enumerate() {
-                rows[lane * n + k] = x;
-            }
-        }
-        return;
-    };
-    for at in (0..n).step_by(LANES).map(|at| at.min(last)) {
-        let block = Abreast::rows(core::array::from_fn(|k| numbers[at + k]));
-        for (lane, block) in block.iter().enumerate() {
-            rows[lane * n + at..][..LANES].copy_from_slice(block);
-        }
-    }
 }
 
 impl Plan {

@@ -14,7 +14,7 @@ mod run;
 mod scratch;
 mod state;
 
-pub use batch::{Batch, BatchWorkspace, MOST_ROWS, STRAIGHT_FIELDS};
+pub use batch::{Batch, BatchWorkspace, MOST_ROWS, PackedRows, STRAIGHT_FIELDS};
 pub use closed::ClosedNumbers;
 pub(crate) use forces::wrenches_on_bodies;
 pub(crate) use kkt::{Drift, drift_of, tree_under_constraints};

@@ -117,6 +117,7 @@ impl Plan {
         T::run(self, model, workspace, input, output)
     }
 
+    #[inline(always)]
     fn run_over<T: Scalar>(
         &self,
         model: &Model<T>,

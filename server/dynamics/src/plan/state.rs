@@ -21,7 +21,7 @@ const UNIT: f64 = 1e-6;
 impl Plan {
     /// Fills the given coordinates, velocities and accelerations, and where closures start, from
     /// the input.
-    #[inline]
+    #[inline(always)]
     pub(super) fn set_state<T: Scalar>(
         &self,
         model: &Model<T>,
