@@ -17,7 +17,7 @@ use crate::spatial::triples::{
 use crate::workspace::BodyState;
 
 /// Poses of the given bodies in their parents, from the coordinates and their cosines and sines.
-#[inline]
+#[inline(always)]
 pub(crate) fn joint_poses<T: Real>(
     model: &Model<T::Const>,
     bodies: &Runs,

@@ -180,9 +180,11 @@ impl Plan {
                 of(k, ws.factor[model.sparsity.diagonal_at(k)]);
             }
         } else {
-            let independents = scope.independents.places();
+            let mut independents = scope.independents.places();
             let inverses = ws.embedding.inverses(model, &scope.clusters);
-            independents.zip(inverses).for_each(|(k, inverse)| of(k, inverse));
+            // not a zip, which takes them one by one
+            inverses
+                .for_each(|inverse| independents.next().into_iter().for_each(|k| of(k, inverse)));
         }
         largest
     }

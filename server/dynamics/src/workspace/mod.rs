@@ -140,6 +140,7 @@ impl<T: Scalar> Workspace<T> {
     }
 
     /// The workspace's numbers of one cluster.
+    #[inline(always)]
     pub(crate) fn local(&mut self, cluster: &Cluster<T>) -> Local<'_, T> {
         let (q, v) = (cluster.coordinates(), cluster.velocities());
         Local {
