@@ -61,7 +61,7 @@ impl<T: Scalar> RunReport<T> {
 /// A scalar that plans run over.
 ///
 /// What is generic is compiled by every crate that calls it. For the scalars that callers share the
-/// whole road of a request is compiled here, once.
+/// whole road of a request is compiled here, once; an implementation for another one is empty.
 pub trait PlanScalar: Scalar {
     /// As [`Plan::run`].
     #[doc(hidden)]
