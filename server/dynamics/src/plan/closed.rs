@@ -7,7 +7,7 @@
 //! ([`crate::closure::Seeds`]) belongs to the rest: of it [`Plan::close`] only looks whether the
 //! state lies in such a cell.
 
-use sarrus_proto::{Answer, Field, Query, Status, Warnings};
+use sarrus_proto::{Answer, Field, Query, Status};
 
 use crate::closure::{Closure, Level, Numerical, Platform};
 use crate::mechanism::Motion;
@@ -103,7 +103,7 @@ impl Closed {
         self.by_newton.is_empty() && self.by_form.is_empty()
     }
 
-    fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         let of_newton = self.q.len() + 2 * self.cos_sin.len() + self.G.len();
         let of_rates = self.qd.len() + self.g.len();
         usize::from(!self.by_newton.is_empty()) + self.start.len() + of_newton + of_rates
@@ -304,11 +304,6 @@ impl Plan {
         input: &[T],
         output: &mut [T],
     ) -> Answer {
-        if input.len() != self.given.len() + self.closed.len() {
-            output.fill(T::from_f64(f64::NAN));
-            return Answer { status: Status::WrongSize, warnings: Warnings::NONE };
-        }
-        let (input, closed) = input.split_at(self.given.len());
-        self.answer::<T, true>(model, workspace, input, closed, output)
+        self.answer::<T, true>(model, workspace, input, output)
     }
 }

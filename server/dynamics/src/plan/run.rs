@@ -72,7 +72,7 @@ pub trait PlanScalar: Scalar {
         input: &[Self],
         output: &mut [Self],
     ) -> Answer {
-        plan.run_over(model, workspace, input, output)
+        plan.answer::<_, false>(model, workspace, input, output)
     }
 }
 
@@ -87,7 +87,7 @@ macro_rules! compiled_here {
                 input: &[$scalar],
                 output: &mut [$scalar],
             ) -> Answer {
-                plan.run_over(model, workspace, input, output)
+                plan.answer::<_, false>(model, workspace, input, output)
             }
         }
     )*};
@@ -117,36 +117,20 @@ impl Plan {
         T::run(self, model, workspace, input, output)
     }
 
+    /// The same; with `CLOSED` what is left of closures that were closed before is behind the given
+    /// numbers.
     #[inline(always)]
-    fn run_over<T: Scalar>(
-        &self,
-        model: &Model<T>,
-        workspace: &mut Workspace<T>,
-        input: &[T],
-        output: &mut [T],
-    ) -> Answer {
-        if input.len() != self.given.len() {
-            output.fill(T::from_f64(f64::NAN));
-            return Answer { status: Status::WrongSize, warnings: Warnings::NONE };
-        }
-        self.answer::<T, false>(model, workspace, input, &[], output)
-    }
-
-    /// The same; with `CLOSED` what is left of closures that were closed before is in `closed`.
-    #[inline]
     pub(super) fn answer<T: Scalar, const CLOSED: bool>(
         &self,
         model: &Model<T>,
         workspace: &mut Workspace<T>,
         input: &[T],
-        closed: &[T],
         output: &mut [T],
     ) -> Answer {
-        if output.len() != self.want.len() {
-            output.fill(T::from_f64(f64::NAN));
-            return Answer { status: Status::WrongSize, warnings: Warnings::NONE };
-        }
-        if !workspace.serves(self.needs()) {
+        let given = self.given.len();
+        let len = if CLOSED { given + self.closed.len() } else { given };
+        let fits = input.len() == len && output.len() == self.want.len();
+        if !fits || !workspace.serves(self.needs()) {
             output.fill(T::from_f64(f64::NAN));
             return Answer { status: Status::WrongSize, warnings: Warnings::NONE };
         }
@@ -154,6 +138,7 @@ impl Plan {
             output.fill(T::from_f64(f64::NAN));
             return Answer { status: Status::WrongModel, warnings: Warnings::NONE };
         }
+        let (input, closed) = input.split_at(given);
         let mut report = RunReport::none();
         let computed = self.compute::<T, CLOSED>(model, workspace, input, closed, &mut report);
         report.status = match computed {

@@ -6,7 +6,6 @@ use crate::closure::Local;
 use crate::closure::constraint::rows::{CutState, place};
 use crate::closure::numerical::elimination::Elimination;
 use crate::closure::numerical::inverse::{ANY, Inverted, accurate, inverse_square_sine, invert};
-use crate::linalg::column_square;
 use crate::mechanism::{Body, Cluster, Cut, Dof, single_pose};
 use crate::scalar::Real;
 use crate::spatial::{Pose, dot, zero};
@@ -121,7 +120,10 @@ impl Block {
             return invert::<T, M>(A, inverse, m);
         }
         let squares = &mut scratch.step[..m];
-        squares.iter_mut().enumerate().for_each(|(i, x)| *x = column_square(A, m, m, i));
+        squares.fill(T::ZERO);
+        for row in A.chunks_exact(m) {
+            squares.iter_mut().zip(row).for_each(|(x, a)| *x = a.mul_add(*a, *x));
+        }
         let inverted = match &self.elimination {
             Some(elimination) => elimination.invert(A, inverse, &mut scratch.spare),
             None => invert::<T, M>(A, inverse, m),

@@ -65,25 +65,25 @@ impl Elimination {
                     other[j] = l.mul_add(row[j], other[j]);
                 }
                 // the inverse of L is a lower triangle too
-                let other = &mut below_unit[at..=at + k];
-                for (x, of_pivot) in other.iter_mut().zip(&of_unit[k * m..]) {
-                    *x = l.mul_add(*of_pivot, *x);
-                }
+                add_scaled(&mut below_unit[at..at + m], &of_unit[k * m..], l, k);
             }
             row[k] = reciprocal;
         }
         for (k, right) in self.right.iter().enumerate().rev() {
             let (before, after) = inverse.split_at_mut((k + 1) * m);
-            let row = &mut before[k * m..];
-            for &j in right {
-                let u = -A[k * m + j];
-                let other = &after[(j - k - 1) * m..(j - k) * m];
-                for (x, other) in row.iter_mut().zip(other) {
-                    *x = u.mul_add(*other, *x);
+            let (row, of_row) = (&mut before[k * m..], &A[k * m..(k + 1) * m]);
+            match m {
+                0..8 => {
+                    for &j in right {
+                        let u = -of_row[j];
+                        let other = &after[(j - k - 1) * m..(j - k) * m];
+                        row.iter_mut().zip(other).for_each(|(x, y)| *x = u.mul_add(*y, *x));
+                    }
+                    row.iter_mut().for_each(|x| *x *= of_row[k]);
                 }
+                8..12 => substitute::<T, 8>(row, of_row, after, k, right),
+                _ => substitute::<T, 12>(row, of_row, after, k, right),
             }
-            let reciprocal = A[k * m + k];
-            row.iter_mut().for_each(|x| *x *= reciprocal);
         }
         (good, det)
     }
@@ -119,5 +119,62 @@ impl Elimination {
         }
         substitute_back(A, inverse, m, m);
         (good, det)
+    }
+}
+
+/// Row k of the inverse from the rows `after` it; `of_row` is the row of the upper triangle with the
+/// inverse of its pivot.
+#[inline(always)]
+fn substitute<T: Real, const W: usize>(
+    row: &mut [T],
+    of_row: &[T],
+    after: &[T],
+    k: usize,
+    right: &[usize],
+) {
+    let m = row.len();
+    // the last strip may overlap that before it
+    let last = strip::<T, W>(row, of_row, after, k, right, m - W);
+    for at in (0..m - W).step_by(W) {
+        let x = strip::<T, W>(row, of_row, after, k, right, at);
+        row[at..at + W].copy_from_slice(&x);
+    }
+    row[m - W..].copy_from_slice(&last);
+}
+
+/// W columns of it.
+#[inline(always)]
+fn strip<T: Real, const W: usize>(
+    row: &[T],
+    of_row: &[T],
+    after: &[T],
+    k: usize,
+    right: &[usize],
+    at: usize,
+) -> [T; W] {
+    let m = row.len();
+    let mut x = [T::ZERO; W];
+    x.copy_from_slice(&row[at..at + W]);
+    for &j in right {
+        let u = -of_row[j];
+        if let Some(other) = after[(j - k - 1) * m + at..].first_chunk::<W>() {
+            for c in 0..W {
+                x[c] = u.mul_add(other[c], x[c]);
+            }
+        }
+    }
+    x.map(|x| x * of_row[k])
+}
+
+/// x += l y in the columns up to k; those beyond it are zero in y.
+#[inline(always)]
+fn add_scaled<T: Real>(x: &mut [T], y: &[T], l: T, k: usize) {
+    let ((x, x_rest), (y, y_rest)) = (x.as_chunks_mut::<4>(), y.as_chunks::<4>());
+    let is_in_rest = k >= 4 * x.len();
+    for (x, y) in x.iter_mut().zip(y).take(k / 4 + 1) {
+        *x = core::array::from_fn(|c| l.mul_add(y[c], x[c]));
+    }
+    if is_in_rest {
+        x_rest.iter_mut().zip(y_rest).for_each(|(x, y)| *x = l.mul_add(*y, *x));
     }
 }

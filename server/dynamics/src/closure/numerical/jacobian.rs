@@ -50,13 +50,11 @@ impl Block {
         let scratch = &*local.scratch;
         let inverse = &scratch.inverse[self.offset..self.offset + m * m];
         for (i, dof) in self.unknowns[..m].iter().enumerate() {
-            let row = &mut local.G[dof.v * n_vy..(dof.v + 1) * n_vy];
+            let row = &inverse[i * m..(i + 1) * m];
             for k in 0..n_vy {
-                let mut x = T::ZERO;
-                for r in 0..m {
-                    x = inverse[i * m + r].mul_add(scratch.B[r * n_vy + k], x);
-                }
-                row[k] = -x;
+                let column = scratch.B[k..].iter().step_by(n_vy);
+                let x = row.iter().zip(column).fold(T::ZERO, |sum, (a, b)| a.mul_add(*b, sum));
+                local.G[dof.v * n_vy + k] = -x;
             }
         }
         let good = if level == Level::Acceleration { sound & accurate } else { sound };

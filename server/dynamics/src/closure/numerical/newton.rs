@@ -21,7 +21,13 @@
 //! m is how far the independents have moved, α the least angle between a column of A at the start
 //! and the span of the others: a pose of a branch is looked for only well within the distance to
 //! the nearest singular pose. Chord rule: after s_{k−1} < ε^(3/8) the inverse of step k − 1 serves
-//! again, as what is left then is the cube of that step.
+//! again, as what is left then is the cube of that step. In blocks of more than eight rows, whose
+//! inverse costs more than several residuals, it serves again after s_{k−1} < ε^(1/4) with
+//! s_{k−1} < sin α / 100 already, and what a step leaves is taken from the contraction:
+//!
+//! ```text
+//!   2 s_k² / s_{k−1} < ε / 16
+//! ```
 
 use crate::closure::Local;
 use crate::closure::constraint::rows::base;
@@ -39,6 +45,10 @@ const TRUST: f64 = 0.5;
 const CAUTION: f64 = 0.7;
 /// A Newton step must be at most this fraction of the one before.
 const CONTRACTION: f64 = 0.3;
+/// Part of the distance to singularity below which a step of a wide block keeps its inverse.
+const STEADY: f64 = 0.01;
+/// Most rows of a block whose inverse costs less than several residuals.
+const NARROW: usize = 8;
 
 /// Where an attempt starts.
 #[derive(Clone, Copy)]
@@ -56,8 +66,11 @@ pub(super) struct Thresholds<T> {
     /// Size of the step, and residual, that end the attempt.
     pub(super) end: T,
     pub(super) floor: T,
-    /// Size of a step after which its inverse serves again.
+    /// Size of a step after which its inverse serves again; of a wide block.
     pub(super) chord: T,
+    wide_chord: T,
+    /// What steps by a kept inverse may leave.
+    left: T,
 }
 
 impl<T: Real> Thresholds<T> {
@@ -69,6 +82,8 @@ impl<T: Real> Thresholds<T> {
             end: end.tolerance.map_or(last, T::from_f64),
             floor: T::from_f64(8.0 * T::EPSILON * length),
             chord: T::from_f64(T::EPSILON.sqrt().sqrt() * T::EPSILON.sqrt().sqrt().sqrt()),
+            wide_chord: T::from_f64(T::EPSILON.sqrt().sqrt()),
+            left: T::from_f64(T::EPSILON / 16.0),
         }
     }
 }
@@ -115,7 +130,15 @@ impl<T: Real> Attempt<T> {
             & (distance * distance * inverse_square_sine).lt(T::from_f64(CAUTION * CAUTION));
     }
 
-    /// Contraction, and whether the attempt has come to its end.
+    /// Where the inverse of the last step of a wide block serves again.
+    #[inline(always)]
+    fn is_steady(&self, thresholds: &Thresholds<T>) -> T::Mask {
+        let part = self.size * self.size * self.gain;
+        self.size.lt(thresholds.wide_chord) & part.lt(T::from_f64(STEADY * STEADY))
+    }
+
+    /// Contraction, and whether the attempt has come to its end; `kept`: the step is by an inverse
+    /// that [`Attempt::is_steady`] alone has kept.
     #[inline(always)]
     pub(super) fn contracts(
         &mut self,
@@ -123,11 +146,16 @@ impl<T: Real> Attempt<T> {
         residual: T,
         thresholds: &Thresholds<T>,
         tolerant: bool,
+        kept: bool,
     ) {
         let contracts = size.lt(self.size * T::from_f64(CONTRACTION));
-        let mut at_floor = size.lt(thresholds.end) | residual.lt(thresholds.floor);
-        if tolerant {
-            // a tolerance below what rounding lets through
+        let mut ends = size.lt(thresholds.end);
+        if kept {
+            ends = ends & (size * size * T::from_f64(2.0)).lt(thresholds.left * self.size);
+        }
+        let mut at_floor = ends | residual.lt(thresholds.floor);
+        if tolerant || kept {
+            // below what rounding lets through
             at_floor = at_floor | (size.lt(thresholds.last) & !contracts);
         }
         self.good = self.good & (self.done | at_floor | contracts);
@@ -180,7 +208,9 @@ impl Block {
         self.place(cluster, bodies, local);
         for k in 0..end.steps {
             // residual, and unless the last step was tiny the inverse
-            let fresh = k == 0 || !attempt.size.lt(thresholds.chord).all();
+            let tiny = k > 0 && attempt.size.lt(thresholds.chord).all();
+            let kept = k > 0 && self.keeps::<M>(end) && attempt.is_steady(&thresholds).all();
+            let fresh = !tiny && !kept;
             let residual = self.evaluate::<T, M>(cluster, local, fresh);
             if k == 0 {
                 inverse_square_sine = self.first_inverse::<T, M>(local, start, &mut attempt);
@@ -196,7 +226,7 @@ impl Block {
             if k == 0 {
                 attempt.trusts(size, start.moved, inverse_square_sine);
             }
-            attempt.contracts(size, residual, &thresholds, end.tolerance.is_some());
+            attempt.contracts(size, residual, &thresholds, end.tolerance.is_some(), kept);
             if !attempt.good.any() {
                 break;
             }
@@ -209,6 +239,12 @@ impl Block {
         }
         let good = attempt.good & (attempt.done | T::Mask::splat(end.tolerance.is_some()));
         (good, taken, attempt.gain)
+    }
+
+    /// True where an inverse costs more than steps; a tolerance counts steps by fresh ones.
+    #[inline(always)]
+    fn keeps<const M: usize>(&self, end: End) -> bool {
+        self.width::<M>() > NARROW && end.tolerance.is_none()
     }
 
     /// The inverse after a step; returns 1/sin² of what vanishes at a singular pose.
@@ -278,10 +314,8 @@ impl Block {
         let (phi, steps) = (&scratch.phi[..m], &mut scratch.step[..m]);
         let inverse = &scratch.inverse[self.offset..self.offset + m * m];
         for i in 0..m {
-            let mut step = T::ZERO;
-            for r in 0..m {
-                step = inverse[i * m + r].mul_add(phi[r], step);
-            }
+            let row = inverse[i * m..(i + 1) * m].iter();
+            let step = row.zip(phi).fold(T::ZERO, |sum, (a, x)| a.mul_add(*x, sum));
             steps[i] = T::select(done, T::ZERO, step);
         }
         let mut size = T::ZERO;

@@ -177,7 +177,7 @@ impl Block {
             if k == 0 {
                 attempt.trusts(size, start.moved, near);
             }
-            attempt.contracts(size, residual, &thresholds, end.tolerance.is_some());
+            attempt.contracts(size, residual, &thresholds, end.tolerance.is_some(), false);
             if !attempt.good.any() {
                 break;
             }
