@@ -33,10 +33,10 @@ impl Drop for Restore {
     }
 }
 
-/// Does something with connected robots, or connects one, of which this thread may give each wait
-/// up: from the 50th millisecond of a wait on `ask` is called some twenty times a second, and where
-/// it gives true the wait ends with [`ConnectError::Interrupted`](crate::ConnectError::Interrupted).
-/// A robot whose wait ended so connects again with its next call.
+/// Does something with connected robots, or connects one, and lets this thread give its waits for a
+/// server up: while one takes long `ask` is called some twenty times a second, and where it gives
+/// true the wait ends with [`ConnectError::Interrupted`](crate::ConnectError::Interrupted). Nothing
+/// is sent twice; a robot whose wait ended so connects again with its next call.
 pub fn interruptible<T>(ask: fn() -> bool, f: impl FnOnce() -> T) -> T {
     let _before = Restore(QUESTION.replace(Some(Question { ask, next: None })));
     f()

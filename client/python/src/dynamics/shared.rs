@@ -2,7 +2,8 @@
 //!
 //! A robot in this process is asked with Python's lock held, one state at a time, and its batches
 //! have scratch of their own: no thread waits for another. A connected one is asked without
-//! Python's lock; what Python runs while it is locked are handlers of signals, which are refused it.
+//! Python's lock; all of Python that runs while the robot is locked are handlers of signals, and
+//! they are refused it.
 
 use std::num::NonZero;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
