@@ -271,16 +271,37 @@ pub fn exchange(
     request: &ControlRequest,
     deadline: Instant,
 ) -> Result<(ControlResponse, Option<OwnedFd>), NoResponse> {
+    send_call(socket, request)?;
+    receive_answer(socket, request, deadline)
+}
+
+/// Makes a call, and does not wait for its answer.
+///
+/// # Errors
+/// [`NoResponse`].
+pub fn send_call(socket: &ControlSocket, request: &ControlRequest) -> Result<(), NoResponse> {
+    socket.send(&request.to_bytes(), None).map_err(|error| match error.kind() {
+        // it does not read what others and this client sent before
+        ErrorKind::WouldBlock => NoResponse::Late,
+        _ => NoResponse::Gone,
+    })
+}
+
+/// Waits for the answer to a call that was made; after [`NoResponse::Late`] it may be waited for
+/// again.
+///
+/// # Errors
+/// [`NoResponse`].
+pub fn receive_answer(
+    socket: &ControlSocket,
+    request: &ControlRequest,
+    deadline: Instant,
+) -> Result<(ControlResponse, Option<OwnedFd>), NoResponse> {
     let gone = |_| NoResponse::Gone;
     let query = match &request.call {
         Call::Plan { query } => query_hash(query),
         _ => 0,
     };
-    socket.send(&request.to_bytes(), None).map_err(|error| match error.kind() {
-        // it does not read what others and this client sent before
-        ErrorKind::WouldBlock => NoResponse::Late,
-        _ => NoResponse::Gone,
-    })?;
     let mut buffer = vec![0; MAX_MESSAGE];
     loop {
         while let Some((bytes, descriptor)) = socket.receive(&mut buffer).map_err(gone)? {

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use sarrus_proto::batch::ClaimedBatch;
 use sarrus_proto::board::ClaimedLane;
 use sarrus_proto::control::{
-    Call, CallHead, ControlRequest, ControlResponse, Grant, NoResponse, Refusal, exchange,
+    Call, CallHead, ControlRequest, ControlResponse, Grant, NoResponse, Refusal,
 };
 use sarrus_proto::heartbeat::HeartbeatReader;
 use sarrus_proto::lane::{ComputeClient, Threadsafe};
@@ -19,6 +19,7 @@ use sarrus_proto::service::{ServiceError, open_compute};
 use sarrus_proto::socket::ControlSocket;
 use sarrus_proto::{Domain, ModelInfo, PROTOCOL_VERSION, ServerName, supervision};
 
+use crate::interrupt::{self, exchange};
 use crate::life::Life;
 use crate::{ConnectError, Error, Prepared};
 
@@ -69,7 +70,8 @@ impl Control {
             let socket = connect(domain, name, deadline)?;
             let process = socket.peer().map_or(0, |peer| peer.process);
             match exchange(&socket, &request, deadline) {
-                Ok((response, descriptor)) => break (socket, process, response, descriptor),
+                Ok(Some((response, descriptor))) => break (socket, process, response, descriptor),
+                Ok(None) => return Err(ConnectError::Interrupted),
                 // connecting again says whether the server is gone, or only this connection
                 Err(NoResponse::Gone) if Instant::now() < deadline => std::thread::sleep(RETRY[0]),
                 Err(error) => {
@@ -237,7 +239,8 @@ impl Control {
         let head = CallHead { version: PROTOCOL_VERSION, nonce: self.nonce.fetch_add(1, Relaxed) };
         let request = ControlRequest { head, fingerprint: self.fingerprint, call };
         exchange(&self.socket, &request, deadline)
-            .map_err(|error| failed(error, &self.domain, &self.name, start, || self.life()))
+            .map_err(|error| failed(error, &self.domain, &self.name, start, || self.life()))?
+            .ok_or(ConnectError::Interrupted)
     }
 }
 
@@ -250,6 +253,9 @@ fn connect(
     let start = Instant::now();
     let mut pause = RETRY[0];
     loop {
+        if interrupt::is_wanted() {
+            return Err(ConnectError::Interrupted);
+        }
         let mut busy = false;
         for folder in domain.server_folders(name) {
             match ControlSocket::connect(&folder) {

@@ -102,6 +102,9 @@ pub enum ConnectError {
         /// What to do.
         help: &'static str,
     },
+    /// The caller gave the wait up; see [`interruptible`](crate::interruptible).
+    #[error("the wait for the server was given up; ask again to connect anew")]
+    Interrupted,
     /// The server is stopping.
     #[error("the server is stopping; connect again when it is back")]
     ShuttingDown,

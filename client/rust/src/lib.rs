@@ -14,6 +14,7 @@ mod describe;
 mod direct;
 mod error;
 mod head;
+mod interrupt;
 #[cfg(feature = "kernels")]
 mod kernels;
 mod life;
@@ -32,6 +33,7 @@ pub use bridge::{Controller, Observer, now_ns};
 pub use describe::describe;
 pub use error::{ConnectError, Error};
 pub use head::Times;
+pub use interrupt::interruptible;
 #[cfg(feature = "kernels")]
 pub use kernels::{AnsweredBy, KernelError, Kernels};
 pub use life::{Life, ProcessState};

@@ -11,7 +11,7 @@ use crate::control::{Control, deadline_after};
 use crate::head::{Seen, Terms};
 use crate::plan::Plans;
 use crate::session::{Exchange, Session};
-use crate::{Answer, ConnectError, ConnectOptions, Error};
+use crate::{Answer, ConnectError, ConnectOptions, Error, interrupt};
 
 /// Between two attempts to attach again, at first and after a while.
 const RETRY: [Duration; 2] = [Duration::from_millis(1), Duration::from_millis(20)];
@@ -70,6 +70,7 @@ impl Remote {
         if self.session.is_some() {
             match self.extend(prepared, place, deadline) {
                 Err(Error::Connect(error)) if error.may_pass() => {}
+                Err(Error::Connect(ConnectError::Interrupted)) => return self.interrupted(),
                 outcome => return outcome,
             }
         }
@@ -108,6 +109,7 @@ impl Remote {
                 }
                 Exchange::Lost => Exchange::Lost,
                 Exchange::TimedOut => Exchange::TimedOut,
+                Exchange::Interrupted => Exchange::Interrupted,
             })
         })
     }
@@ -153,10 +155,14 @@ impl Remote {
             };
             let plan = session.number(place).ok_or(Error::ReleasedPlan)?;
             let (fingerprint, deadline) = (*fingerprint, &mut deadline);
-            match attempt(Attempt { session, plan, fingerprint, sequence, options, deadline })? {
-                Exchange::Answered(answer) => return Ok(answer),
-                Exchange::Lost => self.session = None,
-                Exchange::TimedOut => {
+            match attempt(Attempt { session, plan, fingerprint, sequence, options, deadline }) {
+                Err(Error::Connect(ConnectError::Interrupted)) | Ok(Exchange::Interrupted) => {
+                    return self.interrupted();
+                }
+                Err(error) => return Err(error),
+                Ok(Exchange::Answered(answer)) => return Ok(answer),
+                Ok(Exchange::Lost) => self.session = None,
+                Ok(Exchange::TimedOut) => {
                     let life = session.control.life();
                     // an answer that comes late must meet nobody
                     self.session = None;
@@ -168,6 +174,12 @@ impl Remote {
                 }
             }
         }
+    }
+
+    /// Ends the session: what was asked is under way, and its answer must meet nobody.
+    fn interrupted<T>(&mut self) -> Result<T, Error> {
+        self.session = None;
+        Err(ConnectError::Interrupted.into())
     }
 
     /// Adds a plan to a session that goes on.
@@ -191,6 +203,9 @@ impl Remote {
         self.session = None;
         let start = Instant::now();
         loop {
+            if interrupt::is_wanted() {
+                return self.interrupted();
+            }
             let error = match self.try_attach(prepared, deadline) {
                 Err(Error::Connect(error)) if error.may_pass() => error,
                 outcome => return outcome,

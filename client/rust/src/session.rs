@@ -11,7 +11,7 @@ use sarrus_proto::{Answer, Status, Warnings};
 use crate::control::{Control, LinkNode, deadline_after};
 use crate::plan::Plans;
 use crate::wait::Waiter;
-use crate::{ConnectError, ConnectOptions, Error, Transport};
+use crate::{ConnectError, ConnectOptions, Error, Transport, interrupt};
 
 /// What holds for one run of the server.
 pub(crate) struct Session {
@@ -56,6 +56,8 @@ pub(crate) enum Exchange<T> {
     Lost,
     /// The server lives.
     TimedOut,
+    /// The caller does not wait any longer.
+    Interrupted,
 }
 
 impl Session {
@@ -255,6 +257,9 @@ fn look<T>(
 ) -> Option<Exchange<T>> {
     if control.is_over() {
         return Some(Exchange::Lost);
+    }
+    if interrupt::is_wanted() {
+        return Some(Exchange::Interrupted);
     }
     let deadline = *deadline.get_or_insert_with(|| deadline_after(timeout.saturating_sub(waited)));
     (Instant::now() >= deadline).then_some(Exchange::TimedOut)

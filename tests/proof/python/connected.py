@@ -1,9 +1,11 @@
 """A connected robot beside the same one in this process; stdout asks for what is to be done."""
 
+import _thread
 import contextlib
 import gc
 import os
 import pickle
+import signal
 import sys
 import threading
 import time
@@ -143,6 +145,51 @@ assert plans() == held - 2 + 1
 np.testing.assert_array_equal(answers[1](y=[0.1]).q, here.state([0.1]).q)
 last = patient.query("kinematics", ["y"], ["u"])
 assert plans() == held - 3 + 2
+
+# Ctrl-C ends every wait for a server, long before its time-out, and the robot asks again after it
+signal.signal(signal.SIGINT, signal.default_int_handler)
+for transport in ("lane", "service"):
+    stuck = sarrus.Robot.connect(name, timeout=600.0, wait="polite", transport=transport)
+    for call in (
+        lambda: stuck.mass_matrix([0.1]),
+        lambda: stuck.mass_matrix([[0.1]] * 300),
+        lambda: stuck.bias_force([0.1]),
+        lambda: sarrus.Robot.connect(name, timeout=600.0),
+    ):
+        np.testing.assert_array_equal(stuck.mass_matrix([[0.1]]), here.mass_matrix([[0.1]]))
+        do("pause the server")
+        timer = threading.Timer(0.2, _thread.interrupt_main)
+        begun = time.monotonic()
+        timer.start()
+        raises(KeyboardInterrupt, "", call)
+        assert 0.1 < time.monotonic() - begun < 10.0
+        timer.join()
+        do("resume the server")
+    np.testing.assert_array_equal(stuck.bias_force([0.1]), here.bias_force([0.1]))
+
+# a handler that comes meanwhile is refused the same robot, and may ask others; the wait goes on
+refused, others = [], []
+
+
+def handler(*_):
+    others.append(here.mass_matrix([0.1]))
+    try:
+        stuck.mass_matrix([0.1])
+    except sarrus.ConnectError as error:
+        refused.append(str(error))
+    handled.set()
+
+
+handled = threading.Event()
+signal.signal(signal.SIGALRM, handler)
+do("pause the server")
+# standard output and input are the main thread's until then
+resume = threading.Thread(target=lambda: (handled.wait(), do("resume the server")))
+resume.start()
+signal.setitimer(signal.ITIMER_REAL, 0.2)
+np.testing.assert_array_equal(stuck.mass_matrix([0.1]), here.mass_matrix([0.1]))
+resume.join()
+assert len(others) == 1 and "this robot is being asked" in refused[0], refused
 
 # what a connection cannot do
 raises(TypeError, "connect anew", pickle.dumps, there)

@@ -64,6 +64,10 @@ def map(
     many of them (`distributed.KilledWorker`). Without any worker it waits for the first, `timeout`
     [s] at most where that is given (`TimeoutError`); workers that come later get blocks too.
     """
+    if timeout is not None and not timeout >= 0:
+        raise ValueError(f"`timeout` is {timeout}, expected seconds")
+    if progress is not None and not callable(progress):
+        raise TypeError(f"`progress` is {progress!r}, expected a function")
     dask = _dask()
     if not isinstance(client, dask.Client):
         raise TypeError(f"`client` is {client!r}, expected a `dask.distributed.Client`")

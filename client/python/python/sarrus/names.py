@@ -8,7 +8,8 @@ class Names(tuple[str, ...]):
     """Names in the order of an array; each is an attribute too, its place in the array.
 
     `robot.joints[2]` is the name of the third joint, `robot.joints.elbow` the place of the joint
-    `elbow`; where a name is no identifier, `robot.joints.place("base/rx")`.
+    `elbow`; where a name is no identifier, `robot.joints.place("base/rx")`, and so for `index`,
+    `count` and `place`, which are methods, and names that begin with two underscores.
     """
 
     __slots__ = ()

@@ -99,10 +99,10 @@ class Robot(DescribedRobot):
     ) -> Robot:
         """Connect to a server on this machine, started by `sarrus serve --name NAME`.
 
-        One call waits for `timeout` [s] at most, for a server that is gone to come back included;
-        answers later than `deadline` [s] are counted by `late`. `transport` is `lane` or
-        `service`, `wait` is `auto`, `busy` or `polite`. With `fingerprint` no other model will do.
-        A `ConnectError` says what to do.
+        One call waits for `timeout` [s] at most, for a server that is gone to come back included,
+        and Ctrl-C ends it; the next call connects anew then. Answers later than `deadline` [s] are
+        counted by `late`. `transport` is `lane` or `service`, `wait` is `auto`, `busy` or `polite`.
+        With `fingerprint` no other model will do. A `ConnectError` says what to do.
         """
         origin = _native.Origin.served(name, timeout, deadline, transport, wait, fingerprint)
         return cls(origin)
@@ -382,10 +382,18 @@ class Robot(DescribedRobot):
         present = {name: array for name, array in given.items() if array is not None}
         wanted = tuple(b for a, b in zip(given, want, strict=True) if a in present)
         query = self._cached("map", tuple(present), wanted + (("G_u",) if loops else ()))
-        return _warned(query.ask([present[name] for name in query.given]))
+        # behind `to_actuators` or `to_independent`
+        return _warned(query.ask([present[name] for name in query.given]), 4)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return (restored, (type(self), *self.origin.contents(), self.fingerprint))
+        made = (type(self), *self.origin.contents(), self.fingerprint)
+        # what others set on it; what it keeps itself is made anew
+        own = {
+            name: value
+            for name, value in self.__dict__.items()
+            if not isinstance(getattr(type(self), name, None), cached_property)
+        }
+        return (restored, made, own) if own else (restored, made)
 
 
 def bundled() -> dict[str, str]:
@@ -396,8 +404,8 @@ def bundled() -> dict[str, str]:
 GAINS = ("stiffness", "damping")
 
 
-def _warned(answer: Answer) -> Answer:
-    """Warn where rows have no answer."""
+def _warned(answer: Answer, stacklevel: int = 3) -> Answer:
+    """Warn where rows have no answer, at the line that asked."""
     failed = np.flatnonzero(answer.status)
     if failed.size:
         first = int(failed[0])
@@ -406,7 +414,7 @@ def _warned(answer: Answer) -> Answer:
             f"{failed.size} of {np.size(answer.status)} states have no answer and are NaN, the "
             f"first in row {first}: {name}",
             StateWarning,
-            stacklevel=3,
+            stacklevel=stacklevel,
         )
     return answer
 
@@ -459,13 +467,18 @@ def _taken(gains: Array | None, through: Array | None) -> Array | None:
 
 def _real(numbers: npt.ArrayLike, name: str) -> Array:
     """An array of what numpy reads as real numbers, all of which are known."""
-    array = np.asarray(numbers, float)
+    array = np.asarray(numbers)
+    if array.dtype.kind not in "fiu":
+        raise TypeError(f"`{name}` holds {array.dtype}, expected real numbers")
     _native.refuse_masked(numbers, name)
-    return array
+    return array.astype(float)
 
 
 def _list(numbers: npt.ArrayLike, name: str) -> list[float]:
-    listed: list[float] = _real(numbers, name).ravel().tolist()
+    array = _real(numbers, name)
+    if array.ndim != 1:
+        raise ValueError(f"`{name}` has the shape {array.shape}, expected one dimension")
+    listed: list[float] = array.tolist()
     return listed
 
 

@@ -4,9 +4,11 @@
 //! Arrays of float64, aligned and contiguous in C's order, are read where they lie, one state with
 //! any strides is; others are converted.
 
+use std::ops::Range;
+
 use numpy::{
-    PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArray,
-    PyUntypedArrayMethods,
+    BorrowError, Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn,
+    PyReadwriteArrayDyn, PyUntypedArray, PyUntypedArrayMethods,
 };
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::intern;
@@ -15,6 +17,8 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyList, PyTuple};
 use sarrus_client::Field;
 use sarrus_proto::Slot;
+
+use super::batch::is_cut_off;
 
 /// The shape of a field of one state: numbers alone have none, frames come before their rows.
 pub(super) fn shape(slot: &Slot) -> Vec<usize> {
@@ -42,10 +46,13 @@ impl<'py> Given<'py> {
     /// A field from what Python gave for it.
     pub(super) fn new(object: &Bound<'py, PyAny>, slot: &Slot) -> PyResult<Given<'py>> {
         let name = slot.field.name();
-        let readable = |array: &Bound<'py, PyArrayDyn<f64>>| {
-            array.try_readonly().map_err(|_| {
-                PyValueError::new_err(format!("`{name}` is being written by a batch under way"))
-            })
+        let readable = |array: &Bound<'py, PyArrayDyn<f64>>| match array.try_readonly() {
+            Ok(array) => Ok(array),
+            Err(_) if is_cut_off() => Ok(copy_of(array)?.try_readonly()?),
+            Err(_) => {
+                let words = format!("`{name}` is being written by a batch under way");
+                Err(PyValueError::new_err(words))
+            }
         };
         let array = match object.cast::<PyArrayDyn<f64>>() {
             Ok(array) if array.is_c_contiguous() && array.is_aligned() => readable(array)?,
@@ -177,7 +184,13 @@ pub(super) fn wanted<'py>(
     out: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
     let shape = full_shape(slot, rows);
-    let Some(out) = out else { return Ok(PyArrayDyn::zeros(py, shape, false)) };
+    let Some(out) = out else {
+        return match rows {
+            None => Ok(PyArrayDyn::zeros(py, shape, false)),
+            // as many as the caller says
+            Some(_) => Ok(zeros::<f64>(py, &shape)?.cast_into()?),
+        };
+    };
     let name = slot.field.name();
     let array = out.cast::<PyArrayDyn<f64>>().map_err(|_| {
         PyTypeError::new_err(format!("`out` for `{name}` must be an array of float64"))
@@ -198,16 +211,57 @@ pub(super) fn wanted<'py>(
     Ok(array.clone())
 }
 
-/// An array of an answer, to be written.
-pub(super) fn writable<'py>(
-    array: &Bound<'py, PyArrayDyn<f64>>,
-    name: &str,
-) -> PyResult<PyReadwriteArrayDyn<'py, f64>> {
-    array.try_readwrite().map_err(|_| {
-        PyValueError::new_err(format!(
-            "`out` for `{name}` cannot be written: it is read-only, or shares memory with an input"
-        ))
-    })
+/// A new array of zeros, by numpy itself: what is too large is a `MemoryError`.
+pub(super) fn zeros<'py, T: Element>(
+    py: Python<'py>,
+    shape: &[usize],
+) -> PyResult<Bound<'py, PyAny>> {
+    static ZEROS: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    let shape = PyTuple::new(py, shape)?;
+    ZEROS.import(py, "numpy", "zeros")?.call1((shape, numpy::dtype::<T>(py)))
+}
+
+/// An array of an answer that is to be written.
+pub(super) struct Target<'a, 'py> {
+    array: &'a Bound<'py, PyArrayDyn<f64>>,
+    /// Written in its place, where a claim on it is left that nobody gives back.
+    copy: Option<Bound<'py, PyArrayDyn<f64>>>,
+    name: &'static str,
+}
+
+impl<'a, 'py> Target<'a, 'py> {
+    /// The array, which may be the caller's.
+    pub(super) fn new(
+        array: &'a Bound<'py, PyArrayDyn<f64>>,
+        name: &'static str,
+    ) -> PyResult<Target<'a, 'py>> {
+        let claimed = || matches!(array.try_readwrite(), Err(BorrowError::AlreadyBorrowed));
+        let copy = (is_cut_off() && claimed()).then(|| copy_of(array)).transpose()?;
+        Ok(Target { array, copy, name })
+    }
+
+    /// The array, so that nobody else reads or writes it.
+    pub(super) fn claim(&self) -> PyResult<PyReadwriteArrayDyn<'py, f64>> {
+        self.copy.as_ref().unwrap_or(self.array).try_readwrite().map_err(|_| {
+            PyValueError::new_err(format!(
+                "`out` for `{}` cannot be written: it is read-only, or shares memory with an input",
+                self.name
+            ))
+        })
+    }
+
+    /// Has it in the array, after the claim was given back.
+    pub(super) fn finish(&self) -> PyResult<()> {
+        static COPY_TO: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+        let Some(copy) = &self.copy else { return Ok(()) };
+        COPY_TO.import(copy.py(), "numpy", "copyto")?.call1((self.array, copy)).map(drop)
+    }
+}
+
+/// A copy, by numpy.
+fn copy_of<'py>(array: &Bound<'py, PyArrayDyn<f64>>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    let copy = array.call_method1(intern!(array.py(), "copy"), ("C",))?;
+    Ok(copy.cast_into()?)
 }
 
 /// Refuses arrays to be written that share memory with others, whatever objects they are views of:
@@ -218,15 +272,32 @@ pub(super) fn refuse_shared(
 ) -> PyResult<()> {
     let written: Vec<_> = want.iter().map(|(numbers, _)| numbers.as_ptr_range()).collect();
     let others = read.iter().map(|(numbers, _)| numbers.as_ptr_range());
-    let meet = |a: &std::ops::Range<*const f64>, b: &std::ops::Range<*const f64>| {
-        a.start < b.end && b.start < a.end
-    };
     let all: Vec<_> = written.iter().cloned().chain(others).collect();
     let shares = |(k, a): (usize, &_)| all[k + 1..].iter().any(|b| meet(a, b));
     if written.iter().enumerate().any(shares) {
         return Err(PyValueError::new_err("`out` shares memory with an input or another output"));
     }
     Ok(())
+}
+
+/// The same for arrays of one state, which are written one after the other.
+pub(super) fn refuse_shared_outputs(out: &[Option<Bound<'_, PyAny>>]) -> PyResult<()> {
+    let arrays = out.iter().flatten().filter_map(|out| out.cast::<PyArrayDyn<f64>>().ok());
+    let ranges: Vec<_> = arrays
+        .map(|array| {
+            let start = array.data().cast_const();
+            start..start.wrapping_add(array.len())
+        })
+        .collect();
+    let shares = |(k, a): (usize, &Range<_>)| ranges[k + 1..].iter().any(|b| meet(a, b));
+    if ranges.iter().enumerate().any(shares) {
+        return Err(PyValueError::new_err("`out` shares memory with another output"));
+    }
+    Ok(())
+}
+
+fn meet(a: &Range<*const f64>, b: &Range<*const f64>) -> bool {
+    a.start < b.end && b.start < a.end
 }
 
 /// A field of one state: a number, or an array of the caller's or a new one.
@@ -243,6 +314,8 @@ pub(super) fn of_state<'py>(
         _ => {}
     }
     let array = wanted(py, slot, None, out)?;
-    writable(&array, slot.field.name())?.as_slice_mut()?.copy_from_slice(numbers);
+    let target = Target::new(&array, slot.field.name())?;
+    target.claim()?.as_slice_mut()?.copy_from_slice(numbers);
+    target.finish()?;
     Ok(array.into_any())
 }

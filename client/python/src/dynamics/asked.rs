@@ -3,15 +3,18 @@
 use std::num::NonZero;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use numpy::{IntoPyArray, PyArray1};
+use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 use sarrus_client::{Answer, Model, PlanId, Query, QueryBuilder, Request, Robot};
 use sarrus_dynamics::{Batch, Layout, PackedRows, Plan, Slot};
 
-use super::arrays::{self, Given, common_rows, copied, refuse_shared, wanted, writable};
+use super::arrays::{
+    self, Given, Target, common_rows, copied, refuse_shared, refuse_shared_outputs, wanted, zeros,
+};
 use super::batch::{self, Engine, Rows};
 use super::errors::QueryError;
 use super::shared::Shared;
+use super::signals::is_main;
 
 /// How a batch is to be answered.
 pub(super) struct BatchOptions {
@@ -131,6 +134,7 @@ impl Asked {
         input: &[f64],
         out: &[Option<Bound<'py, PyAny>>],
     ) -> PyResult<Answered<'py>> {
+        refuse_shared_outputs(out)?;
         let mut numbers = vec![f64::NAN; self.want.len()];
         let answer = self.shared.ask(py, self.id, input, &mut numbers);
         if answer.is_err() {
@@ -155,12 +159,16 @@ impl Asked {
             .enumerate()
             .map(|(k, slot)| wanted(py, slot, Some(rows), out.get(k).and_then(Option::as_ref)))
             .collect::<PyResult<Vec<_>>>()?;
-        let mut written = fields
+        let targets = fields
             .iter()
             .zip(slots)
-            .map(|(field, slot)| writable(field, slot.field.name()))
+            .map(|(field, slot)| Target::new(field, slot.field.name()))
             .collect::<PyResult<Vec<_>>>()?;
-        let (mut statuses, mut warnings) = (vec![0; rows], vec![0; rows]);
+        let mut written = targets.iter().map(Target::claim).collect::<PyResult<Vec<_>>>()?;
+        let statuses: Bound<'py, PyArray1<u32>> = zeros::<u32>(py, &[rows])?.cast_into()?;
+        let warnings: Bound<'py, PyArray1<u32>> = zeros::<u32>(py, &[rows])?.cast_into()?;
+        let (mut all_statuses, mut all_warnings) =
+            (statuses.try_readwrite()?, warnings.try_readwrite()?);
         let width = |slot: &Slot| slot.range().len();
         let mut want = Vec::with_capacity(slots.len());
         for (array, slot) in written.iter_mut().zip(slots) {
@@ -171,11 +179,13 @@ impl Asked {
             read.push((field.numbers()?, width(slot)));
         }
         refuse_shared(&read, &want)?;
+        let (statuses_of, warnings_of) =
+            (all_statuses.as_slice_mut()?, all_warnings.as_slice_mut()?);
         let numbers =
-            Rows { rows, given: read, want, statuses: &mut statuses, warnings: &mut warnings };
+            Rows { rows, given: read, want, statuses: statuses_of, warnings: warnings_of };
 
         // one engine for each thread; a connected robot has one lane
-        match &self.shared.model {
+        let outcome = match &self.shared.model {
             Some(model) => {
                 let n = batch::threads(options.threads, rows);
                 let mut batches = self.batches(model, n)?;
@@ -188,40 +198,50 @@ impl Asked {
                     engines.push(engine);
                 }
                 let outcome = batch::run(py, numbers, engines, options.progress.as_ref());
-                self.kept().append(&mut batches);
-                outcome?;
+                self.keep(batches);
+                outcome
             }
             None => {
                 // refuses a robot of the parent's
                 self.shared.with(py, |_| Ok(()))?;
-                let (n_in, n_out) = (self.given.len(), self.want.len());
+                let (is_main, n_in, n_out) = (is_main(py)?, self.given.len(), self.want.len());
                 let mut packed = PackedRows::new(batch::TILE, n_in, n_out);
                 let engine: Box<Engine<'_>> = Box::new(|given, want, answers| {
                     let rows = 0..answers.len();
                     let (input, output) = packed.pack(given, rows.clone());
-                    self.shared.batch_detached(self.id, input, output, answers)?;
+                    self.shared.batch_detached(is_main, self.id, input, output, answers)?;
                     packed.unpack(want, rows);
                     Ok(())
                 });
-                batch::run(py, numbers, vec![engine], options.progress.as_ref())?;
+                batch::run(py, numbers, vec![engine], options.progress.as_ref())
             }
-        }
+        };
         drop(written);
+        targets.iter().try_for_each(Target::finish)?;
+        outcome?;
         let mut failed = Failed::default();
-        for (row, status) in statuses.iter().enumerate().filter(|(_, status)| **status != 0) {
+        let all = all_statuses.as_slice()?.iter().enumerate();
+        for (row, status) in all.filter(|(_, status)| **status != 0) {
             failed.count += 1;
             failed.first.get_or_insert((row, *status));
         }
-        Ok(Answered::Rows {
-            fields: fields.into_iter().map(Bound::into_any).collect(),
-            statuses: statuses.into_pyarray(py),
-            warnings: warnings.into_pyarray(py),
-            failed,
-        })
+        drop((all_statuses, all_warnings));
+        let fields = fields.into_iter().map(Bound::into_any).collect();
+        Ok(Answered::Rows { fields, statuses, warnings, failed })
     }
 
     fn kept(&self) -> MutexGuard<'_, Vec<Batch>> {
         self.batches.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Keeps what rows were answered with, for as many threads as run at a time.
+    fn keep(&self, mut batches: Vec<Batch>) {
+        let mut kept = self.kept();
+        let excess =
+            batches.split_off(batch::processors().saturating_sub(kept.len()).min(batches.len()));
+        kept.append(&mut batches);
+        drop(kept);
+        drop(excess);
     }
 
     /// What so many threads answer rows with: those that are kept, and clones of them.

@@ -4,6 +4,7 @@
 //! it. The calling thread works too, and between its tiles lets Python look for signals and calls
 //! back.
 
+use std::cell::Cell;
 use std::num::NonZero;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, OnceLock, PoisonError};
@@ -21,6 +22,13 @@ const LOOK: Duration = Duration::from_millis(50);
 
 /// Batches under way, which write arrays without Python's lock.
 static UNDER_WAY: AtomicUsize = AtomicUsize::new(0);
+/// Whether a fork has cut batches off, whose claims on arrays nobody gives back.
+static CUT_OFF: AtomicBool = AtomicBool::new(false);
+
+thread_local! {
+    /// Those of this thread: more than one where a callback asks for others.
+    static OWN: Cell<usize> = const { Cell::new(0) };
+}
 
 /// One of them.
 struct UnderWay;
@@ -28,6 +36,7 @@ struct UnderWay;
 impl UnderWay {
     fn begin() -> UnderWay {
         UNDER_WAY.fetch_add(1, Relaxed);
+        OWN.set(OWN.get() + 1);
         UnderWay
     }
 }
@@ -35,7 +44,20 @@ impl UnderWay {
 impl Drop for UnderWay {
     fn drop(&mut self) {
         UNDER_WAY.fetch_sub(1, Relaxed);
+        OWN.set(OWN.get().saturating_sub(1));
     }
+}
+
+/// In the child of a fork: batches of threads that are not there are no longer under way.
+pub(super) fn forked() {
+    if UNDER_WAY.swap(OWN.get(), Relaxed) != OWN.get() {
+        CUT_OFF.store(true, Relaxed);
+    }
+}
+
+/// Whether a claim on an array can only be that of a batch which a fork has cut off.
+pub(super) fn is_cut_off() -> bool {
+    CUT_OFF.load(Relaxed) && !is_under_way()
 }
 
 /// Whether a batch may be writing arrays now; asked with Python's lock, it stays false as long as
@@ -113,15 +135,17 @@ fn split_off<'a, T>(slice: &mut &'a mut [T], n: usize) -> &'a mut [T] {
 
 /// How many threads answer so many rows: as many as were asked for, else as are worth it.
 pub(super) fn threads(asked: Option<NonZero<usize>>, rows: usize) -> usize {
-    static PROCESSORS: OnceLock<usize> = OnceLock::new();
     let most = match asked {
         Some(threads) => threads.get().min(rows.div_ceil(TILE)),
-        None => {
-            let processors = || thread::available_parallelism().map_or(1, NonZero::<usize>::get);
-            (*PROCESSORS.get_or_init(processors)).min(rows.div_ceil(ROWS_OF_A_THREAD))
-        }
+        None => processors().min(rows.div_ceil(ROWS_OF_A_THREAD)),
     };
     most.max(1)
+}
+
+/// How many threads run at a time.
+pub(super) fn processors() -> usize {
+    static PROCESSORS: OnceLock<usize> = OnceLock::new();
+    *PROCESSORS.get_or_init(|| thread::available_parallelism().map_or(1, NonZero::<usize>::get))
 }
 
 /// What the threads of a batch share.

@@ -39,7 +39,7 @@ pub(super) fn connect_error(error: NotConnected) -> PyErr {
 pub(super) fn load_error(py: Python<'_>, error: NotLoaded) -> PyErr {
     let words = error.to_string();
     match error {
-        NotLoaded::Open { .. } => PyOSError::new_err(words),
+        NotLoaded::Open { file, reason } => not_opened(file, &reason, words),
         NotLoaded::Faults(report) => {
             let faults: PyResult<Vec<_>> =
                 report.errors.iter().map(|fault| diagnostic(py, fault)).collect();
@@ -52,6 +52,16 @@ pub(super) fn load_error(py: Python<'_>, error: NotLoaded) -> PyErr {
             }
         }
         _ => LoadError::new_err((words, Vec::<Py<PyAny>>::new())),
+    }
+}
+
+/// A file that cannot be opened: where the system says why, by its number, of which Python makes
+/// `FileNotFoundError` and the like.
+fn not_opened(file: String, reason: &str, words: String) -> PyErr {
+    let system = reason.strip_suffix(')').and_then(|reason| reason.rsplit_once(" (os error "));
+    match system.and_then(|(said, number)| Some((number.parse::<i32>().ok()?, said))) {
+        Some((number, said)) => PyOSError::new_err((number, said.to_owned(), file)),
+        None => PyOSError::new_err(words),
     }
 }
 

@@ -1,17 +1,20 @@
 //! Dynamics for Python: the robot of `sarrus-client`, asked with numpy's arrays.
 //!
 //! `arrays` reads and makes numpy's arrays, `shared` is a robot that Python's threads share,
-//! `asked` a plan of it, `batch` answers rows of states; `origin`, `robot` and `query` are what
-//! Python sees, `simulation` is the robot in time.
+//! `signals` how its waits end by Ctrl-C, `asked` a plan of it, `batch` answers rows of states;
+//! `origin`, `robot` and `query` are what Python sees, `options` the words of a call, `simulation`
+//! is the robot in time.
 
 mod arrays;
 mod asked;
 mod batch;
 mod errors;
+mod options;
 mod origin;
 mod query;
 mod robot;
 mod shared;
+mod signals;
 mod simulation;
 
 pub(crate) use arrays::refuse_masked;

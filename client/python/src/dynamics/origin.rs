@@ -10,6 +10,8 @@ use sarrus_client::{ConnectOptions, Lock, Options, Robot, Source, Transport, Wai
 use sarrus_models::{Base, Loaded, load, texts};
 
 use super::errors::{connect_error, load_error};
+use super::options::fingerprint;
+use super::signals::{is_main, waiting};
 
 /// Options of a robot that is read: gravity, lenient, floating base, locks, links that are kept.
 type Parts = ([f64; 3], bool, Option<String>, Vec<String>, Vec<String>);
@@ -51,7 +53,7 @@ impl PyOrigin {
         deadline: Option<f64>,
         transport: &str,
         wait: &str,
-        fingerprint: Option<u64>,
+        #[pyo3(from_py_with = fingerprint)] fingerprint: Option<u64>,
     ) -> PyResult<PyOrigin> {
         let seconds = |what: &str, seconds: f64| {
             Duration::try_from_secs_f64(seconds).map_err(|_| {
@@ -140,7 +142,9 @@ impl PyOrigin {
                 robot.map_err(|error| load_error(py, error))
             }
             Origin::Served { name, options } => {
-                py.detach(|| Robot::connect_with(name, *options)).map_err(connect_error)
+                let is_main = is_main(py)?;
+                let connect = || waiting(is_main, || Robot::connect_with(name, *options));
+                py.detach(connect)?.map_err(connect_error)
             }
         }
     }

@@ -9,6 +9,7 @@ use sarrus_client::Layout;
 
 use super::arrays::shape;
 use super::asked::{Answered, Asked, BatchOptions};
+use super::options::{progress, threads};
 
 /// Fields that come out, the status and the warnings of an answer: numbers for one state, arrays
 /// for rows.
@@ -39,8 +40,8 @@ impl PyQuery {
         py: Python<'py>,
         given: Vec<Bound<'py, PyAny>>,
         out: Option<Vec<Option<Bound<'py, PyAny>>>>,
-        threads: Option<NonZero<usize>>,
-        progress: Option<Py<PyAny>>,
+        #[pyo3(from_py_with = threads)] threads: Option<NonZero<usize>>,
+        #[pyo3(from_py_with = progress)] progress: Option<Py<PyAny>>,
     ) -> PyResult<Answer<'py>> {
         let asked = &self.0;
         let out = out.unwrap_or_default();

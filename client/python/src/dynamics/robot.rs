@@ -13,6 +13,7 @@ use sarrus_client::{Field, Request, Status};
 
 use super::asked::{Answered, Asked, BatchOptions, Failed};
 use super::errors::state_error;
+use super::options::{progress, threads};
 use super::origin::PyOrigin;
 use super::query::PyQuery;
 use super::shared::Shared;
@@ -58,8 +59,8 @@ impl PyRobot {
         yd: Bound<'py, PyAny>,
         ydd: Bound<'py, PyAny>,
         out: Option<Bound<'py, PyAny>>,
-        threads: Option<NonZero<usize>>,
-        progress: Option<Py<PyAny>>,
+        #[pyo3(from_py_with = threads)] threads: Option<NonZero<usize>>,
+        #[pyo3(from_py_with = progress)] progress: Option<Py<PyAny>>,
         return_status: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         const GIVEN: [Field; 3] = [Field::Y, Field::Yd, Field::Ydd];
@@ -83,8 +84,8 @@ impl PyRobot {
         yd: Bound<'py, PyAny>,
         tau_u: Bound<'py, PyAny>,
         out: Option<Bound<'py, PyAny>>,
-        threads: Option<NonZero<usize>>,
-        progress: Option<Py<PyAny>>,
+        #[pyo3(from_py_with = threads)] threads: Option<NonZero<usize>>,
+        #[pyo3(from_py_with = progress)] progress: Option<Py<PyAny>>,
         return_status: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         const GIVEN: [Field; 3] = [Field::Y, Field::Yd, Field::TauU];
@@ -180,7 +181,7 @@ impl PyRobot {
         yd: Vec<f64>,
         inputs: Inputs,
         settings: simulation::Parts,
-        progress: Option<Py<PyAny>>,
+        #[pyo3(from_py_with = progress)] progress: Option<Py<PyAny>>,
     ) -> PyResult<(Bound<'py, PyDict>, Simulated)> {
         let loaded = self.origin.get().load(py)?;
         let found = loaded.compiled.model.fingerprint();

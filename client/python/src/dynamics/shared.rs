@@ -2,7 +2,8 @@
 //!
 //! A robot in this process is asked with Python's lock held, one state at a time, and its batches
 //! have scratch of their own: no thread waits for another. A connected one is asked without
-//! Python's lock. Nothing of Python runs while the robot is locked.
+//! Python's lock; all of Python that runs while the robot is locked are handlers of signals, and
+//! they are refused it.
 
 use std::num::NonZero;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -11,7 +12,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use pyo3::prelude::*;
 use sarrus_client::{Answer, Error, FailedState, Model, PlanId, Robot, Status, Warnings};
 
+use super::batch;
 use super::errors::{ConnectError, robot_error};
+use super::signals::{hold, is_main, waiting};
 
 /// How often this process was forked from another since it began.
 static FORKS: AtomicU64 = AtomicU64::new(0);
@@ -20,6 +23,12 @@ static FORKS: AtomicU64 = AtomicU64::new(0);
 #[pyfunction]
 pub(crate) fn forked() {
     FORKS.fetch_add(1, Relaxed);
+    batch::forked();
+}
+
+/// How many forks there were.
+pub(super) fn forks() -> u64 {
+    FORKS.load(Relaxed)
 }
 
 /// The words of all statuses, by number.
@@ -57,16 +66,17 @@ impl Shared {
             model: robot.shared_model(),
             robot: Mutex::new(Some(robot)),
             released: Mutex::new(Vec::new()),
-            forks: FORKS.load(Relaxed),
+            forks: forks(),
         }
     }
 
     /// The connection is the parent's: nobody else may use it.
     fn is_inherited(&self) -> bool {
-        self.model.is_none() && FORKS.load(Relaxed) != self.forks
+        self.model.is_none() && forks() != self.forks
     }
 
-    /// Does something with the robot, which must call nothing of Python.
+    /// Does something with the robot, which must call nothing of Python; Ctrl-C ends the wait for a
+    /// server, and the next call connects again.
     pub(super) fn with<T: Send>(
         &self,
         py: Python<'_>,
@@ -78,12 +88,19 @@ impl Shared {
                  fork, by `Robot.connect`",
             ));
         }
-        let locked = || match lock(&self.robot).as_mut() {
+        let of = |robot: &mut Option<Robot>| match robot.as_mut() {
             Some(robot) => f(robot),
             None => Err(Error::UnknownPlan),
         };
-        let outcome = if self.model.is_some() { locked() } else { py.detach(locked) };
-        outcome.map_err(robot_error)
+        if self.model.is_some() {
+            return of(&mut lock(&self.robot)).map_err(robot_error);
+        }
+        let is_main = is_main(py)?;
+        let detached = || {
+            let mut held = hold(is_main, &self.robot)?;
+            waiting(is_main, || of(&mut held.inner))
+        };
+        py.detach(detached)?.map_err(robot_error)
     }
 
     /// Prepares a plan, and says first which ones are held no more.
@@ -114,19 +131,22 @@ impl Shared {
         self.with(py, |robot| robot.ask(plan, input, output))
     }
 
-    /// Asks for states of a batch, which holds no lock of Python.
+    /// Asks for states of a batch, which holds no lock of Python, on the thread that called.
     pub(super) fn batch_detached(
         &self,
+        is_main: bool,
         plan: PlanId,
         input: &[f64],
         output: &mut [f64],
         answers: &mut [Answer],
     ) -> PyResult<()> {
         let threads = NonZero::<usize>::MIN;
-        match lock(&self.robot).as_mut() {
-            Some(robot) => robot.batch(plan, threads, input, output, answers).map_err(robot_error),
-            None => Err(robot_error(Error::UnknownPlan)),
-        }
+        let mut held = hold(is_main, &self.robot)?;
+        let asked = waiting(is_main, || match held.inner.as_mut() {
+            Some(robot) => robot.batch(plan, threads, input, output, answers),
+            None => Err(Error::UnknownPlan),
+        });
+        asked?.map_err(robot_error)
     }
 
     /// Releases a plan. Whoever drops one holds Python's lock and waits neither for a server nor

@@ -12,6 +12,8 @@ use sarrus_simulation::{
     EventKind, Input, Method, Run, Sample, Settings, Setup, Source, Space, Start, simulate,
 };
 
+use super::arrays::zeros;
+
 /// Between two looks for signals.
 const LOOK: Duration = Duration::from_millis(50);
 
@@ -112,12 +114,20 @@ fn word(kind: &EventKind) -> &'static str {
 fn arrays<'py>(py: Python<'py>, run: &Run) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     let samples = &run.samples;
-    let numbers = |f: fn(&Sample) -> f64| PyArray1::from_iter(py, samples.iter().map(f));
-    dict.set_item("time", numbers(|sample| sample.time))?;
-    dict.set_item("kinetic", numbers(|sample| sample.energy.kinetic))?;
-    dict.set_item("potential", numbers(|sample| sample.energy.potential))?;
-    dict.set_item("work", numbers(|sample| sample.work))?;
-    dict.set_item("residual", numbers(|sample| sample.energy.residual))?;
+    let numbers: [(&str, fn(&Sample) -> f64); 5] = [
+        ("time", |sample| sample.time),
+        ("kinetic", |sample| sample.energy.kinetic),
+        ("potential", |sample| sample.energy.potential),
+        ("work", |sample| sample.work),
+        ("residual", |sample| sample.energy.residual),
+    ];
+    for (name, number) in numbers {
+        let array = zeros::<f64>(py, &[samples.len()])?.cast_into::<PyArray1<f64>>()?;
+        for (place, sample) in array.try_readwrite()?.as_slice_mut()?.iter_mut().zip(samples) {
+            *place = number(sample);
+        }
+        dict.set_item(name, array)?;
+    }
     let fields: [(&str, fn(&Sample) -> &[f64]); 4] = [
         ("y", |sample| &sample.y),
         ("yd", |sample| &sample.yd),
@@ -126,9 +136,11 @@ fn arrays<'py>(py: Python<'py>, run: &Run) -> PyResult<Bound<'py, PyDict>> {
     ];
     for (name, field) in fields {
         let width = samples.first().map_or(0, |sample| field(sample).len());
-        let array = PyArray2::<f64>::zeros(py, [samples.len(), width], false);
-        let flat: Vec<f64> = samples.iter().flat_map(field).copied().collect();
-        array.try_readwrite()?.as_slice_mut()?.copy_from_slice(&flat);
+        let array = zeros::<f64>(py, &[samples.len(), width])?.cast_into::<PyArray2<f64>>()?;
+        let numbers = samples.iter().flat_map(field);
+        for (place, number) in array.try_readwrite()?.as_slice_mut()?.iter_mut().zip(numbers) {
+            *place = *number;
+        }
         dict.set_item(name, array)?;
     }
     Ok(dict)

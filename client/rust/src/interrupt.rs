@@ -1,0 +1,111 @@
+//! Waits for a server that the caller may give up, as an interpreter does where a signal came.
+
+use std::cell::Cell;
+use std::os::fd::OwnedFd;
+use std::time::{Duration, Instant};
+
+use sarrus_proto::control::{
+    ControlRequest, ControlResponse, NoResponse, receive_answer, send_call,
+};
+use sarrus_proto::socket::ControlSocket;
+
+/// Between two questions whether to give up.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// Whom to ask, and when.
+#[derive(Clone, Copy)]
+struct Question {
+    ask: fn() -> bool,
+    /// `None` before the first wait.
+    next: Option<Instant>,
+}
+
+thread_local! {
+    static QUESTION: Cell<Option<Question>> = const { Cell::new(None) };
+}
+
+/// Puts a question back.
+struct Restore(Option<Question>);
+
+impl Drop for Restore {
+    fn drop(&mut self) {
+        QUESTION.set(self.0);
+    }
+}
+
+/// Does something with connected robots, or connects one, and lets this thread give its waits for a
+/// server up: while one takes long `ask` is called some twenty times a second, and where it gives
+/// true the wait ends with [`ConnectError::Interrupted`](crate::ConnectError::Interrupted). Nothing
+/// is sent twice; a robot whose wait ended so connects again with its next call.
+pub fn interruptible<T>(ask: fn() -> bool, f: impl FnOnce() -> T) -> T {
+    let _before = Restore(QUESTION.replace(Some(Question { ask, next: None })));
+    f()
+}
+
+/// Whether to give the wait up; asks no more often than [`LOOK`] says.
+pub(crate) fn is_wanted() -> bool {
+    let Some(Question { ask, next }) = QUESTION.get() else { return false };
+    let now = Instant::now();
+    let again = Some(Question { ask, next: Some(now + LOOK) });
+    match next {
+        None => {
+            QUESTION.set(again);
+            false
+        }
+        Some(next) if now < next => false,
+        Some(_) => {
+            // who is asked may wait for a server as well
+            QUESTION.set(None);
+            let _after = Restore(again);
+            ask()
+        }
+    }
+}
+
+/// Makes a call and waits for its answer, in slices where somebody may give the wait up; `None`
+/// where it was.
+pub(crate) fn exchange(
+    socket: &ControlSocket,
+    request: &ControlRequest,
+    deadline: Instant,
+) -> Result<Option<(ControlResponse, Option<OwnedFd>)>, NoResponse> {
+    send_call(socket, request)?;
+    loop {
+        let slice = match QUESTION.get() {
+            Some(_) => deadline.min(Instant::now() + LOOK),
+            None => deadline,
+        };
+        match receive_answer(socket, request, slice) {
+            Err(NoResponse::Late) if slice < deadline => {}
+            outcome => return outcome.map(Some),
+        }
+        if is_wanted() {
+            return Ok(None);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wait_is_given_up_where_somebody_wants_it_and_only_there() {
+        let is_given_up = |limit: Duration| {
+            let start = Instant::now();
+            while start.elapsed() < limit {
+                if is_wanted() {
+                    return start.elapsed() >= LOOK;
+                }
+                std::thread::sleep(LOOK / 10);
+            }
+            false
+        };
+        assert!(!is_given_up(4 * LOOK));
+        assert!(!interruptible(|| false, || is_given_up(4 * LOOK)));
+        // an inner question is asked in the place of the outer one, and no longer than it stands
+        assert!(!interruptible(|| true, || interruptible(|| false, || is_given_up(4 * LOOK))));
+        assert!(interruptible(|| true, || is_given_up(600 * LOOK)));
+        assert!(QUESTION.get().is_none());
+    }
+}
