@@ -196,7 +196,7 @@ fn a_client_behind_a_crowd_that_says_nothing_is_told_that_there_is_no_room() {
 #[test]
 fn a_client_whose_connection_ends_before_it_is_heard_comes_again() {
     let sandbox = Sandbox::new();
-    let folder = sandbox.domain.root().join("server/door");
+    let folder = sandbox.make_root().join("server/door");
     fs::create_dir_all(&folder).unwrap();
     // one that ends every connection, then nobody, then a server
     let listener = ControlListener::new(&folder).unwrap();
