@@ -14,7 +14,7 @@ use sarrus_proto::message::MAX_SERVICE_CLIENTS;
 use sarrus_proto::socket::{ControlListener, ControlSocket};
 
 use crate::lies::Liar;
-use crate::support::{Asker, Sandbox, options};
+use crate::support::{Asker, STATE, Sandbox, options};
 
 const NOTHING: Vec<PathBuf> = Vec::new();
 
@@ -135,6 +135,19 @@ fn a_stopped_server_is_said_to_be_stopped_and_goes_on() {
         wait_until("it answers", || asker.ask().is_ok_and(|answer| answer.status == Status::Ok));
         wait_until("descriptors are as before", || descriptors(server.id()) == open);
     }
+    assert!(server.stop("-TERM").success());
+}
+
+#[test]
+fn the_first_call_of_a_stopped_server_says_how_long_was_waited() {
+    let sandbox = Sandbox::new();
+    let server = sandbox.serve("still", &[]);
+    let options = ConnectOptions { timeout: Duration::from_millis(300), ..options() };
+    let mut robot = sandbox.connect_with("still", options).unwrap();
+    signal(server.id(), "-STOP");
+    let words = robot.prepare(&STATE).unwrap_err().to_string();
+    assert!(words.contains("gave no answer within 0.3 s"), "{words}");
+    signal(server.id(), "-CONT");
     assert!(server.stop("-TERM").success());
 }
 
