@@ -58,8 +58,8 @@ impl FailedState {
                  what computes it"
             }
             Status::WrongSize => {
-                "the arrays do not fit the plan; `Layout::len` of its `given` and `want` says how \
-                 many numbers each holds"
+                "the arrays do not fit the plan; see how many numbers it takes and how many it \
+                 gives"
             }
             Status::WrongModel => {
                 "plan, workspace and model do not belong together, or the server holds another \

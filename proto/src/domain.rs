@@ -25,6 +25,8 @@ pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
 const ALIVE: &str = "alive";
 /// The file with the random part of the names of the domain's nodes.
 const PREFIX: &str = "prefix";
+/// The file that says that the root was made here; a root without it was there before and stays.
+const MADE: &str = "made";
 
 /// The directory and the names of all shared memory of one installation, fixed in code: no
 /// configuration file changes them.
@@ -180,7 +182,8 @@ impl Domain {
         Ok(DomainNode { node: node(&self.root, &config)?, _alive: Arc::new(alive) })
     }
 
-    /// Removes what nodes left once nobody has one any more, and the root where it is empty.
+    /// Removes what nodes left once nobody has one any more, and the root where it is empty and was
+    /// made here.
     pub(crate) fn clear_nodes(&self) -> Vec<PathBuf> {
         let lock = self.lock_existing(|directory| directory.try_lock().map_err(io::Error::from));
         let Ok(Some(_lock)) = lock else { return Vec::new() };
@@ -200,11 +203,26 @@ impl Domain {
         for file in [PREFIX, ALIVE] {
             let _ = fs::remove_file(self.root.join(file));
         }
-        // a directory that somebody uses is not empty and stays
-        if fs::remove_dir(&self.root).is_ok() {
+        if self.remove_root() {
             cleared.push(self.root.clone());
         }
         cleared
+    }
+
+    /// Removes the root where it was made here and nobody uses it; true where it is gone.
+    fn remove_root(&self) -> bool {
+        let made = self.root.join(MADE);
+        let is_ours = fs::symlink_metadata(&made).is_ok_and(|found| found.is_file());
+        let is_only = |entry: io::Result<fs::DirEntry>| entry.is_ok_and(|x| x.file_name() == MADE);
+        if !is_ours || !fs::read_dir(&self.root).is_ok_and(|mut found| found.all(is_only)) {
+            return false;
+        }
+        let gone = fs::remove_file(&made).and_then(|()| fs::remove_dir(&self.root)).is_ok();
+        if !gone {
+            // somebody came meanwhile
+            let _ = self.open(MADE);
+        }
+        gone
     }
 
     /// The random part of the names of nodes, made by whoever needs it first.
@@ -274,7 +292,7 @@ impl Domain {
 
     pub(crate) fn make_root(&self) -> Result<(), DomainError> {
         let failed = |source| DomainError::Root { path: self.root.clone(), source };
-        make_folder(&self.root).map_err(failed)?;
+        make_root(&self.root).map_err(failed)?;
         self.check_owner()
     }
 
@@ -378,6 +396,29 @@ pub(crate) fn make_folder(path: &Path) -> io::Result<()> {
     fs::DirBuilder::new().recursive(true).mode(0o700).create(path)
 }
 
+/// The same for a root, which says that it was made here.
+pub(crate) fn make_root(path: &Path) -> io::Result<()> {
+    if let Some(parent) = path.parent() {
+        make_folder(parent)?;
+    }
+    match fs::DirBuilder::new().mode(0o700).create(path) {
+        // by a process that died at once it is not known to be made here, and stays
+        Ok(()) => fs::OpenOptions::new()
+            .write(true)
+            .create_new(true)
+            .mode(0o600)
+            .open(path.join(MADE))
+            .map(drop)
+            .or_else(|error| match error.kind() {
+                // removed again meanwhile
+                io::ErrorKind::NotFound | io::ErrorKind::AlreadyExists => Ok(()),
+                _ => Err(error),
+            }),
+        Err(_) if path.is_dir() => Ok(()),
+        Err(error) => Err(error),
+    }
+}
+
 /// True while this open directory is the one at `path`.
 pub(crate) fn is_at(directory: &File, path: &Path) -> bool {
     let id = |found: fs::Metadata| (found.dev(), found.ino());
@@ -455,6 +496,7 @@ fn hash(text: &str) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::os::unix::fs::PermissionsExt;
 
     #[test]
     fn names_that_could_leave_the_domain_are_refused() {
@@ -471,6 +513,29 @@ mod tests {
         assert_ne!(a.prefix(), b.prefix());
         // to look at a domain makes nothing
         assert!(!base.exists());
+    }
+
+    #[test]
+    fn a_root_that_was_there_before_stays_and_one_that_was_made_goes() {
+        let base = std::env::temp_dir().join(format!("sarrus-domain-made-{}", std::process::id()));
+        let [named, made] = ["named", "made/deeper"].map(|name| base.join(name));
+        fs::create_dir_all(&named).unwrap();
+        fs::set_permissions(&named, fs::Permissions::from_mode(0o2770)).unwrap();
+        for root in [&named, &made] {
+            let domain = Domain::at(root).unwrap();
+            drop(domain.node::<iceoryx2::service::ipc_threadsafe::Service>().unwrap());
+            assert!(root.join(PREFIX).exists());
+            // what somebody else put there keeps it
+            fs::write(root.join("mine"), "").unwrap();
+            assert!(!domain.clear_nodes().contains(root));
+            assert!(root.join("mine").exists() && !root.join(PREFIX).exists());
+            fs::remove_file(root.join("mine")).unwrap();
+            assert_eq!(domain.clear_nodes().contains(root), root == &made);
+        }
+        assert!(!made.exists());
+        assert_eq!(fs::read_dir(&named).unwrap().count(), 0);
+        assert_eq!(fs::metadata(&named).unwrap().mode() & 0o7777, 0o2770);
+        fs::remove_dir_all(&base).unwrap();
     }
 
     #[test]

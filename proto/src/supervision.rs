@@ -3,15 +3,16 @@
 //! `ROOT/server/NAME/state` holds a JSON object with `state` (`given_up`), `reason` and `at_unix`;
 //! the next start that succeeds removes it.
 
-use std::fs::{self, DirBuilder, OpenOptions};
+use std::fs::{self, OpenOptions};
 use std::io::{self, Read, Write};
-use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 use rustix::process::geteuid;
 use serde::{Deserialize, Serialize};
 
 use crate::ServerName;
+use crate::domain::{make_folder, make_root};
 
 /// More than any reason needs.
 const MAX_BYTES: u64 = 16_384;
@@ -46,7 +47,8 @@ pub fn given_up(root: &Path, name: &ServerName) -> Option<String> {
 /// The folder or the file cannot be made.
 pub fn give_up(root: &Path, name: &ServerName, reason: &str, at_unix: u64) -> io::Result<()> {
     let folder = folder(root, name).ok_or(io::ErrorKind::InvalidInput)?;
-    DirBuilder::new().recursive(true).mode(0o700).create(&folder)?;
+    make_root(root)?;
+    make_folder(&folder)?;
     let reason = reason.chars().take(1000).collect();
     let state = State { state: "given_up".to_owned(), reason, at_unix };
     let text = serde_json::to_string(&state).map_err(io::Error::other)?;
@@ -86,6 +88,8 @@ fn folder(root: &Path, name: &ServerName) -> Option<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs::DirBuilder;
+    use std::os::unix::fs::DirBuilderExt;
 
     fn with_root(test: impl FnOnce(&Path, &ServerName)) {
         let root = std::env::temp_dir().join(format!(

@@ -143,7 +143,7 @@ enum sarrus_status
      */
     SARRUS_STATUS_BAD_TEXT = 103,
     /**
-     * A number stands for nothing in its enum.
+     * A number stands for nothing in its enum, or a place is none of its list.
      */
     SARRUS_STATUS_UNKNOWN_NUMBER = 104,
     /**
@@ -163,7 +163,7 @@ enum sarrus_status
      */
     SARRUS_STATUS_NO_ANSWER = 108,
     /**
-     * Names in a query stand for nothing: all of them are in the text.
+     * Names stand for nothing: all of them are in the text.
      */
     SARRUS_STATUS_UNKNOWN_NAME = 109,
     /**
@@ -202,6 +202,10 @@ enum sarrus_status
      * A fault of the library itself; free the handle. Please report it.
      */
     SARRUS_STATUS_INTERNAL = 118,
+    /**
+     * This process has no memory left for what the call needs.
+     */
+    SARRUS_STATUS_NO_MEMORY = 119,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -1249,7 +1253,8 @@ sarrus_status sarrus_robot_ask(struct sarrus_robot *robot,
  * bit. In process `threads` threads work, the calling one among them, 0 standing for one on each
  * processor; a connected robot's server answers them. `statuses` and `warnings` get a number for
  * each row, and may be NULL. All rows are answered; the status of the call is that of the first
- * row without an answer. Allocates.
+ * row without an answer. Where the call fails as a whole, rows that were not answered have its
+ * status, and NaN for numbers. Allocates.
  */
 SARRUS_MUST_USE
 sarrus_status sarrus_robot_batch(struct sarrus_robot *robot,

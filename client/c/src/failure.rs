@@ -28,6 +28,12 @@ pub(crate) enum Failure {
     Text(&'static str, String),
     /// An enum, and what was found for it.
     Number(&'static str, u32),
+    /// A name of a field that a plan does not have.
+    NoField(String),
+    /// A place in a list: what is listed, the place, and how many there are.
+    Place(&'static str, usize, usize),
+    /// There is no memory for these.
+    NoMemory(&'static str),
     Load(LoadError),
     Connect(ConnectError),
     Ask(Error),
@@ -59,7 +65,11 @@ impl Failure {
             Failure::Endless(_) => StatusCode::WrongSize,
             Failure::Overlap(..) => StatusCode::OverlappingArrays,
             Failure::Text(..) => StatusCode::BadText,
-            Failure::Number(..) => StatusCode::UnknownNumber,
+            Failure::Number(..) | Failure::Place(..) => StatusCode::UnknownNumber,
+            Failure::NoField(_) => StatusCode::UnknownName,
+            Failure::NoMemory(_) | Failure::Connect(ConnectError::NoMemory { .. }) => {
+                StatusCode::NoMemory
+            }
             Failure::Load(_) => StatusCode::LoadFailed,
             Failure::Connect(ConnectError::WrongModel { .. }) => StatusCode::WrongModel,
             Failure::Connect(ConnectError::NoAnswer { .. }) => StatusCode::NoAnswer,
@@ -85,6 +95,13 @@ impl fmt::Display for Failure {
             }
             Failure::Text(what, why) => write!(f, "`{what}`: {why}"),
             Failure::Number(what, found) => write!(f, "{found} is no {what} of this version"),
+            Failure::NoField(name) => write!(f, "`{name}` is no field of this plan"),
+            Failure::Place(what, found, count) => {
+                write!(f, "there is no {what} {found}; this robot has {count}, counted from 0")
+            }
+            Failure::NoMemory(what) => {
+                write!(f, "there is no memory for {what}; ask for fewer at a time")
+            }
             Failure::Load(error) => error.fmt(f),
             Failure::Connect(error) => error.fmt(f),
             Failure::Ask(error) => error.fmt(f),

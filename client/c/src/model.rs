@@ -119,9 +119,9 @@ pub extern "C" fn sarrus_robot_limits(
     guarded(|| {
         let robot = robot.ok_or(Failure::Null("robot"))?;
         let place = limits.ok_or(Failure::Null("limits"))?;
-        let found = robot.robot.model().limits.get(index);
-        let number = || Failure::Number("joint", u32::try_from(index).unwrap_or(u32::MAX));
-        let found = found.ok_or_else(number)?.as_ref();
+        let all = &robot.robot.model().limits;
+        let absent = || Failure::Place("tree coordinate", index, all.len());
+        let found = all.get(index).ok_or_else(absent)?.as_ref();
         let most = |bound: Option<f64>| bound.unwrap_or(f64::INFINITY);
         place.write(Limits {
             lower: found.and_then(|limits| limits.lower).unwrap_or(f64::NEG_INFINITY),

@@ -193,8 +193,7 @@ fn slot(
     // SAFETY: the text is as the header says.
     let name = unsafe { text("field", name)? };
     let found = Field::from_name(name).and_then(|field| layout.slot(field));
-    let absent = || Failure::Text("field", format!("`{name}` is no field of this plan"));
-    let found = found.ok_or_else(absent)?;
+    let found = found.ok_or_else(|| Failure::NoField(name.to_owned()))?;
     place.write(Slot { offset: found.offset, rows: found.rows, columns: found.columns });
     Ok(())
 }
@@ -256,7 +255,8 @@ pub unsafe extern "C" fn sarrus_robot_ask(
 /// bit. In process `threads` threads work, the calling one among them, 0 standing for one on each
 /// processor; a connected robot's server answers them. `statuses` and `warnings` get a number for
 /// each row, and may be NULL. All rows are answered; the status of the call is that of the first
-/// row without an answer. Allocates.
+/// row without an answer. Where the call fails as a whole, rows that were not answered have its
+/// status, and NaN for numbers. Allocates.
 #[unsafe(no_mangle)]
 #[must_use]
 pub unsafe extern "C" fn sarrus_robot_batch(
@@ -295,12 +295,24 @@ pub unsafe extern "C" fn sarrus_robot_batch(
             return Err(Failure::Failed(FailedState { status: Status::WrongSize }));
         }
         let none = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
-        let mut answers = vec![none; rows];
+        let mut answers = Vec::new();
+        if answers.try_reserve_exact(rows).is_err() {
+            output.fill(f64::NAN);
+            statuses.fill(StatusCode::NoMemory as i32);
+            warnings.fill(0);
+            return Err(Failure::NoMemory("the statuses of so many rows"));
+        }
+        answers.resize(rows, none);
         let threads = NonZero::new(threads).or_else(|| thread::available_parallelism().ok());
         let threads = threads.unwrap_or(NonZero::<usize>::MIN);
         let outcome = robot.robot.batch(plan.id, threads, input, output, &mut answers);
+        // where the call failed, rows that nobody answered
+        let unasked = outcome.as_ref().err().map(|error| StatusCode::of_error(error) as i32);
         for (status, answer) in statuses.iter_mut().zip(&answers) {
-            *status = answer.status as i32;
+            *status = match (answer.status, unasked) {
+                (Status::UnknownRequest, Some(unasked)) => unasked,
+                (status, _) => status as i32,
+            };
         }
         for (warnings, answer) in warnings.iter_mut().zip(&answers) {
             *warnings = bits(answer.warnings);

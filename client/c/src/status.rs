@@ -53,7 +53,7 @@ pub enum StatusCode {
     OverlappingArrays = 102,
     /// A text is not UTF-8, or malformed.
     BadText = 103,
-    /// A number stands for nothing in its enum.
+    /// A number stands for nothing in its enum, or a place is none of its list.
     UnknownNumber = 104,
     /// The files cannot be read or have faults: all of them are in the text.
     LoadFailed = 105,
@@ -63,7 +63,7 @@ pub enum StatusCode {
     ServerGone = 107,
     /// The server is there but did not answer in time.
     NoAnswer = 108,
-    /// Names in a query stand for nothing: all of them are in the text.
+    /// Names stand for nothing: all of them are in the text.
     UnknownName = 109,
     /// The query cannot be planned.
     BadQuery = 110,
@@ -83,6 +83,8 @@ pub enum StatusCode {
     OldProcessor = 117,
     /// A fault of the library itself; free the handle. Please report it.
     Internal = 118,
+    /// This process has no memory left for what the call needs.
+    NoMemory = 119,
 }
 
 /// Bits beside an answer; they never change its numbers.
@@ -101,7 +103,7 @@ pub enum Warning {
 
 impl StatusCode {
     /// All of them.
-    pub(crate) const ALL: [StatusCode; 36] = [
+    pub(crate) const ALL: [StatusCode; 37] = [
         StatusCode::Ok,
         StatusCode::BadRequest,
         StatusCode::NonFiniteInput,
@@ -138,6 +140,7 @@ impl StatusCode {
         StatusCode::NotSent,
         StatusCode::OldProcessor,
         StatusCode::Internal,
+        StatusCode::NoMemory,
     ];
 
     /// The name, as scripts see it where it is the status of an answer.
@@ -179,6 +182,7 @@ impl StatusCode {
             StatusCode::NotSent => c"not_sent",
             StatusCode::OldProcessor => c"old_processor",
             StatusCode::Internal => c"internal",
+            StatusCode::NoMemory => c"no_memory",
         }
     }
 
@@ -195,6 +199,7 @@ impl StatusCode {
                 StatusCode::NoAnswer
             }
             Error::Connect(ConnectError::WrongModel { .. }) => StatusCode::WrongModel,
+            Error::Connect(ConnectError::NoMemory { .. }) => StatusCode::NoMemory,
             Error::Connect(_) => StatusCode::ConnectFailed,
             Error::UnknownNames { .. } => StatusCode::UnknownName,
             Error::Query(_) | Error::NotPlanned { .. } => StatusCode::BadQuery,

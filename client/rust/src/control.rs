@@ -85,7 +85,8 @@ impl Control {
             return Err(ConnectError::BadAnswer { what: "to an attach" });
         };
         let bad = || ConnectError::BadAnswer { what: "to an attach" };
-        let heartbeat = HeartbeatReader::new(&descriptor.ok_or_else(bad)?).map_err(|_| bad())?;
+        let heartbeat = HeartbeatReader::new(&descriptor.ok_or_else(bad)?)
+            .map_err(|error| ConnectError::of_page("the sign of life", "to an attach", error))?;
         Ok(Control {
             socket,
             name: name.as_str().to_owned(),
@@ -210,7 +211,8 @@ impl Control {
         let granted = granted(&response, self.fingerprint)?;
         let bad = || ConnectError::BadAnswer { what: "for batches" };
         let memory = descriptor.filter(|_| *granted == Grant::Batch).ok_or_else(bad)?;
-        ClaimedBatch::open(&memory).map_err(|_| bad())
+        ClaimedBatch::open(&memory)
+            .map_err(|error| ConnectError::of_page("the area for batches", "for batches", error))
     }
 
     fn of_service(&self, error: ServiceError) -> ConnectError {

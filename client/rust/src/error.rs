@@ -133,6 +133,17 @@ pub enum ConnectError {
         /// What is free `[byte]`.
         free: u64,
     },
+    /// This process has too little memory of its own for a connection.
+    #[error(
+        "this process has no memory left for {what} of the server: {source}; give it more, \
+         `ulimit -v`, or let it hold less"
+    )]
+    NoMemory {
+        /// What was to be mapped.
+        what: &'static str,
+        /// What the system says.
+        source: io::Error,
+    },
     /// The shared memory cannot be entered.
     #[error(transparent)]
     Domain(#[from] DomainError),
@@ -216,8 +227,8 @@ pub enum Error {
     },
     /// The server's table of plans is full.
     #[error(
-        "the server's clients hold {limit} plans and it takes no more; release some with \
-         `Robot::release`, or use queries that are registered"
+        "the server's clients hold {limit} plans and it takes no more; release some \
+         that nobody asks any more, or use queries that are registered"
     )]
     TooManyPlans {
         /// Size of the table.
@@ -260,6 +271,28 @@ impl ConnectError {
         }
     }
 
+    /// Says how long the whole of a call waited, of which this error knows the last part only.
+    pub(crate) fn waited(self, timeout: Duration) -> ConnectError {
+        match self {
+            ConnectError::NoAnswer { name, life, .. } => {
+                ConnectError::NoAnswer { name, timeout, life }
+            }
+            other => other,
+        }
+    }
+
+    /// Why a page of the server that came with an answer cannot be used.
+    pub(crate) fn of_page(
+        page: &'static str,
+        answer: &'static str,
+        source: io::Error,
+    ) -> ConnectError {
+        match source.kind() {
+            io::ErrorKind::OutOfMemory => ConnectError::NoMemory { what: page, source },
+            _ => ConnectError::BadAnswer { what: answer },
+        }
+    }
+
     /// True when the server may just be on its way down or up.
     pub(crate) fn may_pass(&self) -> bool {
         matches!(
@@ -285,8 +318,8 @@ impl ConnectError {
             Refusal::NoLane { limit } => ConnectError::NoFreeSlot {
                 transport: "lanes of the server",
                 limit: *limit,
-                help: "close a client, serve with more --lanes, or connect through \
-                       Transport::Service",
+                help: "close a client, serve with more --lanes, or connect through requests and \
+                       responses, the transport `service`",
             },
             Refusal::NoService { limit } => ConnectError::NoFreeSlot {
                 transport: "services of the server",

@@ -130,7 +130,7 @@ impl<'a> QueryBuilder<'a> {
                     what: "joint of this robot",
                     nearest: nearest(pattern, info.joints().map(|joint| joint.name))
                         .map(str::to_owned),
-                    help: format!("its {} joints are `ModelInfo::joints`", info.joints().count()),
+                    help: format!("it has {}", some(info.joints().map(|joint| joint.name))),
                 });
             }
             velocities.extend(matching);
@@ -239,7 +239,7 @@ impl<'a> QueryBuilder<'a> {
                     what: "link of this robot",
                     nearest: nearest(name, info.links.iter().map(String::as_str))
                         .map(str::to_owned),
-                    help: format!("its {} links are named in `ModelInfo::links`", info.links.len()),
+                    help: format!("it has {}", some(info.links.iter().map(String::as_str))),
                 }),
             }
         }
@@ -248,4 +248,13 @@ impl<'a> QueryBuilder<'a> {
         }
         found
     }
+}
+
+/// The first of some names, and how many there are.
+fn some<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    const SHOWN: usize = 6;
+    let names: Vec<&str> = names.collect();
+    let rest = if names.len() > SHOWN { ", …" } else { "" };
+    let first: Vec<&str> = names.iter().copied().take(SHOWN).collect();
+    format!("{}: {}{rest}", names.len(), first.join(", "))
 }

@@ -47,11 +47,13 @@ impl Remote {
     ) -> Result<(Remote, ModelInfo), ConnectError> {
         let name = ServerName::new(name)?;
         let deadline = deadline_after(options.timeout);
-        let control = Control::open(&domain, &name, options.fingerprint, deadline)?;
-        let (info, fingerprint) = (control.model(deadline)?, control.fingerprint());
+        let waited = |error: ConnectError| error.waited(options.timeout);
+        let control =
+            Control::open(&domain, &name, options.fingerprint, deadline).map_err(waited)?;
+        let (info, fingerprint) = (control.model(deadline).map_err(waited)?, control.fingerprint());
         let session = Session::open(control, &Plans::new(), options.transport, deadline);
         let session = Some(session.map_err(|error| match error {
-            Error::Connect(error) => error,
+            Error::Connect(error) => waited(error),
             // nothing but attaching can fail without plans
             _ => ConnectError::BadAnswer { what: "to an attach" },
         })?);
@@ -219,7 +221,7 @@ impl Remote {
                             timeout: self.options.timeout,
                         }
                     }
-                    other => other.into(),
+                    other => other.waited(self.options.timeout).into(),
                 });
             }
             std::thread::sleep(retry);

@@ -1,31 +1,28 @@
 //! `sarrus man`: the pages of the manual.
 
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, Command};
+use clap_mangen::Man as Page;
 
-use super::output::finish;
+use super::output::write_new;
 
 /// Flags of `man`.
 #[derive(Args)]
 pub(crate) struct Man {
-    /// Folder of section 1, such as ~/.local/share/man/man1; it is made where it is missing.
+    /// Folder of section 1, such as ~/.local/share/man/man1; it is made where it is missing. Pages
+    /// that are there stay: remove those of another version first.
     folder: PathBuf,
 }
 
 impl Man {
     pub(crate) fn run(self, program: Command) -> ExitCode {
-        let pages = fs::create_dir_all(&self.folder).and_then(|()| pages(program, &self.folder));
-        match pages {
-            Ok(pages) => {
-                let lines = pages.iter().map(|page| format!("{}\n", page.display()));
-                finish("man", &lines.collect::<String>(), 0)
-            }
+        match pages(program, &self.folder) {
+            Ok(pages) => write_new("man", &self.folder, &pages),
             Err(error) => {
-                eprintln!("sarrus man: {} cannot be written: {error}", self.folder.display());
+                eprintln!("sarrus man: {error}");
                 ExitCode::from(2)
             }
         }
@@ -33,10 +30,14 @@ impl Man {
 }
 
 /// One page for the program and one for each command.
-fn pages(program: Command, folder: &Path) -> io::Result<Vec<PathBuf>> {
-    let commands = program.get_subcommands().map(|command| format!("-{}", command.get_name()));
-    let names = std::iter::once(String::new()).chain(commands);
-    let pages = names.map(|name| folder.join(format!("sarrus{name}.1"))).collect();
-    clap_mangen::generate_to(program, folder)?;
-    Ok(pages)
+fn pages(program: Command, folder: &Path) -> io::Result<Vec<(PathBuf, Vec<u8>)>> {
+    let mut program = program.disable_help_subcommand(true);
+    program.build();
+    let commands: Vec<Command> = program.get_subcommands().cloned().collect();
+    let page = |command: Command| {
+        let (page, mut text) = (Page::new(command), Vec::new());
+        page.render(&mut text)?;
+        Ok((folder.join(page.get_filename()), text))
+    };
+    [program].into_iter().chain(commands).map(page).collect()
 }

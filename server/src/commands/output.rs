@@ -1,9 +1,16 @@
 //! Results on stdout.
 
+use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
+use std::os::fd::AsFd;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::io::Errno;
+
+use super::closed::stdout_was_closed;
 
 /// How results are printed.
 #[derive(Args)]
@@ -21,10 +28,71 @@ pub(crate) enum Format {
     Json,
 }
 
+/// Writes bytes to stdout, all of them. Where it does not wait, this does; the standard library
+/// takes one that cannot be written for one that nobody reads.
+pub(crate) fn print(mut bytes: &[u8]) -> io::Result<()> {
+    if stdout_was_closed() && !bytes.is_empty() {
+        return Err(io::Error::other("stdout is closed"));
+    }
+    let mut out = io::stdout().lock();
+    // what others left there goes first
+    out.flush()?;
+    while !bytes.is_empty() {
+        match rustix::io::write(&out, bytes) {
+            Ok(0) => return Err(ErrorKind::WriteZero.into()),
+            Ok(n) => bytes = bytes.get(n..).unwrap_or_default(),
+            Err(Errno::INTR) => {}
+            Err(Errno::AGAIN) => wait_for(&out, PollFlags::OUT)?,
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(())
+}
+
+/// Waits until a stream can be read or written, or has ended.
+pub(crate) fn wait_for(stream: &impl AsFd, what: PollFlags) -> io::Result<()> {
+    match poll(&mut [PollFd::new(stream, what)], None) {
+        Ok(_) | Err(Errno::INTR) => Ok(()),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// Writes files into a folder and prints their names: all of them or none, and no file that is
+/// there is written over. 2 where that cannot be.
+pub(crate) fn write_new(command: &str, folder: &Path, files: &[(PathBuf, Vec<u8>)]) -> ExitCode {
+    match try_write_new(folder, files) {
+        Ok(()) => {
+            let lines = files.iter().map(|(path, _)| format!("{}\n", path.display()));
+            finish(command, &lines.collect::<String>(), 0)
+        }
+        Err((path, error)) => {
+            eprintln!("sarrus {command}: {} cannot be written: {error}", path.display());
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn try_write_new(folder: &Path, files: &[(PathBuf, Vec<u8>)]) -> Result<(), (PathBuf, io::Error)> {
+    fs::create_dir_all(folder).map_err(|error| (folder.to_owned(), error))?;
+    let mut made = Vec::new();
+    for (path, text) in files {
+        let written = File::create_new(path).and_then(|mut file| {
+            made.push(path);
+            file.write_all(text)
+        });
+        if let Err(error) = written {
+            for path in made {
+                let _ = fs::remove_file(path);
+            }
+            return Err((path.clone(), error));
+        }
+    }
+    Ok(())
+}
+
 /// Prints the results of a command that ends with `code`.
 pub(crate) fn finish(command: &str, results: &str, code: u8) -> ExitCode {
-    let mut out = io::stdout().lock();
-    match out.write_all(results.as_bytes()).and_then(|()| out.flush()) {
+    match print(results.as_bytes()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
             eprintln!("sarrus {command}: the results cannot be written: {error}");
             ExitCode::from(2)

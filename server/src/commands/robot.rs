@@ -1,13 +1,15 @@
 //! The flags that choose a robot.
 
+use std::ffi::OsStr;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::Args;
+use clap::builder::{PossibleValue, StringValueParser, TypedValueParser};
+use clap::{Arg, Args, Command};
 use sarrus_client::{LoadError, Options, Source};
 use sarrus_models::{
-    Base, CheckReport, Diagnostic, Loaded, Lock, NewZero, Rewritten, Suggestion, assemble, load,
-    suggest,
+    Base, CheckReport, Diagnostic, Loaded, Lock, NewZero, Rewritten, Suggestion, assemble, bundled,
+    load, suggest,
 };
 use sarrus_server::record::RecordedRobot;
 
@@ -52,11 +54,32 @@ pub(crate) struct RobotFlags {
 #[group(required = true, multiple = false)]
 struct SourceFlags {
     /// A bundled robot.
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = RobotName, hide_possible_values = true)]
     robot: Option<String>,
     /// A URDF file, or a SMURF file that names one.
     #[arg(long, value_name = "FILE")]
     urdf: Option<PathBuf>,
+}
+
+/// Any name is taken, and the loader says what is wrong with it; shells offer the bundled ones.
+#[derive(Clone)]
+struct RobotName;
+
+impl TypedValueParser for RobotName {
+    type Value = String;
+
+    fn parse_ref(
+        &self,
+        command: &Command,
+        flag: Option<&Arg>,
+        value: &OsStr,
+    ) -> Result<String, clap::Error> {
+        StringValueParser::new().parse_ref(command, flag, value)
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        Some(Box::new(bundled().map(|(name, _)| PossibleValue::new(name))))
+    }
 }
 
 #[derive(Clone, Copy)]

@@ -1,17 +1,15 @@
 //! `sarrus robots`.
 
-use std::fmt::Write as _;
-use std::fs::{self, File};
-use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
+use clap::builder::NonEmptyStringValueParser;
 use sarrus_models::{Options, Source, bundled, load, texts};
 use sarrus_proto::Sizes;
 use serde::Serialize;
 
-use super::output::{Format, FormatFlag, finish, json_line, table};
+use super::output::{Format, FormatFlag, finish, json_line, table, write_new};
 use super::robot::refuse;
 
 /// Flags of `robots`.
@@ -21,7 +19,13 @@ pub(crate) struct Robots {
     format: FormatFlag,
     /// Writes the files of a bundled robot into a folder, NAME.urdf and NAME.yml, to begin a robot
     /// of one's own with; files that are there stay as they are.
-    #[arg(long, num_args = 2, value_names = ["NAME", "DIR"], conflicts_with = "format")]
+    #[arg(
+        long,
+        num_args = 2,
+        value_names = ["NAME", "DIR"],
+        value_parser = NonEmptyStringValueParser::new(),
+        conflicts_with = "format"
+    )]
     export: Option<Vec<String>>,
 }
 
@@ -66,38 +70,7 @@ fn export(name: &str, folder: &Path) -> ExitCode {
         .into_iter()
         .filter_map(|(ending, text)| Some((folder.join(format!("{name}.{ending}")), text?)));
     let files: Vec<(PathBuf, Vec<u8>)> = files.collect();
-    match write_new(folder, &files) {
-        Ok(()) => {
-            let mut results = String::new();
-            for (path, _) in &files {
-                let _ = writeln!(results, "{}", path.display());
-            }
-            finish("robots", &results, 0)
-        }
-        Err((path, error)) => {
-            eprintln!("sarrus robots: {} cannot be written: {error}", path.display());
-            ExitCode::from(2)
-        }
-    }
-}
-
-/// All of them or none: no file that is there is written over.
-fn write_new(folder: &Path, files: &[(PathBuf, Vec<u8>)]) -> Result<(), (PathBuf, io::Error)> {
-    fs::create_dir_all(folder).map_err(|error| (folder.to_owned(), error))?;
-    let mut made = Vec::new();
-    for (path, text) in files {
-        let written = File::create_new(path).and_then(|mut file| {
-            made.push(path);
-            file.write_all(text)
-        });
-        if let Err(error) = written {
-            for path in made {
-                let _ = fs::remove_file(path);
-            }
-            return Err((path.clone(), error));
-        }
-    }
-    Ok(())
+    write_new("robots", folder, &files)
 }
 
 fn in_words(lines: &[Line]) -> String {

@@ -14,7 +14,7 @@ use sarrus_proto::message::MAX_SERVICE_CLIENTS;
 use sarrus_proto::socket::{ControlListener, ControlSocket};
 
 use crate::lies::Liar;
-use crate::support::{Asker, Sandbox, options};
+use crate::support::{Asker, STATE, Sandbox, options};
 
 const NOTHING: Vec<PathBuf> = Vec::new();
 
@@ -139,6 +139,19 @@ fn a_stopped_server_is_said_to_be_stopped_and_goes_on() {
 }
 
 #[test]
+fn the_first_call_of_a_stopped_server_says_how_long_was_waited() {
+    let sandbox = Sandbox::new();
+    let server = sandbox.serve("still", &[]);
+    let options = ConnectOptions { timeout: Duration::from_millis(300), ..options() };
+    let mut robot = sandbox.connect_with("still", options).unwrap();
+    signal(server.id(), "-STOP");
+    let words = robot.prepare(&STATE).unwrap_err().to_string();
+    assert!(words.contains("gave no answer within 0.3 s"), "{words}");
+    signal(server.id(), "-CONT");
+    assert!(server.stop("-TERM").success());
+}
+
+#[test]
 fn a_timeout_can_be_for_ever() {
     let sandbox = Sandbox::new();
     let _server = sandbox.serve("ever", &[]);
@@ -196,7 +209,7 @@ fn a_client_behind_a_crowd_that_says_nothing_is_told_that_there_is_no_room() {
 #[test]
 fn a_client_whose_connection_ends_before_it_is_heard_comes_again() {
     let sandbox = Sandbox::new();
-    let folder = sandbox.domain.root().join("server/door");
+    let folder = sandbox.make_root().join("server/door");
     fs::create_dir_all(&folder).unwrap();
     // one that ends every connection, then nobody, then a server
     let listener = ControlListener::new(&folder).unwrap();

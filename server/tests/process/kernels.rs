@@ -174,8 +174,7 @@ fn a_file_that_is_no_kernel_of_the_robot_starts_no_server_and_the_reason_is_said
 fn a_kernel_that_goes_bad_after_the_first_start_is_done_without() {
     let Some(kernel) = object(ROBOT) else { return };
     let sandbox = Sandbox::new();
-    let file = sandbox.domain.root().join("kernel.so");
-    fs::create_dir_all(sandbox.domain.root()).unwrap();
+    let file = sandbox.make_root().join("kernel.so");
     fs::copy(kernel, &file).unwrap();
     let flags = ["--short-life", "0", "--kernel", file.to_str().unwrap()];
     let server = supervised(&sandbox, "worn", &flags);

@@ -1,6 +1,7 @@
 //! Two domains, each with a server of the same name: neither sees or disturbs the other.
 
 use std::fs;
+use std::os::unix::fs::PermissionsExt;
 use std::path::PathBuf;
 use std::process::Command;
 use std::time::Duration;
@@ -73,6 +74,20 @@ fn servers_of_one_name_in_two_domains_do_not_meet() {
     assert_eq!(there.leftovers(), Vec::<PathBuf>::new());
     drop(honest);
     assert!(server.stop("-TERM").success());
+}
+
+#[test]
+fn a_folder_that_the_user_made_stays_as_it_was() {
+    let here = Sandbox::new();
+    let root = here.domain.root();
+    fs::create_dir(root).unwrap();
+    fs::set_permissions(root, fs::Permissions::from_mode(0o2770)).unwrap();
+    assert!(here.serve("guest", &[]).stop("-TERM").success());
+    assert_eq!(here.leftovers(), [root.to_owned()]);
+    here.serve("guest", &[]).kill();
+    assert_eq!(sarrus(&here, &["tidy"]).0, Some(0));
+    assert_eq!(here.leftovers(), [root.to_owned()]);
+    assert_eq!(fs::metadata(root).unwrap().permissions().mode() & 0o7777, 0o2770);
 }
 
 #[test]

@@ -134,8 +134,7 @@ fn clients_go_on_when_the_server_is_killed() {
 #[test]
 fn a_process_that_waits_needs_no_file_any_more() {
     let sandbox = Sandbox::new();
-    let root = sandbox.domain.root().to_owned();
-    fs::create_dir_all(&root).unwrap();
+    let root = sandbox.make_root();
     let [urdf, recording] = ["pendulum.urdf", "pendulum.rec"].map(|name| root.join(name));
     let inertial = r#"<inertial><origin xyz="0 0 -0.5"/><mass value="1"/>
         <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>"#;
@@ -214,8 +213,7 @@ fn a_standby_without_its_supervisor_does_not_start() {
 #[test]
 fn a_bad_model_is_given_up_with_its_first_fault() {
     let sandbox = Sandbox::new();
-    let root = sandbox.domain.root().to_owned();
-    fs::create_dir_all(&root).unwrap();
+    let root = sandbox.make_root();
     let file = root.join("bad.urdf");
     fs::write(&file, "<robot name=\"bad\"><link name=\"a\"/><link name=\"b\"/></robot>").unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));

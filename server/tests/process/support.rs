@@ -55,6 +55,14 @@ impl Sandbox {
         Sandbox { domain, _alone: alone }
     }
 
+    /// The root, as the first server or client makes it.
+    pub(crate) fn make_root(&self) -> PathBuf {
+        let root = self.domain.root().to_owned();
+        fs::create_dir(&root).unwrap();
+        fs::write(root.join("made"), "").unwrap();
+        root
+    }
+
     /// What is there under the root and in shared memory.
     pub(crate) fn leftovers(&self) -> Vec<PathBuf> {
         fn walk(directory: PathBuf, found: &mut Vec<PathBuf>) {

@@ -99,6 +99,7 @@ static int arrays(void) {
     IS(sarrus_robot_limits(robot, 0, &limits), "ok");
     CHECK(limits.lower < limits.upper);
     IS(sarrus_robot_limits(robot, 99, &limits), "unknown_number");
+    CHECK(says("no tree coordinate 99; this robot has 3"));
     IS(sarrus_robot_set_options(robot, 1u << 9), "unknown_number");
 
     IS(sarrus_robot_inverse_dynamics(robot, &y, 1, &yd, &ydd, 1, &tau_u, 1, &warnings), "ok");
@@ -140,6 +141,12 @@ static int plans(void) {
     query.n_want = 2;
     IS(sarrus_robot_prepare(robot, &query, &plan), "unknown_name");
     CHECK(says("`z`") && says("`tau`") && plan == NULL);
+    query.want = want;
+    query.joints = wrong;
+    query.n_joints = 1;
+    IS(sarrus_robot_prepare(robot, &query, &plan), "unknown_name");
+    CHECK(!says("::") && plan == NULL);
+    query.n_joints = 0;
     query.want = NULL;
     IS(sarrus_robot_prepare(robot, &query, &plan), "null_pointer");
     query.want = want;
@@ -149,7 +156,9 @@ static int plans(void) {
     IS(sarrus_plan_given(plan, "yd", &slot), "ok");
     CHECK(slot.offset == 1 && slot.rows == 1 && slot.columns == 1);
     IS(sarrus_plan_want(plan, "M_y", &slot), "ok");
-    IS(sarrus_plan_want(plan, "tau_u", &slot), "bad_text");
+    IS(sarrus_plan_want(plan, "tau_u", &slot), "unknown_name");
+    CHECK(says("`tau_u` is no field of this plan"));
+    IS(sarrus_plan_given(plan, "nothing", &slot), "unknown_name");
     IS(sarrus_robot_ask(robot, plan, input, 2, output, 2, NULL), "ok");
     CHECK(output[slot.offset] > 0.0);
     sarrus_times times;
@@ -193,7 +202,7 @@ static int plans(void) {
                           (int32_t *)(void *)((char *)statuses + 1), NULL),
        "unaligned_pointer");
     IS(sarrus_robot_batch(other, plan, 1, 1, rows, 2, answers, 2, statuses, NULL), "unknown_plan");
-    CHECK(isnan(answers[0]) && statuses[0] != SARRUS_STATUS_OK);
+    CHECK(isnan(answers[0]) && statuses[0] == SARRUS_STATUS_UNKNOWN_PLAN);
     IS(sarrus_robot_batch(NULL, plan, 1, 1, rows, 2, answers, 2, NULL, NULL), "null_pointer");
     IS(sarrus_robot_ask(other, plan, input, 2, output, 2, NULL), "unknown_plan");
     IS(sarrus_robot_release(other, plan), "unknown_plan");
@@ -220,11 +229,27 @@ static int dead_server(const char *name) {
     IS(sarrus_robot_connect(name, &options, &robot), "ok");
     IS(sarrus_robot_inverse_dynamics(robot, &y, 1, &yd, &ydd, 1, &tau_u, 1, NULL), "ok");
     CHECK(isfinite(tau_u));
+    const char *given[] = {"y"}, *want[] = {"tau_u"};
+    sarrus_plan *plan = NULL;
+    sarrus_query query = {0};
+    query.request = SARRUS_REQUEST_INVERSE_DYNAMICS;
+    query.given = given;
+    query.n_given = 1;
+    query.want = want;
+    query.n_want = 1;
+    IS(sarrus_robot_prepare(robot, &query, &plan), "ok");
     printf("kill\n");
     fflush(stdout);
     CHECK(getchar() == '\n');
     IS(sarrus_robot_inverse_dynamics(robot, &y, 1, &yd, &ydd, 1, &tau_u, 1, NULL), "server_gone");
     CHECK(isnan(tau_u) && says(name));
+    /* rows that nobody answered say why */
+    double rows[2] = {0.1, 0.2}, forces[2] = {0.0, 0.0};
+    int32_t statuses[2] = {0, 0};
+    IS(sarrus_robot_batch(robot, plan, 1, 2, rows, 2, forces, 2, statuses, NULL), "server_gone");
+    CHECK(isnan(forces[1]) && statuses[0] == SARRUS_STATUS_SERVER_GONE);
+    CHECK(statuses[1] == SARRUS_STATUS_SERVER_GONE);
+    sarrus_plan_free(plan);
     sarrus_robot_free(robot);
     return 0;
 }

@@ -112,6 +112,14 @@ fn nothing_allocates_after_set_up_and_memory_does_not_grow() {
 }
 
 #[test]
+fn a_batch_without_memory_is_a_status() {
+    // a sanitizer takes more memory than is left here
+    for compiler in present(&C) {
+        Program::compile(compiler, &source("memory.c"), &["-D_GNU_SOURCE"]).run(&[]);
+    }
+}
+
+#[test]
 fn calls_leak_nothing() {
     let flags = &[SANITIZERS, &["-D_POSIX_C_SOURCE=200809L"]].concat();
     let _server = Server::start("leaks");

@@ -11,6 +11,7 @@ mod parts;
 mod report;
 mod served;
 mod simulate;
+mod streams;
 mod vectors;
 
 use std::io::Write;

@@ -1,6 +1,11 @@
 //! Lines of any length and content, bounded.
 
-use std::io::{self, BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader, ErrorKind, Read};
+use std::os::fd::AsFd;
+
+use rustix::event::PollFlags;
+
+use crate::commands::output::wait_for;
 
 /// The longest line that is read.
 pub(super) const LONGEST: usize = 64 << 20;
@@ -10,12 +15,33 @@ const USUAL: usize = 1 << 20;
 /// What is read at once.
 const AT_ONCE: usize = 64 << 10;
 
+/// What some editors write before the first line.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
+/// A stream that is waited for, also where it was opened not to wait.
+pub(super) struct Patient<R>(pub(super) R);
+
+impl<R: Read + AsFd> Read for Patient<R> {
+    fn read(&mut self, room: &mut [u8]) -> io::Result<usize> {
+        loop {
+            match self.0.read(room) {
+                Err(error) if error.kind() == ErrorKind::WouldBlock => {
+                    wait_for(&self.0, PollFlags::IN)?;
+                }
+                outcome => return outcome,
+            }
+        }
+    }
+}
+
 /// Lines of a source, one at a time.
 pub(super) struct Lines<R> {
     source: BufReader<R>,
     line: Vec<u8>,
     /// `line` is the beginning of the next one.
     is_begun: bool,
+    /// No line was read yet.
+    is_first: bool,
 }
 
 /// What came.
@@ -31,7 +57,7 @@ pub(super) enum Line<'a> {
 impl<R: Read> Lines<R> {
     pub(super) fn new(source: R) -> Lines<R> {
         let source = BufReader::with_capacity(AT_ONCE, source);
-        Lines { source, line: Vec::new(), is_begun: false }
+        Lines { source, line: Vec::new(), is_begun: false, is_first: true }
     }
 
     /// The next line that is not blank.
@@ -43,6 +69,9 @@ impl<R: Read> Lines<R> {
             (&mut self.source).take(room as u64).read_until(b'\n', &mut self.line)?;
             if self.line.is_empty() {
                 return Ok(Line::End);
+            }
+            if std::mem::take(&mut self.is_first) && self.line.starts_with(BYTE_ORDER_MARK) {
+                self.line.drain(..BYTE_ORDER_MARK.len());
             }
             if self.line.len() > LONGEST && self.line.last() != Some(&b'\n') {
                 self.source.skip_until(b'\n')?;
@@ -111,6 +140,38 @@ mod tests {
             found.push(line.to_owned());
         }
         assert_eq!(found, [&b" a"[..], b"b"]);
+    }
+
+    #[test]
+    fn a_byte_order_mark_is_skipped_once_and_only_at_the_start() {
+        let all = |text: &[u8]| {
+            let (mut lines, mut found) = (Lines::new(text), Vec::new());
+            while let Line::Text(line) = lines.next().unwrap() {
+                found.push(line.to_owned());
+            }
+            found
+        };
+        assert_eq!(all(b"\xef\xbb\xbfa\nb"), [&b"a"[..], b"b"]);
+        assert_eq!(all(b"\xef\xbb\xbf\n\xef\xbb\xbfb"), [b"\xef\xbb\xbfb"]);
+        assert_eq!(all(b"\xef\xbb\xbf\xef\xbb\xbfb"), [b"\xef\xbb\xbfb"]);
+        assert!(all(b"\xef\xbb\xbf").is_empty());
+    }
+
+    #[test]
+    fn a_stream_that_does_not_wait_is_waited_for() {
+        let (mut there, here) = std::os::unix::net::UnixStream::pair().unwrap();
+        here.set_nonblocking(true).unwrap();
+        let writer = std::thread::spawn(move || {
+            for part in [&b"on"[..], b"e\ntwo"] {
+                std::thread::sleep(std::time::Duration::from_millis(20));
+                io::Write::write_all(&mut there, part).unwrap();
+            }
+        });
+        let mut lines = Lines::new(Patient(here));
+        assert!(matches!(lines.next().unwrap(), Line::Text(b"one")));
+        assert!(matches!(lines.next().unwrap(), Line::Text(b"two")));
+        assert!(matches!(lines.next().unwrap(), Line::End));
+        writer.join().unwrap();
     }
 
     #[test]

@@ -14,7 +14,7 @@ mod lines;
 mod read;
 mod request;
 
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, ErrorKind};
 use std::num::NonZeroUsize;
 use std::process::ExitCode;
 
@@ -26,10 +26,11 @@ use sarrus_client::{
 use sarrus_proto::Tolerance;
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT};
 
+use super::output::print;
 use super::robot::{RobotFlags, refuse};
 use answer::Remark;
 use engine::{Engine, Reply};
-use lines::{LONGEST, Line, Lines};
+use lines::{LONGEST, Line, Lines, Patient};
 use request::{Asked, Problem};
 
 /// Flags of `ask`.
@@ -152,7 +153,7 @@ struct Question {
 
 impl Session {
     fn run(mut self, batch: usize) -> ExitCode {
-        let mut lines = Lines::new(io::stdin().lock());
+        let mut lines = Lines::new(Patient(io::stdin().lock()));
         // the lines that are not answered yet, and the bytes that they take
         let (mut items, mut bytes) = (Vec::new(), 0);
         let mut every_line_good = true;
@@ -162,7 +163,7 @@ impl Session {
                 Err(error) => {
                     // what was asked is answered
                     let (text, _) = self.answer(&mut items);
-                    let _ = io::stdout().lock().write_all(&text);
+                    let _ = print(&text);
                     eprintln!("sarrus ask: stdin cannot be read: {error}");
                     return ExitCode::from(2);
                 }
@@ -184,8 +185,7 @@ impl Session {
             }
             let (text, all_good) = self.answer(&mut items);
             (every_line_good, bytes) = (every_line_good && all_good, 0);
-            let mut out = io::stdout().lock();
-            match out.write_all(&text).and_then(|()| out.flush()) {
+            match print(&text) {
                 Ok(()) if is_end => break,
                 Ok(()) => {}
                 // nobody listens any more
