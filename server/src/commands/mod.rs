@@ -2,7 +2,6 @@
 
 pub(crate) mod ask;
 pub(crate) mod check;
-mod closed;
 pub(crate) mod completions;
 pub(crate) mod demo;
 pub(crate) mod doctor;

@@ -10,8 +10,6 @@ use clap::{Args, ValueEnum};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::Errno;
 
-use super::closed::stdout_was_closed;
-
 /// How results are printed.
 #[derive(Args)]
 pub(crate) struct FormatFlag {
@@ -31,9 +29,6 @@ pub(crate) enum Format {
 /// Writes bytes to stdout, all of them. Where it does not wait, this does; the standard library
 /// takes one that cannot be written for one that nobody reads.
 pub(crate) fn print(mut bytes: &[u8]) -> io::Result<()> {
-    if stdout_was_closed() && !bytes.is_empty() {
-        return Err(io::Error::other("stdout is closed"));
-    }
     let mut out = io::stdout().lock();
     // what others left there goes first
     out.flush()?;

@@ -15,19 +15,14 @@ const ASK: [&str; 4] = ["ask", "kinematics", "--robot", "lambda"];
 
 #[test]
 fn answers_that_go_nowhere_are_an_error() {
-    // closed, for reading only, full
-    for stdout in [">&-", "1</dev/null", ">/dev/full"] {
+    // for reading only, full
+    for stdout in ["1</dev/null", ">/dev/full"] {
         let mut shell = Command::new("sh");
         shell.args(["-c", &format!("exec \"$0\" \"$@\" {stdout}")]).arg(sarrus());
         let asked = Run::of(shell.args(ASK), LINE);
         assert_eq!(asked.code, Some(2), "{stdout}: {asked:?}");
         assert!(asked.err.contains("the answers cannot be written"), "{stdout}: {asked:?}");
     }
-    let mut shell = Command::new("sh");
-    shell.args(["-c", "exec \"$0\" robots >&-"]).arg(sarrus());
-    let listed = Run::of(&mut shell, b"");
-    assert_eq!(listed.code, Some(2), "{listed:?}");
-    assert!(listed.err.contains("stdout is closed"), "{listed:?}");
     // who wants no answers gets none
     let mut shell = Command::new("sh");
     shell.args(["-c", "exec \"$0\" \"$@\" >/dev/null"]).arg(sarrus());
