@@ -51,8 +51,12 @@ impl Block {
         }
         let (inverse, B) = (&scratch.inverse[self.offset..self.offset + m * m], &scratch.B[..m]);
         for (i, dof) in self.unknowns[..m].iter().enumerate() {
-            let row = inverse[i * m..(i + 1) * m].iter();
-            g[dof.v] = row.zip(B).fold(T::ZERO, |sum, (a, b)| a.mul_add(*b, sum));
+            let row = &inverse[i * m..(i + 1) * m];
+            let mut x = T::ZERO;
+            for r in 0..m {
+                x = row[r].mul_add(B[r], x);
+            }
+            g[dof.v] = x;
         }
     }
 }

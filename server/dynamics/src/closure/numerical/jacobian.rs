@@ -50,11 +50,14 @@ impl Block {
         let scratch = &*local.scratch;
         let inverse = &scratch.inverse[self.offset..self.offset + m * m];
         for (i, dof) in self.unknowns[..m].iter().enumerate() {
-            let row = &inverse[i * m..(i + 1) * m];
+            let of_unknown = &inverse[i * m..(i + 1) * m];
+            let row = &mut local.G[dof.v * n_vy..(dof.v + 1) * n_vy];
             for k in 0..n_vy {
-                let column = scratch.B[k..].iter().step_by(n_vy);
-                let x = row.iter().zip(column).fold(T::ZERO, |sum, (a, b)| a.mul_add(*b, sum));
-                local.G[dof.v * n_vy + k] = -x;
+                let mut x = T::ZERO;
+                for r in 0..m {
+                    x = of_unknown[r].mul_add(scratch.B[r * n_vy + k], x);
+                }
+                row[k] = -x;
             }
         }
         let good = if level == Level::Acceleration { sound & accurate } else { sound };

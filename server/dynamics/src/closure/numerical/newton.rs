@@ -137,8 +137,8 @@ impl<T: Real> Attempt<T> {
         self.size.lt(thresholds.wide_chord) & part.lt(T::from_f64(STEADY * STEADY))
     }
 
-    /// Contraction, and whether the attempt has come to its end; `kept`: the step is by an inverse
-    /// that [`Attempt::is_steady`] alone has kept.
+    /// Contraction, and whether the attempt has come to its end; `kept`: the step may be by an
+    /// inverse older than that of the step before.
     #[inline(always)]
     pub(super) fn contracts(
         &mut self,
@@ -314,8 +314,11 @@ impl Block {
         let (phi, steps) = (&scratch.phi[..m], &mut scratch.step[..m]);
         let inverse = &scratch.inverse[self.offset..self.offset + m * m];
         for i in 0..m {
-            let row = inverse[i * m..(i + 1) * m].iter();
-            let step = row.zip(phi).fold(T::ZERO, |sum, (a, x)| a.mul_add(*x, sum));
+            let row = &inverse[i * m..(i + 1) * m];
+            let mut step = T::ZERO;
+            for r in 0..m {
+                step = row[r].mul_add(phi[r], step);
+            }
             steps[i] = T::select(done, T::ZERO, step);
         }
         let mut size = T::ZERO;
