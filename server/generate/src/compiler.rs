@@ -8,9 +8,13 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use rustix::fs::{MemfdFlags, memfd_create};
+#[cfg(feature = "load")]
+use sarrus_dynamics::{Model, Plan};
 
 use crate::Source;
 use crate::run::{Cancel, run};
+#[cfg(feature = "load")]
+use crate::{LoadError, NativeKernel, ObjectFile};
 
 /// The longest that a compiler may take to say its name.
 const NAME: Duration = Duration::from_secs(10);
@@ -19,20 +23,29 @@ const NAME: Duration = Duration::from_secs(10);
 const HAS_BASELINE: bool =
     cfg!(all(target_arch = "x86_64", target_feature = "fma", target_feature = "avx2"));
 
-/// The flags that keep the bits: no contraction, and no call where an instruction does. With the
-/// baseline of this build where it has one, so that `fma` is an instruction; a portable build
-/// compiles for every processor, and `fma` is a call there.
+/// The flags that keep the bits: no contraction, and no call where an instruction does. Statements
+/// are not made vectors either: there gcc fuses multiplications whatever it is told of contraction
+/// (`vfmaddsub`). With the baseline of this build where it has one, so that `fma` is an
+/// instruction; a portable build compiles for every processor, and `fma` is a call there.
 pub const FLAGS: &[&str] = if HAS_BASELINE {
     &[
         "-std=c11",
         "-O2",
         "-ffp-contract=off",
+        "-fno-tree-slp-vectorize",
         "-fno-math-errno",
         "-fno-trapping-math",
         "-march=x86-64-v3",
     ]
 } else {
-    &["-std=c11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"]
+    &[
+        "-std=c11",
+        "-O2",
+        "-ffp-contract=off",
+        "-fno-tree-slp-vectorize",
+        "-fno-math-errno",
+        "-fno-trapping-math",
+    ]
 };
 
 /// With this flag the function for rows is compiled too.
@@ -190,6 +203,16 @@ impl Compiler {
 }
 
 impl Built {
+    /// Loads the shared object as [`NativeKernel::open`] does, whatever the mode that the user's
+    /// mask leaves: compares its answers with the plan's on [`NativeKernel::STATES`] states.
+    ///
+    /// # Errors
+    /// As [`NativeKernel::open`].
+    #[cfg(feature = "load")]
+    pub fn load(&self, model: &Model<f64>, plan: &Plan) -> Result<NativeKernel, LoadError> {
+        NativeKernel::load(&ObjectFile::read_built(&self.library)?, model, plan)
+    }
+
     /// Runs the test program; what it prints.
     pub fn test(&self) -> Result<String, BuildError> {
         let name = self.test.display().to_string();

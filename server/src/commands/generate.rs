@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use sarrus_client::describe;
 use sarrus_dynamics::Plan;
-use sarrus_generate::{BuildError, Compiler, Kernel, Source};
+use sarrus_generate::{BuildError, Compiler, Kernel, NativeKernel, Source};
 use serde::Serialize;
 
 use super::ask::read_plan;
@@ -41,12 +41,14 @@ struct Generated {
     checks: usize,
     /// The compiler's name, or "not built".
     compiler: String,
+    /// On how many states the shared object was compared with the generic kernels: every bit.
+    compared: Option<u64>,
     /// What the test printed.
     test: Option<String>,
 }
 
 /// What is done, one after the other.
-const STAGES: [&str; 3] = ["traced and compared", "compiled", "tested"];
+const STAGES: [&str; 3] = ["traced and compared", "compiled", "loaded, compared and tested"];
 /// Between two looks whether it is done.
 const LOOK: Duration = Duration::from_millis(5);
 
@@ -118,12 +120,15 @@ impl Generate {
         let name = format!("{}_{}", model.name(), request.name());
         let source = Source::new(&kernel, model, &name);
         let mut files = Compiler::write(&source, &self.out).map_err(Failure::Start)?;
-        let (mut compiler, mut test) = ("not built".to_owned(), None);
+        let (mut compiler, mut compared, mut test) = ("not built".to_owned(), None, None);
         if let Some(found) = Compiler::found() {
             let finding = |error: BuildError| Failure::Finding(error.to_string());
             stage.store(1, Relaxed);
             let built = found.build(&source, &self.out, &[]).map_err(finding)?;
             stage.store(2, Relaxed);
+            // as `serve --kernel` does: the few states of the test are for other machines
+            built.load(model, &plan).map_err(|error| Failure::Finding(error.to_string()))?;
+            compared = Some(NativeKernel::STATES);
             test = Some(built.test().map_err(finding)?);
             files.extend([built.library, built.test]);
             compiler = found.name().to_owned();
@@ -133,6 +138,7 @@ impl Generate {
             operations: kernel.operations(),
             checks: kernel.checks(),
             compiler,
+            compared,
             test,
         })
     }
@@ -146,6 +152,9 @@ fn in_words(generated: &Generated) -> String {
     text += &format!("{:<12} {}\n", "operations", generated.operations);
     text += &format!("{:<12} {}\n", "checks", generated.checks);
     text += &format!("{:<12} {}\n", "compiler", generated.compiler);
+    if let Some(states) = generated.compared {
+        text += &format!("{:<12} {states} states, the same bits\n", "compared");
+    }
     for test in generated.test.iter().flat_map(|test| test.lines()) {
         text += &format!("{:<12} {test}\n", "test");
     }

@@ -39,6 +39,9 @@ pub struct NativeKernel {
 }
 
 impl NativeKernel {
+    /// How many states a kernel is compared with its plan on before it is used.
+    pub const STATES: u64 = STATES;
+
     /// Reads, checks and loads the shared object of a plan on the model that it was made for, and
     /// compares its answers with the plan's on thousands of states, in a thread that ends with it:
     /// what loading changes of how a thread computes is gone with the thread. Allocates.
