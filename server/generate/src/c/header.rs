@@ -47,8 +47,10 @@ pub(super) fn header(kernel: &Kernel, model: &Model<f64>, name: &str) -> String 
         "/* with SARRUS_ROWS defined, and compilers that have vectors: so many states at once,\n   \
          in[{upper}_ROWS][{upper}_INPUTS], out[{upper}_ROWS][{upper}_OUTPUTS]; returns bit k where \
          row k has no\n   answer and its numbers are none, bit k + {upper}_ROWS where it is \
-         outside of its limits */\n#if defined(SARRUS_ROWS) && defined(__GNUC__)\n#if \
-         defined(__AVX512F__)\n#define {upper}_ROWS 8\n#else\n#define {upper}_ROWS 4\n#endif\nint \
+         outside of its limits.\n   The symbol has the number: what was compiled for another one \
+         is not linked. */\n#if defined(SARRUS_ROWS) && defined(__GNUC__)\n#if \
+         defined(__AVX512F__)\n#define {upper}_ROWS 8\n#define {name}_rows {name}_rows8\n#else\n\
+         #define {upper}_ROWS 4\n#define {name}_rows {name}_rows4\n#endif\nint \
          {name}_rows(const double *in, double *out);\n#endif\n\n"
     );
     text += "#ifdef __cplusplus\n}\n#endif\n\n#endif\n";

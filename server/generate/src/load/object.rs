@@ -65,7 +65,7 @@ impl Object {
         let function = *function.map_err(|error| refused(error.to_string()))?;
         let mut of_rows = None;
         if manifest.rows > 0 {
-            let name = format!("{}_rows", manifest.function);
+            let name = format!("{}_rows{}", manifest.function, manifest.rows);
             // SAFETY: and where they say so another one of the same type under this name.
             let function = unsafe { library.get::<Function>(name.as_bytes()) };
             let function = *function.map_err(|error| refused(error.to_string()))?;
