@@ -53,3 +53,70 @@ fn rows_for_another_number_of_lanes_do_not_link() {
     }
     std::fs::remove_dir_all(&folder).unwrap();
 }
+
+/// The line of the header before the definition of a macro.
+fn above<'a>(header: &'a str, name: &str) -> &'a str {
+    let lines: Vec<&str> = header.lines().collect();
+    let at = lines.iter().position(|line| line.starts_with(&format!("#define {name} "))).unwrap();
+    lines[at - 1]
+}
+
+#[test]
+fn fields_that_differ_in_case_alone_have_macros_of_their_own() {
+    let given = FieldSet::of(&[Field::Y, Field::Yd]);
+    let want = FieldSet::of(&[Field::G, Field::GU, Field::GUBias]);
+    let query = Query::new(Request::Kinematics, given, want);
+    let header = source(&model("lambda"), &query, "elbow").header;
+    let line = |line: &str| header.lines().filter(|other| *other == line).count();
+    assert_eq!(["G 0", "G_u 3", "g_u 4"].map(|x| line(&format!("#define ELBOW_OUT_{x}"))), [1; 3]);
+    let mut names: Vec<&str> = header
+        .lines()
+        .filter_map(|line| line.strip_prefix("#define ELBOW_OUT_")?.split(' ').next())
+        .collect();
+    names.sort_unstable();
+    names.dedup();
+    assert_eq!(names, ["G", "G_u", "g_u"], "{header}");
+}
+
+#[test]
+fn the_header_names_rows_and_columns_in_their_order() {
+    use Field::{FramePose, JacobianTree, Qd, TauY, Y, Yd, Ydd};
+    let model = model("parallelogram");
+    let info = model.info();
+    let last = info.links.len() as u16 - 1;
+    let given = FieldSet::of(&[Y, Yd]);
+    let want = FieldSet::of(&[Qd, FramePose, JacobianTree]);
+    // one joint of them, and frames against their order
+    let query =
+        Query::new(Request::Kinematics, given, want).with_frames(&[last, 1]).with_joints([1]);
+    let header = source(&model, &query, "plane").header;
+    let frames = [last, 1].map(|k| info.links[k as usize].as_str()).join(" ");
+    let tree = info.tree.join(" ");
+    assert_eq!(above(&header, "PLANE_OUT_QD"), format!("/* 1: {} */", info.tree[1]));
+    let poses = "each its position, then its quaternion x y z w";
+    assert_eq!(
+        above(&header, "PLANE_OUT_FRAME_POSE"),
+        format!("/* 2 x 7, row by row: {frames}; {poses} */")
+    );
+    let n = info.tree.len();
+    assert_eq!(
+        above(&header, "PLANE_OUT_JACOBIAN_TREE"),
+        format!(
+            "/* 12 x {n}, row by row: {frames}; each six rows, angular, then linear; columns: \
+             {tree} */"
+        )
+    );
+    assert_eq!(
+        above(&header, "PLANE_IN_YD"),
+        format!("/* {}: {} */", info.independent.len(), info.independent.join(" "))
+    );
+
+    let given = FieldSet::of(&[Y, Yd, Ydd]);
+    let query = Query::new(Request::InverseDynamics, given, FieldSet::of(&[TauY]));
+    let header = source(&model, &query.with_wrenches(&[last, 1]), "plane").header;
+    let what = "each its moment, then its force";
+    assert_eq!(
+        above(&header, "PLANE_IN_WRENCHES"),
+        format!("/* 2 x 6, row by row: {frames}; {what} */")
+    );
+}
