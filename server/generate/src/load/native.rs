@@ -101,10 +101,17 @@ impl NativeKernel {
     ) -> Result<NativeKernel, LoadError> {
         let path = || file.path().to_owned();
         let manifest = file.manifest().clone();
-        let kernel = NativeKernel { object: Object::load(file)?, manifest };
+        let mut kernel = NativeKernel { object: Object::load(file)?, manifest };
         match check::compare(&kernel, model, plan) {
-            Ok(0) => Err(LoadError::Unserved { path: path(), states: STATES }),
-            Ok(_) => Ok(kernel),
+            Ok(compared) if compared.answered == 0 => {
+                Err(LoadError::Unserved { path: path(), states: STATES })
+            }
+            Ok(compared) => {
+                if !compared.has_rows() {
+                    kernel.object.leave_rows();
+                }
+                Ok(kernel)
+            }
             Err((state, what)) => {
                 Err(LoadError::Differs { path: path(), state, states: STATES, what })
             }

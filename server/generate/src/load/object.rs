@@ -75,6 +75,11 @@ impl Object {
         Ok(Object { function, of_rows, inputs, outputs, _library: library, _file: descriptor })
     }
 
+    /// From now on rows are answered one by one.
+    pub(super) fn leave_rows(&mut self) {
+        self.of_rows = None;
+    }
+
     /// How many rows one call takes; 0 where there is no function for them.
     #[inline]
     pub(super) fn rows(&self) -> usize {
