@@ -299,18 +299,22 @@ fn what_was_made_once_is_kept_and_what_was_changed_is_made_again() {
     }
     assert!(matches!(make().origin, Origin::Made { refused: Some(LoadError::Damaged(_)), .. }));
 
-    // what was used is the newest, and what an ended process left goes after an hour
+    // what was used is the newest, and what an ended process left goes at once or after an hour
     let long_ago = SystemTime::now() - Duration::from_secs(7200);
     let old = |path: &Path| fs::File::open(path).unwrap().set_modified(long_ago).unwrap();
     old(&made.path);
     assert!(matches!(make().origin, Origin::Kept));
     assert!(fs::metadata(&made.path).unwrap().modified().unwrap() > long_ago);
     let [abandoned, recent] = [".build-1", ".build-2"].map(|name| compiled.join(name));
-    [&abandoned, &recent].iter().for_each(|path| fs::create_dir(path).unwrap());
+    let unlocked = compiled.join(".build-3");
+    [&abandoned, &recent, &unlocked].iter().for_each(|path| fs::create_dir(path).unwrap());
     old(&abandoned);
+    fs::write(unlocked.join("lock"), "").unwrap();
     fs::remove_file(&made.path).unwrap();
+    fs::create_dir(&made.path).unwrap();
     make();
-    assert_eq!([abandoned.exists(), recent.exists()], [false, true]);
+    let left = [&abandoned, &recent, &unlocked].map(|path| path.exists());
+    assert_eq!((left, made.path.is_file()), ([false, true, false], true));
 
     // a folder that others may write is not used
     fs::set_permissions(cache.folder(), fs::Permissions::from_mode(0o777)).unwrap();
