@@ -1,38 +1,52 @@
 //! The C compiler of this machine.
 
 use std::fs::File;
-use std::io;
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::Command;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use rustix::fs::{MemfdFlags, memfd_create};
+#[cfg(feature = "load")]
+use sarrus_dynamics::{Model, Plan};
 
 use crate::Source;
 use crate::run::{Cancel, run};
+#[cfg(feature = "load")]
+use crate::{LoadError, NativeKernel, ObjectFile};
 
 /// The longest that a compiler may take to say its name.
 const NAME: Duration = Duration::from_secs(10);
+/// The longest that a compiler may take, and the test of what it made.
+pub(crate) const COMPILE: Duration = Duration::from_secs(120);
 
 /// Whether this build of sarrus needs a processor with FMA and AVX2: then what it compiles may too.
 const HAS_BASELINE: bool =
     cfg!(all(target_arch = "x86_64", target_feature = "fma", target_feature = "avx2"));
 
-/// The flags that keep the bits: no contraction, and no call where an instruction does. With the
-/// baseline of this build where it has one, so that `fma` is an instruction; a portable build
-/// compiles for every processor, and `fma` is a call there.
+/// The flags that keep the bits: no contraction, and no call where an instruction does. Statements
+/// are not made vectors either: there gcc fuses multiplications whatever it is told of contraction
+/// (`vfmaddsub`). With the baseline of this build where it has one, so that `fma` is an
+/// instruction; a portable build compiles for every processor, and `fma` is a call there.
 pub const FLAGS: &[&str] = if HAS_BASELINE {
     &[
         "-std=c11",
         "-O2",
         "-ffp-contract=off",
+        "-fno-tree-slp-vectorize",
         "-fno-math-errno",
         "-fno-trapping-math",
         "-march=x86-64-v3",
     ]
 } else {
-    &["-std=c11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"]
+    &[
+        "-std=c11",
+        "-O2",
+        "-ffp-contract=off",
+        "-fno-tree-slp-vectorize",
+        "-fno-math-errno",
+        "-fno-trapping-math",
+    ]
 };
 
 /// With this flag the function for rows is compiled too.
@@ -118,10 +132,7 @@ impl Compiler {
     pub fn named(command: &str, cancel: &Cancel) -> Result<Compiler, BuildError> {
         let mut compiler =
             Compiler { command: command_of(Some(command.to_owned())), name: String::new() };
-        let failed = |error: io::Error| BuildError::Io { path: command.into(), error };
-        let log = memfd_create("sarrus_compiler", MemfdFlags::CLOEXEC);
-        let log = File::from(log.map_err(|error| failed(error.into()))?);
-        let ended = run(compiler.start().arg("--version"), &compiler.command, log, NAME, cancel)?;
+        let ended = run(compiler.start().arg("--version"), &compiler.command, NAME, cancel)?;
         if !ended.is_success {
             let program = format!("{command} --version");
             return Err(BuildError::Failed { program, words: first_line(&ended.words) });
@@ -156,25 +167,37 @@ impl Compiler {
         let files = [(".c", &source.function), (".h", &source.header), ("_test.c", &source.test)];
         let write = |(ending, text): (&str, &String)| {
             let path = folder.join(format!("{}{ending}", source.name));
-            std::fs::write(&path, text).map_err(|error| failed(&path, error))?;
+            write_new(&path, text).map_err(|error| failed(&path, error))?;
             Ok(path)
         };
         files.into_iter().map(write).collect()
     }
 
-    /// Builds what [`Compiler::write`] wrote, with these flags besides [`FLAGS`].
+    /// Builds what [`Compiler::write`] wrote, with these flags besides [`FLAGS`]. A program that
+    /// takes more than 120 s is ended.
     pub fn build(
         &self,
         source: &Source,
         folder: &Path,
         flags: &[&str],
     ) -> Result<Built, BuildError> {
+        self.build_unless(source, folder, flags, &Cancel::default())
+    }
+
+    /// The same, ended as soon as it is cancelled.
+    pub fn build_unless(
+        &self,
+        source: &Source,
+        folder: &Path,
+        flags: &[&str],
+        cancel: &Cancel,
+    ) -> Result<Built, BuildError> {
         let file = |ending: &str| folder.join(format!("{}{ending}", source.name));
         let (library, test) = (file(".so"), file("_test"));
         let run = |arguments: &[&Path]| {
             let mut command = self.start();
             command.args(FLAGS).arg(ROWS).args(flags).args(arguments);
-            finished(&mut command, &self.command)
+            finished(&mut command, &self.command, cancel)
         };
         // once for both: a function may take long
         let object = file(".o");
@@ -190,11 +213,24 @@ impl Compiler {
 }
 
 impl Built {
-    /// Runs the test program; what it prints.
+    /// Loads the shared object as [`NativeKernel::open`] does, whatever the mode that the user's
+    /// mask leaves: compares its answers with the plan's on [`NativeKernel::STATES`] states.
+    ///
+    /// # Errors
+    /// As [`NativeKernel::open`].
+    #[cfg(feature = "load")]
+    pub fn load(&self, model: &Model<f64>, plan: &Plan) -> Result<NativeKernel, LoadError> {
+        NativeKernel::load(&ObjectFile::read_built(&self.library)?, model, plan)
+    }
+
+    /// Runs the test program, for at most 120 s; what it prints.
     pub fn test(&self) -> Result<String, BuildError> {
-        let name = self.test.display().to_string();
-        let output = finished(&mut Command::new(&self.test), &name)?;
-        Ok(String::from_utf8_lossy(&output.stdout).trim().to_owned())
+        self.test_unless(&Cancel::default())
+    }
+
+    /// The same, ended as soon as it is cancelled.
+    pub fn test_unless(&self, cancel: &Cancel) -> Result<String, BuildError> {
+        finished(&mut Command::new(&self.test), &self.test.display().to_string(), cancel)
     }
 }
 
@@ -220,13 +256,27 @@ pub(crate) fn why_not_found() -> String {
     why.map_or_else(String::new, |why| format!(" (tried {why})"))
 }
 
-/// The output of a program that ends well.
-fn finished(command: &mut Command, name: &str) -> Result<Output, BuildError> {
-    let output = command.stdin(Stdio::null()).output();
-    let output = output.map_err(|error| BuildError::Io { path: name.into(), error })?;
-    if output.status.success() {
-        return Ok(output);
+/// What a program wrote that ends well.
+fn finished(command: &mut Command, name: &str, cancel: &Cancel) -> Result<String, BuildError> {
+    let ended = run(command, name, COMPILE, cancel)?;
+    match ended.is_success {
+        true => Ok(ended.words),
+        false => Err(BuildError::Failed { program: name.to_owned(), words: ended.words }),
     }
-    let words = [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text));
-    Err(BuildError::Failed { program: name.to_owned(), words: words.concat().trim().to_owned() })
+}
+
+/// Writes a file in place of what is there, whatever that is: a pipe would wait for a reader.
+fn write_new(path: &Path, text: &str) -> io::Result<()> {
+    let mut new = path.as_os_str().to_owned();
+    new.push(format!(".{}", std::process::id()));
+    let new = PathBuf::from(new);
+    let _ = std::fs::remove_file(&new);
+    let written = File::options().write(true).create_new(true).open(&new);
+    let written = written
+        .and_then(|mut file| file.write_all(text.as_bytes()))
+        .and_then(|()| std::fs::rename(&new, path));
+    if written.is_err() {
+        let _ = std::fs::remove_file(&new);
+    }
+    written
 }

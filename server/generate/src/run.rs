@@ -3,11 +3,12 @@
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::os::unix::process::CommandExt;
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
+use rustix::fs::{MemfdFlags, memfd_create};
 use rustix::process::{Pid, Signal, kill_process_group};
 
 use crate::BuildError;
@@ -16,6 +17,8 @@ use crate::BuildError;
 const LOOK: Duration = Duration::from_millis(10);
 /// Words of a program that are kept `[byte]`.
 const WORDS: u64 = 2000;
+/// From what on a program that writes without end is ended `[byte]`.
+const FLOOD: u64 = 16 << 20;
 /// How readily the system ends the program, before this process, where memory is short.
 const OUT_OF_MEMORY: &str = "500";
 
@@ -43,16 +46,17 @@ pub(crate) struct Ended {
     pub words: String,
 }
 
-/// Runs a program to its end; what it writes goes to an empty file, because a pipe that nobody
-/// reads would stop it.
+/// Runs a program to its end; what it writes goes to memory: a pipe that nobody reads would stop
+/// it, and a disk may be full.
 pub(crate) fn run(
     command: &mut Command,
     name: &str,
-    mut log: File,
     most: Duration,
     cancel: &Cancel,
 ) -> Result<Ended, BuildError> {
     let failed = |error: io::Error| BuildError::Io { path: name.into(), error };
+    let log = memfd_create("sarrus_compiler", MemfdFlags::CLOEXEC);
+    let mut log = File::from(log.map_err(|error| failed(error.into()))?);
     let [output, errors] = [log.try_clone().map_err(failed)?, log.try_clone().map_err(failed)?];
     command.stdin(Stdio::null()).stdout(output).stderr(errors);
     // a group of its own: compilers start others
@@ -60,18 +64,25 @@ pub(crate) fn run(
     let _ = std::fs::write(format!("/proc/{}/oom_score_adj", child.id()), OUT_OF_MEMORY);
     let start = Instant::now();
     loop {
-        match child.try_wait().map_err(failed)? {
+        let floods = log.metadata().map_err(failed)?.len() > FLOOD;
+        let mut status = child.try_wait().map_err(failed)?;
+        if floods && status.is_none() {
+            end(&child);
+            status = Some(child.wait().map_err(failed)?);
+        }
+        match status {
             Some(status) => {
                 let mut words = Vec::new();
                 log.seek(SeekFrom::Start(0)).map_err(failed)?;
                 log.take(WORDS).read_to_end(&mut words).map_err(failed)?;
-                let words = String::from_utf8_lossy(&words).trim().to_owned();
+                let mut words = String::from_utf8_lossy(&words).trim().to_owned();
+                if words.is_empty() && !status.success() {
+                    words = status.to_string();
+                }
                 return Ok(Ended { is_success: status.success(), words });
             }
             None if cancel.is_cancelled() || start.elapsed() > most => {
-                if let Some(group) = Pid::from_raw(child.id() as i32) {
-                    let _ = kill_process_group(group, Signal::KILL);
-                }
+                end(&child);
                 let _ = child.wait();
                 return Err(match cancel.is_cancelled() {
                     true => BuildError::Cancelled,
@@ -82,5 +93,12 @@ pub(crate) fn run(
             }
             None => std::thread::sleep(LOOK),
         }
+    }
+}
+
+/// Ends a program and all that it started.
+fn end(child: &Child) {
+    if let Some(group) = Pid::from_raw(child.id() as i32) {
+        let _ = kill_process_group(group, Signal::KILL);
     }
 }

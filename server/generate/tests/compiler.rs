@@ -4,10 +4,11 @@
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request};
-use sarrus_generate::{BuildError, Cache, Cancel, Compiler, MakeError};
+use sarrus_generate::{BuildError, Cache, Cancel, Compiler, MakeError, Source};
 use sarrus_models::{Options, load};
 
 #[test]
@@ -78,4 +79,32 @@ fn a_command_that_is_no_compiler_is_refused_with_the_reason() {
     let start = Instant::now();
     let error = Compiler::named("sh -c sleep${IFS}1000", &cancel).unwrap_err();
     assert!(matches!(error, BuildError::Cancelled) && start.elapsed().as_secs() < 10, "{error}");
+}
+
+#[test]
+fn a_pipe_in_place_of_a_file_is_replaced() {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("pipe");
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).unwrap();
+    let path = folder.join("plain.c");
+    let made = Command::new("mkfifo").arg(&path).status();
+    assert!(made.unwrap().success());
+    let text = || "int plain(void);\n".to_owned();
+    let name = "plain".to_owned();
+    let source = Source { name, header: text(), function: text(), test: text() };
+    let files = Compiler::write(&source, &folder).unwrap();
+    assert_eq!(fs::read_to_string(&path).unwrap(), text());
+    assert_eq!((files.len(), fs::read_dir(&folder).unwrap().count()), (3, 3));
+    fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
+fn a_compiler_that_fails_without_a_word_or_says_too_much_has_a_reason() {
+    let named = |command: &str| Compiler::named(command, &Cancel::default()).unwrap_err();
+    let error = named("sh -c false").to_string();
+    assert!(error.ends_with("exit status: 1"), "{error}");
+    let start = Instant::now();
+    let error = named("sh -c yes").to_string();
+    assert!(error.contains("failed: y"), "{error}");
+    assert!(start.elapsed().as_secs() < 10);
 }

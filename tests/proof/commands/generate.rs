@@ -28,6 +28,7 @@ fn one_query_becomes_c_that_passes_its_own_test() {
     for file in results["files"].as_array().unwrap() {
         assert!(std::path::Path::new(file.as_str().unwrap()).exists());
     }
+    assert_eq!(results["compared"], if built { json!(4096) } else { json!(null) });
     assert_eq!(results["test"].as_str().is_some_and(|test| test.contains("the same bits")), built);
 }
 

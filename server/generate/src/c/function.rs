@@ -24,12 +24,8 @@ const WORTH: usize = 3;
 
 /// The function of a kernel.
 pub(super) fn function(kernel: &Kernel, name: &str) -> String {
-    let mut text = format!(
-        "/* {name}: straight-line code, see {name}.h. Compile with\n   {} (or another baseline). \
-         */\n#include \"{name}.h\"\n\n#include <math.h>\n#include <stdint.h>\n#include \
-         <string.h>\n\n",
-        crate::FLAGS.join(" ")
-    );
+    let mut text =
+        include_str!("head.c").replace("@NAME@", name).replace("@FLAGS@", &crate::FLAGS.join(" "));
     text += include_str!("elementary.c");
     text += &elementary(kernel, false);
     let pairs = Pairs::new(kernel);

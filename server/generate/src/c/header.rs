@@ -1,6 +1,7 @@
 //! `NAME.h`.
 
-use sarrus_dynamics::{Field, Model, ModelInfo, Slot};
+use sarrus_dynamics::{Field, Model, Query, Slot};
+use sarrus_proto::Rows;
 
 use crate::Kernel;
 use crate::c::comment;
@@ -23,9 +24,10 @@ pub(super) fn header(kernel: &Kernel, model: &Model<f64>, name: &str) -> String 
     for (what, slots) in [("IN", given.slots()), ("OUT", want.slots())] {
         text += "\n";
         for slot in slots {
-            let field = slot.field.name().to_ascii_uppercase();
+            let field = macro_name(slot.field);
             let Slot { offset, rows, columns, .. } = slot;
-            text += &format!("/* {}{} */\n", shape(*rows, *columns), names(&kernel.info, slot));
+            let names = names(kernel, slot, what == "OUT");
+            text += &format!("/* {}{names} */\n", shape(*rows, *columns));
             text += &format!("#define {upper}_{what}_{field} {offset}\n");
         }
         if what == "IN" {
@@ -47,8 +49,10 @@ pub(super) fn header(kernel: &Kernel, model: &Model<f64>, name: &str) -> String 
         "/* with SARRUS_ROWS defined, and compilers that have vectors: so many states at once,\n   \
          in[{upper}_ROWS][{upper}_INPUTS], out[{upper}_ROWS][{upper}_OUTPUTS]; returns bit k where \
          row k has no\n   answer and its numbers are none, bit k + {upper}_ROWS where it is \
-         outside of its limits */\n#if defined(SARRUS_ROWS) && defined(__GNUC__)\n#if \
-         defined(__AVX512F__)\n#define {upper}_ROWS 8\n#else\n#define {upper}_ROWS 4\n#endif\nint \
+         outside of its limits.\n   The symbol has the number: what was compiled for another one \
+         is not linked. */\n#if defined(SARRUS_ROWS) && defined(__GNUC__)\n#if \
+         defined(__AVX512F__)\n#define {upper}_ROWS 8\n#define {name}_rows {name}_rows8\n#else\n\
+         #define {upper}_ROWS 4\n#define {name}_rows {name}_rows4\n#endif\nint \
          {name}_rows(const double *in, double *out);\n#endif\n\n"
     );
     text += "#ifdef __cplusplus\n}\n#endif\n\n#endif\n";
@@ -96,16 +100,49 @@ fn shape(rows: usize, columns: usize) -> String {
     if columns == 1 { format!("{rows}") } else { format!("{rows} x {columns}, row by row") }
 }
 
-/// The names of the rows, where they are those of the whole robot.
-fn names(info: &ModelInfo, slot: &Slot) -> String {
+/// The name of a field in macros: in upper case, but as it is where that is another field's too
+/// (`G_u` and `g_u`).
+fn macro_name(field: Field) -> String {
+    let upper = |field: Field| field.name().to_ascii_uppercase();
+    let same = Field::ALL.iter().filter(|other| upper(**other) == upper(field)).count();
+    if same == 1 { upper(field) } else { field.name().to_owned() }
+}
+
+/// What the rows are, in their order, and the columns of matrices. What is wanted has the rows of
+/// the joints that the query picks.
+fn names(kernel: &Kernel, slot: &Slot, is_wanted: bool) -> String {
     use Field::*;
-    let list = match slot.field {
-        Y => &info.independent_q,
-        Yd | Ydd | TauY | TauUnactuated | CY | MY => &info.independent,
-        Q => &info.tree_q,
-        Qd | Qdd | TauQ | G | GBias => &info.tree,
-        U | Ud | Udd | TauU | GU | GUBias => &info.active,
+    let (info, query) = (&kernel.info, kernel.plan.query());
+    let every = Query { n_joint_runs: 0, ..*query };
+    let picked = Rows::of(if is_wanted { query } else { &every }, info);
+    let joints = |names: &[String], picked: &[usize]| {
+        let names = picked.iter().filter_map(|k| names.get(*k).map(String::as_str));
+        names.collect::<Vec<_>>().join(" ")
+    };
+    let links = |links: &[u16], what: &str| {
+        let names = links.iter().filter_map(|k| info.links.get(*k as usize).map(String::as_str));
+        format!("{}; {what}", names.collect::<Vec<_>>().join(" "))
+    };
+    let frames = |what| links(query.frames(), what);
+    let rows = match slot.field {
+        Y => joints(&info.independent_q, &picked.qy),
+        Yd | Ydd | TauY | TauUnactuated | CY | MY => joints(&info.independent, &picked.vy),
+        Q | QGuess => joints(&info.tree_q, &picked.q),
+        Qd | Qdd | QdGuess | TauQ | G | GBias => joints(&info.tree, &picked.v),
+        U | Ud | Udd | TauU | GU | GUBias => joints(&info.active, &picked.u),
+        Wrenches => links(query.wrench_links(), "each its moment, then its force"),
+        FramePose => frames("each its position, then its quaternion x y z w"),
+        FrameTwist | FrameAcc => frames("each angular, then linear"),
+        JacobianTree | JacobianIndependent | JacobianActuator => {
+            frames("each six rows, angular, then linear")
+        }
         _ => return String::new(),
     };
-    if list.len() == slot.rows { format!(": {}", comment(&list.join(" "))) } else { String::new() }
+    let columns = match slot.field {
+        G | GU | MY | JacobianIndependent => &info.independent,
+        JacobianTree => &info.tree,
+        JacobianActuator => &info.active,
+        _ => return format!(": {}", comment(&rows)),
+    };
+    comment(&format!(": {rows}; columns: {}", columns.join(" ")))
 }

@@ -10,6 +10,7 @@ mod test;
 mod watches;
 
 use sarrus_dynamics::Model;
+use sarrus_proto::fnv1a_64;
 
 use crate::Kernel;
 use crate::graph::{Comparison, Operation, Term};
@@ -41,12 +42,21 @@ impl Source {
     }
 }
 
-/// A name that C takes.
+/// Names are not longer: file systems take 255 bytes with an ending, and C some more.
+const LONGEST: usize = 100;
+
+/// A name that C and file systems take; the end of a long one is its hash.
 fn identifier(name: &str) -> String {
     let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let word: String = name.chars().map(|c| if is_word(c) { c } else { '_' }).collect();
     let is_start = |c: char| c.is_ascii_alphabetic();
-    if word.starts_with(is_start) { word } else { format!("robot_{word}") }
+    let mut word = if word.starts_with(is_start) { word } else { format!("robot_{word}") };
+    if word.len() > LONGEST {
+        // ASCII alone
+        word.truncate(LONGEST - 17);
+        word += &format!("_{:016x}", fnv1a_64(name.as_bytes()));
+    }
+    word
 }
 
 /// A double as C reads it, to the bit.
@@ -98,7 +108,33 @@ fn fused(is_product_negated: bool, is_sum_negated: bool) -> &'static str {
     }
 }
 
-/// Text of a comment that cannot end it.
+/// Text of a comment that neither ends it nor begins another, nor changes the order in which code
+/// is shown.
 fn comment(text: &str) -> String {
-    text.replace("*/", "* /").replace(['\n', '\r'], " ")
+    let turns = |c: char| {
+        matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}')
+            || matches!(c, '\u{2028}' | '\u{2029}' | '\u{2066}'..='\u{2069}')
+    };
+    let text = text.replace("*/", "* /").replace("/*", "/ *");
+    text.chars().map(|c| if c.is_control() || turns(c) { ' ' } else { c }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_robots_fit_c_and_file_systems() {
+        assert_eq!(identifier("2 é-arm"), "robot_2___arm");
+        let long = "a".repeat(300);
+        let [one, other] = [identifier(&long), identifier(&format!("{long}b"))];
+        assert!(one.len() == LONGEST && one.starts_with("aaa") && one != other, "{one} {other}");
+        assert_eq!(identifier(&long[..LONGEST]), long[..LONGEST]);
+        for text in ["a */ b", "/* a", "*/*", "/*/", "\u{202e}a\u{2066}\nb\u{85}\0"] {
+            let plain = comment(text);
+            assert!(!plain.contains("*/") && !plain.contains("/*"), "{plain}");
+            assert!(plain.chars().all(|c| c == ' ' || c.is_ascii_graphic()), "{plain:?}");
+        }
+        assert_eq!(comment("bras gauche é"), "bras gauche é");
+    }
 }

@@ -1,4 +1,6 @@
 
+#pragma GCC diagnostic ignored "-Wpsabi" /* no vector leaves this file */
+
 /* One number of several states: the same operations on each. */
 typedef double sarrus_rows __attribute__((vector_size(8 * SARRUS_LANES)));
 typedef uint64_t sarrus_lanes __attribute__((vector_size(8 * SARRUS_LANES)));

@@ -44,7 +44,7 @@ static int filter_rows(void)
 static int test_rows(void)
 {
     static double in[@UPPER@_ROWS][@IN@], out[@UPPER@_ROWS][@OUT@];
-    int wrong = 0;
+    int wrong = 0, left = 0;
     for (int k = 0; k < @COUNT@; k++) {
         for (int row = 0; row < @UPPER@_ROWS; row++)
             memcpy(in[row], inputs[(k + row) % @COUNT@], sizeof in[row]);
@@ -53,7 +53,10 @@ static int test_rows(void)
             const int state = (k + row) % @COUNT@, code = code_of(bits, row);
             const int same =
                 memcmp(out[row], outputs[state], @UPPER@_OUTPUTS * sizeof out[0][0]) == 0;
-            if (code != codes[state] || (code != @UPPER@_NOT_ANSWERED && !same)) {
+            /* what is looked at together leaves a row early */
+            if (code == @UPPER@_NOT_ANSWERED) {
+                left += codes[state] != @UPPER@_NOT_ANSWERED;
+            } else if (code != codes[state] || !same) {
                 printf("@NAME@_rows: state %d in row %d: code %d, not %d, or other numbers\n",
                        state, row, code, codes[state]);
                 wrong = 1;
@@ -71,6 +74,9 @@ static int test_rows(void)
         }
         printf("@NAME@_rows: %d abreast, the same bits; %.1f ns a state\n", @UPPER@_ROWS,
                1e9 * seconds / calls / @UPPER@_ROWS);
+        if (left > 0)
+            printf("@NAME@_rows: left %d of %d rows that alone are answered\n", left,
+                   @COUNT@ * @UPPER@_ROWS);
     }
     return wrong;
 }

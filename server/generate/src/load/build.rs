@@ -21,19 +21,17 @@ pub(super) fn library(
     cancel: &Cancel,
 ) -> Result<PathBuf, BuildError> {
     let failed = |error: io::Error| BuildError::Io { path: name.into(), error };
-    let [from, to, log] =
-        [".c", ".so", ".log"].map(|ending| folder.join(format!("{}{ending}", source.name)));
+    let [from, to] = [".c", ".so"].map(|ending| folder.join(format!("{}{ending}", source.name)));
     Compiler::write(source, folder).map_err(|error| match error {
         BuildError::Io { error, .. } => failed(error),
         other => other,
     })?;
-    let log = File::options().read(true).append(true).create_new(true).open(log);
     let mut command = compiler.start();
     command.args(FLAGS).arg(ROWS).arg(format!("-D{DEFINITION}"));
     command.args(["-fPIC", "-shared", "-o"]).arg(&to).arg(&from).arg("-lm");
     // a compiler that is ended leaves its files where all is removed
     command.env("TMPDIR", folder);
-    let ended = run(&mut command, compiler.command(), log.map_err(failed)?, most, cancel)?;
+    let ended = run(&mut command, compiler.command(), most, cancel)?;
     if ended.is_success {
         return Ok(to);
     }

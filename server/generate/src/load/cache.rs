@@ -17,19 +17,20 @@ use std::time::{Duration, Instant, SystemTime};
 use sarrus_dynamics::{Model, Plan};
 use sarrus_proto::fnv1a_64;
 
-use rustix::fs::Access;
+use rustix::fs::{Access, FlockOperation, flock};
 
 use super::build::{library, seal};
 use super::{LoadError, NativeKernel, ObjectFile};
+use crate::compiler::COMPILE;
 use crate::manifest::{HEAD, bare_query, query_text};
 use crate::{BuildError, Cancel, Compiler, FLAGS, GenerateError, Kernel, Source};
 
 /// Objects that are kept for one compiler.
 const KEPT: usize = 256;
-/// The longest that a compiler may take.
-const COMPILE: Duration = Duration::from_secs(120);
 /// What folders of builds begin with.
 const BUILD: &str = ".build-";
+/// The file in it that its process locks.
+const LOCK: &str = "lock";
 /// From which age on such a folder is of a process that ended within its build: no build takes so
 /// long.
 const ABANDONED: Duration = Duration::from_secs(3600);
@@ -213,6 +214,9 @@ impl Cache {
         };
         // before a trace that would be for nothing
         writable(&folder)?;
+        if path.is_dir() {
+            fs::remove_dir(&path).map_err(|error| io_error(&path, error))?;
+        }
 
         let start = Instant::now();
         let kernel = Kernel::trace(model, plan)?;
@@ -228,7 +232,7 @@ impl Cache {
         }
         let build = Build::new(&folder)?;
         let name = &source.name;
-        let built = library(compiler, &source, name, &build.0, COMPILE, cancel)?;
+        let built = library(compiler, &source, name, &build.folder, COMPILE, cancel)?;
         let file = finished(&built, &path).map_err(|error| io_error(&path, error))?;
         let loaded = NativeKernel::load(&file?, model, plan)?;
         // whoever reads sees the old one or the new one
@@ -309,8 +313,12 @@ fn remove_oldest(folder: &Path) {
     }
 }
 
-/// The folder of one build, gone when dropped.
-struct Build(PathBuf);
+/// The folder of one build, gone when dropped, and the file that is locked as long as its process
+/// lives, where there are locks.
+struct Build {
+    folder: PathBuf,
+    _lock: Option<File>,
+}
 
 impl Build {
     /// Makes it, and removes those of processes that ended in the middle of theirs.
@@ -319,7 +327,8 @@ impl Build {
             let is_build = entry.file_name().to_string_lossy().starts_with(BUILD);
             let made = entry.metadata().and_then(|about| about.modified());
             let age = made.ok().and_then(|made| made.elapsed().ok());
-            if is_build && age.is_some_and(|age| age > ABANDONED) {
+            let is_old = age.is_some_and(|age| age > ABANDONED);
+            if is_build && (is_old || is_unlocked(&entry.path())) {
                 let _ = fs::remove_dir_all(entry.path());
             }
         }
@@ -328,15 +337,31 @@ impl Build {
         let path = folder.join(format!("{BUILD}{name:016x}"));
         let made = DirBuilder::new().mode(0o700).create(&path);
         made.map_err(|error| io_error(&path, error))?;
-        Ok(Build(path))
+        let lock = locked(&path);
+        Ok(Build { folder: path, _lock: lock })
     }
+}
+
+/// Locks a folder; its lock has its name only when it is locked.
+fn locked(folder: &Path) -> Option<File> {
+    let new = folder.join("lock.new");
+    let file = File::options().write(true).create_new(true).open(&new).ok()?;
+    flock(&file, FlockOperation::NonBlockingLockExclusive).ok()?;
+    fs::rename(new, folder.join(LOCK)).ok()?;
+    Some(file)
+}
+
+/// Whether whoever locked a folder has ended.
+fn is_unlocked(folder: &Path) -> bool {
+    let file = File::options().write(true).open(folder.join(LOCK));
+    file.is_ok_and(|file| flock(&file, FlockOperation::NonBlockingLockExclusive).is_ok())
 }
 
 impl Drop for Build {
     fn drop(&mut self) {
         // what a compiler started may write until the system has ended it
         for _ in 0..20 {
-            match fs::remove_dir_all(&self.0) {
+            match fs::remove_dir_all(&self.folder) {
                 Err(error) if error.kind() != io::ErrorKind::NotFound => {
                     std::thread::sleep(Duration::from_millis(5));
                 }

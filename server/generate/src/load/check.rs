@@ -10,13 +10,27 @@ pub(super) const STATES: u64 = 4096;
 /// First of the states; no tracer has seen it.
 const FRESH: u64 = 9_000_000;
 
-/// How many states the kernel answered, all as the plan does; or the first that it answered
-/// otherwise, and how.
+/// What a kernel answered, all as the plan does.
+pub(super) struct Compared {
+    /// How many states.
+    pub(super) answered: u64,
+    /// How many rows of them the function for rows left, which may, for what it looks at together.
+    left: u64,
+}
+
+impl Compared {
+    /// Whether the function for rows is worth its calls.
+    pub(super) fn has_rows(&self) -> bool {
+        self.left * 8 <= self.answered
+    }
+}
+
+/// What the kernel answered; or the first state that it answered otherwise, and how.
 pub(super) fn compare(
     kernel: &NativeKernel,
     model: &Model<f64>,
     plan: &Plan,
-) -> Result<u64, (u64, String)> {
+) -> Result<Compared, (u64, String)> {
     let mut workspace = Workspace::for_plans(model, [plan]);
     let [mut expected, mut output] = [(); 2].map(|()| vec![0.0; plan.want().len()]);
     let mut inputs = RandomInputs::new(model, plan);
@@ -38,10 +52,7 @@ pub(super) fn compare(
         same((answer, &output), (right, &expected)).map_err(|what| (k, what))?;
         answered += 1;
     }
-    if left * 8 > answered {
-        return Err((STATES, format!("{left} rows are left that alone are answered")));
-    }
-    Ok(answered)
+    Ok(Compared { answered, left })
 }
 
 /// What differs between two answers.

@@ -110,7 +110,8 @@ pub enum LoadError {
     /// It answers otherwise than the generic kernels.
     #[error(
         "{}: other bits than the generic kernel's in state {state} of {states}: {what}; generate \
-         it again with a CC that has no -ffast-math",
+         it again with a CC that has no -ffast-math and fuses no multiplications (gcc does but \
+         for -ffp-contract=off -fno-tree-slp-vectorize)",
         path.display()
     )]
     Differs {

@@ -37,13 +37,18 @@ impl ObjectFile {
     /// [`LoadError`]: it cannot be read, others could have written it, it is no object
     /// of sarrus, or not whole. Whether bytes between its ends were changed is not seen.
     pub fn read(path: &Path) -> Result<ObjectFile, LoadError> {
-        ObjectFile::read_as(path, path)
+        ObjectFile::read_as((path, OTHERS_WRITE), path)
+    }
+
+    /// Reads one that this program has just had compiled, of any mode.
+    pub(crate) fn read_built(path: &Path) -> Result<ObjectFile, LoadError> {
+        ObjectFile::read_as((path, 0), path)
     }
 
     /// Reads one that the cache wrote, with the hash of its bytes behind them; errors name it
     /// `path`.
     pub(super) fn read_kept(from: &Path, path: &Path) -> Result<ObjectFile, LoadError> {
-        let file = ObjectFile::read_as(from, path)?;
+        let file = ObjectFile::read_as((from, OTHERS_WRITE), path)?;
         let length = file.bytes.len().saturating_sub(sum(&[]).len());
         let (bytes, end) = file.bytes.split_at(length);
         match sum(bytes).as_bytes() == end {
@@ -52,7 +57,8 @@ impl ObjectFile {
         }
     }
 
-    fn read_as(from: &Path, path: &Path) -> Result<ObjectFile, LoadError> {
+    /// Reads a file whose mode has none of these bits.
+    fn read_as((from, refused): (&Path, u32), path: &Path) -> Result<ObjectFile, LoadError> {
         let failed = |error: io::Error| LoadError::Io { path: path.to_owned(), error };
         // a pipe would wait for whoever writes to it
         let flags = OFlags::RDONLY | OFlags::CLOEXEC | OFlags::NONBLOCK;
@@ -68,7 +74,7 @@ impl ObjectFile {
             return Err(LoadError::Owner { path: path.to_owned(), owner, user });
         }
         let mode = about.mode() & 0o7777;
-        if mode & OTHERS_WRITE != 0 {
+        if mode & refused != 0 {
             return Err(LoadError::Writable { path: path.to_owned(), mode });
         }
         let mut bytes = Vec::new();

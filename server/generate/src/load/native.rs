@@ -39,6 +39,9 @@ pub struct NativeKernel {
 }
 
 impl NativeKernel {
+    /// How many states a kernel is compared with its plan on before it is used.
+    pub const STATES: u64 = STATES;
+
     /// Reads, checks and loads the shared object of a plan on the model that it was made for, and
     /// compares its answers with the plan's on thousands of states, in a thread that ends with it:
     /// what loading changes of how a thread computes is gone with the thread. Allocates.
@@ -98,10 +101,17 @@ impl NativeKernel {
     ) -> Result<NativeKernel, LoadError> {
         let path = || file.path().to_owned();
         let manifest = file.manifest().clone();
-        let kernel = NativeKernel { object: Object::load(file)?, manifest };
+        let mut kernel = NativeKernel { object: Object::load(file)?, manifest };
         match check::compare(&kernel, model, plan) {
-            Ok(0) => Err(LoadError::Unserved { path: path(), states: STATES }),
-            Ok(_) => Ok(kernel),
+            Ok(compared) if compared.answered == 0 => {
+                Err(LoadError::Unserved { path: path(), states: STATES })
+            }
+            Ok(compared) => {
+                if !compared.has_rows() {
+                    kernel.object.leave_rows();
+                }
+                Ok(kernel)
+            }
             Err((state, what)) => {
                 Err(LoadError::Differs { path: path(), state, states: STATES, what })
             }

@@ -65,7 +65,7 @@ impl Object {
         let function = *function.map_err(|error| refused(error.to_string()))?;
         let mut of_rows = None;
         if manifest.rows > 0 {
-            let name = format!("{}_rows", manifest.function);
+            let name = format!("{}_rows{}", manifest.function, manifest.rows);
             // SAFETY: and where they say so another one of the same type under this name.
             let function = unsafe { library.get::<Function>(name.as_bytes()) };
             let function = *function.map_err(|error| refused(error.to_string()))?;
@@ -73,6 +73,11 @@ impl Object {
         }
         let (inputs, outputs) = (manifest.inputs, manifest.outputs);
         Ok(Object { function, of_rows, inputs, outputs, _library: library, _file: descriptor })
+    }
+
+    /// From now on rows are answered one by one.
+    pub(super) fn leave_rows(&mut self) {
+        self.of_rows = None;
     }
 
     /// How many rows one call takes; 0 where there is no function for them.
