@@ -1,5 +1,4 @@
 //! Robots so light that what may not be large nearly is.
-#![allow(clippy::unwrap_used)]
 
 use std::path::PathBuf;
 

@@ -1,5 +1,4 @@
 //! What the header of generated C says, and what happens to programs that include it.
-#![allow(clippy::unwrap_used)]
 
 use std::path::PathBuf;
 use std::process::Command;

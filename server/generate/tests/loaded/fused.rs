@@ -1,5 +1,4 @@
 //! Compilers that fuse a multiplication and an addition which are two in the plan.
-#![allow(clippy::unwrap_used)]
 
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,8 @@
 //! Generated code against the generic kernels: every bit, in C as the compiler here makes it.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod header;
+
 use std::io::Write as _;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
