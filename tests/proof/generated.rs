@@ -196,18 +196,27 @@ fn traced_code_of_bundled_and_random_robots_has_the_bits_of_their_plans() {
 
 #[test]
 #[ignore = "compiles hundreds of functions, and runs each on a million states"]
-fn compiled_code_of_every_robot_has_the_bits_of_its_plan_on_a_million_states() {
+fn compiled_code_of_bundled_robots_has_the_bits_of_their_plans_on_a_million_states() {
+    compiled_code_has_the_bits(ROBOTS.iter().map(|name| (Case::bundled(name), OF_BUNDLED)));
+}
+
+#[test]
+#[ignore = "compiles hundreds of functions, and runs each on thousands of states"]
+fn compiled_code_of_random_robots_has_the_bits_of_their_plans_on_thousands_of_states() {
+    let of_seed = |seed| Case::of_text(&random_robot(seed), seed, &Default::default()).ok();
+    let random = (5_000..5_000 + RANDOM).filter_map(of_seed);
+    compiled_code_has_the_bits(random.map(|case| (case, OF_RANDOM)));
+}
+
+fn compiled_code_has_the_bits(cases: impl Iterator<Item = (Case, u64)>) {
     let Some(compiler) = Compiler::found() else { return println!("not run: no C compiler") };
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("generated");
     let cache = Cache::at(folder.join("kernels"));
     let kernel = |model: &Model<f64>, plan: &Plan| -> Result<NativeKernel, MakeError> {
         Ok(cache.kernel(model, plan, &compiler, &Cancel::default())?.kernel)
     };
-    let of_seed = |seed| Case::of_text(&random_robot(seed), seed, &Default::default()).ok();
-    let bundled = ROBOTS.iter().map(|name| (Case::bundled(name), OF_BUNDLED));
-    let random = (5_000..5_000 + RANDOM).filter_map(of_seed).map(|case| (case, OF_RANDOM));
     let (mut all, mut in_rows) = (Count::default(), Count::default());
-    for (case, states) in bundled.chain(random) {
+    for (case, states) in cases {
         let model = &case.compiled.model;
         for (name, query) in queries() {
             let plan = Plan::new(model, &query).unwrap();
