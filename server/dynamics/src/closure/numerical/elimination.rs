@@ -122,8 +122,8 @@ impl Elimination {
     }
 }
 
-/// Row k of the inverse from the rows `after` it; `of_row` is the row of the upper triangle with the
-/// inverse of its pivot.
+/// Row k of the inverse from the rows `after` it; `of_row` is the row of the upper triangle, with
+/// the inverse of its pivot.
 #[inline(always)]
 fn substitute<T: Real, const W: usize>(
     row: &mut [T],
