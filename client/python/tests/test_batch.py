@@ -31,6 +31,13 @@ def forked_answer(robot, motion):
     return robot.inverse_dynamics(*motion)
 
 
+def fork():
+    """As `os.fork`; later Pythons warn of threads, of which numpy has some."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        return os.fork()
+
+
 class Batches(unittest.TestCase):
     def setUp(self):
         # whatever was started in the background of a shell ignores it
@@ -273,10 +280,7 @@ class Processes(unittest.TestCase):
         robot = sarrus.Robot.bundled("torso")
         given = motions(robot, 3000)
         expected = robot.inverse_dynamics(*given, threads=2)
-        with warnings.catch_warnings():
-            # later Pythons warn of threads, of which numpy has some
-            warnings.simplefilter("ignore", DeprecationWarning)
-            child = os.fork()
+        child = fork()
         if child == 0:
             same = False
             try:
@@ -284,6 +288,43 @@ class Processes(unittest.TestCase):
             finally:
                 os._exit(0 if same else 1)
         self.assertEqual(os.waitpid(child, 0)[1], 0)
+
+    def test_arrays_of_a_batch_that_a_fork_cuts_off_are_usable_in_the_child(self):
+        robot = sarrus.Robot.bundled("rh5v2_full")
+        n = len(robot.independents)
+        given, out = np.zeros((3, 100_000, n)), np.zeros((100_000, n))
+        begun, forked, seen = threading.Event(), threading.Event(), []
+
+        def wait(done, total):
+            begun.set()
+            forked.wait(60)
+            seen.append((done, total))
+
+        def batch():
+            robot.inverse_dynamics(*given, out=out, threads=1, progress=wait)
+
+        thread = threading.Thread(target=batch)
+        thread.start()
+        begun.wait()
+        child = fork()
+        if child == 0:
+            same = False
+            try:
+                signal.alarm(60)
+                rest, zero = np.zeros((2, n)), np.zeros(n)
+                single = robot.inverse_dynamics(zero, zero, zero)
+                out[:8] = 0
+                # written as rows, as one state, and read
+                robot.inverse_dynamics(rest, rest, rest, out=out[:2])
+                robot.inverse_dynamics(zero, zero, zero, out=out[2])
+                robot.inverse_dynamics(out[6:8], rest, rest, out=out[3:5])
+                same = all(np.array_equal(row, single) for row in out[:5])
+            finally:
+                os._exit(0 if same else 1)
+        forked.set()
+        self.assertEqual(os.waitpid(child, 0)[1], 0)
+        thread.join()
+        self.assertEqual(seen[-1], (100_000, 100_000))
 
     def test_workers_of_a_pool_get_robots_by_their_files(self):
         robot = sarrus.Robot.bundled("torso")

@@ -3,10 +3,8 @@
 import copy
 import os
 import pickle
-import signal
 import subprocess
 import sys
-import threading
 import unittest
 import warnings
 from pathlib import Path
@@ -176,48 +174,6 @@ class Words(unittest.TestCase):
             self.assertEqual((type(other), other.label, other.notes), (Tagged, "left", ["first"]))
             self.assertEqual({*vars(other)}, {"label", "notes"})
             np.testing.assert_array_equal(other.mass_matrix([0.1]), robot.mass_matrix([0.1]))
-
-
-class Forks(unittest.TestCase):
-    def test_arrays_of_a_batch_that_a_fork_cuts_off_are_usable_in_the_child(self):
-        robot = sarrus.Robot.bundled("rh5v2_full")
-        n = len(robot.independents)
-        given, out = np.zeros((3, 100_000, n)), np.zeros((100_000, n))
-        begun, forked, seen = threading.Event(), threading.Event(), []
-
-        def wait(done, total):
-            begun.set()
-            forked.wait(60)
-            seen.append((done, total))
-
-        def batch():
-            robot.inverse_dynamics(*given, out=out, threads=1, progress=wait)
-
-        thread = threading.Thread(target=batch)
-        thread.start()
-        begun.wait()
-        with warnings.catch_warnings():
-            # later Pythons warn of threads
-            warnings.simplefilter("ignore", DeprecationWarning)
-            child = os.fork()
-        if child == 0:
-            same = False
-            try:
-                signal.alarm(60)
-                rest, zero = np.zeros((2, n)), np.zeros(n)
-                single = robot.inverse_dynamics(zero, zero, zero)
-                out[:8] = 0
-                # written as rows, as one state, and read
-                robot.inverse_dynamics(rest, rest, rest, out=out[:2])
-                robot.inverse_dynamics(zero, zero, zero, out=out[2])
-                robot.inverse_dynamics(out[6:8], rest, rest, out=out[3:5])
-                same = all(np.array_equal(row, single) for row in out[:5])
-            finally:
-                os._exit(0 if same else 1)
-        forked.set()
-        self.assertEqual(os.waitpid(child, 0)[1], 0)
-        thread.join()
-        self.assertEqual(seen[-1], (100_000, 100_000))
 
 
 if __name__ == "__main__":

@@ -25,29 +25,20 @@ const HAS_BASELINE: bool =
     cfg!(all(target_arch = "x86_64", target_feature = "fma", target_feature = "avx2"));
 
 /// The flags that keep the bits: no contraction, and no call where an instruction does. Statements
-/// are not made vectors either: there gcc fuses multiplications whatever it is told of contraction
+/// are not made vectors either: there gcc fuses multiplications whatever the contraction
 /// (`vfmaddsub`). With the baseline of this build where it has one, so that `fma` is an
 /// instruction; a portable build compiles for every processor, and `fma` is a call there.
-pub const FLAGS: &[&str] = if HAS_BASELINE {
-    &[
-        "-std=c11",
-        "-O2",
-        "-ffp-contract=off",
-        "-fno-tree-slp-vectorize",
-        "-fno-math-errno",
-        "-fno-trapping-math",
-        "-march=x86-64-v3",
-    ]
-} else {
-    &[
-        "-std=c11",
-        "-O2",
-        "-ffp-contract=off",
-        "-fno-tree-slp-vectorize",
-        "-fno-math-errno",
-        "-fno-trapping-math",
-    ]
-};
+pub const FLAGS: &[&str] = if HAS_BASELINE { &ALL } else { ALL.split_at(ALL.len() - 1).0 };
+
+const ALL: [&str; 7] = [
+    "-std=c11",
+    "-O2",
+    "-ffp-contract=off",
+    "-fno-tree-slp-vectorize",
+    "-fno-math-errno",
+    "-fno-trapping-math",
+    "-march=x86-64-v3",
+];
 
 /// With this flag the function for rows is compiled too.
 pub(crate) const ROWS: &str = "-DSARRUS_ROWS";

@@ -5,14 +5,8 @@
 
 #include <sarrus.h>
 
-#define CHECK(condition)                                                                          \
-    do {                                                                                          \
-        if (!(condition)) {                                                                       \
-            fprintf(stderr, "%s:%d: not %s (%s)\n", __FILE__, __LINE__, #condition,               \
-                    sarrus_last_error());                                                         \
-            return 1;                                                                             \
-        }                                                                                         \
-    } while (0)
+#include "check.h"
+
 #define IS(call, name) CHECK(strcmp(sarrus_status_name(call), name) == 0)
 
 static int says(const char *part) { return strstr(sarrus_last_error(), part) != NULL; }

@@ -8,14 +8,7 @@
 
 #include <sarrus.h>
 
-#define CHECK(condition)                                                                          \
-    do {                                                                                          \
-        if (!(condition)) {                                                                       \
-            fprintf(stderr, "%s:%d: not %s (%s)\n", __FILE__, __LINE__, #condition,               \
-                    sarrus_last_error());                                                         \
-            return 1;                                                                             \
-        }                                                                                         \
-    } while (0)
+#include "check.h"
 
 enum { ROWS = 4000000 };
 

@@ -1,0 +1,13 @@
+/* What must hold, or the program says where it does not and ends. */
+#include <stdio.h>
+
+#include <sarrus.h>
+
+#define CHECK(condition)                                                                          \
+    do {                                                                                          \
+        if (!(condition)) {                                                                       \
+            fprintf(stderr, "%s:%d: not %s (%s)\n", __FILE__, __LINE__, #condition,               \
+                    sarrus_last_error());                                                         \
+            return 1;                                                                             \
+        }                                                                                         \
+    } while (0)
