@@ -53,7 +53,8 @@ impl Many {
 
     /// One state after the other.
     fn alone(&mut self) {
-        let (n_in, n_out) = (self.plan.given().len(), self.plan.want().len());
+        let n_in = self.plan.given().len();
+        let n_out = self.plan.want().len();
         for (row, answer) in self.answers.iter_mut().enumerate() {
             *answer = self.plan.run(
                 &self.model,
@@ -82,7 +83,8 @@ impl Many {
 
 /// Nanoseconds per state of a call, repeated for as long as a batch takes.
 fn time(states: usize, mut call: impl FnMut()) -> f64 {
-    let (start, mut calls) = (Instant::now(), 0);
+    let start = Instant::now();
+    let mut calls = 0;
     while start.elapsed() < BATCH {
         call();
         calls += 1;
@@ -90,7 +92,7 @@ fn time(states: usize, mut call: impl FnMut()) -> f64 {
     start.elapsed().as_nanos() as f64 / (calls * states) as f64
 }
 
-/// The lower quartile: what else the machine does only adds.
+/// The lower quartile: other load on the machine only adds.
 fn quartile(ns: &mut [f64]) -> f64 {
     ns.sort_unstable_by(f64::total_cmp);
     ns[ns.len() / 4]

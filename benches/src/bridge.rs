@@ -1,5 +1,5 @@
-//! A cycle of the bridge between commands and motors, for counting its instructions: what came
-//! since the last cycle is taken, then the cycle.
+//! A cycle of the bridge between commands and motors, for counting its instructions: takes the
+//! input since the last cycle, then runs the cycle.
 //!
 //! The motors are simulated, each with a shaft of its own, and follow slow sines. Commands and
 //! motors are not counted, nor the cycles until all motors have power and their gains have grown.
@@ -51,7 +51,8 @@ fn twenty_motors() -> Outcome<Configuration> {
     }
     text += "motors:\n";
     for i in 0..20 {
-        let (bus, id) = (i / 5, 1 + i % 5);
+        let bus = i / 5;
+        let id = 1 + i % 5;
         text += &format!(
             "- actuator: m{i}\n  bus: b{bus}\n  drive: {{protocol: mit, variant: t_motor, id: \
             {id}, reply_id: {}, position_range: 12.5, velocity_range: 30, torque_range: 10, \
@@ -89,11 +90,13 @@ struct Shaft {
 }
 
 fn count(configuration: Configuration, repeats: usize) -> Outcome {
-    let (mut shafts, mut command) = (Vec::new(), ActuatorCommand::default());
+    let mut shafts = Vec::new();
+    let mut command = ActuatorCommand::default();
     for motor in &configuration.motors {
         // its greatest effort brings it to its greatest speed in a fifth of a second
         let (Mapping { sign, gear, offset, .. }, limits) = (motor.mapping, motor.limits);
-        let (torque_limit, velocity) = (limits.effort / gear, limits.velocity * gear);
+        let torque_limit = limits.effort / gear;
+        let velocity = limits.velocity * gear;
         let part = torque_limit / velocity;
         let physics = Physics { inertia: 0.2 * part, friction: 0.02 * part, torque_limit };
         let protocol = motor.protocol.name;
@@ -119,8 +122,9 @@ fn count(configuration: Configuration, repeats: usize) -> Outcome {
         (configuration.fingerprint, configuration.actuators.len() as u64);
     let mut bridge = Bridge::new(configuration);
 
-    // motors answer what the cycle before said
-    let (mut answers, mut out) = (Vec::new(), FrameQueue::new(16));
+    // motors answer the frames of the previous cycle
+    let mut answers = Vec::new();
+    let mut out = FrameQueue::new(16);
     for cycle in 0..COUNTED + PASS * repeats as u64 {
         let now_ns = 1_000_000_000 + PERIOD_NS * cycle;
         (command.sequence, command.stamp_ns) = (cycle + 1, now_ns);

@@ -1,5 +1,4 @@
-//! What is measured in process: robot × how its loops are closed × where Newton starts × what is
-//! asked.
+//! The cases measured in process: robot × closure method × start of Newton's method × question.
 
 use sarrus_dynamics::{Answer, Field, Method, Plan, Status, Workspace};
 use sarrus_report::Outcome;
@@ -21,8 +20,8 @@ pub(crate) struct Case<'a> {
     pub(crate) output: Vec<f64>,
 }
 
-/// Every case of a robot that is timed. A cold start says nothing more about methods, and M_y of a
-/// long chain does not fit.
+/// Every timed case of a robot. A cold start adds no information about methods, and M_y of a long
+/// chain does not fit.
 pub(crate) fn of_robot(robot: &Robot) -> Outcome<Vec<Case<'_>>> {
     let mut cases = Vec::new();
     for (k, variant) in robot.variants.iter().enumerate() {

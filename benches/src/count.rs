@@ -26,7 +26,8 @@ pub fn run(count: &[String]) -> Outcome {
     }
     let unknown = || format!("no case `{name}`; `--list` names them all");
     let mut parts = name.split('/');
-    let (robot, closures) = (parts.next().unwrap_or_default(), parts.next().unwrap_or_default());
+    let robot = parts.next().unwrap_or_default();
+    let closures = parts.next().unwrap_or_default();
     let what = Subject::all()
         .find(|what| what.name() == robot && what.may_have(name))
         .ok_or_else(unknown)?;
@@ -62,7 +63,7 @@ fn passes(case: &mut Case<'_>, repeats: usize) -> Outcome {
     Ok(())
 }
 
-/// The same of a batch.
+/// Runs a batch of the case.
 #[inline(never)]
 fn passes_of_batch(many: &mut Many, repeats: usize) {
     for _ in 0..repeats {

@@ -67,7 +67,8 @@ fn newton_steps(case: &Case<'_>) -> Outcome<(f64, f64)> {
         &Query::new(Request::Kinematics, FieldSet(given), FieldSet::of(&[Field::Iterations])),
     )?;
     let mut workspace = Workspace::new(model);
-    let (mut sum, mut most) = (0.0, 0.0);
+    let mut sum = 0.0;
+    let mut most = 0.0;
     for input in &case.inputs {
         let mut packed = vec![0.0; plan.given().len()];
         for slot in plan.given().slots() {
@@ -76,7 +77,7 @@ fn newton_steps(case: &Case<'_>) -> Outcome<(f64, f64)> {
             }
         }
         let mut steps = [0.0];
-        // what failed is NaN
+        // a failed answer is NaN
         let _ = plan.run(model, &mut workspace, &packed, &mut steps);
         sum += steps[0];
         most = f64::max(most, steps[0]);

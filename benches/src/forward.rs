@@ -1,4 +1,4 @@
-//! Forward dynamics by each method: what the cost model predicts beside what is measured
+//! Forward dynamics by each method: predictions of the cost model beside measurements
 //! (`--forward`).
 //!
 //! Every robot as it is given, in one state, by recursion and by projection, in batches that take
@@ -66,7 +66,7 @@ impl Run {
         self.ns.push(start.elapsed().as_nanos() as f64 / self.calls as f64);
     }
 
-    /// The lower quartile: what else the machine does only adds.
+    /// The lower quartile: other load on the machine only adds.
     fn time(&mut self) -> f64 {
         self.ns.sort_unstable_by(f64::total_cmp);
         self.ns[self.ns.len() / 4]
@@ -85,7 +85,8 @@ pub fn run() -> Outcome {
         // as it is given, in one state
         robots.push(Robot::load(what, 1)?);
     }
-    let (mut rows, mut slow) = (Vec::new(), Vec::new());
+    let mut rows = Vec::new();
+    let mut slow = Vec::new();
     for robot in &robots {
         let model = &robot.variants[0].compiled.model;
         let mut runs =

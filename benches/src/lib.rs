@@ -4,7 +4,7 @@
 //!   [`sarrus_dynamics::Plan::run`], in short batches that take turns through all cases, so that
 //!   ratios hold on a machine that others use too; each time beside the error of the same answers
 //!   against double-double.
-//! - Forward dynamics by each method beside what the cost model predicts (`forward.rs`).
+//! - Forward dynamics by each method beside the predictions of the cost model (`forward.rs`).
 //! - Many states at once beside one after the other (`batches.rs`).
 //! - Instructions of one case (`count.rs`, `benches/count.sh`), among them those of the bridge
 //!   between commands and motors (`bridge.rs`).

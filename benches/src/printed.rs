@@ -1,4 +1,4 @@
-//! What a run found, as tables and as JSON.
+//! The results of a run, as tables and as JSON.
 
 use std::path::Path;
 
@@ -31,7 +31,8 @@ impl Printed {
     /// A file that cannot be written.
     pub fn finish(&self, format: Format, path: &Path) -> Outcome {
         self.save(path)?;
-        let (command, machine) = (self.command(), &self.machine);
+        let command = self.command();
+        let machine = &self.machine;
         let tables = |text: fn(&Table) -> String| self.tables.iter().map(text).collect::<String>();
         match format {
             Format::Text => print!("{command}\n{machine}\n\n{}", tables(Table::text)),
@@ -59,7 +60,7 @@ impl Printed {
         summary
     }
 
-    /// The same with every sample.
+    /// The JSON with every sample.
     fn save(&self, path: &Path) -> Outcome {
         if let Some(folder) = path.parent() {
             std::fs::create_dir_all(folder)

@@ -16,7 +16,7 @@ pub enum Format {
 /// A table; the first columns are text, the others numbers.
 #[derive(Clone, Debug)]
 pub struct Table {
-    /// What it shows.
+    /// Its title.
     pub title: String,
     /// Names of the columns.
     pub columns: Vec<&'static str>,
@@ -24,7 +24,7 @@ pub struct Table {
     pub n_text: usize,
     /// The cells, as many in each row as there are columns.
     pub rows: Vec<Vec<String>>,
-    /// What a reader has to know, one line each.
+    /// Notes for the reader, one line each.
     pub notes: Vec<String>,
 }
 
@@ -58,7 +58,7 @@ impl Table {
         self.notes.iter().fold(text + "\n", |text, note| text + note + "\n") + "\n"
     }
 
-    /// The same for a README.
+    /// The table for a README.
     pub fn markdown(&self) -> String {
         let line = |cells: &mut dyn Iterator<Item = &str>| {
             cells.fold("|".to_owned(), |line, cell| line + " " + cell + " |") + "\n"

@@ -1,5 +1,5 @@
-//! What controllers and the CAN bridge say to each other: commands and states of all actuators, in
-//! the order of u.
+//! Payloads between controllers and the CAN bridge: commands and states of all actuators, in the
+//! order of u.
 //!
 //! The payloads are plain fixed-size values; with the feature `transport` they travel through the
 //! services of `bridge`.
@@ -26,7 +26,7 @@ wire_enum! {
     MechanismState: u32 {
         /// Its motors have no power.
         Disabled = 0, "disabled";
-        /// It was asked to arm, and waits for what is missing or for its motors.
+        /// It was asked to arm, and waits for a missing condition or for its motors.
         Arming = 1, "arming";
         /// Its motors follow the commands.
         Enabled = 2, "enabled";
@@ -72,7 +72,7 @@ wire_enum! {
         Backlog = 14, "backlog";
         /// Another mechanism failed, and the robot stops as a whole.
         OtherMechanism = 15, "other_mechanism";
-        /// A motor's watchdog is longer than the configuration says.
+        /// A motor's watchdog is longer than the configured one.
         WatchdogLong = 16, "watchdog_long";
         /// An actuator is beyond its position limit and moves outwards.
         PositionLimit = 17, "position_limit";
@@ -90,7 +90,7 @@ wire_enum! {
         FeedbackLate = 23, "feedback_late";
         /// More answers came than a motor was asked for.
         SecondAnswer = 24, "second_answer";
-        /// Frames with the bridge's own identifiers came from somebody else.
+        /// Another sender uses the bridge's own identifiers.
         SecondMaster = 25, "second_master";
         /// A motor is too hot.
         OverTemperature = 26, "over_temperature";
@@ -110,20 +110,20 @@ wire_enum! {
 }
 
 wire_enum! {
-    /// What an operator asks of the bridge.
+    /// An operator's request to the bridge.
     Operation: u32 {
         /// Give the motors power as soon as everything is in order.
         Arm = 1, "arm";
         /// Take the power away.
         Disarm = 2, "disarm";
-        /// Forget a fault; what is armed stays as it is.
+        /// Clear a fault; armed mechanisms stay armed.
         Reset = 3, "reset";
-        /// Bring what is outside its limits back inside, slowly, and take the power away there.
+        /// Move actuators outside their limits back inside, slowly, then take the power away.
         Return = 4, "return";
     }
 }
 
-/// What the bridge says of single actuators, as bits.
+/// Flags of single actuators, as bits.
 pub mod flag {
     /// The effort was limited.
     pub const EFFORT_LIMITED: u32 = 1;
@@ -213,7 +213,7 @@ impl Default for ActuatorCommand {
     }
 }
 
-/// What the bridge knows of all actuators after one of its cycles, in the order of u.
+/// The state of all actuators after a cycle of the bridge, in the order of u.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct ActuatorState {
@@ -241,7 +241,7 @@ pub struct ActuatorState {
     pub faults: [u32; MAX_ACTUATORS],
     /// When each was measured, by the monotonic clock `[ns]`; 0 for never.
     pub measured_ns: [u64; MAX_ACTUATORS],
-    /// Position `[rad, m]`; NaN for what was never measured, here and below.
+    /// Position `[rad, m]`; NaN before the first measurement, here and below.
     pub position: [f64; MAX_ACTUATORS],
     /// Velocity `[rad/s, m/s]`.
     pub velocity: [f64; MAX_ACTUATORS],

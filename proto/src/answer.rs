@@ -37,7 +37,7 @@ impl Answer {
     }
 }
 
-/// A request that did not end well: its status, as an error that says what to do.
+/// A failed request: its status as an error, with a remedy in the message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct FailedState {
     /// The status, never [`Status::Ok`] where [`Answer::ok`] made it.
@@ -45,7 +45,7 @@ pub struct FailedState {
 }
 
 impl FailedState {
-    /// What the status means and what to do, in one sentence.
+    /// The meaning of the status and its remedy, in one sentence.
     pub const fn help(self) -> &'static str {
         match self.status {
             Status::Ok => "the answer is complete",

@@ -13,9 +13,9 @@
 //! A client has one batch under way. Writing the next sequence before the last one was answered
 //! ends that one, and the answer to the next is `overloaded`.
 //!
-//! Every word is atomic and the server reads each of a row once, into memory of its own: what a
-//! client writes meanwhile changes no more than its own answer. Rows go before the sequence that
-//! hands them over (`Release`), and the other side reads the sequence first (`Acquire`).
+//! Every word is atomic, and the server copies each word of a row once into private memory: a
+//! concurrent write by the client affects only the client's own answer. Rows go before the sequence
+//! that hands them over (`Release`), and the other side reads the sequence first (`Acquire`).
 
 use std::io;
 use std::os::fd::OwnedFd;
@@ -45,7 +45,7 @@ const STATUS: usize = 9;
 const DONE: usize = 10;
 const FIRST: usize = 16;
 
-/// What a batch begins with.
+/// The head of a batch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BatchHead {
     /// [`PROTOCOL_VERSION`](crate::PROTOCOL_VERSION) of the client.
@@ -116,7 +116,7 @@ impl ServedBatch {
         self.0.words()[SEQUENCE].load(Acquire)
     }
 
-    /// What the batch of this sequence begins with.
+    /// The head of the batch of this sequence.
     pub fn head(&self, sequence: u64) -> BatchHead {
         let words = self.0.words();
         let version_plan = words[VERSION_PLAN].load(Relaxed);
@@ -271,7 +271,8 @@ mod tests {
         served.publish(1, Status::Ok);
 
         assert_eq!((claimed.answer(1), claimed.answer(2), claimed.done()), (Some(0), None, 3));
-        let (mut answers, mut output) = ([failed; 3], [0.0; 3]);
+        let mut answers = [failed; 3];
+        let mut output = [0.0; 3];
         claimed.read(&shape, &mut answers, &mut output);
         assert_eq!(answers, [ok, failed, ok]);
         assert!(output[1].is_nan() && [output[0], output[2]] == [1.0, 3.0]);
@@ -284,7 +285,8 @@ mod tests {
         assert!(fcntl_add_seals(&memory, SealFlags::FUTURE_WRITE).is_err());
         let shape = BatchShape::new(1, 1, 1).unwrap();
         let failed = Answer { status: Status::Unreachable, warnings: Warnings::NONE };
-        let (mut answers, mut output) = ([failed], [0.0]);
+        let mut answers = [failed];
+        let mut output = [0.0];
         served.publish(1, Status::Ok);
         claimed.read(&shape, &mut answers, &mut output);
         assert!(claimed.has_kept(1));

@@ -105,8 +105,8 @@ impl ClaimedLane {
         [class_in, class_out]: [usize; 2],
     ) -> Result<ClaimedLane, ServiceError> {
         let [request_name, response_name] = names()?;
-        let (request, response) =
-            (open_board(node, &request_name)?, open_board(node, &response_name)?);
+        let request = open_board(node, &request_name)?;
+        let response = open_board(node, &response_name)?;
         let reader = response
             .reader_builder()
             .create()

@@ -1,5 +1,5 @@
-//! The services of one CAN bridge: commands in, states and statistics out, operations from whoever
-//! may watch.
+//! The services of one CAN bridge: commands in, states and statistics out, operations from
+//! controllers and observers.
 //!
 //! The newest wins everywhere: a subscriber has room for one sample, and a command that was
 //! overtaken is gone. Only operations queue.
@@ -22,7 +22,7 @@ use crate::{PROTOCOL_VERSION, ServerName};
 
 /// Processes that may watch one bridge.
 const MAX_OBSERVERS: usize = 32;
-/// Looks for what a running bridge says of itself, and the time between two.
+/// Polls for the statistics of a running bridge, and the time between two polls.
 const OWNER_LOOKS: usize = 60;
 const OWNER_PAUSE: Duration = Duration::from_millis(20);
 /// Operations that may wait for the bridge's next cycle.
@@ -115,7 +115,7 @@ impl ControllerEnd {
         self.commands.send_copy(*command).is_ok()
     }
 
-    /// What a controller can do besides.
+    /// The controller's view of states and statistics, and its operations.
     pub fn observer(&self) -> &ObserverEnd {
         &self.observer
     }
@@ -227,8 +227,8 @@ fn receiver<T: Debug + ZeroCopySend + 'static>(
     })
 }
 
-/// What to say of an end that only one process can have: which one has it. The service of commands
-/// knows the bridge and its controller, and no observers.
+/// The error for an end that another process holds, with the name of that process. The service of
+/// commands lists the bridge and its controller, but no observers.
 fn taken(
     node: &Node<Threadsafe>,
     name: &ServerName,
@@ -267,7 +267,7 @@ fn taken(
     }
 }
 
-/// The process of a running bridge, from what it says of itself twice a second.
+/// The process of a running bridge, from the statistics that it publishes twice a second.
 fn process_of_bridge(node: &Node<Threadsafe>, name: &ServerName) -> Option<u64> {
     let observer = ObserverEnd::open(node, name).ok()?;
     (0..OWNER_LOOKS).find_map(|_| {

@@ -2,8 +2,9 @@
 //!
 //! Words are taken in pairs: Σᵢ (aᵢ ⊕ kᵢ)(bᵢ ⊕ kᵢ′) mod 2¹²⁸, both halves of the sum folded into
 //! one word. Each pair has keys of its own, so that a word counts by its place: words that change
-//! places, or signs that change in two of them, do not cancel. It finds what happens to memory by
-//! accident and is no signature: whoever writes on purpose can write the checksum too.
+//! places, or signs that change in two of them, do not cancel. The checksum detects accidental
+//! changes of memory. It is no signature: a process that can write the numbers can write the
+//! checksum too.
 //!
 //! Head and count of the numbers are words like the numbers. An answer's checksum also covers that
 //! of its request and with it the plan, the model and the numbers that were asked: the answer to
@@ -11,7 +12,7 @@
 
 use crate::message::{RequestHead, ResponseHead};
 
-/// The first key, and what lies between the keys of two pairs: digits of π and the golden ratio.
+/// The first key and the step between the keys of two pairs: digits of π and the golden ratio.
 const KEY: u64 = 0x243f_6a88_85a3_08d3;
 const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 /// Sums that the processor forms side by side.
@@ -35,13 +36,14 @@ pub fn of_request(head: &RequestHead, numbers: &[f64]) -> u64 {
 #[inline]
 pub fn of_answer(head: &ResponseHead, request: u64, numbers: &[f64]) -> u64 {
     let ResponseHead { status, warnings, sequence, age_ns, took_ns, checksum: _ } = *head;
-    let (outcome, times) = (pair(status, warnings), pair(age_ns, took_ns));
+    let outcome = pair(status, warnings);
+    let times = pair(age_ns, took_ns);
     sum([outcome, sequence, times, request, numbers.len() as u64, ANSWER], numbers)
 }
 
 impl ResponseHead {
-    /// The same head with the checksum of an answer to `request` with these numbers; without one
-    /// where the request has none.
+    /// This head with the checksum of an answer to `request` with these numbers; no checksum if the
+    /// request has none.
     #[must_use]
     #[inline]
     pub fn checked(mut self, request: &RequestHead, numbers: &[f64]) -> ResponseHead {
@@ -51,7 +53,7 @@ impl ResponseHead {
         self
     }
 
-    /// True where this is what the server answered to `request`, which has a checksum.
+    /// True if the checksum of this answer to `request` holds; the request has a checksum.
     #[inline]
     pub fn is_intact(&self, request: &RequestHead, numbers: &[f64]) -> bool {
         self.sequence == request.sequence
@@ -74,18 +76,19 @@ fn sum(head: [u64; HEAD], numbers: &[f64]) -> u64 {
     let (blocks, rest) = numbers.as_chunks::<{ 2 * CHAINS }>();
     for block in blocks {
         for k in 0..CHAINS {
-            let (a, b) = (block[2 * k].to_bits(), block[2 * k + 1].to_bits());
+            let a = block[2 * k].to_bits();
+            let b = block[2 * k + 1].to_bits();
             sums[k] = sums[k].wrapping_add(product(a, b, key(first, k)));
         }
         first = key(first, CHAINS);
     }
 
-    // what is left; the count tells a missing number from a zero
+    // the rest; the count distinguishes a missing number from a zero
     let word = |k: usize| rest.get(k).map_or(0, |number| number.to_bits());
     for k in 0..CHAINS {
         if 2 * k < rest.len() {
-            let (a, b) = (word(2 * k), word(2 * k + 1));
-            sums[k] = sums[k].wrapping_add(product(a, b, key(first, k)));
+            let pair = product(word(2 * k), word(2 * k + 1), key(first, k));
+            sums[k] = sums[k].wrapping_add(pair);
         }
     }
 
@@ -224,7 +227,8 @@ mod tests {
 
     #[test]
     fn zeros_are_not_right_and_their_count_matters() {
-        let (request, answer) = (RequestHead::default(), ResponseHead::default());
+        let request = RequestHead::default();
+        let answer = ResponseHead::default();
         let zeros = [0.0; 200];
         for n in 0..zeros.len() {
             assert_ne!(of_request(&request, &zeros[..n]), 0, "{n} zeros");

@@ -1,5 +1,4 @@
-//! What client and server say to each other beside the data path: JSON messages through the control
-//! socket, each answered by one.
+//! Calls beside the data path: JSON messages through the control socket, each answered by one.
 
 use std::io::ErrorKind;
 use std::os::fd::OwnedFd;
@@ -14,7 +13,7 @@ use crate::{PROTOCOL_VERSION, Query, fnv1a_64};
 /// Bytes of model information in one answer.
 pub const PAGE: usize = 16 << 10;
 
-/// What every call begins with, of whatever version.
+/// The head of every call, in every version.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CallHead {
     /// [`PROTOCOL_VERSION`] of the client.
@@ -33,11 +32,11 @@ pub struct ControlRequest {
     /// Fingerprint of the model that the client expects; zero for any.
     #[serde(default)]
     pub fingerprint: u64,
-    /// What is asked.
+    /// The call itself.
     pub call: Call,
 }
 
-/// What a client asks.
+/// The calls of a client.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Call {
@@ -54,7 +53,7 @@ pub enum Call {
         /// The query.
         query: Box<Query>,
     },
-    /// End what this connection holds of a plan.
+    /// Release this connection's hold on a plan.
     Release {
         /// The plan.
         plan: PlanNumber,
@@ -76,7 +75,7 @@ pub enum Call {
     /// Give back the lane or the service of this connection; it is polled no more when this is
     /// answered.
     Leave,
-    /// What the server counts.
+    /// The server's counters.
     Statistics,
 }
 
@@ -93,11 +92,11 @@ pub struct ControlResponse {
     pub fingerprint: u64,
     /// Distinguishes the runs of a server.
     pub instance: u64,
-    /// What was granted, or why not.
+    /// The grant, or the reason of the refusal.
     pub outcome: Result<Grant, Refusal>,
 }
 
-/// What a server grants.
+/// The grants of a server.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Grant {
@@ -195,9 +194,9 @@ pub enum Refusal {
     },
     /// The shared memory is too full.
     NoSpace {
-        /// What this needs `[byte]`.
+        /// Memory that the grant needs `[byte]`.
         needed: u64,
-        /// What is free `[byte]`.
+        /// Free memory `[byte]`.
         free: u64,
     },
     /// The server is stopping.
@@ -206,7 +205,7 @@ pub enum Refusal {
     NoSuchPage,
     /// Something failed.
     Failed {
-        /// What.
+        /// The reason.
         reason: String,
     },
 }
@@ -242,7 +241,7 @@ impl ControlResponse {
         serde_json::from_slice(bytes).ok()
     }
 
-    /// The version of whatever answered; `None` where it says none.
+    /// The version of the answering server; `None` if the message has none.
     pub fn version_of(bytes: &[u8]) -> Option<u32> {
         serde_json::from_slice::<CallHead>(bytes).ok().map(|head| head.version)
     }
@@ -281,7 +280,7 @@ pub fn exchange(
 /// [`NoResponse`].
 pub fn send_call(socket: &ControlSocket, request: &ControlRequest) -> Result<(), NoResponse> {
     socket.send(&request.to_bytes(), None).map_err(|error| match error.kind() {
-        // it does not read what others and this client sent before
+        // the server does not read the messages that already wait in its queue
         ErrorKind::WouldBlock => NoResponse::Late,
         _ => NoResponse::Gone,
     })
@@ -327,7 +326,7 @@ pub fn receive_answer(
     }
 }
 
-/// FNV-1a of a query as it travels: an answer names by it what it answers.
+/// FNV-1a of a query as it travels; an answer identifies its query by this hash.
 pub fn query_hash(query: &Query) -> u64 {
     fnv1a_64(&serde_json::to_vec(query).unwrap_or_default())
 }

@@ -1,5 +1,5 @@
-//! What is counted of commands and buses. Each list stands here once: the wire, the bridge and
-//! those who show counts take their names and numbers from it.
+//! Counters of commands and buses. Each list stands here once: the wire, the bridge and every
+//! display take names and order from it.
 
 /// A command's possible verdicts: variant, name in JSON, words for people.
 macro_rules! verdicts {
@@ -100,7 +100,7 @@ counts! {
         received,
         /// Frames with an identifier of no motor.
         unknown,
-        /// Frames of a motor that cannot be what they claim to be.
+        /// Malformed frames of a motor.
         malformed,
         /// Frames that were not sent.
         dropped,

@@ -1,4 +1,4 @@
-//! Where everything of one user lives in shared memory, and what it is called there.
+//! The directory and the names of one user's files in shared memory.
 
 use std::fs::{self, File};
 use std::io;
@@ -25,7 +25,7 @@ pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
 const ALIVE: &str = "alive";
 /// The file with the random part of the names of the domain's nodes.
 const PREFIX: &str = "prefix";
-/// The file that says that the root was made here; a root without it was there before and stays.
+/// The file that marks a root directory made by sarrus; a root without it existed before and stays.
 const MADE: &str = "made";
 
 /// The directory and the names of all shared memory of one installation, fixed in code: no
@@ -45,7 +45,7 @@ pub struct Domain {
 /// A node of this process in a domain; the domain is not cleared while it is there.
 #[derive(Debug)]
 pub struct DomainNode<S: Service> {
-    // before the lock: what it leaves is cleared under it
+    // dropped before the lock, under which its files are cleared
     node: Node<S>,
     _alive: Arc<File>,
 }
@@ -70,10 +70,10 @@ pub enum DomainError {
     Root {
         /// The directory.
         path: PathBuf,
-        /// What the system says.
+        /// The operating system's error.
         source: io::Error,
     },
-    /// The root directory belongs to somebody else.
+    /// The root directory belongs to another user.
     #[error(
         "{path} belongs to user {owner}, expected {user}; remove it or name another directory in \
          SARRUS_ROOT"
@@ -115,7 +115,7 @@ pub enum DomainError {
     Node {
         /// The root directory.
         path: PathBuf,
-        /// What the transport says, and what to do.
+        /// The transport's error and a remedy.
         reason: String,
     },
 }
@@ -134,8 +134,8 @@ impl Domain {
         match is_ours {
             true => {
                 let domain = Domain::at(&runtime.join("sarrus"))?;
-                // a server may have started before the user's folder was there; what belongs to
-                // somebody else is no place of ours
+                // a server may have started before the user's folder existed; a directory of
+                // another user is not used
                 let other = Domain::at(&fallback).ok().map(|domain| domain.root);
                 Ok(Domain { other, ..domain })
             }
@@ -159,9 +159,9 @@ impl Domain {
         &self.root
     }
 
-    /// What the names of all of this domain's files in /dev/shm begin with.
+    /// The prefix of this domain's files in /dev/shm.
     pub fn prefix(&self) -> String {
-        // files lie side by side there whatever their root
+        // the files of all roots lie side by side there
         format!("sarrus_{:08x}_", hash(&self.root.to_string_lossy()))
     }
 
@@ -171,7 +171,7 @@ impl Domain {
         roots.into_iter().flatten().map(move |root| root.join("server").join(name.as_str()))
     }
 
-    /// A node of this process in the domain; clears away what dead processes left.
+    /// A node of this process in the domain; removes the files of dead processes.
     pub fn node<S: Service>(&self) -> Result<DomainNode<S>, DomainError> {
         let _lock = self.lock(File::lock_shared)?;
         let failed = |source| DomainError::Root { path: self.root.clone(), source };
@@ -182,8 +182,8 @@ impl Domain {
         Ok(DomainNode { node: node(&self.root, &config)?, _alive: Arc::new(alive) })
     }
 
-    /// Removes what nodes left once nobody has one any more, and the root where it is empty and was
-    /// made here.
+    /// Removes the files of nodes after the last node has closed, and the root directory if it is
+    /// empty and made by sarrus.
     pub(crate) fn clear_nodes(&self) -> Vec<PathBuf> {
         let lock = self.lock_existing(|directory| directory.try_lock().map_err(io::Error::from));
         let Ok(Some(_lock)) = lock else { return Vec::new() };
@@ -209,7 +209,7 @@ impl Domain {
         cleared
     }
 
-    /// Removes the root where it was made here and nobody uses it; true where it is gone.
+    /// Removes the root directory if sarrus made it and no process uses it; true if it is gone.
     fn remove_root(&self) -> bool {
         let made = self.root.join(MADE);
         let is_ours = fs::symlink_metadata(&made).is_ok_and(|found| found.is_file());
@@ -219,19 +219,19 @@ impl Domain {
         }
         let gone = fs::remove_file(&made).and_then(|()| fs::remove_dir(&self.root)).is_ok();
         if !gone {
-            // somebody came meanwhile
+            // another process came meanwhile
             let _ = self.open(MADE);
         }
         gone
     }
 
-    /// The random part of the names of nodes, made by whoever needs it first.
+    /// The random part of the names of nodes, made on first use.
     fn random_part(&self) -> io::Result<String> {
         let path = self.root.join(PREFIX);
         loop {
             match fs::read_to_string(&path) {
                 Ok(text) if text.len() == 8 => return Ok(text),
-                // half-written by somebody who died
+                // half-written by a process that died
                 Ok(_) => fs::remove_file(&path)?,
                 Err(error) if error.kind() == io::ErrorKind::NotFound => {}
                 Err(error) => return Err(error),
@@ -258,8 +258,8 @@ impl Domain {
             .open(self.root.join(name))
     }
 
-    /// The root directory, made if it is missing, and locked: nobody tidies while a node is being
-    /// made.
+    /// The root directory, created if missing, and locked: no process tidies while another creates
+    /// a node.
     fn lock(&self, lock: impl Fn(&File) -> io::Result<()>) -> Result<File, DomainError> {
         loop {
             self.make_root()?;
@@ -269,7 +269,7 @@ impl Domain {
         }
     }
 
-    /// The same where the directory is there.
+    /// The locked root directory; `None` if it does not exist.
     fn lock_existing(
         &self,
         lock: impl Fn(&File) -> io::Result<()>,
@@ -349,7 +349,7 @@ fn close_to_others(prefix: &str) {
         if let Ok(file) = rustix::fs::open(&path, flags, Mode::empty())
             && rustix::fs::fstat(&file).is_ok_and(|found| found.st_mode & 0o077 != 0)
         {
-            // one of somebody else stays as it is
+            // a file of another user stays as it is
             let _ = rustix::fs::fchmod(&file, Mode::RUSR | Mode::WUSR);
         }
     }
@@ -360,7 +360,8 @@ const DESCRIPTORS: u64 = 24;
 /// Shared memory without which nothing can be made `[byte]`.
 const LEAST_MEMORY: u64 = 64 << 10;
 
-/// Why the transport failed: it seldom says, so what usually is missing is looked at.
+/// The cause of a transport failure. The transport seldom reports it, so the usual causes are
+/// checked.
 pub(crate) fn reason(error: &dyn std::fmt::Debug) -> String {
     let limit = getrlimit(Resource::Nofile).current.unwrap_or(u64::MAX);
     // none is left to look at them
@@ -396,7 +397,7 @@ pub(crate) fn make_folder(path: &Path) -> io::Result<()> {
     fs::DirBuilder::new().recursive(true).mode(0o700).create(path)
 }
 
-/// The same for a root, which says that it was made here.
+/// Makes a root and marks it as made here.
 pub(crate) fn make_root(path: &Path) -> io::Result<()> {
     if let Some(parent) = path.parent() {
         make_folder(parent)?;
@@ -443,7 +444,7 @@ pub(crate) fn remove_shared(prefix: &str) -> Vec<PathBuf> {
     shared_files(prefix).filter(|path| fs::remove_file(path).is_ok()).collect()
 }
 
-/// A number that nobody guesses.
+/// A random number that cannot be guessed.
 pub(crate) fn random() -> u64 {
     let mut bytes = [0; 8];
     // a kernel that gives no random numbers at all does not run this server
@@ -525,7 +526,7 @@ mod tests {
             let domain = Domain::at(root).unwrap();
             drop(domain.node::<iceoryx2::service::ipc_threadsafe::Service>().unwrap());
             assert!(root.join(PREFIX).exists());
-            // what somebody else put there keeps it
+            // a file of another program keeps the directory
             fs::write(root.join("mine"), "").unwrap();
             assert!(!domain.clear_nodes().contains(root));
             assert!(root.join("mine").exists() && !root.join(PREFIX).exists());

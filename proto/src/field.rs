@@ -119,7 +119,7 @@ impl Field {
         self.shape_of_rows(s, s, n_frames, n_wrenches)
     }
 
-    /// The shape where only the rows of some joints are picked, as many as the sizes `p` say.
+    /// The shape if a query picks the rows of some joints; the sizes `p` count them.
     pub const fn shape_of_rows(
         self,
         s: &Sizes,
@@ -219,7 +219,8 @@ impl FieldSet {
 
     /// The set of the given fields.
     pub const fn of(fields: &[Field]) -> FieldSet {
-        let (mut bits, mut k) = (0, 0);
+        let mut bits = 0;
+        let mut k = 0;
         while k < fields.len() {
             bits |= 1 << fields[k] as u8;
             k += 1;

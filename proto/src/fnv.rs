@@ -1,4 +1,4 @@
-//! FNV-1a: names of things by what they hold.
+//! FNV-1a: names derived from contents.
 
 /// FNV-1a of 64 bits: h ← (h ⊕ byte) · 0x100000001b3 from 0xcbf29ce484222325 (G. Fowler,
 /// L. C. Noll, K.-P. Vo; RFC 9923).

@@ -1,6 +1,6 @@
 //! Whether a run of the server is alive: a page that its answering thread writes and its clients
-//! map read-only. It has no name and no port: it goes through the control socket, nothing of it can
-//! stay behind, and nobody but the server can write it.
+//! map read-only. It has no name and no port: its descriptor goes through the control socket, it
+//! leaves no file behind, and only the server can write it.
 
 use std::io;
 use std::os::fd::{AsFd, OwnedFd};
@@ -39,7 +39,7 @@ impl HeartbeatWriter {
     /// A new page.
     pub fn new() -> io::Result<HeartbeatWriter> {
         let (mapping, memory) = Mapping::create("sarrus-heartbeat", WORDS)?;
-        // whoever gets the descriptor from now on can only read
+        // every descriptor sent from now on is read-only
         fcntl_add_seals(&memory, SealFlags::FUTURE_WRITE | SealFlags::SEAL)?;
         let mut writer = HeartbeatWriter { mapping, memory, beats: 0 };
         writer.beat(false);
@@ -51,7 +51,7 @@ impl HeartbeatWriter {
         self.memory.as_fd().try_clone_to_owned()
     }
 
-    /// Says that the server answers, or that it has ended in order. No system call.
+    /// Publishes that the server answers, or that it has ended in order. No system call.
     pub fn beat(&mut self, stopped: bool) {
         self.beats += 1;
         let words = self.mapping.words();

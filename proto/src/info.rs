@@ -38,7 +38,7 @@ pub struct ModelInfo {
     pub limits: Vec<Option<JointLimits>>,
     /// One for each submechanism.
     pub closures: Vec<ClosureInfo>,
-    /// What is remarkable about the files, one line each; a model alone has none.
+    /// Warnings about the files, one line each; a model without files has none.
     pub warnings: Vec<String>,
 }
 
@@ -57,7 +57,7 @@ pub struct JointLimits {
 }
 
 impl JointLimits {
-    /// What is limited, with the least and the greatest value of it: the columns of
+    /// Each limited quantity with its least and greatest value: the columns of
     /// [`crate::Field::Limits`].
     pub fn ranges(&self) -> [(&'static str, Option<f64>, Option<f64>); 3] {
         let both = |what, most: Option<f64>| (what, most.map(|x| -x), most);
@@ -138,9 +138,11 @@ impl ModelInfo {
     /// one degree of freedom has one name in both; one of several has a name for each part, behind
     /// a stroke (`base/rx`, `base/qx`).
     pub fn joints(&self) -> impl Iterator<Item = TreeJoint<'_>> {
-        let (mut v, mut q) = (0, 0);
+        let mut v = 0;
+        let mut q = 0;
         core::iter::from_fn(move || {
-            let (velocity, coordinate) = (self.tree.get(v)?, self.tree_q.get(q)?);
+            let velocity = self.tree.get(v)?;
+            let coordinate = self.tree_q.get(q)?;
             let (name, n_v, n_q) = if velocity == coordinate {
                 (velocity.as_str(), 1, 1)
             } else if coordinate.ends_with("/qx") {
@@ -153,7 +155,8 @@ impl ModelInfo {
                 v: v..(v + n_v).min(self.tree.len()),
                 q: q..(q + n_q).min(self.tree_q.len()),
             };
-            (v, q) = (v + n_v, q + n_q);
+            v += n_v;
+            q += n_q;
             Some(joint)
         })
     }
@@ -172,7 +175,7 @@ impl ModelInfo {
         serde_json::to_vec(self).unwrap_or_default()
     }
 
-    /// Reads what travelled.
+    /// Reads the information from its JSON.
     pub fn from_json(bytes: &[u8]) -> Option<ModelInfo> {
         serde_json::from_slice(bytes).ok()
     }

@@ -13,34 +13,33 @@
 //! (`Acquire`), copies the value w − 1, then does `compare_exchange(w, w, AcqRel, SeqCst)`, and
 //! copies again where that fails.
 //!
-//! *What is published is complete.* The stores of a value come before its `fetch_add` (`Release`),
+//! *A published value is complete.* The stores of a value come before its `fetch_add` (`Release`),
 //! and the reader's load of the counter (`Acquire`, or the failed exchange's `SeqCst`) before its
 //! copy. The look of `is_up_to_date` is `Relaxed`, but `get` loads the counter again, and loads of
 //! one atomic by one thread never go back. This holds on x86-64 and on ARM.
 //!
-//! *What is copied is not written meanwhile*, where the writer waits for the other side: the place
-//! of w − 1 is filled again with w + 1, after an answer to w; that answer was published (`Release`)
-//! by the thread that had copied w and all before it, and was seen (`Acquire`) by the writer. A
-//! client waits in this way for the server, and the server for the client's next request.
+//! *A value is not written while it is copied* if the writer waits for the other side: the place of
+//! w − 1 is filled again with w + 1, after an answer to w; that answer was published (`Release`) by
+//! the thread that had copied w and all before it, and was seen (`Acquire`) by the writer. A client
+//! waits in this way for the server, and the server for the client's next request.
 //!
 //! *Where the writer does not wait* (a client gave its request up and asks again), it may fill the
 //! place while the reader copies it, and the reader must then find the counter at w + 1. So no
 //! store of the value w + 1 may be seen before that counter. x86-64 keeps the order: a locked
 //! instruction is a fence, and stores are seen in their order. ARM does not: `Release` on a
-//! read-modify-write (`ldaddl`, or `ldxr` with `stlxr`) holds back what comes before it, not the
+//! read-modify-write (`ldaddl`, or `ldxr` with `stlxr`) orders the operations before it, not the
 //! stores after it. Hence the `fence(Acquire)` between a publication and the next store: `dmb
 //! ishld` on ARM, no instruction on x86-64. A reader's exchange that succeeds at w precedes the
-//! `fetch_add` to w + 1 in the counter's order, which reads what that exchange wrote or what an
-//! exchange behind it did: the exchange (`Release`) synchronises with the fence, and the reader's
-//! copy happens before every store behind the fence. A copy that saw such a store belongs to an
-//! exchange that fails.
+//! `fetch_add` to w + 1 in the counter's order, which reads the value that this or a later exchange
+//! wrote: the exchange (`Release`) synchronises with the fence, and the reader's copy happens
+//! before every store behind the fence. A copy that saw such a store belongs to an exchange that
+//! fails.
 //!
-//! *What is left to iceoryx2*: a copy whose exchange fails has read bytes while they were written.
+//! *Left to iceoryx2*: a copy whose exchange fails has read bytes while they were written.
 //! It is thrown away, and no processor minds, but by the letter of the language these bytes would
 //! have to be atomic. Entries that are written by `update_with_copy` have no such fence. Payloads
 //! of the service pass through iceoryx2's queues; requests there are words, each of them atomic.
-// lint: writing in place into shared memory cannot be said in safe Rust; everything that needs it
-// is in this file
+// lint: safe Rust cannot write in place into shared memory; all code that needs it is in this file
 #![allow(unsafe_code)]
 
 use core::ptr::addr_of_mut;
@@ -88,8 +87,8 @@ plain! {
 
 /// The reading end of a board.
 pub trait Inbox<H>: Send {
-    /// The entry when it was written since the last call. It is copied before anybody looks at it:
-    /// what the writer does meanwhile changes nothing. Makes no system call, takes no lock, never
+    /// The entry when it was written since the last call. It is copied before it is read, so that a
+    /// concurrent write changes nothing. Makes no system call, takes no lock, never
     /// allocates.
     fn poll(&mut self) -> Option<(H, &[f64])>;
     /// True when `poll` would give the entry.
@@ -98,8 +97,8 @@ pub trait Inbox<H>: Send {
 
 /// The writing end of a board.
 pub trait Outbox<H>: Send {
-    /// The numbers of the entry being written, with what they happen to hold; the reader does not
-    /// see them yet.
+    /// The numbers of the entry being written, with arbitrary contents; the reader does not see
+    /// them yet.
     fn numbers(&mut self) -> &mut [f64];
     /// Gives head and numbers to the reader. Makes no system call, takes no lock, never allocates.
     fn publish(&mut self, head: H);
@@ -110,7 +109,7 @@ struct Reading<H: Copy + 'static, const N: usize> {
     last: BlackboardValue<Entry<H, N>>,
 }
 
-/// The reading end of the entry of a board; what is written already counts as read.
+/// The reading end of the entry of a board; an entry written before counts as read.
 pub(crate) fn inbox<H: Copy + Send + 'static, const N: usize>(
     reader: &Reader<Threadsafe, u64>,
 ) -> Option<Box<dyn Inbox<H>>>
@@ -177,7 +176,7 @@ impl<H: Copy + Send + 'static, const N: usize> Outbox<H> for Writing<H, N> {
             // SAFETY: as in `numbers`; the head is plain data.
             unsafe { addr_of_mut!((*value.value_mut().as_mut_ptr()).head).write(head) };
             // SYNC POINT: lane entry (the other end is `poll`) SAFETY: the head was just written,
-            // and numbers nobody wrote hold what the mapping held: any bits are a double.
+            // and unwritten numbers hold earlier bytes of the mapping: any bits are a double.
             let entry = unsafe { value.assume_init_and_update() };
             // SYNC POINT: next entry (the other end is the second look of iceoryx2's `load`): no
             // store into the next value comes before this, see the head of this file
@@ -203,7 +202,7 @@ pub fn send_request<S: Service>(
 ) -> Option<ComputePending<S>> {
     let request = client.loan_uninit().ok()?;
     // SAFETY: the payload lies in a shared mapping: every byte has some value, and any bits are an
-    // atomic integer. Only head and numbers are touched, whatever the payload could hold.
+    // atomic integer. Only the head and the numbers in use are touched.
     let request = unsafe { request.assume_init() };
     request.payload().write(head, numbers);
     request.send().ok().filter(|pending| pending.number_of_server_connections() > 0)

@@ -56,12 +56,12 @@ pub struct Layout {
 const ABSENT: u8 = u8::MAX;
 
 impl Layout {
-    /// The layout of what a request gives.
+    /// The layout of the fields that a request gives.
     pub fn of_given(query: &Query, sizes: &Sizes) -> Layout {
         Layout::pack(query.given, query, sizes, sizes)
     }
 
-    /// The layout of what an answer holds, with the rows of the joints that the query picks.
+    /// The layout of an answer's fields, with the rows of the joints that the query picks.
     pub fn of_want(query: &Query, model: &ModelInfo) -> Layout {
         if query.joint_runs().is_empty() {
             return Layout::pack(query.want, query, &model.sizes, &model.sizes);
@@ -69,7 +69,7 @@ impl Layout {
         Layout::of_rows(query, model, &Rows::of(query, model))
     }
 
-    /// The same with the rows that are already known.
+    /// The layout of an answer for rows that are already known.
     pub fn of_rows(query: &Query, model: &ModelInfo, rows: &Rows) -> Layout {
         Layout::pack(query.want, query, &model.sizes, &rows.sizes(model))
     }
@@ -96,14 +96,16 @@ impl Layout {
     }
 
     fn pack(set: FieldSet, query: &Query, sizes: &Sizes, picked: &Sizes) -> Layout {
-        let (mut len, mut index) = (0, [ABSENT; Field::ALL.len()]);
+        let mut len = 0;
+        let mut index = [ABSENT; Field::ALL.len()];
+        let n_frames = query.n_frames as usize;
+        let n_wrenches = query.n_wrenches as usize;
         let slots = set
             .iter()
             .enumerate()
             .map(|(k, field)| {
                 index[field as usize] = k as u8;
-                let (frames, wrenches) = (query.n_frames as usize, query.n_wrenches as usize);
-                let (rows, columns) = field.shape_of_rows(sizes, picked, frames, wrenches);
+                let (rows, columns) = field.shape_of_rows(sizes, picked, n_frames, n_wrenches);
                 let slot = Slot { field, offset: len, rows, columns };
                 len += rows * columns;
                 slot

@@ -1,14 +1,15 @@
 //! The wire contract of sarrus.
 //!
-//! Without the feature `transport` this crate is the vocabulary that the mathematics and the wire
-//! share and depends on nothing: what can be asked ([`Request`], [`Field`], [`Query`]), how
-//! numbers are packed ([`Layout`]), how an answer ends ([`Status`], [`Warnings`]) and what there is
-//! to know about a robot ([`ModelInfo`]). With it, it also holds the services over shared memory.
+//! Without the feature `transport` this crate is the vocabulary of the mathematics and the wire,
+//! and has no dependencies: requests ([`Request`], [`Field`], [`Query`]), the packing of numbers
+//! ([`Layout`]), the outcome of a request ([`Status`], [`Warnings`]) and the description of a robot
+//! ([`ModelInfo`]). The feature adds the control socket and the shared memory.
 
 pub mod actuators;
 mod answer;
 pub mod counts;
 mod field;
+mod fields;
 mod fnv;
 mod info;
 mod layout;
@@ -49,6 +50,7 @@ pub mod supervision;
 
 pub use answer::{Answer, FailedState};
 pub use field::{Field, FieldSet};
+pub use fields::{FIELDS, FieldEntry};
 pub use fnv::fnv1a_64;
 pub use info::{ClosureInfo, ClosureKind, JointLimits, ModelInfo, TreeJoint};
 pub use layout::{Layout, Sizes, Slot};

@@ -1,6 +1,6 @@
 //! Memory that server and client share without a name: a file in memory that goes through the
-//! control socket, mapped as words. Its size is sealed, so that every word stays there whatever the
-//! other side does, and each word is read and written whole.
+//! control socket, mapped as words. Its size is sealed, so that the other side cannot shrink it,
+//! and each word is read and written whole.
 // lint: a mapping cannot be made in safe Rust; everything that needs it is in this file
 #![allow(unsafe_code)]
 
@@ -71,8 +71,8 @@ impl Mapping {
     /// Gives the memory back for everybody who maps it or keeps its descriptor: zeros are read from
     /// now on, and who writes takes memory anew. Where that is refused it stays as it is.
     pub(crate) fn empty(&self) {
-        // SAFETY: all of it is this mapping's; its words stay mapped, and are atomic integers
-        // whatever they become.
+        // SAFETY: all of it is this mapping's; its words stay mapped and are atomic integers, for
+        // which any bits are valid.
         let _ = unsafe {
             madvise(self.start.as_ptr().cast(), bytes(self.n_words), Advice::LinuxRemove)
         };

@@ -1,4 +1,4 @@
-//! What travels: fixed-size, plain numbers, no pointer and no length that anybody trusts.
+//! Payloads: plain numbers of fixed size, without pointers and without trusted lengths.
 
 use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
@@ -39,7 +39,7 @@ impl PlanNumber {
     }
 }
 
-/// What every request begins with, through either transport.
+/// The head of every request, through either transport.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C)]
 pub struct RequestHead {
@@ -63,7 +63,7 @@ pub struct RequestHead {
     pub checksum: u64,
 }
 
-/// What every answer begins with, through either transport.
+/// The head of every answer, through either transport.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C)]
 pub struct ResponseHead {
@@ -73,11 +73,10 @@ pub struct ResponseHead {
     pub warnings: u32,
     /// The request's sequence.
     pub sequence: u64,
-    /// How old the request was when the server took it `[ns]`, at most what fits; 0 where it has no
-    /// stamp.
+    /// Age of the request when the server took it `[ns]`, saturated; 0 if it has no stamp.
     pub age_ns: u32,
-    /// From taking the request to publishing this answer `[ns]`, at most what fits; 0 where the
-    /// request has no stamp.
+    /// Time from taking the request to publishing this answer `[ns]`, saturated; 0 if the request
+    /// has no stamp.
     pub took_ns: u32,
     /// [`checksum::of_answer`] where the request has one; else 0.
     ///
@@ -88,8 +87,14 @@ pub struct ResponseHead {
 impl ResponseHead {
     /// The head of an answer.
     pub const fn new(status: Status, warnings: Warnings, sequence: u64) -> ResponseHead {
-        let (status, warnings) = (status as u32, warnings.0);
-        ResponseHead { status, warnings, sequence, age_ns: 0, took_ns: 0, checksum: 0 }
+        ResponseHead {
+            status: status as u32,
+            warnings: warnings.0,
+            sequence,
+            age_ns: 0,
+            took_ns: 0,
+            checksum: 0,
+        }
     }
 }
 
@@ -123,8 +128,8 @@ pub struct ComputeRequest {
 }
 
 impl ComputeRequest {
-    /// Writes the head and the numbers; what does not fit is left out, the server refuses plans
-    /// that need more.
+    /// Writes the head and the numbers; numbers beyond the payload are dropped, since the server
+    /// refuses plans that need more.
     pub fn write(&self, head: &RequestHead, numbers: &[f64]) {
         self.version_plan.store(u64::from(head.version) | u64::from(head.plan) << 32, Relaxed);
         self.fingerprint.store(head.fingerprint, Relaxed);
@@ -164,7 +169,7 @@ impl ComputeRequest {
 /// An answer through the service.
 pub type ComputeResponse = Entry<ResponseHead, MAX_NUMBERS_OUT>;
 
-/// What the thread that answers counts, every counter once: a `u64` as it travels, an atomic
+/// Counters of the answering thread, every counter once: a `u64` as it travels, an atomic
 /// integer where it is counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[repr(C)]
@@ -199,12 +204,12 @@ impl<N> Counts<N> {
     }
 }
 
-/// The state of a run of the server, as its maintenance thread tells whoever asks.
+/// The state of a run of the server, as its maintenance thread reports it.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Statistics {
     /// Seconds since the server was ready.
     pub uptime: f64,
-    /// What the thread that answers counted.
+    /// Counters of the answering thread.
     pub counts: Counts,
     /// Time from finding a request of one state to publishing its answer `[ns]`: p50, p90, p99,
     /// p99.9 and the largest, to about 6 %.
@@ -223,7 +228,7 @@ pub struct Statistics {
     pub pool_allocations: u64,
     /// Process number of the server.
     pub process: u64,
-    /// Who is connected.
+    /// The connected clients.
     pub clients: Vec<ClientStatistics>,
 }
 
@@ -232,7 +237,7 @@ pub struct Statistics {
 pub struct ClientStatistics {
     /// Its process number; 0 where that is not known here.
     pub process: u64,
-    /// What it has: `lane`, `service` or `none`.
+    /// Its transport: `lane`, `service` or `none`.
     pub end: String,
     /// Plans that it holds.
     pub plans: u64,

@@ -11,7 +11,7 @@ pub const MAX_WRENCHES: usize = 16;
 pub const MAX_JOINT_RUNS: usize = 31;
 
 wire_enum! {
-    /// What is asked.
+    /// The kinds of request.
     Request: u32 {
         /// Positions, velocities, accelerations, closures, frames.
         Kinematics = 1, "kinematics";
@@ -25,7 +25,7 @@ wire_enum! {
 }
 
 impl Request {
-    /// What is answered when a script names no query.
+    /// The wanted fields of a request that names none.
     pub const fn default_want(self) -> FieldSet {
         match self {
             Request::Kinematics | Request::Map => {
@@ -35,10 +35,71 @@ impl Request {
             Request::ForwardDynamics => FieldSet::of(&[Field::Ydd]),
         }
     }
+
+    /// The fields that a request of this kind can give.
+    const fn inputs(self) -> FieldSet {
+        use Field::*;
+        const MOTION: FieldSet =
+            FieldSet::of(&[Y, Yd, Ydd, Q, Qd, Qdd, U, Ud, Udd, QGuess, QdGuess]);
+        const VELOCITY: FieldSet = FieldSet::of(&[Y, Yd, Q, Qd, U, Ud, QGuess, QdGuess]);
+        match self {
+            Request::Kinematics => MOTION,
+            Request::InverseDynamics => MOTION.with(Wrenches),
+            Request::ForwardDynamics => VELOCITY.with(Wrenches).with(TauQ).with(TauY).with(TauU),
+            Request::Map => MOTION.with(TauQ).with(TauY).with(TauU),
+        }
+    }
+
+    /// The fields that an answer to a request of this kind can hold.
+    const fn outputs(self) -> FieldSet {
+        use Field::*;
+        const STATE: FieldSet = FieldSet::of(&[
+            Y,
+            Yd,
+            Ydd,
+            Q,
+            Qd,
+            Qdd,
+            U,
+            Ud,
+            Udd,
+            G,
+            GBias,
+            GU,
+            GUBias,
+            K,
+            KBias,
+            Residual,
+            Iterations,
+            CondKd,
+            CondGu,
+            SigmaMin,
+            Branch,
+            GoodIndependents,
+            Uncontrolled,
+            NearestY,
+            FramePose,
+            FrameTwist,
+            FrameAcc,
+            JacobianTree,
+            JacobianIndependent,
+            JacobianActuator,
+            Projection,
+            Limits,
+        ]);
+        const DYNAMICS: FieldSet =
+            STATE.with(Lambda).with(LambdaDeterminate).with(MY).with(CY).with(CondMy).with(TauY);
+        match self {
+            Request::Kinematics => STATE,
+            Request::InverseDynamics => DYNAMICS.with(TauU).with(TauUnactuated).with(TauQ),
+            Request::ForwardDynamics => DYNAMICS,
+            Request::Map => STATE.with(TauY).with(TauU).with(TauUnactuated),
+        }
+    }
 }
 
-/// What travels beside the numbers of a query, as bits. Mathematics does not know them, but equal
-/// queries have equal options.
+/// Additions to the heads of a query's requests and answers, as bits. The mathematics does not
+/// depend on them, but equal queries have equal options.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "transport", derive(serde::Serialize, serde::Deserialize))]
 #[repr(transparent)]
@@ -49,7 +110,7 @@ impl QueryOptions {
     pub const NONE: QueryOptions = QueryOptions(0);
     /// Requests and answers have a checksum.
     pub const CHECKSUM: QueryOptions = QueryOptions(1);
-    /// Requests have a stamp, and answers say how old they were and how long they took.
+    /// Requests have a stamp; answers have the request's age and the time taken.
     pub const TIMES: QueryOptions = QueryOptions(2);
 
     const KNOWN: QueryOptions = QueryOptions::CHECKSUM.with(QueryOptions::TIMES);
@@ -98,9 +159,8 @@ impl Default for Tolerance {
     }
 }
 
-/// What a plan is made for: the fields that a request gives and those that the answer holds. Its
-/// bytes are those on the wire, so it holds plain numbers only and is checked by [`Query::check`]
-/// before use.
+/// The subject of a plan: the fields of the request and the fields of the answer. Its bytes travel
+/// unchanged, so it holds plain numbers only, and [`Query::check`] checks it before use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "transport", derive(serde::Serialize, serde::Deserialize))]
 #[repr(C)]
@@ -115,7 +175,7 @@ pub struct Query {
     pub given: FieldSet,
     /// The fields that each answer holds.
     pub want: FieldSet,
-    /// What travels beside them.
+    /// Additions to the heads of requests and answers.
     pub options: QueryOptions,
     /// From which gap of a redundant row on an answer carries [`crate::Warnings::LOOP_OPEN`].
     pub loop_tolerance: Tolerance,
@@ -147,7 +207,7 @@ pub enum QueryError {
     BadTolerance,
     /// More frames or wrenches than a plan can name.
     TooMany {
-        /// What there are too many of.
+        /// The list that is too long.
         what: &'static str,
         /// How many a plan can name.
         limit: usize,
@@ -223,8 +283,8 @@ impl Query {
         }
     }
 
-    /// The same query for the rows of these tree velocities alone, ascending; none stands for all.
-    /// Runs beyond [`MAX_JOINT_RUNS`] are counted and refused by [`Query::check`].
+    /// Restricts the query to the rows of these tree velocities, ascending; an empty list selects
+    /// all. Runs beyond [`MAX_JOINT_RUNS`] are counted and refused by [`Query::check`].
     #[must_use]
     pub fn with_joints(mut self, velocities: impl IntoIterator<Item = u16>) -> Query {
         let mut runs = 0;
@@ -244,8 +304,8 @@ impl Query {
         self
     }
 
-    /// The same query with the frames of these links; indices beyond [`MAX_FRAMES`] are counted and
-    /// refused by [`Query::check`].
+    /// Sets the links whose frames are asked; indices beyond [`MAX_FRAMES`] are counted and refused
+    /// by [`Query::check`].
     #[must_use]
     pub fn with_frames(mut self, links: &[u16]) -> Query {
         self.n_frames = links.len().min(u16::MAX as usize) as u16;
@@ -253,7 +313,7 @@ impl Query {
         self
     }
 
-    /// The same query with wrenches on these links; gives [`Field::Wrenches`].
+    /// Sets the links that wrenches act on; adds [`Field::Wrenches`] to the given fields.
     #[must_use]
     pub fn with_wrenches(mut self, links: &[u16]) -> Query {
         self.n_wrenches = links.len().min(u16::MAX as usize) as u16;
@@ -262,22 +322,21 @@ impl Query {
         self
     }
 
-    /// The same query with these options as well.
+    /// Adds these options to the query.
     #[must_use]
     pub const fn with_options(mut self, options: QueryOptions) -> Query {
         self.options = self.options.with(options);
         self
     }
 
-    /// The same query with this gap of redundant rows allowed, in radians or lengths of the
-    /// cluster.
+    /// Sets the allowed gap of redundant rows, in radians or lengths of the cluster.
     #[must_use]
     pub const fn with_loop_tolerance(mut self, tolerance: f64) -> Query {
         self.loop_tolerance = Tolerance::new(tolerance);
         self
     }
 
-    /// The same query with this distance of the given state allowed, in radians or lengths of the
+    /// Sets the allowed distance of the given state from the answer's, in radians or lengths of the
     /// cluster.
     #[must_use]
     pub const fn with_projection_tolerance(mut self, tolerance: f64) -> Query {
@@ -302,9 +361,17 @@ impl Query {
 
     /// Checks everything that does not depend on numbers.
     pub fn check(&self, model: &ModelInfo) -> Result<Request, QueryError> {
-        use Field::*;
         let request =
             Request::from_code(self.request).ok_or(QueryError::UnknownRequest(self.request))?;
+        self.check_options()?;
+        self.check_links(model)?;
+        self.check_joints(model)?;
+        self.check_given(request)?;
+        self.check_want(request)?;
+        Ok(request)
+    }
+
+    fn check_options(&self) -> Result<(), QueryError> {
         if !self.given.is_known() || !self.want.is_known() {
             return Err(QueryError::UnknownField);
         }
@@ -316,20 +383,24 @@ impl Query {
                 return Err(QueryError::BadTolerance);
             }
         }
+        Ok(())
+    }
+
+    fn check_links(&self, model: &ModelInfo) -> Result<(), QueryError> {
         if self.n_frames as usize > MAX_FRAMES {
             return Err(QueryError::TooMany { what: "frames", limit: MAX_FRAMES });
         }
         if self.n_wrenches as usize > MAX_WRENCHES {
             return Err(QueryError::TooMany { what: "wrenches", limit: MAX_WRENCHES });
         }
-        if let Some(link) = self
-            .frames()
-            .iter()
-            .chain(self.wrench_links())
-            .find(|link| **link as usize >= model.links.len())
-        {
-            return Err(QueryError::UnknownLink(*link));
+        let mut links = self.frames().iter().chain(self.wrench_links());
+        match links.find(|link| **link as usize >= model.links.len()) {
+            Some(link) => Err(QueryError::UnknownLink(*link)),
+            None => Ok(()),
         }
+    }
+
+    fn check_joints(&self, model: &ModelInfo) -> Result<(), QueryError> {
         if self.n_joint_runs as usize > MAX_JOINT_RUNS {
             return Err(QueryError::TooMany { what: "runs of joints", limit: MAX_JOINT_RUNS });
         }
@@ -343,19 +414,13 @@ impl Query {
             }
             end = Some(behind);
         }
+        Ok(())
+    }
 
-        // what may be given
-        const MOTION: FieldSet =
-            FieldSet::of(&[Y, Yd, Ydd, Q, Qd, Qdd, U, Ud, Udd, QGuess, QdGuess]);
-        const VELOCITY: FieldSet = FieldSet::of(&[Y, Yd, Q, Qd, U, Ud, QGuess, QdGuess]);
-        const FORCES: FieldSet = FieldSet::of(&[TauQ, TauY, TauU]);
-        let inputs = match request {
-            Request::Kinematics => MOTION.0,
-            Request::InverseDynamics => MOTION.with(Wrenches).0,
-            Request::ForwardDynamics => VELOCITY.with(Wrenches).0 | FORCES.0,
-            Request::Map => MOTION.0 | FORCES.0,
-        };
-        if let Some(field) = self.given.iter().find(|field| inputs >> *field as u8 & 1 == 0) {
+    fn check_given(&self, request: Request) -> Result<(), QueryError> {
+        use Field::*;
+        let inputs = request.inputs();
+        if let Some(field) = self.given.iter().find(|field| !inputs.has(*field)) {
             return Err(QueryError::NotAnInput(field));
         }
         // one space for each order of motion, and one for the forces
@@ -371,53 +436,13 @@ impl Query {
         if request == Request::ForwardDynamics && !self.given.has_any(&[TauQ, TauY, TauU]) {
             return Err(QueryError::Missing("the forces: give tau_u, tau_y or tau_q"));
         }
+        Ok(())
+    }
 
-        // what may be asked
-        const STATE: FieldSet = FieldSet::of(&[
-            Y,
-            Yd,
-            Ydd,
-            Q,
-            Qd,
-            Qdd,
-            U,
-            Ud,
-            Udd,
-            G,
-            GBias,
-            GU,
-            GUBias,
-            K,
-            KBias,
-            Residual,
-            Iterations,
-            CondKd,
-            CondGu,
-            SigmaMin,
-            Branch,
-            GoodIndependents,
-            Uncontrolled,
-            NearestY,
-            FramePose,
-            FrameTwist,
-            FrameAcc,
-            JacobianTree,
-            JacobianIndependent,
-            JacobianActuator,
-            Projection,
-            Limits,
-        ]);
-        const DYNAMICS: FieldSet = FieldSet::of(&[Lambda, LambdaDeterminate, MY, CY, CondMy]);
-        let outputs = STATE.0
-            | match request {
-                Request::Kinematics => 0,
-                Request::InverseDynamics => {
-                    DYNAMICS.with(TauY).with(TauU).with(TauUnactuated).with(TauQ).0
-                }
-                Request::ForwardDynamics => DYNAMICS.with(TauY).0,
-                Request::Map => FieldSet::of(&[TauY, TauU, TauUnactuated]).0,
-            };
-        if let Some(field) = self.want.iter().find(|field| outputs >> *field as u8 & 1 == 0) {
+    fn check_want(&self, request: Request) -> Result<(), QueryError> {
+        use Field::*;
+        let outputs = request.outputs();
+        if let Some(field) = self.want.iter().find(|field| !outputs.has(*field)) {
             return Err(QueryError::NotAnOutput(field));
         }
         let forces_given = self.given.has_any(&[TauQ, TauY, TauU]);
@@ -427,6 +452,6 @@ impl Query {
         {
             return Err(QueryError::Missing("the forces: give tau_u, tau_y or tau_q"));
         }
-        Ok(request)
+        Ok(())
     }
 }

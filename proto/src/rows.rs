@@ -38,7 +38,8 @@ impl Rows {
         let is_picked = |v: usize| {
             query.joint_runs().iter().any(|run| (run[0] as usize..run[1] as usize).contains(&v))
         };
-        let (mut rows, mut names) = (Rows::default(), HashMap::new());
+        let mut rows = Rows::default();
+        let mut names = HashMap::new();
         for joint in model.joints() {
             // a joint of several degrees of freedom is picked as a whole
             let picked = joint.v.clone().any(is_picked);
@@ -59,7 +60,7 @@ impl Rows {
         rows
     }
 
-    /// How many rows there are in each space; what has no joints is as in the model.
+    /// How many rows there are in each space; spaces without joints are as in the model.
     pub fn sizes(&self, model: &ModelInfo) -> Sizes {
         Sizes {
             n_q: self.q.len(),

@@ -2,9 +2,9 @@
 //! for each connection.
 //!
 //! `ROOT/server/NAME` is locked by the process that serves under this name and holds its control
-//! socket; `ROOT/INSTANCE` is locked by the same process and holds a folder for each connection.
-//! Locks end with their process, whatever ends it, so whoever finds a folder unlocked may clear it:
-//! nothing else decides whether a run is alive.
+//! socket; `ROOT/INSTANCE` is locked by the same process and holds a folder for each connection. A
+//! lock ends with its process, even if the process is killed, so any process may clear an unlocked
+//! folder: nothing else decides whether a run is alive.
 
 use std::fs::{self, File, TryLockError};
 use std::io;
@@ -21,10 +21,10 @@ use crate::{Domain, DomainError, ServerName};
 
 /// How long the transport waits for a file of a link whose maker has not finished it.
 const HALF_MADE: Duration = Duration::from_millis(100);
-/// Numbers of links: as many as six digits say, which paths have room for.
+/// Numbers of links: six hexadecimal digits, for which paths have room.
 const LINK_NUMBERS: u64 = 0xff_ffff;
 
-/// Numbers of runs: as many as eight digits say.
+/// Numbers of runs: eight hexadecimal digits.
 const INSTANCES: u64 = 0xffff_ffff;
 
 /// A server's name and folder, held until this is dropped; then nothing of the run is left.
@@ -47,7 +47,7 @@ pub enum RunError {
     Folder {
         /// The folder.
         path: PathBuf,
-        /// What the system says.
+        /// The operating system's error.
         source: io::Error,
     },
     /// The domain cannot be entered.
@@ -55,7 +55,7 @@ pub enum RunError {
 }
 
 impl Run {
-    /// Takes a name, after what dead servers left was cleared away.
+    /// Takes a name, after the files of dead servers are removed.
     pub fn start(domain: &Domain, name: &ServerName) -> Result<Run, RunError> {
         domain.make_root().map_err(RunError::Domain)?;
         let name_folder = domain.root().join("server").join(name.as_str());
@@ -63,7 +63,7 @@ impl Run {
             match lock_folder(&name_folder) {
                 Ok(Some(lock)) => break lock,
                 Ok(None) => return Err(RunError::Taken),
-                // somebody removed it meanwhile
+                // another process removed it meanwhile
                 Err(error) if error.kind() == io::ErrorKind::NotFound => {}
                 Err(source) => return Err(RunError::Folder { path: name_folder, source }),
             }
@@ -106,10 +106,10 @@ impl Run {
         ControlListener::new(&self.name_folder)
     }
 
-    /// Makes the folders again where somebody cleared them away, as cleaners of temporary files do;
-    /// true where that was so.
+    /// Makes the folders again if they were removed, as cleaners of temporary files do; true if
+    /// they were.
     pub fn restore(&mut self) -> bool {
-        // a root of somebody else is left alone
+        // a root of another user is left alone
         if self.domain.make_root().is_err() {
             return false;
         }
@@ -127,8 +127,8 @@ impl Run {
         any
     }
 
-    /// A part of shared memory for one connection, with its number: random, so that nobody can
-    /// take the names in it before they are needed.
+    /// A part of shared memory for one connection, with its number: random, so that no other
+    /// process can take its names in advance.
     pub fn new_link(&self) -> Result<(u64, Link), DomainError> {
         loop {
             let number = random() & LINK_NUMBERS;
@@ -154,7 +154,7 @@ impl Drop for Run {
 }
 
 /// The part of shared memory that one client and its server share: a root and a prefix of its own,
-/// so that it can be removed whole, whatever state a process that died left it in.
+/// so that it can be removed as a whole, even after a process died while using it.
 #[derive(Clone, Debug)]
 pub struct Link {
     root: PathBuf,
@@ -168,9 +168,9 @@ impl Link {
         let root = instance_folder(domain, instance).join(format!("{number:06x}"));
         let prefix = format!("{}{instance:08x}_{number:06x}_", domain.prefix());
         let mut config = config(&root, &prefix)?;
-        // the server never waits long for what a client has half made
+        // the server never waits long for a half-made service of a client
         config.global.creation_timeout = HALF_MADE;
-        // the server removes a link whole: nobody needs to look for dead nodes in it
+        // the server removes a link as a whole, so no search for dead nodes is needed
         config.global.node.cleanup_dead_nodes_on_creation = false;
         config.global.node.cleanup_dead_nodes_on_destruction = false;
         config.global.service.cleanup_dead_nodes_on_open = false;
@@ -217,8 +217,8 @@ pub fn free_shared_memory() -> u64 {
 }
 
 impl Domain {
-    /// Removes what dead processes left: runs of servers, nodes, empty folders. What living
-    /// processes use stays. Gives the paths that it removed.
+    /// Removes the files of dead processes: runs of servers, nodes, empty folders. Files in use
+    /// stay. Returns the removed paths.
     pub fn tidy(&self) -> Vec<PathBuf> {
         let mut cleared = clear_dead(self);
         cleared.extend(self.clear_nodes());
@@ -230,19 +230,18 @@ impl Domain {
     }
 }
 
-/// Removes what servers left that are dead; what it removed.
+/// Removes the files of dead servers and returns their paths.
 fn clear_dead(domain: &Domain) -> Vec<PathBuf> {
     let mut cleared = Vec::new();
     for entry in fs::read_dir(domain.root()).into_iter().flatten().flatten() {
         let name = entry.file_name();
         let Some(instance) = name.to_str().and_then(instance_of) else { continue };
-        // what is locked is alive
+        // a locked folder belongs to a living process
         if let Ok(Some(_lock)) = lock_existing(&entry.path()) {
             cleared.extend(clear_run(domain, instance));
         }
     }
-    // what lies in shared memory without a folder: somebody cleared that away, and then the server
-    // died
+    // files in shared memory without a folder: the folder was removed before the server died
     let prefix = domain.prefix();
     for path in shared_files(&prefix) {
         let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
@@ -253,11 +252,11 @@ fn clear_dead(domain: &Domain) -> Vec<PathBuf> {
             cleared.push(path);
         }
     }
-    // names that nobody serves under; a reason that a supervisor left stays
+    // names without a server; a supervisor's reason stays
     let servers = domain.root().join("server");
     for entry in fs::read_dir(&servers).into_iter().flatten().flatten() {
         if let Ok(Some(_lock)) = lock_existing(&entry.path()) {
-            // and what a supervisor had half written
+            // and half-written files of a supervisor
             let is_rest = |name: &str| name == "control" || name.starts_with("state.");
             for file in fs::read_dir(entry.path()).into_iter().flatten().flatten() {
                 if file.file_name().to_str().is_some_and(is_rest) {

@@ -21,7 +21,7 @@ type Factory<S> = request_response::PortFactory<S, ComputeRequest, (), ComputeRe
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ServiceError {
-    /// Nobody serves under this name.
+    /// No server has this name.
     #[error(
         "`{service}` is not there: no server runs under this name; start one with `sarrus serve \
          --name NAME`"
@@ -100,7 +100,7 @@ pub enum ServiceError {
     Memory {
         /// Name of the service.
         service: String,
-        /// What the transport says.
+        /// The transport's error.
         reason: String,
     },
     /// The name cannot be used.

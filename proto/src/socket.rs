@@ -1,5 +1,5 @@
-//! The control socket: one connection for each client, messages kept whole, answers that can reach
-//! nobody else, and a kernel that reports at once when the other side dies.
+//! The control socket: one connection for each client, messages kept whole, answers that reach this
+//! client only, and a kernel that reports at once that the other side died.
 //!
 //! The socket lies in the server's folder; it is addressed through that folder's descriptor, so
 //! that the length of the path does not matter.
@@ -41,7 +41,7 @@ pub struct ControlSocket {
     socket: OwnedFd,
 }
 
-/// Who is at the other end of a connection, as the kernel says.
+/// The process at the other end of a connection, as reported by the kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Peer {
     /// Process; 0 where it is in another namespace.
@@ -76,13 +76,14 @@ impl ControlListener {
         }
     }
 
-    /// True while new clients find this socket at `folder`, which somebody may have cleared away.
+    /// True while new clients find this socket at `folder`; cleaners of temporary files may remove
+    /// it.
     pub fn is_reachable(&self, folder: &Path) -> bool {
         let found = rustix::fs::lstat(folder.join(SOCKET));
         found.is_ok_and(|found| (found.st_dev, found.st_ino) == self.file)
     }
 
-    /// Takes the socket's name away: nobody connects any more.
+    /// Removes the socket's name: no new client connects.
     pub fn unlink(&self) {
         let _ = unlinkat(&self.folder, SOCKET, AtFlags::empty());
     }
@@ -98,7 +99,7 @@ impl ControlSocket {
     /// Connects to the server of this folder.
     ///
     /// # Errors
-    /// `NotFound` and `ConnectionRefused`: nobody serves there. `WouldBlock`: too many wait.
+    /// `NotFound` and `ConnectionRefused`: no server is there. `WouldBlock`: too many wait.
     pub fn connect(folder: &Path) -> io::Result<ControlSocket> {
         let folder = open_folder(folder)?;
         let socket = new_socket()?;
@@ -166,7 +167,7 @@ impl ControlSocket {
         }
     }
 
-    /// True once the other side is gone, whatever it said before that nobody has received yet.
+    /// True once the other side is gone, even if messages from it still wait.
     pub fn is_closed(&self) -> bool {
         let mut poll_fds = [PollFd::new(&self.socket, PollFlags::empty())];
         match poll(&mut poll_fds, Some(&timespec(Duration::ZERO))) {
@@ -184,7 +185,7 @@ impl AsFd for ControlSocket {
 
 /// A span as system calls take it.
 pub fn timespec(span: Duration) -> Timespec {
-    // a thousand years at most: what is longer is for ever
+    // a thousand years at most
     Timespec { tv_sec: span.as_secs().min(1 << 35) as i64, tv_nsec: i64::from(span.subsec_nanos()) }
 }
 

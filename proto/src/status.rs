@@ -40,8 +40,9 @@ wire_enum! {
         Overloaded = 13, "overloaded";
         /// The server is stopping.
         ShuttingDown = 14, "shutting_down";
-        /// The request or the answer is not what was sent: its checksum fails. Set by the server
-        /// for a request, by the client for an answer, where the query asks for checksums.
+        /// The checksum of the request or of the answer fails: its bytes changed after it was sent.
+        /// Set by the server for a request, by the client for an answer, where the query asks for
+        /// checksums.
         CorruptAnswer = 15, "corrupt_answer";
         /// The request ended in a way that this client does not know: the server is of another
         /// version. The numbers are NaN.

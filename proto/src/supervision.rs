@@ -1,4 +1,4 @@
-//! What a supervisor leaves for clients when it gives a server up: one small file.
+//! A supervisor's notice to clients that it has given a server up: one small file.
 //!
 //! `ROOT/server/NAME/state` holds a JSON object with `state` (`given_up`), `reason` and `at_unix`;
 //! the next start that succeeds removes it.
@@ -27,7 +27,7 @@ struct State {
 /// Why the supervisor of a server has given it up; none where it has not.
 pub fn given_up(root: &Path, name: &ServerName) -> Option<String> {
     let path = folder(root, name)?.join("state");
-    // neither a link nor a pipe: what is opened is a file of this user
+    // neither a link nor a pipe, only a file of this user
     let mut options = OpenOptions::new();
     let flags = rustix::fs::OFlags::NOFOLLOW | rustix::fs::OFlags::NONBLOCK;
     let file = options.read(true).custom_flags(flags.bits() as i32).open(path).ok()?;
@@ -41,7 +41,7 @@ pub fn given_up(root: &Path, name: &ServerName) -> Option<String> {
     (state.state == "given_up").then_some(state.reason)
 }
 
-/// Says that the supervisor of a server has given it up, at a number of seconds since 1970.
+/// Records that the supervisor of a server has given it up, in seconds since 1970.
 ///
 /// # Errors
 /// The folder or the file cannot be made.
@@ -148,7 +148,10 @@ mod tests {
             std::os::unix::fs::symlink(&other, &path).unwrap();
             assert_eq!(given_up(root, name), None);
             fs::remove_file(&path).unwrap();
-            assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+            // a child process would hold the locks of other tests until it runs
+            let mode = rustix::fs::Mode::RUSR | rustix::fs::Mode::WUSR;
+            let kind = rustix::fs::FileType::Fifo;
+            rustix::fs::mknodat(rustix::fs::CWD, &path, kind, mode, 0).unwrap();
             assert_eq!(given_up(root, name), None);
             assert!(ServerName::new("..").is_err(), "a folder of no server");
         });

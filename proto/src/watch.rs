@@ -21,8 +21,7 @@ impl Label {
             .rev()
             .find(|end| name.is_char_boundary(*end))
             .unwrap_or(0);
-        let (into, from) = (label.0.get_mut(..end), name.as_bytes().get(..end));
-        if let (Some(into), Some(from)) = (into, from) {
+        if let (Some(into), Some(from)) = (label.0.get_mut(..end), name.as_bytes().get(..end)) {
             into.copy_from_slice(from);
         }
         label
@@ -63,7 +62,7 @@ pub struct BusStatistics {
     pub load: f64,
     /// Frames sent.
     pub sent: u64,
-    /// What was counted on it.
+    /// Counts of the bus.
     pub counts: BusCounts,
 }
 

@@ -5,9 +5,8 @@ use std::path::{Path, PathBuf};
 
 use sarrus_proto::DomainError;
 
-use crate::placement::PlacementError;
-use crate::pulse::PULSE;
 use crate::record::RecordError;
+use crate::system::placement::PlacementError;
 
 /// The most lanes that one server makes.
 pub const MAX_LANES: usize = 256;
@@ -32,7 +31,7 @@ pub enum ServeError {
     Folder {
         /// The folder.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the system.
         source: io::Error,
     },
     /// The socket that clients connect to cannot be made.
@@ -44,7 +43,7 @@ pub enum ServeError {
     Socket {
         /// The server's folder.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the system.
         source: io::Error,
     },
     /// The page of the heartbeat cannot be made.
@@ -65,7 +64,7 @@ pub enum ServeError {
     /// More lanes than there can be.
     #[error("{found} lanes, expected 0 to {MAX_LANES}; choose fewer with --lanes")]
     TooManyLanes {
-        /// What was asked.
+        /// The requested number.
         found: usize,
     },
     /// Threads or memory cannot be had as the options ask.
@@ -74,16 +73,18 @@ pub enum ServeError {
     /// The answering thread cannot be started.
     #[error("the answering thread does not start: {source}; check the limits of this process")]
     Thread {
-        /// What the system says.
+        /// The error of the system.
         source: std::io::Error,
     },
     /// The answering thread lives and does nothing.
     #[error(
-        "the answering thread hangs: no heartbeat for {} s, while another thread ran; its \
-         processor is taken, or a client has overwritten shared memory",
-        PULSE.as_secs()
+        "the answering thread hangs: no heartbeat for {seconds} s, while another thread ran; its \
+         processor is taken, or a client has overwritten shared memory"
     )]
-    Hung,
+    Hung {
+        /// Time without a heartbeat.
+        seconds: u64,
+    },
     /// The answering thread ended without an order to stop.
     #[error(
         "the answering thread ended by itself; this is a defect of sarrus, please report it with \
@@ -92,7 +93,7 @@ pub enum ServeError {
     Died,
 }
 
-/// Who owns the nearest path that is there.
+/// Names the owner of the nearest existing path.
 fn owner_of(path: &Path) -> String {
     use std::os::unix::fs::MetadataExt;
     let found = path.ancestors().find_map(|path| Some((path, path.symlink_metadata().ok()?.uid())));

@@ -25,7 +25,7 @@ enum Command {
     /// Takes about five seconds and leaves nothing behind. Ends with 0 when every answer is ok and
     /// within 1e-12 of double-double arithmetic.
     Demo(commands::demo::Demo),
-    /// Read a robot's files: every fault of them, or what the robot is.
+    /// Read a robot's files and report every fault, or describe the robot.
     ///
     /// Each fault is one line, FILE:LINE:COLUMN first. Ends with 0 for a valid robot, 1 for faulty
     /// files, 2 for files that cannot be opened and wrong flags.
@@ -40,21 +40,21 @@ enum Command {
     /// The answer is one line with status, warnings and each wanted field: numbers, lists, lists of
     /// rows, or null where the status forbids numbers.
     ///
-    /// Ends with 0 when every line was answered, 1 when some line was no valid request (status
-    /// bad_request, with the column) or the model is bad, 2 when it could not start or lost its
-    /// server.
+    /// Ends with 0 if every line was answered; a failed state is an answer, and so are wrong_size
+    /// and singular_closure. Ends with 1 if some line was no valid request (status bad_request,
+    /// with the column) or the model is bad, with 2 if it could not start or lost its server.
     Ask(commands::ask::Ask),
     /// Hold a robot and answer requests over shared memory.
     ///
     /// Prints `ready NAME FINGERPRINT` when clients can attach. SIGTERM and SIGINT are a clean
-    /// stop, which ends with 0. With `--supervise` a server that dies is replaced by one that has
-    /// compiled the model beforehand; one that dies five times within a minute soon after its
-    /// start is given up, which ends with 2 (1 for a bad model).
+    /// stop, which ends with 0. With `--supervise` a server that dies is started again; one that
+    /// dies five times within a minute soon after its start is given up, which ends with 2 (1 for a
+    /// bad model).
     Serve(commands::serve::Serve),
     /// Compute a recording of `serve --record` again and compare every bit.
     ///
-    /// Prints how many requests it holds, of how many seconds, what is missing, and the first
-    /// answers that come out differently. Ends with 0 when all do the same, 1 when some differ or
+    /// Prints the number of requests, their time span, missing records, and the first answers that
+    /// differ. Ends with 0 when all do the same, 1 when some differ or
     /// cannot be read, 2 for a file that is no whole recording and wrong flags.
     Replay(commands::replay::Replay),
     /// Write one query on one robot as straight-line C, and build it where there is a compiler.
@@ -66,19 +66,19 @@ enum Command {
     /// robot is bad, 2 for wrong flags and files that cannot be written.
     #[cfg(feature = "generate")]
     Generate(commands::generate::Generate),
-    /// Look at this machine: what costs time or stands in the way of a server, and what to do.
+    /// Check this machine for settings that slow or hinder a server, each with its remedy.
     ///
     /// One line a finding. Ends with 0 when there is none, 1 when there is one, 2 for wrong flags.
     Doctor(commands::doctor::Doctor),
     /// A server and its clients, now: rates, latencies, statuses, heartbeat.
     Top(commands::top::Top),
-    /// Clear what servers and clients left that died; what is alive stays.
+    /// Remove the files of dead servers and clients; living ones are left alone.
     ///
-    /// Prints what it removed. A server that starts or stops does the same.
+    /// Prints the removed files. A server that starts or stops does the same.
     Tidy(commands::tidy::Tidy),
     /// List the bundled robots, or write the files of one.
     Robots(commands::robots::Robots),
-    /// Print what a shell needs to complete commands, flags and their values.
+    /// Print the completions of commands, flags and values for a shell.
     ///
     /// For bash: `sarrus completions bash > ~/.local/share/bash-completion/completions/sarrus`.
     Completions(commands::completions::Completions),
@@ -95,10 +95,10 @@ enum Command {
     /// Integrate a robot in time: a table, pictures, and how good it is.
     ///
     /// From y and yd (or q and qd) under gravity, constant forces, a table of forces, gains and
-    /// springs. Writes motion.csv and motion.html; prints how it ended, what it took, the drift of
-    /// energy and what happened on the way. Ends with 0 when the whole time was simulated, 1 when
-    /// the robot's files are faulty or the motion ended early (the status says why), 2 for wrong
-    /// flags and files that cannot be opened.
+    /// springs. Writes motion.csv and motion.html; prints the status, the run time, the drift of
+    /// energy and the events on the way. Ends with 0 when the whole time was simulated, 1 when the
+    /// robot's files are faulty or the motion ended early (the status names the reason), 2 for
+    /// wrong flags and files that cannot be opened.
     #[cfg(feature = "simulate")]
     Simulate(Box<commands::simulate::Simulate>),
 }

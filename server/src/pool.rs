@@ -22,7 +22,7 @@ use free_list::FreeList;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pool;
 
-/// What adopted threads took since their adoption.
+/// Counts of adopted threads since their adoption.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Calls of the system's allocator, to take or to give back.
@@ -60,13 +60,13 @@ impl Drop for Adopted {
     }
 }
 
-/// What adopted threads took so far.
+/// The counts of adopted threads so far.
 pub fn counts() -> Counts {
     Counts { system: SYSTEM_CALLS.load(Relaxed), pool: POOL_BLOCKS.load(Relaxed) }
 }
 
-/// (size, count) of each class: the transport's blocks for a request, and above what it takes when
-/// a client comes.
+/// (size, count) of each class: the transport's blocks for a request, and larger ones for a new
+/// client.
 const CLASSES: [Class; 5] = classes([(64, 4096), (256, 512), (1024, 128), (4096, 64), (65536, 8)]);
 const ARENA_SIZE: usize = CLASSES[4].end();
 const N_BLOCKS: usize = CLASSES[4].first_block + CLASSES[4].n_blocks;
@@ -94,7 +94,9 @@ impl Class {
 
 const fn classes(blocks: [(usize, usize); 5]) -> [Class; 5] {
     let mut classes = [Class { size: 0, n_blocks: 0, offset: 0, first_block: 0 }; 5];
-    let (mut offset, mut first_block, mut k) = (0, 0, 0);
+    let mut offset = 0;
+    let mut first_block = 0;
+    let mut k = 0;
     while k < 5 {
         let (size, n_blocks) = blocks[k];
         classes[k] = Class { size, n_blocks, offset, first_block };
@@ -143,7 +145,7 @@ fn count_system_call() {
 // SAFETY: blocks of the arena do not overlap, are as large as their class and aligned to ALIGNMENT
 // (sizes and offsets of all classes are multiples of it, the arena is aligned to more); a block has
 // one owner between `pop` and `push`. Everything else is the system's allocator unchanged: an
-// address says which of the two a block came from.
+// address shows which of the two a block came from.
 unsafe impl GlobalAlloc for Pool {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         if adopted() {

@@ -56,7 +56,6 @@ portable = ["sarrus-models/portable"]
 # as in the workspace, whose compiled dependencies then serve here too
 [profile.release]
 codegen-units = 1
-debug = "line-tables-only"
 END
 (cd "$root" && cargo fetch --locked --quiet)
 cd "$place/robot"

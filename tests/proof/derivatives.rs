@@ -2,7 +2,7 @@
 //! sixteen digits.
 
 use sarrus_dynamics::description::Terms;
-use sarrus_dynamics::scalar::{Dd, Scalar};
+use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Field, FieldSet, Model, PlanScalar, Query, Request};
 use sarrus_tests::cases::{Case, Ledger, State, robots};
 use sarrus_tests::compare::largest;

@@ -4,7 +4,7 @@
 //! A numerical closure over duals starts at the closed pose without derivatives; one Newton step
 //! from there gives the first derivative, one more the second.
 
-use sarrus_dynamics::scalar::{Dd, Dual, Real, Scalar};
+use sarrus_dynamics::scalar::{Dd, Dual, Real};
 use sarrus_dynamics::{Field, FieldSet, Model, PlanScalar, Query, Request};
 use sarrus_tests::cases::{Case, Ledger, State, robots};
 use sarrus_tests::compare::largest;

@@ -2,7 +2,7 @@
 //! so.
 
 use sarrus_dynamics::description::Description;
-use sarrus_dynamics::scalar::{Dd, Scalar};
+use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Field, Model, Request};
 use sarrus_tests::cases::{Case, Ledger, State, robots};
 use sarrus_tests::compare::largest;

@@ -1,6 +1,6 @@
 //! How requests end that have no answer: by name, and with NaN wherever a number would be a lie.
 
-use sarrus_dynamics::scalar::{Dd, Real, Scalar};
+use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Field, Model, Plan, PlanScalar, Request, Status, Workspace};
 use sarrus_models::{Options, Source, load};
 use sarrus_tests::cases::{Case, Ledger, robots};

@@ -1,7 +1,7 @@
 //! Every bundled robot against an independent engine, by size at 1e-12, and in double-double
 //! against forty digits.
 
-use sarrus_dynamics::scalar::{Dd, Scalar};
+use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Compiled, Field, PlanScalar, Request};
 use sarrus_models::{Options, Source, load};
 use sarrus_tests::compare::{assert_close, largest};

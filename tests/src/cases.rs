@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 
 use sarrus_dynamics::Compiled;
 use sarrus_dynamics::description::{Description, JointKind, Terms};
-use sarrus_dynamics::scalar::Scalar;
+use sarrus_dynamics::scalar::Real;
 use sarrus_models::{Options, Source, load};
 
 use crate::compare::error_by_size;
@@ -129,7 +129,7 @@ impl Case {
     }
 
     /// The k-th random state.
-    pub fn state<T: Scalar>(&self, k: u64) -> State<T> {
+    pub fn state<T: Real>(&self, k: u64) -> State<T> {
         let mut seeded = Seeded::new(self.seed.wrapping_mul(1000).wrapping_add(k));
         let number = |x: f64| T::from_f64(x);
         let model = &self.compiled.model;
@@ -247,7 +247,7 @@ impl Ledger {
     }
 
     /// Notes how far two arrays are apart by size.
-    pub fn compare<T: Scalar>(
+    pub fn compare<T: Real>(
         &mut self,
         what: &str,
         case: &Case,

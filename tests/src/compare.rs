@@ -1,10 +1,10 @@
 //! Comparison by size: |a − b| ≤ tolerance × max(‖b‖∞, s).
 
-use sarrus_dynamics::scalar::Scalar;
+use sarrus_dynamics::scalar::Real;
 
 /// The largest difference of two arrays relative to the larger of the second's largest entry and
 /// `least`.
-pub fn error_by_size<T: Scalar>(a: &[T], b: &[T], least: f64) -> f64 {
+pub fn error_by_size<T: Real>(a: &[T], b: &[T], least: f64) -> f64 {
     assert_eq!(a.len(), b.len(), "arrays of different lengths");
     let size = b.iter().fold(least, |size, x| size.max(x.to_f64().abs()));
     let worst = a.iter().zip(b).fold(0.0, |worst: f64, (a, b)| {
@@ -15,7 +15,7 @@ pub fn error_by_size<T: Scalar>(a: &[T], b: &[T], least: f64) -> f64 {
 }
 
 /// Fails with the name where the error is larger than the tolerance.
-pub fn assert_close<T: Scalar>(what: &str, a: &[T], b: &[T], least: f64, tolerance: f64) {
+pub fn assert_close<T: Real>(what: &str, a: &[T], b: &[T], least: f64, tolerance: f64) {
     let error = error_by_size(a, b, least);
     assert!(
         error <= tolerance,
@@ -24,6 +24,6 @@ pub fn assert_close<T: Scalar>(what: &str, a: &[T], b: &[T], least: f64, toleran
 }
 
 /// ‖x‖∞.
-pub fn largest<T: Scalar>(x: &[T]) -> f64 {
+pub fn largest<T: Real>(x: &[T]) -> f64 {
     x.iter().fold(0.0, |size, x| size.max(x.to_f64().abs()))
 }

@@ -1,6 +1,6 @@
 //! Every kind of request on a model, with inputs for it.
 
-use sarrus_dynamics::scalar::Scalar;
+use sarrus_dynamics::scalar::Real;
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, PlanScalar, Query, Request};
 
 use crate::cases::{Case, State};
@@ -9,7 +9,7 @@ use crate::seed::Seeded;
 
 /// Plans of every request from every space, each for all fields at once and for each field alone;
 /// frames and wrenches on some links.
-pub fn every_plan<T: Scalar>(model: &Model<T>, seeded: &mut Seeded) -> Vec<Plan> {
+pub fn every_plan<T: Real>(model: &Model<T>, seeded: &mut Seeded) -> Vec<Plan> {
     use Field::*;
     let mut plans = Vec::new();
     let link = |seeded: &mut Seeded| seeded.below(model.link_names().len()) as u16;

@@ -1,6 +1,6 @@
 //! One request in process, by field.
 
-use sarrus_dynamics::scalar::Scalar;
+use sarrus_dynamics::scalar::Real;
 use sarrus_dynamics::{Answer, Model, Plan, PlanScalar, Workspace};
 use sarrus_proto::{Field, FieldSet, Query, Request, Status};
 
@@ -49,7 +49,7 @@ impl<T: PlanScalar> Robot<T> {
     }
 }
 
-impl<T: Scalar> Fields<T> {
+impl<T: Real> Fields<T> {
     /// The numbers of a field.
     pub fn get(&self, field: Field) -> &[T] {
         let slot =

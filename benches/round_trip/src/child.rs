@@ -19,12 +19,12 @@ use sarrus_server::{ServeOptions, Wait, serve};
 use crate::floor;
 use crate::measure::ROBOT;
 
-/// What the other process does.
+/// The role of the other process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Role {
     /// Serves the robot.
     Server,
-    /// Sends back what it gets.
+    /// Sends its input back.
     Floor,
 }
 
@@ -95,7 +95,8 @@ pub(crate) fn child(role: Role, processors: &[usize], record: Option<PathBuf>) -
     match role {
         Role::Floor => floor::far(&stop),
         Role::Server => {
-            let (source, options) = (Source::Bundled(ROBOT.to_owned()), Options::default());
+            let source = Source::Bundled(ROBOT.to_owned());
+            let options = Options::default();
             let loaded = load(&source, &options)?;
             let record = record.map(|file| {
                 let robot = RecordedRobot::new(&source, &options)?;
@@ -120,8 +121,8 @@ pub(crate) fn child(role: Role, processors: &[usize], record: Option<PathBuf>) -
     }
 }
 
-/// The thread that records, if there is one, was started on the server's processor too; it belongs
-/// elsewhere. What cannot be pinned is measured where it is.
+/// The recording thread, if there is one, was started on the server's processor too; it belongs
+/// elsewhere. A thread that cannot be pinned is measured where it is.
 fn pin_recorder(cpu: usize) {
     let tasks = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
     let is_recorder = |task: &std::fs::DirEntry| {

@@ -1,5 +1,5 @@
-//! Other clients of the server that is measured: some that have a lane and say nothing, and some
-//! that always have a batch under way.
+//! Other clients of the measured server: some have an idle lane, some always have a batch under
+//! way.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};

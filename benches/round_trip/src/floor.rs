@@ -2,8 +2,8 @@
 //! between two processes that poll.
 //!
 //! Each process writes into a request of its own that the other one holds: mapped once, then
-//! neither the transport nor the system takes part. A sequence number says that the numbers before
-//! it are complete.
+//! neither the transport nor the system takes part. A sequence number marks the numbers before it
+//! as complete.
 
 use std::hint::spin_loop;
 use std::sync::atomic::{AtomicBool, Ordering::*, fence};
@@ -31,7 +31,8 @@ const MOST: usize = 64;
 const NEAR: u64 = 1;
 const FAR: u64 = 2;
 
-/// One end: what this process writes, what it reads, and what keeps both mapped.
+/// One end: the memory that this process writes, the memory it reads, and the owners of both
+/// mappings.
 struct End {
     mine: ComputePending<Service>,
     theirs: ComputeActive<Service>,
@@ -58,7 +59,8 @@ impl End {
                 Err(_) => std::thread::sleep(Duration::from_millis(1)),
             }
         };
-        let (mut sent, mut received) = (None, None);
+        let mut sent = None;
+        let mut received = None;
         loop {
             if sent.is_none() {
                 sent = send_request(&client, &RequestHead::default(), &[]);
@@ -77,7 +79,7 @@ impl End {
         }
     }
 
-    /// Gives numbers to the other end and says how many there are and how many are to come back.
+    /// Gives numbers to the other end, with their count and the count of the reply.
     #[inline]
     fn post(&self, sequence: u64, numbers: &[f64], n_back: usize) {
         let words: &ComputeRequest = self.mine.payload();
@@ -151,7 +153,7 @@ impl Near {
     }
 }
 
-/// The other end, until told to stop.
+/// The other end, until it is stopped.
 pub(crate) fn far(stop: &AtomicBool) -> Outcome {
     let domain = Domain::of_user()?;
     let end = End::meet(&domain, [FAR, NEAR], || {

@@ -55,7 +55,7 @@ struct Flags {
     /// The server records to this file, see `sarrus serve --record`.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
-    /// So many other clients have a lane and say nothing.
+    /// Number of other clients with an idle lane.
     #[arg(long, value_name = "N", default_value_t = 0)]
     idle: usize,
     /// So many other clients always have a batch of 1024 states under way.

@@ -49,7 +49,7 @@ impl Effort {
     }
 }
 
-/// What is asked and answered.
+/// A request with its answer.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Payload {
     pub(crate) name: &'static str,
@@ -111,7 +111,7 @@ pub(crate) struct Trip {
 }
 
 impl Trip {
-    /// What the transport adds to shared memory and computation.
+    /// Time that the transport adds to shared memory and computation.
     pub(crate) fn over_floor(&self) -> f64 {
         self.samples.median() - self.computation - self.floor
     }
@@ -131,7 +131,7 @@ impl Trip {
     }
 }
 
-/// A plan, its inputs, its answers in process, and what every route took so far.
+/// A plan, its inputs, its answers in process, and the times of every route so far.
 struct Measured {
     payload: Payload,
     query: Query,
@@ -177,7 +177,8 @@ pub(crate) fn measure(
 
         let server = Child::start(Role::Server, &domain, cores, effort.record.as_deref())?;
         let dynamics = &measured[1];
-        let (state, n_out) = (&dynamics.inputs[0], dynamics.answers[0].len());
+        let state = &dynamics.inputs[0];
+        let n_out = dynamics.answers[0].len();
         let crowd = Crowd::start(&domain, effort.crowd, &dynamics.query, state, n_out)?;
         let mut routes = [
             (Route::Lane, Transport::Lane, QueryOptions::NONE),

@@ -34,7 +34,7 @@ impl Effort {
     const FULL: Effort = Effort { states: 1024, rounds: Duration::from_secs(120) };
 }
 
-/// What to measure and where it goes.
+/// The cases to measure and the destination of the results.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Fewer repetitions.
@@ -82,7 +82,8 @@ pub fn run(options: &Options) -> Outcome {
     }
 
     // errors first: a case that does not answer is not timed
-    let (mut errors, mut kept) = (Vec::new(), Vec::new());
+    let mut errors = Vec::new();
+    let mut kept = Vec::new();
     let n_cases = cases.len();
     for (k, case) in cases.iter_mut().enumerate() {
         progress.show("errors", k as f64 / n_cases as f64);

@@ -51,7 +51,7 @@
 
 /**
  * How a call ended. From 0 to 99 it is the status of an answer, by the numbers of the wire; from
- * 100 on there was no answer, and sarrus_last_error says why. The numbers never change.
+ * 100 on there was no answer, and sarrus_last_error has the reason. The numbers never change.
  */
 enum sarrus_status
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -59,7 +59,7 @@ enum sarrus_status
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * The answer is complete, or the call did what it says.
+     * The answer is complete, or the call succeeded.
      */
     SARRUS_STATUS_OK = 0,
     /**
@@ -119,7 +119,7 @@ enum sarrus_status
      */
     SARRUS_STATUS_SHUTTING_DOWN = 14,
     /**
-     * A checksum fails: the request or the answer is not what was sent.
+     * The checksum of the request or of the answer fails: its bytes changed after it was sent.
      */
     SARRUS_STATUS_CORRUPT_ANSWER = 15,
     /**
@@ -131,7 +131,7 @@ enum sarrus_status
      */
     SARRUS_STATUS_NULL_POINTER = 100,
     /**
-     * A pointer is not aligned for what it points to.
+     * A pointer is not aligned for its type.
      */
     SARRUS_STATUS_UNALIGNED_POINTER = 101,
     /**
@@ -195,7 +195,7 @@ enum sarrus_status
      */
     SARRUS_STATUS_NOT_SENT = 116,
     /**
-     * This processor lacks what the library was built for.
+     * This processor lacks a feature that this build of the library needs.
      */
     SARRUS_STATUS_OLD_PROCESSOR = 117,
     /**
@@ -203,7 +203,7 @@ enum sarrus_status
      */
     SARRUS_STATUS_INTERNAL = 118,
     /**
-     * This process has no memory left for what the call needs.
+     * This process has too little memory left for the call.
      */
     SARRUS_STATUS_NO_MEMORY = 119,
 };
@@ -289,7 +289,7 @@ enum sarrus_order
      */
     SARRUS_ORDER_LINKS = 7,
     /**
-     * What is remarkable about the files, one line each.
+     * Warnings about the files, one line each.
      */
     SARRUS_ORDER_WARNINGS = 8,
 };
@@ -356,7 +356,7 @@ typedef uint32_t sarrus_wait_strategy;
 #endif // __cplusplus
 
 /**
- * What is asked.
+ * The kinds of request.
  */
 enum sarrus_request
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -389,7 +389,7 @@ typedef uint32_t sarrus_request;
 #endif // __cplusplus
 
 /**
- * What travels beside the numbers of a query, as bits.
+ * Additions to the requests and answers of a query, as bits.
  */
 enum sarrus_query_option
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -401,7 +401,7 @@ enum sarrus_query_option
      */
     SARRUS_QUERY_OPTION_CHECKSUM = 1,
     /**
-     * Answers say how old their request was and how long they took: sarrus_robot_times.
+     * Answers have the age of their request and the time taken: sarrus_robot_times.
      */
     SARRUS_QUERY_OPTION_TIMES = 2,
 };
@@ -426,7 +426,7 @@ enum sarrus_mechanism_state
      */
     SARRUS_MECHANISM_STATE_DISABLED = 0,
     /**
-     * It was asked to arm, and waits for what is missing or for its motors.
+     * It was asked to arm, and waits for a missing condition or for its motors.
      */
     SARRUS_MECHANISM_STATE_ARMING = 1,
     /**
@@ -523,7 +523,7 @@ enum sarrus_reason
      */
     SARRUS_REASON_OTHER_MECHANISM = 15,
     /**
-     * A motor's watchdog is longer than the configuration says.
+     * A motor's watchdog is longer than the configured one.
      */
     SARRUS_REASON_WATCHDOG_LONG = 16,
     /**
@@ -559,7 +559,7 @@ enum sarrus_reason
      */
     SARRUS_REASON_SECOND_ANSWER = 24,
     /**
-     * Frames with the bridge's own identifiers came from somebody else.
+     * Another sender uses the bridge's own identifiers.
      */
     SARRUS_REASON_SECOND_MASTER = 25,
     /**
@@ -600,7 +600,7 @@ typedef uint32_t sarrus_reason;
 #endif // __cplusplus
 
 /**
- * What an operator asks of the bridge.
+ * An operation that an operator requests from the bridge.
  */
 enum sarrus_operation
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -616,11 +616,11 @@ enum sarrus_operation
      */
     SARRUS_OPERATION_DISARM = 2,
     /**
-     * Forget a fault; what is armed stays as it is.
+     * Clear a fault; armed mechanisms stay armed.
      */
     SARRUS_OPERATION_RESET = 3,
     /**
-     * Bring what is outside its limits back inside, slowly, and take the power away there.
+     * Move actuators outside their limits slowly back inside, then remove the power.
      */
     SARRUS_OPERATION_RETURN = 4,
 };
@@ -633,7 +633,7 @@ typedef uint32_t sarrus_operation;
 #endif // __cplusplus
 
 /**
- * What the bridge says of single actuators, as bits.
+ * State of single actuators, as bits.
  */
 enum sarrus_flag
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -709,14 +709,14 @@ typedef uint32_t sarrus_flag;
 typedef struct sarrus_controller sarrus_controller;
 
 /**
- * Somebody who watches a bridge, and may operate it. One thread uses it at a time; any may.
+ * An observer of a bridge, which may also operate it. One thread uses it at a time; any may.
  */
 typedef struct sarrus_observer sarrus_observer;
 
 /**
- * A prepared query of one robot: what goes in, what comes out, and where. It belongs to the robot
- * that prepared it and to no other, be it of the same model. Freeing it frees this memory alone;
- * sarrus_robot_release gives back what the robot and its server hold.
+ * A prepared query of one robot, with the layouts of its input and output. It belongs to the robot
+ * that prepared it and to no other, even of the same model. Freeing it frees this memory alone;
+ * sarrus_robot_release releases the plan in the robot and its server.
  */
 typedef struct sarrus_plan sarrus_plan;
 
@@ -727,7 +727,7 @@ typedef struct sarrus_plan sarrus_plan;
 typedef struct sarrus_robot sarrus_robot;
 
 /**
- * How a robot is loaded. Begin with sarrus_load_defaults() and change what differs.
+ * Options for loading a robot. Begin with sarrus_load_defaults() and change single members.
  */
 typedef struct sarrus_load_options {
     /**
@@ -762,7 +762,7 @@ typedef struct sarrus_load_options {
 } sarrus_load_options;
 
 /**
- * How to connect. Begin with sarrus_connect_defaults() and change what differs.
+ * Options for connecting. Begin with sarrus_connect_defaults() and change single members.
  */
 typedef struct sarrus_connect_options {
     /**
@@ -858,7 +858,7 @@ typedef struct sarrus_limits {
 } sarrus_limits;
 
 /**
- * A query by names. Begin with zeros, `sarrus_query query = {0};`, and set what is asked.
+ * A query by names. Begin with zeros, `sarrus_query query = {0};`, and set the members needed.
  */
 typedef struct sarrus_query {
     /**
@@ -887,7 +887,7 @@ typedef struct sarrus_query {
      */
     size_t n_want;
     /**
-     * The links whose frames are asked; which fields of frames is said in `want`.
+     * The links whose frames are asked; `want` selects the fields of frames.
      */
     const char *const *frames;
     /**
@@ -895,7 +895,7 @@ typedef struct sarrus_query {
      */
     size_t n_frames;
     /**
-     * The links that wrenches act on; adds "wrenches" to what is given.
+     * The links that wrenches act on; adds "wrenches" to the given fields.
      */
     const char *const *wrenches;
     /**
@@ -986,7 +986,7 @@ typedef struct sarrus_actuator_command {
 } sarrus_actuator_command;
 
 /**
- * What the bridge knows of all actuators after one of its cycles, in the order of u.
+ * State of all actuators after a cycle of the bridge, in the order of u.
  */
 typedef struct sarrus_actuator_state {
     /**
@@ -1038,7 +1038,7 @@ typedef struct sarrus_actuator_state {
      */
     uint64_t measured_ns[SARRUS_MAX_ACTUATORS];
     /**
-     * Position [rad, m]; NaN for what was never measured, here and below.
+     * Position [rad, m]; NaN before the first measurement, here and below.
      */
     double position[SARRUS_MAX_ACTUATORS];
     /**
@@ -1080,8 +1080,8 @@ const char *sarrus_status_name(int32_t status);
 const char *sarrus_warning_name(uint32_t bits);
 
 /**
- * What led to the last status of this thread other than SARRUS_STATUS_OK, in words; empty before.
- * It is overwritten by the next failure of this thread, and cut at 8 KiB.
+ * The message of this thread's last status other than SARRUS_STATUS_OK; empty before. It is
+ * overwritten by the next failure of this thread, and cut at 8 KiB.
  */
 const char *sarrus_last_error(void);
 
@@ -1116,7 +1116,8 @@ sarrus_status sarrus_robot_load(const char *urdf,
                                 struct sarrus_robot **robot);
 
 /**
- * The same from the contents of files, of so many bytes; `submechanisms` may be NULL.
+ * Loads a robot from the contents of files, with their lengths in bytes; `submechanisms` may be
+ * NULL.
  */
 SARRUS_MUST_USE
 sarrus_status sarrus_robot_load_text(const char *urdf,
@@ -1215,8 +1216,8 @@ size_t sarrus_plan_inputs(const struct sarrus_plan *plan);
 size_t sarrus_plan_outputs(const struct sarrus_plan *plan);
 
 /**
- * Where a given field lies in the input. Fields are packed in one order, whatever the order of
- * their names in the query: ask here.
+ * Where a given field lies in the input. Fields are packed in a fixed order, independent of the
+ * order of their names in the query.
  */
 SARRUS_MUST_USE
 sarrus_status sarrus_plan_given(const struct sarrus_plan *plan,
@@ -1232,8 +1233,8 @@ sarrus_status sarrus_plan_want(const struct sarrus_plan *plan,
                                struct sarrus_slot *place);
 
 /**
- * Asks: `input` holds the given fields, `output` gets the wanted ones, both packed as the plan
- * says. In process and through a lane it never allocates. After any status other than
+ * Asks: `input` holds the given fields, `output` gets the wanted ones, both packed in the plan's
+ * layout. In process and through a lane it never allocates. After any status other than
  * SARRUS_STATUS_OK the outputs that survive a failure keep their numbers and all others are NaN;
  * pointers that cannot be used leave them as they were. `warnings` gets bits of sarrus_warning,
  * and may be NULL.
@@ -1249,12 +1250,12 @@ sarrus_status sarrus_robot_ask(struct sarrus_robot *robot,
 
 /**
  * Asks for rows of states: `input` and `output` hold those of all rows, one after the other, each
- * packed as the plan says. Every number, status and warning is that of sarrus_robot_ask, to the
- * bit. In process `threads` threads work, the calling one among them, 0 standing for one on each
- * processor; a connected robot's server answers them. `statuses` and `warnings` get a number for
- * each row, and may be NULL. All rows are answered; the status of the call is that of the first
- * row without an answer. Where the call fails as a whole, rows that were not answered have its
- * status, and NaN for numbers. Allocates.
+ * packed in the plan's layout. Every number, status and warning is that of sarrus_robot_ask, to
+ * the bit. In process `threads` threads work, the calling one among them, 0 standing for one on
+ * each processor; a connected robot's server answers them. `statuses` and `warnings` get a number
+ * for each row, and may be NULL. All rows are answered; the status of the call is that of the
+ * first row without an answer. Where the call fails as a whole, rows that were not answered have
+ * its status, and NaN for numbers. Allocates.
  */
 SARRUS_MUST_USE
 sarrus_status sarrus_robot_batch(struct sarrus_robot *robot,
@@ -1269,8 +1270,8 @@ sarrus_status sarrus_robot_batch(struct sarrus_robot *robot,
                                  uint32_t *warnings);
 
 /**
- * Releases a plan: what it takes comes free, here and in the server, once it was released as often
- * as it was prepared. Its handle is still to be freed, by sarrus_plan_free.
+ * Releases a plan: its resources here and in the server are freed once it was released as often as
+ * it was prepared. Its handle is still to be freed, by sarrus_plan_free.
  */
 SARRUS_MUST_USE
 sarrus_status sarrus_robot_release(struct sarrus_robot *robot,
@@ -1447,7 +1448,7 @@ sarrus_status sarrus_controller_operate(const struct sarrus_controller *controll
                                         uint64_t *stamp_ns);
 
 /**
- * The same of the one mechanism that an actuator acts on, by its place in u.
+ * Requests an operation of the mechanism that an actuator acts on, by its place in u.
  */
 SARRUS_MUST_USE
 sarrus_status sarrus_controller_operate_mechanism(const struct sarrus_controller *controller,
@@ -1487,7 +1488,7 @@ sarrus_status sarrus_observer_operate(const struct sarrus_observer *observer,
                                       uint64_t *stamp_ns);
 
 /**
- * The same of the one mechanism that an actuator acts on, by its place in u.
+ * Requests an operation of the mechanism that an actuator acts on, by its place in u.
  */
 SARRUS_MUST_USE
 sarrus_status sarrus_observer_operate_mechanism(const struct sarrus_observer *observer,

@@ -1,4 +1,4 @@
-//! What controllers and a bridge say to each other, as C has it.
+//! C types of the commands and states between controllers and a bridge.
 
 use sarrus_client::actuators as wire;
 
@@ -13,7 +13,7 @@ const _: () = assert!(MAX_ACTUATORS == wire::MAX_ACTUATORS);
 pub enum MechanismState {
     /// Its motors have no power.
     Disabled = 0,
-    /// It was asked to arm, and waits for what is missing or for its motors.
+    /// It was asked to arm, and waits for a missing condition or for its motors.
     Arming = 1,
     /// Its motors follow the commands.
     Enabled = 2,
@@ -59,7 +59,7 @@ pub enum Reason {
     Backlog = 14,
     /// Another mechanism failed, and the robot stops as a whole.
     OtherMechanism = 15,
-    /// A motor's watchdog is longer than the configuration says.
+    /// A motor's watchdog is longer than the configured one.
     WatchdogLong = 16,
     /// An actuator is beyond its position limit and moves outwards.
     PositionLimit = 17,
@@ -77,7 +77,7 @@ pub enum Reason {
     FeedbackLate = 23,
     /// More answers came than a motor was asked for.
     SecondAnswer = 24,
-    /// Frames with the bridge's own identifiers came from somebody else.
+    /// Another sender uses the bridge's own identifiers.
     SecondMaster = 25,
     /// A motor is too hot.
     OverTemperature = 26,
@@ -95,7 +95,7 @@ pub enum Reason {
     ModelEffort = 32,
 }
 
-/// What an operator asks of the bridge.
+/// An operation that an operator requests from the bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Operation {
@@ -103,13 +103,13 @@ pub enum Operation {
     Arm = 1,
     /// Take the power away.
     Disarm = 2,
-    /// Forget a fault; what is armed stays as it is.
+    /// Clear a fault; armed mechanisms stay armed.
     Reset = 3,
-    /// Bring what is outside its limits back inside, slowly, and take the power away there.
+    /// Move actuators outside their limits slowly back inside, then remove the power.
     Return = 4,
 }
 
-/// What the bridge says of single actuators, as bits.
+/// State of single actuators, as bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Flag {
@@ -168,7 +168,7 @@ pub struct ActuatorCommand {
     pub damping: [f64; MAX_ACTUATORS],
 }
 
-/// What the bridge knows of all actuators after one of its cycles, in the order of u.
+/// State of all actuators after a cycle of the bridge, in the order of u.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct ActuatorState {
@@ -196,7 +196,7 @@ pub struct ActuatorState {
     pub faults: [u32; MAX_ACTUATORS],
     /// When each was measured, by the monotonic clock [ns]; 0 for never.
     pub measured_ns: [u64; MAX_ACTUATORS],
-    /// Position [rad, m]; NaN for what was never measured, here and below.
+    /// Position [rad, m]; NaN before the first measurement, here and below.
     pub position: [f64; MAX_ACTUATORS],
     /// Velocity [rad/s, m/s].
     pub velocity: [f64; MAX_ACTUATORS],

@@ -1,4 +1,4 @@
-//! What crosses the border as pointers: checked, then a slice or a text.
+//! Pointer arguments: checked, then converted into slices or texts.
 //!
 //! Handles need nothing of this: the compiler has a reference or a box that may be absent as a
 //! pointer that may be NULL.
@@ -11,12 +11,12 @@ use core::slice;
 
 use crate::failure::Failure;
 
-/// An array of the caller that is read: what it is called, where it is, how many numbers it has.
+/// An input array of the caller: its name, its address, its length.
 pub(crate) type Given = (&'static str, *const f64, usize);
 /// An array of the caller that is written.
 pub(crate) type Want = (&'static str, *mut f64, usize);
 
-/// The addresses of an array, or what is wrong with it. An array without numbers may be NULL.
+/// The addresses of an array, or its fault. An array without numbers may be NULL.
 fn addresses<T>(name: &'static str, start: *const T, n: usize) -> Result<Range<usize>, Failure> {
     let at = start.addr();
     if n == 0 {
@@ -38,8 +38,8 @@ fn addresses<T>(name: &'static str, start: *const T, n: usize) -> Result<Range<u
 /// The arrays of one call: none is NULL, unaligned or endless, and no output overlaps another.
 ///
 /// # Safety
-/// Each array holds as many numbers as it says and stays for `'a`; nobody else writes the inputs or
-/// touches the outputs meanwhile.
+/// Each array holds the stated number of elements and stays for `'a`; no other code writes the
+/// inputs or accesses the outputs meanwhile.
 #[inline]
 pub(crate) unsafe fn arrays<'a, const I: usize, const O: usize>(
     given: [Given; I],
@@ -81,8 +81,8 @@ pub(crate) fn addresses_of<T>(array: &[T]) -> Range<usize> {
     range.start.addr()..range.end.addr()
 }
 
-/// An array that is written beside those of [`arrays`], of which it overlaps none; empty where NULL
-/// says that it is not wanted.
+/// An array that is written beside those of [`arrays`], of which it overlaps none; empty if it is
+/// NULL, that is, not wanted.
 ///
 /// # Safety
 /// As [`arrays`].
@@ -142,7 +142,7 @@ pub(crate) unsafe fn text_or_none<'a>(
 /// Texts of the caller.
 ///
 /// # Safety
-/// There are as many as it says, each as in [`text`].
+/// The array has the stated length, and each element is as in [`text`].
 pub(crate) unsafe fn texts<'a>(
     name: &'static str,
     start: *const *const c_char,
@@ -170,7 +170,7 @@ pub(crate) unsafe fn texts<'a>(
 /// Bytes of the caller, such as the contents of a file.
 ///
 /// # Safety
-/// There are as many as it says.
+/// The array has the stated length.
 pub(crate) unsafe fn bytes<'a>(
     name: &'static str,
     start: *const c_char,

@@ -18,7 +18,7 @@ use crate::text::{Name, names};
 /// time; any may.
 pub struct Controller(sarrus_client::Controller);
 
-/// Somebody who watches a bridge, and may operate it. One thread uses it at a time; any may.
+/// An observer of a bridge, which may also operate it. One thread uses it at a time; any may.
 pub struct Observer(sarrus_client::Observer);
 
 /// Connects to a running bridge, with the fingerprint of the model that commands are computed with:
@@ -33,7 +33,7 @@ pub unsafe extern "C" fn sarrus_controller_connect(
     guarded(|| {
         make("controller", controller, || {
             sarrus_client::processor::check().map_err(Failure::Processor)?;
-            // SAFETY: the text is as the header says.
+            // SAFETY: the header states the requirements on the text.
             let name = unsafe { text("name", name)? };
             Ok(Controller(sarrus_client::Controller::connect(name, fingerprint)?))
         })
@@ -96,7 +96,7 @@ pub extern "C" fn sarrus_controller_operate(
     })
 }
 
-/// The same of the one mechanism that an actuator acts on, by its place in u.
+/// Requests an operation of the mechanism that an actuator acts on, by its place in u.
 #[unsafe(no_mangle)]
 #[must_use]
 pub extern "C" fn sarrus_controller_operate_mechanism(
@@ -132,7 +132,7 @@ pub unsafe extern "C" fn sarrus_observer_connect(
     guarded(|| {
         make("observer", observer, || {
             sarrus_client::processor::check().map_err(Failure::Processor)?;
-            // SAFETY: the text is as the header says.
+            // SAFETY: the header states the requirements on the text.
             let name = unsafe { text("name", name)? };
             Ok(Observer(sarrus_client::Observer::connect(name)?))
         })
@@ -172,7 +172,7 @@ pub extern "C" fn sarrus_observer_operate(
     })
 }
 
-/// The same of the one mechanism that an actuator acts on, by its place in u.
+/// Requests an operation of the mechanism that an actuator acts on, by its place in u.
 #[unsafe(no_mangle)]
 #[must_use]
 pub extern "C" fn sarrus_observer_operate_mechanism(

@@ -1,5 +1,5 @@
-//! What most programs ask, one function for each question: sizes are checked, and the plan is
-//! prepared on first use.
+//! The common requests, one function each: sizes are checked, and the plan is prepared on first
+//! use.
 #![allow(unsafe_code, reason = "functions have names that C can link, and arrays come as pointers")]
 
 use core::mem::MaybeUninit;
@@ -34,7 +34,7 @@ pub unsafe extern "C" fn sarrus_robot_inverse_dynamics(
     warnings: Option<&mut MaybeUninit<u32>>,
 ) -> StatusCode {
     guarded(|| {
-        // SAFETY: the arrays are as the header says.
+        // SAFETY: the header states the requirements on the arrays.
         let ([y, yd, ydd], [tau_u]) = unsafe {
             arrays([("y", y, n_qy), ("yd", yd, n_vy), ("ydd", ydd, n_vy)], [("tau_u", tau_u, n_u)])?
         };
@@ -62,7 +62,7 @@ pub unsafe extern "C" fn sarrus_robot_forward_dynamics(
     warnings: Option<&mut MaybeUninit<u32>>,
 ) -> StatusCode {
     guarded(|| {
-        // SAFETY: the arrays are as the header says.
+        // SAFETY: the header states the requirements on the arrays.
         let ([y, yd, tau_u], [ydd]) = unsafe {
             arrays(
                 [("y", y, n_qy), ("yd", yd, n_vy), ("tau_u", tau_u, n_u)],
@@ -95,7 +95,7 @@ pub unsafe extern "C" fn sarrus_robot_state(
     warnings: Option<&mut MaybeUninit<u32>>,
 ) -> StatusCode {
     guarded(|| {
-        // SAFETY: the arrays are as the header says.
+        // SAFETY: the header states the requirements on the arrays.
         let ([y, yd, ydd], [q, qd, qdd]) = unsafe {
             arrays(
                 [("y", y, n_qy), ("yd", yd, n_vy), ("ydd", ydd, n_vy)],
@@ -127,7 +127,7 @@ pub unsafe extern "C" fn sarrus_robot_to_actuators(
     warnings: Option<&mut MaybeUninit<u32>>,
 ) -> StatusCode {
     guarded(|| {
-        // SAFETY: the arrays are as the header says.
+        // SAFETY: the header states the requirements on the arrays.
         let ([y, yd, ydd], [u, ud, udd]) = unsafe {
             arrays(
                 [("y", y, n_qy), ("yd", yd, n_vy), ("ydd", ydd, n_vy)],
@@ -160,7 +160,7 @@ pub unsafe extern "C" fn sarrus_robot_to_independent(
     warnings: Option<&mut MaybeUninit<u32>>,
 ) -> StatusCode {
     guarded(|| {
-        // SAFETY: the arrays are as the header says.
+        // SAFETY: the header states the requirements on the arrays.
         let ([u, ud, udd], [y, yd, ydd]) = unsafe {
             arrays(
                 [("u", u, n_u), ("ud", ud, n_u), ("udd", udd, n_u)],

@@ -11,7 +11,7 @@ use crate::status::StatusCode;
 
 /// Longest text of an error, with its zero `[byte]`; longer ones are cut.
 const LONGEST: usize = 8192;
-/// What ends a text that was cut.
+/// The end mark of a truncated text.
 const CUT: &str = " ...";
 
 /// Why a call failed.
@@ -26,11 +26,11 @@ pub(crate) enum Failure {
     Overlap(&'static str, &'static str),
     /// A text that cannot be read.
     Text(&'static str, String),
-    /// An enum, and what was found for it.
+    /// An enum, and the number found in its place.
     Number(&'static str, u32),
     /// A name of a field that a plan does not have.
     NoField(String),
-    /// A place in a list: what is listed, the place, and how many there are.
+    /// A place in a list: the kind of entry, the place, and the number of entries.
     Place(&'static str, usize, usize),
     /// There is no memory for these.
     NoMemory(&'static str),
@@ -131,7 +131,7 @@ pub(crate) fn last() -> *const c_char {
     LAST.with(|text| text.as_ptr().cast_const().cast())
 }
 
-/// Writes what fits, and remembers that something did not.
+/// Writes as much text as fits, and records a truncation.
 struct Cursor<'a> {
     text: &'a mut [u8],
     len: usize,
@@ -151,7 +151,7 @@ impl Write for Cursor<'_> {
 
 fn keep(failure: &Failure) {
     LAST.with(|text| {
-        // nobody else can hold it: what is borrowed is this thread's and given back at once
+        // no other borrow can exist: the text is this thread's and released at once
         let Ok(mut text) = text.try_borrow_mut() else { return };
         let mut cursor = Cursor { text: &mut text[..], len: 0, cut: false };
         // an error stands for a text that was cut
@@ -165,7 +165,7 @@ fn keep(failure: &Failure) {
     });
 }
 
-/// Does the work of one call: what fails becomes its status and a text, a panic included.
+/// Runs one call: an error or a panic becomes its status and a text.
 #[inline]
 pub(crate) fn guarded(work: impl FnOnce() -> Result<(), Failure>) -> StatusCode {
     let outcome = catch_unwind(AssertUnwindSafe(work)).unwrap_or(Err(Failure::Internal));
@@ -178,7 +178,7 @@ pub(crate) fn guarded(work: impl FnOnce() -> Result<(), Failure>) -> StatusCode 
     }
 }
 
-/// The same for calls that give a value: `otherwise` where they fail.
+/// Runs a call that returns a value; `otherwise` if it fails.
 #[inline]
 pub(crate) fn value<T>(otherwise: T, work: impl FnOnce() -> Result<T, Failure>) -> T {
     let mut found = otherwise;

@@ -1,10 +1,10 @@
 //! libsarrus: the Rust client for C and C++.
 //!
-//! What C sees of it is `client/c/include/sarrus.h`, which cbindgen writes from the comments here:
-//! they speak to readers of C. Each function of the header is [`sarrus_client`]'s method of the
-//! same name. Handles are boxes, options are plain structures, and a failure is a [`StatusCode`]
-//! with a text that stays with the thread.
-#![allow(clippy::missing_safety_doc, reason = "what holds for all pointers is said in the header")]
+//! Its header is `client/c/include/sarrus.h`. cbindgen writes it from the comments in this crate,
+//! which therefore address readers of C. Each function of the header calls the method of
+//! [`sarrus_client`] with the same name. Handles are boxes, options are plain structures, and a
+//! failure is a [`StatusCode`] with a text that is kept for each thread.
+#![allow(clippy::missing_safety_doc, reason = "the header states the rules for all pointers")]
 
 mod border;
 mod failure;

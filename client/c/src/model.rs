@@ -29,7 +29,7 @@ pub enum Order {
     Branches = 6,
     /// Links.
     Links = 7,
-    /// What is remarkable about the files, one line each.
+    /// Warnings about the files, one line each.
     Warnings = 8,
 }
 

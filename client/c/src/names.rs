@@ -35,8 +35,8 @@ pub extern "C" fn sarrus_warning_name(bits: u32) -> *const c_char {
     warning_name(bits)
 }
 
-/// What led to the last status of this thread other than SARRUS_STATUS_OK, in words; empty before.
-/// It is overwritten by the next failure of this thread, and cut at 8 KiB.
+/// The message of this thread's last status other than SARRUS_STATUS_OK; empty before. It is
+/// overwritten by the next failure of this thread, and cut at 8 KiB.
 #[unsafe(no_mangle)]
 pub extern "C" fn sarrus_last_error() -> *const c_char {
     last()

@@ -11,7 +11,7 @@ use sarrus_models::Base;
 use crate::border::texts;
 use crate::failure::Failure;
 
-/// How a robot is loaded. Begin with sarrus_load_defaults() and change what differs.
+/// Options for loading a robot. Begin with sarrus_load_defaults() and change single members.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct LoadOptions {
@@ -54,7 +54,7 @@ pub enum WaitStrategy {
     Polite = 2,
 }
 
-/// How to connect. Begin with sarrus_connect_defaults() and change what differs.
+/// Options for connecting. Begin with sarrus_connect_defaults() and change single members.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct Connecting {

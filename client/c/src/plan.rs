@@ -13,7 +13,7 @@ use crate::failure::{Failure, guarded, value};
 use crate::robot::{Robot, query_options};
 use crate::status::{StatusCode, bits};
 
-/// What is asked.
+/// The kinds of request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Request {
@@ -27,17 +27,17 @@ pub enum Request {
     Map = 4,
 }
 
-/// What travels beside the numbers of a query, as bits.
+/// Additions to the requests and answers of a query, as bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum QueryOption {
     /// Requests and answers have a checksum.
     Checksum = 1,
-    /// Answers say how old their request was and how long they took: sarrus_robot_times.
+    /// Answers have the age of their request and the time taken: sarrus_robot_times.
     Times = 2,
 }
 
-/// A query by names. Begin with zeros, `sarrus_query query = {0};`, and set what is asked.
+/// A query by names. Begin with zeros, `sarrus_query query = {0};`, and set the members needed.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct Query {
@@ -54,11 +54,11 @@ pub struct Query {
     pub want: *const *const c_char,
     /// How many.
     pub n_want: usize,
-    /// The links whose frames are asked; which fields of frames is said in `want`.
+    /// The links whose frames are asked; `want` selects the fields of frames.
     pub frames: *const *const c_char,
     /// How many.
     pub n_frames: usize,
-    /// The links that wrenches act on; adds "wrenches" to what is given.
+    /// The links that wrenches act on; adds "wrenches" to the given fields.
     pub wrenches: *const *const c_char,
     /// How many.
     pub n_wrenches: usize,
@@ -74,9 +74,9 @@ pub struct Query {
     pub projection_tolerance: *const f64,
 }
 
-/// A prepared query of one robot: what goes in, what comes out, and where. It belongs to the robot
-/// that prepared it and to no other, be it of the same model. Freeing it frees this memory alone;
-/// sarrus_robot_release gives back what the robot and its server hold.
+/// A prepared query of one robot, with the layouts of its input and output. It belongs to the robot
+/// that prepared it and to no other, even of the same model. Freeing it frees this memory alone;
+/// sarrus_robot_release releases the plan in the robot and its server.
 pub struct Plan {
     id: PlanId,
     given: Layout,
@@ -106,7 +106,7 @@ fn tolerance(name: &'static str, bound: *const f64) -> Result<Option<f64>, Failu
     if bound.is_null() {
         return Ok(None);
     }
-    // SAFETY: it points to a number where it points to anything, as the header says.
+    // SAFETY: by the header it is NULL or points to a number.
     let ([numbers], []) = unsafe { arrays([(name, bound, 1)], [])? };
     Ok(numbers.first().copied())
 }
@@ -127,7 +127,7 @@ pub unsafe extern "C" fn sarrus_robot_prepare(
             let query = query.ok_or(Failure::Null("query"))?;
             let request = sarrus_client::Request::from_code(query.request)
                 .ok_or(Failure::Number("request", query.request))?;
-            // SAFETY: the texts are as the header says.
+            // SAFETY: the header states the requirements on the texts.
             let (given, want, frames, wrenches, joints) = unsafe {
                 (
                     texts("given", query.given, query.n_given)?,
@@ -190,7 +190,7 @@ fn slot(
     place: Option<&mut MaybeUninit<Slot>>,
 ) -> Result<(), Failure> {
     let place = place.ok_or(Failure::Null("slot"))?;
-    // SAFETY: the text is as the header says.
+    // SAFETY: the header states the requirements on the text.
     let name = unsafe { text("field", name)? };
     let found = Field::from_name(name).and_then(|field| layout.slot(field));
     let found = found.ok_or_else(|| Failure::NoField(name.to_owned()))?;
@@ -198,8 +198,8 @@ fn slot(
     Ok(())
 }
 
-/// Where a given field lies in the input. Fields are packed in one order, whatever the order of
-/// their names in the query: ask here.
+/// Where a given field lies in the input. Fields are packed in a fixed order, independent of the
+/// order of their names in the query.
 #[unsafe(no_mangle)]
 #[must_use]
 pub unsafe extern "C" fn sarrus_plan_given(
@@ -221,8 +221,8 @@ pub unsafe extern "C" fn sarrus_plan_want(
     guarded(|| slot(&plan.ok_or(Failure::Null("plan"))?.want, field, place))
 }
 
-/// Asks: `input` holds the given fields, `output` gets the wanted ones, both packed as the plan
-/// says. In process and through a lane it never allocates. After any status other than
+/// Asks: `input` holds the given fields, `output` gets the wanted ones, both packed in the plan's
+/// layout. In process and through a lane it never allocates. After any status other than
 /// SARRUS_STATUS_OK the outputs that survive a failure keep their numbers and all others are NaN;
 /// pointers that cannot be used leave them as they were. `warnings` gets bits of sarrus_warning,
 /// and may be NULL.
@@ -238,7 +238,7 @@ pub unsafe extern "C" fn sarrus_robot_ask(
     warnings: Option<&mut MaybeUninit<u32>>,
 ) -> StatusCode {
     guarded(|| {
-        // SAFETY: the arrays are as the header says.
+        // SAFETY: the header states the requirements on the arrays.
         let ([input], [output]) =
             unsafe { arrays([("input", input, n_input)], [("output", output, n_output)])? };
         let robot = robot.ok_or(Failure::Null("robot"))?;
@@ -251,12 +251,12 @@ pub unsafe extern "C" fn sarrus_robot_ask(
 }
 
 /// Asks for rows of states: `input` and `output` hold those of all rows, one after the other, each
-/// packed as the plan says. Every number, status and warning is that of sarrus_robot_ask, to the
-/// bit. In process `threads` threads work, the calling one among them, 0 standing for one on each
-/// processor; a connected robot's server answers them. `statuses` and `warnings` get a number for
-/// each row, and may be NULL. All rows are answered; the status of the call is that of the first
-/// row without an answer. Where the call fails as a whole, rows that were not answered have its
-/// status, and NaN for numbers. Allocates.
+/// packed in the plan's layout. Every number, status and warning is that of sarrus_robot_ask, to
+/// the bit. In process `threads` threads work, the calling one among them, 0 standing for one on
+/// each processor; a connected robot's server answers them. `statuses` and `warnings` get a number
+/// for each row, and may be NULL. All rows are answered; the status of the call is that of the
+/// first row without an answer. Where the call fails as a whole, rows that were not answered have
+/// its status, and NaN for numbers. Allocates.
 #[unsafe(no_mangle)]
 #[must_use]
 pub unsafe extern "C" fn sarrus_robot_batch(
@@ -272,7 +272,7 @@ pub unsafe extern "C" fn sarrus_robot_batch(
     warnings: *mut u32,
 ) -> StatusCode {
     guarded(|| {
-        // SAFETY: the arrays are as the header says.
+        // SAFETY: the header states the requirements on the arrays.
         let ([input], [output]) =
             unsafe { arrays([("input", input, n_input)], [("output", output, n_output)])? };
         let mut others = vec![("input", addresses_of(input)), ("output", addresses_of(output))];
@@ -306,7 +306,7 @@ pub unsafe extern "C" fn sarrus_robot_batch(
         let threads = NonZero::new(threads).or_else(|| thread::available_parallelism().ok());
         let threads = threads.unwrap_or(NonZero::<usize>::MIN);
         let outcome = robot.robot.batch(plan.id, threads, input, output, &mut answers);
-        // where the call failed, rows that nobody answered
+        // if the call failed, the rows without an answer
         let unasked = outcome.as_ref().err().map(|error| StatusCode::of_error(error) as i32);
         for (status, answer) in statuses.iter_mut().zip(&answers) {
             *status = match (answer.status, unasked) {
@@ -322,8 +322,8 @@ pub unsafe extern "C" fn sarrus_robot_batch(
     })
 }
 
-/// Releases a plan: what it takes comes free, here and in the server, once it was released as often
-/// as it was prepared. Its handle is still to be freed, by sarrus_plan_free.
+/// Releases a plan: its resources here and in the server are freed once it was released as often as
+/// it was prepared. Its handle is still to be freed, by sarrus_plan_free.
 #[unsafe(no_mangle)]
 #[must_use]
 pub extern "C" fn sarrus_robot_release(

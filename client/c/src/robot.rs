@@ -68,7 +68,7 @@ pub unsafe extern "C" fn sarrus_robot_bundled(
     guarded(|| {
         make("robot", robot, || {
             sarrus_client::processor::check().map_err(Failure::Processor)?;
-            // SAFETY: the texts are as the header says.
+            // SAFETY: the header states the requirements on the texts.
             let (name, options) = unsafe { (text("name", name)?, loading(options)?) };
             Robot::load(&Source::Bundled(name.to_owned()), &options)
         })
@@ -89,7 +89,7 @@ pub unsafe extern "C" fn sarrus_robot_load(
     guarded(|| {
         make("robot", robot, || {
             sarrus_client::processor::check().map_err(Failure::Processor)?;
-            // SAFETY: the texts are as the header says.
+            // SAFETY: the header states the requirements on the texts.
             let (urdf, submechanisms, options) = unsafe {
                 (
                     text("urdf", urdf)?.into(),
@@ -102,7 +102,8 @@ pub unsafe extern "C" fn sarrus_robot_load(
     })
 }
 
-/// The same from the contents of files, of so many bytes; `submechanisms` may be NULL.
+/// Loads a robot from the contents of files, with their lengths in bytes; `submechanisms` may be
+/// NULL.
 #[unsafe(no_mangle)]
 #[must_use]
 pub unsafe extern "C" fn sarrus_robot_load_text(
@@ -117,7 +118,7 @@ pub unsafe extern "C" fn sarrus_robot_load_text(
         make("robot", robot, || {
             sarrus_client::processor::check().map_err(Failure::Processor)?;
             let is_there = !submechanisms.is_null();
-            // SAFETY: the texts are as the header says.
+            // SAFETY: the header states the requirements on the texts.
             let (urdf, submechanisms, options) = unsafe {
                 (
                     bytes("urdf", urdf, urdf_size)?,
@@ -144,7 +145,7 @@ pub unsafe extern "C" fn sarrus_robot_connect(
     guarded(|| {
         make("robot", robot, || {
             sarrus_client::processor::check().map_err(Failure::Processor)?;
-            // SAFETY: the text is as the header says.
+            // SAFETY: the header states the requirements on the text.
             let name = unsafe { text("name", name)? };
             let options = connecting(options)?;
             Ok(Robot::new(sarrus_client::Robot::connect_with(name, options)?))

@@ -7,11 +7,11 @@ use sarrus_client::{ConnectError, Error, Status, Warnings};
 use crate::text::find;
 
 /// How a call ended. From 0 to 99 it is the status of an answer, by the numbers of the wire; from
-/// 100 on there was no answer, and sarrus_last_error says why. The numbers never change.
+/// 100 on there was no answer, and sarrus_last_error has the reason. The numbers never change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(i32)]
 pub enum StatusCode {
-    /// The answer is complete, or the call did what it says.
+    /// The answer is complete, or the call succeeded.
     Ok = 0,
     /// The request is malformed, such as a quaternion that is not of unit length.
     BadRequest = 1,
@@ -41,13 +41,13 @@ pub enum StatusCode {
     Overloaded = 13,
     /// The server is stopping.
     ShuttingDown = 14,
-    /// A checksum fails: the request or the answer is not what was sent.
+    /// The checksum of the request or of the answer fails: its bytes changed after it was sent.
     CorruptAnswer = 15,
     /// The server answered with a status that this version does not know.
     UnknownStatus = 16,
     /// A pointer that must not be NULL is.
     NullPointer = 100,
-    /// A pointer is not aligned for what it points to.
+    /// A pointer is not aligned for its type.
     UnalignedPointer = 101,
     /// An output array overlaps another array of the same call.
     OverlappingArrays = 102,
@@ -79,11 +79,11 @@ pub enum StatusCode {
     NothingNew = 115,
     /// A command could not be sent.
     NotSent = 116,
-    /// This processor lacks what the library was built for.
+    /// This processor lacks a feature that this build of the library needs.
     OldProcessor = 117,
     /// A fault of the library itself; free the handle. Please report it.
     Internal = 118,
-    /// This process has no memory left for what the call needs.
+    /// This process has too little memory left for the call.
     NoMemory = 119,
 }
 

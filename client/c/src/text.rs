@@ -17,7 +17,9 @@ impl Name {
 
     /// The name, cut where it is too long.
     pub(crate) const fn of(name: &str) -> Name {
-        let (from, mut into, mut i) = (name.as_bytes(), Name::EMPTY, 0);
+        let from = name.as_bytes();
+        let mut into = Name::EMPTY;
+        let mut i = 0;
         while i < from.len() && i + 1 < LONGEST {
             into.0[i] = from[i];
             i += 1;

@@ -20,7 +20,7 @@ use crate::fault_log::FaultKeeper;
 use crate::frames::{PyFrame, list};
 use crate::log::Log;
 
-/// The rules, of one robot: what its motors are given in each cycle. Times are nanoseconds of the
+/// The rules of one robot: the frames for its motors in each cycle. Times are nanoseconds of the
 /// monotonic clock.
 #[pyclass(name = "Bridge", module = "sarrus.can", frozen)]
 pub(crate) struct PyBridge {
@@ -51,9 +51,8 @@ impl PyBridge {
         self.lock().receive(now_ns, bus, &frame.0);
     }
 
-    /// Takes what happened on a bus: one of `error_active`, `error_warning`, `error_passive`,
-    /// `bus_off`, `restarted`, `dropped`, `backlog`, `overrun`, the last three with a number of
-    /// frames.
+    /// Takes an event of a bus: one of `error_active`, `error_warning`, `error_passive`, `bus_off`,
+    /// `restarted`, `dropped`, `backlog`, `overrun`, the last three with a number of frames.
     fn bus_event(&self, now_ns: u64, bus: usize, event: &str, count: u32) -> PyResult<()> {
         let event = self::event(event, count)?;
         self.note(now_ns, || What::Event(bus, event));
@@ -96,8 +95,8 @@ impl PyBridge {
         Ok(self.obey(now_ns, &command).name())
     }
 
-    /// Does what an operator asks: `arm`, `disarm` or `reset`, of all mechanisms or of the one that
-    /// an actuator acts on, by its name. An actuator that is not there is a `ValueError`.
+    /// Performs an operation, `arm`, `disarm` or `reset`, of all mechanisms or of the one that an
+    /// actuator acts on, by its name. An actuator that is not there is a `ValueError`.
     #[pyo3(signature = (now_ns, operation, actuator = None))]
     fn operate(&self, now_ns: u64, operation: &str, actuator: Option<&str>) -> PyResult<()> {
         let operation = operation_of(operation)?;
@@ -158,10 +157,10 @@ impl PyBridge {
         Ok(())
     }
 
-    /// From now on the last two seconds of what the bridge is given, and before them what brought
-    /// its motors to power, go into a file on each fault, which `replay` reads: 16 of a name in a
-    /// folder, without one `sarrus/faults` where programs keep their state. A thread of its own
-    /// keeps and writes them; one that cannot be made is an `OSError`.
+    /// From now on each fault writes a file that `replay` reads: the bridge's inputs of the last
+    /// two seconds, preceded by those that powered its motors. A folder keeps 16 files of a name;
+    /// the default folder is `sarrus/faults` in the user's state directory. A separate thread keeps
+    /// and writes them; a failure to start it is an `OSError`.
     #[pyo3(signature = (name, folder = None))]
     fn begin_fault_log(&self, name: &str, folder: Option<PathBuf>) -> PyResult<()> {
         let configuration = self.lock().configuration().without_motors();
@@ -211,14 +210,14 @@ impl PyBridge {
         (state_name(code), reason(why))
     }
 
-    /// What is known of all actuators after the last cycle, by field; lists in the order of
+    /// The state of all actuators after the last cycle, by field; lists are in the order of
     /// commands.
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let state = *self.lock().state();
         state_fields(py, &state)
     }
 
-    /// What was counted since the start: of commands and answers, and in `buses` of each bus.
+    /// The counters since the start: of commands and answers, and in `buses` of each bus.
     fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let bridge = self.lock();
         let counters = bridge.counters();
@@ -246,7 +245,8 @@ impl PyBridge {
 impl PyBridge {
     /// Adds to the logs, where there are some.
     fn note(&self, t: u64, what: impl FnOnce() -> What) {
-        let (mut log, mut kept) = (locked(&self.log), locked(&self.kept));
+        let mut log = locked(&self.log);
+        let mut kept = locked(&self.kept);
         match (log.as_mut(), kept.as_mut()) {
             (None, None) => {}
             (Some(log), None) => log.put(Line { t, what: what() }),

@@ -39,8 +39,8 @@ impl PyCandidate {
         list(out.frames())
     }
 
-    /// What a frame is of this motor's, on whatever identifier it replies: `"measured"`,
-    /// `"parameter"`, `"noted"` or `"malformed"`; `None` for another's frame.
+    /// The kind of a frame of this motor, independent of the identifier on which it replies:
+    /// `"measured"`, `"parameter"`, `"noted"` or `"malformed"`; `None` for another's frame.
     fn hears(&self, now_ns: u64, frame: &PyFrame) -> Option<&'static str> {
         match self.lock().hears(now_ns, &frame.0) {
             Receipt::NotMine | Receipt::Foreign => None,

@@ -8,8 +8,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sarrus_can_core::config::{Configuration, ConfigurationError};
 
-/// One robot's buses and motors, checked. Whoever runs it takes it: it can be given to one bridge
-/// or one commissioning only.
+/// One robot's buses and motors, checked. A bridge or a commissioning takes ownership of it: it can
+/// be used only once.
 #[pyclass(name = "Configuration", module = "sarrus.can", frozen)]
 pub(crate) struct PyConfiguration {
     configuration: Mutex<Option<Configuration>>,
@@ -32,7 +32,7 @@ impl PyConfiguration {
         }
     }
 
-    /// What may stay but should be known, a line each.
+    /// Warnings about the configuration, a line each.
     #[getter]
     fn warnings(&self) -> PyResult<Vec<String>> {
         self.with(|configuration| configuration.warnings.iter().map(ToString::to_string).collect())

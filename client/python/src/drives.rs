@@ -41,12 +41,12 @@ impl PyDrives {
         self.frames(motor, |motor, out| motor.drive.disable(out))
     }
 
-    /// Frames of one cycle without power; the motor says where it is and gets its watchdog.
+    /// Frames of one cycle without power; the motor reports its position and gets its watchdog.
     fn off(&self, motor: usize, now_ns: u64) -> PyResult<Vec<PyFrame>> {
         self.frames(motor, |motor, out| cycle(motor, now_ns, DriveCommand::Off, out))
     }
 
-    /// The same, and a latched fault is forgotten.
+    /// Frames of one cycle without power that also clear a latched fault.
     fn reset(&self, motor: usize, now_ns: u64) -> PyResult<Vec<PyFrame>> {
         self.frames(motor, |motor, out| cycle(motor, now_ns, DriveCommand::Reset, out))
     }
@@ -112,8 +112,8 @@ impl PyDrives {
         self.frames(motor, |motor, out| motor.drive.read_parameter(parameter, out))
     }
 
-    /// Gives a frame of a bus to its motors: `[(motor, what, value)]` of those whose frame it is.
-    /// `what` is `"malformed"`, `"noted"`, `"measured"` with a dict of the actuator's `position`,
+    /// Gives a frame of a bus to its motors: `[(motor, kind, value)]` of those whose frame it is.
+    /// `kind` is `"malformed"`, `"noted"`, `"measured"` with a dict of the actuator's `position`,
     /// `velocity`, `effort`, the motor's `motor_position` and `temperature`, or `"parameter"` with
     /// its place and value.
     fn receive<'py>(
@@ -150,8 +150,8 @@ impl PyDrives {
         Ok(heard)
     }
 
-    /// What is known of a motor: `power` (`unknown`, `off`, `starting`, `on`), `fault` (its own
-    /// code, 0 without one), `watchdog` (`unknown`, `off`, `unreadable`, or milliseconds).
+    /// The state of a motor: `power` (`unknown`, `off`, `starting`, `on`), `fault` (its own code, 0
+    /// without one), `watchdog` (`unknown`, `off`, `unreadable`, or milliseconds).
     fn state<'py>(&self, py: Python<'py>, motor: usize) -> PyResult<Bound<'py, PyDict>> {
         let DriveState { power, fault, watchdog } =
             self.motor(motor, |motor| motor.drive.state())?;
@@ -173,7 +173,7 @@ impl PyDrives {
         Ok(state)
     }
 
-    /// Why a motor must get no power: what is wrong with its own watchdog; `None` where nothing is.
+    /// The fault of a motor's watchdog, for which the motor must get no power; `None` without one.
     fn unguarded(&self, motor: usize) -> PyResult<Option<&'static str>> {
         self.motor(motor, |motor| motor.missing_watchdog().map(Reason::name))
     }
@@ -181,7 +181,7 @@ impl PyDrives {
 
 impl PyDrives {
     fn lock(&self) -> MutexGuard<'_, Configuration> {
-        // a drive knows what its motor answered, not what was on the way
+        // a drive knows its motor's answers, not the frames on the way
         self.configuration.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 

@@ -1,4 +1,5 @@
-//! What Python calls to load the extension: the processor is asked before anything else runs.
+//! The entry point with which Python loads the extension; it checks the processor before any other
+//! code runs.
 //!
 //! Everything here is built for x86-64-v3, pyo3's initialisation included. On an older processor
 //! the first instruction that is not there would end the interpreter without a word, so nothing
@@ -11,7 +12,7 @@ use std::ptr;
 use pyo3::ffi;
 
 unsafe extern "C" {
-    /// What pyo3 makes of the module `native` in `lib.rs`.
+    /// The function that pyo3 generates for the module `native` in `lib.rs`.
     #[allow(non_snake_case)]
     fn PyInit__checked() -> *mut ffi::PyObject;
 }
@@ -30,7 +31,7 @@ extern "C" fn PyInit__native() -> *mut ffi::PyObject {
          client/python/README.md"
     );
     let message = CString::new(message).unwrap_or_default();
-    // SAFETY: Python's lock is held, and the text is copied; null says that there is an exception
+    // SAFETY: Python's lock is held, and the text is copied; null reports an exception
     unsafe { ffi::PyErr_SetString(ffi::PyExc_ImportError, message.as_ptr()) };
     ptr::null_mut()
 }

@@ -1,4 +1,4 @@
-//! What led to faults, kept and written by a thread of its own while the bridge runs.
+//! The inputs that led to faults, kept and written by a separate thread while the bridge runs.
 
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,7 +17,7 @@ use sarrus_proto::actuators::Reason;
 const ROOM: usize = 1 << 16;
 /// Time between two looks.
 const PAUSE: Duration = Duration::from_millis(20);
-/// What is left at the end is written within this time, whoever reads stderr.
+/// The rest is written within this time at the end, even if stderr blocks.
 const END: Duration = Duration::from_secs(1);
 
 enum Input {
@@ -43,7 +43,8 @@ impl FaultKeeper {
     ) -> std::io::Result<FaultKeeper> {
         let inputs = Arc::new(Mutex::new(Vec::with_capacity(ROOM)));
         let ends = Arc::new(AtomicBool::new(false));
-        let (of_thread, has_ended) = (inputs.clone(), ends.clone());
+        let of_thread = inputs.clone();
+        let has_ended = ends.clone();
         let thread = thread::Builder::new()
             .name("fault log".to_owned())
             .spawn(move || keep(&files, &configuration, &of_thread, &has_ended))?;
@@ -65,7 +66,7 @@ impl FaultKeeper {
         }
     }
 
-    /// Writes what is left; gives how many inputs found no room.
+    /// Writes the rest; returns the number of inputs that found no room.
     pub(crate) fn end(self) -> u64 {
         self.ends.store(true, Ordering::Release);
         let begin = Instant::now();
@@ -95,7 +96,8 @@ fn keep(
     inputs: &Mutex<Vec<Input>>,
     ends: &AtomicBool,
 ) {
-    let (mut kept, mut taken) = (FaultLog::default(), Vec::with_capacity(ROOM));
+    let mut kept = FaultLog::default();
+    let mut taken = Vec::with_capacity(ROOM);
     loop {
         let is_last = ends.load(Ordering::Acquire);
         // the lock is held for an exchange of two pointers
@@ -117,8 +119,9 @@ fn keep(
 fn write(files: &FaultFiles, configuration: &Configuration, kept: &FaultLog, reason: Reason) {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     let written = files.write(since.as_millis(), reason, kept, configuration);
-    let (name, folder) = (reason.name(), files.folder().display());
-    // nobody may be there to read it
+    let name = reason.name();
+    let folder = files.folder().display();
+    // stderr may be closed
     let _ = match written {
         Ok(path) => {
             let path = path.display();

@@ -1,4 +1,4 @@
-//! What the kernel says of a CAN interface, read by the core.
+//! The kernel's description of a CAN interface, parsed by the core.
 
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
@@ -11,8 +11,8 @@ pub(crate) fn interface_question<'py>(py: Python<'py>, name: &str) -> Bound<'py,
     PyBytes::new(py, &question(name))
 }
 
-/// Reads the answer and compares it with the bit rates of a bus; the event that tells how its
-/// controller stands, if it is not well.
+/// Reads the answer and compares it with the bit rates of a bus; the event that describes its
+/// controller, if it is not error-active.
 ///
 /// `OSError` where the kernel knows no such interface, `ValueError` where it is not as it should
 /// be.
@@ -35,8 +35,7 @@ pub(crate) fn check_interface(
     }
 }
 
-/// What there is to advise of an interface that can be used as it is; `None` where there is
-/// nothing, or no answer.
+/// Advice on an interface that is usable as it is; `None` without advice or without an answer.
 #[pyfunction]
 pub(crate) fn interface_advice(answer: &[u8], name: &str) -> Option<String> {
     Interface::read(answer).ok()?.advice(name)

@@ -1,6 +1,6 @@
-//! What `sarrus` for Python is made of: robots that answer with numpy's arrays, in `dynamics`, and
-//! the core of the CAN bridge as Python objects. The bridge has no I/O and no clock here either;
-//! both are Python's.
+//! The extension module of `sarrus` for Python: robots with numpy arrays, in `dynamics`, and the
+//! core of the CAN bridge as Python classes. The core has neither I/O nor a clock; Python code
+//! provides both.
 use pyo3::prelude::*;
 
 mod bridge;
@@ -18,7 +18,7 @@ mod service;
 mod slcan;
 mod telemetry;
 
-/// The core of sarrus in Rust. Its Python face is the package around it; `entry` loads it as
+/// The native part of sarrus. The package around it is the public Python API; `entry` loads it as
 /// `sarrus._native`.
 #[pymodule(name = "_checked", gil_used = true)]
 mod native {

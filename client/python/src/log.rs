@@ -1,4 +1,4 @@
-//! The log of what a bridge was given, written by a thread of its own while the bridge runs.
+//! The log of a bridge's inputs, written by a separate thread while the bridge runs.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -46,7 +46,8 @@ impl Log {
 }
 
 fn write(file: File, configuration: &Configuration, lines: &Receiver<Line>) -> io::Result<u64> {
-    let (mut file, mut written) = (BufWriter::new(file), 0);
+    let mut file = BufWriter::new(file);
+    let mut written = 0;
     for line in lines {
         writeln!(file, "{}", line.text(configuration))?;
         written += 1;

@@ -38,8 +38,8 @@ impl PyService {
         Ok(PyService { end: Some(end), node: Some(node), domain })
     }
 
-    /// Gives the bridge what came since the last time: operations in their order, and the newest
-    /// command. The verdict on the command is in the bridge's counters.
+    /// Gives the bridge the operations since the last call in their order, and the newest command.
+    /// The verdict on the command is in the bridge's counters.
     fn take(&self, now_ns: u64, bridge: &PyBridge) {
         let Some(end) = &self.end else { return };
         while let Some(request) = end.operation() {
@@ -55,8 +55,7 @@ impl PyService {
         self.end.as_ref().is_some_and(|end| end.publish(bridge.lock().state()))
     }
 
-    /// Gives counts and times to everybody who watches, when it is time to tell them again; false
-    /// where that failed.
+    /// Publishes counters and times to all observers, if they are due; false if that failed.
     fn publish_statistics(
         &self,
         bridge: &PyBridge,
@@ -76,8 +75,8 @@ impl PyService {
     }
 }
 
-/// A controller of a running bridge, or somebody who only watches and operates it; a bridge has one
-/// controller.
+/// A controller of a running bridge, or an observer that only watches and operates it; a bridge has
+/// one controller.
 #[pyclass(name = "Controller", module = "sarrus.can")]
 pub(crate) struct PyController {
     // ports go before their node
@@ -109,14 +108,15 @@ impl PyController {
         } else {
             End::Controller(ControllerEnd::open(&node, &name).map_err(runtime_error)?)
         };
-        let (sequence, fingerprint) = (AtomicU64::new(0), OnceLock::new());
+        let sequence = AtomicU64::new(0);
+        let fingerprint = OnceLock::new();
         Ok(PyController { end: Some(end), node: Some(node), domain, sequence, fingerprint })
     }
 
     /// Sends a command for all actuators; false where it could not be sent.
     ///
-    /// What is not given is filled in: the next sequence, the monotonic time, the fingerprint of
-    /// the bridge's last `state`, and zeros, but for the position of a stiffness. `stamp_ns` is the
+    /// Defaults of the arguments: the next sequence, the monotonic time, the fingerprint of the
+    /// bridge's last `state`, and zeros, but for the position of a stiffness. `stamp_ns` is the
     /// time at which the command was computed, `fingerprint` that of the model which it was
     /// computed with.
     #[pyo3(signature = (

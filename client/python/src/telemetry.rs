@@ -1,4 +1,4 @@
-//! What a bridge tells those who watch it.
+//! The state and statistics that a bridge publishes to its observers.
 
 use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
@@ -62,7 +62,7 @@ impl PyTelemetry {
 }
 
 impl PyTelemetry {
-    /// Everything, when it is time to tell it again.
+    /// All statistics, if they are due.
     pub(crate) fn due(&mut self, bridge: &PyBridge, now_ns: u64) -> Option<BridgeStatistics> {
         self.telemetry.due(&bridge.lock(), now_ns)
     }

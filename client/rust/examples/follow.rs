@@ -1,8 +1,8 @@
 //! The whole chain of control: `follow [SERVER [BRIDGE [SECONDS]]]`.
 //!
-//! Encoders give u; the server gives y for it, and τ_u for what y is to do; the bridge gives τ_u to
-//! the motors. Start `sarrus serve` with the robot and `sarrus-can run` with its configuration
-//! first, and arm with `sarrus-can arm` while this runs.
+//! Encoders measure u; the server computes y from it, and τ_u for the desired motion of y; the
+//! bridge sends τ_u to the motors. Start `sarrus serve` with the robot and `sarrus-can run` with
+//! its configuration first, and arm with `sarrus-can arm` while this runs.
 
 use std::f64::consts::PI;
 use std::process::ExitCode;
@@ -35,7 +35,8 @@ fn follow() -> Result<(), Box<dyn std::error::Error>> {
     let seconds: f64 = arguments.next().map_or(Ok(f64::INFINITY), |text| text.parse())?;
 
     let mut robot = Robot::connect(&server)?;
-    let (n_y, n_u) = (robot.model().independent.len(), robot.model().active.len());
+    let n_y = robot.model().independent.len();
+    let n_u = robot.model().active.len();
     let from_encoders = robot.query(Request::Map).given(["u", "ud"]).want(["y", "yd"]).prepare()?;
     let to_efforts = robot
         .query(Request::InverseDynamics)
@@ -44,11 +45,15 @@ fn follow() -> Result<(), Box<dyn std::error::Error>> {
         .prepare()?;
     let mut controller = Controller::connect(&bridge, robot.model().fingerprint)?;
 
-    let (mut encoders, mut state) = (vec![0.0; 2 * n_u], vec![0.0; 2 * n_y]);
-    let (mut motion, mut tau_u) = (vec![0.0; 3 * n_y], vec![0.0; n_u]);
-    let (mut start, mut y_start) = (None, vec![0.0; n_y]);
+    let mut encoders = vec![0.0; 2 * n_u];
+    let mut state = vec![0.0; 2 * n_y];
+    let mut motion = vec![0.0; 3 * n_y];
+    let mut tau_u = vec![0.0; n_u];
+    let mut start = None;
+    let mut y_start = vec![0.0; n_y];
     let mut command = ActuatorCommand { n_u: n_u as u64, ..ActuatorCommand::default() };
-    let (begin, mut worst) = (Instant::now(), None::<f64>);
+    let begin = Instant::now();
+    let mut worst = None::<f64>;
     let mut next = begin;
     while begin.elapsed().as_secs_f64() < seconds {
         next += Duration::from_secs_f64(1.0 / RATE);

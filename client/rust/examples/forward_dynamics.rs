@@ -5,8 +5,10 @@ use sarrus_client::{Options, Robot, Source};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut robot = Robot::load(&Source::Bundled("torso".into()), &Options::default())?;
-    let (n_y, n_u) = (robot.model().independent.len(), robot.model().active.len());
-    let (y, still) = (vec![0.1; n_y], vec![0.0; n_y]);
+    let n_y = robot.model().independent.len();
+    let n_u = robot.model().active.len();
+    let y = vec![0.1; n_y];
+    let still = vec![0.0; n_y];
 
     // the forces that hold it
     let mut tau_u = vec![0.0; n_u];

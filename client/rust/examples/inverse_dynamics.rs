@@ -10,10 +10,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         [flag, name] if flag == "--connect" => Robot::connect(name)?,
         _ => return Err("usage: inverse_dynamics [--connect NAME]".into()),
     };
-    let (n_y, n_u) = (robot.model().independent.len(), robot.model().active.len());
+    let n_y = robot.model().independent.len();
+    let n_u = robot.model().active.len();
 
     // positions, velocities and accelerations of the independent coordinates [rad, s]
-    let (y, yd, ydd) = (vec![0.2; n_y], vec![1.0; n_y], vec![0.0; n_y]);
+    let y = vec![0.2; n_y];
+    let yd = vec![1.0; n_y];
+    let ydd = vec![0.0; n_y];
     let mut tau_u = vec![0.0; n_u];
     robot.inverse_dynamics(&y, &yd, &ydd, &mut tau_u)?;
 

@@ -7,7 +7,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let link = robot.model().links.last().ok_or("a robot without links")?.clone();
     let n_y = robot.model().independent.len();
 
-    // what goes in and what comes out, decided once
+    // inputs and outputs, fixed once
     let plan = robot
         .query(Request::Kinematics)
         .given(["y", "yd"])
@@ -16,10 +16,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         .prepare()?;
     let layout = robot.plan(plan).ok_or("a plan that is not there")?.want();
     let slot = |field| layout.slot(field).map(|slot| slot.range()).ok_or("a field that is missing");
-    let (twist, jacobian) = (slot(Field::FrameTwist)?, slot(Field::JacobianIndependent)?);
+    let twist = slot(Field::FrameTwist)?;
+    let jacobian = slot(Field::JacobianIndependent)?;
     let mut output = vec![0.0; layout.len()];
 
-    let (y, yd) = (vec![0.2; n_y], vec![0.5; n_y]);
+    let y = vec![0.2; n_y];
+    let yd = vec![0.5; n_y];
     robot.ask(plan, &[y, yd.clone()].concat(), &mut output)?.ok()?;
 
     // six rows of n_y numbers: three of the angular velocity, three of the velocity

@@ -1,7 +1,7 @@
 //! A control loop of 1 kHz without motors: `loop_1khz [NAME [SECONDS]]`.
 //!
-//! Each millisecond the server gives the actuator forces for a swing. What is late is counted, not
-//! caught up: a cycle is late when it begins, or its answer comes, after the next should begin.
+//! Each millisecond the server computes the actuator forces for a swing. Late cycles are counted,
+//! not caught up: a cycle is late if it begins, or its answer comes, after the next should begin.
 //! Start `sarrus serve` with a robot first.
 
 use std::f64::consts::TAU;
@@ -19,15 +19,20 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let seconds: f64 = arguments.next().map_or(Ok(5.0), |text| text.parse())?;
 
     let mut robot = Robot::connect(&name)?;
-    let (n_y, n_u) = (robot.model().independent.len(), robot.model().active.len());
-    let (mut y, mut yd, mut ydd) = (vec![0.0; n_y], vec![0.0; n_y], vec![0.0; n_y]);
+    let n_y = robot.model().independent.len();
+    let n_u = robot.model().active.len();
+    let mut y = vec![0.0; n_y];
+    let mut yd = vec![0.0; n_y];
+    let mut ydd = vec![0.0; n_y];
     let mut tau_u = vec![0.0; n_u];
     // nothing allocates after this line
     robot.prepare_inverse_dynamics()?;
 
     let cycles = (seconds / CYCLE.as_secs_f64()) as u32;
-    let (start, w) = (Instant::now(), TAU / SWING.1);
-    let (mut late, mut longest) = (0_u32, Duration::ZERO);
+    let start = Instant::now();
+    let w = TAU / SWING.1;
+    let mut late = 0_u32;
+    let mut longest = Duration::ZERO;
     for cycle in 0..cycles {
         let begin = start + CYCLE * cycle;
         std::thread::sleep(begin.saturating_duration_since(Instant::now()));

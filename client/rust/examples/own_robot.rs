@@ -27,7 +27,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
 
     // all three angles from the crank's: a parallelogram's coupler does not turn
-    let (mut q, mut qd, mut qdd) = ([0.0; 3], [0.0; 3], [0.0; 3]);
+    let mut q = [0.0; 3];
+    let mut qd = [0.0; 3];
+    let mut qdd = [0.0; 3];
     robot.state(&[0.3], &[1.0], &[0.0], &mut q, &mut qd, &mut qdd)?;
     println!("q: {q:?}");
     let mut tau_u = [0.0];

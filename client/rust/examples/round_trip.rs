@@ -40,7 +40,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let plan = robot.prepare(&Query::new(Request::Kinematics, given, want))?;
         let (n_in, n_out) =
             robot.plan(plan).map_or((0, 0), |plan| (plan.given().len(), plan.want().len()));
-        let (input, mut output) = (vec![0.1; n_in], vec![0.0; n_out]);
+        let input = vec![0.1; n_in];
+        let mut output = vec![0.0; n_out];
         let mut ask = || robot.ask(plan, &input, &mut output);
         for _ in 0..count / 10 {
             ask()?.ok()?;

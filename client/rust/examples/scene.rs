@@ -1,12 +1,12 @@
-//! What a scene holds still costs nothing: a humanoid as it is, with some of it locked, and one arm
-//! of it alone. Prints what is left of it and the time of an inverse dynamics, each the least of
-//! many rounds in turns.
+//! Locked joints cost nothing: a complete humanoid, with some joints locked, and one of its arms
+//! alone. Prints the remaining sizes and the time of an inverse dynamics, each the minimum of many
+//! interleaved rounds.
 
 use std::time::Instant;
 
 use sarrus_client::{Lock, Options, Robot, Source};
 
-/// What is locked, and which links are all that there is.
+/// Name, locked joints and, if not all, the links that are kept.
 const SCENES: [(&str, &[&str], &[&str]); 5] = [
     ("the whole robot", &[], &[]),
     ("torso and head locked", &["Body*", "Head*"], &[]),
@@ -30,7 +30,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for _ in 0..ROUNDS {
         for (_, robot, least) in &mut robots {
             let n_y = robot.model().independent.len();
-            let (y, rate) = (vec![0.1; n_y], vec![0.5; n_y]);
+            let y = vec![0.1; n_y];
+            let rate = vec![0.5; n_y];
             let mut tau_u = vec![0.0; robot.model().active.len()];
             let start = Instant::now();
             for _ in 0..CALLS {
@@ -42,7 +43,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("{:<28} {:>6} {:>3} {:>3} {:>9}", "", "joints", "y", "u", "ID");
     for (name, robot, least) in &robots {
         let sizes = robot.model().sizes;
-        let (joints, y, u) = (sizes.n_v, sizes.n_vy, sizes.n_u);
+        let joints = sizes.n_v;
+        let y = sizes.n_vy;
+        let u = sizes.n_u;
         println!("{name:<28} {joints:>6} {y:>3} {u:>3} {:>6.2} µs", least * 1e6);
     }
     Ok(())

@@ -1,5 +1,5 @@
-//! What inverse dynamics cost in Rust, beside Python: `client/python/examples/speed.py` starts this
-//! and both take turns.
+//! Cost of inverse dynamics in Rust, compared with Python: `client/python/examples/speed.py` starts
+//! this and both take turns.
 //!
 //! A line `ROBOT call N` or `ROBOT rows N THREADS` on stdin asks for N calls of one state, or for N
 //! states as rows of a batch; a line on stdout has the nanoseconds of all of them.

@@ -19,15 +19,16 @@ const TILE: usize = 256;
 
 impl Robot {
     /// Asks for as many states as there are places for answers: `input` and `output` hold their
-    /// rows one after the other, each packed as the plan says, and every row, status and warning is
-    /// that of [`Robot::ask`], to the bit. In process up to so many threads work, the calling one
-    /// among them; each keeps its scratch for the next batch of the plan. A server answers up to
-    /// [`MAX_BATCH_ROWS`](sarrus_proto::batch::MAX_BATCH_ROWS) rows at once, some of them abreast,
-    /// and others between them; [`ConnectOptions::timeout`](crate::ConnectOptions::timeout) is how
-    /// long it may go without answering one. Of plans with a checksum it is asked row by row. Rows
-    /// of a batch that it refuses have the reason as their status. Where the sizes do not fit every
-    /// row is [`Status::WrongSize`] and NaN. [`Robot::times`] is `None` after a batch, and
-    /// deadlines are those of single requests. Allocates nothing after the first batch.
+    /// rows one after the other, each packed in the plan's layout, and every row, status and
+    /// warning is that of [`Robot::ask`], to the bit. In process up to so many threads work, the
+    /// calling one among them; each keeps its scratch for the next batch of the plan. A server
+    /// answers up to [`MAX_BATCH_ROWS`](sarrus_proto::batch::MAX_BATCH_ROWS) rows at once, some of
+    /// them abreast, and others between them;
+    /// [`ConnectOptions::timeout`](crate::ConnectOptions::timeout) is how long it may go without
+    /// answering one. Of plans with a checksum it is asked row by row. Rows of a batch that it
+    /// refuses have the reason as their status. Where the sizes do not fit every row is
+    /// [`Status::WrongSize`] and NaN. [`Robot::times`] is `None` after a batch, and deadlines are
+    /// those of single requests. Allocates nothing after the first batch.
     ///
     /// # Errors
     /// As [`Robot::ask`]; rows that have no answer yet are NaN then, with the status
@@ -59,7 +60,8 @@ impl Robot {
         answers.fill(Answer { status: Status::UnknownRequest, warnings: Warnings::NONE });
         self.forget_times();
         let (_, prepared) = self.plans.find(plan)?;
-        let (n_in, n_out) = (prepared.given().len(), prepared.want().len());
+        let n_in = prepared.given().len();
+        let n_out = prepared.want().len();
         let checks = prepared.query().options.contains(QueryOptions::CHECKSUM);
         let rows = answers.len();
         if Some(input.len()) != rows.checked_mul(n_in)
@@ -102,7 +104,7 @@ impl Robot {
     }
 }
 
-/// What answers batches of a plan.
+/// The engine that answers batches of a plan.
 pub(crate) enum Batches<'a> {
     Here(Here<'a>),
     /// A server.
@@ -113,7 +115,7 @@ pub(crate) enum Batches<'a> {
     },
 }
 
-/// What answers batches of a plan in this process.
+/// Batches of a plan in this process.
 pub(crate) struct Here<'a> {
     /// One for each thread.
     pub(crate) batches: &'a mut [Batch],

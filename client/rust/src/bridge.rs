@@ -1,4 +1,5 @@
-//! Talking to a CAN bridge: commands of a controller, and what anybody may see and ask.
+//! Client of a CAN bridge: commands of a controller; states, statistics and operations of
+//! observers.
 
 use iceoryx2::node::Node;
 use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Operation, OperatorRequest};
@@ -23,7 +24,7 @@ pub struct Controller {
     _place: Place,
 }
 
-/// Somebody who watches a bridge, and may operate it.
+/// An observer of a bridge, which may also operate it.
 #[derive(Debug)]
 pub struct Observer {
     end: ObserverEnd,
@@ -63,7 +64,7 @@ impl Controller {
         operate(self.end.observer(), operation, None)
     }
 
-    /// The same of the one mechanism that an actuator acts on, by its place in u.
+    /// Requests an operation of the mechanism that an actuator acts on, by its place in u.
     pub fn operate_mechanism(&self, operation: Operation, actuator: usize) -> u64 {
         operate(self.end.observer(), operation, Some(actuator))
     }
@@ -84,7 +85,7 @@ impl Observer {
         self.end.state()
     }
 
-    /// The newest statistics, once; the bridge tells them twice a second.
+    /// The newest statistics, once; the bridge publishes them twice a second.
     pub fn statistics(&self) -> Option<BridgeStatistics> {
         self.end.statistics()
     }
@@ -96,7 +97,7 @@ impl Observer {
         operate(&self.end, operation, None)
     }
 
-    /// The same of the one mechanism that an actuator acts on, by its place in u.
+    /// Requests an operation of the mechanism that an actuator acts on, by its place in u.
     pub fn operate_mechanism(&self, operation: Operation, actuator: usize) -> u64 {
         operate(&self.end, operation, Some(actuator))
     }
@@ -127,7 +128,7 @@ pub fn now_ns() -> u64 {
     monotonic_ns()
 }
 
-/// This process's place in the shared memory; the node goes before what it leaves is tidied away.
+/// This process's place in the shared memory; the node is dropped before its files are removed.
 #[derive(Debug)]
 struct Place {
     node: Option<DomainNode<Threadsafe>>,

@@ -32,7 +32,7 @@ const LEAVE: Duration = Duration::from_millis(250);
 /// A node of this process in a link.
 pub(crate) type LinkNode = iceoryx2::node::Node<Threadsafe>;
 
-/// A connection to a run of a server. The server keeps what it granted as long as this is open.
+/// A connection to a run of a server. The server keeps its grants while this is open.
 pub(crate) struct Control {
     socket: ControlSocket,
     name: String,
@@ -46,7 +46,7 @@ pub(crate) struct Control {
     nonce: AtomicU64,
 }
 
-/// When a wait of this length is over; what is too long is for ever.
+/// The end of a wait of this length, saturated.
 pub(crate) fn deadline_after(timeout: Duration) -> Instant {
     let now = Instant::now();
     let century = Duration::from_secs(100 * 365 * 86_400);
@@ -54,8 +54,7 @@ pub(crate) fn deadline_after(timeout: Duration) -> Instant {
 }
 
 impl Control {
-    /// Connects and says hello. Fails where the model has another fingerprint than `fingerprint`,
-    /// if that is given.
+    /// Connects and sends hello. Fails if `fingerprint` is given and the model has another one.
     pub(crate) fn open(
         domain: &Domain,
         name: &ServerName,
@@ -72,7 +71,7 @@ impl Control {
             match exchange(&socket, &request, deadline) {
                 Ok(Some((response, descriptor))) => break (socket, process, response, descriptor),
                 Ok(None) => return Err(ConnectError::Interrupted),
-                // connecting again says whether the server is gone, or only this connection
+                // a new connection shows whether the server is gone, or only this connection
                 Err(NoResponse::Gone) if Instant::now() < deadline => std::thread::sleep(RETRY[0]),
                 Err(error) => {
                     let life = || Life::of(process, None);
@@ -110,7 +109,7 @@ impl Control {
         self.heartbeat.read().stopped != 0 || self.socket.is_closed()
     }
 
-    /// What is known of the server's life.
+    /// The state of the server's process and heartbeat.
     pub(crate) fn life(&self) -> Life {
         Life::of(self.process, Some(&self.heartbeat))
     }
@@ -160,13 +159,13 @@ impl Control {
         self.granted(Call::Release { plan }, deadline).map(|_| ())
     }
 
-    /// Gives back what [`Control::lane`] or [`Control::service`] gave; where the server does not
-    /// answer in time, the end of the connection does.
+    /// Returns the grant of [`Control::lane`] or [`Control::service`]; if the server does not
+    /// answer in time, the end of the connection returns it.
     pub(crate) fn leave(&self) {
         let _ = self.granted(Call::Leave, deadline_after(LEAVE));
     }
 
-    /// What the server counts.
+    /// The server's counters.
     pub(crate) fn statistics(&self, deadline: Instant) -> Result<Statistics, ConnectError> {
         match self.granted(Call::Statistics, deadline)? {
             Grant::Statistics(statistics) => Ok(*statistics),
@@ -246,7 +245,7 @@ impl Control {
     }
 }
 
-/// A connection to whoever serves under a name.
+/// A connection to the server of a name.
 fn connect(
     domain: &Domain,
     name: &ServerName,
@@ -261,7 +260,7 @@ fn connect(
         let mut busy = false;
         for folder in domain.server_folders(name) {
             match ControlSocket::connect(&folder) {
-                // nobody else's server is ours, whatever its folder is called
+                // a server of another user is refused, even in a folder of this name
                 Ok(socket) if is_ours(&socket) => return Ok(socket),
                 Ok(_) => {
                     let source = io::Error::other("the server is another user's");
@@ -283,7 +282,8 @@ fn connect(
         // it is there, but others wait for it as well
         let left = deadline.saturating_duration_since(Instant::now());
         if left.is_zero() {
-            let (name, timeout) = (name.as_str().to_owned(), start.elapsed());
+            let name = name.as_str().to_owned();
+            let timeout = start.elapsed();
             return Err(ConnectError::NoAnswer { name, timeout, life: Life::of(0, None) });
         }
         std::thread::sleep(pause.min(left));
@@ -306,7 +306,8 @@ fn failed(
     match error {
         NoResponse::Gone => ConnectError::no_server(name, domain),
         NoResponse::Late => {
-            let (name, timeout) = (name.to_owned(), start.elapsed());
+            let name = name.to_owned();
+            let timeout = start.elapsed();
             ConnectError::NoAnswer { name, timeout, life: life() }
         }
         NoResponse::OtherVersion(found) => ConnectError::WrongVersion { found },

@@ -1,5 +1,5 @@
-//! What most programs ask, one method for each question: the plan is prepared on first use, sizes
-//! are checked, and a state that cannot be answered is an error.
+//! The common requests, one method each: the plan is prepared on first use, sizes are checked, and
+//! a state without an answer is an error.
 
 use sarrus_proto::{Field, FieldSet, Query, QueryOptions, Request, Warnings};
 
@@ -21,7 +21,7 @@ const TREE: &[Field] = &[Field::Q, Field::Qd, Field::Qdd];
 
 const QUESTIONS: usize = 5;
 
-/// What a robot has for the simple questions.
+/// The plans and scratch of the common requests.
 #[derive(Default)]
 pub(crate) struct Direct {
     options: QueryOptions,
@@ -52,7 +52,7 @@ impl Robot {
     /// `corrupt_answer`.
     ///
     /// The next call of each question prepares its plan, and allocates, unless it had these options
-    /// before; plans that `prepare_…` gave stay what they are.
+    /// before; plans from `prepare_…` stay unchanged.
     ///
     /// ```no_run
     /// use sarrus_client::{QueryOptions, Robot};
@@ -83,8 +83,8 @@ impl Robot {
     /// ```
     ///
     /// # Errors
-    /// [`Error::WrongSize`] names the array that does not fit; [`Error::Failed`] says why this
-    /// state has no answer; else as [`Robot::ask`], and the first call as [`Robot::prepare`].
+    /// [`Error::WrongSize`] names the array that does not fit; [`Error::Failed`] has the reason why
+    /// this state has no answer; else as [`Robot::ask`], and the first call as [`Robot::prepare`].
     pub fn inverse_dynamics(
         &mut self,
         y: &[f64],

@@ -43,7 +43,7 @@ pub enum ConnectError {
         name: String,
         /// How long was waited.
         timeout: Duration,
-        /// What is known of the server.
+        /// The state of the server's process and heartbeat.
         life: Life,
     },
     /// The server's socket cannot be used.
@@ -55,7 +55,7 @@ pub enum ConnectError {
     Unreachable {
         /// The folder.
         path: PathBuf,
-        /// What the system says.
+        /// The operating system's error.
         source: io::Error,
     },
     /// No CAN bridge has this name.
@@ -64,7 +64,7 @@ pub enum ConnectError {
         /// The name.
         name: String,
     },
-    /// A bridge has this name but says nothing.
+    /// A bridge has this name but publishes nothing.
     #[error(
         "the bridge `{name}` tells no state; see whether its process is stopped or has crashed"
     )]
@@ -95,11 +95,11 @@ pub enum ConnectError {
     /// Every place at this transport is taken.
     #[error("all {limit} {transport} are taken; {help}")]
     NoFreeSlot {
-        /// What there are too few of.
+        /// The exhausted transport.
         transport: &'static str,
         /// How many there are.
         limit: usize,
-        /// What to do.
+        /// The remedy.
         help: &'static str,
     },
     /// The caller gave the wait up; see [`interruptible`](crate::interruptible).
@@ -114,13 +114,13 @@ pub enum ConnectError {
          version"
     )]
     BadAnswer {
-        /// What was asked.
+        /// The refused request.
         what: &'static str,
     },
     /// The server could not do its part.
     #[error("the server could not take this client: {reason}")]
     Failed {
-        /// What the server says.
+        /// The server's reason.
         reason: String,
     },
     /// The shared memory is too full for another client.
@@ -130,7 +130,7 @@ pub enum ConnectError {
         free / 1024
     )]
     NoSpace {
-        /// What is free `[byte]`.
+        /// Free shared memory `[byte]`.
         free: u64,
     },
     /// This process has too little memory of its own for a connection.
@@ -139,9 +139,9 @@ pub enum ConnectError {
          `ulimit -v`, or let it hold less"
     )]
     NoMemory {
-        /// What was to be mapped.
+        /// The memory that was to be mapped.
         what: &'static str,
-        /// What the system says.
+        /// The operating system's error.
         source: io::Error,
     },
     /// The shared memory cannot be entered.
@@ -176,19 +176,19 @@ pub enum Error {
         name: String,
         /// How long was waited.
         timeout: Duration,
-        /// What is known of the server.
+        /// The state of the server's process and heartbeat.
         life: Life,
     },
     /// Attaching failed, at first or again after the server was restarted.
     #[error(transparent)]
     Connect(#[from] ConnectError),
-    /// What is wanted cannot be planned.
+    /// The query cannot be planned.
     #[error("{0}")]
     Query(QueryError),
     /// The server finds something in the query that it cannot plan.
     #[error("the server cannot plan this: {reason}")]
     NotPlanned {
-        /// What the server says.
+        /// The server's reason.
         reason: String,
     },
     /// Names in a query that stand for no field or link: all of them.
@@ -200,7 +200,7 @@ pub enum Error {
     /// An array does not fit this robot.
     #[error("`{}` has {found} numbers, expected {expected}", field.name())]
     WrongSize {
-        /// What the array is for.
+        /// The field of the array.
         field: Field,
         /// How many numbers it has.
         found: usize,
@@ -271,7 +271,7 @@ impl ConnectError {
         }
     }
 
-    /// Says how long the whole of a call waited, of which this error knows the last part only.
+    /// Replaces the waiting time of the call's last part by that of the whole call.
     pub(crate) fn waited(self, timeout: Duration) -> ConnectError {
         match self {
             ConnectError::NoAnswer { name, life, .. } => {

@@ -1,5 +1,5 @@
-//! What heads carry beside the plan: checksum, stamp and deadline of a request, and what becomes of
-//! them in its answer.
+//! Heads of requests and answers: checksum, stamp and deadline of a request; checksum and times of
+//! its answer.
 
 use std::time::Duration;
 
@@ -10,7 +10,7 @@ use sarrus_proto::{PROTOCOL_VERSION, Query, QueryOptions, Status, Warnings};
 use crate::Answer;
 use crate::bridge::now_ns;
 
-/// How long an answer took, as its head says; see [`crate::Robot::times`].
+/// The times in the head of an answer; see [`crate::Robot::times`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Times {
     /// How old the request was when the server took it `[ns]`; 4.3 s stand for any longer time.
@@ -33,14 +33,14 @@ impl Times {
     }
 }
 
-/// What a robot knows of its last answer and of all of them.
+/// Times of a robot's last answer, and counts over all its answers.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Seen {
     pub(crate) times: Option<Times>,
     pub(crate) late: u64,
 }
 
-/// What one request asks of heads, through all attempts to send it.
+/// The options of one request's heads, constant through all attempts to send it.
 pub(crate) struct Terms {
     checked: bool,
     timed: bool,
@@ -90,7 +90,7 @@ impl Terms {
         head
     }
 
-    /// What the answer says; one that is not what the server sent is `corrupt_answer`, and its
+    /// Reads the head of an answer; an answer whose checksum fails is `corrupt_answer`, and its
     /// numbers are NaN. A late one is counted.
     #[inline]
     pub(crate) fn read(

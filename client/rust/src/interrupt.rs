@@ -42,7 +42,7 @@ pub fn interruptible<T>(ask: fn() -> bool, f: impl FnOnce() -> T) -> T {
     f()
 }
 
-/// Whether to give the wait up; asks no more often than [`LOOK`] says.
+/// Whether to give the wait up; asks at most once in [`LOOK`].
 pub(crate) fn is_wanted() -> bool {
     let Some(Question { ask, next }) = QUESTION.get() else { return false };
     let now = Instant::now();
@@ -62,8 +62,8 @@ pub(crate) fn is_wanted() -> bool {
     }
 }
 
-/// Makes a call and waits for its answer, in slices where somebody may give the wait up; `None`
-/// where it was.
+/// Makes a call and waits for its answer, in slices if the wait can be interrupted; `None` where it
+/// was.
 pub(crate) fn exchange(
     socket: &ControlSocket,
     request: &ControlRequest,

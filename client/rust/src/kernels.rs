@@ -14,16 +14,16 @@ pub enum Kernels {
     /// None: the generic ones answer.
     #[default]
     None,
-    /// Those that are kept in the user's cache. No program is run.
+    /// Kernels from the user's cache. No program is run.
     Kept,
-    /// Those that are kept; what is missing is compiled by `CC`, or `cc`, while the plan is
-    /// prepared, which takes seconds, and kept.
+    /// Kernels from the user's cache; missing ones are compiled by `CC`, or `cc`, while the plan is
+    /// prepared, which takes seconds, and stored there.
     Compiled,
     /// A shared object of `sarrus generate`, for the query that it was made for.
     File(PathBuf),
 }
 
-/// By what a plan is answered.
+/// The code that answers a plan.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum AnsweredBy<'a> {
@@ -61,7 +61,7 @@ pub(crate) enum Source {
 }
 
 impl Source {
-    /// Loads and checks what there is already.
+    /// Loads and checks the existing kernels.
     pub(crate) fn new(kernels: Kernels, model: &Model<f64>) -> Result<Source, KernelError> {
         Ok(match kernels {
             Kernels::None => Source::None,

@@ -1,11 +1,10 @@
-//! Client of the sarrus server, and the same robot without one.
+//! Rust client of sarrus: dynamics of a robot in this process or on a server, and the CAN bridge.
 //!
-//! [`Robot`] answers: [`Robot::connect`] finds one that a server holds, [`Robot::load`] and
-//! [`Robot::from_model`] make one in this process, with the same methods and the same bits.
-//! [`Robot::inverse_dynamics`] and its neighbours ask what most programs ask; [`Robot::query`]
-//! prepares anything else. When a server is killed and started again with the same model, its
-//! clients go on by themselves. [`Controller`] sends commands to a CAN bridge and [`Observer`]
-//! watches one.
+//! [`Robot::connect`] attaches to a robot on a server; [`Robot::load`] and [`Robot::from_model`]
+//! create one in this process. Both have the same methods and return the same bits.
+//! [`Robot::inverse_dynamics`] and its neighbours cover the common requests; [`Robot::query`]
+//! prepares any other. If a server restarts with the same model, its clients reconnect
+//! automatically. [`Controller`] sends commands to a CAN bridge and [`Observer`] monitors one.
 
 mod batch;
 mod bridge;

@@ -1,14 +1,14 @@
-//! What can be known of a server that does not answer.
+//! State of a server that does not answer: its process and its heartbeat.
 
 use std::fmt;
 use std::time::Duration;
 
 use sarrus_proto::heartbeat::{HeartbeatReader, monotonic_ns};
 
-/// A heartbeat older than this is worth a word; younger ones are what a busy machine does.
+/// A heartbeat older than this is reported; a busy machine causes shorter pauses.
 const SILENCE: Duration = Duration::from_millis(100);
 
-/// What the system says of a process.
+/// The state of a process, as the kernel reports it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ProcessState {
     /// It runs, or could.
@@ -17,7 +17,7 @@ pub enum ProcessState {
     Stopped,
     /// It is gone.
     Dead,
-    /// The system does not say.
+    /// The kernel does not report it.
     Unknown,
 }
 
@@ -26,7 +26,7 @@ pub enum ProcessState {
 pub struct Life {
     /// The server's process; 0 where it is not known.
     pub process: u32,
-    /// What the system says of it.
+    /// Its state, as the kernel reports it.
     pub state: ProcessState,
     /// How old the last sign of life of its answering thread is; `None` where there was none yet.
     pub silent: Option<Duration>,

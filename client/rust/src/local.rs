@@ -48,7 +48,7 @@ impl Local {
         Ok(())
     }
 
-    /// By what a plan is answered.
+    /// The code that answers a plan.
     #[cfg(feature = "kernels")]
     pub(crate) fn answered_by(&self, place: usize) -> AnsweredBy<'_> {
         match self.plans.get(place).and_then(Option::as_ref).map(|prepared| &prepared.kernel) {
@@ -95,7 +95,7 @@ impl Local {
         Ok(prepared.plan.run(&self.model, workspace, input, output))
     }
 
-    /// What so many threads answer batches of a plan with.
+    /// The engines with which this number of threads answers batches of a plan.
     pub(crate) fn batches(&mut self, place: usize, threads: usize) -> Result<Here<'_>, Error> {
         let Some(Some(prepared)) = self.plans.get_mut(place) else {
             return Err(Error::ReleasedPlan);

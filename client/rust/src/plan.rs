@@ -1,4 +1,4 @@
-//! Plans of a robot: what goes in, what comes out, and whose they are.
+//! Plans of a robot: input and output layouts, and ownership.
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
@@ -18,7 +18,7 @@ pub struct PlanId {
     robot: u64,
 }
 
-/// A prepared plan: what goes in, what comes out, and where.
+/// A prepared plan: its query and the layouts of input and output.
 #[derive(Clone, Debug)]
 pub struct Prepared {
     query: Query,
@@ -30,7 +30,7 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// What it was made for.
+    /// The query of the plan.
     pub fn query(&self) -> &Query {
         &self.query
     }
@@ -46,7 +46,7 @@ impl Prepared {
     }
 }
 
-/// The plans of one robot; what is released leaves its place to the next.
+/// The plans of one robot; the place of a released plan is used again.
 pub(crate) struct Plans {
     robot: u64,
     places: Vec<Option<Prepared>>,
@@ -88,7 +88,9 @@ impl Plans {
     pub(crate) fn add(&mut self, query: &Query, model: &ModelInfo) -> (PlanId, usize, usize) {
         let given = Layout::of_given(query, &model.sizes);
         let want = Layout::of_want(query, model);
-        let (n_in, n_out, number) = (given.len(), want.len(), next_number());
+        let n_in = given.len();
+        let n_out = want.len();
+        let number = next_number();
         let prepared = Some(Prepared { query: *query, given, want, number, holders: 1 });
         let index = match self.places.iter_mut().enumerate().find(|(_, place)| place.is_none()) {
             Some((index, place)) => {

@@ -1,4 +1,4 @@
-//! Whether this processor can run what was built.
+//! Whether this processor can run this build.
 
 /// Programs that are built for x86-64-v3 ask this before anything else, to end in words and not by
 /// an instruction that is not there.

@@ -8,7 +8,7 @@ use sarrus_proto::{QueryOptions, Request};
 
 use crate::{Error, PlanId, Robot};
 
-/// What names a field: a [`Field`] or its name as scripts write it.
+/// A reference to a field: a [`Field`] or its name as scripts write it.
 pub trait IntoField {
     /// The field, or the name that stands for none.
     ///
@@ -59,7 +59,7 @@ impl IntoField for String {
 pub struct UnknownName {
     /// The name.
     pub name: String,
-    /// What it should be of: `field`, `link of this robot` or `joint of this robot`.
+    /// The expected kind: `field`, `link of this robot` or `joint of this robot`.
     pub what: &'static str,
     /// The known name that it most likely means.
     pub nearest: Option<String>,
@@ -107,7 +107,7 @@ impl<'a> QueryBuilder<'a> {
         self
     }
 
-    /// The links whose frames are asked; which fields of frames is said in [`QueryBuilder::want`].
+    /// The links whose frames are asked; [`QueryBuilder::want`] selects the fields of frames.
     pub fn frames<L: AsRef<str>>(mut self, links: impl IntoIterator<Item = L>) -> Self {
         let links = self.links(links, "frames", MAX_FRAMES);
         self.query = self.query.with_frames(&links);
@@ -115,9 +115,9 @@ impl<'a> QueryBuilder<'a> {
     }
 
     /// The joints whose rows are asked, by names with `*`, `?` and `[…]` as in shells (`AL*`):
-    /// coordinates, forces and rows of matrices, in the order of the model. Only what these rows
-    /// depend on is computed; a closure that no row needs cannot fail the request. Without it, all
-    /// joints.
+    /// coordinates, forces and rows of matrices, in the order of the model. Only quantities on
+    /// which these rows depend are computed; a closure that no row needs cannot fail the request.
+    /// Without it, all joints.
     pub fn joints<J: AsRef<str>>(mut self, patterns: impl IntoIterator<Item = J>) -> Self {
         let info = self.robot.model();
         let mut velocities = Vec::new();
@@ -150,7 +150,7 @@ impl<'a> QueryBuilder<'a> {
         self
     }
 
-    /// The links that wrenches act on; adds `wrenches` to what is given.
+    /// The links that wrenches act on; adds `wrenches` to the given fields.
     pub fn wrenches<L: AsRef<str>>(mut self, links: impl IntoIterator<Item = L>) -> Self {
         let links = self.links(links, "wrenches", MAX_WRENCHES);
         self.query = self.query.with_wrenches(&links);
@@ -165,7 +165,7 @@ impl<'a> QueryBuilder<'a> {
         self
     }
 
-    /// Has every answer say how old its request was and how long it took; see [`Robot::times`].
+    /// Adds the request's age and the time taken to every answer; see [`Robot::times`].
     pub fn times(mut self) -> Self {
         self.query = self.query.with_options(QueryOptions::TIMES);
         self

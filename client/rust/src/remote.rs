@@ -50,7 +50,8 @@ impl Remote {
         let waited = |error: ConnectError| error.waited(options.timeout);
         let control =
             Control::open(&domain, &name, options.fingerprint, deadline).map_err(waited)?;
-        let (info, fingerprint) = (control.model(deadline).map_err(waited)?, control.fingerprint());
+        let info = control.model(deadline).map_err(waited)?;
+        let fingerprint = control.fingerprint();
         let session = Session::open(control, &Plans::new(), options.transport, deadline);
         let session = Some(session.map_err(|error| match error {
             Error::Connect(error) => waited(error),
@@ -79,8 +80,8 @@ impl Remote {
         self.attach(prepared, deadline)
     }
 
-    /// Tells the server that the plan in this place is held no more. Where it does not hear that,
-    /// the session ends, and with it all that the server holds for it.
+    /// Releases the plan of this place in the server. If that fails, the session ends, and with it
+    /// all that the server holds for it.
     pub(crate) fn release(&mut self, place: usize) {
         let Some(session) = &mut self.session else { return };
         let Some(number) = session.plans.get_mut(place).and_then(Option::take) else { return };
@@ -129,7 +130,8 @@ impl Remote {
     ) -> Result<(), Error> {
         self.exchange(prepared, place, |attempt| {
             let Attempt { session, plan, fingerprint, options, deadline, .. } = attempt;
-            let (version, rows) = (PROTOCOL_VERSION, shape.rows() as u64);
+            let version = PROTOCOL_VERSION;
+            let rows = shape.rows() as u64;
             let head = BatchHead { version, plan, fingerprint, sequence: 0, rows };
             session.exchange_batch(head, shape, (input, output, answers), options, deadline)
         })?;
@@ -156,7 +158,8 @@ impl Remote {
                 continue;
             };
             let plan = session.number(place).ok_or(Error::ReleasedPlan)?;
-            let (fingerprint, deadline) = (*fingerprint, &mut deadline);
+            let fingerprint = *fingerprint;
+            let deadline = &mut deadline;
             match attempt(Attempt { session, plan, fingerprint, sequence, options, deadline }) {
                 Err(Error::Connect(ConnectError::Interrupted)) | Ok(Exchange::Interrupted) => {
                     return self.interrupted();
@@ -166,7 +169,7 @@ impl Remote {
                 Ok(Exchange::Lost) => self.session = None,
                 Ok(Exchange::TimedOut) => {
                     let life = session.control.life();
-                    // an answer that comes late must meet nobody
+                    // discard the session so that a late reply cannot be misread
                     self.session = None;
                     return Err(Error::NoAnswer {
                         name: self.name.as_str().to_owned(),
@@ -178,7 +181,7 @@ impl Remote {
         }
     }
 
-    /// Ends the session: what was asked is under way, and its answer must meet nobody.
+    /// Ends the session so that the reply to the pending request cannot be misread.
     fn interrupted<T>(&mut self) -> Result<T, Error> {
         self.session = None;
         Err(ConnectError::Interrupted.into())
@@ -191,7 +194,7 @@ impl Remote {
         };
         let number = session.control.plan(plan, deadline)?;
         if let Err(error) = session.grow(prepared.needs(), deadline) {
-            // without a lane, and with a plan that nobody knows here: begin anew
+            // without a lane, and with a plan unknown here: start a new session
             self.session = None;
             return Err(error.into());
         }

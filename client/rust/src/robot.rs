@@ -79,7 +79,7 @@ impl Robot {
     /// Connects to a server on this machine, with a lane of one's own.
     ///
     /// # Errors
-    /// [`ConnectError`], each with what to do; when all lanes are taken,
+    /// [`ConnectError`], each with a remedy; when all lanes are taken,
     /// [`crate::Transport::Service`] may still be open.
     pub fn connect(name: &str) -> Result<Robot, ConnectError> {
         Robot::connect_with(name, ConnectOptions::default())
@@ -135,13 +135,13 @@ impl Robot {
     /// Which generated kernels plans get that are prepared from now on; none without. The numbers
     /// stay the same bits, errors and warnings too. With [`crate::Kernels::File`] the file is
     /// loaded and compared now, else kernels are looked for, or compiled, as plans are prepared;
-    /// where there is none the generic ones answer, and [`Robot::answered_by`] says why.
+    /// without one the generic kernels answer, and [`Robot::answered_by`] has the reason.
     ///
-    /// Loading a shared object runs it with the rights of this process: only files are taken that
-    /// belong to this user or to root and that nobody else may write.
+    /// Loading a shared object runs it with the rights of this process: only files are accepted
+    /// that belong to this user or to root and that no other user may write.
     ///
     /// # Errors
-    /// [`crate::KernelError`]: a connected robot, or a file that is refused. What was asked before
+    /// [`crate::KernelError`]: a connected robot, or a file that is refused. The earlier setting
     /// stays.
     #[cfg(feature = "kernels")]
     pub fn use_kernels(&mut self, kernels: crate::Kernels) -> Result<(), crate::KernelError> {
@@ -152,7 +152,7 @@ impl Robot {
         }
     }
 
-    /// By what a plan is answered.
+    /// The code that answers a plan.
     ///
     /// # Errors
     /// [`Error::UnknownPlan`], [`Error::ReleasedPlan`].
@@ -165,7 +165,7 @@ impl Robot {
         })
     }
 
-    /// What the server counts; `None` in process and while the server is gone.
+    /// The server's counters; `None` in process and while the server is gone.
     pub fn statistics(&self) -> Option<Statistics> {
         match &self.side {
             Side::Remote(remote) => remote.statistics(),
@@ -217,7 +217,8 @@ impl Robot {
         query: &Query,
         [n_in, n_out]: [usize; 2],
     ) -> Result<(), Error> {
-        let (max_in, max_out) = (MAX_NUMBERS_IN, MAX_NUMBERS_OUT);
+        let max_in = MAX_NUMBERS_IN;
+        let max_out = MAX_NUMBERS_OUT;
         if n_in > max_in || n_out > max_out {
             return Err(Error::TooLarge { n_in, n_out, max_in, max_out });
         }
@@ -249,8 +250,8 @@ impl Robot {
         self.plans.find(plan).ok().map(|(_, prepared)| prepared)
     }
 
-    /// Asks: `input` holds the given fields, `output` gets the wanted ones, both packed as the plan
-    /// says. Through a lane and in process this never allocates; through the service the
+    /// Asks: `input` holds the given fields, `output` gets the wanted ones, both packed in the
+    /// plan's layout. Through a lane and in process this never allocates; through the service the
     /// transport makes one small block.
     ///
     /// # Errors
@@ -292,7 +293,7 @@ impl Robot {
         outcome
     }
 
-    /// What answers batches of a plan, on so many threads in this process.
+    /// The engine that answers batches of a plan, in process with this number of threads.
     pub(crate) fn batches(&mut self, plan: PlanId, threads: usize) -> Result<Batches<'_>, Error> {
         let (place, _) = self.plans.find(plan)?;
         match &mut self.side {

@@ -13,13 +13,13 @@ use crate::plan::Plans;
 use crate::wait::Waiter;
 use crate::{ConnectError, ConnectOptions, Error, Transport, interrupt};
 
-/// What holds for one run of the server.
+/// The state of a client for one run of the server.
 pub(crate) struct Session {
     /// The server's number of each plan, by its place.
     pub(crate) plans: Vec<Option<u32>>,
     /// Where batches go, once one was asked, and how many went; it goes with the end.
     batch: Option<(ClaimedBatch, u64)>,
-    // before the connection, whose end tells the server to take its side down
+    // dropped before the connection, at whose end the server takes its side down
     end: End,
     pub(crate) control: Control,
 }
@@ -143,8 +143,8 @@ impl Session {
             }
             End::Requests { client, .. } => {
                 let Some(pending) = send_request(client, head, input) else {
-                    // nobody took it: the server is gone, or busy with a request that this client
-                    // gave up
+                    // the request was not taken: the server is gone, or busy with a request that
+                    // this client gave up
                     output.fill(f64::NAN);
                     return match control.is_over() {
                         true => Exchange::Lost,
@@ -203,7 +203,8 @@ impl Session {
         *sequence += 1;
         head.sequence = *sequence;
         area.send(&head, shape, input);
-        let (mut waiter, mut done) = (Waiter::new(options.wait_strategy), area.done());
+        let mut waiter = Waiter::new(options.wait_strategy);
+        let mut done = area.done();
         loop {
             if let Some(status) = area.answer(head.sequence) {
                 let status = Status::of_answer(status);

@@ -9,7 +9,7 @@ use crate::ConnectError;
 use crate::control::{Control, deadline_after};
 use crate::life::Life;
 
-/// A connection to a server that asks what it counts, and takes neither lane nor plan.
+/// A connection to a server for its counters, without lane or plan.
 pub struct ServerView {
     control: Control,
     timeout: Duration,
@@ -26,7 +26,7 @@ impl ServerView {
         Ok(ServerView { control, timeout })
     }
 
-    /// What the server counts, and who is connected.
+    /// The server's counters and its connected clients.
     ///
     /// # Errors
     /// [`ConnectError`]: the server is gone or does not answer.
@@ -34,7 +34,7 @@ impl ServerView {
         self.control.statistics(deadline_after(self.timeout))
     }
 
-    /// What is known of the server's life.
+    /// The state of the server's process and heartbeat.
     pub fn life(&self) -> Life {
         self.control.life()
     }

@@ -1,4 +1,4 @@
-//! Waiting for an answer: polling first, and asking rarely what time it is.
+//! Waiting for an answer: polling first, with rare clock reads.
 
 use std::time::{Duration, Instant};
 
@@ -8,7 +8,7 @@ use crate::WaitStrategy;
 const POLLS_BETWEEN_LOOKS: u32 = 256;
 /// A polite client polls for this long before it lets others run.
 const POLITE: Duration = Duration::from_micros(20);
-/// After this long nobody waits for microseconds any more.
+/// After this time microseconds no longer matter.
 const LONG: Duration = Duration::from_millis(5);
 /// Between two looks at the server's sign of life.
 const LIFE: Duration = Duration::from_millis(1);
@@ -27,8 +27,8 @@ impl Waiter {
         Waiter { wait_strategy, polls: 0, start: None, yielding: false, next_look: LIFE }
     }
 
-    /// Pauses between two polls; now and then tells that it is time to look for the server's sign
-    /// of life.
+    /// Pauses between two polls; now and then true, when it is time to check the server's
+    /// heartbeat.
     #[inline]
     pub(crate) fn pause(&mut self) -> Option<Duration> {
         std::hint::spin_loop();

@@ -22,7 +22,7 @@ fn answers(y: f64, yd: f64, ydd: f64) -> Result<(f64, f64), Box<dyn Error>> {
     robot.revolute("pivot", LinkId::BASE, [0.0, 1.0, 0.0]).inertial(bob);
     let model = robot.compile()?.model;
 
-    // what is given and what is wanted, decided once
+    // given and wanted fields, decided once
     use Field::{TauU, Y, Yd, Ydd};
     let query = |request, given: &[Field], want| {
         Query::new(request, FieldSet::of(given), FieldSet::of(&[want]))
@@ -32,7 +32,8 @@ fn answers(y: f64, yd: f64, ydd: f64) -> Result<(f64, f64), Box<dyn Error>> {
     let mut workspace = Workspace::for_plans(&model, [&inverse, &forward]);
 
     // from here on nothing allocates: the loop of a controller would begin
-    let (mut tau, mut back) = ([0.0], [0.0]);
+    let mut tau = [0.0];
+    let mut back = [0.0];
     let answer = inverse.run(&model, &mut workspace, &[y, yd, ydd], &mut tau);
     if answer.status != Status::Ok {
         return Err(format!("inverse dynamics: {:?}", answer.status).into());

@@ -96,10 +96,10 @@ pub struct DescriptionBuilder {
     description: Description,
     /// Pose of each link at zero {root}.
     x_root_link: Vec<Pose<Dd>>,
-    /// What links have that are given no inertia.
+    /// Inertia of links without their own.
     default_inertial: Option<Inertial>,
     groups: Vec<Group>,
-    /// What no description can hold.
+    /// Faults that no description can hold.
     faults: Vec<Diagnostic>,
 }
 
@@ -134,7 +134,7 @@ impl DescriptionBuilder {
         self
     }
 
-    /// What the links of later joints have unless they are given their own or made massless.
+    /// Inertia of the links of later joints, unless they get their own or are massless.
     pub fn default_inertial(&mut self, inertial: Inertial) -> &mut DescriptionBuilder {
         self.default_inertial = Some(inertial);
         self
@@ -191,8 +191,8 @@ impl DescriptionBuilder {
         JointBuilder::new(self, joint)
     }
 
-    /// Begins a submechanism, to which what follows belongs: joints, cuts, lists. What comes before
-    /// the first one belongs to one without loops of the robot's name.
+    /// Begins a submechanism; the joints, cuts and lists after it belong to it. Those before the
+    /// first one belong to a serial submechanism of the robot's name.
     pub fn submechanism(
         &mut self,
         name: impl Into<String>,
@@ -272,11 +272,7 @@ impl DescriptionBuilder {
             description.submechanisms.push(part);
         }
         errors.extend(check::check(&description));
-        if errors.is_empty() {
-            Ok(description)
-        } else {
-            Err(CompileError { errors, warnings: Vec::new() })
-        }
+        if errors.is_empty() { Ok(description) } else { Err(CompileError::of(errors)) }
     }
 
     /// The description as a model: [`DescriptionBuilder::build`], then [`Model::compile`].
@@ -297,7 +293,7 @@ impl DescriptionBuilder {
         &mut self.groups[last]
     }
 
-    /// The joints of these links; what is none is a fault.
+    /// The joints of these links; a link without a moving joint is a fault.
     fn joints(&mut self, links: impl IntoIterator<Item = LinkId>) -> Vec<usize> {
         let mut joints = Vec::new();
         for link in links {
@@ -330,7 +326,6 @@ impl DescriptionBuilder {
     }
 
     fn fault(&mut self, site: Site, found: String, expected: &str, help: &str) {
-        let (expected, help) = (expected.into(), help.into());
-        self.faults.push(Diagnostic { site, found, expected, help });
+        self.faults.push(Diagnostic::new(site, found, expected, help));
     }
 }

@@ -1,5 +1,5 @@
 //! The whole tree under its loops as constraints, at a state that need not be closed: for
-//! integration in all coordinates, and for what others do.
+//! integration in all coordinates, as other engines do it.
 
 use sarrus_proto::Status;
 
@@ -11,7 +11,7 @@ use crate::linalg::least_norm;
 use crate::mechanism::{Cluster, Motion};
 use crate::model::{Model, Scope};
 use crate::plan::{Drift, drift_of, supports, tree_under_constraints, wrenches_on_bodies};
-use crate::scalar::{Real, Scalar};
+use crate::scalar::Real;
 use crate::workspace::{Needs, Workspace};
 
 /// Steps of one projection, and the longest one, in radians or cluster lengths.
@@ -47,14 +47,14 @@ pub struct ImplicitForm<T: Real> {
     drift: Drift<T>,
 }
 
-impl<T: Scalar> ImplicitForm<T> {
+impl<T: Real> ImplicitForm<T> {
     /// Scratch for a model, without wrenches. Allocates; nothing after it does.
     pub fn new(model: &Model<T>) -> ImplicitForm<T> {
         ImplicitForm::with_wrenches(model, &[])
     }
 
-    /// The same with wrenches on these links, each an index into [`Model::link_names`]; others than
-    /// those are left out. Allocates.
+    /// Scratch for a model with wrenches on these links, each an index into [`Model::link_names`];
+    /// other indices are ignored. Allocates.
     pub fn with_wrenches(model: &Model<T>, links: &[u16]) -> ImplicitForm<T> {
         let links: Vec<usize> = links
             .iter()
@@ -149,8 +149,8 @@ impl<T: Scalar> ImplicitForm<T> {
         self.drift.velocity
     }
 
-    /// Moves q to a closed pose by Newton's method with steps of least norm, and takes off q̇ what
-    /// violates the loops.
+    /// Moves q to a closed pose by Newton's method with steps of least norm, and removes from q̇
+    /// the part that violates the loops.
     ///
     /// Norms are over radians and lengths of the cluster, so that near a closed pose the nearest
     /// one is found to first order. Idle joints stay where they are and lose their velocity;
@@ -253,7 +253,7 @@ impl<T: Scalar> ImplicitForm<T> {
     }
 }
 
-fn rank_is_lost<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> bool {
+fn rank_is_lost<T: Real>(model: &Model<T>, ws: &mut Workspace<T>) -> bool {
     model.closed_clusters.iter().map(|c| &model.clusters[*c]).any(|cluster| {
         ws.constraint_jacobian(cluster, model.bodies_of(cluster));
         loses_rank(cluster, &mut ws.scratch)
@@ -262,20 +262,21 @@ fn rank_is_lost<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> bool {
 
 /// Closes one cluster, then projects its velocities: x −= D_c K_sᵀ (K_s K_sᵀ)⁻¹ b with b = φ_s,
 /// then b = K_s D_c⁻¹ q̇.
-fn close<T: Scalar>(
+fn close<T: Real>(
     model: &Model<T>,
     cluster: &Cluster<T>,
     ws: &mut Workspace<T>,
 ) -> Result<(), Status> {
     let columns = || cluster.independent.iter().chain(&cluster.dependent).copied();
     let last = T::from_f64(0.1 * T::EPSILON.sqrt());
-    let (floor, nearly) = (T::from_f64(8.0 * T::EPSILON), T::from_f64(T::EPSILON.sqrt()));
-    let (mut small, mut before) = (false, T::from_f64(f64::INFINITY));
+    let floor = T::from_f64(8.0 * T::EPSILON);
+    let nearly = T::from_f64(T::EPSILON.sqrt());
+    let mut small = false;
+    let mut before = T::from_f64(f64::INFINITY);
     for k in 0..=STEPS {
         ws.constraint_jacobian(cluster, model.bodies_of(cluster));
         let residual = residuals(cluster, ws);
-        // what the next step would leave of a small one is rounding, and so is what no step makes
-        // less
+        // after a small step the residual is rounding, and so is one that no step reduces
         if small || residual.lt(floor) || residual.lt(nearly) && !residual.lt(before) {
             break;
         }
@@ -295,7 +296,7 @@ fn close<T: Scalar>(
         }
         small = size.lt(last);
     }
-    // rows that were dropped at load tell another pose of those that were kept
+    // rows dropped at load distinguish poses that satisfy the kept ones
     if !largest_residual(cluster, &ws.scratch.phi).lt(T::from_f64(APART)) {
         return Err(Status::NotConverged);
     }
@@ -320,7 +321,7 @@ fn close<T: Scalar>(
 
 /// φ of all rows into the scratch, that of the kept ones, scaled, into `dense_rhs`; the largest of
 /// these.
-fn residuals<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) -> T {
+fn residuals<T: Real>(cluster: &Cluster<T>, ws: &mut Workspace<T>) -> T {
     let scratch = &mut ws.scratch;
     constraint_residual(cluster, &scratch.pose, &ws.q[cluster.coordinates()], &mut scratch.phi);
     let mut largest = T::ZERO;
@@ -334,8 +335,9 @@ fn residuals<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) -> T {
 }
 
 /// The solution of least norm of K_s x = b into `dense_spare`, b in `dense_rhs`, K in the scratch.
-fn least_step<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) -> Result<(), Status> {
-    let (m, n) = (cluster.used.len(), cluster.independent.len() + cluster.dependent.len());
+fn least_step<T: Real>(cluster: &Cluster<T>, ws: &mut Workspace<T>) -> Result<(), Status> {
+    let m = cluster.used.len();
+    let n = cluster.independent.len() + cluster.dependent.len();
     let A = &mut ws.dense;
     for (first, columns) in
         [(0, &cluster.independent), (cluster.independent.len(), &cluster.dependent)]

@@ -1,8 +1,7 @@
-//! What a person wrote about one robot, as plain data: links, joints, submechanisms and loops, by
-//! index.
+//! One robot as plain data: links, joints, submechanisms and loops, by index.
 //!
-//! Whoever reads files fills a [`Description`]; [`crate::Model::compile`] turns it into the arrays
-//! that the kernels run on.
+//! Readers of files fill a [`Description`]; [`crate::Model::compile`] turns it into the arrays of
+//! the kernels.
 
 use sarrus_proto::JointLimits;
 
@@ -59,7 +58,7 @@ pub struct Placement {
 pub struct Joint {
     /// Unique name.
     pub name: String,
-    /// What motion it allows.
+    /// Kind of motion.
     pub kind: JointKind,
     /// Index of the parent link.
     pub parent: usize,
@@ -73,12 +72,12 @@ pub struct Joint {
     pub limits: Option<Limits>,
     /// A linear dependence on other joints (`<mimic>`, `<transmission>`).
     pub coupling: Option<Coupling>,
-    /// What acts in the joint besides its actuator.
+    /// Spring, damper and rotor.
     pub terms: Terms,
 }
 
-/// What acts in a joint of one degree of freedom besides its actuator, damping in a ball joint too;
-/// the default is nothing.
+/// Spring, damper and rotor of a joint with one degree of freedom, or the damper of a ball joint;
+/// the default is none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Terms {
     /// Viscous damping d: the joint exerts −d q̇, a ball joint −d ω `[N s/m, N m s/rad]`.
@@ -100,7 +99,7 @@ impl Default for Terms {
     }
 }
 
-/// What motion a joint allows.
+/// Motion that a joint allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum JointKind {
@@ -197,7 +196,7 @@ pub enum SubmechanismKind {
     SliderCrank,
     /// Two wheels that a cage's spider ties: linear in its turns.
     Differential,
-    /// Whatever the loops say, by Newton's method.
+    /// Any loops, by Newton's method.
     Numerical,
 }
 
@@ -224,7 +223,7 @@ pub enum Cut {
     AtJoint(usize),
     /// Both are the frame of this link at the zero pose: closed at zero by construction.
     AtLink(usize),
-    /// Placed by hand on the predecessor and on the successor.
+    /// Placed explicitly on the predecessor and on the successor.
     Placed {
         /// Cut frame {predecessor link}.
         predecessor: Placement,

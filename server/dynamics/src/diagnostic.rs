@@ -1,7 +1,6 @@
 use core::fmt;
 
-/// Where in a [`crate::description::Description`] something stands; whoever read the files knows
-/// the line.
+/// Position in a [`crate::description::Description`]; the reader of the files maps it to a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Site {
@@ -19,17 +18,28 @@ pub enum Site {
     Row(usize, usize, usize),
 }
 
-/// Something wrong with, or remarkable about, a description.
+/// A fault or a warning about a description.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnostic {
-    /// Where it stands.
+    /// Position of the fault.
     pub site: Site,
-    /// What was found.
+    /// The fault.
     pub found: String,
-    /// What was expected.
+    /// The valid values.
     pub expected: String,
-    /// What to do.
+    /// The correction.
     pub help: String,
+}
+
+impl Diagnostic {
+    pub(crate) fn new(
+        site: Site,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+        help: impl Into<String>,
+    ) -> Diagnostic {
+        Diagnostic { site, found: found.into(), expected: expected.into(), help: help.into() }
+    }
 }
 
 impl fmt::Display for Diagnostic {
@@ -38,7 +48,7 @@ impl fmt::Display for Diagnostic {
     }
 }
 
-/// Why a description cannot be compiled: every fault, and the warnings beside them.
+/// The faults that prevent a compilation, and the warnings beside them.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{} fault(s) in the description; the first: {}",
@@ -46,8 +56,15 @@ impl fmt::Display for Diagnostic {
     errors.first().map(ToString::to_string).unwrap_or_default()
 )]
 pub struct CompileError {
-    /// What must be corrected.
+    /// Faults to correct.
     pub errors: Vec<Diagnostic>,
-    /// What may stay.
+    /// Warnings, which do not prevent a compilation.
     pub warnings: Vec<Diagnostic>,
+}
+
+impl CompileError {
+    /// Faults without warnings.
+    pub(crate) fn of(errors: Vec<Diagnostic>) -> CompileError {
+        CompileError { errors, warnings: Vec::new() }
+    }
 }

@@ -1,14 +1,14 @@
 //! The fingerprint of a description: FNV-1a over its canonical bytes.
 //!
-//! It travels with every request and every actuator command, and a command for another model is
-//! refused; so it depends on what is described alone: on no name in this source, no compiler, no
-//! machine. Two descriptions have equal canonical bytes exactly when they are equal, with 0 and −0
-//! taken as one number.
+//! Every request and every actuator command carries it, and a command for another model is refused.
+//! It depends on the description alone: on no name in this source, no compiler, no machine. Two
+//! descriptions have equal canonical bytes exactly when they are equal, with 0 and −0 taken as one
+//! number.
 //!
 //! # Canonical bytes
 //! [`VERSION`], then the fields of [`Description`] in the order of its declaration, recursively:
 //!
-//! | what | bytes |
+//! | value | bytes |
 //! |---|---|
 //! | text | length in bytes, then UTF-8 |
 //! | number (`f64`) | its 64 bits, little-endian; −0 as 0 |
@@ -20,10 +20,10 @@
 //!
 //! The zero pose comes last and is left out where it is empty.
 //!
-//! Everything that a person can write is part of it: names (types as written too), orders, every
-//! constant, limits, gravity. Not part of it are what does not reach a description (the names of
-//! files, positions, comments, warnings, `--lenient`) and what a later version makes of it (closed
-//! forms, tolerances, order of elimination): it tells robots apart, not versions of sarrus.
+//! They include names (types as written too), orders, every constant, limits and gravity. They
+//! exclude everything outside a description (file names, positions, comments, warnings,
+//! `--lenient`) and the choices of a version of sarrus (closed forms, tolerances, order of
+//! elimination): the fingerprint distinguishes robots, not versions.
 
 use sarrus_proto::fnv1a_64;
 
@@ -57,7 +57,7 @@ impl Description {
 struct CanonicalBytes(Vec<u8>);
 
 impl CanonicalBytes {
-    // what everything is made of
+    // primitives
 
     fn variant(&mut self, number: u8) {
         self.0.push(number);

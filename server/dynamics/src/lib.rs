@@ -1,31 +1,30 @@
 //! Kinematics and dynamics of series-parallel hybrid robots.
 //!
-//! A [`description::Description`] holds what a person wrote, in a file or in code by
-//! [`DescriptionBuilder`]; [`Model::compile`] turns it into flat arrays; a [`Plan`] is the list of
-//! steps that a query needs; [`Plan::run`] answers requests in a [`Workspace`]
-//! without allocating. Nothing here knows a clock, a file or a transport. What the symbols mean,
-//! where the equations come from and how each mechanism is closed: [`guide`].
+//! A [`description::Description`] holds a robot as a file or a [`DescriptionBuilder`] defines it.
+//! [`Model::compile`] turns it into flat arrays. A [`Plan`] is the list of steps that a query
+//! needs, and [`Plan::run`] answers requests in a [`Workspace`] without allocating. The crate uses
+//! no clock, file or transport. The [`guide`] has the symbols, the sources of the equations and the
+//! closed form of each mechanism.
 //!
 //! # Building
 //!
-//! On x86-64 the kernels need FMA and AVX2 at compile time, and cargo reads compiler flags only
-//! from the project that is built. So these two lines belong in its `.cargo/config.toml`; without
-//! them this crate stops the build and prints them:
+//! On x86-64 the kernels need FMA and AVX2 at compile time. Cargo reads compiler flags from the
+//! built project alone, so these two lines belong in its `.cargo/config.toml`; without them this
+//! crate stops the build and prints them:
 //!
 //! ```toml
 //! [target.'cfg(target_arch = "x86_64")']
 //! rustflags = ["-C", "target-cpu=x86-64-v3"]
 //! ```
 //!
-//! With the feature `portable` it compiles for any x86-64 processor. `mul_add` is then a call into
-//! the system's library, which rounds once as the instruction does: the same bits, three to seven
-//! times the time.
+//! With the feature `portable` it compiles for any x86-64 processor. `mul_add` is then a call of
+//! the system's library, which rounds once as the instruction does: the answers keep their bits and
+//! take three to seven times as long.
 #![forbid(unsafe_code)]
 // the symbols of the equations
 #![allow(non_snake_case)]
 
-// slow by accident is impossible: a build without fused multiply-add ends here; documentation,
-// which reads no `rustflags`, runs nothing
+// stops a build that would be slow by accident; documentation builds read no `rustflags`
 #[cfg(all(
     target_arch = "x86_64",
     not(any(doc, doctest)),

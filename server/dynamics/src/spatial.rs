@@ -1,11 +1,98 @@
-//! Products of three-vectors and 3×3 matrices with fused multiply-add; nalgebra's types are the
-//! containers.
+//! Vectors and 3×3 matrices: the container is nalgebra's, the products are those of
+//! [`Triple`] and [`Matrix`], with fused multiply-add. Their arguments are values, so that no call
+//! can mean a product of nalgebra's, which takes references and rounds twice.
 
-pub(crate) mod triples;
+use core::array;
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::scalar::Real;
+use crate::scalar::{Real, Triple, constants};
+
+/// A matrix as the recursions hold it: three columns.
+pub(crate) type Columns<T> = [<T as Real>::Triple; 3];
+
+/// A 3×3 matrix by its columns.
+pub(crate) trait Matrix<T: Real>: Copy {
+    /// A column.
+    type Vector: Triple<T>;
+
+    /// From its columns.
+    fn of_columns(columns: [Self::Vector; 3]) -> Self;
+    /// Column k.
+    fn col(&self, k: usize) -> Self::Vector;
+    /// 1.
+    #[inline(always)]
+    fn identity() -> Self {
+        let unit = |k: usize| {
+            let mut e = Self::Vector::zero();
+            e[k] = T::ONE;
+            e
+        };
+        Self::of_columns([unit(0), unit(1), unit(2)])
+    }
+    /// R x.
+    #[inline(always)]
+    fn apply(&self, x: Self::Vector) -> Self::Vector {
+        let [x, y, z] = x.spread();
+        self.col(0).mul_add(x, self.col(1).mul_add(y, self.col(2).times(z)))
+    }
+    /// R x + c.
+    #[inline(always)]
+    fn apply_add(&self, x: Self::Vector, c: Self::Vector) -> Self::Vector {
+        let [x, y, z] = x.spread();
+        self.col(0).mul_add(x, self.col(1).mul_add(y, self.col(2).mul_add(z, c)))
+    }
+    /// Rᵀ.
+    #[inline(always)]
+    fn rows(&self) -> Self {
+        Self::of_columns(Triple::transposed(&[self.col(0), self.col(1), self.col(2)]))
+    }
+    /// Rᵀ x.
+    #[inline(always)]
+    fn apply_transposed(&self, x: Self::Vector) -> Self::Vector {
+        self.rows().apply(x)
+    }
+    /// A B.
+    #[inline(always)]
+    fn times(&self, B: Self) -> Self {
+        Self::of_columns(array::from_fn(|k| self.apply(B.col(k))))
+    }
+    /// E Rz(q) from the cosine and sine of q.
+    #[inline(always)]
+    fn turn_z(&self, cos: T, sin: T) -> Self {
+        let x = self.col(0);
+        let y = self.col(1);
+        let c = Triple::splat(cos);
+        let s = Triple::splat(sin);
+        Self::of_columns([x.mul_add(c, y.times(s)), y.mul_sub(c, x.times(s)), self.col(2)])
+    }
+}
+
+impl<T: Real, V: Triple<T>> Matrix<T> for [V; 3] {
+    type Vector = V;
+
+    #[inline(always)]
+    fn of_columns(columns: [V; 3]) -> [V; 3] {
+        columns
+    }
+    #[inline(always)]
+    fn col(&self, k: usize) -> V {
+        self[k]
+    }
+}
+
+impl<T: Real> Matrix<T> for Matrix3<T> {
+    type Vector = Vector3<T>;
+
+    #[inline(always)]
+    fn of_columns(columns: [Vector3<T>; 3]) -> Matrix3<T> {
+        Matrix3::from_columns(&columns)
+    }
+    #[inline(always)]
+    fn col(&self, k: usize) -> Vector3<T> {
+        Vector3::new(self[(0, k)], self[(1, k)], self[(2, k)])
+    }
+}
 
 /// Position of a frame: coordinates x of the frame become R x + p.
 #[derive(Clone, Copy, Debug)]
@@ -14,139 +101,65 @@ pub(crate) struct Pose<T> {
     pub(crate) p: Vector3<T>,
 }
 
-impl<C: nalgebra::Scalar + Copy> Pose<C> {
-    /// The same pose with every number converted.
-    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Pose<D> {
-        Pose { R: self.R.map(f), p: self.p.map(f) }
-    }
+constants! { Pose:
+    map R p;
 }
 
 impl<T: Real> Pose<T> {
     pub(crate) fn identity() -> Pose<T> {
-        Pose { R: identity(), p: zero() }
+        Pose { R: Matrix::identity(), p: zero() }
+    }
+
+    /// The pose whose axes and origin a recursion holds.
+    #[inline(always)]
+    pub(crate) fn of(R: &Columns<T>, p: &T::Triple) -> Pose<T> {
+        Pose { R: Matrix3::from_columns(&R.map(|x| x.vector())), p: p.vector() }
     }
 
     /// x_a_c = x_a_b · x_b_c.
     #[inline(always)]
     pub(crate) fn then(&self, next: &Pose<T>) -> Pose<T> {
-        Pose { R: mul_mat(&self.R, &next.R), p: self.point(&next.p) }
+        Pose { R: self.R.times(next.R), p: self.point(&next.p) }
     }
 
     /// A point of the frame, seen from outside.
     #[inline(always)]
     pub(crate) fn point(&self, x: &Vector3<T>) -> Vector3<T> {
-        mul_add(&self.R, x, &self.p)
+        self.R.apply_add(*x, self.p)
     }
 
     /// x_b_a from x_a_b.
     pub(crate) fn inverse(&self) -> Pose<T> {
-        Pose { R: self.R.transpose(), p: -t_mul(&self.R, &self.p) }
+        Pose { R: self.R.transpose(), p: -self.R.apply_transposed(self.p) }
     }
 }
 
+/// The zero vector.
 #[inline(always)]
 pub(crate) fn zero<T: Real>() -> Vector3<T> {
-    Vector3::new(T::ZERO, T::ZERO, T::ZERO)
+    Triple::zero()
 }
 
+/// A [p]×ᵀ, whose row i is p × (row i of A).
 #[inline(always)]
-pub(crate) fn identity<T: Real>() -> Matrix3<T> {
-    Matrix3::new(T::ONE, T::ZERO, T::ZERO, T::ZERO, T::ONE, T::ZERO, T::ZERO, T::ZERO, T::ONE)
-}
-
-/// The same numbers in the scalar of the kernel.
-#[inline(always)]
-pub(crate) fn lift<T: Real>(v: &Vector3<T::Const>) -> Vector3<T> {
-    Vector3::new(T::lift(v[0]), T::lift(v[1]), T::lift(v[2]))
-}
-
-/// The same numbers in the scalar of the kernel.
-#[inline(always)]
-pub(crate) fn lift_mat<T: Real>(m: &Matrix3<T::Const>) -> Matrix3<T> {
-    m.map(T::lift)
-}
-
-/// a · b.
-#[inline(always)]
-pub(crate) fn dot<T: Real>(a: &Vector3<T>, b: &Vector3<T>) -> T {
-    a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
-}
-
-/// a × b.
-#[inline(always)]
-pub(crate) fn cross<T: Real>(a: &Vector3<T>, b: &Vector3<T>) -> Vector3<T> {
-    Vector3::new(
-        a[1].mul_add(b[2], -(a[2] * b[1])),
-        a[2].mul_add(b[0], -(a[0] * b[2])),
-        a[0].mul_add(b[1], -(a[1] * b[0])),
-    )
-}
-
-/// c + a × b.
-#[inline(always)]
-pub(crate) fn cross_add<T: Real>(a: &Vector3<T>, b: &Vector3<T>, c: &Vector3<T>) -> Vector3<T> {
-    Vector3::new(
-        a[1].mul_add(b[2], (-a[2]).mul_add(b[1], c[0])),
-        a[2].mul_add(b[0], (-a[0]).mul_add(b[2], c[1])),
-        a[0].mul_add(b[1], (-a[1]).mul_add(b[0], c[2])),
-    )
-}
-
-/// c + a s.
-#[inline(always)]
-pub(crate) fn scale_add<T: Real>(a: &Vector3<T>, s: T, c: &Vector3<T>) -> Vector3<T> {
-    Vector3::new(a[0].mul_add(s, c[0]), a[1].mul_add(s, c[1]), a[2].mul_add(s, c[2]))
-}
-
-/// R x.
-#[inline(always)]
-pub(crate) fn mul<T: Real>(R: &Matrix3<T>, x: &Vector3<T>) -> Vector3<T> {
-    let row = |i: usize| R[(i, 0)].mul_add(x[0], R[(i, 1)].mul_add(x[1], R[(i, 2)] * x[2]));
-    Vector3::new(row(0), row(1), row(2))
-}
-
-/// R x + c.
-#[inline(always)]
-pub(crate) fn mul_add<T: Real>(R: &Matrix3<T>, x: &Vector3<T>, c: &Vector3<T>) -> Vector3<T> {
-    let row =
-        |i: usize| R[(i, 0)].mul_add(x[0], R[(i, 1)].mul_add(x[1], R[(i, 2)].mul_add(x[2], c[i])));
-    Vector3::new(row(0), row(1), row(2))
-}
-
-/// Rᵀ x.
-#[inline(always)]
-pub(crate) fn t_mul<T: Real>(R: &Matrix3<T>, x: &Vector3<T>) -> Vector3<T> {
-    let row = |i: usize| R[(0, i)].mul_add(x[0], R[(1, i)].mul_add(x[1], R[(2, i)] * x[2]));
-    Vector3::new(row(0), row(1), row(2))
-}
-
-/// A B.
-#[inline(always)]
-pub(crate) fn mul_mat<T: Real>(A: &Matrix3<T>, B: &Matrix3<T>) -> Matrix3<T> {
-    let column = |j: usize| mul(A, &Vector3::new(B[(0, j)], B[(1, j)], B[(2, j)]));
-    Matrix3::from_columns(&[column(0), column(1), column(2)])
-}
-
-/// Column j of R.
-#[inline(always)]
-pub(crate) fn column<T: Real>(R: &Matrix3<T>, j: usize) -> Vector3<T> {
-    Vector3::new(R[(0, j)], R[(1, j)], R[(2, j)])
-}
-
-/// E Rz(q) from the cosine and sine of q.
-#[inline(always)]
-pub(crate) fn turn_z<T: Real>(E: &Matrix3<T>, c: T, s: T) -> Matrix3<T> {
-    let x = |i: usize| E[(i, 0)].mul_add(c, E[(i, 1)] * s);
-    let y = |i: usize| E[(i, 1)].mul_add(c, -(E[(i, 0)] * s));
-    Matrix3::new(x(0), y(0), E[(0, 2)], x(1), y(1), E[(1, 2)], x(2), y(2), E[(2, 2)])
+pub(crate) fn cross_rows<T: Real, V: Triple<T>>(p: V, A: &[V; 3]) -> [V; 3] {
+    let [x, y, z] = p.spread();
+    [y.mul_sub(A[2], z.times(A[1])), z.mul_sub(A[0], x.times(A[2])), x.mul_sub(A[1], y.times(A[0]))]
 }
 
 /// Rotation matrix of a unit quaternion x, y, z, w.
 #[inline(always)]
 pub(crate) fn from_quaternion<T: Real>(x: T, y: T, z: T, w: T) -> Matrix3<T> {
     let two = T::from_f64(2.0);
-    let (xx, yy, zz) = (x * x, y * y, z * z);
-    let (xy, xz, yz, wx, wy, wz) = (x * y, x * z, y * z, w * x, w * y, w * z);
+    let xx = x * x;
+    let yy = y * y;
+    let zz = z * z;
+    let xy = x * y;
+    let xz = x * z;
+    let yz = y * z;
+    let wx = w * x;
+    let wy = w * y;
+    let wz = w * z;
     Matrix3::new(
         T::ONE - two * (yy + zz),
         two * (xy - wz),
@@ -171,15 +184,20 @@ pub(crate) fn to_quaternion<T: Real>(R: &Matrix3<T>) -> [T; 4] {
         T::ONE - r(0, 0) - r(1, 1) + r(2, 2),
         T::ONE + r(0, 0) + r(1, 1) + r(2, 2),
     ];
-    let (a, b, c) = (r(2, 1) - r(1, 2), r(0, 2) - r(2, 0), r(1, 0) - r(0, 1));
-    let (d, e, f) = (r(0, 1) + r(1, 0), r(0, 2) + r(2, 0), r(1, 2) + r(2, 1));
+    let a = r(2, 1) - r(1, 2);
+    let b = r(0, 2) - r(2, 0);
+    let c = r(1, 0) - r(0, 1);
+    let d = r(0, 1) + r(1, 0);
+    let e = r(0, 2) + r(2, 0);
+    let f = r(1, 2) + r(2, 1);
     let candidates = [
         [squares[0], d, e, a],
         [d, squares[1], f, b],
         [e, f, squares[2], c],
         [a, b, c, squares[3]],
     ];
-    let (mut best, mut q) = (squares[3], candidates[3]);
+    let mut best = squares[3];
+    let mut q = candidates[3];
     for k in 0..3 {
         for i in 0..4 {
             q[i] = T::select_lt(best, squares[k], candidates[k][i], q[i]);

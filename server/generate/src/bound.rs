@@ -1,10 +1,9 @@
-//! Why numbers are finite: by bounds of what they are computed from.
+//! Bounds of inputs and operands, from which numbers are known to be finite.
 //!
-//! A product with zero may be left out where the other factor is finite. Checks of all such factors
-//! would cost more than what was saved, and would keep numbers alive that nothing else needs. So
-//! inputs are bounded, and quotients and roots, which may be anything; sums and products of what
-//! is bounded are so too, and only where bounds multiply beyond all doubles another check cuts them
-//! off.
+//! A product with zero may be left out where the other factor is finite. Checking every such factor
+//! would cost more than the omission saves and would keep unused numbers alive. So inputs are
+//! bounded, and quotients and roots, which may have any size; sums and products of bounded numbers
+//! are bounded too. Where bounds multiply beyond the largest double, a further check cuts them off.
 
 use crate::Kernel;
 use crate::graph::{Check, Operation, Term};

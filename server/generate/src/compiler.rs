@@ -15,19 +15,20 @@ use crate::run::{Cancel, run};
 #[cfg(feature = "load")]
 use crate::{LoadError, NativeKernel, ObjectFile};
 
-/// The longest that a compiler may take to say its name.
+/// The longest time for which a compiler may print its version.
 const NAME: Duration = Duration::from_secs(10);
-/// The longest that a compiler may take, and the test of what it made.
+/// The longest time for which a compiler, or the test of its output, may run.
 pub(crate) const COMPILE: Duration = Duration::from_secs(120);
 
-/// Whether this build of sarrus needs a processor with FMA and AVX2: then what it compiles may too.
+/// Whether this build of sarrus needs a processor with FMA and AVX2; compiled code may then need it
+/// too.
 const HAS_BASELINE: bool =
     cfg!(all(target_arch = "x86_64", target_feature = "fma", target_feature = "avx2"));
 
-/// The flags that keep the bits: no contraction, and no call where an instruction does. Statements
-/// are not made vectors either: there gcc fuses multiplications whatever the contraction
-/// (`vfmaddsub`). With the baseline of this build where it has one, so that `fma` is an
-/// instruction; a portable build compiles for every processor, and `fma` is a call there.
+/// The flags that keep the bits: no contraction, and no call in place of an instruction. Statements
+/// are not vectorised either: there gcc fuses multiplications even without contraction
+/// (`vfmaddsub`). A build with a baseline passes it on, so that `fma` is an instruction; a portable
+/// build compiles for every processor, and `fma` is a call there.
 pub const FLAGS: &[&str] = if HAS_BASELINE { &ALL } else { ALL.split_at(ALL.len() - 1).0 };
 
 const ALL: [&str; 7] = [
@@ -55,12 +56,12 @@ pub enum BuildError {
         /// Why.
         error: io::Error,
     },
-    /// A program ended with a fault: the compiler, or the test of what it made.
+    /// A program ended with a fault: the compiler, or the test of its output.
     #[error("{program} failed: {words}")]
     Failed {
         /// Which one.
         program: String,
-        /// What it printed.
+        /// The program's output.
         words: String,
     },
     /// A program took too long.
@@ -84,7 +85,7 @@ pub struct Compiler {
     name: String,
 }
 
-/// What a compiler made.
+/// The output of a compiler.
 #[derive(Clone, Debug)]
 pub struct Built {
     /// The shared object.
@@ -100,7 +101,7 @@ impl Compiler {
         Compiler::found_unless(&Cancel::default())
     }
 
-    /// The same, without an answer as soon as it is cancelled.
+    /// As above, but gives no answer as soon as it is cancelled.
     pub fn found_unless(cancel: &Cancel) -> Option<Compiler> {
         let command = command_of(std::env::var("CC").ok());
         let mut asked = ASKED.lock().unwrap_or_else(PoisonError::into_inner);
@@ -116,7 +117,7 @@ impl Compiler {
         compiler
     }
 
-    /// The compiler that this command starts, after it has said its name.
+    /// The compiler that this command starts, once it has printed its version.
     ///
     /// # Errors
     /// [`BuildError`]: it cannot be started, fails, takes longer than 10 s, or was cancelled.
@@ -132,7 +133,7 @@ impl Compiler {
         Ok(compiler)
     }
 
-    /// What it calls itself: the first line of `--version`.
+    /// Its version: the first line of `--version`.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -145,7 +146,7 @@ impl Compiler {
         command
     }
 
-    /// What `CC` says.
+    /// The value of `CC`.
     #[cfg(feature = "load")]
     pub(crate) fn command(&self) -> &str {
         &self.command
@@ -164,8 +165,8 @@ impl Compiler {
         files.into_iter().map(write).collect()
     }
 
-    /// Builds what [`Compiler::write`] wrote, with these flags besides [`FLAGS`]. A program that
-    /// takes more than 120 s is ended.
+    /// Builds the files that [`Compiler::write`] wrote, with these flags besides [`FLAGS`]. A
+    /// program that takes more than 120 s is ended.
     pub fn build(
         &self,
         source: &Source,
@@ -175,7 +176,7 @@ impl Compiler {
         self.build_unless(source, folder, flags, &Cancel::default())
     }
 
-    /// The same, ended as soon as it is cancelled.
+    /// As above, but ends as soon as it is cancelled.
     pub fn build_unless(
         &self,
         source: &Source,
@@ -184,7 +185,8 @@ impl Compiler {
         cancel: &Cancel,
     ) -> Result<Built, BuildError> {
         let file = |ending: &str| folder.join(format!("{}{ending}", source.name));
-        let (library, test) = (file(".so"), file("_test"));
+        let library = file(".so");
+        let test = file("_test");
         let run = |arguments: &[&Path]| {
             let mut command = self.start();
             command.args(FLAGS).arg(ROWS).args(flags).args(arguments);
@@ -204,8 +206,8 @@ impl Compiler {
 }
 
 impl Built {
-    /// Loads the shared object as [`NativeKernel::open`] does, whatever the mode that the user's
-    /// mask leaves: compares its answers with the plan's on [`NativeKernel::STATES`] states.
+    /// Loads the shared object as [`NativeKernel::open`] does, independent of the user's file mode
+    /// mask: compares its answers with the plan's on [`NativeKernel::STATES`] states.
     ///
     /// # Errors
     /// As [`NativeKernel::open`].
@@ -214,12 +216,12 @@ impl Built {
         NativeKernel::load(&ObjectFile::read_built(&self.library)?, model, plan)
     }
 
-    /// Runs the test program, for at most 120 s; what it prints.
+    /// Runs the test program, for at most 120 s, and returns its output.
     pub fn test(&self) -> Result<String, BuildError> {
         self.test_unless(&Cancel::default())
     }
 
-    /// The same, ended as soon as it is cancelled.
+    /// As above, but ends as soon as it is cancelled.
     pub fn test_unless(&self, cancel: &Cancel) -> Result<String, BuildError> {
         finished(&mut Command::new(&self.test), &self.test.display().to_string(), cancel)
     }
@@ -229,7 +231,8 @@ fn first_line(words: &str) -> String {
     words.lines().next().unwrap_or_default().trim().to_owned()
 }
 
-/// What was found under each command, or why nothing: a program is asked for its name once.
+/// The compiler found under each command, or the reason for none: each program is asked for its
+/// version once.
 static ASKED: Mutex<Vec<(String, Result<Compiler, String>)>> = Mutex::new(Vec::new());
 
 /// The command of a value of `CC`.
@@ -247,7 +250,7 @@ pub(crate) fn why_not_found() -> String {
     why.map_or_else(String::new, |why| format!(" (tried {why})"))
 }
 
-/// What a program wrote that ends well.
+/// The output of a program that ends well.
 fn finished(command: &mut Command, name: &str, cancel: &Cancel) -> Result<String, BuildError> {
     let ended = run(command, name, COMPILE, cancel)?;
     match ended.is_success {
@@ -256,7 +259,7 @@ fn finished(command: &mut Command, name: &str, cancel: &Cancel) -> Result<String
     }
 }
 
-/// Writes a file in place of what is there, whatever that is: a pipe would wait for a reader.
+/// Writes a file in place of any existing one: writing to a pipe would wait for a reader.
 fn write_new(path: &Path, text: &str) -> io::Result<()> {
     let mut new = path.as_os_str().to_owned();
     new.push(format!(".{}", std::process::id()));

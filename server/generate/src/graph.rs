@@ -47,7 +47,7 @@ impl Term {
         }
     }
 
-    /// The same with its sign taken off.
+    /// The node without its sign.
     pub(crate) fn unsigned(self) -> Term {
         if self.is_negated() { self.negated() } else { self }
     }
@@ -79,7 +79,7 @@ pub(crate) enum Operation {
 }
 
 impl Operation {
-    /// What it is computed from.
+    /// The operands.
     pub(crate) fn operands(&self) -> impl Iterator<Item = Term> + use<> {
         use Operation::*;
         let of = |comparison: Comparison| match comparison {
@@ -101,7 +101,7 @@ impl Operation {
     }
 }
 
-/// What has to hold for the recorded numbers to be the kernel's.
+/// Conditions under which the recorded numbers are the kernel's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Check {
     /// A comparison of the kernel that came out like this.
@@ -110,7 +110,7 @@ pub(crate) enum Check {
     Finite(Term),
     /// At most as large as the double of these bits.
     Bounded(Term, u64),
-    /// No zero: its sign would tell.
+    /// Not zero: otherwise its sign would matter.
     NotZero(Term),
     /// The angle of the point (second, first) does not hang on the sign of a zero.
     CertainAngle(Term, Term),

@@ -10,12 +10,12 @@ use crate::recorder::Limited;
 use crate::row::Row;
 use crate::trace;
 
-/// What generated code says of its numbers.
+/// The state of an answer of generated code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// The generic kernel's numbers to the bit; its status is `ok`, it has no warnings.
     Ok,
-    /// The same, with the warning `limits_exceeded`.
+    /// The numbers are the plan's, with the warning `limits_exceeded`.
     LimitsExceeded,
     /// Ask the generic kernel.
     NotAnswered,
@@ -25,7 +25,7 @@ pub enum Outcome {
 ///
 /// Wherever [`Kernel::evaluate`] and the C code made from it answer, they give the bits of
 /// [`Plan::run`] in `f64`; elsewhere (another branch of a kernel than the traced one, a doubtful
-/// answer, a status that is not `ok`) they say so.
+/// answer, a status that is not `ok`) they report that they do not answer.
 #[derive(Clone, Debug)]
 pub struct Kernel {
     pub(crate) info: ModelInfo,
@@ -57,8 +57,8 @@ impl Kernel {
         self.operations.iter().filter(is_one).count()
     }
 
-    /// The same operations without the conditions under which their numbers are the plan's: what
-    /// the conditions cost is measured beside it, and nothing else is it for. Allocates.
+    /// The operations without the conditions under which their numbers are the plan's. It serves
+    /// only to measure the cost of the conditions. Allocates.
     pub fn unchecked(&self) -> Kernel {
         let mut kernel = Kernel { checks: Vec::new(), limited: Vec::new(), ..self.clone() };
         prune::keep_live(&mut kernel);
@@ -80,8 +80,8 @@ impl Kernel {
         self.checks.len()
     }
 
-    /// Computes the operations one by one: slow, for comparisons. The input is what
-    /// [`Plan::close`] gives. Outputs are NaN where there is no answer. Allocates.
+    /// Computes the operations one by one: slow, for comparisons. The input is the output of
+    /// [`Plan::close`]. Outputs are NaN where there is no answer. Allocates.
     pub fn evaluate(&self, input: &[f64], output: &mut [f64]) -> Outcome {
         let mut values: Vec<f64> = Vec::with_capacity(self.operations.len());
         for operation in &self.operations {

@@ -1,13 +1,13 @@
 //! Straight-line C of the dynamics of one robot.
 //!
-//! The kernels of [`sarrus_dynamics`] are generic over their scalar. With one that records what is
-//! done with it ([`Kernel::trace`]) a plan on a model becomes a list of operations in which the
-//! robot's constants are folded, products with zero and sums with it are gone, and no operation
-//! stands twice. What Newton's method closes is closed before, by [`sarrus_dynamics::Plan::close`],
-//! and its results are inputs. As C ([`Source`]) it needs `math.h` alone, does in pairs what like
-//! parts of the robot have in common, has no memory of its own and one branch, at its end. It gives
-//! the bits of [`sarrus_dynamics::Plan::run`] wherever it says that it answers, and says where it
-//! does not: there the caller asks the plan.
+//! The kernels of [`sarrus_dynamics`] are generic over their scalar. [`Kernel::trace`] runs a plan
+//! with a scalar that records each operation, and so turns the plan and its model into a list of
+//! operations: the robot's constants are folded, products with zero and sums with zero are dropped,
+//! and no operation occurs twice. [`sarrus_dynamics::Plan::close`] closes loops by Newton's method
+//! beforehand; its results are inputs. The C code ([`Source`]) needs only `math.h`, computes
+//! operations that like parts of the robot share in pairs, uses no memory of its own and branches
+//! once, at its end. Where it answers, it gives the bits of [`sarrus_dynamics::Plan::run`]; where
+//! it cannot, it reports so, and the caller runs the plan.
 //!
 //! With the feature `load` a program loads the shared objects that a compiler made of it
 //! (`ObjectFile`, `NativeKernel`) and keeps them for the next time (`Cache`).

@@ -1,4 +1,4 @@
-//! What a shared object says of itself: for which robot and which query it was made, and by what.
+//! The manifest of a shared object: its robot, its query and its compiler.
 //!
 //! It is text that stands in the object as it is, so that it can be read off the file before
 //! anything of it is loaded. Only objects that sarrus compiles have it: the C source leaves it out
@@ -24,7 +24,7 @@ const LONGEST: usize = 4096;
 const INSTRUCTIONS: [(&str, &str); 3] =
     [("__FMA__", "fma"), ("__AVX2__", "avx2"), ("__AVX512F__", "avx512f")];
 
-/// What a shared object says of itself.
+/// The manifest of a shared object.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Manifest {
     /// The name of the function.
@@ -45,7 +45,7 @@ pub struct Manifest {
     pub generator: String,
     /// The instructions that the compiler could take for granted: names such as `fma avx2`.
     pub processor: String,
-    /// What the compiler calls its version; empty in a text that was not compiled.
+    /// The compiler's version; empty in a text that was not compiled.
     pub compiler: String,
 }
 
@@ -93,14 +93,14 @@ impl Manifest {
         })
     }
 
-    /// The instructions that it needs and the running processor does not have, or that nobody here
-    /// knows.
+    /// The instructions that it needs and the running processor lacks, or that this build does not
+    /// know.
     #[cfg(feature = "load")]
     pub(crate) fn missing_instructions(&self) -> Vec<&str> {
         self.processor.split_whitespace().filter(|name| !has_instruction(name)).collect()
     }
 
-    /// The text as a constant in C; the compiler adds what it was allowed to use and its own
+    /// The text as a constant in C; the compiler adds the instruction sets it may use and its
     /// version.
     pub(crate) fn c(&self) -> String {
         let lines = [
@@ -162,7 +162,8 @@ fn has_instruction(name: &str) -> bool {
     has
 }
 
-/// The query without the options that travel beside the numbers: what a kernel is made for.
+/// The query without the options that travel beside the numbers: the query that a kernel is made
+/// for.
 pub fn bare_query(query: &Query) -> Query {
     let request = Request::from_code(query.request).unwrap_or(Request::Kinematics);
     Query { options: Query::new(request, query.given, query.want).options, ..*query }

@@ -1,11 +1,11 @@
 //! Pairs: operations that two like parts of a robot have in common.
 //!
-//! Left and right arm, the legs of a platform: what is done with them is the same, on other
-//! numbers. One instruction does it on both, which halves the code; and code of tens of kilobytes
-//! is as slow as it is long. Pairs are found by the neighbourhood of an operation (kinds of what it
-//! is computed from and of what is computed from it, some steps far, without constants): where two
-//! operations alone have the same one they are a pair. From these pairs spread to users and
-//! operands. Those that cost more than they save are dissolved again.
+//! Left and right arm, and the legs of a platform, repeat operations on other numbers. One
+//! instruction performs both, which halves the code, and the time of tens of kilobytes of code
+//! grows with their length. Pairs are found by the neighbourhood of an operation (the kinds of its
+//! operands and users, some steps far, without constants): two operations that alone share a
+//! neighbourhood are a pair. From these, pairs spread to users and operands. Pairs that cost more
+//! than they save are dissolved.
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
@@ -39,7 +39,7 @@ pub(crate) struct Pairs<'a> {
     pub(crate) steps: Vec<Step>,
 }
 
-/// What an operation is, without what it is done with.
+/// The kind of an operation, without its operands.
 fn kind(operation: &Operation) -> u8 {
     use Operation::*;
     match operation {
@@ -100,7 +100,8 @@ impl<'a> Pairs<'a> {
             operands.into_iter().for_each(|from| users[from as usize].push(at as u32));
         }
         let len = operations.len();
-        let (mates, lanes) = (vec![None; len], vec![0; len]);
+        let mates = vec![None; len];
+        let lanes = vec![0; len];
         let mut pairs = Pairs { operations, users, mates, lanes, steps: Vec::new() };
         pairs.seed(steps);
         for _ in 0..ROUNDS {
@@ -191,7 +192,7 @@ impl<'a> Pairs<'a> {
         a.into_iter().zip(b).collect()
     }
 
-    /// What an operation is done with: nodes as `of` gives them, constants all alike.
+    /// The operands of an operation: nodes mapped by `of`, constants all alike.
     fn key(&self, at: u32, of: impl Fn(u32) -> u32) -> u64 {
         let operation = self.operation(at);
         let mut from: Vec<u32> =
@@ -202,7 +203,7 @@ impl<'a> Pairs<'a> {
         hashed((kind(operation), from))
     }
 
-    /// Joins what is done with the two of a pair, and with what they share.
+    /// Joins the users of a pair's two nodes, and those of both.
     fn spread_to_users(&mut self) -> bool {
         let len = self.operations.len() as u32;
         let mut places: HashMap<u64, Vec<u32>> = HashMap::new();
@@ -226,7 +227,7 @@ impl<'a> Pairs<'a> {
         spread
     }
 
-    /// Joins what the two of a pair are computed from.
+    /// Joins the operands of a pair's two nodes.
     fn spread_to_operands(&mut self) -> bool {
         let mut spread = false;
         for x in (0..self.operations.len() as u32).rev() {
@@ -354,7 +355,7 @@ impl<'a> Pairs<'a> {
         let mut first = 0;
         loop {
             let Some(Reverse((_, at))) = ready.pop() else {
-                // whatever is missing waits for a pair
+                // an operation without all operands waits for a pair
                 while first < len && done[first] {
                     first += 1;
                 }

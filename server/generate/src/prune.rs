@@ -1,4 +1,5 @@
-//! Only what outputs and checks depend on; only checks that do not follow from others.
+//! Keeps the operations on which outputs and checks depend, and the checks that do not follow from
+//! others.
 
 use std::collections::{HashMap, HashSet};
 
@@ -22,7 +23,7 @@ fn is_certain(check: &Check) -> bool {
     check.operands().all(|x| x.value().is_some()) && Row::of(check).holds(value)
 }
 
-/// Leaves out lower bounds of a number that has a greater one; what is positive is no zero.
+/// Leaves out lower bounds of a number that has a greater one; a positive number is not zero.
 fn keep_strongest_bounds(kernel: &mut Kernel) {
     let bound = |check: &Check| match *check {
         Check::Branch(Comparison::Less(x @ Term::Node { .. }, c), false) => Some((x, c.value()?)),
@@ -50,7 +51,7 @@ fn keep_strongest_bounds(kernel: &mut Kernel) {
     });
 }
 
-/// Leaves out what nothing depends on and counts the rest anew.
+/// Leaves out operations without users and renumbers the rest.
 pub(crate) fn keep_live(kernel: &mut Kernel) {
     let mut live = vec![false; kernel.operations.len()];
     let mut needs = |term: Term| term.at().into_iter().for_each(|at| live[at as usize] = true);

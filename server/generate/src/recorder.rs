@@ -1,4 +1,4 @@
-//! What one thread records: the graph, and all that has to hold for it to be the kernel.
+//! The recording of one thread: the graph, and all conditions under which it equals the kernel.
 
 use std::cell::RefCell;
 
@@ -59,7 +59,7 @@ pub(crate) fn with<R>(run: impl FnOnce(&mut Record) -> R) -> R {
     RECORD.with_borrow_mut(run)
 }
 
-/// Says that this thread's run cannot be recorded; the first reason stays.
+/// Notes that this thread's run cannot be recorded; the first reason stays.
 pub(crate) fn stop(obstacle: Obstacle) {
     with(|record| record.stop(obstacle));
 }

@@ -5,10 +5,10 @@ use std::collections::HashMap;
 use crate::graph::{Check, Comparison, Term};
 use crate::recorder::Limited;
 
-/// The least positive double: what is greater than zero is not below it.
+/// The least positive double: a number greater than zero is not below it.
 const LEAST: f64 = 5e-324;
 
-/// What a check looks at.
+/// The operand of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Measure {
     /// a.
@@ -32,7 +32,7 @@ pub(crate) struct Row {
 }
 
 impl Measure {
-    /// What it is computed from.
+    /// Its operands.
     pub(crate) fn terms(self) -> [Option<Term>; 2] {
         use Measure::*;
         match self {
@@ -48,7 +48,8 @@ impl Measure {
             Measure::Difference(a, b) => of(a) - of(b),
             Measure::Distance(a, b) => (of(a) - of(b)).abs(),
             Measure::Larger(a, b) => {
-                let (a, b) = (of(a).abs(), of(b));
+                let a = of(a).abs();
+                let b = of(b);
                 if a > b { a } else { b }
             }
         }
@@ -72,8 +73,8 @@ impl Row {
         Row::new(Measure::Plain(limited.x), limited.lower, limited.upper)
     }
 
-    /// The row of a check. Where a comparison came out false it also takes what is no number as
-    /// out of the interval: that is left to the kernel.
+    /// The row of a check. Where a comparison came out false, NaN also counts as out of the
+    /// interval and is left to the kernel.
     pub(crate) fn of(check: &Check) -> Row {
         const INFINITY: f64 = f64::INFINITY;
         let row = Row::new;
@@ -110,7 +111,7 @@ impl Row {
         self.lower <= x && x <= self.upper
     }
 
-    /// Those of one measure in one row.
+    /// Rows of one measure, merged into one.
     pub(crate) fn merged(list: Vec<Row>) -> Vec<Row> {
         let mut places = HashMap::new();
         let mut rows: Vec<Row> = Vec::new();

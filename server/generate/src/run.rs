@@ -17,7 +17,7 @@ use crate::BuildError;
 const LOOK: Duration = Duration::from_millis(10);
 /// Words of a program that are kept `[byte]`.
 const WORDS: u64 = 2000;
-/// From what on a program that writes without end is ended `[byte]`.
+/// Output size at which a program that writes without end is ended `[byte]`.
 const FLOOD: u64 = 16 << 20;
 /// How readily the system ends the program, before this process, where memory is short.
 const OUT_OF_MEMORY: &str = "500";
@@ -27,7 +27,7 @@ const OUT_OF_MEMORY: &str = "500";
 pub struct Cancel(Arc<AtomicBool>);
 
 impl Cancel {
-    /// Ends what goes on as soon as it is seen.
+    /// Ends a running program as soon as it is seen.
     pub fn cancel(&self) {
         self.0.store(true, Relaxed);
     }
@@ -40,14 +40,14 @@ impl Cancel {
 
 /// How a program ended.
 pub(crate) struct Ended {
-    /// Whether it says that it did what it was to do.
+    /// Whether it reports success.
     pub is_success: bool,
-    /// The beginning of what it wrote.
+    /// The beginning of its output.
     pub words: String,
 }
 
-/// Runs a program to its end; what it writes goes to memory: a pipe that nobody reads would stop
-/// it, and a disk may be full.
+/// Runs a program to its end. Its output goes to memory: an unread pipe would stop it, and a disk
+/// may be full.
 pub(crate) fn run(
     command: &mut Command,
     name: &str,

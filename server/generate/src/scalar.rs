@@ -1,6 +1,6 @@
-//! A scalar that records what is done with it.
+//! A scalar that records each operation on it.
 //!
-//! What a kernel does with it becomes a graph in which no operation stands twice, constants are
+//! A kernel's operations become a graph in which no operation stands twice, constants are
 //! folded as the kernel would compute them, and products and sums with zero and one are gone.
 //! Each identity that is used holds to the bit for all numbers but for two things, of which
 //! account is kept:
@@ -8,13 +8,13 @@
 //! - **The sign of a zero.** 0 x and x + 0 may leave the other zero than the kernel has. A number
 //!   of which this holds is *loose*. No other number ever depends on it but through a quotient, an
 //!   angle and an output; there a check is recorded.
-//! - **What is not finite.** 0 x is no number where x is none. Such an x is *dropped*, and that it
-//!   is finite has to follow from something else, or is checked.
+//! - **Infinities and NaN.** 0 x is NaN where x is not finite. Such an x is *dropped*; its
+//!   finiteness follows from another condition, or is checked.
 
 use core::cmp::Ordering;
 use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use sarrus_dynamics::scalar::{Figure, Plain, Real, Scalar, Six};
+use sarrus_dynamics::scalar::{BranchValue, Plain, Real, Six};
 
 use crate::graph::{Check, Comparison, Operation, Term};
 use crate::recorder::{self, Limited, Obstacle, Record};
@@ -81,7 +81,7 @@ impl Traced {
         Traced::constant(0.0).loosely(true)
     }
 
-    /// The same number before a zero was added to it, for whatever does not see its sign.
+    /// The number before a zero was added to it, for operations that do not depend on its sign.
     fn stripped(self) -> Traced {
         if self.at == CONSTANT {
             return self;
@@ -103,21 +103,23 @@ impl Traced {
         if a.at <= b.at { (a, b) } else { (b, a) }
     }
 
-    /// Takes note of a comparison and says how it came out.
+    /// Records a comparison and returns its outcome.
     fn decided(comparison: Comparison, outcome: bool, may_choose: bool) -> bool {
         recorder::with(|record| record.decide(comparison, outcome, may_choose));
         outcome
     }
 
     fn less(self, other: Traced, may_choose: bool) -> bool {
-        let (a, b) = (self.stripped(), other.stripped());
+        let a = self.stripped();
+        let b = other.stripped();
         Traced::decided(Comparison::Less(a.term(), b.term()), self.value < other.value, may_choose)
     }
 }
 
 impl PartialEq for Traced {
     fn eq(&self, other: &Traced) -> bool {
-        let (a, b) = (self.stripped().term(), other.stripped().term());
+        let a = self.stripped().term();
+        let b = other.stripped().term();
         Traced::decided(Comparison::Equal(a, b), self.value == other.value, false)
     }
 }
@@ -193,7 +195,8 @@ impl Mul for Traced {
                 // (−a) b = −(a b), and of a constant factor the sign belongs to the constant
                 let is_signed = |x: Traced| x.at != CONSTANT && x.negated;
                 let negated = is_signed(a) != is_signed(b);
-                let (x, y) = (a.term().unsigned(), b.term().unsigned());
+                let x = a.term().unsigned();
+                let y = b.term().unsigned();
                 let product = if negated { -value } else { value };
                 let product = Traced::new(product, Operation::Multiply(x, y), a.loose | b.loose);
                 if negated { -product } else { product }
@@ -206,7 +209,8 @@ impl Div for Traced {
     type Output = Traced;
     fn div(self, other: Traced) -> Traced {
         let value = self.value / other.value;
-        let (a, b) = (self.stripped(), other.stripped());
+        let a = self.stripped();
+        let b = other.stripped();
         match (a.known(), b.known()) {
             (Some(_), Some(_)) => return Traced::constant(value).loosely(a.loose),
             (_, Some(1.0)) => return self,
@@ -226,7 +230,7 @@ impl Div for Traced {
         let quotient = if negated { -value } else { value };
         let operation = Operation::Divide(a.term().unsigned(), b.term().unsigned());
         let quotient = Traced::new(quotient, operation, a.loose);
-        // where the sign of a zero would tell, no quotient is finite
+        // where the sign of a zero would matter, no quotient is finite
         if b.loose {
             let at = quotient.term();
             recorder::with(|record| record.check(Check::Finite(at)));
@@ -267,23 +271,21 @@ impl MulAssign for Traced {
 }
 
 impl Real for Traced {
-    type Mask = bool;
-    type Const = Traced;
     type Triple = Plain<Traced>;
     type Symmetric = Six<Traced>;
 
     const ZERO: Traced = Traced::constant(0.0);
     const ONE: Traced = Traced::constant(1.0);
     const EPSILON: f64 = <f64 as Real>::EPSILON;
+    const STRAIGHT: bool = true;
 
-    fn lift(constant: Traced) -> Traced {
-        constant
-    }
     fn from_f64(x: f64) -> Traced {
         Traced::constant(x)
     }
     fn mul_add(self, a: Traced, b: Traced) -> Traced {
-        let (x, y, c) = (self, a, b);
+        let x = self;
+        let y = a;
+        let c = b;
         let value = f64::mul_add(x.value, y.value, c.value);
         match (x.known(), y.known()) {
             (Some(_), None) => return y.mul_add(x, c),
@@ -310,7 +312,8 @@ impl Real for Traced {
         let (a, b) = Traced::sorted(x.stripped(), y.stripped());
         let c = c.stripped();
         let negated = a.term().is_negated() != b.term().is_negated();
-        let (p, q) = (a.term().unsigned(), b.term().unsigned());
+        let p = a.term().unsigned();
+        let q = b.term().unsigned();
         // a sign before the product belongs to its constant, if it has one
         let (p, q) = match q {
             _ if !negated => (p, q),
@@ -353,7 +356,8 @@ impl Real for Traced {
     }
     fn atan2(self, x: Traced) -> Traced {
         let value = Real::atan2(self.value, x.value);
-        let (a, b) = (self.stripped(), x.stripped());
+        let a = self.stripped();
+        let b = x.stripped();
         if a.known().is_some() && b.known().is_some() && !a.loose && !b.loose {
             return Traced::constant(value);
         }
@@ -372,13 +376,13 @@ impl Real for Traced {
         }
         self.value.is_finite()
     }
-    fn select(mask: bool, a: Traced, b: Traced) -> Traced {
-        let comparison = recorder::with(|record| record.choice(mask));
-        let value = if mask { a.value } else { b.value };
+    fn select(condition: bool, a: Traced, b: Traced) -> Traced {
+        let comparison = recorder::with(|record| record.choice(condition));
+        let value = if condition { a.value } else { b.value };
         match comparison {
             // of constants, or between two that are the same
             Some(Comparison::Less(Term::Constant(_), Term::Constant(_))) | None => {
-                if mask {
+                if condition {
                     a
                 } else {
                     b
@@ -391,12 +395,7 @@ impl Real for Traced {
             }
         }
     }
-}
-
-impl Scalar for Traced {
-    const STRAIGHT: bool = true;
-
-    /// Only constants: what else leaves the kernels is no longer recorded.
+    /// Only constants: values that leave the kernels otherwise are no longer recorded.
     fn to_f64(self) -> f64 {
         if self.known().is_none() {
             recorder::stop(Obstacle::LeavesKernel);
@@ -404,17 +403,18 @@ impl Scalar for Traced {
         self.value
     }
 
-    fn to_figure(self, figure: Figure) -> f64 {
-        let (known, x) = (self.known(), self.stripped().term());
+    fn to_branch_value(self, figure: BranchValue) -> f64 {
+        let known = self.known();
+        let x = self.stripped().term();
         recorder::with(|record: &mut Record| match figure {
-            Figure::Gain => record.gains.push(self),
-            Figure::Growth => record.growths.push(self),
-            Figure::Limited { lower, upper } => {
+            BranchValue::Gain => record.gains.push(self),
+            BranchValue::Growth => record.growths.push(self),
+            BranchValue::Limited { lower, upper } => {
                 if known.is_none() {
                     record.limited.push(Limited { x, lower, upper });
                 }
             }
-            Figure::OfDoubt => {}
+            BranchValue::OfDoubt => {}
         });
         self.value
     }

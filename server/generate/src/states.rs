@@ -18,11 +18,12 @@ pub struct RandomInputs<'a> {
 }
 
 impl<'a> RandomInputs<'a> {
-    /// Those of a plan of this model. Allocates.
+    /// States of a plan of this model. Allocates.
     pub fn new(model: &'a Model<f64>, plan: &'a Plan) -> RandomInputs<'a> {
         use Field::{Q, QGuess, Qd, QdGuess, Y, Yd};
         let given = plan.given();
-        let (mut from, mut to) = (vec![Y], vec![Q]);
+        let mut from = vec![Y];
+        let mut to = vec![Q];
         if given.slot(QdGuess).is_some() {
             from.push(Yd);
             to.push(Qd);
@@ -73,7 +74,7 @@ pub fn random_input(info: &ModelInfo, given: &Layout, k: u64) -> Vec<f64> {
             *x = match slot.field {
                 Field::Y => {
                     let (lower, upper) = range(info, row);
-                    // a part of the range around what is nearest to zero in it
+                    // a part of the range around its number nearest to zero
                     let middle = 0.0_f64.clamp(lower, upper);
                     let far = if unit < 0.0 { lower } else { upper };
                     middle + (far - middle) * part * unit.abs()

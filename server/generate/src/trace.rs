@@ -20,10 +20,10 @@ const TRACED: usize = 8;
 const COMPARED: u64 = 256;
 /// States in the test.
 const GOLDEN: usize = 32;
-/// Below the bound on doubt by more than the rounding of what is compared with it.
+/// Below the bound on doubt by more than the rounding of the compared number.
 const SURE: f64 = DOUBTFUL * (1.0 - 1e-9);
 
-/// What may be given.
+/// Fields that may be given.
 const GIVEN: FieldSet = FieldSet::of(&[
     Field::Y,
     Field::Yd,
@@ -40,7 +40,8 @@ const GIVEN: FieldSet = FieldSet::of(&[
 pub(crate) fn kernel(model: &Model<f64>, plan: &Plan) -> Result<Kernel, GenerateError> {
     check_fields(plan)?;
     let mut generic = Generic::new(model, plan);
-    let (mut states, mut last) = (Vec::new(), Status::Ok);
+    let mut states = Vec::new();
+    let mut last = Status::Ok;
     for k in 0..TRIED {
         let input = generic.inputs.input(k);
         let (status, warnings) = generic.answer(&input);
@@ -145,11 +146,11 @@ fn at_state(
 }
 
 /// Records the condition under which a plan does not count digits, see
-/// [`sarrus_dynamics::scalar::Figure`].
+/// [`sarrus_dynamics::scalar::BranchValue`].
 fn record_doubt() {
     let (gains, growths) = recorder::with(|record| (record.gains.clone(), record.growths.clone()));
     let larger = |a: Traced, b: Traced| Traced::select(a.lt(b), b, a);
-    // which of two is larger says nothing of what is no number
+    // the larger of two does not reveal NaN
     for x in gains.iter().chain(&growths) {
         recorder::with(|record| record.check(Check::Finite(x.term())));
     }
@@ -176,7 +177,7 @@ impl<'a> Generic<'a> {
         Generic { model, plan, inputs, workspace, output: vec![0.0; plan.want().len()] }
     }
 
-    /// The input of the code: with what is left of closures by Newton's method.
+    /// The input of the code: with the results of closures by Newton's method.
     fn closed(&mut self, input: &[f64]) -> Option<Vec<f64>> {
         self.plan.close(self.model, &mut self.workspace, input).map(<[f64]>::to_vec)
     }

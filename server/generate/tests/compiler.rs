@@ -17,7 +17,8 @@ fn an_order_to_stop_ends_a_compiler_and_leaves_nothing() {
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(&folder).unwrap();
     let [script, marker] = ["cc", "marker"].map(|name| folder.join(name));
-    // says its name; as a compiler it starts another program, says where both are, and waits
+    // prints its version; as a compiler it starts another program, reports where both are, and
+    // waits
     let text = "#!/bin/sh\nif [ \"$2\" = --version ]; then echo \"slow $1\"; exit; fi\n\
                 sleep 1000 &\necho $$ $! \"$TMPDIR\" > \"$1.new\"\nmv \"$1.new\" \"$1\"\nwait\n";
     fs::write(&script, text).unwrap();

@@ -47,7 +47,7 @@ pub fn write<'a>(rows: impl IntoIterator<Item = &'a Vec<String>>, end: LineEnd) 
 ///
 /// # Errors
 ///
-/// None that is known: what is no table is a table of odd cells.
+/// None known: text that is not a table reads as a table of odd cells.
 pub fn read(text: &str) -> Outcome<Vec<Row>> {
     let mut reader = ReaderBuilder::new()
         .has_headers(false)

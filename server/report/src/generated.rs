@@ -55,7 +55,8 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
         return Ok(section);
     };
     let amount = if effort.quick { Amount::QUICK } else { Amount::FULL };
-    let (mut rows, mut refused) = (Vec::new(), Vec::new());
+    let mut rows = Vec::new();
+    let mut refused = Vec::new();
     for (k, name) in amount.robots.iter().enumerate() {
         progress.show(name, k as f64 / amount.robots.len() as f64);
         let robot = Robot::load(Subject::Bundled(name), amount.states)?;
@@ -124,12 +125,12 @@ struct Row {
     peer: Option<f64>,
 }
 
-/// What the straight-line code of a plan takes.
+/// Times of the straight-line code of a plan.
 struct Code {
     operations: usize,
-    /// Nanoseconds in process, with the plan for what the code leaves to it.
+    /// Nanoseconds in process, with the plan for states that the code leaves to it.
     in_process: f64,
-    /// The same of one state among many that are asked at once.
+    /// Nanoseconds of one state among many in a batch.
     in_rows: f64,
     /// Nanoseconds of the function in its test program, and without its checks.
     alone: f64,
@@ -137,7 +138,7 @@ struct Code {
 }
 
 impl Row {
-    /// Nanoseconds of what a user of `--kernel auto` gets.
+    /// Nanoseconds of an answer under `--kernel auto`.
     fn ours(&self) -> f64 {
         self.code.as_ref().map_or(self.plan, |code| code.in_process)
     }
@@ -169,7 +170,8 @@ impl Row {
 /// The ranges of the ratios.
 fn summary(rows: &[Row]) -> String {
     let range = |ratios: &mut dyn Iterator<Item = f64>| {
-        let (mut least, mut most) = (f64::INFINITY, 0.0_f64);
+        let mut least = f64::INFINITY;
+        let mut most = 0.0_f64;
         ratios.for_each(|ratio| (least, most) = (least.min(ratio), most.max(ratio)));
         (least <= most).then(|| format!("{least:.2} to {most:.1}"))
     };
@@ -203,7 +205,8 @@ fn of_robot(
     let shared = Arc::new(model.clone());
     let start = if variant.closures == "analytic" { Start::None } else { Start::Warm };
     let mut references = References::new(robot);
-    let (mut cases, mut made) = (Vec::new(), Vec::new());
+    let mut cases = Vec::new();
+    let mut made = Vec::new();
     for question in Question::CHOSEN {
         let plan = Plan::new(model, &question.query())?;
         let folder = Folder::new(&format!("{}-{}", robot.name, question.name()));
@@ -234,7 +237,8 @@ fn of_robot(
             code.in_process = times[3 * k + 1].median();
             code.in_rows = times[3 * k + 2].median() / robot.states.len() as f64;
         }
-        let (mut error, want) = (0.0_f64, layout(robot, question));
+        let mut error = 0.0_f64;
+        let want = layout(robot, question);
         for state in 0..robot.states.len() {
             let case = &mut cases[3 * k];
             case.answer(state).ok()?;
@@ -308,7 +312,7 @@ impl Generated {
         })
     }
 
-    /// Nanoseconds of a call of both, as their test programs say.
+    /// Nanoseconds of a call of both, as their test programs print them.
     fn alone(&self) -> Outcome<(f64, f64)> {
         let mut least = [f64::INFINITY; 2];
         for _ in 0..TURNS {

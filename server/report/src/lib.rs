@@ -1,9 +1,9 @@
-//! What sarrus reports of itself: error beside time, of one run, on the same models and states.
+//! Reports of sarrus on itself: error against run time on the same models and states.
 //!
 //! [`run()`] measures the sections of a report (error against run time, time integration, stress
-//! cases) and writes them as a page that opens offline, with its data as JSON and CSV. Figures
-//! can be drawn on a page of their own by [`page::Pictures`]. What is measured, and how, serves
-//! programs that measure more: [`robots`], [`mod@reference`] and [`measure`].
+//! cases) and writes them as a page that opens offline, with its data as JSON and CSV.
+//! [`page::Pictures`] draws figures on a page of their own. [`robots`], [`mod@reference`] and
+//! [`measure`] serve programs that measure more.
 //!
 //! The modules know each other in this order, each only those above it:
 //!
@@ -32,5 +32,5 @@ mod stress;
 
 pub use self::run::{Options, names, run, synonyms};
 
-/// A report that cannot be measured or written stops and says why.
+/// Result of measuring and writing a report; the error names the reason.
 pub type Outcome<T = ()> = Result<T, Box<dyn std::error::Error>>;

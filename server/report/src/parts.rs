@@ -1,5 +1,5 @@
-//! Section `parts`: what questions cost that need a part of the robot only, beside the questions
-//! that they are a part of.
+//! Section `parts`: times of questions that need only a part of the robot, beside those of the
+//! whole question.
 
 use std::hint::black_box;
 use std::time::Duration;
@@ -14,7 +14,7 @@ use crate::page::{Section, Table};
 use crate::robots::catalogue::BUNDLED;
 use crate::robots::{Question, Robot, State, Subject, packed};
 
-/// What was asked in part: the words of the table, the question and the part of it.
+/// A partial question: the words of the table, the question and its part.
 struct Pair {
     words: String,
     whole: Query,
@@ -29,7 +29,8 @@ struct Pair {
 pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
     let (n_states, rounds) = if effort.quick { (16, 250) } else { (64, 2500) };
     let mut section = Section::new("parts", "What a question does not need");
-    let (mut rows, mut least) = (Vec::new(), (f64::INFINITY, String::new()));
+    let mut rows = Vec::new();
+    let mut least = (f64::INFINITY, String::new());
     for (k, name) in BUNDLED.into_iter().enumerate() {
         progress.show(name, k as f64 / BUNDLED.len() as f64);
         let robot = Robot::load(Subject::Bundled(name), n_states)?;
@@ -94,7 +95,8 @@ fn of_robot(robot: &Robot, rounds: Duration) -> Outcome<Vec<(Vec<String>, f64)>>
     for (((pair, runs), times), same) in of_pairs {
         let [part, whole] = [&runs[0], &runs[1]];
         let outline = part.plan.outline(model);
-        let (ns, ns_of_whole) = (times[0].median(), times[1].median());
+        let ns = times[0].median();
+        let ns_of_whole = times[1].median();
         rows.push((
             vec![
                 robot.name.to_owned(),
@@ -114,8 +116,8 @@ fn of_robot(robot: &Robot, rounds: Duration) -> Outcome<Vec<(Vec<String>, f64)>>
     Ok(rows)
 }
 
-/// What is asked of each robot: poses of its nearest and of its farthest link, positions of a
-/// moving robot, forces of one joint, gravity.
+/// The partial questions to each robot: poses of its nearest and of its farthest link, positions of
+/// a moving robot, forces of one joint, gravity.
 fn pairs(model: &Model) -> Outcome<Vec<Pair>> {
     use Field::*;
     let mut pairs = Vec::new();
@@ -191,7 +193,8 @@ impl<'a> Run<'a> {
         let input = |state: &State| {
             let still = |rates: &[f64]| vec![0.0; rates.len()];
             if rest {
-                let (yd, ydd) = (still(&state.yd), still(&state.ydd));
+                let yd = still(&state.yd);
+                let ydd = still(&state.ydd);
                 packed(&plan, &State { yd, ydd, ..state.clone() }, 0)
             } else {
                 packed(&plan, state, 0)

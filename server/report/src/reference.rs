@@ -1,12 +1,12 @@
 //! References: the same model, the same inputs, the same code in double-double.
 
-use sarrus_dynamics::scalar::{Dd, Scalar};
+use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Field, FieldSet, Layout, Method, Plan, Status, Workspace};
 
 use crate::Outcome;
 use crate::robots::{Question, Robot, Start, Subject, packed};
 
-/// The same question in double-double.
+/// A question in double-double.
 pub struct Reference {
     /// Place of the variant among those of its robot.
     place: usize,
@@ -24,8 +24,8 @@ pub struct Exact<'a> {
     tau_y: &'a [Dd],
 }
 
-/// A field of the answer: where it lies in the case's output, its exact numbers, and what counts as
-/// its size at least.
+/// A field of the answer: its range in the case's output, its exact numbers, and the least size
+/// that errors are relative to.
 struct ExactField<'a> {
     range: std::ops::Range<usize>,
     numbers: &'a [Dd],
@@ -186,10 +186,11 @@ impl Exact<'_> {
         errors.fold(0.0, worse)
     }
 
-    /// How much the forces would have to change for ÿ to be exact, relative to what enters.
+    /// The change of the forces that would make ÿ exact, relative to the terms of the equation.
     pub fn backward_error(&self, ydd: &[f64]) -> f64 {
         let n = ydd.len();
-        let (mut residual, mut norm_m): (f64, f64) = (0.0, 0.0);
+        let mut residual: f64 = 0.0;
+        let mut norm_m: f64 = 0.0;
         for i in 0..n {
             let row = &self.m_y[i * n..(i + 1) * n];
             let product = row.iter().zip(ydd).fold(Dd::from(0.0), |sum, (m, x)| sum + *m * *x);

@@ -12,8 +12,8 @@ use crate::page::files::{files, with_names, write};
 use crate::page::{Report, Section, command};
 use crate::{Outcome, accuracy, integration, parts, stress};
 
-/// Every section: its name, what fills it, and its share of the time of a full report. The name is
-/// that of the flag, of the JSON and of the files: `extremes` are the stress cases.
+/// Every section: its name, the function that fills it, and its share of the time of a full report.
+/// The name is that of the flag, of the JSON and of the files: `extremes` are the stress cases.
 const SECTIONS: &[(&str, fn(&Effort, &Progress) -> Outcome<Section>, f64)] = &[
     ("accuracy", accuracy::run, 0.4),
     ("parts", parts::run, 0.05),
@@ -39,7 +39,7 @@ pub fn synonyms(name: &str) -> impl Iterator<Item = &'static str> {
 /// A file that shows that the folder can be written.
 const PROBE: &str = ".writable";
 
-/// What to report and where it goes.
+/// The sections to report and their folder.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// How much is measured.
@@ -51,14 +51,14 @@ pub struct Options {
 }
 
 /// Runs the chosen sections in their order and writes the page and its data. A section that fails
-/// says so on the page.
+/// is reported on the page.
 ///
 /// # Errors
 ///
 /// A folder that cannot be written.
 pub fn run(options: &Options) -> Outcome<Report> {
-    // nobody wants to hear of a folder that cannot be written after an hour; an earlier report
-    // stays until then
+    // a folder that cannot be written is found before the measurements, not after an hour; an
+    // earlier report stays until then
     write(&options.out, PROBE, "")?;
     fs::remove_file(options.out.join(PROBE))
         .map_err(|error| format!("{}: {error}", options.out.display()))?;
@@ -70,7 +70,8 @@ pub fn run(options: &Options) -> Outcome<Report> {
     };
     let chosen: Vec<_> = SECTIONS.iter().filter(|(name, ..)| query(name)).collect();
     let whole: f64 = chosen.iter().map(|(_, _, share)| share).sum();
-    let (mut sections, mut done) = (Vec::new(), 0.0);
+    let mut sections = Vec::new();
+    let mut done = 0.0;
     for (name, fill, share) in chosen {
         progress.part(done / whole, (done + share) / whole);
         let failed = |error: Box<dyn std::error::Error>| Section {
@@ -102,7 +103,8 @@ fn date(days: u64) -> String {
     let leap = |year: u64| {
         year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400))
     };
-    let (mut year, mut left) = (1970, days);
+    let mut year = 1970;
+    let mut left = days;
     while left >= 365 + u64::from(leap(year)) {
         left -= 365 + u64::from(leap(year));
         year += 1;

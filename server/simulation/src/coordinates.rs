@@ -3,7 +3,7 @@
 //! A ball joint has q = x y z w and q̇ = ω in the body, a floating one q = [p; x y z w] and q̇ =
 //! [ω; v] in the body; every other coordinate is its own velocity's integral.
 
-use sarrus_dynamics::scalar::{Real, Scalar};
+use sarrus_dynamics::scalar::Real;
 
 /// One joint's coordinates: the first of each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,9 +24,11 @@ pub(crate) struct Coordinates {
 const FLOATING: [&str; 7] = ["x", "y", "z", "qx", "qy", "qz", "qw"];
 
 impl Coordinates {
-    /// From the names of the coordinates and of the velocities, as a model tells them.
+    /// From the names of the coordinates and of the velocities of a model.
     pub(crate) fn of(names: &[String], rates: &[String]) -> Coordinates {
-        let (mut parts, mut q, mut v) = (Vec::new(), 0, 0);
+        let mut parts = Vec::new();
+        let mut q = 0;
+        let mut v = 0;
         while q < names.len() {
             // the joint whose parts the next names are
             let joint = rates.get(v).and_then(|name| name.strip_suffix("/rx"));
@@ -63,7 +65,7 @@ impl Coordinates {
     }
 
     /// Puts each quaternion to unit length.
-    pub(crate) fn normalise<T: Scalar>(&self, q: &mut [T]) {
+    pub(crate) fn normalise<T: Real>(&self, q: &mut [T]) {
         for at in self.quaternions() {
             let length = (at..at + 4).fold(T::ZERO, |sum, i| q[i].mul_add(q[i], sum)).sqrt();
             (at..at + 4).for_each(|i| q[i] = q[i] / length);
@@ -92,9 +94,9 @@ impl Coordinates {
     }
 
     /// dq/dt: R v of a position, ½ q ω of an orientation, with R of the same coordinates at unit
-    /// length. That of the quaternion is of `raw` itself: its direction then turns as it should
-    /// whatever its length is.
-    pub(crate) fn rate<T: Scalar>(&self, raw: &[T], unit: &[T], v: &[T], rate: &mut [T]) {
+    /// length. The rate of a quaternion is that of `raw` itself, so that its direction turns
+    /// correctly at any length.
+    pub(crate) fn rate<T: Real>(&self, raw: &[T], unit: &[T], v: &[T], rate: &mut [T]) {
         for part in &self.parts {
             match *part {
                 Part::Single { q: i, v: k } => rate[i] = v[k],
@@ -154,7 +156,7 @@ impl Coordinates {
 }
 
 /// ½ q ω with ω in the body.
-fn quaternion_rate<T: Scalar>(q: &[T], w: &[T], rate: &mut [T]) {
+fn quaternion_rate<T: Real>(q: &[T], w: &[T], rate: &mut [T]) {
     let half = T::from_f64(0.5);
     rate[0] = half * (q[3] * w[0] + q[1] * w[2] - q[2] * w[1]);
     rate[1] = half * (q[3] * w[1] + q[2] * w[0] - q[0] * w[2]);
@@ -212,7 +214,7 @@ fn between(from: &[f64], to: &[f64]) -> [f64; 3] {
 }
 
 /// R(q) v.
-pub(crate) fn turned<T: Scalar>(q: &[T], v: [T; 3]) -> [T; 3] {
+pub(crate) fn turned<T: Real>(q: &[T], v: [T; 3]) -> [T; 3] {
     let axis = [q[0], q[1], q[2]];
     let inner = cross(axis, v);
     let twice = cross(axis, std::array::from_fn(|k| inner[k] + q[3] * v[k]));
@@ -220,7 +222,7 @@ pub(crate) fn turned<T: Scalar>(q: &[T], v: [T; 3]) -> [T; 3] {
 }
 
 /// a × b.
-pub(crate) fn cross<T: Scalar>(a: [T; 3], b: [T; 3]) -> [T; 3] {
+pub(crate) fn cross<T: Real>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
@@ -258,7 +260,8 @@ mod tests {
 
     #[test]
     fn moving_for_a_short_time_is_the_rate_and_keeps_unit_length() {
-        let (of, q) = (coordinates(), pose());
+        let of = coordinates();
+        let q = pose();
         let v: Vec<f64> = (0..11).map(|k| 0.3 * f64::from(k) - 1.0).collect();
         let mut rate = vec![0.0; 13];
         of.rate(&q, &q, &v, &mut rate);
@@ -287,7 +290,8 @@ mod tests {
     #[test]
     fn the_difference_of_two_poses_leads_from_one_to_the_other() {
         let of = coordinates();
-        let (from, mut to) = (pose(), pose());
+        let from = pose();
+        let mut to = pose();
         let v: Vec<f64> = (0..11).map(|k| 1e-4 * (f64::from(k) - 5.0)).collect();
         of.advance(&mut to, &v, 1.0);
         let mut found = vec![0.0; 11];

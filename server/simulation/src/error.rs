@@ -15,7 +15,7 @@ pub enum SimulationError {
         found: usize,
         /// How many there should be.
         expected: usize,
-        /// What they stand for.
+        /// The quantity that they stand for.
         names: String,
     },
     /// A number is NaN or infinite.
@@ -39,9 +39,9 @@ pub enum SimulationError {
     Setting {
         /// Which.
         what: &'static str,
-        /// What it is.
+        /// The given value.
         found: f64,
-        /// What it may be.
+        /// The allowed values.
         expected: &'static str,
     },
     /// The table of an input is none.
@@ -50,7 +50,7 @@ pub enum SimulationError {
     Table {
         /// Which row, from 0.
         row: usize,
-        /// What is wrong.
+        /// The fault.
         found: &'static str,
     },
     /// A gain on a joint of several freedoms.
@@ -66,9 +66,9 @@ pub enum SimulationError {
     Spring {
         /// Which, from 0.
         spring: usize,
-        /// What is wrong.
+        /// The fault.
         found: String,
-        /// What it should be.
+        /// The expected value.
         expected: &'static str,
     },
     /// The start has no answer.
@@ -82,7 +82,7 @@ pub enum SimulationError {
     /// Nothing can move.
     #[error("the robot has no degree of freedom, expected a joint that moves")]
     Rigid,
-    /// The model does not know what is asked of it.
+    /// The model does not support the question.
     #[error("{0}")]
     Plan(QueryError),
     /// The description cannot be compiled.
@@ -112,7 +112,9 @@ impl SimulationError {
         names: &[String],
     ) -> Result<(), SimulationError> {
         if numbers.len() != names.len() {
-            let (what, found, expected) = (what.to_owned(), numbers.len(), names.len());
+            let what = what.to_owned();
+            let found = numbers.len();
+            let expected = names.len();
             return Err(SimulationError::WrongCount {
                 what,
                 found,

@@ -15,7 +15,8 @@ pub(crate) struct Planned<T> {
 impl<T: PlanScalar> Planned<T> {
     pub(crate) fn new(model: &Model<T>, query: &Query) -> Result<Planned<T>, SimulationError> {
         let plan = Plan::new(model, query)?;
-        let (n, m) = (plan.given().len(), plan.want().len());
+        let n = plan.given().len();
+        let m = plan.want().len();
         Ok(Planned { plan, input: vec![T::ZERO; n], output: vec![T::ZERO; m] })
     }
 

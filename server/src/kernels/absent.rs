@@ -6,7 +6,7 @@ use std::sync::Arc;
 use sarrus_dynamics::{BatchWorkspace, Model, Plan, Workspace};
 use sarrus_proto::{Answer, Query};
 
-use crate::ServeError;
+use crate::error::ServeError;
 
 /// Which kernels the plans of clients get: none in this build.
 #[derive(Clone, Debug, Default)]

@@ -2,8 +2,8 @@
 //! register.
 //!
 //! The thread traces and compiles beside everything else, one plan after the other, at a lower
-//! priority than the threads that serve; whoever registers a plan waits for nothing. What it makes
-//! is kept in the user's cache for the next start. A query that is refused once is not tried again.
+//! priority than the threads that serve; clients that register a plan do not wait. The kernels are
+//! kept in the user's cache for the next start. A query that is refused once is not tried again.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -19,8 +19,8 @@ use sarrus_generate::{
 };
 use sarrus_proto::{FieldSet, Query, Request};
 
-use crate::ServeError;
-use crate::stderr::line;
+use crate::error::ServeError;
+use crate::system::stderr::line;
 
 /// Queries of one run that kernels are made for: a client that registers new ones without end keeps
 /// no compiler busy.
@@ -43,7 +43,7 @@ enum Choice {
 }
 
 impl Kernels {
-    /// Those that are kept, and new ones by the C compiler of this machine.
+    /// Kernels of the cache, and new ones by the C compiler of this machine.
     ///
     /// # Errors
     /// None in this build.
@@ -62,7 +62,7 @@ impl Kernels {
     }
 }
 
-/// A query and what became of it.
+/// A query and its kernel, if one was made.
 type Made = (Query, Option<Arc<NativeKernel>>);
 
 /// Gives plans their kernels; on the maintenance thread.
@@ -87,7 +87,8 @@ impl Maker {
         model: &Arc<Model<f64>>,
         place: impl FnOnce() + Send + 'static,
     ) -> Result<Maker, ServeError> {
-        let (mut known, mut thread) = (HashMap::new(), None);
+        let mut known = HashMap::new();
+        let mut thread = None;
         match &kernels.0 {
             Choice::None => {}
             Choice::One(kernel) => {
@@ -186,7 +187,7 @@ impl Thread {
     }
 }
 
-/// Makes one kernel and says what came of it.
+/// Makes one kernel and reports it.
 fn make(
     model: &Model<f64>,
     plan: &Plan,

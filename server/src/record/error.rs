@@ -1,11 +1,11 @@
-//! What can go wrong with recordings.
+//! Errors of recordings.
 
 use std::io;
 use std::path::PathBuf;
 
 use super::format::FORMAT;
 
-/// Why nothing can be recorded.
+/// An error that prevents recording.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecordError {
@@ -29,7 +29,7 @@ pub enum RecordError {
     NoSpace {
         /// The file.
         file: PathBuf,
-        /// What it needs.
+        /// The size of the file.
         bytes: u64,
     },
     /// The file cannot be made.
@@ -37,25 +37,25 @@ pub enum RecordError {
     Make {
         /// The file.
         file: PathBuf,
-        /// What the system says.
+        /// The error of the system.
         source: io::Error,
     },
     /// The thread that writes cannot be started.
     #[error("the recorder does not start: {source}; check the limits of this process")]
     Thread {
-        /// What the system says.
+        /// The error of the system.
         source: io::Error,
     },
 }
 
-/// Why a recording cannot be read.
+/// An error that prevents reading a recording.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecordingError {
     /// The system cannot read it.
     #[error("it cannot be read: {source}; give the path of a readable file")]
     Read {
-        /// What the system says.
+        /// The error of the system.
         source: io::Error,
     },
     /// It is something else.
@@ -87,9 +87,9 @@ pub enum RecordingError {
          recording's robot with --urdf, and the sarrus that recorded it"
     )]
     WrongModel {
-        /// That of the robot.
+        /// The fingerprint of the robot.
         found: u64,
-        /// That of the recording.
+        /// The fingerprint of the recording.
         expected: u64,
     },
 }

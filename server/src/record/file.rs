@@ -1,8 +1,8 @@
-//! The recorder's file: made whole before the server is ready, then written round and round.
+//! The recorder's file: a ring of segments, reserved before the server is ready.
 //!
-//! What is written lies in the kernel's cache at once and survives the end of this process,
-//! however it ends; a crash of the machine is not provided for. All of the file is reserved at the
-//! start, so a disk that fills up later takes nothing away.
+//! Written frames are in the kernel's cache and survive any end of this process, but not a crash of
+//! the machine. The whole file is reserved at the start, so that a disk that fills up later does no
+//! harm.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use rustix::fs::{FallocateFlags, fallocate};
 use rustix::io::Errno;
 
-use super::RecordError;
+use super::error::RecordError;
 use super::format::{
     FRAME, FRAME_HEAD, MAGIC, PAGE, SEGMENT, SEGMENT_HEAD, WORD, checksum, join, word,
 };
@@ -31,7 +31,7 @@ pub(super) struct RecordFile {
     at: u64,
     /// Sequence of the next frame.
     sequence: u64,
-    /// What is not written yet: it ends at `at`.
+    /// Frames not written yet; they end at `at`.
     batch: Vec<u8>,
 }
 
@@ -81,7 +81,7 @@ impl RecordFile {
     /// Adds a frame.
     ///
     /// # Errors
-    /// What the system says of the write, where one was due.
+    /// The error of a write, where one was due.
     pub(super) fn add(&mut self, body: &[u64]) -> io::Result<()> {
         let n_bytes = WORD * (FRAME_HEAD + body.len());
         if self.at + n_bytes as u64 > self.header.segment {
@@ -98,10 +98,10 @@ impl RecordFile {
         if self.batch.len() >= BATCH / 2 { self.flush() } else { Ok(()) }
     }
 
-    /// Writes what is not written yet.
+    /// Writes the pending frames.
     ///
     /// # Errors
-    /// What the system says; what could not be written is forgotten.
+    /// The error of the write; the pending frames are dropped.
     pub(super) fn flush(&mut self) -> io::Result<()> {
         if self.batch.is_empty() {
             return Ok(());
@@ -184,7 +184,7 @@ fn set_aside(path: &Path) -> Result<(), RecordError> {
     }
 }
 
-/// Whether the first segment was begun. What cannot be read may have been.
+/// Whether the first segment was begun; true where that cannot be read.
 fn has_records(file: &File, page: &[u8]) -> bool {
     let Ok(header) = Header::read(page) else { return !page.is_empty() };
     let mut first = [0; WORD];
@@ -194,7 +194,7 @@ fn has_records(file: &File, page: &[u8]) -> bool {
     }
 }
 
-/// Where the recording of the run before is kept.
+/// The path for the recording of the previous run.
 fn earlier(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(".1");

@@ -1,5 +1,5 @@
-//! The layout of a recording: words of 64 bits, little-endian, that no other layout of the program
-//! may change.
+//! The layout of a recording: words of 64 bits, little-endian, independent of every other layout of
+//! the program.
 //!
 //! ```text
 //! header, one page    MAGIC, format, protocol, fingerprint, start, seconds, run,
@@ -12,8 +12,8 @@
 //!                     indices of links, numbers in, numbers out
 //! ```
 //!
-//! Segments are written one after the other and round again; a new number voids what the segment
-//! held, because every checksum within it depends on that number.
+//! Segments are written one after the other and round again; a new number voids the
+//! former content of the segment, because every checksum in it depends on that number.
 
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT};
 use sarrus_proto::{FieldSet, MAX_FRAMES, MAX_JOINT_RUNS, MAX_WRENCHES, Query};
@@ -29,7 +29,7 @@ pub(super) const FRAME: u32 = u32::from_le_bytes(*b"saFR");
 pub(super) const FORMAT: u64 = 4;
 /// Bytes of a word.
 pub(super) const WORD: usize = 8;
-/// Bytes of the header, and of what everything before the segments is a multiple of.
+/// Bytes of the header; the robot is padded to a multiple of it.
 pub(super) const PAGE: usize = 4096;
 /// Words of the header.
 pub(super) const HEADER: usize = 12;
@@ -52,7 +52,7 @@ pub(super) const MAX_FRAME: usize = WORD * (FRAME_HEAD + MAX_BODY);
 const LINKS: usize = 4;
 
 /// A checksum; any change within one word changes it, because each step is one to one in the word
-/// and in what came before.
+/// and in the sum so far.
 pub(super) fn checksum(seed: u64, words: impl IntoIterator<Item = u64>) -> u64 {
     let mixed = words
         .into_iter()
@@ -84,7 +84,7 @@ pub(super) const fn halves(word: u64) -> (u32, u32) {
     (word as u32, (word >> 32) as u32)
 }
 
-/// Who asked.
+/// The client of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Client {
     /// The holder of a lane, by the lane's slot.
@@ -120,10 +120,11 @@ impl std::fmt::Display for Client {
     }
 }
 
-/// Writes what a plan is made for: request, counts of links and runs of joints, fields, indices of
-/// links, ends of the runs; how many words that took.
+/// Writes a query: request, counts of links and runs of joints, fields, indices of links, ends of
+/// the runs; returns the number of words.
 pub(super) fn write_query(query: &Query, words: &mut [u64]) -> usize {
-    let (frames, wrenches) = (query.frames(), query.wrench_links());
+    let frames = query.frames();
+    let wrenches = query.wrench_links();
     let runs = query.joint_runs().as_flattened();
     let counts = frames.len() as u32 | (wrenches.len() as u32) << 8 | (runs.len() as u32) << 16;
     let packed = |links: &[u16]| links.iter().rev().fold(0, |word, link| word << 16 | *link as u64);
@@ -139,8 +140,7 @@ pub(super) fn write_query(query: &Query, words: &mut [u64]) -> usize {
     words.iter_mut().zip(fixed.into_iter().chain(links)).map(|(to, word)| *to = word).count()
 }
 
-/// Reads it: the query, `None` where no plan ran, and how many words it took. `None` for words that
-/// are no query.
+/// Reads a query (`None` where no plan ran) and its number of words; `None` for malformed words.
 pub(super) fn read_query(words: &[u64]) -> Option<(Option<Query>, usize)> {
     let &[first, given, want, open, projection, ..] = words else { return None };
     let (request, counts) = halves(first);
@@ -160,7 +160,9 @@ pub(super) fn read_query(words: &[u64]) -> Option<(Option<Query>, usize)> {
             |k: usize| (packed.get(k / LINKS).copied().unwrap_or(0) >> (16 * (k % LINKS))) as u16;
         Some((0..n).map(link).collect::<Vec<u16>>())
     };
-    let (frames, wrenches, ends) = (links(n_frames)?, links(n_wrenches)?, links(n_ends)?);
+    let frames = links(n_frames)?;
+    let wrenches = links(n_wrenches)?;
+    let ends = links(n_ends)?;
     let request = Request::from_code(request)?;
     let mut query = Query {
         loop_tolerance: Tolerance(open),

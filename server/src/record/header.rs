@@ -1,6 +1,6 @@
 //! The first page of a recording: which server made it, and where everything lies.
 
-use super::RecordingError;
+use super::error::RecordingError;
 use super::format::{
     BODY_HEAD, FORMAT, FRAME_HEAD, HEADER, MAGIC, MAX_FRAME, PAGE, SEGMENT_HEAD, WORD, checksum,
     word, words,
@@ -24,20 +24,20 @@ pub(super) struct Header {
     pub(super) fingerprint: u64,
     /// Time 0 of the records, since 1970 `[ns]`.
     pub(super) start: u64,
-    /// How much was to be kept `[s]`.
+    /// The requested length `[s]`.
     pub(super) seconds: u64,
-    /// Tells recordings apart; every checksum of the segments depends on it.
+    /// Identifies the recording; every checksum of the segments depends on it.
     pub(super) run: u64,
     /// Bytes of the robot and their checksum.
     pub(super) robot: u64,
     pub(super) robot_checksum: u64,
-    /// How many segments there are, and the bytes of each.
+    /// Number of segments, and the bytes of each.
     pub(super) segments: u64,
     pub(super) segment: u64,
 }
 
 impl Header {
-    /// The same with segments for `seconds` of requests at 1 kHz through each of `lanes`, of
+    /// Adds segments for `seconds` of requests at 1 kHz through each of `lanes`, of
     /// `numbers` numbers with their answers; `None` where that is too much to be counted.
     ///
     /// One segment is always about to be overwritten, so the others hold it all; in each the last

@@ -31,21 +31,21 @@ pub use replay::{Difference, Replayed, replay};
 pub(crate) use ring::Recorder;
 pub use robot::RecordedRobot;
 
-use crate::events;
+use crate::system::events;
 use file::RecordFile;
 use format::{checksum, words};
 use header::Header;
 use ring::Records;
 
-/// How long the recorder sleeps when it has written everything.
+/// Sleep of the recorder when it has written everything.
 const NAP: Duration = Duration::from_millis(2);
 
-/// What to record, and where.
+/// Options of a recording.
 #[derive(Clone, Debug)]
 pub struct RecordOptions {
     /// The file; one of an earlier run is kept with `.1` after its name.
     pub file: PathBuf,
-    /// How much is kept at least, with 1 kHz through each lane `[s]`.
+    /// The least length that is kept, with 1 kHz through each lane `[s]`.
     pub seconds: u32,
     /// The robot that goes into the file.
     pub robot: RecordedRobot,
@@ -54,7 +54,7 @@ pub struct RecordOptions {
 /// Makes the file and starts the thread that writes it.
 ///
 /// The file has room for `seconds` of requests for inverse dynamics (y, ẏ, ÿ to τ_y, τ_u) at 1 kHz
-/// through each of `lanes`; larger or more frequent ones shorten what is kept. The thread begins
+/// through each of `lanes`; larger or more frequent ones shorten the recording. The thread begins
 /// with `place`.
 ///
 /// # Errors
@@ -69,7 +69,7 @@ pub(crate) fn start(
     let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     let start = since_1970.as_nanos() as u64;
     let ticks = clock.raw();
-    // text and numbers: there is nothing in it that cannot be written
+    // texts and numbers can always be written
     let robot = serde_json::to_vec(&options.robot).unwrap_or_default();
     let header = Header {
         protocol: PROTOCOL_VERSION.into(),
@@ -111,10 +111,10 @@ struct Writer {
 impl Writer {
     fn run(mut self) {
         loop {
-            // looked at first: what came before the end is written
+            // read before the last write, which then has all records
             let is_last = self.records.is_abandoned();
             if let Err(error) = self.write() {
-                crate::stderr::line(format_args!(
+                crate::system::stderr::line(format_args!(
                     "sarrus serve: warning: the recording ends here: {error}"
                 ));
                 events::recording_ended(&error);
@@ -127,7 +127,7 @@ impl Writer {
         }
     }
 
-    /// Writes everything that is there.
+    /// Writes all pending records.
     fn write(&mut self) -> std::io::Result<()> {
         let mut body = Vec::with_capacity(format::MAX_BODY);
         while self.records.next(&mut body) {

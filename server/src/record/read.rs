@@ -1,33 +1,34 @@
-//! Reads a recording, also one that was cut off at any moment, damaged, or made up.
+//! Reads a recording, also one that was cut off, damaged, or forged.
 
 use std::io::{Read, Seek, SeekFrom};
 
 use sarrus_proto::{Answer, Query, Status, Warnings};
 
+use super::error::RecordingError;
 use super::file::segment_head;
 use super::format::{
     BODY_HEAD, Client, FRAME, FRAME_HEAD, MAX_BODY, PAGE, QUERY_HEAD, SEGMENT_HEAD, WORD, checksum,
     halves, read_query, word, words,
 };
 use super::header::Header;
-use super::{RecordedRobot, RecordingError};
+use super::robot::RecordedRobot;
 
 /// One request and its answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Entry<'a> {
     /// When the request was found, from the start of the recording `[ns]`.
     pub time_ns: u64,
-    /// How many requests were answered and not recorded until then.
+    /// Requests that were answered but not recorded until then.
     pub lost: u64,
     /// The plan's number on the wire.
     pub plan: u32,
-    /// Who asked.
+    /// The client.
     pub client: Client,
     /// The client's count of its requests.
     pub sequence: u64,
-    /// How it was answered: number of the status, bits of the warnings.
+    /// The answer: number of the status, bits of the warnings.
     pub answer: [u32; 2],
-    /// What the plan was made for; `None` where the request was refused before any plan ran.
+    /// The query of the plan; `None` where the request was refused before any plan ran.
     pub query: Option<Query>,
     /// The numbers of the request, as the server read them.
     pub input: &'a [f64],
@@ -48,7 +49,7 @@ impl Entry<'_> {
     }
 }
 
-/// What is not there, or not whole.
+/// Missing and damaged records.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Gaps {
     /// Records between the first and the last that cannot be read.
@@ -118,7 +119,7 @@ impl<R: Read + Seek> Recording<R> {
         self.header.protocol
     }
 
-    /// How much was to be kept `[s]`.
+    /// The requested length `[s]`.
     pub fn seconds(&self) -> u64 {
         self.header.seconds
     }
@@ -128,13 +129,14 @@ impl<R: Read + Seek> Recording<R> {
         self.segments.first().is_some_and(|number| *number > 1)
     }
 
-    /// Every record that can be read, from the oldest to the newest, with the part of the segments
-    /// that is done; what could not be read.
+    /// Every record that can be read, from the oldest to the newest, with the
+    /// progress over the segments; returns the gaps.
     ///
     /// # Errors
     /// [`RecordingError::Read`].
     pub fn read(&mut self, mut each: impl FnMut(&Entry<'_>, f64)) -> Result<Gaps, RecordingError> {
-        let (mut expected, mut gaps) = (None, Gaps::default());
+        let mut expected = None;
+        let mut gaps = Gaps::default();
         let mut numbers = Vec::with_capacity(MAX_BODY);
         for (k, number) in self.segments.iter().enumerate() {
             let start = self.header.segment_at((number - 1) % self.header.segments);
@@ -178,7 +180,8 @@ impl Frame<'_> {
         if mark != FRAME || n as usize > MAX_BODY {
             return None;
         }
-        let (sequence, body_seed) = (word(bytes, 1), word(bytes, 2));
+        let sequence = word(bytes, 1);
+        let body_seed = word(bytes, 2);
         if body_seed != checksum(seed, [word(bytes, 0), sequence]) {
             return None;
         }

@@ -7,7 +7,7 @@ use sarrus_dynamics::{Model, Plan, Workspace};
 use sarrus_proto::{Layout, Query, Status, Warnings};
 use serde::Serialize;
 
-use super::RecordingError;
+use super::error::RecordingError;
 use super::read::{Entry, Gaps, Recording};
 
 /// Differences that are shown.
@@ -15,7 +15,7 @@ const SHOWN: usize = 10;
 /// Plans that are kept; a server holds no more at one time.
 const PLANS: usize = sarrus_proto::message::MAX_PLANS;
 
-/// What came of it.
+/// The outcome of a replay.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Replayed {
@@ -23,7 +23,7 @@ pub struct Replayed {
     pub requests: u64,
     /// From the first of them to the last `[s]`.
     pub seconds: f64,
-    /// How much was to be kept `[s]`.
+    /// The requested length `[s]`.
     pub asked_seconds: u64,
     /// Whether older records were overwritten.
     pub overwritten: bool,
@@ -62,7 +62,7 @@ impl Replayed {
 pub struct Difference {
     /// When it was asked, from the start of the recording `[s]`.
     pub time: f64,
-    /// Who asked.
+    /// The client.
     pub client: String,
     /// The client's count of its requests.
     pub sequence: u64,
@@ -70,13 +70,13 @@ pub struct Difference {
     pub plan: u32,
     /// `status`, `warnings`, or the number's field and index in it.
     pub field: String,
-    /// What the server answered.
+    /// The answer of the server.
     pub recorded: String,
-    /// What comes out now.
+    /// The answer of this computation.
     pub computed: String,
 }
 
-/// Computes every answer again, on the recording's model; `progress` hears what part is done.
+/// Computes every answer again, on the recording's model; `progress` gets the fraction done.
 ///
 /// # Errors
 /// [`RecordingError::WrongModel`], [`RecordingError::Read`].
@@ -85,7 +85,8 @@ pub fn replay<R: Read + Seek>(
     model: &Model<f64>,
     mut progress: impl FnMut(f64),
 ) -> Result<Replayed, RecordingError> {
-    let (found, expected) = (model.fingerprint(), recording.fingerprint());
+    let found = model.fingerprint();
+    let expected = recording.fingerprint();
     if found != expected {
         return Err(RecordingError::WrongModel { found, expected });
     }
@@ -100,7 +101,9 @@ pub fn replay<R: Read + Seek>(
             ..Replayed::default()
         },
     };
-    let (mut first, mut last, mut clients) = (None, (0, 0), BTreeSet::new());
+    let mut first = None;
+    let mut last = (0, 0);
+    let mut clients = BTreeSet::new();
     let Gaps { damaged, cut_off } = recording.read(|entry, done| {
         first.get_or_insert((entry.time_ns, entry.lost));
         last = (entry.time_ns, entry.lost);
@@ -119,7 +122,7 @@ pub fn replay<R: Read + Seek>(
     })
 }
 
-/// The server's work once more.
+/// The computation of all answers.
 struct Again<'a> {
     model: &'a Model<f64>,
     workspace: Workspace<f64>,
@@ -206,7 +209,7 @@ fn name_of(layout: &Layout, index: usize) -> String {
     )
 }
 
-/// A number that differs from any other in its words.
+/// A number as text; different bits give different texts.
 fn in_words(number: f64) -> String {
     if number.is_nan() { format!("NaN {:#x}", number.to_bits()) } else { format!("{number:?}") }
 }

@@ -2,7 +2,7 @@
 //! reader.
 //!
 //! The answering thread copies head, numbers and answer; it allocates nothing, takes no lock, makes
-//! no system call and reads no clock. What does not fit is left out and counted.
+//! no system call and reads no clock. A record that does not fit is left out and counted.
 
 use rtrb::{Consumer, Producer, RingBuffer};
 use sarrus_proto::message::RequestHead;
@@ -39,7 +39,7 @@ pub(super) struct Records {
 /// Both ends of a ring of `capacity` words, whose memory is mapped.
 pub(super) fn ring(capacity: usize) -> (Recorder, Records) {
     let (mut producer, mut consumer) = RingBuffer::new(capacity);
-    // the answering thread meets no page that nobody touched
+    // maps all pages before the answering thread uses them
     while producer.push(0.0).is_ok() {}
     while consumer.pop().is_ok() {}
     let recorder = Recorder {
@@ -54,7 +54,7 @@ pub(super) fn ring(capacity: usize) -> (Recorder, Records) {
 }
 
 impl Recorder {
-    /// Whose request comes next, and when it was found `[tick]`.
+    /// Notes the client of the next request and its time `[tick]`.
     #[inline]
     pub(crate) fn take(&mut self, ticks: u64, client: Client) {
         (self.taken, self.client) = (ticks, client);
@@ -98,7 +98,7 @@ impl Recorder {
         }
     }
 
-    /// The same of a row of a batch: half of the ring is for single requests.
+    /// Commits a row of a batch; half of the ring is for single requests.
     #[inline]
     pub(crate) fn commit_row(&mut self) {
         if 2 * self.ring.slots() < self.ring.buffer().capacity() {
@@ -176,7 +176,7 @@ mod tests {
     const OK: Answer = Answer { status: Status::Ok, warnings: Warnings::NONE };
 
     #[test]
-    fn what_comes_out_is_what_went_in_round_after_round() {
+    fn records_come_out_as_they_went_in_round_after_round() {
         let (mut recorder, mut records) = ring(100);
         let mut body = Vec::new();
         for k in 0..1000_u32 {
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_left_out_and_counted() {
+    fn a_record_that_does_not_fit_is_left_out_and_counted() {
         let (mut recorder, mut records) = ring(44);
         let mut body = Vec::new();
         for _ in 0..10 {

@@ -3,8 +3,7 @@
 use sarrus_models::{Base, LoadError, Loaded, Lock, Options, Source, load, texts};
 use serde::{Deserialize, Serialize};
 
-/// What is needed to compute the answers of a recording again: the robot's files and the options of
-/// its model.
+/// The robot's files and the options of its model, from which the answers can be computed again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct RecordedRobot {
@@ -36,7 +35,7 @@ impl RecordedRobot {
     /// As [`texts`].
     pub fn new(source: &Source, options: &Options) -> Result<RecordedRobot, LoadError> {
         let (urdf, submechanisms) = texts(source)?;
-        // what is no UTF-8 is no robot, and was refused
+        // text that is not UTF-8 was refused as a robot
         let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
         Ok(RecordedRobot {
             sarrus: env!("CARGO_PKG_VERSION").to_owned(),
@@ -71,7 +70,13 @@ impl RecordedRobot {
     pub fn load_as(&self, source: &Source) -> Result<Loaded, LoadError> {
         let base = Base::of_flag(self.floating_base.as_deref());
         let RecordedRobot { gravity, lenient, lock, only, .. } = self;
-        let (lock, only) = (lock.clone(), only.clone());
-        load(source, &Options { gravity: *gravity, lenient: *lenient, base, lock, only })
+        let options = Options {
+            gravity: *gravity,
+            lenient: *lenient,
+            base,
+            lock: lock.clone(),
+            only: only.clone(),
+        };
+        load(source, &options)
     }
 }

@@ -25,7 +25,7 @@ fn robot() -> RecordedRobot {
     RecordedRobot::new(&Source::Bundled("lambda".into()), &Options::default()).unwrap()
 }
 
-/// What is asked in record k: of another sign one lap of three segments later, so that its last
+/// The number of record k: of another sign one lap of three segments later, so that its last
 /// byte differs too.
 fn number(k: u64) -> f64 {
     if (k / FRAMES).is_multiple_of(2) { 0.5 + k as f64 } else { -0.5 - k as f64 }
@@ -66,7 +66,7 @@ fn recorded(name: &str, n: u64) -> (Vec<u8>, Header) {
     (bytes, header)
 }
 
-/// The sequences that are read, and what was not.
+/// The sequences that are read, and the gaps.
 fn sequences(bytes: &[u8]) -> (Vec<u64>, Gaps) {
     let mut found = Vec::new();
     let mut recording = Recording::open(Cursor::new(bytes)).unwrap();
@@ -152,7 +152,7 @@ fn replay_finds_each_bit_that_comes_out_differently() {
         segment: 4096,
         ..Header::default()
     };
-    // what the server would have answered, then the same with a bit more
+    // the right answer, then one with another bit
     let plan = sarrus_dynamics::Plan::new(model, &QUERY).unwrap();
     let mut workspace = sarrus_dynamics::Workspace::new(model);
     let mut output = [0.0; 3];
@@ -161,7 +161,8 @@ fn replay_finds_each_bit_that_comes_out_differently() {
     let mut right = body(1, 0.1);
     right.truncate(BODY_HEAD + 1);
     right.extend(output.map(f64::to_bits));
-    let (mut wrong, mut failed) = (right.clone(), right.clone());
+    let mut wrong = right.clone();
+    let mut failed = right.clone();
     wrong[BODY_HEAD + 2] ^= 5;
     failed[4] = join(Status::Unreachable as u32, 0);
     let path = path("differing");
@@ -222,7 +223,7 @@ impl Random {
     }
 }
 
-/// Reads and computes whatever can be read of bytes; whether there was anything.
+/// Reads and computes all readable records of bytes; false where there are none.
 fn survives(bytes: &[u8], model: &Model<f64>) -> bool {
     let Ok(mut recording) = Recording::open(Cursor::new(bytes)) else { return false };
     let _ = recording.robot().load();

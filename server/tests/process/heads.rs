@@ -9,8 +9,10 @@ use sarrus_proto::PROTOCOL_VERSION;
 use sarrus_proto::checksum::of_request;
 use sarrus_proto::message::{RequestHead, ResponseHead};
 
+use sarrus_torture::patience::LIMIT;
+
 use crate::lies::Liar;
-use crate::support::{Asker, ROBOT, STATE, Sandbox, options};
+use crate::support::{Asker, ROBOT, STATE, Sandbox, options, published};
 
 const BOTH: QueryOptions = QueryOptions::CHECKSUM.with(QueryOptions::TIMES);
 
@@ -60,15 +62,15 @@ fn checksums_and_times_change_no_bit_and_times_are_within_the_round_trip() {
 fn checked_and_timed_requests_allocate_nothing_through_a_lane() {
     let sandbox = Sandbox::new();
     let _server = sandbox.serve("spare", &["--wait", "busy"]);
-    let deadline = Some(Duration::from_secs(1));
+    let deadline = Some(LIMIT);
     let robot = sandbox.connect_with("spare", ConnectOptions { deadline, ..options() }).unwrap();
     for robot in [local(), robot] {
         let mut asker = Asker::new(robot);
         asker.plan = asker.robot.prepare(&STATE.with_options(BOTH)).unwrap();
         assert_eq!(asker.ask().unwrap().status, Status::Ok);
         assert_eq!(asker.thousand(), (1000, 0, 0));
-        std::thread::sleep(Duration::from_millis(200));
-        if let Some(statistics) = asker.robot.statistics() {
+        if let Some(robot) = Some(&asker.robot).filter(|robot| robot.statistics().is_some()) {
+            let statistics = published(robot, |statistics| statistics.answered(Status::Ok) >= 1001);
             assert_eq!(statistics.system_allocations, 0, "{statistics:?}");
             assert_eq!(statistics.answered(Status::Ok), 1001, "{statistics:?}");
         }
@@ -91,8 +93,8 @@ fn late_answers_are_counted_on_both_sides_and_are_answers() {
             }
             assert_eq!(asker.robot.late(), if is_late { 50 } else { 0 });
             late += asker.robot.late();
-            std::thread::sleep(Duration::from_millis(200));
-            assert_eq!(asker.robot.statistics().unwrap().counts.late, late);
+            let statistics = published(&asker.robot, |statistics| statistics.counts.late >= late);
+            assert_eq!(statistics.counts.late, late);
         }
     }
 }
@@ -122,7 +124,7 @@ fn a_request_that_was_changed_is_answered_corrupt_answer() {
             if let Some((answer, numbers)) = lane.inbox.poll() {
                 return (answer, numbers[..n_out].to_vec());
             }
-            assert!(start.elapsed() < Duration::from_secs(2), "no answer to {head:?}");
+            assert!(start.elapsed() < LIMIT, "no answer to {head:?}");
         }
     };
     let mut sealed = |plan| {

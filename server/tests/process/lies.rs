@@ -1,7 +1,7 @@
 //! Clients that lie: whatever they write, the server answers with a status and lives.
 
 use std::os::fd::OwnedFd;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use iceoryx2::node::Node;
 use sarrus_client::{Status, Transport};
@@ -14,6 +14,8 @@ use sarrus_proto::run::Link;
 use sarrus_proto::service::open_compute;
 use sarrus_proto::socket::{ControlSocket, MAX_MESSAGE};
 use sarrus_proto::{FieldSet, PROTOCOL_VERSION, Query, QueryOptions, ServerName};
+
+use sarrus_torture::patience::{LIMIT, deadline};
 
 use crate::support::{Asker, STATE, Sandbox};
 
@@ -32,7 +34,7 @@ impl Liar<'_> {
         let socket = ControlSocket::connect(&folder).unwrap();
         let mut liar = Liar { sandbox, socket, fingerprint: 0, instance: 0 };
         let request = ControlRequest { head: head(), fingerprint: 0, call: Call::Hello };
-        let (hello, descriptor) = exchange(&liar.socket, &request, soon()).unwrap();
+        let (hello, descriptor) = exchange(&liar.socket, &request, deadline()).unwrap();
         assert!(descriptor.is_some() && matches!(hello.outcome, Ok(Grant::Hello { .. })));
         (liar.fingerprint, liar.instance) = (hello.fingerprint, hello.instance);
         liar
@@ -49,14 +51,14 @@ impl Liar<'_> {
     }
 
     fn send(&self, request: &ControlRequest) -> Result<Grant, Refusal> {
-        exchange(&self.socket, request, soon()).unwrap().0.outcome
+        exchange(&self.socket, request, deadline()).unwrap().0.outcome
     }
 
     /// What the server says to a message that is no call.
     fn raw(&self, message: &[u8]) -> Refusal {
         self.socket.send(message, None).unwrap();
         let mut buffer = vec![0; MAX_MESSAGE];
-        assert!(self.socket.wait(soon()).unwrap());
+        assert!(self.socket.wait(deadline()).unwrap());
         let (bytes, _) = self.socket.receive(&mut buffer).unwrap().unwrap();
         let response = sarrus_proto::control::ControlResponse::from_bytes(&buffer[..bytes]);
         response.unwrap().outcome.unwrap_err()
@@ -98,7 +100,7 @@ impl Liar<'_> {
     /// Its descriptor.
     pub(crate) fn area(&self) -> OwnedFd {
         let request = ControlRequest { head: head(), fingerprint: 0, call: Call::Batch };
-        let (response, memory) = exchange(&self.socket, &request, soon()).unwrap();
+        let (response, memory) = exchange(&self.socket, &request, deadline()).unwrap();
         assert_eq!(response.outcome, Ok(Grant::Batch));
         memory.unwrap()
     }
@@ -110,10 +112,6 @@ impl Liar<'_> {
 
 fn head() -> CallHead {
     CallHead { version: PROTOCOL_VERSION, nonce: 7 }
-}
-
-fn soon() -> Instant {
-    Instant::now() + Duration::from_secs(5)
 }
 
 /// Heads that lie, what they should get, and numbers that go with them.
@@ -192,7 +190,7 @@ fn lies_through_the_control_socket_are_refused() {
     assert!(liar.socket.send(&vec![b' '; MAX_MESSAGE + 1], None).is_ok());
     let start = Instant::now();
     while !liar.socket.is_closed() {
-        assert!(start.elapsed() < Duration::from_secs(5));
+        assert!(start.elapsed() < LIMIT);
     }
     assert!(second.plan(STATE).is_ok());
 }
@@ -215,7 +213,7 @@ fn lies_through_a_lane_get_their_status() {
             if let Some((answer, numbers)) = lane.inbox.poll() {
                 break (answer, numbers.to_vec());
             }
-            assert!(start.elapsed() < Duration::from_secs(2), "no answer to {head:?}");
+            assert!(start.elapsed() < LIMIT, "no answer to {head:?}");
         };
         assert_eq!(
             answer,
@@ -243,7 +241,7 @@ fn lies_through_a_lane_get_their_status() {
         if let Some((answer, _)) = lane.inbox.poll() {
             break answer;
         }
-        assert!(start.elapsed() < Duration::from_secs(2));
+        assert!(start.elapsed() < LIMIT);
     };
     assert_eq!(answer.status, Status::WrongSize as u32);
 
@@ -271,7 +269,7 @@ fn lies_through_the_service_get_their_status() {
             if let Some(response) = pending.receive().unwrap() {
                 break *response.payload();
             }
-            assert!(start.elapsed() < Duration::from_secs(2), "no answer to {head:?}");
+            assert!(start.elapsed() < LIMIT, "no answer to {head:?}");
         };
         assert_eq!(
             (answer.head.status, answer.head.sequence),

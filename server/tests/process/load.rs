@@ -4,7 +4,7 @@
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use sarrus_client::{Options, QueryOptions, Robot, Source, Status, Transport};
 use sarrus_proto::PROTOCOL_VERSION;
@@ -13,9 +13,11 @@ use sarrus_proto::lane::{ComputeClient, Threadsafe, send_request};
 use sarrus_proto::message::RequestHead;
 use sarrus_server::pool;
 
+use sarrus_torture::patience::LIMIT;
+
 use crate::batches::Rows;
 use crate::lies::Liar;
-use crate::support::{Asker, ROBOT, STATE, Sandbox};
+use crate::support::{Asker, ROBOT, STATE, Sandbox, published};
 
 #[test]
 fn no_request_reaches_the_systems_allocator() {
@@ -33,8 +35,15 @@ fn no_request_reaches_the_systems_allocator() {
         );
         let mut rows = Rows::new(&asker, 3000);
         rows.ask(&mut asker).unwrap();
-        std::thread::sleep(Duration::from_millis(200));
-        let statistics = asker.robot.statistics().unwrap();
+        let statistics = published(&asker.robot, |statistics| {
+            let counts = &statistics.counts;
+            let requests = if transport == Transport::Lane {
+                counts.lane_requests
+            } else {
+                counts.service_requests
+            };
+            requests >= 20_001 && counts.batch_states >= 3000
+        });
         assert_eq!(statistics.system_allocations, 0, "{transport:?}: {statistics:?}");
         assert!(statistics.counts.batch_states >= 3000, "{transport:?}: {statistics:?}");
         let served = if transport == Transport::Lane {
@@ -138,18 +147,11 @@ pub(crate) fn system_calls_of_the_busy_loop(flags: &[&str]) {
     );
     strace.wait().unwrap();
     // counts are published now and then
-    let start = Instant::now();
-    loop {
-        let after = askers[0].robot.statistics().unwrap();
-        if after.counts.lane_requests >= before.counts.lane_requests + 5_000
+    published(&askers[0].robot, |after| {
+        after.counts.lane_requests >= before.counts.lane_requests + 5_000
             && after.counts.service_requests >= before.counts.service_requests + 5_000
             && after.counts.batch_states >= before.counts.batch_states + 6_000
-        {
-            break;
-        }
-        assert!(start.elapsed() < Duration::from_secs(60), "{after:?}");
-        std::thread::sleep(Duration::from_millis(5));
-    }
+    });
     let calls = fs::read_to_string(&trace).unwrap();
     fs::remove_file(&trace).unwrap();
     let (of_hot, of_others): (Vec<&str>, Vec<&str>) =
@@ -228,7 +230,7 @@ fn no_client_starves_another() {
     let mut answered = [0; 5];
     let start = Instant::now();
     // enough rounds, also where the machine does other things
-    while answered[0] < 1000 && start.elapsed() < Duration::from_secs(10) {
+    while answered[0] < 1000 && start.elapsed() < LIMIT {
         for (pusher, answered) in pushers.iter_mut().zip(&mut answered) {
             *answered += pusher.push(&head, &numbers);
         }

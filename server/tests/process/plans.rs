@@ -1,7 +1,7 @@
 //! Plans as their clients hold them: each is one robot's, comes free when nobody holds it any more,
 //! and leaves no number behind that means another plan.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use sarrus_client::{
     Error, Field, FieldSet, Options, PlanId, Query, Request, Robot, Source, Status, Transport,
@@ -12,8 +12,10 @@ use sarrus_proto::control::{Call, Grant};
 use sarrus_proto::lane::send_request;
 use sarrus_proto::message::{MAX_PLANS, PlanNumber, RequestHead};
 
+use sarrus_torture::patience::LIMIT;
+
 use crate::lies::Liar;
-use crate::support::{Asker, ROBOT, Sandbox, options};
+use crate::support::{Asker, ROBOT, Sandbox, options, wait_until};
 
 /// More queries than a server holds, each another one.
 pub(crate) fn distinct(number: usize) -> Query {
@@ -51,12 +53,7 @@ fn status(robot: &mut Robot, plan: PlanId) -> Status {
 
 /// Waits until the server's clients hold so many plans.
 fn wait_for_plans(robot: &Robot, plans: u64) {
-    let start = Instant::now();
-    while robot.statistics().unwrap().plans != plans {
-        let found = robot.statistics().unwrap().plans;
-        assert!(start.elapsed() < Duration::from_secs(5), "{found} plans, expected {plans}");
-        std::thread::sleep(Duration::from_millis(5));
-    }
+    wait_until(&format!("{plans} plans"), || robot.statistics().unwrap().plans == plans);
 }
 
 #[test]
@@ -196,7 +193,7 @@ fn the_number_of_a_released_plan_is_never_another_plans() {
             if let Some(response) = pending.receive().unwrap() {
                 return Status::from_code(response.payload().head.status).unwrap();
             }
-            assert!(start.elapsed() < Duration::from_secs(2));
+            assert!(start.elapsed() < LIMIT);
         }
     };
 
@@ -217,7 +214,7 @@ fn the_number_of_a_released_plan_is_never_another_plans() {
         assert!(!release(stale));
         // given back at the next look at the orders
         while ask(stale) == Status::Ok {
-            assert!(start.elapsed() < Duration::from_secs(2), "{stale:?} still answers");
+            assert!(start.elapsed() < LIMIT, "{stale:?} still answers");
         }
         assert_eq!(ask(stale), Status::UnknownRequest);
     }

@@ -7,6 +7,8 @@ use std::time::{Duration, Instant};
 
 use sarrus_client::{Field, FieldSet, Query, Request, Robot, Status, Transport};
 
+use sarrus_torture::patience::LIMIT;
+
 use crate::batches::Rows;
 use crate::support::{Asker, ROBOT, Sandbox};
 
@@ -147,7 +149,7 @@ fn a_server_that_is_killed_while_it_answers_leaves_all_but_the_last_moment() {
     let file = folder.file("box");
     // room for whatever one lane can ask in that time
     let server = sandbox.serve("box", &["--record", &file, "--record-seconds", "20"]);
-    let mut robot = sandbox.connect("box", Transport::Lane).unwrap();
+    let mut robot = sandbox.attach_briefly("box", Transport::Lane).robot;
     let mut asked = 0_u64;
     std::thread::scope(|scope| {
         let killer = scope.spawn(|| {
@@ -159,9 +161,7 @@ fn a_server_that_is_killed_while_it_answers_leaves_all_but_the_last_moment() {
         let (input, mut output) =
             (vec![0.1; prepared.given().len()], vec![0.0; prepared.want().len()]);
         let start = Instant::now();
-        while start.elapsed() < Duration::from_secs(5)
-            && robot.ask(plan, &input, &mut output).is_ok()
-        {
+        while start.elapsed() < LIMIT && robot.ask(plan, &input, &mut output).is_ok() {
             asked += 1;
         }
         killer.join().unwrap();

@@ -6,17 +6,14 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::time::Duration;
 
-use sarrus_client::{ConnectError, ConnectOptions, Status, Transport};
+use sarrus_client::{ConnectError, Status, Transport};
 
-use crate::support::{Asker, ROBOT, Sandbox, options};
+use crate::support::{Asker, ROBOT, Sandbox};
 
-/// A client through each transport, with more time than a busy machine takes.
+/// A client through each transport.
 fn askers(sandbox: &Sandbox) -> [Asker; 2] {
-    [Transport::Lane, Transport::Service].map(|transport| {
-        let timeout = Duration::from_secs(20);
-        let options = ConnectOptions { transport, timeout, ..options() };
-        Asker::new(sandbox.connect_with("twin", options).unwrap())
-    })
+    [Transport::Lane, Transport::Service]
+        .map(|transport| Asker::new(sandbox.connect("twin", transport).unwrap()))
 }
 
 /// What another domain's command says.

@@ -8,20 +8,19 @@ use std::time::{Duration, Instant};
 use sarrus_client::{Status, Transport};
 use sarrus_proto::{ServerName, supervision};
 
-use crate::support::{Asker, ROBOT, Sandbox, Server};
+use sarrus_torture::patience::LIMIT;
 
-/// Longer than anything here takes on a busy machine.
-const LONG: Duration = Duration::from_secs(20);
+use crate::support::{Asker, ROBOT, Sandbox, Server};
 
 pub(crate) fn until<T>(what: &str, mut probe: impl FnMut() -> Option<T>) -> T {
     let start = Instant::now();
-    while start.elapsed() < LONG {
+    while start.elapsed() < LIMIT {
         if let Some(found) = probe() {
             return found;
         }
         std::thread::sleep(Duration::from_millis(2));
     }
-    panic!("{what}: not within {LONG:?}");
+    panic!("{what}: not within {LIMIT:?}");
 }
 
 /// The processes whose parent this is, dead ones that nobody waited for left out.
@@ -51,24 +50,18 @@ pub(crate) fn serving(supervisor: u32) -> u32 {
     })
 }
 
-/// Waits until there is one process to serve and one that has loaded and waits for its order.
-pub(crate) fn two(supervisor: u32) {
-    let waits = |process: &u32| {
-        let call = fs::read_to_string(format!("/proc/{process}/wchan")).unwrap_or_default();
-        answering_thread(*process).is_none() && call.contains("pipe")
-    };
-    // without rights to see what a process waits for, a moment is enough for loading
-    let blind = fs::read_to_string("/proc/self/wchan").is_err();
-    until("a process that waits", || {
-        let children = children(supervisor);
-        (children.len() == 2 && (blind || children.iter().any(waits))).then_some(())
-    });
-    std::thread::sleep(Duration::from_millis(if blind { 500 } else { 5 }));
-}
-
 pub(crate) fn kill(process: u32) {
     let id = process.to_string();
     assert!(Command::new("kill").args(["-KILL", &id]).status().unwrap().success());
+}
+
+/// The process that serves after another one, once clients can attach.
+fn next_server(sandbox: &Sandbox, name: &str, last: u32) -> u32 {
+    until("the next server", || {
+        let robot = sandbox.connect(name, Transport::Lane).ok()?;
+        let process = robot.statistics()?.process as u32;
+        (process != last).then_some(process)
+    })
 }
 
 fn name(text: &str) -> ServerName {
@@ -84,12 +77,12 @@ fn ready_is_said_once_however_often_the_server_dies() {
     let sandbox = Sandbox::new();
     let mut command = sandbox.command(ROBOT, "once", &["--supervise", "--short-life", "0"]);
     let child = command.spawn().unwrap();
+    let mut process = 0;
     for _ in 0..3 {
-        let process = serving(child.id());
-        two(child.id());
+        process = next_server(&sandbox, "once", process);
         kill(process);
-        until("another process", || (serving(child.id()) != process).then_some(()));
     }
+    next_server(&sandbox, "once", process);
     assert!(
         Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success()
     );
@@ -114,7 +107,6 @@ fn clients_go_on_when_the_server_is_killed() {
         let bits = asker.bits();
         let mut gaps: Vec<Duration> = (0..10)
             .map(|_| {
-                two(server.id());
                 assert_eq!(asker.ask().unwrap().status, Status::Ok);
                 let process = serving(server.id());
                 let start = Instant::now();
@@ -131,39 +123,38 @@ fn clients_go_on_when_the_server_is_killed() {
     assert!(server.stop("-TERM").success());
 }
 
-#[test]
-fn a_process_that_waits_needs_no_file_any_more() {
-    let sandbox = Sandbox::new();
-    let root = sandbox.make_root();
-    let [urdf, recording] = ["pendulum.urdf", "pendulum.rec"].map(|name| root.join(name));
-    let inertial = r#"<inertial><origin xyz="0 0 -0.5"/><mass value="1"/>
-        <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>"#;
-    let text = format!(
+/// A pendulum of this mass.
+fn pendulum(mass: f64) -> String {
+    let inertial = format!(
+        r#"<inertial><origin xyz="0 0 -0.5"/><mass value="{mass}"/>
+        <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>"#
+    );
+    format!(
         r#"<robot name="pendulum"><link name="base"/><link name="bar">{inertial}</link>
         <joint name="hinge" type="continuous"><parent link="base"/><child link="bar"/>
         <axis xyz="0 1 0"/></joint></robot>"#
-    );
-    fs::write(&urdf, text).unwrap();
+    )
+}
+
+#[test]
+fn only_the_robot_that_was_announced_is_served_again() {
+    let sandbox = Sandbox::new();
+    let root = sandbox.make_root();
+    let urdf = root.join("pendulum.urdf");
+    fs::write(&urdf, pendulum(1.0)).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
     command.args(["serve", "--name", "filed", "--supervise", "--short-life", "0", "--urdf"]);
-    let server = sandbox.start(command.arg(&urdf).arg("--record").arg(&recording));
-    two(server.id());
+    let server = sandbox.start(command.arg(&urdf));
+    fs::write(&urdf, pendulum(2.0)).unwrap();
+    kill(serving(server.id()));
+    let reason = "the robot's files have changed";
+    server.wait_for_line(reason);
+    server.wait_for_line("given up: five times within a minute");
+    let reason_of_clients = supervision::given_up(&root, &name("filed")).unwrap();
+    assert!(reason_of_clients.contains(reason), "{reason_of_clients}");
     fs::remove_file(&urdf).unwrap();
-    let process = serving(server.id());
-    kill(process);
-    // whoever is next was loaded before, with what goes into the recording
-    let next = until("another process", || {
-        children(server.id())
-            .into_iter()
-            .find(|child| *child != process && answering_thread(*child).is_some())
-    });
-    let robot = until("clients attach", || sandbox.connect("filed", Transport::Lane).ok());
-    assert_eq!(robot.statistics().unwrap().process, u64::from(next));
-    drop(robot);
-    assert!(server.stop("-TERM").success());
-    for name in ["pendulum.rec", "pendulum.rec.1"] {
-        let _ = fs::remove_file(root.join(name));
-    }
+    drop(server);
+    assert!(sandbox.serve("filed", &[]).stop("-TERM").success());
 }
 
 #[test]
@@ -173,7 +164,6 @@ fn a_stop_of_the_supervisor_leaves_nothing() {
         let server = supervised(&sandbox, "stop", &[]);
         let mut asker = Asker::new(sandbox.connect("stop", Transport::Lane).unwrap());
         assert_eq!(asker.ask().unwrap().status, Status::Ok);
-        two(server.id());
         let processes = children(server.id());
         drop(asker);
         assert!(server.stop(signal).success());
@@ -188,11 +178,10 @@ fn a_stop_of_the_supervisor_leaves_nothing() {
 fn the_server_dies_with_its_supervisor() {
     let sandbox = Sandbox::new();
     let server = supervised(&sandbox, "orphan", &[]);
-    two(server.id());
     let processes = children(server.id());
-    assert_eq!(processes.len(), 2);
+    assert_eq!(processes.len(), 1);
     server.kill();
-    until("the end of both", || {
+    until("the end of the server", || {
         let ended = |process: &u32| {
             let stat = fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
             stat.is_empty() || stat.contains(") Z ")
@@ -204,9 +193,9 @@ fn the_server_dies_with_its_supervisor() {
 }
 
 #[test]
-fn a_standby_without_its_supervisor_does_not_start() {
+fn a_server_without_its_supervisor_does_not_start() {
     let sandbox = Sandbox::new();
-    let output = sandbox.command(ROBOT, "stray", &["--standby", "1"]).output().unwrap();
+    let output = sandbox.command(ROBOT, "stray", &["--supervisor", "1"]).output().unwrap();
     assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0), "{output:?}");
 }
 

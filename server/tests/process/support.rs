@@ -7,14 +7,15 @@ use std::process::{Child, ChildStderr, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Mutex, MutexGuard};
-use std::time::{Duration, Instant};
 
 use sarrus_client::{
-    ConnectError, ConnectOptions, Field, FieldSet, PlanId, Query, Request, Robot, Status,
-    Transport, WaitStrategy,
+    ConnectError, ConnectOptions, Field, FieldSet, PlanId, Query, Request, Robot, Statistics,
+    Status, Transport, WaitStrategy,
 };
 use sarrus_proto::Domain;
 use sarrus_server::pool;
+use sarrus_torture::patience::{LIMIT, holds, poll};
+use sarrus_torture::process::{files_of, remove_files_of};
 
 /// What every test asks: all of the robot's state.
 pub(crate) const STATE: Query = Query::new(
@@ -63,25 +64,9 @@ impl Sandbox {
         root
     }
 
-    /// What is there under the root and in shared memory.
+    /// The files of the domain.
     pub(crate) fn leftovers(&self) -> Vec<PathBuf> {
-        fn walk(directory: PathBuf, found: &mut Vec<PathBuf>) {
-            for entry in fs::read_dir(directory).into_iter().flatten().flatten() {
-                found.push(entry.path());
-                walk(entry.path(), found);
-            }
-        }
-        let mut found = Vec::new();
-        if self.domain.root().exists() {
-            found.push(self.domain.root().to_owned());
-        }
-        walk(self.domain.root().to_owned(), &mut found);
-        let prefix = self.domain.prefix();
-        let shared = fs::read_dir("/dev/shm").unwrap().flatten().map(|entry| entry.path());
-        found.extend(
-            shared.filter(|path| path.file_name().unwrap().to_str().unwrap().starts_with(&prefix)),
-        );
-        found
+        files_of(&self.domain).into_iter().collect()
     }
 
     pub(crate) fn serve(&self, name: &str, flags: &[&str]) -> Server {
@@ -138,6 +123,24 @@ impl Sandbox {
         Robot::connect_in(self.domain.clone(), name, options)
     }
 
+    /// A client that reports a lost server after one second instead of [`LIMIT`]; it connects again
+    /// until a busy server answers within that time.
+    pub(crate) fn attach_briefly(&self, name: &str, transport: Transport) -> Asker {
+        let timeout = std::time::Duration::from_secs(1);
+        self.attach(name, ConnectOptions { transport, timeout, ..options() })
+    }
+
+    /// A client with a time-out that a busy server may miss at first: tries until it is answered.
+    pub(crate) fn attach(&self, name: &str, options: ConnectOptions) -> Asker {
+        let attached = poll(|| {
+            let mut robot = self.connect_with(name, options).ok()?;
+            robot.prepare(&STATE).ok()?;
+            let mut asker = Asker::new(robot);
+            (asker.ask().ok()?.status == Status::Ok).then_some(asker)
+        });
+        attached.unwrap_or_else(|| panic!("no answer from `{name}` within {LIMIT:?}"))
+    }
+
     /// Another process that connects, prepares and asks until it is killed; returns once it was
     /// answered.
     pub(crate) fn client(&self, name: &str, transport: Transport) -> Client {
@@ -188,15 +191,25 @@ impl Sandbox {
 
 impl Drop for Sandbox {
     fn drop(&mut self) {
-        // a test that failed or killed leaves things: they are this test's alone
-        for path in self.leftovers().into_iter().rev() {
-            let _ = if path.is_dir() { fs::remove_dir(&path) } else { fs::remove_file(&path) };
-        }
+        // a test that fails or kills leaves files
+        remove_files_of(&self.domain);
     }
 }
 
 pub(crate) fn options() -> ConnectOptions {
-    ConnectOptions { wait_strategy: WaitStrategy::Polite, ..ConnectOptions::default() }
+    let wait_strategy = WaitStrategy::Polite;
+    ConnectOptions { wait_strategy, timeout: LIMIT, ..ConnectOptions::default() }
+}
+
+/// Waits until a condition holds.
+pub(crate) fn wait_until(what: &str, condition: impl FnMut() -> bool) {
+    assert!(holds(condition), "not within {LIMIT:?}: {what}");
+}
+
+/// The server's statistics once they satisfy a condition; it publishes them now and then.
+pub(crate) fn published(robot: &Robot, condition: impl Fn(&Statistics) -> bool) -> Statistics {
+    let found = poll(|| robot.statistics().filter(&condition));
+    found.unwrap_or_else(|| panic!("not within {LIMIT:?}: {:?}", robot.statistics()))
 }
 
 /// A served robot in another process; killed when dropped.
@@ -221,7 +234,7 @@ impl Server {
     pub(crate) fn lines_to(&self, what: &str, mut last: impl FnMut(&str) -> bool) -> Vec<String> {
         let mut lines = Vec::new();
         loop {
-            match self.lines.recv_timeout(Duration::from_secs(120)) {
+            match self.lines.recv_timeout(LIMIT) {
                 Ok(line) => lines.push(line),
                 Err(error) => panic!("no line `{what}`, {error}: {lines:?}"),
             }
@@ -251,14 +264,8 @@ impl Server {
                 .unwrap()
                 .success()
         );
-        let start = Instant::now();
-        while start.elapsed() < Duration::from_secs(10) {
-            if let Some(status) = self.child.try_wait().unwrap() {
-                return status;
-            }
-            std::thread::sleep(Duration::from_millis(5));
-        }
-        panic!("the server does not stop");
+        poll(|| self.child.try_wait().unwrap())
+            .unwrap_or_else(|| panic!("the server does not stop"))
     }
 }
 

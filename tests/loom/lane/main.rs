@@ -2,9 +2,9 @@
 //!
 //! The atomics are inside iceoryx2, so they are written out again in `board.rs`, with the orderings
 //! of version 0.10.0 (a test compares that number with the lock file: another version asks for
-//! another look). The uses of them are those of `proto/src/lane.rs` and `server/src/hot.rs`: the
-//! client publishes a request and polls for its answer, the server polls and publishes; each side
-//! writes in place into the cell that is not published.
+//! another look). The uses of them are those of `proto/src/lane.rs` and
+//! `server/src/answering/thread.rs`: the client publishes a request and polls for its answer, the
+//! server polls and publishes; each side writes in place into the cell that is not published.
 //!
 //! What this shows: values are whole and in order, none is lost, and a client that waits for its
 //! answers never has a cell written while it reads it. What it cannot show: loom does not move a

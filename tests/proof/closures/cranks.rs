@@ -2,7 +2,7 @@
 //! or on the hand, cranks with a lambda or a motor of their own.
 
 use sarrus_dynamics::description::SubmechanismKind as Kind;
-use sarrus_dynamics::scalar::{Dd, Scalar};
+use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{ClosureKind, Compiled, Field, PlanScalar, Request, Status};
 use sarrus_tests::compare::{error_by_size, largest};
 use sarrus_tests::draft::Draft;

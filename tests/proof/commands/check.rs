@@ -236,6 +236,7 @@ fn help_and_version_are_results() {
         &["ask", "--help"],
         &["serve", "--help"],
         &["demo", "--help"],
+        &["ask", "--fields"],
     ] {
         let run = run(arguments, b"");
         assert_eq!(

@@ -5,7 +5,7 @@
 mod cases;
 mod faults;
 
-use sarrus_dynamics::scalar::{Dd, Scalar};
+use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Field, FieldSet, Lock, Model, Query, Reduced, Request, locked};
 use sarrus_tests::cases::{Case, Ledger, State};
 use sarrus_tests::compare::{error_by_size, largest};

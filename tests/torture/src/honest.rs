@@ -13,6 +13,7 @@ use sarrus_client::{
 };
 
 use crate::oracle::{Oracle, Question, is_refusal};
+use crate::patience::deadline;
 use crate::report::Report;
 use crate::sandbox::NAME;
 
@@ -218,8 +219,15 @@ impl Askers {
         for number in 0..2 * n {
             let transport = TRANSPORTS[number % 2];
             let seed = seed.wrapping_add(number as u64);
-            let mut honest = Honest::connect(domain, transport, timeout, oracle, seed)
-                .map_err(|error| format!("an honest client cannot attach: {error}"))?;
+            // a short time-out may end before a busy server answers the first calls
+            let deadline = deadline();
+            let mut honest = loop {
+                match Honest::connect(domain, transport, timeout, oracle, seed) {
+                    Ok(honest) => break honest,
+                    Err(_) if Instant::now() < deadline => {}
+                    Err(error) => return Err(format!("an honest client cannot attach: {error}")),
+                }
+            };
             let (stop, mut ask) = (stop.clone(), ask.clone());
             askers.threads.push(std::thread::spawn(move || {
                 while !stop.load(Relaxed) {

@@ -1,7 +1,6 @@
 //! A client made of the parts of the protocol, which can stop between any two of them.
 
 use std::os::fd::OwnedFd;
-use std::time::{Duration, Instant};
 
 use iceoryx2::node::Node;
 use sarrus_client::Domain;
@@ -15,13 +14,14 @@ use sarrus_proto::service::open_compute;
 use sarrus_proto::socket::ControlSocket;
 use sarrus_proto::{PROTOCOL_VERSION, Query, ServerName};
 
+use crate::patience::deadline;
 use crate::sandbox::{NAME, words};
 
 /// A node of this process in a link.
-pub(crate) type LinkNode = Node<Threadsafe>;
+pub type LinkNode = Node<Threadsafe>;
 
 /// A connection.
-pub(crate) struct Raw {
+pub struct Raw {
     pub(crate) socket: ControlSocket,
     domain: Domain,
     pub(crate) fingerprint: u64,
@@ -31,7 +31,7 @@ pub(crate) struct Raw {
 
 impl Raw {
     /// Connects, and says nothing.
-    pub(crate) fn connect(domain: &Domain) -> Result<Raw, String> {
+    pub fn connect(domain: &Domain) -> Result<Raw, String> {
         let name = ServerName::new(NAME).map_err(words)?;
         let folder = domain.server_folders(&name).next().ok_or("no folder of servers")?;
         let socket = ControlSocket::connect(&folder).map_err(words)?;
@@ -40,42 +40,42 @@ impl Raw {
     }
 
     /// Connects and says hello.
-    pub(crate) fn greet(domain: &Domain) -> Result<Raw, String> {
+    pub fn greet(domain: &Domain) -> Result<Raw, String> {
         let mut raw = Raw::connect(domain)?;
         raw.hello()?;
         Ok(raw)
     }
 
     /// Says hello.
-    pub(crate) fn hello(&mut self) -> Result<(), String> {
+    pub fn hello(&mut self) -> Result<(), String> {
         let request = self.request(Call::Hello);
         let (response, _) =
-            exchange(&self.socket, &request, soon()).map_err(|error| format!("{error:?}"))?;
+            exchange(&self.socket, &request, deadline()).map_err(|error| format!("{error:?}"))?;
         (self.fingerprint, self.instance) = (response.fingerprint, response.instance);
         response.outcome.map(|_| ()).map_err(|refusal| format!("{refusal:?}"))
     }
 
     /// A call as it travels.
-    pub(crate) fn request(&mut self, call: Call) -> ControlRequest {
+    pub fn request(&mut self, call: Call) -> ControlRequest {
         self.nonce += 1;
         let head = CallHead { version: PROTOCOL_VERSION, nonce: self.nonce };
         ControlRequest { head, fingerprint: self.fingerprint, call }
     }
 
     /// Makes a call; an error where there is no answer.
-    pub(crate) fn try_call(&mut self, call: Call) -> Result<Result<Grant, Refusal>, String> {
+    pub fn try_call(&mut self, call: Call) -> Result<Result<Grant, Refusal>, String> {
         let request = self.request(call);
-        let answered = exchange(&self.socket, &request, soon());
+        let answered = exchange(&self.socket, &request, deadline());
         answered.map(|(response, _)| response.outcome).map_err(|error| format!("{error:?}"))
     }
 
     /// Makes a call.
-    pub(crate) fn call(&mut self, call: Call) -> Result<Grant, String> {
+    pub fn call(&mut self, call: Call) -> Result<Grant, String> {
         self.try_call(call)?.map_err(|refusal| format!("{refusal:?}"))
     }
 
     /// Registers a query; its number and sizes.
-    pub(crate) fn plan(&mut self, query: &Query) -> Result<(u32, [usize; 2]), String> {
+    pub fn plan(&mut self, query: &Query) -> Result<(u32, [usize; 2]), String> {
         match self.call(Call::Plan { query: Box::new(*query) })? {
             Grant::Plan { number, n_in, n_out } => Ok((number.0, [n_in, n_out])),
             other => Err(format!("{other:?}")),
@@ -83,7 +83,7 @@ impl Raw {
     }
 
     /// Asks for a lane; its link and classes.
-    pub(crate) fn lane(&mut self, [n_in, n_out]: [usize; 2]) -> Result<(u64, [usize; 2]), String> {
+    pub fn lane(&mut self, [n_in, n_out]: [usize; 2]) -> Result<(u64, [usize; 2]), String> {
         match self.call(Call::Lane { n_in, n_out })? {
             Grant::Lane { link, class_in, class_out } => Ok((link, [class_in, class_out])),
             other => Err(format!("{other:?}")),
@@ -91,7 +91,7 @@ impl Raw {
     }
 
     /// Asks for a service; its link.
-    pub(crate) fn service(&mut self) -> Result<u64, String> {
+    pub fn service(&mut self) -> Result<u64, String> {
         match self.call(Call::Service)? {
             Grant::Service { link } => Ok(link),
             other => Err(format!("{other:?}")),
@@ -99,17 +99,13 @@ impl Raw {
     }
 
     /// Takes a lane that was granted.
-    pub(crate) fn claim(
-        &self,
-        link: u64,
-        classes: [usize; 2],
-    ) -> Result<(ClaimedLane, LinkNode), String> {
+    pub fn claim(&self, link: u64, classes: [usize; 2]) -> Result<(ClaimedLane, LinkNode), String> {
         let node = self.node(link)?;
         Ok((ClaimedLane::claim(&node, classes).map_err(words)?, node))
     }
 
     /// Opens a service that was granted.
-    pub(crate) fn open(&self, link: u64) -> Result<(ComputeClient<Threadsafe>, LinkNode), String> {
+    pub fn open(&self, link: u64) -> Result<(ComputeClient<Threadsafe>, LinkNode), String> {
         let node = self.node(link)?;
         Ok((open_compute(&node).map_err(words)?, node))
     }
@@ -119,33 +115,29 @@ impl Raw {
     }
 
     /// The area for batches, and its descriptor.
-    pub(crate) fn batches(&mut self) -> Result<(ClaimedBatch, OwnedFd), String> {
+    pub fn batches(&mut self) -> Result<(ClaimedBatch, OwnedFd), String> {
         let request = self.request(Call::Batch);
         let (response, memory) =
-            exchange(&self.socket, &request, soon()).map_err(|error| format!("{error:?}"))?;
+            exchange(&self.socket, &request, deadline()).map_err(|error| format!("{error:?}"))?;
         response.outcome.map_err(|refusal| format!("{refusal:?}"))?;
         let memory = memory.ok_or("an area without a descriptor")?;
         Ok((ClaimedBatch::open(&memory).map_err(words)?, memory))
     }
 
     /// The head of a batch.
-    pub(crate) fn batch_head(&self, plan: u32, sequence: u64, rows: u64) -> BatchHead {
+    pub fn batch_head(&self, plan: u32, sequence: u64, rows: u64) -> BatchHead {
         let (version, fingerprint) = (PROTOCOL_VERSION, self.fingerprint);
         BatchHead { version, plan, fingerprint, sequence, rows }
     }
 
     /// The head of a request.
-    pub(crate) fn head(&self, plan: u32, sequence: u64) -> RequestHead {
+    pub fn head(&self, plan: u32, sequence: u64) -> RequestHead {
         let (version, fingerprint) = (PROTOCOL_VERSION, self.fingerprint);
         RequestHead { version, plan, fingerprint, sequence, ..RequestHead::default() }
     }
 
     /// How the names of a link's files in shared memory begin.
-    pub(crate) fn prefix_of(&self, link: u64) -> String {
+    pub fn prefix_of(&self, link: u64) -> String {
         format!("{}{:016x}_{link:08x}_", self.domain.prefix(), self.instance)
     }
-}
-
-fn soon() -> Instant {
-    Instant::now() + Duration::from_secs(20)
 }

@@ -4,21 +4,21 @@ use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::fs;
 use std::io::{BufRead, BufReader};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::Signal;
 use sarrus_proto::Domain;
 
 use crate::Settings;
+use crate::patience::{LIMIT, holds, poll};
+use crate::process::{self, files_of, remove_files_of, send_signal};
+use crate::report::Report;
 
 /// The name that every attack's server has.
 pub(crate) const NAME: &str = "victim";
-/// Where the kernel keeps named shared memory.
-pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
-
 static SANDBOXES: AtomicU32 = AtomicU32::new(0);
 
 /// A domain of one attack; what is left of it goes with this.
@@ -73,30 +73,22 @@ impl Sandbox {
         Ok(command)
     }
 
-    /// What is there under the root and in shared memory.
+    /// The files of the domain.
     pub(crate) fn files(&self) -> BTreeSet<PathBuf> {
-        fn walk(folder: &Path, found: &mut BTreeSet<PathBuf>) {
-            for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
-                walk(&entry.path(), found);
-                found.insert(entry.path());
-            }
-        }
-        let root = self.domain.root();
-        let mut found = BTreeSet::new();
-        if root.exists() {
-            found.insert(root.to_owned());
-        }
-        walk(root, &mut found);
-        found.extend(shared_files(&self.domain.prefix()));
-        found
+        files_of(&self.domain)
+    }
+
+    /// Waits until no file of the domain is left.
+    pub(crate) fn require_empty(&self, report: &mut Report) {
+        report.require(holds(|| self.files().is_empty()), || {
+            format!("left after a clean stop: {:?}", self.files())
+        });
     }
 }
 
 impl Drop for Sandbox {
     fn drop(&mut self) {
-        for path in self.files().into_iter().rev() {
-            let _ = if path.is_dir() { fs::remove_dir(&path) } else { fs::remove_file(&path) };
-        }
+        remove_files_of(&self.domain);
     }
 }
 
@@ -121,7 +113,7 @@ impl Server {
 
     /// Open descriptors.
     pub(crate) fn descriptors(&self) -> usize {
-        fs::read_dir(format!("/proc/{}/fd", self.id())).map_or(0, Iterator::count)
+        process::descriptors(self.id())
     }
 
     /// Memory in use `[kB]`.
@@ -135,14 +127,11 @@ impl Server {
     pub(crate) fn stop(mut self) -> Result<Duration, String> {
         let start = Instant::now();
         self.signal(Signal::TERM);
-        while start.elapsed() < Duration::from_secs(30) {
-            match self.ended() {
-                Some(status) if status.success() => return Ok(start.elapsed()),
-                Some(status) => return Err(format!("the server ended with {status}")),
-                None => std::thread::sleep(Duration::from_millis(2)),
-            }
+        match poll(|| self.ended()) {
+            Some(status) if status.success() => Ok(start.elapsed()),
+            Some(status) => Err(format!("the server ended with {status}")),
+            None => Err(format!("the server does not stop within {LIMIT:?}")),
         }
-        Err("the server does not stop within 30 s".to_owned())
     }
 }
 
@@ -163,44 +152,9 @@ impl Drop for Process {
     }
 }
 
-/// Sends a signal to a process.
-pub(crate) fn send_signal(process: u32, signal: Signal) {
-    if let Some(pid) = i32::try_from(process).ok().and_then(Pid::from_raw) {
-        let _ = kill_process(pid, signal);
-    }
-}
-
-/// The letter by which the kernel tells the state of a process.
-pub(crate) fn state_of(process: u32) -> Option<char> {
-    let text = fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
-    text.rsplit(')').next()?.trim_start().chars().next()
-}
-
-/// The files in shared memory whose names begin with `prefix`.
-pub(crate) fn shared_files(prefix: &str) -> Vec<PathBuf> {
-    let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
-    let ours = entries
-        .filter(|entry| entry.file_name().to_str().is_some_and(|name| name.starts_with(prefix)));
-    ours.map(|entry| entry.path()).collect()
-}
-
 /// An error as text.
 pub(crate) fn words(error: impl std::fmt::Display) -> String {
     error.to_string()
-}
-
-/// Waits until something holds, at most for `span`; whether it does.
-pub(crate) fn wait_until(span: Duration, mut holds: impl FnMut() -> bool) -> bool {
-    let start = Instant::now();
-    loop {
-        if holds() {
-            return true;
-        }
-        if start.elapsed() > span {
-            return false;
-        }
-        std::thread::sleep(Duration::from_millis(5));
-    }
 }
 
 /// The program `sarrus`.

@@ -7,10 +7,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::Args;
-use rustix::event::{PollFd, PollFlags};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
-use crate::bus::{self, Address, Bus, BusError, Heard, Reconnecting};
+use sarrus_can_run::bus::{self, Address, Bus, BusError, Heard, Reconnecting};
 use sarrus_client::now_ns;
 
 /// Options of `listen`.
@@ -53,16 +52,17 @@ pub(crate) fn run(arguments: &Listen) -> ExitCode {
 fn listen(arguments: &Listen, stop: &AtomicBool) -> Result<(), BusError> {
     let Listen { interface, channel, bitrate, data_bitrate } = arguments;
     let bitrate = bitrate.or((interface == "slcan").then_some(1_000_000));
-    let mut bus = Reconnecting::open(
-        channel,
-        Address { interface, channel, bitrate, data_bitrate: *data_bitrate, listen_only: true },
-    )?;
+    let address = Address {
+        interface: interface.clone(),
+        channel: channel.clone(),
+        bitrate,
+        data_bitrate: *data_bitrate,
+        listen_only: true,
+    };
+    let mut bus = Reconnecting::open(channel, address)?;
     eprintln!("ready {channel}");
     while !stop.load(Ordering::Relaxed) {
-        bus::wait_for(
-            &mut [PollFd::from_borrowed_fd(bus.readable(), PollFlags::IN)],
-            Duration::from_millis(100),
-        )?;
+        bus::wait_for_bus(&bus, Duration::from_millis(100))?;
         while let Some(heard) = bus.next()? {
             let now_ns = now_ns();
             let (seconds, micros) = (now_ns / 1_000_000_000, now_ns / 1000 % 1_000_000);

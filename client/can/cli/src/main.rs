@@ -2,7 +2,6 @@
 
 #![forbid(unsafe_code)]
 
-mod bus;
 mod check;
 mod doctor;
 mod listen;
@@ -10,7 +9,6 @@ mod operate;
 mod replay;
 mod run;
 mod simulate;
-mod stderr;
 mod top;
 
 use std::path::Path;

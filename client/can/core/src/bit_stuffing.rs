@@ -10,7 +10,7 @@ use crate::frame::{FrameKind, Id};
 /// end of frame, space to the next frame.
 const TAIL: usize = 1 + 1 + 1 + 7 + 3;
 
-/// The longest time that a frame and the space behind it take `[s]`, whatever its bytes are.
+/// The longest time that a frame with any data and the space behind it take `[s]`.
 ///
 /// `bitrate` and `data_bitrate` in bit/s; the data bytes of an FD frame with its switch go at the
 /// second, if there is one.

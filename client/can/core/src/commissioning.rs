@@ -1,7 +1,7 @@
 //! Motors that no configuration knows: drives for every identifier of a protocol, to find them.
 //!
-//! A candidate is a drive made from nothing but its protocol, a variant and an identifier; what
-//! else its protocol must be told is made up, so it can ask who is there and must give no power.
+//! A candidate is a drive made from its protocol, a variant and an identifier; its other settings
+//! are placeholders, so it can probe for a motor and must give no power.
 
 use core::fmt::Write;
 
@@ -74,7 +74,7 @@ impl Candidate {
         self.drive.probe(out);
     }
 
-    /// Whether a frame is this motor's answer, on whatever identifier it sends its replies.
+    /// Whether a frame is this motor's answer, on any identifier for replies.
     pub fn hears(&mut self, now_ns: u64, frame: &Frame) -> Receipt {
         let receipt = self.drive.receive(now_ns, frame);
         if receipt != Receipt::NotMine || !self.protocol.keys.iter().any(|key| key.name == REPLY) {

@@ -1,12 +1,12 @@
-//! What a protocol is: the bridge's half of the talk with one motor.
+//! The trait of protocols: the bridge's half of the communication with one motor.
 //!
-//! A [`Drive`] knows no bus, no clock and no rule of safety. It is given what its motor is to do,
-//! makes the frames that say so, and reads the motor's answers. Everything on this side of it is
-//! the motor's own: radians at the motor's output shaft, N m, and the motor's sign.
+//! A [`Drive`] knows no bus, no clock and no rule of safety. It turns commands for its motor into
+//! frames and reads the motor's answers. All its numbers are on the motor's side: radians at the
+//! motor's output shaft, N m, and the motor's sign.
 
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 
-/// What a motor is to be given, on the motor's side of gear and sign.
+/// Set-point of a motor, on the motor's side of gear and sign.
 ///
 /// All numbers are finite: the bridge has rejected others. A drive uses what its mode knows:
 /// `Impedance` all of them, the others the one that they are named after, with those below it as
@@ -25,7 +25,7 @@ pub struct Setpoint {
     pub damping: f64,
 }
 
-/// What a motor's own controller follows.
+/// Mode of a motor's own controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Mode {
     /// τ + k (p* − p) + d (v* − v), in the motor.
@@ -50,13 +50,13 @@ impl Mode {
     }
 }
 
-/// What a motor is to do in this cycle.
+/// Command for a motor in one cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DriveCommand {
-    /// Have no power, and say where it is. Meanwhile the drive sets the motor's watchdog and mode
-    /// and reads them back.
+    /// No power; the motor reports its position. Meanwhile the drive sets the motor's watchdog and
+    /// mode and reads them back.
     Off,
-    /// The same, and forget a latched fault.
+    /// No power, and a latched fault is cleared.
     Reset,
     /// Follow the set-point; the drive takes the steps that lead there, one a cycle where the motor
     /// has to answer in between, and never gives power before the motor has this set-point or a
@@ -64,7 +64,7 @@ pub enum DriveCommand {
     On(Setpoint),
 }
 
-/// Where a motor is, as far as its answers say.
+/// Power of a motor, by its answers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Power {
     /// It has not answered yet.
@@ -78,7 +78,7 @@ pub enum Power {
     On,
 }
 
-/// What is known of the watchdog in the motor: the time without commands after which it turns its
+/// State of the watchdog in the motor: the time without commands after which it turns its
 /// torque off by itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Watchdog {
@@ -93,7 +93,7 @@ pub enum Watchdog {
     Unreadable,
 }
 
-/// What a drive knows of its motor.
+/// State of a motor, as its drive has seen it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DriveState {
     /// Power.
@@ -105,7 +105,7 @@ pub struct DriveState {
     pub watchdog: Watchdog,
 }
 
-/// What a motor measured, on the motor's side; NaN for what its protocol does not tell.
+/// Measurement of a motor, on the motor's side; NaN for numbers that its protocol does not report.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measurement {
     /// Position `[rad]`, continuous across the ends of the protocol's range.
@@ -118,7 +118,7 @@ pub struct Measurement {
     pub temperature: f64,
 }
 
-/// What a frame was to a drive.
+/// Meaning of a frame to a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Receipt {
     /// Nothing: the frame is another's.
@@ -126,7 +126,7 @@ pub enum Receipt {
     /// It has this motor's identifier and is none of its frames (length, checksum, format); nothing
     /// was taken from it.
     Malformed,
-    /// It is one that only this drive sends, and came from somebody else.
+    /// It is one that only this drive sends, and came from another sender.
     Foreign,
     /// It was read and holds no measurement.
     Noted,
@@ -146,13 +146,13 @@ pub struct Parameter {
 }
 
 impl Parameter {
-    /// Tells the version of the motor's firmware.
+    /// Whether it is the version of the motor's firmware.
     pub fn is_version(&self) -> bool {
         matches!(self.name, "sw_ver" | "register map version")
     }
 }
 
-/// What a motor sends back, for the load of a bus.
+/// Reply of a motor, for the load of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reply {
     /// Identifier.
@@ -168,14 +168,14 @@ pub struct Reply {
 pub struct Shared {
     /// The identifier.
     pub id: Id,
-    /// What the data say of the motor, in the bits of `mask`.
+    /// The motor's tag in the data, in the bits of `mask`.
     pub tag: u16,
     /// Bits that the data have room for.
     pub mask: u16,
 }
 
 impl Shared {
-    /// Whether frames of the two cannot be told apart.
+    /// Whether frames of the two are ambiguous.
     pub fn collides(&self, other: &Shared) -> bool {
         self.id == other.id && (self.tag ^ other.tag) & self.mask & other.mask == 0
     }
@@ -191,7 +191,7 @@ pub trait Drive: Send + core::fmt::Debug {
     /// tables, loads and tests of the codec.
     fn encode(&self, setpoint: &Setpoint, out: &mut FrameQueue);
 
-    /// Frames that take the motor's power away, without regard to anything that was said before.
+    /// Frames that take the motor's power away, independent of all earlier commands.
     /// Sent on every way out.
     fn disable(&self, out: &mut FrameQueue);
 
@@ -205,7 +205,7 @@ pub trait Drive: Send + core::fmt::Debug {
     /// Reads a frame from the bus.
     fn receive(&mut self, now_ns: u64, frame: &Frame) -> Receipt;
 
-    /// What is known of the motor.
+    /// State of the motor.
     fn state(&self) -> DriveState;
 
     /// Called when an operator arms, and before the motor gets power: what the motor must have
@@ -213,15 +213,15 @@ pub trait Drive: Send + core::fmt::Debug {
     /// Nothing where nothing can be set or read.
     fn prepare(&mut self) {}
 
-    /// Forgets what is known of the motor: it may have been off the bus, or without supply.
+    /// Forgets the state of the motor: it may have been off the bus, or without supply.
     fn forget(&mut self);
 
     /// Identifiers that this drive sends on and its motor answers on; no two motors of a bus may
     /// share one.
     fn identifiers(&self) -> Vec<Id>;
 
-    /// Identifiers that several motors of a bus may use, told apart by their data; none of them may
-    /// be in anyone's [`identifiers`](Drive::identifiers).
+    /// Identifiers that several motors of a bus may use, distinguished by their data; none of them
+    /// may be in anyone's [`identifiers`](Drive::identifiers).
     fn shared_identifiers(&self) -> Vec<Shared> {
         Vec::new()
     }
@@ -232,7 +232,7 @@ pub trait Drive: Send + core::fmt::Debug {
         Setpoint::default()
     }
 
-    /// The largest stiffness and damping that it can say `[N m/rad, N m s/rad]`; larger ones become
+    /// The largest stiffness and damping of its protocol `[N m/rad, N m s/rad]`; larger ones become
     /// these.
     fn largest_gains(&self) -> [f64; 2] {
         [f64::INFINITY; 2]
@@ -247,17 +247,17 @@ pub trait Drive: Send + core::fmt::Debug {
 
     /// How long an answer took that can be paired with its question, where measurements come
     /// without being asked and such questions are asked before power; the largest number while
-    /// there was none yet `[ns]`. `None` where nothing tells.
+    /// there was none yet `[ns]`. `None` where it cannot be measured.
     fn round_trip_ns(&self, now_ns: u64) -> Option<u64> {
         let _ = now_ns;
         None
     }
 
-    /// What the motor sends back in one cycle while it is on.
+    /// Replies of the motor in one cycle while it is on.
     fn replies(&self) -> Vec<Reply>;
 
     /// A frame that all motors of a bus wait for at the end of a cycle (SYNC of CANopen); sent
-    /// once, whoever wants it.
+    /// once for all drives.
     fn sync(&self) -> Option<Frame> {
         None
     }

@@ -1,4 +1,4 @@
-//! What happens on a bus besides frames.
+//! Events of a bus.
 
 /// News of a bus from its adapter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,7 +18,7 @@ pub enum BusEvent {
     Dropped(u32),
     /// Frames that wait to be sent.
     Backlog(u32),
-    /// Frames that were received and lost because nobody took them in time.
+    /// Frames that were received and lost because no reader took them in time.
     Overrun(u32),
 }
 

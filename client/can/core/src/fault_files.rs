@@ -42,10 +42,10 @@ impl FaultFiles {
         &self.folder
     }
 
-    /// Writes what led to a fault, `ms` after the epoch, and removes all but the newest files.
+    /// Writes the log of a fault, `ms` after the epoch, and removes all but the newest files.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's message.
     pub fn write(
         &self,
         ms: u128,

@@ -1,16 +1,16 @@
-//! What a bridge was given before a fault, as a log that replays: the last two seconds, and before
-//! them what brought its motors to power.
+//! Inputs of a bridge before a fault, as a log that replays: the last two seconds, and before them
+//! the arming of its motors.
 //!
 //! ```text
 //! resume   while mechanisms armed   gap   resume   the last two seconds   fault
 //!         ├────────────────────────┤ ─ ─ ─ ┤      ├──────────────────────┤
 //! ```
 //!
-//! The bridge's own state is not in the log. What was given while some mechanism armed is kept from
-//! the first one that got power on, and brings a new bridge and its drives to where they were:
-//! drives set and read all that matters when somebody arms. The line `resume` goes over what is
-//! left out, also before the first line that is kept ([`Bridge::resume`]), and says whose
-//! mechanisms have power by then, whose failed, and whose motors are known to answer in time. So a
+//! The bridge's own state is not in the log. Inputs while some mechanism armed are kept from the
+//! first one that got power on, and bring a new bridge and its drives to the same state: drives set
+//! and read all their settings at arming. The line `resume` skips a gap, also one before the first
+//! line that is kept ([`Bridge::resume`]), and names the actuators whose mechanisms have power by
+//! then, whose mechanisms failed, and whose motors are known to answer in time. So a
 //! replay stops for the same reason; set-points may differ at its beginning, as those after late
 //! commands do. No I/O; it allocates, and belongs into another thread than the bridge.
 
@@ -21,10 +21,10 @@ use crate::log::{Line, What};
 
 /// The time before a fault that is kept in full `[ns]`.
 pub const WINDOW_NS: u64 = 2_000_000_000;
-/// What is kept before somebody asks for something and after a mechanism has armed `[ns]`: drives
+/// Time that is kept before an operation and after a mechanism has armed `[ns]`: drives
 /// of a new bridge may be some frames behind those of the run.
 const AROUND_NS: u64 = 200_000_000;
-/// Lines of arming that are kept at most; what comes after them is left out.
+/// Lines of arming that are kept at most; later ones are left out.
 const ARMING: usize = 400_000;
 
 /// How a bridge is after a cycle, as far as a log of faults must know.
@@ -65,7 +65,7 @@ pub struct FaultLog {
     /// How the bridge was after the last line that is older than the newest ones.
     bookmark: Bookmark,
     progress: Progress,
-    /// When somebody last asked for something, or a mechanism was arming `[ns]`.
+    /// Time of the last operation, or when a mechanism was last arming `[ns]`.
     arming_ns: Option<u64>,
     /// Nothing has power any more: all that follows begins anew.
     is_over: bool,
@@ -135,7 +135,7 @@ impl FaultLog {
             .chain(self.recent.iter().map(|kept| kept.line.clone()))
     }
 
-    /// What stands for what was left out before a time.
+    /// Lines in place of a gap before a time.
     fn gap(&self, t: u64) -> impl Iterator<Item = Line> + use<> {
         let resume = Line { t, what: What::Resume(self.bookmark) };
         let command = self.left_out.clone().map(|command| Line { t, ..command });
@@ -187,7 +187,7 @@ mod tests {
         assert_eq!(lines[202..501], (1001..1300).map(cycle).collect::<Vec<_>>());
         assert_eq!(lines[501], resume(7999, bookmark));
         assert_eq!(lines[502..], (7999..10_000).map(cycle).collect::<Vec<_>>());
-        // a fault that takes all power is written with what led to it, and then all begins anew
+        // a fault that takes all power is written with its history, and then the log starts again
         let off = Bookmark { live: 0, fault: 1, in_time: 1 };
         log.after(After { progress: Progress::Idle, bookmark: off });
         assert_eq!(log.lines().count(), lines.len());

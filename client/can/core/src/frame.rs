@@ -23,7 +23,7 @@ impl Id {
         if id < 1 << 29 { Some(Id::Extended(id)) } else { None }
     }
 
-    /// The number, whatever its width.
+    /// The number of either width.
     pub const fn number(self) -> u32 {
         match self {
             Id::Standard(id) => id as u32,
@@ -32,7 +32,7 @@ impl Id {
     }
 }
 
-/// What kind of frame it is.
+/// Kind of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum FrameKind {
     /// At most 8 bytes.
@@ -73,7 +73,7 @@ impl Frame {
         Some(Frame { id, kind, len: bytes.len() as u8, data })
     }
 
-    /// Reads what [`Frame`] displays, the notation of `candump -L`; `None` for anything else.
+    /// Reads the text that [`Frame`] displays, the notation of `candump -L`; `None` for any other.
     pub fn from_text(text: &str) -> Option<Frame> {
         let (id, rest) = text.split_once('#')?;
         // numbers here have no signs

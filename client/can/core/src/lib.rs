@@ -1,4 +1,4 @@
-//! The CAN bridge of sarrus: what turns actuator commands into motor frames and motor frames into
+//! The CAN bridge of sarrus: turns actuator commands into motor frames and motor frames into
 //! actuator state.
 //!
 //! No I/O, no clock: frames and times are arguments, and frames are results. Nothing allocates

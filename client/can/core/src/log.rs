@@ -28,11 +28,11 @@ use sarrus_proto::actuators::{ActuatorCommand, Operation};
 pub struct Line {
     /// When it happened `[ns]`.
     pub t: u64,
-    /// What happened.
+    /// Content.
     pub what: What,
 }
 
-/// What a bridge was given.
+/// Input of a bridge.
 #[derive(Clone, Debug, PartialEq)]
 pub enum What {
     /// A frame came on a bus.
@@ -45,7 +45,7 @@ pub enum What {
     Command(Box<ActuatorCommand>),
     /// It was time for a cycle.
     Cycle,
-    /// What was given since the line before is left out; how the bridge was at the end of that.
+    /// Inputs since the line before are left out; the bridge's state at the end of the gap.
     Resume(Bookmark),
 }
 
@@ -53,7 +53,7 @@ impl Line {
     /// Reads a line.
     ///
     /// # Errors
-    /// What is wrong with it, and what was expected.
+    /// The fault, and the expected text.
     pub fn read(text: &str, configuration: &Configuration) -> Result<Line, String> {
         let line: Value =
             serde_json::from_str(text).map_err(|error| format!("this is not JSON: {error}"))?;
@@ -111,7 +111,7 @@ impl Line {
         Ok(Line { t, what })
     }
 
-    /// Gives the bridge what it was given.
+    /// Gives the input to a bridge.
     pub fn apply(&self, bridge: &mut Bridge) {
         let skipped_ns = bridge.skipped_ns();
         let t = self.t.saturating_sub(skipped_ns);
@@ -133,7 +133,8 @@ impl Line {
     /// The line's text, without its end.
     pub fn text(&self, configuration: &Configuration) -> String {
         let bus = |bus: usize| configuration.buses.get(bus).map_or("", |bus| bus.name.as_str());
-        let (t, n_u) = (self.t, configuration.actuators.len());
+        let t = self.t;
+        let n_u = configuration.actuators.len();
         let line = match &self.what {
             What::Frame(of, frame) => json!({"t": t, "frame": frame.to_string(), "bus": bus(*of)}),
             What::Event(of, event) => match event.count() {
@@ -205,7 +206,8 @@ pub fn fault(bridge: &Bridge) -> Option<String> {
 
 /// The frames of the bridge's last cycle at `t` `[ns]`, a line each, as `candump -L` writes them.
 pub fn sent(bridge: &Bridge, t: u64) -> impl Iterator<Item = String> {
-    let (seconds, micros) = (t / 1_000_000_000, t % 1_000_000_000 / 1000);
+    let seconds = t / 1_000_000_000;
+    let micros = t % 1_000_000_000 / 1000;
     let buses = bridge.configuration().buses.iter().enumerate();
     buses.flat_map(move |(bus, config)| {
         bridge

@@ -3,8 +3,8 @@
 //!
 //! q = s q_m / N + o, q̇ = s q̇_m / N, and since both sides have the same power τ q̇ = τ_m q̇_m,
 //! τ_m = s τ / N. A spring or damper at the actuator is N² times softer at the motor. The torque
-//! constant stands between the torque that a protocol says and the true one, τ_m = k τ_said, and so
-//! between the gains that it says and the true ones.
+//! constant stands between the torque of a protocol and the true one, τ_m = k τ_said, and so
+//! between the protocol's gains and the true ones.
 
 use crate::drive::{Measurement, Setpoint};
 
@@ -16,9 +16,9 @@ pub struct Mapping {
     /// N: the motor's turn for that of the actuator `[rad/rad]`, or for its way `[rad/m]`; greater
     /// than 0.
     pub gear: f64,
-    /// o: where the actuator is when the motor says 0 `[rad, m]`.
+    /// o: the actuator's position where the motor reports 0 `[rad, m]`.
     pub offset: f64,
-    /// k: true torque for the torque that the protocol says; greater than 0.
+    /// k: true torque for the torque of the protocol; greater than 0.
     pub torque_constant: f64,
 }
 
@@ -37,7 +37,7 @@ pub struct ActuatorSetpoint {
     pub damping: f64,
 }
 
-/// What an actuator's motor measured, on the actuator's side; NaN for what it does not tell.
+/// Measurement of an actuator's motor, on the actuator's side; NaN for numbers without a report.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ActuatorMeasurement {
     /// Position `[rad, m]`.
@@ -64,7 +64,7 @@ impl Mapping {
     /// Motor and actuator are one.
     pub const DIRECT: Mapping = Mapping { sign: 1.0, gear: 1.0, offset: 0.0, torque_constant: 1.0 };
 
-    /// What the motor is given for a set-point of the actuator.
+    /// The motor's set-point for one of the actuator.
     pub fn to_motor(&self, setpoint: &ActuatorSetpoint) -> Setpoint {
         let Mapping { sign, gear, offset, torque_constant } = *self;
         let softer = 1.0 / (gear * gear * torque_constant);
@@ -77,7 +77,7 @@ impl Mapping {
         }
     }
 
-    /// What a measurement of the motor says of the actuator.
+    /// The actuator's measurement for one of the motor.
     pub fn to_actuator(&self, measured: &Measurement) -> ActuatorMeasurement {
         let Mapping { sign, gear, offset, torque_constant } = *self;
         ActuatorMeasurement {

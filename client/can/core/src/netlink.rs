@@ -1,4 +1,4 @@
-//! What the kernel says of a CAN interface: whether it is up, its bit rates, the state of its
+//! State of a CAN interface from the kernel: whether it is up, its bit rates, the state of its
 //! controller, and its error frames.
 //!
 //! One question RTM_GETLINK, which a frontend sends over a route socket, and the attributes of its
@@ -54,11 +54,11 @@ pub enum Controller {
 /// A CAN interface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Interface {
-    /// Somebody brought it up.
+    /// It is up.
     pub is_up: bool,
     /// Largest frame: 16 without CAN FD, 72 with it.
     pub mtu: u32,
-    /// Frames that may wait in the kernel; 0 where it does not tell.
+    /// Frames that may wait in the kernel; 0 where it does not report them.
     pub queue: u32,
     /// Bit rate `[bit/s]`; `None` where there is none (`vcan`), or where the kernel does not know
     /// it.
@@ -110,9 +110,9 @@ pub enum InterfaceError {
         name: String,
         /// Which of its two bit rates.
         what: &'static str,
-        /// What it has `[bit/s]`.
+        /// Its bit rate `[bit/s]`.
         found: u32,
-        /// What it should have `[bit/s]`.
+        /// The bit rate of the configuration `[bit/s]`.
         expected: u32,
         /// The command that sets it.
         set: String,
@@ -163,10 +163,10 @@ impl Interface {
     }
 
     /// Whether the interface `name` can be used with these bit rates `[bit/s]`; `None` for the
-    /// first may be any, for the second a classic bus. What there is to say of its controller then.
+    /// first may be any, for the second a classic bus. Returns the event of its controller's state.
     ///
     /// # Errors
-    /// What is wrong, with the command that fixes it.
+    /// The fault, with the command that fixes it.
     pub fn check(
         &self,
         name: &str,
@@ -204,7 +204,7 @@ impl Interface {
         })
     }
 
-    /// What may stay, but makes torques old: a queue in which more than a cycle's frames wait.
+    /// Advice on a queue in which more than a cycle's frames wait: it makes torques old.
     pub fn advice(&self, name: &str) -> Option<String> {
         (self.queue > LONGEST_QUEUE).then(|| {
             format!(
@@ -222,7 +222,7 @@ const LONGEST_QUEUE: u32 = 20;
 /// MTU of an interface that carries CAN FD.
 const FD_MTU: u32 = 72;
 
-/// The command that brings an interface up as the configuration says.
+/// The command that brings an interface up with the rates of the configuration.
 fn set_up(
     name: &str,
     bitrate: Option<u32>,
@@ -257,10 +257,11 @@ pub fn question(name: &str) -> Vec<u8> {
 }
 
 /// The content of the first attribute of a kind. Attributes are length and kind in 16 bits each,
-/// content, and what fills four bytes.
+/// content, and padding to four bytes.
 fn find(mut list: &[u8], desired: u16) -> Option<&[u8]> {
     loop {
-        let (length, kind) = (usize::from(half(list.get(..2)?)?), half(list.get(2..4)?)?);
+        let length = usize::from(half(list.get(..2)?)?);
+        let kind = half(list.get(2..4)?)?;
         let content = list.get(4..length)?;
         if kind & !FLAGS == desired {
             return Some(content);

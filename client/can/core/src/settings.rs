@@ -10,7 +10,7 @@ use sarrus_models::yaml::{self, Node, Span, Value, quoted};
 pub struct Key {
     /// Name in configurations.
     pub name: &'static str,
-    /// What may stand there.
+    /// Kind of its value.
     pub kind: KeyKind,
     /// What stands there when nobody wrote it, as it would be written; empty for nothing at all,
     /// and `None` for settings that must be there.
@@ -19,14 +19,14 @@ pub struct Key {
     pub about: &'static str,
 }
 
-/// What may stand at a setting.
+/// Kind of a setting's value.
 #[derive(Clone, Copy, Debug)]
 pub enum KeyKind {
     /// A whole number between two bounds, both included; also as 0x….
     Integer(i64, i64),
     /// A finite number between two bounds, both included.
     Number(f64, f64),
-    /// The same, or `off`, which is infinite.
+    /// A number between two bounds, or `off`, which is infinite.
     NumberOrOff(f64, f64),
     /// One of these words.
     Word(&'static [&'static str]),
@@ -166,6 +166,64 @@ impl Settings {
 }
 
 impl Key {
+    const fn new(name: &'static str, kind: KeyKind, about: &'static str) -> Key {
+        Key { name, kind, default: None, about }
+    }
+
+    /// A whole number between two bounds that must be written.
+    pub const fn integer(name: &'static str, least: i64, most: i64, about: &'static str) -> Key {
+        Key::new(name, KeyKind::Integer(least, most), about)
+    }
+
+    /// A number between two bounds that must be written.
+    pub const fn number(name: &'static str, least: f64, most: f64, about: &'static str) -> Key {
+        Key::new(name, KeyKind::Number(least, most), about)
+    }
+
+    /// A number between two bounds, or `off`.
+    pub const fn number_or_off(
+        name: &'static str,
+        least: f64,
+        most: f64,
+        about: &'static str,
+    ) -> Key {
+        Key::new(name, KeyKind::NumberOrOff(least, most), about)
+    }
+
+    /// One of several words.
+    pub const fn word(
+        name: &'static str,
+        words: &'static [&'static str],
+        about: &'static str,
+    ) -> Key {
+        Key::new(name, KeyKind::Word(words), about)
+    }
+
+    /// Any text.
+    pub const fn text(name: &'static str, about: &'static str) -> Key {
+        Key::new(name, KeyKind::Text, about)
+    }
+
+    /// The name of a file.
+    pub const fn file(name: &'static str, about: &'static str) -> Key {
+        Key::new(name, KeyKind::File, about)
+    }
+
+    /// `true` or `false`.
+    pub const fn flag(name: &'static str, about: &'static str) -> Key {
+        Key::new(name, KeyKind::Flag, about)
+    }
+
+    /// Gives the setting a default, as it would be written.
+    pub const fn or(self, default: &'static str) -> Key {
+        Key { default: Some(default), ..self }
+    }
+
+    /// Allows the setting to be absent.
+    pub const fn optional(self) -> Key {
+        self.or("")
+    }
+
     fn parse(&self, text: &str) -> Option<Setting> {
         match self.kind {
             KeyKind::Integer(least, most) => {

@@ -1,4 +1,4 @@
-//! Frames as text: slcan, what serial CAN adapters and pseudo-terminals speak.
+//! Frames as text: slcan, the protocol of serial CAN adapters and pseudo-terminals.
 //!
 //! A line ends with carriage return. Host and adapter use the same lines for frames: `tIIILDD…`
 //! standard, `TIIIIIIIILDD…` extended, `r` and `R` remote; with CAN FD `d`, `D` without and `b`,
@@ -41,7 +41,7 @@ pub enum BusState {
     Off,
 }
 
-/// What a line says.
+/// Content of a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Line {
     /// A data frame.
@@ -217,7 +217,7 @@ impl Default for Lines {
 }
 
 impl Lines {
-    /// Takes one byte; what its line says, if it ends one.
+    /// Takes one byte; returns the content of a line that it ends.
     pub fn take(&mut self, byte: u8) -> Option<Line> {
         match byte {
             b'\r' => {

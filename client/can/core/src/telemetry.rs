@@ -1,4 +1,4 @@
-//! What a frontend tells those who watch: distributions of its times, beside the bridge's counts.
+//! Statistics of a frontend for monitoring: distributions of its times, and the bridge's counts.
 
 use hdrhistogram::Histogram;
 use sarrus_proto::watch::{BridgeStatistics, BusStatistics, Label, MAX_BUSES, Times};

@@ -203,7 +203,7 @@ def _arrays(query: Query, rows: Mapping[str, npt.ArrayLike]) -> list[Array]:
     """The rows of each field, in the order of the query, or what does not fit."""
     given = [np.asarray(rows[name]) for name in query.given]
     for name, array in zip(query.given, given, strict=True):
-        if array.ndim != 1 + len(query.given[name]):
+        if array.shape[1:] != tuple(query.given[name]) or array.ndim == 0:
             raise ValueError(
                 f"`{name}` has the shape {array.shape}, expected rows of states, "
                 f"(n{''.join(f', {size}' for size in query.given[name])})"

@@ -179,6 +179,11 @@ class Robot(DescribedRobot):
         """Give poses, twists and accelerations of links.
 
         `y` [m, rad] (n_qy), `yd` and `ydd` (n_vy), zero where they are not given.
+
+        A pose is [x, y, z, qx, qy, qz, qw] in the root frame: position [m], then the quaternion in
+        the order x, y, z, w. A twist is [ω; v] [rad/s, m/s]: the angular velocity first, world
+        axes, v at the origin of the frame. An acceleration is [ω̇; v̇] [rad/s², m/s²] in the same
+        frame: the classical acceleration, without gravity.
         """
         given = self._motion(y, yd, ydd)
         names = (links,) if isinstance(links, str) else tuple(links)

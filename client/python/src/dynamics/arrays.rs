@@ -43,7 +43,7 @@ pub(super) struct Given<'py> {
 }
 
 impl<'py> Given<'py> {
-    /// A field from what Python gave for it.
+    /// A field from a Python object.
     pub(super) fn new(object: &Bound<'py, PyAny>, slot: &Slot) -> PyResult<Given<'py>> {
         let name = slot.field.name();
         let readable = |array: &Bound<'py, PyArrayDyn<f64>>| match array.try_readonly() {
@@ -146,8 +146,8 @@ fn converted<'py>(object: &Bound<'py, PyAny>, name: &str) -> PyResult<Bound<'py,
     Ok(array.cast_into::<PyArrayDyn<f64>>()?)
 }
 
-/// Refuses masked arrays of which an element is masked, within lists and tuples as well: what lies
-/// below a mask is no number that anybody meant. For what numpy has read already.
+/// Refuses arrays with a masked element, within lists and tuples as well: the number below a mask
+/// has no meaning. For objects that numpy has read already.
 #[pyfunction]
 pub(crate) fn refuse_masked(object: &Bound<'_, PyAny>, name: &str) -> PyResult<()> {
     static IS_MASKED: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
@@ -187,7 +187,7 @@ pub(super) fn wanted<'py>(
     let Some(out) = out else {
         return match rows {
             None => Ok(PyArrayDyn::zeros(py, shape, false)),
-            // as many as the caller says
+            // the number of rows of the caller
             Some(_) => Ok(zeros::<f64>(py, &shape)?.cast_into()?),
         };
     };
@@ -211,7 +211,7 @@ pub(super) fn wanted<'py>(
     Ok(array.clone())
 }
 
-/// A new array of zeros, by numpy itself: what is too large is a `MemoryError`.
+/// A new array of zeros, allocated by numpy: a size beyond the memory is a `MemoryError`.
 pub(super) fn zeros<'py, T: Element>(
     py: Python<'py>,
     shape: &[usize],
@@ -224,7 +224,8 @@ pub(super) fn zeros<'py, T: Element>(
 /// An array of an answer that is to be written.
 pub(super) struct Target<'a, 'py> {
     array: &'a Bound<'py, PyArrayDyn<f64>>,
-    /// Written in its place, where a claim on it is left that nobody gives back.
+    /// The array written instead, if a fork has left a claim on the original that is never
+    /// released.
     copy: Option<Bound<'py, PyArrayDyn<f64>>>,
     name: &'static str,
 }
@@ -240,7 +241,7 @@ impl<'a, 'py> Target<'a, 'py> {
         Ok(Target { array, copy, name })
     }
 
-    /// The array, so that nobody else reads or writes it.
+    /// Borrows the array exclusively.
     pub(super) fn claim(&self) -> PyResult<PyReadwriteArrayDyn<'py, f64>> {
         self.copy.as_ref().unwrap_or(self.array).try_readwrite().map_err(|_| {
             PyValueError::new_err(format!(
@@ -264,7 +265,7 @@ fn copy_of<'py>(array: &Bound<'py, PyArrayDyn<f64>>) -> PyResult<Bound<'py, PyAr
     Ok(copy.cast_into()?)
 }
 
-/// Refuses arrays to be written that share memory with others, whatever objects they are views of:
+/// Refuses output arrays that share memory with other arrays, including views of different objects:
 /// threads read and write them without Python's lock.
 pub(super) fn refuse_shared(
     read: &[(&[f64], usize)],
@@ -280,7 +281,7 @@ pub(super) fn refuse_shared(
     Ok(())
 }
 
-/// The same for arrays of one state, which are written one after the other.
+/// Refuses output arrays of one state that share memory: they are written one after the other.
 pub(super) fn refuse_shared_outputs(out: &[Option<Bound<'_, PyAny>>]) -> PyResult<()> {
     let arrays = out.iter().flatten().filter_map(|out| out.cast::<PyArrayDyn<f64>>().ok());
     let ranges: Vec<_> = arrays

@@ -28,7 +28,8 @@ pub(super) struct Asked {
     id: PlanId,
     given: Layout,
     want: Layout,
-    /// The query, for threads of their own in this process, and what they answer batches with.
+    /// The query, from which this process prepares an engine for each thread, and the engines not
+    /// in use.
     query: Query,
     batches: Mutex<Vec<Batch>>,
 }
@@ -39,7 +40,7 @@ impl Drop for Asked {
     }
 }
 
-/// What came back.
+/// The result of a call.
 pub(super) enum Answered<'py> {
     /// One state: the packed numbers.
     State { numbers: Vec<f64>, answer: Answer },
@@ -60,8 +61,19 @@ pub(super) struct Failed {
     pub(super) first: Option<(usize, u32)>,
 }
 
+impl Failed {
+    fn among(statuses: &[u32]) -> Failed {
+        let mut failed = Failed::default();
+        for (row, status) in statuses.iter().enumerate().filter(|(_, status)| **status != 0) {
+            failed.count += 1;
+            failed.first.get_or_insert((row, *status));
+        }
+        failed
+    }
+}
+
 impl Asked {
-    /// Prepares what `build` makes of a query.
+    /// Prepares the query that `build` completes.
     pub(super) fn new(
         py: Python<'_>,
         shared: &Arc<Shared>,
@@ -85,12 +97,12 @@ impl Asked {
         })
     }
 
-    /// What goes in.
+    /// The layout of the input.
     pub(super) fn given(&self) -> &Layout {
         &self.given
     }
 
-    /// What comes out.
+    /// The layout of the output.
     pub(super) fn want(&self) -> &Layout {
         &self.want
     }
@@ -120,7 +132,7 @@ impl Asked {
                 for field in &given {
                     input.extend_from_slice(field.numbers()?);
                 }
-                // an array may be given for what comes out as well
+                // an array may be input and output
                 drop(given);
                 self.ask_state(py, &input, out)
             }
@@ -167,8 +179,8 @@ impl Asked {
         let mut written = targets.iter().map(Target::claim).collect::<PyResult<Vec<_>>>()?;
         let statuses: Bound<'py, PyArray1<u32>> = zeros::<u32>(py, &[rows])?.cast_into()?;
         let warnings: Bound<'py, PyArray1<u32>> = zeros::<u32>(py, &[rows])?.cast_into()?;
-        let (mut all_statuses, mut all_warnings) =
-            (statuses.try_readwrite()?, warnings.try_readwrite()?);
+        let mut all_statuses = statuses.try_readwrite()?;
+        let mut all_warnings = warnings.try_readwrite()?;
         let width = |slot: &Slot| slot.range().len();
         let mut want = Vec::with_capacity(slots.len());
         for (array, slot) in written.iter_mut().zip(slots) {
@@ -179,62 +191,75 @@ impl Asked {
             read.push((field.numbers()?, width(slot)));
         }
         refuse_shared(&read, &want)?;
-        let (statuses_of, warnings_of) =
-            (all_statuses.as_slice_mut()?, all_warnings.as_slice_mut()?);
-        let numbers =
-            Rows { rows, given: read, want, statuses: statuses_of, warnings: warnings_of };
-
-        // one engine for each thread; a connected robot has one lane
-        let outcome = match &self.shared.model {
-            Some(model) => {
-                let n = batch::threads(options.threads, rows);
-                let mut batches = self.batches(model, n)?;
-                let mut engines = Vec::with_capacity(n);
-                for batch in &mut batches {
-                    let engine: Box<Engine<'_>> = Box::new(|given, want, answers| {
-                        batch.run_fields(given, want, answers);
-                        Ok(())
-                    });
-                    engines.push(engine);
-                }
-                let outcome = batch::run(py, numbers, engines, options.progress.as_ref());
-                self.keep(batches);
-                outcome
-            }
-            None => {
-                // refuses a robot of the parent's
-                self.shared.with(py, |_| Ok(()))?;
-                let (is_main, n_in, n_out) = (is_main(py)?, self.given.len(), self.want.len());
-                let mut packed = PackedRows::new(batch::TILE, n_in, n_out);
-                let engine: Box<Engine<'_>> = Box::new(|given, want, answers| {
-                    let rows = 0..answers.len();
-                    let (input, output) = packed.pack(given, rows.clone());
-                    self.shared.batch_detached(is_main, self.id, input, output, answers)?;
-                    packed.unpack(want, rows);
-                    Ok(())
-                });
-                batch::run(py, numbers, vec![engine], options.progress.as_ref())
-            }
+        let numbers = Rows {
+            rows,
+            given: read,
+            want,
+            statuses: all_statuses.as_slice_mut()?,
+            warnings: all_warnings.as_slice_mut()?,
         };
+
+        let outcome = self.answer_rows(py, numbers, options);
         drop(written);
         targets.iter().try_for_each(Target::finish)?;
         outcome?;
-        let mut failed = Failed::default();
-        let all = all_statuses.as_slice()?.iter().enumerate();
-        for (row, status) in all.filter(|(_, status)| **status != 0) {
-            failed.count += 1;
-            failed.first.get_or_insert((row, *status));
-        }
+        let failed = Failed::among(all_statuses.as_slice()?);
         drop((all_statuses, all_warnings));
         let fields = fields.into_iter().map(Bound::into_any).collect();
         Ok(Answered::Rows { fields, statuses, warnings, failed })
+    }
+
+    /// Answers rows with one engine for each thread, or through the one lane of a connected robot.
+    fn answer_rows(
+        &self,
+        py: Python<'_>,
+        numbers: Rows<'_>,
+        options: &BatchOptions,
+    ) -> PyResult<()> {
+        let progress = options.progress.as_ref();
+        let Some(model) = &self.shared.model else {
+            return self.answer_rows_by_server(py, numbers, progress);
+        };
+        let n = batch::threads(options.threads, numbers.rows);
+        let mut batches = self.batches(model, n)?;
+        let mut engines = Vec::with_capacity(n);
+        for batch in &mut batches {
+            let engine: Box<Engine<'_>> = Box::new(|given, want, answers| {
+                batch.run_fields(given, want, answers);
+                Ok(())
+            });
+            engines.push(engine);
+        }
+        let outcome = batch::run(py, numbers, engines, progress);
+        self.keep(batches);
+        outcome
+    }
+
+    fn answer_rows_by_server(
+        &self,
+        py: Python<'_>,
+        numbers: Rows<'_>,
+        progress: Option<&Py<PyAny>>,
+    ) -> PyResult<()> {
+        // refuses a robot of the parent's
+        self.shared.with(py, |_| Ok(()))?;
+        let is_main = is_main(py)?;
+        let mut packed = PackedRows::new(batch::TILE, self.given.len(), self.want.len());
+        let engine: Box<Engine<'_>> = Box::new(|given, want, answers| {
+            let rows = 0..answers.len();
+            let (input, output) = packed.pack(given, rows.clone());
+            self.shared.batch_detached(is_main, self.id, input, output, answers)?;
+            packed.unpack(want, rows);
+            Ok(())
+        });
+        batch::run(py, numbers, vec![engine], progress)
     }
 
     fn kept(&self) -> MutexGuard<'_, Vec<Batch>> {
         self.batches.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Keeps what rows were answered with, for as many threads as run at a time.
+    /// Keeps engines for the next batch, at most one for each processor.
     fn keep(&self, mut batches: Vec<Batch>) {
         let mut kept = self.kept();
         let excess =
@@ -244,7 +269,7 @@ impl Asked {
         drop(excess);
     }
 
-    /// What so many threads answer rows with: those that are kept, and clones of them.
+    /// Engines for this number of threads: the kept ones and clones of them.
     fn batches(&self, model: &Arc<Model<f64>>, threads: usize) -> PyResult<Vec<Batch>> {
         let mut kept = self.kept();
         let free = kept.len().min(threads);

@@ -22,11 +22,11 @@ const LOOK: Duration = Duration::from_millis(50);
 
 /// Batches under way, which write arrays without Python's lock.
 static UNDER_WAY: AtomicUsize = AtomicUsize::new(0);
-/// Whether a fork has cut batches off, whose claims on arrays nobody gives back.
+/// Whether a fork has cut batches off, whose claims on arrays are never released.
 static CUT_OFF: AtomicBool = AtomicBool::new(false);
 
 thread_local! {
-    /// Those of this thread: more than one where a callback asks for others.
+    /// Batches of this thread: more than one if a callback starts others.
     static OWN: Cell<usize> = const { Cell::new(0) };
 }
 
@@ -68,10 +68,10 @@ pub(super) fn is_under_way() -> bool {
 
 /// Rows that go in, field by field, each with the width of a row.
 pub(super) type Given<'a> = [(&'a [f64], usize)];
-/// The same that come out.
+/// The output rows of each field, with their width.
 pub(super) type Want<'a> = [(&'a mut [f64], usize)];
 
-/// What answers up to [`TILE`] states.
+/// A function that answers up to [`TILE`] states.
 pub(super) type Engine<'e> =
     dyn FnMut(&Given<'_>, &mut Want<'_>, &mut [Answer]) -> PyResult<()> + Send + 'e;
 
@@ -148,7 +148,7 @@ pub(super) fn processors() -> usize {
     *PROCESSORS.get_or_init(|| thread::available_parallelism().map_or(1, NonZero::<usize>::get))
 }
 
-/// What the threads of a batch share.
+/// State that the threads of a batch share.
 struct Batch<'a> {
     left: Mutex<Rows<'a>>,
     done: AtomicUsize,
@@ -156,7 +156,7 @@ struct Batch<'a> {
 }
 
 impl Batch<'_> {
-    /// Answers tiles until none is left or somebody stops; `look` comes after each.
+    /// Answers tiles until none is left or a thread stops; `look` comes after each.
     fn work(
         &self,
         engine: &mut Engine<'_>,
@@ -180,8 +180,8 @@ impl Batch<'_> {
 /// Answers all rows on as many threads as there are engines, the calling one among them; Python's
 /// other threads run meanwhile.
 ///
-/// A signal's exception, or that of `progress`, ends it between two tiles; what is not answered by
-/// then stays as it is.
+/// A signal's exception, or that of `progress`, ends it between two tiles; rows without an answer
+/// by then stay unchanged.
 pub(super) fn run(
     py: Python<'_>,
     rows: Rows<'_>,

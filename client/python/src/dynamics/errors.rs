@@ -55,8 +55,8 @@ pub(super) fn load_error(py: Python<'_>, error: NotLoaded) -> PyErr {
     }
 }
 
-/// A file that cannot be opened: where the system says why, by its number, of which Python makes
-/// `FileNotFoundError` and the like.
+/// A file that cannot be opened: with the system's error number if there is one, from which Python
+/// chooses `FileNotFoundError` and the like.
 fn not_opened(file: String, reason: &str, words: String) -> PyErr {
     let system = reason.strip_suffix(')').and_then(|reason| reason.rsplit_once(" (os error "));
     match system.and_then(|(said, number)| Some((number.parse::<i32>().ok()?, said))) {

@@ -2,8 +2,8 @@
 //!
 //! `arrays` reads and makes numpy's arrays, `shared` is a robot that Python's threads share,
 //! `signals` how its waits end by Ctrl-C, `asked` a plan of it, `batch` answers rows of states;
-//! `origin`, `robot` and `query` are what Python sees, `options` the words of a call, `simulation`
-//! is the robot in time.
+//! `origin`, `robot` and `query` are the Python classes, `options` the words of a call,
+//! `simulation` is the robot in time.
 
 mod arrays;
 mod asked;

@@ -5,7 +5,7 @@ use std::num::NonZero;
 use pyo3::exceptions::{PyOverflowError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
-/// How many threads to take; `None` where nobody says.
+/// The number of threads; `None` if not given.
 pub(super) fn threads(object: &Bound<'_, PyAny>) -> PyResult<Option<NonZero<usize>>> {
     if object.is_none() {
         return Ok(None);
@@ -29,7 +29,7 @@ pub(super) fn fingerprint(object: &Bound<'_, PyAny>) -> PyResult<Option<u64>> {
     }
 }
 
-/// What is called with how far it is; `None` where nobody wants to know.
+/// The callback for progress; `None` if not given.
 pub(super) fn progress(object: &Bound<'_, PyAny>) -> PyResult<Option<Py<PyAny>>> {
     if object.is_none() {
         return Ok(None);

@@ -96,8 +96,8 @@ impl PyOrigin {
         }
     }
 
-    /// What `text` takes to read the same robot again, elsewhere: the contents of its files as they
-    /// are now, and its options.
+    /// The arguments with which `text` reads the same robot again in another process: the current
+    /// contents of its files, and its options.
     fn contents<'py>(
         &self,
         py: Python<'py>,
@@ -149,7 +149,7 @@ impl PyOrigin {
         }
     }
 
-    /// The robot with what its files say.
+    /// The robot, read from its files.
     pub(super) fn load(&self, py: Python<'_>) -> PyResult<Loaded> {
         let (source, options, _) = self.source()?;
         py.detach(|| load(source, options)).map_err(|error| load_error(py, error))

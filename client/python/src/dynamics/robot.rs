@@ -36,7 +36,8 @@ impl PyRobot {
         let robot = origin.get().open(py)?;
         let fingerprint = robot.model().fingerprint;
         let shared = Arc::new(Shared::new(robot));
-        let (inverse, forward) = (OnceLock::new(), OnceLock::new());
+        let inverse = OnceLock::new();
+        let forward = OnceLock::new();
         Ok(PyRobot { origin, shared, fingerprint, inverse, forward })
     }
 

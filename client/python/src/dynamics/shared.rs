@@ -37,7 +37,7 @@ pub(crate) fn statuses() -> Vec<&'static str> {
     Status::ALL.iter().map(|status| status.name()).collect()
 }
 
-/// What a status means and what to do.
+/// The meaning of a status and its remedy.
 #[pyfunction]
 pub(crate) fn status_help(code: u32) -> String {
     FailedState { status: Status::of_answer(code) }.to_string()
@@ -70,7 +70,8 @@ impl Shared {
         }
     }
 
-    /// The connection is the parent's: nobody else may use it.
+    /// True in a child of a fork: the connection belongs to the parent, and no other process may
+    /// use it.
     fn is_inherited(&self) -> bool {
         self.model.is_none() && forks() != self.forks
     }
@@ -103,7 +104,7 @@ impl Shared {
         py.detach(detached)?.map_err(robot_error)
     }
 
-    /// Prepares a plan, and says first which ones are held no more.
+    /// Prepares a plan, after releasing those that are dropped.
     pub(super) fn prepare<T: Send>(
         &self,
         py: Python<'_>,
@@ -149,8 +150,8 @@ impl Shared {
         asked?.map_err(robot_error)
     }
 
-    /// Releases a plan. Whoever drops one holds Python's lock and waits neither for a server nor
-    /// for a thread that asks it: a connected robot releases it when the next one is prepared.
+    /// Releases a plan. The caller holds Python's lock and must wait neither for a server nor for a
+    /// thread that asks it: a connected robot releases it when the next one is prepared.
     pub(super) fn release(&self, plan: PlanId) {
         if self.is_inherited() {
             return;
@@ -165,7 +166,7 @@ impl Shared {
 
 impl Drop for Shared {
     fn drop(&mut self) {
-        // what the parent shares with its server is the parent's to take down
+        // only the parent may remove the memory that it shares with its server
         if self.is_inherited() {
             let robot = self.robot.get_mut().unwrap_or_else(PoisonError::into_inner);
             std::mem::forget(robot.take());

@@ -18,7 +18,7 @@ const LOOK: Duration = Duration::from_millis(50);
 const TURN: Duration = Duration::from_millis(1);
 
 thread_local! {
-    /// What a signal's handler raised while this thread waited.
+    /// The exception that a signal's handler raised while this thread waited.
     static RAISED: RefCell<Option<PyErr>> = const { RefCell::new(None) };
     /// The locks that this thread holds, by address; handlers that come meanwhile wait for none.
     static HOLDS: RefCell<Vec<usize>> = const { RefCell::new(Vec::new()) };
@@ -56,8 +56,8 @@ fn is_interrupted() -> bool {
     }
 }
 
-/// Does something that waits for a server, without Python's lock; in the main thread what a
-/// signal's handler raises ends it.
+/// Runs a function that waits for a server, without Python's lock; in the main thread an exception
+/// of a signal's handler ends the wait.
 pub(super) fn waiting<T>(is_main: bool, f: impl FnOnce() -> T) -> PyResult<T> {
     if !is_main {
         return Ok(f());
@@ -66,7 +66,7 @@ pub(super) fn waiting<T>(is_main: bool, f: impl FnOnce() -> T) -> PyResult<T> {
     RAISED.take().map_or(Ok(outcome), Err)
 }
 
-/// What is behind a lock that others may hold while they wait for a server.
+/// The guard of a lock that other threads may hold while they wait for a server.
 pub(super) struct Held<'a, T> {
     pub(super) inner: MutexGuard<'a, T>,
 }
@@ -80,7 +80,8 @@ impl<T> Drop for Held<'_, T> {
 /// Waits for the lock, without Python's; as [`waiting`].
 pub(super) fn hold<T>(is_main: bool, mutex: &Mutex<T>) -> PyResult<Held<'_, T>> {
     let address = std::ptr::from_ref(mutex).addr();
-    let (mut start, mut looks) = (None, 0);
+    let mut start = None;
+    let mut looks = 0;
     let inner = loop {
         match mutex.try_lock() {
             Ok(inner) => break inner,

@@ -17,7 +17,8 @@ use super::arrays::zeros;
 /// Between two looks for signals.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// What pushes the joints: constants, tables and gains, each with true where it acts on actuators.
+/// The forces on the joints: constants, tables and gains, each with true where it acts on
+/// actuators.
 pub(super) type Inputs = (
     Vec<(bool, Vec<f64>)>,
     Vec<(bool, Vec<f64>, Vec<Vec<f64>>)>,
@@ -27,7 +28,8 @@ pub(super) type Inputs = (
 /// Method, duration, step, time between samples, tolerances.
 pub(super) type Parts = (String, f64, Option<f64>, Option<f64>, f64, f64);
 
-/// How it ended, when, the drift of its energy, the independents at the end, and what happened.
+/// The end of a simulation, its time, the drift of its energy, the independents at the end, and the
+/// events.
 pub(super) type Simulated = (&'static str, f64, f64, Vec<String>, Vec<(f64, &'static str)>);
 
 /// An exception of Python on its way through the integrator, whose callback cannot stop it.

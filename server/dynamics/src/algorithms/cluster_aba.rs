@@ -11,8 +11,8 @@
 //! ÿ   = L⁻ᵀ Δ⁻¹ (L⁻¹ r − Y a_p)                       a_i = Xᵀ a_parent + S_i G_i ÿ
 //! ```
 //!
-//! What is factorised is m×m for m independents, whatever the number of bodies. A body that carries
-//! no other cluster stays rigid. An articulated inertia is kept as the blocks of n = J α + H a, f =
+//! The factorised matrix is m×m for m independents and any number of bodies. A body that carries no
+//! other cluster stays rigid. An articulated inertia is kept as the blocks of n = J α + H a, f =
 //! Hᵀ α + M a.
 
 use crate::algorithms::cluster_columns::{ClusterJoint, component, transform_force};
@@ -20,24 +20,24 @@ use crate::algorithms::terms::add_rotors;
 use crate::linalg::factorise_full;
 use crate::mechanism::{Cluster, GBlock, Motion, Rotor};
 use crate::model::{Model, Scope};
-use crate::scalar::{Mask, Real, Symmetric, Triple};
-use crate::spatial::triples::{cross, cross_add, cross_rows, dot, mul, mul_mat, scale_add, zero};
+use crate::scalar::{Real, Symmetric, Triple};
+use crate::spatial::{Matrix, cross_rows};
 use crate::workspace::{Articulated, BodyState, Composite, Embedding, Force, Workspace};
 
-/// Solves M_y ÿ = b; `ws.ydd` holds b and becomes ÿ. The scope has whatever stands on the world
-/// together with what it needs. Needs the joint poses and G. The mask tells where every D was
+/// Solves M_y ÿ = b; `ws.ydd` holds b and becomes ÿ. The scope has the needed clusters
+/// and all others between them and the world. Needs the joint poses and G. True if every D is
 /// positive.
 pub(crate) fn embedded_solve<T: Real>(
-    model: &Model<T::Const>,
+    model: &Model<T>,
     scope: &Scope,
     ws: &mut Workspace<T>,
-) -> T::Mask {
-    let Workspace { motion, G, composite, inside, embedding, ydd: b, alone, .. } = ws;
+) -> bool {
+    let Workspace { motion, G, composite, inside, embedding, ydd: b, uncoupled_diagonal, .. } = ws;
     let Embedding { bodies, Y, factor } = embedding;
-    let mut positive = T::Mask::splat(true);
+    let mut positive = true;
 
-    // each body alone
-    for run in scope.driven.runs() {
+    // I_i of each body, p_i = 0
+    for run in scope.affected.runs() {
         let of_bodies = composite[run.clone()].iter_mut().zip(&mut bodies[run.clone()]);
         let has_child = &model.has_child_cluster[run.clone()];
         for ((rigid, articulated), (body, has_child)) in
@@ -50,33 +50,36 @@ pub(crate) fn embedded_solve<T: Real>(
         }
     }
 
-    // inertias and bias forces, towards the root
+    // I_p += Σ_i X I_i Xᵀ − Yᵀ Δ⁻¹ Y,  p_p += Σ_i X p_i + Yᵀ Δ⁻¹ L⁻¹ r, towards the root
     let rotors = model.terms.rotors.as_slice();
     let mut pass = Pass { model, motion, G, composite, bodies, inside, rotors };
     for run in scope.clusters.runs().rev() {
         for cluster in model.clusters[run].iter().rev() {
-            let (D, independents) = (cluster.g_offset, cluster.independents());
-            let alone = &mut alone[independents.clone()];
-            let (Y, b) = (&mut Y[independents.clone()], &mut b[independents]);
+            let D = cluster.g_offset;
+            let independents = cluster.independents();
+            let uncoupled_diagonal = &mut uncoupled_diagonal[independents.clone()];
+            let Y = &mut Y[independents.clone()];
+            let b = &mut b[independents];
             let D = &mut factor[D..];
             let sound = match cluster.n_vy {
                 1 if cluster.n_v == 1 => {
                     pass.single_joint(cluster, &mut Y[0], &mut D[0], &mut b[0])
                 }
-                1 => pass.several_joints::<1>(cluster, Y, D, b, alone),
-                2 => pass.several_joints::<2>(cluster, Y, D, b, alone),
-                3 => pass.several_joints::<3>(cluster, Y, D, b, alone),
-                _ => pass.several_joints::<0>(cluster, Y, D, b, alone),
+                1 => pass.several_joints::<1>(cluster, Y, D, b, uncoupled_diagonal),
+                2 => pass.several_joints::<2>(cluster, Y, D, b, uncoupled_diagonal),
+                3 => pass.several_joints::<3>(cluster, Y, D, b, uncoupled_diagonal),
+                _ => pass.several_joints::<0>(cluster, Y, D, b, uncoupled_diagonal),
             };
-            positive = positive & sound;
+            positive &= sound;
         }
     }
 
-    // accelerations, from the root outwards
-    (bodies[0].alpha, bodies[0].a) = (zero::<T>(), zero::<T>());
+    // ÿ = L⁻ᵀ Δ⁻¹ (L⁻¹ r − Y a_p),  a_i = Xᵀ a_parent + S_i G_i ÿ, from the root outwards; a_0 = 0
+    (bodies[0].alpha, bodies[0].a) = (T::Triple::zero(), T::Triple::zero());
     for run in scope.clusters.runs() {
         for cluster in &model.clusters[run] {
-            let (Y, b) = (&Y[cluster.independents()], &mut b[cluster.independents()]);
+            let Y = &Y[cluster.independents()];
+            let b = &mut b[cluster.independents()];
             let factor = &factor[cluster.g_offset..];
             if cluster.n_v == 1 && cluster.n_vy == 1 {
                 accelerate_joint(model, cluster, (motion, bodies), (&Y[0], factor[0]), b);
@@ -91,41 +94,43 @@ pub(crate) fn embedded_solve<T: Real>(
 /// ÿ and the acceleration of the body of one free degree of freedom; `b` holds r.
 #[inline(always)]
 fn accelerate_joint<T: Real>(
-    model: &Model<T::Const>,
-    cluster: &Cluster<T::Const>,
+    model: &Model<T>,
+    cluster: &Cluster<T>,
     (motion, bodies): (&[BodyState<T>], &mut [Articulated<T>]),
     (Y, inverse): (&Force<T>, T),
     b: &mut [T],
 ) {
+    // ÿ = (r − U a_p) / D
     let i = cluster.body;
     let (mut alpha, mut a) = bodies[cluster.parent].acceleration_in(&motion[i]);
-    b[0] = (b[0] - dot::<T>(&Y.0, &alpha) - dot::<T>(&Y.1, &a)) * inverse;
+    b[0] = (b[0] - Y.0.dot(alpha) - Y.1.dot(a)) * inverse;
     accelerate::<T>(model.bodies[i].motion, b, &mut alpha, &mut a);
     (bodies[i].alpha, bodies[i].a) = (alpha, a);
 }
 
-/// The same of joints closed by loops, or one of several degrees of freedom:
-/// ÿ = L⁻ᵀ Δ⁻¹ (L⁻¹ r − Y a_p), and a_i of the bodies that carry others.
+/// ÿ = L⁻ᵀ Δ⁻¹ (L⁻¹ r − Y a_p) of joints closed by loops, or of one of several degrees of freedom,
+/// and a_i of the bodies that carry others.
 #[inline(always)]
 fn accelerate_joints<T: Real>(
-    model: &Model<T::Const>,
-    cluster: &Cluster<T::Const>,
+    model: &Model<T>,
+    cluster: &Cluster<T>,
     G: &[T],
     (motion, bodies): (&[BodyState<T>], &mut [Articulated<T>]),
     (Y, factor): (&[Force<T>], &[T]),
     b: &mut [T],
 ) {
     let m = cluster.n_vy;
-    let (p, L) = (&bodies[cluster.parent], &factor[..m * m]);
+    let p = &bodies[cluster.parent];
+    let L = &factor[..m * m];
     for k in (0..m).rev() {
         let (n, f) = &Y[k];
-        let felt = (dot::<T>(n, &p.alpha), dot::<T>(f, &p.a));
-        let mut ydd = (b[k] - felt.0 - felt.1) * L[k * m + k];
+        let mut ydd = (b[k] - (*n).dot(p.alpha) - (*f).dot(p.a)) * L[k * m + k];
         for l in k + 1..m {
             ydd = (-L[l * m + k]).mul_add(b[l], ydd);
         }
         b[k] = ydd;
     }
+    // a_i = Xᵀ a_parent + S_i G_i ÿ
     let G = cluster.G(G);
     for i in cluster.bodies() {
         if !model.has_child_cluster[i] {
@@ -145,7 +150,7 @@ fn accelerate_joints<T: Real>(
 
 /// The pass from the leaves to the root, with the numbers of the workspace.
 struct Pass<'a, T: Real> {
-    model: &'a Model<T::Const>,
+    model: &'a Model<T>,
     motion: &'a [BodyState<T>],
     G: &'a [T],
     composite: &'a mut [Composite<T>],
@@ -153,7 +158,7 @@ struct Pass<'a, T: Real> {
     /// Scratch for n_vy columns of each body of a cluster.
     inside: &'a mut [Force<T>],
     /// Rotors of the clusters that are still to come.
-    rotors: &'a [Rotor<T::Const>],
+    rotors: &'a [Rotor<T>],
 }
 
 impl<T: Real> Pass<'_, T> {
@@ -161,11 +166,11 @@ impl<T: Real> Pass<'_, T> {
     #[inline]
     fn single_joint(
         &mut self,
-        cluster: &Cluster<T::Const>,
+        cluster: &Cluster<T>,
         Y: &mut Force<T>,
         inverse: &mut T,
         b: &mut T,
-    ) -> T::Mask {
+    ) -> bool {
         let i = cluster.body;
         let joint = self.model.bodies[i].motion;
         let (before, articulated) = self.bodies.split_at_mut(i);
@@ -173,6 +178,7 @@ impl<T: Real> Pass<'_, T> {
         if !self.model.has_child_cluster[i] {
             *articulated = Articulated::none();
         }
+        // U = I s,  D = s·U,  r = b − s·p
         articulated.add_rigid(&self.composite[i]);
         let U = articulated.column(joint, 0);
         let mut d = [component(joint, 0, &U)];
@@ -193,18 +199,22 @@ impl<T: Real> Pass<'_, T> {
     #[inline]
     fn several_joints<const M: usize>(
         &mut self,
-        cluster: &Cluster<T::Const>,
+        cluster: &Cluster<T>,
         Y: &mut [Force<T>],
         D: &mut [T],
         b: &mut [T],
-        alone: &mut [T],
-    ) -> T::Mask {
+        uncoupled_diagonal: &mut [T],
+    ) -> bool {
         let m = if M > 0 { M } else { cluster.n_vy };
-        let (model, motion, G) =
-            (self.model, self.motion, GBlock::new(&self.G[cluster.block()], m));
-        let (Y, D, b) = (&mut Y[..m], &mut D[..m * m], &mut b[..m]);
-        let (composite, bodies) = (&mut *self.composite, &mut *self.bodies);
-        // what each body supports, and r
+        let model = self.model;
+        let motion = self.motion;
+        let G = GBlock::new(&self.G[cluster.block()], m);
+        let Y = &mut Y[..m];
+        let D = &mut D[..m * m];
+        let b = &mut b[..m];
+        let composite = &mut *self.composite;
+        let bodies = &mut *self.bodies;
+        // I_i, p_i of the bodies with all that they carry;  r = b − Σ_i G_iᵀ S_iᵀ p_i
         for i in cluster.bodies().rev() {
             let body = &model.bodies[i];
             if !model.has_child_cluster[i] {
@@ -229,7 +239,8 @@ impl<T: Real> Pass<'_, T> {
         }
 
         // D and U
-        let (of_bodies, rigid) = (&bodies[cluster.body..], &composite[cluster.body..]);
+        let of_bodies = &bodies[cluster.body..];
+        let rigid = &composite[cluster.body..];
         let column = |i: usize, joint, k| {
             if model.has_child_cluster[cluster.body + i] {
                 of_bodies[i].column(joint, k)
@@ -237,17 +248,23 @@ impl<T: Real> Pass<'_, T> {
                 rigid[i].column(joint, k)
             }
         };
-        ClusterJoint { model, cluster, G, motion }.columns::<M>(column, self.inside, Y, D, alone);
+        ClusterJoint { model, cluster, G, motion }.columns::<M>(
+            column,
+            self.inside,
+            Y,
+            D,
+            uncoupled_diagonal,
+        );
         add_rotors::<T>(&mut self.rotors, (cluster.v, cluster.n_v), G, D, m);
 
-        // L and Δ, L⁻¹ r, Y = L⁻¹ Uᵀ, and what the parent feels of them
+        // D = L Δ Lᵀ,  L⁻¹ r,  Y = L⁻¹ Uᵀ;  I_p −= Yᵀ Δ⁻¹ Y,  p_p += Yᵀ Δ⁻¹ L⁻¹ r
         let positive = factorise_full(D, m);
         for k in 0..m {
             for l in 0..k {
                 let x = -D[k * m + l];
                 b[k] = x.mul_add(b[l], b[k]);
                 let (n, f) = Y[l];
-                Y[k] = (scale_add::<T>(&n, x, &Y[k].0), scale_add::<T>(&f, x, &Y[k].1));
+                Y[k] = (Y[k].0.add_scaled(n, x), Y[k].1.add_scaled(f, x));
             }
             if cluster.parent != 0 {
                 bodies[cluster.parent].project_out(&Y[k], D[k * m + k], b[k]);
@@ -276,8 +293,9 @@ impl<T: Real> Articulated<T> {
     #[inline(always)]
     fn add_rigid(&mut self, of: &Composite<T>) {
         self.J += of.inertia;
-        let (h, o) = (of.h, T::ZERO);
-        let h = T::Triple::columns([o, h[2], -h[1], -h[2], o, h[0], h[1], -h[0], o]);
+        let h = of.h;
+        let o = T::ZERO;
+        let h = T::Triple::columns_from([o, h[2], -h[1], -h[2], o, h[0], h[1], -h[0], o]);
         self.H.iter_mut().zip(h).for_each(|(x, h)| *x += h);
         self.M.add_to_diagonal(of.mass);
     }
@@ -300,29 +318,33 @@ impl<T: Real> Articulated<T> {
     #[inline(always)]
     fn project_out(&mut self, (n, f): &Force<T>, inverse: T, r: T) {
         let by = T::Triple::splat(-inverse);
-        let (n_d, f_d) = (n.times(by), f.times(by));
+        let n_d = n.times(by);
+        let f_d = f.times(by);
         self.J.add_product(n, &n_d);
         self.M.add_product(f, &f_d);
         for (j, x) in self.H.iter_mut().enumerate() {
-            *x = n.fused(T::Triple::splat(f_d[j]), *x);
+            *x = n.mul_add(T::Triple::splat(f_d[j]), *x);
         }
-        self.n = scale_add::<T>(&n_d, -r, &self.n);
-        self.f = scale_add::<T>(&f_d, -r, &self.f);
+        self.n = self.n.add_scaled(n_d, -r);
+        self.f = self.f.add_scaled(f_d, -r);
     }
 
     /// Adds inertia and bias force to the parent's: M' = R M Rᵀ, H' = R H Rᵀ + [p]× M', J' = R J Rᵀ
     /// + [p]× H'ᵀ + ([p]× (R H Rᵀ)ᵀ)ᵀ.
     #[inline(always)]
     fn add_to_parent(&self, x: &BodyState<T>, parent: &mut Articulated<T>) {
-        let (R, p) = (&x.R, &x.p);
-        let (mut J, M) = (self.J.turned(R), self.M.turned(R));
-        let H = mul_mat::<T>(&mul_mat::<T>(R, &self.H), &T::Triple::transposed(R));
+        let R = &x.R;
+        let p = &x.p;
+        let mut J = self.J.rotate(R);
+        let M = self.M.rotate(R);
+        let H = R.times(self.H).times(T::Triple::transposed(R));
         let mut shifted = H;
         for (k, x) in shifted.iter_mut().enumerate() {
-            *x += cross::<T>(p, &M.column(k));
+            *x += (*p).cross(M.column(k));
         }
-        // the two products
-        let (a, b) = (T::Triple::transposed(&cross_rows::<T>(p, &shifted)), cross_rows::<T>(p, &H));
+        // J' = R J Rᵀ + [p]× H'ᵀ + ([p]× (R H Rᵀ)ᵀ)ᵀ
+        let a = T::Triple::transposed(&cross_rows(*p, &shifted));
+        let b = cross_rows(*p, &H);
         J.add_upper(&[a[0] + b[0], a[1] + b[1], a[2] + b[2]]);
         parent.J += J;
         parent.M += M;
@@ -336,7 +358,7 @@ impl<T: Real> Articulated<T> {
     #[inline(always)]
     fn acceleration_in(&self, x: &BodyState<T>) -> (T::Triple, T::Triple) {
         let rows = T::Triple::transposed(&x.R);
-        let a = cross_add::<T>(&self.alpha, &x.p, &self.a);
-        (mul::<T>(&rows, &self.alpha), mul::<T>(&rows, &a))
+        let a = self.a.add_cross(self.alpha, x.p);
+        (rows.apply(self.alpha), rows.apply(a))
     }
 }

@@ -15,13 +15,13 @@
 use crate::mechanism::{Cluster, GBlock, Motion};
 use crate::model::Model;
 use crate::scalar::{Real, Symmetric, Triple};
-use crate::spatial::triples::{cross_add, lift, mul, zero};
+use crate::spatial::Matrix;
 use crate::workspace::{BodyState, Composite, Force};
 
-/// One cluster as a single joint, and what its columns are formed from.
+/// One cluster as a single joint: the model and the poses from which its columns are formed.
 pub(super) struct ClusterJoint<'a, T: Real> {
-    pub(super) model: &'a Model<T::Const>,
-    pub(super) cluster: &'a Cluster<T::Const>,
+    pub(super) model: &'a Model<T>,
+    pub(super) cluster: &'a Cluster<T>,
     pub(super) G: GBlock<'a, T>,
     pub(super) motion: &'a [BodyState<T>],
 }
@@ -29,9 +29,9 @@ pub(super) struct ClusterJoint<'a, T: Real> {
 impl<T: Real> ClusterJoint<'_, T> {
     /// D (m×m row-major) and U (m columns at the parent body; left zero where that is the world).
     /// `column` gives I_i s for dof k of local body i; `F` is scratch for m columns of each body.
-    /// `alone` (m) is the diagonal of D if each joint moved alone, Σ_i G_i² s·I_i s: what D is of
-    /// it says how much cancels. M is m where the compiler knows it, so that the loops over it
-    /// dissolve, else 0.
+    /// `uncoupled_diagonal` (m) is the diagonal of D if each joint moved alone, Σ_i G_i² s·I_i s:
+    /// the ratio of D to it measures the cancellation. M is m where the compiler knows it and
+    /// unrolls the loops, else 0.
     #[inline(always)]
     pub(super) fn columns<const M: usize>(
         &self,
@@ -39,17 +39,18 @@ impl<T: Real> ClusterJoint<'_, T> {
         F: &mut [Force<T>],
         U: &mut [Force<T>],
         D: &mut [T],
-        alone: &mut [T],
+        uncoupled_diagonal: &mut [T],
     ) {
         let ClusterJoint { model, cluster, G, motion } = *self;
-        let (n, m) = (cluster.n, if M > 0 { M } else { cluster.n_vy });
+        let n = cluster.n;
+        let m = if M > 0 { M } else { cluster.n_vy };
         let D = &mut D[..m * m];
         D.fill(T::ZERO);
-        let none = (zero::<T>(), zero::<T>());
+        let none = (T::Triple::zero(), T::Triple::zero());
         F[..n * m].fill(none);
         U[..m].fill(none);
-        let alone = &mut alone[..m];
-        alone.fill(T::ZERO);
+        let uncoupled_diagonal = &mut uncoupled_diagonal[..m];
+        uncoupled_diagonal.fill(T::ZERO);
         for i in (0..n).rev() {
             let body = &model.bodies[cluster.body + i];
             let (before, F_i) = F.split_at_mut(i * m);
@@ -61,12 +62,13 @@ impl<T: Real> ClusterJoint<'_, T> {
                 let half = component::<T>(body.motion, k, &own) * T::from_f64(0.5);
                 for l in 0..m {
                     let t = half.mul_add(G_i[l], component(body.motion, k, &F_i[l]));
-                    alone[l] = (half + half).mul_add(G_i[l] * G_i[l], alone[l]);
+                    uncoupled_diagonal[l] =
+                        (half + half).mul_add(G_i[l] * G_i[l], uncoupled_diagonal[l]);
                     for j in 0..m {
                         D[j * m + l] = G_i[j].mul_add(t, D[j * m + l]);
                     }
                     let g = T::Triple::splat(G_i[l]);
-                    F_i[l] = (own.0.fused(g, F_i[l].0), own.1.fused(g, F_i[l].1));
+                    F_i[l] = (own.0.mul_add(g, F_i[l].0), own.1.mul_add(g, F_i[l].1));
                 }
             }
             let to = match cluster.local_parent[i] {
@@ -101,19 +103,19 @@ pub(super) fn component<T: Real>(motion: Motion, k: usize, force: &Force<T>) -> 
     }
 }
 
-/// The same force at the parent's origin in the parent's axes.
+/// X f: n' = R n + p × R f, f' = R f, at the parent's origin in the parent's axes.
 #[inline(always)]
 pub(super) fn transform_force<T: Real>(force: &Force<T>, state: &BodyState<T>) -> Force<T> {
-    let f = mul::<T>(&state.R, &force.1);
-    (cross_add::<T>(&state.p, &f, &mul::<T>(&state.R, &force.0)), f)
+    let f = state.R.apply(force.1);
+    (state.R.apply(force.0).add_cross(state.p, f), f)
 }
 
 impl<T: Real> Composite<T> {
     /// The inertia of one body alone.
     #[inline(always)]
-    pub(super) fn of(body: &crate::mechanism::Body<T::Const>) -> Composite<T> {
-        let inertia = T::Symmetric::new(body.inertia.map(T::lift));
-        Composite { mass: T::lift(body.mass), h: lift::<T>(&body.h), inertia }
+    pub(super) fn of(body: &crate::mechanism::Body<T>) -> Composite<T> {
+        let inertia = T::Symmetric::new(body.inertia);
+        Composite { mass: body.mass, h: T::Triple::of(&body.h), inertia }
     }
 
     /// Adds another inertia about the same origin.
@@ -137,26 +139,28 @@ impl<T: Real> Composite<T> {
                 let axis = |i: usize| if k % 3 == i { T::ONE } else { T::ZERO };
                 let e = T::Triple::new(axis(0), axis(1), axis(2));
                 if k < 3 {
-                    (inertia.column(k), cross_add::<T>(&e, h, &zero::<T>()))
+                    (inertia.column(k), T::Triple::zero().add_cross(e, *h))
                 } else {
-                    (cross_add::<T>(h, &e, &zero::<T>()), e.times(T::Triple::splat(*mass)))
+                    (T::Triple::zero().add_cross(*h, e), e.times(T::Triple::splat(*mass)))
                 }
             }
         }
     }
 
-    /// The same inertia about the parent's origin in the parent's axes:
+    /// The inertia about the parent's origin in the parent's axes:
     /// I' = R I Rᵀ + 2 (b·p) 1 − b pᵀ − p bᵀ with b = R h + m p / 2.
     #[inline(always)]
     pub(super) fn transformed(&self, state: &BodyState<T>) -> Composite<T> {
-        let (R, p) = (&state.R, &state.p);
-        let h = mul::<T>(R, &self.h);
-        let (mass, half) = (T::Triple::splat(self.mass), self.mass * T::from_f64(0.5));
-        let b = T::Triple::splat(half).fused(*p, h);
+        let R = &state.R;
+        let p = &state.p;
+        let h = R.apply(self.h);
+        let mass = T::Triple::splat(self.mass);
+        let half = self.mass * T::from_f64(0.5);
+        let b = T::Triple::splat(half).mul_add(*p, h);
         Composite {
             mass: self.mass,
-            h: mass.fused(*p, h),
-            inertia: self.inertia.turned(R).shifted(&b, p),
+            h: mass.mul_add(*p, h),
+            inertia: self.inertia.rotate(R).parallel_axis(&b, p),
         }
     }
 }

@@ -12,15 +12,12 @@ use crate::workspace::{BodyState, Composite, Force, Workspace};
 
 /// The rows of M_y of the scope's clusters, and those of all that they carry, into the workspace,
 /// packed by `model.sparsity`; zero elsewhere. Needs the joint poses and G.
-pub(crate) fn reduced_mass_matrix<T: Real>(
-    model: &Model<T::Const>,
-    scope: &Scope,
-    ws: &mut Workspace<T>,
-) {
-    let Workspace { motion, G, composite, columns, inside, block, M_y, alone, .. } = ws;
+pub(crate) fn reduced_mass_matrix<T: Real>(model: &Model<T>, scope: &Scope, ws: &mut Workspace<T>) {
+    let Workspace { motion, G, composite, columns, inside, block, M_y, uncoupled_diagonal, .. } =
+        ws;
     M_y[..model.sparsity.len].fill(T::ZERO);
 
-    // composite inertias, towards the root
+    // I_i ← I_i + Σ_children X I_j Xᵀ, towards the root
     composite_inertias(model, scope, motion, composite);
 
     let rotors = model.terms.rotors.as_slice();
@@ -28,35 +25,35 @@ pub(crate) fn reduced_mass_matrix<T: Real>(
     for run in scope.clusters.runs().rev() {
         for cluster in model.clusters[run].iter().rev() {
             let m = cluster.n_vy;
-            pass.own_block(cluster, block, &mut alone[cluster.independents()]);
+            pass.own_block(cluster, block, &mut uncoupled_diagonal[cluster.independents()]);
             for k in 0..m {
                 let last = model.sparsity.diagonal_at(cluster.vy + k);
                 M_y[last - k..=last].copy_from_slice(&block[k * m..=k * m + k]);
             }
-            // blocks with the clusters that carry it
+            // M_y of the cluster and its ancestors: G_aᵀ S_aᵀ X F
             pass.meet_ancestors(cluster, M_y);
         }
     }
 }
 
 /// Solves M_y ÿ = b by the M_y of the workspace; `ws.ydd` holds b and becomes ÿ. The scope has
-/// whatever stands on the world together with what it needs. The mask tells where every pivot was
-/// positive.
+/// the needed clusters and all others between them and the world. True if every pivot is positive.
 pub(crate) fn projected_solve<T: Real>(
-    model: &Model<T::Const>,
+    model: &Model<T>,
     scope: &Scope,
     ws: &mut Workspace<T>,
-) -> T::Mask {
+) -> bool {
     ws.factor.copy_from_slice(&ws.M_y);
-    // what is not needed stands by itself
+    // unneeded rows become identity rows
     if scope.clusters.count() < model.clusters.len() {
-        let mut needed = scope.independents.places().peekable();
+        let mut needed = scope.independents.indices().peekable();
         for (k, at) in model.sparsity.diagonal().enumerate() {
             if needed.next_if(|next| *next == k).is_none() {
                 (ws.factor[at], ws.ydd[k]) = (T::ONE, T::ZERO);
             }
         }
     }
+    // M_y = Lᵀ D L,  ÿ = L⁻¹ D⁻¹ L⁻ᵀ b
     let positive = factorise_tree(&model.sparsity, &mut ws.factor);
     solve_tree(&model.sparsity, &ws.factor, &mut ws.ydd);
     positive
@@ -65,11 +62,11 @@ pub(crate) fn projected_solve<T: Real>(
 /// The diagonal of M_y, in internal order, at a cost linear in the number of bodies. Needs the
 /// joint poses and G. Allocates.
 pub(crate) fn own_inertias<T: Real>(
-    model: &Model<T::Const>,
+    model: &Model<T>,
     scope: &Scope,
     ws: &mut Workspace<T>,
 ) -> Vec<T> {
-    let Workspace { motion, G, composite, columns, inside, alone, .. } = ws;
+    let Workspace { motion, G, composite, columns, inside, uncoupled_diagonal, .. } = ws;
     composite_inertias(model, scope, motion, composite);
     let rotors = model.terms.rotors.as_slice();
     let mut pass = Pass { model, motion, G, composite, columns, inside, rotors };
@@ -78,26 +75,26 @@ pub(crate) fn own_inertias<T: Real>(
     for cluster in model.clusters.iter().rev() {
         let m = cluster.n_vy;
         block.resize(m * m, T::ZERO);
-        pass.own_block(cluster, &mut block, &mut alone[cluster.independents()]);
+        pass.own_block(cluster, &mut block, &mut uncoupled_diagonal[cluster.independents()]);
         (0..m).for_each(|k| diagonal[cluster.vy + k] = block[k * m + k]);
     }
     diagonal
 }
 
-/// What each driven body supports, as if rigid.
+/// Composite inertia of each affected body: its own and those of all bodies that it carries.
 #[inline]
 pub(super) fn composite_inertias<T: Real>(
-    model: &Model<T::Const>,
+    model: &Model<T>,
     scope: &Scope,
     motion: &[BodyState<T>],
     composite: &mut [Composite<T>],
 ) {
-    for run in scope.carriers.runs().chain(scope.driven.runs()) {
+    for run in scope.ancestors.runs().chain(scope.affected.runs()) {
         for (of_body, body) in composite[run.clone()].iter_mut().zip(&model.bodies[run]) {
             *of_body = Composite::of(body);
         }
     }
-    for run in scope.driven.runs().rev() {
+    for run in scope.affected.runs().rev() {
         let mut composite = &mut composite[..run.end];
         for (body, state) in model.bodies[run.clone()].iter().zip(&motion[run]).rev() {
             let Some((of_body, before)) = composite.split_last_mut() else { return };
@@ -111,7 +108,7 @@ pub(super) fn composite_inertias<T: Real>(
 
 /// One pass over the clusters from the leaves to the root, with the numbers of the workspace.
 struct Pass<'a, T: Real> {
-    model: &'a Model<T::Const>,
+    model: &'a Model<T>,
     motion: &'a [BodyState<T>],
     G: &'a [T],
     composite: &'a [Composite<T>],
@@ -119,26 +116,35 @@ struct Pass<'a, T: Real> {
     columns: &'a mut [Force<T>],
     inside: &'a mut [Force<T>],
     /// Rotors of the clusters that are still to come.
-    rotors: &'a [Rotor<T::Const>],
+    rotors: &'a [Rotor<T>],
 }
 
 impl<T: Real> Pass<'_, T> {
     /// Block of a cluster with itself; its columns leave at the parent body.
     #[inline]
-    fn own_block(&mut self, cluster: &Cluster<T::Const>, block: &mut [T], alone: &mut [T]) {
-        let (m, G) = (cluster.n_vy, cluster.G(self.G));
+    fn own_block(&mut self, cluster: &Cluster<T>, block: &mut [T], uncoupled_diagonal: &mut [T]) {
+        let m = cluster.n_vy;
+        let G = cluster.G(self.G);
         if cluster.n == 1 && m == cluster.n_v {
-            alone.fill(T::ZERO);
+            uncoupled_diagonal.fill(T::ZERO);
             self.single_body(cluster, block);
         } else {
             let composite = &self.composite[cluster.body..];
             let joint = ClusterJoint { model: self.model, cluster, G, motion: self.motion };
             let column = |i: usize, motion, k| composite[i].column(motion, k);
             match m {
-                1 => joint.columns::<1>(column, self.inside, self.columns, block, alone),
-                2 => joint.columns::<2>(column, self.inside, self.columns, block, alone),
-                3 => joint.columns::<3>(column, self.inside, self.columns, block, alone),
-                _ => joint.columns::<0>(column, self.inside, self.columns, block, alone),
+                1 => {
+                    joint.columns::<1>(column, self.inside, self.columns, block, uncoupled_diagonal)
+                }
+                2 => {
+                    joint.columns::<2>(column, self.inside, self.columns, block, uncoupled_diagonal)
+                }
+                3 => {
+                    joint.columns::<3>(column, self.inside, self.columns, block, uncoupled_diagonal)
+                }
+                _ => {
+                    joint.columns::<0>(column, self.inside, self.columns, block, uncoupled_diagonal)
+                }
             }
         }
         add_rotors::<T>(&mut self.rotors, (cluster.v, cluster.n_v), G, block, m);
@@ -146,8 +152,9 @@ impl<T: Real> Pass<'_, T> {
 
     /// One joint of one, three or six degrees of freedom: G is the identity.
     #[inline]
-    fn single_body(&mut self, cluster: &Cluster<T::Const>, block: &mut [T]) {
-        let (joint, m) = (self.model.bodies[cluster.body].motion, cluster.n_v);
+    fn single_body(&mut self, cluster: &Cluster<T>, block: &mut [T]) {
+        let joint = self.model.bodies[cluster.body].motion;
+        let m = cluster.n_v;
         for k in 0..m {
             let force = self.composite[cluster.body].column(joint, k);
             for j in 0..=k {
@@ -163,14 +170,17 @@ impl<T: Real> Pass<'_, T> {
 
     /// Meets the columns of a cluster with the joints towards the root.
     #[inline]
-    fn meet_ancestors(&mut self, cluster: &Cluster<T::Const>, M_y: &mut [T]) {
-        let (model, motion, sparsity) = (self.model, self.motion, &self.model.sparsity);
+    fn meet_ancestors(&mut self, cluster: &Cluster<T>, M_y: &mut [T]) {
+        let model = self.model;
+        let motion = self.motion;
+        let sparsity = &self.model.sparsity;
         let blocks = self.G;
         let columns = &mut self.columns[..cluster.n_vy];
         let mut at = cluster.parent;
         while at != 0 {
             let ancestor = &model.clusters[model.cluster_of[at]];
-            let (m, G) = (ancestor.n_vy, ancestor.G(blocks));
+            let m = ancestor.n_vy;
+            let G = ancestor.G(blocks);
             let first = sparsity.depth.get(ancestor.vy).copied().unwrap_or(0);
             while at != ancestor.parent {
                 let body = &model.bodies[at];

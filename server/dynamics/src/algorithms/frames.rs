@@ -6,21 +6,18 @@ use crate::algorithms::rnea::accelerate;
 use crate::mechanism::{Frame, Motion};
 use crate::model::Model;
 use crate::scalar::{Real, Triple};
-use crate::spatial::triples::{self, vector};
-use crate::spatial::{
-    Pose, column, cross, cross_add, lift, lift_mat, mul, mul_mat, t_mul, to_quaternion, zero,
-};
+use crate::spatial::{Matrix, Pose, to_quaternion, zero};
 use crate::workspace::BodyState;
 
 /// Pose of the given bodies in the root frame; parents come before their children.
 pub(crate) fn world_poses<T: Real>(
-    model: &Model<T::Const>,
+    model: &Model<T>,
     bodies: &[usize],
     motion: &[BodyState<T>],
     world: &mut [Pose<T>],
 ) {
     for &i in bodies {
-        let in_parent = triples::pose(&motion[i].R, &motion[i].p);
+        let in_parent = Pose::of(&motion[i].R, &motion[i].p);
         let parent = model.bodies[i].parent;
         world[i] = if parent == 0 { in_parent } else { world[parent].then(&in_parent) };
     }
@@ -28,18 +25,19 @@ pub(crate) fn world_poses<T: Real>(
 
 /// ω and v of the given bodies, in their own axes.
 pub(crate) fn velocities<T: Real>(
-    model: &Model<T::Const>,
+    model: &Model<T>,
     bodies: &[usize],
     qd: &[T],
     motion: &mut [BodyState<T>],
 ) {
-    (motion[0].w, motion[0].v) = (triples::zero::<T>(), triples::zero::<T>());
+    (motion[0].w, motion[0].v) = (T::Triple::zero(), T::Triple::zero());
     for &i in bodies {
         let body = &model.bodies[i];
-        let (p, state) = (motion[body.parent], &mut motion[i]);
+        let p = motion[body.parent];
+        let state = &mut motion[i];
         let rows = T::Triple::transposed(&state.R);
-        state.w = triples::mul::<T>(&rows, &p.w);
-        state.v = triples::mul::<T>(&rows, &triples::cross_add::<T>(&p.w, &state.p, &p.v));
+        state.w = rows.apply(p.w);
+        state.v = rows.apply(p.v.add_cross(p.w, state.p));
         match body.motion {
             Motion::Revolute => state.w[2] += qd[body.v],
             Motion::Prismatic => state.v[2] += qd[body.v],
@@ -57,13 +55,13 @@ pub(crate) fn velocities<T: Real>(
 
 /// ω, α and the classical acceleration of the given bodies, in their own axes, without gravity.
 pub(crate) fn rates<T: Real>(
-    model: &Model<T::Const>,
+    model: &Model<T>,
     bodies: &[usize],
     qd: &[T],
     qdd: &[T],
     motion: &mut [BodyState<T>],
 ) {
-    let none = triples::zero::<T>();
+    let none = T::Triple::zero();
     (motion[0].w, motion[0].alpha, motion[0].a) = (none, none, none);
     for &i in bodies {
         let body = &model.bodies[i];
@@ -74,7 +72,7 @@ pub(crate) fn rates<T: Real>(
 }
 
 /// Position and quaternion x, y, z, w of a frame.
-pub(crate) fn frame_pose<T: Real>(frame: &Frame<T::Const>, world: &[Pose<T>]) -> [T; 7] {
+pub(crate) fn frame_pose<T: Real>(frame: &Frame<T>, world: &[Pose<T>]) -> [T; 7] {
     let pose = in_root(frame, world);
     let [x, y, z, w] = to_quaternion(&pose.R);
     [pose.p[0], pose.p[1], pose.p[2], x, y, z, w]
@@ -82,48 +80,53 @@ pub(crate) fn frame_pose<T: Real>(frame: &Frame<T::Const>, world: &[Pose<T>]) ->
 
 /// [ω; v] of a frame after [`velocities`].
 pub(crate) fn frame_twist<T: Real>(
-    frame: &Frame<T::Const>,
+    frame: &Frame<T>,
     world: &[Pose<T>],
     motion: &[BodyState<T>],
 ) -> [T; 6] {
-    let (state, R) = (&motion[frame.body], &world[frame.body].R);
-    let (w, v) = (vector::<T>(&state.w), vector::<T>(&state.v));
-    let v = cross_add(&w, &lift(&frame.x_body_frame.p), &v);
-    pack(&mul(R, &w), &mul(R, &v))
+    let state = &motion[frame.body];
+    let R = &world[frame.body].R;
+    let w = state.w.vector();
+    let v = state.v.vector();
+    let v = v.add_cross(w, frame.x_body_frame.p);
+    pack(&R.apply(w), &R.apply(v))
 }
 
 /// [α; a] of a frame after [`rates`].
 pub(crate) fn frame_acceleration<T: Real>(
-    frame: &Frame<T::Const>,
+    frame: &Frame<T>,
     world: &[Pose<T>],
     motion: &[BodyState<T>],
 ) -> [T; 6] {
-    let (state, R) = (&motion[frame.body], &world[frame.body].R);
-    let arm = lift(&frame.x_body_frame.p);
-    let (w, alpha) = (vector::<T>(&state.w), vector::<T>(&state.alpha));
-    let a = cross_add(&alpha, &arm, &vector::<T>(&state.a));
-    let a = cross_add(&w, &cross(&w, &arm), &a);
-    pack(&mul(R, &alpha), &mul(R, &a))
+    let state = &motion[frame.body];
+    let R = &world[frame.body].R;
+    let arm = frame.x_body_frame.p;
+    let w = state.w.vector();
+    let alpha = state.alpha.vector();
+    let a = state.a.vector().add_cross(alpha, arm);
+    let a = a.add_cross(w, w.cross(arm));
+    pack(&R.apply(alpha), &R.apply(a))
 }
 
 /// Columns of a frame's Jacobian over the tree velocities: calls `each(internal velocity, column)`
 /// for the joints that carry it.
 pub(crate) fn frame_jacobian<T: Real>(
-    model: &Model<T::Const>,
-    frame: &Frame<T::Const>,
+    model: &Model<T>,
+    frame: &Frame<T>,
     world: &[Pose<T>],
     mut each: impl FnMut(usize, [T; 6]),
 ) {
     let point = in_root(frame, world).p;
     let mut i = frame.body;
     while i != 0 {
-        let (body, pose) = (&model.bodies[i], &world[i]);
+        let body = &model.bodies[i];
+        let pose = &world[i];
         let arm = point - pose.p;
         let turn = |k: usize| {
-            let axis = column(&pose.R, k);
-            pack(&axis, &cross(&axis, &arm))
+            let axis = pose.R.col(k);
+            pack(&axis, &axis.cross(arm))
         };
-        let slide = |k: usize| pack(&zero(), &column(&pose.R, k));
+        let slide = |k: usize| pack(&zero(), &pose.R.col(k));
         match body.motion {
             Motion::Revolute => each(body.v, turn(2)),
             Motion::Prismatic => each(body.v, slide(2)),
@@ -142,20 +145,20 @@ pub(crate) fn frame_jacobian<T: Real>(
 /// A wrench `[n; f]` in world axes at a frame's origin, as (n, f) in the axes of the frame's body
 /// at its origin.
 pub(crate) fn frame_wrench<T: Real>(
-    frame: &Frame<T::Const>,
+    frame: &Frame<T>,
     world: &[Pose<T>],
     wrench: &[T],
 ) -> (Vector3<T>, Vector3<T>) {
     let R = &world[frame.body].R;
-    let n = t_mul(R, &Vector3::new(wrench[0], wrench[1], wrench[2]));
-    let f = t_mul(R, &Vector3::new(wrench[3], wrench[4], wrench[5]));
-    (cross_add(&lift(&frame.x_body_frame.p), &f, &n), f)
+    let n = R.apply_transposed(Vector3::new(wrench[0], wrench[1], wrench[2]));
+    let f = R.apply_transposed(Vector3::new(wrench[3], wrench[4], wrench[5]));
+    (n.add_cross(frame.x_body_frame.p, f), f)
 }
 
-fn in_root<T: Real>(frame: &Frame<T::Const>, world: &[Pose<T>]) -> Pose<T> {
-    let x = Pose { R: lift_mat(&frame.x_body_frame.R), p: lift(&frame.x_body_frame.p) };
+fn in_root<T: Real>(frame: &Frame<T>, world: &[Pose<T>]) -> Pose<T> {
+    let x = Pose { R: frame.x_body_frame.R, p: frame.x_body_frame.p };
     let body = &world[frame.body];
-    Pose { R: mul_mat(&body.R, &x.R), p: body.point(&x.p) }
+    Pose { R: body.R.times(x.R), p: body.point(&x.p) }
 }
 
 fn pack<T: Real>(a: &Vector3<T>, b: &Vector3<T>) -> [T; 6] {

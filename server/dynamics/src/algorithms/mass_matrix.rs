@@ -10,7 +10,7 @@ use crate::workspace::{BodyState, Composite};
 /// M (n_v × n_v row-major, internal order, both triangles) into rows of length `stride`. Needs the
 /// joint poses.
 pub(crate) fn tree_mass_matrix<T: Real>(
-    model: &Model<T::Const>,
+    model: &Model<T>,
     scope: &Scope,
     motion: &[BodyState<T>],
     composite: &mut [Composite<T>],
@@ -42,6 +42,6 @@ pub(crate) fn tree_mass_matrix<T: Real>(
 
     // rotors turn with their joints alone
     for rotor in &model.terms.rotors {
-        M[rotor.v * stride + rotor.v] += T::lift(rotor.inertia);
+        M[rotor.v * stride + rotor.v] += rotor.inertia;
     }
 }

@@ -8,7 +8,7 @@ use crate::scalar::Real;
 /// τ += N² I q̈ + d q̇ + k (q − rest).
 #[inline]
 pub(super) fn joint_forces<T: Real>(
-    model: &Model<T::Const>,
+    model: &Model<T>,
     scope: &Scope,
     q: &[T],
     qd: &[T],
@@ -17,24 +17,18 @@ pub(super) fn joint_forces<T: Real>(
 ) {
     spring_forces(model, scope, q, tau);
     for damper in scope.dampers.runs().flat_map(|run| &model.terms.dampers[run]) {
-        tau[damper.v] = T::lift(damper.damping).mul_add(qd[damper.v], tau[damper.v]);
+        tau[damper.v] = damper.damping.mul_add(qd[damper.v], tau[damper.v]);
     }
     for rotor in scope.rotors.runs().flat_map(|run| &model.terms.rotors[run]) {
-        tau[rotor.v] = T::lift(rotor.inertia).mul_add(qdd[rotor.v], tau[rotor.v]);
+        tau[rotor.v] = rotor.inertia.mul_add(qdd[rotor.v], tau[rotor.v]);
     }
 }
 
 /// τ += k (q − rest).
 #[inline]
-pub(super) fn spring_forces<T: Real>(
-    model: &Model<T::Const>,
-    scope: &Scope,
-    q: &[T],
-    tau: &mut [T],
-) {
+pub(super) fn spring_forces<T: Real>(model: &Model<T>, scope: &Scope, q: &[T], tau: &mut [T]) {
     for spring in scope.springs.runs().flat_map(|run| &model.terms.springs[run]) {
-        tau[spring.v] =
-            T::lift(spring.stiffness).mul_add(q[spring.q] - T::lift(spring.rest), tau[spring.v]);
+        tau[spring.v] = spring.stiffness.mul_add(q[spring.q] - spring.rest, tau[spring.v]);
     }
 }
 
@@ -42,7 +36,7 @@ pub(super) fn spring_forces<T: Real>(
 /// last ones of `rotors`, which are taken off with those behind the cluster.
 #[inline(always)]
 pub(super) fn add_rotors<T: Real>(
-    rotors: &mut &[Rotor<T::Const>],
+    rotors: &mut &[Rotor<T>],
     (v, n_v): (usize, usize),
     G: GBlock<'_, T>,
     D: &mut [T],
@@ -55,7 +49,7 @@ pub(super) fn add_rotors<T: Real>(
 
 #[inline(never)]
 fn add_last_rotors<T: Real>(
-    rotors: &mut &[Rotor<T::Const>],
+    rotors: &mut &[Rotor<T>],
     (v, n_v): (usize, usize),
     G: GBlock<'_, T>,
     D: &mut [T],
@@ -71,7 +65,7 @@ fn add_last_rotors<T: Real>(
         }
         let g = G.row(rotor.v - v);
         for k in 0..m {
-            let x = T::lift(rotor.inertia) * g[k];
+            let x = rotor.inertia * g[k];
             for l in 0..=k {
                 D[k * m + l] = x.mul_add(g[l], D[k * m + l]);
             }

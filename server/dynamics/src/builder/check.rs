@@ -1,4 +1,4 @@
-//! What no reader of files has checked: names and numbers of a description made in code.
+//! Checks names and numbers of a description made in code, which no reader of files has checked.
 
 use std::collections::HashSet;
 
@@ -15,7 +15,8 @@ pub(super) fn check(description: &Description) -> Vec<Diagnostic> {
     faults.names(links.clone().map(|(k, link)| (Site::Link(k), "link", &link.name)));
     for (k, link) in links {
         let Some(inertial) = &link.inertial else { continue };
-        let (site, what) = (Site::Link(k), format!("the inertia of link {}", link.name));
+        let site = Site::Link(k);
+        let what = format!("the inertia of link {}", link.name);
         faults.finite(site, &what, placed(&inertial.origin).chain(inertial.inertia));
         if !(inertial.mass >= 0.0 && inertial.mass.is_finite()) {
             let found = format!("link {} with a mass of {} kg", link.name, inertial.mass);
@@ -50,8 +51,7 @@ struct Faults(Vec<Diagnostic>);
 
 impl Faults {
     fn add(&mut self, site: Site, found: String, expected: &str, help: &str) {
-        let (expected, help) = (expected.into(), help.into());
-        self.0.push(Diagnostic { site, found, expected, help });
+        self.0.push(Diagnostic::new(site, found, expected, help));
     }
 
     fn names<'a>(&mut self, names: impl Iterator<Item = (Site, &'static str, &'a String)>) {

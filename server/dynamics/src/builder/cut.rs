@@ -7,7 +7,7 @@ use crate::diagnostic::{Diagnostic, Site};
 use crate::initial_pose::placement;
 use crate::spatial::Pose;
 
-/// A cut as far as it was said.
+/// A cut under construction.
 #[derive(Clone, Debug)]
 pub(super) struct PendingCut {
     name: String,
@@ -22,19 +22,18 @@ impl PendingCut {
     pub(super) fn finished(&self, site: Site, errors: &mut Vec<Diagnostic>) -> Loop {
         let PendingCut { name, predecessor, successor, place, rows } = self.clone();
         if place.is_none() {
-            errors.push(Diagnostic {
+            errors.push(Diagnostic::new(
                 site,
-                found: format!("cut {name} without a place"),
-                expected: "the point where both links meet".into(),
-                help: "give it by `at`, or give a frame".into(),
-            });
+                format!("cut {name} without a place"),
+                "the point where both links meet",
+                "give it by `at`, or give a frame",
+            ));
         }
         Loop { name, predecessor, successor, cut: place.unwrap_or(Cut::AtLink(0)), rows }
     }
 }
 
-/// A cut that stands already in the submechanism, and what can still be said about it: its place
-/// and its rows, which both are needed.
+/// A cut of the submechanism, to set its place and its rows; it needs both.
 #[derive(Debug)]
 pub struct CutBuilder<'a> {
     robot: &'a mut DescriptionBuilder,
@@ -56,8 +55,8 @@ pub struct CutBuilder<'a> {
 /// x, y, z are the axes of the cut frame. b is the one of them that is least along the axis (the
 /// first of several), made perpendicular to it; c = axis × b. The letter r stands for a turn, axis
 /// · log(R_Pᵀ R_S), which is exact wherever the cut leaves the turns about one line or none. A
-/// universal joint leaves two, and its turn about axis × axis2 is none of them only at zero; what
-/// it keeps is u, axis · (R_Pᵀ R_S axis2) = 0.
+/// universal joint leaves two, and its turn about axis × axis2 is none of them only at zero; its
+/// row is u, axis · (R_Pᵀ R_S axis2) = 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum CutJoint {
@@ -89,7 +88,7 @@ pub enum CutJoint {
     Universal {
         /// On the predecessor.
         axis: [f64; 3],
-        /// On the successor; what of it is along `axis` does not count.
+        /// On the successor; its part along `axis` does not count.
         axis2: [f64; 3],
     },
 }
@@ -124,7 +123,7 @@ impl CutJoint {
         let angular = angular
             .iter()
             .map(|(name, [x, y, z])| (format!("r{name}"), [*x, *y, *z, 0.0, 0.0, 0.0], None));
-        // what is perpendicular up to the rounding of a file is so
+        // removes the rounding of a file
         let [x, y, z] = unit(axis);
         let along = dot([x, y, z], axis2);
         let against = unit([axis2[0] - along * x, axis2[1] - along * y, axis2[2] - along * z]);
@@ -147,7 +146,8 @@ impl<'a> CutBuilder<'a> {
     ) -> CutBuilder<'a> {
         let [predecessor, successor] =
             [predecessor, successor].map(|link| robot.known(link, Site::Robot).index());
-        let (place, rows) = (None, Vec::new());
+        let place = None;
+        let rows = Vec::new();
         robot.group().cuts.push(PendingCut { name, predecessor, successor, place, rows });
         CutBuilder { robot }
     }
@@ -155,7 +155,8 @@ impl<'a> CutBuilder<'a> {
     /// Both cut frames are at this point at zero, along the root's axes `[m]` (3) {root}.
     pub fn at(mut self, point: [f64; 3]) -> CutBuilder<'a> {
         let x_root_cut = Pose { p: vector(point), ..Pose::identity() };
-        let (predecessor, successor) = (self.mine().predecessor, self.mine().successor);
+        let predecessor = self.mine().predecessor;
+        let successor = self.mine().successor;
         let on = |link: usize| placement(&self.robot.x_root_link[link].inverse().then(&x_root_cut));
         let place = Cut::Placed { predecessor: on(predecessor), successor: on(successor) };
         self.mine().place = Some(place);

@@ -5,10 +5,10 @@ use nalgebra::Vector3;
 use super::{DescriptionBuilder, LinkId};
 use crate::compile::pose_of;
 use crate::description::{Inertial, Joint, JointKind, Limits, Link, Placement, Terms};
-use crate::scalar::{Dd, Real, Scalar};
-use crate::spatial::{Pose, t_mul};
+use crate::scalar::{Dd, Real};
+use crate::spatial::{Matrix, Pose};
 
-/// A joint that stands already in the robot, and what can still be said about it.
+/// A joint of the robot, to set its place, limits, inertia and terms.
 #[derive(Debug)]
 pub struct JointBuilder<'a> {
     robot: &'a mut DescriptionBuilder,
@@ -20,7 +20,8 @@ pub struct JointBuilder<'a> {
 impl DescriptionBuilder {
     /// Joint and link where the parent's frame is.
     pub(super) fn push(&mut self, name: String, kind: JointKind, parent: usize) -> usize {
-        let (joint, child) = (self.description.joints.len(), self.description.links.len());
+        let joint = self.description.joints.len();
+        let child = self.description.links.len();
         let inertial = self.default_inertial.filter(|_| kind != JointKind::Fixed);
         self.description.links.push(Link { name: format!("{name}_link"), inertial });
         self.description.joints.push(Joint {
@@ -52,8 +53,9 @@ impl<'a> JointBuilder<'a> {
 
     /// Where the joint frame is at zero `[m]` (3) {root}.
     pub fn at(mut self, point: [f64; 3]) -> JointBuilder<'a> {
-        let (R, p) = (&self.x_root_parent.R, &self.x_root_parent.p);
-        let local = t_mul(R, &(vector(point) - p));
+        let R = &self.x_root_parent.R;
+        let p = &self.x_root_parent.p;
+        let local = R.apply_transposed(vector(point) - p);
         self.mine().origin.xyz = numbers(&local);
         self.placed();
         // PRECISION: the point itself, not the sum of rounded differences
@@ -137,7 +139,7 @@ impl<'a> JointBuilder<'a> {
         self
     }
 
-    /// A link without mass, whatever the default is.
+    /// A link without mass, even if there is a default.
     pub fn massless(self) -> JointBuilder<'a> {
         self.robot.description.links[self.joint + 1].inertial = None;
         self

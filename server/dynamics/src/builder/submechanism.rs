@@ -1,4 +1,4 @@
-//! One submechanism under construction, and what it has where nothing is said.
+//! One submechanism under construction, and its defaults.
 
 use super::cut::PendingCut;
 use crate::description::{Joint, JointKind, Submechanism, SubmechanismKind};
@@ -43,12 +43,12 @@ impl Group {
         let looped = !self.cuts.is_empty()
             || !matches!(kind, Serial | Transmission | Differential | Numerical);
         if self.independent.is_none() && looped {
-            errors.push(Diagnostic {
-                site: Site::Submechanism(s),
-                found: format!("the loops of {} without independent joints", self.name),
-                expected: "as many as the loops leave freedoms".into(),
-                help: "name them by `independent`".into(),
-            });
+            errors.push(Diagnostic::new(
+                Site::Submechanism(s),
+                format!("the loops of {} without independent joints", self.name),
+                "as many as the loops leave freedoms",
+                "name them by `independent`",
+            ));
         }
         let cuts = self.cuts.iter().enumerate();
         let loops = cuts.map(|(l, cut)| cut.finished(Site::Loop(s, l), errors)).collect();

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::description::{Cut, Limits, Placement};
-use crate::scalar::{Real, Scalar};
+use crate::scalar::Real;
 use crate::{Field, FieldSet, Plan, Query, Request, Status, Workspace};
 
 const Y: [f64; 3] = [0.0, 1.0, 0.0];
@@ -154,7 +154,8 @@ fn shapes_have_the_inertias_of_the_tables() {
     let drum = Inertial::cylinder(12.0, [0.0; 3], [0.0, 2.0, 0.0], 1.0);
     assert_eq!(drum.inertia, [7.0, 0.0, 0.0, 6.0, 0.0, 7.0]);
     // a slanted rod is the sum of its pieces
-    let (slanted, n) = (Inertial::rod(1.0, [1.0, 2.0, 3.0], [2.0, 0.0, 3.5]), 2000);
+    let slanted = Inertial::rod(1.0, [1.0, 2.0, 3.0], [2.0, 0.0, 3.5]);
+    let n = 2000;
     let mut sum = [0.0; 6];
     for k in 0..n {
         let s = (f64::from(k) + 0.5) / f64::from(n) - 0.5;

@@ -8,33 +8,39 @@
 
 use crate::closure::{Level, Local, Numerical};
 use crate::mechanism::{Body, Cluster, Motion};
-use crate::scalar::Real;
+use crate::scalar::{Real, constants};
 
 /// q = M y + b.
 #[derive(Clone, Debug)]
-pub(crate) struct Coupling<C> {
+pub(crate) struct Coupling<T> {
     /// M (n × n_vy, row-major), identity rows at the independents.
-    pub(crate) M: Vec<C>,
+    pub(crate) M: Vec<T>,
     /// b (n).
-    pub(crate) b: Vec<C>,
+    pub(crate) b: Vec<T>,
     /// Newton's method on the true rows, of loops that are only nearly parallelograms.
-    pub(crate) polish: Option<Numerical<C>>,
+    pub(crate) polish: Option<Numerical<T>>,
 }
 
-impl<C: nalgebra::Scalar + Copy> Coupling<C> {
+constants! { Coupling:
+    list M b;
+    each polish;
+}
+
+impl<T: Real> Coupling<T> {
     /// Position, velocity and acceleration level; g = 0.
-    pub(crate) fn close<T: Real<Const = C>>(
+    pub(crate) fn close(
         &self,
-        cluster: &Cluster<C>,
-        bodies: &[Body<C>],
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
         local: &mut Local<'_, T>,
         level: Level,
     ) {
         let m = cluster.n_vy;
         for j in cluster.dependent.iter().copied() {
-            let (mut q, mut qd) = (T::lift(self.b[j]), T::ZERO);
+            let mut q = self.b[j];
+            let mut qd = T::ZERO;
             for (k, &i) in cluster.independent.iter().enumerate() {
-                let c = T::lift(self.M[j * m + k]);
+                let c = self.M[j * m + k];
                 q = c.mul_add(local.q[i], q);
                 qd = c.mul_add(local.qd[i], qd);
             }
@@ -51,18 +57,9 @@ impl<C: nalgebra::Scalar + Copy> Coupling<C> {
         }
         if level >= Level::Jacobian {
             for (G, c) in local.G.iter_mut().zip(&self.M) {
-                *G = T::lift(*c);
+                *G = *c;
             }
             local.g.fill(T::ZERO);
-        }
-    }
-
-    /// The same coupling with every constant converted.
-    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Coupling<D> {
-        Coupling {
-            M: self.M.iter().map(|x| f(*x)).collect(),
-            b: self.b.iter().map(|x| f(*x)).collect(),
-            polish: self.polish.as_ref().map(|numerical| numerical.map(f)),
         }
     }
 }

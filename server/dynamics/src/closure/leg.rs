@@ -16,32 +16,38 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::closure::{Local, Validity};
 use crate::mechanism::Dof;
-use crate::scalar::Real;
-use crate::spatial::{cross, cross_add, dot, lift, lift_mat, scale_add, t_mul};
+use crate::scalar::{Real, Triple, constants};
+use crate::spatial::Matrix;
 
 /// Geometry of a strut.
 #[derive(Clone, Debug)]
-pub(crate) struct Strut<C> {
+pub(crate) struct Strut<T> {
     /// First and second revolute joint, slider.
     pub(crate) joints: [Dof; 3],
     /// The strut's frame {cluster's parent body}: X, Y along the axes at zero, origin on the first
     /// where the second is nearest.
-    pub(crate) axes: Matrix3<C>,
-    pub(crate) center: Vector3<C>,
+    pub(crate) axes: Matrix3<T>,
+    pub(crate) center: Vector3<T>,
     /// Whether the axes pass at a distance, and that distance along Z.
     pub(crate) apart: bool,
-    pub(crate) distance: C,
+    pub(crate) distance: T,
     /// Slider direction and eccentricity at zero {strut}.
-    pub(crate) a: Vector3<C>,
-    pub(crate) e: Vector3<C>,
+    pub(crate) a: Vector3<T>,
+    pub(crate) e: Vector3<T>,
     /// |e|²; at zero |v|² where the axes cross, v_x² + z² where they do not; the signed slider
     /// length at zero.
-    pub(crate) e_square: C,
-    pub(crate) square0: C,
-    pub(crate) length0: C,
+    pub(crate) e_square: T,
+    pub(crate) square0: T,
+    pub(crate) length0: T,
     /// ±1, signs of the slider's length and of the root for the second turn.
-    pub(crate) side: C,
-    pub(crate) root: C,
+    pub(crate) side: T,
+    pub(crate) root: T,
+}
+
+constants! { Strut:
+    keep joints apart;
+    number distance e_square square0 length0 side root;
+    map axes center a e;
 }
 
 /// The Jacobian of a strut and its inverse at a pose {strut}.
@@ -58,29 +64,32 @@ pub(super) struct Reach<T> {
     inverse_det: T,
 }
 
-impl<C: nalgebra::Scalar + Copy> Strut<C> {
+impl<T: Real> Strut<T> {
     /// Position level: the slider's coordinate and the cosines and sines of the turns for a point
     /// {cluster's parent body}, and the Jacobian there.
     #[inline(always)]
-    pub(super) fn reach<T: Real<Const = C>>(
+    pub(super) fn reach(
         &self,
         point: &Vector3<T>,
         local: &mut Local<'_, T>,
     ) -> (Reach<T>, Validity<T>) {
         let [j1, j2, j3] = self.joints;
-        let axes: Matrix3<T> = lift_mat(&self.axes);
-        let (a, e): (Vector3<T>, Vector3<T>) = (lift(&self.a), lift(&self.e));
-        let v = t_mul(&axes, &(point - lift(&self.center)));
+        let axes: Matrix3<T> = self.axes;
+        let a = self.a;
+        let e = self.e;
+        let v = axes.apply_transposed(point - self.center);
         let rho = v[1].mul_add(v[1], v[2] * v[2]);
-        let (sign, side) = (T::lift(self.root), T::lift(self.side));
-        let (length0, square0, e_square) =
-            (T::lift(self.length0), T::lift(self.square0), T::lift(self.e_square));
+        let sign = self.root;
+        let side = self.side;
+        let length0 = self.length0;
+        let square0 = self.square0;
+        let e_square = self.e_square;
 
         // slider length, without cancellation in its change; root = r + z
         let (length, root, z, reach, root_square) = if self.apart {
             let root_square = rho - e[1] * e[1];
             let root = sign * root_square.sqrt();
-            let z = root - T::lift(self.distance);
+            let z = root - self.distance;
             let reach = v[0].mul_add(v[0], z.mul_add(z, e[1] * e[1] - e_square));
             let length = side * reach.sqrt();
             local.q[j3.q] = (v[0].mul_add(v[0], z * z) - square0) / (length + length0);
@@ -95,7 +104,7 @@ impl<C: nalgebra::Scalar + Copy> Strut<C> {
             let root = sign * root_square.sqrt();
             (length, root, root, reach, root_square)
         };
-        let w = scale_add(&a, length, &e);
+        let w = e.add_scaled(a, length);
 
         // second turn carries (w_x, w_z) onto (v_x, z), the first (w_y, root) onto (v_y, v_z)
         let inverse_n = T::ONE / w[0].mul_add(w[0], w[2] * w[2]);
@@ -111,34 +120,30 @@ impl<C: nalgebra::Scalar + Copy> Strut<C> {
 
         // columns: X × v, a₂ × (v − r Z), slider direction; the inverse by cross products
         let a2 = Vector3::new(T::ZERO, c1, s1);
-        let distance = T::lift(self.distance);
+        let distance = self.distance;
         let lever = Vector3::new(T::ZERO, -(distance * s1), distance * c1);
         let u = v - lever;
         let J1 = Vector3::new(T::ZERO, -v[2], v[1]);
-        let J2 = cross(&a2, &u);
+        let J2 = a2.cross(u);
         let ry = Vector3::new(c2.mul_add(a[0], s2 * a[2]), a[1], c2.mul_add(a[2], -(s2 * a[0])));
         let a3 =
             Vector3::new(ry[0], c1.mul_add(ry[1], -(s1 * ry[2])), s1.mul_add(ry[1], c1 * ry[2]));
-        let rows = [cross(&J2, &a3), cross(&a3, &J1), cross(&J1, &J2)];
-        let inverse_det = T::ONE / dot(&a3, &rows[2]);
+        let rows = [J2.cross(a3), a3.cross(J1), J1.cross(J2)];
+        let inverse_det = T::ONE / a3.dot(rows[2]);
         (Reach { axes, a2, lever, u, a3, rows, inverse_det }, validity)
     }
 
     /// Rates of the three joints for a velocity of the point {cluster's parent body}.
     #[inline(always)]
-    pub(super) fn rates<T: Real<Const = C>>(
-        &self,
-        reach: &Reach<T>,
-        velocity: &Vector3<T>,
-    ) -> [T; 3] {
-        let x = t_mul(&reach.axes, velocity);
-        reach.rows.each_ref().map(|row| dot(row, &x) * reach.inverse_det)
+    pub(super) fn rates(&self, reach: &Reach<T>, velocity: &Vector3<T>) -> [T; 3] {
+        let x = reach.axes.apply_transposed(*velocity);
+        reach.rows.each_ref().map(|row| (*row).dot(x) * reach.inverse_det)
     }
 
     /// Accelerations of the three joints from their rates and an acceleration of the point
     /// {cluster's parent body}.
     #[inline(always)]
-    pub(super) fn accelerations<T: Real<Const = C>>(
+    pub(super) fn accelerations(
         &self,
         reach: &Reach<T>,
         rates: [T; 3],
@@ -147,28 +152,10 @@ impl<C: nalgebra::Scalar + Copy> Strut<C> {
         let [w1, w2, slide] = rates;
         let w = Vector3::new(w1, w2 * reach.a2[1], w2 * reach.a2[2]);
         let alpha = Vector3::new(T::ZERO, -(w1 * w[2]), w1 * w[1]);
-        let inner = scale_add(&reach.a3, slide + slide, &cross(&w, &reach.u));
-        let of_strut = cross_add(&w, &inner, &cross(&alpha, &reach.u));
-        let of_strut = scale_add(&reach.lever, -(w1 * w1), &of_strut);
-        let x = t_mul(&reach.axes, acceleration) - of_strut;
-        reach.rows.each_ref().map(|row| dot(row, &x) * reach.inverse_det)
-    }
-
-    /// The same geometry with every constant converted.
-    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Strut<D> {
-        Strut {
-            joints: self.joints,
-            axes: self.axes.map(f),
-            center: self.center.map(f),
-            apart: self.apart,
-            distance: f(self.distance),
-            a: self.a.map(f),
-            e: self.e.map(f),
-            e_square: f(self.e_square),
-            square0: f(self.square0),
-            length0: f(self.length0),
-            side: f(self.side),
-            root: f(self.root),
-        }
+        let inner = w.cross(reach.u).add_scaled(reach.a3, slide + slide);
+        let of_strut = alpha.cross(reach.u).add_cross(w, inner);
+        let of_strut = of_strut.add_scaled(reach.lever, -(w1 * w1));
+        let x = reach.axes.apply_transposed(*acceleration) - of_strut;
+        reach.rows.each_ref().map(|row| (*row).dot(x) * reach.inverse_det)
     }
 }

@@ -47,7 +47,7 @@ pub(crate) struct Local<'a, T> {
 pub(crate) struct Scratch<T> {
     /// Pose of each local body in the cluster's parent body; entry 0 is that body (n + 1).
     pub(crate) pose: Vec<Pose<T>>,
-    /// The same at zero of the body's own joint, of bodies whose parent stands still within a block
+    /// Pose at zero of the body's own joint, of bodies whose parent stands still within a block
     /// (n).
     pub(crate) base: Vec<Pose<T>>,
     /// Velocity and acceleration of each local body at q̈ = 0, cluster axes: ω, v, α, a of the
@@ -85,11 +85,7 @@ pub(crate) struct Rate<T> {
 
 impl<T: Real> Scratch<T> {
     /// Poses and K of one cluster at a pose, outside any workspace. Allocates.
-    pub(crate) fn at(
-        cluster: &Cluster<T::Const>,
-        bodies: &[Body<T::Const>],
-        q: &[T],
-    ) -> Scratch<T> {
+    pub(crate) fn at(cluster: &Cluster<T>, bodies: &[Body<T>], q: &[T]) -> Scratch<T> {
         let mut scratch = Scratch::new(cluster.n_q, cluster.rows.len());
         local_poses(cluster, bodies, q, &mut vec![(T::ONE, T::ZERO); cluster.n], &mut scratch.pose);
         constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);

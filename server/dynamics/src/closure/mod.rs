@@ -35,7 +35,7 @@ pub(crate) use numerical::seeds::{Axis, LANES, MOST, Seeds};
 pub(crate) use numerical::{End, Numerical, Turn};
 pub(crate) use outcome::{Outcome, Validity};
 pub(crate) use path::{distance, interpolate, largest_distance};
-pub(crate) use planar::{Planar, Tie};
+pub(crate) use planar::{LoopJoint, Planar};
 pub(crate) use platform::{Arm, Leg, Platform};
 pub(crate) use rod::RodLeg;
 pub(crate) use rrpr::Rrpr;
@@ -44,27 +44,27 @@ use sarrus_proto::Status;
 
 use self::numerical::continuation;
 use crate::mechanism::{Body, Cluster};
-use crate::scalar::Scalar;
+use crate::scalar::Real;
 
 /// How a cluster's loops are closed.
 #[derive(Clone, Debug)]
-pub(crate) enum Closure<C> {
+pub(crate) enum Closure<T> {
     /// One free joint.
     Serial,
     /// Linear couplings, and parallelograms.
-    Coupling(Coupling<C>),
+    Coupling(Coupling<T>),
     /// Lambda.
-    Rrpr(Rrpr<C>),
+    Rrpr(Rrpr<T>),
     /// A chain of independent joints that carries a platform on legs (2SPU+1U, 6UPS, 2SPRR+1U,
     /// 2SURRPR+1U).
-    Platform(Platform<C>),
+    Platform(Platform<T>),
     /// A plane loop of four joints (four-bar, slider-crank).
-    Planar(Planar<C>),
+    Planar(Planar<T>),
     /// Newton's method on the rows.
-    Numerical(Numerical<C>),
+    Numerical(Numerical<T>),
 }
 
-impl<T: Scalar> Closure<T> {
+impl<T: Real> Closure<T> {
     /// Closes one cluster down to a level.
     ///
     /// On entry `local.q` and `local.qd` hold y and, where the level asks for q̇, ẏ at the
@@ -130,7 +130,7 @@ impl<T: Scalar> Closure<T> {
 }
 
 /// How a closed form ended; where it is singular, whether K lost rank there or only its part K_d.
-fn report<T: Scalar>(
+fn report<T: Real>(
     validity: Validity<T>,
     cluster: &Cluster<T>,
     bodies: &[Body<T>],
@@ -144,7 +144,7 @@ fn report<T: Scalar>(
 
 /// The closed form starts Newton's method on the true rows of a mechanism that is only nearly of
 /// its type.
-fn polished<T: Scalar>(
+fn polished<T: Real>(
     closed_form: Outcome,
     numerical: &Numerical<T>,
     cluster: &Cluster<T>,
@@ -163,7 +163,7 @@ fn polished<T: Scalar>(
     }
 }
 
-impl<C> Closure<C> {
+impl<T> Closure<T> {
     /// True where no state needs Newton's method.
     pub(crate) fn is_closed_form(&self) -> bool {
         match self {
@@ -177,7 +177,7 @@ impl<C> Closure<C> {
     }
 
     /// Newton's method, where the closure has need of it.
-    pub(crate) fn numerical(&mut self) -> Option<&mut Numerical<C>> {
+    pub(crate) fn numerical(&mut self) -> Option<&mut Numerical<T>> {
         match self {
             Closure::Serial => None,
             Closure::Coupling(coupling) => coupling.polish.as_mut(),
@@ -190,7 +190,7 @@ impl<C> Closure<C> {
 }
 
 impl<C: nalgebra::Scalar + Copy> Closure<C> {
-    /// The same closure with every constant converted.
+    /// The closure in another scalar.
     pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Closure<D> {
         match self {
             Closure::Serial => Closure::Serial,

@@ -2,9 +2,9 @@
 
 use sarrus_proto::Status;
 
-use crate::scalar::{Figure, Mask, Real, Scalar};
+use crate::scalar::{BranchValue, Real};
 
-/// What came of closing a cluster.
+/// The result of closing a cluster.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Outcome {
     pub(crate) status: Status,
@@ -36,23 +36,23 @@ const fn least_square_sine<T: Real>() -> f64 {
     if of_rounding > 1e-24 { of_rounding } else { 1e-24 }
 }
 
-/// Which lanes a closed form could not serve, and why.
+/// Whether a closed form has an answer.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Validity<T: Real> {
-    pub(crate) unreachable: T::Mask,
-    pub(crate) singular: T::Mask,
+    pub(crate) unreachable: bool,
+    pub(crate) singular: bool,
     /// As [`Outcome::gain`].
     pub(crate) gain: T,
 }
 
 impl<T: Real> Validity<T> {
     pub(crate) fn fine() -> Validity<T> {
-        let none = T::Mask::splat(false);
+        let none = false;
         Validity { unreachable: none, singular: none, gain: T::ONE }
     }
 
-    /// From the square of what vanishes at a singular pose, negative beyond it, and the square of
-    /// its size elsewhere.
+    /// From the square of the length that vanishes at a singular pose, negative beyond it, and the
+    /// square of its size elsewhere.
     #[inline(always)]
     pub(crate) fn of(square: T, size: T) -> Validity<T> {
         Validity {
@@ -84,14 +84,17 @@ impl<T: Real> Validity<T> {
     }
 }
 
-impl<T: Scalar> From<Validity<T>> for Outcome {
+impl<T: Real> From<Validity<T>> for Outcome {
     fn from(validity: Validity<T>) -> Outcome {
         if validity.unreachable {
             Outcome::failed(Status::Unreachable, 0)
         } else if validity.singular {
             Outcome::failed(Status::SingularClosure, 0)
         } else {
-            Outcome { gain: validity.gain.to_figure(Figure::Gain).max(1.0), ..Outcome::FINE }
+            Outcome {
+                gain: validity.gain.to_branch_value(BranchValue::Gain).max(1.0),
+                ..Outcome::FINE
+            }
         }
     }
 }

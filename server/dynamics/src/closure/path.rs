@@ -1,11 +1,11 @@
 //! The straight path between two poses of a cluster's independents.
 
 use crate::mechanism::{Cluster, Dof};
-use crate::scalar::Scalar;
+use crate::scalar::Real;
 
 /// A share of the path between two poses of a cluster's independents: straight in single
 /// coordinates, along the great circle in quaternions.
-pub(crate) fn interpolate<T: Scalar>(
+pub(crate) fn interpolate<T: Real>(
     cluster: &Cluster<T>,
     from: &[T],
     to: &[T],
@@ -35,7 +35,7 @@ pub(crate) fn interpolate<T: Scalar>(
 
 /// How far the independents of a pose are from those of another, in radians or cluster lengths: the
 /// sum over all of them.
-pub(crate) fn distance<T: Scalar>(cluster: &Cluster<T>, from: &[T], to: &[T]) -> T {
+pub(crate) fn distance<T: Real>(cluster: &Cluster<T>, from: &[T], to: &[T]) -> T {
     let mut distance = T::ZERO;
     for dof in cluster.independent.iter().map(|v| &cluster.dofs[*v]) {
         if dof.single {
@@ -48,8 +48,8 @@ pub(crate) fn distance<T: Scalar>(cluster: &Cluster<T>, from: &[T], to: &[T]) ->
     distance
 }
 
-/// The same of a joint of several degrees of freedom: the angle of the turn and the distance.
-fn free_distance<T: Scalar>(cluster: &Cluster<T>, dof: &Dof, from: &[T], to: &[T]) -> T {
+/// The distance of a joint of several degrees of freedom: the angle of the turn and the path.
+fn free_distance<T: Real>(cluster: &Cluster<T>, dof: &Dof, from: &[T], to: &[T]) -> T {
     let square = |range: core::ops::Range<usize>| {
         range.fold(T::ZERO, |sum, i| (to[i] - from[i]).mul_add(to[i] - from[i], sum))
     };
@@ -66,7 +66,7 @@ fn free_distance<T: Scalar>(cluster: &Cluster<T>, dof: &Dof, from: &[T], to: &[T
 
 /// How far the dependents of a pose are from those of another, in radians or cluster lengths: the
 /// largest of them. Whole turns do not count.
-pub(crate) fn largest_distance<T: Scalar>(cluster: &Cluster<T>, from: &[T], to: &[T]) -> f64 {
+pub(crate) fn largest_distance<T: Real>(cluster: &Cluster<T>, from: &[T], to: &[T]) -> f64 {
     const TURN: f64 = core::f64::consts::TAU;
     let mut largest = 0.0_f64;
     for dof in cluster.dependent.iter().map(|v| &cluster.dofs[*v]) {

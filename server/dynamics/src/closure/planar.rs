@@ -11,50 +11,62 @@
 //!                                         W = b × c = η |D|²
 //!   slider       b = L t + ε J t          L = ±√(|b|² − ε²)
 //! ```
-//! with D from J1 to J3, t the direction of the slider J3 in link d, ε what J1 lies beside the line
-//! on which J2 slides, J a turn by a right angle. The branch is the sign of W or of L, which is
-//! that of det K_d: it is that of the zero pose for every y. A closed form knows no path: beyond a
-//! gap that cannot be reached it answers on the same side again. The coordinates of the turning
+//! with D from J1 to J3, t the direction of the slider J3 in link d, ε the distance of J1 from the
+//! line on which J2 slides, J a turn by a right angle. The branch is the sign of W or of L, which
+//! is that of det K_d: it is that of the zero pose for every y. A closed form knows no path: beyond
+//! a gap that cannot be reached it answers on the same side again. The coordinates of the turning
 //! dependents lie in (−π, π]. A loop whose slider lies opposite to J0 is a lambda, see
 //! [`super::Rrpr`].
 
 use crate::closure::{Level, Local, Numerical, Validity};
-use crate::scalar::Real;
+use crate::scalar::{Real, constants};
 
 /// Geometry of a plane loop, origin in J0 where it turns {plane of link d}.
 #[derive(Clone, Debug)]
-pub(crate) struct Planar<C> {
+pub(crate) struct Planar<T> {
     /// The independent joint, and whether it slides.
     pub(crate) joint: usize,
     pub(crate) slides: bool,
     /// J1 at zero, J3; direction of the slider if there is one.
-    pub(crate) a: [C; 2],
-    pub(crate) d: [C; 2],
-    pub(crate) t: [C; 2],
+    pub(crate) a: [T; 2],
+    pub(crate) d: [T; 2],
+    pub(crate) t: [T; 2],
     /// Links b and c at zero, from J1 and from J3 to J2, and their squares.
-    pub(crate) b: [C; 2],
-    pub(crate) c: [C; 2],
-    pub(crate) b_square: C,
-    pub(crate) c_square: C,
+    pub(crate) b: [T; 2],
+    pub(crate) c: [T; 2],
+    pub(crate) b_square: T,
+    pub(crate) c_square: T,
     /// J3 is the slider, c its bearing.
     pub(crate) slider: bool,
     /// ±1, the sign of W or of L.
-    pub(crate) side: C,
+    pub(crate) side: T,
     /// The dependent joints of the tree.
-    pub(crate) others: [Tie<C>; 2],
+    pub(crate) others: [LoopJoint<T>; 2],
     /// Newton's method on the true rows, where the geometry is only nearly plane.
-    pub(crate) polish: Option<Numerical<C>>,
+    pub(crate) polish: Option<Numerical<T>>,
+}
+
+constants! { Planar:
+    keep joint slides slider;
+    number b_square c_square side;
+    map a d t b c;
+    each others polish;
 }
 
 /// A local joint and which one of the loop it is.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Tie<C> {
+pub(crate) struct LoopJoint<T> {
     pub(crate) joint: usize,
     /// 1 to 3.
     pub(crate) place: usize,
     /// +1 where the joint's coordinate grows as the link after it turns against the one before it,
     /// else −1.
-    pub(crate) sense: C,
+    pub(crate) sense: T,
+}
+
+constants! { LoopJoint:
+    keep joint place;
+    number sense;
 }
 
 /// Where the links b and c stand: turns, slide, and the first and second derivatives by y.
@@ -91,16 +103,12 @@ fn right<T: Real>(x: &Plane<T>) -> Plane<T> {
     [-x[1], x[0]]
 }
 
-impl<C: nalgebra::Scalar + Copy> Planar<C> {
+impl<T: Real> Planar<T> {
     /// The position, velocity and acceleration level in closed form.
     #[inline]
-    pub(crate) fn close<T: Real<Const = C>>(
-        &self,
-        local: &mut Local<'_, T>,
-        level: Level,
-    ) -> Validity<T> {
-        let lift = |v: &[C; 2]| -> Plane<T> { [T::lift(v[0]), T::lift(v[1])] };
-        let (a, t) = (lift(&self.a), lift(&self.t));
+    pub(crate) fn close(&self, local: &mut Local<'_, T>, level: Level) -> Validity<T> {
+        let a = self.a;
+        let t = self.t;
         let y = local.q[self.joint];
 
         // J1, its first and second derivative by y, and the turn of link a
@@ -121,26 +129,26 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
         // joints stand between their links: b − a, c − b, d − c
         let minus =
             |x: (T, T), y: (T, T)| (x.0.mul_add(y.0, x.1 * y.1), x.1.mul_add(y.0, -(x.0 * y.1)));
-        for tie in &self.others {
-            let sense = T::lift(tie.sense);
-            if self.slider && tie.place == 3 {
-                local.q[tie.joint] = -(sense * links.slide);
+        for loop_joint in &self.others {
+            let sense = loop_joint.sense;
+            if self.slider && loop_joint.place == 3 {
+                local.q[loop_joint.joint] = -(sense * links.slide);
                 continue;
             }
-            let (c, s) = match tie.place {
+            let (c, s) = match loop_joint.place {
                 1 => minus(links.turn_b, turn_a),
                 2 => minus(links.turn_c, links.turn_b),
                 _ => (links.turn_c.0, -links.turn_c.1),
             };
-            local.cos_sin[tie.joint] = (c, sense * s);
+            local.cos_sin[loop_joint.joint] = (c, sense * s);
             if self.slider {
-                local.q[tie.joint] = (sense * s).atan2(c);
+                local.q[loop_joint.joint] = (sense * s).atan2(c);
             }
         }
         if !self.slider {
-            let turns = self.others.each_ref().map(|tie| local.cos_sin[tie.joint]);
+            let turns = self.others.each_ref().map(|loop_joint| local.cos_sin[loop_joint.joint]);
             let others = self.others.iter().zip(T::angles_of(turns));
-            others.for_each(|(tie, angle)| local.q[tie.joint] = angle);
+            others.for_each(|(loop_joint, angle)| local.q[loop_joint.joint] = angle);
         }
         if level == Level::Position {
             return validity;
@@ -151,20 +159,20 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
         let turn_rate = if self.slides { T::ZERO } else { T::ONE };
         let [b1, c1, s1] = links.first;
         let [b2, c2, s2] = links.second;
-        for tie in &self.others {
-            let sense = T::lift(tie.sense);
-            let (first, second) = match tie.place {
+        for loop_joint in &self.others {
+            let sense = loop_joint.sense;
+            let (first, second) = match loop_joint.place {
                 1 => (b1 - turn_rate, b2),
                 2 => (c1 - b1, c2 - b2),
                 _ if self.slider => (-s1, -s2),
                 _ => (-c1, -c2),
             };
-            local.G[tie.joint] = sense * first;
+            local.G[loop_joint.joint] = sense * first;
             if level >= Level::Velocity {
-                local.qd[tie.joint] = sense * first * yd;
+                local.qd[loop_joint.joint] = sense * first * yd;
             }
             if level == Level::Acceleration {
-                local.g[tie.joint] = sense * second * (yd * yd);
+                local.g[loop_joint.joint] = sense * second * (yd * yd);
             }
         }
         validity
@@ -172,16 +180,18 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
 
     /// Links b and c rotate: where circles about J1 and J3 meet.
     #[inline(always)]
-    fn two_links<T: Real<Const = C>>(
+    fn two_links(
         &self,
         p: &Plane<T>,
         p1: &Plane<T>,
         p2: &Plane<T>,
         level: Level,
     ) -> (Links<T>, Validity<T>) {
-        let lift = |v: &[C; 2]| -> Plane<T> { [T::lift(v[0]), T::lift(v[1])] };
-        let (b0, c0, d) = (lift(&self.b), lift(&self.c), lift(&self.d));
-        let (b_square, c_square) = (T::lift(self.b_square), T::lift(self.c_square));
+        let b0 = self.b;
+        let c0 = self.c;
+        let d = self.d;
+        let b_square = self.b_square;
+        let c_square = self.c_square;
         let half = T::from_f64(0.5);
 
         // D, b · D, W
@@ -189,11 +199,12 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
         let square = dot(&D, &D);
         let along = half * (square + (b_square - c_square));
         let W_square = b_square.mul_add(square, -(along * along));
-        let W = T::lift(self.side) * W_square.sqrt();
+        let W = self.side * W_square.sqrt();
         let inverse = T::ONE / square;
         let b = add(&right(&D), W * inverse, &[along * inverse * D[0], along * inverse * D[1]]);
         let c = [b[0] - D[0], b[1] - D[1]];
-        let (inverse_b, inverse_c) = (T::ONE / b_square, T::ONE / c_square);
+        let inverse_b = T::ONE / b_square;
+        let inverse_c = T::ONE / c_square;
         let validity = Validity::of(W_square, b_square * c_square)
             .or(Validity::of(square, b_square + c_square));
         let mut links = Links {
@@ -207,7 +218,7 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
             return (links, validity);
         }
 
-        // b′ J b − c′ J c = D′, then the same with what the turning adds
+        // b′ J b − c′ J c = D′, then with the second derivatives of the turns
         let inverse_W = T::ONE / W;
         let solve = |x: &Plane<T>| (dot(x, &c) * inverse_W, dot(x, &b) * inverse_W);
         let (b1, c1) = solve(&[-p1[0], -p1[1]]);
@@ -223,33 +234,35 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
 
     /// Link c slides on link d along t and does not turn.
     #[inline(always)]
-    fn slider<T: Real<Const = C>>(
+    fn slider(
         &self,
         p: &Plane<T>,
         p1: &Plane<T>,
         p2: &Plane<T>,
         level: Level,
     ) -> (Links<T>, Validity<T>) {
-        let lift = |v: &[C; 2]| -> Plane<T> { [T::lift(v[0]), T::lift(v[1])] };
-        let (a, b0, t) = (lift(&self.a), lift(&self.b), lift(&self.t));
-        let b_square = T::lift(self.b_square);
+        let a = self.a;
+        let b0 = self.b;
+        let t = self.t;
+        let b_square = self.b_square;
         let n = right(&t);
 
         // ε, L; PRECISION: the slide is made of changes since zero, so that it is exact there
-        let (length0, beside0) = (dot(&t, &b0), dot(&n, &b0));
+        let length0 = dot(&t, &b0);
+        let offset0 = dot(&n, &b0);
         let moved = [p[0] - a[0], p[1] - a[1]];
         let change = -dot(&n, &moved);
-        let beside = beside0 + change;
-        let L_square = b_square - beside * beside;
-        let L = T::lift(self.side) * L_square.sqrt();
-        let stretch = -(change * (beside + beside0)) / (L + length0);
-        let b = [L.mul_add(t[0], beside * n[0]), L.mul_add(t[1], beside * n[1])];
+        let offset = offset0 + change;
+        let L_square = b_square - offset * offset;
+        let L = self.side * L_square.sqrt();
+        let extension = -(change * (offset + offset0)) / (L + length0);
+        let b = [L.mul_add(t[0], offset * n[0]), L.mul_add(t[1], offset * n[1])];
         let inverse_b = T::ONE / b_square;
         let validity = Validity::of(L_square, b_square);
         let mut links = Links {
             turn_b: (dot(&b0, &b) * inverse_b, cross(&b0, &b) * inverse_b),
             turn_c: (T::ONE, T::ZERO),
-            slide: stretch + dot(&t, &moved),
+            slide: extension + dot(&t, &moved),
             first: [T::ZERO; 3],
             second: [T::ZERO; 3],
         };
@@ -257,7 +270,7 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
             return (links, validity);
         }
 
-        // b′ J b − s′ t = −p′, then the same with what the turning adds
+        // b′ J b − s′ t = −p′, then with the second derivatives of the turns
         let inverse_L = T::ONE / L;
         let solve = |x: &Plane<T>| (dot(x, &n) * inverse_L, -(dot(x, &b) * inverse_L));
         let (b1, s1) = solve(&[-p1[0], -p1[1]]);
@@ -268,28 +281,5 @@ impl<C: nalgebra::Scalar + Copy> Planar<C> {
         let (b2, s2) = solve(&add(&b, b1 * b1, &[-p2[0], -p2[1]]));
         links.second = [b2, T::ZERO, s2];
         (links, validity)
-    }
-
-    /// The same geometry with every constant converted.
-    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Planar<D> {
-        Planar {
-            joint: self.joint,
-            slides: self.slides,
-            a: self.a.map(f),
-            d: self.d.map(f),
-            t: self.t.map(f),
-            b: self.b.map(f),
-            c: self.c.map(f),
-            b_square: f(self.b_square),
-            c_square: f(self.c_square),
-            slider: self.slider,
-            side: f(self.side),
-            others: self.others.each_ref().map(|tie| Tie {
-                joint: tie.joint,
-                place: tie.place,
-                sense: f(tie.sense),
-            }),
-            polish: self.polish.as_ref().map(|numerical| numerical.map(f)),
-        }
     }
 }

@@ -17,21 +17,18 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::closure::{Level, Local, Numerical, Rate, RodLeg, Strut, Validity};
 use crate::mechanism::{Body, Cluster, Dof, Motion, joint_pose, read_turns, turn};
-use crate::scalar::Real;
-use crate::spatial::{
-    Pose, column, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, turn_z,
-    zero,
-};
+use crate::scalar::{Real, Triple, constants};
+use crate::spatial::{Matrix, Pose, zero};
 
 /// A platform and its legs.
 #[derive(Clone, Debug)]
-pub(crate) struct Platform<C> {
+pub(crate) struct Platform<T> {
     /// Degrees of freedom of the joints that carry the platform, from the base, each with its place
     /// in y; all are independent.
     pub(crate) chain: Vec<(Dof, usize)>,
-    pub(crate) legs: Vec<Leg<C>>,
+    pub(crate) legs: Vec<Leg<T>>,
     /// Legs of a crank and a rod.
-    pub(crate) rods: Vec<RodLeg<C>>,
+    pub(crate) rods: Vec<RodLeg<T>>,
     /// Turns of the chain, and those that the legs find: place of the cosine and sine, and of the
     /// coordinate.
     turned: Vec<(usize, usize)>,
@@ -39,32 +36,48 @@ pub(crate) struct Platform<C> {
     /// Joints that stand still where the start has them.
     pub(crate) idle: Vec<Dof>,
     /// Newton's method on the true rows, where the geometry is only nearly of this type.
-    pub(crate) polish: Option<Numerical<C>>,
+    pub(crate) polish: Option<Numerical<T>>,
 }
 
-/// A strut and what it reaches for.
+constants! { Platform:
+    keep chain turned found idle;
+    each legs rods polish;
+}
+
+/// A strut and the pin for which it reaches.
 #[derive(Clone, Debug)]
-pub(crate) struct Leg<C> {
-    pub(crate) strut: Strut<C>,
+pub(crate) struct Leg<T> {
+    pub(crate) strut: Strut<T>,
     /// Pin {platform body}, or {arm: k, m, n from its pivot} where there is one.
-    pub(crate) pin: Vector3<C>,
-    pub(crate) arm: Option<Arm<C>>,
+    pub(crate) pin: Vector3<T>,
+    pub(crate) arm: Option<Arm<T>>,
+}
+
+constants! { Leg:
+    map strut pin;
+    each arm;
 }
 
 /// A turning arm on the platform that stays turned towards a point of the base.
 #[derive(Clone, Debug)]
-pub(crate) struct Arm<C> {
+pub(crate) struct Arm<T> {
     pub(crate) joint: Dof,
     /// Its axes k, m, n at zero {platform body}.
-    pub(crate) axes: Matrix3<C>,
+    pub(crate) axes: Matrix3<T>,
     /// P, a point of its axis n {platform body}.
-    pub(crate) pivot: Vector3<C>,
+    pub(crate) pivot: Vector3<T>,
     /// The point C {cluster's parent body}.
-    pub(crate) center: Vector3<C>,
+    pub(crate) center: Vector3<T>,
     /// m · (C − P).
-    pub(crate) beside: C,
+    pub(crate) offset: T,
     /// ±1, the sign of k · (C − P).
-    pub(crate) side: C,
+    pub(crate) side: T,
+}
+
+constants! { Arm:
+    keep joint;
+    number offset side;
+    map axes pivot center;
 }
 
 /// The pin and how it moves {cluster's parent body}.
@@ -78,23 +91,23 @@ struct Pin<T> {
     pivot: Vector3<T>,
 }
 
-impl<C: nalgebra::Scalar + Copy> Platform<C> {
+impl<T: Real> Platform<T> {
     /// Without Newton's method.
     pub(crate) fn new(
         chain: Vec<(Dof, usize)>,
-        legs: Vec<Leg<C>>,
-        rods: Vec<RodLeg<C>>,
+        legs: Vec<Leg<T>>,
+        rods: Vec<RodLeg<T>>,
         idle: Vec<Dof>,
-    ) -> Platform<C> {
+    ) -> Platform<T> {
         let is_turn = |at: &&Dof| at.k == 0 && at.motion == Motion::Revolute;
         let place = |at: &Dof| (at.body, at.q);
         let turned = chain.iter().map(|(at, _)| at).filter(is_turn).map(place).collect();
-        let of_leg = |leg: &Leg<C>| {
+        let of_leg = |leg: &Leg<T>| {
             let arm = leg.arm.as_ref().map(|arm| place(&arm.joint));
             leg.strut.joints[..2].iter().map(place).chain(arm).collect::<Vec<_>>()
         };
         // joints of rods are single ones
-        let of_rod = |rod: &RodLeg<C>| {
+        let of_rod = |rod: &RodLeg<T>| {
             let stator = rod.drive.as_ref().map(|lambda| lambda.joints[1]);
             let joints = [rod.crank, rod.universal[0], rod.universal[1]].into_iter().chain(stator);
             joints.map(|j| (j, j)).collect::<Vec<_>>()
@@ -104,10 +117,10 @@ impl<C: nalgebra::Scalar + Copy> Platform<C> {
     }
 
     /// The position, velocity and acceleration level in closed form.
-    pub(crate) fn close<T: Real<Const = C>>(
+    pub(crate) fn close(
         &self,
-        cluster: &Cluster<C>,
-        bodies: &[Body<C>],
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
         local: &mut Local<'_, T>,
         level: Level,
     ) -> Validity<T> {
@@ -133,8 +146,8 @@ impl<C: nalgebra::Scalar + Copy> Platform<C> {
         let mut validity = Validity::fine();
         for leg in &self.legs {
             let of_leg = match leg.arm {
-                None => leg.close::<T, false>(self, cluster.n_vy, &pose, local, level),
-                Some(_) => leg.close::<T, true>(self, cluster.n_vy, &pose, local, level),
+                None => leg.close::<false>(self, cluster.n_vy, &pose, local, level),
+                Some(_) => leg.close::<true>(self, cluster.n_vy, &pose, local, level),
             };
             validity = validity.or(of_leg);
         }
@@ -153,8 +166,9 @@ impl<C: nalgebra::Scalar + Copy> Platform<C> {
     }
 
     /// Rates of the chain's bodies at q̈ = 0.
-    fn chain_rates<T: Real<Const = C>>(&self, local: &mut Local<'_, T>) {
-        let (mut rate, mut origin) = (Rate::at_rest(), zero());
+    fn chain_rates(&self, local: &mut Local<'_, T>) {
+        let mut rate = Rate::at_rest();
+        let mut origin = zero();
         for (at, _) in self.chain.iter().filter(|(at, _)| at.k == 0) {
             let pose = &local.scratch.pose[at.body + 1];
             rate = rate.moved(at.motion, &(pose.p - origin), &pose.R, &local.qd[at.v..]);
@@ -162,40 +176,14 @@ impl<C: nalgebra::Scalar + Copy> Platform<C> {
             origin = pose.p;
         }
     }
-
-    /// The same geometry with every constant converted.
-    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Platform<D> {
-        let arm = |arm: &Arm<C>| Arm {
-            joint: arm.joint,
-            axes: arm.axes.map(f),
-            pivot: arm.pivot.map(f),
-            center: arm.center.map(f),
-            beside: f(arm.beside),
-            side: f(arm.side),
-        };
-        let leg = |leg: &Leg<C>| Leg {
-            strut: leg.strut.map(f),
-            pin: leg.pin.map(f),
-            arm: leg.arm.as_ref().map(arm),
-        };
-        Platform {
-            chain: self.chain.clone(),
-            turned: self.turned.clone(),
-            found: self.found.clone(),
-            legs: self.legs.iter().map(leg).collect(),
-            rods: self.rods.iter().map(|rod| rod.map(f)).collect(),
-            idle: self.idle.clone(),
-            polish: self.polish.as_ref().map(|numerical| numerical.map(f)),
-        }
-    }
 }
 
-impl<C: nalgebra::Scalar + Copy> Leg<C> {
+impl<T: Real> Leg<T> {
     /// The levels of a leg with or without arm.
     #[inline]
-    fn close<T: Real<Const = C>, const ARM: bool>(
+    fn close<const ARM: bool>(
         &self,
-        of: &Platform<C>,
+        of: &Platform<T>,
         n_vy: usize,
         platform: &Pose<T>,
         local: &mut Local<'_, T>,
@@ -211,15 +199,15 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         }
 
         // one column of G for each independent coordinate
-        let center = arm.map_or(zero(), |arm| lift(&arm.center));
+        let center = arm.map_or(zero(), |arm| arm.center);
         for (at, k) in &of.chain {
             let pose = &local.scratch.pose[at.body + 1];
             let z = at.axis(&pose.R);
-            let moves = |x: &Vector3<T>| if at.slides() { z } else { cross(&z, &(x - pose.p)) };
+            let moves = |x: &Vector3<T>| if at.slides() { z } else { z.cross(x - pose.p) };
             let mut velocity = moves(&pin.point);
             if let Some(arm) = arm {
-                let rate = -(dot(&pin.m, &moves(&center)) * pin.inverse_length);
-                velocity = scale_add(&cross(&pin.n, &pin.tip), rate, &velocity);
+                let rate = -(pin.m.dot(moves(&center)) * pin.inverse_length);
+                velocity = velocity.add_scaled(pin.n.cross(pin.tip), rate);
                 local.G[arm.joint.v * n_vy + k] = rate;
             }
             let rates = self.strut.rates(&reach, &velocity);
@@ -253,20 +241,20 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         if let Some(arm) = arm {
             // rates of the arm's body, its pivot for origin, at θ̈ = 0
             let to_pivot = pin.pivot - platform.p;
-            let (w, wn) = (of_platform.w, cross(&of_platform.w, &pin.n));
+            let w = of_platform.w;
+            let wn = of_platform.w.cross(pin.n);
             let of_arm = Rate {
-                w: scale_add(&pin.n, turn_rate, &w),
-                v: cross_add(&w, &to_pivot, &of_platform.v),
-                alpha: scale_add(&wn, turn_rate, &of_platform.alpha),
+                w: w.add_scaled(pin.n, turn_rate),
+                v: of_platform.v.add_cross(w, to_pivot),
+                alpha: of_platform.alpha.add_scaled(wn, turn_rate),
                 a: accelerated(&of_platform, &to_pivot),
             };
             let r = center - pin.pivot;
-            let v = cross_add(&of_arm.w, &r, &of_arm.v);
-            let x = scale_add(&cross(&of_arm.w, &v), -T::from_f64(2.0), &accelerated(&of_arm, &r));
-            let bias = -(dot(&pin.m, &x) * pin.inverse_length);
+            let v = of_arm.v.add_cross(of_arm.w, r);
+            let x = accelerated(&of_arm, &r).add_scaled(of_arm.w.cross(v), -T::from_f64(2.0));
+            let bias = -(pin.m.dot(x) * pin.inverse_length);
             local.g[arm.joint.v] = bias;
-            acceleration =
-                scale_add(&cross(&pin.n, &pin.tip), bias, &accelerated(&of_arm, &pin.tip));
+            acceleration = accelerated(&of_arm, &pin.tip).add_scaled(pin.n.cross(pin.tip), bias);
         }
         let bias = self.strut.accelerations(&reach, rates, &acceleration);
         self.strut.joints.iter().zip(bias).for_each(|(j, bias)| local.g[j.v] = bias);
@@ -275,13 +263,13 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
 
     /// The pin on the platform or on its arm; the arm's cosine and sine.
     #[inline(always)]
-    fn pin<T: Real<Const = C>>(
+    fn pin(
         &self,
-        arm: Option<&Arm<C>>,
+        arm: Option<&Arm<T>>,
         platform: &Pose<T>,
         local: &mut Local<'_, T>,
     ) -> (Pin<T>, Validity<T>) {
-        let pin: Vector3<T> = lift(&self.pin);
+        let pin: Vector3<T> = self.pin;
         let Some(arm) = arm else {
             let point = platform.point(&pin);
             let pin = Pin {
@@ -296,26 +284,27 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
         };
 
         // D on the arm's axes at zero, its part along n apart
-        let axes = mul_mat(&platform.R, &lift_mat(&arm.axes));
-        let pivot = platform.point(&lift(&arm.pivot));
-        let D = t_mul(&axes, &(lift(&arm.center) - pivot));
-        let (beside, square) = (T::lift(arm.beside), D[0].mul_add(D[0], D[1] * D[1]));
-        let reach = square - beside * beside;
-        let length = T::lift(arm.side) * reach.sqrt();
+        let axes = platform.R.times(arm.axes);
+        let pivot = platform.point(&arm.pivot);
+        let D = axes.apply_transposed(arm.center - pivot);
+        let offset = arm.offset;
+        let square = D[0].mul_add(D[0], D[1] * D[1]);
+        let reach = square - offset * offset;
+        let length = arm.side * reach.sqrt();
 
         // θ carries (length, beside) onto (D_k, D_m)
         let inverse = T::ONE / square;
-        let c = length.mul_add(D[0], beside * D[1]) * inverse;
-        let s = length.mul_add(D[1], -(beside * D[0])) * inverse;
+        let c = length.mul_add(D[0], offset * D[1]) * inverse;
+        let s = length.mul_add(D[1], -(offset * D[0])) * inverse;
         local.cos_sin[arm.joint.body] = (c, s);
-        let turned = turn_z(&axes, c, s);
-        let tip = mul(&turned, &pin);
-        let validity = Validity::of(reach, dot(&D, &D));
+        let turned = axes.turn_z(c, s);
+        let tip = turned.apply(pin);
+        let validity = Validity::of(reach, D.dot(D));
         let pin = Pin {
             point: pivot + tip,
             tip,
-            m: column(&turned, 1),
-            n: column(&turned, 2),
+            m: turned.col(1),
+            n: turned.col(2),
             inverse_length: T::ONE / length,
             pivot,
         };
@@ -326,5 +315,5 @@ impl<C: nalgebra::Scalar + Copy> Leg<C> {
 /// Acceleration of a point of a body from the rates of its origin.
 #[inline(always)]
 pub(super) fn accelerated<T: Real>(rate: &Rate<T>, r: &Vector3<T>) -> Vector3<T> {
-    cross_add(&rate.w, &cross(&rate.w, r), &cross_add(&rate.alpha, r, &rate.a))
+    rate.a.add_cross(rate.alpha, *r).add_cross(rate.w, rate.w.cross(*r))
 }

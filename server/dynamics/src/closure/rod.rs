@@ -24,22 +24,20 @@
 //!   θ̇ = r · v / r · t,     r · t = ∓W
 //!   ṅ b × r + ṁ c × r = e,    ṅ = −c · e / z,    ṁ = b · e / z
 //! ```
-//! where e is what moves the ball apart from the body that carries the universal joint: v less what
-//! the crank moves the ball where the crank carries it, and θ̇ t − v where the platform does. The
-//! accelerations at q̈ = 0 have the same form.
+//! where e is the velocity of the ball relative to the body that carries the universal joint: v
+//! less the velocity by the crank where the crank carries it, and θ̇ t − v where the platform does.
+//! The accelerations at q̈ = 0 have the same form.
 
 use nalgebra::{Matrix3, Vector3};
 
 use crate::closure::platform::{Platform, accelerated};
 use crate::closure::{Level, Local, Rrpr, Validity};
-use crate::scalar::Real;
-use crate::spatial::{
-    Pose, column, cross, cross_add, dot, lift, lift_mat, mul_mat, scale_add, t_mul, turn_z, zero,
-};
+use crate::scalar::{Real, Triple, constants};
+use crate::spatial::{Matrix, Pose, zero};
 
 /// Geometry of a crank and its rod; every joint has one degree of freedom.
 #[derive(Clone, Debug)]
-pub(crate) struct RodLeg<C> {
+pub(crate) struct RodLeg<T> {
     /// Local joints: the crank, first and second turn of the universal joint.
     pub(crate) crank: usize,
     pub(crate) universal: [usize; 2],
@@ -49,28 +47,35 @@ pub(crate) struct RodLeg<C> {
     /// The universal joint is on the crank and the ball on the platform, not the other way round.
     pub(crate) on_crank: bool,
     /// The crank's axes at zero and the center of its circle {cluster's parent body}.
-    pub(crate) axes: Matrix3<C>,
-    pub(crate) center: Vector3<C>,
+    pub(crate) axes: Matrix3<T>,
+    pub(crate) center: Vector3<T>,
     /// The rod's end on the platform {platform}.
-    pub(crate) pin: Vector3<C>,
+    pub(crate) pin: Vector3<T>,
     /// Axes of the universal joint at zero {crank's axes, or platform}.
-    pub(crate) universal_axes: Matrix3<C>,
+    pub(crate) universal_axes: Matrix3<T>,
     /// The rod from its universal joint to its ball at zero {universal joint}.
-    pub(crate) rod: Vector3<C>,
+    pub(crate) rod: Vector3<T>,
     /// A point that d is near at zero {crank's axes}, and κ there.
-    pub(crate) near: Vector3<C>,
-    pub(crate) along: C,
+    pub(crate) near: Vector3<T>,
+    pub(crate) along: T,
     /// a, a², ℓ², the larger one of these; w_x² + w_z².
-    pub(crate) radius: C,
-    pub(crate) radius_square: C,
-    pub(crate) length_square: C,
-    pub(crate) reach_square: C,
-    pub(crate) swing_square: C,
+    pub(crate) radius: T,
+    pub(crate) radius_square: T,
+    pub(crate) length_square: T,
+    pub(crate) reach_square: T,
+    pub(crate) swing_square: T,
     /// ±1, signs of W and of z.
-    pub(crate) side: C,
-    pub(crate) root: C,
-    /// What drives the crank.
-    pub(crate) drive: Option<Rrpr<C>>,
+    pub(crate) side: T,
+    pub(crate) root: T,
+    /// The drive of the crank.
+    pub(crate) drive: Option<Rrpr<T>>,
+}
+
+constants! { RodLeg:
+    keep crank universal platform depth on_crank;
+    number along radius radius_square length_square reach_square swing_square side root;
+    map axes center pin universal_axes rod near;
+    each drive;
 }
 
 /// A leg at a pose {cluster's parent body}.
@@ -85,19 +90,19 @@ struct Posed<T> {
     a: Vector3<T>,
     b: Vector3<T>,
     c: Vector3<T>,
-    /// What the ball, or A, moves for θ̇ = 1; 1 / (r · t) and 1 / z.
+    /// Velocity of the ball, or of A, for θ̇ = 1; 1 / (r · t) and 1 / z.
     t: Vector3<T>,
     inverse_lever: T,
     inverse_root: T,
 }
 
-impl<C: nalgebra::Scalar + Copy> RodLeg<C> {
+impl<T: Real> RodLeg<T> {
     /// The position, velocity and acceleration level; the platform is at its pose, its rates are in
     /// the scratch.
     #[inline]
-    pub(super) fn close<T: Real<Const = C>>(
+    pub(super) fn close(
         &self,
-        of: &Platform<C>,
+        of: &Platform<T>,
         n_vy: usize,
         local: &mut Local<'_, T>,
         level: Level,
@@ -138,44 +143,41 @@ impl<C: nalgebra::Scalar + Copy> RodLeg<C> {
 
     /// Cosines and sines of the crank and of the universal joint.
     #[inline(always)]
-    fn pose<T: Real<Const = C>>(
-        &self,
-        platform: &Pose<T>,
-        local: &mut Local<'_, T>,
-    ) -> (Posed<T>, Validity<T>) {
-        let axes: Matrix3<T> = lift_mat(&self.axes);
-        let (radius, radius_square) = (T::lift(self.radius), T::lift(self.radius_square));
+    fn pose(&self, platform: &Pose<T>, local: &mut Local<'_, T>) -> (Posed<T>, Validity<T>) {
+        let axes: Matrix3<T> = self.axes;
+        let radius = self.radius;
+        let radius_square = self.radius_square;
         let half = T::from_f64(0.5);
 
         // the crank: κ, W, its end in the plane of the circle; PRECISION: κ is made of changes
-        // since zero, and the cosine and sine are of unit length whatever W lost
-        let point = platform.point(&lift(&self.pin));
-        let center = lift(&self.center);
+        // since zero, and the cosine and sine are of unit length for every rounding of W
+        let point = platform.point(&self.pin);
+        let center = self.center;
         let d = point - center;
-        let D = t_mul(&axes, &d);
+        let D = axes.apply_transposed(d);
         let square = D[0].mul_add(D[0], D[1] * D[1]);
-        let near: Vector3<T> = lift(&self.near);
-        let along = half.mul_add(dot(&(D - near), &(D + near)), T::lift(self.along));
+        let near: Vector3<T> = self.near;
+        let along = half.mul_add((D - near).dot(D + near), self.along);
         let W_square = radius_square.mul_add(square, -(along * along));
-        let W = T::lift(self.side) * W_square.sqrt();
+        let W = self.side * W_square.sqrt();
         let inverse = T::ONE / (square * along.mul_add(along, W_square)).sqrt();
         let c0 = along.mul_add(D[0], -(W * D[1])) * inverse;
         let s0 = along.mul_add(D[1], W * D[0]) * inverse;
-        let turned = turn_z(&axes, c0, s0);
-        let a = column(&turned, 2);
-        let arm = column(&turned, 0) * radius;
+        let turned = axes.turn_z(c0, s0);
+        let a = turned.col(2);
+        let arm = turned.col(0) * radius;
 
         // the universal joint: z, second turn, first turn
         let (r, turned_axes) = if self.on_crank {
-            (d - arm, mul_mat(&turned, &lift_mat(&self.universal_axes)))
+            (d - arm, turned.times(self.universal_axes))
         } else {
-            (arm - d, mul_mat(&platform.R, &lift_mat(&self.universal_axes)))
+            (arm - d, platform.R.times(self.universal_axes))
         };
-        let x = t_mul(&turned_axes, &r);
-        let w: Vector3<T> = lift(&self.rod);
-        let swing_square = T::lift(self.swing_square);
+        let x = turned_axes.apply_transposed(r);
+        let w: Vector3<T> = self.rod;
+        let swing_square = self.swing_square;
         let root_square = swing_square - x[0] * x[0];
-        let z = T::lift(self.root) * root_square.sqrt();
+        let z = self.root * root_square.sqrt();
         let inverse_n = T::ONE / swing_square;
         let c2 = w[0].mul_add(x[0], w[2] * z) * inverse_n;
         let s2 = w[2].mul_add(x[0], -(w[0] * z)) * inverse_n;
@@ -188,29 +190,27 @@ impl<C: nalgebra::Scalar + Copy> RodLeg<C> {
         for (j, c, s) in [(self.crank, c0, s0), (first, c1, s1), (second, c2, s2)] {
             local.cos_sin[j] = (c, s);
         }
-        let size = T::lift(self.reach_square);
+        let size = self.reach_square;
         let validity = Validity::of(W_square, size * square)
             .or(Validity::of(square, size))
-            .or(Validity::of(root_square, T::lift(self.length_square)));
+            .or(Validity::of(root_square, self.length_square));
 
         // r · t is −W where r runs from crank to platform, W where it runs back
-        let (t, lever, ball) = if self.on_crank {
-            (cross(&a, &d), -W, point)
-        } else {
-            (cross(&a, &arm), W, arm + center)
-        };
-        let b = column(&turned_axes, 0);
-        let c = scale_add(&column(&turned_axes, 2), s1, &(column(&turned_axes, 1) * c1));
-        let (inverse_lever, inverse_root) = (T::ONE / lever, T::ONE / dot(&r, &cross(&b, &c)));
+        let (t, lever, ball) =
+            if self.on_crank { (a.cross(d), -W, point) } else { (a.cross(arm), W, arm + center) };
+        let b = turned_axes.col(0);
+        let c = (turned_axes.col(1) * c1).add_scaled(turned_axes.col(2), s1);
+        let inverse_lever = T::ONE / lever;
+        let inverse_root = T::ONE / r.dot(b.cross(c));
         (Posed { point, ball, arm, r, a, b, c, t, inverse_lever, inverse_root }, validity)
     }
 
     /// Their rows of G, their rates and g.
     #[inline(always)]
-    fn rates<T: Real<Const = C>>(
+    fn rates(
         &self,
         at: &Posed<T>,
-        of: &Platform<C>,
+        of: &Platform<T>,
         n_vy: usize,
         platform: &Pose<T>,
         local: &mut Local<'_, T>,
@@ -224,7 +224,7 @@ impl<C: nalgebra::Scalar + Copy> RodLeg<C> {
         for (dof, k) in chain {
             let pose = &local.scratch.pose[dof.body + 1];
             let axis = dof.axis(&pose.R);
-            let v = if dof.slides() { axis } else { cross(&axis, &(at.ball - pose.p)) };
+            let v = if dof.slides() { axis } else { axis.cross(at.ball - pose.p) };
             let column = self.solve(at, &v);
             for (j, x) in joints.into_iter().zip(column) {
                 local.G[j * n_vy + k] = x;
@@ -251,11 +251,11 @@ impl<C: nalgebra::Scalar + Copy> RodLeg<C> {
         let a_arm = at.arm * -(w0 * w0);
         let (w, alpha) =
             if self.on_crank { (at.a * w0, zero()) } else { (of_platform.w, of_platform.alpha) };
-        let first = scale_add(&at.b, w1, &w);
-        let whole = scale_add(&at.c, w2, &first);
-        let turning = scale_add(&cross(&w, &at.b), w1, &alpha);
-        let turning = scale_add(&cross(&first, &at.c), w2, &turning);
-        let of_rod = cross_add(&turning, &at.r, &cross(&whole, &cross(&whole, &at.r)));
+        let first = w.add_scaled(at.b, w1);
+        let whole = first.add_scaled(at.c, w2);
+        let turning = alpha.add_scaled(w.cross(at.b), w1);
+        let turning = turning.add_scaled(first.cross(at.c), w2);
+        let of_rod = whole.cross(whole.cross(at.r)).add_cross(turning, at.r);
         let bias = if self.on_crank {
             self.solve(at, &(a_platform - a_arm - of_rod))
         } else {
@@ -268,36 +268,10 @@ impl<C: nalgebra::Scalar + Copy> RodLeg<C> {
 
     /// Rates of crank and universal joint for a velocity of the platform where the ball is.
     #[inline(always)]
-    fn solve<T: Real<Const = C>>(&self, at: &Posed<T>, v: &Vector3<T>) -> [T; 3] {
-        let turn = dot(&at.r, v) * at.inverse_lever;
-        let e = scale_add(&at.t, -turn, v);
+    fn solve(&self, at: &Posed<T>, v: &Vector3<T>) -> [T; 3] {
+        let turn = at.r.dot(*v) * at.inverse_lever;
+        let e = (*v).add_scaled(at.t, -turn);
         let e = if self.on_crank { e } else { -e };
-        [turn, -(dot(&at.c, &e) * at.inverse_root), dot(&at.b, &e) * at.inverse_root]
-    }
-
-    /// The same geometry with every constant converted.
-    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> RodLeg<D> {
-        RodLeg {
-            crank: self.crank,
-            universal: self.universal,
-            platform: self.platform,
-            depth: self.depth,
-            on_crank: self.on_crank,
-            axes: self.axes.map(f),
-            center: self.center.map(f),
-            pin: self.pin.map(f),
-            universal_axes: self.universal_axes.map(f),
-            rod: self.rod.map(f),
-            near: self.near.map(f),
-            along: f(self.along),
-            radius: f(self.radius),
-            radius_square: f(self.radius_square),
-            length_square: f(self.length_square),
-            reach_square: f(self.reach_square),
-            swing_square: f(self.swing_square),
-            side: f(self.side),
-            root: f(self.root),
-            drive: self.drive.as_ref().map(|lambda| lambda.map(f)),
-        }
+        [turn, -(at.c.dot(e) * at.inverse_root), at.b.dot(e) * at.inverse_root]
     }
 }

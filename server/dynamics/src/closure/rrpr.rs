@@ -15,27 +15,34 @@
 //! which follows the path, calls that target unreachable. The stator's coordinate lies in (−π, π].
 
 use crate::closure::{Level, Local, Numerical, Validity};
-use crate::scalar::Real;
+use crate::scalar::{Real, constants};
 
 /// Geometry of a lambda in its plane.
 #[derive(Clone, Debug)]
-pub(crate) struct Rrpr<C> {
+pub(crate) struct Rrpr<T> {
     /// Local joints: rocker (independent), stator, slider.
     pub(crate) joints: [usize; 3],
     /// Pin and stator pivot from the rocker's pivot, slider direction at zero {plane}.
-    pub(crate) d3: [C; 2],
-    pub(crate) d1: [C; 2],
-    pub(crate) t0: [C; 2],
+    pub(crate) d3: [T; 2],
+    pub(crate) d1: [T; 2],
+    pub(crate) t0: [T; 2],
     /// |d|² at zero, signed slider length at zero, eccentricity and its square.
-    pub(crate) square0: C,
-    pub(crate) length0: C,
-    pub(crate) eccentricity: C,
+    pub(crate) square0: T,
+    pub(crate) length0: T,
+    pub(crate) eccentricity: T,
     /// +1 where the stator turns with the rocker's sense, −1 against it.
-    pub(crate) sense: C,
+    pub(crate) sense: T,
     /// ±1, the sign of the slider's length.
-    pub(crate) side: C,
+    pub(crate) side: T,
     /// Newton's method on the true rows, where the geometry is only nearly planar.
-    pub(crate) polish: Option<Numerical<C>>,
+    pub(crate) polish: Option<Numerical<T>>,
+}
+
+constants! { Rrpr:
+    keep joints;
+    number square0 length0 eccentricity sense side;
+    map d3 d1 t0;
+    each polish;
 }
 
 /// Where stator and slider are for the rocker's: the stator's cosine and sine, the slider's
@@ -49,14 +56,10 @@ pub(super) struct Moved<T: Real> {
     pub(super) validity: Validity<T>,
 }
 
-impl<C: nalgebra::Scalar + Copy> Rrpr<C> {
+impl<T: Real> Rrpr<T> {
     /// The position, velocity and acceleration level in closed form.
     #[inline]
-    pub(crate) fn close<T: Real<Const = C>>(
-        &self,
-        local: &mut Local<'_, T>,
-        level: Level,
-    ) -> Validity<T> {
+    pub(crate) fn close(&self, local: &mut Local<'_, T>, level: Level) -> Validity<T> {
         let [j1, j2, j3] = self.joints;
         let (s1, c1) = local.q[j1].sin_cos();
         let moved = self.moved((c1, s1), local.qd[j1], level);
@@ -80,16 +83,13 @@ impl<C: nalgebra::Scalar + Copy> Rrpr<C> {
 
     /// Stator and slider from the rocker's cosine and sine and its rate.
     #[inline(always)]
-    pub(super) fn moved<T: Real<Const = C>>(
-        &self,
-        (c1, s1): (T, T),
-        yd: T,
-        level: Level,
-    ) -> Moved<T> {
-        let two = |v: &[C; 2]| [T::lift(v[0]), T::lift(v[1])];
-        let (d3, d1, t0, e) =
-            (two(&self.d3), two(&self.d1), two(&self.t0), T::lift(self.eccentricity));
-        let length0 = T::lift(self.length0);
+    pub(super) fn moved(&self, (c1, s1): (T, T), yd: T, level: Level) -> Moved<T> {
+        let two = |v: &[T; 2]| [v[0], v[1]];
+        let d3 = two(&self.d3);
+        let d1 = two(&self.d1);
+        let t0 = two(&self.t0);
+        let e = self.eccentricity;
+        let length0 = self.length0;
 
         // the pin: arm = R(y) d3, d = arm − d1
         let arm = [c1.mul_add(d3[0], -(s1 * d3[1])), s1.mul_add(d3[0], c1 * d3[1])];
@@ -99,15 +99,15 @@ impl<C: nalgebra::Scalar + Copy> Rrpr<C> {
         // slider length; PRECISION: the change of |d|² is formed from the turn of the arm, q3
         // without cancellation
         let reach = square - e * e;
-        let length = T::lift(self.side) * reach.sqrt();
-        let q3 = (square - T::lift(self.square0)) / (length + length0);
+        let length = self.side * reach.sqrt();
+        let q3 = (square - self.square0) / (length + length0);
 
         // stator angle from w = ℓ t0 + ε b0 to d
         let w = [length.mul_add(t0[0], -(e * t0[1])), length.mul_add(t0[1], e * t0[0])];
         let inverse_square = T::ONE / square;
         let cosine = w[0].mul_add(d[0], w[1] * d[1]) * inverse_square;
         let sine = w[0].mul_add(d[1], -(w[1] * d[0])) * inverse_square;
-        let sense = T::lift(self.sense);
+        let sense = self.sense;
         let none = [T::ZERO; 2];
         let mut moved = Moved {
             cos_sin: (cosine, sense * sine),
@@ -115,7 +115,7 @@ impl<C: nalgebra::Scalar + Copy> Rrpr<C> {
             G: none,
             rates: none,
             g: none,
-            validity: Validity::of(reach, T::lift(self.square0)),
+            validity: Validity::of(reach, self.square0),
         };
         if level == Level::Position {
             return moved;
@@ -132,35 +132,22 @@ impl<C: nalgebra::Scalar + Copy> Rrpr<C> {
         if level == Level::Jacobian {
             return moved;
         }
-        let (w2, v3) = (turn_rate * yd, slide_rate * yd);
+        let w2 = turn_rate * yd;
+        let v3 = slide_rate * yd;
         moved.rates = [sense * w2, v3];
         if level == Level::Velocity {
             return moved;
         }
 
         // d̈ at ÿ = 0, less the centripetal and Coriolis part of the stator
-        let (yd2, w22) = (yd * yd, w2 * w2);
+        let yd2 = yd * yd;
+        let w22 = w2 * w2;
         let coriolis = T::from_f64(2.0) * v3 * w2;
         let bias = |k: usize| w22.mul_add(d[k], -(yd2.mul_add(arm[k], coriolis * b[k])));
-        let (x0, x1) = (bias(0), bias(1));
+        let x0 = bias(0);
+        let x1 = bias(1);
         let turn_bias = b[0].mul_add(x0, b[1] * x1) * inverse_length;
         moved.g = [sense * turn_bias, t[0].mul_add(x0, t[1].mul_add(x1, e * turn_bias))];
         moved
-    }
-
-    /// The same geometry with every constant converted.
-    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Rrpr<D> {
-        Rrpr {
-            joints: self.joints,
-            d3: self.d3.map(f),
-            d1: self.d1.map(f),
-            t0: self.t0.map(f),
-            square0: f(self.square0),
-            length0: f(self.length0),
-            eccentricity: f(self.eccentricity),
-            sense: f(self.sense),
-            side: f(self.side),
-            polish: self.polish.as_ref().map(|numerical| numerical.map(f)),
-        }
     }
 }

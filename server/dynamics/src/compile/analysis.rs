@@ -1,19 +1,19 @@
-//! What is fixed at load about the loops of a cluster: rank, rows, blocks, mobility; and the checks
-//! that need closed poses.
+//! Rank, rows, blocks and mobility of a cluster's loops, fixed at load at sampled closed poses.
 
 use faer::Mat;
 
 use crate::closure::{
-    Blocks, Level, Local, Numerical, Scratch, column_unit, constraint_jacobian,
-    constraint_residual, local_poses, scaled,
+    Blocks, Level, Local, Numerical, Scratch, column_unit, constraint_residual, local_poses, scaled,
 };
+use crate::compile::assemble::Labels;
 use crate::compile::blocks::blocks;
 use crate::compile::idle::Drift;
 use crate::compile::rank::{independent_rows, locks, matrix, null_space, rank};
 use crate::compile::{mobility, redundant};
 use crate::diagnostic::{Diagnostic, Site};
 use crate::mechanism::{Body, Cluster};
-use crate::scalar::{Dd, Scalar, noise};
+use crate::model::Model;
+use crate::scalar::{Dd, Real, noise};
 use crate::spatial::Pose;
 use sarrus_proto::Status;
 
@@ -22,12 +22,12 @@ pub(super) const POSES: usize = 3;
 const REACH: f64 = 0.2;
 /// Steps in which the offsets of couplings are reached from the zero pose.
 const OFFSET_STEPS: usize = 64;
-/// Deviation from an offset that a described zero pose has already, in the units of joints.
+/// Deviation from an offset up to which a described zero pose has it already `[m, rad]`.
 const THERE: f64 = 1e-12;
 /// Largest gap of a loop at zero, in cluster lengths.
 const OPEN: f64 = 1e-6;
 
-/// The result for one cluster.
+/// Result of the analysis of one cluster.
 pub(super) struct Analysis {
     pub(super) used: Vec<usize>,
     pub(super) blocks: Blocks,
@@ -44,20 +44,17 @@ pub(super) struct Sample {
 impl Sample {
     /// The scaled K and the poses at q.
     pub(super) fn at(cluster: &Cluster<f64>, bodies: &[Body<f64>], q: &[f64]) -> Sample {
-        let (n, rows) = (cluster.n_v, cluster.rows.len());
-        let mut cos_sin = vec![(1.0, 0.0); cluster.n];
-        let mut pose = vec![Pose::identity(); cluster.n + 1];
-        let (mut K, mut scaled_K) = (vec![0.0; rows * n], vec![0.0; rows * n]);
-        local_poses(cluster, bodies, q, &mut cos_sin, &mut pose);
-        constraint_jacobian(cluster, &pose, &mut K);
+        let n = cluster.n_v;
+        let Scratch { pose, K: unscaled, .. } = Scratch::at(cluster, bodies, q);
+        let mut K = vec![0.0; cluster.rows.len() * n];
         let all: Vec<usize> = (0..n).collect();
-        scaled(cluster, &K, 0..rows, &all, |r, v, x| scaled_K[r * n + v] = x);
-        Sample { K: scaled_K, pose }
+        scaled(cluster, &unscaled, 0..cluster.rows.len(), &all, |r, v, x| K[r * n + v] = x);
+        Sample { K, pose }
     }
 
     /// Columns of the scaled K.
-    pub(super) fn columns(&self, of: &[usize], cluster: &Cluster<f64>) -> Mat<f64> {
-        matrix(&self.K, cluster.rows.len(), cluster.n_v, of)
+    pub(super) fn columns(&self, columns: &[usize], cluster: &Cluster<f64>) -> Mat<f64> {
+        matrix(&self.K, cluster.rows.len(), cluster.n_v, columns)
     }
 }
 
@@ -73,7 +70,7 @@ pub(super) fn generic_of<'a>(
         .max_by_key(|(rank, _)| *rank)
 }
 
-/// A cluster with what a message about it needs.
+/// A cluster with the names for messages about it.
 pub(super) struct Subject<'a> {
     pub(super) cluster: &'a Cluster<f64>,
     pub(super) bodies: &'a [Body<f64>],
@@ -85,6 +82,21 @@ pub(super) struct Subject<'a> {
     pub(super) names: &'a [String],
     pub(super) row_names: &'a [String],
     pub(super) site: Site,
+}
+
+impl<'a> Subject<'a> {
+    pub(super) fn new(model: &'a Model<f64>, c: usize, labels: &'a Labels) -> Subject<'a> {
+        let cluster = &model.clusters[c];
+        Subject {
+            cluster,
+            bodies: model.bodies_of(cluster),
+            zero: &model.described_zero[cluster.coordinates()],
+            has_child_cluster: &labels.has_child_cluster,
+            names: &labels.names,
+            row_names: &labels.row_names,
+            site: labels.site,
+        }
+    }
 }
 
 /// Rank, rows and blocks of a cluster; faults where the mobility does not fit the declared
@@ -107,19 +119,18 @@ pub(super) fn analyse(
     let mut cluster = cluster.clone();
     cluster.dependent.retain(|v| !locked.contains(v));
     if !locked.is_empty() {
-        let name = |v: &usize| names[*v].as_str();
-        warnings.push(Diagnostic {
+        warnings.push(Diagnostic::new(
             site,
-            found: format!(
+            format!(
                 "idle joints, which turn a rod between its ball joints and nothing else: {}",
-                list(&locked, name)
+                joined(names, &locked)
             ),
-            expected: format!(
+            format!(
                 "{} joints that the independents determine",
                 drift.len() + cluster.dependent.len()
             ),
-            help: "they keep the value of the guess, zero without one, and have no velocity".into(),
-        });
+            "they keep the value of the guess, zero without one, and have no velocity",
+        ));
     }
 
     let n_dependent = cluster.dependent.len();
@@ -128,13 +139,13 @@ pub(super) fn analyse(
         redundant::warn(subject, &cluster, generic, &used, warnings);
     }
     let at_zero = Sample::at(&cluster, subject.bodies, subject.zero);
-    let others: Vec<&[f64]> = samples.iter().chain([&at_zero]).map(|of| &of.K[..]).collect();
+    let others: Vec<&[f64]> = samples.iter().chain([&at_zero]).map(|at| &at.K[..]).collect();
     let blocks = blocks(&cluster, &used, &generic.K, &others);
     Some(Analysis { used, blocks, locked })
 }
 
-/// The motions of the dependents that the independents do not determine, where all of them are idle
-/// and there are no more; `None` where the mobility is another one than declared.
+/// The idle motions of the dependents; `None` if the independents leave other motions undetermined
+/// or the mobility differs from the declared one.
 pub(super) fn idle_motions(
     subject: &Subject<'_>,
     at: &Sample,
@@ -155,8 +166,9 @@ pub(super) fn idle_motions(
     (excess == Some(drift.len()) && drift.iter().all(is_idle)).then_some(drift)
 }
 
-fn list<'a>(of: &[usize], name: impl Fn(&usize) -> &'a str) -> String {
-    of.iter().map(name).collect::<Vec<_>>().join(", ")
+/// Some of the names, for a message.
+pub(super) fn joined(names: &[String], indices: &[usize]) -> String {
+    indices.iter().map(|i| names[*i].as_str()).collect::<Vec<_>>().join(", ")
 }
 
 /// Finds the closed pose at y = 0 to the last digit: the zero pose of the joints, unless couplings
@@ -172,26 +184,26 @@ pub(super) fn close_zero(
     local_poses(cluster, bodies, &state.q, &mut state.cos_sin, &mut scratch.pose);
     constraint_residual(cluster, &scratch.pose, &state.q, &mut scratch.phi);
     let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
-    let gap = |of_coupling: bool| {
-        let of_kind =
-            rows.clone().zip(&scratch.phi).filter(|(row, _)| row.terms.is_empty() != of_coupling);
-        of_kind.fold(0.0, |gap: f64, (_, phi)| gap.max(phi.to_f64().abs()))
+    let gap = |couplings: bool| {
+        let rows = rows.clone().zip(&scratch.phi);
+        rows.filter(|(row, _)| row.terms.is_empty() != couplings)
+            .fold(0.0, |gap: f64, (_, phi)| gap.max(phi.to_f64().abs()))
     };
-    let (open, offset) = (gap(false), gap(true));
+    let open = gap(false);
+    let offset = gap(true);
     if open > OPEN * cluster.length {
-        return Some(Diagnostic {
+        return Some(Diagnostic::new(
             site,
-            found: format!("a loop that is open by {open:.3e} m (or rad) at the zero pose"),
-            expected: "placements that coincide at zero".into(),
-            help: "correct predecessor_placement, successor_placement or the joints' origins; \
-                `sarrus check --assemble --write OUT.urdf` does it"
-                .into(),
-        });
+            format!("a loop that is open by {open:.3e} m (or rad) at the zero pose"),
+            "placements that coincide at zero",
+            "correct predecessor_placement, successor_placement or the joints' origins; \
+            `sarrus check --assemble --write OUT.urdf` does it",
+        ));
     }
     if open <= 1e-28 * cluster.length && offset == 0.0 {
         return None;
     }
-    // the offsets come in little by little
+    // offsets grow from zero in steps
     let steps = if offset <= THERE { 1 } else { OFFSET_STEPS };
     let mut part = cluster.clone();
     for k in 1..=steps {
@@ -207,15 +219,13 @@ pub(super) fn close_zero(
         let outcome =
             numerical.close(&part, bodies, &mut state.local(&mut scratch), Level::Position);
         if outcome.status != Status::Ok {
-            return Some(Diagnostic {
+            return Some(Diagnostic::new(
                 site,
-                found: format!("loops that do not close at y = 0 ({})", outcome.status),
-                expected:
-                    "a closed pose where the independents are zero and the couplings have their \
-                    offsets"
-                        .into(),
-                help: "correct the offsets of the couplings".into(),
-            });
+                format!("loops that do not close at y = 0 ({})", outcome.status),
+                "a closed pose where the independents are zero and the couplings have their \
+                offsets",
+                "correct the offsets of the couplings",
+            ));
         }
         state.start.copy_from_slice(&state.q);
     }
@@ -233,7 +243,7 @@ pub(super) struct State<T> {
     g: Vec<T>,
 }
 
-impl<T: Scalar> State<T> {
+impl<T: Real> State<T> {
     pub(super) fn new(cluster: &Cluster<T>, zero: &[T]) -> State<T> {
         State {
             start: zero.to_vec(),
@@ -269,8 +279,9 @@ fn sample(subject: &Subject<'_>, k: usize) -> Sample {
     const SUBSTEPS: usize = 8;
     for _ in 0..SUBSTEPS {
         for (i, &j) in cluster.independent.iter().enumerate() {
-            let (at, unit) = (&cluster.dofs[j], column_unit(cluster, j));
-            at.advance(&mut q, REACH * unit * noise(31 * k + i) / SUBSTEPS as f64);
+            let unit = column_unit(cluster, j);
+            let step = REACH * unit * noise(31 * k + i) / SUBSTEPS as f64;
+            cluster.dofs[j].advance(&mut q, step);
         }
         if !closed_near(cluster, bodies, &mut q, &cluster.dependent) {
             break;
@@ -280,32 +291,29 @@ fn sample(subject: &Subject<'_>, k: usize) -> Sample {
     Sample::at(cluster, bodies, &closed)
 }
 
-/// Closes all rows by steps of least norm of some velocities; tells whether they are closed.
+/// Closes all rows by steps of least norm of some velocities; false if they stay open.
 pub(super) fn closed_near(
     cluster: &Cluster<f64>,
     bodies: &[Body<f64>],
     q: &mut [f64],
     free: &[usize],
 ) -> bool {
-    let (n, rows) = (cluster.n_v, cluster.rows.len());
-    let mut cos_sin = vec![(1.0, 0.0); cluster.n];
-    let mut pose = vec![Pose::identity(); cluster.n + 1];
-    let (mut phi, mut K) = (vec![0.0; rows], vec![0.0; rows * n]);
+    let rows = cluster.rows.len();
+    let mut phi = vec![0.0; rows];
     for _ in 0..30 {
-        local_poses(cluster, bodies, q, &mut cos_sin, &mut pose);
+        let Scratch { pose, K, .. } = Scratch::at(cluster, bodies, q);
         constraint_residual(cluster, &pose, q, &mut phi);
-        constraint_jacobian(cluster, &pose, &mut K);
         if phi.iter().all(|x| x.abs() < 1e-9 * cluster.length) {
             return true;
         }
-        let K_free = matrix(&K, rows, n, free);
+        let K_free = matrix(&K, rows, cluster.n_v, free);
         let Ok(svd) = K_free.thin_svd() else { return false };
-        let (U, S, V) = (svd.U(), svd.S().column_vector(), svd.V());
+        let S = svd.S().column_vector();
         for a in 0..S.nrows() {
             if S[a] > 1e-6 * S[0] {
-                let along: f64 = (0..rows).map(|r| U[(r, a)] * phi[r]).sum::<f64>() / S[a];
+                let along: f64 = (0..rows).map(|r| svd.U()[(r, a)] * phi[r]).sum::<f64>() / S[a];
                 for (i, &j) in free.iter().enumerate() {
-                    cluster.dofs[j].advance(q, -V[(i, a)] * along);
+                    cluster.dofs[j].advance(q, -svd.V()[(i, a)] * along);
                 }
             }
         }

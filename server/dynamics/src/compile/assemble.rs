@@ -1,5 +1,5 @@
-//! A model before its closures are chosen, in double-double: who owns what, and the order in which
-//! bodies, cuts, orders and names come about.
+//! Assembles a model before its closures are chosen, in double-double: bodies, cuts, orders and
+//! names.
 
 use std::sync::Arc;
 
@@ -7,12 +7,13 @@ use nalgebra::Matrix3;
 use sarrus_proto::{ModelInfo, Sizes};
 
 use crate::closure::Closure;
+use crate::compile::canonical;
 use crate::compile::couplings::{characteristic_length, couplings};
 use crate::compile::geometry::{onto_z, unit, vector};
 use crate::compile::orders::Names;
 use crate::compile::owners::owners;
 use crate::compile::spanning_tree::{Partition, Skeleton};
-use crate::description::{Description, JointKind, Limits, Loop, SubmechanismKind};
+use crate::description::{Description, JointKind, Limits, Loop};
 use crate::diagnostic::{Diagnostic, Site};
 use crate::linalg::TreeSparsity;
 use crate::mechanism::{Body, JointTerms, Motion};
@@ -20,62 +21,41 @@ use crate::model::{Model, Order};
 use crate::scalar::{Dd, Real};
 use crate::spatial::{Pose, zero};
 
-/// A model before its closures are chosen, and who owns what.
-pub(super) struct Assembly {
-    pub(super) model: Model<Dd>,
-    pub(super) meta: ModelInfo,
-    /// Submechanism, loop and row of each external row of K; couplings have no loop.
-    pub(super) row_owner: Vec<(usize, Option<(usize, usize)>)>,
-    /// For each cluster the first submechanism that owns a joint of it, and its joints in body
-    /// order.
+/// A model before its closures are chosen, and the owners of its joints and rows.
+pub(crate) struct Assembly {
+    pub(crate) model: Model<Dd>,
+    pub(crate) meta: ModelInfo,
+    pub(super) skeleton: Skeleton,
+    /// Loops of each submechanism: those given, or those of its type.
+    pub(super) loops: Vec<Vec<Loop>>,
+    /// Submechanism of each external row of K.
+    pub(super) row_owner: Vec<usize>,
+    /// First submechanism that owns a joint of each cluster.
     pub(super) owner: Vec<usize>,
+    /// Joints of each cluster in body order.
     pub(super) members: Vec<Vec<usize>>,
     submechanism_of: Vec<usize>,
 }
 
-impl Assembly {
-    /// Builds everything that needs no numbers beyond the description's.
-    pub(super) fn new(description: &Description, errors: &mut Vec<Diagnostic>) -> Option<Assembly> {
-        let skeleton = Skeleton::new(description).map_err(|fault| errors.push(fault)).ok()?;
-        let n_joints = description.joints.len();
-        let mut moving_of = vec![usize::MAX; n_joints];
-        skeleton.moving.iter().enumerate().for_each(|(m, j)| moving_of[*j] = m);
-        let submechanism_of = owners(description, errors)?;
+/// Names of one cluster for messages.
+pub(super) struct Labels {
+    /// Of its local velocities.
+    pub(super) names: Vec<String>,
+    /// Of its rows.
+    pub(super) row_names: Vec<String>,
+    /// Of each of its bodies.
+    pub(super) has_child_cluster: Vec<bool>,
+    pub(super) site: Site,
+}
 
-        // loops as given or as the type defines them, and the ties that they and the couplings make
+impl Assembly {
+    pub(crate) fn new(description: &Description, errors: &mut Vec<Diagnostic>) -> Option<Assembly> {
+        let skeleton = Skeleton::new(description).map_err(|fault| errors.push(fault)).ok()?;
+        let submechanism_of = owners(description, errors)?;
         let loops: Vec<Vec<Loop>> = (0..description.submechanisms.len())
-            .map(|s| crate::compile::canonical::loops(description, s, errors))
+            .map(|s| canonical::loops(description, s, errors))
             .collect();
-        let mut ties = Vec::new();
-        for cycle in loops.iter().flatten() {
-            let (a, b) = skeleton.path_between(cycle.predecessor, cycle.successor);
-            ties.push(a.into_iter().chain(b).collect::<Vec<_>>());
-        }
-        for (j, joint) in description
-            .joints
-            .iter()
-            .enumerate()
-            .filter(|(_, joint)| joint.kind != JointKind::Fixed)
-        {
-            if let Some(coupling) = &joint.coupling {
-                ties.push(
-                    coupling
-                        .terms
-                        .iter()
-                        .map(|(master, _)| moving_of[*master])
-                        .chain([moving_of[j]])
-                        .collect(),
-                );
-            }
-        }
-        if ties.iter().flatten().any(|m| *m == usize::MAX) {
-            errors.push(Diagnostic {
-                site: Site::Robot,
-                found: "a coupling to a fixed joint".into(),
-                expected: "masters that move".into(),
-                help: "name a moving joint".into(),
-            });
-        }
+        let ties = ties(description, &skeleton, &loops, errors);
         if !errors.is_empty() {
             return None;
         }
@@ -84,33 +64,36 @@ impl Assembly {
             Builder::new(description, &skeleton, &partition, &submechanism_of, errors)?;
         builder.bodies();
         builder.frames();
-        let row_owner = builder.rows(&loops, &moving_of);
-        builder.orders(&moving_of);
-        builder.terms(&moving_of, errors);
+        let row_owner = builder.rows(&loops);
+        builder.orders();
+        builder.terms(errors);
         builder.child_clusters();
-        let (model, meta) = builder.finish(&row_owner, &loops, errors)?;
-        let owner = partition
-            .members
-            .iter()
-            .map(|joints| submechanism_of[skeleton.moving[joints[0]]])
-            .collect();
-        let members = partition
-            .members
-            .iter()
-            .map(|joints| joints.iter().map(|m| skeleton.moving[*m]).collect())
-            .collect();
-        Some(Assembly { model, meta, row_owner, owner, members, submechanism_of })
+        builder.described_zero(errors);
+        builder.couplings(errors);
+        if !errors.is_empty() {
+            return None;
+        }
+        let (model, meta) = builder.finish();
+        let joints = |joints: &Vec<usize>| joints.iter().map(|m| skeleton.moving[*m]).collect();
+        let members: Vec<Vec<usize>> = partition.members.iter().map(joints).collect();
+        let owner = members.iter().map(|joints| submechanism_of[joints[0]]).collect();
+        Some(Assembly { model, meta, skeleton, loops, row_owner, owner, members, submechanism_of })
     }
 
-    /// Names of a cluster's local velocities.
-    pub(super) fn names(&self, c: usize) -> Vec<String> {
-        let cluster = &self.model.clusters[c];
-        (cluster.velocities())
-            .map(|v| self.meta.tree[self.model.order.v_external[v]].clone())
-            .collect()
+    pub(super) fn labels(&self, c: usize) -> Labels {
+        let clusters = &self.model.clusters;
+        let cluster = &clusters[c];
+        let name = |v: usize| self.meta.tree[self.model.order.v_external[v]].clone();
+        let has_child = |body: usize| clusters.iter().any(|child| child.parent == body);
+        Labels {
+            names: cluster.velocities().map(name).collect(),
+            row_names: cluster.rows.iter().map(|row| self.meta.loops[*row].clone()).collect(),
+            has_child_cluster: cluster.bodies().map(has_child).collect(),
+            site: Site::Submechanism(self.owner[c]),
+        }
     }
 
-    /// The submechanisms that own joints of a cluster, with how many.
+    /// The submechanisms that own joints of a cluster, each with the number of these joints.
     pub(super) fn owners(&self, c: usize) -> Vec<(usize, usize)> {
         let mut owners: Vec<(usize, usize)> = Vec::new();
         for j in &self.members[c] {
@@ -123,17 +106,6 @@ impl Assembly {
         owners
     }
 
-    /// How a cluster is to be closed: as its submechanism says when it is all of one, else
-    /// numerically.
-    pub(super) fn kind(&self, description: &Description, c: usize) -> SubmechanismKind {
-        match self.owners(c).as_slice() {
-            [(s, n)] if *n == description.submechanisms[*s].spanning_tree.len() => {
-                description.submechanisms[*s].kind
-            }
-            _ => SubmechanismKind::Numerical,
-        }
-    }
-
     /// The local joints of a cluster in the order in which its submechanism lists them.
     pub(super) fn local_order(&self, description: &Description, c: usize) -> Vec<usize> {
         let listed = &description.submechanisms[self.owner[c]].spanning_tree;
@@ -142,6 +114,35 @@ impl Assembly {
             .filter_map(|j| self.members[c].iter().position(|member| member == j))
             .collect()
     }
+}
+
+/// The sets of moving joints that one loop or one coupling ties together.
+fn ties(
+    description: &Description,
+    skeleton: &Skeleton,
+    loops: &[Vec<Loop>],
+    errors: &mut Vec<Diagnostic>,
+) -> Vec<Vec<usize>> {
+    let mut ties = Vec::new();
+    for cycle in loops.iter().flatten() {
+        let (a, b) = skeleton.path_between(cycle.predecessor, cycle.successor);
+        ties.push(a.into_iter().chain(b).collect::<Vec<_>>());
+    }
+    for &j in &skeleton.moving {
+        if let Some(coupling) = &description.joints[j].coupling {
+            let joints = coupling.terms.iter().map(|(master, _)| *master).chain([j]);
+            ties.push(joints.map(|j| skeleton.moving_of[j]).collect());
+        }
+    }
+    if ties.iter().flatten().any(|m| *m == usize::MAX) {
+        errors.push(Diagnostic::new(
+            Site::Robot,
+            "a coupling to a fixed joint",
+            "masters that move",
+            "name a moving joint",
+        ));
+    }
+    ties
 }
 
 /// A model under construction.
@@ -176,12 +177,12 @@ impl<'a> Builder<'a> {
                 }
                 (_, Some(axis)) => onto_z(&axis),
                 (_, None) => {
-                    errors.push(Diagnostic {
-                        site: Site::Joint(j),
-                        found: format!("joint {} with an axis without direction", joint.name),
-                        expected: "a vector of some length".into(),
-                        help: "give the axis".into(),
-                    });
+                    errors.push(Diagnostic::new(
+                        Site::Joint(j),
+                        format!("joint {} with an axis without direction", joint.name),
+                        "a vector of some length",
+                        "give the axis",
+                    ));
                     return None;
                 }
             });
@@ -232,6 +233,11 @@ impl<'a> Builder<'a> {
         })
     }
 
+    /// Body of a moving joint of the description.
+    pub(super) fn body(&self, joint: usize) -> &Body<Dd> {
+        &self.model.bodies[self.body_of[self.skeleton.moving_of[joint]]]
+    }
+
     /// The zero pose as described, in internal order.
     fn described_zero(&mut self, errors: &mut Vec<Diagnostic>) {
         let mut zero = vec![0.0; self.model.order.q.len()];
@@ -239,46 +245,40 @@ impl<'a> Builder<'a> {
             zero[body.q + body.motion.n_q() - 1] = 1.0;
         }
         for (j, coordinates) in &self.description.zero_pose {
-            let place = self.skeleton.moving.iter().position(|moving| moving == j);
-            let body = place.map(|m| &self.model.bodies[self.body_of[m]]);
+            let moves = self.skeleton.moving.contains(j);
+            let body = moves.then(|| self.body(*j));
             match body.filter(|body| body.motion.n_q() == coordinates.len()) {
                 Some(body) => {
                     zero[body.q..body.q + coordinates.len()].copy_from_slice(coordinates);
                 }
-                None => errors.push(Diagnostic {
-                    site: Site::Joint(*j),
-                    found: format!("{} coordinates at the zero pose", coordinates.len()),
-                    expected: "a joint that moves, and as many as it has".into(),
-                    help: "correct the description".into(),
-                }),
+                None => errors.push(Diagnostic::new(
+                    Site::Joint(*j),
+                    format!("{} coordinates at the zero pose", coordinates.len()),
+                    "a joint that moves, and as many as it has",
+                    "correct the description",
+                )),
             }
         }
+        self.model.zero = zero.iter().map(|x| Dd::from_f64(*x)).collect();
         self.model.described_zero = zero;
     }
 
-    /// Closures that need no analysis, lengths, zero pose; sizes and names.
-    fn finish(
-        mut self,
-        row_owner: &[(usize, Option<(usize, usize)>)],
-        loops: &[Vec<Loop>],
-        errors: &mut Vec<Diagnostic>,
-    ) -> Option<(Model<Dd>, ModelInfo)> {
-        self.described_zero(errors);
-        self.model.zero = self.model.described_zero.iter().map(|x| Dd::from_f64(*x)).collect();
+    /// Lengths of the closed clusters, and the closures and zero poses of pure couplings.
+    fn couplings(&mut self, errors: &mut Vec<Diagnostic>) {
         for (c, joints) in self.partition.members.iter().enumerate() {
             let cluster = &self.model.clusters[c];
-            let s = self.submechanism_of[self.skeleton.moving[joints[0]]];
+            let first = self.skeleton.moving[joints[0]];
             if cluster.rows.is_empty() {
                 if !cluster.dependent.is_empty() {
-                    errors.push(Diagnostic {
-                        site: Site::Submechanism(s),
-                        found: format!(
+                    errors.push(Diagnostic::new(
+                        Site::Submechanism(self.submechanism_of[first]),
+                        format!(
                             "joint {} that is not independent and in no loop",
-                            self.description.joints[self.skeleton.moving[joints[0]]].name
+                            self.description.joints[first].name
                         ),
-                        expected: "every joint independent, in a loop or coupled".into(),
-                        help: "list it in jointnames_independent or give the loop".into(),
-                    });
+                        "every joint independent, in a loop or coupled",
+                        "list it in jointnames_independent or give the loop",
+                    ));
                 }
                 continue;
             }
@@ -296,37 +296,19 @@ impl<'a> Builder<'a> {
                 self.model.closures[c] = Closure::Coupling(coupling);
             }
         }
-        if !errors.is_empty() {
-            return None;
-        }
+    }
+
+    /// The model, and its names and sizes.
+    fn finish(mut self) -> (Model<Dd>, ModelInfo) {
         let branches = self.branches();
         let names = self.names;
-        let loop_names = row_owner.iter().scan(0usize, |_, (s, owner)| {
-            Some(match owner {
-                Some((l, r)) => format!("{}/{}", loops[*s][*l].name, loops[*s][*l].rows[*r].name),
-                None => String::new(),
-            })
-        });
-        let mut loop_names: Vec<String> = loop_names.collect();
-        let mut coupled = self
-            .description
-            .submechanisms
-            .iter()
-            .flat_map(|s| &s.spanning_tree)
-            .filter(|j| self.description.joints[**j].coupling.is_some());
-        for name in loop_names.iter_mut().filter(|name| name.is_empty()) {
-            *name = coupled
-                .next()
-                .map(|j| format!("{}/coupling", self.description.joints[*j].name))
-                .unwrap_or_default();
-        }
         let sizes = Sizes {
             n_q: names.tree_q.len(),
             n_v: names.tree.len(),
             n_qy: names.independent_q.len(),
             n_vy: names.independent.len(),
             n_u: names.active.len(),
-            n_c: row_owner.len(),
+            n_c: names.loops.len(),
             n_branches: branches.len(),
         };
         let meta = ModelInfo {
@@ -338,13 +320,13 @@ impl<'a> Builder<'a> {
             independent: names.independent,
             independent_q: names.independent_q,
             active: names.active,
-            loops: loop_names,
+            loops: names.loops,
             branches,
             links: self.description.links.iter().map(|link| link.name.clone()).collect(),
             limits: names.limits.iter().map(|limits| limits.map(Limits::finite)).collect(),
             closures: Vec::new(),
             warnings: Vec::new(),
         };
-        Some((self.model, meta))
+        (self.model, meta)
     }
 }

@@ -1,4 +1,4 @@
-//! Bodies, joints and clusters in depth-first order, and what the links weigh.
+//! Bodies, joints and clusters in depth-first order, and the inertia of the bodies.
 
 use crate::closure::Closure;
 use crate::compile::assemble::Builder;
@@ -21,93 +21,105 @@ struct Roles {
 impl Builder<'_> {
     /// Bodies and clusters in depth-first order, without inertia.
     pub(super) fn bodies(&mut self) {
-        let (mut q, mut v, mut vy) = (0, 0, 0);
-        for (c, joints) in self.partition.members.iter().enumerate() {
-            let parent = self.partition.parent[c].map_or(0, |m| self.body_of[m]);
-            let body = self.model.bodies.len();
-            let (first_q, first_v) = (q, v);
-            let (mut local_parent, mut dofs) = (Vec::new(), Vec::new());
-            for &m in joints {
-                let joint = &self.description.joints[self.skeleton.moving[m]];
-                let x_parent_link = self.skeleton.x_parent_joint[m];
-                // both ends of the joint in frames with the axis on z
-                let in_parent = match self.skeleton.parent[m] {
-                    Some(p) => {
-                        Pose { R: self.R_link_body[p].transpose(), p: zero() }.then(&x_parent_link)
-                    }
-                    None => x_parent_link,
-                };
-                let placed = in_parent.then(&Pose { R: self.R_link_body[m], p: zero() });
-                let motion = match joint.kind {
-                    JointKind::Prismatic => Motion::Prismatic,
-                    JointKind::Spherical => Motion::Spherical,
-                    JointKind::Floating => Motion::Floating,
-                    _ => Motion::Revolute,
-                };
-                let (n_q, n_v) = (motion.n_q(), motion.n_v());
-                let local = self.model.bodies.len() - body;
-                dofs.extend((0..n_v).map(|k| Dof {
-                    v: v - first_v + k,
-                    q: q - first_q,
-                    body: local,
-                    k,
-                    motion,
-                    single: n_v == 1,
-                }));
-                let parent_body = self.skeleton.parent[m].map_or(0, |p| self.body_of[p]);
-                local_parent.push(if parent_body >= body { parent_body - body + 1 } else { 0 });
-                self.body_of[m] = self.model.bodies.len();
-                self.model.bodies.push(Body {
-                    parent: parent_body,
-                    motion,
-                    q,
-                    v,
-                    R_parent_body: placed.R,
-                    p_parent_body: placed.p,
-                    mass: Dd::ZERO,
-                    h: zero(),
-                    inertia: [Dd::ZERO; 6],
-                });
-                self.model.cluster_of.push(c);
-                self.model.cluster_of_v.extend(std::iter::repeat_n(c, n_v));
-                (q, v) = (q + n_q, v + n_v);
-            }
-            let Roles { independent, dependent, independent_q, dependent_q, active } =
-                self.roles(joints, first_q, first_v);
-            let n_vy = independent.len();
-            let (n_v, g_offset) = (v - first_v, self.model.n_g);
-            self.model.n_g += n_v * n_vy;
-            // the nearest independent that carries each independent
-            let carrier = self.last_independent(parent);
-            for k in 0..n_vy {
-                self.model.sparsity.push(if k == 0 { carrier } else { vy + k - 1 });
-            }
-            self.model.clusters.push(Cluster {
-                parent,
-                body,
-                n: joints.len(),
-                v: first_v,
-                q: first_q,
-                n_v,
-                n_q: q - first_q,
-                dofs,
-                vy,
-                n_vy,
-                g_offset,
-                independent,
-                dependent,
-                locked: Vec::new(),
-                independent_q,
-                dependent_q,
-                local_parent,
-                active,
-                cuts: Vec::new(),
-                rows: Vec::new(),
-                used: Vec::new(),
-                length: 1.0,
-            });
-            self.model.closures.push(Closure::Serial);
-            vy += n_vy;
+        let partition = self.partition;
+        for (joints, parent) in partition.members.iter().zip(&partition.parent) {
+            self.add_cluster(joints, parent.map_or(0, |m| self.body_of[m]));
+        }
+    }
+
+    /// Adds a cluster of moving joints on a parent body.
+    fn add_cluster(&mut self, joints: &[usize], parent: usize) {
+        let body = self.model.bodies.len();
+        let c = self.model.clusters.len();
+        let last = self.model.clusters.last();
+        let q = last.map_or(0, |last| last.q + last.n_q);
+        let v = last.map_or(0, |last| last.v + last.n_v);
+        let vy = last.map_or(0, |last| last.vy + last.n_vy);
+        let mut n_q = 0;
+        let mut n_v = 0;
+        let mut dofs = Vec::new();
+        let mut local_parent = Vec::new();
+        for (local, &m) in joints.iter().enumerate() {
+            let added = self.new_body(m, q + n_q, v + n_v);
+            local_parent.push((added.parent + 1).saturating_sub(body));
+            let motion = added.motion;
+            dofs.extend((0..motion.n_v()).map(|k| Dof {
+                v: n_v + k,
+                q: n_q,
+                body: local,
+                k,
+                motion,
+                single: motion.n_v() == 1,
+            }));
+            self.body_of[m] = self.model.bodies.len();
+            self.model.bodies.push(added);
+            self.model.cluster_of.push(c);
+            self.model.cluster_of_v.extend(std::iter::repeat_n(c, motion.n_v()));
+            n_q += motion.n_q();
+            n_v += motion.n_v();
+        }
+        let Roles { independent, dependent, independent_q, dependent_q, active } =
+            self.roles(joints, q, v);
+        let n_vy = independent.len();
+        let g_offset = self.model.n_g;
+        self.model.n_g += n_v * n_vy;
+        // the nearest independent that carries each independent
+        let carrier = self.last_independent(parent);
+        for k in 0..n_vy {
+            self.model.sparsity.push(if k == 0 { carrier } else { vy + k - 1 });
+        }
+        self.model.clusters.push(Cluster {
+            parent,
+            body,
+            n: joints.len(),
+            v,
+            q,
+            n_v,
+            n_q,
+            dofs,
+            vy,
+            n_vy,
+            g_offset,
+            independent,
+            dependent,
+            locked: Vec::new(),
+            independent_q,
+            dependent_q,
+            local_parent,
+            active,
+            cuts: Vec::new(),
+            rows: Vec::new(),
+            used: Vec::new(),
+            length: 1.0,
+        });
+        self.model.closures.push(Closure::Serial);
+    }
+
+    /// The body of a moving joint with the joint's axis on z at both ends, without inertia.
+    fn new_body(&self, m: usize, q: usize, v: usize) -> Body<Dd> {
+        let joint = &self.description.joints[self.skeleton.moving[m]];
+        let x_parent_link = self.skeleton.x_parent_joint[m];
+        let in_parent = match self.skeleton.parent[m] {
+            Some(p) => Pose { R: self.R_link_body[p].transpose(), p: zero() }.then(&x_parent_link),
+            None => x_parent_link,
+        };
+        let x_parent_body = in_parent.then(&Pose { R: self.R_link_body[m], p: zero() });
+        let motion = match joint.kind {
+            JointKind::Prismatic => Motion::Prismatic,
+            JointKind::Spherical => Motion::Spherical,
+            JointKind::Floating => Motion::Floating,
+            _ => Motion::Revolute,
+        };
+        Body {
+            parent: self.skeleton.parent[m].map_or(0, |p| self.body_of[p]),
+            motion,
+            q,
+            v,
+            R_parent_body: x_parent_body.R,
+            p_parent_body: x_parent_body.p,
+            mass: Dd::ZERO,
+            h: zero(),
+            inertia: [Dd::ZERO; 6],
         }
     }
 
@@ -123,17 +135,18 @@ impl Builder<'_> {
         usize::MAX
     }
 
-    /// What each joint of a cluster is, by local velocity and coordinate.
+    /// Independent, dependent and active joints of a cluster by local velocity and coordinate.
     fn roles(&self, joints: &[usize], first_q: usize, first_v: usize) -> Roles {
-        let written = |m: &usize| self.skeleton.moving[*m];
         let body = |m: &usize| &self.model.bodies[self.body_of[*m]];
         let velocities = |m: &usize| {
-            (body(m).v - first_v..body(m).v - first_v + body(m).motion.n_v()).collect::<Vec<_>>()
+            let v = body(m).v - first_v;
+            v..v + body(m).motion.n_v()
         };
         let coordinates = |m: &usize| {
-            (body(m).q - first_q..body(m).q - first_q + body(m).motion.n_q()).collect::<Vec<_>>()
+            let q = body(m).q - first_q;
+            q..q + body(m).motion.n_q()
         };
-        let local = |j: &usize| joints.iter().find(|m| written(m) == *j);
+        let local = |j: &usize| joints.iter().find(|m| self.skeleton.moving[**m] == *j);
         let independent: Vec<&usize> = self
             .description
             .submechanisms

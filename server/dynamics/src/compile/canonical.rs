@@ -1,13 +1,12 @@
-//! The loops that a type defines when a file gives none: where each leg is cut and in which
-//! directions it is closed_clusters.
+//! The loops of a submechanism's type, for files that give none: the cut of each leg and its rows.
 
 use nalgebra::Vector3;
 
-use crate::compile::geometry::{pose, unit, vector};
+use crate::compile::geometry::{link_pose, unit, vector};
 use crate::description::{Cut, Description, JointKind, Loop, Row, Submechanism, SubmechanismKind};
 use crate::diagnostic::{Diagnostic, Site};
-use crate::scalar::{Dd, Scalar};
-use crate::spatial::{Pose, cross, mul, t_mul};
+use crate::scalar::{Dd, Real, Triple};
+use crate::spatial::Matrix;
 
 /// The loops of a submechanism: those given, or those of its type.
 pub(super) fn loops(
@@ -39,17 +38,15 @@ pub(super) fn loops(
         _ => None,
     };
     of_type.unwrap_or_else(|| {
-        errors.push(Diagnostic {
-            site: Site::Submechanism(s),
-            found: format!(
+        errors.push(Diagnostic::new(
+            Site::Submechanism(s),
+            format!(
                 "dependent joints in {} (type {}) that nothing determines",
                 submechanism.name, submechanism.type_name
             ),
-            expected:
-                "loop_constraints, couplings, or a type that defines its loops for these joints"
-                    .into(),
-            help: "add loop_constraints".into(),
-        });
+            "loop_constraints, couplings, or a type that defines its loops for these joints",
+            "add loop_constraints",
+        ));
         Vec::new()
     })
 }
@@ -73,7 +70,7 @@ fn slider_crank(description: &Description, submechanism: &Submechanism) -> Optio
 fn pin(description: &Description, turn: usize, other: usize, slider: usize) -> Option<Loop> {
     let normal = direction_in_root(description, turn)?;
     let along = direction_in_root(description, slider)?;
-    let across = unit(&cross(&normal, &along))?;
+    let across = unit(&normal.cross(along))?;
     Some(Loop {
         name: description.joints[slider].name.clone(),
         predecessor: description.joints[other].child,
@@ -88,8 +85,8 @@ fn pin(description: &Description, turn: usize, other: usize, slider: usize) -> O
 
 /// A linear row along a direction {root}, in the frame of a joint at zero.
 fn row(description: &Description, joint: usize, name: &str, v: &Vector3<Dd>) -> Option<Row> {
-    let frame = in_root(description, description.joints[joint].child)?.R;
-    let v = t_mul(&frame, v).map(Dd::to_f64);
+    let frame = link_pose(description, description.joints[joint].child)?.R;
+    let v = frame.apply_transposed(*v).map(Dd::to_f64);
     Some(Row { name: name.into(), axis: [0.0, 0.0, 0.0, v[0], v[1], v[2]], against: None })
 }
 
@@ -108,9 +105,9 @@ fn legs(
     Some(sliders.into_iter().map(|slider| spherical(description, slider, platform)).collect())
 }
 
-/// The same with an arm a leg that turns on the platform, the k-th for the k-th slider of the list.
-/// Its tip is the slider's origin, a ball joint; and the plane of its axis and its tip goes through
-/// the origin of the leg's first joint.
+/// Legs that end in arms on the platform, the k-th arm on the k-th slider of the list. A ball joint
+/// at the slider's origin holds the arm's tip, and the plane of the arm's axis and tip passes
+/// through the origin of the leg's first joint.
 fn arms(description: &Description, submechanism: &Submechanism) -> Option<Vec<Loop>> {
     let joints = &description.joints;
     let sliders = sliders(description, submechanism, 2)?;
@@ -127,9 +124,9 @@ fn arms(description: &Description, submechanism: &Submechanism) -> Option<Vec<Lo
     for (arm, slider) in arms.into_iter().zip(sliders) {
         let first =
             carrier(description, joints[carrier(description, joints[slider].parent)?].parent)?;
-        let (n, tip) =
-            (direction_in_root(description, arm)?, in_root(description, joints[slider].child)?.p);
-        let normal = unit(&cross(&n, &(tip - in_root(description, joints[arm].child)?.p)))?;
+        let n = direction_in_root(description, arm)?;
+        let tip = link_pose(description, joints[slider].child)?.p;
+        let normal = unit(&n.cross(tip - link_pose(description, joints[arm].child)?.p))?;
         loops.push(spherical(description, slider, joints[arm].child));
         loops.push(Loop {
             name: joints[arm].name.clone(),
@@ -207,21 +204,8 @@ fn is_above(description: &Description, j: usize, other: usize) -> bool {
     false
 }
 
-/// Pose of a link at zero {root}.
-fn in_root(description: &Description, mut link: usize) -> Option<Pose<Dd>> {
-    let mut x = Pose::identity();
-    for _ in 0..=description.joints.len() {
-        let Some(joint) = description.joints.iter().find(|joint| joint.child == link) else {
-            return Some(x);
-        };
-        x = pose(&joint.origin).then(&x);
-        link = joint.parent;
-    }
-    None
-}
-
 /// Axis of a joint at zero {root}.
 fn direction_in_root(description: &Description, j: usize) -> Option<Vector3<Dd>> {
     let joint = &description.joints[j];
-    Some(mul(&in_root(description, joint.child)?.R, &vector(joint.axis)))
+    Some(link_pose(description, joint.child)?.R.apply(vector(joint.axis)))
 }

@@ -1,11 +1,10 @@
-//! What is read off a cluster before its closure is chosen: its size, and its couplings if it is
-//! tied by nothing else; linear relations.
+//! Size of a cluster, and the closure of a cluster of couplings alone by linear relations.
 
 use nalgebra::Vector3;
 
 use crate::closure::{Coupling, local_poses};
 use crate::mechanism::{Body, Cluster};
-use crate::scalar::{Dd, Real, Scalar};
+use crate::scalar::{Dd, Real, Triple};
 use crate::spatial::Pose;
 
 /// Half the largest distance between two joint origins or cut points of a cluster at zero: the size
@@ -25,7 +24,7 @@ pub(super) fn characteristic_length(
     for a in &points {
         for b in &points {
             let d = a - b;
-            largest = largest.max(crate::spatial::dot(&d, &d).sqrt().to_f64());
+            largest = largest.max(d.dot(d).sqrt().to_f64());
         }
     }
     if largest > 0.0 { 0.5 * largest } else { 1.0 }
@@ -45,8 +44,8 @@ pub(super) struct Relation {
     pub(super) offset: Dd,
 }
 
-/// What contradicting or repeated relations may leave, relative to their coefficients: numbers in
-/// files are rounded.
+/// Largest remainder of repeated relations, relative to their coefficients: numbers in files are
+/// rounded.
 const ROUNDING: f64 = 1e-12;
 
 /// M and b of a cluster whose every row is a coupling; `None` for others and where the couplings do
@@ -68,8 +67,11 @@ pub(super) fn couplings(cluster: &Cluster<Dd>) -> Option<Coupling<Dd>> {
 /// The dependents from relations that may hold in any order and at once, by elimination with full
 /// pivoting; relations that repeat others are allowed, those that contradict them are not.
 pub(super) fn solve(cluster: &Cluster<Dd>, relations: &[Relation]) -> Option<Coupling<Dd>> {
-    let (n, m, d) = (cluster.n, cluster.n_vy, cluster.dependent.len());
-    let (rows, width) = (relations.len(), d + m + 1);
+    let n = cluster.n;
+    let m = cluster.n_vy;
+    let d = cluster.dependent.len();
+    let rows = relations.len();
+    let width = d + m + 1;
     // [dependents | independents, offset], zero in all
     let mut A = vec![Dd::ZERO; rows * width];
     for (r, relation) in relations.iter().enumerate() {
@@ -112,7 +114,7 @@ pub(super) fn solve(cluster: &Cluster<Dd>, relations: &[Relation]) -> Option<Cou
         free.retain(|x| *x != r);
         row_of[a] = r;
     }
-    // what is left over must say nothing new
+    // the remaining relations must repeat these
     if free
         .iter()
         .any(|r| A[r * width..(r + 1) * width].iter().any(|x| x.to_f64().abs() > ROUNDING))

@@ -2,71 +2,72 @@
 
 use crate::compile::assemble::Builder;
 use crate::compile::geometry::{pose, vector};
-use crate::description::{self as written, Loop};
+use crate::description::{self as written, Coupling, Loop};
 use crate::mechanism::{Cut, CutRow};
 use crate::scalar::{Dd, Real};
-use crate::spatial::{Pose, mul, zero};
+use crate::spatial::{Matrix, Pose, zero};
 
 impl Builder<'_> {
-    /// Cuts and couplings on their clusters; returns who owns each external row.
-    pub(super) fn rows(
-        &mut self,
-        loops: &[Vec<Loop>],
-        moving_of: &[usize],
-    ) -> Vec<(usize, Option<(usize, usize)>)> {
+    /// Adds cuts and couplings to their clusters; returns the submechanism of each external row.
+    pub(super) fn rows(&mut self, loops: &[Vec<Loop>]) -> Vec<usize> {
         let mut owner = Vec::new();
         let world = self.zero_poses();
         for (s, submechanism) in self.description.submechanisms.iter().enumerate() {
-            for (l, cycle) in loops[s].iter().enumerate() {
+            for cycle in &loops[s] {
                 let (a, b) = self.skeleton.path_between(cycle.predecessor, cycle.successor);
                 let Some(&m) = a.first().or(b.first()) else { continue };
                 let c = self.model.cluster_of[self.body_of[m]];
                 let cut = self.cut(cycle, c, &a, &b, &world);
-                let cluster = &mut self.model.clusters[c];
-                for r in 0..cycle.rows.len() {
-                    cluster.rows.push(owner.len());
-                    owner.push((s, Some((l, r))));
-                }
-                cluster.cuts.push(cut);
+                let names = cycle.rows.iter().map(|row| format!("{}/{}", cycle.name, row.name));
+                self.push_cut(c, cut, names);
+                owner.resize(self.names.loops.len(), s);
             }
             for &j in &submechanism.spanning_tree {
-                if let Some(coupling) = &self.description.joints[j].coupling {
-                    let body = self.body_of[moving_of[j]];
-                    let c = self.model.cluster_of[body];
-                    let first = self.model.clusters[c].v;
-                    let local = |j: usize| self.model.bodies[self.body_of[moving_of[j]]].v - first;
-                    let mut terms = vec![(local(j), Dd::ONE)];
-                    for (master, multiplier) in &coupling.terms {
-                        terms.push((local(*master), -Dd::from_f64(*multiplier)));
-                    }
-                    let offset = -Dd::from_f64(coupling.offset);
-                    let row = CutRow {
-                        angular: zero(),
-                        linear: zero(),
-                        linear_p: zero(),
-                        against: None,
-                        terms,
-                        offset,
-                    };
-                    let identity = Pose::identity();
-                    let cluster = &mut self.model.clusters[c];
-                    let path = row.terms.iter().map(|(j, _)| (*j, true)).collect();
-                    let cut = Cut {
-                        predecessor: 0,
-                        successor: 0,
-                        x_p_cut: identity,
-                        x_s_cut: identity,
-                        rows: vec![row],
-                        path,
-                        angular: false,
-                    };
-                    cluster.cuts.push(cut);
-                    cluster.rows.push(owner.len());
-                    owner.push((s, None));
-                }
+                let joint = &self.description.joints[j];
+                let Some(coupling) = &joint.coupling else { continue };
+                let c = self.model.cluster_of[self.body_of[self.skeleton.moving_of[j]]];
+                let cut = self.coupling(j, coupling, self.model.clusters[c].v);
+                self.push_cut(c, cut, [format!("{}/coupling", joint.name)]);
+                owner.resize(self.names.loops.len(), s);
             }
         }
         owner
+    }
+
+    /// Adds a cut to a cluster, with the names of its rows.
+    fn push_cut(&mut self, c: usize, cut: Cut<Dd>, names: impl IntoIterator<Item = String>) {
+        let first = self.names.loops.len();
+        self.names.loops.extend(names);
+        let cluster = &mut self.model.clusters[c];
+        cluster.rows.extend(first..self.names.loops.len());
+        cluster.cuts.push(cut);
+    }
+
+    /// A coupling of a joint as a cut of one row; `first_v` is the cluster's first velocity.
+    fn coupling(&self, joint: usize, coupling: &Coupling, first_v: usize) -> Cut<Dd> {
+        let local = |j: usize| self.body(j).v - first_v;
+        let mut terms = vec![(local(joint), Dd::ONE)];
+        for (master, multiplier) in &coupling.terms {
+            terms.push((local(*master), -Dd::from_f64(*multiplier)));
+        }
+        let path = terms.iter().map(|(v, _)| (*v, true)).collect();
+        let row = CutRow {
+            angular: zero(),
+            linear: zero(),
+            linear_p: zero(),
+            against: None,
+            terms,
+            offset: -Dd::from_f64(coupling.offset),
+        };
+        Cut {
+            predecessor: 0,
+            successor: 0,
+            x_p_cut: Pose::identity(),
+            x_s_cut: Pose::identity(),
+            rows: vec![row],
+            path,
+            angular: false,
+        }
     }
 
     /// Pose of every body at zero {root}.
@@ -92,7 +93,8 @@ impl Builder<'_> {
                 0
             }
         };
-        let (p, s) = (local(cycle.predecessor), local(cycle.successor));
+        let p = local(cycle.predecessor);
+        let s = local(cycle.successor);
         let global =
             |local: usize| if local == 0 { cluster.parent } else { cluster.body + local - 1 };
         let in_root = |link: usize| {
@@ -117,7 +119,7 @@ impl Builder<'_> {
             CutRow {
                 angular: vector([wx, wy, wz]),
                 linear,
-                linear_p: mul(&x_p_cut.R, &linear),
+                linear_p: x_p_cut.R.apply(linear),
                 against,
                 terms: Vec::new(),
                 offset: Dd::ZERO,

@@ -4,12 +4,12 @@ use crate::closure::Elimination;
 
 /// Least pivot against the largest entry of its column, at every pose that is looked at.
 const PIVOT: f64 = 0.25;
-/// Largest entry of a column, against the largest of all, below which a pose says nothing of it.
+/// Largest entry of a column, relative to all, below which a pose does not count for it.
 const NOTHING: f64 = 1e-9;
 
-/// Rows and columns of a block in the order of elimination, and for more than three rows what fills
-/// in. `set` are its columns, each with its row; `sees` where an entry can be; `entry` gives them
-/// at each of a number of poses.
+/// Rows and columns of a block in the order of elimination, and for more than three rows the
+/// fill-in. `set` are its columns, each with its row; `sees` where an entry can be; `entry` gives
+/// them at each of a number of poses.
 pub(super) fn order(
     set: &[usize],
     row_of: &[usize],
@@ -104,7 +104,8 @@ impl Matrix {
         let mut best: Option<(bool, usize, f64, (usize, usize))> = None;
         for i in k..m {
             for j in (k..m).filter(|j| self.filled[i][*j]) {
-                let (share, cost) = (share(i, j), count(i, j));
+                let share = share(i, j);
+                let cost = count(i, j);
                 let sound = share >= PIVOT;
                 let better = best.is_none_or(|(was_sound, was_cost, was_share, _)| {
                     match (sound, was_sound) {

@@ -1,10 +1,10 @@
-//! Poses of a description in double-double, and the turn that brings a joint's axis onto z.
+//! Poses of a description in double-double, and the rotation of a joint's axis onto z.
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::description::{Inertial, Placement};
-use crate::scalar::{Dd, Real};
-use crate::spatial::{Pose, column, cross, dot, mul, mul_mat};
+use crate::description::{Description, Inertial, Placement};
+use crate::scalar::{Dd, Real, Triple};
+use crate::spatial::{Matrix, Pose};
 
 /// A vector of doubles.
 pub(crate) fn vector(x: [f64; 3]) -> Vector3<Dd> {
@@ -28,9 +28,22 @@ pub(crate) fn pose(placement: &Placement) -> Pose<Dd> {
     Pose { R, p: vector(placement.xyz) }
 }
 
+/// Pose of a link at zero {root}; `None` for links in a cycle.
+pub(crate) fn link_pose(description: &Description, mut link: usize) -> Option<Pose<Dd>> {
+    let mut x = Pose::identity();
+    for _ in 0..=description.joints.len() {
+        let Some(joint) = description.joints.iter().find(|joint| joint.child == link) else {
+            return Some(x);
+        };
+        x = pose(&joint.origin).then(&x);
+        link = joint.parent;
+    }
+    None
+}
+
 /// |v|.
 pub(crate) fn norm(v: &Vector3<Dd>) -> Dd {
-    dot(v, v).sqrt()
+    (*v).dot(*v).sqrt()
 }
 
 /// v / |v|; `None` for a vector without direction.
@@ -55,9 +68,9 @@ pub(crate) fn onto_z(z: &Vector3<Dd>) -> Matrix3<Dd> {
     }
     let axis = |i: usize| Dd::from_f64(if i == k { 1.0 } else { 0.0 });
     let e = Vector3::new(axis(0), axis(1), axis(2));
-    let y = cross(z, &e);
+    let y = (*z).cross(e);
     let y = unit(&y).unwrap_or(y);
-    let x = cross(&y, z);
+    let x = y.cross(*z);
     Matrix3::from_columns(&[x, y, *z])
 }
 
@@ -72,18 +85,18 @@ pub(crate) fn inertia(
     let of_center = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
     let mass = Dd::from_f64(inertial.mass);
     let c = at.p;
-    let turned = mul_mat(&mul_mat(&at.R, &of_center), &at.R.transpose());
-    let square = dot(&c, &c);
+    let turned = at.R.times(of_center).times(at.R.transpose());
+    let square = c.dot(c);
     let steiner = Matrix3::from_fn(|i, j| (if i == j { square } else { Dd::ZERO }) - c[i] * c[j]);
     (mass, c.map(|x| x * mass), Matrix3::from_fn(|i, j| turned[(i, j)] + steiner[(i, j)] * mass))
 }
 
 /// z axis of a pose.
 pub(crate) fn axis(pose: &Pose<Dd>) -> Vector3<Dd> {
-    column(&pose.R, 2)
+    pose.R.col(2)
 }
 
 /// A direction of a frame, seen from outside.
 pub(crate) fn direction(pose: &Pose<Dd>, x: &Vector3<Dd>) -> Vector3<Dd> {
-    mul(&pose.R, x)
+    pose.R.apply(*x)
 }

@@ -14,7 +14,7 @@ use crate::closure::column_unit;
 use crate::mechanism::{Body, Cluster, Motion};
 use crate::spatial::Pose;
 
-/// What counts as standing still, and as meeting, in lengths of the cluster.
+/// Largest motion at rest, and distance of lines that meet, in lengths of the cluster.
 const STILL: f64 = 1e-4;
 /// Least sine of the angle between two axes that meet.
 const APART: f64 = 1e-3;
@@ -54,7 +54,7 @@ impl Drift<'_> {
                 passed.iter().copied().filter(|c| ends(c).into_iter().any(is_in)).collect();
             match within.is_empty() {
                 true => group.iter().all(|b| self.turns_about_a_centre(*b)),
-                // what passes a cut moves both of its sides
+                // motion that passes a cut moves both of its sides
                 false => {
                     within.iter().all(|c| ends(c).into_iter().all(is_in))
                         && self.spins_between_balls(group)
@@ -65,7 +65,8 @@ impl Drift<'_> {
 
     /// The cuts of which a point moves, or whose sides do not satisfy the rows alone.
     fn passed_cuts(&self) -> Vec<usize> {
-        let (cluster, n_v) = (self.cluster, self.cluster.n_v);
+        let cluster = self.cluster;
+        let n_v = self.cluster.n_v;
         let mut first = 0;
         let mut passed = Vec::new();
         for (c, cut) in cluster.cuts.iter().enumerate() {
@@ -97,7 +98,8 @@ impl Drift<'_> {
         let cuts = passed.iter().map(|c| &self.cluster.cuts[*c]);
         for (a, b) in joints.chain(cuts.map(|cut| (cut.predecessor, cut.successor))) {
             let both_move = [a, b].iter().all(|body| *body > 0 && moving.contains(&(body - 1)));
-            let (old, new) = (group_of[a], group_of[b]);
+            let old = group_of[a];
+            let new = group_of[b];
             if both_move {
                 group_of.iter_mut().filter(|group| **group == old).for_each(|group| *group = new);
             }
@@ -132,7 +134,8 @@ impl Drift<'_> {
     /// The line about which a body turns: a point of it and the angular velocity.
     fn line(&self, b: usize) -> Option<(Vector3<f64>, Vector3<f64>)> {
         let p = self.pose[b + 1].p;
-        let (w, v) = (self.spin(b + 1), self.velocity(b + 1, &p));
+        let w = self.spin(b + 1);
+        let v = self.velocity(b + 1, &p);
         let square = w.norm_squared();
         (square > STILL * STILL).then(|| (p + w.cross(&v) / square, w.normalize()))
     }
@@ -194,7 +197,7 @@ impl Drift<'_> {
         self.sum(body, |w, v, p| v + w.cross(&(point - p)))
     }
 
-    /// Sum over the joints that move a body, of what each does: (ω, v of its origin, its origin).
+    /// Sum over the joints that move a body, of a function of (ω, v of its origin, its origin).
     fn sum(
         &self,
         body: usize,
@@ -207,7 +210,8 @@ impl Drift<'_> {
             for (v, freedom) in
                 self.cluster.dofs.iter().enumerate().filter(|(_, freedom)| freedom.body == at - 1)
             {
-                let (zero, rate) = (Vector3::zeros(), self.rate[v]);
+                let zero = Vector3::zeros();
+                let rate = self.rate[v];
                 let axis = |k: usize| pose.R.column(k).into_owned() * rate;
                 sum += match self.bodies[at - 1].motion {
                     Motion::Revolute => part(axis(2), zero, pose.p),

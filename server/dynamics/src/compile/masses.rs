@@ -1,9 +1,8 @@
-//! Whether the masses of a robot let its motion be computed, judged at load.
+//! Assesses at load how well the masses of a robot determine its accelerations.
 //!
-//! The diagonal of M_y is what an independent joint has to accelerate while the others stand still,
-//! the pivots Δ of the recursion what it has to while the others behind it are free. Their ratio
-//! has no unit, and its digits are lost in forward dynamics: a heavy hand on light links has a
-//! large one.
+//! The diagonal of M_y is the inertia of an independent joint with the others held still; the
+//! pivots Δ of the recursion are its inertia with the joints behind it free. Forward dynamics loses
+//! as many digits as their ratio has, which is large for a heavy hand on light links.
 
 use sarrus_proto::Status;
 
@@ -13,30 +12,77 @@ use crate::compile::analysis::POSES;
 use crate::description::Description;
 use crate::diagnostic::{Diagnostic, Site};
 use crate::model::{Method, Model, Scope, UNEQUAL};
-use crate::scalar::{Dd, Real, Scalar, noise};
+use crate::scalar::{Dd, Real, noise};
 use crate::workspace::{Needs, Workspace};
 
-/// Least Δ against the joint's own inertia, and against the largest of the robot, that is
-/// distinguished from rounding.
+/// Least Δ above rounding, relative to the joint's own inertia and to the robot's largest.
 const NOTHING: f64 = 1e-15;
 const LEAST: f64 = 1e-18;
 
 /// Independents up to which projection is tried at load, whose cost grows with their cube.
 const PROJECTED: usize = 64;
 
-/// Warnings where M_y is not positive definite, or nearly is not, at the zero pose or beside it.
-/// Returns the largest inertia of each independent among these poses, in internal order, zero where
-/// no pose could be closed; and whether M_y was positive definite at none of them.
-pub(super) fn check(
-    model: &Model<f64>,
+/// Ratios of inertias at the sampled poses, in internal order.
+struct Assessment {
+    /// Largest inertia of each independent; zero where no pose was closed.
+    typical: Vec<f64>,
+    /// Largest ratio of inertia to pivot of each independent.
+    worst: Vec<f64>,
+    /// Independents without inertia at some pose.
+    massless: Vec<usize>,
+    /// Number of poses with a positive definite M_y.
+    n_good: usize,
+}
+
+/// Sets `inertia` and `is_massless` of both models; warns if M_y is not positive definite, or
+/// nearly is not, at the zero pose or beside it.
+pub(super) fn assess_masses(
+    model: &mut Model<f64>,
+    exact: &mut Model<Dd>,
     description: &Description,
     warnings: &mut Vec<Diagnostic>,
-) -> (Vec<f64>, bool) {
+) {
+    let Assessment { typical, worst, massless, n_good } = assess(model);
+    if !massless.is_empty() {
+        let (site, names) = joints(model, description, &massless);
+        warnings.push(Diagnostic::new(
+            site,
+            format!("no inertia that resists the motion of {names}"),
+            "a positive definite reduced mass matrix",
+            "give mass or inertia to a link that these joints move; until then forward \
+            dynamics answers mass_not_positive",
+        ));
+    }
+    let unequal: Vec<usize> = (0..worst.len()).filter(|i| worst[*i] > UNEQUAL).collect();
+    if !unequal.is_empty() {
+        let (site, names) = joints(model, description, &unequal);
+        let ratio = worst.iter().copied().fold(0.0, f64::max);
+        warnings.push(Diagnostic::new(
+            site,
+            format!(
+                "masses so unequal that forward dynamics loses {:.0} of 16 digits at {names}",
+                ratio.log10()
+            ),
+            format!(
+                "a joint's inertia at most {UNEQUAL:.0e} times its inertia with the joints behind \
+                it free"
+            ),
+            "give the light links their true mass, or read the accelerations with that many \
+            digits",
+        ));
+    }
+    model.is_massless = !massless.is_empty() && n_good == 0;
+    exact.is_massless = model.is_massless;
+    exact.inertia.clone_from(&typical);
+    model.inertia = typical;
+}
+
+fn assess(model: &Model<f64>) -> Assessment {
     let mut ws = Workspace::sized(model, Needs::default());
     let scope = Scope::whole(model);
     let n = model.meta.sizes.n_vy;
-    let (mut typical, mut worst) = (vec![0.0; n], vec![0.0; n]);
-    let (mut massless, mut n_good) = (Vec::new(), 0);
+    let mut found =
+        Assessment { typical: vec![0.0; n], worst: vec![0.0; n], massless: Vec::new(), n_good: 0 };
     for k in 0..POSES {
         if !set_pose(model, &scope, &mut ws, k) {
             break;
@@ -48,51 +94,21 @@ pub(super) fn check(
         let enough = |i: &usize| pivots[*i] > least(*i);
         let bad: Vec<usize> = (0..n).filter(|i| !enough(i)).collect();
         if !bad.is_empty() {
-            // a pivot of zero leaves no number behind in those that carry it
+            // a pivot of zero makes the pivots of the joints before it NaN
             let zero = bad.iter().copied().filter(|i| !pivots[*i].is_nan()).collect::<Vec<_>>();
-            massless = if zero.is_empty() { bad } else { zero };
+            found.massless = if zero.is_empty() { bad } else { zero };
             continue;
         }
-        n_good += 1;
+        found.n_good += 1;
         for i in 0..n {
-            typical[i] = f64::max(typical[i], inertia[i]);
-            worst[i] = f64::max(worst[i], inertia[i] / pivots[i]);
+            found.typical[i] = f64::max(found.typical[i], inertia[i]);
+            found.worst[i] = f64::max(found.worst[i], inertia[i] / pivots[i]);
         }
     }
-    if !massless.is_empty() {
-        let (site, names) = joints(model, description, &massless);
-        warnings.push(Diagnostic {
-            site,
-            found: format!("no inertia that resists the motion of {names}"),
-            expected: "a positive definite reduced mass matrix".into(),
-            help: "give mass or inertia to a link that these joints move; until then forward \
-                dynamics answers mass_not_positive"
-                .into(),
-        });
-    }
-    let unequal: Vec<usize> = (0..n).filter(|i| worst[*i] > UNEQUAL).collect();
-    if !unequal.is_empty() {
-        let (site, names) = joints(model, description, &unequal);
-        let ratio = worst.iter().copied().fold(0.0, f64::max);
-        warnings.push(Diagnostic {
-            site,
-            found: format!(
-                "masses so unequal that forward dynamics loses {:.0} of 16 digits at {names}",
-                ratio.log10()
-            ),
-            expected: format!(
-                "a joint's inertia at most {UNEQUAL:.0e} times what is left of it where the joints \
-                behind it are free"
-            ),
-            help: "give the light links their true mass, or read the accelerations with that many \
-                digits"
-                .into(),
-        });
-    }
-    (typical, !massless.is_empty() && n_good == 0)
+    found
 }
 
-/// Names of independents and where the first of them stands.
+/// Names of independents and the site of the first.
 fn joints(model: &Model<f64>, description: &Description, which: &[usize]) -> (Site, String) {
     let name = |i: &usize| model.meta.independent[model.order.vy_external[*i]].as_str();
     let first = which.first().map(name);
@@ -104,9 +120,8 @@ fn joints(model: &Model<f64>, description: &Description, which: &[usize]) -> (Si
     (site, which.iter().map(name).collect::<Vec<_>>().join(", "))
 }
 
-/// Poses and G at the zero pose or at some distance from it; false where a loop does not close
-/// there.
-fn set_pose<T: Scalar>(model: &Model<T>, scope: &Scope, ws: &mut Workspace<T>, k: usize) -> bool {
+/// Poses and G at the zero pose or at some distance from it; false if a loop does not close.
+fn set_pose<T: Real>(model: &Model<T>, scope: &Scope, ws: &mut Workspace<T>, k: usize) -> bool {
     for (i, &q) in model.order.qy_q.iter().enumerate() {
         ws.q[q] = model.zero[q];
         if model.order.qy_q.len() == model.meta.sizes.n_vy {
@@ -127,14 +142,14 @@ fn set_pose<T: Scalar>(model: &Model<T>, scope: &Scope, ws: &mut Workspace<T>, k
     true
 }
 
-/// By how many unit roundoffs accelerations are off at the poses that were tried, against the
-/// largest of them: by the recursion, and by projection where the robot is small enough for that to
-/// be tried. Zero where no pose could be closed.
+/// Error of accelerations at the sampled poses, in unit roundoffs of the largest: by the recursion,
+/// and by projection if the robot is small. Zero if no pose could be closed.
 pub(super) fn growth(model: &Model<f64>, exact: &Model<Dd>) -> [f64; 2] {
     let n = model.meta.sizes.n_vy;
     let mut growth = [0.0; 2];
     let needs = Needs { mass_matrix: n <= PROJECTED, ..Needs::default() };
-    let (mut ws, mut exact_ws) = (Workspace::sized(model, needs), Workspace::sized(exact, needs));
+    let mut ws = Workspace::sized(model, needs);
+    let mut exact_ws = Workspace::sized(exact, needs);
     let scope = Scope::whole(model);
     for k in 0..POSES {
         if !set_pose(model, &scope, &mut ws, k) || !set_pose(exact, &scope, &mut exact_ws, k) {
@@ -148,7 +163,8 @@ pub(super) fn growth(model: &Model<f64>, exact: &Model<Dd>) -> [f64; 2] {
                 continue;
             }
             let found = solved(model, &scope, &mut ws, method, force);
-            let (mut off, mut size) = (0.0_f64, 0.0_f64);
+            let mut off = 0.0_f64;
+            let mut size = 0.0_f64;
             for (x, reference) in found.iter().zip(&reference) {
                 off = off.max((Dd::from(*x) - *reference).to_f64().abs());
                 size = size.max(reference.to_f64().abs());
@@ -162,7 +178,7 @@ pub(super) fn growth(model: &Model<f64>, exact: &Model<Dd>) -> [f64; 2] {
 }
 
 /// ÿ from M_y ÿ = b by a method. Needs the joint poses and G. Allocates.
-fn solved<T: Scalar>(
+fn solved<T: Real>(
     model: &Model<T>,
     scope: &Scope,
     ws: &mut Workspace<T>,
@@ -179,8 +195,8 @@ fn solved<T: Scalar>(
     ws.ydd.clone()
 }
 
-/// What the recursion divides by at each independent, in internal order: the inertia that is left
-/// of it where everything behind it is free. Needs the joint poses and G. Allocates.
+/// Pivots of the recursion in internal order: the articulated inertia of each independent. Needs
+/// the joint poses and G. Allocates.
 fn pivots(model: &Model<f64>, scope: &Scope, ws: &mut Workspace<f64>) -> Vec<f64> {
     ws.ydd.fill(0.0);
     algorithms::embedded_solve(model, scope, ws);

@@ -1,108 +1,102 @@
-//! A mobility that does not fit the declared independents: what is wrong, and what would be right.
+//! Explains a mobility that does not fit the declared independents, and suggests a correction.
 
 use faer::Mat;
 
 use crate::closure::column_unit;
-use crate::compile::analysis::{Sample, Subject, closed_near, generic_of, idle_motions};
+use crate::compile::analysis::{Sample, Subject, closed_near, generic_of, idle_motions, joined};
 use crate::compile::rank::{independent_rows, null_space, rank};
 use crate::compile::redundant::fitting_cuts;
 use crate::diagnostic::Diagnostic;
 use crate::mechanism::Cluster;
 use crate::scalar::noise;
 
-/// Poses off the zero pose that are tried, and how far they lie, in radians or cluster lengths.
+/// Sampled poses off the zero pose, and their distance from it in radians or cluster lengths.
 const TRIALS: usize = 6;
 const REACH: f64 = 0.3;
-/// Share of the largest that a preferred independent must still move on its own.
+/// Least motion of a preferred independent, relative to the largest.
 const ENOUGH: f64 = 0.05;
 
-/// The fault of a mobility that does not fit: dead points, redundant rows and idle joints by name.
+/// The fault of a mobility that differs from the declared one: dead points, redundant rows and
+/// undetermined joints by name.
 pub(super) fn fault(subject: &Subject<'_>, generic: &Sample, rank_of_K: usize) -> Diagnostic {
-    let &Subject { cluster, names, row_names, site, .. } = subject;
+    let &Subject { cluster, names, site, .. } = subject;
     let mobility = cluster.n_v - rank_of_K;
-    let name = |v: &usize| names[*v].as_str();
-    let list = |of: &[usize]| of.iter().map(name).collect::<Vec<_>>().join(", ");
     let K_d = generic.columns(&cluster.dependent, cluster);
     let drift = null_space(&K_d);
-    let moving: Vec<usize> = cluster
-        .dependent
-        .iter()
-        .enumerate()
-        .filter(|(i, _)| drift.iter().any(|motion| motion[*i].abs() > 1e-3))
-        .map(|(_, v)| *v)
-        .collect();
-
-    // away from zero, with every joint free to move: perhaps nothing is wrong there
-    let elsewhere: Vec<Sample> = (0..TRIALS).filter_map(|k| off_zero(subject, k)).collect();
-    let off = generic_of(cluster, &elsewhere);
-    if let Some((rank, off)) = off
-        && idle_motions(subject, off, rank).is_some()
-    {
-        return Diagnostic {
-            site,
-            found: format!(
-                "the zero pose is a dead point of loop {}: the independents do not determine {} \
-                there",
-                loop_name(subject),
-                list(&moving)
-            ),
-            expected: "a zero pose off the dead point".into(),
-            help: format!(
-                "use `sarrus check --assemble --near {}=0.1 --write OUT.urdf` to write one",
-                moving.first().map(name).unwrap_or_default()
-            ),
-        };
+    let moves = |i: &usize| drift.iter().any(|motion| motion[*i].abs() > 1e-3);
+    let moving: Vec<usize> = (0..K_d.ncols()).filter(moves).map(|i| cluster.dependent[i]).collect();
+    if is_dead_point(subject) {
+        return dead_point(subject, &moving);
     }
-
-    let counts =
-        format!("{} joints less rank {rank_of_K} of {} rows", cluster.n_v, cluster.rows.len());
-    let mut found = format!("mobility {mobility} ({counts})");
-    let (mut help, mut fitting) = (String::new(), String::new());
-    // as many as declared, but not these
+    let good = || {
+        let good = good_independents(subject, generic, mobility, &preferred(cluster).concat());
+        joined(names, &good)
+    };
+    let mut found = format!(
+        "mobility {mobility} ({} joints less rank {rank_of_K} of {} rows)",
+        cluster.n_v,
+        cluster.rows.len()
+    );
     if mobility == cluster.n_vy {
         found += &format!(
             ", but the independents {} do not determine {}",
-            list(&cluster.independent),
-            list(&moving)
+            joined(names, &cluster.independent),
+            joined(names, &moving)
         );
-        return Diagnostic {
+        return Diagnostic::new(
             site,
             found,
-            expected: "independents that determine every joint".into(),
-            help: format!(
-                "write jointnames_independent: [{}], or correct loop_constraints",
-                list(&good_independents(subject, generic, mobility, &preferred(cluster).concat()))
-            ),
-        };
+            "independents that determine every joint",
+            format!("write jointnames_independent: [{}], or correct loop_constraints", good()),
+        );
     }
+    let mut fitting = String::new();
     if rank_of_K < cluster.rows.len() {
         let kept = independent_rows(&K_d, rank(&K_d).min(K_d.nrows()));
         let redundant: Vec<usize> = (0..cluster.rows.len()).filter(|r| !kept.contains(r)).collect();
-        let named = redundant.iter().map(|r| row_names[*r].as_str()).collect::<Vec<_>>();
-        found += &format!("; redundant rows: {}", named.join(", "));
+        found += &format!("; redundant rows: {}", joined(subject.row_names, &redundant));
         fitting = fitting_cuts(subject, generic, &redundant);
     }
-    // joints that can still move when all independents stand still
     if !moving.is_empty() {
-        found += &format!("; joints that the independents do not determine: {}", list(&moving));
+        found +=
+            &format!("; joints that the independents do not determine: {}", joined(names, &moving));
     }
-    if mobility > 0 {
-        let good =
-            list(&good_independents(subject, generic, mobility, &preferred(cluster).concat()));
-        help = format!(" (such as [{good}])");
-    }
-    if !fitting.is_empty() {
-        fitting = format!("; {fitting}");
-    }
-    Diagnostic {
+    let such_as = if mobility > 0 { format!(" (such as [{}])", good()) } else { String::new() };
+    let separator = if fitting.is_empty() { "" } else { "; " };
+    Diagnostic::new(
         site,
         found,
-        expected: format!("mobility {} as declared by jointnames_independent", cluster.n_vy),
-        help: format!("change jointnames_independent{help} or loop_constraints{fitting}"),
-    }
+        format!("mobility {} as declared by jointnames_independent", cluster.n_vy),
+        format!("change jointnames_independent{such_as} or loop_constraints{separator}{fitting}"),
+    )
 }
 
-/// The cut of a cluster by its name; its submechanism stands at the diagnostic.
+/// True if the declared independents determine every joint away from the zero pose, where every
+/// joint may move.
+fn is_dead_point(subject: &Subject<'_>) -> bool {
+    let elsewhere: Vec<Sample> = (0..TRIALS).filter_map(|k| off_zero(subject, k)).collect();
+    let generic = generic_of(subject.cluster, &elsewhere);
+    generic.is_some_and(|(rank, at)| idle_motions(subject, at, rank).is_some())
+}
+
+fn dead_point(subject: &Subject<'_>, moving: &[usize]) -> Diagnostic {
+    let first = moving.first().map(|v| subject.names[*v].as_str());
+    Diagnostic::new(
+        subject.site,
+        format!(
+            "the zero pose is a dead point of loop {}: the independents do not determine {} there",
+            loop_name(subject),
+            joined(subject.names, moving)
+        ),
+        "a zero pose off the dead point",
+        format!(
+            "use `sarrus check --assemble --near {}=0.1 --write OUT.urdf` to write one",
+            first.unwrap_or_default()
+        ),
+    )
+}
+
+/// Names of the cluster's cuts.
 fn loop_name(subject: &Subject<'_>) -> String {
     let mut names: Vec<&str> = subject
         .row_names
@@ -125,8 +119,7 @@ pub(super) fn off_zero(subject: &Subject<'_>, k: usize) -> Option<Sample> {
         .then(|| Sample::at(cluster, subject.bodies, &q))
 }
 
-/// Velocities that people would take as independents: those that are declared, those that have an
-/// actuator, those on the base.
+/// Usual independents: declared ones, actuated ones, those on the base.
 pub(super) fn preferred(cluster: &Cluster<f64>) -> [Vec<usize>; 3] {
     let on_base = |v: &usize| cluster.local_parent[cluster.dofs[*v].body] == 0;
     [
@@ -136,8 +129,8 @@ pub(super) fn preferred(cluster: &Cluster<f64>) -> [Vec<usize>; 3] {
     ]
 }
 
-/// As many velocities as a loop has degrees of freedom that determine all others: the preferred
-/// ones as far as they do.
+/// As many velocities as a loop has degrees of freedom that determine all others, preferred ones
+/// first.
 pub(super) fn good_independents(
     subject: &Subject<'_>,
     at: &Sample,
@@ -147,7 +140,7 @@ pub(super) fn good_independents(
     let cluster = subject.cluster;
     let all: Vec<usize> = (0..cluster.n_v).collect();
     let free = null_space(&at.columns(&all, cluster));
-    // what each velocity does along the directions that are free, less what those chosen do
+    // rows of the free motions, orthogonalised against the chosen ones
     let mut left = Mat::from_fn(cluster.n_v, free.len(), |v, a| free[a][v]);
     let size = |left: &Mat<f64>, v: usize| {
         (0..left.ncols()).map(|a| left[(v, a)] * left[(v, a)]).sum::<f64>().sqrt()

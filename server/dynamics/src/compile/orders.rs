@@ -1,5 +1,4 @@
-//! The orders that users see: names, limits and the map from each external index to the internal
-//! one.
+//! External orders: names, limits and the map from each external index to the internal one.
 
 use crate::closure::Closure;
 use crate::compile::assemble::Builder;
@@ -16,87 +15,80 @@ pub(super) struct Names {
     pub(super) independent: Vec<String>,
     pub(super) independent_q: Vec<String>,
     pub(super) active: Vec<String>,
+    pub(super) loops: Vec<String>,
     pub(super) limits: Vec<Option<written::Limits>>,
 }
 
 impl Builder<'_> {
     /// External orders, names and limits.
-    pub(super) fn orders(&mut self, moving_of: &[usize]) {
-        let order = &mut self.model.order;
+    pub(super) fn orders(&mut self) {
         for submechanism in &self.description.submechanisms {
             for &j in &submechanism.spanning_tree {
-                let joint = &self.description.joints[j];
-                let body = &self.model.bodies[self.body_of[moving_of[j]]];
-                if let Some((dofs, parts)) = parts(body.motion) {
-                    order.q.extend(body.q..body.q + parts.len());
-                    order.v.extend(body.v..body.v + dofs.len());
-                    self.names
-                        .tree
-                        .extend(dofs.iter().map(|part| format!("{}/{part}", joint.name)));
-                    self.names
-                        .tree_q
-                        .extend(parts.iter().map(|part| format!("{}/{part}", joint.name)));
-                    self.names.limits.extend(dofs.iter().map(|_| None));
-                    continue;
-                }
-                order.q.push(body.q);
-                order.v.push(body.v);
-                self.names.tree.push(joint.name.clone());
-                self.names.tree_q.push(joint.name.clone());
-                self.names.limits.push(joint.limits);
-                if let Some(limits) = joint.limits {
-                    let written::Limits { lower, upper, velocity, .. } = limits;
-                    let (lower, upper) = if joint.kind == JointKind::Continuous {
-                        (f64::NEG_INFINITY, f64::INFINITY)
-                    } else {
-                        (lower, upper)
-                    };
-                    self.model.limits.push(Limit { q: body.q, v: body.v, lower, upper, velocity });
-                }
+                self.add_joint(j);
             }
         }
-        let order = &mut self.model.order;
         for submechanism in &self.description.submechanisms {
             for &j in &submechanism.independent {
-                let name = &self.description.joints[j].name;
-                let i = self.body_of[moving_of[j]];
-                let body = &self.model.bodies[i];
-                let cluster = &self.model.clusters[self.model.cluster_of[i]];
-                let k = cluster
-                    .independent
-                    .iter()
-                    .position(|local| *local == body.v - cluster.v)
-                    .unwrap_or(0);
-                if let Some((dofs, parts)) = parts(body.motion) {
-                    order.qy_q.extend(body.q..body.q + parts.len());
-                    order.vy_v.extend(body.v..body.v + dofs.len());
-                    order.vy.extend(cluster.vy + k..cluster.vy + k + dofs.len());
-                    self.names.independent.extend(dofs.iter().map(|part| format!("{name}/{part}")));
-                    self.names
-                        .independent_q
-                        .extend(parts.iter().map(|part| format!("{name}/{part}")));
-                    continue;
-                }
-                order.qy_q.push(body.q);
-                order.vy_v.push(body.v);
-                order.vy.push(cluster.vy + k);
-                self.names.independent.push(name.clone());
-                self.names.independent_q.push(name.clone());
+                self.add_independent(j);
             }
             for &j in &submechanism.active {
                 let joint = &self.description.joints[j];
-                let body = &self.model.bodies[self.body_of[moving_of[j]]];
-                order.u_q.push(body.q);
-                order.u_v.push(body.v);
+                let body = self.body(j);
+                let q = body.q;
+                let v = body.v;
+                self.model.order.u_q.push(q);
+                self.model.order.u_v.push(v);
                 self.names.active.push(joint.name.clone());
                 self.model.effort.push(joint.limits.map_or(f64::INFINITY, |limits| limits.effort));
             }
         }
+        let order = &mut self.model.order;
         order.v_external = vec![0; order.v.len()];
         order.v.iter().enumerate().for_each(|(e, v)| order.v_external[*v] = e);
         order.vy_external = vec![0; order.vy.len()];
         order.vy.iter().enumerate().for_each(|(e, k)| order.vy_external[*k] = e);
         order.vy_internal = (0..order.vy.len()).collect();
+    }
+
+    /// Adds a joint to the order of q and q̇.
+    fn add_joint(&mut self, j: usize) {
+        let joint = &self.description.joints[j];
+        let body = self.body(j);
+        let q = body.q;
+        let v = body.v;
+        let motion = body.motion;
+        self.model.order.q.extend(q..q + motion.n_q());
+        self.model.order.v.extend(v..v + motion.n_v());
+        self.names.tree.extend(velocity_names(&joint.name, motion));
+        self.names.tree_q.extend(coordinate_names(&joint.name, motion));
+        if motion.n_v() > 1 {
+            self.names.limits.extend(std::iter::repeat_n(None, motion.n_v()));
+            return;
+        }
+        self.names.limits.push(joint.limits);
+        if let Some(written::Limits { mut lower, mut upper, velocity, .. }) = joint.limits {
+            if joint.kind == JointKind::Continuous {
+                lower = f64::NEG_INFINITY;
+                upper = f64::INFINITY;
+            }
+            self.model.limits.push(Limit { q, v, lower, upper, velocity });
+        }
+    }
+
+    /// Adds a joint to the order of y and ẏ.
+    fn add_independent(&mut self, j: usize) {
+        let name = &self.description.joints[j].name;
+        let i = self.body_of[self.skeleton.moving_of[j]];
+        let body = &self.model.bodies[i];
+        let cluster = &self.model.clusters[self.model.cluster_of[i]];
+        let local = |v: &usize| *v == body.v - cluster.v;
+        let first = cluster.vy + cluster.independent.iter().position(local).unwrap_or(0);
+        let order = &mut self.model.order;
+        order.qy_q.extend(body.q..body.q + body.motion.n_q());
+        order.vy_v.extend(body.v..body.v + body.motion.n_v());
+        order.vy.extend(first..first + body.motion.n_v());
+        self.names.independent.extend(velocity_names(name, body.motion));
+        self.names.independent_q.extend(coordinate_names(name, body.motion));
     }
 
     /// Names of the closed clusters that are not pure couplings, in the order of their
@@ -122,13 +114,21 @@ impl Builder<'_> {
     }
 }
 
-/// Names of the velocities and coordinates of a joint of several degrees of freedom.
-fn parts(motion: Motion) -> Option<(&'static [&'static str], &'static [&'static str])> {
-    const FREEDOMS: [&str; 6] = ["rx", "ry", "rz", "tx", "ty", "tz"];
+/// Names of the velocities of a joint: the joint's own for one, `name/rx` and so on for several.
+fn velocity_names(name: &str, motion: Motion) -> Vec<String> {
+    const PARTS: [&str; 6] = ["rx", "ry", "rz", "tx", "ty", "tz"];
+    parts(name, if motion.n_v() > 1 { &PARTS[..motion.n_v()] } else { &[] })
+}
+
+/// Names of the coordinates of a joint, likewise.
+fn coordinate_names(name: &str, motion: Motion) -> Vec<String> {
     const PARTS: [&str; 7] = ["x", "y", "z", "qx", "qy", "qz", "qw"];
-    match motion {
-        Motion::Spherical => Some((&FREEDOMS[..3], &PARTS[3..])),
-        Motion::Floating => Some((&FREEDOMS, &PARTS)),
-        Motion::Revolute | Motion::Prismatic => None,
+    parts(name, if motion.n_q() > 1 { &PARTS[7 - motion.n_q()..] } else { &[] })
+}
+
+fn parts(name: &str, parts: &[&str]) -> Vec<String> {
+    if parts.is_empty() {
+        return vec![name.to_owned()];
     }
+    parts.iter().map(|part| format!("{name}/{part}")).collect()
 }

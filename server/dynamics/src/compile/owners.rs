@@ -1,4 +1,4 @@
-//! Which submechanism owns each joint.
+//! The submechanism that owns each joint.
 
 use crate::description::{Description, JointKind};
 use crate::diagnostic::{Diagnostic, Site};
@@ -10,12 +10,8 @@ pub(super) fn owners(
 ) -> Option<Vec<usize>> {
     let mut owner = vec![usize::MAX; description.joints.len()];
     let mut fault = |site, found: String, expected: &str| {
-        errors.push(Diagnostic {
-            site,
-            found,
-            expected: expected.into(),
-            help: "correct the lists of the submechanisms".into(),
-        });
+        let help = "correct the lists of the submechanisms";
+        errors.push(Diagnostic::new(site, found, expected, help));
     };
     for (s, submechanism) in description.submechanisms.iter().enumerate() {
         for &j in &submechanism.spanning_tree {
@@ -39,11 +35,12 @@ pub(super) fn owners(
         }
     }
     for (s, submechanism) in description.submechanisms.iter().enumerate() {
-        for j in submechanism.active.iter().filter(|j| {
+        let several = |j: &&usize| {
             description.joints.get(**j).is_some_and(|joint| {
                 matches!(joint.kind, JointKind::Floating | JointKind::Spherical)
             })
-        }) {
+        };
+        for j in submechanism.active.iter().filter(several) {
             fault(
                 Site::Submechanism(s),
                 format!(

@@ -2,19 +2,19 @@
 
 use faer::Mat;
 
-/// Ratio of singular values below which a row says nothing new: files are rounded.
+/// Ratio of singular values below which a row counts as dependent: files are rounded.
 pub(super) const RANK_GAP: f64 = 1e-4;
 
-/// Directions of the dependents that K_d does not see, of unit length in the scaling.
+/// Null space of K_d, of unit vectors in the scaling.
 pub(super) fn null_space(K_d: &Mat<f64>) -> Vec<Vec<f64>> {
     let m = K_d.ncols();
     if m == 0 {
         return Vec::new();
     }
     let Ok(svd) = K_d.svd() else { return Vec::new() };
-    let (S, V) = (svd.S().column_vector(), svd.V());
+    let S = svd.S().column_vector();
     let lost = |a: usize| a >= S.nrows() || S[a] <= RANK_GAP * S[0];
-    (0..m).filter(|a| lost(*a)).map(|a| (0..m).map(|i| V[(i, a)]).collect()).collect()
+    (0..m).filter(|a| lost(*a)).map(|a| (0..m).map(|i| svd.V()[(i, a)]).collect()).collect()
 }
 
 /// Columns of a row-major matrix.
@@ -32,7 +32,7 @@ pub(super) fn rank(A: &Mat<f64>) -> usize {
     })
 }
 
-/// As many rows of K_d as it has columns, by pivoted QR of its transpose, in their own order.
+/// As many rows of K_d as it has columns, by pivoted QR of its transpose, in ascending order.
 pub(super) fn independent_rows(K_d: &Mat<f64>, count: usize) -> Vec<usize> {
     if K_d.nrows() == count {
         return (0..count).collect();

@@ -1,20 +1,17 @@
-//! Rows that say nothing new: by how much the loops open in them, and which cut would not have
-//! them.
+//! Redundant rows: the gaps of the loops in them, and cut joints without them.
 
 use faer::linalg::solvers::Solve;
 use nalgebra::Vector3;
 
-use crate::closure::{column_unit, constraint_jacobian, constraint_residual, local_poses};
-use crate::compile::analysis::{Sample, Subject};
+use crate::closure::{Scratch, column_unit, constraint_residual};
+use crate::compile::analysis::{Sample, Subject, joined};
 use crate::compile::blocks::is_length;
 use crate::compile::rank::{matrix, rank};
 use crate::diagnostic::Diagnostic;
 use crate::mechanism::{Body, Cluster, Motion};
 use crate::scalar::noise;
-use crate::spatial::Pose;
 
-/// Gap in radians and in lengths of the cluster above which a redundant row does not hold: files
-/// are rounded.
+/// Largest gap of a redundant row that holds, in radians or cluster lengths: files are rounded.
 const OPEN: f64 = 1e-6;
 /// Directions of the independents, and steps along each, in radians or lengths of the cluster.
 const DIRECTIONS: usize = 6;
@@ -34,37 +31,32 @@ pub(super) fn warn(
     warnings: &mut Vec<Diagnostic>,
 ) {
     let dropped: Vec<usize> = (0..cluster.rows.len()).filter(|r| !used.contains(r)).collect();
-    let names =
-        dropped.iter().map(|r| subject.row_names[*r].as_str()).collect::<Vec<_>>().join(", ");
+    let names = joined(subject.row_names, &dropped);
     let n = cluster.dependent.len();
     let help = "they are left out of the solution; what the loop-closure forces share is the least \
         norm";
     let fitting = fitting_cuts(subject, generic, &dropped);
-    warnings.push(Diagnostic {
-        site: subject.site,
-        found: format!("redundant constraint axes: {names}"),
-        expected: format!("{n} independent axes for {n} dependent joints"),
-        help: if fitting.is_empty() {
-            help.into()
-        } else {
-            format!("{fitting}; or leave it: {help}")
-        },
-    });
+    warnings.push(Diagnostic::new(
+        subject.site,
+        format!("redundant constraint axes: {names}"),
+        format!("{n} independent axes for {n} dependent joints"),
+        if fitting.is_empty() { help.into() } else { format!("{fitting}; or leave it: {help}") },
+    ));
     let gap = Gap::along(cluster, subject, used, &dropped);
     if gap.length > OPEN * cluster.length || gap.angle > OPEN {
-        warnings.push(Diagnostic {
-            site: subject.site,
-            found: format!(
+        warnings.push(Diagnostic::new(
+            subject.site,
+            format!(
                 "redundant axes that do not hold: open by up to {:.1e} m and {:.1e} rad at sampled \
                 poses ({names})",
                 gap.length, gap.angle
             ),
-            expected: format!(
+            format!(
                 "at most {:.1e} m and {OPEN:.0e} rad, the rounding of a file",
                 OPEN * cluster.length
             ),
-            help: "correct axes and origins of the loop's joints, or take these axes out".into(),
-        });
+            "correct axes and origins of the loop's joints, or take these axes out",
+        ));
     }
 }
 
@@ -103,9 +95,9 @@ impl Gap {
                     break;
                 }
                 for &r in dropped {
-                    let of =
+                    let worst =
                         if is_length(cluster, rows[r]) { &mut gap.length } else { &mut gap.angle };
-                    *of = of.max(phi[r].abs());
+                    *worst = worst.max(phi[r].abs());
                 }
             }
         }
@@ -121,14 +113,11 @@ fn close(
     q: &mut [f64],
     phi: &mut [f64],
 ) -> bool {
-    let (n, rows, m) = (cluster.n_v, cluster.rows.len(), cluster.dependent.len());
-    let mut cos_sin = vec![(1.0, 0.0); cluster.n];
-    let mut pose = vec![Pose::identity(); cluster.n + 1];
-    let mut K = vec![0.0; rows * n];
+    let n = cluster.n_v;
+    let m = cluster.dependent.len();
     for _ in 0..10 {
-        local_poses(cluster, bodies, q, &mut cos_sin, &mut pose);
+        let Scratch { pose, K, .. } = Scratch::at(cluster, bodies, q);
         constraint_residual(cluster, &pose, q, phi);
-        constraint_jacobian(cluster, &pose, &mut K);
         if used.iter().all(|r| phi[*r].abs() < 1e-12 * cluster.length.max(1.0)) {
             return true;
         }
@@ -138,7 +127,7 @@ fn close(
         for (a, &v) in cluster.dependent.iter().enumerate() {
             let at = &cluster.dofs[v];
             let unit = column_unit(cluster, v);
-            // no step of another branch, nor of a singular pose
+            // a long step leads to another branch or from a singular pose
             if step[(a, 0)].is_nan() || step[(a, 0)].abs() >= unit {
                 return false;
             }
@@ -148,7 +137,7 @@ fn close(
     false
 }
 
-/// Cut joints by name that fit where rows are redundant, as what to do; empty where none is known.
+/// Advice on cut joints without redundant rows; empty where none is known.
 pub(super) fn fitting_cuts(subject: &Subject<'_>, at: &Sample, dropped: &[usize]) -> String {
     let cluster = subject.cluster;
     let mut first = 0;

@@ -29,7 +29,7 @@ const SLIDE: f64 = 2.0;
 const STEPS: usize = 32;
 /// Substeps between neighbours where one step is refused.
 const SUBSTEPS: usize = 4;
-/// Least sine of what vanishes at a singular pose, within the range.
+/// Least sine of the distance to a singular pose, within the range.
 const REGULAR: f64 = 0.05;
 /// Largest error of a seed, in radians or cluster lengths, and against the distance to the nearest
 /// singular pose.
@@ -40,8 +40,8 @@ const CLEAR: f64 = 0.02;
 pub(super) struct Found {
     pub(super) cluster: usize,
     pub(super) seeds: Arc<Seeds>,
-    /// The cluster's closed form holds in every cell that is used.
-    pub(super) holds: bool,
+    /// The cluster's closed form holds in every used cell.
+    pub(super) form_holds: bool,
 }
 
 /// The tables of all clusters that can have one. Allocates.
@@ -62,11 +62,11 @@ pub(super) fn find(model: &Model<f64>) -> Vec<Found> {
     let mut found: Vec<Found> = Vec::new();
     for &(c, numerical) in &chosen {
         let mut table = Table { model, c, numerical, ws: &mut ws, signs: Vec::new() };
-        if let Some((seeds, holds)) = table.seeds(chosen.len()) {
+        if let Some((seeds, form_holds)) = table.seeds(chosen.len()) {
             // equal limbs share one
             let equal = found.iter().find(|other| *other.seeds == seeds);
             let seeds = equal.map_or_else(|| Arc::new(seeds), |other| other.seeds.clone());
-            found.push(Found { cluster: c, seeds, holds });
+            found.push(Found { cluster: c, seeds, form_holds });
         }
     }
     found
@@ -81,7 +81,7 @@ struct Table<'a> {
     signs: Vec<f64>,
 }
 
-/// A closed pose: local coordinates, G, and 1/sin² of what vanishes at a singular pose.
+/// A closed pose: local coordinates, G, and 1/sin² of the distance to a singular pose.
 #[derive(Clone)]
 struct Node {
     q: Vec<f64>,
@@ -96,7 +96,8 @@ impl Table<'_> {
 
     /// The table, and whether the closed form holds in it.
     fn seeds(&mut self, tables: usize) -> Option<(Seeds, bool)> {
-        let (model, c) = (self.model, self.c);
+        let model = self.model;
+        let c = self.c;
         let cluster = &model.clusters[c];
         let n = cluster.n_vy;
         let columns: Vec<usize> = cluster.dependent.iter().map(|v| cluster.dofs[*v].q).collect();
@@ -186,14 +187,17 @@ impl Table<'_> {
     }
 
     fn steps(&mut self, from: &[f64], goal: &[f64], steps: usize) -> Option<Node> {
-        let (model, numerical, c) = (self.model, self.numerical, self.c);
+        let model = self.model;
+        let numerical = self.numerical;
+        let c = self.c;
         let cluster = &model.clusters[c];
         let bodies = model.bodies_of(cluster);
         let at = cluster.coordinates();
         self.ws.start[at.clone()].copy_from_slice(from);
         let mut outcome = None;
         for k in 1..=steps {
-            let (start, q) = (&self.ws.start[at.clone()], &mut self.ws.q[at.clone()]);
+            let start = &self.ws.start[at.clone()];
+            let q = &mut self.ws.q[at.clone()];
             q.copy_from_slice(start);
             for &i in &cluster.independent_q {
                 q[i] = from[i] + (goal[i] - from[i]) * k as f64 / steps as f64;
@@ -242,11 +246,12 @@ impl Table<'_> {
     /// Which cells are used.
     fn cells(&mut self, seeds: &Seeds, zero: &[f64], nodes: &[Option<Node>]) -> Vec<bool> {
         let axes = &seeds.axes;
-        let (grid, corners) = (Grid::of_cells(axes), Grid::of_nodes(axes));
+        let grid = Grid::of_cells(axes);
+        let corners = Grid::of_nodes(axes);
         let mut used = vec![false; grid.len()];
         for number in grid.outwards() {
             let place = grid.place(number);
-            // what lies between it and the zero pose
+            // the cells between it and the zero pose
             if !(0..axes.len()).filter_map(|a| grid.inwards(&place, a)).all(|inner| used[inner]) {
                 continue;
             }
@@ -288,7 +293,9 @@ fn values(
     axes: &[Axis],
     nodes: &[Option<Node>],
 ) -> Vec<f32> {
-    let (grid, n, m) = (Grid::of_nodes(axes), axes.len(), columns.len());
+    let grid = Grid::of_nodes(axes);
+    let n = axes.len();
+    let m = columns.len();
     let stride = m.next_multiple_of(LANES);
     let at = |number: usize, d: usize, a: usize| ((number << n) + d) * stride + a;
     let mut values = vec![0.0; (grid.len() * stride) << n];
@@ -313,12 +320,14 @@ fn values(
                 (to < axes[last].nodes).then(|| grid.number(&place))
             };
             let reached = |up: bool| beside(up).filter(|x| nodes[*x].is_some());
-            let (below, above) = (reached(false), reached(true));
+            let below = reached(false);
+            let above = reached(true);
             let span = usize::from(below.is_some()) + usize::from(above.is_some());
             if span == 0 || nodes[number].is_none() {
                 continue;
             }
-            let (below, above) = (below.unwrap_or(number), above.unwrap_or(number));
+            let below = below.unwrap_or(number);
+            let above = above.unwrap_or(number);
             let inner = d ^ 1 << last;
             for a in 0..m {
                 values[at(number, d, a)] =

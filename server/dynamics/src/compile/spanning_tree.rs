@@ -1,5 +1,5 @@
-//! The spanning tree of moving joints: fixed joints merged away, clusters found, everything put in
-//! depth-first order.
+//! The spanning tree of moving joints: merges fixed joints, finds clusters and orders both depth
+//! first.
 
 use crate::compile::geometry::pose;
 use crate::description::{Description, Joint, JointKind};
@@ -9,8 +9,9 @@ use crate::spatial::Pose;
 
 /// The moving joints of a description and the links that each carries.
 pub(super) struct Skeleton {
-    /// Joints of the description that move.
+    /// Joints of the description that move, and the place of each joint among them.
     pub(super) moving: Vec<usize>,
+    pub(super) moving_of: Vec<usize>,
     /// Moving joint that carries each link (`None`: the world), and the link's pose in that joint's
     /// child link.
     pub(super) carrier: Vec<Option<usize>>,
@@ -57,16 +58,18 @@ impl Skeleton {
         let moving = (0..description.joints.len())
             .filter(|j| description.joints[*j].kind != JointKind::Fixed)
             .collect::<Vec<_>>();
-        let mut place = vec![usize::MAX; description.joints.len()];
-        moving.iter().enumerate().for_each(|(m, j)| place[*j] = m);
+        let mut moving_of = vec![usize::MAX; description.joints.len()];
+        moving.iter().enumerate().for_each(|(m, j)| moving_of[*j] = m);
         let mut skeleton = Skeleton {
             carrier: vec![None; n_links],
             x_carrier_link: vec![Pose::identity(); n_links],
             parent: vec![None; moving.len()],
             x_parent_joint: vec![Pose::identity(); moving.len()],
             moving,
+            moving_of,
         };
-        let (mut stack, mut seen) = (vec![root], 1);
+        let mut stack = vec![root];
+        let mut seen = 1;
         while let Some(link) = stack.pop() {
             for &j in &children[link] {
                 let joint: &Joint = &description.joints[j];
@@ -75,9 +78,10 @@ impl Skeleton {
                     skeleton.carrier[joint.child] = skeleton.carrier[link];
                     skeleton.x_carrier_link[joint.child] = here;
                 } else {
-                    skeleton.parent[place[j]] = skeleton.carrier[link];
-                    skeleton.x_parent_joint[place[j]] = here;
-                    skeleton.carrier[joint.child] = Some(place[j]);
+                    let m = skeleton.moving_of[j];
+                    skeleton.parent[m] = skeleton.carrier[link];
+                    skeleton.x_parent_joint[m] = here;
+                    skeleton.carrier[joint.child] = Some(m);
                 }
                 stack.push(joint.child);
                 seen += 1;
@@ -95,18 +99,14 @@ impl Skeleton {
 
     /// The moving joints between the root and a joint, that joint first.
     pub(super) fn chain(&self, joint: Option<usize>) -> Vec<usize> {
-        let (mut chain, mut at) = (Vec::new(), joint);
-        while let Some(m) = at {
-            chain.push(m);
-            at = self.parent[m];
-        }
-        chain
+        std::iter::successors(joint, |m| self.parent[*m]).collect()
     }
 
     /// The moving joints between two links, below the joint that carries both: (on the first's
     /// side, on the second's side).
     pub(super) fn path_between(&self, a: usize, b: usize) -> (Vec<usize>, Vec<usize>) {
-        let (mut a, mut b) = (self.chain(self.carrier[a]), self.chain(self.carrier[b]));
+        let mut a = self.chain(self.carrier[a]);
+        let mut b = self.chain(self.carrier[b]);
         while let (Some(x), Some(y)) = (a.last(), b.last()) {
             if x != y {
                 break;
@@ -118,14 +118,9 @@ impl Skeleton {
     }
 }
 
-/// A fault that only a description made by hand can have.
+/// A fault that the readers of files exclude.
 fn fault(site: Site, found: &str, expected: &str) -> Diagnostic {
-    Diagnostic {
-        site,
-        found: found.into(),
-        expected: expected.into(),
-        help: "correct the description".into(),
-    }
+    Diagnostic::new(site, found, expected, "correct the description")
 }
 
 /// Partition of the moving joints into clusters, in depth-first order.
@@ -137,8 +132,8 @@ pub(super) struct Partition {
 }
 
 impl Partition {
-    /// Ties the joints of each group together, and whatever lies between them, so that each cluster
-    /// has one parent body.
+    /// Ties the joints of each group and all joints between them, so that each cluster has one
+    /// parent body.
     pub(super) fn new(skeleton: &Skeleton, ties: &[Vec<usize>]) -> Partition {
         let n = skeleton.moving.len();
         let mut leader = (0..n).collect::<Vec<_>>();
@@ -178,25 +173,18 @@ impl Partition {
 
         // depth-first over clusters
         let mut partition = Partition { members: Vec::new(), parent: Vec::new() };
-        let children = |of: Option<usize>, group: Option<usize>| {
-            let inside = move |parent_joint: Option<usize>, groups: &[Vec<usize>]| match (
-                parent_joint,
-                group,
-            ) {
-                (Some(m), Some(g)) => groups[g].contains(&m),
-                (parent_joint, None) => parent_joint == of,
-                (None, Some(_)) => false,
+        let children = |of: Option<&Vec<usize>>| {
+            let is_child = |g: &usize| match parent_joint[*g] {
+                Some(m) => of.is_some_and(|group| group.contains(&m)),
+                None => of.is_none(),
             };
-            (0..groups.len())
-                .filter(|g| inside(parent_joint[*g], &groups))
-                .rev()
-                .collect::<Vec<_>>()
+            (0..groups.len()).filter(is_child).rev().collect::<Vec<_>>()
         };
-        let mut stack = children(None, None);
+        let mut stack = children(None);
         while let Some(g) = stack.pop() {
             partition.members.push(parents_first(skeleton, &groups[g]));
             partition.parent.push(parent_joint[g]);
-            stack.extend(children(None, Some(g)));
+            stack.extend(children(Some(&groups[g])));
         }
         partition
     }
@@ -210,7 +198,8 @@ fn find(leader: &[usize], mut m: usize) -> usize {
 }
 
 fn join(leader: &mut [usize], a: usize, b: usize) {
-    let (a, b) = (find(leader, a), find(leader, b));
+    let a = find(leader, a);
+    let b = find(leader, b);
     leader[a.max(b)] = a.min(b);
 }
 

@@ -1,8 +1,6 @@
-//! Which joints move together, and through which joints each loop goes, without a model.
+//! The clusters of a description and the joints along each loop, without a model.
 
 use crate::compile::assemble::Assembly;
-use crate::compile::canonical;
-use crate::compile::spanning_tree::Skeleton;
 use crate::description::{Description, Loop};
 use crate::diagnostic::CompileError;
 
@@ -23,31 +21,23 @@ pub(crate) struct Structure {
 }
 
 impl Structure {
-    /// Reads it off a description.
-    ///
     /// # Errors
     /// Faults of the structure: joints, owners, loops that nothing defines.
     pub(crate) fn of(description: &Description) -> Result<Structure, CompileError> {
         let mut errors = Vec::new();
         let assembly = Assembly::new(description, &mut errors);
-        let skeleton = Skeleton::new(description).map_err(|fault| errors.push(fault)).ok();
-        let (assembly, skeleton) = match assembly.zip(skeleton) {
-            Some(both) if errors.is_empty() => both,
-            _ => return Err(CompileError { errors, warnings: Vec::new() }),
+        let Some(Assembly { skeleton, loops, members: clusters, .. }) = assembly else {
+            return Err(CompileError::of(errors));
         };
-        let clusters = assembly.members;
         let mut cluster_of = vec![None; description.joints.len()];
         for (c, joints) in clusters.iter().enumerate() {
             joints.iter().for_each(|j| cluster_of[*j] = Some(c));
         }
         let joint = |m: &Option<usize>| m.map(|m| skeleton.moving[m]);
         let carrier: Vec<Option<usize>> = skeleton.carrier.iter().map(joint).collect();
-        let parent = description.joints.iter().map(|of| carrier[of.parent]).collect();
-        let loops: Vec<Vec<Loop>> = (0..description.submechanisms.len())
-            .map(|s| canonical::loops(description, s, &mut errors))
-            .collect();
-        let path = |of: &Loop| {
-            let (a, b) = skeleton.path_between(of.predecessor, of.successor);
+        let parent = description.joints.iter().map(|joint| carrier[joint.parent]).collect();
+        let path = |cycle: &Loop| {
+            let (a, b) = skeleton.path_between(cycle.predecessor, cycle.successor);
             a.into_iter().chain(b).map(|m| skeleton.moving[m]).collect()
         };
         let paths = loops.iter().map(|loops| loops.iter().map(path).collect()).collect();
@@ -56,7 +46,7 @@ impl Structure {
 
     /// True where a loop closes joints of a cluster.
     pub(crate) fn has_loop(&self, c: usize) -> bool {
-        let of_cluster = |path: &Vec<usize>| path.iter().any(|j| self.cluster_of[*j] == Some(c));
-        self.paths.iter().flatten().any(of_cluster)
+        let mut joints = self.paths.iter().flatten().flatten();
+        joints.any(|j| self.cluster_of[*j] == Some(c))
     }
 }

@@ -1,4 +1,4 @@
-//! Independents that would do, whatever a description declares.
+//! Suggests independents from the loops alone.
 
 use core::slice;
 
@@ -9,23 +9,23 @@ use crate::compile::idle::Drift;
 use crate::compile::mobility::{good_independents, off_zero, preferred};
 use crate::compile::rank::null_space;
 use crate::description::Description;
-use crate::diagnostic::{CompileError, Site};
-use crate::scalar::{Dd, Scalar};
+use crate::diagnostic::CompileError;
+use crate::scalar::{Dd, Real};
 
-/// Poses off the zero pose at which the loops are looked at.
+/// Sampled poses off the zero pose.
 const TRIALS: usize = 6;
 
 /// Independents that determine every joint.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SuggestedIndependents {
-    /// Of each submechanism, in the order of its tree.
+    /// Independents of each submechanism, in the order of its tree.
     pub independent: Vec<Vec<usize>>,
-    /// Joints that spin idly: dependents that no independent has to determine.
+    /// Dependents that spin idly: no independent determines them.
     pub idle: Vec<usize>,
 }
 
-/// Finds independents at generic closed poses: those that are declared as far as they do, then
-/// actuated joints, then joints on the base, then those that move most. Allocates; milliseconds.
+/// Finds independents at generic closed poses, in this order of preference: declared independents,
+/// actuated joints, joints on the base, joints of large motion. Allocates; takes milliseconds.
 ///
 /// # Errors
 /// Faults of the structure, as of [`crate::OpenModel::compile`].
@@ -33,9 +33,8 @@ pub fn suggest_independents(
     description: &Description,
 ) -> Result<SuggestedIndependents, CompileError> {
     let mut errors = Vec::new();
-    let assembly = match Assembly::new(description, &mut errors) {
-        Some(assembly) if errors.is_empty() => assembly,
-        _ => return Err(CompileError { errors, warnings: Vec::new() }),
+    let Some(assembly) = Assembly::new(description, &mut errors) else {
+        return Err(CompileError::of(errors));
     };
     let model = assembly.model.map(Dd::to_f64);
     // a joint of several degrees of freedom has a name for each
@@ -47,47 +46,10 @@ pub fn suggest_independents(
     let mut dependent = vec![false; description.joints.len()];
     let mut idle = Vec::new();
     for &c in &model.closed_clusters {
-        let cluster = &model.clusters[c];
-        let names = assembly.names(c);
-        let row_names: Vec<String> =
-            cluster.rows.iter().map(|row| assembly.meta.loops[*row].clone()).collect();
-        let has_child_cluster: Vec<bool> = (0..cluster.n)
-            .map(|b| model.clusters.iter().any(|child| child.parent == cluster.body + b))
-            .collect();
-        let subject = Subject {
-            cluster,
-            bodies: model.bodies_of(cluster),
-            zero: &model.described_zero[cluster.coordinates()],
-            has_child_cluster: &has_child_cluster,
-            names: &names,
-            row_names: &row_names,
-            site: Site::Submechanism(assembly.owner[c]),
-        };
-        let mut samples: Vec<Sample> = (0..TRIALS).filter_map(|k| off_zero(&subject, k)).collect();
-        if samples.is_empty() {
-            samples.push(Sample::at(cluster, subject.bodies, subject.zero));
-        }
-        let Some((rank, generic)) = generic_of(cluster, &samples) else { continue };
-        // what is declared may be a joint of a ball: then nothing of it counts
-        let [declared, active, on_base] = preferred(cluster);
-        let others = [active, on_base].concat();
-        let sets = [[declared, others.clone()].concat(), others].map(|preferred| {
-            let chosen = good_independents(&subject, generic, cluster.n_v - rank, &preferred);
-            let is_idle = |v: &usize| spins(&subject, generic, &chosen, *v);
-            chosen.iter().copied().partition::<Vec<_>, _>(is_idle)
-        });
-        let fits = |(_, chosen): &&(Vec<usize>, Vec<usize>)| {
-            let mut cluster = cluster.clone();
-            cluster.n_vy = chosen.len();
-            cluster.dependent = (0..cluster.n_v).filter(|v| !chosen.contains(v)).collect();
-            let trial = Subject { cluster: &cluster, ..subject };
-            let at_rank = |at: &&Sample| {
-                generic_of(&cluster, slice::from_ref(*at)).is_some_and(|of| of.0 == rank)
-            };
-            samples.iter().filter(at_rank).all(|at| idle_motions(&trial, at, rank).is_some())
-        };
-        let Some((idle_ones, chosen)) = sets.iter().find(fits).or(sets.first()) else { continue };
-        for (v, name) in names.iter().enumerate() {
+        let labels = assembly.labels(c);
+        let subject = Subject::new(&model, c, &labels);
+        let Some([idle_ones, chosen]) = suggest(&subject) else { continue };
+        for (v, name) in labels.names.iter().enumerate() {
             let Some(joint) = joint_of(name) else { continue };
             if idle_ones.contains(&v) {
                 idle.push(joint);
@@ -98,10 +60,40 @@ pub fn suggest_independents(
     let independent = description
         .submechanisms
         .iter()
-        .map(|of| of.spanning_tree.iter().copied().filter(|joint| !dependent[*joint]).collect())
+        .map(|s| s.spanning_tree.iter().copied().filter(|joint| !dependent[*joint]).collect())
         .collect();
     idle.dedup();
     Ok(SuggestedIndependents { independent, idle })
+}
+
+/// Idle velocities of a cluster, and its independent velocities.
+fn suggest(subject: &Subject<'_>) -> Option<[Vec<usize>; 2]> {
+    let cluster = subject.cluster;
+    let mut samples: Vec<Sample> = (0..TRIALS).filter_map(|k| off_zero(subject, k)).collect();
+    if samples.is_empty() {
+        samples.push(Sample::at(cluster, subject.bodies, subject.zero));
+    }
+    let (rank, generic) = generic_of(cluster, &samples)?;
+    // a declared independent may be one freedom of a ball: then no declared one counts
+    let [declared, active, on_base] = preferred(cluster);
+    let others = [active, on_base].concat();
+    let sets = [[declared, others.clone()].concat(), others].map(|preferred| {
+        let chosen = good_independents(subject, generic, cluster.n_v - rank, &preferred);
+        let is_idle = |v: &usize| spins(subject, generic, &chosen, *v);
+        let (idle, chosen) = chosen.iter().copied().partition::<Vec<_>, _>(is_idle);
+        [idle, chosen]
+    });
+    let fits = |[_, chosen]: &&[Vec<usize>; 2]| {
+        let mut cluster = cluster.clone();
+        cluster.n_vy = chosen.len();
+        cluster.dependent = (0..cluster.n_v).filter(|v| !chosen.contains(v)).collect();
+        let trial = Subject { cluster: &cluster, ..*subject };
+        let at_rank = |at: &&Sample| {
+            generic_of(&cluster, slice::from_ref(*at)).is_some_and(|(own, _)| own == rank)
+        };
+        samples.iter().filter(at_rank).all(|at| idle_motions(&trial, at, rank).is_some())
+    };
+    sets.iter().find(fits).or(sets.first()).cloned()
 }
 
 /// True where the motion that one independent makes alone is idle.

@@ -1,4 +1,4 @@
-//! Reads what acts in joints besides their actuators off the description.
+//! Reads springs, dampers and rotors of joints off the description.
 
 use crate::compile::assemble::Builder;
 use crate::description::Terms;
@@ -9,32 +9,32 @@ use crate::scalar::{Dd, Real};
 impl Builder<'_> {
     /// Reads the terms off the joints; a ball joint can have damping d, the moment −d ω, and those
     /// of another joint of several degrees of freedom are a fault.
-    pub(super) fn terms(&mut self, moving_of: &[usize], errors: &mut Vec<Diagnostic>) {
-        let joints = self
-            .description
-            .joints
-            .iter()
-            .enumerate()
-            .filter(|(_, joint)| joint.terms != Terms::default());
-        for (j, joint) in joints.filter(|(j, _)| moving_of[*j] != usize::MAX) {
-            let body = &self.model.bodies[self.body_of[moving_of[j]]];
+    pub(super) fn terms(&mut self, errors: &mut Vec<Diagnostic>) {
+        for &j in &self.skeleton.moving {
+            let joint = &self.description.joints[j];
+            if joint.terms == Terms::default() {
+                continue;
+            }
+            let body = self.body(j);
             let Terms { damping, stiffness, rest, rotor_inertia, gear_ratio } = joint.terms;
             let n_v = body.motion.n_v();
             let is_damped_ball =
                 body.motion == Motion::Spherical && stiffness == 0.0 && rotor_inertia == 0.0;
             if n_v > 1 && !is_damped_ball {
-                errors.push(Diagnostic {
-                    site: Site::Joint(j),
-                    found: format!(
+                errors.push(Diagnostic::new(
+                    Site::Joint(j),
+                    format!(
                         "damping, a spring or a rotor in the joint {} of several freedoms",
                         joint.name
                     ),
-                    expected: "these in joints of one freedom, or damping in a ball joint".into(),
-                    help: "take them out, or write the freedoms as joints of their own".into(),
-                });
+                    "these in joints of one freedom, or damping in a ball joint",
+                    "take them out, or write the freedoms as separate joints",
+                ));
                 continue;
             }
-            let (q, v, number) = (body.q, body.v, Dd::from_f64);
+            let q = body.q;
+            let v = body.v;
+            let number = Dd::from_f64;
             let inertia = number(gear_ratio) * number(gear_ratio) * number(rotor_inertia);
             let terms = &mut self.model.terms;
             if stiffness != 0.0 {

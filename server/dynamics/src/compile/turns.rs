@@ -1,4 +1,4 @@
-//! Independent joints that can turn round and round: which they are, and what follows them.
+//! Independent joints that turn by any number of turns, and the whole turns of their dependents.
 
 use core::f64::consts::TAU;
 
@@ -9,8 +9,8 @@ use crate::mechanism::Motion;
 use crate::model::Model;
 use crate::workspace::{Needs, Workspace};
 
-/// Steps of one turn, and how many of them the sine that vanishes at a singular pose must be worth:
-/// no change point lies between two of them.
+/// Steps of one turn, and least sine of the distance to a singular pose in steps: no change point
+/// lies between two of them.
 const STEPS: usize = 512;
 const CLEAR: f64 = 4.0;
 /// Deviation from a whole turn, in radians or cluster lengths.

@@ -7,8 +7,8 @@
 //! coordinate may run against a drawing's sense where its axis points the other way. J is a turn by
 //! a right angle in the plane, W = x × y the number J x · y.
 //!
-//! What fits the form up to the rounding of a file is closed by it alone; up to 1e-3 of the
-//! mechanism's size the form starts Newton's method on the true rows; beyond, loading fails and
+//! A geometry that fits the form up to the rounding of a file is closed by it alone; up to 1e-3 of
+//! the mechanism's size the form starts Newton's method on the true rows; beyond, loading fails and
 //! names the axis. Every form has two solutions or more; the one of the zero pose is kept for all
 //! y, by the sign of its root.
 //!
@@ -25,8 +25,8 @@
 //! | TRANSMISSION | any | those that follow none | by couplings |
 //! | DIFFERENTIAL | cage, spider and wheels, 3 or 4 | two of them | by couplings |
 //!
-//! A cut of five rows, as a hinge writes it, is as good as two in the plane; what is redundant is
-//! dropped and named. RRPR, SLIDERCRANK, 2SPU+1U, 2SPRR+1U and 6UPS define their cuts where none is
+//! A cut of five rows, as of a hinge, serves as well as two in the plane; loading drops and names
+//! redundant rows. RRPR, SLIDERCRANK, 2SPU+1U, 2SPRR+1U and 6UPS define their cuts where none is
 //! given: the pin is the origin of the slider's frame. 2SURRPR+1U falls back on Newton's method,
 //! with a warning, where axes do not cross or Newton's method does not confirm the form beside the
 //! zero pose.
@@ -37,7 +37,7 @@
 //!
 //! A lambda: the rocker turns about J₁, the stator about J₂, and the slider's pin is cut from the
 //! rocker. In the plane perpendicular to the rocker's axis, with d₃ the pin and d₁ the stator's
-//! pivot, both from J₁ at zero, ε what the pin lies beside the pivot across the slider:
+//! pivot, both from J₁ at zero, ε the offset of the pin from the pivot across the slider:
 //!
 //! ```text
 //!   d = R(y) d₃ − d₁ = R(θ) (ℓ t₀ + ε J t₀)
@@ -75,7 +75,7 @@
 //!
 #![doc = include_str!("../../docs/slidercrank.svg")]
 //!
-//! The same with J₃ a slider along t, c its bearing. With p the place of J₁, p = R(y) a where J₀
+//! A FOURBAR with J₃ a slider along t, c its bearing. With p the place of J₁, p = R(y) a where J₀
 //! turns and a + y t where it slides:
 //!
 //! ```text
@@ -107,8 +107,8 @@
 //!
 //! A platform on two turns, held by two legs, each of two turns whose axes X and Y cross at C at a
 //! right angle and a slider whose end P is cut from the platform as a ball. In the leg's frame,
-//! with v = P − C by the pose of the platform, a the slider's direction at zero and e ⟂ a what it
-//! passes beside C:
+//! with v = P − C by the pose of the platform, a the slider's direction at zero and e ⟂ a its
+//! offset from C:
 //!
 //! ```text
 //!   v = R_x(q₁) R_y(q₂) w,    w = ℓ a + e,    ℓ = ±√(|v|² − |e|²),    q₃ = ℓ − ℓ₀
@@ -214,4 +214,4 @@
 //!   q_left = y₁ + y₂,    q_right = y₁ − y₂
 //! ```
 //! Whether the file gives the wheels by cage and spider or the other way round does not matter: the
-//! rows are solved for whichever joints depend.
+//! rows are solved for the dependent joints.

@@ -1,7 +1,4 @@
-//! Pages to read: what the symbols mean, where the equations come from, how loops are closed in
-//! closed form.
-//!
-//! There is no code here.
+//! Pages without code: symbols, sources of the equations, closed forms.
 
 pub mod closures;
 

@@ -17,7 +17,7 @@ pub(super) const CLAMP: f64 = 0.5;
 
 impl Problem<'_> {
     /// Closes the rows from a candidate, or from places around it; the candidate of least residual
-    /// where none is closed. Tells whether it is closed.
+    /// where none is closed. Returns true if it is closed.
     pub(super) fn close_somewhere(&self, candidate: &mut Candidate, count: &mut u32) -> bool {
         let start = candidate.q.clone();
         let mut best: Option<(f64, Candidate)> = None;
@@ -47,7 +47,7 @@ impl Problem<'_> {
         }
     }
 
-    /// Closes the rows downhill from a candidate; tells whether they are closed.
+    /// Closes the rows downhill from a candidate; returns true if they are closed.
     pub(super) fn close(&self, candidate: &mut Candidate, count: &mut u32) -> bool {
         let floor = if self.all { DAMPING_OF_ALL } else { DAMPING_OF_USED };
         let mut damping = 1e-2;
@@ -65,7 +65,9 @@ impl Problem<'_> {
             let root: Vec<f64> = self.metric.iter().map(|w| w.sqrt()).collect();
             let weighted = faer::Mat::from_fn(J.nrows(), n, |r, a| J[(r, a)] / root[a]);
             let Ok(svd) = weighted.thin_svd() else { break };
-            let (U, S, V) = (svd.U(), svd.S().column_vector(), svd.V());
+            let U = svd.U();
+            let S = svd.S().column_vector();
+            let V = svd.V();
             if S[0] <= 0.0 || S[0].is_nan() {
                 break;
             }
@@ -91,7 +93,7 @@ impl Problem<'_> {
                 if next.square() < candidate.square() {
                     *candidate = next;
                     damping = f64::max(floor, damping * if largest > CLAMP { 0.5 } else { 0.1 });
-                    // what rounding leaves
+                    // rounding alone is left
                     if largest < 4.0 * f64::EPSILON || self.all && largest < 1e-13 && last < 1e-13 {
                         break 'steps;
                     }

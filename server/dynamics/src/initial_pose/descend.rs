@@ -22,7 +22,7 @@ const DIFFERENCE: f64 = 1e-5;
 /// Least curvature that a step trusts.
 const CURVED: f64 = 1e-6;
 
-/// What the distance does at a closed pose along those around it.
+/// Slope of the distance along the closed poses, at one of them.
 struct Slope {
     /// Directions in which the pose can move (free × m), and the slope along each.
     Z: Mat<f64>,
@@ -90,7 +90,9 @@ impl Problem<'_> {
             return Some(Slope { Z, along: pull, lambda: vec![0.0; J.nrows()], cost });
         }
         let svd = J.svd().ok()?;
-        let (U, S, V) = (svd.U(), svd.S().column_vector(), svd.V());
+        let U = svd.U();
+        let S = svd.S().column_vector();
+        let V = svd.V();
         let rank = (0..S.nrows()).filter(|i| S[*i] > self.gap * S[0]).count();
         let Z = Mat::from_fn(n, n - rank, |a, k| V[(a, rank + k)]);
         let in_basis = |k: usize| (0..n).map(|a| V[(a, k)] * pull[a]).sum::<f64>();
@@ -113,7 +115,8 @@ impl Problem<'_> {
 
     /// A step that goes down: Newton's where H is positive, as long as it reaches.
     fn newton_step(&self, candidate: &Candidate, here: &Slope) -> Option<Vec<f64>> {
-        let (n, m) = (self.free.len(), here.along.len());
+        let n = self.free.len();
+        let m = here.along.len();
         let mut H = Mat::<f64>::zeros(m, m);
         for k in 0..m {
             let ends = [DIFFERENCE, -DIFFERENCE].map(|h| {
@@ -126,7 +129,8 @@ impl Problem<'_> {
         }
         let H = Mat::from_fn(m, m, |i, k| 0.5 * (H[(i, k)] + H[(k, i)]));
         let eigen = H.self_adjoint_eigen(Side::Lower).ok()?;
-        let (U, S) = (eigen.U(), eigen.S().column_vector());
+        let U = eigen.U();
+        let S = eigen.S().column_vector();
         let largest = (0..m).fold(CURVED, |largest: f64, i| largest.max(S[i].abs()));
         let mut step = vec![0.0; m];
         for i in 0..m {

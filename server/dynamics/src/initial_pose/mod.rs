@@ -32,7 +32,7 @@ pub struct Assembled {
     pub q: Vec<f64>,
     /// Largest scaled loop residual, as the field `residual` has it.
     pub residual: f64,
-    /// The same at the given pose.
+    /// Residual at the given pose.
     pub residual_before: f64,
     /// √ Σ w_j (d_j / l_j)² over the joints that are not kept fixed.
     pub distance: f64,
@@ -63,9 +63,9 @@ pub enum AssembleError {
     BadPose {
         /// The coordinate.
         name: String,
-        /// What stands there.
+        /// The given value.
         found: f64,
-        /// What should.
+        /// The valid values.
         expected: &'static str,
     },
     /// A weight that is negative or no number, or only a part of a quaternion joint kept fixed.
@@ -73,9 +73,9 @@ pub enum AssembleError {
     BadWeights {
         /// The tree velocity.
         name: String,
-        /// What stands there.
+        /// The given value.
         found: f64,
-        /// What should.
+        /// The valid values.
         expected: &'static str,
     },
     /// The loops cannot be closed by going downhill, from the given pose and from others around it.
@@ -93,7 +93,7 @@ pub enum AssembleError {
     /// allowed.
     #[error("a closed pose was found, but the distance still falls with a slope of {slope:.3e}")]
     NotConverged {
-        /// What the distance falls by along the closed poses.
+        /// Slope of the distance along the closed poses.
         slope: f64,
         /// Largest scaled loop residual of the pose.
         residual: f64,
@@ -106,10 +106,10 @@ impl Model<f64> {
     /// Finds a closed pose near a given one: a local minimum of √ Σ w_j (d_j / l_j)² among the
     /// closed poses.
     ///
-    /// `near` `[m, rad]` (n_q) need not be closed. `weights` (n_v): what a turn by 1 rad, or a
-    /// slide by the length of the joint's mechanism, costs; 0 makes a joint free to go anywhere,
-    /// infinite keeps it fixed at the given pose (of a joint of several degrees of freedom all or
-    /// none). Limits of joints are not looked at. What the loops do not tie stays as it is.
+    /// `near` `[m, rad]` (n_q) need not be closed. `weights` (n_v) are the costs of a rotation by
+    /// 1 rad, or of a slide by the length of the joint's mechanism; 0 makes a joint free, infinity
+    /// fixes it at the given pose (of a joint of several degrees of freedom all or none). Limits of
+    /// joints are ignored. Joints outside loops stay.
     ///
     /// Cost: singular value decompositions of each closed cluster's rows, some milliseconds.
     /// Allocates.
@@ -136,8 +136,8 @@ impl Model<f64> {
         zero(self)
     }
 
-    /// What the distance along each tree velocity is measured in by [`Model::assemble`]: 1 rad, or
-    /// the length of the joint's cluster `[m]` (n_v).
+    /// Unit of distance along each tree velocity in [`Model::assemble`]: 1 rad, or the length of
+    /// the joint's cluster `[m]` (n_v).
     pub fn tree_units(&self) -> Vec<f64> {
         units(self)
     }
@@ -170,8 +170,9 @@ fn assemble(model: &Model<f64>, near: &[f64], weights: &[f64]) -> Result<Assembl
         iterations: 0,
         branch: Vec::new(),
     };
-    let (mut open, mut slope) = (false, 0.0);
-    // a cluster whose rows nobody judged has no branch
+    let mut open = false;
+    let mut slope = 0.0;
+    // a cluster without ranked rows has no branch
     let judged = |c: &&usize| !model.clusters[**c].used.is_empty();
     let branches: Vec<usize> = order.branches.iter().filter(judged).copied().collect();
     found.branch = vec![0.0; branches.len()];
@@ -195,7 +196,7 @@ fn assemble(model: &Model<f64>, near: &[f64], weights: &[f64]) -> Result<Assembl
         if let Some(at) = branches.iter().position(|branch| *branch == c) {
             found.branch[at] = assess(cluster, bodies, &candidate.q).1;
         }
-        // the square of what the joints that may move have gone
+        // squared distance of the joints that may move
         let gone = problem.away(&candidate.q);
         let square: f64 =
             problem.free.iter().map(|v| weights[cluster.v + v] * gone[*v] * gone[*v]).sum();
@@ -231,7 +232,8 @@ fn checked(
     };
     size("the given pose", near.len(), model.order.q.len())?;
     size("the weights", weights.len(), model.order.v.len())?;
-    let (mut q, mut w) = (vec![0.0; near.len()], vec![0.0; weights.len()]);
+    let mut q = vec![0.0; near.len()];
+    let mut w = vec![0.0; weights.len()];
     for ((&x, &at), name) in near.iter().zip(&model.order.q).zip(model.tree_q_names()) {
         if !x.is_finite() {
             return Err(AssembleError::BadPose {

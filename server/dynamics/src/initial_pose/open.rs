@@ -1,12 +1,16 @@
 //! A model whose loops need not be closed at zero, for assembly only.
 
+use std::sync::Arc;
+
+use crate::compile::Assembly;
 use crate::description::Description;
 use crate::diagnostic::CompileError;
 use crate::initial_pose::{AssembleError, Assembled, assemble, units, zero};
 use crate::model::Model;
+use crate::scalar::{Dd, Real};
 
-/// A robot whose loops may be open at its zero pose: rank, mobility and masses are not judged, so
-/// nothing can be asked of it but a closed pose.
+/// A robot whose loops may be open at its zero pose. Rank, mobility and masses are unchecked; it
+/// serves to find a closed pose.
 #[derive(Clone, Debug)]
 pub struct OpenModel {
     model: Model<f64>,
@@ -19,17 +23,20 @@ impl OpenModel {
     /// Faults of the structure: joints, owners, loops that nothing defines.
     pub fn compile(description: &Description) -> Result<OpenModel, CompileError> {
         let mut errors = Vec::new();
-        match Model::open(description, &mut errors) {
-            Some(model) if errors.is_empty() => Ok(OpenModel { model }),
-            _ => Err(CompileError { errors, warnings: Vec::new() }),
-        }
+        let Some(assembly) = Assembly::new(description, &mut errors) else {
+            return Err(CompileError::of(errors));
+        };
+        let mut model = assembly.model.map(Dd::to_f64);
+        model.clusters.iter_mut().for_each(|cluster| cluster.used.clear());
+        model.meta = Arc::new(assembly.meta);
+        Ok(OpenModel { model })
     }
 
-    /// As [`Model::assemble`], over all rows: where they contradict each other by the rounding of a
-    /// file, the sum of their squares is least.
+    /// As [`Model::assemble`], over all rows; if they contradict each other by the rounding of a
+    /// file, minimises the sum of their squares.
     ///
     /// # Errors
-    /// As there.
+    /// As of [`Model::assemble`].
     pub fn assemble(&self, near: &[f64], weights: &[f64]) -> Result<Assembled, AssembleError> {
         assemble(&self.model, near, weights)
     }

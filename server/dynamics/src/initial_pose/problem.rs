@@ -6,11 +6,12 @@ use crate::closure::{
     Scratch, column_unit, constraint_residual, largest_residual, local_poses, row_unit,
 };
 use crate::mechanism::{Body, Cluster, Motion};
-use crate::spatial::{Pose, cross, from_quaternion, mul, t_mul};
+use crate::scalar::Triple;
+use crate::spatial::{Matrix, Pose, from_quaternion};
 
-/// Relative singular value below which a direction of the rows that count says nothing.
+/// Relative singular value that counts as zero, for rows of full rank.
 const GAP_OF_USED: f64 = 1e-10;
-/// The same where every row counts: files are rounded.
+/// Relative singular value that counts as zero if every row counts: files are rounded.
 const GAP_OF_ALL: f64 = 1e-4;
 /// Residual up to which a loop is closed, of rows that do not contradict each other and of rows
 /// that may.
@@ -29,7 +30,7 @@ pub(crate) struct Problem<'a> {
     pub(super) free: Vec<usize>,
     pub(super) weight: Vec<f64>,
     pub(super) metric: Vec<f64>,
-    /// What a local velocity is measured in (n_v).
+    /// Unit of each local velocity (n_v).
     unit: Vec<f64>,
     /// Local rows that count and their scales.
     rows: Vec<usize>,
@@ -89,7 +90,7 @@ impl<'a> Problem<'a> {
             .collect();
         let metric = weight.iter().map(|w| w.max(LEAST)).collect();
 
-        // the rows that a valid model uses; all of them before anybody judged their rank
+        // the rows that a valid model uses; all of them in an open model
         let all = cluster.used.is_empty();
         let rows = if all { (0..cluster.rows.len()).collect() } else { cluster.used.clone() };
         let scales: Vec<f64> = cluster
@@ -128,7 +129,8 @@ impl<'a> Problem<'a> {
     pub(super) fn away(&self, q: &[f64]) -> Vec<f64> {
         let mut d = vec![0.0; self.cluster.n_v];
         for body in self.bodies {
-            let (at, v) = (body.q - self.cluster.q, body.v - self.cluster.v);
+            let at = body.q - self.cluster.q;
+            let v = body.v - self.cluster.v;
             let first = at + body.motion.n_q().saturating_sub(4);
             match body.motion {
                 Motion::Revolute | Motion::Prismatic => {
@@ -157,7 +159,8 @@ impl<'a> Problem<'a> {
         self.free.iter().zip(&self.weight).for_each(|(v, w)| pull[*v] = w * d[*v]);
         let cost = 0.5 * self.free.iter().map(|v| pull[*v] * d[*v]).sum::<f64>();
         for body in self.bodies {
-            let (at, v) = (body.q - self.cluster.q, body.v - self.cluster.v);
+            let at = body.q - self.cluster.q;
+            let v = body.v - self.cluster.v;
             let first = at + body.motion.n_q().saturating_sub(4);
             if body.motion.n_v() > 1 {
                 let moment = from_rates(&d[v..v + 3], &pull[v..v + 3]);
@@ -165,7 +168,7 @@ impl<'a> Problem<'a> {
             }
             if body.motion == Motion::Floating {
                 let R = from_quaternion(q[first], q[first + 1], q[first + 2], q[first + 3]);
-                let along = t_mul(&R, &Vector3::new(pull[v + 3], pull[v + 4], pull[v + 5]));
+                let along = R.apply_transposed(Vector3::new(pull[v + 3], pull[v + 4], pull[v + 5]));
                 pull[v + 3..v + 6].copy_from_slice(along.as_slice());
             }
         }
@@ -178,14 +181,15 @@ impl<'a> Problem<'a> {
         self.free.iter().enumerate().for_each(|(a, v)| x[*v] = step(a) * self.unit[*v]);
         let mut next = q.to_vec();
         for body in self.bodies {
-            let (at, v) = (body.q - self.cluster.q, body.v - self.cluster.v);
+            let at = body.q - self.cluster.q;
+            let v = body.v - self.cluster.v;
             let first = at + body.motion.n_q().saturating_sub(4);
             match body.motion {
                 Motion::Revolute | Motion::Prismatic => next[at] += x[v],
                 Motion::Spherical => rotate(&mut next[first..first + 4], &x[v..v + 3]),
                 Motion::Floating => {
                     let R = from_quaternion(q[first], q[first + 1], q[first + 2], q[first + 3]);
-                    let along = mul(&R, &Vector3::new(x[v + 3], x[v + 4], x[v + 5]));
+                    let along = R.apply(Vector3::new(x[v + 3], x[v + 4], x[v + 5]));
                     (0..3).for_each(|i| next[at + i] += along[i]);
                     rotate(&mut next[first..first + 4], &x[v..v + 3]);
                 }
@@ -195,16 +199,17 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// What each local velocity is measured in.
+/// Unit of each local velocity.
 pub(super) fn units(cluster: &Cluster<f64>) -> Vec<f64> {
     (0..cluster.n_v).map(|v| column_unit(cluster, v)).collect()
 }
 
 /// a · b of quaternions x y z w.
 fn times(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
-    let (x, y) = (Vector3::new(a[0], a[1], a[2]), Vector3::new(b[0], b[1], b[2]));
-    let v = y * a[3] + x * b[3] + cross(&x, &y);
-    [v[0], v[1], v[2], a[3] * b[3] - x.dot(&y)]
+    let x = Vector3::new(a[0], a[1], a[2]);
+    let y = Vector3::new(b[0], b[1], b[2]);
+    let v = y * a[3] + x * b[3] + x.cross(y);
+    [v[0], v[1], v[2], a[3] * b[3] - Vector3::dot(&x, &y)]
 }
 
 /// Rotation vector from one quaternion to another, in the axes of either.
@@ -227,11 +232,12 @@ fn rotate(q: &mut [f64], by: &[f64]) {
 
 /// Aᵀ x for θ̇ = A ω with ω in the body: A = 1 + ½ [θ]× + c [θ]×², c = (1 − (θ/2) cot(θ/2)) / θ².
 fn from_rates(theta: &[f64], x: &[f64]) -> Vector3<f64> {
-    let (theta, x) = (Vector3::new(theta[0], theta[1], theta[2]), Vector3::new(x[0], x[1], x[2]));
-    let square = theta.dot(&theta);
+    let theta = Vector3::new(theta[0], theta[1], theta[2]);
+    let x = Vector3::new(x[0], x[1], x[2]);
+    let square = Vector3::dot(&theta, &theta);
     let half = 0.5 * square.sqrt();
     let c =
         if square < 1e-8 { 1.0 / 12.0 } else { (1.0 - half * half.cos() / half.sin()) / square };
-    let once = cross(&theta, &x);
-    x - once * 0.5 + cross(&theta, &once) * c
+    let once = theta.cross(x);
+    x - once * 0.5 + theta.cross(once) * c
 }

@@ -1,13 +1,13 @@
-//! What to write into the files so that a closed pose becomes the zero pose.
+//! Rewrites a description so that a closed pose becomes its zero pose.
 
 use nalgebra::{Vector3, Vector6};
 
-use crate::compile::{pose_of, unit_of};
+use crate::compile::{link_pose, pose_of, unit_of};
 use crate::description::{Cut, Description, Joint, JointKind, Limits, Loop, Placement, Row};
-use crate::scalar::{Dd, Real, Scalar};
-use crate::spatial::{Pose, cross, from_quaternion, identity, zero};
+use crate::scalar::{Dd, Real, Triple};
+use crate::spatial::{Matrix, Pose, from_quaternion, zero};
 
-/// The same robot with the pose q (n_q, in the order of the submechanisms' trees) as its zero pose:
+/// Makes the pose q (n_q, in the order of the submechanisms' trees) the zero pose of a robot:
 /// origins of the joints, placements of cuts that lay in frames of the zero pose, limits, offsets
 /// of couplings and rests of springs. `None` when q has another length.
 pub fn rezeroed(description: &Description, q: &[f64]) -> Option<Description> {
@@ -62,7 +62,7 @@ pub fn rezeroed(description: &Description, q: &[f64]) -> Option<Description> {
                 Some([seen_from(robot, ends[0], link)?, seen_from(robot, ends[1], link)?])
             };
             let ([predecessor, successor], there) = (on(description)?, on(&joints)?);
-            // or the frame of the new zero pose says the same
+            // or the frame of the new zero pose is equivalent
             let moved =
                 [predecessor.inverse().then(&there[0]), successor.inverse().then(&there[1])];
             let gap = moved[0].inverse().then(&moved[1]);
@@ -78,24 +78,26 @@ pub fn rezeroed(description: &Description, q: &[f64]) -> Option<Description> {
     Some(next)
 }
 
-/// What rounding leaves of the difference of two frames, in metres and radians; and where both are
-/// made of the same numbers.
+/// Rounding of the difference of two frames, in metres and radians; and of two frames computed from
+/// the same numbers.
 const SAME: f64 = 1e-9;
 const MOVED: f64 = 1e-13;
 
 /// True where the rows hold at this pose of the successor's cut frame in the predecessor's: a cut
 /// that is taken at the new zero pose is closed there by construction.
 fn is_closed(rows: &[Row], gap: &Pose<Dd>) -> bool {
-    let (R, p) = (gap.R.map(Dd::to_f64), gap.p.map(Dd::to_f64));
+    let R = gap.R.map(Dd::to_f64);
+    let p = gap.p.map(Dd::to_f64);
     let turn = [R[(2, 1)] - R[(1, 2)], R[(0, 2)] - R[(2, 0)], R[(1, 0)] - R[(0, 1)]];
     let gap = Vector6::new(0.5 * turn[0], 0.5 * turn[1], 0.5 * turn[2], p[0], p[1], p[2]);
     rows.iter().all(|row| Vector6::from(row.axis).dot(&gap).abs() < SAME)
 }
 
-/// True where the rows keep what they hold when their cut frame is moved on its link: rows
+/// True if the rows constrain the same motions when their cut frame is moved on its link: rows
 /// (w, v) at a frame moved by (R, p) are (R w + p × R v, R v), and span the same.
 fn is_same_cut(rows: &[Row], by: &Pose<Dd>) -> bool {
-    let (R, p) = (by.R.map(Dd::to_f64), by.p.map(Dd::to_f64));
+    let R = by.R.map(Dd::to_f64);
+    let p = by.p.map(Dd::to_f64);
     let is_still = (R - nalgebra::Matrix3::identity()).norm() + p.norm() < SAME;
     if is_still || rows.iter().any(|row| row.against.is_some()) {
         return is_still;
@@ -113,7 +115,7 @@ fn is_same_cut(rows: &[Row], by: &Pose<Dd>) -> bool {
     rows.iter().all(|row| {
         let axis = Vector6::from(row.axis);
         let v: Vector3<f64> = R * axis.fixed_rows::<3>(3);
-        let w: Vector3<f64> = R * axis.fixed_rows::<3>(0) + p.cross(&v);
+        let w: Vector3<f64> = R * axis.fixed_rows::<3>(0) + Vector3::cross(&p, &v);
         let there = Vector6::new(w[0], w[1], w[2], v[0], v[1], v[2]);
         rest(&basis, there).norm() <= SAME * axis.norm()
     })
@@ -126,8 +128,8 @@ pub fn closing_placements(description: &Description) -> Vec<(usize, usize, Place
     for (s, submechanism) in description.submechanisms.iter().enumerate() {
         for (l, cycle) in submechanism.loops.iter().enumerate() {
             let Cut::Placed { predecessor, .. } = &cycle.cut else { continue };
-            let frames =
-                in_root(description, cycle.predecessor).zip(in_root(description, cycle.successor));
+            let frames = link_pose(description, cycle.predecessor)
+                .zip(link_pose(description, cycle.successor));
             if let Some((P, S)) = frames {
                 found.push((s, l, placement(&S.inverse().then(&P).then(&pose_of(predecessor)))));
             }
@@ -161,14 +163,14 @@ fn motion(joint: &Joint, q: &[f64]) -> Option<Pose<Dd>> {
             let (s, c) = angle.sin_cos();
             let column = |i: usize| {
                 let e = Vector3::from_fn(|k, _| if k == i { Dd::ONE } else { Dd::ZERO });
-                e * c + cross(&axis, &e) * s + axis * (axis[i] * (Dd::ONE - c))
+                e * c + axis.cross(e) * s + axis * (axis[i] * (Dd::ONE - c))
             };
             Pose {
                 R: nalgebra::Matrix3::from_columns(&[column(0), column(1), column(2)]),
                 p: zero(),
             }
         }
-        (JointKind::Prismatic, [x]) => Pose { R: identity(), p: unit_of(joint.axis)? * *x },
+        (JointKind::Prismatic, [x]) => Pose { R: Matrix::identity(), p: unit_of(joint.axis)? * *x },
         (JointKind::Spherical, [x, y, z, w]) => {
             Pose { R: from_quaternion(*x, *y, *z, *w), p: zero() }
         }
@@ -181,7 +183,7 @@ fn motion(joint: &Joint, q: &[f64]) -> Option<Pose<Dd>> {
 
 /// Pose of a link at zero of all joints {another link}.
 fn seen_from(description: &Description, from: usize, link: usize) -> Option<Pose<Dd>> {
-    Some(in_root(description, from)?.inverse().then(&in_root(description, link)?))
+    Some(link_pose(description, from)?.inverse().then(&link_pose(description, link)?))
 }
 
 /// The link in whose frame at zero a cut lies.
@@ -210,7 +212,8 @@ pub(crate) fn has_moved(description: &Description, other: &Description, cycle: &
         let both = seen_from(description, end, link).zip(seen_from(other, end, link));
         both.is_none_or(|(a, b)| {
             let by = a.inverse().then(&b);
-            let (R, p) = (by.R.map(Dd::to_f64), by.p.map(Dd::to_f64));
+            let R = by.R.map(Dd::to_f64);
+            let p = by.p.map(Dd::to_f64);
             (R - nalgebra::Matrix3::identity()).norm() + p.norm() > MOVED
         })
     })
@@ -223,19 +226,6 @@ pub(crate) fn moved(joint: &Joint, q: &[f64]) -> Option<Placement> {
         true => Some(joint.origin),
         false => Some(placement(&pose_of(&joint.origin).then(&motion(joint, q)?))),
     }
-}
-
-/// Pose of a link at zero {root}.
-fn in_root(description: &Description, mut link: usize) -> Option<Pose<Dd>> {
-    let mut x = Pose::identity();
-    for _ in 0..=description.joints.len() {
-        let Some(joint) = description.joints.iter().find(|joint| joint.child == link) else {
-            return Some(x);
-        };
-        x = pose_of(&joint.origin).then(&x);
-        link = joint.parent;
-    }
-    None
 }
 
 /// Translation, roll, pitch and yaw of a pose.

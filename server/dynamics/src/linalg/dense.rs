@@ -1,7 +1,7 @@
 //! Small dense linear algebra on caller-owned slices: row-major, no allocation, generic over the
 //! scalar.
 
-use crate::scalar::{Mask, Real, Scalar};
+use crate::scalar::Real;
 
 /// Solves A X = B in place by elimination without exchanges; A is m×m, B m×n, both row-major. B
 /// becomes X.
@@ -15,8 +15,8 @@ pub(crate) fn solve_unpivoted<T: Real>(
     m: usize,
     n: usize,
     floor: f64,
-) -> (T::Mask, T) {
-    let mut good = T::Mask::splat(true);
+) -> (bool, T) {
+    let mut good = true;
     let mut det = T::ONE;
     for k in 0..m {
         // pivot against the largest entry of its row
@@ -26,7 +26,7 @@ pub(crate) fn solve_unpivoted<T: Real>(
             let x = A[k * m + j].abs();
             largest = T::select_lt(largest, x, x, largest);
         }
-        good = good & (largest * T::from_f64(floor)).lt(pivot.abs());
+        good &= (largest * T::from_f64(floor)).lt(pivot.abs());
         det *= pivot;
         eliminate(A, B, m, n, k);
     }
@@ -37,11 +37,11 @@ pub(crate) fn solve_unpivoted<T: Real>(
 /// Solves A X = B in place with partial pivoting; same layout as [`solve_unpivoted`]. Returns the
 /// sign of the determinant, or `None` where a pivot is not above the rounding of the largest entry,
 /// or not a number.
-pub(crate) fn solve_pivoted<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize) -> Option<T> {
+pub(crate) fn solve_pivoted<T: Real>(A: &mut [T], B: &mut [T], m: usize, n: usize) -> Option<T> {
     solve_above(A, B, m, n, 8.0).map(|solved| solved.sign)
 }
 
-/// What is known of a solved system.
+/// Measures of a solved system.
 #[derive(Clone, Copy)]
 pub(crate) struct Solved<T> {
     /// Of the determinant.
@@ -50,9 +50,9 @@ pub(crate) struct Solved<T> {
     pub(crate) least: T,
 }
 
-/// The same, but `None` already where the solution of a matrix of like entries would have less than
-/// five digits, or half of those that the scalar has where it has less than ten.
-pub(crate) fn solve_sound<T: Scalar>(
+/// Solves A X = B; `None` also if the solution of a matrix of like entries would have less than
+/// five digits, or half of those of a scalar with less than ten.
+pub(crate) fn solve_sound<T: Real>(
     A: &mut [T],
     B: &mut [T],
     m: usize,
@@ -61,9 +61,9 @@ pub(crate) fn solve_sound<T: Scalar>(
     solve_above(A, B, m, n, f64::min(1e5, 1.0 / T::EPSILON.sqrt()))
 }
 
-/// `roundings`: how many unit roundoffs of the largest entry a pivot must have. What actuators of
-/// mechanisms ask for is solved by loops of fixed length.
-fn solve_above<T: Scalar>(
+/// `roundings`: how many unit roundoffs of the largest entry a pivot must have. Loops of fixed
+/// length solve the sizes that actuators of mechanisms need.
+fn solve_above<T: Real>(
     A: &mut [T],
     B: &mut [T],
     m: usize,
@@ -79,7 +79,7 @@ fn solve_above<T: Scalar>(
 }
 
 #[inline(always)]
-fn solve_of<T: Scalar>(
+fn solve_of<T: Real>(
     A: &mut [T],
     B: &mut [T],
     m: usize,
@@ -90,7 +90,8 @@ fn solve_of<T: Scalar>(
         .iter()
         .fold(T::ZERO, |largest, x| T::select_lt(largest, x.abs(), x.abs(), largest));
     let floor = largest * T::from_f64(roundings * T::EPSILON);
-    let (mut sign, mut least) = (T::ONE, largest);
+    let mut sign = T::ONE;
+    let mut least = largest;
     for k in 0..m {
         sign *= exchange(A, B, m, n, k);
         let pivot = A[k * m + k];
@@ -108,7 +109,7 @@ fn solve_of<T: Scalar>(
 /// Brings the largest entry of column k, on or below the diagonal, to its place; −1 where rows
 /// changed places, else 1.
 #[inline(always)]
-fn exchange<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize, k: usize) -> T {
+fn exchange<T: Real>(A: &mut [T], B: &mut [T], m: usize, n: usize, k: usize) -> T {
     if T::STRAIGHT {
         return exchange_straight(A, B, m, n, k);
     }
@@ -130,10 +131,11 @@ fn exchange<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize, k: usize) -
     -T::ONE
 }
 
-/// The same without a branch on a value.
-fn exchange_straight<T: Scalar>(A: &mut [T], B: &mut [T], m: usize, n: usize, k: usize) -> T {
+/// Pivoted elimination without a branch on a value.
+fn exchange_straight<T: Real>(A: &mut [T], B: &mut [T], m: usize, n: usize, k: usize) -> T {
     // the row of the pivot, as a number
-    let (mut p, mut largest) = (T::from_f64(k as f64), A[k * m + k].abs());
+    let mut p = T::from_f64(k as f64);
+    let mut largest = A[k * m + k].abs();
     for i in k + 1..m {
         let x = A[i * m + k].abs();
         p = T::select_lt(largest, x, T::from_f64(i as f64), p);
@@ -188,7 +190,7 @@ pub(crate) fn substitute_back<T: Real>(A: &[T], B: &mut [T], m: usize, n: usize)
 /// Singular value decomposition A = U Σ Vᵀ of the m×n row-major matrix A by one-sided Jacobi
 /// rotations \[H58\]: A becomes U Σ, its column norms are the singular values, in no order.
 /// V (n×n) is filled, or left out where it is empty.
-pub(crate) fn decompose<T: Scalar>(A: &mut [T], V: &mut [T], m: usize, n: usize) {
+pub(crate) fn decompose<T: Real>(A: &mut [T], V: &mut [T], m: usize, n: usize) {
     const SWEEPS: usize = 30;
     let tiny = T::from_f64(T::EPSILON);
     for (k, x) in V.iter_mut().enumerate().take(n * n) {
@@ -201,9 +203,12 @@ pub(crate) fn decompose<T: Scalar>(A: &mut [T], V: &mut [T], m: usize, n: usize)
         for p in 0..n {
             for q in p + 1..n {
                 // make columns p and q orthogonal
-                let (mut a, mut b, mut c) = (T::ZERO, T::ZERO, T::ZERO);
+                let mut a = T::ZERO;
+                let mut b = T::ZERO;
+                let mut c = T::ZERO;
                 for i in 0..m {
-                    let (x, y) = (A[i * n + p], A[i * n + q]);
+                    let x = A[i * n + p];
+                    let y = A[i * n + q];
                     a = x.mul_add(x, a);
                     b = y.mul_add(y, b);
                     c = x.mul_add(y, c);
@@ -229,17 +234,10 @@ pub(crate) fn decompose<T: Scalar>(A: &mut [T], V: &mut [T], m: usize, n: usize)
     }
 }
 
-fn turn_columns<T: Scalar>(
-    A: &mut [T],
-    m: usize,
-    n: usize,
-    p: usize,
-    q: usize,
-    cosine: T,
-    sine: T,
-) {
+fn turn_columns<T: Real>(A: &mut [T], m: usize, n: usize, p: usize, q: usize, cosine: T, sine: T) {
     for i in 0..m {
-        let (x, y) = (A[i * n + p], A[i * n + q]);
+        let x = A[i * n + p];
+        let y = A[i * n + q];
         A[i * n + p] = cosine * x - sine * y;
         A[i * n + q] = sine * x + cosine * y;
     }
@@ -253,7 +251,7 @@ pub(crate) fn column_square<T: Real>(A: &[T], m: usize, n: usize, j: usize) -> T
 
 /// Largest and least singular value of the m×n row-major matrix A; destroys A. When m < n the
 /// transpose must be passed. An empty matrix has (1, 1); numbers that are not finite have none.
-pub(crate) fn singular_range<T: Scalar>(A: &mut [T], m: usize, n: usize) -> (T, T) {
+pub(crate) fn singular_range<T: Real>(A: &mut [T], m: usize, n: usize) -> (T, T) {
     if n == 0 {
         return (T::ONE, T::ONE);
     }
@@ -261,7 +259,8 @@ pub(crate) fn singular_range<T: Scalar>(A: &mut [T], m: usize, n: usize) -> (T, 
         return (T::from_f64(f64::NAN), T::from_f64(f64::NAN));
     }
     decompose(A, &mut [], m, n);
-    let (mut largest, mut least) = (T::ZERO, T::from_f64(f64::INFINITY));
+    let mut largest = T::ZERO;
+    let mut least = T::from_f64(f64::INFINITY);
     for j in 0..n {
         let sigma = column_square(A, m, n, j).sqrt();
         if sigma > largest {
@@ -276,7 +275,7 @@ pub(crate) fn singular_range<T: Scalar>(A: &mut [T], m: usize, n: usize) -> (T, 
 
 /// Sign of the determinant of an m×m row-major matrix, by elimination with partial pivoting;
 /// destroys A. Zero where a pivot is exactly so.
-pub(crate) fn determinant_sign<T: Scalar>(A: &mut [T], m: usize) -> T {
+pub(crate) fn determinant_sign<T: Real>(A: &mut [T], m: usize) -> T {
     let mut sign = T::ONE;
     for k in 0..m {
         sign *= exchange(A, &mut [], m, 0, k);
@@ -294,7 +293,7 @@ pub(crate) fn determinant_sign<T: Scalar>(A: &mut [T], m: usize) -> T {
 
 /// Least-squares solution of least norm of A x = b, A m×n row-major, by the normal equations of the
 /// smaller side (one step of refinement); x (n) into `x`. `None` where A has not full rank.
-pub(crate) fn least_norm<T: Scalar>(
+pub(crate) fn least_norm<T: Real>(
     A: &mut [T],
     b: &mut [T],
     x: &mut [T],

@@ -5,7 +5,7 @@
 //! an ancestor is the beginning of the path to i, so that the row of the ancestor has its numbers
 //! at the same places: rows are combined without any index.
 
-use crate::scalar::{Mask, Real};
+use crate::scalar::Real;
 
 /// Which index supports which, and where the rows lie.
 #[derive(Clone, Debug, Default)]
@@ -42,7 +42,8 @@ impl TreeSparsity {
 
     /// Place of the entry (i, j), if it is not zero by structure.
     pub(crate) fn entry(&self, i: usize, j: usize) -> Option<usize> {
-        let (mut low, high) = (i.max(j), i.min(j));
+        let mut low = i.max(j);
+        let high = i.min(j);
         let row = self.start[low];
         while low != high && low != usize::MAX && self.depth[low] > self.depth[high] {
             low = self.parent[low];
@@ -51,16 +52,16 @@ impl TreeSparsity {
     }
 }
 
-/// Factorises H = Lᵀ D L in place: the rows then hold L and 1/D. The mask tells where every D is
+/// Factorises H = Lᵀ D L in place: the rows then hold L and 1/D. True if every D is
 /// positive.
 #[inline]
-pub(crate) fn factorise_tree<T: Real>(sparsity: &TreeSparsity, H: &mut [T]) -> T::Mask {
+pub(crate) fn factorise_tree<T: Real>(sparsity: &TreeSparsity, H: &mut [T]) -> bool {
     let TreeSparsity { parent, depth, start, .. } = sparsity;
-    let mut positive = T::Mask::splat(true);
+    let mut positive = true;
     for k in (0..parent.len()).rev() {
         let (before, row) = H.split_at_mut(start[k]);
         let (row, diagonal) = row[..=depth[k]].split_at_mut(depth[k]);
-        positive = positive & T::ZERO.lt(diagonal[0]);
+        positive &= T::ZERO.lt(diagonal[0]);
         let inverse = T::ONE / diagonal[0];
         diagonal[0] = inverse;
         let mut i = parent[k];
@@ -82,14 +83,16 @@ pub(crate) fn factorise_tree<T: Real>(sparsity: &TreeSparsity, H: &mut [T]) -> T
 pub(crate) fn solve_tree<T: Real>(sparsity: &TreeSparsity, L: &[T], x: &mut [T]) {
     let TreeSparsity { parent, depth, start, .. } = sparsity;
     for k in (0..parent.len()).rev() {
-        let (xk, mut i) = (x[k], parent[k]);
+        let xk = x[k];
+        let mut i = parent[k];
         for l in L[start[k]..start[k] + depth[k]].iter().rev() {
             x[i] = (-*l).mul_add(xk, x[i]);
             i = parent[i];
         }
     }
     for k in 0..parent.len() {
-        let (mut xk, mut i) = (x[k] * L[start[k] + depth[k]], parent[k]);
+        let mut xk = x[k] * L[start[k] + depth[k]];
+        let mut i = parent[k];
         for l in L[start[k]..start[k] + depth[k]].iter().rev() {
             xk = (-*l).mul_add(x[i], xk);
             i = parent[i];
@@ -99,13 +102,13 @@ pub(crate) fn solve_tree<T: Real>(sparsity: &TreeSparsity, L: &[T], x: &mut [T])
 }
 
 /// Factorises a full symmetric matrix H = L D Lᵀ in place (n×n row-major, lower triangle): L below
-/// the diagonal, 1/D on it. The mask tells where every D is positive.
+/// the diagonal, 1/D on it. True if every D is positive.
 #[inline]
-pub(crate) fn factorise_full<T: Real>(H: &mut [T], n: usize) -> T::Mask {
-    let mut positive = T::Mask::splat(true);
+pub(crate) fn factorise_full<T: Real>(H: &mut [T], n: usize) -> bool {
+    let mut positive = true;
     for j in 0..n {
         let d = H[j * n + j];
-        positive = positive & T::ZERO.lt(d);
+        positive &= T::ZERO.lt(d);
         let inverse = T::ONE / d;
         H[j * n + j] = inverse;
         for i in j + 1..n {

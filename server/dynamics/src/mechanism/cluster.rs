@@ -1,12 +1,13 @@
 //! Clusters: the joints that loops and couplings close together.
 
+use crate::scalar::constants;
 use core::ops::{Index, Range};
 
 use crate::mechanism::{Cut, Dof};
 
 /// Tree joints that loops or couplings close together, on one parent body.
 #[derive(Clone, Debug)]
-pub(crate) struct Cluster<C> {
+pub(crate) struct Cluster<T> {
     /// The parent body.
     pub(crate) parent: usize,
     /// First body and number of bodies.
@@ -17,7 +18,7 @@ pub(crate) struct Cluster<C> {
     pub(crate) q: usize,
     pub(crate) n_v: usize,
     pub(crate) n_q: usize,
-    /// What each local velocity belongs to (n_v).
+    /// The degree of freedom of each local velocity (n_v).
     pub(crate) dofs: Vec<Dof>,
     /// First internal independent velocity; n_vy of them.
     pub(crate) vy: usize,
@@ -36,7 +37,7 @@ pub(crate) struct Cluster<C> {
     pub(crate) local_parent: Vec<usize>,
     /// Actuators: (index in u, local velocity).
     pub(crate) active: Vec<(usize, usize)>,
-    pub(crate) cuts: Vec<Cut<C>>,
+    pub(crate) cuts: Vec<Cut<T>>,
     /// External index of each local constraint row; the rows that, with the dependents, make the
     /// square system.
     pub(crate) rows: Vec<usize>,
@@ -45,36 +46,13 @@ pub(crate) struct Cluster<C> {
     pub(crate) length: f64,
 }
 
-impl<C: nalgebra::Scalar + Copy> Cluster<C> {
-    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Cluster<D> {
-        Cluster {
-            parent: self.parent,
-            body: self.body,
-            n: self.n,
-            v: self.v,
-            q: self.q,
-            n_v: self.n_v,
-            n_q: self.n_q,
-            dofs: self.dofs.clone(),
-            vy: self.vy,
-            n_vy: self.n_vy,
-            g_offset: self.g_offset,
-            independent: self.independent.clone(),
-            dependent: self.dependent.clone(),
-            locked: self.locked.clone(),
-            independent_q: self.independent_q.clone(),
-            dependent_q: self.dependent_q.clone(),
-            local_parent: self.local_parent.clone(),
-            active: self.active.clone(),
-            cuts: self.cuts.iter().map(|cut| cut.map(f)).collect(),
-            rows: self.rows.clone(),
-            used: self.used.clone(),
-            length: self.length,
-        }
-    }
+constants! { Cluster:
+    keep parent body n v q n_v n_q dofs vy n_vy g_offset independent dependent locked independent_q
+        dependent_q local_parent active rows used length;
+    each cuts;
 }
 
-impl<C> Cluster<C> {
+impl<T> Cluster<T> {
     /// Its bodies among those of the model.
     #[inline(always)]
     pub(crate) fn bodies(&self) -> Range<usize> {
@@ -107,7 +85,7 @@ impl<C> Cluster<C> {
 
     /// Its loop Jacobian, from the blocks of all clusters.
     #[inline(always)]
-    pub(crate) fn G<'a, T>(&self, blocks: &'a [T]) -> GBlock<'a, T> {
+    pub(crate) fn G<'a, S>(&self, blocks: &'a [S]) -> GBlock<'a, S> {
         GBlock { entries: &blocks[self.g_offset..], n_vy: self.n_vy }
     }
 

@@ -1,15 +1,13 @@
-//! The degrees of freedom of joints: what moves, along which axis, the pose that coordinates give,
+//! The degrees of freedom of joints: their motion, their axis, the pose that coordinates give,
 //! and how a step changes them.
 
 use nalgebra::{Matrix3, Vector3};
 
 use crate::mechanism::Body;
-use crate::scalar::Real;
-use crate::spatial::{
-    Pose, column, from_quaternion, lift, lift_mat, mul_add, mul_mat, scale_add, turn_z,
-};
+use crate::scalar::{Real, Triple};
+use crate::spatial::{Matrix, Pose, from_quaternion};
 
-/// What motion a body's joint allows, along or about its z axis.
+/// The motion that a body's joint allows, along or about its z axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Motion {
     Revolute,
@@ -36,7 +34,7 @@ impl Motion {
     }
 }
 
-/// One velocity of a cluster, with what kernels need of it at once.
+/// One velocity of a cluster with its joint and body.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Dof {
     /// Local velocity, first local coordinate of its joint, local body.
@@ -60,7 +58,7 @@ impl Dof {
     /// The axis of its body along or about which it moves, from the body's axes.
     #[inline(always)]
     pub(crate) fn axis<T: Real>(&self, R: &Matrix3<T>) -> Vector3<T> {
-        if self.single { column(R, 2) } else { column(R, self.k % 3) }
+        if self.single { R.col(2) } else { R.col(self.k % 3) }
     }
 
     /// Moves the degree of freedom by a step in the cluster's coordinates.
@@ -77,44 +75,38 @@ impl Dof {
 /// Pose of a body in its parent from the cosine and sine and the coordinates of its joint, which
 /// come first in `q`.
 #[inline(always)]
-pub(crate) fn joint_pose<T: Real>(body: &Body<T::Const>, q: &[T], cos_sin: (T, T)) -> Pose<T> {
+pub(crate) fn joint_pose<T: Real>(body: &Body<T>, q: &[T], cos_sin: (T, T)) -> Pose<T> {
     match body.motion {
-        Motion::Revolute | Motion::Prismatic => single_pose(
-            body,
-            &Pose { R: lift_mat(&body.R_parent_body), p: lift(&body.p_parent_body) },
-            q[0],
-            cos_sin,
-        ),
+        Motion::Revolute | Motion::Prismatic => {
+            single_pose(body, &Pose { R: body.R_parent_body, p: body.p_parent_body }, q[0], cos_sin)
+        }
         Motion::Spherical | Motion::Floating => free_pose(body, q),
     }
 }
 
-/// The same of a joint of several degrees of freedom.
+/// Pose by a joint of several degrees of freedom.
 #[inline(never)]
-fn free_pose<T: Real>(body: &Body<T::Const>, q: &[T]) -> Pose<T> {
-    let R: Matrix3<T> = lift_mat(&body.R_parent_body);
+fn free_pose<T: Real>(body: &Body<T>, q: &[T]) -> Pose<T> {
+    let R: Matrix3<T> = body.R_parent_body;
     if body.motion == Motion::Spherical {
-        return Pose {
-            R: mul_mat(&R, &from_quaternion(q[0], q[1], q[2], q[3])),
-            p: lift(&body.p_parent_body),
-        };
+        return Pose { R: R.times(from_quaternion(q[0], q[1], q[2], q[3])), p: body.p_parent_body };
     }
-    let p = mul_add(&R, &Vector3::new(q[0], q[1], q[2]), &lift(&body.p_parent_body));
-    Pose { R: mul_mat(&R, &from_quaternion(q[3], q[4], q[5], q[6])), p }
+    let p = R.apply_add(Vector3::new(q[0], q[1], q[2]), body.p_parent_body);
+    Pose { R: R.times(from_quaternion(q[3], q[4], q[5], q[6])), p }
 }
 
 /// Pose of a body with one degree of freedom from that at zero of its joint.
 #[inline(always)]
 pub(crate) fn single_pose<T: Real>(
-    body: &Body<T::Const>,
+    body: &Body<T>,
     base: &Pose<T>,
     q: T,
     cos_sin: (T, T),
 ) -> Pose<T> {
     if body.motion == Motion::Revolute {
-        Pose { R: turn_z(&base.R, cos_sin.0, cos_sin.1), p: base.p }
+        Pose { R: base.R.turn_z(cos_sin.0, cos_sin.1), p: base.p }
     } else {
-        Pose { R: base.R, p: scale_add(&column(&base.R, 2), q, &base.p) }
+        Pose { R: base.R, p: base.p.add_scaled(base.R.col(2), q) }
     }
 }
 
@@ -138,10 +130,13 @@ fn advance<T: Real>(motion: Motion, k: usize, q: &mut [T], step: T) {
 /// x y z w ← x y z w · (e_k sin(step/2), cos(step/2)), to unit length.
 fn turn_quaternion<T: Real>(q: &mut [T], k: usize, step: T) {
     let (s, c) = (step * T::from_f64(0.5)).sin_cos();
-    let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+    let i = (k + 1) % 3;
+    let j = (k + 2) % 3;
     // along k the product acts as two plane turns: (k, w) and (i, j)
-    let (x, w) = (c.mul_add(q[k], s * q[3]), c.mul_add(q[3], -(s * q[k])));
-    let (a, b) = (c.mul_add(q[i], s * q[j]), c.mul_add(q[j], -(s * q[i])));
+    let x = c.mul_add(q[k], s * q[3]);
+    let w = c.mul_add(q[3], -(s * q[k]));
+    let a = c.mul_add(q[i], s * q[j]);
+    let b = c.mul_add(q[j], -(s * q[i]));
     let square = x.mul_add(x, w.mul_add(w, a.mul_add(a, b * b)));
     let scale = T::ONE / square.sqrt();
     (q[k], q[3], q[i], q[j]) = (x * scale, w * scale, a * scale, b * scale);

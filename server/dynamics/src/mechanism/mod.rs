@@ -1,5 +1,5 @@
 //! The parts of a mechanism as plain data: bodies and their joints, clusters of joints and the cuts
-//! that close them. Knows nothing of how a cluster is closed or of what is computed from it.
+//! that close them. Knows neither closures nor algorithms.
 
 mod body;
 mod cluster;

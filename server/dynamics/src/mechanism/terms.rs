@@ -1,53 +1,58 @@
-//! What acts in joints besides their actuators, as lists that are empty where nothing does.
+//! Springs, dampers and rotors of joints, as lists of the joints that have them.
 
+use crate::scalar::constants;
 /// Springs, dampers and rotors of all joints, each in the order of the velocities.
 #[derive(Clone, Debug)]
-pub(crate) struct JointTerms<C> {
-    pub(crate) springs: Vec<Spring<C>>,
-    pub(crate) dampers: Vec<Damper<C>>,
-    pub(crate) rotors: Vec<Rotor<C>>,
+pub(crate) struct JointTerms<T> {
+    pub(crate) springs: Vec<Spring<T>>,
+    pub(crate) dampers: Vec<Damper<T>>,
+    pub(crate) rotors: Vec<Rotor<T>>,
+}
+
+constants! { JointTerms:
+    each springs dampers rotors;
 }
 
 /// The joint exerts −k (q − rest).
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Spring<C> {
+pub(crate) struct Spring<T> {
     pub(crate) q: usize,
     pub(crate) v: usize,
-    pub(crate) stiffness: C,
-    pub(crate) rest: C,
+    pub(crate) stiffness: T,
+    pub(crate) rest: T,
+}
+
+constants! { Spring:
+    keep q v;
+    number stiffness rest;
 }
 
 /// The joint exerts −d q̇.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Damper<C> {
+pub(crate) struct Damper<T> {
     pub(crate) v: usize,
-    pub(crate) damping: C,
+    pub(crate) damping: T,
+}
+
+constants! { Damper:
+    keep v;
+    number damping;
 }
 
 /// A rotor that adds N² I to the joint's inertia.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Rotor<C> {
+pub(crate) struct Rotor<T> {
     pub(crate) v: usize,
-    pub(crate) inertia: C,
+    pub(crate) inertia: T,
 }
 
-impl<C: Copy> JointTerms<C> {
-    pub(crate) fn none() -> JointTerms<C> {
-        JointTerms { springs: Vec::new(), dampers: Vec::new(), rotors: Vec::new() }
-    }
+constants! { Rotor:
+    keep v;
+    number inertia;
+}
 
-    /// The same terms with every constant converted.
-    pub(crate) fn map<D>(&self, f: impl Fn(C) -> D + Copy) -> JointTerms<D> {
-        let spring =
-            |x: &Spring<C>| Spring { q: x.q, v: x.v, stiffness: f(x.stiffness), rest: f(x.rest) };
-        JointTerms {
-            springs: self.springs.iter().map(spring).collect(),
-            dampers: self
-                .dampers
-                .iter()
-                .map(|x| Damper { v: x.v, damping: f(x.damping) })
-                .collect(),
-            rotors: self.rotors.iter().map(|x| Rotor { v: x.v, inertia: f(x.inertia) }).collect(),
-        }
+impl<T: Copy> JointTerms<T> {
+    pub(crate) fn none() -> JointTerms<T> {
+        JointTerms { springs: Vec::new(), dampers: Vec::new(), rotors: Vec::new() }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::scalar::Real;
 
-/// Calls a body with four joints at a time, and with what is left of them; with one at a time where
+/// Calls a body with four joints at a time, and with the remaining ones; with one at a time where
 /// that costs less.
 macro_rules! in_fours {
     ($T:ty, $joints:expr, |$some:ident| $body:block) => {
@@ -33,7 +33,7 @@ pub(crate) fn turn<T: Real>(joints: &[(usize, usize)], q: &[T], cos_sin: &mut [(
     });
 }
 
-/// The same of joints that stand in no list.
+/// Turns of joints that stand in no list.
 #[inline]
 pub(crate) fn turn_some<T: Real>(
     joints: impl Iterator<Item = (usize, usize)>,
@@ -44,7 +44,8 @@ pub(crate) fn turn_some<T: Real>(
         joints.for_each(|joint| turn(&[joint], q, cos_sin));
         return;
     }
-    let (mut some, mut count) = ([(0, 0); 4], 0);
+    let mut some = [(0, 0); 4];
+    let mut count = 0;
     for joint in joints {
         some[count % 4] = joint;
         count += 1;

@@ -1,4 +1,4 @@
-//! What a person wants to know about the loops of each submechanism at the zero pose.
+//! Report on the loops of each submechanism at the zero pose.
 
 use crate::closure::{Closure, Scratch, assembly_branch, dependents_range};
 use crate::mechanism::{Body, Cluster};
@@ -8,7 +8,7 @@ use crate::model::Model;
 /// those of both.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ClosureAtZero {
-    /// Rows that say nothing new.
+    /// Redundant rows.
     pub redundant: Vec<String>,
     /// Sign of det K_d of each cluster that has a branch, 1 or −1; 0 where the pose is singular.
     pub branch: Vec<f64>,

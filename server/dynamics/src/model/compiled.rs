@@ -9,8 +9,8 @@ use crate::scalar::Dd;
 pub struct Compiled {
     /// The model for work.
     pub model: Model<f64>,
-    /// The same model with constants to 32 digits, for reference.
+    /// The model with constants of 32 digits, for reference.
     pub exact: Model<Dd>,
-    /// What is remarkable but no error.
+    /// Warnings.
     pub warnings: Vec<Diagnostic>,
 }

@@ -1,7 +1,7 @@
 //! How forward dynamics is done, and which method is the fastest on a robot.
 //!
 //! Both fast methods are made of the same few operations; how often each one runs follows from the
-//! robot's structure, and what it takes was measured once for all robots. `sarrus-benches
+//! robot's structure, and its time was measured once for all robots. `sarrus-benches
 //! --forward` prints the prediction beside the measurement.
 
 use super::Model;
@@ -38,7 +38,7 @@ const LOSSY: f64 = 1e4;
 /// Nanoseconds of each operation.
 const NS: Count = Count { rigid: 20.0, articulated: 40.0, force: 7.0, update: 8.0, entry: 0.3 };
 
-/// How often each operation runs, or what it takes.
+/// Number of runs of each operation, or its time.
 #[derive(Clone, Copy, Debug, Default)]
 struct Count {
     /// A rigid inertia, carried to the parent.
@@ -73,7 +73,8 @@ impl<C> Model<C> {
         } else {
             (Method::Projection, Method::Recursion)
         };
-        let (growth, other) = (self.growth_of(first), self.growth_of(second));
+        let growth = self.growth_of(first);
+        let other = self.growth_of(second);
         if growth > LOSSY && 0.0 < other && other < 0.1 * growth { second } else { first }
     }
 

@@ -28,16 +28,16 @@ pub(crate) use scope::{Direct, Roots, Scope};
 use crate::closure::Closure;
 use crate::linalg::TreeSparsity;
 use crate::mechanism::{Body, Cluster, Frame, JointTerms};
-use crate::scalar::Real;
+use crate::scalar::{Real, constants};
 
-/// From this ratio of a joint's own inertia to what is left of it on, forward dynamics loses more
-/// than six digits and a user is warned.
+/// Ratio of a joint's inertia to its articulated inertia above which forward dynamics loses more
+/// than six digits and compilation warns.
 pub(crate) const UNEQUAL: f64 = 1e6;
 
 /// A robot ready to run, with constants of type `C`.
 #[derive(Clone, Debug)]
 pub struct Model<C = f64> {
-    /// What both precisions share.
+    /// Names and sizes, shared by both precisions.
     pub(crate) meta: Arc<ModelInfo>,
     /// Gravity {root} `[m/s²]`.
     pub(crate) gravity: Vector3<C>,
@@ -67,10 +67,10 @@ pub struct Model<C = f64> {
     /// By how many unit roundoffs accelerations were off at these poses, by recursion and by
     /// projection; zero where that was not tried.
     pub(crate) growth: [f64; 2],
-    /// M_y was positive definite at none of these poses: whatever a recursion divides by is
-    /// rounding, and forward dynamics has no answer.
+    /// M_y was positive definite at none of these poses: the pivots of a recursion are rounding,
+    /// and forward dynamics has no answer.
     pub(crate) is_massless: bool,
-    /// What acts in joints besides their actuators.
+    /// Springs, dampers and rotors.
     pub(crate) terms: JointTerms<C>,
     pub(crate) order: Order,
     /// The closed pose at y = 0, quaternions at rest (n_q).
@@ -124,11 +124,6 @@ impl<C> Model<C> {
     pub fn loop_names(&self) -> &[String] {
         &self.meta.loops
     }
-    /// Names of what has a branch: the submechanism of each closed cluster that is not a pure
-    /// coupling (n_branches).
-    pub fn branch_names(&self) -> &[String] {
-        &self.meta.branches
-    }
     /// Names of the links; an index into them names a frame in a plan.
     pub fn link_names(&self) -> &[String] {
         &self.meta.links
@@ -149,8 +144,8 @@ impl<C> Model<C> {
 }
 
 impl<C: Real> Model<C> {
-    /// The same model over another scalar, every constant converted by `f`; a new scalar needs no
-    /// new compilation. Allocates.
+    /// Converts the model to another scalar, every constant by `f`, without a new compilation.
+    /// Allocates.
     pub fn convert<D: Real>(&self, f: impl Fn(C) -> D + Copy) -> Model<D> {
         self.map(f)
     }
@@ -170,39 +165,10 @@ impl<C> Model<C> {
     }
 }
 
-impl<C: Copy> Model<C> {
-    /// The same model with every constant converted.
-    pub(crate) fn map<D>(&self, f: impl Fn(C) -> D + Copy) -> Model<D>
-    where
-        C: nalgebra::Scalar,
-        D: nalgebra::Scalar,
-    {
-        Model {
-            meta: self.meta.clone(),
-            gravity: self.gravity.map(f),
-            bodies: self.bodies.iter().map(|body| body.map(f)).collect(),
-            clusters: self.clusters.iter().map(|cluster| cluster.map(f)).collect(),
-            closures: self.closures.iter().map(|closure| closure.map(f)).collect(),
-            closed_clusters: self.closed_clusters.clone(),
-            cluster_of: self.cluster_of.clone(),
-            cluster_of_v: self.cluster_of_v.clone(),
-            frames: self
-                .frames
-                .iter()
-                .map(|frame| Frame { body: frame.body, x_body_frame: frame.x_body_frame.map(f) })
-                .collect(),
-            n_g: self.n_g,
-            sparsity: self.sparsity.clone(),
-            has_child_cluster: self.has_child_cluster.clone(),
-            inertia: self.inertia.clone(),
-            growth: self.growth,
-            is_massless: self.is_massless,
-            terms: self.terms.map(f),
-            order: self.order.clone(),
-            zero: self.zero.iter().map(|x| f(*x)).collect(),
-            described_zero: self.described_zero.clone(),
-            limits: self.limits.clone(),
-            effort: self.effort.clone(),
-        }
-    }
+constants! { Model:
+    keep meta closed_clusters cluster_of cluster_of_v n_g sparsity has_child_cluster inertia growth
+        is_massless order described_zero limits effort;
+    list zero;
+    map gravity terms;
+    each bodies clusters closures frames;
 }

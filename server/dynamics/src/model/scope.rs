@@ -4,7 +4,7 @@ use crate::mechanism::{Cluster, Motion};
 use crate::model::{Model, Runs};
 
 /// Bodies and clusters that a computation needs, each ascending, so that parents come before
-/// children. Whatever is left out is not read.
+/// children. Other bodies and clusters are not read.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Scope {
     /// Clusters with something to close.
@@ -15,9 +15,9 @@ pub(crate) struct Scope {
     /// paths to frames.
     pub(crate) posed: Runs,
     /// Ancestors of the next ones, of which only the motion is needed.
-    pub(crate) carriers: Runs,
+    pub(crate) ancestors: Runs,
     /// Bodies whose forces are needed, with all descendants.
-    pub(crate) driven: Runs,
+    pub(crate) affected: Runs,
     /// The clusters of these, whole.
     pub(crate) clusters: Runs,
     /// The independent velocities whose forces are answered, in internal order: those of free
@@ -25,7 +25,8 @@ pub(crate) struct Scope {
     pub(crate) independents: Runs,
     pub(crate) direct: Vec<Direct>,
     pub(crate) joined: Vec<usize>,
-    /// Springs, dampers and rotors in the joints of the driven bodies, by their place in the model.
+    /// Springs, dampers and rotors in the joints of the affected bodies, by their place in the
+    /// model.
     pub(crate) springs: Runs,
     pub(crate) dampers: Runs,
     pub(crate) rotors: Runs,
@@ -40,10 +41,10 @@ pub(crate) struct Direct {
     pub(crate) u: Option<usize>,
 }
 
-/// What a computation depends on, before everything that follows from it.
+/// Direct dependencies of a computation.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Roots {
-    /// Clusters to close whatever else is needed.
+    /// Clusters to close in any case.
     pub(crate) closed: Vec<usize>,
     /// Clusters whose forces are computed from motion or turned into motion.
     pub(crate) forces: Vec<usize>,
@@ -70,33 +71,34 @@ impl Scope {
         )
     }
 
-    /// Everything that follows from what is needed.
+    /// All dependencies, from the direct ones.
     pub(crate) fn of<C>(model: &Model<C>, roots: &Roots) -> Scope {
         let n = model.bodies.len();
-        let (mut driven, mut posed) = (vec![false; n], vec![false; n]);
+        let mut affected = vec![false; n];
+        let mut posed = vec![false; n];
         let forces = marked(model.clusters.len(), &roots.forces);
 
         // the force of a cluster sums those of all its descendants
         for i in 1..n {
-            driven[i] = driven[model.bodies[i].parent] || forces[model.cluster_of[i]];
-            posed[i] = driven[i];
+            affected[i] = affected[model.bodies[i].parent] || forces[model.cluster_of[i]];
+            posed[i] = affected[i];
         }
         roots.frames.iter().for_each(|i| posed[*i] = true);
-        let mut carriers = vec![false; n];
+        let mut ancestors = vec![false; n];
         for i in (1..n).rev() {
             let parent = model.bodies[i].parent;
             if parent != 0 && posed[i] {
                 posed[parent] = true;
-                carriers[parent] |= (driven[i] || carriers[i]) && !driven[parent];
+                ancestors[parent] |= (affected[i] || ancestors[i]) && !affected[parent];
             }
         }
 
-        // what has to be closed for it
+        // clusters to close for these poses
         let mut closed = marked(model.clusters.len(), &roots.closed);
         for i in (1..n).filter(|i| posed[*i]) {
             let cluster = &model.clusters[model.cluster_of[i]];
             let is_given = roots.open_paths
-                && !driven[i]
+                && !affected[i]
                 && cluster.independent.contains(&(model.bodies[i].v - cluster.v));
             closed[model.cluster_of[i]] |= !is_given;
         }
@@ -106,7 +108,7 @@ impl Scope {
             model.clusters[c].is_serial() || !closed[c]
         };
         let mut moves = vec![false; model.cluster_of_v.len()];
-        for body in (1..n).filter(|i| driven[*i]).map(|i| &model.bodies[i]) {
+        for body in (1..n).filter(|i| affected[*i]).map(|i| &model.bodies[i]) {
             moves[body.v..body.v + body.motion.n_v()].fill(true);
         }
         let places = |velocities: Vec<usize>| {
@@ -120,13 +122,6 @@ impl Scope {
             all.filter(|(_, cluster)| is_in(cluster)).map(|(c, _)| c).collect::<Runs>()
         };
         let answered = || roots.answered.iter().map(|c| (*c, &model.clusters[*c]));
-        let direct = |cluster: &Cluster<C>| {
-            let (v, vy, active) = (cluster.v, cluster.vy, cluster.active.clone());
-            (0..cluster.n_vy).map(move |k| {
-                let u = active.iter().find(|(_, j)| *j == k).map(|(u, _)| *u);
-                Direct { v: v + k, vy: vy + k, u }
-            })
-        };
         Scope {
             closed: model.closed_clusters.iter().copied().filter(|c| closed[*c]).collect(),
             free: (1..n)
@@ -134,9 +129,9 @@ impl Scope {
                 .map(|i| (i, model.bodies[i].q))
                 .collect(),
             posed: Runs::marked(&posed),
-            carriers: Runs::marked(&carriers),
-            clusters: clusters_of(&driven),
-            driven: Runs::marked(&driven),
+            ancestors: Runs::marked(&ancestors),
+            clusters: clusters_of(&affected),
+            affected: Runs::marked(&affected),
             independents: answered().flat_map(|(_, cluster)| cluster.independents()).collect(),
             direct: answered()
                 .filter(|(_, cluster)| cluster.is_serial())
@@ -151,6 +146,14 @@ impl Scope {
             rotors: places(terms.rotors.iter().map(|rotor| rotor.v).collect()),
         }
     }
+}
+
+/// The degrees of freedom of a free joint.
+fn direct<C>(cluster: &Cluster<C>) -> impl Iterator<Item = Direct> {
+    (0..cluster.n_vy).map(|k| {
+        let u = cluster.active.iter().find(|(_, j)| *j == k).map(|(u, _)| *u);
+        Direct { v: cluster.v + k, vy: cluster.vy + k, u }
+    })
 }
 
 fn marked(n: usize, which: &[usize]) -> Vec<bool> {

@@ -5,8 +5,7 @@ use crate::model::Model;
 use crate::scalar::Real;
 
 impl<C: Real> Model<C> {
-    /// The same model with another end of Newton's method, for measurements of error against run
-    /// time.
+    /// Replaces the tolerance of Newton's method, for measurements of error against run time.
     ///
     /// An attempt at a pose ends after a step below `tolerance`, in radians or cluster lengths, and
     /// after `steps` steps at the latest (one at least). The pose that is reached then stands, with

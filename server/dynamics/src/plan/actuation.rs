@@ -6,14 +6,14 @@ use crate::closure::column_unit;
 use crate::linalg::{least_norm, solve_sound};
 use crate::mechanism::Cluster;
 use crate::model::{Direct, Model, Scope};
-use crate::scalar::{Figure, Scalar, all_finite};
+use crate::scalar::{BranchValue, Real, all_finite};
 use crate::workspace::Workspace;
 
 /// τ_u from G_uᵀ τ_u = τ_y, answered cluster by cluster: exact where there are as many actuators as
 /// independents, of least norm where there are more, and where there are fewer the best, with the
 /// remainder in `tau_rest`. By how much that grows roundings: one over the least part of their
 /// control that the actuators of a cluster have.
-pub(super) fn to_actuators<T: Scalar>(
+pub(super) fn to_actuators<T: Real>(
     model: &Model<T>,
     scope: &Scope,
     ws: &mut Workspace<T>,
@@ -31,10 +31,12 @@ pub(super) fn to_actuators<T: Scalar>(
         }
     }
     for cluster in scope.joined.iter().map(|c| &model.clusters[*c]) {
-        let (m, n_u) = (cluster.n_vy, cluster.active.len());
+        let m = cluster.n_vy;
+        let n_u = cluster.active.len();
         if (m, n_u) == (1, 1) {
             let (u, j) = cluster.active[0];
-            let (G, i) = (cluster.G(&ws.G)[(j, 0)], cluster.independent[0]);
+            let G = cluster.G(&ws.G)[(j, 0)];
+            let i = cluster.independent[0];
             let unit = |j| T::from_f64(column_unit(cluster, j));
             control = lesser(control, (G * unit(i) / unit(j)).abs());
             let tau = ws.tau_y[cluster.vy] / G;
@@ -69,17 +71,18 @@ pub(super) fn to_actuators<T: Scalar>(
             }
         }
     }
-    Ok((T::ONE / control).to_figure(Figure::Growth))
+    Ok((T::ONE / control).to_branch_value(BranchValue::Growth))
 }
 
 /// The lesser one; `a` where `b` is not a number.
-fn lesser<T: Scalar>(a: T, b: T) -> T {
+fn lesser<T: Real>(a: T, b: T) -> T {
     T::select_lt(b, a, b, a)
 }
 
 /// G_uᵀ (n_vy × n_u) into `dense`, τ_y into `dense_rhs`.
-fn actuator_matrix<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
-    let (m, n_u) = (cluster.n_vy, cluster.active.len());
+fn actuator_matrix<T: Real>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
+    let m = cluster.n_vy;
+    let n_u = cluster.active.len();
     let G = cluster.G(&ws.G);
     for k in 0..m {
         for (r, &(_, j)) in cluster.active.iter().enumerate() {

@@ -1,11 +1,11 @@
 //! Many states of one plan, several abreast.
 //!
 //! States that take the same branches of a plan share its run over lanes, and each has the bits
-//! that it has alone. What a state does by itself is done alone: where it fails, is warned of
-//! anything but limits, or decides otherwise than the first of its lanes
-//! ([`crate::scalar::Figure`]). Closures by Newton's method take another number of steps for each
-//! state: they are closed one state after the other before ([`Plan::close`]), and the rest goes
-//! abreast.
+//! that it has alone. A state runs alone if it fails, gets a warning other than of limits, or takes
+//! another branch than the first of its lanes
+//! ([`crate::scalar::BranchValue`]). Closures by Newton's method take another number of steps for
+//! each state: they are closed one state after the other before ([`Plan::close`]), and the rest
+//! goes abreast.
 
 mod fields;
 mod tile;
@@ -19,7 +19,7 @@ use sarrus_proto::{Answer, Field, FieldSet, Request, Status, Warnings};
 use crate::model::{Method, Model};
 use crate::plan::Plan;
 use crate::plan::batch::tile::Tile;
-use crate::scalar::{Abreast, FUSED, LANES};
+use crate::scalar::{FUSED, LANES, Packet};
 use crate::workspace::{Workspace, most_closed};
 
 /// Most states that [`BatchWorkspace::close_rows`] closes at once.
@@ -29,7 +29,7 @@ const _: () = assert!(LANES <= MOST_ROWS);
 /// Every row goes alone.
 const ALL: u32 = u32::MAX;
 
-/// What may be given of states that go abreast: numbers of each state alone.
+/// Fields that a packet of states may give: numbers of each state alone.
 const GIVEN: FieldSet = FieldSet::of(&[
     Field::Y,
     Field::Yd,
@@ -110,14 +110,14 @@ impl Batch {
     /// Scratch for many states of a plan of this model; of a plan of another model every answer is
     /// [`Status::WrongModel`]. Allocates; nothing after it does.
     pub fn new(model: &Arc<Model<f64>>, plan: &Plan) -> Batch {
-        let abreast = plan.abreast() > 1;
+        let packed = plan.abreast() > 1;
         let width = plan.given().len() + plan.closed_len();
         let workspace = BatchWorkspace {
             model: Arc::clone(model),
             workspace: Workspace::for_plans(model, [plan]),
             closed: vec![0.0; if plan.closes_apart() { MOST_ROWS * width } else { 0 }],
-            tile: abreast.then(|| {
-                let constants = model.convert(Abreast::splat);
+            tile: packed.then(|| {
+                let constants = model.convert(Packet::splat);
                 let workspace = Workspace::for_plans(&constants, [plan]);
                 Box::new(Tile::new(constants, workspace, width, plan.want().len()))
             }),
@@ -143,7 +143,7 @@ impl Batch {
     }
 
     /// Answers as many states as there are places for answers; `input` and `output` hold their rows
-    /// one after the other, packed as [`Plan::given`] and [`Plan::want`] say. Each row, status and
+    /// one after the other, packed by [`Plan::given`] and [`Plan::want`]. Each row, status and
     /// warning is that of [`Plan::run`], to the bit. Where the sizes do not fit every row is
     /// [`Status::WrongSize`] and NaN. Allocates never.
     pub fn run(&mut self, input: &[f64], output: &mut [f64], answers: &mut [Answer]) {
@@ -156,8 +156,8 @@ impl Batch {
 pub struct BatchWorkspace {
     model: Arc<Model<f64>>,
     workspace: Workspace<f64>,
-    /// Given numbers of up to [`MOST_ROWS`] states with what closes apart behind them, row after
-    /// row; of models where nothing does empty.
+    /// Given numbers of up to [`MOST_ROWS`] states, each row followed by its closure results; empty
+    /// for models without separate closures.
     closed: Vec<f64>,
     /// Where states go abreast.
     tile: Option<Box<Tile>>,
@@ -175,7 +175,7 @@ impl BatchWorkspace {
             workspace: Workspace::new(model),
             closed: vec![0.0; if closed > 0 { MOST_ROWS * width } else { 0 }],
             tile: FUSED.then(|| {
-                let constants = model.convert(Abreast::splat);
+                let constants = model.convert(Packet::splat);
                 let workspace = Workspace::new(&constants);
                 Box::new(Tile::new(constants, workspace, width, n_out))
             }),
@@ -188,7 +188,7 @@ impl BatchWorkspace {
         &self.model
     }
 
-    /// What one state is answered with: for [`Plan::run`].
+    /// Model and workspace of a single state, for [`Plan::run`].
     #[inline]
     pub fn one(&mut self) -> (&Model<f64>, &mut Workspace<f64>) {
         (&self.model, &mut self.workspace)
@@ -203,7 +203,8 @@ impl BatchWorkspace {
 
     /// Answers states of a plan, as [`Batch::run`].
     pub fn run(&mut self, plan: &Plan, input: &[f64], output: &mut [f64], answers: &mut [Answer]) {
-        let (n_in, n_out) = (plan.given().len(), plan.want().len());
+        let n_in = plan.given().len();
+        let n_out = plan.want().len();
         let rows = answers.len();
         if Some(input.len()) != rows.checked_mul(n_in)
             || Some(output.len()) != rows.checked_mul(n_out)
@@ -212,9 +213,11 @@ impl BatchWorkspace {
             answers.fill(Answer { status: Status::WrongSize, warnings: Warnings::NONE });
             return;
         }
-        let is_abreast =
-            plan.abreast > 1 && self.tile.as_ref().is_some_and(|tile| tile.holds(plan));
-        let (mut input, mut output, mut answers) = (input, output, answers);
+        let packed =
+            plan.batch_width > 1 && self.tile.as_ref().is_some_and(|tile| tile.holds(plan));
+        let mut input = input;
+        let mut output = output;
+        let mut answers = answers;
         while !answers.is_empty() {
             let rows = answers.len().min(LANES);
             let (given, rest) = input.split_at(rows * n_in);
@@ -223,8 +226,8 @@ impl BatchWorkspace {
             output = rest;
             let (of_rows, rest) = answers.split_at_mut(rows);
             answers = rest;
-            let is_abreast = is_abreast && rows == LANES;
-            let alone = if is_abreast { self.run_tile(plan, given, want, of_rows) } else { ALL };
+            let packed = packed && rows == LANES;
+            let alone = if packed { self.run_tile(plan, given, want, of_rows) } else { ALL };
             for row in (0..rows).filter(|row| alone >> row & 1 != 0) {
                 self.alone += 1;
                 of_rows[row] = plan.run(
@@ -274,7 +277,8 @@ fn close_rows<'a>(
     let width = n_in + plan.closed_len();
     let rows = given.len().checked_div(n_in)?.min(MOST_ROWS);
     let closed = closed.get_mut(..rows * width)?;
-    let (mut open, mut sound) = (0, None);
+    let mut open = 0;
+    let mut sound = None;
     for row in 0..rows {
         let given = &given[row * n_in..][..n_in];
         match plan.close(model, workspace, given) {
@@ -295,20 +299,20 @@ fn close_rows<'a>(
 impl Plan {
     /// How many states of this plan go abreast: [`LANES`], or 1 where each is answered alone.
     pub fn abreast(&self) -> usize {
-        self.abreast
+        self.batch_width
     }
 
-    /// The same, found. Forward dynamics of the whole KKT system, which is there to check the
-    /// others, is left out: a choice.
-    pub(super) fn find_abreast<C>(&self, model: &Model<C>) -> usize {
+    /// Computes the batch width. Forward dynamics of the whole KKT system, a check of the other
+    /// methods, runs state by state by choice.
+    pub(super) fn batch_width_on<C>(&self, model: &Model<C>) -> usize {
         let is_only = |fields: FieldSet, of: FieldSet| fields.0 & !of.0 == 0;
         let whole = self.request == Request::ForwardDynamics && self.method == Method::Kkt;
-        let abreast = FUSED
+        let packed = FUSED
             && !whole
             && is_only(self.query.given, GIVEN)
             && is_only(self.query.want, STRAIGHT_FIELDS)
             && (self.closes_apart()
                 || self.needed.scope.closed.iter().all(|c| model.closures[*c].is_closed_form()));
-        if abreast { LANES } else { 1 }
+        if packed { LANES } else { 1 }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! How many steps Newton's method takes depends on the state, so that a plan with such closures is
 //! no straight line; all that stands around them is. [`Plan::close`] closes these clusters alone
-//! and puts what they leave behind the given numbers; [`Plan::run_closed`] is the rest of the plan
+//! and appends their results to the given numbers; [`Plan::run_closed`] is the rest of the plan
 //! on both. A closed form that answers for Newton's method in the cells of its table
 //! ([`crate::closure::Seeds`]) belongs to the rest: of it [`Plan::close`] only looks whether the
 //! state lies in such a cell.
@@ -16,13 +16,13 @@ use crate::plan::diagnostics::digits::larger;
 use crate::plan::run::RunReport;
 use crate::plan::state::hold_idle;
 use crate::plan::{Plan, Space, Steps};
-use crate::scalar::{Figure, Scalar, all_finite};
+use crate::scalar::{BranchValue, Real, all_finite};
 use crate::workspace::Workspace;
 
 /// Numbers that [`Plan::close`] puts behind the given ones, one after the other.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ClosedNumbers {
-    /// What they are: `gain`, `start`, `q`, `cos_sin`, `G`, `qd` or `g_bias`.
+    /// Kinds of numbers: `gain`, `start`, `q`, `cos_sin`, `G`, `qd` or `g_bias`.
     pub name: &'static str,
     /// Coordinates or velocities of the tree that they belong to, each in one row.
     pub joints: Vec<String>,
@@ -30,7 +30,7 @@ pub struct ClosedNumbers {
     pub columns: usize,
 }
 
-/// The clusters that are closed apart, and where in the workspace stands what they leave.
+/// The clusters that are closed separately, and the places of their results in the workspace.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Closed {
     /// Closed by Newton's method.
@@ -49,8 +49,7 @@ pub(super) struct Closed {
 }
 
 impl Closed {
-    /// What a plan with these steps reads of its closures; nothing where the motion is not that of
-    /// the independents.
+    /// Closure results that a plan with these steps reads; none unless the independents are given.
     pub(super) fn new<C>(model: &Model<C>, query: &Query, scope: &Scope, steps: &Steps) -> Closed {
         let mut closed = Closed::default();
         let of_independents = [Some(steps.position), steps.velocity, steps.acceleration]
@@ -62,7 +61,8 @@ impl Closed {
         }
         let is_cold = !query.given.has(Field::QGuess);
         for &c in &scope.closed {
-            let (cluster, closure) = (&model.clusters[c], &model.closures[c]);
+            let cluster = &model.clusters[c];
+            let closure = &model.closures[c];
             if closure.is_closed_form() {
                 continue;
             }
@@ -109,8 +109,8 @@ impl Closed {
         usize::from(!self.by_newton.is_empty()) + self.start.len() + of_newton + of_rates
     }
 
-    /// What stands in the workspace, in its order.
-    fn save<T: Scalar>(&self, ws: &Workspace<T>, gain: f64, out: &mut [T]) {
+    /// Copies the results from the workspace, in its order.
+    fn save<T: Real>(&self, ws: &Workspace<T>, gain: f64, out: &mut [T]) {
         let gain = (!self.by_newton.is_empty()).then(|| T::from_f64(gain));
         let start = self.start.iter().map(|i| ws.start[*i]);
         let q = self.q.iter().map(|i| ws.q[*i]);
@@ -132,7 +132,7 @@ impl Closed {
     }
 
     /// Puts it there again, with the rows of the independents; returns the gain.
-    pub(super) fn restore<T: Scalar>(
+    pub(super) fn restore<T: Real>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
@@ -142,7 +142,7 @@ impl Closed {
         let mut next = || numbers.next().unwrap_or(T::ZERO);
         let mut gain = 1.0;
         if !self.by_newton.is_empty() {
-            gain = next().to_figure(Figure::Gain);
+            gain = next().to_branch_value(BranchValue::Gain);
         }
         self.start.iter().for_each(|i| ws.start[*i] = next());
         self.q.iter().for_each(|i| ws.q[*i] = next());
@@ -163,7 +163,7 @@ impl Closed {
 
     /// The gain of cluster c, where it was closed before, or is closed by the closed form that
     /// answers for Newton's method.
-    pub(super) fn close<T: Scalar>(
+    pub(super) fn close<T: Real>(
         &self,
         model: &Model<T>,
         c: usize,
@@ -187,7 +187,7 @@ impl Closed {
     }
 
     /// The closed form that answers for Newton's method in cluster c.
-    fn form_of<'a, T: Scalar>(
+    fn form_of<'a, T: Real>(
         &self,
         model: &'a Model<T>,
         c: usize,
@@ -251,9 +251,9 @@ impl Plan {
         list
     }
 
-    /// Closes what Newton's method closes: the given numbers, and behind them what
-    /// [`Plan::run_closed`] needs of it; `None` where only [`Plan::run`] has the answer, because
-    /// something is not as it should be. Allocates never.
+    /// Closes the clusters of Newton's method: returns the given numbers, followed by the closure
+    /// results for [`Plan::run_closed`]; `None` after a failure, which only [`Plan::run`] answers.
+    /// Allocates never.
     pub fn close<'a>(
         &self,
         model: &Model<f64>,
@@ -261,7 +261,8 @@ impl Plan {
         input: &[f64],
     ) -> Option<&'a [f64]> {
         let ws = workspace;
-        let (given, len) = (self.given.len(), self.given.len() + self.closed.len());
+        let given = self.given.len();
+        let len = self.given.len() + self.closed.len();
         let fits = input.len() == given && ws.closed.len() >= len && ws.serves(self.needs());
         let is_ours = model.meta.fingerprint == self.fingerprint && ws.belongs_to(model);
         if !fits || !is_ours || !all_finite(input) {
@@ -277,10 +278,11 @@ impl Plan {
                 return None;
             }
         }
-        let (mut report, mut most) = (RunReport::none(), 1.0);
+        let mut report = RunReport::none();
+        let mut most = 1.0;
         for &c in &self.closed.by_newton {
             let (gain, _) = self.close_cluster(model, c, ws, input, &mut report).ok()?;
-            // what is no number stays
+            // NaN stays
             most = larger(most, gain);
         }
         if report.open > self.query.loop_tolerance.bound() {
@@ -293,17 +295,16 @@ impl Plan {
         Some(&ws.closed[..len])
     }
 
-    /// The rest of [`Plan::run`] on what [`Plan::close`] gave: for [`crate::STRAIGHT_FIELDS`], and
-    /// where it is `ok`, with the same bits. Where it fails [`Plan::run`] may have an answer. A
-    /// warning that it would add is missing where [`Plan::close`] would have given nothing.
-    /// Allocates never.
-    pub fn run_closed<T: Scalar>(
+    /// The rest of [`Plan::run`] on the result of [`Plan::close`]: for [`crate::STRAIGHT_FIELDS`],
+    /// and with the same bits if it is `ok`. If it fails, [`Plan::run`] may have an answer. It
+    /// omits the warnings of states that [`Plan::close`] refuses. Allocates never.
+    pub fn run_closed<T: Real>(
         &self,
         model: &Model<T>,
         workspace: &mut Workspace<T>,
         input: &[T],
         output: &mut [T],
     ) -> Answer {
-        self.answer::<T, true>(model, workspace, input, output)
+        self.execute::<T, true>(model, workspace, input, output)
     }
 }

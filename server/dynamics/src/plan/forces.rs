@@ -9,13 +9,13 @@ use crate::plan::actuation::to_actuators;
 use crate::plan::diagnostics::digits::{ZERO, cancellation};
 use crate::plan::run::RunReport;
 use crate::plan::state::tree_accelerations;
-use crate::scalar::{Figure, Mask, Scalar};
+use crate::scalar::{BranchValue, Real};
 use crate::spatial::zero;
 use crate::workspace::Workspace;
 
 /// Part of the largest force that may be left over: rounding.
 const BALANCE: f64 = 1e-14;
-/// Part of the largest ÿ that what is left over may be worth, in a method that keeps ten digits.
+/// Largest remainder relative to the largest ÿ, in a method that keeps ten digits.
 const WORTH: f64 = 1e-10;
 
 /// The largest of each over the independents: inertia / pivot, Σ |terms| / pivot, Σ |terms| /
@@ -26,8 +26,8 @@ struct Divided<T> {
     alone: T,
 }
 
-/// Inertia against what is left of it in a robot with nothing special; a chain of a hundred links
-/// has more than five thousand and loses nothing by it.
+/// Ratio of inertia to articulated inertia in a usual robot; a chain of a hundred links has more
+/// than five thousand without losing digits.
 const PIVOTS: f64 = 200.0;
 /// Part of the acceleration that the forces of a joint would give it alone, below which it stands
 /// still.
@@ -37,7 +37,7 @@ const ROUNDINGS: f64 = 50.0;
 
 impl Plan {
     /// τ_q = M q̈ + C − Σ Jᵀ w, τ_y = Gᵀ τ_q, τ_u from G_uᵀ τ_u = τ_y.
-    pub(super) fn inverse_dynamics<T: Scalar>(
+    pub(super) fn inverse_dynamics<T: Real>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
@@ -53,7 +53,8 @@ impl Plan {
         if self.steps.newton_euler {
             let wrench = self.wrenches(model, ws, input).then_some(ws.wrench.as_slice());
             if self.steps.rest {
-                let (motion, tau_q) = (&mut ws.motion, &mut ws.tau_q);
+                let motion = &mut ws.motion;
+                let tau_q = &mut ws.tau_q;
                 algorithms::rest_forces(model, scope, &ws.q, wrench, motion, tau_q);
             } else {
                 let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.qdd };
@@ -74,7 +75,7 @@ impl Plan {
             report.doubt.times(to_actuators(model, scope, ws)?);
         }
         if self.wants(Field::Lambda) {
-            // what the tree needs beyond the actuators comes from the loops
+            // the loops supply the forces of the tree beyond the actuators
             ws.loop_q.copy_from_slice(&ws.tau_q);
             model.order.u_v.iter().zip(&ws.tau_u).for_each(|(v, tau)| ws.loop_q[*v] -= *tau);
             independents_subtract(model, &ws.tau_rest, &mut ws.loop_q);
@@ -87,7 +88,7 @@ impl Plan {
 
     /// ÿ from M_y ÿ + C_y = τ_y, then q̈ = G ÿ + g; without loops tree and independent velocities
     /// are numbered alike.
-    pub(super) fn forward_dynamics<T: Scalar>(
+    pub(super) fn forward_dynamics<T: Real>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
@@ -122,7 +123,7 @@ impl Plan {
         };
         let Divided { inertia, terms, alone } = self.divided(model, ws);
         let pivots = inertia / T::from_f64(PIVOTS);
-        report.doubt.times(pivots.to_figure(Figure::Growth));
+        report.doubt.times(pivots.to_branch_value(BranchValue::Growth));
         if self.method == Method::Kkt {
             self.tree_forward_dynamics(model, ws, input)?;
             if !self.balanced(model, ws, input) {
@@ -130,14 +131,14 @@ impl Plan {
             }
             return Ok(());
         }
-        if !positive.all() {
+        if !positive {
             return Err(Status::MassNotPositive);
         }
         let left = largest(&scope.independents, &ws.ydd);
         let (growth, zero) = cancellation(terms, left, T::from_f64(STILL) * alone);
         report.doubt.times(growth);
         let of_method = T::from_f64(model.growth_of(self.method) / ROUNDINGS);
-        report.doubt.times(of_method.to_figure(Figure::Growth));
+        report.doubt.times(of_method.to_branch_value(BranchValue::Growth));
         report.doubt.acceleration = zero;
         for run in scope.clusters.runs() {
             for cluster in &model.clusters[run] {
@@ -150,23 +151,23 @@ impl Plan {
             }
         }
         if self.wants(Field::Lambda) {
-            // τ_q of the motion less the given forces is what the loops supply
+            // the loops supply τ_q of the motion less the given forces
             let wrench = self.feels_wrenches().then_some(ws.wrench.as_slice());
             let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.qdd };
-            let (motion, loop_q) = (&mut ws.motion, &mut ws.loop_q);
+            let motion = &mut ws.motion;
+            let loop_q = &mut ws.loop_q;
             algorithms::newton_euler(model, scope, &tree, wrench, motion, loop_q);
             self.each_given_force(model, input, |v, tau| ws.loop_q[v] -= tau);
         }
         Ok(())
     }
 
-    /// What the pivots divide, where a pivot is what is left of an inertia where all behind it is
-    /// free.
-    fn divided<T: Scalar>(&self, model: &Model<T>, ws: &Workspace<T>) -> Divided<T> {
+    /// Largest ratios to the pivots; a pivot is the articulated inertia.
+    fn divided<T: Real>(&self, model: &Model<T>, ws: &Workspace<T>) -> Divided<T> {
         let larger = |a: T, b: T| T::select_lt(a, b, b, a);
         let mut largest = Divided { inertia: T::ONE, terms: T::ZERO, alone: T::ZERO };
         let mut of = |k: usize, inverse: T| {
-            let own = larger(T::from_f64(model.inertia[k]), ws.alone[k]);
+            let own = larger(T::from_f64(model.inertia[k]), ws.uncoupled_diagonal[k]);
             let alone = if T::ZERO < own { ws.tau_terms[k] / own } else { T::ZERO };
             largest = Divided {
                 inertia: larger(largest.inertia, inverse * own),
@@ -176,11 +177,11 @@ impl Plan {
         };
         let scope = &self.needed.scope;
         if self.method == Method::Projection {
-            for k in scope.independents.places() {
+            for k in scope.independents.indices() {
                 of(k, ws.factor[model.sparsity.diagonal_at(k)]);
             }
         } else {
-            let mut independents = scope.independents.places();
+            let mut independents = scope.independents.indices();
             let inverses = ws.embedding.inverses(model, &scope.clusters);
             // not a zip, which takes them one by one
             inverses
@@ -190,7 +191,7 @@ impl Plan {
     }
 
     /// q̈ of the tree under its constraints.
-    fn tree_forward_dynamics<T: Scalar>(
+    fn tree_forward_dynamics<T: Real>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
@@ -207,8 +208,8 @@ impl Plan {
     }
 
     /// True where ÿ of the whole system balances the given forces along every independent motion up
-    /// to rounding, or so nearly that M_y makes little of what is left.
-    fn balanced<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> bool {
+    /// to rounding, or nearly enough for the remainder to be small against M_y ÿ.
+    fn balanced<T: Real>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> bool {
         let scope = &self.needed.scope;
         let wrench = self.feels_wrenches().then_some(ws.wrench.as_slice());
         // q̈ = G ÿ + g: that of the system need not keep the loops closed
@@ -245,7 +246,7 @@ impl Plan {
     }
 
     /// The given forces by internal tree velocity; a force on an independent is one on its joint.
-    fn each_given_force<T: Scalar>(
+    fn each_given_force<T: Real>(
         &self,
         model: &Model<T>,
         input: &[T],
@@ -263,7 +264,7 @@ impl Plan {
     }
 
     /// Forces from one space to the others at the closed state.
-    pub(super) fn map_forces<T: Scalar>(
+    pub(super) fn map_forces<T: Real>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
@@ -281,7 +282,7 @@ impl Plan {
     }
 
     /// C_y = Gᵀ (C + M g), with the wrenches on the left-hand side where they are to be counted.
-    fn bias_force<T: Scalar>(
+    fn bias_force<T: Real>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
@@ -291,7 +292,8 @@ impl Plan {
         let scope = &self.needed.scope;
         let wrench =
             (with_wrenches && self.wrenches(model, ws, input)).then_some(ws.wrench.as_slice());
-        let (motion, tau_q) = (&mut ws.motion, &mut ws.tau_q);
+        let motion = &mut ws.motion;
+        let tau_q = &mut ws.tau_q;
         if self.steps.bias_at_rest {
             algorithms::rest_forces(model, scope, &ws.q, wrench, motion, tau_q);
         } else {
@@ -302,8 +304,8 @@ impl Plan {
         to_independent(model, scope, &ws.G, &ws.tau_q, &mut ws.C_y, &mut ws.tau_terms);
     }
 
-    /// What is lost of forces on the independents in the sums of their terms.
-    fn doubt_forces<T: Scalar>(&self, terms: &[T], forces: &[T], report: &mut RunReport<T>) {
+    /// Digits that forces on the independents lose in the sums of their terms.
+    fn doubt_forces<T: Real>(&self, terms: &[T], forces: &[T], report: &mut RunReport<T>) {
         let independents = &self.needed.scope.independents;
         let terms = largest(independents, terms);
         let left = largest(independents, forces);
@@ -313,7 +315,7 @@ impl Plan {
     }
 
     /// The given forces as τ_y.
-    fn given_forces<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) {
+    fn given_forces<T: Real>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) {
         let slot = |field| self.given.slot(field).map(|slot: &Slot| &input[slot.range()]);
         if let Some(tau) = slot(Field::TauY) {
             for (x, &k) in tau.iter().zip(&model.order.vy) {
@@ -332,13 +334,13 @@ impl Plan {
         to_independent(model, scope, &ws.G, &ws.tau_q, &mut ws.tau_y, &mut ws.tau_terms);
     }
 
-    /// True where wrenches are given on what is needed.
+    /// True if wrenches are given on needed bodies.
     fn feels_wrenches(&self) -> bool {
         !self.wrench_links.is_empty()
     }
 
     /// The given wrenches on their bodies; false where there are none.
-    fn wrenches<T: Scalar>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> bool {
+    fn wrenches<T: Real>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> bool {
         let Some(slot) = self.given.slot(Field::Wrenches).filter(|_| self.feels_wrenches()) else {
             return false;
         };
@@ -356,7 +358,7 @@ impl Plan {
 /// Wrenches on links (place among the wrenches, link), `[n; f]` in world axes at their frames'
 /// origins, as those on bodies; `bodies` carry the links, and their poses in their parents are
 /// known.
-pub(crate) fn wrenches_on_bodies<T: Scalar>(
+pub(crate) fn wrenches_on_bodies<T: Real>(
     model: &Model<T>,
     ws: &mut Workspace<T>,
     bodies: &[usize],
@@ -375,7 +377,7 @@ pub(crate) fn wrenches_on_bodies<T: Scalar>(
 }
 
 /// τ_y = Gᵀ τ_q, answered cluster by cluster; adds Σ |terms| of each to `terms`.
-fn to_independent<T: Scalar>(
+fn to_independent<T: Real>(
     model: &Model<T>,
     scope: &Scope,
     G: &[T],
@@ -389,7 +391,8 @@ fn to_independent<T: Scalar>(
         terms[vy] += tau.abs();
     }
     for cluster in scope.joined.iter().map(|c| &model.clusters[*c]) {
-        let (G, tau_q) = (&G[cluster.block()], &tau_q[cluster.velocities()]);
+        let G = &G[cluster.block()];
+        let tau_q = &tau_q[cluster.velocities()];
         let (tau_y, terms) =
             (&mut tau_y[cluster.independents()], &mut terms[cluster.independents()]);
         match cluster.n_vy {
@@ -400,7 +403,8 @@ fn to_independent<T: Scalar>(
             m => {
                 for k in 0..m {
                     let column = G[k..].iter().step_by(m);
-                    let (mut tau, mut sum) = (T::ZERO, terms[k]);
+                    let mut tau = T::ZERO;
+                    let mut sum = terms[k];
                     for (g, x) in column.zip(tau_q) {
                         tau = g.mul_add(*x, tau);
                         sum = g.abs().mul_add(x.abs(), sum);
@@ -412,10 +416,11 @@ fn to_independent<T: Scalar>(
     }
 }
 
-/// The same of one cluster with M independents, all columns of G at once.
+/// Reduced forces of one cluster with M independents, all columns of G at once.
 #[inline(always)]
-fn columns<T: Scalar, const M: usize>(G: &[T], tau_q: &[T], tau_y: &mut [T], terms: &mut [T]) {
-    let (mut tau, mut sum) = ([T::ZERO; M], [T::ZERO; M]);
+fn columns<T: Real, const M: usize>(G: &[T], tau_q: &[T], tau_y: &mut [T], terms: &mut [T]) {
+    let mut tau = [T::ZERO; M];
+    let mut sum = [T::ZERO; M];
     sum.copy_from_slice(terms);
     for (row, x) in G.as_chunks::<M>().0.iter().zip(tau_q) {
         for k in 0..M {
@@ -428,7 +433,7 @@ fn columns<T: Scalar, const M: usize>(G: &[T], tau_q: &[T], tau_y: &mut [T], ter
 }
 
 /// Takes a force on the independents off the tree forces.
-fn independents_subtract<T: Scalar>(model: &Model<T>, tau_y: &[T], tau_q: &mut [T]) {
+fn independents_subtract<T: Real>(model: &Model<T>, tau_y: &[T], tau_q: &mut [T]) {
     for cluster in &model.clusters {
         for (k, &j) in cluster.independent.iter().enumerate() {
             tau_q[cluster.v + j] -= tau_y[cluster.vy + k];
@@ -437,7 +442,7 @@ fn independents_subtract<T: Scalar>(model: &Model<T>, tau_y: &[T], tau_q: &mut [
 }
 
 /// Largest absolute value at some places.
-fn largest<T: Scalar>(places: &Runs, x: &[T]) -> T {
+fn largest<T: Real>(places: &Runs, x: &[T]) -> T {
     let mut largest = T::ZERO;
     for run in places.runs() {
         for x in &x[run] {

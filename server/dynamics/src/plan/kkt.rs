@@ -17,7 +17,7 @@ use crate::linalg::solve_pivoted;
 use crate::mechanism::Cluster;
 use crate::model::{Model, Scope};
 use crate::plan::Plan;
-use crate::scalar::Scalar;
+use crate::scalar::Real;
 use crate::workspace::Workspace;
 
 /// How far a state is from closed: the largest scaled |φ| and |K q̇|.
@@ -30,7 +30,7 @@ pub(crate) struct Drift<T> {
 impl Plan {
     /// q̈, and the forces of the loops on the tree into `loop_q`, from the forces given on the
     /// tree; needs the closed state and C in `tau_q`.
-    pub(super) fn kkt<T: Scalar>(
+    pub(super) fn kkt<T: Real>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
@@ -63,7 +63,7 @@ impl Plan {
 /// The scope is all of the robot. Needs q, q̇, the joint poses, C in `tau_q` and the given forces
 /// in `loop_q`. With a stabilisation (α, β) the state need not be closed:
 /// K q̈ = k − 2 α K q̇ − β² φ \[B72\]; how far from closed it is then goes into `drift`.
-pub(crate) fn tree_under_constraints<T: Scalar>(
+pub(crate) fn tree_under_constraints<T: Real>(
     model: &Model<T>,
     scope: &Scope,
     ws: &mut Workspace<T>,
@@ -73,7 +73,8 @@ pub(crate) fn tree_under_constraints<T: Scalar>(
     let n_rows: usize = model.closed_clusters.iter().map(|c| model.clusters[*c].used.len()).sum();
     let n = n_v + n_rows;
     let mut A = core::mem::take(&mut ws.kkt);
-    let (mut x, mut scale) = (core::mem::take(&mut ws.kkt_rhs), core::mem::take(&mut ws.kkt_scale));
+    let mut x = core::mem::take(&mut ws.kkt_rhs);
+    let mut scale = core::mem::take(&mut ws.kkt_scale);
 
     // M, τ_q − C, K, k
     A.fill(T::ZERO);
@@ -94,7 +95,8 @@ pub(crate) fn tree_under_constraints<T: Scalar>(
             x[row] = ws.scratch.phi[r];
             let mut largest = T::ZERO;
             for j in 0..cluster.n_v {
-                let (v, entry) = (cluster.v + j, ws.scratch.K[r * cluster.n_v + j]);
+                let v = cluster.v + j;
+                let entry = ws.scratch.K[r * cluster.n_v + j];
                 (A[row * n + v], A[v * n + row]) = (entry, entry);
                 let size = (entry * scale[v]).abs();
                 largest = T::select_lt(largest, size, size, largest);
@@ -128,15 +130,16 @@ pub(crate) fn tree_under_constraints<T: Scalar>(
 }
 
 /// k of the same cluster into `phi`.
-fn bias<T: Scalar>(model: &Model<T>, cluster: &Cluster<T>, ws: &mut Workspace<T>) {
+fn bias<T: Real>(model: &Model<T>, cluster: &Cluster<T>, ws: &mut Workspace<T>) {
     let bodies = model.bodies_of(cluster);
-    let (qd, scratch) = (&ws.qd[cluster.velocities()], &mut ws.scratch);
+    let qd = &ws.qd[cluster.velocities()];
+    let scratch = &mut ws.scratch;
     local_rates(cluster, bodies, qd, &scratch.pose, &mut scratch.rate);
     constraint_bias(cluster, &scratch.pose, &scratch.rate, &mut scratch.phi);
 }
 
 /// How far the state in q and q̇ is from closed.
-pub(crate) fn drift_of<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Drift<T> {
+pub(crate) fn drift_of<T: Real>(model: &Model<T>, ws: &mut Workspace<T>) -> Drift<T> {
     let mut drift = Drift { position: T::ZERO, velocity: T::ZERO };
     for &c in &model.closed_clusters {
         ws.constraint_jacobian(&model.clusters[c], model.bodies_of(&model.clusters[c]));
@@ -146,14 +149,15 @@ pub(crate) fn drift_of<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> Dr
 }
 
 /// k − 2 α K q̇ − β² φ in place of k, and how large these are.
-fn stabilise<T: Scalar>(
+fn stabilise<T: Real>(
     cluster: &Cluster<T>,
     ws: &mut Workspace<T>,
     alpha: T,
     beta: T,
     drift: &mut Drift<T>,
 ) {
-    let (q, qd) = (&ws.q[cluster.coordinates()], &ws.qd[cluster.velocities()]);
+    let q = &ws.q[cluster.coordinates()];
+    let qd = &ws.qd[cluster.velocities()];
     let scratch = &mut ws.scratch;
     let phi = &mut scratch.B[..cluster.rows.len()];
     constraint_residual(cluster, &scratch.pose, q, phi);

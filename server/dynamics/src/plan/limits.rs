@@ -4,7 +4,7 @@ use sarrus_proto::{Field, Request, Warnings};
 
 use crate::closure::Level;
 use crate::plan::Plan;
-use crate::scalar::{Figure, Scalar};
+use crate::scalar::{BranchValue, Real};
 use crate::workspace::Workspace;
 
 /// The columns of [`Field::Limits`].
@@ -14,14 +14,14 @@ const EFFORT: usize = 2;
 
 impl Plan {
     /// Whether a position, velocity or actuator force lies outside its limits.
-    pub(super) fn limits<T: Scalar>(&self, ws: &Workspace<T>) -> Warnings {
+    pub(super) fn limits<T: Real>(&self, ws: &Workspace<T>) -> Warnings {
         let mut exceeded = false;
         self.each_limit(ws, |_, _, x, [lower, upper]| exceeded |= x < lower || x > upper);
         if exceeded { Warnings::LIMITS_EXCEEDED } else { Warnings::NONE }
     }
 
     /// By how much each of them does, in the rows that are asked (n_v × 3).
-    pub(super) fn write_limits<T: Scalar>(&self, ws: &Workspace<T>, out: &mut [T]) {
+    pub(super) fn write_limits<T: Real>(&self, ws: &Workspace<T>, out: &mut [T]) {
         out.fill(T::ZERO);
         self.each_limit(ws, |row, column, x, [lower, upper]| {
             if let Some(row) = row {
@@ -32,7 +32,7 @@ impl Plan {
 
     /// Calls `each(row, column, x, [lower, upper])` for every limit that this request can meet.
     #[inline(always)]
-    fn each_limit<T: Scalar>(
+    fn each_limit<T: Real>(
         &self,
         ws: &Workspace<T>,
         mut each: impl FnMut(Option<usize>, usize, f64, [f64; 2]),
@@ -54,8 +54,8 @@ impl Plan {
     }
 }
 
-fn figure<T: Scalar>(x: T, lower: f64, upper: f64) -> f64 {
-    x.to_figure(Figure::Limited { lower, upper })
+fn figure<T: Real>(x: T, lower: f64, upper: f64) -> f64 {
+    x.to_branch_value(BranchValue::Limited { lower, upper })
 }
 
 /// How far x lies outside: negative below, positive above.

@@ -1,4 +1,4 @@
-//! What the outputs of a query depend on, and nothing else.
+//! Dependencies of the outputs of a query.
 //!
 //! A row of a joint depends on its cluster: where loops close it, on their closure. A frame depends
 //! on the joints on its path; where these are given, on no closure. Forces of a joint depend on all
@@ -28,7 +28,7 @@ pub(super) const OF_THE_ROBOT: [Field; 13] = [
     Field::NearestY,
     Field::CondMy,
 ];
-/// Forces, and what stands in their rows.
+/// Forces, and the quantities in their rows.
 const FORCES: [Field; 6] =
     [Field::TauQ, Field::TauY, Field::TauU, Field::TauUnactuated, Field::CY, Field::MY];
 
@@ -48,11 +48,11 @@ pub(super) struct Needed {
     /// Tree coordinates and velocities of the rows that are asked.
     pub(super) q: Vec<usize>,
     pub(super) v: Vec<usize>,
-    /// The same of the independents, and their internal numbers.
+    /// Rows of the independents, and their internal numbers.
     pub(super) qy_q: Vec<usize>,
     pub(super) vy_v: Vec<usize>,
     pub(super) vy: Vec<usize>,
-    /// The same of the actuators, and their numbers.
+    /// Rows of the actuators, and their numbers.
     pub(super) u_q: Vec<usize>,
     pub(super) u_v: Vec<usize>,
     pub(super) u: Vec<usize>,
@@ -75,7 +75,7 @@ impl Needed {
         let scope = Scope::of(model, &roots);
         let has_rows = query.want.iter().any(|field| field.has_joint_rows());
         let asked = v.iter().map(|v| model.cluster_of_v[*v]).filter(|_| has_rows);
-        let posed = scope.posed.places().map(|i| model.cluster_of[i]);
+        let posed = scope.posed.indices().map(|i| model.cluster_of[i]);
         let marked = |which: &mut dyn Iterator<Item = usize>| {
             let mut marks = vec![false; model.clusters.len()];
             which.for_each(|c| marks[c] = true);
@@ -128,7 +128,7 @@ impl Needed {
     }
 }
 
-/// What the query names, cluster by cluster.
+/// Direct dependencies of the query, by cluster.
 fn roots<C>(
     model: &Model<C>,
     query: &Query,

@@ -1,4 +1,4 @@
-//! What a plan does and leaves out, in words and numbers for people.
+//! Report on the steps of a plan, in words and numbers.
 
 use sarrus_proto::Request;
 
@@ -8,7 +8,7 @@ use crate::plan::Plan;
 use crate::scalar::Counted;
 use crate::workspace::Workspace;
 
-/// What a plan does: see [`Plan::outline`].
+/// Steps of a plan: see [`Plan::outline`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Outline {
     /// The steps in their order.
@@ -32,9 +32,10 @@ pub struct Outline {
 }
 
 impl Plan {
-    /// What the plan does on its model, and what it leaves out. Allocates.
+    /// Steps and omissions of the plan on its model. Allocates.
     pub fn outline<C>(&self, model: &Model<C>) -> Outline {
-        let (steps, scope) = (&self.steps, &self.needed.scope);
+        let steps = &self.steps;
+        let scope = &self.needed.scope;
         let moves = steps.velocity.is_some();
         let is_dynamic =
             matches!(self.request, Request::InverseDynamics | Request::ForwardDynamics);

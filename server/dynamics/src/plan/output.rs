@@ -9,12 +9,12 @@ use crate::model::Model;
 use crate::plan::Plan;
 use crate::plan::diagnostics::singular;
 use crate::plan::run::RunReport;
-use crate::scalar::{Scalar, all_finite};
+use crate::scalar::{Real, all_finite};
 use crate::workspace::Workspace;
 
 impl Plan {
     /// Writes every wanted field.
-    pub(super) fn write<T: Scalar>(
+    pub(super) fn write<T: Real>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
@@ -60,7 +60,7 @@ impl Plan {
     }
 
     /// Numbers too large to be computed with are no answer; a condition may be infinite.
-    fn check_overflow<T: Scalar>(&self, output: &[T]) -> Status {
+    fn check_overflow<T: Real>(&self, output: &[T]) -> Status {
         let may_be_infinite =
             |field| matches!(field, Field::CondKd | Field::CondGu | Field::CondMy);
         let mut slots = self.want().slots().iter().filter(|slot| !may_be_infinite(slot.field));
@@ -72,8 +72,8 @@ impl Plan {
         if fits { Status::Ok } else { Status::NonFiniteInput }
     }
 
-    /// NaN everywhere, but for what survives a failure.
-    pub(super) fn write_failure<T: Scalar>(
+    /// Writes NaN except to the outputs that survive a failure.
+    pub(super) fn write_failure<T: Real>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
@@ -102,7 +102,7 @@ impl Plan {
         }
     }
 
-    fn write_figure<T: Scalar>(&self, field: Field, value: T, output: &mut [T]) {
+    fn write_figure<T: Real>(&self, field: Field, value: T, output: &mut [T]) {
         if let Some(slot) = self.want().slot(field) {
             output[slot.offset] = value.plus_zero();
         }
@@ -112,7 +112,7 @@ impl Plan {
     /// zero where it was not given. By itself: in the loop over the fields, all that any field
     /// needs would be read before the first.
     #[inline(never)]
-    fn write_field<T: Scalar>(
+    fn write_field<T: Real>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
@@ -155,14 +155,15 @@ impl Plan {
     }
 
     #[inline(never)]
-    fn write_formed<T: Scalar>(
+    fn write_formed<T: Real>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
         slot: &Slot,
         out: &mut [T],
     ) -> Status {
-        let (order, rows) = (&model.order, &self.needed);
+        let order = &model.order;
+        let rows = &self.needed;
         match slot.field {
             Field::G => write_G(model, ws, out, &rows.v),
             Field::GU => write_G(model, ws, out, &rows.u_v),
@@ -207,7 +208,7 @@ impl Plan {
         Status::Ok
     }
 
-    fn each_frame<T: Scalar>(
+    fn each_frame<T: Real>(
         &self,
         model: &Model<T>,
         out: &mut [T],
@@ -220,13 +221,14 @@ impl Plan {
     }
 
     /// J over u̇ = J over ẏ · G_u⁻¹, cluster by cluster.
-    fn actuator_jacobians<T: Scalar>(
+    fn actuator_jacobians<T: Real>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
         out: &mut [T],
     ) -> Status {
-        let (n_u, n_vy) = (model.sizes().n_u, model.sizes().n_vy);
+        let n_u = model.sizes().n_u;
+        let n_vy = model.sizes().n_vy;
         out.fill(T::ZERO);
         for (link, out) in self.frames.iter().zip(out.chunks_exact_mut((6 * n_u).max(1))) {
             let frame = &model.frames[*link];
@@ -272,7 +274,7 @@ impl Plan {
 }
 
 /// The rows of G of these internal velocities.
-fn write_G<T: Scalar>(model: &Model<T>, ws: &Workspace<T>, out: &mut [T], velocities: &[usize]) {
+fn write_G<T: Real>(model: &Model<T>, ws: &Workspace<T>, out: &mut [T], velocities: &[usize]) {
     let n_vy = model.sizes().n_vy;
     out.fill(T::ZERO);
     for (row, v) in out.chunks_exact_mut(n_vy.max(1)).zip(velocities) {
@@ -285,7 +287,7 @@ fn write_G<T: Scalar>(model: &Model<T>, ws: &Workspace<T>, out: &mut [T], veloci
 }
 
 /// Jacobian over the tree velocities (6 × n_v).
-fn tree_jacobian<T: Scalar>(model: &Model<T>, ws: &Workspace<T>, frame: &Frame<T>, out: &mut [T]) {
+fn tree_jacobian<T: Real>(model: &Model<T>, ws: &Workspace<T>, frame: &Frame<T>, out: &mut [T]) {
     let n_v = model.sizes().n_v;
     out.fill(T::ZERO);
     algorithms::frame_jacobian(model, frame, &ws.world, |v, column| {
@@ -296,7 +298,7 @@ fn tree_jacobian<T: Scalar>(model: &Model<T>, ws: &Workspace<T>, frame: &Frame<T
 }
 
 /// Jacobian over the independent velocities (6 × n_vy), J G, with the columns in the given order.
-fn independent_jacobian<T: Scalar>(
+fn independent_jacobian<T: Real>(
     model: &Model<T>,
     ws: &Workspace<T>,
     frame: &Frame<T>,

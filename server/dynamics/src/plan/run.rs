@@ -1,4 +1,4 @@
-//! The road of one request: numbers in, state, dynamics, numbers out.
+//! Runs a request: numbers in, state, dynamics, numbers out.
 
 use sarrus_proto::{Request, Status, Warnings};
 
@@ -7,10 +7,10 @@ use crate::mechanism::{Motion, turn};
 use crate::model::Model;
 use crate::plan::diagnostics::digits::Doubt;
 use crate::plan::{Answer, Plan, Space};
-use crate::scalar::{Counted, Dd, Dual, Scalar, Stochastic, all_finite};
+use crate::scalar::{Counted, Dd, Dual, Real, Stochastic, all_finite};
 use crate::workspace::Workspace;
 
-/// What a run found besides the numbers in the workspace.
+/// Results of a run beside the numbers in the workspace.
 pub(super) struct RunReport<T> {
     pub(super) status: Status,
     pub(super) iterations: u32,
@@ -31,7 +31,7 @@ pub(super) struct RunReport<T> {
     pub(super) nearest: bool,
 }
 
-impl<T: Scalar> RunReport<T> {
+impl<T: Real> RunReport<T> {
     /// Before anything is known.
     pub(super) fn none() -> RunReport<T> {
         let nan = T::from_f64(f64::NAN);
@@ -60,19 +60,19 @@ impl<T: Scalar> RunReport<T> {
 
 /// A scalar that plans run over.
 ///
-/// What is generic is compiled by every crate that calls it. For the scalars that callers share the
-/// whole road of a request is compiled here, once; an implementation for another one is empty.
-pub trait PlanScalar: Scalar {
+/// Every crate that calls a generic function compiles it. For the common scalars this crate
+/// compiles a whole request once; an implementation for another scalar is empty.
+pub trait PlanScalar: Real {
     /// As [`Plan::run`].
     #[doc(hidden)]
-    fn run(
+    fn run_compiled(
         plan: &Plan,
         model: &Model<Self>,
         workspace: &mut Workspace<Self>,
         input: &[Self],
         output: &mut [Self],
     ) -> Answer {
-        plan.answer::<_, false>(model, workspace, input, output)
+        plan.execute::<_, false>(model, workspace, input, output)
     }
 }
 
@@ -80,22 +80,21 @@ macro_rules! compiled_here {
     ($($scalar:ty),*) => {$(
         impl PlanScalar for $scalar {
             #[inline(never)]
-            fn run(
+            fn run_compiled(
                 plan: &Plan,
                 model: &Model<$scalar>,
                 workspace: &mut Workspace<$scalar>,
                 input: &[$scalar],
                 output: &mut [$scalar],
             ) -> Answer {
-                plan.answer::<_, false>(model, workspace, input, output)
+                plan.execute::<_, false>(model, workspace, input, output)
             }
         }
     )*};
 }
 
 compiled_here!(f64, Dd, Counted, Stochastic);
-impl PlanScalar for f32 {}
-impl<S: Scalar> PlanScalar for Dual<S> {}
+impl<S: Real> PlanScalar for Dual<S> {}
 
 impl Plan {
     /// Answers one request.
@@ -114,13 +113,13 @@ impl Plan {
         input: &[T],
         output: &mut [T],
     ) -> Answer {
-        T::run(self, model, workspace, input, output)
+        T::run_compiled(self, model, workspace, input, output)
     }
 
-    /// The same; with `CLOSED` what is left of closures that were closed before is behind the given
-    /// numbers.
+    /// Checks sizes and model, computes and writes the answer; if `CLOSED`, the precomputed closure
+    /// results follow the given numbers.
     #[inline(always)]
-    pub(super) fn answer<T: Scalar, const CLOSED: bool>(
+    pub(super) fn execute<T: Real, const CLOSED: bool>(
         &self,
         model: &Model<T>,
         workspace: &mut Workspace<T>,
@@ -143,7 +142,7 @@ impl Plan {
         let computed = self.compute::<T, CLOSED>(model, workspace, input, closed, &mut report);
         report.status = match computed {
             Ok(()) => self.write(model, workspace, &report, output),
-            // an angle without sine breaks whatever uses it first
+            // an angle without sine fails in the first step that uses it
             Err(_) if self.beyond_angles(model, workspace, &report) => {
                 report = RunReport::none();
                 Status::NonFiniteInput
@@ -151,7 +150,7 @@ impl Plan {
             Err(status) => status,
         };
         if report.status != Status::Ok {
-            // of several states nobody knows whose failure it is
+            // in a packet the failing lane is unknown
             if T::STRAIGHT {
                 output.fill(T::from_f64(f64::NAN));
             } else {
@@ -171,7 +170,7 @@ impl Plan {
         Answer { status: Status::Ok, warnings: report.warnings }
     }
 
-    fn compute<T: Scalar, const CLOSED: bool>(
+    fn compute<T: Real, const CLOSED: bool>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
@@ -202,9 +201,9 @@ impl Plan {
         }
     }
 
-    /// True where some joint that is needed stands, or starts, at an angle of which a number says
-    /// nothing; the dependents of clusters that were not closed have no number of this request.
-    fn beyond_angles<T: Scalar>(
+    /// True if some needed joint is, or starts, at an angle too large for a sine; dependents of
+    /// unclosed clusters have no number of this request.
+    fn beyond_angles<T: Real>(
         &self,
         model: &Model<T>,
         ws: &Workspace<T>,

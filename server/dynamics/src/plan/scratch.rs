@@ -2,10 +2,10 @@
 
 use crate::model::Model;
 use crate::plan::Plan;
-use crate::scalar::Scalar;
+use crate::scalar::Real;
 use crate::workspace::{Needs, Probe, Workspace};
 
-impl<T: Scalar> Workspace<T> {
+impl<T: Real> Workspace<T> {
     /// Scratch for these plans on this model and for no others, without the square matrices that
     /// none of them needs: that of a robot with a thousand joints is then a thousand times as
     /// small. Allocates; nothing after it does.
@@ -13,11 +13,14 @@ impl<T: Scalar> Workspace<T> {
         model: &Model<T>,
         plans: impl IntoIterator<Item = &'a Plan>,
     ) -> Workspace<T> {
-        let (mut needs, mut given, mut want) = (Needs::default(), 0, 0);
+        let mut needs = Needs::default();
+        let mut given = 0;
+        let mut want = 0;
         let mut closed = 0;
         for plan in plans {
             needs = needs.and(plan.needs());
-            (given, want) = (given.max(plan.given().len()), want.max(plan.want().len()));
+            given = given.max(plan.given().len());
+            want = want.max(plan.want().len());
             closed = closed.max(plan.room_for_closed());
         }
         let probe = Probe::new(model, needs, given, want);

@@ -1,4 +1,4 @@
-//! From what is given to a closed state: q, q̇, q̈, G and g.
+//! From the given numbers to a closed state: q, q̇, q̈, G and g.
 
 use sarrus_proto::{Field, Slot, Status};
 
@@ -8,7 +8,7 @@ use crate::mechanism::Cluster;
 use crate::model::Model;
 use crate::plan::run::RunReport;
 use crate::plan::{Plan, Space};
-use crate::scalar::Scalar;
+use crate::scalar::Real;
 use crate::workspace::Workspace;
 
 /// Newton steps from actuator to independent coordinates.
@@ -22,7 +22,7 @@ impl Plan {
     /// Fills the given coordinates, velocities and accelerations, and where closures start, from
     /// the input.
     #[inline(always)]
-    pub(super) fn set_state<T: Scalar>(
+    pub(super) fn set_state<T: Real>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
@@ -63,45 +63,38 @@ impl Plan {
                 scatter(slot(Field::U).unwrap_or(&[]), &mut ws.q, &order.u_q);
             }
         }
-        // after the positions: what a failure looks at is this request's
+        // after the positions, so that a failure reports this request's
         sound?;
-        // of what was given; the dependents are not known yet
+        // the dependents are not known yet
         if self.steps.position == Space::Independent {
             normalise_quaternions(&self.needed.independent_quaternions, &mut ws.q)?;
         }
 
-        // velocities and accelerations of the independents; what is not given is zero
+        // velocities and accelerations of the independents, zero unless given
         if self.steps.rates {
             ws.qd.fill(T::ZERO);
             ws.qdd.fill(T::ZERO);
         }
+        let rates = |field| slot(field).unwrap_or(&[]);
         match self.steps.velocity {
-            Some(Space::Independent) => {
-                scatter(slot(Field::Yd).unwrap_or(&[]), &mut ws.qd, &order.vy_v)
-            }
-            Some(Space::Tree) => scatter(slot(Field::Qd).unwrap_or(&[]), &mut ws.qd, &order.v),
-            Some(Space::Actuation) => {
-                scatter(slot(Field::Ud).unwrap_or(&[]), &mut ws.qd, &order.u_v)
-            }
+            Some(Space::Independent) => scatter(rates(Field::Yd), &mut ws.qd, &order.vy_v),
+            Some(Space::Tree) => scatter(rates(Field::Qd), &mut ws.qd, &order.v),
+            Some(Space::Actuation) => scatter(rates(Field::Ud), &mut ws.qd, &order.u_v),
             None => {}
         }
         match self.steps.acceleration {
-            Some(Space::Independent) => {
-                scatter(slot(Field::Ydd).unwrap_or(&[]), &mut ws.qdd, &order.vy_v)
-            }
-            Some(Space::Tree) => scatter(slot(Field::Qdd).unwrap_or(&[]), &mut ws.qdd, &order.v),
-            Some(Space::Actuation) => {
-                scatter(slot(Field::Udd).unwrap_or(&[]), &mut ws.qdd, &order.u_v)
-            }
+            Some(Space::Independent) => scatter(rates(Field::Ydd), &mut ws.qdd, &order.vy_v),
+            Some(Space::Tree) => scatter(rates(Field::Qdd), &mut ws.qdd, &order.v),
+            Some(Space::Actuation) => scatter(rates(Field::Udd), &mut ws.qdd, &order.u_v),
             None => {}
         }
         Ok(())
     }
 
     /// Fills q, q̇, q̈, the cosines and sines of closed clusters, G and g from the given numbers;
-    /// with `CLOSED` what is left of closures that were closed before is in `closed`.
+    /// if `CLOSED`, `closed` holds the precomputed closure results.
     #[inline]
-    pub(super) fn close_state<T: Scalar, const CLOSED: bool>(
+    pub(super) fn close_state<T: Real, const CLOSED: bool>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
@@ -130,7 +123,7 @@ impl Plan {
                 tree_accelerations(&model.clusters[c], ws);
             }
         }
-        // what rests has no rates, nor zeros with a sign from products with zero
+        // a robot at rest has rates of +0, without the sign of a product with zero
         if self.steps.rates && self.steps.velocity.is_none() {
             ws.qd.fill(T::ZERO);
         }
@@ -139,7 +132,7 @@ impl Plan {
         }
         let given = self.given.slot(Field::Qd).map(|slot: &Slot| &input[slot.range()]);
         if let (Some(given), true) = (given, self.steps.level > Level::Position) {
-            // only where loops are closed can the velocity differ from what was given
+            // the velocities of closed loops alone can differ from the given ones
             for cluster in self.needed.scope.closed.iter().map(|c| &model.clusters[*c]) {
                 for v in cluster.velocities() {
                     let off = given[model.order.v_external[v]] - ws.qd[v];
@@ -151,7 +144,7 @@ impl Plan {
         Ok(())
     }
 
-    /// Nothing is closed and nothing else is where closures start: what stands there is not read.
+    /// No closure and no given q reads the start.
     pub(super) fn starts_nowhere(&self) -> bool {
         self.needed.scope.closed.is_empty() && self.steps.position == Space::Independent
     }
@@ -161,9 +154,9 @@ impl Plan {
             || self.steps.acceleration == Some(Space::Actuation)
     }
 
-    /// Actuators can only tell the state of joints that they move; a free joint without one needs
-    /// its coordinate otherwise.
-    fn check_unactuated<T: Scalar>(&self, model: &Model<T>) -> Result<(), Status> {
+    /// Actuators determine the state of the joints that they move; a free joint without one needs
+    /// its coordinate from the guess.
+    fn check_unactuated<T: Real>(&self, model: &Model<T>) -> Result<(), Status> {
         let guessed = self.given.slot(Field::QGuess).is_some();
         let driven = |cluster: &Cluster<T>| cluster.active.len() == cluster.n_vy;
         if guessed || self.needed.coordinates.iter().map(|c| &model.clusters[*c]).all(driven) {
@@ -173,9 +166,9 @@ impl Plan {
         }
     }
 
-    /// Closes one cluster, from whatever space its numbers come; its gain, and the part of their
+    /// Closes one cluster from numbers of any space; returns its gain, and the part of their
     /// control that the actuators have there.
-    pub(super) fn close_cluster<T: Scalar>(
+    pub(super) fn close_cluster<T: Real>(
         &self,
         model: &Model<T>,
         c: usize,
@@ -201,7 +194,8 @@ impl Plan {
             return Err(outcome.status);
         }
         if self.steps.position == Space::Tree {
-            let (start, q) = (&ws.start[cluster.coordinates()], &ws.q[cluster.coordinates()]);
+            let start = &ws.start[cluster.coordinates()];
+            let q = &ws.q[cluster.coordinates()];
             report.projection = report.projection.max(largest_distance(cluster, start, q));
         }
         if self.actuated_rates() || actuated {
@@ -226,7 +220,7 @@ impl Plan {
     }
 
     /// All levels at the closed pose that was just found.
-    fn close_again<T: Scalar>(&self, model: &Model<T>, c: usize, ws: &mut Workspace<T>) -> Outcome {
+    fn close_again<T: Real>(&self, model: &Model<T>, c: usize, ws: &mut Workspace<T>) -> Outcome {
         let cluster = &model.clusters[c];
         let at = cluster.coordinates();
         ws.start[at.clone()].copy_from_slice(&ws.q[at]);
@@ -235,7 +229,7 @@ impl Plan {
 
     /// ẏ = G_u⁻¹ u̇, or ÿ = G_u⁻¹ (ü − g_u), of one cluster, in place at its independents; the part
     /// of their control that the actuators have there.
-    fn independent_rates<T: Scalar>(
+    fn independent_rates<T: Real>(
         &self,
         cluster: &Cluster<T>,
         ws: &mut Workspace<T>,
@@ -252,7 +246,7 @@ impl Plan {
             for k in 0..m {
                 ws.dense[r * m + k] = G[(j, k)];
             }
-            // the closure has overwritten what stood at dependent actuators
+            // the closure has overwritten the dependent actuators
             ws.dense_rhs[r] = if bias { given[u] - ws.g[cluster.v + j] } else { given[u] };
         }
         let solved =
@@ -266,7 +260,7 @@ impl Plan {
 }
 
 /// Idle joints stand still; where, the closure reads off its start.
-pub(super) fn hold_idle<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
+pub(super) fn hold_idle<T: Real>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
     for &v in &cluster.locked {
         ws.qd[cluster.v + v] = T::ZERO;
         ws.qdd[cluster.v + v] = T::ZERO;
@@ -274,8 +268,9 @@ pub(super) fn hold_idle<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) 
 }
 
 /// q̈ = G ÿ + g of the dependents of one cluster.
-pub(super) fn tree_accelerations<T: Scalar>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
-    let (G, g) = (cluster.G(&ws.G), &ws.g[cluster.velocities()]);
+pub(super) fn tree_accelerations<T: Real>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
+    let G = cluster.G(&ws.G);
+    let g = &ws.g[cluster.velocities()];
     let qdd = &mut ws.qdd[cluster.velocities()];
     for &j in &cluster.dependent {
         let row = G.row(j).iter().zip(&cluster.independent);
@@ -285,7 +280,7 @@ pub(super) fn tree_accelerations<T: Scalar>(cluster: &Cluster<T>, ws: &mut Works
 
 /// Finds the independents whose closure has the actuator coordinates that stand in q, by Newton's
 /// method from the start; with the part of their control that the actuators have there.
-fn from_actuators<T: Scalar>(
+fn from_actuators<T: Real>(
     model: &Model<T>,
     c: usize,
     ws: &mut Workspace<T>,
@@ -308,8 +303,22 @@ fn from_actuators<T: Scalar>(
     for &i in &cluster.independent_q {
         ws.q[cluster.q + i] = ws.start[cluster.q + i];
     }
+    actuator_newton(model, c, ws, report)
+}
+
+/// Newton's method for the independents at the actuator coordinates `goal_u`.
+#[inline(always)]
+fn actuator_newton<T: Real>(
+    model: &Model<T>,
+    c: usize,
+    ws: &mut Workspace<T>,
+    report: &mut RunReport<T>,
+) -> Result<(Outcome, f64), Status> {
+    let cluster = &model.clusters[c];
+    let m = cluster.n_vy;
     let tolerance = T::from_f64(0.1 * T::EPSILON.sqrt());
-    let (mut sign, mut damping) = (T::ZERO, T::ONE);
+    let mut sign = T::ZERO;
+    let mut damping = T::ONE;
     for k in 0..STEPS {
         let outcome = ws.close(model, c, Level::Jacobian);
         report.iterations += outcome.iterations + 1;
@@ -337,7 +346,8 @@ fn from_actuators<T: Scalar>(
                 };
             }
             Some(det) if k == 0 || T::ZERO.lt(det * sign) => {
-                (sign, damping) = (det, T::ONE);
+                sign = det;
+                damping = T::ONE;
                 ws.start[at.clone()].copy_from_slice(&ws.q[at]);
                 for (k, _) in cluster.independent.iter().enumerate() {
                     ws.step_y[k] = ws.dense_rhs[k];
@@ -369,7 +379,7 @@ fn from_actuators<T: Scalar>(
 
 /// Quaternions, by their first coordinates, within 1e-6 of unit length are normalised, others
 /// refused.
-fn normalise_quaternions<T: Scalar>(first: &[usize], q: &mut [T]) -> Result<(), Status> {
+fn normalise_quaternions<T: Real>(first: &[usize], q: &mut [T]) -> Result<(), Status> {
     for at in first {
         let quaternion = &mut q[*at..at + 4];
         let norm = quaternion.iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum)).sqrt();

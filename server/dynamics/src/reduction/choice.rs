@@ -1,4 +1,4 @@
-//! Which joints of a mechanism determine it once some of them are held still.
+//! Chooses the joints that determine a mechanism once some of them are held still.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use crate::model::{Compiled, Model};
 use crate::reduction::exchange::{Exchange, exchange};
 use crate::reduction::pose::{Held, zero_position};
 
-/// What becomes of one cluster.
+/// The reduction of one cluster.
 pub(super) struct Choice {
     pub(super) cluster: usize,
     /// Joints that determine its pose together with the independents, and where they are held;
@@ -30,7 +30,8 @@ pub(super) fn choose(
     structure: &Structure,
     cluster: usize,
     held: &BTreeMap<usize, Option<f64>>,
-    (compiled, errors): (&mut Option<Compiled>, &mut Vec<Diagnostic>),
+    compiled: &mut Option<Compiled>,
+    errors: &mut Vec<Diagnostic>,
 ) -> Option<Choice> {
     let joints = &structure.clusters[cluster];
     let declared: Vec<usize> = (description.submechanisms.iter())
@@ -59,7 +60,21 @@ pub(super) fn choose(
         return Some(choice);
     }
 
-    // the held ones take the place of independents
+    exchanged(description, held, &declared, joints, choice, compiled, errors)
+}
+
+/// Exchanges independents for the dependent joints that are held; a fault and `None` where they
+/// cannot be held together.
+fn exchanged(
+    description: &Description,
+    held: &BTreeMap<usize, Option<f64>>,
+    declared: &[usize],
+    joints: &[usize],
+    mut choice: Choice,
+    compiled: &mut Option<Compiled>,
+    errors: &mut Vec<Diagnostic>,
+) -> Option<Choice> {
+    let is_held = |j: &usize| held.contains_key(j);
     let locked: Vec<usize> = joints.iter().copied().filter(is_held).collect();
     let name = |j: &usize| description.joints[*j].name.as_str();
     let names = |of: &[usize]| of.iter().map(name).collect::<Vec<_>>().join(", ");
@@ -70,20 +85,19 @@ pub(super) fn choose(
         }
     }
     let mut fault = |joint: usize, found: String, expected: &str| {
-        let (site, expected) = (Site::Joint(joint), expected.into());
-        let help = format!("lock independents instead: {}", names(&declared));
-        errors.push(Diagnostic { site, found, expected, help });
+        let help = format!("lock independents instead: {}", names(declared));
+        errors.push(Diagnostic::new(Site::Joint(joint), found, expected, help));
         None
     };
     let several = |j: &&usize| {
         matches!(description.joints[**j].kind, JointKind::Spherical | JointKind::Floating)
     };
     let first = locked.iter().find(|j| !declared.contains(j)).copied().unwrap_or_default();
-    if let Some(j) = locked.iter().chain(&declared).find(several) {
+    if let Some(j) = locked.iter().chain(declared).find(several) {
         let found = format!(
             "a lock of {}, which depends on {}, beside the joint {} of several degrees of freedom",
             name(&first),
-            names(&declared),
+            names(declared),
             name(j)
         );
         return fault(first, found, "independent joints");
@@ -96,12 +110,11 @@ pub(super) fn choose(
     let compiled = compiled.as_ref()?;
     let Exchange { held: taken, dropped } =
         exchange(description, &compiled.model, [&given, &found], &left);
-    // of a mechanism of one freedom at the zero pose: whatever holds it, all of it stands
-    if let ([only], [_], []) = (&declared[..], &taken[..], &given[..]) {
+    // a mechanism of one freedom stands still as a whole at the zero pose
+    if let ([only], [_], []) = (declared, &taken[..], &given[..]) {
         choice.locked = vec![(*only, 0.0)];
         return Some(choice);
     }
-    // what these hold already is fixed with them
     let locked = [own, taken].concat();
     if locked.is_empty() {
         let found = format!("a lock of {}, which never moves", name(&first));
@@ -111,12 +124,13 @@ pub(super) fn choose(
     let zero = |j| zero_position(description, &compiled.exact, j);
     let position = |j| held.get(&j).copied().flatten().unwrap_or_else(|| zero(j));
     choice.locked = locked.into_iter().map(|j| (j, position(j))).collect();
-    (choice.independent, choice.dropped) = (left, dropped);
+    choice.independent = left;
+    choice.dropped = dropped;
     Some(choice)
 }
 
 impl Choice {
-    /// What a user should know of a mechanism that keeps some degree of freedom.
+    /// Warnings about a mechanism that keeps some degree of freedom.
     pub(super) fn remarks(&self, description: &Description, held: &Held) -> Vec<Diagnostic> {
         let mut remarks = Vec::new();
         let (Some(&(first, _)), false) = (self.locked.first(), self.independent.is_empty()) else {
@@ -125,17 +139,17 @@ impl Choice {
         let name = |j: &usize| description.joints[*j].name.as_str();
         let names = |of: &[usize]| of.iter().map(name).collect::<Vec<_>>().join(", ");
         if !self.dropped.is_empty() {
-            remarks.push(Diagnostic {
-                site: Site::Joint(first),
-                found: format!(
+            remarks.push(Diagnostic::new(
+                Site::Joint(first),
+                format!(
                     "{} is no independent joint any more: with {} locked it depends on {}",
                     names(&self.dropped),
                     names(&self.locked.iter().map(|(j, _)| *j).collect::<Vec<_>>()),
                     names(&self.independent)
                 ),
-                expected: "locks of independent joints".into(),
-                help: "leave it, or lock the joint that is not to be independent".into(),
-            });
+                "locks of independent joints",
+                "leave it, or lock the joint that is not to be independent",
+            ));
         }
         let actuators: Vec<usize> = (description.submechanisms.iter())
             .flat_map(|of| &of.active)
@@ -143,9 +157,9 @@ impl Choice {
             .filter(|j| held.remaining.contains(&(*j, self.cluster)))
             .collect();
         if actuators.len() > self.independent.len() {
-            remarks.push(Diagnostic {
-                site: Site::Joint(first),
-                found: format!(
+            remarks.push(Diagnostic::new(
+                Site::Joint(first),
+                format!(
                     "{} actuators ({}) that move {} independent joint{} ({})",
                     actuators.len(),
                     names(&actuators),
@@ -153,10 +167,9 @@ impl Choice {
                     if self.independent.len() == 1 { "" } else { "s" },
                     names(&self.independent)
                 ),
-                expected: "as many".into(),
-                help: "nothing to do: inverse dynamics shares forces among them by least norm"
-                    .into(),
-            });
+                "as many",
+                "nothing to do: inverse dynamics shares forces among them by least norm",
+            ));
         }
         remarks
     }

@@ -1,4 +1,4 @@
-//! Which independents give way to dependent joints that are held still: those that G ties to them.
+//! Exchanges independents for dependent joints that are held still, by G.
 
 use sarrus_proto::{Field, FieldSet, Query, Request, Status};
 
@@ -15,12 +15,12 @@ const POSES: usize = 4;
 const REACH: f64 = 0.1;
 /// Velocity of a joint that stands still, by that of an independent, in units of each.
 const STILL: f64 = 1e-9;
-/// What is left of a row that says nothing new, as a share of it.
+/// Relative remainder of a row below which it counts as dependent.
 const SPENT: f64 = 1e-6;
 /// Share of the largest entry from which on an independent may give way.
 const ENOUGH: f64 = 0.3;
 
-/// What gives way to what.
+/// Held joints and the independents that they replace.
 #[derive(Debug, Default)]
 pub(super) struct Exchange {
     /// The held joints that determine others, and as many independents that depend on them then.
@@ -71,7 +71,9 @@ impl Gains {
             _ => 1.0,
         };
         let n = description.joints.len();
-        let (mut y, mut columns, mut units) = (Vec::new(), vec![None; n], Vec::new());
+        let mut y = Vec::new();
+        let mut columns = vec![None; n];
+        let mut units = Vec::new();
         for (s, of) in description.submechanisms.iter().enumerate() {
             for &j in &of.independent {
                 let kind = description.joints[j].kind;
@@ -89,7 +91,8 @@ impl Gains {
         if answer.status != Status::Ok {
             return None;
         }
-        let (mut rows, mut G) = (vec![Vec::new(); n], G.chunks_exact(units.len().max(1)));
+        let mut rows = vec![Vec::new(); n];
+        let mut G = G.chunks_exact(units.len().max(1));
         for (s, of) in description.submechanisms.iter().enumerate() {
             for &j in &of.spanning_tree {
                 let own: Vec<&[f64]> = G.by_ref().take(n_v(description.joints[j].kind)).collect();
@@ -118,14 +121,14 @@ impl Tableau {
         Tableau { independents, columns, taken: Vec::new(), found: Exchange::default() }
     }
 
-    /// Takes those of the joints that still say something, the one that says most first.
+    /// Takes the joints with independent rows, the one with the largest remainder first.
     fn take(&mut self, gains: &Gains, joints: &[usize]) {
         let mut left: Vec<usize> = joints.to_vec();
         loop {
             let next = left.iter().filter_map(|j| Some((*j, self.rest(gains.rows.get(*j)?)?)));
             let next = next.max_by(|(_, a), (_, b)| largest(a).total_cmp(&largest(b)));
             let Some((joint, rest)) = next else { return };
-            // the last independent that will do: what is declared first stays
+            // the last sufficient independent: those declared first stay
             let enough = ENOUGH * largest(&rest);
             let Some(place) = rest.iter().rposition(|x| x.abs() >= enough) else { return };
             let scale = rest[place];
@@ -136,7 +139,7 @@ impl Tableau {
         }
     }
 
-    /// What a row says beyond those taken, as a share of it; `None` where that is nothing.
+    /// Remainder of a row after elimination of those taken, relative to it; `None` if negligible.
     fn rest(&self, row: &[f64]) -> Option<Vec<f64>> {
         let mut rest: Vec<f64> =
             self.columns.iter().map(|c| row.get(*c).copied()).collect::<Option<_>>()?;

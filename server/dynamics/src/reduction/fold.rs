@@ -63,7 +63,7 @@ pub(super) fn fold(
     Ok((next, origins))
 }
 
-/// What is left of a submechanism, and which of its loops.
+/// The rest of a submechanism, and the loops that it keeps.
 fn submechanism(
     description: &Description,
     structure: &Structure,
@@ -162,13 +162,13 @@ fn couplings(
         // q_f = Σ m q + offset, for one of the others
         let own = |j: &usize| description.joints[*j].coupling.is_some() || handed.contains_key(j);
         let Some(&(to, m)) = left.iter().find(|(j, m)| *m != 0.0 && !is_free(j) && !own(j)) else {
-            let error = Diagnostic {
-                site: Site::Joint(f),
-                found: format!("a lock of {}, whose coupling no other joint can have", joint.name),
-                expected: "a joint that it follows and that follows no other".into(),
-                help: "lock the joints that it follows instead".into(),
-            };
-            return Err(CompileError { errors: vec![error], warnings: Vec::new() });
+            let error = Diagnostic::new(
+                Site::Joint(f),
+                format!("a lock of {}, whose coupling no other joint can have", joint.name),
+                "a joint that it follows and that follows no other",
+                "lock the joints that it follows instead",
+            );
+            return Err(CompileError::of(vec![error]));
         };
         let terms = left.iter().filter(|of| of.0 != to).map(|(j, x)| (*j, -x / m)).collect();
         handed.insert(to, Coupling { terms, offset: (position - offset) / m });

@@ -28,8 +28,8 @@ pub struct Lock {
 ///
 /// # Errors
 /// Joints that do not exist or are fixed already; positions that are no numbers; joints that are
-/// held by others already at another position; a mechanism that does not close there; and whatever
-/// is wrong with the robot itself.
+/// held by others already at another position; a mechanism that does not close there; and the
+/// faults of the robot itself.
 pub fn locked(description: &Description, locks: &[Lock]) -> Result<Reduced, CompileError> {
     let mut errors = Vec::new();
     let held: BTreeMap<usize, Option<f64>> = locks
@@ -37,7 +37,7 @@ pub fn locked(description: &Description, locks: &[Lock]) -> Result<Reduced, Comp
         .filter(|lock| is_lockable(description, lock, &mut errors))
         .map(|lock| (lock.joint, lock.position))
         .collect();
-    let failed = |errors| Err(CompileError { errors, warnings: Vec::new() });
+    let failed = |errors| Err(CompileError::of(errors));
     if !errors.is_empty() {
         return failed(errors);
     }
@@ -46,32 +46,32 @@ pub fn locked(description: &Description, locks: &[Lock]) -> Result<Reduced, Comp
     let mut compiled = None;
     let choices: Vec<Choice> = (0..structure.clusters.len())
         .filter(|c| structure.clusters[*c].iter().any(|j| held.contains_key(j)))
-        .filter_map(|c| choose(description, &structure, c, &held, (&mut compiled, &mut errors)))
+        .filter_map(|c| choose(description, &structure, c, &held, &mut compiled, &mut errors))
         .collect();
     if !errors.is_empty() {
         return failed(errors);
     }
     let found = Held::find(description, &structure, &choices)?;
 
-    // what the loops hold is where they hold it
+    // a given position of a joint that its loops hold has to agree with them
     for (&joint, &position) in &held {
         let name = &description.joints[joint].name;
         if !found.fixed.contains_key(&joint) {
-            errors.push(Diagnostic {
-                site: Site::Joint(joint),
-                found: format!("the joint {name} locked beside joints that do not hold it always"),
-                expected: "joints that move independently of each other".into(),
-                help: "lock one of them less".into(),
-            });
+            errors.push(Diagnostic::new(
+                Site::Joint(joint),
+                format!("the joint {name} locked beside joints that do not hold it always"),
+                "joints that move independently of each other",
+                "lock one of them less",
+            ));
         }
         let Some((position, at)) = position.zip(found.at.get(&joint)) else { continue };
         if (position - at).abs() > SAME {
-            errors.push(Diagnostic {
-                site: Site::Joint(joint),
-                found: format!("the joint {name} locked at {position}, where its loop is open"),
-                expected: format!("{at}, where the loop closes with the other locked joints"),
-                help: "lock it at no position, or one of them less".into(),
-            });
+            errors.push(Diagnostic::new(
+                Site::Joint(joint),
+                format!("the joint {name} locked at {position}, where its loop is open"),
+                format!("{at}, where the loop closes with the other locked joints"),
+                "lock it at no position, or one of them less",
+            ));
         }
     }
     if !errors.is_empty() {
@@ -93,8 +93,7 @@ pub fn locked(description: &Description, locks: &[Lock]) -> Result<Reduced, Comp
 /// A joint that exists, moves, and can be held at this position.
 fn is_lockable(description: &Description, lock: &Lock, errors: &mut Vec<Diagnostic>) -> bool {
     let mut fault = |found: String, expected: &str, help: &str| {
-        let (expected, help) = (expected.into(), help.into());
-        errors.push(Diagnostic { site: Site::Joint(lock.joint), found, expected, help });
+        errors.push(Diagnostic::new(Site::Joint(lock.joint), found, expected, help));
         false
     };
     let Some(joint) = description.joints.get(lock.joint) else {
@@ -126,11 +125,13 @@ fn beyond_limits(description: &Description, held: &Held) -> Vec<Diagnostic> {
         let joint = &description.joints[j];
         let limits = joint.limits.filter(|_| joint.kind != JointKind::Continuous)?;
         // rounding of a file is none
-        (x < limits.lower - SAME || x > limits.upper + SAME).then(|| Diagnostic {
-            site: Site::Joint(j),
-            found: format!("the joint {} held at {x}", joint.name),
-            expected: format!("a position from {} to {}", limits.lower, limits.upper),
-            help: "lock it, or the joints that determine it, within the limits".into(),
+        (x < limits.lower - SAME || x > limits.upper + SAME).then(|| {
+            Diagnostic::new(
+                Site::Joint(j),
+                format!("the joint {} held at {x}", joint.name),
+                format!("a position from {} to {}", limits.lower, limits.upper),
+                "lock it, or the joints that determine it, within the limits",
+            )
         })
     });
     beyond.collect()

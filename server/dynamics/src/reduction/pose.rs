@@ -12,7 +12,7 @@ use crate::initial_pose::n_q;
 use crate::model::Model;
 use crate::plan::Plan;
 use crate::reduction::choice::Choice;
-use crate::scalar::{Dd, Real, Scalar, noise};
+use crate::scalar::{Dd, Real, noise};
 use crate::workspace::Workspace;
 
 /// Poses at which joints are looked at that may stand still, and how far they lie, in radians or in
@@ -128,7 +128,9 @@ impl Trial {
         }
         let compiled = Model::compile(&trial)?;
         let lengths: Vec<f64> = compiled.model.closures().iter().map(|of| of.length).collect();
-        let (mut y, mut reach, mut left) = (Vec::new(), Vec::new(), Vec::new());
+        let mut y = Vec::new();
+        let mut reach = Vec::new();
+        let mut left = Vec::new();
         for (s, of) in trial.submechanisms.iter().enumerate() {
             for j in &of.independent {
                 let kind = trial.joints[*j].kind;
@@ -151,7 +153,8 @@ impl Trial {
     /// Coordinates of each joint at the k-th pose around the locks, and for each whether it stands
     /// still while the independents move that are left; `None` where the loops do not close.
     fn pose(&self, k: usize) -> Option<(Vec<Vec<f64>>, Vec<bool>)> {
-        let (model, description) = (&self.model, &self.description);
+        let model = &self.model;
+        let description = &self.description;
         let want = FieldSet::of(&[Field::Q, Field::G]);
         let query = Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), want);
         let plan = Plan::new(model, &query).ok()?;
@@ -164,18 +167,21 @@ impl Trial {
             return None;
         }
         let field = |field| plan.want().slot(field).and_then(|slot| numbers.get(slot.range()));
-        let (q, G) = (field(Field::Q)?, field(Field::G)?);
+        let q = field(Field::Q)?;
+        let G = field(Field::G)?;
         let n_vy = model.sizes().n_vy;
         // the columns of the independents that are left
         let kinds = |of: &[usize]| -> Vec<(usize, JointKind)> {
             of.iter().map(|j| (*j, description.joints[*j].kind)).collect()
         };
-        let (mut columns, mut at_y) = (Vec::new(), 0);
+        let mut columns = Vec::new();
+        let mut at_y = 0;
         for (_, kind) in description.submechanisms.iter().flat_map(|of| kinds(&of.independent)) {
             columns.resize(columns.len() + n_v(kind), self.left[at_y]);
             at_y += n_q(kind);
         }
-        let (mut at_q, mut at_v) = (0, 0);
+        let mut at_q = 0;
+        let mut at_v = 0;
         let mut found = vec![Vec::new(); description.joints.len()];
         let mut still = vec![false; description.joints.len()];
         for (j, kind) in description.submechanisms.iter().flat_map(|of| kinds(&of.spanning_tree)) {
@@ -205,14 +211,13 @@ impl Trial {
         let name = |(j, x): &(usize, f64)| format!("{} at {x}", description.joints[*j].name);
         let names = locks().map(name).collect::<Vec<_>>().join(", ");
         let site = locks().next().map_or(Site::Robot, |lock| Site::Joint(lock.0));
-        let error = Diagnostic {
+        let error = Diagnostic::new(
             site,
-            found: format!("loops that do not close on the way to {names}"),
-            expected: "positions that are reached from the zero pose, all other independents at 0"
-                .into(),
-            help: "lock at positions nearer to the zero pose".into(),
-        };
-        CompileError { errors: vec![error], warnings: Vec::new() }
+            format!("loops that do not close on the way to {names}"),
+            "positions that are reached from the zero pose, all other independents at 0",
+            "lock at positions nearer to the zero pose",
+        );
+        CompileError::of(vec![error])
     }
 }
 

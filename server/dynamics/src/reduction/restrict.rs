@@ -69,7 +69,8 @@ pub fn restricted(description: &Description, links: &[usize]) -> Result<Reduced,
             terms: of.terms.iter().map(|(j, x)| (new_joint[*j], *x)).collect(),
             offset: of.offset,
         });
-        let (parent, child) = (new_link[joint.parent], new_link[joint.child]);
+        let parent = new_link[joint.parent];
+        let child = new_link[joint.child];
         Joint { parent, child, coupling, ..joint.clone() }
     };
     let position = |(j, q): &(usize, Vec<f64>)| Some((renamed(j)?, q.clone()));

@@ -1,10 +1,10 @@
-//! Doubles that count what is done with them.
+//! Doubles that count their operations.
 
 use core::cell::Cell;
 use core::cmp::Ordering;
 use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use crate::scalar::{Plain, Real, Scalar, Six};
+use crate::scalar::{Plain, Real, Six};
 
 std::thread_local! {
     /// Operations of this thread since the last [`Counted::take`].
@@ -91,8 +91,6 @@ impl MulAssign for Counted {
 }
 
 impl Real for Counted {
-    type Mask = bool;
-    type Const = Counted;
     type Triple = Plain<Counted>;
     type Symmetric = Six<Counted>;
 
@@ -100,9 +98,6 @@ impl Real for Counted {
     const ONE: Counted = Counted(1.0);
     const EPSILON: f64 = <f64 as Real>::EPSILON;
 
-    fn lift(constant: Counted) -> Counted {
-        constant
-    }
     fn from_f64(x: f64) -> Counted {
         Counted(x)
     }
@@ -128,12 +123,9 @@ impl Real for Counted {
     fn is_finite(self) -> bool {
         f64::is_finite(self.0)
     }
-    fn select(mask: bool, a: Counted, b: Counted) -> Counted {
-        if mask { a } else { b }
+    fn select(condition: bool, a: Counted, b: Counted) -> Counted {
+        if condition { a } else { b }
     }
-}
-
-impl Scalar for Counted {
     fn to_f64(self) -> f64 {
         self.0
     }
@@ -150,7 +142,8 @@ mod tests {
 
     #[test]
     fn what_is_computed_is_counted_and_nothing_else() {
-        let (a, b) = (Counted(0.3), Counted(-2.0));
+        let a = Counted(0.3);
+        let b = Counted(-2.0);
         Counted::take();
         let _ = a + b * a - a / b;
         let _ = a.mul_add(b, a).sqrt().atan2(b);

@@ -8,7 +8,7 @@ pub(super) mod reference;
 
 use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use crate::scalar::{Plain, Real, Scalar, Six};
+use crate::scalar::{Plain, Real, Six};
 
 /// hi + lo with |lo| ≤ ulp(hi) / 2, about 106 bits.
 ///
@@ -158,8 +158,6 @@ impl MulAssign for Dd {
 }
 
 impl Real for Dd {
-    type Mask = bool;
-    type Const = Dd;
     type Triple = Plain<Dd>;
     type Symmetric = Six<Dd>;
 
@@ -168,10 +166,6 @@ impl Real for Dd {
     /// 4 u² = 2⁻¹⁰⁴, the bound of one operation; numbers themselves are spaced finer.
     const EPSILON: f64 = f64::EPSILON * f64::EPSILON;
 
-    #[inline(always)]
-    fn lift(constant: Dd) -> Dd {
-        constant
-    }
     #[inline(always)]
     fn from_f64(x: f64) -> Dd {
         Dd::from(x)
@@ -210,12 +204,9 @@ impl Real for Dd {
         self.hi.is_finite() && self.lo.is_finite()
     }
     #[inline(always)]
-    fn select(mask: bool, a: Dd, b: Dd) -> Dd {
-        if mask { a } else { b }
+    fn select(condition: bool, a: Dd, b: Dd) -> Dd {
+        if condition { a } else { b }
     }
-}
-
-impl Scalar for Dd {
     #[inline(always)]
     fn to_f64(self) -> f64 {
         self.hi
@@ -234,7 +225,8 @@ mod tests {
     fn sums_products_quotients_and_roots_undo_each_other() {
         let mut random = Random(SEED);
         for _ in 0..20_000 {
-            let (a, b) = (random.unit_dd(), random.unit_dd() * random.spread(-60.0, 60.0));
+            let a = random.unit_dd();
+            let b = random.unit_dd() * random.spread(-60.0, 60.0);
             let size = a.hi.abs().max(b.hi.abs());
             assert!((((a + b) - a) - b).hi.abs() <= 4.0 * EPSILON * size, "{a:?} {b:?}");
             assert!(relative((a * b) / b, a) <= 2.0 * EPSILON, "{a:?} {b:?}");
@@ -248,7 +240,8 @@ mod tests {
     fn cancelling_signs_keep_the_relative_error() {
         // (1 + 2⁻⁵³ + 2⁻¹⁰⁶) − (1 + 2⁻⁵³) and its like, where a sum without the trailing parts' own
         // error loses all digits
-        let (h, l) = (2.0_f64.powi(-53), 2.0_f64.powi(-106));
+        let h = 2.0_f64.powi(-53);
+        let l = 2.0_f64.powi(-106);
         assert_eq!(Dd { hi: 1.0, lo: h + l } - Dd { hi: 1.0, lo: h }, Dd::from(0.0));
         assert_eq!(Dd { hi: 1.0, lo: h } - Dd { hi: 1.0, lo: -h }, Dd::from(2.0 * h));
         assert_eq!((Dd::ONE + Dd::from(l)) - Dd::ONE, Dd::from(l));
@@ -259,7 +252,8 @@ mod tests {
     fn results_are_normalised() {
         let mut random = Random(SEED);
         for _ in 0..20_000 {
-            let (a, b) = (random.unit_dd(), random.unit_dd() * random.spread(-60.0, 44.0));
+            let a = random.unit_dd();
+            let b = random.unit_dd() * random.spread(-60.0, 44.0);
             let (s, c) = b.sin_cos();
             for v in [a + b, a - b, a * b, a / b, a.abs().sqrt(), s, c, a.atan2(b)] {
                 assert_eq!(v.hi + v.lo, v.hi, "{a:?} {b:?}");

@@ -3,7 +3,7 @@
 use core::cmp::Ordering;
 use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use crate::scalar::{Plain, Real, Scalar, Six};
+use crate::scalar::{Plain, Real, Six};
 
 /// re + ε du: a number and its derivative, carried through every operation alike. A dual of duals
 /// carries two directions and the mixed second derivative.
@@ -40,7 +40,7 @@ pub struct Dual<S> {
     pub du: S,
 }
 
-impl<S: Scalar> Dual<S> {
+impl<S: Real> Dual<S> {
     /// re + ε du.
     pub const fn new(re: S, du: S) -> Dual<S> {
         Dual { re, du }
@@ -52,54 +52,54 @@ impl<S: Scalar> Dual<S> {
     }
 }
 
-impl<S: Scalar> Dual<Dual<S>> {
+impl<S: Real> Dual<Dual<S>> {
     /// The path x + t ẋ + t²/2 ẍ at t = 0: both directions are time.
     pub const fn path(x: S, xd: S, xdd: S) -> Dual<Dual<S>> {
         Dual { re: Dual { re: x, du: xd }, du: Dual { re: xd, du: xdd } }
     }
 }
 
-impl<S: Scalar> PartialEq for Dual<S> {
+impl<S: Real> PartialEq for Dual<S> {
     fn eq(&self, other: &Dual<S>) -> bool {
         self.re == other.re
     }
 }
 
-impl<S: Scalar> PartialOrd for Dual<S> {
+impl<S: Real> PartialOrd for Dual<S> {
     fn partial_cmp(&self, other: &Dual<S>) -> Option<Ordering> {
         self.re.partial_cmp(&other.re)
     }
 }
 
-impl<S: Scalar> Neg for Dual<S> {
+impl<S: Real> Neg for Dual<S> {
     type Output = Dual<S>;
     fn neg(self) -> Dual<S> {
         Dual { re: -self.re, du: -self.du }
     }
 }
 
-impl<S: Scalar> Add for Dual<S> {
+impl<S: Real> Add for Dual<S> {
     type Output = Dual<S>;
     fn add(self, b: Dual<S>) -> Dual<S> {
         Dual { re: self.re + b.re, du: self.du + b.du }
     }
 }
 
-impl<S: Scalar> Sub for Dual<S> {
+impl<S: Real> Sub for Dual<S> {
     type Output = Dual<S>;
     fn sub(self, b: Dual<S>) -> Dual<S> {
         Dual { re: self.re - b.re, du: self.du - b.du }
     }
 }
 
-impl<S: Scalar> Mul for Dual<S> {
+impl<S: Real> Mul for Dual<S> {
     type Output = Dual<S>;
     fn mul(self, b: Dual<S>) -> Dual<S> {
         Dual { re: self.re * b.re, du: self.re.mul_add(b.du, self.du * b.re) }
     }
 }
 
-impl<S: Scalar> Div for Dual<S> {
+impl<S: Real> Div for Dual<S> {
     type Output = Dual<S>;
     fn div(self, b: Dual<S>) -> Dual<S> {
         let re = self.re / b.re;
@@ -107,27 +107,25 @@ impl<S: Scalar> Div for Dual<S> {
     }
 }
 
-impl<S: Scalar> AddAssign for Dual<S> {
+impl<S: Real> AddAssign for Dual<S> {
     fn add_assign(&mut self, b: Dual<S>) {
         *self = *self + b;
     }
 }
 
-impl<S: Scalar> SubAssign for Dual<S> {
+impl<S: Real> SubAssign for Dual<S> {
     fn sub_assign(&mut self, b: Dual<S>) {
         *self = *self - b;
     }
 }
 
-impl<S: Scalar> MulAssign for Dual<S> {
+impl<S: Real> MulAssign for Dual<S> {
     fn mul_assign(&mut self, b: Dual<S>) {
         *self = *self * b;
     }
 }
 
-impl<S: Scalar> Real for Dual<S> {
-    type Mask = bool;
-    type Const = Dual<S>;
+impl<S: Real> Real for Dual<S> {
     type Triple = Plain<Dual<S>>;
     type Symmetric = Six<Dual<S>>;
 
@@ -135,9 +133,6 @@ impl<S: Scalar> Real for Dual<S> {
     const ONE: Dual<S> = Dual { re: S::ONE, du: S::ZERO };
     const EPSILON: f64 = S::EPSILON;
 
-    fn lift(constant: Dual<S>) -> Dual<S> {
-        constant
-    }
     fn from_f64(x: f64) -> Dual<S> {
         Dual::constant(S::from_f64(x))
     }
@@ -168,12 +163,9 @@ impl<S: Scalar> Real for Dual<S> {
     fn is_finite(self) -> bool {
         self.re.is_finite() && self.du.is_finite()
     }
-    fn select(mask: bool, a: Dual<S>, b: Dual<S>) -> Dual<S> {
-        if mask { a } else { b }
+    fn select(condition: bool, a: Dual<S>, b: Dual<S>) -> Dual<S> {
+        if condition { a } else { b }
     }
-}
-
-impl<S: Scalar> Scalar for Dual<S> {
     fn to_f64(self) -> f64 {
         self.re.to_f64()
     }
@@ -185,7 +177,7 @@ mod tests {
     use super::*;
 
     /// A function with every operation in it.
-    fn f<T: Scalar>(x: T) -> T {
+    fn f<T: Real>(x: T) -> T {
         let (s, c) = x.sin_cos();
         let sum = s.mul_add(x, c / (x + T::ONE)) - (x * x + T::ONE).sqrt();
         sum + (-x).abs() * s.atan2(c + x * x)

@@ -1,14 +1,34 @@
 //! Sine, cosine and the arc tangent as one fixed sequence of IEEE operations, the same in every
 //! lane and on every machine.
 //!
-//! No branch, no table: [`Lane`] adds to [`Real`] the few operations on the sign bit that the
-//! kernels need. An implementation whose `mul_add` is fused and whose other operations round to
-//! nearest gives the bits of the `f64` one.
+//! No branch, no table: [`Lane`] has the few operations that the functions need. An implementation
+//! whose product is fused and whose other operations round to nearest gives the bits of the `f64`
+//! one.
 
-use crate::scalar::Real;
+use core::ops::{Add, BitOr, Div, Mul, Neg, Sub};
 
-/// A scalar in IEEE double lanes: what the kernels need beyond [`Real`].
-pub(super) trait Lane: Real {
+/// One IEEE double, or a register of several.
+pub(super) trait Lane:
+    Copy
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+{
+    /// The outcome of a comparison in each lane.
+    type Mask: Copy + BitOr<Output = Self::Mask>;
+
+    /// One number in all lanes.
+    fn of(x: f64) -> Self;
+    /// self · a + b, rounded once.
+    fn fused(self, a: Self, b: Self) -> Self;
+    /// |self|.
+    fn absolute(self) -> Self;
+    /// self < other.
+    fn less(self, other: Self) -> Self::Mask;
+    /// `a` where the mask is set, else `b`.
+    fn blend(mask: Self::Mask, a: Self, b: Self) -> Self;
     /// A number whose sign bit is bit `k` of this one's representation; its other bits mean
     /// nothing.
     fn sign_from_bit(self, k: u32) -> Self;
@@ -17,6 +37,28 @@ pub(super) trait Lane: Real {
 }
 
 impl Lane for f64 {
+    type Mask = bool;
+
+    #[inline(always)]
+    fn of(x: f64) -> f64 {
+        x
+    }
+    #[inline(always)]
+    fn fused(self, a: f64, b: f64) -> f64 {
+        f64::mul_add(self, a, b)
+    }
+    #[inline(always)]
+    fn absolute(self) -> f64 {
+        f64::abs(self)
+    }
+    #[inline(always)]
+    fn less(self, other: f64) -> bool {
+        self < other
+    }
+    #[inline(always)]
+    fn blend(mask: bool, a: f64, b: f64) -> f64 {
+        if mask { a } else { b }
+    }
     #[inline(always)]
     fn sign_from_bit(self, k: u32) -> f64 {
         f64::from_bits(self.to_bits() << (63 - k))
@@ -66,49 +108,50 @@ const COS: [f64; 6] = [
 ///
 /// Within 0.8 ulp (the largest error seen among 6·10⁷ angles is 0.784) for |x| < 2⁴⁵, next to
 /// multiples of π/2 too; in [−1, 1]. NaN from 2⁴⁵ on, where neighbouring doubles are 0.008 rad and
-/// more apart: such an angle says nothing. sin(−x) = −sin x and cos(−x) = cos x to the bit.
+/// more apart: such an angle has no digit. sin(−x) = −sin x and cos(−x) = cos x to the bit.
 ///
 /// Reduction: \[CW80\], with fused products.
 #[inline(always)]
 pub(super) fn sin_cos<T: Lane>(x: T) -> (T, T) {
-    let k = T::from_f64;
+    let k = T::of;
 
     // |x|, and NaN beyond the range
-    let a = x.abs();
-    let a = T::select(a.lt(k(RANGE)), a, k(f64::NAN));
+    let a = x.absolute();
+    let a = T::blend(a.less(k(RANGE)), a, k(f64::NAN));
 
     // n = the integer nearest to a / (π/2), also in the low bits of t
-    let t = a.mul_add(k(core::f64::consts::FRAC_2_PI), k(INTEGER));
+    let t = a.fused(k(core::f64::consts::FRAC_2_PI), k(INTEGER));
     let n = t - k(INTEGER);
 
     // PRECISION: r + dr = a − n π/2; the first product is exact because a and n π/2 are multiples
     // of 2⁻⁵³ that nearly cancel
-    let r1 = (-n).mul_add(k(HALF_PI[0]), a);
+    let r1 = (-n).fused(k(HALF_PI[0]), a);
     let p = n * k(HALF_PI[1]);
     let r = r1 - p;
-    let dr = ((r1 - r) - p) - n.mul_add(k(HALF_PI[2]), n.mul_add(k(HALF_PI[1]), -p));
+    let dr = ((r1 - r) - p) - n.fused(k(HALF_PI[2]), n.fused(k(HALF_PI[1]), -p));
 
     // the polynomials in z = r²
     let z = r * r;
     let z2 = z * z;
     let six = |c: &[f64; 6]| {
-        let pair = |i: usize| k(c[i + 1]).mul_add(z, k(c[i]));
-        pair(4).mul_add(z2, pair(2)).mul_add(z2, pair(0))
+        let pair = |i: usize| k(c[i + 1]).fused(z, k(c[i]));
+        pair(4).fused(z2, pair(2)).fused(z2, pair(0))
     };
 
     // PRECISION: w + e = 1 − r²/2 without its rounding; dr enters as dr cos r, −dr sin r to first
     // order
     let h = r * k(-0.5);
-    let w = h.mul_add(r, T::ONE);
-    let e = h.mul_add(r, T::ONE - w);
-    let sin = (z * r).mul_add(six(&SIN), dr * w) + r;
-    let cos = z2.mul_add(six(&COS), (-r).mul_add(dr, e)) + w;
+    let w = h.fused(r, k(1.0));
+    let e = h.fused(r, k(1.0) - w);
+    let sin = (z * r).fused(six(&SIN), dr * w) + r;
+    let cos = z2.fused(six(&COS), (-r).fused(dr, e)) + w;
 
     // back to the quadrant n mod 4 and the sign of x; n is odd where n/2 − 1/4 rounds down
-    let m = n.mul_add(k(0.5), k(-0.25));
-    let odd = ((m + k(INTEGER)) - k(INTEGER)).lt(m);
-    let (sin, cos) = (T::select(odd, cos, sin), T::select(odd, sin, cos));
-    let (ones, twos) = (t.sign_from_bit(0), t.sign_from_bit(1));
+    let m = n.fused(k(0.5), k(-0.25));
+    let odd = ((m + k(INTEGER)) - k(INTEGER)).less(m);
+    let (sin, cos) = (T::blend(odd, cos, sin), T::blend(odd, sin, cos));
+    let ones = t.sign_from_bit(0);
+    let twos = t.sign_from_bit(1);
     (sin.xor_sign(twos).xor_sign(x), cos.xor_sign(twos).xor_sign(ones))
 }
 
@@ -142,52 +185,55 @@ const ATAN: [f64; 20] = [
 /// the axes) for all sizes of x and y. atan2(−y, x) = −atan2(y, x) to the bit.
 #[inline(always)]
 pub(super) fn atan2<T: Lane>(y: T, x: T) -> T {
-    let k = T::from_f64;
+    let k = T::of;
 
     // the shorter and the longer coordinate; at the origin and at infinity a point in the same
     // direction, NaN kept
-    let (ay, ax) = (y.abs(), x.abs());
-    let steep = ax.lt(ay);
-    let (short, long) = (T::select(steep, ax, ay), T::select(steep, ay, ax));
+    let ay = y.absolute();
+    let ax = x.absolute();
+    let steep = ax.less(ay);
+    let short = T::blend(steep, ax, ay);
+    let long = T::blend(steep, ay, ax);
     let largest = k(f64::MAX);
-    let edge = largest.lt(long) | long.lt(k(f64::from_bits(1)));
-    let short = T::select(edge, T::select(largest.lt(short), T::ONE, short * T::ZERO), short);
-    let long = T::select(edge, T::ONE, long);
+    let edge = largest.less(long) | long.less(k(f64::from_bits(1)));
+    let short = T::blend(edge, T::blend(largest.less(short), k(1.0), short * k(0.0)), short);
+    let long = T::blend(edge, k(1.0), long);
 
     // t = the tangent of the angle to the nearest axis; the quotient's rounding error times atan′ =
     // 1 / (1 + t²), ± 4 %
     let t = short / long;
     let z = t * t;
-    let dt = ((-t).mul_add(long, short) / long) * z.mul_add(k(-0.5), k(0.957));
+    let dt = ((-t).fused(long, short) / long) * z.fused(k(-0.5), k(0.957));
 
     // the angle's size is base ± atan t: 0 + or π − where flat, π/2 ∓ where steep
-    let flat = T::select(steep, T::ZERO, T::ONE);
+    let flat = T::blend(steep, k(0.0), k(1.0));
     let side = flat.xor_sign(x);
     let turn = (flat - k(0.5)).xor_sign(x);
-    let (t, dt) = (t.xor_sign(turn), dt.xor_sign(turn));
+    let t = t.xor_sign(turn);
+    let dt = dt.xor_sign(turn);
 
     // the polynomial in z = t²
     let z2 = z * z;
     let z4 = z2 * z2;
     let z8 = z4 * z4;
     let four = |i: usize| {
-        let pair = |i: usize| k(ATAN[i + 1]).mul_add(z, k(ATAN[i]));
-        pair(i + 2).mul_add(z2, pair(i))
+        let pair = |i: usize| k(ATAN[i + 1]).fused(z, k(ATAN[i]));
+        pair(i + 2).fused(z2, pair(i))
     };
-    let eight = |i: usize| four(i + 4).mul_add(z4, four(i));
-    let p = four(16).mul_add(z8, eight(8)).mul_add(z8, eight(0));
+    let eight = |i: usize| four(i + 4).fused(z4, four(i));
+    let p = four(16).fused(z8, eight(8)).fused(z8, eight(0));
 
     // PRECISION: base + t is rounded into s and its error kept
-    let base = (-side).mul_add(k(HALF_PI[0]), k(HALF_PI[0]));
+    let base = (-side).fused(k(HALF_PI[0]), k(HALF_PI[0]));
     let s = base + t;
-    let e = ((base - s) + t) + dt + (-side).mul_add(k(HALF_PI[1]), k(HALF_PI[1]));
-    ((z * t).mul_add(p, e) + s).xor_sign(y)
+    let e = ((base - s) + t) + dt + (-side).fused(k(HALF_PI[1]), k(HALF_PI[1]));
+    ((z * t).fused(p, e) + s).xor_sign(y)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::Dd;
     use super::super::double_double::reference::{ATAN2, Random, SIN_COS, ulps};
+    use super::super::{Dd, Real};
     use super::*;
 
     const SEED: u64 = 20_250_117;
@@ -206,7 +252,8 @@ mod tests {
     fn sine_and_cosine_agree_with_the_table() {
         for [x, sh, sl, ch, cl] in SIN_COS {
             let (s, c) = sin_cos(x);
-            let (es, ec) = (ulps(s, Dd { hi: sh, lo: sl }), ulps(c, Dd { hi: ch, lo: cl }));
+            let es = ulps(s, Dd { hi: sh, lo: sl });
+            let ec = ulps(c, Dd { hi: ch, lo: cl });
             assert!(es <= 0.8 && ec <= 0.8, "x = {x:e}: {es} and {ec} ulp");
         }
     }
@@ -289,7 +336,8 @@ mod tests {
         for (&y, &x) in
             values.iter().flatten().flat_map(|y| values.iter().flatten().map(move |x| (y, x)))
         {
-            let (own, std) = (atan2(y, x), f64::atan2(y, x));
+            let own = atan2(y, x);
+            let std = f64::atan2(y, x);
             assert!(
                 own.to_bits() == std.to_bits() || (own.is_nan() && std.is_nan()),
                 "atan2({y:e}, {x:e}) = {own:e}, not {std:e}"

@@ -1,40 +1,46 @@
 //! The numbers that every kernel is written over.
 
-mod abreast;
+mod branch_value;
+mod constants;
 mod counted;
 mod double_double;
 mod dual;
 mod elementary;
-mod figure;
 mod lanes;
 mod noise;
-mod single;
+mod packet;
 mod stochastic;
 mod triple;
 
-pub(crate) use abreast::{Abreast, Marks};
+pub use branch_value::{BranchValue, DOUBTFUL};
+pub(crate) use constants::{Each, constants};
 pub use counted::Counted;
 pub use double_double::Dd;
 pub use dual::Dual;
-pub use figure::{DOUBTFUL, Figure};
-pub use lanes::LANES;
-pub(crate) use lanes::{FUSED, Lanes};
+pub(crate) use lanes::FUSED;
 pub(crate) use noise::noise;
+pub use packet::LANES;
+pub(crate) use packet::{Divergence, Packet};
 pub(crate) use stochastic::Stochastic;
 pub use triple::{Plain, Six, Symmetric, Triple};
 
 use core::array;
 use core::fmt::Debug;
-use core::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, MulAssign, Neg, Not, Sub, SubAssign};
+use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// A real number as kernels see it: `f64`, `f32`, double-double, dual numbers, lanes of doubles.
+use wide::f64x4;
+
+/// A real number as kernels see it: `f64` and its packet of several states, double-double, dual,
+/// counting and stochastic numbers.
 ///
-/// Kernels never branch on a value: comparisons give a [`Mask`], choices are made by
-/// [`Real::select`].
+/// Kernels choose between numbers by [`Real::select`] and [`Real::select_lt`]. They branch on a
+/// comparison only where all states of a packet have to take the same branch, or be answered one by
+/// one.
 pub trait Real:
     Copy
     + Debug
     + PartialEq
+    + PartialOrd
     + Send
     + Sync
     + 'static
@@ -47,10 +53,6 @@ pub trait Real:
     + SubAssign
     + MulAssign
 {
-    /// The outcome of a comparison, one bit for each lane.
-    type Mask: Mask;
-    /// The scalar in which the model's constants are kept.
-    type Const: Copy + Debug + PartialEq + Send + Sync + 'static;
     /// Three numbers, [`Plain`] unless the processor takes them together.
     type Triple: Triple<Self>;
     /// A symmetric matrix, [`Six`] with [`Plain`].
@@ -64,10 +66,17 @@ pub trait Real:
     const EPSILON: f64;
     /// Whether several angles cost less together than one by one.
     const TOGETHER: bool = false;
+    /// Whether doubtful answers are computed again to count their digits; elsewhere the doubt alone
+    /// decides.
+    const PROBED: bool = false;
+    /// Whether one run stands for others, so that rows change places by [`Real::select`] and not by
+    /// a branch.
+    const STRAIGHT: bool = false;
+    /// Whether kernels are compiled for each small width. It changes speed and no bit; rare scalars
+    /// do without, since each copy takes time to compile.
+    const UNROLLED: bool = false;
 
-    /// A constant of the model, the same in all lanes.
-    fn lift(constant: Self::Const) -> Self;
-    /// An exactly representable number, the same in all lanes.
+    /// An exactly representable number.
     fn from_f64(x: f64) -> Self;
     /// self · a + b, rounded once where the scalar can.
     fn mul_add(self, a: Self, b: Self) -> Self;
@@ -90,95 +99,52 @@ pub trait Real:
         points.map(|(x, y)| y.atan2(x))
     }
     /// self < other.
-    fn lt(self, other: Self) -> Self::Mask;
+    fn lt(self, other: Self) -> bool;
     /// Neither NaN nor infinite.
-    fn is_finite(self) -> Self::Mask;
-    /// `a` where the mask is set, else `b`.
-    fn select(mask: Self::Mask, a: Self, b: Self) -> Self;
-    /// `a` where x < y, else `b`: the choice of kernels on the straight path. Of states abreast
-    /// each gets its own by it, whereas a mask is that of the first.
+    fn is_finite(self) -> bool;
+    /// `a` if the condition holds, else `b`.
+    fn select(condition: bool, a: Self, b: Self) -> Self;
+    /// `a` where x < y, else `b`. Each state of a packet chooses for itself, whereas the outcome of
+    /// [`Real::lt`] is that of the first state.
     #[inline(always)]
     fn select_lt(x: Self, y: Self, a: Self, b: Self) -> Self {
         Self::select(x.lt(y), a, b)
     }
-}
-
-/// The outcome of a comparison, one bit for each lane.
-pub trait Mask:
-    Copy + Debug + BitAnd<Output = Self> + BitOr<Output = Self> + Not<Output = Self>
-{
-    /// The same outcome in all lanes.
-    fn splat(value: bool) -> Self;
-    /// Set in every lane.
-    fn all(self) -> bool;
-    /// Set in some lane.
-    fn any(self) -> bool;
-}
-
-impl Mask for bool {
-    #[inline(always)]
-    fn splat(value: bool) -> bool {
-        value
-    }
-    #[inline(always)]
-    fn all(self) -> bool {
-        self
-    }
-    #[inline(always)]
-    fn any(self) -> bool {
-        self
-    }
-}
-
-/// True where every number is finite in every lane. None ends the loop early, so that the compiler
-/// takes several at once.
-#[inline]
-pub(crate) fn all_finite<T: Real>(x: &[T]) -> bool {
-    x.iter().fold(T::Mask::splat(true), |all, x| all & x.is_finite()).all()
-}
-
-/// A scalar of one lane: code off the straight path may branch on it.
-pub trait Scalar: Real<Mask = bool, Const = Self> + PartialOrd {
-    /// Whether doubtful answers are computed again to count their digits; elsewhere the doubt alone
-    /// decides.
-    const PROBED: bool = false;
-    /// Whether one run stands for others, so that rows change places by [`Real::select`] and not by
-    /// a branch.
-    const STRAIGHT: bool = false;
-
-    /// The larger one; this one where either is no number.
+    /// The larger one; this one where either is NaN.
     #[inline(always)]
     fn larger(self, other: Self) -> Self {
         Self::select_lt(self, other, other, self)
     }
-
     /// The nearest double.
     fn to_f64(self) -> f64;
-
-    /// The nearest double, by which a plan decides what `figure` says; a scalar that records what
-    /// is done takes note.
+    /// The nearest double, on which a plan branches as `value` describes; a scalar that records its
+    /// operations takes note.
     #[inline(always)]
-    fn to_figure(self, _figure: Figure) -> f64 {
+    fn to_branch_value(self, _value: BranchValue) -> f64 {
         self.to_f64()
     }
-
-    /// The same number, but 0 for −0: what an answer has, so that no sign of a zero hangs on the
-    /// order in which a kernel adds nothing to it.
+    /// This number, but 0 for −0: no sign of a zero in an answer depends on the order in which
+    /// a kernel adds zeros to it.
     #[inline(always)]
     fn plus_zero(self) -> Self {
         self + Self::ZERO
     }
 }
 
-/// Four of up to four numbers.
+/// True if every number is finite. The loop does not end early, so that the compiler takes several
+/// numbers at once.
+#[inline]
+pub(crate) fn all_finite<T: Real>(x: &[T]) -> bool {
+    x.iter().fold(true, |all, x| all & x.is_finite())
+}
+
+/// A register of up to four numbers, filled up with ones.
 #[inline(always)]
-fn filled<const N: usize>(x: [f64; N]) -> [f64; 4] {
-    array::from_fn(|k| x.get(k).copied().unwrap_or(1.0))
+fn filled<const N: usize>(x: [f64; N]) -> f64x4 {
+    f64x4::new(array::from_fn(|k| x.get(k).copied().unwrap_or(1.0)))
 }
 
 impl Real for f64 {
-    type Mask = bool;
-    type Const = f64;
     type Triple = triple::OfDoubles;
     type Symmetric = triple::SymmetricOfDoubles;
 
@@ -186,11 +152,9 @@ impl Real for f64 {
     const ONE: f64 = 1.0;
     const EPSILON: f64 = f64::EPSILON / 2.0;
     const TOGETHER: bool = FUSED;
+    const PROBED: bool = true;
+    const UNROLLED: bool = true;
 
-    #[inline(always)]
-    fn lift(constant: f64) -> f64 {
-        constant
-    }
     #[inline(always)]
     fn from_f64(x: f64) -> f64 {
         x
@@ -220,8 +184,9 @@ impl Real for f64 {
         if !(Self::TOGETHER && matches!(N, 2..=4)) {
             return angles.map(elementary::sin_cos);
         }
-        let (sines, cosines) = Lanes::from(filled(angles)).sin_cos();
-        let (sines, cosines): ([f64; 4], [f64; 4]) = (sines.into(), cosines.into());
+        let (sines, cosines) = elementary::sin_cos(filled(angles));
+        let sines = sines.to_array();
+        let cosines = cosines.to_array();
         array::from_fn(|k| (sines[k], cosines[k]))
     }
     #[inline]
@@ -229,8 +194,9 @@ impl Real for f64 {
         if !(Self::TOGETHER && matches!(N, 2..=4)) {
             return points.map(|(x, y)| elementary::atan2(y, x));
         }
-        let (x, y) = (points.map(|point| point.0), points.map(|point| point.1));
-        let angles: [f64; 4] = Lanes::from(filled(y)).atan2(Lanes::from(filled(x))).into();
+        let x = filled(points.map(|point| point.0));
+        let y = filled(points.map(|point| point.1));
+        let angles = elementary::atan2(y, x).to_array();
         array::from_fn(|k| angles[k])
     }
     #[inline(always)]
@@ -242,14 +208,9 @@ impl Real for f64 {
         f64::is_finite(self)
     }
     #[inline(always)]
-    fn select(mask: bool, a: f64, b: f64) -> f64 {
-        if mask { a } else { b }
+    fn select(condition: bool, a: f64, b: f64) -> f64 {
+        if condition { a } else { b }
     }
-}
-
-impl Scalar for f64 {
-    const PROBED: bool = true;
-
     #[inline(always)]
     fn to_f64(self) -> f64 {
         self

@@ -4,7 +4,7 @@
 use core::cmp::Ordering;
 use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use crate::scalar::{Plain, Real, Scalar, Six};
+use crate::scalar::{Plain, Real, Six};
 
 /// A number whose operations end one or two units of the last place away from where they would.
 ///
@@ -115,21 +115,15 @@ impl MulAssign for Stochastic {
 }
 
 impl Real for Stochastic {
-    type Mask = bool;
-    type Const = Stochastic;
     type Triple = Plain<Stochastic>;
     type Symmetric = Six<Stochastic>;
 
     const ZERO: Stochastic = Stochastic { x: 0.0, key: 0 };
     const ONE: Stochastic = Stochastic { x: 1.0, key: 0 };
-    /// Smaller than that of doubles: Newton's method goes on where it would end, so that what it
-    /// leaves is seen too.
+    /// Smaller than that of doubles: Newton's method goes on where it would end, so that the
+    /// remaining error is seen too.
     const EPSILON: f64 = 1e-4 * <f64 as Real>::EPSILON;
 
-    #[inline]
-    fn lift(constant: Stochastic) -> Stochastic {
-        constant
-    }
     #[inline]
     fn from_f64(x: f64) -> Stochastic {
         Stochastic { x, key: 0 }
@@ -162,12 +156,9 @@ impl Real for Stochastic {
         f64::is_finite(self.x)
     }
     #[inline]
-    fn select(mask: bool, a: Stochastic, b: Stochastic) -> Stochastic {
-        if mask { a } else { b }
+    fn select(condition: bool, a: Stochastic, b: Stochastic) -> Stochastic {
+        if condition { a } else { b }
     }
-}
-
-impl Scalar for Stochastic {
     fn to_f64(self) -> f64 {
         self.x
     }
@@ -184,13 +175,15 @@ mod tests {
 
     /// (a + b) − a with a of size 1 and b of size 1e-6.
     fn drowned(key: u64) -> f64 {
-        let (a, b) = (Stochastic::input(0.7, key), Stochastic::input(1.1e-6, key));
+        let a = Stochastic::input(0.7, key);
+        let b = Stochastic::input(1.1e-6, key);
         ((a + b) - a).to_f64()
     }
 
     #[test]
     fn runs_share_the_digits_that_rounding_leaves() {
-        let (one, two) = (drowned(1), drowned(2));
+        let one = drowned(1);
+        let two = drowned(2);
         assert_eq!(one, drowned(1));
         let apart = (one - two).abs() / 1.1e-6;
         assert!(apart > 1e-12 && apart < 1e-8, "{apart:e}");

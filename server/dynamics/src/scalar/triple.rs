@@ -1,5 +1,4 @@
-//! Three numbers that are computed with together: what the recursions' vectors, matrices and
-//! inertias are made of.
+//! Three numbers in one operation: the vectors, columns of matrices and inertias of the recursions.
 //!
 //! Of doubles they stand in one register of four (`packed`), of other scalars beside each other;
 //! each number is computed with as if it were alone, so that it has the same bits either way.
@@ -14,13 +13,20 @@ pub(super) type OfDoubles = Plain<f64>;
 #[cfg(not(all(target_arch = "x86_64", target_feature = "avx2", target_feature = "fma")))]
 pub(super) type SymmetricOfDoubles = Six<f64>;
 
+use core::array;
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Index, IndexMut, Neg, Sub, SubAssign};
 
+use nalgebra::{Matrix3, Vector3};
+
 use crate::scalar::Real;
 
-/// Three numbers x, y, z; a matrix is three of them, its columns.
-pub trait Triple<T>:
+/// Three numbers x, y, z.
+///
+/// Vectors are passed by value: a call on nalgebra's own vector can then not resolve to its `dot`
+/// or
+/// `cross`, which round twice and take references.
+pub trait Triple<T: Real>:
     Copy
     + Debug
     + Send
@@ -36,24 +42,72 @@ pub trait Triple<T>:
 {
     /// From its numbers.
     fn new(x: T, y: T, z: T) -> Self;
-    /// The same number three times.
+    /// One number three times.
     fn splat(x: T) -> Self;
-    /// The columns of a matrix.
-    fn columns(matrix: [T; 9]) -> [Self; 3];
+    /// The columns of a matrix, whose numbers are given column by column.
+    fn columns_from(matrix: [T; 9]) -> [Self; 3];
     /// self · a, number by number.
     fn times(self, a: Self) -> Self;
     /// self · a + b, number by number.
-    fn fused(self, a: Self, b: Self) -> Self;
+    fn mul_add(self, a: Self, b: Self) -> Self;
     /// self · a − b, number by number.
-    fn fused_sub(self, a: Self, b: Self) -> Self;
+    fn mul_sub(self, a: Self, b: Self) -> Self;
     /// b − self · a, number by number.
-    fn fused_from(self, a: Self, b: Self) -> Self;
+    fn neg_mul_add(self, a: Self, b: Self) -> Self;
     /// (y, z, x).
-    fn yzx(self) -> Self;
+    fn rotate_left(self) -> Self;
     /// (z, x, y).
-    fn zxy(self) -> Self;
+    fn rotate_right(self) -> Self;
     /// Rows of a matrix from its columns.
     fn transposed(columns: &[Self; 3]) -> [Self; 3];
+
+    /// 0.
+    #[inline(always)]
+    fn zero() -> Self {
+        Self::splat(T::ZERO)
+    }
+    /// From nalgebra's vector.
+    #[inline(always)]
+    fn of(v: &Vector3<T>) -> Self {
+        Self::new(v[0], v[1], v[2])
+    }
+    /// As nalgebra's vector.
+    #[inline(always)]
+    fn vector(self) -> Vector3<T> {
+        Vector3::new(self[0], self[1], self[2])
+    }
+    /// The columns of nalgebra's matrix.
+    #[inline(always)]
+    fn columns_of(matrix: &Matrix3<T>) -> [Self; 3] {
+        Self::columns_from(array::from_fn(|k| matrix[k]))
+    }
+    /// Each number three times.
+    #[inline(always)]
+    fn spread(self) -> [Self; 3] {
+        [Self::splat(self[0]), Self::splat(self[1]), Self::splat(self[2])]
+    }
+    /// self · b.
+    #[inline(always)]
+    fn dot(self, b: Self) -> T {
+        self[0].mul_add(b[0], self[1].mul_add(b[1], self[2] * b[2]))
+    }
+    /// self × b.
+    #[inline(always)]
+    fn cross(self, b: Self) -> Self {
+        // z, x, y of the product
+        self.mul_sub(b.rotate_left(), self.rotate_left().times(b)).rotate_left()
+    }
+    /// self + a × b.
+    #[inline(always)]
+    fn add_cross(self, a: Self, b: Self) -> Self {
+        let rest = a.rotate_right().neg_mul_add(b.rotate_left(), self);
+        a.rotate_left().mul_add(b.rotate_right(), rest)
+    }
+    /// self + a s.
+    #[inline(always)]
+    fn add_scaled(self, a: Self, s: T) -> Self {
+        a.mul_add(Self::splat(s), self)
+    }
 }
 
 /// A symmetric matrix.
@@ -67,114 +121,64 @@ pub trait Symmetric<T: Real>: Copy + Debug + Send + Sync + 'static + AddAssign {
     fn column(&self, k: usize) -> T::Triple;
     /// Adds x to the diagonal.
     fn add_to_diagonal(&mut self, x: T);
-    /// Adds what stands on and above the diagonal of a matrix.
+    /// Adds the upper triangle of a matrix.
     fn add_upper(&mut self, columns: &[T::Triple; 3]);
-    /// Adds a bᵀ, of which it is known that it is symmetric.
+    /// Adds a bᵀ, which has to be symmetric.
     fn add_product(&mut self, a: &T::Triple, b: &T::Triple);
     /// R A Rᵀ.
-    fn turned(&self, R: &[T::Triple; 3]) -> Self;
+    fn rotate(&self, R: &[T::Triple; 3]) -> Self;
     /// A + 2 (b·p) 1 − b pᵀ − p bᵀ.
-    fn shifted(&self, b: &T::Triple, p: &T::Triple) -> Self;
+    fn parallel_axis(&self, b: &T::Triple, p: &T::Triple) -> Self;
 }
 
-/// Three numbers beside each other.
-#[derive(Clone, Copy, Debug)]
-pub struct Plain<T>([T; 3]);
+/// Three numbers side by side.
+pub type Plain<T> = Vector3<T>;
 
-impl<T> Index<usize> for Plain<T> {
-    type Output = T;
+impl<T: Real> Triple<T> for Vector3<T> {
     #[inline(always)]
-    fn index(&self, k: usize) -> &T {
-        &self.0[k]
-    }
-}
-
-impl<T> IndexMut<usize> for Plain<T> {
-    #[inline(always)]
-    fn index_mut(&mut self, k: usize) -> &mut T {
-        &mut self.0[k]
-    }
-}
-
-impl<T: Real> Add for Plain<T> {
-    type Output = Plain<T>;
-    #[inline(always)]
-    fn add(self, b: Plain<T>) -> Plain<T> {
-        Plain([self[0] + b[0], self[1] + b[1], self[2] + b[2]])
-    }
-}
-
-impl<T: Real> Sub for Plain<T> {
-    type Output = Plain<T>;
-    #[inline(always)]
-    fn sub(self, b: Plain<T>) -> Plain<T> {
-        Plain([self[0] - b[0], self[1] - b[1], self[2] - b[2]])
-    }
-}
-
-impl<T: Real> Neg for Plain<T> {
-    type Output = Plain<T>;
-    #[inline(always)]
-    fn neg(self) -> Plain<T> {
-        Plain(self.0.map(|x| -x))
-    }
-}
-
-impl<T: Real> AddAssign for Plain<T> {
-    #[inline(always)]
-    fn add_assign(&mut self, b: Plain<T>) {
-        *self = *self + b;
-    }
-}
-
-impl<T: Real> SubAssign for Plain<T> {
-    #[inline(always)]
-    fn sub_assign(&mut self, b: Plain<T>) {
-        *self = *self - b;
-    }
-}
-
-impl<T: Real> Triple<T> for Plain<T> {
-    #[inline(always)]
-    fn new(x: T, y: T, z: T) -> Plain<T> {
-        Plain([x, y, z])
+    fn new(x: T, y: T, z: T) -> Vector3<T> {
+        Vector3::new(x, y, z)
     }
     #[inline(always)]
-    fn splat(x: T) -> Plain<T> {
-        Plain([x; 3])
+    fn splat(x: T) -> Vector3<T> {
+        Vector3::new(x, x, x)
     }
     #[inline(always)]
-    fn columns([a, b, c, d, e, f, g, h, i]: [T; 9]) -> [Plain<T>; 3] {
-        [Plain([a, b, c]), Plain([d, e, f]), Plain([g, h, i])]
+    fn columns_from([a, b, c, d, e, f, g, h, i]: [T; 9]) -> [Vector3<T>; 3] {
+        [Vector3::new(a, b, c), Vector3::new(d, e, f), Vector3::new(g, h, i)]
     }
     #[inline(always)]
-    fn times(self, a: Plain<T>) -> Plain<T> {
-        Plain([self[0] * a[0], self[1] * a[1], self[2] * a[2]])
+    fn times(self, a: Vector3<T>) -> Vector3<T> {
+        Vector3::new(self[0] * a[0], self[1] * a[1], self[2] * a[2])
     }
     #[inline(always)]
-    fn fused(self, a: Plain<T>, b: Plain<T>) -> Plain<T> {
+    fn mul_add(self, a: Vector3<T>, b: Vector3<T>) -> Vector3<T> {
         let of = |k: usize| self[k].mul_add(a[k], b[k]);
-        Plain([of(0), of(1), of(2)])
+        Vector3::new(of(0), of(1), of(2))
     }
     #[inline(always)]
-    fn fused_sub(self, a: Plain<T>, b: Plain<T>) -> Plain<T> {
-        self.fused(a, -b)
+    fn mul_sub(self, a: Vector3<T>, b: Vector3<T>) -> Vector3<T> {
+        self.mul_add(a, -b)
     }
     #[inline(always)]
-    fn fused_from(self, a: Plain<T>, b: Plain<T>) -> Plain<T> {
-        (-self).fused(a, b)
+    fn neg_mul_add(self, a: Vector3<T>, b: Vector3<T>) -> Vector3<T> {
+        (-self).mul_add(a, b)
     }
     #[inline(always)]
-    fn yzx(self) -> Plain<T> {
-        Plain([self[1], self[2], self[0]])
+    fn rotate_left(self) -> Vector3<T> {
+        Vector3::new(self[1], self[2], self[0])
     }
     #[inline(always)]
-    fn zxy(self) -> Plain<T> {
-        Plain([self[2], self[0], self[1]])
+    fn rotate_right(self) -> Vector3<T> {
+        Vector3::new(self[2], self[0], self[1])
     }
     #[inline(always)]
-    fn transposed([a, b, c]: &[Plain<T>; 3]) -> [Plain<T>; 3] {
-        [Plain([a[0], b[0], c[0]]), Plain([a[1], b[1], c[1]]), Plain([a[2], b[2], c[2]])]
+    fn transposed([a, b, c]: &[Vector3<T>; 3]) -> [Vector3<T>; 3] {
+        [
+            Vector3::new(a[0], b[0], c[0]),
+            Vector3::new(a[1], b[1], c[1]),
+            Vector3::new(a[2], b[2], c[2]),
+        ]
     }
 }
 
@@ -194,7 +198,7 @@ impl<T: Real> AddAssign for Six<T> {
     }
 }
 
-impl<T: Real<Triple = Plain<T>>> Symmetric<T> for Six<T> {
+impl<T: Real<Triple = Vector3<T>>> Symmetric<T> for Six<T> {
     const ZERO: Six<T> = Six([T::ZERO; 6]);
 
     #[inline(always)]
@@ -203,12 +207,12 @@ impl<T: Real<Triple = Plain<T>>> Symmetric<T> for Six<T> {
     }
 
     #[inline(always)]
-    fn column(&self, k: usize) -> Plain<T> {
+    fn column(&self, k: usize) -> Vector3<T> {
         let [xx, xy, xz, yy, yz, zz] = self.0;
         match k {
-            0 => Plain([xx, xy, xz]),
-            1 => Plain([xy, yy, yz]),
-            _ => Plain([xz, yz, zz]),
+            0 => Vector3::new(xx, xy, xz),
+            1 => Vector3::new(xy, yy, yz),
+            _ => Vector3::new(xz, yz, zz),
         }
     }
 
@@ -220,35 +224,37 @@ impl<T: Real<Triple = Plain<T>>> Symmetric<T> for Six<T> {
     }
 
     #[inline(always)]
-    fn add_upper(&mut self, columns: &[Plain<T>; 3]) {
+    fn add_upper(&mut self, columns: &[Vector3<T>; 3]) {
         for (x, (i, j)) in self.0.iter_mut().zip(SYMMETRIC) {
             *x += columns[j][i];
         }
     }
 
     #[inline(always)]
-    fn add_product(&mut self, a: &Plain<T>, b: &Plain<T>) {
+    fn add_product(&mut self, a: &Vector3<T>, b: &Vector3<T>) {
         for (x, (i, j)) in self.0.iter_mut().zip(SYMMETRIC) {
             *x = a[i].mul_add(b[j], *x);
         }
     }
 
     #[inline(always)]
-    fn turned(&self, R: &[Plain<T>; 3]) -> Six<T> {
+    fn rotate(&self, R: &[Vector3<T>; 3]) -> Six<T> {
         // R A, then entries of (R A) Rᵀ
         let column = |k: usize| {
             let a = self.column(k);
             let of = |i: usize| R[0][i].mul_add(a[0], R[1][i].mul_add(a[1], R[2][i] * a[2]));
             [of(0), of(1), of(2)]
         };
-        let (x, y, z) = (column(0), column(1), column(2));
+        let x = column(0);
+        let y = column(1);
+        let z = column(2);
         let entry =
             |i: usize, j: usize| x[i].mul_add(R[0][j], y[i].mul_add(R[1][j], z[i] * R[2][j]));
         Six([entry(0, 0), entry(0, 1), entry(0, 2), entry(1, 1), entry(1, 2), entry(2, 2)])
     }
 
     #[inline(always)]
-    fn shifted(&self, b: &Plain<T>, p: &Plain<T>) -> Six<T> {
+    fn parallel_axis(&self, b: &Vector3<T>, p: &Vector3<T>) -> Six<T> {
         let [xx, xy, xz, yy, yz, zz] = self.0;
         let products = [b[0] * p[0], b[1] * p[1], b[2] * p[2]];
         let mixed = |i: usize, j: usize| -(b[i].mul_add(p[j], p[i] * b[j]));

@@ -1,8 +1,8 @@
-//! What the recursions keep for one body, in its own axes at its origin.
+//! Quantities of the recursions for one body, in its own axes at its origin.
 
 use crate::model::{Model, Runs};
-use crate::scalar::{Real, Symmetric};
-use crate::spatial::triples::{Columns, identity, zero};
+use crate::scalar::{Real, Symmetric, Triple};
+use crate::spatial::{Columns, Matrix};
 
 /// A moment and a force, in body axes at the body's origin.
 pub(crate) type Force<T> = (<T as Real>::Triple, <T as Real>::Triple);
@@ -58,11 +58,11 @@ pub(crate) struct Embedding<T: Real> {
 }
 
 impl<T: Real> Embedding<T> {
-    pub(crate) fn new(model: &Model<T::Const>) -> Embedding<T> {
+    pub(crate) fn new(model: &Model<T>) -> Embedding<T> {
         let bodies = vec![Articulated::none(); model.bodies.len()];
         Embedding {
             bodies,
-            Y: vec![(zero::<T>(), zero::<T>()); model.meta.sizes.n_vy],
+            Y: vec![(T::Triple::zero(), T::Triple::zero()); model.meta.sizes.n_vy],
             factor: vec![T::ZERO; model.n_g],
         }
     }
@@ -83,9 +83,9 @@ impl<T: Real> Embedding<T> {
 impl<T: Real> BodyState<T> {
     /// At the parent, without motion or force.
     pub(crate) fn at_rest() -> BodyState<T> {
-        let zero = zero::<T>();
+        let zero = T::Triple::zero();
         BodyState {
-            R: identity::<T>(),
+            R: Matrix::identity(),
             p: zero,
             w: zero,
             v: zero,
@@ -100,7 +100,8 @@ impl<T: Real> BodyState<T> {
 impl<T: Real> Articulated<T> {
     #[inline(always)]
     pub(crate) fn none() -> Articulated<T> {
-        let (none, zero) = (T::Symmetric::ZERO, zero::<T>());
+        let none = T::Symmetric::ZERO;
+        let zero = T::Triple::zero();
         Articulated { J: none, H: [zero; 3], M: none, n: zero, f: zero, alpha: zero, a: zero }
     }
 }

@@ -14,8 +14,8 @@ use probe::longest_input;
 use crate::closure::{self, Closure, Level, Local, Numerical, Outcome, Scratch};
 use crate::mechanism::{Body, Cluster};
 use crate::model::Model;
-use crate::scalar::{Real, Scalar, Symmetric};
-use crate::spatial::{Pose, triples, zero};
+use crate::scalar::{Real, Symmetric, Triple};
+use crate::spatial::{Pose, zero};
 
 /// All scratch of one model, allocated once. Nothing that a request leaves here is read by the next
 /// one.
@@ -45,7 +45,7 @@ pub struct Workspace<T: Real> {
     /// G blocks of all clusters, row-major, read by [`Cluster::G`]; g (n_v).
     pub(crate) G: Vec<T>,
     pub(crate) g: Vec<T>,
-    /// What one cluster at a time needs.
+    /// Scratch of one cluster at a time.
     pub(crate) scratch: Scratch<T>,
 
     // recursions: written by `algorithms/`
@@ -62,21 +62,20 @@ pub struct Workspace<T: Real> {
     /// Force columns of the cluster in hand on their way to the root: `[n; f]` for each of its
     /// independents (largest n_vy of a cluster) {body that they have reached}.
     pub(crate) columns: Vec<Force<T>>,
-    /// The same inside one cluster, for each of its bodies (n × n_vy) {body}, and its block of the
+    /// Columns inside one cluster, for each of its bodies (n × n_vy) {body}, and its block of the
     /// mass matrix (n_vy × n_vy).
     pub(crate) inside: Vec<Force<T>>,
     pub(crate) block: Vec<T>,
-    /// What the diagonal of a cluster's block would be if each of its joints moved alone (n_vy);
-    /// zero for free joints.
-    pub(crate) alone: Vec<T>,
+    /// Diagonal of a cluster's block for joints that move alone (n_vy); zero for free joints.
+    pub(crate) uncoupled_diagonal: Vec<T>,
     /// Reduced mass matrix and its factor, packed by `Model::sparsity`; reduced bias force (n_vy).
     pub(crate) M_y: Vec<T>,
     pub(crate) C_y: Vec<T>,
     pub(crate) factor: Vec<T>,
 
     // forces: written by `plan/forces.rs` and `plan/actuation.rs`
-    /// Forces on tree (n_v), independent (n_vy) and actuator coordinates (n_u), and what no
-    /// actuator can give (n_vy) `[N m, N]`.
+    /// Forces on tree (n_v), independent (n_vy) and actuator coordinates (n_u), and the part
+    /// of τ_y that no actuator can give (n_vy) `[N m, N]`.
     pub(crate) tau_q: Vec<T>,
     pub(crate) tau_y: Vec<T>,
     pub(crate) tau_u: Vec<T>,
@@ -91,16 +90,16 @@ pub struct Workspace<T: Real> {
     pub(crate) kkt_rhs: Vec<T>,
     pub(crate) kkt_scale: Vec<T>,
 
-    // what is asked rarely: conditions, actuator maps, λ, Jacobians
+    // rare outputs: conditions, actuator maps, λ, Jacobians
     /// Square dense scratch.
     pub(crate) dense: Vec<T>,
     pub(crate) dense_rhs: Vec<T>,
     pub(crate) dense_spare: Vec<T>,
     /// One frame's Jacobian (6 × n_vy) {root axes at the frame}, by `plan/output.rs`.
     pub(crate) jacobian: Vec<T>,
-    /// Given numbers, and what is left of closures that were closed before, by `plan/closed.rs`.
+    /// Given numbers and precomputed closure results, by `plan/closed.rs`.
     pub(crate) closed: Vec<T>,
-    /// What doubtful answers are computed with again, for scalars that have it.
+    /// Scratch to compute doubtful answers again, for scalars that support it.
     pub(crate) probe: Option<Box<Probe>>,
     needs: Needs,
     /// The model that it was made for.
@@ -119,7 +118,7 @@ pub(crate) struct Needs {
 }
 
 impl Needs {
-    /// What either needs.
+    /// Union of two needs.
     pub(crate) fn and(self, other: Needs) -> Needs {
         Needs {
             mass_matrix: self.mass_matrix | other.mass_matrix,
@@ -129,7 +128,7 @@ impl Needs {
     }
 }
 
-impl<T: Scalar> Workspace<T> {
+impl<T: Real> Workspace<T> {
     /// Scratch for every plan on this model but those that force [`crate::Method::Kkt`]. Allocates;
     /// nothing after it does.
     pub fn new(model: &Model<T>) -> Workspace<T> {
@@ -142,7 +141,8 @@ impl<T: Scalar> Workspace<T> {
     /// The workspace's numbers of one cluster.
     #[inline(always)]
     pub(crate) fn local(&mut self, cluster: &Cluster<T>) -> Local<'_, T> {
-        let (q, v) = (cluster.coordinates(), cluster.velocities());
+        let q = cluster.coordinates();
+        let v = cluster.velocities();
         Local {
             start: &self.start[q.clone()],
             from_zero: false,
@@ -158,7 +158,8 @@ impl<T: Scalar> Workspace<T> {
 
     /// Poses of a cluster's bodies at q, into the scratch of closures.
     pub(crate) fn local_poses(&mut self, cluster: &Cluster<T>, bodies: &[Body<T>]) {
-        let (q, cos_sin) = (&self.q[cluster.coordinates()], &mut self.cos_sin[cluster.bodies()]);
+        let q = &self.q[cluster.coordinates()];
+        let cos_sin = &mut self.cos_sin[cluster.bodies()];
         closure::local_poses(cluster, bodies, q, cos_sin, &mut self.scratch.pose);
     }
 
@@ -173,7 +174,7 @@ impl<T: Scalar> Workspace<T> {
         self.close_from(model, c, level, false)
     }
 
-    /// The same; with `zero` where the start is the model's zero pose, because no other was given.
+    /// As `close`; `zero` is true if the start is the model's zero pose for lack of another.
     pub(crate) fn close_from(
         &mut self,
         model: &Model<T>,
@@ -193,7 +194,8 @@ impl<T: Scalar> Workspace<T> {
     #[inline]
     pub(crate) fn bring_start(&mut self, cluster: &Cluster<T>, numerical: &Numerical<T>) {
         let at = cluster.coordinates();
-        let (start, q) = (&mut self.start[at.clone()], &self.q[at]);
+        let start = &mut self.start[at.clone()];
+        let q = &self.q[at];
         numerical.turns.iter().for_each(|turn| turn.bring(start, q));
     }
 
@@ -207,12 +209,12 @@ impl<T: Scalar> Workspace<T> {
         self.needs.and(needs) == self.needs
     }
 
-    /// The same scratch for requests whose doubtful answers are computed again with this.
+    /// Adds scratch to compute doubtful answers again.
     pub(crate) fn with_probe(self, probe: Option<Box<Probe>>) -> Workspace<T> {
         Workspace { probe, ..self }
     }
 
-    /// The same scratch with room for so many given numbers and those of closures together.
+    /// Adds room for this many given numbers and closure results.
     pub(crate) fn with_room_for_closed(self, most: usize) -> Workspace<T> {
         Workspace { closed: vec![T::ZERO; most], ..self }
     }
@@ -221,7 +223,7 @@ impl<T: Scalar> Workspace<T> {
     pub(crate) fn sized(model: &Model<T>, needs: Needs) -> Workspace<T> {
         let sizes = model.sizes();
         let bodies = model.bodies.len();
-        let none = triples::zero::<T>();
+        let none = T::Triple::zero();
         let massless = Composite { mass: T::ZERO, h: none, inertia: T::Symmetric::ZERO };
         let of = |n: usize| vec![T::ZERO; n];
         let clusters = || model.clusters.iter();
@@ -265,7 +267,7 @@ impl<T: Scalar> Workspace<T> {
             columns: vec![(none, none); widest],
             inside: vec![(none, none); clusters().map(|c| c.n * c.n_vy).max().unwrap_or(0)],
             block: of(widest * widest),
-            alone: of(sizes.n_vy),
+            uncoupled_diagonal: of(sizes.n_vy),
             kkt: of(kkt * kkt),
             kkt_rhs: of(kkt),
             kkt_scale: of(kkt),
@@ -283,7 +285,7 @@ impl<T: Scalar> Workspace<T> {
 }
 
 /// More numbers than any plan needs of closures by Newton's method; none where there are none.
-pub(crate) fn most_closed<T: Scalar>(model: &Model<T>) -> usize {
+pub(crate) fn most_closed<T: Real>(model: &Model<T>) -> usize {
     let sizes = model.sizes();
     if model.closures.iter().all(Closure::is_closed_form) {
         return 0;
@@ -292,7 +294,7 @@ pub(crate) fn most_closed<T: Scalar>(model: &Model<T>) -> usize {
 }
 
 /// G blocks with the identity at every free joint, which no request changes.
-fn free_jacobians<T: Scalar>(model: &Model<T>) -> Vec<T> {
+fn free_jacobians<T: Real>(model: &Model<T>) -> Vec<T> {
     let mut G = vec![T::ZERO; model.n_g];
     for cluster in model.clusters.iter().filter(|c| c.is_serial()) {
         for k in 0..cluster.n_v {

@@ -1,9 +1,9 @@
-//! What a doubtful answer is computed with again, to see how many of its digits rounding left.
+//! Scratch to compute a doubtful answer again and count its sound digits.
 
 use sarrus_proto::{Field, MAX_WRENCHES};
 
 use crate::model::Model;
-use crate::scalar::{Real, Scalar, Stochastic};
+use crate::scalar::{Real, Stochastic};
 use crate::workspace::{Needs, Workspace};
 
 /// Longest output that a workspace for any plan has room for.
@@ -22,7 +22,7 @@ pub(crate) struct Probe {
 
 impl Probe {
     /// For plans of up to some size on this model, `None` for scalars without one. Allocates.
-    pub(crate) fn for_any_plan<T: Scalar>(model: &Model<T>, needs: Needs) -> Option<Box<Probe>> {
+    pub(crate) fn for_any_plan<T: Real>(model: &Model<T>, needs: Needs) -> Option<Box<Probe>> {
         let output = Field::ALL
             .iter()
             .fold(0_usize, |sum, field| sum.saturating_add(numbers(model, field, FRAMES)));
@@ -30,7 +30,7 @@ impl Probe {
     }
 
     /// For plans of up to these counts of numbers. Allocates.
-    pub(crate) fn new<T: Scalar>(
+    pub(crate) fn new<T: Real>(
         model: &Model<T>,
         needs: Needs,
         input: usize,

@@ -3,7 +3,7 @@
 use crate::Kernel;
 use crate::graph::Operation;
 
-/// What stands for the words of the templates where they are of one number.
+/// Replacements of the templates' words for a single number.
 const OF_ONE: [(&str, &str); 10] = [
     ("NAME", "@"),
     ("REAL", "double"),
@@ -16,7 +16,7 @@ const OF_ONE: [(&str, &str); 10] = [
     ("BITS_OF(", "sarrus_bits("),
     ("BITS", "uint64_t"),
 ];
-/// The same for rows.
+/// Replacements of the templates' words for rows.
 const OF_ROWS: [(&str, &str); 10] = [
     ("NAME", "@_rows"),
     ("REAL", "sarrus_rows"),
@@ -30,7 +30,7 @@ const OF_ROWS: [(&str, &str); 10] = [
     ("BITS", "sarrus_lanes"),
 ];
 
-/// Those that a kernel has.
+/// The elementary functions that a kernel uses.
 pub(super) fn elementary(kernel: &Kernel, of_rows: bool) -> String {
     let has = |is: fn(&Operation) -> bool| kernel.operations.iter().any(is);
     let mut text = String::new();

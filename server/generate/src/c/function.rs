@@ -19,7 +19,7 @@ use crate::{Kernel, Manifest};
 
 /// Numbers in a vector.
 const LANES: usize = 4;
-/// From how many on a loop is faster: what fills the vector is computed too.
+/// Number of repetitions from which a loop is faster: unused lanes of a vector are computed too.
 const WORTH: usize = 3;
 
 /// The function of a kernel.
@@ -33,7 +33,8 @@ pub(super) fn function(kernel: &Kernel, name: &str) -> String {
         text += include_str!("pair.c");
     }
     let late = late_angles(kernel);
-    let (angles, follow) = (HashMap::new(), HashMap::new());
+    let angles = HashMap::new();
+    let follow = HashMap::new();
     let used = vec![false; kernel.operations.len()];
     let lines = Vec::new();
     let statements = Body { kernel, pairs, lines, angles, late, follow, used }.statements();
@@ -59,13 +60,13 @@ fn late_angles(kernel: &Kernel) -> Vec<u32> {
 struct Body<'a> {
     kernel: &'a Kernel,
     pairs: Pairs<'a>,
-    /// What was written since it was last taken.
+    /// Text written since it was last taken.
     lines: Vec<String>,
     /// Where the sine and cosine of an angle stand.
     angles: HashMap<Term, String>,
     /// Arc tangents that are computed together.
     late: Vec<u32>,
-    /// What is stored as soon as a statement has been made.
+    /// Stores that follow the statement of their number at once.
     follow: HashMap<usize, Vec<String>>,
     /// Whether a number is used by anything but the table of inputs.
     used: Vec<bool>,
@@ -274,7 +275,7 @@ impl Body<'_> {
         self.line(format!("const double v{at} = {value};"));
     }
 
-    /// The same operation on two numbers.
+    /// One operation on a pair of numbers.
     fn pair(&mut self, x: u32, y: u32) {
         use Operation::*;
         let Some(operation) = self.kernel.operations.get(x as usize).copied() else { return };
@@ -331,7 +332,8 @@ impl Body<'_> {
     }
 
     fn two_angles(&mut self, name: &str, a: Term, b: Term) -> String {
-        let (a, b) = (self.angle(a), self.angle(b));
+        let a = self.angle(a);
+        let b = self.angle(b);
         let index = |place: &str| place.strip_prefix('[')?.strip_suffix(']')?.parse::<usize>().ok();
         match (index(&a), index(&b)) {
             (Some(k), Some(l)) if l == k + 1 => format!("sarrus_load2({name} + {k})"),
@@ -386,7 +388,7 @@ impl Body<'_> {
     }
 }
 
-/// What a stored number is computed from.
+/// The operands of a stored number.
 fn terms(value: Value) -> impl Iterator<Item = Term> {
     let list = match value {
         Value::Filling => [None, None],

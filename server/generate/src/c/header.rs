@@ -6,10 +6,11 @@ use sarrus_proto::Rows;
 use crate::Kernel;
 use crate::c::comment;
 
-/// Sizes and orders of what goes in and comes out.
+/// Sizes and orders of inputs and outputs.
 pub(super) fn header(kernel: &Kernel, model: &Model<f64>, name: &str) -> String {
     let upper = name.to_ascii_uppercase();
-    let (given, want) = (kernel.plan.given(), kernel.plan.want());
+    let given = kernel.plan.given();
+    let want = kernel.plan.want();
     let mut text = format!(
         "/* {name}: {} of the robot {}, fingerprint {:016x}, {} operations.\n   SI and radians. \
          Written by sarrus. */\n#ifndef {upper}_H\n#define {upper}_H\n\n",
@@ -59,7 +60,7 @@ pub(super) fn header(kernel: &Kernel, model: &Model<f64>, name: &str) -> String 
     text
 }
 
-/// What sarrus puts behind the given numbers, where a closure is by Newton's method.
+/// Inputs that sarrus appends to the given numbers where Newton's method closes a loop.
 fn closed_inputs(kernel: &Kernel, model: &Model<f64>, upper: &str) -> String {
     if !kernel.plan.closes_apart() {
         return String::new();
@@ -83,7 +84,8 @@ fn closed_inputs(kernel: &Kernel, model: &Model<f64>, upper: &str) -> String {
             _ => "their accelerations without those of the independents",
         };
         let rows = numbers.joints.len();
-        let (shape, joints) = (shape(rows, numbers.columns), comment(&numbers.joints.join(" ")));
+        let shape = shape(rows, numbers.columns);
+        let joints = comment(&numbers.joints.join(" "));
         text += &format!("/* {what}, {shape}: {joints} */\n");
         let name = numbers.name.to_ascii_uppercase();
         text += &format!("#define {upper}_CLOSED_{k}_{name} {offset}\n");
@@ -108,11 +110,12 @@ fn macro_name(field: Field) -> String {
     if same == 1 { upper(field) } else { field.name().to_owned() }
 }
 
-/// What the rows are, in their order, and the columns of matrices. What is wanted has the rows of
+/// The rows of fields, in their order, and the columns of matrices. Wanted fields have the rows of
 /// the joints that the query picks.
 fn names(kernel: &Kernel, slot: &Slot, is_wanted: bool) -> String {
     use Field::*;
-    let (info, query) = (&kernel.info, kernel.plan.query());
+    let info = &kernel.info;
+    let query = kernel.plan.query();
     let every = Query { n_joint_runs: 0, ..*query };
     let picked = Rows::of(if is_wanted { query } else { &every }, info);
     let joints = |names: &[String], picked: &[usize]| {

@@ -98,7 +98,7 @@ fn compared(comparison: Comparison, n: impl Fn(Term) -> String) -> String {
     }
 }
 
-/// The fused multiply-add with the signs of its product and of what is added.
+/// The fused multiply-add with the signs of its product and of its addend.
 fn fused(is_product_negated: bool, is_sum_negated: bool) -> &'static str {
     match (is_product_negated, is_sum_negated) {
         (false, false) => "fma",

@@ -1,8 +1,8 @@
 //! A long function as several.
 //!
-//! What compilers do with a function grows faster than its length, so a long one is divided: each
-//! part has a bounded number of statements, and what a later part needs of an earlier one goes
-//! through arrays, whose places are used again as soon as nobody needs them.
+//! Compile time grows faster than the length of a function, so a long one is divided. Each part has
+//! a bounded number of statements; numbers that a later part needs pass through arrays, whose slots
+//! are reused after their last use.
 
 use std::collections::HashMap;
 
@@ -26,7 +26,7 @@ const ARRAYS: [(&str, &str); 11] = [
 const KINDS: [(&str, &str); 3] =
     [("double", "one"), ("sarrus_pair", "two"), ("sarrus_rows", "rows")];
 
-/// The statements of a function: what comes first, the operations, and what comes last.
+/// The statements of a function: its beginning, the operations, and its end.
 pub(super) struct Statements {
     pub(super) head: Vec<String>,
     /// The lines of each operation, between which the function may be divided.
@@ -179,7 +179,8 @@ fn places(parts: &[Vec<String>]) -> (HashMap<&str, Place>, [usize; 3]) {
         }
     }
     let mut places = HashMap::new();
-    let (mut free, mut sizes) = ([const { Vec::new() }; 3], [0; 3]);
+    let mut free = [const { Vec::new() }; 3];
+    let mut sizes = [0; 3];
     // places that are free again from a part on
     let mut ends: Vec<Vec<Place>> = parts.iter().map(|_| Vec::new()).collect();
     let mut names = order.into_iter().peekable();

@@ -1,7 +1,7 @@
 //! `NAME_rows`: several states at once, each in a lane of every number.
 //!
 //! The operations of the function for one state in their order, without its pairs and tables: a
-//! vector is full here without them. A row that fails a check has its bit in what is returned.
+//! vector is full without them. A row that fails a check sets its bit of the return value.
 
 use std::collections::{HashMap, HashSet};
 
@@ -12,9 +12,9 @@ use crate::c::watches::Watches;
 use crate::c::{arithmetic, compared, fused, term};
 use crate::graph::{Operation, Term};
 
-/// The function for rows, and what it needs, where the compiler has vectors and is asked for it.
+/// The function for rows with its helpers, where the compiler has vectors and rows are requested.
 pub(super) fn rows(kernel: &Kernel, name: &str) -> String {
-    // as many lanes as the header says
+    // as many lanes as the header declares
     let mut text = format!("#define SARRUS_LANES {}_ROWS\n", name.to_ascii_uppercase());
     text += include_str!("rows.c");
     text += &elementary(kernel, true);
@@ -43,7 +43,7 @@ impl Body<'_> {
         let mut head: Vec<String> = head.map(str::to_owned).into();
         let mut watches = Watches::new(self.kernel);
         head.append(&mut watches.head);
-        // what looks at a number follows it
+        // the checks of a number follow it
         let mut follow: Vec<Vec<String>> = vec![Vec::new(); self.kernel.operations.len()];
         let mut after = |terms: [Option<Term>; 2], line: String| match terms
             .into_iter()
@@ -112,7 +112,8 @@ impl Body<'_> {
 
     /// Reads an input, and the one beside it, unless it came with that.
     fn input(&mut self, k: u32) -> Vec<String> {
-        let (first, apart) = (k & !1, self.kernel.inputs());
+        let first = k & !1;
+        let apart = self.kernel.inputs();
         match [first, first + 1].map(|k| self.inputs.remove(&k)) {
             [Some(a), Some(b)] => vec![
                 format!("sarrus_rows v{a}, v{b};"),

@@ -11,7 +11,7 @@ use crate::row::{Measure, Row};
 /// Numbers in a vector.
 const LANES: usize = 4;
 
-/// What is stored in an array.
+/// Numbers stored in an array.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Value {
     One(Measure),
@@ -149,7 +149,7 @@ impl Bounds {
 
     /// Where a number of `array` is out of its bounds, a mask of all bits in `mask`.
     fn statements(&self, mask: &str, table: &str, array: &str) -> Vec<String> {
-        // limits do not see what is no number, checks do
+        // limits do not notice NaN, checks do
         let outside = |x: &str, lower: &str, upper: &str| match mask {
             "over" => format!("({x} < {lower}) | ({x} > {upper})"),
             _ => format!("!(({x} >= {lower}) & ({x} <= {upper}))"),
@@ -171,7 +171,8 @@ impl Bounds {
             lines.push(format!("    {mask} |= sarrus_mask({});", outside(&x, &lower, &upper)));
         }
         for k in count..self.lower.len() {
-            let (lower, upper) = (literal(self.lower[k]), literal(self.upper[k]));
+            let lower = literal(self.lower[k]);
+            let upper = literal(self.upper[k]);
             let outside = outside(&format!("{array}[{k}]"), &lower, &upper);
             lines.push(format!("{mask} |= sarrus_mask({outside});"));
         }

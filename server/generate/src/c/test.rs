@@ -5,13 +5,15 @@ use sarrus_dynamics::{Model, Status, Workspace};
 use crate::c::literal;
 use crate::{Kernel, Outcome};
 
-/// A program that compares answers with those of the generic kernel, and says how long one takes.
+/// A program that compares answers with those of the generic kernel and prints the time of a call.
 pub(super) fn test(kernel: &Kernel, model: &Model<f64>, name: &str) -> String {
     let upper = name.to_ascii_uppercase();
     let count = kernel.golden.len();
     let mut workspace = Workspace::for_plans(model, [&kernel.plan]);
     let mut output = vec![0.0; kernel.outputs()];
-    let (mut inputs, mut outputs, mut codes) = (String::new(), String::new(), String::new());
+    let mut inputs = String::new();
+    let mut outputs = String::new();
+    let mut codes = String::new();
     for input in &kernel.golden {
         let code = match kernel.evaluate(input, &mut output) {
             Outcome::Ok => 0,

@@ -1,8 +1,8 @@
 //! The statements of `NAME_rows` that mark rows in which a number is out of its bounds.
 //!
-//! Numbers with the same bound are looked at together, an operation or two for each: what may not
-//! be large by the sum of the squares, which leaves a row to the plan somewhat early, and limits by
-//! the extremes.
+//! Numbers with the same bound are checked together, an operation or two for each: numbers that
+//! must not be large by the sum of their squares, which leaves a row to the plan somewhat early,
+//! and limits by the extremes.
 
 use crate::Kernel;
 use crate::c::literal;
@@ -14,7 +14,7 @@ use crate::row::{Measure, Row};
 #[derive(Default)]
 pub(super) struct Watches {
     pub(super) head: Vec<String>,
-    /// What follows the numbers of some terms.
+    /// The checks that follow the numbers of some terms.
     pub(super) lines: Vec<([Option<Term>; 2], String)>,
     pub(super) tail: Vec<String>,
 }
@@ -43,7 +43,7 @@ impl Watches {
         watches
     }
 
-    /// One side of the limits, which do not see what is no number.
+    /// One side of the limits, which do not notice NaN.
     fn limits(
         &mut self,
         limits: &[Row],

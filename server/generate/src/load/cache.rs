@@ -1,9 +1,9 @@
 //! Shared objects that were made once, in a folder of the user's.
 //!
-//! `COMPILER/FINGERPRINT-QUERY.so`, hashes of what it was made of: the compiler with its flags and
-//! the version and the revision of sarrus, the robot, the query. Nothing is believed because of its
-//! name: an object from here is compared with the hash behind it, checked like any other, and made
-//! again where it is refused.
+//! The path is `COMPILER/FINGERPRINT-QUERY.so`, hashes of its origin: the compiler with its flags
+//! and the version and the revision of sarrus, the robot, the query. A name proves nothing: an
+//! object from here is compared with the hash behind it, checked like any other, and made again
+//! where it is refused.
 
 use std::collections::hash_map::RandomState;
 use std::ffi::OsString;
@@ -27,7 +27,7 @@ use crate::{BuildError, Cancel, Compiler, FLAGS, GenerateError, Kernel, Source};
 
 /// Objects that are kept for one compiler.
 const KEPT: usize = 256;
-/// What folders of builds begin with.
+/// Prefix of the names of build folders.
 const BUILD: &str = ".build-";
 /// The file in it that its process locks.
 const LOCK: &str = "lock";
@@ -45,7 +45,7 @@ pub struct Cache {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CacheError {
-    /// Neither `XDG_CACHE_HOME` nor `HOME` says where.
+    /// Neither `XDG_CACHE_HOME` nor `HOME` is set.
     #[error("no folder for kernels: set HOME or XDG_CACHE_HOME")]
     Nowhere,
     /// It cannot be made or read.
@@ -53,10 +53,10 @@ pub enum CacheError {
     Io {
         /// The folder.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         error: io::Error,
     },
-    /// It belongs to somebody else, or others may write into it.
+    /// Another user owns it, or others may write into it.
     #[error("{}: not a folder that only this user may write; chmod 700 or remove it", .0.display())]
     Open(PathBuf),
 }
@@ -83,7 +83,7 @@ pub enum MakeError {
     /// The caller cancelled it.
     #[error("cancelled")]
     Cancelled,
-    /// What was made, or what is kept, is refused.
+    /// A new or a kept object is refused.
     #[error(transparent)]
     Load(#[from] LoadError),
     /// There is nowhere to keep it.
@@ -109,7 +109,7 @@ impl From<BuildError> for MakeError {
 pub enum Origin {
     /// It was kept.
     Kept,
-    /// It was made in this time; `refused` says why one that was kept is not used.
+    /// It was made in this time; `refused` is the reason why a kept one is not used.
     Made {
         /// From the plan to the checked kernel.
         time: Duration,
@@ -120,7 +120,7 @@ pub enum Origin {
     },
 }
 
-/// A kernel with what there is to say of it.
+/// A kernel with its origin.
 #[derive(Debug)]
 pub struct Made {
     /// The kernel.
@@ -152,7 +152,7 @@ impl Cache {
         &self.folder
     }
 
-    /// A kernel that is kept, by whichever compiler; runs no program. Allocates.
+    /// A kept kernel, made by any compiler; runs no program. Allocates.
     ///
     /// # Errors
     /// [`MakeError::NotKept`], [`MakeError::Load`], [`MakeError::Cache`].
@@ -235,10 +235,11 @@ impl Cache {
         let built = library(compiler, &source, name, &build.folder, COMPILE, cancel)?;
         let file = finished(&built, &path).map_err(|error| io_error(&path, error))?;
         let loaded = NativeKernel::load(&file?, model, plan)?;
-        // whoever reads sees the old one or the new one
+        // every reader gets either the old file or the new one
         fs::rename(&built, &path).map_err(|error| io_error(&path, error))?;
         remove_oldest(&folder);
-        let (time, operations) = (start.elapsed(), kernel.operations());
+        let time = start.elapsed();
+        let operations = kernel.operations();
         let origin = Origin::Made { time, operations, refused };
         Ok(Made { kernel: loaded, path, origin })
     }
@@ -265,8 +266,8 @@ fn writable(folder: &Path) -> Result<(), CacheError> {
     access.map_err(|error| io_error(there, error.into()))
 }
 
-/// Seals and reads a file that the compiler made with whatever mode the user's mask leaves; errors
-/// name the place where it will be kept.
+/// Seals and reads the compiler's file, whose mode depends on the user's mask; errors name the path
+/// under which it will be kept.
 fn finished(built: &Path, path: &Path) -> io::Result<Result<ObjectFile, LoadError>> {
     use std::os::unix::fs::PermissionsExt;
     fs::set_permissions(built, fs::Permissions::from_mode(0o600))?;
@@ -351,7 +352,7 @@ fn locked(folder: &Path) -> Option<File> {
     Some(file)
 }
 
-/// Whether whoever locked a folder has ended.
+/// Whether the process that locked a folder has ended.
 fn is_unlocked(folder: &Path) -> bool {
     let file = File::options().write(true).open(folder.join(LOCK));
     file.is_ok_and(|file| flock(&file, FlockOperation::NonBlockingLockExclusive).is_ok())
@@ -359,7 +360,7 @@ fn is_unlocked(folder: &Path) -> bool {
 
 impl Drop for Build {
     fn drop(&mut self) {
-        // what a compiler started may write until the system has ended it
+        // processes that a compiler started may write until the system has ended them
         for _ in 0..20 {
             match fs::remove_dir_all(&self.folder) {
                 Err(error) if error.kind() != io::ErrorKind::NotFound => {

@@ -10,11 +10,11 @@ pub(super) const STATES: u64 = 4096;
 /// First of the states; no tracer has seen it.
 const FRESH: u64 = 9_000_000;
 
-/// What a kernel answered, all as the plan does.
+/// Counts of a kernel's answers, all equal to the plan's.
 pub(super) struct Compared {
     /// How many states.
     pub(super) answered: u64,
-    /// How many rows of them the function for rows left, which may, for what it looks at together.
+    /// Number of rows that the function for rows left to the plan, as its combined checks allow.
     left: u64,
 }
 
@@ -25,7 +25,7 @@ impl Compared {
     }
 }
 
-/// What the kernel answered; or the first state that it answered otherwise, and how.
+/// The counts of the kernel's answers; or the first state with another answer, and the difference.
 pub(super) fn compare(
     kernel: &NativeKernel,
     model: &Model<f64>,
@@ -35,7 +35,8 @@ pub(super) fn compare(
     let [mut expected, mut output] = [(); 2].map(|()| vec![0.0; plan.want().len()]);
     let mut inputs = RandomInputs::new(model, plan);
     let mut group = Group::default();
-    let (mut answered, mut left) = (0, 0);
+    let mut answered = 0;
+    let mut left = 0;
     for k in 0..STATES {
         let mut input = inputs.input(FRESH + k);
         disturb(&mut input, k);
@@ -55,7 +56,7 @@ pub(super) fn compare(
     Ok(Compared { answered, left })
 }
 
-/// What differs between two answers.
+/// The difference between two answers.
 fn same(
     (answer, output): (Answer, &[f64]),
     (right, expected): (Answer, &[f64]),
@@ -87,8 +88,8 @@ impl Group {
         self.output.extend(output);
     }
 
-    /// As soon as there are enough of them the function for rows must answer as that for one does,
-    /// or leave what it looks at together; how many it left.
+    /// Once there are enough states, the function for rows must answer as the function for one
+    /// does, or leave the row because of its combined checks; returns the number of rows left.
     fn compare(&mut self, kernel: &NativeKernel) -> Result<u64, String> {
         let rows = kernel.rows();
         if rows == 1 || self.answers.len() < rows {
@@ -113,9 +114,10 @@ impl Group {
     }
 }
 
-/// One state in eight is at rest, has zeros of both signs, is far out, or holds what is no number.
+/// One state in eight is at rest, has zeros of both signs, is far out, or holds NaN or an infinity.
 fn disturb(input: &mut [f64], k: u64) {
-    let (n, place) = (input.len(), k as usize / 64);
+    let n = input.len();
+    let place = k as usize / 64;
     if n == 0 {
         return;
     }

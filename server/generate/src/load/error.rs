@@ -12,13 +12,13 @@ pub enum LoadError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         error: io::Error,
     },
     /// It is a folder or a device.
     #[error("{}: no file; expected a shared object of `sarrus generate`", .0.display())]
     NoFile(PathBuf),
-    /// It belongs to somebody else, who could put anything into it.
+    /// Another user owns it and could replace its contents.
     #[error(
         "{}: belongs to user {owner}, and code is loaded from files of user {user} or of root \
          only; copy it",
@@ -95,7 +95,7 @@ pub enum LoadError {
     Loader {
         /// The file.
         path: PathBuf,
-        /// What the loader says.
+        /// The loader's message.
         reason: String,
     },
     /// Its hash is not that of its bytes, or is missing.

@@ -21,7 +21,7 @@ const OTHERS_WRITE: u32 = 0o022;
 /// Before the hash behind the bytes of a file that is kept.
 const SUM: &str = "sarrus fnv1a_64 ";
 
-/// A shared object that was read: what it says of itself, and its bytes. Nothing of it has run.
+/// A shared object that was read: its manifest and its bytes. None of its code has run.
 #[derive(Clone, Debug)]
 pub struct ObjectFile {
     path: PathBuf,
@@ -31,7 +31,7 @@ pub struct ObjectFile {
 }
 
 impl ObjectFile {
-    /// Reads a file of this user or of root that nobody else may write.
+    /// Reads a file of this user or of root that no other user may write.
     ///
     /// # Errors
     /// [`LoadError`]: it cannot be read, others could have written it, it is no object
@@ -60,16 +60,17 @@ impl ObjectFile {
     /// Reads a file whose mode has none of these bits.
     fn read_as((from, refused): (&Path, u32), path: &Path) -> Result<ObjectFile, LoadError> {
         let failed = |error: io::Error| LoadError::Io { path: path.to_owned(), error };
-        // a pipe would wait for whoever writes to it
+        // opening a pipe would wait for a writer
         let flags = OFlags::RDONLY | OFlags::CLOEXEC | OFlags::NONBLOCK;
         let file = rustix::fs::open(from, flags, rustix::fs::Mode::empty());
         let file = File::from(file.map_err(|error| failed(error.into()))?);
-        // of the open file: what is checked is what is read
+        // of the open file: the checked file is the one that is read
         let about = file.metadata().map_err(failed)?;
         if !about.is_file() {
             return Err(LoadError::NoFile(path.to_owned()));
         }
-        let (owner, user) = (about.uid(), rustix::process::geteuid().as_raw());
+        let owner = about.uid();
+        let user = rustix::process::geteuid().as_raw();
         if owner != user && owner != 0 {
             return Err(LoadError::Owner { path: path.to_owned(), owner, user });
         }
@@ -96,7 +97,7 @@ impl ObjectFile {
         Ok(ObjectFile { path: path.to_owned(), bytes, manifest, text })
     }
 
-    /// What it says of itself.
+    /// Its manifest.
     pub fn manifest(&self) -> &Manifest {
         &self.manifest
     }
@@ -111,8 +112,9 @@ impl ObjectFile {
     /// # Errors
     /// [`LoadError::WrongRobot`], [`LoadError::WrongQuery`].
     pub(super) fn plan(&self, model: &Model<f64>) -> Result<Plan, LoadError> {
-        let (path, manifest) = (|| self.path.clone(), &self.manifest);
-        // the query of another robot may name what is not there
+        let path = || self.path.clone();
+        let manifest = &self.manifest;
+        // the query of another robot may name links that this one lacks
         if manifest.fingerprint != model.fingerprint() {
             return Err(LoadError::WrongRobot {
                 path: path(),
@@ -129,9 +131,8 @@ impl ObjectFile {
         &self.text
     }
 
-    /// A copy in memory that nobody can change, with a path for the system's loader: the file may
-    /// be written or cut short as soon as it was read, and code that runs must not change under
-    /// the thread that runs it.
+    /// A sealed copy in memory, with a path for the system's loader: the file may be written or cut
+    /// short after it was read, and running code must not change under its thread.
     pub(super) fn sealed(&self) -> io::Result<(OwnedFd, PathBuf)> {
         let flags = MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING;
         let mut file = File::from(memfd_create("sarrus_kernel", flags)?);
@@ -143,7 +144,7 @@ impl ObjectFile {
     }
 }
 
-/// What stands behind the bytes of a file that is kept.
+/// The hash behind the bytes of a kept file.
 pub(super) fn sum(bytes: &[u8]) -> String {
     format!("{SUM}{:016x}\n", fnv1a_64(bytes))
 }
@@ -166,7 +167,8 @@ fn is_whole(bytes: &[u8]) -> bool {
         |from: u64, size: u64| from.checked_add(size).is_some_and(|end| end <= bytes.len() as u64);
     let whole = || -> Option<bool> {
         let kind = bytes.get(..6)? == [0x7f, b'E', b'L', b'F', CLASS_64, ORDER];
-        let (programs, sections) = (number(0x20, 8)?, number(0x28, 8)?);
+        let programs = number(0x20, 8)?;
+        let sections = number(0x28, 8)?;
         let [program_size, n_programs] = [number(0x36, 2)?, number(0x38, 2)?];
         let [section_size, n_sections] = [number(0x3a, 2)?, number(0x3c, 2)?];
         let mut inside = kind

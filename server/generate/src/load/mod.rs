@@ -1,9 +1,9 @@
 //! Kernels from shared objects: read, checked, loaded, compared with the generic kernels, called.
 //!
-//! What is believed of a file grows step by step, and each step may refuse it: whose it is and that
-//! it is whole (`file.rs`); what it says of itself (`crate::Manifest`), against the robot and the
-//! plan; the system's loader (`object.rs`, the only place that runs what is not ours); its answers,
-//! bit by bit (`check.rs`). What was made once is kept by [`Cache`].
+//! Trust in a file grows step by step, and each step may refuse it: its owner and that it is whole
+//! (`file.rs`); its manifest (`crate::Manifest`), against the robot and the plan; the system's
+//! loader (`object.rs`, the only place that runs foreign code); its answers, bit by bit
+//! (`check.rs`). [`Cache`] keeps compiled kernels.
 
 mod build;
 mod cache;

@@ -11,11 +11,11 @@ use super::object::Object;
 use crate::Manifest;
 use crate::manifest::bare_query;
 
-/// What generated functions return.
+/// Return values of generated functions.
 const OK: i32 = 0;
 const LIMITS_EXCEEDED: i32 = 1;
 
-/// What became of rows, one bit for each.
+/// Return values for rows, one bit for each.
 pub(super) struct RowBits {
     /// Rows without an answer, and rows out of limits.
     left: u32,
@@ -43,8 +43,8 @@ impl NativeKernel {
     pub const STATES: u64 = STATES;
 
     /// Reads, checks and loads the shared object of a plan on the model that it was made for, and
-    /// compares its answers with the plan's on thousands of states, in a thread that ends with it:
-    /// what loading changes of how a thread computes is gone with the thread. Allocates.
+    /// compares its answers with the plan's on thousands of states, in a thread of its own: changes
+    /// of the floating-point environment at loading end with that thread. Allocates.
     ///
     /// # Errors
     /// [`LoadError`] with the reason; nothing of it stays loaded.
@@ -52,7 +52,7 @@ impl NativeKernel {
         NativeKernel::load(&ObjectFile::read(path)?, model, plan)
     }
 
-    /// The same for the plan that the file itself names. Allocates.
+    /// As [`NativeKernel::open`], for the plan that the file itself names. Allocates.
     ///
     /// # Errors
     /// As [`NativeKernel::open`].
@@ -62,7 +62,7 @@ impl NativeKernel {
         NativeKernel::load(&file, model, &plan)
     }
 
-    /// The same of a file that was read.
+    /// As [`NativeKernel::open`], of a file that was read.
     ///
     /// # Errors
     /// As [`NativeKernel::open`].
@@ -71,7 +71,8 @@ impl NativeKernel {
         model: &Model<f64>,
         plan: &Plan,
     ) -> Result<NativeKernel, LoadError> {
-        let (path, manifest) = (|| file.path().to_owned(), file.manifest());
+        let path = || file.path().to_owned();
+        let manifest = file.manifest();
         file.plan(model)?;
         let sizes = [plan.given().len() + plan.closed_len(), plan.want().len()];
         if manifest.query != bare_query(plan.query())
@@ -118,10 +119,10 @@ impl NativeKernel {
         }
     }
 
-    /// The plan's answer, to the bit, or `None` where the plan has to be asked: `output` is then
-    /// without meaning. `model` and `plan` are those that it was loaded with: of others it has the
-    /// numbers of its own. What Newton's method closes is closed by the plan. Never allocates,
-    /// locks, or calls the system.
+    /// The plan's answer, to the bit, or `None` where the plan has to be run: `output` is then
+    /// undefined. `model` and `plan` must be those that the kernel was loaded with, whose numbers
+    /// it holds. The plan closes loops by Newton's method. Never allocates, locks, or calls the
+    /// system.
     #[inline]
     pub fn answer(
         &self,
@@ -157,7 +158,8 @@ impl NativeKernel {
         output: &mut [f64],
         answers: &mut [Answer],
     ) -> usize {
-        let (n_in, n_out) = (plan.given().len(), plan.want().len());
+        let n_in = plan.given().len();
+        let n_out = plan.want().len();
         let rows = answers.len();
         if Some(input.len()) != rows.checked_mul(n_in)
             || Some(output.len()) != rows.checked_mul(n_out)
@@ -165,7 +167,8 @@ impl NativeKernel {
             scratch.run(plan, input, output, answers);
             return 0;
         }
-        let (mut by_kernel, mut first) = (0, 0);
+        let mut by_kernel = 0;
+        let mut first = 0;
         while first < rows {
             let count = (rows - first).min(self.rows());
             let input = &input[first * n_in..][..count * n_in];
@@ -195,15 +198,15 @@ impl NativeKernel {
         by_kernel
     }
 
-    /// What the function for rows says of as many closed ones as it takes; those in `open` are
-    /// not closed.
+    /// The result of the function for rows on a full set of closed rows; those in `open` are not
+    /// closed.
     #[inline]
     pub(super) fn bits(&self, closed: &[f64], output: &mut [f64], open: u32) -> Option<RowBits> {
         let bits = self.object.call_rows(closed, output)? as u32;
         Some(RowBits { left: bits | open, beyond: bits >> self.object.rows() })
     }
 
-    /// What it says of itself.
+    /// Its manifest.
     pub fn manifest(&self) -> &Manifest {
         &self.manifest
     }

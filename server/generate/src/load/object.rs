@@ -1,8 +1,8 @@
 //! The one place that runs code which the Rust compiler has not seen.
 //!
-//! Loading an object runs whatever it says is to be run at loading, with the rights of this
-//! process; no check of ours can tell what that is. It is done only for files that this user or
-//! root wrote, after all that can be read off them was found right, and SECURITY.md says so.
+//! Loading an object runs its initialisers with the rights of this process; no check of ours can
+//! find out their effect. Only files that this user or root wrote are loaded, after every check
+//! that reading the file allows; SECURITY.md states this.
 // lint: the system's loader and the function behind a pointer cannot be called in safe Rust; this
 // file holds all unsafe code of the crate
 #![allow(unsafe_code)]
@@ -27,8 +27,8 @@ pub(super) struct Object {
     of_rows: Option<(Function, usize)>,
     inputs: usize,
     outputs: usize,
-    /// Dropped before the descriptor under whose number it was loaded: as long as it is there no
-    /// other object can have the same path, by which the loader tells objects apart.
+    /// Dropped before the descriptor under whose number it was loaded: while the descriptor is open
+    /// no other object can have the same path, by which the loader identifies objects.
     _library: Library,
     _file: OwnedFd,
 }
@@ -41,15 +41,15 @@ impl Object {
         let (descriptor, sealed) = file
             .sealed()
             .map_err(|error| refused(format!("no memory that can be sealed: {error}")))?;
-        // SAFETY: what the object runs at loading is trusted as far as the file's owner is: the
-        // user of this process or root. Its parts lie within the file, which nobody can change.
+        // SAFETY: the object's initialisers are trusted as far as the file's owner is: the user of
+        // this process or root. Its parts lie within the file, which is sealed.
         let library = unsafe { Library::open(Some(&sealed), RTLD_NOW | RTLD_LOCAL) };
         let library = library.map_err(|error| refused(error.to_string()))?;
         if !keeps_small_numbers() {
             return Err(LoadError::ChangesRounding(path()));
         }
 
-        // what was loaded says what the file said
+        // the loaded manifest equals the file's
         // SAFETY: the symbol is an array of characters; its address is all that is taken here.
         let text = unsafe { library.get::<*const c_char>(SYMBOL.as_bytes()) };
         let text = text.map_err(|error| refused(error.to_string()))?;
@@ -66,12 +66,14 @@ impl Object {
         let mut of_rows = None;
         if manifest.rows > 0 {
             let name = format!("{}_rows{}", manifest.function, manifest.rows);
-            // SAFETY: and where they say so another one of the same type under this name.
+            // SAFETY: where the manifest declares it, another symbol of the same type under this
+            // name.
             let function = unsafe { library.get::<Function>(name.as_bytes()) };
             let function = *function.map_err(|error| refused(error.to_string()))?;
             of_rows = Some((function, manifest.rows));
         }
-        let (inputs, outputs) = (manifest.inputs, manifest.outputs);
+        let inputs = manifest.inputs;
+        let outputs = manifest.outputs;
         Ok(Object { function, of_rows, inputs, outputs, _library: library, _file: descriptor })
     }
 
@@ -86,8 +88,8 @@ impl Object {
         self.of_rows.map_or(0, |(_, rows)| rows)
     }
 
-    /// Calls the function for rows: what it returns, or `None` where there is none, or the sizes
-    /// are not its own. Never allocates.
+    /// Calls the function for rows and returns its result, or `None` where there is none, or the
+    /// sizes are not its own. Never allocates.
     #[inline]
     pub(super) fn call_rows(&self, input: &[f64], output: &mut [f64]) -> Option<c_int> {
         let (function, rows) = self.of_rows?;
@@ -99,7 +101,7 @@ impl Object {
         })
     }
 
-    /// Calls the function: what it returns, or `None` where the sizes are not its own. Never
+    /// Calls the function and returns its result, or `None` where the sizes are not its own. Never
     /// allocates.
     #[inline]
     pub(super) fn call(&self, input: &[f64], output: &mut [f64]) -> Option<c_int> {

@@ -1,4 +1,4 @@
-//! What the header of generated C says, and what happens to programs that include it.
+//! The header of generated C, and programs that include it.
 
 use std::path::PathBuf;
 use std::process::Command;

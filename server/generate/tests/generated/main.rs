@@ -55,7 +55,7 @@ fn queries() -> [(&'static str, Query); 3] {
     ]
 }
 
-/// The same queries with a guess for Newton's method; that of the state with its velocity.
+/// Those queries with a guess for Newton's method: that of the state with its velocity.
 fn warm_queries() -> [(&'static str, Query); 3] {
     queries().map(|(name, mut query)| {
         let guess = if name == "state" {
@@ -92,7 +92,7 @@ impl<'a> Comparison<'a> {
         Comparison { model, plan, workspace, output, compared: Compared::default() }
     }
 
-    /// What goes into the code: with what is left of closures by Newton's method, if they can be
+    /// The input of the code, with the results of closures by Newton's method, if they can be
     /// closed.
     fn closed(&mut self, input: &[f64]) -> Option<Vec<f64>> {
         self.plan.close(self.model, &mut self.workspace, input).map(<[f64]>::to_vec)
@@ -143,7 +143,7 @@ fn states<'a>(
     })
 }
 
-/// What traced code answers of these states, each with the kernels' bits.
+/// Answers of traced code for these states, each with the kernels' bits.
 fn evaluated(model: &Model<f64>, plan: &Plan, inputs: impl Iterator<Item = Vec<f64>>) -> Compared {
     let kernel = Kernel::trace(model, plan).unwrap();
     let mut comparison = Comparison::new(model, plan);
@@ -166,7 +166,7 @@ fn folder(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name)
 }
 
-/// What a test program answers to states, one by one (`states`) or several at once (`rows`).
+/// Answers of a test program for states, one by one (`states`) or several at once (`rows`).
 fn answers(
     program: &Path,
     how: &str,
@@ -222,7 +222,8 @@ fn queries_compared_in_c(
         let seconds = start.elapsed().as_secs_f64();
         let words = built.test().unwrap();
         let mut comparison = Comparison::new(model, &plan);
-        let (mut unclosed, mut early) = (0, 0);
+        let mut unclosed = 0;
+        let mut early = 0;
         for first in (0..count).step_by(CHUNK) {
             let here = first..count.min(first + CHUNK as u64);
             let states = states(model, &plan, here);
@@ -235,7 +236,7 @@ fn queries_compared_in_c(
             let inputs = states.iter().filter(|x| x.0.is_some()).map(|x| &x.1);
             for ((input, (outcome, output)), row) in inputs.zip(answers).zip(abreast) {
                 comparison.compare(input, outcome, &output);
-                // what is looked at together leaves a row early
+                // combined checks leave a row early
                 let is_answered = row.0 != Outcome::NotAnswered;
                 early += u64::from(!is_answered && outcome != Outcome::NotAnswered);
                 assert!(outcome == row.0 || !is_answered, "{input:?}");
@@ -359,7 +360,7 @@ fn c_of_every_robot_has_the_bits_of_the_kernels_on_a_million_states() {
 #[test]
 fn sanitizers_find_nothing() {
     let sanitizers = ["-fsanitize=undefined,address", "-fno-sanitize-recover=all"];
-    // an empty program says whether the compiler has them
+    // an empty program shows whether the compiler has them
     let text = "int main(void) { return 0; }\n".to_owned();
     let empty = Source {
         name: "empty".to_owned(),
@@ -437,7 +438,8 @@ fn chain_of_lambdas(n: usize) -> Model<f64> {
     let inertial = |y: f64, mass: f64| {
         Inertial::new(mass, [0.0, y, 0.01], [0.004, 0.0, 0.0, 0.002, 0.0, 0.005])
     };
-    let (x, y) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
+    let x = [1.0, 0.0, 0.0];
+    let y = [0.0, 1.0, 0.0];
     let mut robot = DescriptionBuilder::new(format!("{n} lambdas"));
     let mut on = LinkId::BASE;
     for k in 0..n {

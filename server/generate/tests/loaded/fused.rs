@@ -25,7 +25,9 @@ fn arm(seed: u64) -> Model<f64> {
     let mut link = LinkId::BASE;
     for k in 0..2 + random.usize(0..3) {
         let mut three = || [(); 3].map(|()| (20.0 * random.f64() - 10.0).round() / 10.0);
-        let (origin, rpy, at) = (three(), three(), three());
+        let origin = three();
+        let rpy = three();
+        let at = three();
         let axis = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]][random.usize(0..3)];
         let bob = Inertial::new(1.0 + random.f64(), at, [0.02, 0.0, 0.0, 0.03, 0.0, 0.04]);
         let joint = robot.revolute(format!("joint{k}"), link, axis).origin(origin).rpy(rpy);

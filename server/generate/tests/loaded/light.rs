@@ -1,4 +1,4 @@
-//! Robots so light that what may not be large nearly is.
+//! Robots so light that the numbers of combined checks nearly reach their bound.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! Shared objects: what is loaded, what is refused and why, what is kept.
+//! Shared objects: loading, refusals with their reasons, keeping.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 mod fused;
@@ -103,14 +103,15 @@ fn a_loaded_kernel_has_the_bits_of_the_plan_and_leaves_it_what_it_cannot_answer(
     let manifest = kernel.manifest();
     assert_eq!((manifest.robot.as_str(), manifest.function.as_str()), (model.name(), "elbow"));
     assert!(manifest.compiler.contains('.'), "{manifest:?}");
-    // the file may go, and be another one: what was loaded stays
+    // the file may be replaced: the loaded object stays
     fs::write(&path, "nothing").unwrap();
     let mut workspace = Workspace::for_plans(&model, [&plan]);
-    let (mut found, mut expected) = ([0.0], [0.0]);
+    let mut found = [0.0];
+    let mut expected = [0.0];
     let mut answered = 0;
     for k in 0..10_000 {
         let mut input = random_input(model.info(), plan.given(), 77_000_000 + k);
-        // what is no number is left to the plan
+        // NaN is left to the plan
         if k % 10 == 0 {
             input[1] = f64::NAN;
         }
@@ -135,7 +136,8 @@ fn what_is_not_the_kernel_of_a_plan_is_refused_with_the_reason() {
     if compiler().is_none() {
         return;
     }
-    let (lambda, other) = (model("lambda"), model("parallelogram"));
+    let lambda = model("lambda");
+    let other = model("parallelogram");
     let own = plan(&lambda, Field::TauU);
     let folder = folder("refused");
     let path = built((&lambda, &own), &folder, &[], |function| function);
@@ -174,7 +176,7 @@ fn what_is_not_the_kernel_of_a_plan_is_refused_with_the_reason() {
     let error = damaged("later.so", &later);
     assert!(matches!(error, LoadError::NoKernel(_)), "{error}");
 
-    // for a processor that nobody has
+    // for a processor that does not exist
     let place = bytes.windows(5).position(|window| window == b"avx2 ");
     if let Some(at) = place {
         let mut newer = bytes.clone();
@@ -273,7 +275,7 @@ fn what_was_made_once_is_kept_and_what_was_changed_is_made_again() {
     assert!(matches!(make().origin, Origin::Kept));
     assert!(cache.find(&lambda, &plan).is_ok());
 
-    // nobody else can write it, and nothing else is left
+    // no other user can write it, and nothing else is left
     let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
     let compiled = made.path.parent().unwrap();
     assert_eq!([mode(cache.folder()), mode(compiled), mode(&made.path)], [0o700, 0o700, 0o600]);
@@ -301,7 +303,8 @@ fn what_was_made_once_is_kept_and_what_was_changed_is_made_again() {
     }
     assert!(matches!(make().origin, Origin::Made { refused: Some(LoadError::Damaged(_)), .. }));
 
-    // what was used is the newest, and what an ended process left goes at once or after an hour
+    // the object used last is the newest, and leftovers of an ended process go at once or after an
+    // hour
     let long_ago = SystemTime::now() - Duration::from_secs(7200);
     let old = |path: &Path| fs::File::open(path).unwrap().set_modified(long_ago).unwrap();
     old(&made.path);
@@ -375,7 +378,7 @@ fn kernels_of_every_size_have_the_bits_of_their_plans_and_their_times_are_printe
                 kernel.answer((&model, &plan), &mut workspace, input, &mut found).is_some()
             };
             let served: Vec<&Vec<f64>> = inputs.iter().filter(&mut is_served).collect();
-            // by turns, so that what else runs here disturbs both
+            // by turns, so that other load disturbs both
             let [mut generic, mut generated] = [f64::INFINITY; 2];
             for _ in 0..40 {
                 let out = &mut expected;

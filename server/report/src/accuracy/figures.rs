@@ -8,7 +8,7 @@ use crate::peer;
 use crate::reference::{References, layout, only_q};
 use crate::robots::{Question, Robot, Start, Subject};
 
-/// What a peer adds to a figure; of a state it finds q alone.
+/// The series that a peer adds to a figure; of a state it computes q alone.
 pub(super) fn of_peer(
     robot: &Robot,
     references: &mut References<'_>,

@@ -11,7 +11,7 @@ use crate::measure::timing::{Timed, interleaved};
 use crate::reference::{References, layout, worse};
 use crate::robots::{Question, Robot};
 
-/// What a method with one setting costs and what it is worth.
+/// Time and error of a method with one setting.
 #[derive(Clone, Debug)]
 pub(super) struct Measured {
     pub(super) question: Question,
@@ -82,7 +82,9 @@ fn errors(
     let want = layout(robot, question);
     let exact = &robot.variants[place].compiled.exact;
     let mut form = (question == Question::State).then(|| ImplicitForm::new(exact));
-    let (mut worst, mut residual, mut fault) = (0.0_f64, 0.0_f64, None);
+    let mut worst = 0.0_f64;
+    let mut residual = 0.0_f64;
+    let mut fault = None;
     for state in 0..method.runner.states() {
         let status = method.runner.call(state);
         if status != Status::Ok {

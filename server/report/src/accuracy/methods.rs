@@ -13,7 +13,6 @@ use crate::robots::{Question, Start, Subject, Variant};
 const TOLERANCES: [f64; 13] =
     [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14, 1e-15];
 const FEW_TOLERANCES: [f64; 5] = [1e-3, 1e-6, 1e-9, 1e-12, 1e-15];
-const TOLERANCES_IN_SINGLE: [f64; 3] = [1e-2, 1e-3, 1e-4];
 /// Bounded steps, from a closed pose nearby and from that at zero.
 const STEPS: [u32; 5] = [1, 2, 3, 4, 6];
 const STEPS_FROM_ZERO: [u32; 6] = [1, 2, 3, 4, 6, 8];
@@ -23,10 +22,10 @@ const LARGEST_SQUARE: usize = 100;
 /// A method with one setting.
 pub(super) struct Method {
     pub(super) question: Question,
-    /// Its name in the legend and what is set.
+    /// Its name in the legend and its setting.
     pub(super) series: String,
     pub(super) label: String,
-    /// What a user gets without asking for anything special.
+    /// The defaults.
     pub(super) default: bool,
     /// Which variant of the robot it is, and where its Newton's method starts.
     pub(super) place: usize,
@@ -44,7 +43,7 @@ struct Closing<'a> {
     default: bool,
 }
 
-/// What is collected.
+/// The methods collected so far.
 struct Methods<'a> {
     robot: &'a Robot,
     all: Vec<Method>,
@@ -83,18 +82,13 @@ pub(super) fn of_robot(robot: &Robot) -> Outcome<Vec<Method>> {
 }
 
 impl Methods<'_> {
-    /// Closed forms, or what the robot's file says.
+    /// Closed forms, or the closures of the robot's file.
     fn given(&mut self, closing: Closing<'_>) -> Outcome {
         let model = &closing.variant.compiled.model;
-        let single = model.convert(|x| x as f32);
         for question in [Question::State, Question::InverseDynamics] {
             self.ask(&closing, model, question, "double", "", closing.default)?;
-            self.ask(&closing, &single, question, "single", "", false)?;
         }
         self.forward(&closing, model, "", closing.default)?;
-        for method in [Forward::Recursion, Forward::Projection] {
-            self.ask(&closing, &single, Question::Forced(method), "single", "", false)?;
-        }
         if model.sizes().n_v <= LARGEST_SQUARE {
             self.implicit(&closing, model, "")?;
         }
@@ -142,23 +136,6 @@ impl Methods<'_> {
                     false,
                 )?;
             }
-        }
-        let single = model.convert(|x| x as f32);
-        for tolerance in TOLERANCES_IN_SINGLE {
-            let label = format!("tolerance {tolerance:.0e}");
-            self.ask(
-                &closing,
-                &single.with_tolerance(tolerance, 10),
-                Question::State,
-                "single",
-                &label,
-                false,
-            )?;
-        }
-        for question in
-            [Question::State, Question::InverseDynamics, Question::Forced(model.forward_method())]
-        {
-            self.ask(&closing, &single, question, "single", "usual end", false)?;
         }
         Ok(())
     }
@@ -253,7 +230,8 @@ impl Methods<'_> {
         let runner = Box::new(Implicit::new(model, self.robot, closing.place, closing.start)?);
         let label = if label.is_empty() { "usual" } else { label }.to_owned();
         let series = format!("implicit form with Baumgarte, {}, double", closing.name);
-        let (question, default) = (Question::ForwardDynamics, false);
+        let question = Question::ForwardDynamics;
+        let default = false;
         self.all.push(Method {
             question,
             series,

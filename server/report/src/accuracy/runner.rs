@@ -1,4 +1,4 @@
-//! What is called: a plan over any scalar, or the implicit form after a closing.
+//! The timed calls: a plan over any scalar, or the implicit form after a closing.
 
 use std::hint::black_box;
 
@@ -19,7 +19,7 @@ pub(super) trait Runner {
     fn states(&self) -> usize;
     /// One call.
     fn call(&mut self, state: usize) -> Status;
-    /// What the last call answered, in the order of the question's fields.
+    /// The numbers of the last answer, in the order of the question's fields.
     fn answer(&self) -> Vec<f64>;
 }
 

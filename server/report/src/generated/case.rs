@@ -1,4 +1,4 @@
-//! What is timed: a plan, alone or with its code, one state after the other or all at once.
+//! The timed calls: a plan, alone or with its code, one state after the other or all at once.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -47,7 +47,7 @@ impl<'a> Case<'a> {
         }
     }
 
-    /// The same with all states at once.
+    /// The case that answers all states at once.
     pub(super) fn in_rows(self, model: &Arc<Model>) -> Case<'a> {
         let unknown = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
         let rows = Rows {

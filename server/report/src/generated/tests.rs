@@ -11,7 +11,8 @@ fn code_of_a_robot_is_measured_and_what_has_none_says_why() {
     let fails = Compiler::named("true", &Cancel::default()).unwrap();
     let amount = Amount { rounds: Duration::from_millis(50), of_peer: 0.001, ..Amount::QUICK };
     for (compiler, coded) in [(compiler, true), (fails, false)] {
-        let (mut rows, mut refused) = (Vec::new(), Vec::new());
+        let mut rows = Vec::new();
+        let mut refused = Vec::new();
         for name in ["lambda", "wrist"] {
             let robot = Robot::load(Subject::Bundled(name), 4).unwrap();
             of_robot(&robot, &amount, &compiler, &mut rows, &mut refused).unwrap();

@@ -26,7 +26,8 @@ pub(super) fn energy(effort: &Effort) -> Outcome<(Figure, String)> {
     let start = Start::Independent { y: vec![0.3], yd: vec![0.0], guess: None };
     let steps = STEPS[usize::from(effort.quick)];
     let duration = f64::from(steps) * STEP;
-    let (mut series, mut reported) = (Vec::new(), Vec::new());
+    let mut series = Vec::new();
+    let mut reported = Vec::new();
     for method in Method::ALL.into_iter().filter(|method| !method.is_implicit_form()) {
         let step = method.is_fixed().then_some(STEP);
         let every = Some(duration / f64::from(SAMPLES));

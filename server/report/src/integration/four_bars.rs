@@ -29,7 +29,8 @@ pub fn four_bars(n: usize) -> Source {
         );
         names.push(format!("A{i}"));
         if i < n {
-            let (parent, child) = (format!("crank{i}"), format!("coupler{i}"));
+            let parent = format!("crank{i}");
+            let child = format!("coupler{i}");
             urdf += &format!(
                 "<link name=\"{child}\">{}</link>{}",
                 inertial(0.5, 0.0),

@@ -18,7 +18,7 @@ use crate::measure::Effort;
 use crate::measure::progress::Progress;
 use crate::page::{Axis, Figure, Point, Section, Series, Table, exponent};
 
-/// Tolerance of the two runs whose agreement tells how good the reference is.
+/// Tolerance of the two runs whose agreement measures the quality of the reference.
 const TIGHT: [(Method, f64); 2] = [(Method::Dop853, 1e-13), (Method::Radau5, 1e-12)];
 /// Largest difference of the two up to which a problem has a reference.
 const AGREE: f64 = 1e-6;
@@ -88,7 +88,7 @@ fn best(rows: &[Row], quick: bool) -> String {
     })
 }
 
-/// Error against time over tolerances and steps, and what the reference is worth.
+/// Error against time over tolerances and steps, and the error of the reference.
 fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Row)> {
     let [(first, tolerance), (second, other)] = TIGHT;
     let exact = problem.run(&problem.adaptive(first, tolerance))?;
@@ -105,7 +105,7 @@ fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Ro
         return Err(format!("{}: two methods differ by {agreement:.1e}", problem.id).into());
     }
 
-    // what is known from elsewhere to more digits is the reference
+    // a value published to more digits is the reference
     let (reference, known_to) = match &problem.known {
         Some(known) if known.to < agreement => ([known.y.clone(), known.yd.clone()], known.to),
         _ => (found.clone(), agreement),
@@ -113,19 +113,8 @@ fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Ro
     let longest = LONGEST_RUN[usize::from(effort.quick)];
     let mut series = Vec::new();
     for method in Method::ALL {
-        let settings: Vec<(String, Settings)> = if method.is_fixed() {
-            (0..8)
-                .map(|k| problem.step * 0.5_f64.powi(k))
-                .map(|step| (format!("step {step:.1e} s"), problem.fixed(method, step)))
-                .collect()
-        } else {
-            (3..=12)
-                .map(|k| 10f64.powi(-k))
-                .map(|tol| (format!("tolerance {tol:.0e}"), problem.adaptive(method, tol)))
-                .collect()
-        };
         let mut points = Vec::new();
-        for (label, settings) in settings {
+        for (label, settings) in settings_of(problem, method) {
             let start = Instant::now();
             let run = problem.run(&settings)?;
             let seconds = start.elapsed().as_secs_f64();
@@ -179,6 +168,21 @@ fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Ro
         series,
     };
     Ok((figure, Row { cells, title: problem.title, least }))
+}
+
+/// Steps or tolerances of a method, from coarse to fine, with their labels.
+fn settings_of(problem: &Problem, method: Method) -> Vec<(String, Settings)> {
+    if method.is_fixed() {
+        (0..8)
+            .map(|k| problem.step * 0.5_f64.powi(k))
+            .map(|step| (format!("step {step:.1e} s"), problem.fixed(method, step)))
+            .collect()
+    } else {
+        (3..=12)
+            .map(|k| 10f64.powi(-k))
+            .map(|tol| (format!("tolerance {tol:.0e}"), problem.adaptive(method, tol)))
+            .collect()
+    }
 }
 
 /// The larger of both differences by size.

@@ -1,4 +1,4 @@
-//! What is integrated: mechanisms with published motions, and robots on springs.
+//! The integrated problems: mechanisms with published motions, and robots on springs.
 
 use std::f64::consts::PI;
 
@@ -10,7 +10,7 @@ use sarrus_simulation::{
 use super::{four_bars, pendulum};
 use crate::Outcome;
 
-/// A robot, what acts on it, and where it starts.
+/// A robot, its springs and inputs, and its start.
 pub(super) struct Problem {
     pub(super) id: &'static str,
     pub(super) title: &'static str,
@@ -46,7 +46,8 @@ impl Problem {
     ) -> Outcome<Problem> {
         let loaded = load(source, &Options::default())?;
         let sizes = loaded.compiled.model.sizes();
-        let (y, yd) = (vec![0.0; sizes.n_qy], vec![0.0; sizes.n_vy]);
+        let y = vec![0.0; sizes.n_qy];
+        let yd = vec![0.0; sizes.n_vy];
         Ok(Problem {
             id,
             title,
@@ -124,6 +125,45 @@ impl Problem {
 
 /// Every problem, in the order of the page; a quick report leaves out the row of forty.
 pub(super) fn all(quick: bool) -> Outcome<Vec<Problem>> {
+    let arm = |problem: Problem, side: &str| {
+        let hand = format!("A{side}WristRoll_Link");
+        problem.spring(("base_link", [0.3, 0.0, 0.3]), (&hand, [0.0; 3]), [200.0, 2.0, 0.3])
+    };
+    let lambda = Problem::bundled("lambda", "Lambda on a spring to 2 s", "lambda", 2.0, 8e-3)?;
+    let torso = Problem::bundled("torso", "Torso on a spring to 1 s", "torso", 1.0, 4e-3)?;
+    let upper_body = Problem::bundled(
+        "upper_body",
+        "Upper body, both hands on springs, to 0.5 s",
+        "rh5v2_upper_body",
+        0.5,
+        2e-3,
+    )?;
+    let bricard = "Bricard's mechanism to 1 s, overconstrained";
+    let mut problems = vec![
+        squeezer()?,
+        row("four_bars_2", "2 four-bars in a row to 10 s, through the flat pose", 2, 10.0)?,
+        Problem::bundled("bricard", bricard, "bricard", 1.0, 1e-2)?,
+        governor()?,
+        lambda.spring(
+            ("base_link", [0.0; 3]),
+            ("Elbow_Link", [0.0, 0.1, 0.2]),
+            [500.0, 1.0, 0.1],
+        )?,
+        torso.spring(
+            ("base_link", [0.2, 0.0, 0.0]),
+            ("BodyRoll_Link", [0.2, 0.1, 0.2]),
+            [2000.0, 5.0, 0.2],
+        )?,
+        arm(arm(upper_body, "L")?, "R")?,
+    ];
+    if !quick {
+        let title = "40 four-bars in a row to 2 s, through the flat pose";
+        problems.insert(2, row("four_bars_40", title, 40, 2.0)?);
+    }
+    Ok(problems)
+}
+
+fn squeezer() -> Outcome<Problem> {
     let mut squeezer =
         Problem::bundled("squeezer", "Andrews' squeezer to 0.03 s", "squeezer", 0.03, 1e-4)?
             .spring(
@@ -141,20 +181,24 @@ pub(super) fn all(quick: bool) -> Outcome<Vec<Problem>> {
         from: "the IVP test set",
         to: 1e-9,
     });
+    Ok(squeezer)
+}
 
-    let rows = |id, title, n: usize, duration: f64, step: f64| -> Outcome<Problem> {
-        let mut row = Problem::new(id, title, &four_bars(n), duration, step)?;
-        row.yd[0] = -1.0;
-        let [angle, rate] = pendulum(n as f64, [0.5 * PI, -1.0], duration);
-        row.known = Some(Known {
-            y: vec![angle - 0.5 * PI],
-            yd: vec![rate],
-            from: "the parallelogram branch as one pendulum",
-            to: 1e-12,
-        });
-        Ok(row)
-    };
+/// Four-bars in a row, which move as one pendulum.
+fn row(id: &'static str, title: &'static str, n: usize, duration: f64) -> Outcome<Problem> {
+    let mut row = Problem::new(id, title, &four_bars(n), duration, 1e-2)?;
+    row.yd[0] = -1.0;
+    let [angle, rate] = pendulum(n as f64, [0.5 * PI, -1.0], duration);
+    row.known = Some(Known {
+        y: vec![angle - 0.5 * PI],
+        yd: vec![rate],
+        from: "the parallelogram branch as one pendulum",
+        to: 1e-12,
+    });
+    Ok(row)
+}
 
+fn governor() -> Outcome<Problem> {
     let governor = include_str!("governor.urdf").as_bytes().to_vec();
     let governor = Source::Text { urdf: governor, submechanisms: None };
     let mut governor =
@@ -164,54 +208,5 @@ pub(super) fn all(quick: bool) -> Outcome<Vec<Problem>> {
             governor.spring((rod, [0.5, 0.0, 0.0]), ("slider", [0.0; 3]), [8e5, 4e4, 0.5])?;
     }
     governor.yd[0] = 2.0 * PI;
-
-    let arm = |problem: Problem, side: &str| {
-        let hand = format!("A{side}WristRoll_Link");
-        problem.spring(("base_link", [0.3, 0.0, 0.3]), (&hand, [0.0; 3]), [200.0, 2.0, 0.3])
-    };
-    let lambda = Problem::bundled("lambda", "Lambda on a spring to 2 s", "lambda", 2.0, 8e-3)?;
-    let torso = Problem::bundled("torso", "Torso on a spring to 1 s", "torso", 1.0, 4e-3)?;
-    let upper_body = Problem::bundled(
-        "upper_body",
-        "Upper body, both hands on springs, to 0.5 s",
-        "rh5v2_upper_body",
-        0.5,
-        2e-3,
-    )?;
-    let mut problems = vec![
-        squeezer,
-        rows("four_bars_2", "2 four-bars in a row to 10 s, through the flat pose", 2, 10.0, 1e-2)?,
-        Problem::bundled(
-            "bricard",
-            "Bricard's mechanism to 1 s, overconstrained",
-            "bricard",
-            1.0,
-            1e-2,
-        )?,
-        governor,
-        lambda.spring(
-            ("base_link", [0.0; 3]),
-            ("Elbow_Link", [0.0, 0.1, 0.2]),
-            [500.0, 1.0, 0.1],
-        )?,
-        torso.spring(
-            ("base_link", [0.2, 0.0, 0.0]),
-            ("BodyRoll_Link", [0.2, 0.1, 0.2]),
-            [2000.0, 5.0, 0.2],
-        )?,
-        arm(arm(upper_body, "L")?, "R")?,
-    ];
-    if !quick {
-        problems.insert(
-            2,
-            rows(
-                "four_bars_40",
-                "40 four-bars in a row to 2 s, through the flat pose",
-                40,
-                2.0,
-                1e-2,
-            )?,
-        );
-    }
-    Ok(problems)
+    Ok(governor)
 }

@@ -7,7 +7,7 @@ use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
 use crate::Outcome;
 
-/// One processor for the client, one for the server, and one for what else the server does.
+/// One processor for the client, one for the server, and one for the server's other threads.
 #[derive(Clone, Copy, Debug)]
 pub struct Cores {
     client: usize,
@@ -25,7 +25,7 @@ impl Cores {
     ///
     /// # Errors
     ///
-    /// A system that does not tell which processors are allowed.
+    /// A system that does not report the allowed processors.
     pub fn choose() -> Outcome<Cores> {
         let allowed = sched_getaffinity(None)?;
         let allowed: Vec<usize> = (0..CpuSet::MAX_CPU).filter(|cpu| allowed.is_set(*cpu)).collect();
@@ -67,15 +67,15 @@ impl fmt::Display for Cores {
     }
 }
 
-/// Moves this thread, and what it starts, to one processor. A system that forbids it measures
-/// without.
+/// Moves this thread, and the threads it starts, to one processor. A system that forbids it
+/// measures without.
 pub fn pin(cpu: usize) {
     let mut set = CpuSet::new();
     set.set(cpu);
     let _ = sched_setaffinity(None, &set);
 }
 
-/// Package and core of a processor, where the system tells.
+/// Package and core of a processor, where the system reports them.
 fn core_of(cpu: usize) -> Option<(String, String)> {
     let read = |what: &str| {
         fs::read_to_string(format!("/sys/devices/system/cpu/cpu{cpu}/topology/{what}")).ok()

@@ -1,4 +1,4 @@
-//! What a run was measured on.
+//! The machine of a run.
 
 use super::cores::Cores;
 

@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
-/// Redrawn at most this often: drawing is work beside what is measured.
+/// Least time between redraws: drawing is work beside the measurement.
 const PAUSE: Duration = Duration::from_millis(200);
-/// Between two lines where nobody sees a bar.
+/// Time between two lines where no bar is shown.
 const LINES: Duration = Duration::from_secs(15);
 /// Steps of the bar.
 const STEPS: f64 = 1000.0;
@@ -71,7 +71,7 @@ impl Progress {
         self.part.set((from, to));
     }
 
-    /// Shows what is being done and how much of it is done, 0 to 1.
+    /// Shows the current task and its progress, 0 to 1.
     pub fn show(&self, what: &str, done: f64) {
         let pause = if self.lines { LINES } else { PAUSE };
         let drawn =

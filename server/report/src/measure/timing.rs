@@ -55,7 +55,7 @@ impl Samples {
     }
 }
 
-/// What a batch of a case goes through.
+/// The states of a case's batch.
 #[derive(Clone, Copy)]
 struct Batch {
     /// The first state; the next batch goes on after the last one.
@@ -67,7 +67,7 @@ struct Batch {
     passes: usize,
 }
 
-/// What can be timed: a call on each of some states.
+/// A timed case: a call on each of some states.
 pub trait Timed {
     /// How a failure calls it.
     fn name(&self) -> String;
@@ -137,7 +137,7 @@ impl Batch {
     }
 }
 
-/// What reading the clock twice takes, in nanoseconds: a part of every round trip that is shown.
+/// Time of reading the clock twice, in nanoseconds: a part of every round trip that is shown.
 pub fn clock() -> f64 {
     let pair = |_| {
         let start = Instant::now();

@@ -1,4 +1,4 @@
-//! The same data as JSON and as CSV.
+//! The report's data as JSON and as CSV.
 
 use serde_json::{Value, json};
 

@@ -1,4 +1,4 @@
-//! What a figure holds: axes, series, points; a page of figures alone.
+//! The parts of a figure: axes, series, points; a page of figures alone.
 
 use super::html;
 use crate::Outcome;
@@ -11,17 +11,17 @@ pub const DRAWN_FOR_ZERO: f64 = 1e-17;
 pub struct Figure {
     /// Unique on the page, of small letters, digits, `-` and `_`; also the name of its CSV file.
     pub id: String,
-    /// What it shows.
+    /// Its title.
     pub title: String,
-    /// What a reader has to know.
+    /// Notes for the reader.
     pub caption: String,
-    /// What draws it again; empty stands for this section's command.
+    /// The command that draws it again; empty stands for this section's command.
     pub command: String,
     /// To the right.
     pub x: Axis,
     /// Upwards.
     pub y: Axis,
-    /// What is drawn.
+    /// The series drawn.
     pub series: Vec<Series>,
 }
 
@@ -30,7 +30,7 @@ pub struct Figure {
 pub struct Axis {
     /// Quantity and unit.
     pub label: String,
-    /// Logarithmic; what is not positive is drawn at [`DRAWN_FOR_ZERO`].
+    /// Logarithmic; numbers that are not positive are drawn at [`DRAWN_FOR_ZERO`].
     pub log: bool,
 }
 
@@ -54,7 +54,7 @@ pub struct Point {
     pub x: f64,
     /// Upwards.
     pub y: f64,
-    /// What it is, such as a tolerance; stands in the table.
+    /// Its label, such as a tolerance; shown in the table.
     pub label: String,
 }
 
@@ -63,7 +63,7 @@ pub struct Point {
 pub struct Pictures {
     /// The heading.
     pub title: String,
-    /// What stands below it.
+    /// The text below it.
     pub lines: Vec<String>,
     /// In their order.
     pub figures: Vec<Figure>,

@@ -38,7 +38,7 @@ pub(crate) fn with_names(mut sections: Vec<Section>) -> Vec<Section> {
     sections
 }
 
-/// The data first: who sees the page finds what it names.
+/// The data first: files that the page names exist when the page appears.
 pub(crate) fn files(report: &Report, out: &Path) -> Outcome {
     for section in &report.sections {
         for figure in &section.figures {
@@ -56,14 +56,15 @@ pub(crate) fn files(report: &Report, out: &Path) -> Outcome {
     write(out, "report.html", &page(report)?)
 }
 
-/// Writes a file under another name first, so that nobody reads half of it.
+/// Writes a file under another name first, so that a reader never sees half of it.
 pub(crate) fn write(folder: &Path, name: &str, text: &str) -> Outcome {
-    let (path, half) = (folder.join(name), folder.join(format!(".{name}.{}", std::process::id())));
+    let path = folder.join(name);
+    let half = folder.join(format!(".{name}.{}", std::process::id()));
     let written = fs::create_dir_all(folder)
         .and_then(|()| fs::write(&half, text))
         .and_then(|()| fs::rename(&half, &path));
     written.map_err(|error| {
-        // what is left of it, if it got that far
+        // removes a partial file
         let _ = fs::remove_file(&half);
         format!("{}: cannot be written: {error}", path.display()).into()
     })

@@ -44,7 +44,7 @@ pub(super) fn pictures(title: &str, lines: &[String], figures: &[Figure]) -> Out
 /// A body with everything around it.
 fn document(title: &str, body: &Markup) -> String {
     let [rules, light, dark] = colours();
-    // paper is light whatever the screen was
+    // paper is light in every colour scheme
     let style = format!(
         "{}\n:root{{{light}}}\n@media screen and (prefers-color-scheme: \
         dark){{:root{{{dark}}}}}\n{rules}\n",
@@ -66,7 +66,7 @@ fn document(title: &str, body: &Markup) -> String {
     markup.into_string()
 }
 
-/// What was found, on one screen.
+/// The findings, on one screen.
 fn top(report: &Report) -> Markup {
     let summaries = summaries(&report.sections);
     let silent = report.silent_failures();
@@ -165,7 +165,7 @@ fn one(report: &Report, section: &Section) -> Outcome<Markup> {
     })
 }
 
-/// A figure: legend, picture, what it is and where it is from, its data.
+/// A figure: legend, picture, title and source, its data.
 fn drawn(figure: &Figure, origin: Option<(&Report, &Section)>) -> Outcome<Markup> {
     let wide = picture(figure, WIDE)?;
     let narrow = picture(figure, NARROW)?;

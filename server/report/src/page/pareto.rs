@@ -1,4 +1,4 @@
-//! Pareto fronts: what nothing else beats on both axes.
+//! Pareto fronts: points that no other point beats on both axes.
 
 use super::figure::Figure;
 use super::section::Section;
@@ -77,7 +77,8 @@ pub(super) fn summaries(sections: &[Section]) -> Vec<FrontSummary> {
 
 fn summary(figure: &Figure) -> Option<FrontSummary> {
     let front = pareto_front(figure);
-    let (fastest, most_exact) = (front.first()?, front.last()?);
+    let fastest = front.first()?;
+    let most_exact = front.last()?;
     let words = |point: &Competitor<'_>| {
         format!("{} ({}; {})", point.series, short(point.x), exponent(point.y))
     };

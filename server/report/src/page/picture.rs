@@ -49,8 +49,7 @@ pub(super) const WIDE: Size =
 pub(super) const NARROW: Size =
     Size { width: 656, height: 720, text: 25.0, left: 104, below: 52, mark: 10, ticks: (5, 9) };
 
-/// Marks on a line stand at most this close together, so that they tell lines apart and do not hide
-/// them.
+/// Least distance of marks on a line, so that they distinguish lines without hiding them.
 const MARKS_OF_A_LINE: usize = 24;
 
 /// The picture; none where nothing can be drawn.
@@ -77,7 +76,7 @@ pub(super) fn points(series: &Series) -> impl Iterator<Item = (f64, f64)> {
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Scale, Scale>>;
-/// A picture is text in memory: what can fail is the library's own arithmetic.
+/// A picture is text in memory: only the library's own arithmetic can fail.
 type Drawn = Result<(), Box<dyn std::error::Error>>;
 
 fn draw(figure: &Figure, size: Size, x: &Scale, y: &Scale, area: &Area<'_>) -> Drawn {

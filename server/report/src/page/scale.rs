@@ -10,7 +10,7 @@ use super::figure::{Axis, DRAWN_FOR_ZERO};
 #[derive(Clone, Debug)]
 pub(super) struct Scale {
     log: bool,
-    /// The place of what a logarithm has none for.
+    /// The position of numbers without a logarithm.
     nothing: f64,
     /// The places of both ends.
     from: f64,

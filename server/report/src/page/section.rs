@@ -1,4 +1,4 @@
-//! What a report holds: its sections, their tables and stress cases.
+//! The parts of a report: its sections, their tables and stress cases.
 
 use super::figure::Figure;
 use super::pareto::exponent;
@@ -34,7 +34,7 @@ impl Report {
         self.sections.iter().filter_map(|section| section.worst_error).reduce(f64::max)
     }
 
-    /// What was found, a line each.
+    /// The findings, a line each.
     pub fn summary(&self) -> Vec<String> {
         let worst = self.worst_error().map_or("-".to_owned(), exponent);
         let mut lines = vec![format!(
@@ -58,7 +58,7 @@ impl Report {
         self.sections.iter().flat_map(|section| &section.cases)
     }
 
-    /// What draws a figure again.
+    /// The command that draws a figure again.
     pub(super) fn command_of(&self, section: &Section, figure: &Figure) -> String {
         if figure.command.is_empty() {
             command(self.quick, std::iter::once(section.name))
@@ -75,10 +75,9 @@ pub struct Section {
     pub name: &'static str,
     /// The heading.
     pub title: String,
-    /// What was found, a sentence each, for the top of the page.
+    /// The findings, a sentence each, for the top of the page.
     pub summary: Vec<String>,
-    /// The largest error of an answer that was given as good, by what a user gets without asking
-    /// for anything special.
+    /// The largest error of an answer that was given as good, by the defaults.
     pub worst_error: Option<f64>,
     /// Pictures.
     pub figures: Vec<Figure>,
@@ -102,9 +101,9 @@ impl Section {
 pub struct Table {
     /// Unique on the page, like a figure's.
     pub id: String,
-    /// What it shows.
+    /// Its title.
     pub title: String,
-    /// What a reader has to know.
+    /// Notes for the reader.
     pub caption: String,
     /// Heads.
     pub columns: Vec<String>,
@@ -117,7 +116,7 @@ pub struct Table {
 pub enum Assessment {
     /// A good answer.
     Held,
-    /// A worse answer that says so.
+    /// A worse answer that carries a warning.
     Degraded,
     /// No answer, and a reason.
     Failed,
@@ -144,25 +143,25 @@ impl Assessment {
 /// A stress case: one value of a parameter, one method.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// What is driven to its limits, such as `mass ratio`.
+    /// The family, such as `mass ratio`.
     pub family: String,
-    /// On what.
+    /// The robot.
     pub robot: String,
-    /// What is swept, with its unit.
+    /// The swept parameter, with its unit.
     pub parameter: String,
     /// Its value.
     pub value: f64,
-    /// What was asked and by which method.
+    /// The question and the method.
     pub method: String,
     /// By size; none without an answer.
     pub error: Option<f64>,
     /// Forward dynamics: the backward error.
     pub backward: Option<f64>,
-    /// What the answer was compared with.
+    /// The reference of the comparison.
     pub reference: String,
     /// The status, as `sarrus ask` prints it, or why it did not load.
     pub status: String,
-    /// What is reported beside the status: warnings, fields, messages.
+    /// Reports beside the status: warnings, fields, messages.
     pub reported: String,
     /// By the one rule for all.
     pub assessment: Assessment,

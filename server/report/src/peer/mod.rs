@@ -1,7 +1,7 @@
 //! Other engines on the same robots and states: programs of `benches/peers/`, which take the robot
 //! as text and time themselves.
 //!
-//! A peer that is not built is no fault: the page says how to build it.
+//! A peer that is not built is no fault: the page shows the command that builds it.
 
 mod text;
 
@@ -16,15 +16,15 @@ use crate::page::{PINOCCHIO, Point, Series};
 use crate::reference::worse;
 use crate::robots::{Question, State};
 
-/// Where its program is below the folder of what is built.
+/// The path of its program below the build folder.
 const PROGRAM: &str = "peers/pinocchio";
-/// What builds it.
+/// The command that builds it.
 const BUILD: &str = "benches/peers/build.sh";
 
 /// A method of a peer with one setting.
 #[derive(Clone, Debug)]
 pub struct Run {
-    /// What was asked, from y, ẏ on; of a state q alone.
+    /// The answers, from y, ẏ on; of a state q alone.
     pub question: Question,
     /// Its name for a legend, the engine's first.
     pub name: String,
@@ -36,7 +36,7 @@ pub struct Run {
     pub answers: Vec<Vec<f64>>,
 }
 
-/// What a peer says about a robot.
+/// A peer's answers about a robot.
 #[derive(Clone, Debug)]
 pub enum Peer {
     /// It was not measured, and why.
@@ -84,7 +84,8 @@ pub fn pinocchio(
         .spawn()
         .map_err(fault)?;
     let input = child.stdin.take();
-    // it reads everything before it writes; one that stops early closes its end and says why
+    // the program reads everything before it writes; one that stops early closes its end and prints
+    // the reason
     let written = input.map_or(Ok(()), |mut input| input.write_all(text.as_bytes()));
     let output = child.wait_with_output().map_err(fault)?;
     if !output.status.success() {
@@ -99,7 +100,7 @@ pub fn pinocchio(
         .map_err(|reason| format!("{}: {reason}", program.display()).into())
 }
 
-/// Series for a figure of error over time: one for each method of what was asked, a point for each
+/// Series for a figure of error over time: one for each method of the question, a point for each
 /// setting. `error` is that of an answer to the state of this number; a method without numbers at
 /// some state has no error.
 pub fn series(
@@ -136,7 +137,7 @@ fn program() -> Option<PathBuf> {
     built.chain([PathBuf::from("target").join(PROGRAM)]).find(|path| path.is_file())
 }
 
-/// What the program wrote.
+/// Reads the program's output.
 fn read(text: &str, n_states: usize) -> Result<Peer, String> {
     let mut lines = text.lines();
     let engine = lines
@@ -149,7 +150,7 @@ fn read(text: &str, n_states: usize) -> Result<Peer, String> {
         let head = || {
             let (question, rest) = line.strip_prefix("run ")?.split_once(' ')?;
             let (method, ns) = rest.rsplit_once("; ")?;
-            // the setting begins with what is set
+            // the setting begins with its parameter
             let at =
                 ["tolerance", "mu"].iter().find_map(|word| method.find(&format!(" {word} ")))?;
             let question = match question {

@@ -7,7 +7,7 @@ use sarrus_dynamics::description::{Cut, Description, JointKind, Placement};
 
 use crate::robots::State;
 
-/// The whole input, or what the robot has that the programs do not know.
+/// The whole input, or the property of the robot that the programs do not support.
 pub(super) fn input(
     description: &Description,
     states: &[State],
@@ -17,73 +17,10 @@ pub(super) fn input(
     let mut text = Text(format!("seconds {seconds}\n"));
     text.numbers("gravity", &description.gravity);
 
-    text.count("links", description.links.len());
-    for link in &description.links {
-        let inertial = link
-            .inertial
-            .as_ref()
-            .map_or((0.0, Placement::default(), [0.0; 6]), |i| (i.mass, i.origin, i.inertia));
-        text.numbers("", &[inertial.0]);
-        text.placement(&inertial.1);
-        text.numbers("", &inertial.2);
-    }
-    text.count("joints", description.joints.len());
-    for joint in &description.joints {
-        let kind = match joint.kind {
-            JointKind::Fixed => "F",
-            JointKind::Revolute | JointKind::Continuous => "R",
-            JointKind::Prismatic => "P",
-            _ => return Err(format!("the joint {} has several freedoms", joint.name)),
-        };
-        if joint.coupling.is_some() || joint.terms != Default::default() {
-            return Err(format!(
-                "the joint {} has a coupling, a spring, a damper or a rotor",
-                joint.name
-            ));
-        }
-        text.0 += &format!("{kind} {} {} ", joint.parent, joint.child);
-        text.placement(&joint.origin);
-        text.numbers("", &joint.axis);
-    }
-
-    let parts = &description.submechanisms;
-    for (name, list) in [
-        ("tree", parts.iter().flat_map(|part| part.spanning_tree.clone()).collect::<Vec<_>>()),
-        ("independent", parts.iter().flat_map(|part| part.independent.clone()).collect()),
-        ("active", parts.iter().flat_map(|part| part.active.clone()).collect()),
-    ] {
-        text.list(name, &list);
-    }
-    text.count("groups", parts.len());
-    parts.iter().for_each(|part| text.list("", &part.spanning_tree));
-
-    text.count("loops", parts.iter().map(|part| part.loops.len()).sum());
-    for (group, part) in parts.iter().enumerate() {
-        if part.loops.is_empty() && part.spanning_tree.len() > part.independent.len() {
-            return Err(format!("the loops of {} are given by its type alone", part.name));
-        }
-        for each in &part.loops {
-            text.0 += &format!("{group} {} {} ", each.predecessor, each.successor);
-            match &each.cut {
-                Cut::AtJoint(joint) => text.0 += &format!("joint {joint}\n"),
-                Cut::AtLink(link) => text.0 += &format!("link {link}\n"),
-                Cut::Placed { predecessor, successor } => {
-                    text.0 += "placed ";
-                    text.placement(predecessor);
-                    text.placement(successor);
-                }
-                _ => return Err(format!("the cut {} is of another kind", each.name)),
-            }
-            text.count("", each.rows.len());
-            for row in &each.rows {
-                if row.axis[..3] != [0.0; 3] || row.against.is_some() {
-                    return Err(format!("the loop {} holds an angle", each.name));
-                }
-                text.numbers("", &row.axis[3..]);
-            }
-        }
-    }
-
+    text.links(description);
+    text.joints(description)?;
+    text.groups(description);
+    text.loops(description)?;
     text.count("states", states.len());
     for state in states {
         let guess = state.guesses.get(place).ok_or("a state has no guess")?;
@@ -99,6 +36,86 @@ pub(super) fn input(
 struct Text(String);
 
 impl Text {
+    fn links(&mut self, description: &Description) {
+        self.count("links", description.links.len());
+        for link in &description.links {
+            let inertial = link
+                .inertial
+                .as_ref()
+                .map_or((0.0, Placement::default(), [0.0; 6]), |i| (i.mass, i.origin, i.inertia));
+            self.numbers("", &[inertial.0]);
+            self.placement(&inertial.1);
+            self.numbers("", &inertial.2);
+        }
+    }
+
+    fn joints(&mut self, description: &Description) -> Result<(), String> {
+        self.count("joints", description.joints.len());
+        for joint in &description.joints {
+            let kind = match joint.kind {
+                JointKind::Fixed => "F",
+                JointKind::Revolute | JointKind::Continuous => "R",
+                JointKind::Prismatic => "P",
+                _ => return Err(format!("the joint {} has several freedoms", joint.name)),
+            };
+            if joint.coupling.is_some() || joint.terms != Default::default() {
+                return Err(format!(
+                    "the joint {} has a coupling, a spring, a damper or a rotor",
+                    joint.name
+                ));
+            }
+            self.0 += &format!("{kind} {} {} ", joint.parent, joint.child);
+            self.placement(&joint.origin);
+            self.numbers("", &joint.axis);
+        }
+        Ok(())
+    }
+
+    /// Names of coordinates, and the joints of each submechanism.
+    fn groups(&mut self, description: &Description) {
+        let parts = &description.submechanisms;
+        for (name, list) in [
+            ("tree", parts.iter().flat_map(|part| part.spanning_tree.clone()).collect::<Vec<_>>()),
+            ("independent", parts.iter().flat_map(|part| part.independent.clone()).collect()),
+            ("active", parts.iter().flat_map(|part| part.active.clone()).collect()),
+        ] {
+            self.list(name, &list);
+        }
+        self.count("groups", parts.len());
+        parts.iter().for_each(|part| self.list("", &part.spanning_tree));
+    }
+
+    fn loops(&mut self, description: &Description) -> Result<(), String> {
+        let parts = &description.submechanisms;
+        self.count("loops", parts.iter().map(|part| part.loops.len()).sum());
+        for (group, part) in parts.iter().enumerate() {
+            if part.loops.is_empty() && part.spanning_tree.len() > part.independent.len() {
+                return Err(format!("the loops of {} are given by its type alone", part.name));
+            }
+            for each in &part.loops {
+                self.0 += &format!("{group} {} {} ", each.predecessor, each.successor);
+                match &each.cut {
+                    Cut::AtJoint(joint) => self.0 += &format!("joint {joint}\n"),
+                    Cut::AtLink(link) => self.0 += &format!("link {link}\n"),
+                    Cut::Placed { predecessor, successor } => {
+                        self.0 += "placed ";
+                        self.placement(predecessor);
+                        self.placement(successor);
+                    }
+                    _ => return Err(format!("the cut {} is of another kind", each.name)),
+                }
+                self.count("", each.rows.len());
+                for row in &each.rows {
+                    if row.axis[..3] != [0.0; 3] || row.against.is_some() {
+                        return Err(format!("the loop {} holds an angle", each.name));
+                    }
+                    self.numbers("", &row.axis[3..]);
+                }
+            }
+        }
+        Ok(())
+    }
+
     fn count(&mut self, name: &str, n: usize) {
         // writing to a string cannot fail
         let _ = writeln!(self.0, "{name} {n}");

@@ -1,6 +1,6 @@
 //! The robots that are measured, and the ways in which their loops are closed.
 
-use sarrus_dynamics::description::Description;
+use sarrus_dynamics::description::{Description, SubmechanismKind};
 use sarrus_dynamics::{ClosureKind, Compiled, Model};
 use sarrus_models::{Options, Source, bundled_text, load};
 
@@ -30,7 +30,7 @@ pub(crate) const BUNDLED: [&str; 16] = [
 /// Lambdas in a chain, by the name that stands for how its loops are closed.
 const CHAINS: [(&str, usize); 3] = [("10", 10), ("100", 100), ("1000", 1000)];
 
-/// What is loaded at once: its variants share their states.
+/// A robot that is loaded once: its variants share their states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Subject {
     /// By name.
@@ -99,7 +99,7 @@ const CLOSINGS_OF_UPPER_BODY: [Closing; 2] =
     [("hybrid-torso", |kind| kind == "2SPU+1U"), ("hybrid-elbows", |kind| kind == "RRPR")];
 
 /// The robot as it is given, then with closed forms replaced by Newton's method. `query` skips
-/// what need not be loaded.
+/// variants that need not be loaded.
 pub fn variants(
     subject: Subject,
     query: impl Fn(&str) -> bool,
@@ -157,6 +157,14 @@ pub fn variants(
         });
     }
     Ok((given.description, kept))
+}
+
+/// The robot with every loop closed by Newton's method.
+pub(crate) fn numerical(mut robot: Description) -> Description {
+    for part in robot.submechanisms.iter_mut().filter(|part| !part.loops.is_empty()) {
+        part.kind = SubmechanismKind::Numerical;
+    }
+    robot
 }
 
 /// The submechanism file with `type: NUMERICAL` for every closed loop that `changes` names.

@@ -11,7 +11,8 @@ pub(crate) fn chain_of_lambdas(n: usize) -> Result<Description, CompileError> {
     let inertial = |y: f64, mass: f64| {
         Inertial::new(mass, [0.0, y, 0.01], [0.004, 0.0, 0.0, 0.002, 0.0, 0.005])
     };
-    let (x, y) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
+    let x = [1.0, 0.0, 0.0];
+    let y = [0.0, 1.0, 0.0];
     let mut robot = DescriptionBuilder::new(format!("{n} lambdas"));
     let mut on = LinkId::BASE;
     for k in 0..n {

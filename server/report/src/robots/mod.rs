@@ -1,4 +1,4 @@
-//! The robots of the report, what is asked of them, and in which states.
+//! The robots of the report, their questions and their states.
 
 pub mod catalogue;
 pub(crate) mod chain;

@@ -1,4 +1,4 @@
-//! What is asked of a robot, and where Newton's method starts.
+//! The questions to a robot, and the starts of Newton's method.
 
 use sarrus_dynamics::{Field, FieldSet, Method, Query, Request};
 
@@ -13,7 +13,7 @@ pub enum Start {
     Cold,
 }
 
-/// What is asked.
+/// A question.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Question {
     /// q, q̇, q̈, u, u̇, ü from y, ẏ, ÿ.
@@ -24,7 +24,7 @@ pub enum Question {
     Gravity,
     /// ÿ from y, ẏ, τ_u, by the method that the model chooses.
     ForwardDynamics,
-    /// The same by this method.
+    /// Forward dynamics by this method.
     Forced(Method),
 }
 
@@ -57,7 +57,7 @@ impl Question {
         matches!(self, Question::ForwardDynamics | Question::Forced(_))
     }
 
-    /// What is given and what is asked, as a query.
+    /// The given and the wanted fields, as a query.
     pub fn query(self) -> Query {
         use Field::*;
         let motion = FieldSet::of(&[Y, Yd, Ydd]);
@@ -69,7 +69,8 @@ impl Question {
                 Query::new(Request::InverseDynamics, motion, FieldSet::of(&[TauU]))
             }
             Question::Gravity => {
-                let (y, tau) = (FieldSet::of(&[Y]), FieldSet::of(&[TauU]));
+                let y = FieldSet::of(&[Y]);
+                let tau = FieldSet::of(&[TauU]);
                 Query::new(Request::InverseDynamics, y, tau)
             }
             Question::ForwardDynamics | Question::Forced(_) => Query::new(

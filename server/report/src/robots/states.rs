@@ -33,7 +33,7 @@ pub struct Robot {
     pub description: Description,
     /// Every way to close its loops that is measured.
     pub variants: Vec<Variant>,
-    /// What all variants can take.
+    /// Inputs that fit all variants.
     pub states: Vec<State>,
     /// States that were drawn and left out because some variant has no answer there.
     pub left_out: usize,
@@ -66,7 +66,7 @@ impl Robot {
         Robot::load_some(subject, n_states, |_| true)
     }
 
-    /// The same with the variants of some names only.
+    /// Loads a robot with the variants of some names only.
     ///
     /// # Errors
     ///
@@ -150,7 +150,7 @@ pub fn packed(plan: &Plan, state: &State, variant: usize) -> Vec<f64> {
     input
 }
 
-/// What an independent velocity moves.
+/// The motion of an independent velocity.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Dof {
     Angle,

@@ -19,15 +19,15 @@ use super::harness::robot::{bundled, numerical};
 /// Error by size up to which an answer keeps eleven digits.
 const GOOD: f64 = 1e-11;
 
-/// What came of the answers of a robot, or of all of them.
+/// Counts of answers of a robot, or of all of them.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Count {
     /// Answers that were ok and had a reference.
     pub(crate) answers: usize,
-    /// Those that keep eleven digits, and how many of these warn of `ill_conditioned`.
+    /// Answers that keep eleven digits, and how many of these warn of `ill_conditioned`.
     pub(crate) good: usize,
     pub(crate) alarms: usize,
-    /// Those that keep fewer than nine digits, and how many of these do not warn.
+    /// Answers that keep fewer than nine digits, and how many of these do not warn.
     pub(crate) bad: usize,
     pub(crate) silent: usize,
 }
@@ -54,7 +54,7 @@ impl Count {
         format!(
             "False alarms, {what}: of {} answers of the bundled robots at generic states, {} keep \
             eleven digits and {} of these warn of ill_conditioned; {} keep fewer than nine, {} of \
-            these without a word.",
+            these silently.",
             self.answers, self.good, self.alarms, self.bad, self.silent
         )
     }
@@ -66,7 +66,7 @@ pub(crate) fn count(states: usize) -> Outcome<Vec<(&'static str, Count)>> {
     BUNDLED.into_iter().map(|name| Ok((name, of_robot(name, states)?))).collect()
 }
 
-/// The same by every question of the families, each field judged by itself, at this many states.
+/// Counts by every question of the families, each field judged by itself, at this many states.
 pub(crate) fn fields(states: u64) -> Outcome<Cases> {
     let mut cases = Cases::default();
     for name in BUNDLED {

@@ -6,8 +6,8 @@ use crate::page::{self, Assessment, Axis, Figure, Point, Section, Series, Table}
 
 /// Values of a parameter that a picture shows; the others stand in its table.
 const DRAWN: std::ops::RangeInclusive<f64> = 1e-20..=1e20;
-/// Families whose pictures and tables go by robot rather than by method: a robot breaks where its
-/// geometry says.
+/// Families whose pictures and tables go by robot rather than by method: the geometry of a robot
+/// decides where it breaks.
 const BY_ROBOT: [&str; 4] =
     ["distance to a singularity", "unreachable y", "many turns", "big jump"];
 /// Families whose parameter is no quantity.
@@ -101,7 +101,7 @@ fn id(family: &str) -> String {
     format!("extremes-{}", family.chars().map(letter).collect::<String>())
 }
 
-/// What a line of a picture or a row of a table stands for.
+/// The label of a line of a picture or a row of a table.
 fn key(case: &Case) -> String {
     if BY_ROBOT.contains(&case.family) {
         return format!(
@@ -212,7 +212,7 @@ fn table(family: &[Case]) -> Table {
     }
 }
 
-/// Status, warnings and what else is reported.
+/// Status, warnings and further reports.
 fn how(case: &Case) -> String {
     let mut parts = vec![case.status.clone()];
     parts.extend(case.warnings.iter().cloned());

@@ -1,5 +1,5 @@
-//! Section `extremes`: stress cases. What held, what degraded and said so, what failed and said so;
-//! nothing may fail silently.
+//! Section `extremes`: stress cases. Each case held, degraded with a warning, or failed with a
+//! status; none may fail silently.
 //!
 //! `harness/` asks, compares and assesses; `mechanisms/` are the robots; a file of `families/` is
 //! one family of cases, swept over a parameter; `figures.rs` draws them.
@@ -16,10 +16,10 @@ use crate::measure::Effort;
 use crate::measure::progress::Progress;
 use crate::page::Section;
 
-/// What fills a family's cases.
+/// Fills a family's cases.
 type Family = fn(&mut Cases, &Effort) -> Outcome;
 
-/// Families in the order of the page, by what they sweep.
+/// Families in the order of the page, by their parameters.
 const FAMILIES: [(&str, Family); 31] = [
     ("mass ratios", families::mass_ratios::run),
     ("massless links", families::massless_links::run),
@@ -59,7 +59,7 @@ fn generic_states(effort: &Effort) -> usize {
     if effort.quick { 20 } else { 1400 }
 }
 
-/// The same where every field is judged.
+/// Number of states at which every field is judged.
 fn states_of_fields(effort: &Effort) -> u64 {
     if effort.quick { 2 } else { 30 }
 }
@@ -91,11 +91,12 @@ mod tests {
     use super::*;
     use crate::page::Assessment;
 
-    /// What became of cases, in a line.
+    /// Counts of assessments, in a line.
     fn line(cases: &Cases) -> String {
         let of = |assessment| cases.all.iter().filter(|case| case.assessment == assessment).count();
         let counts = Assessment::ALL.map(|of_all| format!("{} {}", of(of_all), of_all.name()));
-        let (n, not_judged) = (cases.all.len(), cases.not_judged.len());
+        let n = cases.all.len();
+        let not_judged = cases.not_judged.len();
         format!("{n} cases, {}, {not_judged} more not judged.", counts.join(", "))
     }
 
@@ -119,15 +120,17 @@ mod tests {
     fn nothing_is_silent(cases: &Cases) {
         let silent = silent(cases);
         let lines: Vec<String> = silent.iter().map(|case| in_a_line(case)).collect();
-        let (n, all, lines) = (lines.len(), cases.all.len(), lines.join("\n"));
-        assert!(silent.is_empty(), "{n} of {all} failed silently:\n{lines}");
+        let n = lines.len();
+        let all = cases.all.len();
+        assert!(silent.is_empty(), "{n} of {all} failed silently:\n{}", lines.join("\n"));
     }
 
-    /// The rule for every family. What fails silently is printed as it can be asked again.
+    /// The rule for every family. Silent failures are printed with their seeds.
     fn check(effort: &Effort) {
         let mut cases = Cases::default();
         for (name, family) in FAMILIES {
-            let (start, before) = (std::time::Instant::now(), cases.all.len());
+            let start = std::time::Instant::now();
+            let before = cases.all.len();
             family(&mut cases, effort).unwrap_or_else(|error| panic!("{name}: {error}"));
             println!(
                 "{name}: {} cases in {} ms",
@@ -136,7 +139,7 @@ mod tests {
             );
         }
         nothing_is_silent(&cases);
-        // every assessment but the last is met, so that the rule can tell them apart
+        // every assessment but the last occurs, so that the rule distinguishes them
         for assessment in [Assessment::Held, Assessment::Degraded, Assessment::Failed] {
             assert!(
                 cases.all.iter().any(|case| case.assessment == assessment),
@@ -152,9 +155,9 @@ mod tests {
         check(&Effort { quick: true });
     }
 
-    /// Seeds that once were wrong without a word, by family.
+    /// Seeds whose answers once failed silently, by family.
     #[test]
-    fn what_once_was_wrong_without_a_word_is_so_no_more() {
+    fn seeds_that_once_failed_silently_do_so_no_more() {
         type One = fn(&mut Cases, u64) -> Outcome;
         let worst: [(One, &[u64]); 5] = [
             (families::dead_points_in_series::one, &[2046, 2388]),
@@ -172,11 +175,12 @@ mod tests {
         nothing_is_silent(&cases);
     }
 
-    /// What every family does, and the cases that fail silently, the worst first, as they can be
-    /// asked again.
+    /// Prints the counts of every family, and its silent failures, the worst first, with their
+    /// seeds.
     fn print(effort: &Effort) {
         for (name, family) in FAMILIES {
-            let (start, mut cases) = (std::time::Instant::now(), Cases::default());
+            let start = std::time::Instant::now();
+            let mut cases = Cases::default();
             family(&mut cases, effort).unwrap_or_else(|error| panic!("{name}: {error}"));
             assert!(cases.all.len() > cases.not_judged.len(), "{name}: hardly a case is judged");
             println!("{name}: {} {} ms", line(&cases), start.elapsed().as_millis());

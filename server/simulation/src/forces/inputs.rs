@@ -1,10 +1,10 @@
-//! What pushes the joints over time: constant forces, a table, or gains towards a target.
+//! Joint forces over time: constant forces, a table, or gains towards a target.
 //!
-//! Every input acts on joints of the tree, the independents or the actuators, as they are declared
-//! at the start: it stays what it is when the simulator goes on with other independents.
+//! Every input acts on joints of the tree, the independents or the actuators, as declared at the
+//! start: it stays unchanged when the simulator switches to other independents.
 
 use sarrus_dynamics::Model;
-use sarrus_dynamics::scalar::Scalar;
+use sarrus_dynamics::scalar::Real;
 
 use super::gains;
 use super::table::place;
@@ -33,7 +33,7 @@ impl Space {
 /// Where an input's numbers come from.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Source {
-    /// The same force for ever `[N, N m]`.
+    /// A constant force `[N, N m]`.
     Constant(Vec<f64>),
     /// Forces at times, straight lines between them, the first and last beyond.
     Table {
@@ -128,7 +128,7 @@ impl OnTree {
     }
 
     /// Adds the forces at a time to τ_q; q and q̇ are looked at for gains only.
-    pub(crate) fn add<T: Scalar>(&self, time: f64, q: &[T], qd: &[T], tau_q: &mut [T]) {
+    pub(crate) fn add<T: Real>(&self, time: f64, q: &[T], qd: &[T], tau_q: &mut [T]) {
         match &self.source {
             Source::Constant(forces) => self
                 .joints

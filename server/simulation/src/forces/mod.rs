@@ -1,4 +1,4 @@
-//! What acts on a robot beside gravity and the terms of its joints.
+//! Forces on a robot beside gravity and the terms of its joints.
 
 mod gains;
 pub(crate) mod inputs;

@@ -8,7 +8,7 @@
 //! ```
 //! and the second by −f. Their energy is ½ k (l − l₀)², their loss c l̇².
 
-use sarrus_dynamics::scalar::Scalar;
+use sarrus_dynamics::scalar::Real;
 
 use crate::coordinates::{cross, turned};
 
@@ -45,7 +45,7 @@ pub(crate) struct Springs {
     ends: Vec<[usize; 2]>,
 }
 
-/// What all springs do together.
+/// Combined forces and energy of all springs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Effect<T> {
     /// ½ Σ k (l − l₀)².
@@ -81,7 +81,7 @@ impl Springs {
 
     /// Wrenches `[n; f]` on the links at their origins {root axes}, from their poses (7 each) and
     /// twists (6 each).
-    pub(crate) fn wrenches<T: Scalar>(
+    pub(crate) fn wrenches<T: Real>(
         &self,
         poses: &[T],
         twists: &[T],
@@ -112,7 +112,8 @@ impl Springs {
             let along = distance.map(|x| x / length);
             let rate = dot(along, [0, 1, 2].map(|k| b.2[k] - a.2[k]));
             let stretch = length - T::from_f64(spring.rest);
-            let (k, c) = (T::from_f64(spring.stiffness), T::from_f64(spring.damping));
+            let k = T::from_f64(spring.stiffness);
+            let c = T::from_f64(spring.damping);
             let force = along.map(|x| x * (k * stretch + c * rate));
             for (link, arm, sign) in [(ends[0], a.0, T::ONE), (ends[1], b.0, -T::ONE)] {
                 let force = force.map(|x| sign * x);
@@ -129,6 +130,6 @@ impl Springs {
     }
 }
 
-fn dot<T: Scalar>(a: [T; 3], b: [T; 3]) -> T {
+fn dot<T: Real>(a: [T; 3], b: [T; 3]) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

@@ -13,8 +13,8 @@ use crate::motion::engine::Engine;
 
 type Method = ExplicitRungeKutta<Ordinary, DormandPrince, f64, Vec<f64>, 8, 12, 16>;
 
-/// Rejected steps without an answer, one after the other, before it is said that there is none:
-/// each takes the step down to a fifth or less.
+/// Number of consecutive rejected steps without an answer after which the integration fails; each
+/// reduces the step to a fifth or less.
 const MOST_FAILURES: u32 = 24;
 
 /// Accepted steps between two looks at how stiff the problem is.
@@ -78,7 +78,7 @@ impl Dop853 {
                 .h0(step),
         );
         match method.init(&Bridge(RefCell::new(engine)), t, self.end, &x.to_vec()) {
-            // an evaluation that failed ahead says nothing yet
+            // an evaluation that failed ahead is not yet a failure
             Ok(_) => {
                 engine.take_failure();
                 Ok(method)
@@ -95,7 +95,8 @@ impl Stepper for Dop853 {
             Err(attempt) => return attempt,
         };
         // no crumb is left before the limit
-        let (own, room) = (method.h(), limit - *t);
+        let own = method.h();
+        let room = limit - *t;
         let step = if own >= 0.999_999 * room { room } else { own.min(0.5 * room.max(own)) };
         if *t + step <= *t {
             return engine.take_failure().map_or(Attempt::TooShort, Attempt::Failed);
@@ -116,7 +117,7 @@ impl Stepper for Dop853 {
                     if engine.counts.steps.is_multiple_of(LOOK) && !self.stiff {
                         self.look(engine, to, x, step);
                     }
-                    // a step that the limit cut short says nothing against the longer one
+                    // a step that the limit cut short is no evidence against the longer one
                     if step < own {
                         let longer = method.h().max(own);
                         method.set_h(longer);
@@ -130,7 +131,8 @@ impl Stepper for Dop853 {
                 self.give_way(engine, step, Some(status))
             }
             Ok(_) => {
-                let (shorter, failed) = (method.h(), failure.is_some());
+                let shorter = method.h();
+                let failed = failure.is_some();
                 if failed {
                     return self.give_way(engine, step, failure);
                 }
@@ -140,7 +142,7 @@ impl Stepper for Dop853 {
                 Attempt::Rejected
             }
             Err(Error::Stiffness { .. }) => {
-                // its counter never goes back: it is started anew
+                // its counter is never reset: a new one is made
                 self.stiff = true;
                 self.first = own;
                 Attempt::Rejected
@@ -185,7 +187,7 @@ impl Dop853 {
         self.stiff |= self.found >= SURE;
     }
 
-    /// Starts anew with a shorter step after one without an answer.
+    /// Restarts with a shorter step after one without an answer.
     fn give_way(&mut self, engine: &mut Engine, step: f64, status: Option<Status>) -> Attempt {
         engine.counts.failed += 1;
         engine.take_failure();

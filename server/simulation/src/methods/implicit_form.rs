@@ -43,10 +43,8 @@ impl<'a> Form<'a> {
         let frames = if links.is_empty() {
             None
         } else {
-            let (given, want) = (
-                FieldSet::of(&[Field::Q, Field::Qd]),
-                FieldSet::of(&[Field::FramePose, Field::FrameTwist]),
-            );
+            let given = FieldSet::of(&[Field::Q, Field::Qd]);
+            let want = FieldSet::of(&[Field::FramePose, Field::FrameTwist]);
             Some(Planned::new(
                 model,
                 &Query::new(Request::Kinematics, given, want).with_frames(&links),
@@ -67,7 +65,8 @@ impl<'a> Form<'a> {
 
     /// ẋ at t and x.
     pub(crate) fn evaluate(&mut self, t: f64, x: &[f64], rate: &mut [f64]) -> Status {
-        let (n_q, n_v) = (self.mechanism.sizes.n_q, self.mechanism.sizes.n_v);
+        let n_q = self.mechanism.sizes.n_q;
+        let n_v = self.mechanism.sizes.n_v;
         if !x.iter().all(|x| x.is_finite()) {
             return Status::NonFiniteInput;
         }
@@ -82,7 +81,8 @@ impl<'a> Form<'a> {
             if status != Status::Ok {
                 return status;
             }
-            let (poses, twists) = (frames.get(Field::FramePose), frames.get(Field::FrameTwist));
+            let poses = frames.get(Field::FramePose);
+            let twists = frames.get(Field::FrameTwist);
             let effect = self.mechanism.springs.wrenches(poses, twists, &mut self.wrenches);
             (self.stretched, loss) = (effect.energy, effect.loss);
         }

@@ -1,4 +1,4 @@
-//! What every method of integration does.
+//! The interface of every method of integration.
 
 #[cfg(feature = "adaptive")]
 pub(crate) mod dop853;
@@ -30,8 +30,8 @@ pub(crate) trait Stepper {
     /// One attempt at a step from a settled state, not beyond `limit`.
     fn attempt(&mut self, engine: &mut Engine, t: &mut f64, x: &mut [f64], limit: f64) -> Attempt;
 
-    /// The state or the right-hand side has been changed from outside: forgets what it knows of the
-    /// past.
+    /// The state or the right-hand side has been changed from outside: discards the method's
+    /// history.
     fn restart(&mut self);
 
     /// True once the method has found the problem stiff, which it is not made for.
@@ -40,5 +40,5 @@ pub(crate) trait Stepper {
     }
 }
 
-/// What a component that is not controlled is allowed.
+/// Tolerance of a component that is not controlled.
 pub(crate) const FREE: f64 = 1e100;

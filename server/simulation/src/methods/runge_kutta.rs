@@ -22,7 +22,8 @@ pub(crate) struct RungeKutta {
 impl OneStep for RungeKutta {
     /// Four stages; the first is known.
     fn step(&mut self, engine: &mut Engine, t: f64, x: &mut [f64], to: f64) -> Status {
-        let (n, h) = (x.len(), to - t);
+        let n = x.len();
+        let h = to - t;
         self.stages.iter_mut().for_each(|stage| stage.resize(n, 0.0));
         self.at.resize(n, 0.0);
         self.stages[0].copy_from_slice(&engine.anchor.rate);

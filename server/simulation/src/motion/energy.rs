@@ -51,7 +51,8 @@ impl<T: PlanScalar> Meter<T> {
         description: &Description,
         tree: &Coordinates,
     ) -> Result<Meter<T>, SimulationError> {
-        let (mut links, mut masses) = (Vec::new(), Vec::new());
+        let mut links = Vec::new();
+        let mut masses = Vec::new();
         for (k, link) in description.links.iter().enumerate() {
             if let Some(inertial) = &link.inertial {
                 links.push(k as u16);
@@ -76,7 +77,8 @@ impl<T: PlanScalar> Meter<T> {
                 &Query::new(Request::Kinematics, given, want).with_frames(chunk),
             )?);
         }
-        let (mut rotors, mut springs) = (Vec::new(), Vec::new());
+        let mut rotors = Vec::new();
+        let mut springs = Vec::new();
         for joint in &description.joints {
             let Some(v) = model.tree_names().iter().position(|name| *name == joint.name) else {
                 continue;

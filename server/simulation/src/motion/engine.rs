@@ -2,7 +2,7 @@
 //! continue.
 
 use sarrus_dynamics::description::Description;
-use sarrus_dynamics::scalar::{Dd, Dual, Scalar};
+use sarrus_dynamics::scalar::{Dd, Dual, Real};
 use sarrus_dynamics::{
     Answer, Compiled, Field, FieldSet, Model, PlanScalar, Query, Request, Status, Warnings,
     Workspace,
@@ -21,7 +21,7 @@ const REACH: f64 = 0.5;
 /// its velocities.
 const JUMP: f64 = 0.3;
 
-/// What was done.
+/// Counts of evaluations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Accepted steps.
@@ -33,7 +33,7 @@ pub struct Counts {
     pub failed: u64,
     /// Evaluations of the right-hand side.
     pub evaluations: u64,
-    /// Those among them that were made in double-double, near a singularity.
+    /// Evaluations in double-double, near a singularity.
     pub precise: u64,
     /// Jacobians of the right-hand side.
     pub jacobians: u64,
@@ -74,7 +74,7 @@ pub(crate) struct Anchor {
     pub(crate) G: Vec<f64>,
     /// ẋ there.
     pub(crate) rate: Vec<f64>,
-    /// What the springs did there.
+    /// The springs' forces at this state.
     pub(crate) springs: Effect<f64>,
 }
 
@@ -119,7 +119,8 @@ impl Engine {
         let mechanism = Mechanism::new(model, &description, springs, inputs);
         let rates = Rates::new(model.clone(), &mechanism)?;
         let zero = |n: usize| vec![0.0; n];
-        let (n_v, n_vy) = (mechanism.sizes.n_v, mechanism.sizes.n_vy);
+        let n_v = mechanism.sizes.n_v;
+        let n_vy = mechanism.sizes.n_vy;
         let q = q.map_or_else(|| mechanism.q.zero(), <[f64]>::to_vec);
         let guess = q.clone();
         let G = zero(if mechanism.follows_G() { n_v * n_vy } else { 0 });
@@ -156,7 +157,7 @@ impl Engine {
         self.evaluate(t, x, rate).0
     }
 
-    /// The same, with whether it was computed in double-double.
+    /// As above, with whether it was computed in double-double.
     fn evaluate(&mut self, t: f64, x: &[f64], rate: &mut [f64]) -> (Status, bool) {
         self.counts.evaluations += 1;
         if !x.iter().all(|x| x.is_finite()) {
@@ -188,7 +189,7 @@ impl Engine {
     fn evaluate_precisely(&mut self, t: f64, x: &[f64], rate: &mut [f64]) -> Status {
         self.counts.precise += 1;
         if self.precise.is_none() {
-            // what could be planned over doubles can be over any scalar
+            // a query that can be planned over doubles can be planned over any scalar
             let Ok(other) = Other::new(self.compiled.exact.clone(), &self.mechanism) else {
                 return Status::BadRequest;
             };
@@ -303,7 +304,8 @@ impl Engine {
         if self.mechanism.sizes.n_c == 0 {
             return;
         }
-        let (dy, dq) = (&mut self.offset.0, &mut self.offset.1);
+        let dy = &mut self.offset.0;
+        let dq = &mut self.offset.1;
         if self.mechanism.follows_G() {
             self.mechanism.y.difference(y, &x[..y.len()], dy);
             dq.iter_mut()
@@ -323,8 +325,8 @@ impl Engine {
 }
 
 impl Engine {
-    /// True where the tree did not move as its velocities say: it turned back or took another
-    /// branch at a singularity that a step has met.
+    /// True where the tree's motion contradicts its velocities: it turned back or took another
+    /// branch at a singularity within the step.
     pub(crate) fn jumped(&self, before: &Anchor) -> bool {
         let Anchor { t, q, qd, .. } = &self.anchor;
         let h = t - before.t;

@@ -5,7 +5,7 @@
 //!   ÿ = FD(y, ẏ, τ_q(t, q, q̇), springs),   work' = τ_q · q̇ − losses
 //! ```
 //! The work of inputs and dampers is integrated beside the state, so that energy less work stays
-//! what it was.
+//! constant.
 
 use std::f64::consts::TAU;
 
@@ -23,7 +23,7 @@ use crate::planned::Planned;
 /// Numbers of G up to which it is asked for to continue closures along.
 const LARGEST: usize = 1 << 16;
 
-/// What acts on a robot, and how its coordinates are made up.
+/// The forces on a robot, and the composition of its coordinates.
 #[derive(Clone, Debug)]
 pub(crate) struct Mechanism {
     pub(crate) sizes: Sizes,
@@ -82,7 +82,7 @@ impl Mechanism {
         !self.inputs.is_empty() || !self.dampers.is_empty() || self.springs.have_dampers()
     }
 
-    /// What inputs do and dampers take in unit time: τ_q · q̇ − losses.
+    /// Power of the inputs less the dampers' losses: τ_q · q̇ − losses.
     pub(crate) fn power<T: PlanScalar>(&self, qd: &[T], tau_q: &[T], loss: T) -> T {
         let given = qd.iter().zip(tau_q).fold(T::ZERO, |sum, (v, tau)| v.mul_add(*tau, sum));
         self.dampers
@@ -171,7 +171,8 @@ impl<T: PlanScalar> Rates<T> {
         guess: (&[T], &[T]),
         rate: &mut [T],
     ) -> Answer {
-        let (n_qy, n_vy) = (mechanism.sizes.n_qy, mechanism.sizes.n_vy);
+        let n_qy = mechanism.sizes.n_qy;
+        let n_vy = mechanism.sizes.n_vy;
         let answer = self.accelerate(mechanism, t, x, guess);
         if answer.status != Status::Ok {
             rate.fill(T::from_f64(f64::NAN));
@@ -194,7 +195,8 @@ impl<T: PlanScalar> Rates<T> {
         x: &[T],
         (q, qd): (&[T], &[T]),
     ) -> Answer {
-        let (n_qy, n_vy) = (mechanism.sizes.n_qy, mechanism.sizes.n_vy);
+        let n_qy = mechanism.sizes.n_qy;
+        let n_vy = mechanism.sizes.n_vy;
         // a number that is none would not have a unit quaternion
         if !x.iter().all(|x| x.is_finite()) {
             return failed(Status::NonFiniteInput);
@@ -229,12 +231,13 @@ impl<T: PlanScalar> Rates<T> {
     /// The springs' wrenches at the last pose.
     fn pull(&mut self, mechanism: &Mechanism) {
         if let (Some(pose), false) = (&self.pose, mechanism.springs.is_empty()) {
-            let (poses, twists) = (pose.get(Field::FramePose), pose.get(Field::FrameTwist));
+            let poses = pose.get(Field::FramePose);
+            let twists = pose.get(Field::FrameTwist);
             self.effect = mechanism.springs.wrenches(poses, twists, &mut self.wrenches);
         }
     }
 
-    /// What the springs did at the last evaluation.
+    /// The springs' forces at the last evaluation.
     pub(crate) fn effect(&self) -> Effect<T> {
         self.effect
     }

@@ -1,4 +1,4 @@
-//! What can happen on the way.
+//! Events of a run.
 
 use sarrus_dynamics::Status;
 
@@ -7,11 +7,11 @@ use sarrus_dynamics::Status;
 pub struct Event {
     /// When `[s]`.
     pub time: f64,
-    /// What.
+    /// Its kind.
     pub kind: EventKind,
 }
 
-/// What happened.
+/// Kinds of events.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum EventKind {

@@ -23,8 +23,8 @@ use crate::error::SimulationError;
 /// samples need it.
 ///
 /// # Errors
-/// What is wrong with the start, the settings, the inputs or the springs. A state without an answer
-/// on the way is no error: the run ends there, says so, and keeps what there is.
+/// Invalid starts, settings, inputs or springs. A state without an answer on the way is not an
+/// error: the run ends there, reports it, and keeps the samples so far.
 pub fn simulate(
     setup: &Setup<'_>,
     start: &Start,

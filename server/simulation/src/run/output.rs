@@ -1,4 +1,4 @@
-//! What a simulation gives.
+//! The results of a simulation.
 
 use sarrus_dynamics::Status;
 
@@ -68,9 +68,9 @@ impl End {
 pub struct Run {
     /// Samples, the first at the start, the last at the last good state.
     pub samples: Vec<Sample>,
-    /// What happened on the way.
+    /// Events on the way.
     pub events: Vec<Event>,
-    /// What it took.
+    /// Counts of steps and evaluations.
     pub counts: Counts,
     /// How it ended.
     pub end: End,
@@ -88,8 +88,11 @@ pub struct Run {
 impl Run {
     /// A run that has not begun.
     pub(crate) fn new(correction: [f64; 2]) -> Run {
-        let (samples, events, independents) = (Vec::new(), Vec::new(), Vec::new());
-        let (counts, end) = (Counts::default(), End::Finished);
+        let samples = Vec::new();
+        let events = Vec::new();
+        let independents = Vec::new();
+        let counts = Counts::default();
+        let end = End::Finished;
         Run {
             samples,
             events,

@@ -9,7 +9,7 @@ use crate::methods::semi_implicit_euler::SemiImplicitEuler;
 
 /// Steps of a fixed length that one simulation may have.
 const MOST: f64 = 1e9;
-/// Baumgarte's rates by steps, where nobody gives any.
+/// Baumgarte's rates by steps, where none are given.
 const RATE: f64 = 0.1;
 
 /// A method of integration.
@@ -185,11 +185,11 @@ impl Settings {
         }
     }
 
-    /// The same with finer steps, and what the difference of both is to be multiplied by for the
-    /// error of the coarser.
+    /// These settings with finer steps, and the factor by which the difference of both runs
+    /// estimates the error of the coarser.
     pub(crate) fn finer(&self) -> (Settings, f64) {
         let once = Settings { estimate: false, ..*self };
-        // half of what is really stepped: steps meet samples and the end
+        // half of the actual step: steps meet samples and the end
         let longest = self.every.unwrap_or(self.duration).min(self.duration);
         let half = self.step.map(|step| 0.5 * step.min(longest));
         match self.method {

@@ -1,4 +1,4 @@
-//! A robot with what acts on it, and whether its numbers can be used.
+//! A robot with its springs and inputs, and the checks of their numbers.
 
 use sarrus_dynamics::description::Description;
 use sarrus_dynamics::{Compiled, Model};
@@ -8,17 +8,17 @@ use crate::error::SimulationError;
 use crate::forces::inputs::{Input, OnTree};
 use crate::forces::springs::{Spring, Springs};
 
-/// A robot with what acts on it.
+/// A robot with its springs and inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct Setup<'a> {
-    /// What the robot's files say: masses for the energy, and what is compiled anew with other
-    /// independents.
+    /// The description of the robot's files: masses for the energy, and the source for compiling it
+    /// with other independents.
     pub description: &'a Description,
-    /// The same, compiled.
+    /// The compiled description.
     pub compiled: &'a Compiled,
     /// Springs and dampers between links.
     pub springs: &'a [Spring],
-    /// What pushes the joints.
+    /// Inputs on the joints.
     pub inputs: &'a [Input],
 }
 

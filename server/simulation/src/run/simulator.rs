@@ -85,7 +85,9 @@ impl<'a> Simulator<'a> {
         let mut sampled = 0;
         self.look(false)?;
         self.sample()?;
-        let (mut attempts, mut in_vain, mut before) = (0, 0, 0.0);
+        let mut attempts = 0;
+        let mut in_vain = 0;
+        let mut before = 0.0;
         while self.t < end {
             attempts += 1;
             if attempts > self.settings.most_steps {
@@ -120,11 +122,9 @@ impl<'a> Simulator<'a> {
                         self.stepper.restart();
                         in_vain += 1;
                         if in_vain > IN_VAIN || !self.look(true)? {
-                            self.run.end = End::Failed(
-                                self.watch
-                                    .as_ref()
-                                    .map_or(Status::SingularIndependents, Watch::blame),
-                            );
+                            let blame = self.watch.as_ref().map(Watch::blame);
+                            self.run.end =
+                                End::Failed(blame.unwrap_or(Status::SingularIndependents));
                             break;
                         }
                         continue;
@@ -157,6 +157,12 @@ impl<'a> Simulator<'a> {
                 }
             }
         }
+        self.finish()?;
+        Ok(self.run)
+    }
+
+    /// Samples the end and notes events, counts and independents of the run.
+    fn finish(&mut self) -> Result<(), SimulationError> {
         if self.run.last().is_none_or(|sample| sample.time < self.t) {
             self.sample()?;
         }
@@ -173,7 +179,7 @@ impl<'a> Simulator<'a> {
         self.run.counts = self.engine.counts;
         self.run.time = self.t;
         self.run.independents = self.engine.compiled.model.independent_names().to_vec();
-        Ok(self.run)
+        Ok(())
     }
 
     /// The next time at which a force has a kink.
@@ -196,8 +202,8 @@ impl<'a> Simulator<'a> {
         self.watch.as_mut().and_then(|watch| watch.distance(&self.engine, &self.x, true))
     }
 
-    /// Looks how near a singularity is; goes on with other independents if those in use are, and
-    /// says whether it does.
+    /// Measures the distance to a singularity; switches to other independents if those in use are
+    /// near one, and returns whether it did.
     fn look(&mut self, pressed: bool) -> Result<bool, SimulationError> {
         let Some(watch) = &mut self.watch else { return Ok(false) };
         let close = pressed || self.engine.is_delicate && self.settings.precise;
@@ -230,8 +236,10 @@ impl<'a> Simulator<'a> {
     fn sample(&mut self) -> Result<(), SimulationError> {
         let sizes = self.engine.mechanism.sizes;
         let anchor = &self.engine.anchor;
-        let (y, yd) = (&self.x[..sizes.n_qy], &self.x[sizes.n_qy..sizes.n_qy + sizes.n_vy]);
-        let (compiled, guess) = (&self.engine.compiled, [anchor.q.as_slice(), &anchor.qd]);
+        let y = &self.x[..sizes.n_qy];
+        let yd = &self.x[sizes.n_qy..sizes.n_qy + sizes.n_vy];
+        let compiled = &self.engine.compiled;
+        let guess = [anchor.q.as_slice(), &anchor.qd];
         let mut measured = Err(Status::NotConverged);
         if !(self.engine.is_delicate && self.settings.precise) {
             measured = self.meter.measure(&compiled.model, [y, yd], guess);

@@ -28,14 +28,14 @@ pub(crate) struct Watch {
     refused: f64,
     /// Measuring takes no time worth sparing.
     cheap: bool,
-    /// The least of the largest entries of G so far, and what it was when the distance was last
+    /// The least of the largest entries of G so far, and its value when the distance was last
     /// measured.
     least: f64,
     measured: f64,
     distance: Option<f64>,
 }
 
-/// What other independents would bring.
+/// The effect of other independents.
 pub(crate) struct Better {
     pub(crate) engine: Engine,
     pub(crate) x: Vec<f64>,
@@ -55,7 +55,8 @@ impl Watch {
             &Query::new(Request::Kinematics, given, FieldSet::of(&[SigmaMin, GoodIndependents])),
         )?;
         let workspace = Workspace::for_plans(model, [planned.plan()]);
-        let (cheap, infinite) = (model.sizes().n_v <= CHEAP, f64::INFINITY);
+        let cheap = model.sizes().n_v <= CHEAP;
+        let infinite = f64::INFINITY;
         Ok(Some(Watch {
             workspace,
             planned,
@@ -67,7 +68,7 @@ impl Watch {
         }))
     }
 
-    /// Distance to singularity at the engine's settled state, measured anew where it may have
+    /// Distance to singularity at the engine's settled state, measured again where it may have
     /// become less: at a singularity of the independents G has no bound. `close` always measures.
     pub(crate) fn distance(&mut self, engine: &Engine, x: &[f64], close: bool) -> Option<f64> {
         let largest = engine.anchor.G.iter().fold(0.0, |largest: f64, g| largest.max(g.abs()));
@@ -82,8 +83,8 @@ impl Watch {
         self.distance
     }
 
-    /// What is singular at the pose that was measured last: the independents where others are good,
-    /// else the loops.
+    /// The cause of the singularity at the pose that was measured last: the independents where
+    /// others are good, else the loops.
     pub(crate) fn blame(&self) -> Status {
         let good = self.planned.get(Field::GoodIndependents);
         if good.is_empty() || good.iter().any(|x| x.is_nan()) {
@@ -152,7 +153,8 @@ fn with_independents(
     if compiled.model.tree_q_names() != engine.compiled.model.tree_q_names() {
         return Err("the coordinates of the tree would change their order".to_owned());
     }
-    let (springs, inputs) = (engine.mechanism.springs.clone(), engine.mechanism.inputs.clone());
+    let springs = engine.mechanism.springs.clone();
+    let inputs = engine.mechanism.inputs.clone();
     let mut next = Engine::new((description, compiled), springs, inputs, Some(&engine.anchor.q))
         .map_err(|error| error.to_string())?;
     next.counts = engine.counts;
@@ -190,10 +192,8 @@ fn with_independents(
         .flatten()
         .and_then(|mut watch| watch.distance(&next, &state, true));
     let after = distance.ok_or("their distance to singularity is not known")?;
-    let (from, to) = (
-        engine.compiled.model.independent_names().to_vec(),
-        next.compiled.model.independent_names().to_vec(),
-    );
+    let from = engine.compiled.model.independent_names().to_vec();
+    let to = next.compiled.model.independent_names().to_vec();
     Ok((
         Box::new(Better {
             engine: next,

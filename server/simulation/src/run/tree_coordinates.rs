@@ -32,9 +32,11 @@ pub(super) fn run(
         let pick = |from: &[f64], places: &[usize]| {
             places.iter().map(|place| from[*place]).collect::<Vec<f64>>()
         };
-        let (q, qd) = (&x[..n_q], &x[n_q..n_q + n_v]);
-        let (y, yd) = (pick(q, &declared.0), pick(qd, &declared.1));
-        // ẋ here says how far the loops have drifted and what the springs hold
+        let q = &x[..n_q];
+        let qd = &x[n_q..n_q + n_v];
+        let y = pick(q, &declared.0);
+        let yd = pick(qd, &declared.1);
+        // ẋ here measures the drift of the loops and the forces that the springs hold
         let mut rate = vec![0.0; x.len()];
         form.evaluate(t, x, &mut rate);
         let mut energy = meter.measure(model, [&y, &yd], [q, qd]).unwrap_or_default();
@@ -51,7 +53,8 @@ pub(super) fn run(
         });
     };
     sample(&mut form, &mut run, t, &x);
-    let (end, step) = (settings.duration, settings.step.unwrap_or(settings.duration));
+    let end = settings.duration;
+    let step = settings.step.unwrap_or(settings.duration);
     let mut sampled = 0_u64;
     while t < end {
         let next_sample =

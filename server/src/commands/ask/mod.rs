@@ -9,6 +9,7 @@
 
 mod answer;
 mod engine;
+mod fields;
 mod json;
 mod lines;
 mod read;
@@ -26,7 +27,7 @@ use sarrus_client::{
 use sarrus_proto::Tolerance;
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT};
 
-use super::output::print;
+use super::output::{finish, print};
 use super::robot::{RobotFlags, refuse};
 use answer::Remark;
 use engine::{Engine, Reply};
@@ -35,10 +36,14 @@ use request::{Asked, Problem};
 
 /// Flags of `ask`.
 #[derive(Args)]
+#[command(after_long_help = fields::table_in_words())]
 pub(crate) struct Ask {
-    /// What to compute.
-    #[arg(value_enum, value_name = "REQUEST")]
-    request: RequestFlag,
+    /// The request that every line makes.
+    #[arg(value_enum, value_name = "REQUEST", required_unless_present = "fields")]
+    request: Option<RequestFlag>,
+    /// Prints the table of the fields of requests and answers: name, shape, unit, meaning.
+    #[arg(long, group = "SourceFlags")]
+    fields: bool,
     /// A running server; its model was chosen when it was started.
     #[arg(
         long,
@@ -103,7 +108,10 @@ impl RequestFlag {
 
 impl Ask {
     pub(crate) fn run(self) -> ExitCode {
-        let request = self.request.request();
+        let Some(request) = self.request else {
+            return finish("ask", &fields::table_in_words(), 0);
+        };
+        let request = request.request();
         let tolerances = [self.loop_tolerance, self.projection_tolerance].map(Tolerance::new);
         let engine = match &self.connect {
             Some(name) => match Engine::connect(name) {

@@ -4,6 +4,16 @@ use sarrus_models::ClosureReport;
 
 use crate::commands::output::table;
 
+/// The meaning of the columns.
+pub(super) const LEGEND: &str = "\
+rows       constraint rows; rank: the number of independent rows; redundant: rows left out
+idle       joints that only turn a rod between its ball joints
+branch     sign of det K_d at the zero pose, one for each cluster with two assemblies; 0: singular
+misfit     deviation of the geometry from the closed form's assumptions, relative to its size
+sigma      least singular value of the scaled K_d at the zero pose; 0: singular
+cond       condition number of the scaled K_d at the zero pose
+";
+
 /// One row for each submechanism, then what has names: redundant rows, idle joints, singular poses.
 pub(super) fn in_words(closures: &[ClosureReport]) -> String {
     let heads = [

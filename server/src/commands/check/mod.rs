@@ -17,6 +17,7 @@ use pose::Numbers;
 
 /// Flags of `check`.
 #[derive(Args)]
+#[command(after_long_help = closures::LEGEND)]
 pub(crate) struct Check {
     /// A URDF file, as --urdf.
     #[arg(value_name = "FILE.urdf", group = "SourceFlags")]
@@ -181,6 +182,8 @@ fn in_words(report: &CheckReport) -> String {
     if !report.closures.is_empty() {
         text += "\n";
         text += &closures::in_words(&report.closures);
+        text += "\n";
+        text += closures::LEGEND;
     }
     if let Some(assembled) = &report.assembled {
         text += "\n";

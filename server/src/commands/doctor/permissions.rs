@@ -1,6 +1,8 @@
 //! What this user may: real-time priorities, locked memory, open files.
 
-use sarrus_server::rights::{CAP_IPC_LOCK, CAP_SYS_NICE, Limit, has_capability, soft_limit};
+use sarrus_server::system::limits::{
+    CAP_IPC_LOCK, CAP_SYS_NICE, Limit, has_capability, soft_limit,
+};
 
 use super::Finding;
 use super::files::{Files, unreadable};

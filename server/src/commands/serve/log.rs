@@ -1,24 +1,24 @@
-//! What `serve` logs: events of the control thread and the recorder, a line each, to stderr.
+//! The log of `serve`: events of the upkeep thread and the recorder, one line each, on stderr.
 
 use std::io::{self, Write};
 use std::str::FromStr;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use clap::{Args, ValueEnum};
-use sarrus_server::stderr::{LONGEST, has_room};
+use sarrus_server::system::stderr::{LONGEST, has_room};
 use tracing_subscriber::filter::LevelFilter;
 
 /// The variable that sets the level where no flag does.
 const VARIABLE: &str = "SARRUS_LOG";
 
-/// Lines that nobody took.
+/// Lines lost because stderr had no room.
 static LOST: AtomicU64 = AtomicU64::new(0);
 
 /// Flags of the log.
 #[derive(Args)]
 pub(super) struct LogFlags {
     /// Log to stderr: off, error, warn (refusals, late answers), info (clients, plans, recordings)
-    /// or debug (lanes, services); without it what SARRUS_LOG says, else off.
+    /// or debug (lanes, services); by default SARRUS_LOG, else off.
     #[arg(long, value_name = "LEVEL", value_parser = level)]
     log: Option<LevelFilter>,
     /// Form of a line of the log.
@@ -28,7 +28,7 @@ pub(super) struct LogFlags {
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum LogFormat {
-    /// Time, level, what happened, then `key=value`.
+    /// Time, level, event, then `key=value`.
     Text,
     /// An object with these.
     Json,
@@ -67,7 +67,7 @@ impl LogFlags {
     }
 }
 
-/// stderr; a line that nobody takes is left out, so that a full pipe keeps no client waiting.
+/// stderr; a line without room is left out, so that a full pipe delays no client.
 struct Stderr {
     is_json: bool,
 }

@@ -1,10 +1,9 @@
 //! `sarrus serve`.
 
+mod backoff;
 mod log;
-mod standby;
 mod supervise;
 
-use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -15,7 +14,7 @@ use clap::{Args, ValueEnum};
 use sarrus_client::describe;
 use sarrus_dynamics::Model;
 use sarrus_models::LoadError;
-use sarrus_proto::{Domain, ServerName, supervision};
+use sarrus_proto::{Domain, ModelInfo, ServerName, supervision};
 use sarrus_server::record::{RecordOptions, RecordedRobot};
 use sarrus_server::{Kernels, ServeError, ServeOptions, Wait, serve};
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -23,7 +22,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use super::kernel::KernelFlag;
 use super::robot::{RobotFlags, refuse};
 use log::LogFlags;
-use standby::{Message, Order};
+use supervise::{Failure, print_line};
 
 /// Flags of `serve`.
 #[derive(Args)]
@@ -36,10 +35,10 @@ pub(crate) struct Serve {
     /// How to wait for requests; without it, busy where there are three processors or more.
     #[arg(long)]
     wait: Option<WaitFlag>,
-    /// How many clients can have a lane at one time.
+    /// Number of clients that can have a lane at one time.
     #[arg(long, default_value_t = 16)]
     lanes: usize,
-    /// Serve in a process of its own, and again when it dies: a second one is loaded and waits.
+    /// Serve in a child process and start it again when it dies.
     #[arg(long)]
     supervise: bool,
     /// Processor of the answering thread; all other threads leave it.
@@ -51,16 +50,16 @@ pub(crate) struct Serve {
     /// Lock memory, so that the answering thread meets no page fault.
     #[arg(long)]
     lock_memory: bool,
-    /// Answer by generated code, with the same bits: FILE, a shared object of `sarrus generate` for
-    /// its query, or auto: what the C compiler (CC, or cc) makes in the background of each query
-    /// that clients register, kept in the cache (XDG_CACHE_HOME).
+    /// Answer by generated code, with the same bits: FILE is a shared object of `sarrus generate`
+    /// and answers its query; auto compiles each query that clients register in the background (CC,
+    /// or cc) and keeps the results in the cache (XDG_CACHE_HOME).
     #[arg(long, value_name = "none|auto|FILE", default_value = "none")]
     kernel: KernelFlag,
-    /// Keep the last requests and answers in this file, for `sarrus replay`; one of an earlier run
-    /// goes to FILE.1.
+    /// Keep the last requests and answers in this file, for `sarrus replay`; a file of an earlier
+    /// run is renamed to FILE.1.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
-    /// How many seconds of them at least, with every lane at 1 kHz.
+    /// Seconds of requests to keep at least, with every lane at 1 kHz.
     #[arg(
         long,
         value_name = "N",
@@ -71,10 +70,13 @@ pub(crate) struct Serve {
     record_seconds: u32,
     #[command(flatten)]
     log: LogFlags,
-    /// Be a process of the supervisor that has this number: load, say so, and wait for an order.
+    /// Serve as the child of the supervisor with this process number.
     #[arg(long, value_name = "PROCESS", hide = true, conflicts_with = "supervise")]
-    standby: Option<i32>,
-    /// Seconds after which a server's death is no reason to wait before the next.
+    supervisor: Option<i32>,
+    /// Serve in place of a server with this fingerprint that died.
+    #[arg(long, value_name = "FINGERPRINT", hide = true, requires = "supervisor")]
+    again: Option<String>,
+    /// Seconds of life after which the next server starts without delay.
     #[arg(long, value_name = "SECONDS", hide = true, default_value_t = 10)]
     short_life: u64,
 }
@@ -87,91 +89,109 @@ enum WaitFlag {
     Sleep,
 }
 
+/// Why the command serves nothing.
+enum ServeFailure {
+    Load(LoadError),
+    Serve(ServeError),
+    Other(String),
+}
+
+impl From<LoadError> for ServeFailure {
+    fn from(error: LoadError) -> ServeFailure {
+        ServeFailure::Load(error)
+    }
+}
+
+impl From<ServeError> for ServeFailure {
+    fn from(error: ServeError) -> ServeFailure {
+        ServeFailure::Serve(error)
+    }
+}
+
 impl Serve {
     pub(crate) fn run(self) -> ExitCode {
-        if let Err(words) = self.log.start() {
-            eprintln!("sarrus serve: {words}");
+        if let Err(reason) = self.log.start() {
+            eprintln!("sarrus serve: {reason}");
             return ExitCode::from(2);
         }
         if self.supervise {
             return supervise::run(&self.name, Duration::from_secs(self.short_life));
         }
-        if self.standby.is_some_and(|parent| !standby::die_with(parent)) {
+        if self.supervisor.is_some_and(|supervisor| !supervise::die_with(supervisor)) {
             return ExitCode::from(2);
         }
-        // a standby ends by its supervisor's word, or by any signal, until it serves
-        let stop = Arc::new(AtomicBool::new(false));
-        if self.standby.is_none()
-            && let Err(code) = self.catch(&stop)
-        {
-            return code;
+        match self.serve() {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(failure) => self.report(&failure),
         }
+    }
 
+    /// Loads the robot and serves it until a signal.
+    fn serve(&self) -> Result<(), ServeFailure> {
+        let stop = stop_signals()?;
         let mut options = self.options();
-        if let Err(error) = options.check() {
-            return self.fail(&error);
-        }
-        let loaded = match self.robot.load() {
-            Ok(loaded) => loaded,
-            Err(error) => {
-                self.reply(&Message::Failed(first_line(&error)));
-                return refuse("serve", &error);
-            }
-        };
+        options.check()?;
+        let loaded = self.robot.load()?;
         let info = describe(&loaded);
-        // all that takes long, before the order
-        options.record = match self.record() {
-            Ok(record) => record,
-            Err(error) => {
-                self.reply(&Message::Failed(first_line(&error)));
-                return refuse("serve", &error);
-            }
-        };
-        let kernels = self.kernels(&loaded.compiled.model);
-        let is_whole = |record: &RecordOptions| is_whole(&record.robot, info.fingerprint);
-        let is_whole = options.record.as_ref().is_none_or(is_whole);
-        let mut warn = true;
-        if self.standby.is_some() {
-            self.reply(&Message::Loaded(info.fingerprint));
-            match standby::order() {
-                Order::Serve => {}
-                Order::ServeAgain => warn = false,
-                Order::Leave => return ExitCode::SUCCESS,
-            }
-            if let Err(code) = self.catch(&stop) {
-                return code;
-            }
-        }
-        options.kernels = match kernels {
-            Ok(kernels) => kernels,
-            // what went bad since the first start makes answers slow, not wrong
-            Err(error) if !warn => {
-                eprintln!("sarrus serve: warning: {error}; the generic kernels answer");
-                Kernels::default()
-            }
-            Err(error) => return self.fail(&error),
-        };
-
-        if warn {
-            if !is_whole {
-                eprintln!(
-                    "sarrus serve: warning: the recording cannot hold this robot, whose files name \
-                     further ones; replay it with --urdf"
-                );
-            }
-            info.warnings.iter().for_each(|warning| eprintln!("sarrus serve: warning: {warning}"));
+        self.check_fingerprint(info.fingerprint)?;
+        options.record = self.record()?;
+        options.kernels = self.kernels(&loaded.compiled.model)?;
+        // the first server of a supervisor has printed the warnings
+        if self.again.is_none() {
+            self.warn(&info, options.record.as_ref());
         }
         let ready = || {
-            // whatever a supervisor gave up before: a server runs
+            // a reason left by an earlier supervisor no longer holds
             if let (Ok(domain), Ok(name)) = (Domain::of_user(), ServerName::new(&self.name)) {
                 supervision::clear(domain.root(), &name);
             }
             print_line(&format!("ready {} {:016x}", self.name, info.fingerprint));
         };
-        match serve(Arc::new(loaded.compiled.model), &info, &options, &stop, ready) {
-            Ok(()) => ExitCode::SUCCESS,
-            Err(error) => self.fail(&error),
+        Ok(serve(Arc::new(loaded.compiled.model), &info, &options, &stop, ready)?)
+    }
+
+    /// Refuses a robot whose files have changed since the supervisor's first server.
+    fn check_fingerprint(&self, loaded: u64) -> Result<(), ServeFailure> {
+        match &self.again {
+            Some(served) if *served != format!("{loaded:016x}") => {
+                Err(ServeFailure::Other(format!(
+                    "the robot's files have changed (fingerprint {loaded:016x}, served was \
+                     {served}); start the supervisor again to serve the new robot"
+                )))
+            }
+            _ => Ok(()),
         }
+    }
+
+    fn warn(&self, info: &ModelInfo, record: Option<&RecordOptions>) {
+        if record.is_some_and(|record| !is_whole(&record.robot, info.fingerprint)) {
+            eprintln!(
+                "sarrus serve: warning: the recording cannot hold this robot, whose files name \
+                 further ones; replay it with --urdf"
+            );
+        }
+        info.warnings.iter().for_each(|warning| eprintln!("sarrus serve: warning: {warning}"));
+    }
+
+    /// Reports a failure on stderr, and to the supervisor where there is one; the exit code.
+    fn report(&self, failure: &ServeFailure) -> ExitCode {
+        let line = match failure {
+            ServeFailure::Load(error) => Failure::Other(first_line(error)),
+            ServeFailure::Serve(error @ ServeError::NameTaken { .. }) => {
+                Failure::NameTaken(error.to_string())
+            }
+            ServeFailure::Serve(error) => Failure::Other(error.to_string()),
+            ServeFailure::Other(reason) => Failure::Other(reason.clone()),
+        };
+        if self.supervisor.is_some() {
+            print_line(&line.to_string());
+        }
+        match failure {
+            ServeFailure::Load(error) => return refuse("serve", error),
+            ServeFailure::Serve(error) => eprintln!("sarrus serve: {error}"),
+            ServeFailure::Other(reason) => eprintln!("sarrus serve: {reason}"),
+        }
+        ExitCode::from(2)
     }
 
     fn options(&self) -> ServeOptions {
@@ -186,60 +206,45 @@ impl Serve {
         ServeOptions { name, wait, lanes, cpu, priority, lock_memory, kernels, record: None }
     }
 
-    /// The kernels of the plans of clients.
+    /// The kernels of the clients' plans.
     fn kernels(&self, model: &Model<f64>) -> Result<Kernels, ServeError> {
-        match &self.kernel {
+        let kernels = match &self.kernel {
             KernelFlag::None => Ok(Kernels::default()),
             KernelFlag::Auto => Kernels::auto(),
             KernelFlag::File(path) => Kernels::of_file(path, model),
+        };
+        match kernels {
+            // a file that went bad after the first start makes answers slow, not wrong
+            Err(error) if self.again.is_some() => {
+                eprintln!("sarrus serve: warning: {error}; the generic kernels answer");
+                Ok(Kernels::default())
+            }
+            kernels => kernels,
         }
     }
 
-    /// What to record, if anything is: the robot's files go with it.
+    /// The recording, with the robot's files in it; `None` without `--record`.
     fn record(&self) -> Result<Option<RecordOptions>, LoadError> {
         let Some(file) = self.record.clone() else { return Ok(None) };
         let robot = self.robot.recorded()?;
         Ok(Some(RecordOptions { file, seconds: self.record_seconds, robot }))
     }
-
-    /// From now on SIGTERM and SIGINT are a clean stop.
-    fn catch(&self, stop: &Arc<AtomicBool>) -> Result<(), ExitCode> {
-        for signal in [SIGTERM, SIGINT] {
-            if let Err(error) = signal_hook::flag::register(signal, stop.clone()) {
-                eprintln!("sarrus serve: signal {signal} cannot be caught: {error}");
-                return Err(ExitCode::from(2));
-            }
-        }
-        Ok(())
-    }
-
-    /// Says why it does not serve: to people, and to the supervisor where there is one.
-    fn fail(&self, error: &ServeError) -> ExitCode {
-        let reason = error.to_string();
-        self.reply(&match error {
-            ServeError::NameTaken { .. } => Message::Taken(reason),
-            _ => Message::Failed(reason),
-        });
-        eprintln!("sarrus serve: {error}");
-        ExitCode::from(2)
-    }
-
-    fn reply(&self, message: &Message) {
-        if self.standby.is_some() {
-            print_line(&message.to_string());
-        }
-    }
 }
 
-/// Whether the texts alone make the robot that is served.
+/// A flag that SIGTERM and SIGINT set from now on.
+fn stop_signals() -> Result<Arc<AtomicBool>, ServeFailure> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [SIGTERM, SIGINT] {
+        signal_hook::flag::register(signal, stop.clone()).map_err(|error| {
+            ServeFailure::Other(format!("signal {signal} cannot be caught: {error}"))
+        })?;
+    }
+    Ok(stop)
+}
+
+/// Whether the recorded files alone describe the robot that is served.
 fn is_whole(robot: &RecordedRobot, fingerprint: u64) -> bool {
     robot.load().is_ok_and(|loaded| loaded.compiled.model.fingerprint() == fingerprint)
-}
-
-/// Whoever started the server may have closed its end: serving goes on.
-fn print_line(line: &str) {
-    let mut out = std::io::stdout().lock();
-    let _ = writeln!(out, "{line}").and_then(|()| out.flush());
 }
 
 fn first_line(error: &LoadError) -> String {

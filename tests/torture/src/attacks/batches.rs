@@ -14,10 +14,12 @@ use sarrus_proto::control::{Call, Grant};
 use crate::Settings;
 use crate::honest::{Askers, TRANSPORTS};
 use crate::oracle::Oracle;
+use crate::patience::{LIMIT, holds};
+use crate::process::batch_areas;
 use crate::raw::Raw;
 use crate::report::{Clock, Report, Verdict};
 use crate::roles::transport_flags;
-use crate::sandbox::{Process, Sandbox, Server, wait_until, words};
+use crate::sandbox::{Process, Sandbox, Server, words};
 
 /// Attackers at one time; every other one floods.
 const ATTACKERS: usize = 4;
@@ -44,13 +46,13 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
     // everything that takes memory for good has happened once
     let mut attackers = Attackers { sandbox: &sandbox, random: Rng::with_seed(settings.seed) };
     attackers.run(Clock::new("batches", 0.2), &mut server)?;
-    wait_until(Duration::from_secs(10), || areas(&server) == 0);
+    holds(|| batch_areas(server.id()) == 0);
     let before = server.descriptors();
 
     // one lane asks without a pause of its own; the others ask one by one and for rows
     let times = Arc::new(Mutex::new(Vec::new()));
     let noted = times.clone();
-    let timeout = Duration::from_secs(10);
+    let timeout = LIMIT;
     let ask = move |honest: &mut crate::honest::Honest, number: usize| {
         let start = Instant::now();
         let outcome = if number < 2 { honest.ask() } else { honest.ask_rows(ROWS) };
@@ -86,13 +88,17 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
     }
 
     // nothing of them is left
-    let free = wait_until(Duration::from_secs(10), || {
+    let free = holds(|| {
         let is_free = matches!(observer.call(Call::Statistics), Ok(Grant::Statistics(statistics))
             if statistics.lanes_taken == 0 && statistics.plans == 0);
-        is_free && areas(&server) == 0 && server.descriptors() <= before
+        is_free && batch_areas(server.id()) == 0 && server.descriptors() <= before
     });
     report.require(free, || {
-        format!("descriptors {before} then {}, {} areas", server.descriptors(), areas(&server))
+        format!(
+            "descriptors {before} then {}, {} areas",
+            server.descriptors(),
+            batch_areas(server.id())
+        )
     });
     keep(&sandbox.domain, (20.0 * settings.seconds).clamp(20.0, 200.0) as usize, &mut report)?;
     if let Some(status) = server.ended() {
@@ -101,9 +107,7 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
     }
     drop(observer);
     server.stop()?;
-    report.require(wait_until(Duration::from_secs(5), || sandbox.files().is_empty()), || {
-        format!("left after a clean stop: {:?}", sandbox.files())
-    });
+    sandbox.require_empty(&mut report);
     Ok(Verdict::Done(report))
 }
 
@@ -136,12 +140,6 @@ impl Attackers<'_> {
     }
 }
 
-/// Areas that a server has mapped.
-fn areas(server: &Server) -> usize {
-    let maps = fs::read_to_string(format!("/proc/{}/maps", server.id())).unwrap_or_default();
-    maps.lines().filter(|line| line.contains("sarrus-batch")).count()
-}
-
 /// Takes areas and gives them back, and keeps their descriptors: their memory is free.
 fn keep(domain: &Domain, n: usize, report: &mut Report) -> Result<(), String> {
     let before = shared_memory();
@@ -167,7 +165,7 @@ fn keep(domain: &Domain, n: usize, report: &mut Report) -> Result<(), String> {
     drop(raw);
     let blocks =
         || -> u64 { kept.iter().filter_map(|one| Some(one.metadata().ok()?.blocks())).sum() };
-    let free = wait_until(Duration::from_secs(10), || blocks() == 0);
+    let free = holds(|| blocks() == 0);
     report.count(format!(
         "{n} areas kept by their descriptors: {} kB; shared memory {before} then {} kB",
         blocks() / 2,

@@ -3,17 +3,18 @@
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use clap::Args;
 use sarrus_client::Transport;
 use sarrus_proto::control::{Call, Grant};
 
 use crate::Settings;
+use crate::patience::holds;
 use crate::raw::Raw;
 use crate::report::{Report, Verdict};
 use crate::roles::transport_flags;
-use crate::sandbox::{Process, Sandbox, wait_until, words};
+use crate::sandbox::{Process, Sandbox, words};
 
 #[derive(Args)]
 pub(crate) struct Burst {
@@ -67,7 +68,7 @@ fn burst(
         Transport::Lane => lanes,
         Transport::Service => 32,
     };
-    let flags = ["--robot", robot, "--timeout", "20000", "--once"].map(str::to_owned);
+    let flags = ["--robot", robot, "--once"].map(str::to_owned);
     let flags: Vec<String> = flags.into_iter().chain(transport_flags(transport)).collect();
     let start = Instant::now();
     let mut clients = Vec::new();
@@ -101,7 +102,7 @@ fn burst(
 
     // everything is free again
     drop(clients);
-    let free = wait_until(Duration::from_secs(10), || {
+    let free = holds(|| {
         matches!(observer.call(Call::Statistics), Ok(Grant::Statistics(statistics))
             if statistics.lanes_taken == 0 && statistics.plans == 0)
     });
@@ -112,8 +113,6 @@ fn burst(
     }
     drop(observer);
     server.stop()?;
-    report.require(wait_until(Duration::from_secs(5), || sandbox.files().is_empty()), || {
-        format!("{who}: left after a clean stop: {:?}", sandbox.files())
-    });
+    sandbox.require_empty(report);
     Ok(())
 }

@@ -9,8 +9,9 @@ use fastrand::Rng;
 use crate::Settings;
 use crate::honest::{Askers, Honest, TRANSPORTS};
 use crate::oracle::Oracle;
+use crate::patience::LIMIT;
 use crate::report::{Clock, Report, Verdict};
-use crate::sandbox::{Sandbox, wait_until};
+use crate::sandbox::Sandbox;
 
 /// New clients should find the server again within this.
 const FOUND: Duration = Duration::from_secs(3);
@@ -21,7 +22,7 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
     let oracle = Arc::new(Oracle::new(robot, settings.seed, 256)?);
     let sandbox = Sandbox::new(settings)?;
     let mut server = sandbox.serve(robot, &[])?;
-    let timeout = Duration::from_secs(10);
+    let timeout = LIMIT;
     let askers = Askers::start(&sandbox.domain, &oracle, 1, timeout, settings.seed)?;
     let mut random = Rng::with_seed(settings.seed);
 
@@ -43,7 +44,7 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
                     });
                     break;
                 }
-                Err(error) if start.elapsed() > Duration::from_secs(30) => {
+                Err(error) if start.elapsed() > LIMIT => {
                     report.fault(format!("the server is not found any more: {error}"));
                     return Ok(Verdict::Done(report));
                 }
@@ -58,8 +59,6 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
     report.times("found again after its folder was removed", &mut found, Some(FOUND));
     askers.finish().report(&mut report, "clients from before", false);
     server.stop()?;
-    report.require(wait_until(Duration::from_secs(5), || sandbox.files().is_empty()), || {
-        format!("left after a clean stop: {:?}", sandbox.files())
-    });
+    sandbox.require_empty(&mut report);
     Ok(Verdict::Done(report))
 }

@@ -6,8 +6,9 @@ use std::time::{Duration, Instant};
 use crate::Settings;
 use crate::honest::{Askers, Honest, TRANSPORTS, is_full};
 use crate::oracle::Oracle;
+use crate::patience::LIMIT;
 use crate::report::{Clock, Report, Verdict};
-use crate::sandbox::{Process, Sandbox, wait_until, words};
+use crate::sandbox::{Process, Sandbox, words};
 
 /// Clients that flood.
 const FLOODERS: u64 = 4;
@@ -22,7 +23,7 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
     let oracle = Arc::new(Oracle::new(robot, settings.seed, 256)?);
     let sandbox = Sandbox::new(settings)?;
     let mut server = sandbox.serve(robot, &["--lanes", "64"])?;
-    let timeout = Duration::from_secs(20);
+    let timeout = LIMIT;
     let askers = Askers::start(&sandbox.domain, &oracle, 1, timeout, settings.seed)?;
     let mut flooders = Vec::new();
     for number in 0..FLOODERS {
@@ -63,8 +64,6 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
         Err(error) => report.fault(error),
     }
     drop(flooders);
-    report.require(wait_until(Duration::from_secs(5), || sandbox.files().is_empty()), || {
-        format!("left after a clean stop: {:?}", sandbox.files())
-    });
+    sandbox.require_empty(&mut report);
     Ok(Verdict::Done(report))
 }

@@ -20,9 +20,11 @@ use sarrus_client::Transport;
 use crate::Settings;
 use crate::honest::{Askers, TRANSPORTS};
 use crate::oracle::Oracle;
+use crate::patience::LIMIT;
+use crate::process::SHARED_MEMORY;
 use crate::report::{Clock, Report, Verdict};
 use crate::roles::transport_flags;
-use crate::sandbox::{Process, SHARED_MEMORY, Sandbox, program, words};
+use crate::sandbox::{Process, Sandbox, program, words};
 
 /// What is left of the shared memory while newcomers try `[kB]`.
 const LEFT: [u64; 8] = [0, 4, 16, 32, 64, 256, 1024, 4096];
@@ -118,7 +120,7 @@ fn attack(settings: &Settings) -> Result<Report, String> {
     let mut random = Rng::with_seed(settings.seed);
     let sandbox = Sandbox::new(settings)?;
     let mut server = sandbox.serve(robot, &["--lanes", "64"])?;
-    let timeout = Duration::from_secs(10);
+    let timeout = LIMIT;
     let askers = Askers::start(&sandbox.domain, &oracle, 1, timeout, settings.seed)?;
 
     // nearly full
@@ -194,7 +196,7 @@ fn try_newcomer(
     newcomers: &mut Newcomers,
     report: &mut Report,
 ) -> Result<(), String> {
-    let flags = ["--robot", robot, "--once", "--timeout", "5000"].map(str::to_owned);
+    let flags = ["--robot", robot, "--once"].map(str::to_owned);
     let flags = flags.into_iter().chain(transport_flags(transport));
     let mut command = sandbox.role("asker", flags)?;
     let command = command.stdin(Stdio::piped()).stdout(Stdio::piped());

@@ -15,10 +15,12 @@ use sarrus_proto::control::{Call, Grant, Refusal};
 use crate::Settings;
 use crate::honest::{Askers, TRANSPORTS};
 use crate::oracle::Oracle;
+use crate::patience::LIMIT;
+use crate::process::send_signal;
 use crate::raw::Raw;
 use crate::report::{Clock, Report, Verdict};
 use crate::roles::{Stage, transport_flags};
-use crate::sandbox::{Process, Sandbox, Server, send_signal, wait_until};
+use crate::sandbox::{Process, Sandbox, Server};
 
 /// A lane of a dead client should serve the next one within this.
 const FREE: Duration = Duration::from_millis(10);
@@ -47,6 +49,16 @@ struct Holdings {
     plans: u64,
 }
 
+impl Holdings {
+    /// True if any count is larger than before; a slow machine may still hold more before.
+    fn exceeds(&self, before: &Holdings) -> bool {
+        self.descriptors > before.descriptors
+            || self.files > before.files
+            || self.lanes > before.lanes
+            || self.plans > before.plans
+    }
+}
+
 impl KillClients {
     pub(crate) fn run(&self, settings: &Settings) -> Result<Verdict, String> {
         let mut report = Report::new(settings);
@@ -54,7 +66,7 @@ impl KillClients {
         let oracle = Arc::new(Oracle::new(robot, settings.seed, 512)?);
         let sandbox = Sandbox::new(settings)?;
         let mut server = sandbox.serve(robot, &[])?;
-        let timeout = Duration::from_secs(10);
+        let timeout = LIMIT;
         let askers = Askers::start(&sandbox.domain, &oracle, 1, timeout, settings.seed)?;
         let mut observer = Raw::greet(&sandbox.domain)?;
 
@@ -78,7 +90,9 @@ impl KillClients {
             "before {before:?}, after {after:?}, memory {memory} then {} kB",
             server.memory()
         ));
-        report.require(before == after, || format!("left behind: {before:?} became {after:?}"));
+        report.require(!after.exceeds(&before), || {
+            format!("left behind: {before:?} became {after:?}")
+        });
         report.require(server.memory() <= memory + SLACK, || {
             format!("memory grew from {memory} to {} kB", server.memory())
         });
@@ -87,10 +101,7 @@ impl KillClients {
         } else {
             drop(observer);
             server.stop()?;
-            report
-                .require(wait_until(Duration::from_secs(5), || sandbox.files().is_empty()), || {
-                    format!("left after a clean stop: {:?}", sandbox.files())
-                });
+            sandbox.require_empty(&mut report);
         }
         drop(sandbox);
         free_again(settings, robot, &mut report)?;
@@ -147,12 +158,12 @@ fn settle(
     let start = Instant::now();
     let mut last = look(sandbox, server, observer)?;
     let mut same = 0;
-    while start.elapsed() < Duration::from_secs(10) {
+    while start.elapsed() < LIMIT {
         std::thread::sleep(Duration::from_millis(50));
         let next = look(sandbox, server, observer)?;
         same = if next == last { same + 1 } else { 0 };
         last = next;
-        if expected.map_or(same >= 10, |expected| *expected == last) {
+        if expected.map_or(same >= 10, |expected| !last.exceeds(expected)) {
             break;
         }
     }
@@ -202,7 +213,7 @@ fn free_again(settings: &Settings, robot: &str, report: &mut Report) -> Result<(
         loop {
             match next.try_call(Call::Lane { n_in: 1, n_out: 1 })? {
                 Ok(_) => break,
-                Err(Refusal::NoLane { .. }) if dead.elapsed() < Duration::from_secs(10) => {}
+                Err(Refusal::NoLane { .. }) if dead.elapsed() < LIMIT => {}
                 Err(refusal) => return Err(format!("no lane: {refusal:?}")),
             }
         }

@@ -13,8 +13,10 @@ use rustix::process::Signal;
 use crate::Settings;
 use crate::honest::Askers;
 use crate::oracle::Oracle;
+use crate::patience::LIMIT;
+use crate::process::send_signal;
 use crate::report::{Clock, Report, Verdict};
-use crate::sandbox::{Sandbox, Server, program, send_signal, wait_until, words};
+use crate::sandbox::{Sandbox, Server, program, words};
 
 /// A client should be answered again within this after a kill.
 const BACK: Duration = Duration::from_millis(100);
@@ -43,7 +45,7 @@ impl KillServers {
         let gaps = Arc::new(Mutex::new(Vec::new()));
         let (seen, all_gaps) = (kills.clone(), gaps.clone());
         let mut last = [0_u64; 8];
-        let timeout = Duration::from_secs(20);
+        let timeout = LIMIT;
         let ask = move |honest: &mut crate::honest::Honest, number: usize| {
             let start = Instant::now();
             let asked = honest.ask().is_ok();
@@ -106,9 +108,7 @@ impl KillServers {
 
 fn check_end(sandbox: &Sandbox, server: Server, report: &mut Report) -> Result<(), String> {
     server.stop()?;
-    report.require(wait_until(Duration::from_secs(5), || sandbox.files().is_empty()), || {
-        format!("left after a clean stop: {:?}", sandbox.files())
-    });
+    sandbox.require_empty(report);
     Ok(())
 }
 

@@ -12,6 +12,7 @@ use fastrand::Rng;
 use crate::Settings;
 use crate::honest::{Askers, TRANSPORTS};
 use crate::oracle::Oracle;
+use crate::patience::LIMIT;
 use crate::report::{Clock, Report, Verdict};
 use crate::roles::transport_flags;
 use crate::sandbox::{Process, Sandbox, words};
@@ -53,7 +54,8 @@ impl Scribble {
         let mut over = false;
         while !over {
             let mut server = sandbox.serve(robot, &[])?;
-            let timeout = Duration::from_secs(2);
+            // a damaged server may never answer
+            let timeout = if is_limit { Duration::from_secs(2) } else { LIMIT };
             let askers = Askers::start(&sandbox.domain, &oracle, 1, timeout, settings.seed)?;
             let mut scribblers: Vec<(Process, Instant, String)> = Vec::new();
             let mut recent = Vec::new();

@@ -9,16 +9,18 @@ use std::time::Duration;
 use fastrand::Rng;
 use rustix::process::Signal;
 use sarrus_proto::board::ClaimedLane;
-use sarrus_proto::control::Call;
+use sarrus_proto::control::{Call, Grant};
 use sarrus_proto::lane::{ComputeClient, Threadsafe, send_request};
 
 use crate::Settings;
 use crate::honest::{Askers, Honest, TRANSPORTS};
 use crate::oracle::Oracle;
+use crate::patience::holds;
+use crate::process::{send_signal, state_of};
 use crate::raw::{LinkNode, Raw};
 use crate::report::{Clock, Report, Verdict};
 use crate::roles::transport_flags;
-use crate::sandbox::{Process, Sandbox, send_signal, state_of, wait_until, words};
+use crate::sandbox::{Process, Sandbox, words};
 
 /// How long a client waits: shorter than most stops.
 const TIMEOUT: Duration = Duration::from_millis(100);
@@ -42,7 +44,7 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
     // clients in other processes, which are stopped in turn and check their own answers
     let mut stoppable = Vec::new();
     for transport in TRANSPORTS {
-        let flags = ["--robot", robot, "--timeout", "20000"].map(str::to_owned);
+        let flags = ["--robot", robot].map(str::to_owned);
         let mut command =
             sandbox.role("asker", flags.into_iter().chain(transport_flags(transport)))?;
         let command = command.stdin(Stdio::piped()).stdout(Stdio::piped());
@@ -92,7 +94,7 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
         let mut leaving = leave_open(&sandbox, &oracle)?;
         phase.fetch_add(1, Relaxed);
         server.signal(Signal::STOP);
-        if !wait_until(Duration::from_secs(10), || state_of(server.id()) == Some('T')) {
+        if !holds(|| state_of(server.id()) == Some('T')) {
             return Err("the server cannot be stopped".to_owned());
         }
         phase.fetch_add(1, Relaxed);
@@ -110,14 +112,18 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
         // the first round attaches everybody
         observer.call(Call::Statistics)?;
         if before.is_none() {
-            std::thread::sleep(Duration::from_millis(500));
+            // one of the two other processes and two of the four threads have a lane
+            holds(|| {
+                matches!(observer.call(Call::Statistics), Ok(Grant::Statistics(statistics))
+                    if statistics.lanes_taken == 3)
+            });
             before = Some(server.descriptors());
         }
     }
 
     // everybody is attached again as before
     let before = before.unwrap_or_default();
-    let leaks = !wait_until(Duration::from_secs(10), || server.descriptors() <= before);
+    let leaks = !holds(|| server.descriptors() <= before);
     let after = server.descriptors();
     let counts = askers.finish();
     let true_words = true_words.load(Relaxed);
@@ -139,9 +145,7 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
         return Ok(Verdict::Done(report));
     }
     server.stop()?;
-    report.require(wait_until(Duration::from_secs(5), || sandbox.files().is_empty()), || {
-        format!("left after a clean stop: {:?}", sandbox.files())
-    });
+    sandbox.require_empty(&mut report);
     Ok(Verdict::Done(report))
 }
 

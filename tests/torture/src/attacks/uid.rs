@@ -15,9 +15,10 @@ use sarrus_proto::socket::ControlSocket;
 
 use crate::Settings;
 use crate::honest::TRANSPORTS;
+use crate::process::{SHARED_MEMORY, send_signal, shared_files};
 use crate::report::{Clock, Report, Verdict};
 use crate::roles::transport_flags;
-use crate::sandbox::{NAME, Process, SHARED_MEMORY, Sandbox, send_signal, shared_files, words};
+use crate::sandbox::{NAME, Process, Sandbox, words};
 
 /// The user that serves, and the one that looks for a way in.
 const USERS: [u32; 2] = [65533, 65534];

@@ -11,6 +11,7 @@ use super::Target;
 use crate::Settings;
 use crate::honest::Honest;
 use crate::oracle::Oracle;
+use crate::patience::LIMIT;
 use crate::sandbox::words;
 
 #[derive(Args)]
@@ -18,7 +19,7 @@ pub(crate) struct Asker {
     #[command(flatten)]
     target: Target,
     /// The longest wait of a call `[ms]`.
-    #[arg(long, default_value_t = 1000)]
+    #[arg(long, default_value_t = LIMIT.as_millis() as u64)]
     timeout: u64,
     /// Asks once and says `ok` or `error` and why, then stays until its input ends.
     #[arg(long)]

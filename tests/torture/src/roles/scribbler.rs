@@ -12,8 +12,8 @@ use sarrus_proto::lane::send_request;
 
 use super::Target;
 use crate::Settings;
+use crate::process::shared_files;
 use crate::raw::Raw;
-use crate::sandbox::shared_files;
 
 const STATE: Query =
     Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q]));

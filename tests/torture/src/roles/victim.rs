@@ -11,8 +11,8 @@ use sarrus_proto::control::Call;
 use sarrus_proto::lane::send_request;
 
 use super::Target;
+use crate::process::send_signal;
 use crate::raw::Raw;
-use crate::sandbox::send_signal;
 
 const STATE: Query = Query::new(
     Request::Kinematics,

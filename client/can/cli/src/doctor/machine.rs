@@ -1,7 +1,7 @@
 //! What this computer permits: real-time priorities, processor time for them, locked memory.
 
 use super::Finding;
-use crate::run::{lock_memory, permits_priority};
+use sarrus_can_run::realtime::{lock_memory, permits_priority};
 
 /// Part of the time that real-time threads should have at least.
 const LEAST_SHARE: f64 = 0.9;

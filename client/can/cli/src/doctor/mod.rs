@@ -14,9 +14,9 @@ use sarrus_can_core::config::{BusConfig, Configuration, MotorConfig};
 use sarrus_can_core::drive::Watchdog;
 use serde_json::{Value, json};
 
-use crate::bus::interface;
 use crate::check::Format;
 use machine::Machine;
+use sarrus_can_run::bus::interface;
 
 /// Flags of `doctor`.
 #[derive(Args)]

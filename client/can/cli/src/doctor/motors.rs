@@ -2,14 +2,13 @@
 
 use std::time::{Duration, Instant};
 
-use rustix::event::{PollFd, PollFlags};
 use sarrus_can_core::config::{Configuration, MotorConfig};
 use sarrus_can_core::drive::Receipt;
 use sarrus_can_core::frame::FrameQueue;
 use sarrus_client::now_ns;
 
 use super::{Finding, name};
-use crate::bus::{self, Address, Bus, BusError, Heard, own, wait_for};
+use sarrus_can_run::bus::{self, Address, Bus, BusError, Heard, own};
 
 /// Time for an answer, and between two questions.
 const TIMEOUT: Duration = Duration::from_secs(1);
@@ -20,8 +19,8 @@ pub(super) fn ask(configuration: &mut Configuration) -> (Vec<Finding>, Vec<(Stri
     let (mut findings, mut firmware) = (Vec::new(), Vec::new());
     let mut motors = std::mem::take(&mut configuration.motors);
     for (number, of_bus) in configuration.buses.iter().enumerate() {
-        let opened =
-            own(Address::of(of_bus)).and_then(|mark| Ok((mark, bus::open(Address::of(of_bus))?)));
+        let address = Address::of(of_bus);
+        let opened = own(&address).and_then(|mark| Ok((mark, bus::open(&address)?)));
         let (_mark, mut port) = match opened {
             Ok(opened) => opened,
             Err(error) => {
@@ -78,7 +77,7 @@ fn one(port: &mut dyn Bus, motor: &mut MotorConfig) -> Result<Answer, BusError> 
         for frame in out.frames() {
             port.send(frame)?;
         }
-        wait_for(&mut [PollFd::from_borrowed_fd(port.readable(), PollFlags::IN)], AGAIN)?;
+        bus::wait_for_bus(port, AGAIN)?;
         while let Some(heard) = port.next()? {
             let Heard::Frame(frame) = heard else { continue };
             match motor.drive.receive(now_ns(), &frame) {

@@ -11,7 +11,7 @@ use sarrus_can_sim::Simulated;
 use super::line::Line;
 use super::motors::Motors;
 use super::say;
-use crate::bus::BusError;
+use sarrus_can_run::bus::BusError;
 
 /// A line that was understood.
 #[derive(Debug, PartialEq)]

@@ -8,7 +8,7 @@ use sarrus_can_core::frame::{Frame, FrameQueue};
 use serde_json::{Value, json};
 
 use super::motors::Motors;
-use crate::bus::{Bus, BusError, Heard, Sent};
+use sarrus_can_run::bus::{Bus, BusError, Heard, Sent};
 
 /// A bus with its motors' end of the wire.
 pub(super) struct Line {

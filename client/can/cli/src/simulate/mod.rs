@@ -26,11 +26,11 @@ use sarrus_can_core::config::Configuration;
 use sarrus_can_sim::Physics;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
-use crate::bus::{self, Address, Bus, BusError, Pseudo, Reconnecting};
 use console::Order;
 use line::Line;
 use link::Link;
 use motors::Motors;
+use sarrus_can_run::bus::{self, Address, Bus, BusError, Pseudo, Reconnecting};
 use sarrus_client::now_ns;
 
 /// Longest time between two steps of the motors.
@@ -232,7 +232,8 @@ impl Simulation {
         fds.extend(
             self.lines
                 .iter()
-                .map(|line| PollFd::from_borrowed_fd(line.bus().readable(), PollFlags::IN)),
+                .filter_map(|line| line.bus().readable())
+                .map(|readable| PollFd::from_borrowed_fd(readable, PollFlags::IN)),
         );
         let rest = self
             .lines

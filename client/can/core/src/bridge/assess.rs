@@ -1,9 +1,9 @@
-//! What the model is given of the motors, and what it says of their mechanisms.
+//! The model's inputs from the motors, and its assessment of their mechanisms.
 
 use sarrus_proto::actuators::MechanismState;
 
 use super::Bridge;
-use super::mechanism::Course;
+use super::course::Course;
 use super::model::{Activity, Measured};
 use super::motor::Motor;
 use crate::drive::Mode;

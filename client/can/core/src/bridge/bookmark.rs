@@ -1,4 +1,4 @@
-//! What a log needs that leaves something out: how the bridge was there, and the way over the gap.
+//! Gaps of a log: the bridge's state at a gap, and the continuation after it.
 
 use sarrus_proto::actuators::{MechanismState, Reason};
 
@@ -20,8 +20,8 @@ impl Bridge {
         mark
     }
 
-    /// Goes over a time that a log leaves out, up to `now_ns` by the log: what has power goes on
-    /// from there, but for what had lost it by then. Time stood still meanwhile, for drives too:
+    /// Continues after a gap of a log at `now_ns` by the log: mechanisms with power go on, except
+    /// those that had lost it by then. Time stood still meanwhile, for drives too:
     /// [`Bridge::skipped_ns`] is to be taken from all later times of the log.
     pub fn resume(&mut self, now_ns: u64, mark: &Bookmark) {
         if let Some(last_ns) = self.last_cycle_ns {
@@ -53,7 +53,7 @@ impl Bridge {
         }
     }
 
-    /// What a log left out so far `[ns]`.
+    /// Length of all gaps of the log so far `[ns]`.
     pub fn skipped_ns(&self) -> u64 {
         self.skipped_ns
     }

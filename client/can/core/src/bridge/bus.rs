@@ -1,7 +1,10 @@
-//! One bus: what is sent on it in a cycle, and how it is.
+//! One bus: the frames of a cycle, and the bus's state.
 
-use super::{BusCounters, BusState, FRAMES_PER_MOTOR};
+use super::counters::{BusCounters, BusState};
 use crate::frame::{Frame, FrameQueue};
+
+/// Room for frames of one motor in one cycle.
+pub(super) const FRAMES_PER_MOTOR: usize = 8;
 
 #[derive(Debug)]
 pub(super) struct Bus {

@@ -1,8 +1,8 @@
-//! What is counted, for those who watch.
+//! Counters for monitoring.
 
 use sarrus_proto::counts::{BusCounts, CommandCounts};
 
-use super::BusEvent;
+use crate::event::BusEvent;
 
 /// How a bus is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,7 +40,7 @@ pub enum Progress {
     Powered,
 }
 
-/// What a log that leaves something out says of the bridge at that place: a bit for each actuator,
+/// The bridge's state at a gap of a log: a bit for each actuator,
 /// by its place in u.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bookmark {
@@ -53,7 +53,7 @@ pub struct Bookmark {
 }
 
 impl Default for Bookmark {
-    /// Whatever has power goes on.
+    /// Every mechanism with power goes on.
     fn default() -> Bookmark {
         Bookmark { live: u64::MAX, fault: 0, in_time: 0 }
     }

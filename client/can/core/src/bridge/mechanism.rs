@@ -2,6 +2,7 @@
 
 use sarrus_proto::actuators::{MechanismState, Reason};
 
+use super::course::Course;
 use super::motor::Motor;
 use super::reaction::Reaction;
 use crate::config::{MechanismStop, StopFunction};
@@ -9,9 +10,9 @@ use crate::config::{MechanismStop, StopFunction};
 /// Part of a stop's time in which the velocity goes to zero along a ramp.
 const RAMP: f64 = 1.0 / 3.0;
 
-/// What is lowered and moves slower than this part of its greatest speed stands still.
+/// A mechanism that is lowered stands still below this part of its greatest speed.
 const STILL: f64 = 0.1;
-/// What stands still for this time is down `[ns]`.
+/// After this time of standing still the lowering is over `[ns]`.
 const STILL_NS: u64 = 300_000_000;
 
 /// A way back that takes longer has failed `[ns]`.
@@ -22,7 +23,7 @@ const RETURN_NS: u64 = 60_000_000_000;
 enum Phase {
     /// No power.
     Off,
-    /// Waits for what is missing.
+    /// Waits for a missing condition.
     Waiting,
     /// Its motors take power, with the measured position and no gains.
     Starting,
@@ -34,29 +35,7 @@ enum Phase {
     Stopping(Option<u64>),
 }
 
-/// What the motors of a mechanism with power are given.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Course {
-    /// The commands, grown this far from 0 to 1.
-    Follow(f64),
-    /// Damping.
-    Damp,
-    /// A stop.
-    Brake {
-        /// Part of the speed from its beginning that is left.
-        speed: f64,
-        /// Part of its time that has passed.
-        passed: f64,
-    },
-    /// No more than this speed down with gravity `[rad/s, m/s]`.
-    Lower(f64),
-    /// The quick stop of the drive.
-    QuickStop,
-    /// Slowly back inside the limits.
-    Return,
-}
-
-/// What is to be known of all motors of a mechanism.
+/// The state of all motors of a mechanism.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Members {
     /// All have power.
@@ -71,7 +50,7 @@ pub(super) struct Members {
     pub(super) is_outside: bool,
 }
 
-/// What the motors have to know of a new phase.
+/// A change of phase that the motors take part in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Change {
     /// They follow from where they are.
@@ -80,7 +59,7 @@ pub(super) enum Change {
     Late,
     /// Commands came back.
     Resume,
-    /// They are stopped, as this reaction says.
+    /// They are stopped, by this reaction.
     Stop(Reaction),
 }
 
@@ -91,7 +70,7 @@ pub(super) struct Mechanism {
     pub(super) reason: Reason,
     /// Places of its motors.
     pub(super) motors: Vec<usize>,
-    /// What its motors are given in this cycle.
+    /// The motion of its motors in this cycle.
     pub(super) given: Option<Course>,
     phase: Phase,
     /// When it was asked to arm `[ns]`.
@@ -105,13 +84,6 @@ pub(super) struct Mechanism {
     is_disarmed: bool,
     /// It has power to come back inside its limits, and follows no commands.
     returns: bool,
-}
-
-impl Course {
-    /// Part of a stop.
-    pub(super) fn is_stop(self) -> bool {
-        !matches!(self, Course::Follow(_) | Course::Damp | Course::Return)
-    }
 }
 
 impl Mechanism {
@@ -182,7 +154,7 @@ impl Mechanism {
         STILL * self.stop.lower_velocity
     }
 
-    /// The worst comes last. What is stopped still has power, which `disabled` would deny.
+    /// The worst comes last. A stopping mechanism still has power, which `disabled` would deny.
     pub(super) fn severity(&self) -> u32 {
         match self.state {
             MechanismState::Enabled => 0,
@@ -193,7 +165,7 @@ impl Mechanism {
         }
     }
 
-    /// What its motors are given; `None` without power.
+    /// The motion of its motors; `None` without power.
     pub(super) fn course(&self, now_ns: u64, ramp_ns: u64) -> Option<Course> {
         let passed = |since: u64| now_ns.saturating_sub(since) as f64;
         match self.phase {
@@ -223,8 +195,8 @@ impl Mechanism {
         }
     }
 
-    /// An operator arms. What can never become ready by waiting refuses at once. Whether it begins
-    /// to wait.
+    /// An operator arms. A motor that no waiting makes ready refuses at once. Returns whether it
+    /// begins to wait.
     pub(super) fn arm(&mut self, now_ns: u64, unready: Option<Reason>) -> bool {
         if self.state != MechanismState::Disabled || self.motors.is_empty() {
             return false;
@@ -261,8 +233,8 @@ impl Mechanism {
         }
     }
 
-    /// An operator disarms: what follows commands is stopped, and loses its power at once when it
-    /// is disarmed a second time meanwhile.
+    /// An operator disarms: a mechanism that follows commands is stopped, and loses its power at
+    /// once when it is disarmed a second time meanwhile.
     pub(super) fn disarm(&mut self) {
         match self.phase {
             Phase::Following(_) | Phase::Damped(_) => {
@@ -325,7 +297,7 @@ impl Mechanism {
         }
     }
 
-    /// Waits for what is missing, but not for ever.
+    /// Waits for a missing condition, up to `arming_ns`.
     pub(super) fn wait(&mut self, now_ns: u64, arming_ns: u64, missing: Option<Reason>) {
         match (self.phase, missing) {
             (Phase::Waiting, None) => {
@@ -340,8 +312,8 @@ impl Mechanism {
         }
     }
 
-    /// From power to following, to damping and back, to a stop and to no power; says what its
-    /// motors have to know.
+    /// From power to following, to damping and back, to a stop and to no power; returns the change
+    /// that its motors take part in.
     pub(super) fn follow(
         &mut self,
         now_ns: u64,
@@ -350,8 +322,9 @@ impl Mechanism {
         is_late: bool,
         is_lost: bool,
     ) -> Option<Change> {
-        // what comes back needs no commands
-        let (is_late, is_lost) = (is_late && !self.returns, is_lost && !self.returns);
+        // the way back inside the limits needs no commands
+        let is_late = is_late && !self.returns;
+        let is_lost = is_lost && !self.returns;
         match self.phase {
             Phase::Following(since) if self.returns => {
                 if !members.is_outside {
@@ -364,12 +337,12 @@ impl Mechanism {
                 self.stop(Reason::CommandLost, MechanismState::Disabled);
             }
             Phase::Starting if is_lost => self.disable(Reason::CommandLost),
-            // what is to brake accelerates: a sign is wrong, or the load is too much
+            // the brake accelerates: a sign is wrong, or the load is too much
             Phase::Stopping(Some(_)) if members.runs_away => self.fail_now(Reason::VelocityLimit),
             _ => {}
         }
         let (phase, change) = match self.phase {
-            // what is on before it was asked is so from an earlier time
+            // motors that are on before they were asked are so from an earlier time
             Phase::Starting if members.all_on && now_ns > self.armed_ns => {
                 (self.state, self.reason) = match self.returns {
                     true => (MechanismState::Arming, Reason::OutsideLimits),

@@ -1,5 +1,5 @@
-//! The rules: what the motors are given in each cycle, given commands, measurements and the state
-//! of the buses.
+//! The rules: set-points of the motors in each cycle, from commands, measurements and the state of
+//! the buses.
 //!
 //! Each closed mechanism goes DISABLED → ARMING → ENABLED, and to FAULT from both. Arming waits
 //! until every motor measures, is calibrated, has no fault and a watchdog that is on, until the
@@ -12,7 +12,9 @@
 mod assess;
 mod bookmark;
 mod bus;
+mod chatter;
 mod counters;
+mod course;
 mod mechanism;
 mod model;
 mod monitors;
@@ -37,15 +39,14 @@ use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, MechanismState, Re
 use crate::config::Configuration;
 use crate::drive::{DriveCommand, Receipt};
 use crate::frame::{Frame, FrameQueue};
-use bus::Bus;
-use mechanism::{Course, Mechanism};
+use bus::{Bus, FRAMES_PER_MOTOR};
+use course::Course;
+use mechanism::Mechanism;
 use model::RobotModel;
 use motor::Motor;
 
 /// A reset is repeated for this long to motors that keep a fault `[ns]`.
 const RESET_NS: u64 = 1_000_000_000;
-/// Room for frames of one motor in one cycle.
-const FRAMES_PER_MOTOR: usize = 8;
 
 /// The bridge between commands and motors of one robot.
 #[derive(Debug)]
@@ -69,7 +70,7 @@ pub struct Bridge {
     /// Since when a reset of each mechanism is under way `[ns]`.
     reset_ns: Vec<Option<u64>>,
     last_cycle_ns: Option<u64>,
-    /// What a log left out `[ns]`, and whether that ended since the last cycle.
+    /// Length of the gaps of a log `[ns]`, and whether one ended since the last cycle.
     skipped_ns: u64,
     resumes: bool,
     state: ActuatorState,
@@ -180,7 +181,7 @@ impl Bridge {
         }
     }
 
-    /// Takes what happened on a bus besides frames.
+    /// Takes an event of a bus.
     pub fn bus_event(&mut self, _now_ns: u64, bus: usize, event: BusEvent) {
         let Some(of_bus) = self.buses.get_mut(bus) else { return };
         of_bus.counters.add(event);
@@ -203,7 +204,7 @@ impl Bridge {
         }
     }
 
-    /// Takes a command, or says why not; a command that is not taken changes nothing but a counter.
+    /// Takes a command, or returns why not; a rejected command changes nothing but a counter.
     pub fn command(&mut self, now_ns: u64, command: &ActuatorCommand) -> CommandVerdict {
         let verdict = self.assess(now_ns, command);
         self.counters.commands.add(verdict);
@@ -222,7 +223,7 @@ impl Bridge {
         self.buses.iter_mut().for_each(Bus::begin);
         self.go_on();
 
-        // what failed since the last cycle
+        // failures since the last cycle
         if gap_ns > self.configuration.timeouts.disable_ns {
             self.mechanisms.iter_mut().for_each(|mechanism| mechanism.torque_off(Reason::Stalled));
         }
@@ -251,7 +252,13 @@ impl Bridge {
             }
         }
 
-        // whose frame for all cannot be left out
+        self.note_powered_buses();
+        self.send_setpoints(now_ns, gap_ns);
+        self.report(now_ns);
+    }
+
+    /// Notes which buses with a common frame have motors with power: these get the frame.
+    fn note_powered_buses(&mut self) {
         for bus in self.buses.iter_mut().filter(|bus| bus.sync.is_some()) {
             bus.has_power = bus.members.iter().any(|place| {
                 let motor = self.motors.get(*place);
@@ -260,8 +267,10 @@ impl Bridge {
                     .is_some_and(Mechanism::is_powered)
             });
         }
+    }
 
-        // what each motor is given
+    /// Makes the frames of each motor, and the common frame of each bus.
+    fn send_setpoints(&mut self, now_ns: u64, gap_ns: u64) {
         let elapsed = gap_ns.min(2 * self.configuration.period_ns()) as f64 * 1e-9;
         for motor in &mut self.motors {
             let (Some(mechanism), Some(bus)) =
@@ -298,7 +307,6 @@ impl Bridge {
         for bus in &mut self.buses {
             bus.queue.push_some(bus.sync.filter(|_| bus.is_synchronous));
         }
-        self.report(now_ns);
     }
 
     /// How many faults there were since the start, and the mechanism and reason of the last one.
@@ -306,7 +314,7 @@ impl Bridge {
         (self.faults, self.last_fault)
     }
 
-    /// How far the bridge is, for a log of what it is given.
+    /// How far the bridge is, for a log of its inputs.
     pub fn progress(&self) -> Progress {
         let mut mechanisms = self.mechanisms.iter();
         if mechanisms.any(|mechanism| mechanism.state == MechanismState::Arming) {
@@ -318,8 +326,8 @@ impl Bridge {
         }
     }
 
-    /// The frames of the last cycle for a bus, in the order in which they are to be sent. What
-    /// cannot be sent at once is to be dropped: the next cycle knows better.
+    /// The frames of the last cycle for a bus, in the order of sending. Drop frames that cannot be
+    /// sent at once: the next cycle has newer ones.
     pub fn frames(&self, bus: usize) -> &[Frame] {
         self.buses.get(bus).map_or(&[], |bus| bus.queue.frames())
     }
@@ -344,17 +352,17 @@ impl Bridge {
         queue.frames().to_vec()
     }
 
-    /// What is known of all actuators after the last cycle.
+    /// State of all actuators after the last cycle.
     pub fn state(&self) -> &ActuatorState {
         &self.state
     }
 
-    /// What was counted since the start.
+    /// Counts since the start.
     pub fn counters(&self) -> &Counters {
         &self.counters
     }
 
-    /// What was counted on a bus since the start, and how the bus is.
+    /// Counts of a bus since the start, and its state.
     pub fn bus_counters(&self, bus: usize) -> Option<(BusState, &BusCounters)> {
         self.buses.get(bus).map(|bus| (bus.state, &bus.counters))
     }

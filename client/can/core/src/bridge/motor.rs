@@ -1,10 +1,11 @@
-//! One motor and what the bridge knows of it.
+//! One motor and its state in the bridge.
 
 use sarrus_proto::actuators::Reason;
 
-use super::BusState;
+use super::chatter::Chatter;
+use super::counters::BusState;
+use super::course::Reference;
 use super::monitors::Monitors;
-use super::stop::{Chatter, Reference};
 use crate::config::MotorConfig;
 use crate::drive::{DriveState, Measurement, Mode, Watchdog};
 use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint, Mapping};
@@ -16,7 +17,7 @@ pub(super) struct Motor {
     pub(super) config: MotorConfig,
     /// The mechanism that it acts on.
     pub(super) mechanism: usize,
-    /// What its drive reported when it was last asked in this cycle.
+    /// Its drive's state when it was last polled in this cycle.
     pub(super) drive: DriveState,
     /// It waits for a frame of all motors of its bus.
     pub(super) is_synchronous: bool,
@@ -34,7 +35,7 @@ pub(super) struct Motor {
     is_known: bool,
     /// When it was last asked `[ns]`; `None` once it has answered.
     pub(super) sent_ns: Option<u64>,
-    /// Bits of what was limited in the last set-point.
+    /// Flags of the limits that the last set-point met.
     pub(super) flags: u32,
     /// Where it was when it began to follow, or when commands became late `[rad, m]`.
     pub(super) hold: f64,
@@ -43,9 +44,9 @@ pub(super) struct Motor {
     /// The last set-point's position and effort.
     pub(super) last_position: f64,
     pub(super) last_effort: f64,
-    /// What spring, damper and effort of the last set-point came to `[N m, N]`.
+    /// Sum of spring, damper and effort of the last set-point `[N m, N]`.
     pub(super) last_total: f64,
-    /// What keeps it still against gravity, by the model; 0 without one `[N m, N]`.
+    /// Effort that holds it against gravity, by the model; 0 without one `[N m, N]`.
     pub(super) gravity: f64,
     /// Damping of stops: the configured one, or more where that could not stop `[N m s/rad, N
     /// s/m]`.
@@ -144,7 +145,7 @@ impl Motor {
         self.measured_ns.is_none_or(|measured| now_ns.saturating_sub(measured) > feedback_ns)
     }
 
-    /// The motor's fault, or what the bridge finds in its answers instead; 0 without either.
+    /// The motor's fault, or the bridge's own finding in its answers; 0 without either.
     pub(super) fn fault(&self) -> u32 {
         match self.drive.fault {
             0 if self.is_malformed && self.is_silent => fault::MALFORMED,
@@ -152,7 +153,7 @@ impl Motor {
         }
     }
 
-    /// A motor that no longer answers may come back without what it was given.
+    /// A motor that no longer answers may come back without its settings.
     pub(super) fn forget_if_silent(&mut self) {
         if self.is_known && self.is_silent {
             self.is_known = false;
@@ -162,12 +163,12 @@ impl Motor {
         }
     }
 
-    /// Asks its drive what the motor reported.
+    /// Takes the state of its drive.
     pub(super) fn ask_drive(&mut self) {
         self.drive = self.config.drive.state();
     }
 
-    /// Where it is, as far as it ever said.
+    /// Its position, as last reported.
     pub(super) fn place(&self) -> f64 {
         if self.measured.position.is_finite() { self.measured.position } else { self.hold }
     }
@@ -211,7 +212,8 @@ impl Motor {
     /// Commands came back: the way to the desired position begins where the actuator is, or as far
     /// on the way as its spring was drawn before, so that a load is held as before.
     pub(super) fn resume(&mut self, desired: f64) {
-        let (place, limits) = (self.place(), self.config.limits);
+        let place = self.place();
+        let limits = self.config.limits;
         let drawn = (place + self.deflection).max(place.min(desired)).min(place.max(desired));
         self.last_position = drawn.max(limits.lower).min(limits.upper);
     }
@@ -226,7 +228,7 @@ impl Motor {
         }
     }
 
-    /// What arming still waits for.
+    /// The condition that arming still waits for.
     pub(super) fn missing(&self, now_ns: u64) -> Option<Reason> {
         if self.is_silent {
             return Some(Reason::FeedbackStale);

@@ -1,5 +1,5 @@
-//! What operators ask: power, its end, the way back inside the limits, a new beginning after a
-//! fault; of one mechanism or of all.
+//! Requests of operators: power, its end, the way back inside the limits, a reset after a fault; of
+//! one mechanism or of all.
 
 use sarrus_proto::actuators::{Operation, OperatorRequest};
 
@@ -40,13 +40,13 @@ impl Bridge {
         Some(operation)
     }
 
-    /// Does what an operator asks of the whole robot.
+    /// Executes an operation on the whole robot.
     pub fn operate(&mut self, now_ns: u64, operation: Operation) {
         self.operate_mechanism(now_ns, operation, None);
     }
 
-    /// Does what an operator asks of the mechanism that an actuator acts on, by its place in u, or
-    /// of all of them; nothing where there is no such actuator.
+    /// Executes an operation on the mechanism that an actuator acts on, by its place in u, or on
+    /// all of them; does nothing where there is no such actuator.
     pub fn operate_mechanism(
         &mut self,
         now_ns: u64,

@@ -1,4 +1,4 @@
-//! What is done about each reason: whether it leaves the motors able to stop.
+//! The reaction to each reason: whether it leaves the motors able to stop.
 
 use sarrus_proto::actuators::Reason;
 
@@ -9,17 +9,17 @@ pub(super) enum Reaction {
     Ramp,
     /// A stop that brakes as much as it can from the beginning.
     Brake,
-    /// No torque from now on: what would brake, or what it would be judged by, cannot be believed.
+    /// No torque from now on: the brake or its measurement cannot be trusted.
     TorqueOff,
 }
 
 impl Reaction {
-    /// What is done about a reason.
+    /// The reaction to a reason.
     pub(super) fn to(reason: Reason) -> Reaction {
         match reason {
-            // nobody wants more of a robot that is in order
+            // a robot that is in order needs no more
             Reason::Disarmed | Reason::OtherMechanism => Reaction::Ramp,
-            // it was damped for T2 - T1; what is left of the speed may be that of a falling load
+            // it was damped for T2 - T1; the remaining speed may be that of a falling load
             Reason::CommandLost => Reaction::Brake,
             // the robot is where or as fast as it must not be, or behind what it is asked for, and
             // its motors measure and follow

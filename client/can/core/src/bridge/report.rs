@@ -1,9 +1,9 @@
-//! What the bridge tells of all actuators after a cycle.
+//! The state of all actuators after a cycle.
 
 use sarrus_proto::actuators::{MAX_ACTUATORS, MechanismState, Reason, flag};
 
 use super::Bridge;
-use super::mechanism::Course;
+use super::course::Course;
 use crate::drive::Power;
 
 impl Bridge {

@@ -3,18 +3,15 @@
 
 use sarrus_proto::actuators::{ActuatorCommand, flag};
 
-use super::mechanism::Course;
+use super::course::{Course, RETURN_EFFORT};
 use super::monitors::Outside;
 use super::motor::Motor;
 use crate::drive::{Mode, Setpoint};
 use crate::mapping::ActuatorSetpoint;
 
-/// Part of the greatest effort with which an actuator comes back inside its limits.
-pub(super) const RETURN_EFFORT: f64 = 0.5;
-
 impl Motor {
     /// The set-point of this cycle, on the motor's side. `elapsed` is the time since the last
-    /// set-point `[s]`. Marks what was limited.
+    /// set-point `[s]`. Flags the limits that it met.
     pub(super) fn setpoint(
         &mut self,
         command: &ActuatorCommand,
@@ -30,7 +27,7 @@ impl Motor {
             Course::Lower(speed) => self.lowering(speed, elapsed),
             Course::Return => self.returning(elapsed),
         };
-        // a motor that does not tell its velocity counts as still while it follows
+        // a motor that does not report its velocity counts as still while it follows
         let velocity = match course {
             Course::Follow(_) if !self.measured.velocity.is_finite() => 0.0,
             _ => self.velocity,
@@ -53,7 +50,8 @@ impl Motor {
         }
         if let Course::Follow(_) = course {
             let change = self.config.limits.effort_rate * elapsed;
-            let (least, most) = (self.last_effort - change, self.last_effort + change);
+            let least = self.last_effort - change;
+            let most = self.last_effort + change;
             setpoint.effort = self.limited(setpoint.effort, least, most, flag::RATE_LIMITED);
         }
         self.stiffness = stiffness;
@@ -126,7 +124,7 @@ impl Motor {
         }
     }
 
-    /// What stiffness and damping make of the last measurement `[N m, N]`.
+    /// Effort of stiffness and damping at the last measurement `[N m, N]`.
     fn by_gains(&self, setpoint: &ActuatorSetpoint, velocity: f64) -> f64 {
         if matches!(self.config.common.mode, Mode::Position | Mode::Velocity) {
             return 0.0;

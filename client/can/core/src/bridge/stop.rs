@@ -7,7 +7,7 @@
 //! τ = g + k (p* − p) + d (v* − v),   p* = p₀ + ∫ v* dt,   k = d · 10/s
 //! ```
 //!
-//! which is a servo of the velocity whose integral is the spring: what gravity g does not tell is
+//! which is a servo of the velocity whose integral is the spring: a load beside gravity g is
 //! held after a tenth of a second or two. Where nothing is wrong and the motor stands still, the
 //! last effort takes the place of a g that no model knows. p* stays within the limits of the
 //! position, and no farther from p than where the spring has what the damper leaves of the greatest
@@ -25,13 +25,14 @@
 //!
 //! A motor that follows torques gets the sum at the bridge's rate, with a cycle of delay, Δt: the
 //! speed goes on as v₊ = v − a v₋ with a = d Δt / J, which is stable for a < 1 (with two cycles of
-//! delay for a < 0.61). Nobody knows J, so [`Chatter`] halves spring and damper as often as it has
+//! delay for a < 0.61). J is unknown, so [`Chatter`](super::chatter::Chatter) halves spring and
+//! damper as often as it has
 //! to. Where the greatest effort turns the motor round in one cycle nothing helps, and it is found
 //! to run away.
 
+use super::course::{RETURN_EFFORT, Reference};
 use super::motor::Motor;
 use super::reaction::Reaction;
-use super::setpoint::RETURN_EFFORT;
 use crate::mapping::ActuatorSetpoint;
 
 /// Stiffness of a stop for its damping `[1/s]`.
@@ -53,24 +54,6 @@ const SLOW: f64 = 0.1;
 const RETURN_SPEED: f64 = 0.05;
 const RETURN_INSIDE: f64 = 0.02;
 
-/// Where a stop is to lead a motor.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Reference {
-    /// Position of this cycle `[rad, m]`.
-    position: f64,
-    /// Velocity at the beginning, no faster than the limit `[rad/s, m/s]`.
-    velocity: f64,
-    /// Speed at the beginning `[rad/s, m/s]`.
-    speed: f64,
-    /// How far spring and damper have grown, from 1.
-    gain: f64,
-    /// What it carried at the beginning, where no model knows it `[N m, N]`.
-    load: f64,
-    /// Speed beyond which the motor runs away: faster than at the beginning by the greatest
-    /// velocity, which no load within the effort's limit reaches against the damper `[rad/s, m/s]`.
-    away: f64,
-}
-
 impl Motor {
     /// A stop begins from where the motor is, as fast as it is.
     pub(super) fn begin_stop(&mut self, reaction: Reaction) {
@@ -87,14 +70,14 @@ impl Motor {
         };
     }
 
-    /// It is accelerated by what is to stop it.
+    /// It is accelerated by the stop.
     pub(super) fn runs_away(&self) -> bool {
         self.velocity.abs() > self.stop.away
     }
 
     /// The set-point of a stop, with this part of the first velocity, after this part of its time.
     pub(super) fn braking(&mut self, part: f64, passed: f64, elapsed: f64) -> ActuatorSetpoint {
-        // what falls behind the line to zero is braked harder, but for what a damper makes swing
+        // a motor behind the line to zero is braked harder, unless the damper makes it swing
         let allowed = self.stop.speed * (1.0 - passed / STOPPED).max(0.0);
         let is_behind = self.velocity.abs() > allowed + STILL * self.config.limits.speed();
         if is_behind && !self.chatter.is_weakened() {
@@ -114,9 +97,11 @@ impl Motor {
     /// The set-point of the way back inside the limits: a spring whose other end goes there slowly,
     /// and no farther ahead than where it has the effort of that way.
     pub(super) fn returning(&mut self, elapsed: f64) -> ActuatorSetpoint {
-        let (limits, damping) = (self.config.limits, self.stop_damping);
+        let limits = self.config.limits;
+        let damping = self.stop_damping;
         let stiffness = STIFFNESS * damping;
-        let (place, reach) = (self.place(), RETURN_EFFORT * limits.effort / stiffness);
+        let place = self.place();
+        let reach = RETURN_EFFORT * limits.effort / stiffness;
         let inside = (RETURN_INSIDE * (limits.upper - limits.lower)).min(reach);
         let target = place.max(limits.lower + inside).min(limits.upper - inside);
         let speed = (target - self.last_position).signum() * RETURN_SPEED * limits.speed();
@@ -131,7 +116,8 @@ impl Motor {
 
         // no farther away than the spring could hold beside the damper, and within the limits
         let left = (limits.effort - damping * (velocity - self.velocity).abs()).max(0.0);
-        let (place, reach) = (self.place(), left / (STIFFNESS * damping));
+        let place = self.place();
+        let reach = left / (STIFFNESS * damping);
         let free = self.stop.position + velocity * elapsed;
         let free = free.max(place - reach).min(place + reach);
         self.stop.position = free.max(limits.lower).min(limits.upper);
@@ -143,58 +129,5 @@ impl Motor {
             stiffness: 0.0,
             damping,
         }
-    }
-}
-
-/// Watches a damper at the bridge's rate, and weakens it until it damps.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Chatter {
-    /// What is left of spring and damper.
-    gain: f64,
-    /// Greatest effort of the damper since the last change of its sign, and between the two changes
-    /// before that `[N m, N]`.
-    peaks: [f64; 2],
-    /// The effort of the last cycle `[N m, N]`.
-    last: f64,
-    /// Cycles since the last change of sign.
-    n_cycles: u32,
-}
-
-impl Default for Chatter {
-    fn default() -> Chatter {
-        Chatter { gain: 1.0, peaks: [0.0, f64::INFINITY], last: 0.0, n_cycles: 0 }
-    }
-}
-
-impl Chatter {
-    /// Whether it had to weaken the damper.
-    pub(super) fn is_weakened(&self) -> bool {
-        self.gain < 1.0
-    }
-
-    /// Half waves of more cycles are not those of a delay of one or two.
-    const CYCLES: u32 = 8;
-    /// What decays by more than this from one half wave to the next is damped.
-    const DECAY: f64 = 0.5;
-    /// Half waves below this part of the greatest effort are noise.
-    const NOISE: f64 = 0.1;
-
-    /// Takes the effort that the damper has of itself, gives the part of it that is to be used.
-    pub(super) fn gain(&mut self, effort: f64, most: f64) -> f64 {
-        let effort = self.gain * effort;
-        self.n_cycles += 1;
-        if effort * self.last < 0.0 {
-            let [peak, before] = self.peaks;
-            let is_large = peak > Self::NOISE * most && peak > Self::DECAY * before.min(most);
-            if is_large && self.n_cycles <= Self::CYCLES {
-                self.gain *= 0.5;
-            }
-            (self.peaks, self.n_cycles) = ([0.0, peak], 0);
-        }
-        if effort != 0.0 {
-            self.last = effort;
-        }
-        self.peaks[0] = self.peaks[0].max(effort.abs());
-        self.gain
     }
 }

@@ -1,4 +1,4 @@
-//! From state to state: what brings a mechanism to power, keeps it there and takes it away.
+//! Transitions between the states of a mechanism: power, its conditions and its end.
 
 use sarrus_proto::actuators::Reason;
 
@@ -13,7 +13,8 @@ impl Bridge {
     pub(super) fn look_for_faults(&mut self) {
         for i in 0..self.motors.len() {
             let Some(motor) = self.motors.get(i) else { continue };
-            let (number, drive) = (motor.mechanism, motor.drive);
+            let number = motor.mechanism;
+            let drive = motor.drive;
             let Some(mechanism) =
                 self.mechanisms.get(number).filter(|mechanism| mechanism.is_powered())
             else {
@@ -89,7 +90,7 @@ impl Bridge {
         }
     }
 
-    /// What a mechanism that is to be armed still waits for: of its motors and their buses, of its
+    /// The condition that arming a mechanism still waits for: of its motors and their buses, of its
     /// pose, of the controller.
     fn missing(&self, number: usize, now_ns: u64, is_late: bool) -> Option<Reason> {
         let of_bus = |motor: &Motor| match self

@@ -1,6 +1,6 @@
 //! How busy a configuration makes its buses, by the longest that its frames can be.
 
-use super::Configuration;
+use super::configuration::Configuration;
 use crate::bit_stuffing;
 use crate::drive::Setpoint;
 use crate::frame::{Frame, FrameQueue};

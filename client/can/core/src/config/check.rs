@@ -1,152 +1,143 @@
-//! What only the whole configuration shows: identifiers, mechanisms without motors, loads of buses.
+//! Checks of the whole configuration: identifiers, mechanisms without motors, loads of buses.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use sarrus_models::Diagnostics;
 use sarrus_models::yaml::{Span, quoted};
 
-use super::Configuration;
 use super::bus_load::{self, REFUSED, WARNED};
-use super::read::Read;
+use super::configuration::{BusConfig, Configuration, MotorConfig};
+use super::reader::Read;
 use crate::drive::{Mode, Setpoint, Shared, Watchdog};
 use crate::frame::{FrameQueue, Id};
 use crate::mapping::ActuatorSetpoint;
 
-/// Motors against each other and against the robot's mechanisms.
-pub(super) fn motors(
-    motors: &[Read],
-    actuators: &[String],
-    mechanisms: &[usize],
-    has_model: bool,
-    file: Span,
-    diagnostics: &mut Diagnostics,
-) {
-    let mut driven: HashMap<&str, ()> = HashMap::new();
-    let mut identifiers: HashMap<(usize, Id), &Read> = HashMap::new();
-    let name = |read: &Read| actuators.get(read.motor.actuator).map_or("", String::as_str);
-    for read in motors {
-        if driven.insert(name(read), ()).is_some() {
-            let found = format!("a second motor drives {}", quoted(name(read)));
-            diagnostics.error(
-                read.place,
-                found,
-                "one motor for each actuator",
-                "remove one of them",
-            );
-        }
-        for id in read.motor.drive.identifiers() {
-            if let Some(other) = identifiers.insert((read.motor.bus, id), read) {
-                let found = format!(
-                    "the identifier 0x{:X} of {} is also that of {}",
-                    id.number(),
-                    quoted(name(read)),
-                    quoted(name(other))
-                );
-                diagnostics.error(
-                    read.place,
-                    found,
-                    "identifiers of its own on a bus",
-                    "give one of them another id",
-                );
+/// The motors of a configuration beside each other and beside the robot's mechanisms.
+pub(super) struct Motors<'a> {
+    pub(super) motors: &'a [Read],
+    pub(super) actuators: &'a [String],
+    /// By actuator.
+    pub(super) mechanisms: &'a [usize],
+    pub(super) has_model: bool,
+    /// The place of the file.
+    pub(super) file: Span,
+}
+
+/// The motor that owns each identifier of each bus.
+type Owners<'a> = HashMap<(usize, Id), &'a Read>;
+
+impl<'a> Motors<'a> {
+    /// Checks them.
+    pub(super) fn check(&self, diagnostics: &mut Diagnostics) {
+        let mut driven: HashSet<usize> = HashSet::new();
+        let mut owners = Owners::new();
+        for read in self.motors {
+            if !driven.insert(read.motor.actuator) {
+                let found = format!("a second motor drives {}", self.name(read));
+                let expected = "one motor for each actuator";
+                diagnostics.error(read.place, found, expected, "remove one of them");
             }
+            self.identifiers(read, &mut owners, diagnostics);
+            self.trust(read, diagnostics);
         }
-        if !read.motor.is_calibrated {
-            let found = format!("{} has no `offset`", quoted(name(read)));
-            diagnostics.warning(
-                read.place,
-                found,
-                "where the actuator is when the motor says 0",
-                "measure it; without it nothing can be armed",
-            );
+        self.shared_identifiers(&owners, diagnostics);
+        if self.has_model {
+            self.undriven_actuators(&driven, diagnostics);
         }
-        if read.motor.watchdog_believed && read.motor.drive.state().watchdog != Watchdog::Unreadable
-        {
-            let found = format!("the watchdog of {} is believed", quoted(name(read)));
-            diagnostics.warning(
-                read.place,
-                found,
-                "`read_back`: this protocol can read it",
-                "remove `watchdog: believed`, unless this motor refuses to tell it",
-            );
+    }
+
+    fn name(&self, read: &Read) -> String {
+        quoted(self.actuators.get(read.motor.actuator).map_or("", String::as_str))
+    }
+
+    /// Identifiers that belong to one motor alone.
+    fn identifiers(&self, read: &'a Read, owners: &mut Owners<'a>, diagnostics: &mut Diagnostics) {
+        for id in read.motor.drive.identifiers() {
+            let Some(other) = owners.insert((read.motor.bus, id), read) else { continue };
+            let number = id.number();
+            let one = self.name(read);
+            let two = self.name(other);
+            let found = format!("the identifier 0x{number:X} of {one} is also that of {two}");
+            let expected = "identifiers of its own on a bus";
+            diagnostics.error(read.place, found, expected, "give one of them another id");
         }
-        if !read.motor.watchdog_believed
-            && read.motor.drive.state().watchdog == Watchdog::Unreadable
-        {
-            let found = format!(
-                "the protocol {} cannot read the motor's watchdog",
-                read.motor.protocol.name
-            );
+    }
+
+    /// A motor without offset, and watchdogs that are believed or cannot be read.
+    fn trust(&self, read: &Read, diagnostics: &mut Diagnostics) {
+        let motor = &read.motor;
+        if !motor.is_calibrated {
+            let found = format!("{} has no `offset`", self.name(read));
+            let expected = "the actuator's position where the motor reports 0";
+            let help = "measure it; without it nothing can be armed";
+            diagnostics.warning(read.place, found, expected, help);
+        }
+        let is_unreadable = motor.drive.state().watchdog == Watchdog::Unreadable;
+        if motor.watchdog_believed && !is_unreadable {
+            let found = format!("the watchdog of {} is believed", self.name(read));
+            let expected = "`read_back`: this protocol can read it";
+            let help = "remove `watchdog: believed`, unless this motor refuses to tell it";
+            diagnostics.warning(read.place, found, expected, help);
+        }
+        if !motor.watchdog_believed && is_unreadable {
+            let name = motor.protocol.name;
+            let found = format!("the protocol {name} cannot read the motor's watchdog");
             let help = "set it with the maker's tool, then write `watchdog: believed`; without it \
                 nothing can be armed";
             diagnostics.warning(read.place, found, "a watchdog that is known to be on", help);
         }
     }
-    let mut seen: Vec<(usize, Shared, &Read)> = Vec::new();
-    for read in motors {
-        let bus = read.motor.bus;
-        for shared in read.motor.drive.shared_identifiers() {
-            if let Some(other) = identifiers.get(&(bus, shared.id)) {
-                let found = format!(
-                    "{} listens on 0x{:X}, which is {}'s alone",
-                    quoted(name(read)),
-                    shared.id.number(),
-                    quoted(name(other))
-                );
-                diagnostics.error(
-                    read.place,
-                    found,
-                    "an identifier of nobody's",
-                    "give one of them another id",
-                );
+
+    /// Identifiers that several motors use, distinguished by their data.
+    fn shared_identifiers(&self, owners: &Owners<'_>, diagnostics: &mut Diagnostics) {
+        let mut seen: Vec<(usize, Shared, &Read)> = Vec::new();
+        for read in self.motors {
+            let bus = read.motor.bus;
+            for shared in read.motor.drive.shared_identifiers() {
+                let name = self.name(read);
+                let number = shared.id.number();
+                if let Some(owner) = owners.get(&(bus, shared.id)) {
+                    let owner = self.name(owner);
+                    let found = format!("{name} listens on 0x{number:X}, which is {owner}'s alone");
+                    let expected = "an identifier that no motor owns";
+                    diagnostics.error(read.place, found, expected, "give one of them another id");
+                }
+                let collides = |(other_bus, other, _): &&(usize, Shared, &Read)| {
+                    *other_bus == bus && other.collides(&shared)
+                };
+                if let Some((.., other)) = seen.iter().find(collides) {
+                    let other = self.name(other);
+                    let found = format!(
+                        "frames of {name} and {other} on 0x{number:X} cannot be told apart"
+                    );
+                    let expected = "ids that differ in the bits that a reply has room for";
+                    let help = "give one of them another id or reply";
+                    diagnostics.error(read.place, found, expected, help);
+                }
+                seen.push((bus, shared, read));
             }
-            if let Some((.., other)) =
-                seen.iter().find(|(of, known, _)| *of == bus && known.collides(&shared))
-            {
-                let (one, two) = (quoted(name(read)), quoted(name(other)));
-                let found = format!(
-                    "frames of {one} and {two} on 0x{:X} cannot be told apart",
-                    shared.id.number()
-                );
-                diagnostics.error(
-                    read.place,
-                    found,
-                    "ids that differ in the bits that a reply has room for",
-                    "give one of them another id or reply",
-                );
-            }
-            seen.push((bus, shared, read));
         }
     }
-    if !has_model {
-        return;
-    }
-    let is_driven = |actuator: usize| motors.iter().any(|read| read.motor.actuator == actuator);
-    for (actuator, mechanism) in
-        mechanisms.iter().enumerate().filter(|(actuator, _)| !is_driven(*actuator))
-    {
-        let written = quoted(actuators.get(actuator).map_or("", String::as_str));
-        let partner =
-            motors.iter().find(|read| mechanisms.get(read.motor.actuator) == Some(mechanism));
-        match partner {
-            Some(read) => {
-                let found = format!(
-                    "{written} has no motor, but {} of the same closed mechanism has",
-                    quoted(name(read))
-                );
-                diagnostics.error(
-                    read.place,
-                    found,
-                    "a motor for each actuator of a closed mechanism",
-                    "add the missing motor",
-                );
+
+    /// Actuators without a motor: an error beside others of the same mechanism that have one.
+    fn undriven_actuators(&self, driven: &HashSet<usize>, diagnostics: &mut Diagnostics) {
+        for (actuator, mechanism) in self.mechanisms.iter().enumerate() {
+            if driven.contains(&actuator) {
+                continue;
             }
-            None => {
-                diagnostics.warning(
-                    file,
-                    format!("{written} has no motor"),
-                    "a motor for each actuator",
-                    "its commands are not used",
-                );
+            let name = quoted(self.actuators.get(actuator).map_or("", String::as_str));
+            let is_partner =
+                |read: &&Read| self.mechanisms.get(read.motor.actuator) == Some(mechanism);
+            if let Some(read) = self.motors.iter().find(is_partner) {
+                let partner = self.name(read);
+                let found =
+                    format!("{name} has no motor, but {partner} of the same closed mechanism has");
+                let expected = "a motor for each actuator of a closed mechanism";
+                diagnostics.error(read.place, found, expected, "add the missing motor");
+            } else {
+                let found = format!("{name} has no motor");
+                let help = "its commands are not used";
+                diagnostics.warning(self.file, found, "a motor for each actuator", help);
             }
         }
     }
@@ -161,85 +152,73 @@ pub(super) fn whole(
 ) {
     for (motor, place) in configuration.motors.iter().zip(places) {
         let Some(bus) = configuration.buses.get(motor.bus) else { continue };
-        if motor.protocol.fd && bus.data_bitrate.is_none() {
-            let found = format!(
-                "{} needs CAN FD, and {} is a classic bus",
-                motor.protocol.name,
-                quoted(&bus.name)
-            );
-            diagnostics.error(
-                *place,
-                found,
-                "`data_bitrate` on the bus",
-                "add it, or use another bus",
-            );
-        }
-        if u64::from(motor.common.watchdog_ms) * 1_000_000 <= configuration.period_ns() {
-            let found = format!(
-                "a watchdog of {} ms at {} Hz",
-                motor.common.watchdog_ms, configuration.rate_hz
-            );
-            diagnostics.error(
-                *place,
-                found,
-                "a watchdog longer than a cycle",
-                "the motor would turn its torque off between two commands; make it longer",
-            );
-        }
-        let [still, damped] = [0.0, motor.damping].map(|damping| {
-            // with all the stiffness that there is: some motors have no damping without any
-            let damped = ActuatorSetpoint { stiffness: 1e60, damping, ..Default::default() };
-            let mut frames = FrameQueue::new(16);
-            motor.drive.encode(&motor.mapping.to_motor(&damped), &mut frames);
-            frames
-        });
-        let has_damping = motor.common.mode == Mode::Impedance && motor.damping > 0.0;
-        if has_damping && still.frames() == damped.frames() {
-            let found = format!("a damping of {} is no code of this motor", motor.damping);
-            diagnostics.warning(
-                *place,
-                found,
-                "a damping that its protocol can say",
-                "make it larger: codes are rounded towards zero, so this is none",
-            );
-        }
-        let mut frames = FrameQueue::new(16);
-        motor.drive.encode(&Setpoint::default(), &mut frames);
-        if frames.frames().is_empty() {
-            diagnostics.error(
-                *place,
-                "the drive sends nothing for a set-point",
-                "at least one frame",
-                "correct its settings",
-            );
-        }
+        rates(motor, bus, configuration, *place, diagnostics);
+        codes(motor, *place, diagnostics);
     }
+    let rate_hz = configuration.rate_hz;
     if configuration.timeouts.feedback_ns <= configuration.period_ns() {
-        let found =
-            format!("`feedback_ms` is not longer than a cycle at {} Hz", configuration.rate_hz);
-        diagnostics.error(
-            rate,
-            found,
-            "longer than a cycle",
-            "motors answer once a cycle; make it longer, or rate_hz higher",
-        );
+        let found = format!("`feedback_ms` is not longer than a cycle at {rate_hz} Hz");
+        let help = "motors answer once a cycle; make it longer, or rate_hz higher";
+        diagnostics.error(rate, found, "longer than a cycle", help);
     }
     for (bus, load) in configuration.buses.iter().zip(bus_load::loads(configuration)) {
         let name = quoted(&bus.name);
-        for (what, fraction) in
-            [(name.clone(), load.fraction), (format!("the serial port of {name}"), load.serial)]
-        {
-            let found = format!(
-                "{what} is loaded to {:.0} % at {} Hz",
-                fraction * 100.0,
-                configuration.rate_hz
-            );
+        let port = format!("the serial port of {name}");
+        for (line, fraction) in [(name, load.fraction), (port, load.serial)] {
+            let found = format!("{line} is loaded to {:.0} % at {rate_hz} Hz", fraction * 100.0);
             let help = "lower rate_hz, or spread the motors over more buses";
+            let expected = |most: f64| format!("at most {:.0} %", most * 100.0);
             if fraction > REFUSED {
-                diagnostics.error(rate, found, format!("at most {:.0} %", REFUSED * 100.0), help);
+                diagnostics.error(rate, found, expected(REFUSED), help);
             } else if fraction > WARNED {
-                diagnostics.warning(rate, found, format!("at most {:.0} %", WARNED * 100.0), help);
+                diagnostics.warning(rate, found, expected(WARNED), help);
             }
         }
+    }
+}
+
+/// A motor's protocol on its bus, and its watchdog at the rate of the bridge.
+fn rates(
+    motor: &MotorConfig,
+    bus: &BusConfig,
+    configuration: &Configuration,
+    place: Span,
+    diagnostics: &mut Diagnostics,
+) {
+    if motor.protocol.fd && bus.data_bitrate.is_none() {
+        let protocol = motor.protocol.name;
+        let found = format!("{protocol} needs CAN FD, and {} is a classic bus", quoted(&bus.name));
+        let help = "add it, or use another bus";
+        diagnostics.error(place, found, "`data_bitrate` on the bus", help);
+    }
+    let watchdog_ms = motor.common.watchdog_ms;
+    if u64::from(watchdog_ms) * 1_000_000 <= configuration.period_ns() {
+        let found = format!("a watchdog of {watchdog_ms} ms at {} Hz", configuration.rate_hz);
+        let help = "the motor would turn its torque off between two commands; make it longer";
+        diagnostics.error(place, found, "a watchdog longer than a cycle", help);
+    }
+}
+
+/// Whether a motor's protocol can send its damping, and anything at all.
+fn codes(motor: &MotorConfig, place: Span, diagnostics: &mut Diagnostics) {
+    let frames = |setpoint: &Setpoint| {
+        let mut frames = FrameQueue::new(16);
+        motor.drive.encode(setpoint, &mut frames);
+        frames
+    };
+    let [still, damped] = [0.0, motor.damping].map(|damping| {
+        // with the greatest stiffness: some motors have no damping without any
+        let damped = ActuatorSetpoint { stiffness: 1e60, damping, ..Default::default() };
+        frames(&motor.mapping.to_motor(&damped))
+    });
+    let has_damping = motor.common.mode == Mode::Impedance && motor.damping > 0.0;
+    if has_damping && still.frames() == damped.frames() {
+        let found = format!("a damping of {} is no code of this motor", motor.damping);
+        let help = "make it larger: codes are rounded towards zero, so this is none";
+        diagnostics.warning(place, found, "a damping that its protocol can say", help);
+    }
+    if frames(&Setpoint::default()).frames().is_empty() {
+        let found = "the drive sends nothing for a set-point";
+        diagnostics.error(place, found, "at least one frame", "correct its settings");
     }
 }

@@ -1,43 +1,13 @@
 //! Encoders besides those of the motors: on joints of closed mechanisms, or on outputs of gears.
 
 use sarrus_models::yaml::{Node, quoted};
+use sarrus_proto::actuators::MAX_ACTUATORS;
 
+use super::configuration::BusConfig;
 use super::keys::ENCODER;
-use super::motors::Robot;
-use super::read::{Read, Reader};
-use super::{BusConfig, MAX_ACTUATORS};
+use super::reader::{Read, Reader, Robot};
+use super::values::EncoderConfig;
 use crate::frame::Id;
-
-/// An encoder that reports by itself: a signed number, least byte first, in frames of one
-/// identifier.
-#[derive(Clone, Debug, PartialEq)]
-pub struct EncoderConfig {
-    /// The joint that it measures.
-    pub joint: String,
-    /// Place of the bus.
-    pub bus: usize,
-    /// Identifier of its frames.
-    pub id: Id,
-    /// First byte and count of bytes of the number.
-    pub bytes: [usize; 2],
-    /// What one step is `[rad, m]`.
-    pub scale: f64,
-    /// Where the joint is when the number is 0 `[rad, m]`.
-    pub offset: f64,
-    /// By how much it may contradict the motors' encoders `[rad, m]`.
-    pub margin: f64,
-}
-
-impl EncoderConfig {
-    /// The joint's position that a frame tells; `None` for one that is too short `[rad, m]`.
-    pub fn position(&self, data: &[u8]) -> Option<f64> {
-        let [first, n] = self.bytes;
-        let bytes = data.get(first..first + n)?;
-        let number = bytes.iter().rev().fold(0_i64, |number, byte| number << 8 | i64::from(*byte));
-        let unused = 64 - 8 * n as u32;
-        Some((number << unused >> unused) as f64 * self.scale + self.offset)
-    }
-}
 
 impl Reader<'_, '_> {
     /// The encoders of `encoders`, where there are some.
@@ -95,26 +65,5 @@ impl Reader<'_, '_> {
             });
         }
         encoders
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn numbers_are_signed_and_begin_with_the_least_byte() {
-        let encoder = EncoderConfig {
-            joint: String::new(),
-            bus: 0,
-            id: Id::Standard(1),
-            bytes: [1, 3],
-            scale: 0.5,
-            offset: 10.0,
-            margin: 1.0,
-        };
-        assert_eq!(encoder.position(&[9, 1, 1, 0]), Some(0.5 * 257.0 + 10.0));
-        assert_eq!(encoder.position(&[9, 0xFE, 0xFF, 0xFF, 7]), Some(9.0));
-        assert_eq!(encoder.position(&[9, 0xFE, 0xFF]), None);
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use sarrus_models::{Options, Report, Source, load};
 
-use super::{Configuration, Surroundings};
+use super::configuration::{Configuration, Surroundings};
 
 /// Why a configuration cannot be used.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -16,7 +16,7 @@ pub enum ConfigurationError {
     Open {
         /// The file as the user named it.
         file: String,
-        /// What the system says.
+        /// The system's message.
         reason: String,
     },
     /// Its content is faulty: every fault, and the warnings beside them.

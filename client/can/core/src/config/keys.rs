@@ -1,183 +1,111 @@
 //! Settings of a configuration: top level, timeouts, buses, motors, limits.
 
-use super::StopFunction;
-use crate::settings::{Key, KeyKind};
+use super::values::StopFunction;
+use crate::settings::Key;
 
-/// A time or a size that nobody sensible exceeds.
+/// A time or a size beyond all sensible ones.
 pub(super) const LARGE: f64 = 1e9;
 
 pub(super) const TOP: &[Key] = &[
-    key("robot", KeyKind::Text, Some(""), "a bundled robot"),
-    key("urdf", KeyKind::Text, Some(""), "the robot's URDF"),
-    key("submechanisms", KeyKind::Text, Some(""), "the robot's submechanism file"),
-    key("rate_hz", KeyKind::Number(1.0, 4000.0), None, "cycles in a second"),
-    key(
-        "ramp_ms",
-        KeyKind::Number(0.0, 60_000.0),
-        Some("500"),
-        "time in which gains and efforts grow after arming",
-    ),
-    key(
-        "stop",
-        KeyKind::Word(&["mechanism", "robot"]),
-        Some("mechanism"),
-        "what stops when a motor fails",
-    ),
-    key(
+    Key::text("robot", "a bundled robot").optional(),
+    Key::text("urdf", "the robot's URDF").optional(),
+    Key::text("submechanisms", "the robot's submechanism file").optional(),
+    Key::number("rate_hz", 1.0, 4000.0, "cycles in a second"),
+    Key::number("ramp_ms", 0.0, 60_000.0, "time in which gains and efforts grow after arming")
+        .or("500"),
+    Key::word("stop", &["mechanism", "robot"], "what stops when a motor fails").or("mechanism"),
+    Key::word(
         "stop_function",
-        KeyKind::Word(StopFunction::NAMES),
-        Some("ss1"),
+        StopFunction::NAMES,
         "how a mechanism stops, in the words of IEC 61800-5-2",
-    ),
-    key("stop_ms", KeyKind::Number(1.0, 10_000.0), Some("500"), "time to come to a standstill"),
+    )
+    .or("ss1"),
+    Key::number("stop_ms", 1.0, 10_000.0, "time to come to a standstill").or("500"),
 ];
 pub(super) const MECHANISM: &[Key] = &[
-    key("actuator", KeyKind::Text, None, "one of its actuators"),
-    key(
-        "stop_function",
-        KeyKind::Word(StopFunction::NAMES),
-        Some(""),
-        "how it stops, in the words of IEC 61800-5-2",
-    ),
-    key("stop_ms", KeyKind::Number(1.0, 10_000.0), Some(""), "time to come to a standstill"),
-    key(
-        "hold_ms",
-        KeyKind::Number(0.0, 600_000.0),
-        Some(""),
-        "longest time of holding or lowering",
-    ),
-    key(
-        "lower_velocity",
-        KeyKind::Number(1e-9, LARGE),
-        Some(""),
-        "greatest speed of lowering, rad/s or m/s",
-    ),
+    Key::text("actuator", "one of its actuators"),
+    Key::word("stop_function", StopFunction::NAMES, "how it stops, in the words of IEC 61800-5-2")
+        .optional(),
+    Key::number("stop_ms", 1.0, 10_000.0, "time to come to a standstill").optional(),
+    Key::number("hold_ms", 0.0, 600_000.0, "longest time of holding or lowering").optional(),
+    Key::number("lower_velocity", 1e-9, LARGE, "greatest speed of lowering, rad/s or m/s")
+        .optional(),
 ];
 pub(super) const TIMEOUTS: &[Key] = &[
-    key(
-        "damping_ms",
-        KeyKind::Number(0.1, 10_000.0),
-        Some("20"),
-        "T1: older commands bring damping",
-    ),
-    key(
-        "disable_ms",
-        KeyKind::Number(0.1, 60_000.0),
-        Some("100"),
-        "T2: older commands bring a stop",
-    ),
-    key(
-        "feedback_ms",
-        KeyKind::Number(0.1, 10_000.0),
-        Some("20"),
-        "a motor silent for longer has failed",
-    ),
-    key(
-        "arming_ms",
-        KeyKind::Number(1.0, 60_000.0),
-        Some("2000"),
-        "arming that takes longer has failed",
-    ),
+    Key::number("damping_ms", 0.1, 10_000.0, "T1: older commands bring damping").or("20"),
+    Key::number("disable_ms", 0.1, 60_000.0, "T2: older commands bring a stop").or("100"),
+    Key::number("feedback_ms", 0.1, 10_000.0, "a motor silent for longer has failed").or("20"),
+    Key::number("arming_ms", 1.0, 60_000.0, "arming that takes longer has failed").or("2000"),
 ];
 pub(super) const MODEL: &[Key] = &[
-    key(
+    Key::number(
         "effort",
-        KeyKind::Number(0.0, 10.0),
-        Some("0"),
+        0.0,
+        10.0,
         "part of limits.effort by which efforts may differ from the model's, 0 for not compared",
-    ),
-    key(
+    )
+    .or("0"),
+    Key::number(
         "clearance",
-        KeyKind::Number(0.0, 0.9),
-        Some("0.2"),
+        0.0,
+        0.9,
         "least clearance from singular poses, 1 at the best pose, 0 for not assessed",
-    ),
+    )
+    .or("0.2"),
 ];
 pub(super) const ENCODER: &[Key] = &[
-    key("joint", KeyKind::Text, None, "the joint that it measures"),
-    key("bus", KeyKind::Text, None, "the bus that it reports on"),
-    key("id", KeyKind::Integer(0, 0x1FFF_FFFF), None, "the identifier of its frames"),
-    key("byte", KeyKind::Integer(0, 60), Some("0"), "where its number begins in the data"),
-    key("bits", KeyKind::Integer(8, 32), Some("32"), "size of its number, whole bytes"),
-    key("scale", KeyKind::Number(-LARGE, LARGE), None, "what one step is, rad or m"),
-    key(
-        "offset",
-        KeyKind::Number(-LARGE, LARGE),
-        Some("0"),
-        "where the joint is when the number is 0, rad or m",
-    ),
-    key(
-        "margin",
-        KeyKind::Number(1e-9, LARGE),
-        None,
-        "by how much it may contradict the motors, rad or m",
-    ),
+    Key::text("joint", "the joint that it measures"),
+    Key::text("bus", "the bus that it reports on"),
+    Key::integer("id", 0, 0x1FFF_FFFF, "the identifier of its frames"),
+    Key::integer("byte", 0, 60, "where its number begins in the data").or("0"),
+    Key::integer("bits", 8, 32, "size of its number, whole bytes").or("32"),
+    Key::number("scale", -LARGE, LARGE, "what one step is, rad or m"),
+    Key::number("offset", -LARGE, LARGE, "where the joint is when the number is 0, rad or m")
+        .or("0"),
+    Key::number("margin", 1e-9, LARGE, "by how much it may contradict the motors, rad or m"),
 ];
 pub(super) const BUS: &[Key] = &[
-    key("name", KeyKind::Text, None, "what motors call it"),
-    key("interface", KeyKind::Text, Some("socketcan"), "how it is reached, in python-can's words"),
-    key("channel", KeyKind::Text, None, "which of them, as can0"),
-    key("bitrate", KeyKind::Integer(10_000, 1_000_000), Some("1000000"), "bit rate in bit/s"),
-    key(
-        "data_bitrate",
-        KeyKind::Integer(10_000, 8_000_000),
-        Some(""),
-        "bit rate of the data in CAN FD in bit/s",
-    ),
+    Key::text("name", "what motors call it"),
+    Key::text("interface", "how it is reached, in python-can's words").or("socketcan"),
+    Key::text("channel", "which of them, as can0"),
+    Key::integer("bitrate", 10_000, 1_000_000, "bit rate in bit/s").or("1000000"),
+    Key::integer("data_bitrate", 10_000, 8_000_000, "bit rate of the data in CAN FD in bit/s")
+        .optional(),
 ];
 pub(super) const MOTOR: &[Key] = &[
-    key("actuator", KeyKind::Text, None, "the actuator that it drives"),
-    key("bus", KeyKind::Text, None, "the bus that it is on"),
-    key(
-        "sign",
-        KeyKind::Integer(-1, 1),
-        Some("1"),
-        "-1 where actuator and motor go against each other",
-    ),
-    key(
-        "gear",
-        KeyKind::Number(1e-9, LARGE),
-        Some("1"),
-        "the motor's turn for the actuator's, rad/rad or rad/m",
-    ),
-    key(
+    Key::text("actuator", "the actuator that it drives"),
+    Key::text("bus", "the bus that it is on"),
+    Key::integer("sign", -1, 1, "-1 where actuator and motor go against each other").or("1"),
+    Key::number("gear", 1e-9, LARGE, "the motor's turn for the actuator's, rad/rad or rad/m")
+        .or("1"),
+    Key::number(
         "offset",
-        KeyKind::Number(-LARGE, LARGE),
-        Some(""),
+        -LARGE,
+        LARGE,
         "where the actuator is when the motor says 0, in rad or m",
-    ),
-    key(
+    )
+    .optional(),
+    Key::number(
         "torque_constant",
-        KeyKind::Number(1e-9, LARGE),
-        Some("1"),
+        1e-9,
+        LARGE,
         "true torque for the torque that the protocol says",
-    ),
-    key(
-        "damping",
-        KeyKind::Number(0.0, LARGE),
-        Some(""),
-        "damping while commands are late, N m s/rad or N s/m",
-    ),
-    key("watchdog_ms", KeyKind::Integer(1, 10_000), None, "the motor's own watchdog in ms"),
-    key(
-        "watchdog",
-        KeyKind::Word(&["read_back", "believed"]),
-        Some("read_back"),
-        "believed where the protocol cannot read it",
-    ),
+    )
+    .or("1"),
+    Key::number("damping", 0.0, LARGE, "damping while commands are late, N m s/rad or N s/m")
+        .optional(),
+    Key::integer("watchdog_ms", 1, 10_000, "the motor's own watchdog in ms"),
+    Key::word("watchdog", &["read_back", "believed"], "believed where the protocol cannot read it")
+        .or("read_back"),
 ];
 pub(super) const LIMITS: &[Key] = &[
-    key("velocity", KeyKind::Number(1e-9, LARGE), Some(""), "greatest speed, rad/s or m/s"),
-    key("effort", KeyKind::Number(0.0, LARGE), Some(""), "greatest effort, N m or N"),
-    key(
-        "effort_rate",
-        KeyKind::Number(1e-9, 1e15),
-        Some(""),
-        "greatest change of the effort, N m/s or N/s",
-    ),
+    Key::number("velocity", 1e-9, LARGE, "greatest speed, rad/s or m/s").optional(),
+    Key::number("effort", 0.0, LARGE, "greatest effort, N m or N").optional(),
+    Key::number("effort_rate", 1e-9, 1e15, "greatest change of the effort, N m/s or N/s")
+        .optional(),
 ];
 
-/// All may be left out: what stands there then is in [`super::MonitorBounds::USUAL`].
+/// All are optional; defaults are in [`super::values::MonitorBounds::USUAL`].
 pub(super) const MONITORS: &[Key] = &[
     bound("position", 10.0, "distance beyond a position limit, as part of the range"),
     bound("velocity", 100.0, "speed beyond its limit, as part of it"),
@@ -194,18 +122,9 @@ pub(super) const MONITORS: &[Key] = &[
 ];
 
 const fn bound(name: &'static str, most: f64, about: &'static str) -> Key {
-    key(name, KeyKind::NumberOrOff(1e-6, most), Some(""), about)
+    Key::number_or_off(name, 1e-6, most, about).optional()
 }
 
 const fn switch(name: &'static str, about: &'static str) -> Key {
-    key(name, KeyKind::Word(&["on", "off"]), Some(""), about)
-}
-
-const fn key(
-    name: &'static str,
-    kind: KeyKind,
-    default: Option<&'static str>,
-    about: &'static str,
-) -> Key {
-    Key { name, kind, default, about }
+    Key::word(name, &["on", "off"], about).optional()
 }

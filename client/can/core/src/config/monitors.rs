@@ -3,74 +3,12 @@
 use sarrus_models::yaml::{Node, quoted};
 
 use super::keys::MONITORS;
-use super::read::Reader;
+use super::reader::Reader;
+use super::values::MonitorBounds;
 use crate::settings::Settings;
 
-/// From where the bridge doubts what is measured; infinite where a monitor is off.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MonitorBounds {
-    /// Distance beyond a position limit, as part of the range between the two.
-    pub position: f64,
-    /// Speed beyond its limit, as part of it.
-    pub velocity: f64,
-    /// Time far behind the set-point `[s]`.
-    pub following: f64,
-    /// Difference between reported and asked effort, as part of the effort's limit.
-    pub effort: f64,
-    /// Change of the effort under one code of the position, as part of the effort's limit.
-    pub frozen: f64,
-    /// Speed between two measurements, as multiple of the limit of the velocity.
-    pub jump: f64,
-    /// Age of a measurement `[s]`.
-    pub late: f64,
-    /// Answers more than asked for.
-    pub second_answer: f64,
-    /// Whether frames with the bridge's own identifiers are a fault.
-    pub second_master: bool,
-    /// Temperature from which the effort is reduced `[°C]`.
-    pub derate: f64,
-    /// Temperature that is a fault `[°C]`.
-    pub temperature: f64,
-    /// Whether an error-passive bus is a fault.
-    pub bus_passive: bool,
-}
-
-impl MonitorBounds {
-    /// What holds where a file says nothing.
-    pub const USUAL: MonitorBounds = MonitorBounds {
-        position: 0.01,
-        velocity: 0.05,
-        following: 0.5,
-        effort: 0.25,
-        frozen: 0.25,
-        jump: 1.2,
-        late: 8e-3,
-        second_answer: 3.0,
-        second_master: true,
-        derate: 90.0,
-        temperature: 110.0,
-        bus_passive: true,
-    };
-
-    /// No monitor at all.
-    pub const OFF: MonitorBounds = MonitorBounds {
-        position: f64::INFINITY,
-        velocity: f64::INFINITY,
-        following: f64::INFINITY,
-        effort: f64::INFINITY,
-        frozen: f64::INFINITY,
-        jump: f64::INFINITY,
-        late: f64::INFINITY,
-        second_answer: f64::INFINITY,
-        second_master: false,
-        derate: f64::INFINITY,
-        temperature: f64::INFINITY,
-        bus_passive: false,
-    };
-}
-
 impl Reader<'_, '_> {
-    /// The bounds in the group `monitors` of a node; what it leaves out is `usual`.
+    /// The bounds in the group `monitors` of a node; missing ones are `usual`.
     pub(super) fn monitors(&mut self, node: &Node, usual: MonitorBounds) -> MonitorBounds {
         let Some(group) = node.get("monitors") else { return usual };
         let Some(read) = self.settings(group, "`monitors`", MONITORS, &[]) else { return usual };

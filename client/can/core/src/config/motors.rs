@@ -1,11 +1,12 @@
-//! The motors of a configuration: limits, drives, and what the model says of their actuators.
+//! The motors of a configuration: limits, drives, and the model's limits of their actuators.
 
 use sarrus_models::yaml::{self, Node, quoted};
-use sarrus_models::{Loaded, Source};
+use sarrus_proto::actuators::MAX_ACTUATORS;
 
+use super::configuration::{BusConfig, Limits, MotorConfig};
 use super::keys::{LIMITS, MOTOR};
-use super::read::{Read, Reader};
-use super::{BusConfig, Limits, MAX_ACTUATORS, MonitorBounds, MotorConfig};
+use super::reader::{Read, Reader, Robot};
+use super::values::MonitorBounds;
 use crate::mapping::Mapping;
 use crate::protocol::{self, Common, PROTOCOLS};
 use crate::settings::Settings;
@@ -30,38 +31,11 @@ impl Reader<'_, '_> {
                 continue;
             };
             let name = read.text("actuator").to_owned();
-            let actuator = match robot.map(|robot| robot.loaded.compiled.model.active_names()) {
-                Some(known) => known.iter().position(|known| *known == name).or_else(|| {
-                    let help = self.diagnostics.did_you_mean(
-                        &name,
-                        known.iter().map(String::as_str),
-                        "correct the name",
-                    );
-                    let found = format!("the robot has no actuator {}", quoted(&name));
-                    self.diagnostics.error(read.place("actuator"), found, known.join(", "), help);
-                    None
-                }),
+            let actuator = match robot {
+                Some(robot) => self.actuator(&read, robot),
                 None => Some(motors.len()),
             };
-            let bus = buses.and_then(|buses| {
-                let place = buses.iter().position(|bus| bus.name == read.text("bus"));
-                if place.is_none() {
-                    let names = || buses.iter().map(|bus| bus.name.as_str());
-                    let help = self.diagnostics.did_you_mean(
-                        read.text("bus"),
-                        names(),
-                        "correct the name or add the bus",
-                    );
-                    let found = format!("there is no bus {}", quoted(read.text("bus")));
-                    self.diagnostics.error(
-                        read.place("bus"),
-                        found,
-                        names().collect::<Vec<_>>().join(", "),
-                        help,
-                    );
-                }
-                place
-            });
+            let bus = buses.and_then(|buses| self.bus(&read, buses));
             if read.integer("sign") == 0 {
                 self.diagnostics.error(read.place("sign"), "`sign` is 0", "1 or -1", "correct it");
             }
@@ -92,6 +66,34 @@ impl Reader<'_, '_> {
             motors.push((name, Read { motor, place: node.span }));
         }
         motors
+    }
+
+    /// The place in u of the actuator that a motor names.
+    fn actuator(&mut self, read: &Settings, robot: &Robot) -> Option<usize> {
+        let name = read.text("actuator");
+        let known = robot.loaded.compiled.model.active_names();
+        let place = known.iter().position(|known| *known == name);
+        if place.is_none() {
+            let names = known.iter().map(String::as_str);
+            let help = self.diagnostics.did_you_mean(name, names, "correct the name");
+            let found = format!("the robot has no actuator {}", quoted(name));
+            self.diagnostics.error(read.place("actuator"), found, known.join(", "), help);
+        }
+        place
+    }
+
+    /// The place of the bus that a motor names.
+    fn bus(&mut self, read: &Settings, buses: &[BusConfig]) -> Option<usize> {
+        let name = read.text("bus");
+        let place = buses.iter().position(|bus| bus.name == name);
+        if place.is_none() {
+            let names: Vec<&str> = buses.iter().map(|bus| bus.name.as_str()).collect();
+            let help = "correct the name or add the bus";
+            let help = self.diagnostics.did_you_mean(name, names.iter().copied(), help);
+            let found = format!("there is no bus {}", quoted(name));
+            self.diagnostics.error(read.place("bus"), found, names.join(", "), help);
+        }
+        place
     }
 
     /// Limits of a motor's actuator: the file's, and the model's where the file has none.
@@ -229,52 +231,3 @@ impl Reader<'_, '_> {
 }
 
 type Driven = (&'static protocol::Protocol, Settings, Common, Box<dyn crate::drive::Drive>);
-
-/// The robot of a configuration.
-pub(super) struct Robot {
-    pub(super) loaded: Loaded,
-    pub(super) source: Source,
-}
-
-impl Robot {
-    /// Mechanisms numbered from 0 in the order of their first actuator.
-    pub(super) fn mechanisms(&self) -> Vec<usize> {
-        let clusters = self.loaded.compiled.model.actuator_clusters();
-        let mut known: Vec<usize> = Vec::new();
-        let number = |cluster: &usize| {
-            known.iter().position(|known| known == cluster).unwrap_or_else(|| {
-                known.push(*cluster);
-                known.len() - 1
-            })
-        };
-        clusters.iter().map(number).collect()
-    }
-
-    /// Limits of an actuator in the model.
-    fn limits(&self, actuator: &str) -> Option<Limits> {
-        let joints = &self.loaded.description.joints;
-        let limits = joints.iter().find(|joint| joint.name == actuator)?.limits?;
-        let [lower, upper, velocity, effort] =
-            [limits.lower, limits.upper, limits.velocity, limits.effort];
-        // an effort or a speed of zero is how files say that nobody knows
-        let known = |limit: f64| if limit > 0.0 { limit } else { f64::INFINITY };
-        Some(Limits {
-            lower,
-            upper,
-            velocity: known(velocity),
-            effort: known(effort),
-            effort_rate: f64::INFINITY,
-        })
-    }
-}
-
-impl Limits {
-    /// No limits.
-    pub const NONE: Limits = Limits {
-        lower: f64::NEG_INFINITY,
-        upper: f64::INFINITY,
-        velocity: f64::INFINITY,
-        effort: f64::INFINITY,
-        effort_rate: f64::INFINITY,
-    };
-}

@@ -3,11 +3,11 @@
 use sarrus_models::Diagnostics;
 use sarrus_models::yaml::{Span, quoted};
 
-use super::{Configuration, MotorConfig};
+use super::configuration::{Configuration, MotorConfig};
 use crate::drive::Mode;
 use crate::settings::Settings;
 
-/// What falls is five metres lower after this time: no watchdog and no time-out is to be longer
+/// In this time a falling body falls five metres: no watchdog and no time-out should be longer
 /// `[ms]`.
 const LONGEST_MS: f64 = 1000.0;
 
@@ -72,7 +72,8 @@ fn watchdog(
     disable_ns: u64,
     warn: &mut impl FnMut(String, &str, &str),
 ) {
-    let (ms, disable_ms) = (f64::from(motor.common.watchdog_ms), disable_ns as f64 * 1e-6);
+    let ms = f64::from(motor.common.watchdog_ms);
+    let disable_ms = disable_ns as f64 * 1e-6;
     if ms > LONGEST_MS {
         warn(
             format!("the watchdog of {name} is {ms} ms: it follows its last set-point for so long"),
@@ -109,7 +110,8 @@ fn limits(motor: &MotorConfig, name: &str, warn: &mut impl FnMut(String, &str, &
 /// Limits that the motor's protocol has no numbers for.
 fn ranges(motor: &MotorConfig, name: &str, warn: &mut impl FnMut(String, &str, &str)) {
     let [position, velocity, torque] = motor.drive.ranges();
-    let (limits, mapping) = (motor.limits, motor.mapping);
+    let limits = motor.limits;
+    let mapping = motor.mapping;
     let farthest = [limits.lower, limits.upper]
         .map(|limit| ((limit - mapping.offset) * mapping.gear).abs())
         .into_iter()

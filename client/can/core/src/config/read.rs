@@ -5,21 +5,14 @@ use std::sync::Arc;
 
 use sarrus_models::yaml::{self, Node, Span, Value, quoted};
 use sarrus_models::{Diagnostics, LoadError, Report, Source};
+use sarrus_proto::watch::MAX_BUSES;
 
+use super::configuration::{BusConfig, Configuration, ModelRules, Stop, Surroundings, Timeouts};
 use super::keys::{BUS, MODEL, TIMEOUTS, TOP};
-use super::motors::Robot;
-use super::stops::Stopped;
-use super::{
-    BusConfig, Configuration, MAX_BUSES, ModelRules, MotorConfig, Stop, Surroundings, Timeouts,
-    check, plausible,
-};
-use crate::settings::{Key, Settings};
-
-/// A motor whose values were read but not yet compared with others.
-pub(super) struct Read {
-    pub(super) motor: MotorConfig,
-    pub(super) place: Span,
-}
+use super::reader::{Read, Reader, Robot, nanoseconds};
+use super::stops::Mechanisms;
+use super::{check, plausible};
+use crate::settings::Settings;
 
 impl Configuration {
     /// Reads a configuration; `name` is that of its file in messages.
@@ -48,24 +41,7 @@ impl Configuration {
     }
 }
 
-/// What reads a configuration.
-pub(super) struct Reader<'a, 'f> {
-    pub(super) surroundings: &'a Surroundings<'a>,
-    pub(super) diagnostics: &'f mut Diagnostics,
-    pub(super) period_ns: u64,
-}
-
 impl Reader<'_, '_> {
-    pub(super) fn settings(
-        &mut self,
-        node: &Node,
-        of: &str,
-        keys: &'static [Key],
-        others: &[&str],
-    ) -> Option<Settings> {
-        Settings::read(node, of, keys, others, self.surroundings.file, self.diagnostics)
-    }
-
     fn configuration(&mut self, root: &Node) -> Option<Configuration> {
         const GROUPS: &[&str] =
             &["timeouts", "monitors", "model", "buses", "motors", "mechanisms", "encoders"];
@@ -77,7 +53,9 @@ impl Reader<'_, '_> {
         let robot = top.as_ref().and_then(|top| self.robot(top));
         let read = self.motors(root, buses.as_deref(), robot.as_ref());
         let encoders = self.encoders(root, buses.as_deref(), robot.as_ref(), &read);
-        let (top, timeouts, buses) = (top?, timeouts?, buses?);
+        let top = top?;
+        let timeouts = timeouts?;
+        let buses = buses?;
         let actuators: Vec<String> = match &robot {
             Some(robot) => robot.loaded.compiled.model.active_names().to_vec(),
             None => read.iter().map(|(name, _)| name.clone()).collect(),
@@ -88,9 +66,16 @@ impl Reader<'_, '_> {
         if self.diagnostics.has_errors() {
             return None;
         }
-        check::motors(&read, &actuators, &mechanisms, robot.is_some(), root.span, self.diagnostics);
+        check::Motors {
+            motors: &read,
+            actuators: &actuators,
+            mechanisms: &mechanisms,
+            has_model: robot.is_some(),
+            file: root.span,
+        }
+        .check(self.diagnostics);
         let places: Vec<Span> = read.iter().map(|read| read.place).collect();
-        let of = Stopped {
+        let of = Mechanisms {
             actuators: &actuators,
             mechanisms: &mechanisms,
             motors: &mut read,
@@ -243,35 +228,4 @@ impl Reader<'_, '_> {
             }
         }
     }
-
-    pub(super) fn list<'n>(&mut self, root: &'n Node, key: &str, most: usize) -> &'n [Node] {
-        let nodes = yaml::list(root, key, self.diagnostics);
-        if nodes.is_empty()
-            && matches!(
-                root.get(key).map(|node| &node.value),
-                None | Some(Value::Null | Value::List(_))
-            )
-        {
-            let place = root.get(key).map_or(root.span, |node| node.span);
-            self.diagnostics.error(
-                place,
-                format!("the file has no `{key}`"),
-                "a list of at least one",
-                "add it",
-            );
-        }
-        if let Some(first) = nodes.get(most) {
-            self.diagnostics.error(
-                first.span,
-                format!("`{key}` has {} entries", nodes.len()),
-                format!("at most {most}"),
-                "divide the robot",
-            );
-        }
-        nodes
-    }
-}
-
-pub(super) fn nanoseconds(ms: f64) -> u64 {
-    (ms * 1e6).round() as u64
 }

@@ -3,70 +3,16 @@
 use sarrus_models::yaml::{self, Node, quoted};
 
 use super::keys::MECHANISM;
-use super::read::{Read, Reader, nanoseconds};
+use super::reader::{Read, Reader, nanoseconds};
+use super::values::{MechanismStop, StopFunction};
 use crate::frame::FrameQueue;
 use crate::settings::Settings;
 
-/// How a mechanism is stopped, in the words of IEC 61800-5-2 where it has them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StopFunction {
-    /// SS1: to a standstill within a time, then no torque.
-    Ss1,
-    /// SS2: to a standstill within a time, and held for another time, then no torque.
-    Ss2,
-    /// The drives' own quick stop, then no torque.
-    QuickStop,
-    /// To a standstill within a time, then down with gravity at a capped speed until it stands
-    /// still, then no torque.
-    Lower,
-    /// STO: no torque at once.
-    Sto,
-}
-
-impl StopFunction {
-    /// The names in configurations.
-    pub(super) const NAMES: &[&str] = &["ss1", "ss2", "quick_stop", "lower", "sto"];
-
-    fn named(name: &str) -> StopFunction {
-        match name {
-            "ss2" => StopFunction::Ss2,
-            "quick_stop" => StopFunction::QuickStop,
-            "lower" => StopFunction::Lower,
-            "sto" => StopFunction::Sto,
-            _ => StopFunction::Ss1,
-        }
-    }
-}
-
-/// The stop of one mechanism.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MechanismStop {
-    /// What it does.
-    pub function: StopFunction,
-    /// Time to come to a standstill `[ns]`.
-    pub stop_ns: u64,
-    /// Longest time after that, in which it is held or lowered; 0 for the other functions `[ns]`.
-    pub hold_ns: u64,
-    /// Greatest speed of an actuator that is lowered `[rad/s, m/s]`.
-    pub lower_velocity: f64,
-}
-
-impl Default for MechanismStop {
-    fn default() -> MechanismStop {
-        MechanismStop {
-            function: StopFunction::Ss1,
-            stop_ns: 500_000_000,
-            hold_ns: 0,
-            lower_velocity: 0.0,
-        }
-    }
-}
-
-/// Part of the limit of the velocity at which is lowered where the file does not say it.
+/// Default speed of lowering, as part of the velocity's limit.
 const LOWER: f64 = 0.1;
 
-/// What the stops of mechanisms depend on.
-pub(super) struct Stopped<'a> {
+/// The mechanisms to be stopped.
+pub(super) struct Mechanisms<'a> {
     pub(super) actuators: &'a [String],
     /// By actuator.
     pub(super) mechanisms: &'a [usize],
@@ -75,14 +21,14 @@ pub(super) struct Stopped<'a> {
 }
 
 impl Reader<'_, '_> {
-    /// The stop of each mechanism: its entry under `mechanisms`, else what the top level says.
+    /// The stop of each mechanism: its entry under `mechanisms`, else the top level's.
     pub(super) fn stops(
         &mut self,
         root: &Node,
         top: &Settings,
-        of: Stopped<'_>,
+        of: Mechanisms<'_>,
     ) -> Vec<MechanismStop> {
-        let Stopped { actuators, mechanisms, motors, has_model } = of;
+        let Mechanisms { actuators, mechanisms, motors, has_model } = of;
         let n = mechanisms.iter().max().map_or(0, |last| last + 1);
         let mut entries: Vec<Option<Settings>> = vec![None; n];
         for node in yaml::list(root, "mechanisms", self.diagnostics) {
@@ -171,5 +117,5 @@ impl Reader<'_, '_> {
     }
 }
 
-/// Holding and lowering end after this time where the file does not say it `[ms]`.
+/// Default of the longest time of holding and lowering `[ms]`.
 const HOLD_MS: f64 = 5000.0;

@@ -18,7 +18,7 @@ use std::f64::consts::TAU;
 use super::keys::{POLE_PAIRS, id, motor_torque_constant};
 use super::number::{limited, steps_toward_zero};
 use super::power_up::{Action, PowerUp, Stage};
-use super::{Common, Key, KeyKind, Protocol, Settings, fault};
+use super::{Common, Key, Protocol, Settings, fault};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Power, Receipt, Reply, Setpoint, Watchdog,
 };
@@ -33,20 +33,11 @@ pub(super) const AK_SERVO: Protocol = Protocol {
     fd: false,
     keys: &[
         id(0, 255, "number of the motor"),
-        Key {
-            name: "upload",
-            kind: KeyKind::Integer(0, 0xFF),
-            default: Some("0x29"),
-            about: "command in the identifier of the uploaded state",
-        },
+        Key::integer("upload", 0, 0xFF, "command in the identifier of the uploaded state")
+            .or("0x29"),
         motor_torque_constant("torque at the output for the motor's current [N m/A]"),
         POLE_PAIRS,
-        Key {
-            name: "reduction",
-            kind: KeyKind::Number(1e-3, 1e6),
-            default: None,
-            about: "turns of the rotor in one of the output",
-        },
+        Key::number("reduction", 1e-3, 1e6, "turns of the rotor in one of the output"),
     ],
     make,
 };

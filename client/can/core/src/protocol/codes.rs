@@ -36,11 +36,12 @@ impl Codes {
         let velocity = self.velocity.code(setpoint.velocity, odd);
         let (stiffness, k) = self.stiffness.toward_zero(setpoint.stiffness, odd);
         let (damping, d) = self.damping.toward_zero(setpoint.damping, odd);
-        // what spring and damper make of these codes
+        // torque of spring and damper for these codes
         let by_gains = measured.map_or(0.0, |[q, qd]| {
             k * (self.position.value(position) - q) + d * (self.velocity.value(velocity) - qd)
         });
-        let (least, most) = (-limit - by_gains, limit - by_gains);
+        let least = -limit - by_gains;
+        let most = limit - by_gains;
         let torque = limited(setpoint.torque, limit).max(least).min(most);
         let torque = self.torque.within(self.torque.toward_zero(torque, odd), least, most);
         [position, velocity, stiffness, damping, torque]
@@ -101,7 +102,8 @@ mod tests {
             setpoint.stiffness *= part;
             setpoint.damping *= part;
             let [p, v, k, d, t] = CODES.of(&setpoint, limit, Some([q, qd]), n % 2 == 0);
-            let (k, d) = (CODES.stiffness.value(k), CODES.damping.value(d));
+            let k = CODES.stiffness.value(k);
+            let d = CODES.damping.value(d);
             assert!(k <= setpoint.stiffness + 1e-9 && d <= setpoint.damping + 1e-9);
             let sum = CODES.torque.value(t)
                 + k * (CODES.position.value(p) - q)

@@ -1,5 +1,5 @@
 //! Faults that a drive finds by itself, in the numbers of
-//! [`DriveState::fault`](crate::drive::DriveState): above what any motor sends.
+//! [`DriveState::fault`](crate::drive::DriveState): above all codes of motors.
 
 /// The motor's ranges, read back, are not those of the configuration: every number would be scaled
 /// wrongly.
@@ -15,16 +15,16 @@ pub const MODE_REFUSED: u32 = 0x8000_0004;
 pub const SETTING_REFUSED: u32 = 0x8000_0005;
 /// The motor sent a number that is not finite.
 pub const NOT_FINITE: u32 = 0x8000_0006;
-/// The motor says that it has a fault, without a code.
+/// The motor reports a fault without a code.
 pub const UNKNOWN: u32 = 0x8000_0007;
-/// What the motor tells of its fault or its power has stopped coming.
+/// The motor's reports of its fault or its power have stopped.
 pub const SILENT: u32 = 0x8000_0008;
 /// The motor does not hold the limit of torque that it was given.
 pub const LIMIT_REFUSED: u32 = 0x8000_0009;
-/// The motor answers, and what it answers is none of its frames: found by the bridge.
+/// The motor answers with frames that are none of its protocol's: found by the bridge.
 pub const MALFORMED: u32 = 0x8000_0020;
 
-/// What a drive's own fault means; `None` for the codes of motors.
+/// Description of a drive's own fault; `None` for the codes of motors.
 pub fn describe(fault: u32) -> Option<&'static str> {
     Some(match fault {
         RANGES_DIFFER => "the motor's ranges are not those of the configuration",

@@ -22,10 +22,10 @@ use sarrus_models::Diagnostics;
 use crate::drive::{Drive, Mode};
 pub use crate::settings::{Key, KeyKind, Settings};
 
-/// What all drives are made from besides their own settings.
+/// Settings of all drives besides their own.
 #[derive(Clone, Copy, Debug)]
 pub struct Common {
-    /// What the motor's controller is to follow; one of [`Protocol::modes`].
+    /// Mode of the motor's controller; one of [`Protocol::modes`].
     pub mode: Mode,
     /// The motor's watchdog is to be this `[ms]`; 0 leaves it alone.
     pub watchdog_ms: u32,

@@ -33,7 +33,7 @@ pub(super) enum Action {
     /// What keeps the motor off, and what is to be set and read; the number of the cycle since the
     /// motor was last on its way to power, from 1.
     Idle(u64),
-    /// What keeps the motor off, and forgets a latched fault.
+    /// Frames that keep the motor off and clear a latched fault.
     Reset,
     /// A set-point before there is power.
     Prime(Setpoint),
@@ -43,7 +43,7 @@ pub(super) enum Action {
     Await(Setpoint),
     /// The set-point.
     Follow(Setpoint),
-    /// What keeps a motor off that lost its power by itself.
+    /// Frames that keep a motor off that lost its power by itself.
     Withhold,
 }
 
@@ -82,7 +82,7 @@ impl PowerUp {
         matches!(self.stage, Stage::Asked(_) | Stage::On)
     }
 
-    /// What to send for a command; a motor that is not ready stays off.
+    /// The action for a command; a motor that is not ready stays off.
     pub(super) fn action(&mut self, command: DriveCommand, is_ready: bool) -> Action {
         let setpoint = match command {
             DriveCommand::On(setpoint) if self.stage != Stage::Off || is_ready => setpoint,
@@ -109,7 +109,7 @@ impl PowerUp {
         action
     }
 
-    /// The motor says whether it has power. True where it just lost it.
+    /// The motor reports whether it has power. True where it just lost it.
     pub(super) fn report(&mut self, has_power: bool) -> bool {
         let before = self.stage;
         self.stage = match self.stage {
@@ -120,7 +120,7 @@ impl PowerUp {
         before == Stage::On && self.stage == Stage::Lost
     }
 
-    /// A reply of a motor that does not say whether it has power: after `enough` of them since it
+    /// A reply of a motor that does not report its power: after `enough` of them since it
     /// was asked to have it counts as having it.
     pub(super) fn count_reply(&mut self, enough: u8) {
         self.stage = match self.stage {

@@ -133,7 +133,7 @@ impl Rmd {
         [TIMEOUT, 0, 0, 0, a, b, c, d]
     }
 
-    /// What keeps it off, what it does, its faults and its watchdog, in turn.
+    /// Frames without power: off, brake, faults, watchdog and state, in turn.
     fn idle(&mut self, n: u64) -> Option<Frame> {
         match n % 5 {
             1 => self.command(OFF),

@@ -24,7 +24,8 @@ impl Scale {
     }
 
     const fn between(low: f64, high: f64, bits: u32) -> Scale {
-        let (range, most) = (high - low, ((1_u32 << bits) - 1) as f64);
+        let range = high - low;
+        let most = ((1_u32 << bits) - 1) as f64;
         Scale { low, high, range, most, step: range / most }
     }
 

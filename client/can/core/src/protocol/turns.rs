@@ -6,9 +6,9 @@ use crate::drive::Mode;
 /// A 16 bit code that is followed across its ends, where it begins again.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Turns {
-    /// The last code, and what it was without jumps.
+    /// The last code, and the same code without jumps.
     last: Option<(u16, i64)>,
-    /// It was outside its range when it was forgotten: how often around, nobody knows any more.
+    /// It was outside its range when it was forgotten: its count of turns is lost.
     uncounted: bool,
 }
 
@@ -24,13 +24,13 @@ impl Turns {
         whole
     }
 
-    /// The motor may count anew from now on. Where it was outside its range, no reset makes what it
-    /// says then right: only a new zero does, which begins with new turns.
+    /// The motor may start counting again. Where it was outside its range, no reset makes its
+    /// position right: only a new zero does, which begins with new turns.
     pub(super) fn forget(&mut self) {
         *self = Turns { last: None, uncounted: self.uncounted || self.is_outside() };
     }
 
-    /// [`fault::OUT_OF_RANGE`] where set-points of a mode cannot be said, or the position is not
+    /// [`fault::OUT_OF_RANGE`] where set-points of a mode have no code, or the position is not
     /// known; else 0.
     pub(super) fn fault(&self, mode: Mode) -> u32 {
         let is_fault = self.uncounted || self.is_outside() && mode != Mode::Torque;

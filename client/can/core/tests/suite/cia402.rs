@@ -148,7 +148,8 @@ fn a_drive_that_shows_its_mode_later_is_asked_again() {
     // what it shows first, and until when; from 2 s on it is to have power, and has it
     let shown = |first: &str, since_ms: u64| {
         let mut drive = cia402(Mode::Torque);
-        let (mut started_ms, mut seen) = (None, Vec::new());
+        let mut started_ms = None;
+        let mut seen = Vec::new();
         for now_ms in (0..4_000).step_by(2) {
             let mut queue = FrameQueue::new(8);
             let command = if now_ms < 2_000 {
@@ -186,7 +187,8 @@ fn a_drive_that_shows_its_mode_later_is_asked_again() {
         assert!(started_ms.is_some());
         seen
     };
-    let (off, on) = ((0, Power::Off), (0, Power::On));
+    let off = (0, Power::Off);
+    let on = (0, Power::On);
     assert_eq!(shown("00", 0), [off, on, on]);
     assert_eq!(shown("01", 200), [off, on, on], "before the start");
     assert_eq!(shown("01", 1_000), [off, on, on], "once it is operational");

@@ -94,7 +94,8 @@ fn random_values_are_the_nearest_and_no_torque_or_gain_grows() {
             setpoint.damping,
         ];
         for i in 0..5 {
-            let (sent, desired) = (sent[i], setpoint[i]);
+            let sent = sent[i];
+            let desired = setpoint[i];
             let is_right = match i {
                 0 | 1 => (sent - desired).abs() <= 0.5 * steps[i] * (1.0 + 1e-9),
                 _ => is_toward_zero(sent, desired, steps[i]),
@@ -102,7 +103,9 @@ fn random_values_are_the_nearest_and_no_torque_or_gain_grows() {
             assert!(is_right, "{i}: {sent} {desired}");
         }
         let code = |value: f64, half: f64| ((value + half) / (2.0 * half) * 65535.0).round() as u16;
-        let (p, v, t) = (code(setpoint[0], 12.5), code(setpoint[1], 30.0), code(setpoint[2], 12.0));
+        let p = code(setpoint[0], 12.5);
+        let v = code(setpoint[1], 30.0);
+        let t = code(setpoint[2], 12.0);
         let mut fresh = cybergear(COMMON);
         let Receipt::Measured(measured) =
             receive(&mut *fresh, &format!("02800AFD#{p:04X}{v:04X}{t:04X}012C"))
@@ -218,7 +221,8 @@ fn a_robstride_has_its_own_ranges_and_another_watchdog() {
 /// The frames that a drive has for a new identifier and for storing what it was given.
 fn renumbered(settings: &str, id: u32) -> (Vec<String>, Vec<String>) {
     let mut drive = drive("cybergear", settings, COMMON);
-    let (mut renumber, mut save) = (FrameQueue::new(8), FrameQueue::new(8));
+    let mut renumber = FrameQueue::new(8);
+    let mut save = FrameQueue::new(8);
     drive.set_id(id, &mut renumber);
     drive.save_zero(&mut save);
     let text = |queue: FrameQueue| queue.frames().iter().map(ToString::to_string).collect();

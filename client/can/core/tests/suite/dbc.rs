@@ -103,7 +103,8 @@ fn random_values_are_within_half_a_step_both_ways() {
             setpoint.velocity
         );
 
-        let (position, speed) = (random.between(-5000.0, 5000.0), random.between(-3000.0, 3000.0));
+        let position = random.between(-5000.0, 5000.0);
+        let speed = random.between(-3000.0, 3000.0);
         let raw = ((position - 5.0) / 0.01_f64).round() as i32;
         let speed_raw = (speed / 0.1_f64).round() as i16;
         let top = (raw as u32) << 12;
@@ -209,7 +210,8 @@ fn power_comes_after_the_set_point_and_goes_before_it() {
         "nobody knows where it is"
     );
     receive(&mut *drive, &format!("021#{PLACE}"));
-    let (stays, follows) = (format!("011#{PLACE}"), format!("011#{TARGET}"));
+    let stays = format!("011#{PLACE}");
+    let follows = format!("011#{TARGET}");
     assert_eq!(
         texts(frames(&mut *drive, DriveCommand::Off)),
         ["010#00", &stays],

@@ -122,7 +122,8 @@ fn random_set_points_are_the_nearest_and_no_torque_or_gain_grows() {
             setpoint.torque,
         ];
         for i in 0..5 {
-            let (sent, desired) = (sent[i], setpoint[i]);
+            let sent = sent[i];
+            let desired = setpoint[i];
             let is_right = match i {
                 0 | 1 => (sent - desired).abs() <= 0.5 * steps[i] * (1.0 + 1e-9),
                 _ => is_toward_zero(sent, desired, steps[i]),
@@ -138,11 +139,9 @@ fn random_replies_are_within_half_a_step() {
     for variant in ["mini_cheetah", "t_motor", "damiao", "robstride"] {
         for _ in 0..25_000 {
             let mut drive = mit(variant, COMMON);
-            let (p, v, t) = (
-                random.between(-12.5, 12.5),
-                random.between(-45.0, 45.0),
-                random.between(-18.0, 18.0),
-            );
+            let p = random.between(-12.5, 12.5);
+            let v = random.between(-45.0, 45.0);
+            let t = random.between(-18.0, 18.0);
             // the firmware's own way: truncated, not rounded
             let code =
                 |value: f64, half: f64, most: f64| ((value + half) * most / (2.0 * half)) as u64;

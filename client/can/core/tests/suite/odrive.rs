@@ -94,7 +94,8 @@ fn random_set_points_are_within_half_a_step() {
             singles(last(&mut *torque_drive, DriveCommand::On(setpoint)).data())[0],
             setpoint.torque,
         );
-        let (p, v) = ((setpoint.position / TAU) as f32, (setpoint.velocity / TAU) as f32);
+        let p = (setpoint.position / TAU) as f32;
+        let v = (setpoint.velocity / TAU) as f32;
         let text: String = p
             .to_le_bytes()
             .into_iter()

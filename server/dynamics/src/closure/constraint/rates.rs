@@ -5,13 +5,13 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::closure::Rate;
 use crate::mechanism::{Body, Cluster, Motion};
-use crate::scalar::Real;
-use crate::spatial::{Pose, column, cross, cross_add, mul, scale_add, zero};
+use crate::scalar::{Real, Triple};
+use crate::spatial::{Matrix, Pose, zero};
 
 /// Rates of every local body at q̈ = 0.
 pub(crate) fn local_rates<T: Real>(
-    cluster: &Cluster<T::Const>,
-    bodies: &[Body<T::Const>],
+    cluster: &Cluster<T>,
+    bodies: &[Body<T>],
     qd: &[T],
     pose: &[Pose<T>],
     rate: &mut [Rate<T>],
@@ -25,14 +25,15 @@ pub(crate) fn local_rates<T: Real>(
 /// Rates of one local body at q̈ = 0 from those of its parent.
 #[inline(always)]
 pub(in crate::closure) fn rate_of<T: Real>(
-    cluster: &Cluster<T::Const>,
-    bodies: &[Body<T::Const>],
+    cluster: &Cluster<T>,
+    bodies: &[Body<T>],
     j: usize,
     qd: &[T],
     pose: &[Pose<T>],
     rate: &mut [Rate<T>],
 ) {
-    let (body, parent) = (&bodies[j], cluster.local_parent[j]);
+    let body = &bodies[j];
+    let parent = cluster.local_parent[j];
     rate[j + 1] = rate[parent].moved(
         body.motion,
         &(pose[j + 1].p - pose[parent].p),
@@ -58,20 +59,20 @@ impl<T: Real> Rate<T> {
     ) -> Rate<T> {
         let mut x = Rate {
             w: self.w,
-            v: cross_add(&self.w, r, &self.v),
+            v: self.v.add_cross(self.w, *r),
             alpha: self.alpha,
-            a: cross_add(&self.w, &cross(&self.w, r), &cross_add(&self.alpha, r, &self.a)),
+            a: self.a.add_cross(self.alpha, *r).add_cross(self.w, self.w.cross(*r)),
         };
         match motion {
             Motion::Revolute => {
-                let z = column(R, 2);
-                x.alpha = scale_add(&cross(&self.w, &z), qd[0], &self.alpha);
-                x.w = scale_add(&z, qd[0], &self.w);
+                let z = R.col(2);
+                x.alpha = self.alpha.add_scaled(self.w.cross(z), qd[0]);
+                x.w = self.w.add_scaled(z, qd[0]);
             }
             Motion::Prismatic => {
-                let z = column(R, 2);
-                x.a = scale_add(&cross(&self.w, &z), qd[0] + qd[0], &x.a);
-                x.v = scale_add(&z, qd[0], &x.v);
+                let z = R.col(2);
+                x.a = x.a.add_scaled(self.w.cross(z), qd[0] + qd[0]);
+                x.v = x.v.add_scaled(z, qd[0]);
             }
             Motion::Spherical | Motion::Floating => self.moved_freely(motion, R, qd, &mut x),
         }
@@ -80,12 +81,12 @@ impl<T: Real> Rate<T> {
 
     #[inline(never)]
     fn moved_freely(&self, motion: Motion, R: &Matrix3<T>, qd: &[T], x: &mut Rate<T>) {
-        let w = mul(R, &Vector3::new(qd[0], qd[1], qd[2]));
-        x.alpha = cross_add(&self.w, &w, &self.alpha);
+        let w = R.apply(Vector3::new(qd[0], qd[1], qd[2]));
+        x.alpha = self.alpha.add_cross(self.w, w);
         x.w += w;
         if motion == Motion::Floating {
-            let v = mul(R, &Vector3::new(qd[3], qd[4], qd[5]));
-            x.a = cross_add(&(self.w + x.w), &v, &x.a);
+            let v = R.apply(Vector3::new(qd[3], qd[4], qd[5]));
+            x.a = x.a.add_cross(self.w + x.w, v);
             x.v += v;
         }
     }

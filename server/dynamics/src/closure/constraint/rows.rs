@@ -13,16 +13,14 @@ use nalgebra::{Matrix3, Vector3};
 use crate::closure::Rate;
 use crate::closure::constraint::so3_log::{log, log_factors, rate_matrix};
 use crate::mechanism::{Body, Cluster, Cut, CutRow, Dof, Motion, joint_pose, single_pose};
-use crate::scalar::Real;
-use crate::spatial::{
-    Pose, cross, cross_add, dot, lift, lift_mat, mul, mul_mat, scale_add, t_mul, zero,
-};
+use crate::scalar::{Real, Triple};
+use crate::spatial::{Matrix, Pose, zero};
 
 /// Sines, cosines and pose of one local body from its coordinates.
 #[inline]
 pub(in crate::closure) fn refresh<T: Real>(
-    cluster: &Cluster<T::Const>,
-    bodies: &[Body<T::Const>],
+    cluster: &Cluster<T>,
+    bodies: &[Body<T>],
     j: usize,
     q: &[T],
     cos_sin: &mut [(T, T)],
@@ -44,8 +42,8 @@ pub(in crate::closure) fn cos_sin_of<T: Real>(x: T) -> (T, T) {
 /// Pose of one local body from its coordinates and their cosines and sines.
 #[inline(always)]
 pub(in crate::closure) fn place<T: Real>(
-    cluster: &Cluster<T::Const>,
-    bodies: &[Body<T::Const>],
+    cluster: &Cluster<T>,
+    bodies: &[Body<T>],
     j: usize,
     q: &[T],
     cos_sin: &[(T, T)],
@@ -66,22 +64,22 @@ pub(in crate::closure) fn place<T: Real>(
 /// Pose of one local body at zero of its own joint.
 #[inline(always)]
 pub(in crate::closure) fn base<T: Real>(
-    cluster: &Cluster<T::Const>,
-    bodies: &[Body<T::Const>],
+    cluster: &Cluster<T>,
+    bodies: &[Body<T>],
     j: usize,
     pose: &[Pose<T>],
 ) -> Pose<T> {
-    let at_zero = Pose { R: lift_mat(&bodies[j].R_parent_body), p: lift(&bodies[j].p_parent_body) };
+    let at_zero = Pose { R: bodies[j].R_parent_body, p: bodies[j].p_parent_body };
     let parent = cluster.local_parent[j];
     if parent == 0 { at_zero } else { pose[parent].then(&at_zero) }
 }
 
 #[inline(never)]
-fn place_freely<T: Real>(body: &Body<T::Const>, q: &[T], parent: &Pose<T>) -> Pose<T> {
+fn place_freely<T: Real>(body: &Body<T>, q: &[T], parent: &Pose<T>) -> Pose<T> {
     parent.then(&joint_pose(body, q, (T::ONE, T::ZERO)))
 }
 
-/// One cut at one pose: what all of its rows share.
+/// One cut at one pose: the quantities that all of its rows share.
 pub(in crate::closure) struct CutState<'a, T> {
     /// Orientation of the predecessor {cluster's parent body}.
     R_p: &'a Matrix3<T>,
@@ -92,7 +90,7 @@ pub(in crate::closure) struct CutState<'a, T> {
     angular: Option<Angular<T>>,
 }
 
-/// What the angular rows of a cut need.
+/// The quantities of a cut that only angular rows need.
 struct Angular<T> {
     /// Orientations of P and S {cluster's parent body}.
     R_P: Matrix3<T>,
@@ -105,49 +103,41 @@ struct Angular<T> {
 impl<'a, T: Real> CutState<'a, T> {
     /// The state of a cut.
     #[inline(always)]
-    pub(in crate::closure) fn new(cut: &Cut<T::Const>, pose: &'a [Pose<T>]) -> CutState<'a, T> {
-        let (p, s) = (&pose[cut.predecessor], &pose[cut.successor]);
-        let point = s.point(&lift(&cut.x_s_cut.p));
-        let d = point - p.point(&lift(&cut.x_p_cut.p));
+    pub(in crate::closure) fn new(cut: &Cut<T>, pose: &'a [Pose<T>]) -> CutState<'a, T> {
+        let p = &pose[cut.predecessor];
+        let s = &pose[cut.successor];
+        let point = s.point(&cut.x_s_cut.p);
+        let d = point - p.point(&cut.x_p_cut.p);
         let angular = cut.angular.then(|| Angular::new(cut, p, s));
         CutState { R_p: &p.R, point, d, angular }
     }
 
     /// φ of a row.
     #[inline]
-    pub(in crate::closure) fn value(
-        &self,
-        cluster: &Cluster<T::Const>,
-        row: &CutRow<T::Const>,
-        q: &[T],
-    ) -> T {
+    pub(in crate::closure) fn value(&self, cluster: &Cluster<T>, row: &CutRow<T>, q: &[T]) -> T {
         if !row.terms.is_empty() {
-            return row.terms.iter().fold(T::lift(row.offset), |sum, (j, c)| {
-                T::lift(*c).mul_add(q[cluster.dofs[*j].q], sum)
-            });
+            return row
+                .terms
+                .iter()
+                .fold(row.offset, |sum, (j, c)| (*c).mul_add(q[cluster.dofs[*j].q], sum));
         }
-        let x = t_mul(self.R_p, &self.d);
+        let x = self.R_p.apply_transposed(self.d);
         match (&self.angular, &row.against) {
-            (None, _) => dot(&lift(&row.linear_p), &x),
+            (None, _) => row.linear_p.dot(x),
             (Some(of), None) => row_along(row, &x, &of.theta),
-            (Some(of), Some(b)) => dot(&mul(&of.R_P, &lift(&row.angular)), &mul(&of.R_S, &lift(b))),
+            (Some(of), Some(b)) => of.R_P.apply(row.angular).dot(of.R_S.apply(*b)),
         }
     }
 
     /// The directions of a row {cluster's parent body}: φ̇ = linear · v + angular · ω for the
     /// motion of S against P.
     #[inline(always)]
-    pub(in crate::closure) fn directions(
-        &self,
-        row: &CutRow<T::Const>,
-    ) -> (Vector3<T>, Vector3<T>) {
-        let linear = mul(self.R_p, &lift(&row.linear_p));
+    pub(in crate::closure) fn directions(&self, row: &CutRow<T>) -> (Vector3<T>, Vector3<T>) {
+        let linear = self.R_p.apply(row.linear_p);
         match (&self.angular, &row.against) {
             (None, _) => (linear, zero()),
-            (Some(of), None) => (linear, mul(&of.R_P, &t_mul(&of.A, &lift(&row.angular)))),
-            (Some(of), Some(b)) => {
-                (zero(), cross(&mul(&of.R_S, &lift(b)), &mul(&of.R_P, &lift(&row.angular))))
-            }
+            (Some(of), None) => (linear, of.R_P.apply(of.A.apply_transposed(row.angular))),
+            (Some(of), Some(b)) => (zero(), of.R_S.apply(*b).cross(of.R_P.apply(row.angular))),
         }
     }
 
@@ -161,7 +151,7 @@ impl<'a, T: Real> CutState<'a, T> {
     ) -> (Vector3<T>, Vector3<T>) {
         let z = of.axis(&pose.R);
         let z = if on_successor { z } else { -z };
-        if of.slides() { (zero(), z) } else { (z, cross(&z, &(self.point - pose.p))) }
+        if of.slides() { (zero(), z) } else { (z, z.cross(self.point - pose.p)) }
     }
 
     /// ẍ (in the predecessor's axes) and θ̈ at q̈ = 0, from the rates of the two bodies; of a ball
@@ -169,16 +159,16 @@ impl<'a, T: Real> CutState<'a, T> {
     #[inline]
     pub(in crate::closure) fn acceleration(
         &self,
-        cut: &Cut<T::Const>,
+        cut: &Cut<T>,
         pose: &[Pose<T>],
         rate: &[Rate<T>],
         ball: bool,
     ) -> (Vector3<T>, Vector3<T>) {
-        let (s, p) = (&rate[cut.successor], &rate[cut.predecessor]);
+        let s = &rate[cut.successor];
+        let p = &rate[cut.predecessor];
         if ball {
-            let at = |x: &Rate<T>, r: Vector3<T>| {
-                cross_add(&x.w, &cross(&x.w, &r), &cross_add(&x.alpha, &r, &x.a))
-            };
+            let at =
+                |x: &Rate<T>, r: Vector3<T>| x.a.add_cross(x.alpha, r).add_cross(x.w, x.w.cross(r));
             return (
                 at(s, self.point - pose[cut.successor].p)
                     - at(p, self.point - pose[cut.predecessor].p),
@@ -186,37 +176,34 @@ impl<'a, T: Real> CutState<'a, T> {
             );
         }
         let at = |x: &Rate<T>, r: Vector3<T>| {
-            (
-                cross_add(&x.w, &r, &x.v),
-                cross_add(&x.w, &cross(&x.w, &r), &cross_add(&x.alpha, &r, &x.a)),
-            )
+            (x.v.add_cross(x.w, r), x.a.add_cross(x.alpha, r).add_cross(x.w, x.w.cross(r)))
         };
         let (v_s, a_s) = at(s, self.point - pose[cut.successor].p);
         let (v_p, a_p) = at(p, self.point - pose[cut.predecessor].p);
         // v_p, a_p: of the predecessor's point that coincides with S
-        let relative = a_s - a_p - cross(&p.w, &(v_s - v_p)) * T::from_f64(2.0);
-        let x = t_mul(self.R_p, &relative);
+        let relative = a_s - a_p - p.w.cross(v_s - v_p) * T::from_f64(2.0);
+        let x = self.R_p.apply_transposed(relative);
         let Some(Angular { R_P, theta, A, .. }) = &self.angular else { return (x, zero()) };
         // θ̈ = A ω̇ + Ȧ ω with ω = R_Pᵀ (ω_S − ω_P)
-        let w = t_mul(R_P, &(s.w - p.w));
-        let w_dot = t_mul(R_P, &(s.alpha - p.alpha - cross(&p.w, &s.w)));
-        let theta_dot = mul(A, &w);
+        let w = R_P.apply_transposed(s.w - p.w);
+        let w_dot = R_P.apply_transposed(s.alpha - p.alpha - p.w.cross(s.w));
+        let theta_dot = A.apply(w);
         let (c, dc) = log_factors(theta);
-        let c_dot = dc * T::from_f64(2.0) * dot(theta, &theta_dot);
-        let theta_w = cross(theta, &w);
-        let twice = cross(&theta_dot, &theta_w) + cross(theta, &cross(&theta_dot, &w));
-        let bias = cross(&theta_dot, &w) * T::from_f64(-0.5)
-            + scale_add(&cross(theta, &theta_w), c_dot, &(twice * c));
-        (x, mul(A, &w_dot) + bias)
+        let c_dot = dc * T::from_f64(2.0) * (*theta).dot(theta_dot);
+        let theta_w = (*theta).cross(w);
+        let twice = theta_dot.cross(theta_w) + (*theta).cross(theta_dot.cross(w));
+        let bias = theta_dot.cross(w) * T::from_f64(-0.5)
+            + (twice * c).add_scaled((*theta).cross(theta_w), c_dot);
+        (x, A.apply(w_dot) + bias)
     }
 }
 
 impl<T: Real> Angular<T> {
     #[inline(never)]
-    fn new(cut: &Cut<T::Const>, p: &Pose<T>, s: &Pose<T>) -> Angular<T> {
-        let R_P = mul_mat(&p.R, &lift_mat(&cut.x_p_cut.R));
-        let R_S = mul_mat(&s.R, &lift_mat(&cut.x_s_cut.R));
-        let theta = log(&mul_mat(&R_P.transpose(), &R_S));
+    fn new(cut: &Cut<T>, p: &Pose<T>, s: &Pose<T>) -> Angular<T> {
+        let R_P = p.R.times(cut.x_p_cut.R);
+        let R_S = s.R.times(cut.x_s_cut.R);
+        let theta = log(&R_P.transpose().times(R_S));
         let (c, _) = log_factors(&theta);
         Angular { A: rate_matrix(&theta, c), R_P, R_S, theta }
     }
@@ -226,33 +213,35 @@ impl<T: Real> Angular<T> {
 /// (α_S − α_P)·(b × a) + (ω_S − ω_P)·((ω_S × b) × a + b × (ω_P × a)).
 #[inline(always)]
 pub(in crate::closure) fn row_acceleration<T: Real>(
-    cut: &Cut<T::Const>,
-    row: &CutRow<T::Const>,
+    cut: &Cut<T>,
+    row: &CutRow<T>,
     state: &CutState<'_, T>,
     (x, theta): &(Vector3<T>, Vector3<T>),
     rate: &[Rate<T>],
 ) -> T {
-    let Some(of) = &state.angular else { return dot(&lift(&row.linear_p), x) };
+    let Some(of) = &state.angular else { return row.linear_p.dot(*x) };
     let Some(b) = &row.against else { return row_along(row, x, theta) };
-    let (s, p) = (&rate[cut.successor], &rate[cut.predecessor]);
-    let (a, b) = (mul(&of.R_P, &lift(&row.angular)), mul(&of.R_S, &lift(b)));
-    let turning = cross(&cross(&s.w, &b), &a) + cross(&b, &cross(&p.w, &a));
-    dot(&(s.alpha - p.alpha), &cross(&b, &a)) + dot(&(s.w - p.w), &turning)
+    let s = &rate[cut.successor];
+    let p = &rate[cut.predecessor];
+    let a = of.R_P.apply(row.angular);
+    let b = of.R_S.apply(*b);
+    let turning = s.w.cross(b).cross(a) + b.cross(p.w.cross(a));
+    (s.alpha - p.alpha).dot(b.cross(a)) + (s.w - p.w).dot(turning)
 }
 
 /// linear · x + angular · θ of a row, x in the predecessor's axes.
 #[inline(always)]
 pub(in crate::closure) fn row_along<T: Real>(
-    row: &CutRow<T::Const>,
+    row: &CutRow<T>,
     x: &Vector3<T>,
     theta: &Vector3<T>,
 ) -> T {
-    dot(&lift(&row.linear_p), x) + dot(&lift(&row.angular), theta)
+    row.linear_p.dot(*x) + row.angular.dot(*theta)
 }
 
 /// φ of every row of a cluster.
 pub(crate) fn constraint_residual<T: Real>(
-    cluster: &Cluster<T::Const>,
+    cluster: &Cluster<T>,
     pose: &[Pose<T>],
     q: &[T],
     phi: &mut [T],
@@ -268,23 +257,19 @@ pub(crate) fn constraint_residual<T: Real>(
 }
 
 /// The largest of the residuals φ, in lengths of the cluster.
-pub(crate) fn largest_residual<T: Real>(cluster: &Cluster<T::Const>, phi: &[T]) -> T {
+pub(crate) fn largest_residual<T: Real>(cluster: &Cluster<T>, phi: &[T]) -> T {
     let unit = T::from_f64(1.0 / cluster.length);
     let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
     phi.iter().zip(rows).fold(T::ZERO, |largest, (phi, row)| {
         // angles and couplings are numbers already
-        let is_length = row.terms.is_empty() && row.linear.iter().any(|x| T::lift(*x) != T::ZERO);
+        let is_length = row.terms.is_empty() && row.linear.iter().any(|x| *x != T::ZERO);
         let size = if is_length { phi.abs() * unit } else { phi.abs() };
         T::select_lt(size, largest, largest, size)
     })
 }
 
 /// K of a cluster (rows × n_v, row-major).
-pub(crate) fn constraint_jacobian<T: Real>(
-    cluster: &Cluster<T::Const>,
-    pose: &[Pose<T>],
-    K: &mut [T],
-) {
+pub(crate) fn constraint_jacobian<T: Real>(cluster: &Cluster<T>, pose: &[Pose<T>], K: &mut [T]) {
     let n = cluster.n_v;
     let mut r = 0;
     for cut in &cluster.cuts {
@@ -293,14 +278,14 @@ pub(crate) fn constraint_jacobian<T: Real>(
             let of_row = &mut K[r * n..(r + 1) * n];
             of_row.fill(T::ZERO);
             for (j, c) in &row.terms {
-                of_row[*j] = T::lift(*c);
+                of_row[*j] = *c;
             }
             if row.terms.is_empty() {
                 let (linear, angular) = state.directions(row);
                 for &(j, on_successor) in &cut.path {
                     let at = &cluster.dofs[j];
                     let (w, v) = state.twist(at, &pose[at.body + 1], on_successor);
-                    of_row[j] = dot(&linear, &v) + dot(&angular, &w);
+                    of_row[j] = linear.dot(v) + angular.dot(w);
                 }
             }
             r += 1;
@@ -310,7 +295,7 @@ pub(crate) fn constraint_jacobian<T: Real>(
 
 /// k = −K̇ q̇ of a cluster, from the rates of its bodies at q̈ = 0.
 pub(crate) fn constraint_bias<T: Real>(
-    cluster: &Cluster<T::Const>,
+    cluster: &Cluster<T>,
     pose: &[Pose<T>],
     rate: &[Rate<T>],
     k: &mut [T],
@@ -328,8 +313,8 @@ pub(crate) fn constraint_bias<T: Real>(
 
 /// Poses of every local body from q; fills the cosines and sines of revolute joints.
 pub(crate) fn local_poses<T: Real>(
-    cluster: &Cluster<T::Const>,
-    bodies: &[Body<T::Const>],
+    cluster: &Cluster<T>,
+    bodies: &[Body<T>],
     q: &[T],
     cos_sin: &mut [(T, T)],
     pose: &mut [Pose<T>],

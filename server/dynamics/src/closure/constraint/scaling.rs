@@ -12,15 +12,15 @@
 use crate::closure::Scratch;
 use crate::linalg::{determinant_sign, singular_range};
 use crate::mechanism::{Cluster, CutRow};
-use crate::scalar::Scalar;
+use crate::scalar::Real;
 
 /// The unit of one local velocity: the cluster's length where it slides.
 pub(crate) fn column_unit<T>(cluster: &Cluster<T>, v: usize) -> f64 {
     if cluster.dofs[v].slides() { cluster.length } else { 1.0 }
 }
 
-/// What a row is to be multiplied by.
-pub(crate) fn row_unit<T: Scalar>(cluster: &Cluster<T>, row: &CutRow<T>) -> f64 {
+/// The factor by which a row is scaled.
+pub(crate) fn row_unit<T: Real>(cluster: &Cluster<T>, row: &CutRow<T>) -> f64 {
     let norm = |x: f64, y: f64, z: f64| (x * x + y * y + z * z).sqrt();
     if !row.terms.is_empty() {
         let size = row.terms.iter().fold(0.0, |sum, (j, c)| {
@@ -39,7 +39,7 @@ pub(crate) fn row_unit<T: Scalar>(cluster: &Cluster<T>, row: &CutRow<T>) -> f64 
 
 /// Calls `put(i, a, entry)` for the i-th of the given rows and the a-th of the given columns of the
 /// scaled K; K is that of all rows.
-pub(crate) fn scaled<T: Scalar>(
+pub(crate) fn scaled<T: Real>(
     cluster: &Cluster<T>,
     K: &[T],
     rows: impl Iterator<Item = usize>,
@@ -56,23 +56,20 @@ pub(crate) fn scaled<T: Scalar>(
 }
 
 /// Largest and least singular value of the scaled K_d; K is that of the pose in question.
-pub(crate) fn dependents_range<T: Scalar>(
-    cluster: &Cluster<T>,
-    scratch: &mut Scratch<T>,
-) -> (T, T) {
+pub(crate) fn dependents_range<T: Real>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> (T, T) {
     let m = cluster.dependent.len();
     dependents(cluster, scratch);
     singular_range(&mut scratch.A, m, m)
 }
 
 /// The branch of a closed pose: the sign of det K_d, scaled.
-pub(crate) fn assembly_branch<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> T {
+pub(crate) fn assembly_branch<T: Real>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> T {
     dependents(cluster, scratch);
     determinant_sign(&mut scratch.A, cluster.dependent.len())
 }
 
 /// The scaled K_d of the used rows.
-fn dependents<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) {
+fn dependents<T: Real>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) {
     let m = cluster.dependent.len();
     let A = &mut scratch.A;
     scaled(cluster, &scratch.K, cluster.used.iter().copied(), &cluster.dependent, |i, a, x| {

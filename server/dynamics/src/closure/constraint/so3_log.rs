@@ -1,15 +1,15 @@
-//! Rotation vectors: what angular rows measure.
+//! Rotation vectors, the residuals of angular rows.
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::scalar::Real;
-use crate::spatial::{cross, dot, scale_add, to_quaternion};
+use crate::scalar::{Real, Triple};
+use crate::spatial::to_quaternion;
 
 /// Rotation vector of a rotation matrix, |θ| ≤ π.
 pub(in crate::closure) fn log<T: Real>(R: &Matrix3<T>) -> Vector3<T> {
     let [x, y, z, w] = to_quaternion(R);
     let v = Vector3::new(x, y, z);
-    let square = dot(&v, &v);
+    let square = v.dot(v);
     let small = T::from_f64(T::EPSILON);
     let norm = T::select_lt(square, small, T::ONE, square).sqrt();
     let two = T::from_f64(2.0);
@@ -19,7 +19,7 @@ pub(in crate::closure) fn log<T: Real>(R: &Matrix3<T>) -> Vector3<T> {
 
 /// c(θ²) = (1 − (θ/2) cot(θ/2)) / θ² and its derivative by θ².
 pub(in crate::closure) fn log_factors<T: Real>(theta: &Vector3<T>) -> (T, T) {
-    let square = dot(theta, theta);
+    let square = (*theta).dot(*theta);
     let small = T::from_f64(T::EPSILON);
     let s = T::select_lt(square, small, T::ONE, square);
     let half = T::from_f64(0.5);
@@ -50,8 +50,8 @@ pub(in crate::closure) fn rate_matrix<T: Real>(theta: &Vector3<T>, c: T) -> Matr
             if i == 1 { T::ONE } else { T::ZERO },
             if i == 2 { T::ONE } else { T::ZERO },
         );
-        let theta_e = cross(theta, &e);
-        scale_add(&cross(theta, &theta_e), c, &scale_add(&theta_e, -half, &e))
+        let theta_e = (*theta).cross(e);
+        e.add_scaled(theta_e, -half).add_scaled((*theta).cross(theta_e), c)
     };
     Matrix3::from_columns(&[unit(0), unit(1), unit(2)])
 }
@@ -59,7 +59,7 @@ pub(in crate::closure) fn rate_matrix<T: Real>(theta: &Vector3<T>, c: T) -> Matr
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scalar::{Dd, Scalar};
+    use crate::scalar::{Dd, Real};
 
     #[test]
     fn the_factors_of_a_rotation_vector_keep_their_digits_at_every_angle() {

@@ -10,7 +10,7 @@ impl Block {
     /// The block's rows of g from the bodies' rates and the inverse that [`Block::jacobian`] left:
     /// g_d = K_d⁻¹ (k − K_before g_before).
     #[inline]
-    pub(super) fn bias<T: Real>(&self, cluster: &Cluster<T::Const>, local: &mut Local<'_, T>) {
+    pub(super) fn bias<T: Real>(&self, cluster: &Cluster<T>, local: &mut Local<'_, T>) {
         match (self.series, self.unknowns.len()) {
             (Some(_), 1) => self.bias_in_series::<T, 1>(cluster, local),
             (Some(_), 2) => self.bias_in_series::<T, 2>(cluster, local),
@@ -19,11 +19,7 @@ impl Block {
         }
     }
 
-    fn bias_of_width<T: Real, const M: usize>(
-        &self,
-        cuts: &[Cut<T::Const>],
-        local: &mut Local<'_, T>,
-    ) {
+    fn bias_of_width<T: Real, const M: usize>(&self, cuts: &[Cut<T>], local: &mut Local<'_, T>) {
         let m = self.width::<M>();
         let scratch = &mut *local.scratch;
         let g = &mut *local.g;
@@ -49,7 +45,8 @@ impl Block {
                 }
             }
         }
-        let (inverse, B) = (&scratch.inverse[self.offset..self.offset + m * m], &scratch.B[..m]);
+        let inverse = &scratch.inverse[self.offset..self.offset + m * m];
+        let B = &scratch.B[..m];
         for (i, dof) in self.unknowns[..m].iter().enumerate() {
             let row = &inverse[i * m..(i + 1) * m];
             let mut x = T::ZERO;

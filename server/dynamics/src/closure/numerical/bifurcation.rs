@@ -1,5 +1,5 @@
 //! Where branches of a loop meet, at a bifurcation (a parallelogram folded flat), det K_d vanishes
-//! and its sign says nothing about how to go on. The velocity at the guess does: q ≈ q_guess + s
+//! and its sign does not select a branch. The velocity at the guess does: q ≈ q_guess + s
 //! q̇_guess, with s such that the independents arrive, is near one of the branches beyond and far
 //! from the others.
 
@@ -8,14 +8,14 @@ use sarrus_proto::Status;
 use crate::closure::numerical::{Branches, Numerical, continuation};
 use crate::closure::{Local, Outcome};
 use crate::mechanism::{Body, Cluster};
-use crate::scalar::Scalar;
+use crate::scalar::Real;
 
 /// Part of a path along the tangent by which its end may miss it.
 const ASTRAY: f64 = 0.2;
 
 /// Follows the straight path, and at a bifurcation on it goes on along the tangent, if one was
 /// given.
-pub(in crate::closure) fn follow_or_bifurcate<T: Scalar>(
+pub(in crate::closure) fn follow_or_bifurcate<T: Real>(
     numerical: &Numerical<T>,
     cluster: &Cluster<T>,
     bodies: &[Body<T>],
@@ -30,7 +30,7 @@ pub(in crate::closure) fn follow_or_bifurcate<T: Scalar>(
     );
     let Some(tangent) = local.tangent.filter(|_| at_bifurcation) else { return followed };
 
-    // what the failure left is to be read if this fails too
+    // keep the pose of the failure, which is reported if this attempt fails too
     local.scratch.last[..n].copy_from_slice(local.q);
     for &j in &cluster.dependent_q {
         local.q[j] = local.start[j];
@@ -44,7 +44,8 @@ pub(in crate::closure) fn follow_or_bifurcate<T: Scalar>(
     let (good, count) = numerical.newton(cluster, bodies, local, Branches::Unknown, T::ZERO);
 
     // how far Newton's method went from where the tangent led, against the distance
-    let (mut off, mut distance) = (T::ZERO, T::ZERO);
+    let mut off = T::ZERO;
+    let mut distance = T::ZERO;
     for (dof, step) in dependents().filter(|(dof, _)| dof.single) {
         let unit = T::from_f64(if dof.slides() { 1.0 / cluster.length } else { 1.0 });
         off += (local.q[dof.q] - local.start[dof.q] - step).abs() * unit;
@@ -64,7 +65,7 @@ pub(in crate::closure) fn follow_or_bifurcate<T: Scalar>(
 
 /// The part of the tangent whose independents lead to those in `q`; nothing where it leads
 /// elsewhere, or a quaternion is among them.
-fn share_of<T: Scalar>(cluster: &Cluster<T>, tangent: &[T], start: &[T], q: &[T]) -> Option<T> {
+fn share_of<T: Real>(cluster: &Cluster<T>, tangent: &[T], start: &[T], q: &[T]) -> Option<T> {
     let moves = || {
         cluster.independent.iter().map(|v| (&cluster.dofs[*v], tangent[*v])).map(|(dof, rate)| {
             let unit = T::from_f64(if dof.slides() { 1.0 / cluster.length } else { 1.0 });
@@ -73,7 +74,9 @@ fn share_of<T: Scalar>(cluster: &Cluster<T>, tangent: &[T], start: &[T], q: &[T]
     };
     let dot =
         |of: fn((T, T)) -> (T, T)| moves().map(of).fold(T::ZERO, |sum, (a, b)| a.mul_add(b, sum));
-    let (along, square, whole) = (dot(|(d, r)| (d, r)), dot(|(_, r)| (r, r)), dot(|(d, _)| (d, d)));
+    let along = dot(|(d, r)| (d, r));
+    let square = dot(|(_, r)| (r, r));
+    let whole = dot(|(d, _)| (d, d));
     let off = whole * square - along * along;
     let straight = cluster.independent.iter().all(|v| cluster.dofs[*v].single);
     (straight && T::ZERO < along.abs() && off < T::from_f64(ASTRAY * ASTRAY) * whole * square)

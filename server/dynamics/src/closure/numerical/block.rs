@@ -7,8 +7,8 @@ use crate::closure::constraint::rows::{CutState, place};
 use crate::closure::numerical::elimination::Elimination;
 use crate::closure::numerical::inverse::{ANY, Inverted, accurate, inverse_square_sine, invert};
 use crate::mechanism::{Body, Cluster, Cut, Dof, single_pose};
-use crate::scalar::Real;
-use crate::spatial::{Pose, dot, zero};
+use crate::scalar::{Real, Triple};
+use crate::spatial::{Pose, zero};
 
 /// The blocks of a cluster in the order of solution.
 #[derive(Clone, Debug)]
@@ -56,7 +56,7 @@ pub(crate) struct BlockCut {
     pub(crate) rows: Vec<(usize, usize)>,
     /// The length that makes each of them a length, angles among them; empty where all are.
     pub(crate) units: Vec<f64>,
-    /// What the rows have in common.
+    /// Kind of the rows.
     pub(crate) kind: RowKind,
     /// Freedoms of the cut's path that the block determines, side (true = successor's), column.
     pub(crate) solve: Vec<(Dof, bool, usize)>,
@@ -66,7 +66,7 @@ pub(crate) struct BlockCut {
     pub(crate) independent: Vec<(Dof, bool, usize)>,
 }
 
-/// What rows of one cut have in common.
+/// The kind that the rows of one cut share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum RowKind {
     /// A whole ball joint: the axes do not matter and those of the cluster's parent body are taken.
@@ -81,9 +81,9 @@ pub(crate) enum RowKind {
 macro_rules! by_width {
     ($self:ident . $method:ident ( $($argument:expr),* )) => {
         match $self.unknowns.len() {
-            1 => $self.$method::<T, 1>($($argument),*),
-            2 => $self.$method::<T, 2>($($argument),*),
-            3 => $self.$method::<T, 3>($($argument),*),
+            1 if T::UNROLLED => $self.$method::<T, 1>($($argument),*),
+            2 if T::UNROLLED => $self.$method::<T, 2>($($argument),*),
+            3 if T::UNROLLED => $self.$method::<T, 3>($($argument),*),
             _ => $self.$method::<T, { $crate::closure::numerical::inverse::ANY }>($($argument),*),
         }
     };
@@ -92,11 +92,7 @@ pub(super) use by_width;
 
 impl Block {
     /// The determinant at the closed pose in `local`, whose poses are fresh.
-    pub(super) fn determinant<T: Real>(
-        &self,
-        cluster: &Cluster<T::Const>,
-        local: &mut Local<'_, T>,
-    ) -> T {
+    pub(super) fn determinant<T: Real>(&self, cluster: &Cluster<T>, local: &mut Local<'_, T>) -> T {
         self.evaluate::<T, ANY>(cluster, local, true);
         self.invert::<T, ANY>(local).det
     }
@@ -141,14 +137,15 @@ impl Block {
     #[inline(always)]
     pub(super) fn place<T: Real>(
         &self,
-        cluster: &Cluster<T::Const>,
-        bodies: &[Body<T::Const>],
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
         local: &mut Local<'_, T>,
     ) {
         let scratch = &mut *local.scratch;
         for &(j, held) in &self.bodies {
             if held {
-                let (body, cos_sin) = (&bodies[j], local.cos_sin[j]);
+                let body = &bodies[j];
+                let cos_sin = local.cos_sin[j];
                 let q = local.q[body.q - cluster.q];
                 scratch.pose[j + 1] = single_pose(body, &scratch.base[j], q, cos_sin);
             } else {
@@ -161,13 +158,14 @@ impl Block {
     #[inline(always)]
     pub(super) fn evaluate<T: Real, const M: usize>(
         &self,
-        cluster: &Cluster<T::Const>,
+        cluster: &Cluster<T>,
         local: &mut Local<'_, T>,
         jacobian: bool,
     ) -> T {
         let m = self.width::<M>();
         let scratch = &mut *local.scratch;
-        let (phi, A) = (&mut scratch.phi[..m], &mut scratch.A[..m * m]);
+        let phi = &mut scratch.phi[..m];
+        let A = &mut scratch.A[..m * m];
         let mut largest = T::ZERO;
         if jacobian && self.cuts.len() > 1 {
             A.fill(T::ZERO);
@@ -178,7 +176,7 @@ impl Block {
             for (k, &(r, i)) in rows.rows.iter().enumerate() {
                 let value = match rows.kind {
                     RowKind::Ball => at.state.d[k],
-                    RowKind::Linear => dot(&directions.linear[k], &at.state.d),
+                    RowKind::Linear => directions.linear[k].dot(at.state.d),
                     RowKind::Any => {
                         rows.in_lengths(k, at.state.value(cluster, &at.cut.rows[r], local.q))
                     }
@@ -205,18 +203,14 @@ pub(super) struct Directions<T> {
 /// The rows of one cut that a block holds, at one pose.
 pub(super) struct RowsAt<'a, T: Real> {
     pub(super) rows: &'a BlockCut,
-    pub(super) cut: &'a Cut<T::Const>,
+    pub(super) cut: &'a Cut<T>,
     pub(super) pose: &'a [Pose<T>],
     pub(super) state: CutState<'a, T>,
 }
 
 impl<'a, T: Real> RowsAt<'a, T> {
     #[inline(always)]
-    pub(super) fn new(
-        rows: &'a BlockCut,
-        cut: &'a Cut<T::Const>,
-        pose: &'a [Pose<T>],
-    ) -> RowsAt<'a, T> {
+    pub(super) fn new(rows: &'a BlockCut, cut: &'a Cut<T>, pose: &'a [Pose<T>]) -> RowsAt<'a, T> {
         RowsAt { rows, cut, pose, state: CutState::new(cut, pose) }
     }
 
@@ -252,7 +246,7 @@ impl<'a, T: Real> RowsAt<'a, T> {
             }
             RowKind::Linear => {
                 for (k, &(_, i)) in self.rows.rows.iter().enumerate() {
-                    each(i, dot(&directions.linear[k], &v));
+                    each(i, directions.linear[k].dot(v));
                 }
                 return;
             }
@@ -261,10 +255,10 @@ impl<'a, T: Real> RowsAt<'a, T> {
         for (k, &(r, i)) in self.rows.rows.iter().enumerate() {
             let terms = &self.cut.rows[r].terms;
             let entry = if terms.is_empty() {
-                let entry = dot(&directions.linear[k], &v);
-                if self.cut.angular { entry + dot(&directions.angular[k], &w) } else { entry }
+                let entry = directions.linear[k].dot(v);
+                if self.cut.angular { entry + directions.angular[k].dot(w) } else { entry }
             } else {
-                terms.iter().find(|(v, _)| *v == dof.v).map_or(T::ZERO, |(_, c)| T::lift(*c))
+                terms.iter().find(|(v, _)| *v == dof.v).map_or(T::ZERO, |(_, c)| *c)
             };
             each(i, self.rows.in_lengths(k, entry));
         }

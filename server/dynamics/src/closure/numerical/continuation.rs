@@ -11,7 +11,7 @@ use crate::closure::{
 };
 use crate::linalg::{singular_range, solve_pivoted};
 use crate::mechanism::{Body, Cluster};
-use crate::scalar::Scalar;
+use crate::scalar::Real;
 
 /// Attempts at a substep that one request may cost; each takes at most ten Newton steps a block.
 const ATTEMPTS: u32 = 300;
@@ -32,13 +32,13 @@ const FOUND: f64 = 1e-10;
 const LEVEL: f64 = 1e-6;
 /// Relative singular value below which K has lost rank where K_d could not be inverted.
 const LOST: f64 = 1e-3;
-/// The same for K_d at a pose that only the search could close, against the root of that one's
-/// residual: a double root is known to half the digits.
+/// Relative singular value of K_d at a pose that only the search could close, against the root of
+/// its residual: a double root is known to half the digits.
 const DOUBTFUL: f64 = 10.0;
 
 /// Follows the straight path from `local.start` to the independents in `local.q`, shortening a
 /// substep that is doubtful.
-pub(in crate::closure) fn follow<T: Scalar>(
+pub(in crate::closure) fn follow<T: Real>(
     numerical: &Numerical<T>,
     cluster: &Cluster<T>,
     bodies: &[Body<T>],
@@ -64,7 +64,10 @@ pub(in crate::closure) fn follow<T: Scalar>(
     numerical.remember(cluster, bodies, local);
     let mut leads_on = leads_on_from(numerical, cluster, bodies, local);
     let whole = distance(cluster, local.start, &local.scratch.goal);
-    let (mut at, mut step, mut attempts, mut failed) = (0.0, FIRST, 0, false);
+    let mut at = 0.0;
+    let mut step = FIRST;
+    let mut attempts = 0;
+    let mut failed = false;
     let mut open = T::ZERO;
     while at < 1.0 {
         attempts += 1;
@@ -98,15 +101,7 @@ pub(in crate::closure) fn follow<T: Scalar>(
             step *= 0.5;
             failed = true;
             if step < SHORTEST || attempts > ATTEMPTS {
-                for &j in &cluster.independent_q {
-                    local.q[j] = local.scratch.goal[j];
-                }
-                for &j in &cluster.dependent_q {
-                    local.q[j] = local.scratch.last[j];
-                }
-                // the last closed pose stays to be read
-                let scratch = &mut *local.scratch;
-                scratch.goal[..n].copy_from_slice(&scratch.last[..n]);
+                leave_at_last(cluster, local);
                 let status = if attempts > ATTEMPTS {
                     Status::NotConverged
                 } else {
@@ -119,8 +114,21 @@ pub(in crate::closure) fn follow<T: Scalar>(
     Outcome { open: open.to_f64(), ..Outcome::closed(iterations) }
 }
 
+/// Leaves the given independents with the dependents of the last closed pose, and that pose in
+/// `goal`, where diagnostics read it.
+fn leave_at_last<T: Real>(cluster: &Cluster<T>, local: &mut Local<'_, T>) {
+    let scratch = &mut *local.scratch;
+    for &j in &cluster.independent_q {
+        local.q[j] = scratch.goal[j];
+    }
+    for &j in &cluster.dependent_q {
+        local.q[j] = scratch.last[j];
+    }
+    scratch.goal[..cluster.n_q].copy_from_slice(&scratch.last[..cluster.n_q]);
+}
+
 /// The tangent at the closed pose into G, where assemblies can meet; false where it has none.
-fn leads_on_from<T: Scalar>(
+fn leads_on_from<T: Real>(
     numerical: &Numerical<T>,
     cluster: &Cluster<T>,
     bodies: &[Body<T>],
@@ -132,7 +140,7 @@ fn leads_on_from<T: Scalar>(
 /// True where assemblies cannot meet, or the step from `scratch.last` to `local.q` ends so near to
 /// the tangent that it cannot have changed from one to the other: between them lies more than the
 /// angle whose sine vanishes where they meet.
-fn goes_straight<T: Scalar>(
+fn goes_straight<T: Real>(
     numerical: &Numerical<T>,
     cluster: &Cluster<T>,
     local: &Local<'_, T>,
@@ -157,7 +165,7 @@ fn goes_straight<T: Scalar>(
 
 /// True where assemblies that meet are clearly farther apart than this, in radians and lengths of
 /// the cluster.
-pub(in crate::closure) fn is_apart<T: Scalar>(
+pub(in crate::closure) fn is_apart<T: Real>(
     numerical: &Numerical<T>,
     local: &Local<'_, T>,
     off: T,
@@ -168,7 +176,7 @@ pub(in crate::closure) fn is_apart<T: Scalar>(
 
 /// Largest gap of the rows that the solution leaves out, in radians or lengths of the cluster; the
 /// poses are fresh.
-pub(in crate::closure) fn redundant_gap<T: Scalar>(
+pub(in crate::closure) fn redundant_gap<T: Real>(
     cluster: &Cluster<T>,
     local: &mut Local<'_, T>,
 ) -> T {
@@ -180,17 +188,13 @@ pub(in crate::closure) fn redundant_gap<T: Scalar>(
     largest_residual(cluster, &scratch.phi)
 }
 
-/// True where such a gap is what rounded files leave, and not another closed pose's.
-pub(in crate::closure) fn holds<T: Scalar>(gap: T) -> bool {
+/// True if rounded numbers of a file explain such a gap; another closed pose has a larger one.
+pub(in crate::closure) fn holds<T: Real>(gap: T) -> bool {
     gap < T::from_f64(APART)
 }
 
 /// Why the path to the goal in `local.q` ended: some other closed pose has its y, or none has.
-fn stalled<T: Scalar>(
-    cluster: &Cluster<T>,
-    bodies: &[Body<T>],
-    local: &mut Local<'_, T>,
-) -> Status {
+fn stalled<T: Real>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> Status {
     match search(cluster, bodies, local) {
         Some(false) => Status::Unreachable,
         Some(true) if nearly_singular(cluster, local) => singular_status(cluster, bodies, local),
@@ -202,12 +206,13 @@ fn stalled<T: Scalar>(
 /// Levenberg-Marquardt on the dependents at fixed y, from `local.q`. `Some(true)`: the loops close.
 /// `Some(false)`: a least distance was found that is not zero. `None`: neither within the steps
 /// allowed.
-fn search<T: Scalar>(
+fn search<T: Real>(
     cluster: &Cluster<T>,
     bodies: &[Body<T>],
     local: &mut Local<'_, T>,
 ) -> Option<bool> {
-    let (m, rows) = (cluster.dependent.len(), cluster.rows.len());
+    let m = cluster.dependent.len();
+    let rows = cluster.rows.len();
     let [found, level, lightest] =
         [(FOUND, 16.0), (LEVEL, 64.0), (LIGHTEST, 16.0)].map(|(x, n)| above_rounding::<T>(x, n));
     let mut damping = T::from_f64(1e-3);
@@ -262,12 +267,12 @@ fn search<T: Scalar>(
 }
 
 /// A threshold, or this many unit roundoffs where the scalar has too few digits for it.
-fn above_rounding<T: Scalar>(threshold: f64, roundings: f64) -> f64 {
+fn above_rounding<T: Real>(threshold: f64, roundings: f64) -> f64 {
     threshold.max(roundings * T::EPSILON)
 }
 
 /// Σ φ² of the scaled φ, which stays in the scratch.
-fn squared_residual<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>, q: &[T]) -> T {
+fn squared_residual<T: Real>(cluster: &Cluster<T>, scratch: &mut Scratch<T>, q: &[T]) -> T {
     constraint_residual(cluster, &scratch.pose, q, &mut scratch.phi);
     let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
     rows.zip(&mut scratch.phi).fold(T::ZERO, |sum, (row, phi)| {
@@ -277,7 +282,7 @@ fn squared_residual<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>, q
 }
 
 /// True where K_d is near a loss of rank at the pose that the search found, whose poses are fresh.
-fn nearly_singular<T: Scalar>(cluster: &Cluster<T>, local: &mut Local<'_, T>) -> bool {
+fn nearly_singular<T: Real>(cluster: &Cluster<T>, local: &mut Local<'_, T>) -> bool {
     let scratch = &mut *local.scratch;
     constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
     let (largest, least) = dependents_range(cluster, scratch);
@@ -286,7 +291,7 @@ fn nearly_singular<T: Scalar>(cluster: &Cluster<T>, local: &mut Local<'_, T>) ->
 
 /// Which rank was lost where a block of K_d could not be inverted: that of the whole K, or only
 /// that of K_d.
-pub(in crate::closure) fn singular_status<T: Scalar>(
+pub(in crate::closure) fn singular_status<T: Real>(
     cluster: &Cluster<T>,
     bodies: &[Body<T>],
     local: &mut Local<'_, T>,
@@ -302,8 +307,9 @@ pub(in crate::closure) fn singular_status<T: Scalar>(
 }
 
 /// True where the K in the scratch has lost rank.
-pub(crate) fn loses_rank<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> bool {
-    let (n, rows) = (cluster.n_v, cluster.used.len());
+pub(crate) fn loses_rank<T: Real>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> bool {
+    let n = cluster.n_v;
+    let rows = cluster.used.len();
     // the transpose of the scaled K; idle joints stand still
     let A = &mut scratch.A;
     A[..n * rows].fill(T::ZERO);

@@ -1,13 +1,13 @@
 //! The inverse of a wide block by elimination in an order fixed at load that keeps its zeros.
 //!
-//! Rows and columns of a block stand in that order, so that pivots lie on the diagonal; what fills
-//! in is known. At load each pivot was at least a part of the largest entry of its column. Where a
-//! multiplier is large at some other pose, entries could grow, and the block is inverted once more
-//! with the largest pivots of that pose.
+//! Rows and columns of a block stand in that order, so that pivots lie on the diagonal; the
+//! fill-in is known. At load each pivot was at least a part of the largest entry of its column.
+//! Where a multiplier is large at some other pose, entries could grow, and the block is inverted
+//! once more with the largest pivots of that pose.
 
 use crate::closure::numerical::inverse::{Inverted, least_pivot};
 use crate::linalg::{eliminate, substitute_back};
-use crate::scalar::{Mask, Real};
+use crate::scalar::Real;
 
 /// Largest multiplier of the elimination.
 const GROWTH: f64 = 16.0;
@@ -33,15 +33,16 @@ impl Elimination {
         spare[..m * m].copy_from_slice(A);
         let (sound, det) = self.in_order(A, inverse, m);
         let (sound, det) =
-            if sound.all() { (sound, det) } else { Elimination::pivoted(A, inverse, spare, m) };
-        Inverted { sound, accurate: T::Mask::splat(true), gain: T::ONE, det }
+            if sound { (sound, det) } else { Elimination::pivoted(A, inverse, spare, m) };
+        Inverted { sound, accurate: true, gain: T::ONE, det }
     }
 
-    /// L U with what is zero left out, then the inverse row by row.
-    fn in_order<T: Real>(&self, A: &mut [T], inverse: &mut [T], m: usize) -> (T::Mask, T) {
-        let (floor, growth) = (T::from_f64(least_pivot::<T>()), T::from_f64(GROWTH));
+    /// L U without the structural zeros, then the inverse row by row.
+    fn in_order<T: Real>(&self, A: &mut [T], inverse: &mut [T], m: usize) -> (bool, T) {
+        let floor = T::from_f64(least_pivot::<T>());
+        let growth = T::from_f64(GROWTH);
         let larger = |a: T, b: T| T::select_lt(a, b, b, a);
-        let mut good = T::Mask::splat(true);
+        let mut good = true;
         let mut det = T::ONE;
         inverse.fill(T::ZERO);
         for k in 0..m {
@@ -53,14 +54,14 @@ impl Elimination {
             let row = &mut done[k * m..];
             let pivot = row[k];
             let largest = right.iter().fold(pivot.abs(), |x, j| larger(x, row[*j].abs()));
-            good = good & (largest * floor).lt(pivot.abs());
+            good &= (largest * floor).lt(pivot.abs());
             det *= pivot;
             let reciprocal = T::ONE / pivot;
             for &i in below {
                 let at = (i - k - 1) * m;
                 let other = &mut rest[at..at + m];
                 let l = -(other[k] * reciprocal);
-                good = good & l.abs().lt(growth);
+                good &= l.abs().lt(growth);
                 for &j in right {
                     other[j] = l.mul_add(row[j], other[j]);
                 }
@@ -71,7 +72,8 @@ impl Elimination {
         }
         for (k, right) in self.right.iter().enumerate().rev() {
             let (before, after) = inverse.split_at_mut((k + 1) * m);
-            let (row, of_row) = (&mut before[k * m..], &A[k * m..(k + 1) * m]);
+            let row = &mut before[k * m..];
+            let of_row = &A[k * m..(k + 1) * m];
             match m {
                 0..8 => {
                     for &j in right {
@@ -91,16 +93,17 @@ impl Elimination {
     /// The inverse of the matrix in `spare`, each pivot the largest entry of its column.
     #[cold]
     #[inline(never)]
-    fn pivoted<T: Real>(A: &mut [T], inverse: &mut [T], spare: &[T], m: usize) -> (T::Mask, T) {
+    fn pivoted<T: Real>(A: &mut [T], inverse: &mut [T], spare: &[T], m: usize) -> (bool, T) {
         A.copy_from_slice(&spare[..m * m]);
         inverse.fill(T::ZERO);
         (0..m).for_each(|k| inverse[k * m + k] = T::ONE);
-        let (mut good, mut det) = (T::Mask::splat(true), T::ONE);
+        let mut good = true;
+        let mut det = T::ONE;
         let larger = |a: T, b: T| T::select_lt(a, b, b, a);
         for k in 0..m {
             let mut p = k;
             for i in k + 1..m {
-                if A[p * m + k].abs().lt(A[i * m + k].abs()).all() {
+                if A[p * m + k].abs().lt(A[i * m + k].abs()) {
                     p = i;
                 }
             }
@@ -113,7 +116,7 @@ impl Elimination {
             }
             let pivot = A[k * m + k];
             let largest = (k..m).fold(T::ZERO, |x, j| larger(x, A[k * m + j].abs()));
-            good = good & (largest * T::from_f64(least_pivot::<T>())).lt(pivot.abs());
+            good &= (largest * T::from_f64(least_pivot::<T>())).lt(pivot.abs());
             det *= pivot;
             eliminate(A, inverse, m, m, k);
         }

@@ -7,24 +7,24 @@ use crate::closure::numerical::seeds::Seeds;
 use crate::closure::platform::Platform;
 use crate::closure::{Level, Local, Outcome};
 use crate::mechanism::{Body, Cluster};
-use crate::scalar::Scalar;
+use crate::scalar::Real;
 
-impl<C> Numerical<C> {
+impl<T> Numerical<T> {
     /// The closed form, if it may answer anywhere: a tolerance asks for Newton's method.
-    pub(crate) fn form(&self) -> Option<&Platform<C>> {
+    pub(crate) fn form(&self) -> Option<&Platform<T>> {
         self.form.as_deref().filter(|_| self.end.tolerance.is_none())
     }
 }
 
-impl<C: Scalar> Numerical<C> {
+impl<T: Real> Numerical<T> {
     /// All levels by the closed form, where it holds.
     #[inline]
     pub(super) fn close_in_form(
         &self,
         seeds: &Seeds,
-        cluster: &Cluster<C>,
-        bodies: &[Body<C>],
-        local: &mut Local<'_, C>,
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
+        local: &mut Local<'_, T>,
         level: Level,
     ) -> Option<Outcome> {
         let form = self.form()?;
@@ -34,7 +34,7 @@ impl<C: Scalar> Numerical<C> {
     }
 
     /// True where it may answer, from the zero pose that was turned round.
-    pub(crate) fn is_in_form(&self, start: &[C], q: &[C]) -> bool {
+    pub(crate) fn is_in_form(&self, start: &[T], q: &[T]) -> bool {
         let cell = |seeds: &Seeds| seeds.cell(start, q).is_some();
         self.form().is_some() && self.seeds.as_deref().is_some_and(cell)
     }
@@ -42,10 +42,10 @@ impl<C: Scalar> Numerical<C> {
     /// All levels by the closed form, wherever that is.
     pub(crate) fn close_by(
         &self,
-        form: &Platform<C>,
-        cluster: &Cluster<C>,
-        bodies: &[Body<C>],
-        local: &mut Local<'_, C>,
+        form: &Platform<T>,
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
+        local: &mut Local<'_, T>,
         level: Level,
     ) -> Outcome {
         let outcome = Outcome::from(form.close(cluster, bodies, local, level));

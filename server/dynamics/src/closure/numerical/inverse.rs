@@ -1,7 +1,7 @@
 //! The inverse of a block, with its determinant.
 
 use crate::linalg::{column_square, solve_unpivoted};
-use crate::scalar::{Mask, Real};
+use crate::scalar::Real;
 
 /// Least pivot of a wide block against its row: this, or where it is more this many unit roundoffs.
 const SINGULAR: f64 = 1e-12;
@@ -15,9 +15,9 @@ const CUBE_ROOTS: f64 = 4.0;
 /// block.
 pub(in crate::closure) const ANY: usize = 0;
 
-/// Where accelerations keep a digit at a sine whose square is the quotient: sin⁶ against ε².
+/// True if accelerations keep a digit at a sine whose square is the quotient: sin⁶ against ε².
 #[inline(always)]
-pub(in crate::closure) fn accurate<T: Real>(square: T, size: T) -> T::Mask {
+pub(in crate::closure) fn accurate<T: Real>(square: T, size: T) -> bool {
     let floor = CUBE_ROOTS * CUBE_ROOTS * CUBE_ROOTS * T::EPSILON;
     (size * size * size * T::from_f64(floor * floor)).lt(square * square * square)
 }
@@ -27,13 +27,14 @@ pub(super) const fn least_pivot<T: Real>() -> f64 {
     SINGULAR.max(PIVOT_ROUNDINGS * T::EPSILON)
 }
 
-/// What came of an inversion.
+/// The result of an inversion.
 pub(in crate::closure) struct Inverted<T: Real> {
-    /// Where the inverse means something.
-    pub(in crate::closure) sound: T::Mask,
-    /// Where accelerations by it keep a digit; of one row everywhere.
-    pub(in crate::closure) accurate: T::Mask,
-    /// 1/sin² of what vanishes where the matrix is singular; of one row 1, its callers must look.
+    /// The matrix is regular.
+    pub(in crate::closure) sound: bool,
+    /// Accelerations by the inverse keep a digit; always true of one row.
+    pub(in crate::closure) accurate: bool,
+    /// 1/sin² of the angle that vanishes where the matrix is singular; 1 of one row, whose callers
+    /// compute it.
     pub(in crate::closure) gain: T,
     pub(in crate::closure) det: T,
 }
@@ -64,12 +65,7 @@ pub(in crate::closure) fn invert<T: Real, const M: usize>(
     match if M == ANY { m } else { M } {
         1 => {
             inverse[0] = T::ONE / A[0];
-            Inverted {
-                sound: T::ZERO.lt(A[0].abs()),
-                accurate: T::Mask::splat(true),
-                gain: T::ONE,
-                det: A[0],
-            }
+            Inverted { sound: T::ZERO.lt(A[0].abs()), accurate: true, gain: T::ONE, det: A[0] }
         }
         2 => {
             let det = A[0].mul_add(A[3], -(A[1] * A[2]));
@@ -82,7 +78,9 @@ pub(in crate::closure) fn invert<T: Real, const M: usize>(
             let minor = |a: usize, b: usize, c: usize, d: usize, A: &[T]| {
                 A[a].mul_add(A[d], -(A[b] * A[c]))
             };
-            let (c0, c1, c2) = (minor(4, 5, 7, 8, A), minor(5, 3, 8, 6, A), minor(3, 4, 6, 7, A));
+            let c0 = minor(4, 5, 7, 8, A);
+            let c1 = minor(5, 3, 8, 6, A);
+            let c2 = minor(3, 4, 6, 7, A);
             let det = A[0].mul_add(c0, A[1].mul_add(c1, A[2] * c2));
             let d = T::ONE / det;
             let adjugate = [
@@ -106,7 +104,7 @@ pub(in crate::closure) fn invert<T: Real, const M: usize>(
                 *x = if k / m == k % m { T::ONE } else { T::ZERO };
             }
             let (sound, det) = solve_unpivoted(A, inverse, m, m, least_pivot::<T>());
-            Inverted { sound, accurate: T::Mask::splat(true), gain: T::ONE, det }
+            Inverted { sound, accurate: true, gain: T::ONE, det }
         }
     }
 }

@@ -9,15 +9,15 @@ use crate::scalar::Real;
 
 impl Block {
     /// The block's rows of G at the closed pose: G_d = −K_d⁻¹ K_i, with the joints of earlier
-    /// blocks on the right-hand side. The mask tells where they mean something; with it comes
-    /// 1/sin² of what vanishes at a singular pose of the block.
+    /// blocks on the right-hand side. Returns whether they are regular, and
+    /// 1/sin² of the angle that vanishes at a singular pose of the block.
     #[inline]
     pub(super) fn jacobian<T: Real>(
         &self,
-        cluster: &Cluster<T::Const>,
+        cluster: &Cluster<T>,
         local: &mut Local<'_, T>,
         level: Level,
-    ) -> (T::Mask, T) {
+    ) -> (bool, T) {
         if self.series.is_some() && cluster.n_vy <= INDEPENDENTS {
             return match self.unknowns.len() {
                 1 => self.jacobian_in_series::<T, 1>(cluster, local, level),
@@ -30,15 +30,16 @@ impl Block {
 
     fn jacobian_of_width<T: Real, const M: usize>(
         &self,
-        cluster: &Cluster<T::Const>,
+        cluster: &Cluster<T>,
         local: &mut Local<'_, T>,
         level: Level,
-    ) -> (T::Mask, T) {
-        let (m, n_vy) = (self.width::<M>(), cluster.n_vy);
+    ) -> (bool, T) {
+        let m = self.width::<M>();
+        let n_vy = cluster.n_vy;
         self.both_sides::<T, M>(cluster, local);
         let scratch = &mut *local.scratch;
         // one row alone: its independents move it more than its unknown does
-        let alone = (m == 1).then(|| {
+        let lever_ratio = (m == 1).then(|| {
             let square = |x: T, v: usize| {
                 (x * x) * T::from_f64(column_unit(cluster, v) * column_unit(cluster, v))
             };
@@ -61,20 +62,18 @@ impl Block {
             }
         }
         let good = if level == Level::Acceleration { sound & accurate } else { sound };
-        (good, alone.unwrap_or(gain))
+        (good, lever_ratio.unwrap_or(gain))
     }
 
-    /// K_d of the block into A; K_i, and what earlier blocks add to it, into B.
+    /// A = K_d of the block, B = K_i + K_before G_before.
     #[inline(always)]
-    fn both_sides<T: Real, const M: usize>(
-        &self,
-        cluster: &Cluster<T::Const>,
-        local: &mut Local<'_, T>,
-    ) {
-        let (m, n_vy) = (self.width::<M>(), cluster.n_vy);
+    fn both_sides<T: Real, const M: usize>(&self, cluster: &Cluster<T>, local: &mut Local<'_, T>) {
+        let m = self.width::<M>();
+        let n_vy = cluster.n_vy;
         let scratch = &mut *local.scratch;
         let G = &*local.G;
-        let (A, B) = (&mut scratch.A, &mut scratch.B);
+        let A = &mut scratch.A;
+        let B = &mut scratch.B;
         A[..m * m].fill(T::ZERO);
         B[..m * n_vy].fill(T::ZERO);
         for rows in &self.cuts {

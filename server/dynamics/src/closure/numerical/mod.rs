@@ -33,7 +33,7 @@ use crate::closure::path::distance;
 use crate::closure::platform::Platform;
 use crate::closure::{Level, Local, Outcome, Rate};
 use crate::mechanism::{Body, Cluster, Dof, Motion, turn_some};
-use crate::scalar::{Mask, Real, Scalar};
+use crate::scalar::{Real, constants};
 use crate::spatial::Pose;
 
 /// Newton steps that one straight attempt may take.
@@ -42,7 +42,7 @@ const STEPS: u32 = 10;
 /// When one straight attempt of Newton's method ends.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct End {
-    /// Size of the last step, in radians or cluster lengths; `None`: what leaves rounding alone.
+    /// Size of the last step, in radians or cluster lengths; `None`: one that leaves only rounding.
     /// With it the pose after all steps stands.
     pub(crate) tolerance: Option<f64>,
     /// How many steps it may take.
@@ -54,31 +54,37 @@ pub(crate) struct End {
 pub(in crate::closure) enum Branches {
     /// None.
     Unknown,
-    /// Those in the scratch of the blocks whose first step would not show their old sign.
+    /// The signs in the scratch, of the blocks whose first step would not show their old sign.
     Remembered,
-    /// Those in the scratch of all blocks.
+    /// The signs in the scratch, of all blocks.
     All,
 }
 
 /// The blocks of a cluster in the order in which they are closed.
 #[derive(Clone, Debug)]
-pub(crate) struct Numerical<C> {
+pub(crate) struct Numerical<T> {
     pub(crate) blocks: Vec<Block>,
     /// Bodies on the paths to the cuts, in tree order, and those among them that the blocks leave
     /// without their pose.
     pub(crate) on_way: Vec<usize>,
     pub(crate) after: Vec<usize>,
     /// The closed pose at y = 0 from which a request without a guess starts (n_q).
-    pub(crate) zero: Vec<C>,
-    /// What turns round with an independent joint that can.
+    pub(crate) zero: Vec<T>,
+    /// Coordinates that advance by whole turns with a continuous independent joint.
     pub(crate) turns: Vec<Turn>,
     /// Closed poses near which a request without a guess can start.
     pub(crate) seeds: Option<Arc<Seeds>>,
     /// The closed form that holds where there are seeds.
-    pub(crate) form: Option<Box<Platform<C>>>,
+    pub(crate) form: Option<Box<Platform<T>>>,
     pub(crate) end: End,
     /// Two assemblies can meet: every way is followed along its tangent.
     pub(crate) meets: bool,
+}
+
+constants! { Numerical:
+    keep blocks on_way after turns seeds end meets;
+    list zero;
+    other form: |f, form| Box::new(form.map(f));
 }
 
 /// A whole turn of an independent joint that brings the loops back to the same pose.
@@ -93,7 +99,7 @@ pub(crate) struct Turn {
 impl Turn {
     /// Brings the closed pose `start` within half a turn of the coordinate in `q`.
     #[inline]
-    pub(crate) fn bring<T: Scalar>(&self, start: &mut [T], q: &[T]) {
+    pub(crate) fn bring<T: Real>(&self, start: &mut [T], q: &[T]) {
         let away = (q[self.coordinate] - start[self.coordinate]).to_f64();
         if away.abs() <= core::f64::consts::PI {
             return;
@@ -105,9 +111,9 @@ impl Turn {
     }
 }
 
-impl<C: nalgebra::Scalar + Copy> Numerical<C> {
+impl<T: Real> Numerical<T> {
     /// From the blocks and a closed pose.
-    pub(crate) fn new(Blocks { blocks, on_way, after }: Blocks, zero: Vec<C>) -> Numerical<C> {
+    pub(crate) fn new(Blocks { blocks, on_way, after }: Blocks, zero: Vec<T>) -> Numerical<T> {
         Numerical {
             blocks,
             on_way,
@@ -127,37 +133,22 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
         self.blocks.iter_mut().for_each(|block| block.remember = true);
     }
 
-    /// The same blocks with every constant converted.
-    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Numerical<D> {
-        Numerical {
-            blocks: self.blocks.clone(),
-            on_way: self.on_way.clone(),
-            after: self.after.clone(),
-            zero: self.zero.iter().map(|x| f(*x)).collect(),
-            turns: self.turns.clone(),
-            seeds: self.seeds.clone(),
-            form: self.form.as_ref().map(|form| Box::new(form.map(f))),
-            end: self.end,
-            meets: self.meets,
-        }
-    }
-
     /// Closes every block from the dependents in `local.q`; poses on the paths to all cuts are
-    /// fresh after a good end. The mask tells which lanes converged without a doubtful step and
-    /// without a change of sign of any block's determinant; `moved` is how far the independents are
+    /// fresh after a good end. Returns whether all converged without a doubtful step and without a
+    /// change of sign of any block's determinant; `moved` is how far the independents are
     /// from the pose that the dependents are of.
-    pub(in crate::closure) fn newton<T: Real<Const = C>>(
+    pub(in crate::closure) fn newton(
         &self,
-        cluster: &Cluster<C>,
-        bodies: &[Body<C>],
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
         local: &mut Local<'_, T>,
         branches: Branches,
         moved: T,
-    ) -> (T::Mask, u32) {
+    ) -> (bool, u32) {
         local.scratch.pose[0] = Pose::identity();
         let turns = bodies.iter().enumerate().filter(|(_, body)| body.motion == Motion::Revolute);
         turn_some(turns.map(|(j, body)| (j, body.q - cluster.q)), local.q, local.cos_sin);
-        let mut good = T::Mask::splat(true);
+        let mut good = true;
         let mut taken = 0;
         for (b, block) in self.blocks.iter().enumerate() {
             for &j in &block.before {
@@ -171,9 +162,9 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
             let start = Start { branch, moved };
             let (fine, count, own) = block.newton(cluster, bodies, local, start, self.end);
             block.multiply_gain(b, own, &mut local.scratch.gain);
-            good = good & fine;
+            good &= fine;
             taken += count;
-            if !good.any() {
+            if !good {
                 break;
             }
         }
@@ -185,10 +176,10 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
 
     /// Notes the branch of the closed pose in `local.q`, of the blocks whose first step would not
     /// show it.
-    pub(in crate::closure) fn remember<T: Real<Const = C>>(
+    pub(in crate::closure) fn remember(
         &self,
-        cluster: &Cluster<C>,
-        bodies: &[Body<C>],
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
         local: &mut Local<'_, T>,
     ) {
         if !self.blocks.iter().any(|block| block.remember) {
@@ -202,13 +193,13 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
 
     /// The levels below the position at the closed pose: G, q̇, then g; where they mean something.
     #[inline]
-    pub(in crate::closure) fn rates<T: Real<Const = C>>(
+    pub(in crate::closure) fn rates(
         &self,
-        cluster: &Cluster<C>,
-        bodies: &[Body<C>],
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
         local: &mut Local<'_, T>,
         level: Level,
-    ) -> T::Mask {
+    ) -> bool {
         let m = cluster.n_vy;
         for (k, &j) in cluster.independent.iter().enumerate() {
             for other in 0..m {
@@ -218,11 +209,11 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
             local.g[j] = T::ZERO;
         }
         // G block by block: G_d = −K_d⁻¹ K_i
-        let mut good = T::Mask::splat(true);
+        let mut good = true;
         for (b, block) in self.blocks.iter().enumerate() {
             let (sound, own) = block.jacobian(cluster, local, level);
             block.multiply_gain(b, own, &mut local.scratch.gain);
-            good = good & sound;
+            good &= sound;
         }
         if level == Level::Jacobian {
             return good;
@@ -250,13 +241,13 @@ impl<C: nalgebra::Scalar + Copy> Numerical<C> {
     }
 }
 
-impl<C: Scalar> Numerical<C> {
+impl<T: Real> Numerical<T> {
     /// Position level from the closed pose `local.start`, then the levels below.
     pub(crate) fn close(
         &self,
-        cluster: &Cluster<C>,
-        bodies: &[Body<C>],
-        local: &mut Local<'_, C>,
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
+        local: &mut Local<'_, T>,
         level: Level,
     ) -> Outcome {
         for &i in &cluster.dependent_q {
@@ -281,7 +272,7 @@ impl<C: Scalar> Numerical<C> {
             let moved = distance(cluster, local.start, local.q);
             self.newton(cluster, bodies, local, Branches::Unknown, moved)
         };
-        let gap = if good { continuation::redundant_gap(cluster, local) } else { C::ZERO };
+        let gap = if good { continuation::redundant_gap(cluster, local) } else { T::ZERO };
         let outcome = if good && continuation::holds(gap) {
             Outcome { open: gap.to_f64(), ..Outcome::closed(iterations) }
         } else {
@@ -298,17 +289,17 @@ impl<C: Scalar> Numerical<C> {
     fn close_from(
         &self,
         seeds: &Seeds,
-        cluster: &Cluster<C>,
-        bodies: &[Body<C>],
-        local: &mut Local<'_, C>,
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
+        local: &mut Local<'_, T>,
     ) -> Option<Outcome> {
         if !seeds.find(local.start, local.q) {
             return None;
         }
         for (branch, sign) in local.scratch.branch.iter_mut().zip(&seeds.signs) {
-            *branch = C::from_f64(*sign);
+            *branch = T::from_f64(*sign);
         }
-        self.attempt(cluster, bodies, local, C::ZERO)
+        self.attempt(cluster, bodies, local, T::ZERO)
     }
 
     /// One straight attempt from the dependents in `local.q`, on the branch whose signs of
@@ -316,10 +307,10 @@ impl<C: Scalar> Numerical<C> {
     /// dependents are of.
     pub(crate) fn attempt(
         &self,
-        cluster: &Cluster<C>,
-        bodies: &[Body<C>],
-        local: &mut Local<'_, C>,
-        moved: C,
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
+        local: &mut Local<'_, T>,
+        moved: T,
     ) -> Option<Outcome> {
         let (good, iterations) = self.newton(cluster, bodies, local, Branches::All, moved);
         if !good {
@@ -333,9 +324,9 @@ impl<C: Scalar> Numerical<C> {
     /// Determinant of each block at the closed pose in `local.q`, into the scratch.
     pub(crate) fn determinants(
         &self,
-        cluster: &Cluster<C>,
-        bodies: &[Body<C>],
-        local: &mut Local<'_, C>,
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
+        local: &mut Local<'_, T>,
     ) {
         local_poses(cluster, bodies, local.q, local.cos_sin, &mut local.scratch.pose);
         for (b, block) in self.blocks.iter().enumerate() {
@@ -346,12 +337,12 @@ impl<C: Scalar> Numerical<C> {
     /// Newton steps from a closed form's answer, on its branch.
     pub(crate) fn polish(
         &self,
-        cluster: &Cluster<C>,
-        bodies: &[Body<C>],
-        local: &mut Local<'_, C>,
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
+        local: &mut Local<'_, T>,
     ) -> Outcome {
         self.remember(cluster, bodies, local);
-        let (good, iterations) = self.newton(cluster, bodies, local, Branches::Remembered, C::ZERO);
+        let (good, iterations) = self.newton(cluster, bodies, local, Branches::Remembered, T::ZERO);
         if good {
             let open = continuation::redundant_gap(cluster, local).to_f64();
             Outcome { open, ..Outcome::closed(iterations) }
@@ -363,9 +354,9 @@ impl<C: Scalar> Numerical<C> {
     /// The levels below the position, with the reason where a block cannot be inverted.
     pub(crate) fn differentiate(
         &self,
-        cluster: &Cluster<C>,
-        bodies: &[Body<C>],
-        local: &mut Local<'_, C>,
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
+        local: &mut Local<'_, T>,
         level: Level,
         outcome: Outcome,
     ) -> Outcome {

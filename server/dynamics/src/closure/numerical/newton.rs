@@ -21,9 +21,9 @@
 //! m is how far the independents have moved, α the least angle between a column of A at the start
 //! and the span of the others: a pose of a branch is looked for only well within the distance to
 //! the nearest singular pose. Chord rule: after s_{k−1} < ε^(3/8) the inverse of step k − 1 serves
-//! again, as what is left then is the cube of that step. In blocks of more than eight rows, whose
+//! again, as the error then is the cube of that step. In blocks of more than eight rows, whose
 //! inverse costs more than several residuals, it serves again after s_{k−1} < ε^(1/4) with
-//! s_{k−1} < sin α / 100 already, and what a step leaves is taken from the contraction:
+//! s_{k−1} < sin α / 100 already, and the error after a step is estimated from the contraction:
 //!
 //! ```text
 //!   2 s_k² / s_{k−1} < ε / 16
@@ -36,7 +36,7 @@ use crate::closure::numerical::block::{Block, by_width};
 use crate::closure::numerical::inverse::{Inverted, inverse_square_sine};
 use crate::linalg::column_square;
 use crate::mechanism::{Body, Cluster, Motion, turn_some};
-use crate::scalar::{Mask, Real};
+use crate::scalar::Real;
 
 /// Largest first step, in radians or cluster lengths.
 const TRUST: f64 = 0.5;
@@ -61,7 +61,7 @@ pub(super) struct Start<T> {
 
 /// The thresholds of one attempt.
 pub(super) struct Thresholds<T> {
-    /// Size of a step after which what the next would leave is rounding.
+    /// Size of a step after which the error is rounding.
     pub(super) last: T,
     /// Size of the step, and residual, that end the attempt.
     pub(super) end: T,
@@ -69,7 +69,7 @@ pub(super) struct Thresholds<T> {
     /// Size of a step after which its inverse serves again; of a wide block.
     pub(super) chord: T,
     wide_chord: T,
-    /// What steps by a kept inverse may leave.
+    /// Largest error after a step by a kept inverse.
     left: T,
 }
 
@@ -88,15 +88,15 @@ impl<T: Real> Thresholds<T> {
     }
 }
 
-/// An attempt under way.
+/// The state of an attempt.
 pub(super) struct Attempt<T: Real> {
-    /// Lanes whose every step was accepted, and lanes that have converged.
-    pub(super) good: T::Mask,
-    pub(super) done: T::Mask,
+    /// Every step was accepted; the attempt has converged.
+    pub(super) good: bool,
+    pub(super) done: bool,
     /// Size of the last step, and the determinant of the last inverse.
     pub(super) size: T,
     pub(super) det: T,
-    /// 1/sin² of what vanishes at a singular pose, at the last inverse.
+    /// 1/sin² of the angle that vanishes at a singular pose, at the last inverse.
     pub(super) gain: T,
 }
 
@@ -104,43 +104,43 @@ impl<T: Real> Attempt<T> {
     #[inline(always)]
     pub(super) fn new() -> Attempt<T> {
         Attempt {
-            good: T::Mask::splat(true),
-            done: T::Mask::splat(false),
+            good: true,
+            done: false,
             size: T::from_f64(TRUST / CONTRACTION),
             det: T::ZERO,
             gain: T::ONE,
         }
     }
 
-    /// Assembly branch: det A keeps its sign.
+    /// Assembly branch: det A_k · det A_{k−1} > 0.
     #[inline(always)]
-    pub(super) fn keeps_branch(&mut self, inverted: &Inverted<T>) {
+    pub(super) fn check_branch(&mut self, inverted: &Inverted<T>) {
         let same = T::ZERO.lt(inverted.det * self.det);
         self.det = inverted.det;
-        self.good = self.good & (self.done | (inverted.sound & same));
+        self.good &= self.done | (inverted.sound & same);
     }
 
-    /// Trust region: the first step and the independents stay well within the distance to the
-    /// nearest singular pose.
+    /// Trust region: s_0 < ½ and max(s_0, m)² / sin²α < 0.7².
     #[inline(always)]
-    pub(super) fn trusts(&mut self, size: T, moved: T, inverse_square_sine: T) {
+    pub(super) fn check_trust(&mut self, size: T, moved: T, inverse_square_sine: T) {
         let distance = T::select_lt(size, moved, moved, size);
         self.good = self.good
             & size.lt(T::from_f64(TRUST))
             & (distance * distance * inverse_square_sine).lt(T::from_f64(CAUTION * CAUTION));
     }
 
-    /// Where the inverse of the last step of a wide block serves again.
+    /// True if the inverse of the last step of a wide block serves again: s_{k−1} < ε^(1/4) and
+    /// s_{k−1} < sin α / 100.
     #[inline(always)]
-    fn is_steady(&self, thresholds: &Thresholds<T>) -> T::Mask {
+    fn is_steady(&self, thresholds: &Thresholds<T>) -> bool {
         let part = self.size * self.size * self.gain;
         self.size.lt(thresholds.wide_chord) & part.lt(T::from_f64(STEADY * STEADY))
     }
 
-    /// Contraction, and whether the attempt has come to its end; `kept`: the step may be by an
-    /// inverse older than that of the step before.
+    /// Contraction, s_k < 0.3 s_{k−1}, and the end of the attempt; `kept`: the inverse may be older
+    /// than that of the step before.
     #[inline(always)]
-    pub(super) fn contracts(
+    pub(super) fn check_contraction(
         &mut self,
         size: T,
         residual: T,
@@ -148,34 +148,36 @@ impl<T: Real> Attempt<T> {
         tolerant: bool,
         kept: bool,
     ) {
+        // s_k < 0.3 s_{k−1};  s_k < s_end, of a kept inverse also 2 s_k² / s_{k−1} < ε / 16;  or
+        // ‖φ‖∞ < 8 ε ℓ
         let contracts = size.lt(self.size * T::from_f64(CONTRACTION));
         let mut ends = size.lt(thresholds.end);
         if kept {
-            ends = ends & (size * size * T::from_f64(2.0)).lt(thresholds.left * self.size);
+            ends &= (size * size * T::from_f64(2.0)).lt(thresholds.left * self.size);
         }
         let mut at_floor = ends | residual.lt(thresholds.floor);
         if tolerant || kept {
-            // below what rounding lets through
-            at_floor = at_floor | (size.lt(thresholds.last) & !contracts);
+            // below the threshold of rounding steps no longer contract
+            at_floor |= size.lt(thresholds.last) & !contracts;
         }
-        self.good = self.good & (self.done | at_floor | contracts);
-        self.done = self.done | at_floor;
+        self.good &= self.done | at_floor | contracts;
+        self.done |= at_floor;
     }
 }
 
 impl Block {
     /// Newton's method for the block's unknowns; poses before the block are closed, its own are
-    /// fresh before and after a good end. The mask tells which lanes were accepted; with it come
-    /// the number of steps and the gain.
+    /// fresh before and after a good end. Returns whether the attempt was accepted, the number of
+    /// steps and the gain.
     #[inline]
     pub(super) fn newton<T: Real>(
         &self,
-        cluster: &Cluster<T::Const>,
-        bodies: &[Body<T::Const>],
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
         local: &mut Local<'_, T>,
         start: Start<T>,
         end: End,
-    ) -> (T::Mask, u32, T) {
+    ) -> (bool, u32, T) {
         if self.series.is_some() {
             return match self.unknowns.len() {
                 1 => self.newton_in_series::<T, 1>(cluster, bodies, local, start, end),
@@ -188,17 +190,17 @@ impl Block {
 
     fn newton_of_width<T: Real, const M: usize>(
         &self,
-        cluster: &Cluster<T::Const>,
-        bodies: &[Body<T::Const>],
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
         local: &mut Local<'_, T>,
         start: Start<T>,
         end: End,
-    ) -> (T::Mask, u32, T) {
+    ) -> (bool, u32, T) {
         let thresholds = Thresholds::<T>::new(cluster.length, end);
         let mut attempt = Attempt::<T>::new();
         let mut inverse_square_sine = T::ZERO;
         let mut taken = 0;
-        // poses at the start; where the parent stands still, what a step does not change
+        // poses at the start; of bodies whose parent stands still also that at zero of their joint
         for &(j, held) in &self.bodies {
             let scratch = &mut *local.scratch;
             if held {
@@ -207,9 +209,9 @@ impl Block {
         }
         self.place(cluster, bodies, local);
         for k in 0..end.steps {
-            // residual, and unless the last step was tiny the inverse
-            let tiny = k > 0 && attempt.size.lt(thresholds.chord).all();
-            let kept = k > 0 && self.keeps::<M>(end) && attempt.is_steady(&thresholds).all();
+            // φ(q_k), and A⁻¹ unless the chord rule keeps it
+            let tiny = k > 0 && attempt.size.lt(thresholds.chord);
+            let kept = k > 0 && self.keeps::<M>(end) && attempt.is_steady(&thresholds);
             let fresh = !tiny && !kept;
             let residual = self.evaluate::<T, M>(cluster, local, fresh);
             if k == 0 {
@@ -221,23 +223,24 @@ impl Block {
             } else if fresh {
                 attempt.gain = self.next_inverse::<T, M>(cluster, local, &mut attempt);
             }
+            // Δ_k = A⁻¹ φ(q_k), q_{k+1} = q_k − Δ_k, s_k = ‖Δ_k‖∞
             let size = self.step::<T, M>(local, cluster.length, attempt.done);
             taken += 1;
             if k == 0 {
-                attempt.trusts(size, start.moved, inverse_square_sine);
+                attempt.check_trust(size, start.moved, inverse_square_sine);
             }
-            attempt.contracts(size, residual, &thresholds, end.tolerance.is_some(), kept);
-            if !attempt.good.any() {
+            attempt.check_contraction(size, residual, &thresholds, end.tolerance.is_some(), kept);
+            if !attempt.good {
                 break;
             }
             attempt.size = size;
-            self.update_cos_sin::<T, M>(local, size.lt(thresholds.last).all());
+            self.update_cos_sin::<T, M>(local, size.lt(thresholds.last));
             self.place(cluster, bodies, local);
-            if attempt.done.all() {
+            if attempt.done {
                 break;
             }
         }
-        let good = attempt.good & (attempt.done | T::Mask::splat(end.tolerance.is_some()));
+        let good = attempt.good & (attempt.done | end.tolerance.is_some());
         (good, taken, attempt.gain)
     }
 
@@ -247,30 +250,30 @@ impl Block {
         self.width::<M>() > NARROW && end.tolerance.is_none()
     }
 
-    /// The inverse after a step; returns 1/sin² of what vanishes at a singular pose.
+    /// The inverse after a step; returns 1/sin² of the angle that vanishes at a singular pose.
     #[inline(always)]
     fn next_inverse<T: Real, const M: usize>(
         &self,
-        cluster: &Cluster<T::Const>,
+        cluster: &Cluster<T>,
         local: &mut Local<'_, T>,
         attempt: &mut Attempt<T>,
     ) -> T {
         let inverted = self.invert::<T, M>(local);
-        attempt.keeps_branch(&inverted);
+        attempt.check_branch(&inverted);
         match self.width::<M>() {
             1 => self.lever_gain(cluster, local),
             _ => inverted.gain,
         }
     }
 
-    /// The same of one row: its lever against the length of the cluster.
+    /// 1/sin² of a block of one row: its lever against the length of the cluster.
     #[inline(always)]
-    fn lever_gain<T: Real>(&self, cluster: &Cluster<T::Const>, local: &Local<'_, T>) -> T {
+    fn lever_gain<T: Real>(&self, cluster: &Cluster<T>, local: &Local<'_, T>) -> T {
         self.lever_gain_of(cluster, local.scratch.inverse[self.offset])
     }
 
     #[inline(always)]
-    pub(super) fn lever_gain_of<T: Real>(&self, cluster: &Cluster<T::Const>, inverse: T) -> T {
+    pub(super) fn lever_gain_of<T: Real>(&self, cluster: &Cluster<T>, inverse: T) -> T {
         let slides = self.unknowns[0].slides();
         let inverse = if slides { inverse } else { inverse * T::from_f64(cluster.length) };
         inverse * inverse
@@ -291,7 +294,7 @@ impl Block {
         }
         let inverted = self.invert::<T, M>(local);
         attempt.det = start.branch.unwrap_or(inverted.det);
-        attempt.keeps_branch(&inverted);
+        attempt.check_branch(&inverted);
         if m > 3 {
             return inverted.gain;
         }
@@ -300,18 +303,19 @@ impl Block {
         inverse_square_sine(inverse, &scratch.step[..m], m)
     }
 
-    /// Δ = A⁻¹ φ off the unknowns of the lanes that have not converged; returns its size.
+    /// q ← q − A⁻¹ φ unless the attempt has converged; returns the size of the step.
     #[inline(always)]
     fn step<T: Real, const M: usize>(
         &self,
         local: &mut Local<'_, T>,
         length: f64,
-        done: T::Mask,
+        done: bool,
     ) -> T {
         let m = self.width::<M>();
         let unit = T::from_f64(1.0 / length);
         let scratch = &mut *local.scratch;
-        let (phi, steps) = (&scratch.phi[..m], &mut scratch.step[..m]);
+        let phi = &scratch.phi[..m];
+        let steps = &mut scratch.step[..m];
         let inverse = &scratch.inverse[self.offset..self.offset + m * m];
         for i in 0..m {
             let row = &inverse[i * m..(i + 1) * m];

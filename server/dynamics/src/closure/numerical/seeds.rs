@@ -12,7 +12,7 @@
 //! center is where the interpolation has it to a small part of the distance to the nearest singular
 //! pose, and where every cell between it and the zero pose is used too. So the straight path from
 //! the zero pose to any y of it lies in cells in which γ is one smooth function, and continuation
-//! along that path can arrive nowhere else. What comes of a seed passes the checks of every other
+//! along that path can arrive nowhere else. An attempt from a seed passes the checks of every other
 //! attempt, and each determinant must have the sign that it has at the zero pose; where one fails
 //! the answer is that of continuation.
 //!
@@ -20,7 +20,7 @@
 //! agrees with Newton's method at every corner and every center of these cells is closed by it
 //! there: in a cell γ is one smooth function, and so is the closed form.
 
-use crate::scalar::Scalar;
+use crate::scalar::Real;
 
 /// Numbers that are added at once: the table is padded to a multiple of it.
 pub(crate) const LANES: usize = 4;
@@ -36,8 +36,8 @@ pub(crate) struct Seeds {
     pub(crate) axes: Vec<Axis>,
     /// The local coordinates that are tabulated.
     pub(crate) columns: Vec<usize>,
-    /// What they are from the zero pose on and their derivatives by the axes of the bits of d,
-    /// times the steps of these axes: (node, d, columns padded).
+    /// The coordinates relative to the zero pose and their derivatives by the axes of the bits of
+    /// d, times the steps of these axes: (node, d, columns padded).
     pub(crate) values: Vec<f32>,
     /// Cells that are used.
     pub(crate) cells: Vec<bool>,
@@ -72,8 +72,9 @@ impl Seeds {
     /// The node below the independents in `q` and how far they are from it along each axis, in its
     /// steps; `None` outside the cells that are used.
     #[inline]
-    pub(crate) fn cell<T: Scalar>(&self, start: &[T], q: &[T]) -> Option<(usize, [f64; MOST])> {
-        let (mut cell, mut node) = (0, 0);
+    pub(crate) fn cell<T: Real>(&self, start: &[T], q: &[T]) -> Option<(usize, [f64; MOST])> {
+        let mut cell = 0;
+        let mut node = 0;
         let mut along = [0.0; MOST];
         for (axis, along) in self.axes.iter().zip(&mut along) {
             let from_zero = (q[axis.coordinate] - start[axis.coordinate]).to_f64();
@@ -91,12 +92,13 @@ impl Seeds {
 
     /// The seed of the independents in `q` into its dependents; false where there is none. `start`
     /// is the zero pose, turned round by whole turns.
-    pub(crate) fn find<T: Scalar>(&self, start: &[T], q: &mut [T]) -> bool {
+    pub(crate) fn find<T: Real>(&self, start: &[T], q: &mut [T]) -> bool {
         let Some((node, along)) = self.cell(start, q) else { return false };
         let along = along.map(hermite);
 
-        // their products, with the place of what each is the weight of
-        let (n, stride) = (self.axes.len(), self.stride());
+        // products of the weights, with the places of the values
+        let n = self.axes.len();
+        let stride = self.stride();
         let mut terms = [(0, 0.0); TERMS];
         let mut count = 0;
         for corner in 0..1 << n {

@@ -16,8 +16,8 @@ use crate::closure::numerical::newton::{Attempt, Start, Thresholds};
 use crate::closure::{Level, Local, column_unit};
 use crate::linalg::column_square;
 use crate::mechanism::{Body, Cluster, Dof, Motion, single_pose};
-use crate::scalar::{Mask, Real};
-use crate::spatial::{Pose, cross, cross_add, dot, lift, lift_mat, mul};
+use crate::scalar::{Real, Triple};
+use crate::spatial::{Matrix, Pose};
 
 /// Most independents of a cluster whose G is written in fixed size.
 pub(crate) const INDEPENDENTS: usize = 4;
@@ -40,28 +40,28 @@ impl<T: Real, const M: usize> Ends<T, M> {
     fn new(
         block: &Block,
         on_successor: bool,
-        cluster: &Cluster<T::Const>,
+        cluster: &Cluster<T>,
         pose: &[Pose<T>],
     ) -> Ends<T, M> {
         let rows = &block.cuts[0];
         let cut = &cluster.cuts[rows.cut];
         let (fixed, tip) = if on_successor {
-            (pose[cut.predecessor].point(&lift(&cut.x_p_cut.p)), lift(&cut.x_s_cut.p))
+            (pose[cut.predecessor].point(&cut.x_p_cut.p), cut.x_s_cut.p)
         } else {
-            (pose[cut.successor].point(&lift(&cut.x_s_cut.p)), lift(&cut.x_p_cut.p))
+            (pose[cut.successor].point(&cut.x_s_cut.p), cut.x_p_cut.p)
         };
         let R_p = &pose[cut.predecessor].R;
         let directions = (rows.kind == RowKind::Linear)
-            .then(|| from_fn(|k| mul(R_p, &lift(&cut.rows[rows.rows[k].0].linear_p))));
+            .then(|| from_fn(|k| R_p.apply(cut.rows[rows.rows[k].0].linear_p)));
         Ends { on_successor, fixed, tip, directions }
     }
 
-    /// Along the rows.
+    /// Components of a vector along the rows.
     #[inline(always)]
     fn along(&self, x: &Vector3<T>) -> [T; M] {
         match &self.directions {
             None => from_fn(|k| x[k]),
-            Some(directions) => from_fn(|k| dot(&directions[k], x)),
+            Some(directions) => from_fn(|k| directions[k].dot(*x)),
         }
     }
 
@@ -79,7 +79,7 @@ impl<T: Real, const M: usize> Ends<T, M> {
     #[inline(always)]
     fn column(&self, dof: &Dof, pose: &Pose<T>, point: &Vector3<T>, on_successor: bool) -> [T; M] {
         let z = dof.axis(&pose.R);
-        let v = if dof.slides() { z } else { cross(&z, &(point - pose.p)) };
+        let v = if dof.slides() { z } else { z.cross(point - pose.p) };
         self.along(&if on_successor { v } else { -v })
     }
 }
@@ -95,16 +95,42 @@ impl<T: Real, const M: usize> Series<T, M> {
     /// Poses from coordinates and their cosines and sines; the first body's from that at zero of
     /// its joint.
     #[inline(always)]
-    fn place(&mut self, block: &Block, bodies: &[Body<T::Const>], first: &Pose<T>) {
+    fn place(&mut self, block: &Block, bodies: &[Body<T>], first: &Pose<T>) {
         for a in 0..M {
             let body = &bodies[block.unknowns[a].body];
-            let (q, cos_sin) = (self.q[a], self.cos_sin[a]);
+            let q = self.q[a];
+            let cos_sin = self.cos_sin[a];
             self.pose[a] = if a == 0 {
                 single_pose(body, first, q, cos_sin)
             } else {
-                let at_zero =
-                    Pose { R: lift_mat(&body.R_parent_body), p: lift(&body.p_parent_body) };
+                let at_zero = Pose { R: body.R_parent_body, p: body.p_parent_body };
                 single_pose(body, &self.pose[a - 1].then(&at_zero), q, cos_sin)
+            };
+        }
+    }
+
+    /// Coordinates, cosines and sines, and poses into the cluster's numbers.
+    #[inline(always)]
+    fn store(&self, dofs: &[Dof], local: &mut Local<'_, T>) {
+        for (a, dof) in dofs.iter().enumerate() {
+            local.q[dof.q] = self.q[a];
+            local.cos_sin[dof.body] = self.cos_sin[a];
+            local.scratch.pose[dof.body + 1] = self.pose[a];
+        }
+    }
+
+    /// Cosines and sines after a step. PRECISION: as in `Block::update_cos_sin`.
+    #[inline(always)]
+    fn update_cos_sin(&mut self, dofs: &[Dof], step: &[T; M], tiny: bool) {
+        // that of a slide is not read
+        let fresh = (!tiny && T::TOGETHER).then(|| T::sin_cos_of(self.q));
+        for (i, dof) in dofs.iter().enumerate().filter(|(_, dof)| !dof.slides()) {
+            debug_assert!(dof.motion == Motion::Revolute);
+            let (c, s) = self.cos_sin[i];
+            self.cos_sin[i] = match fresh {
+                Some(fresh) => (fresh[i].1, fresh[i].0),
+                None if tiny => (s.mul_add(step[i], c), (-c).mul_add(step[i], s)),
+                None => cos_sin_of(self.q[i]),
             };
         }
     }
@@ -114,12 +140,12 @@ impl Block {
     /// [`Block::newton`] of joints in series.
     pub(super) fn newton_in_series<T: Real, const M: usize>(
         &self,
-        cluster: &Cluster<T::Const>,
-        bodies: &[Body<T::Const>],
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
         local: &mut Local<'_, T>,
         start: Start<T>,
         end: End,
-    ) -> (T::Mask, u32, T) {
+    ) -> (bool, u32, T) {
         let thresholds = Thresholds::<T>::new(cluster.length, end);
         let mut attempt = Attempt::<T>::new();
         let dofs: &[Dof] = &self.unknowns[..M];
@@ -133,12 +159,13 @@ impl Block {
         };
         series.place(self, bodies, &first);
         let unit = T::from_f64(1.0 / cluster.length);
-        let (mut A, mut inverse) = ([T::ZERO; NINE], [T::ZERO; NINE]);
+        let mut A = [T::ZERO; NINE];
+        let mut inverse = [T::ZERO; NINE];
         let mut near = T::ZERO;
         let mut taken = 0;
         for k in 0..end.steps {
-            // residual, and unless the last step was tiny the inverse
-            let fresh = k == 0 || !attempt.size.lt(thresholds.chord).all();
+            // φ(q_k), and A⁻¹ unless the chord rule keeps it
+            let fresh = k == 0 || !attempt.size.lt(thresholds.chord);
             let (phi, point) = ends.residual(&series.pose[M - 1].point(&ends.tip));
             let residual =
                 phi.iter().fold(T::ZERO, |x, phi| T::select_lt(x, phi.abs(), phi.abs(), x));
@@ -153,7 +180,7 @@ impl Block {
                     attempt.det = start.branch.unwrap_or(inverted.det);
                     near = inverse_square_sine(&inverse[..M * M], &squares, M);
                 }
-                attempt.keeps_branch(&inverted);
+                attempt.check_branch(&inverted);
                 attempt.gain = match (M, k) {
                     (1, _) => self.lever_gain_of(cluster, inverse[0]),
                     (_, 0) => near,
@@ -161,7 +188,7 @@ impl Block {
                 };
             }
 
-            // Δ = A⁻¹ φ off the unknowns of the lanes that have not converged
+            // Δ_k = A⁻¹ φ(q_k), q_{k+1} = q_k − Δ_k, s_k = ‖Δ_k‖∞
             let mut size = T::ZERO;
             let step: [T; M] = from_fn(|i| {
                 let step = (0..M).fold(T::ZERO, |step, r| inverse[i * M + r].mul_add(phi[r], step));
@@ -175,48 +202,32 @@ impl Block {
             }
             taken += 1;
             if k == 0 {
-                attempt.trusts(size, start.moved, near);
+                attempt.check_trust(size, start.moved, near);
             }
-            attempt.contracts(size, residual, &thresholds, end.tolerance.is_some(), false);
-            if !attempt.good.any() {
+            attempt.check_contraction(size, residual, &thresholds, end.tolerance.is_some(), false);
+            if !attempt.good {
                 break;
             }
             attempt.size = size;
 
-            // PRECISION: as in `Block::update_cos_sin`
-            let tiny = size.lt(thresholds.last).all();
-            // of a slide too: it is not read
-            let fresh = (!tiny && T::TOGETHER).then(|| T::sin_cos_of(series.q));
-            for (i, dof) in dofs.iter().enumerate().filter(|(_, dof)| !dof.slides()) {
-                debug_assert!(dof.motion == Motion::Revolute);
-                let (c, s) = series.cos_sin[i];
-                series.cos_sin[i] = match fresh {
-                    Some(fresh) => (fresh[i].1, fresh[i].0),
-                    None if tiny => (s.mul_add(step[i], c), (-c).mul_add(step[i], s)),
-                    None => cos_sin_of(series.q[i]),
-                };
-            }
+            series.update_cos_sin(dofs, &step, size.lt(thresholds.last));
             series.place(self, bodies, &first);
-            if attempt.done.all() {
+            if attempt.done {
                 break;
             }
         }
-        for (a, dof) in dofs.iter().enumerate() {
-            local.q[dof.q] = series.q[a];
-            local.cos_sin[dof.body] = series.cos_sin[a];
-            local.scratch.pose[dof.body + 1] = series.pose[a];
-        }
-        let good = attempt.good & (attempt.done | T::Mask::splat(end.tolerance.is_some()));
+        series.store(dofs, local);
+        let good = attempt.good & (attempt.done | end.tolerance.is_some());
         (good, taken, attempt.gain)
     }
 
     /// [`Block::jacobian`] of joints in series.
     pub(super) fn jacobian_in_series<T: Real, const M: usize>(
         &self,
-        cluster: &Cluster<T::Const>,
+        cluster: &Cluster<T>,
         local: &mut Local<'_, T>,
         level: Level,
-    ) -> (T::Mask, T) {
+    ) -> (bool, T) {
         let n_vy = cluster.n_vy;
         let on_successor = self.series == Some(true);
         let dofs: &[Dof] = &self.unknowns[..M];
@@ -226,7 +237,7 @@ impl Block {
         let (_, point) = ends.residual(&pose[dofs[M - 1].body + 1].point(&ends.tip));
         let rows = &self.cuts[0];
 
-        // K_d of the block; K_i, and what earlier blocks add to it
+        // A = K_d of the block;  B = K_i + K_before G_before
         let mut A = [T::ZERO; NINE];
         for (a, dof) in dofs.iter().enumerate() {
             let column = ends.column(dof, &pose[dof.body + 1], &point, on_successor);
@@ -245,7 +256,7 @@ impl Block {
         }
 
         // one row alone: its independents move it more than its unknown does
-        let alone = (M == 1).then(|| {
+        let lever_ratio = (M == 1).then(|| {
             let square = |x: T, v: usize| {
                 (x * x) * T::from_f64(column_unit(cluster, v) * column_unit(cluster, v))
             };
@@ -262,18 +273,19 @@ impl Block {
             }
         }
         let good = if level == Level::Acceleration { sound & accurate } else { sound };
-        (good, alone.unwrap_or(gain))
+        (good, lever_ratio.unwrap_or(gain))
     }
 
     /// [`Block::bias`] of joints in series.
     pub(super) fn bias_in_series<T: Real, const M: usize>(
         &self,
-        cluster: &Cluster<T::Const>,
+        cluster: &Cluster<T>,
         local: &mut Local<'_, T>,
     ) {
         let dofs: &[Dof] = &self.unknowns[..M];
         let scratch = &*local.scratch;
-        let (pose, rate) = (&scratch.pose, &scratch.rate);
+        let pose = &scratch.pose;
+        let rate = &scratch.rate;
         let on_successor = self.series == Some(true);
         let ends = Ends::<T, M>::new(self, on_successor, cluster, pose);
         let (_, point) = ends.residual(&pose[dofs[M - 1].body + 1].point(&ends.tip));
@@ -282,14 +294,15 @@ impl Block {
 
         // k: acceleration of S against P at q̈ = 0, seen from P where rows turn with it
         let at = |end: usize| {
-            let (rate, r) = (&rate[end], point - pose[end].p);
-            let a = cross_add(&rate.alpha, &r, &rate.a);
-            (cross_add(&rate.w, &r, &rate.v), cross_add(&rate.w, &cross(&rate.w, &r), &a))
+            let rate = &rate[end];
+            let r = point - pose[end].p;
+            let a = rate.a.add_cross(rate.alpha, r);
+            (rate.v.add_cross(rate.w, r), a.add_cross(rate.w, rate.w.cross(r)))
         };
         let ((v_s, a_s), (v_p, a_p)) = (at(cut.successor), at(cut.predecessor));
         let mut relative = a_s - a_p;
         if ends.directions.is_some() {
-            relative -= cross(&rate[cut.predecessor].w, &(v_s - v_p)) * T::from_f64(2.0);
+            relative -= rate[cut.predecessor].w.cross(v_s - v_p) * T::from_f64(2.0);
         }
         let mut B = ends.along(&-relative);
         for (dof, side) in &rows.earlier {

@@ -3,13 +3,13 @@
 use crate::closure::{Closure, Level, Numerical, Scratch, column_unit, distance};
 use crate::compile::analysis::State;
 use crate::mechanism::{Body, Cluster};
-use crate::scalar::{Dd, Real, Scalar};
+use crate::scalar::{Dd, Real};
 
 /// How far the independents go to either side, in radians or cluster lengths: the longer one, or
 /// where Newton's method does not go that far the shorter one.
 const STEPS: [f64; 2] = [0.1, 0.01];
-/// Largest distance between the two, in radians or cluster lengths, and what each unit of misfit
-/// may add.
+/// Largest distance between the two, in radians or cluster lengths, and its increase per unit of
+/// misfit.
 const AGREES: f64 = 1e-12;
 const PER_MISFIT: f64 = 1e3;
 /// And never more of the step than this.

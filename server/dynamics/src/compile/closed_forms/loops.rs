@@ -5,8 +5,7 @@ use nalgebra::Vector3;
 use crate::compile::closed_forms::{Deviation, Reading, Subject};
 use crate::compile::geometry::{axis, direction, norm, unit};
 use crate::mechanism::{Cut, Motion};
-use crate::scalar::{Dd, Real, Scalar};
-use crate::spatial::{cross, dot};
+use crate::scalar::{Dd, Real, Triple};
 
 /// One joint of a ring.
 #[derive(Clone)]
@@ -32,7 +31,8 @@ pub(super) fn ring(of: &Reading<'_>, cut: &Cut<Dd>) -> Vec<Ring> {
         }
         joints
     };
-    let (mut p, mut s) = (up(cut.predecessor), up(cut.successor));
+    let mut p = up(cut.predecessor);
+    let mut s = up(cut.successor);
     while p.last().is_some() && p.last() == s.last() {
         p.pop();
         s.pop();
@@ -60,7 +60,7 @@ pub(super) fn ring(of: &Reading<'_>, cut: &Cut<Dd>) -> Vec<Ring> {
     ring
 }
 
-/// The same ring from this joint on.
+/// Rotates a ring to begin with a joint.
 pub(super) fn starting_at(mut ring: Vec<Ring>, joint: usize) -> Result<Vec<Ring>, String> {
     let at = ring
         .iter()
@@ -70,7 +70,7 @@ pub(super) fn starting_at(mut ring: Vec<Ring>, joint: usize) -> Result<Vec<Ring>
     Ok(ring)
 }
 
-/// The same ring the other way round, from the same joint on.
+/// Reverses a ring but for its first joint.
 pub(super) fn reversed(ring: &[Ring]) -> Vec<Ring> {
     let n = ring.len();
     (0..n)
@@ -92,17 +92,17 @@ pub(super) fn senses(ring: &[Ring], n: &Vector3<Dd>, deviations: &mut Vec<Deviat
             deviations.push((
                 "slider not in the plane, axis".into(),
                 Subject::Joint(j),
-                dot(&member.axis, n).abs().to_f64(),
+                member.axis.dot(*n).abs().to_f64(),
             ));
             sense.push(member.direction);
         } else {
-            let off = norm(&cross(&member.axis, n)).to_f64();
+            let off = norm(&member.axis.cross(*n)).to_f64();
             deviations.push((
                 "axis not parallel to the others of its loop, axis".into(),
                 Subject::Joint(j),
                 off,
             ));
-            sense.push(member.direction * super::sign(dot(&member.axis, n)));
+            sense.push(member.direction * super::sign(member.axis.dot(*n)));
         }
     }
     sense
@@ -118,23 +118,24 @@ pub(super) fn pin_in_plane(
 ) -> Result<(), String> {
     let turn =
         |v: &Vector3<Dd>| unit(&direction(&of.zero[cut.predecessor], &direction(&cut.x_p_cut, v)));
-    let (mut linear, mut off) = (Vec::new(), 0.0f64);
+    let mut linear = Vec::new();
+    let mut off = 0.0f64;
     for row in &cut.rows {
         match (turn(&row.angular), turn(&row.linear)) {
             _ if row.against.is_some() => {
                 return Err("loop holds two directions perpendicular".into());
             }
-            (Some(angular), None) => off = off.max(dot(&angular, n).abs().to_f64()),
+            (Some(angular), None) => off = off.max(angular.dot(*n).abs().to_f64()),
             (None, Some(x)) => linear.push(x),
             _ => return Err("loop has a constraint axis that turns and slides".into()),
         }
     }
     let spans = match linear.as_slice() {
         [x, y] => {
-            off = off.max(dot(x, n).abs().to_f64()).max(dot(y, n).abs().to_f64());
-            norm(&cross(x, y)).to_f64()
+            off = off.max((*x).dot(*n).abs().to_f64()).max((*y).dot(*n).abs().to_f64());
+            norm(&(*x).cross(*y)).to_f64()
         }
-        [x, y, z] => dot(x, &cross(y, z)).abs().to_f64(),
+        [x, y, z] => (*x).dot((*y).cross(*z)).abs().to_f64(),
         _ => 0.0,
     };
     if spans < 1e-3 {

@@ -13,8 +13,8 @@ use crate::compile::couplings::poses_at;
 use crate::compile::geometry::norm;
 use crate::description::SubmechanismKind;
 use crate::mechanism::{Body, Cluster, Cut, CutRow, Dof, Motion};
-use crate::scalar::{Dd, Real, Scalar};
-use crate::spatial::{Pose, cross, dot};
+use crate::scalar::{Dd, Real, Triple};
+use crate::spatial::Pose;
 
 /// A closed form and how far each assumption of it is from true.
 pub(super) struct Form {
@@ -22,17 +22,17 @@ pub(super) struct Form {
     deviations: Vec<Deviation>,
 }
 
-/// What is assumed, of what, and how far it is from true, relative to the mechanism's size.
+/// An assumption, its subject, and its error relative to the mechanism's size.
 type Deviation = (String, Subject, f64);
 
-/// What an assumption is about.
+/// Subject of an assumption.
 enum Subject {
     Joint(usize),
     Loop,
 }
 
 impl Form {
-    /// The worst deviation and what it is about; a name for each local body.
+    /// The worst deviation and its subject; `names` has a name for each local body.
     pub(super) fn misfit(&self, names: &[String]) -> (String, f64) {
         let worst = self.deviations.iter().max_by(|a, b| a.2.total_cmp(&b.2));
         worst.map_or((String::new(), 0.0), |(what, subject, size)| match subject {
@@ -72,7 +72,7 @@ impl Form {
 }
 
 /// The closed form of a type on this cluster with its coordinates at the zero pose: `None` for a
-/// type without one, `Some(Err)` with what the cluster lacks for it.
+/// type without one, `Some(Err)` with the mismatch of the cluster.
 pub(super) fn build(
     kind: SubmechanismKind,
     cluster: &Cluster<Dd>,
@@ -124,7 +124,7 @@ pub(super) fn has_change_point(
     planar::has_change_point(&Reading { cluster, bodies, order, zero, is_closed: true })
 }
 
-/// What a closed form is read off.
+/// A cluster at zero, from which a closed form is read.
 struct Reading<'a> {
     cluster: &'a Cluster<Dd>,
     bodies: &'a [Body<Dd>],
@@ -241,7 +241,7 @@ fn is_ball(cut: &Cut<Dd>) -> bool {
         return false;
     }
     let [x, y, z] = [0, 1, 2].map(|r| cut.rows[r].linear);
-    let volume = dot(&x, &cross(&y, &z)).abs();
+    let volume = x.dot(y.cross(z)).abs();
     volume.to_f64() > 1e-3 * (norm(&x) * norm(&y) * norm(&z)).to_f64()
 }
 

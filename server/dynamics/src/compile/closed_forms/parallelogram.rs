@@ -6,7 +6,7 @@ use crate::compile::closed_forms::loops::{pin_in_plane, ring, senses};
 use crate::compile::closed_forms::{Form, Reading, Subject};
 use crate::compile::couplings::{Relation, solve};
 use crate::compile::geometry::norm;
-use crate::scalar::{Dd, Scalar};
+use crate::scalar::{Dd, Real, Triple};
 
 /// Two relations of each loop, and couplings beside them.
 pub(super) fn read(of: &Reading<'_>) -> Result<Form, String> {
@@ -14,7 +14,8 @@ pub(super) fn read(of: &Reading<'_>) -> Result<Form, String> {
     if !of.is_simple() {
         return Err("joints are not of one freedom each".into());
     }
-    let (mut relations, mut deviations) = (Vec::new(), Vec::new());
+    let mut relations = Vec::new();
+    let mut deviations = Vec::new();
     for cut in &cluster.cuts {
         if let Some(row) = cut.rows.iter().find(|row| !row.terms.is_empty()) {
             relations.push(Relation { terms: row.terms.clone(), offset: row.offset });
@@ -34,7 +35,7 @@ pub(super) fn read(of: &Reading<'_>) -> Result<Form, String> {
         // opposite sides are equal as vectors, seen in the plane
         let side = |a: usize, b: usize| ring[b].point - ring[a].point;
         let apart = side(0, 1) - side(3, 2);
-        let in_plane = crate::spatial::scale_add(&n, -crate::spatial::dot(&n, &apart), &apart);
+        let in_plane = apart.add_scaled(n, -n.dot(apart));
         let sides = [side(0, 1), side(1, 2)].map(|x| norm(&x).to_f64());
         let off = norm(&in_plane).to_f64() / f64::max(sides[0], sides[1]);
         deviations.push((

@@ -2,15 +2,15 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::closure::{Closure, Planar, Rrpr, Tie};
+use crate::closure::{Closure, LoopJoint, Planar, Rrpr};
 use crate::compile::closed_forms::loops::{
     Ring, pin_in_plane, reversed, ring, senses, starting_at,
 };
 use crate::compile::closed_forms::{Deviation, Form, Reading, sign};
 use crate::compile::geometry::onto_z;
 use crate::mechanism::Cut;
-use crate::scalar::{Dd, Real, Scalar};
-use crate::spatial::{column, dot};
+use crate::scalar::{Dd, Real, Triple};
+use crate::spatial::Matrix;
 
 /// Shortest link and least sine between links at zero, relative to the mechanism's size.
 const DEGENERATE: f64 = 1e-6;
@@ -19,7 +19,7 @@ const DEGENERATE: f64 = 1e-6;
 /// files meet it that nearly.
 const CHANGE: f64 = 1e-6;
 
-/// What a loop with a change point is refused with.
+/// Message that refuses a loop with a change point.
 const MEETS: &str = "links can stand in one line where two assemblies meet, a change point";
 
 type Plane = [Dd; 2];
@@ -39,8 +39,7 @@ pub(super) fn read(of: &Reading<'_>, slider: bool) -> Result<Form, String> {
     };
     let mut deviations = Vec::new();
     let InPlane { ring, sense, axes } = in_plane(of, cut, *y, slider, &mut deviations)?;
-    let plane =
-        |v: &Vector3<Dd>| -> Plane { [dot(&column(&axes, 0), v), dot(&column(&axes, 1), v)] };
+    let plane = |v: &Vector3<Dd>| -> Plane { [axes.col(0).dot(*v), axes.col(1).dot(*v)] };
     let origin = if ring[0].slides { ring[1].point } else { ring[0].point };
     let [a, p2, d] = [1, 2, 3].map(|k: usize| plane(&(ring[k].point - origin)));
     let along = |x: &Ring| normalised(plane(&x.axis)).ok_or("slider is perpendicular to the plane");
@@ -48,7 +47,8 @@ pub(super) fn read(of: &Reading<'_>, slider: bool) -> Result<Form, String> {
     let closure = match ring.iter().position(|x| x.slides) {
         Some(2) => Closure::Rrpr(lambda(of, &ring, &sense, a, d, along(&ring[2])?)?),
         place => {
-            let (b, c) = (minus(&p2, &a), minus(&p2, &d));
+            let b = minus(&p2, &a);
+            let c = minus(&p2, &d);
             let t = place.map_or(Ok([Dd::ZERO; 2]), |k| along(&ring[k]))?;
             // the way of an independent slider counts in its direction
             let t = if place == Some(0) { t.map(|x| x * sense[0]) } else { t };
@@ -66,7 +66,7 @@ pub(super) fn read(of: &Reading<'_>, slider: bool) -> Result<Form, String> {
                 return Err("links stand in line or have no length at zero".into());
             }
             let reach = if has_bearing {
-                // what J1 lies beside the slider's line, against b
+                // offset of J1 from the slider's line, against b
                 let normal = [-t[1], t[0]];
                 let middle = (inner(&normal, &b) + inner(&normal, &a)).to_f64();
                 [(middle + size(&a)).abs() - size(&b), (middle - size(&a)).abs() - size(&b)]
@@ -76,13 +76,15 @@ pub(super) fn read(of: &Reading<'_>, slider: bool) -> Result<Form, String> {
                 [nearest - (size(&b) - size(&c)).abs(), f64::INFINITY]
             } else {
                 // |D| against b − c and b + c
-                let (near, far) = ((size(&a) - size(&d)).abs(), size(&a) + size(&d));
+                let near = (size(&a) - size(&d)).abs();
+                let far = size(&a) + size(&d);
                 [near - (size(&b) - size(&c)).abs(), far - (size(&b) + size(&c))]
             };
             has_no_change_point(reach, cluster.length)?;
-            let tie =
-                |k: usize| ring[k].joint.map(|joint| Tie { joint, place: k, sense: sense[k] });
-            let ties: Vec<Tie<Dd>> = (1..4).filter_map(tie).collect();
+            let tie = |k: usize| {
+                ring[k].joint.map(|joint| LoopJoint { joint, place: k, sense: sense[k] })
+            };
+            let ties: Vec<LoopJoint<Dd>> = (1..4).filter_map(tie).collect();
             let others = ties.try_into().map_err(|_| "loop is cut twice")?;
             Closure::Planar(Planar {
                 joint: *y,
@@ -159,14 +161,13 @@ pub(super) fn driving(
     if !ring[2].slides {
         return Err("slider is not opposite to the crank that it drives".into());
     }
-    let plane =
-        |v: &Vector3<Dd>| -> Plane { [dot(&column(&axes, 0), v), dot(&column(&axes, 1), v)] };
+    let plane = |v: &Vector3<Dd>| -> Plane { [axes.col(0).dot(*v), axes.col(1).dot(*v)] };
     let [d3, d1] = [1, 3].map(|k: usize| plane(&(ring[k].point - ring[0].point)));
     let t = normalised(plane(&ring[2].axis)).ok_or("slider is perpendicular to the plane")?;
     lambda(of, &ring, &sense, d3, d1, t)
 }
 
-/// At the ends of what the independent joint reaches the links must not just stand in one line: two
+/// At the ends of the independent joint's range the links must not just stand in one line: two
 /// assemblies meet there, each goes on as the other, and a closed form knows no path.
 fn has_no_change_point(reach: [f64; 2], length: f64) -> Result<(), String> {
     if reach.iter().any(|x| x.abs() < CHANGE * length) {
@@ -191,7 +192,8 @@ fn lambda(
     // the length grows as the slider's coordinate does
     let t0 = t.map(|x| -(x * ring[2].direction));
     let d = minus(&d3, &d1);
-    let (length0, eccentricity) = (inner(&d, &t0), outer(&t0, &d));
+    let length0 = inner(&d, &t0);
+    let eccentricity = outer(&t0, &d);
     if length0.abs().to_f64() < DEGENERATE * of.cluster.length {
         return Err("slider has no length at zero".into());
     }

@@ -7,8 +7,8 @@ use crate::closure::{Arm, Closure, Leg, Platform, Strut};
 use crate::compile::closed_forms::{Deviation, Form, Reading, Subject, is_ball, sign, ties};
 use crate::compile::geometry::{axis, direction, unit};
 use crate::mechanism::{Cut, Motion};
-use crate::scalar::{Dd, Real, Scalar};
-use crate::spatial::{cross, dot, mul_mat, scale_add, t_mul};
+use crate::scalar::{Dd, Real, Triple};
+use crate::spatial::Matrix;
 
 /// Shortest lengths at zero, relative to the mechanism's size.
 const DEGENERATE: f64 = 1e-6;
@@ -37,7 +37,8 @@ pub(super) fn read(of: &Reading<'_>, offsets: bool) -> Result<Form, String> {
             "joints are not those of the platform, three a leg, and one a leg for arms".into()
         );
     }
-    let (mut legs, mut deviations) = (Vec::new(), Vec::new());
+    let mut legs = Vec::new();
+    let mut deviations = Vec::new();
     for joints in triples {
         let body = joints[2] + 1;
         let on = |end: usize| cluster.cuts.iter().find(|cut| ties(cut, body, end));
@@ -84,11 +85,11 @@ pub(super) fn universal(
     [j1, j2]: [usize; 2],
     deviations: &mut Vec<Deviation>,
 ) -> Result<Universal, String> {
-    let (a1, a2) = (axis(&of.zero[j1 + 1]), axis(&of.zero[j2 + 1]));
-    let Y =
-        unit(&scale_add(&a1, -dot(&a1, &a2), &a2)).ok_or("universal joint has parallel axes")?;
-    let axes = Matrix3::from_columns(&[a1, Y, cross(&a1, &Y)]);
-    let skew = dot(&a1, &a2);
+    let a1 = axis(&of.zero[j1 + 1]);
+    let a2 = axis(&of.zero[j2 + 1]);
+    let Y = unit(&a2.add_scaled(a1, -a1.dot(a2))).ok_or("universal joint has parallel axes")?;
+    let axes = Matrix3::from_columns(&[a1, Y, a1.cross(Y)]);
+    let skew = a1.dot(a2);
     deviations.push((
         "axis not perpendicular to the one before it, axis".into(),
         Subject::Joint(j2),
@@ -96,11 +97,12 @@ pub(super) fn universal(
     ));
 
     // where the axes are nearest to each other, and how far apart
-    let (p1, p2) = (of.zero[j1 + 1].p, of.zero[j2 + 1].p);
+    let p1 = of.zero[j1 + 1].p;
+    let p2 = of.zero[j2 + 1].p;
     let along = p2 - p1;
-    let s = (dot(&a1, &along) - skew * dot(&a2, &along)) / (Dd::ONE - skew * skew);
-    let center = scale_add(&a1, s, &p1);
-    let distance = t_mul(&axes, &(p2 - center))[2];
+    let s = (a1.dot(along) - skew * a2.dot(along)) / (Dd::ONE - skew * skew);
+    let center = p1.add_scaled(a1, s);
+    let distance = axes.apply_transposed(p2 - center)[2];
     Ok(Universal { axes, center, distance })
 }
 
@@ -114,11 +116,12 @@ fn strut(
 ) -> Result<Strut<Dd>, String> {
     let [j1, j2, j3] = joints;
     let Universal { axes, center, distance } = universal(of, [j1, j2], deviations)?;
-    let a = t_mul(&axes, &axis(&of.zero[j3 + 1]));
+    let a = axes.apply_transposed(axis(&of.zero[j3 + 1]));
 
-    // axes that cross, or a slider perpendicular to the second: what is nearer
+    // axes that cross, or a slider perpendicular to the second: the better fit
     let size = of.cluster.length;
-    let (gap, tilt) = (distance.abs().to_f64() / size, a[1].abs().to_f64());
+    let gap = distance.abs().to_f64() / size;
+    let tilt = a[1].abs().to_f64();
     let apart = offsets && tilt < gap;
     if apart {
         deviations.push((
@@ -135,16 +138,16 @@ fn strut(
         ));
     }
     let distance = if apart { distance } else { Dd::ZERO };
-    let v = t_mul(&axes, &(point - center));
+    let v = axes.apply_transposed(point - center);
     let w = Vector3::new(v[0], v[1], v[2] - distance);
-    let length0 = dot(&a, &w);
-    let e = scale_add(&a, -length0, &w);
+    let length0 = a.dot(w);
+    let e = w.add_scaled(a, -length0);
     if length0.abs().to_f64() < DEGENERATE * size || v[2].abs().to_f64() < DEGENERATE * size {
         return Err("leg is stretched along its first axis or has no length at zero".into());
     }
-    let square0 = if apart { w[0] * w[0] + w[2] * w[2] } else { dot(&v, &v) };
+    let square0 = if apart { w[0] * w[0] + w[2] * w[2] } else { v.dot(v) };
     let joints = joints.map(|j| of.dof(j));
-    let e_square = dot(&e, &e);
+    let e_square = e.dot(e);
     Ok(Strut {
         joints,
         axes,
@@ -178,27 +181,26 @@ fn arm(
     };
     let normal = unit(&direction(x_arm, &direction(&plane.x_p_cut, &row.linear)))
         .ok_or("constraint axis has no direction")?;
-    let off = dot(&normal, &n);
+    let off = normal.dot(n);
     deviations.push((
         "constraint axis not perpendicular to axis".into(),
         Subject::Joint(j),
         off.abs().to_f64(),
     ));
-    let m =
-        unit(&scale_add(&n, -off, &normal)).ok_or("constraint axis lies along the arm's axis")?;
-    let axes = Matrix3::from_columns(&[cross(&m, &n), m, n]);
+    let m = unit(&normal.add_scaled(n, -off)).ok_or("constraint axis lies along the arm's axis")?;
+    let axes = Matrix3::from_columns(&[m.cross(n), m, n]);
     let center = of.zero[0].point(&plane.x_s_cut.p);
-    let D = t_mul(&axes, &(center - x_arm.p));
+    let D = axes.apply_transposed(center - x_arm.p);
     if D[0].abs().to_f64() < DEGENERATE * of.cluster.length {
         return Err("arm's axis passes through the point that the arm turns to".into());
     }
     let arm = Arm {
         joint: of.dof(j),
-        axes: mul_mat(&of.zero[platform].R.transpose(), &axes),
+        axes: of.zero[platform].R.transpose().times(axes),
         pivot: of.zero[platform].inverse().point(&x_arm.p),
         center,
-        beside: D[1],
+        offset: D[1],
         side: sign(D[0]),
     };
-    Ok((arm, t_mul(&axes, &(point - x_arm.p))))
+    Ok((arm, axes.apply_transposed(point - x_arm.p)))
 }

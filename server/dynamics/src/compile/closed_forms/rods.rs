@@ -9,8 +9,8 @@ use crate::compile::closed_forms::{
 };
 use crate::compile::geometry::{axis, norm, unit};
 use crate::mechanism::{Cut, Motion};
-use crate::scalar::{Dd, Real, Scalar};
-use crate::spatial::{cross, dot, mul_mat, scale_add, t_mul};
+use crate::scalar::{Dd, Real, Triple};
+use crate::spatial::Matrix;
 
 /// Shortest lengths at zero, relative to the mechanism's size.
 const DEGENERATE: f64 = 1e-6;
@@ -48,7 +48,8 @@ pub(super) fn read(of: &Reading<'_>) -> Result<Form, String> {
             Ok(())
         }
     };
-    let (mut rods, mut others): (Vec<RodLeg<Dd>>, Vec<&Cut<Dd>>) = (Vec::new(), Vec::new());
+    let mut rods: Vec<RodLeg<Dd>> = Vec::new();
+    let mut others: Vec<&Cut<Dd>> = Vec::new();
     for cut in &cluster.cuts {
         let Some(joints) = leg(of, cut, depth) else {
             others.push(cut);
@@ -137,17 +138,17 @@ fn rod(
     };
     let Z = axis(&of.zero[crank + 1]);
     let arm = end - of.zero[crank + 1].p;
-    let rise = dot(&Z, &arm);
-    let radial = scale_add(&Z, -rise, &arm);
+    let rise = Z.dot(arm);
+    let radial = arm.add_scaled(Z, -rise);
     let radius = norm(&radial);
     let X = unit(&radial)
         .filter(|_| radius.to_f64() > DEGENERATE * size)
         .ok_or("rod begins on the crank's axis")?;
-    let axes = Matrix3::from_columns(&[X, cross(&Z, &X), Z]);
-    let center = scale_add(&Z, rise, &of.zero[crank + 1].p);
-    let D = t_mul(&axes, &(point - center));
+    let axes = Matrix3::from_columns(&[X, Z.cross(X), Z]);
+    let center = of.zero[crank + 1].p.add_scaled(Z, rise);
+    let D = axes.apply_transposed(point - center);
     let along = ball - universal_joint.center;
-    let rod = t_mul(&universal_joint.axes, &along);
+    let rod = universal_joint.axes.apply_transposed(along);
     let short = |x: Dd| x.abs().to_f64() < DEGENERATE * size;
     if short(D[1]) || short(rod[2]) {
         return Err("crank and rod are at a dead point at zero".into());
@@ -156,7 +157,8 @@ fn rod(
     let carried_by = if on_crank { axes } else { of.zero[platform].R };
     // PRECISION: a point of doubles, so that κ there belongs to it
     let near = D.map(|x| Dd::from_f64(x.to_f64()));
-    let (radius_square, length_square) = (radius * radius, dot(&along, &along));
+    let radius_square = radius * radius;
+    let length_square = along.dot(along);
     Ok(RodLeg {
         crank,
         universal,
@@ -166,10 +168,10 @@ fn rod(
         axes,
         center,
         pin: of.zero[platform].inverse().point(&point),
-        universal_axes: mul_mat(&carried_by.transpose(), &universal_joint.axes),
+        universal_axes: carried_by.transpose().times(universal_joint.axes),
         rod,
         near,
-        along: (radius_square - length_square + dot(&near, &near)) * Dd::from_f64(0.5),
+        along: (radius_square - length_square + near.dot(near)) * Dd::from_f64(0.5),
         radius,
         radius_square,
         length_square,

@@ -20,7 +20,8 @@ impl Table<'_> {
         if self.numerical.form.is_none() {
             return false;
         }
-        let (grid, corners) = (Grid::of_cells(&seeds.axes), Grid::of_nodes(&seeds.axes));
+        let grid = Grid::of_cells(&seeds.axes);
+        let corners = Grid::of_nodes(&seeds.axes);
         (0..grid.len()).filter(|cell| seeds.cells[*cell]).all(|cell| {
             let place = grid.place(cell);
             let mut center = center(&seeds.axes, zero, &place);
@@ -34,7 +35,8 @@ impl Table<'_> {
 
     /// True where the closed form has the dependents of a pose at its independents.
     fn form_is_at(&mut self, q: &[f64], allowed: f64) -> bool {
-        let (model, c) = (self.model, self.c);
+        let model = self.model;
+        let c = self.c;
         let cluster = &model.clusters[c];
         let at = cluster.coordinates();
         self.ws.q[at.clone()].copy_from_slice(q);

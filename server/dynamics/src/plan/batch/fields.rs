@@ -17,7 +17,8 @@ impl Batch {
         want: &mut [(&mut [f64], usize)],
         answers: &mut [Answer],
     ) {
-        let (n_in, n_out) = (self.plan.given().len(), self.plan.want().len());
+        let n_in = self.plan.given().len();
+        let n_out = self.plan.want().len();
         let rows = answers.len();
         let fits = |numbers: &[f64], width: usize| Some(numbers.len()) == rows.checked_mul(width);
         if given.iter().map(|(_, width)| width).sum::<usize>() != n_in
@@ -29,7 +30,7 @@ impl Batch {
             answers.fill(Answer { status: Status::WrongSize, warnings: Warnings::NONE });
             return;
         }
-        let is_straight = self.plan.abreast > 1 && !self.plan.closes_apart();
+        let is_straight = self.plan.batch_width > 1 && !self.plan.closes_apart();
         for first in (0..rows).step_by(LANES) {
             let here = first..rows.min(first + LANES);
             let tile = self.workspace.tile.as_mut();

@@ -1,4 +1,4 @@
-//! What states that go abreast are answered with.
+//! Scratch and answers of a packet of states.
 
 use std::sync::Arc;
 
@@ -7,26 +7,26 @@ use sarrus_proto::{Answer, Status, Warnings};
 use super::ALL;
 use crate::model::Model;
 use crate::plan::Plan;
-use crate::scalar::{Abreast, LANES, Marks, Real};
+use crate::scalar::{Divergence, LANES, Packet, Real};
 use crate::workspace::Workspace;
 
-/// What states that go abreast need: room for plans of up to so many numbers.
+/// Scratch of a packet of states, with room for plans of up to so many numbers.
 #[derive(Clone, Debug)]
 pub(super) struct Tile {
-    model: Arc<Model<Abreast>>,
-    workspace: Workspace<Abreast>,
-    input: Vec<Abreast>,
-    output: Vec<Abreast>,
+    model: Arc<Model<Packet>>,
+    workspace: Workspace<Packet>,
+    input: Vec<Packet>,
+    output: Vec<Packet>,
 }
 
 impl Tile {
     pub(super) fn new(
-        model: Model<Abreast>,
-        workspace: Workspace<Abreast>,
+        model: Model<Packet>,
+        workspace: Workspace<Packet>,
         n_in: usize,
         n_out: usize,
     ) -> Tile {
-        let [input, output] = [n_in, n_out].map(|n| vec![Abreast::ZERO; n]);
+        let [input, output] = [n_in, n_out].map(|n| vec![Packet::ZERO; n]);
         Tile { model: Arc::new(model), workspace, input, output }
     }
 
@@ -36,8 +36,8 @@ impl Tile {
         n_in <= self.input.len() && plan.want().len() <= self.output.len()
     }
 
-    /// Answers [`LANES`] states, of what closes apart closed ones, but for those in the bits that
-    /// it returns: rows of fields that lie one after the other, with the width of a row.
+    /// Answers [`LANES`] states, closed ones where closures run separately, except those in the
+    /// returned bits: rows of fields that lie one after the other, with the width of a row.
     #[inline]
     pub(super) fn run<'a>(
         &mut self,
@@ -46,17 +46,19 @@ impl Tile {
         want: impl Iterator<Item = (&'a mut [f64], usize)>,
         answers: &mut [Answer],
     ) -> u32 {
-        let (n_in, n_out) = (plan.given().len() + plan.closed_len(), plan.want().len());
-        let (input, output) = (&mut self.input[..n_in], &mut self.output[..n_out]);
+        let n_in = plan.given().len() + plan.closed_len();
+        let n_out = plan.want().len();
+        let input = &mut self.input[..n_in];
+        let output = &mut self.output[..n_out];
         let mut at = 0;
         for (rows, width) in given {
             read(rows, &mut input[at..][..width]);
             at += width;
         }
-        Marks::take();
-        // of what does not close apart the two are one
+        Divergence::take();
+        // without separate closures this is the whole run
         let answer = plan.run_closed(&self.model, &mut self.workspace, input, output);
-        let marks = Marks::take();
+        let marks = Divergence::take();
         if answer.status != Status::Ok || answer.warnings != Warnings::NONE {
             return ALL;
         }
@@ -76,23 +78,23 @@ impl Tile {
 
 /// The numbers of [`LANES`] rows, each of one state, in blocks of as many numbers as rows; the last
 /// block may overlap the one before.
-fn read(rows: &[f64], numbers: &mut [Abreast]) {
+fn read(rows: &[f64], numbers: &mut [Packet]) {
     let n = numbers.len();
     let rows: [&[f64]; LANES] = core::array::from_fn(|lane| &rows[lane * n..][..n]);
     let Some(last) = n.checked_sub(LANES) else {
         for (k, x) in numbers.iter_mut().enumerate() {
-            *x = Abreast::new(rows.map(|row| row[k]));
+            *x = Packet::new(rows.map(|row| row[k]));
         }
         return;
     };
     for at in (0..n).step_by(LANES).map(|at| at.min(last)) {
         let block = rows.map(|row| core::array::from_fn(|k| row[at + k]));
-        numbers[at..][..LANES].copy_from_slice(&Abreast::of_rows(block));
+        numbers[at..][..LANES].copy_from_slice(&Packet::of_rows(block));
     }
 }
 
 /// The reverse.
-fn write(numbers: &[Abreast], rows: &mut [f64]) {
+fn write(numbers: &[Packet], rows: &mut [f64]) {
     let n = numbers.len();
     let Some(last) = n.checked_sub(LANES) else {
         for (k, x) in numbers.iter().enumerate() {
@@ -103,7 +105,7 @@ fn write(numbers: &[Abreast], rows: &mut [f64]) {
         return;
     };
     for at in (0..n).step_by(LANES).map(|at| at.min(last)) {
-        let block = Abreast::rows(core::array::from_fn(|k| numbers[at + k]));
+        let block = Packet::rows(core::array::from_fn(|k| numbers[at + k]));
         for (lane, block) in block.iter().enumerate() {
             rows[lane * n + at..][..LANES].copy_from_slice(block);
         }

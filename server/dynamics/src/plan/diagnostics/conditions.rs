@@ -1,4 +1,4 @@
-//! What is asked rarely about the loops of a closed state: K and k, residual, conditions,
+//! Rare outputs about the loops of a closed state: K and k, residual, conditions,
 //! loop-closure forces.
 
 use sarrus_proto::{Field, Status};
@@ -13,7 +13,7 @@ use crate::mechanism::Cluster;
 use crate::model::Model;
 use crate::plan::Plan;
 use crate::plan::diagnostics::singular;
-use crate::scalar::Scalar;
+use crate::scalar::Real;
 use crate::workspace::Workspace;
 
 /// Component of a row's unit vector in the null space of K_dᵀ from which on redundant rows share
@@ -33,79 +33,52 @@ pub(in crate::plan) struct Conditions<T> {
 impl Plan {
     /// Evaluates the rows of every closed cluster at the closed state; writes K, k and λ straight
     /// to the output.
-    pub(in crate::plan) fn conditions<T: Scalar>(
+    pub(in crate::plan) fn conditions<T: Real>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
         output: &mut [T],
     ) -> Result<Conditions<T>, Status> {
-        let sizes = model.sizes();
         let slot = |field| self.want().slot(field).map(|slot| slot.range());
-        let (K, k_bias, lambda) = (slot(Field::K), slot(Field::KBias), slot(Field::Lambda));
-        let (branch, determinate, good) =
-            (slot(Field::Branch), slot(Field::LambdaDeterminate), slot(Field::GoodIndependents));
-        if let Some(range) = &K {
-            output[range.clone()].fill(T::ZERO);
+        if let Some(range) = slot(Field::K) {
+            output[range].fill(T::ZERO);
         }
-        if let Some(range) = &good {
-            singular::declared_independents(model, &mut output[range.clone()]);
+        if let Some(range) = slot(Field::GoodIndependents) {
+            singular::declared_independents(model, &mut output[range]);
         }
         let mut residual = T::ZERO;
-        let (mut unscaled, mut scaled) = (Range::none(), Range::none());
+        let mut unscaled = Range::none();
+        let mut scaled = Range::none();
         for &c in &model.closed_clusters {
             let cluster = &model.clusters[c];
-            let (n, v) = (cluster.n_v, cluster.v);
-            let bodies = model.bodies_of(cluster);
-            ws.local_poses(cluster, bodies);
+            ws.local_poses(cluster, model.bodies_of(cluster));
             let scratch = &mut ws.scratch;
-            constraint_residual(
-                cluster,
-                &scratch.pose,
-                &ws.q[cluster.coordinates()],
-                &mut scratch.phi,
-            );
+            let q = &ws.q[cluster.coordinates()];
+            constraint_residual(cluster, &scratch.pose, q, &mut scratch.phi);
             let of_cluster = largest_residual(cluster, &scratch.phi);
             residual = T::select_lt(residual, of_cluster, of_cluster, residual);
             constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
-            if let Some(range) = &K {
-                let K = &mut output[range.clone()];
-                for (r, row) in cluster.rows.iter().enumerate() {
-                    for j in 0..n {
-                        K[row * sizes.n_v + model.order.v_external[v + j]] = scratch.K[r * n + j];
-                    }
-                }
-            }
-            if let Some(range) = &k_bias {
-                local_rates(cluster, bodies, &ws.qd[v..v + n], &scratch.pose, &mut scratch.rate);
-                constraint_bias(cluster, &scratch.pose, &scratch.rate, &mut scratch.phi);
-                let k = &mut output[range.clone()];
-                cluster.rows.iter().enumerate().for_each(|(r, row)| k[*row] = scratch.phi[r]);
-            }
+            self.write_rows(model, cluster, ws, output);
+            let scratch = &mut ws.scratch;
             if self.wants_any(&[Field::CondKd, Field::SigmaMin]) {
                 unscaled.add(K_d(cluster, &scratch.K, &mut scratch.A));
                 scaled.add(dependents_range(cluster, scratch));
             }
-            if let (Some(range), Some(place)) =
-                (&branch, model.order.branches.iter().position(|branch| *branch == c))
-            {
+            let place = model.order.branches.iter().position(|branch| *branch == c);
+            if let Some((range, place)) = slot(Field::Branch).zip(place) {
                 output[range.start + place] = closure::assembly_branch(cluster, scratch);
             }
-            if let Some(range) = &good {
-                // where none is good by this measure those declared stand, which did close the loop
+            if let Some(range) = slot(Field::GoodIndependents) {
+                // if this finds none, the declared ones remain, which did close the loop
                 let dense = (ws.dense.as_mut_slice(), ws.dense_rhs.as_mut_slice());
-                singular::good_independents(
-                    model,
-                    cluster,
-                    &scratch.K,
-                    dense,
-                    &mut output[range.clone()],
-                );
+                singular::good_independents(model, cluster, &scratch.K, dense, &mut output[range]);
             }
-            if let Some(range) = &lambda {
-                loop_forces(cluster, &ws.loop_q[v..v + n], scratch, &mut output[range.clone()])?;
+            if let Some(range) = slot(Field::Lambda) {
+                let rest = &ws.loop_q[cluster.velocities()];
+                loop_forces(cluster, rest, scratch, &mut output[range])?;
             }
-            if let Some(range) = &determinate {
-                determinate_forces(cluster, scratch, &mut output[range.clone()]);
+            if let Some(range) = slot(Field::LambdaDeterminate) {
+                determinate_forces(cluster, scratch, &mut output[range]);
             }
         }
         if let Some(range) = slot(Field::Uncontrolled) {
@@ -119,6 +92,34 @@ impl Plan {
             cond_My: if self.wants(Field::CondMy) { cond_My(model, ws) } else { T::ONE },
         })
     }
+
+    /// Writes K and k of one cluster to the output.
+    fn write_rows<T: Real>(
+        &self,
+        model: &Model<T>,
+        cluster: &Cluster<T>,
+        ws: &mut Workspace<T>,
+        output: &mut [T],
+    ) {
+        let scratch = &mut ws.scratch;
+        if let Some(slot) = self.want().slot(Field::K) {
+            let K = &mut output[slot.range()];
+            for (r, row) in cluster.rows.iter().enumerate() {
+                for j in 0..cluster.n_v {
+                    let column = model.order.v_external[cluster.v + j];
+                    K[row * model.sizes().n_v + column] = scratch.K[r * cluster.n_v + j];
+                }
+            }
+        }
+        if let Some(slot) = self.want().slot(Field::KBias) {
+            let bodies = model.bodies_of(cluster);
+            let qd = &ws.qd[cluster.velocities()];
+            local_rates(cluster, bodies, qd, &scratch.pose, &mut scratch.rate);
+            constraint_bias(cluster, &scratch.pose, &scratch.rate, &mut scratch.phi);
+            let k = &mut output[slot.range()];
+            cluster.rows.iter().enumerate().for_each(|(r, row)| k[*row] = scratch.phi[r]);
+        }
+    }
 }
 
 /// The largest and least of several ranges of singular values.
@@ -127,7 +128,7 @@ struct Range<T> {
     least: T,
 }
 
-impl<T: Scalar> Range<T> {
+impl<T: Real> Range<T> {
     fn none() -> Range<T> {
         Range { largest: T::ZERO, least: T::from_f64(f64::INFINITY) }
     }
@@ -143,7 +144,7 @@ impl<T: Scalar> Range<T> {
 }
 
 /// Range of the singular values of K_d in the units of the model.
-fn K_d<T: Scalar>(cluster: &Cluster<T>, K: &[T], A: &mut [T]) -> (T, T) {
+fn K_d<T: Real>(cluster: &Cluster<T>, K: &[T], A: &mut [T]) -> (T, T) {
     let m = cluster.dependent.len();
     for (i, &r) in cluster.used.iter().enumerate() {
         for (a, &j) in cluster.dependent.iter().enumerate() {
@@ -156,13 +157,14 @@ fn K_d<T: Scalar>(cluster: &Cluster<T>, K: &[T], A: &mut [T]) -> (T, T) {
 /// λ from K_dᵀ λ = rest_d, the tree forces of the dependents that nothing else supplies. Where rows
 /// are redundant λ is the one of least norm in the scaling: with K_d = U Σ Vᵀ scaled, λ_s = U Σ⁻¹
 /// Vᵀ rest.
-fn loop_forces<T: Scalar>(
+fn loop_forces<T: Real>(
     cluster: &Cluster<T>,
     rest: &[T],
     scratch: &mut Scratch<T>,
     lambda: &mut [T],
 ) -> Result<(), Status> {
-    let (m, rows) = (cluster.dependent.len(), cluster.rows.len());
+    let m = cluster.dependent.len();
+    let rows = cluster.rows.len();
     if rows == m {
         for (a, &j) in cluster.dependent.iter().enumerate() {
             for r in 0..rows {
@@ -175,7 +177,8 @@ fn loop_forces<T: Scalar>(
         return Ok(());
     }
     decompose_dependents(cluster, scratch);
-    let (A, V) = (&scratch.A, &scratch.B);
+    let A = &scratch.A;
+    let V = &scratch.B;
     // Σ⁻² Vᵀ rest
     for a in 0..m {
         let along = cluster.dependent.iter().enumerate().fold(T::ZERO, |sum, (b, &j)| {
@@ -199,12 +202,13 @@ fn loop_forces<T: Scalar>(
 
 /// 1 for each row whose λ every solution of K_dᵀ λ = rest_d shares: its unit vector lies in the
 /// range of K_d.
-fn determinate_forces<T: Scalar>(
+fn determinate_forces<T: Real>(
     cluster: &Cluster<T>,
     scratch: &mut Scratch<T>,
     determinate: &mut [T],
 ) {
-    let (m, rows) = (cluster.dependent.len(), cluster.rows.len());
+    let m = cluster.dependent.len();
+    let rows = cluster.rows.len();
     if rows == m {
         return cluster.rows.iter().for_each(|row| determinate[*row] = T::ONE);
     }
@@ -220,18 +224,20 @@ fn determinate_forces<T: Scalar>(
 }
 
 /// The scaled K_d of all rows as U Σ in `A` and V in `B`.
-fn decompose_dependents<T: Scalar>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) {
-    let (m, rows) = (cluster.dependent.len(), cluster.rows.len());
+fn decompose_dependents<T: Real>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) {
+    let m = cluster.dependent.len();
+    let rows = cluster.rows.len();
     let A = &mut scratch.A;
     scaled(cluster, &scratch.K, 0..rows, &cluster.dependent, |r, a, x| A[r * m + a] = x);
     decompose(&mut scratch.A, &mut scratch.B, rows, m);
 }
 
 /// Condition of G_u over all clusters.
-fn cond_Gu<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> T {
+fn cond_Gu<T: Real>(model: &Model<T>, ws: &mut Workspace<T>) -> T {
     let mut range = Range::none();
     for cluster in &model.clusters {
-        let (m, n_u) = (cluster.n_vy, cluster.active.len());
+        let m = cluster.n_vy;
+        let n_u = cluster.active.len();
         if n_u == 0 || m == 0 {
             continue;
         }
@@ -248,7 +254,7 @@ fn cond_Gu<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> T {
 }
 
 /// Condition of M_y.
-fn cond_My<T: Scalar>(model: &Model<T>, ws: &mut Workspace<T>) -> T {
+fn cond_My<T: Real>(model: &Model<T>, ws: &mut Workspace<T>) -> T {
     let n = model.sizes().n_vy;
     for i in 0..n {
         for j in 0..=i {

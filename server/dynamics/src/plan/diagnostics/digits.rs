@@ -2,7 +2,7 @@
 //!
 //! While a request is computed its doubt is kept: a bound, up to a constant, of the factor by which
 //! its roundings grow. It is the gain of the closures ([`crate::closure::Outcome::gain`]), times
-//! the cancellation of forces, times what is divided by where actuators or inertias nearly vanish.
+//! the cancellation of forces, divided by nearly vanishing actuators or inertias.
 //! A bound is always too large; so an answer with a large one is computed twice again with every
 //! rounding moved ([`crate::scalar::Stochastic`]), and it is the difference that is reported.
 
@@ -11,18 +11,18 @@ use sarrus_proto::Field;
 use crate::closure::Level;
 use crate::plan::Plan;
 use crate::plan::run::RunReport;
-use crate::scalar::{DOUBTFUL, Figure, Scalar, Stochastic};
+use crate::scalar::{BranchValue, DOUBTFUL, Real, Stochastic};
 use crate::workspace::Workspace;
 
 /// Difference of the runs, against the largest number of a field, at which it keeps nine digits for
 /// sure: roundings are moved by about four times their own size.
 const KEPT: f64 = 5e-11;
-/// Part of the largest term of a force below which what is left of it counts as zero.
+/// Part of the largest term of a force below which the sum counts as zero.
 pub(in crate::plan) const ZERO: f64 = 1e-4;
 /// Part of one radian or metre below which a position counts as zero.
 const AT_ZERO: f64 = 1e-4;
 
-/// What grows the roundings of a request, and where a field counts as zero.
+/// Growth of the roundings of a request, and sizes below which a field counts as zero.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::plan) struct Doubt {
     /// Bound of the growth.
@@ -38,7 +38,7 @@ impl Doubt {
     /// A closure of this gain, down to a level, whose actuators leave this part of their control.
     pub(in crate::plan) fn closure(&mut self, gain: f64, level: Level, control: f64) {
         let growth = match level {
-            // of positions that may be as small as what counts as zero
+            // positions may be as small as the size that counts as zero
             Level::Position | Level::Jacobian | Level::Velocity => gain,
             Level::Acceleration => gain * gain.sqrt(),
         };
@@ -62,13 +62,13 @@ pub(in crate::plan) fn larger(a: f64, b: f64) -> f64 {
     if b > a || b.is_nan() { b } else { a }
 }
 
-/// Terms of this size leave numbers of that one, of which `zero` counts as zero: how much their
-/// roundings grow, and what counts as zero against what is left.
-pub(in crate::plan) fn cancellation<T: Scalar>(terms: T, left: T, zero: T) -> (f64, f64) {
+/// Growth of roundings from terms of one size to a sum of another, of which `zero` counts as zero;
+/// and zero relative to the sum.
+pub(in crate::plan) fn cancellation<T: Real>(terms: T, left: T, zero: T) -> (f64, f64) {
     if terms > T::ZERO && zero > T::ZERO {
         let growth = terms / T::select_lt(left, zero, zero, left);
-        let part = (zero / left).to_figure(Figure::OfDoubt);
-        (growth.to_figure(Figure::Growth), f64::max(1.0, part))
+        let part = (zero / left).to_branch_value(BranchValue::OfDoubt);
+        (growth.to_branch_value(BranchValue::Growth), f64::max(1.0, part))
     } else {
         (1.0, 1.0)
     }
@@ -76,7 +76,7 @@ pub(in crate::plan) fn cancellation<T: Scalar>(terms: T, left: T, zero: T) -> (f
 
 impl Plan {
     /// True where every field of the answer keeps nine digits. Allocates never.
-    pub(in crate::plan) fn keeps_digits<T: Scalar>(
+    pub(in crate::plan) fn keeps_digits<T: Real>(
         &self,
         ws: &mut Workspace<T>,
         input: &[T],
@@ -101,7 +101,7 @@ impl Plan {
     }
 
     /// True where no field differs in its first nine digits.
-    fn agree<T: Scalar>(&self, output: &[T], found: &[Stochastic], report: &RunReport<T>) -> bool {
+    fn agree<T: Real>(&self, output: &[T], found: &[Stochastic], report: &RunReport<T>) -> bool {
         use Field::*;
         self.want().slots().iter().all(|slot| {
             let (least, part) = match slot.field {
@@ -112,9 +112,11 @@ impl Plan {
                 TauQ | TauY | TauU | TauUnactuated => (0.0, report.doubt.force),
                 _ => (0.0, 1.0),
             };
-            let (mut size, mut apart) = (least, 0.0_f64);
+            let mut size = least;
+            let mut apart = 0.0_f64;
             for (x, y) in output[slot.range()].iter().zip(&found[slot.range()]) {
-                let (x, y) = (x.to_f64(), y.to_f64());
+                let x = x.to_f64();
+                let y = y.to_f64();
                 // a condition may be infinite
                 let distance = if x == y { 0.0 } else { (x - y).abs() };
                 (size, apart) = (larger(size, x.abs()), larger(apart, distance));

@@ -1,5 +1,5 @@
-//! What a failed closure still reports: residual, distance to singularity, good independents, the
-//! nearest y.
+//! Outputs of a failed closure: residual, distance to singularity, good independents, the nearest
+//! y.
 
 use sarrus_proto::{Field, Status};
 
@@ -12,7 +12,7 @@ use crate::model::Model;
 use crate::plan::Plan;
 use crate::plan::diagnostics::{nearest, singular};
 use crate::plan::run::RunReport;
-use crate::scalar::Scalar;
+use crate::scalar::Real;
 use crate::workspace::Workspace;
 
 /// Halvings of the path to an unreachable target.
@@ -22,9 +22,9 @@ const BISECTIONS: u32 = 50;
 const CLOSED: f64 = 1e-8;
 
 impl Plan {
-    /// Notes what is wanted of a cluster that could not be closed, whose independents in q are
-    /// those that were asked.
-    pub(in crate::plan) fn remember_failure<T: Scalar>(
+    /// Keeps the wanted outputs of a cluster that could not be closed, with the requested
+    /// independents in q.
+    pub(in crate::plan) fn remember_failure<T: Real>(
         &self,
         model: &Model<T>,
         c: usize,
@@ -76,7 +76,7 @@ impl Plan {
 
     /// The least distance to singularity among the clusters that were closed and the one that was
     /// not.
-    pub(in crate::plan) fn distance_after<T: Scalar>(
+    pub(in crate::plan) fn distance_after<T: Real>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
@@ -97,16 +97,15 @@ impl Plan {
             residual(cluster, bodies, ws);
             constraint_jacobian(cluster, &ws.scratch.pose, &mut ws.scratch.K);
             let sigma_min = dependents_range(cluster, &mut ws.scratch).1;
-            // what is not a number yet is greater than any
+            // NaN counts as greater than any number
             least = if sigma_min < least || !least.is_finite() { sigma_min } else { least };
         }
         least
     }
 }
 
-/// Largest scaled residual of one cluster at whatever pose stands in q; leaves its poses in the
-/// scratch.
-fn residual<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], ws: &mut Workspace<T>) -> T {
+/// Largest scaled residual of one cluster at the pose in q; leaves its poses in the scratch.
+fn residual<T: Real>(cluster: &Cluster<T>, bodies: &[Body<T>], ws: &mut Workspace<T>) -> T {
     ws.local_poses(cluster, bodies);
     let q = &ws.q[cluster.coordinates()];
     constraint_residual(cluster, &ws.scratch.pose, q, &mut ws.scratch.phi);
@@ -115,14 +114,15 @@ fn residual<T: Scalar>(cluster: &Cluster<T>, bodies: &[Body<T>], ws: &mut Worksp
 
 /// Puts into q the last closed pose of one cluster on the straight path to those in the scratch's
 /// `last`: a numerical closure has just followed it, a closed form is bisected.
-fn last_on_path<T: Scalar>(model: &Model<T>, c: usize, ws: &mut Workspace<T>) {
+fn last_on_path<T: Real>(model: &Model<T>, c: usize, ws: &mut Workspace<T>) {
     let cluster = &model.clusters[c];
     let at = cluster.coordinates();
     if matches!(model.closures[c], Closure::Numerical(_)) {
         ws.q[at].copy_from_slice(&ws.scratch.goal[..cluster.n_q]);
         return;
     }
-    let (mut low, mut high) = (0.0, 1.0);
+    let mut low = 0.0;
+    let mut high = 1.0;
     ws.q[at.clone()].copy_from_slice(&ws.start[at.clone()]);
     ws.scratch.goal[..cluster.n_q].copy_from_slice(&ws.q[at.clone()]);
     for _ in 0..BISECTIONS {

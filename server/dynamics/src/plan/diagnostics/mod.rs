@@ -1,4 +1,4 @@
-//! What is asked rarely: conditions of a closed state, and what a failure can still report.
+//! Rare outputs: conditions of a closed state, and outputs of a failure.
 
 mod conditions;
 pub(super) mod digits;

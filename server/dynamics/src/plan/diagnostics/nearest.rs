@@ -17,7 +17,7 @@ use crate::closure::{
 };
 use crate::linalg::{column_square, decompose};
 use crate::mechanism::{Body, Cluster};
-use crate::scalar::Scalar;
+use crate::scalar::Real;
 use crate::workspace::Workspace;
 
 /// Steps, halvings of a step, steps of one projection.
@@ -41,7 +41,7 @@ struct Search<'a, T> {
 }
 
 /// Moves the closed pose in q to the one whose independents are nearest to those in `step_y`.
-pub(in crate::plan) fn nearest_pose<T: Scalar>(
+pub(in crate::plan) fn nearest_pose<T: Real>(
     cluster: &Cluster<T>,
     bodies: &[Body<T>],
     ws: &mut Workspace<T>,
@@ -50,7 +50,8 @@ pub(in crate::plan) fn nearest_pose<T: Scalar>(
     if cluster.independent.iter().any(|v| !cluster.dofs[*v].single) {
         return;
     }
-    let (m, rows) = (cluster.n_vy, cluster.rows.len());
+    let m = cluster.n_vy;
+    let rows = cluster.rows.len();
     let search = Search { cluster, bodies, m, n: m + cluster.dependent.len(), rows };
     search.jacobian(ws);
     let sign = assembly_branch(cluster, &mut ws.scratch);
@@ -62,7 +63,7 @@ pub(in crate::plan) fn nearest_pose<T: Scalar>(
     }
 }
 
-impl<T: Scalar> Search<'_, T> {
+impl<T: Real> Search<'_, T> {
     fn columns(&self) -> impl Iterator<Item = usize> + '_ {
         self.cluster.independent.iter().chain(&self.cluster.dependent).copied()
     }
@@ -93,7 +94,8 @@ impl<T: Scalar> Search<'_, T> {
     fn tangents(&self, ws: &mut Workspace<T>) {
         let Search { cluster, m, n, rows, .. } = *self;
         self.jacobian(ws);
-        let (A, V) = (&mut ws.dense, &mut ws.dense_rhs);
+        let A = &mut ws.dense;
+        let V = &mut ws.dense_rhs;
         scaled(cluster, &ws.scratch.K, 0..rows, &cluster.independent, |r, a, x| A[r * n + a] = x);
         scaled(cluster, &ws.scratch.K, 0..rows, &cluster.dependent, |r, a, x| A[r * n + m + a] = x);
         decompose(A, V, rows, n);
@@ -239,7 +241,7 @@ impl<T: Scalar> Search<'_, T> {
             if residual < floor {
                 return true;
             }
-            // rounded files hold redundant rows open: then what is left stays
+            // rounded files hold redundant rows open: then a residual remains
             if !residual.lt(last * T::from_f64(0.9)) {
                 return residual < T::from_f64(T::EPSILON.sqrt());
             }
@@ -264,7 +266,7 @@ impl<T: Scalar> Search<'_, T> {
 }
 
 /// Solves H x = b in place by Cholesky's factorisation; false where H is not positive definite.
-fn solve_positive<T: Scalar>(H: &mut [T], b: &mut [T], m: usize) -> bool {
+fn solve_positive<T: Real>(H: &mut [T], b: &mut [T], m: usize) -> bool {
     for j in 0..m {
         let d = (0..j).fold(H[j * m + j], |d, k| (-H[j * m + k]).mul_add(H[j * m + k], d));
         if !T::from_f64(CURVATURE).lt(d) {

@@ -1,10 +1,10 @@
-//! What can be done at a singular pose: good independents, what no actuator controls.
+//! Outputs at a singular pose: good independents, and uncontrolled motions.
 
 use crate::closure::{column_unit, scaled};
 use crate::linalg::{column_square, decompose};
 use crate::mechanism::Cluster;
 use crate::model::Model;
-use crate::scalar::{Real, Scalar};
+use crate::scalar::Real;
 use crate::workspace::Workspace;
 
 /// Least size of a scaled pivot of K, against the first, with which a dependent is determined by
@@ -12,7 +12,7 @@ use crate::workspace::Workspace;
 const DETERMINED: f64 = 1e-4;
 
 /// 1 at the tree velocities that are declared independent.
-pub(in crate::plan) fn declared_independents<T: Scalar>(model: &Model<T>, good: &mut [T]) {
+pub(in crate::plan) fn declared_independents<T: Real>(model: &Model<T>, good: &mut [T]) {
     good.fill(T::ZERO);
     model.order.vy_v.iter().for_each(|v| good[model.order.v_external[*v]] = T::ONE);
 }
@@ -20,14 +20,15 @@ pub(in crate::plan) fn declared_independents<T: Scalar>(model: &Model<T>, good: 
 /// A set of good independents of one cluster at a pose: those that pivoted QR of the scaled K
 /// leaves over when it takes, one after the other, the column that stands farthest off those before
 /// as a dependent. False where K has lost rank, so that no set is good; nothing is written then.
-pub(in crate::plan) fn good_independents<T: Scalar>(
+pub(in crate::plan) fn good_independents<T: Real>(
     model: &Model<T>,
     cluster: &Cluster<T>,
     K: &[T],
     (A, taken): (&mut [T], &mut [T]),
     good: &mut [T],
 ) -> bool {
-    let (n, rows) = (cluster.n_v, cluster.rows.len());
+    let n = cluster.n_v;
+    let rows = cluster.rows.len();
     // one column after the other; −1 marks a column that cannot be had
     for v in 0..n {
         scaled(cluster, K, 0..rows, &[v], |r, _, x| A[v * rows + r] = x);
@@ -36,7 +37,8 @@ pub(in crate::plan) fn good_independents<T: Scalar>(
     let square = |A: &[T], v: usize| {
         (0..rows).fold(T::ZERO, |sum, r| A[v * rows + r].mul_add(A[v * rows + r], sum))
     };
-    let (mut first, mut sound) = (T::ZERO, true);
+    let mut first = T::ZERO;
+    let mut sound = true;
     for k in 0..cluster.dependent.len() {
         let mut best = 0;
         let mut largest = -T::ONE;
@@ -70,7 +72,7 @@ pub(in crate::plan) fn good_independents<T: Scalar>(
 /// The direction of ẏ, of unit length, that the actuators move least in the scaling: the last right
 /// singular vector of the scaled G_u of the cluster in which it is smallest, of those that nothing
 /// ties and the first `closed` of the tied ones.
-pub(in crate::plan) fn uncontrolled<T: Scalar>(
+pub(in crate::plan) fn uncontrolled<T: Real>(
     model: &Model<T>,
     ws: &mut Workspace<T>,
     closed: usize,
@@ -81,7 +83,8 @@ pub(in crate::plan) fn uncontrolled<T: Scalar>(
     direction.fill(T::from_f64(f64::NAN));
     let open = &model.closed_clusters[closed.min(model.closed_clusters.len())..];
     for (_, cluster) in model.clusters.iter().enumerate().filter(|(c, _)| !open.contains(c)) {
-        let (m, rows) = (cluster.n_vy, cluster.active.len().max(cluster.n_vy));
+        let m = cluster.n_vy;
+        let rows = cluster.active.len().max(cluster.n_vy);
         let unit = |v: usize| T::from_f64(column_unit(cluster, v));
         ws.dense[..rows * m].fill(T::ZERO);
         let G = cluster.G(&ws.G);

@@ -78,7 +78,8 @@ pub(super) fn sin_cos(x: Dd) -> (Dd, Dd) {
 
     // the Taylor series of (sin r − r) / r³ and (cos r − 1 + r²/2) / r⁴ in −z = −r², |r| ≤ π/4
     let z = r * r;
-    let (mut s, mut c) = (inverse_factorial(27), inverse_factorial(28));
+    let mut s = inverse_factorial(27);
+    let mut c = inverse_factorial(28);
     for k in (3..26).rev().step_by(2) {
         s = inverse_factorial(k) - z * s;
         c = inverse_factorial(k + 1) - z * c;
@@ -117,7 +118,8 @@ pub(super) fn atan2(y: Dd, x: Dd) -> Dd {
         size if size < 1e-200 => 2.0_f64.powi(600),
         _ => 1.0,
     };
-    let (y, x) = (y * scale, x * scale);
+    let y = y * scale;
+    let x = x * scale;
     let (s, c) = sin_cos(Dd::from(theta));
     Dd::from(theta) + (y * c - x * s) / (x * c + y * s)
 }
@@ -135,7 +137,8 @@ mod tests {
     fn sine_and_cosine_agree_with_the_table() {
         for [x, sh, sl, ch, cl] in SIN_COS {
             let (s, c) = sin_cos(Dd::from(x));
-            let (es, ec) = (relative(s, Dd { hi: sh, lo: sl }), relative(c, Dd { hi: ch, lo: cl }));
+            let es = relative(s, Dd { hi: sh, lo: sl });
+            let ec = relative(c, Dd { hi: ch, lo: cl });
             assert!(es <= 2.0 * EPSILON && ec <= 2.0 * EPSILON, "x = {x:e}: {es:e} and {ec:e}");
         }
     }
@@ -186,7 +189,8 @@ mod tests {
         for (&y, &x) in
             values.iter().flatten().flat_map(|y| values.iter().flatten().map(move |x| (y, x)))
         {
-            let (own, std) = (atan2(Dd::from(y), Dd::from(x)), f64::atan2(y, x));
+            let own = atan2(Dd::from(y), Dd::from(x));
+            let std = f64::atan2(y, x);
             assert!(
                 own.hi.to_bits() == std.to_bits() || (own.hi.is_nan() && std.is_nan()),
                 "atan2({y}, {x}) = {own:?}, not {std}"

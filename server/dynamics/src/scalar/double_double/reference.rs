@@ -1,4 +1,4 @@
-//! What the tests of this folder share: true values, a measure of error, and random numbers.
+//! Shared by the tests of this folder: true values, a measure of error, and random numbers.
 #![allow(clippy::approx_constant)] // a table of numbers, some of which are near famous ones
 
 use crate::scalar::double_double::Dd;

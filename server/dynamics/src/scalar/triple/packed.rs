@@ -1,4 +1,4 @@
-//! Three doubles in one register of four. What stands in the fourth place means nothing.
+//! Three doubles in one register of four. The fourth place is unused.
 
 use core::ops::{Add, AddAssign, Index, IndexMut, Neg, Sub, SubAssign};
 
@@ -81,7 +81,7 @@ impl Triple<f64> for Packed {
         Packed(f64x4::splat(x))
     }
     #[inline(always)]
-    fn columns(m: [f64; 9]) -> [Packed; 3] {
+    fn columns_from(m: [f64; 9]) -> [Packed; 3] {
         let last = f64x4::new([m[5], m[6], m[7], m[8]]);
         [
             Packed(f64x4::new([m[0], m[1], m[2], m[3]])),
@@ -94,28 +94,30 @@ impl Triple<f64> for Packed {
         Packed(self.0 * a.0)
     }
     #[inline(always)]
-    fn fused(self, a: Packed, b: Packed) -> Packed {
+    fn mul_add(self, a: Packed, b: Packed) -> Packed {
         Packed(self.0.mul_add(a.0, b.0))
     }
     #[inline(always)]
-    fn fused_sub(self, a: Packed, b: Packed) -> Packed {
+    fn mul_sub(self, a: Packed, b: Packed) -> Packed {
         Packed(self.0.mul_sub(a.0, b.0))
     }
     #[inline(always)]
-    fn fused_from(self, a: Packed, b: Packed) -> Packed {
+    fn neg_mul_add(self, a: Packed, b: Packed) -> Packed {
         Packed(self.0.mul_neg_add(a.0, b.0))
     }
     #[inline(always)]
-    fn yzx(self) -> Packed {
+    fn rotate_left(self) -> Packed {
         Packed(places::<1, 2, 0, 3>(self.0))
     }
     #[inline(always)]
-    fn zxy(self) -> Packed {
+    fn rotate_right(self) -> Packed {
         Packed(places::<2, 0, 1, 3>(self.0))
     }
     #[inline(always)]
     fn transposed([a, b, c]: &[Packed; 3]) -> [Packed; 3] {
-        let (a, b, c) = (a.0.to_array(), b.0.to_array(), c.0.to_array());
+        let a = a.0.to_array();
+        let b = b.0.to_array();
+        let c = c.0.to_array();
         [
             Packed(f64x4::new([a[0], b[0], c[0], c[1]])),
             Packed(f64x4::new([a[1], b[1], c[1], c[1]])),
@@ -124,8 +126,8 @@ impl Triple<f64> for Packed {
     }
 }
 
-/// A symmetric matrix of doubles by its columns, each down to the diagonal; what stands below it
-/// means nothing.
+/// A symmetric matrix of doubles by its columns, each down to the diagonal; the entries
+/// below it are unused.
 #[derive(Clone, Copy, Debug)]
 pub struct Upper([f64x4; 3]);
 
@@ -189,7 +191,7 @@ impl Symmetric<f64> for Upper {
     }
 
     #[inline(always)]
-    fn turned(&self, R: &[Packed; 3]) -> Upper {
+    fn rotate(&self, R: &[Packed; 3]) -> Upper {
         // R A, then columns of (R A) Rᵀ
         let by = |of: &[f64x4; 3], x: f64, y: f64, z: f64| {
             let [x, y, z] = [x, y, z].map(f64x4::splat);
@@ -202,14 +204,16 @@ impl Symmetric<f64> for Upper {
     }
 
     #[inline(always)]
-    fn shifted(&self, b: &Packed, p: &Packed) -> Upper {
+    fn parallel_axis(&self, b: &Packed, p: &Packed) -> Upper {
         let products = b.times(*p);
-        let sums = products.yzx() + products.zxy();
+        let sums = products.rotate_left() + products.rotate_right();
         Upper([0, 1, 2].map(|j: usize| {
             let entries = self.0[j];
             let mixed = b.0.mul_add(f64x4::splat(p[j]), p.0 * f64x4::splat(b[j]));
-            let (beside, on) = (entries - mixed, f64x4::splat(2.0).mul_add(sums.0, entries));
-            let (mut column, on) = (beside.to_array(), on.to_array());
+            let beside = entries - mixed;
+            let on = f64x4::splat(2.0).mul_add(sums.0, entries);
+            let mut column = beside.to_array();
+            let on = on.to_array();
             column[j] = on[j];
             f64x4::new(column)
         }))
@@ -236,7 +240,7 @@ mod tests {
         (0..3).for_each(|k| assert!(alike(a[k], b[k].0), "{a:?} {b:?}"));
     }
 
-    /// The same of what stands on and above the diagonal.
+    /// Compares the upper triangles.
     fn same_matrix(a: &Upper, b: &Six<Counted>) {
         (0..3).for_each(|k| same((a.column(k), b.column(k))));
     }
@@ -274,17 +278,18 @@ mod tests {
             same((-a.0, -a.1));
             same((a.0.times(b.0), a.1.times(b.1)));
             same((a.0.times(Packed::splat(x)), a.1.times(Plain::splat(Counted(x)))));
-            same((a.0.fused(b.0, c.0), a.1.fused(b.1, c.1)));
-            same((a.0.fused_sub(b.0, c.0), a.1.fused_sub(b.1, c.1)));
-            same((a.0.fused_from(b.0, c.0), a.1.fused_from(b.1, c.1)));
-            same((a.0.yzx(), a.1.yzx()));
-            same((a.0.zxy(), a.1.zxy()));
-            let (in_one, alone) = ([a.0, b.0, c.0], [a.1, b.1, c.1]);
+            same((a.0.mul_add(b.0, c.0), a.1.mul_add(b.1, c.1)));
+            same((a.0.mul_sub(b.0, c.0), a.1.mul_sub(b.1, c.1)));
+            same((a.0.neg_mul_add(b.0, c.0), a.1.neg_mul_add(b.1, c.1)));
+            same((a.0.rotate_left(), a.1.rotate_left()));
+            same((a.0.rotate_right(), a.1.rotate_right()));
+            let in_one = [a.0, b.0, c.0];
+            let alone = [a.1, b.1, c.1];
             let rows = Packed::transposed(&in_one).into_iter().zip(Plain::transposed(&alone));
             rows.for_each(same);
             let numbers = [(); 9].map(|()| next());
-            let columns = Packed::columns(numbers).into_iter();
-            columns.zip(Plain::columns(numbers.map(Counted))).for_each(same);
+            let columns = Packed::columns_from(numbers).into_iter();
+            columns.zip(Plain::columns_from(numbers.map(Counted))).for_each(same);
         }
     }
 
@@ -296,11 +301,13 @@ mod tests {
             let mut next = || number(&mut random, draw % 2 == 1);
             let six = [(); 6].map(|()| next());
             let [a, b, c] = [(); 3].map(|()| pair([next(), next(), next()]));
-            let (in_one, alone) = ([a.0, b.0, c.0], [a.1, b.1, c.1]);
-            let (mut A, mut B) = (Upper::new(six), Six::<Counted>::new(six.map(Counted)));
+            let in_one = [a.0, b.0, c.0];
+            let alone = [a.1, b.1, c.1];
+            let mut A = Upper::new(six);
+            let mut B = Six::<Counted>::new(six.map(Counted));
             same_matrix(&A, &B);
-            same_matrix(&A.turned(&in_one), &B.turned(&alone));
-            same_matrix(&A.shifted(&a.0, &b.0), &B.shifted(&a.1, &b.1));
+            same_matrix(&A.rotate(&in_one), &B.rotate(&alone));
+            same_matrix(&A.parallel_axis(&a.0, &b.0), &B.parallel_axis(&a.1, &b.1));
             A.add_product(&a.0, &b.0);
             B.add_product(&a.1, &b.1);
             A.add_upper(&in_one);
@@ -308,7 +315,8 @@ mod tests {
             A.add_to_diagonal(six[0]);
             B.add_to_diagonal(Counted(six[0]));
             same_matrix(&A, &B);
-            let (other, of_other) = (A.turned(&in_one), B.turned(&alone));
+            let other = A.rotate(&in_one);
+            let of_other = B.rotate(&alone);
             A += other;
             B += of_other;
             same_matrix(&A, &B);

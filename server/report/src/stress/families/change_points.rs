@@ -1,4 +1,4 @@
-//! Four-bars that fold flat, where their two assemblies meet: an answer goes straight on or says
+//! Four-bars that fold flat, where their two assemblies meet: an answer goes straight on or reports
 //! that it does not.
 
 use std::f64::consts::PI;
@@ -49,6 +49,28 @@ enum From {
     Along,
 }
 
+impl From {
+    fn name(self) -> &'static str {
+        match self {
+            From::Zero => "turn, from zero",
+            From::Last => "turn, from the last",
+            From::Along => "turn, along the last",
+        }
+    }
+
+    /// The question at y, with the guess that this way of asking takes from the last answer.
+    fn question(self, y: f64, yd: f64, last: Option<&(Vec<f64>, Vec<f64>)>) -> Question {
+        let mut given = vec![(Y, vec![y]), (Yd, vec![yd])];
+        if let Some((q, qd)) = last.filter(|_| self != From::Zero) {
+            given.push((QGuess, q.clone()));
+            if self == From::Along {
+                given.push((QdGuess, qd.clone()));
+            }
+        }
+        Question::new(Request::Kinematics, given, &[Q, Qd])
+    }
+}
+
 /// The four-bar of this seed, turned through its change points in every way.
 pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
     let mut random = Random(4 << 32 | seed);
@@ -82,23 +104,18 @@ fn sequence(
     direction: f64,
     from: From,
 ) -> Outcome {
-    let (mut y, mut path) = (0.0, Path::of(bars));
+    let mut y = 0.0;
+    let mut path = Path::of(bars);
     let mut last: Option<(Vec<f64>, Vec<f64>)> = None;
-    let (mut ok, mut refused, mut jump) = (0, String::new(), None);
+    let mut ok = 0;
+    let mut refused = String::new();
+    let mut jump = None;
     while f64::abs(y) < 3.6 {
         y += direction * at.value;
         if path.go(bars, y).is_none() {
             break;
         }
-        let mut given = vec![(Y, vec![y]), (Yd, vec![direction])];
-        if let (Some((q, qd)), true) = (&last, from != From::Zero) {
-            given.push((QGuess, q.clone()));
-            if from == From::Along {
-                given.push((QdGuess, qd.clone()));
-            }
-        }
-        let answer =
-            Question::new(Request::Kinematics, given, &[Q, Qd]).run(&robot.compiled.model)?;
+        let answer = from.question(y, direction, last.as_ref()).run(&robot.compiled.model)?;
         if answer.status() != Status::Ok {
             if refused.is_empty() {
                 refused = format!("{} at y = {y:.6}", answer.status().name());
@@ -110,9 +127,11 @@ fn sequence(
             continue;
         }
         ok += 1;
-        let (q, qd) = (answer.get(Q).to_vec(), answer.get(Qd).to_vec());
+        let q = answer.get(Q).to_vec();
+        let qd = answer.get(Qd).to_vec();
         let pin = bars.pin(q[2]);
-        let (near, far) = (distance(pin, path.pin), distance(pin, path.other));
+        let near = distance(pin, path.pin);
+        let far = distance(pin, path.other);
         let rate = path.rate(bars) * direction;
         let off = (qd[2] - rate).abs();
         if near > far {
@@ -143,15 +162,7 @@ fn sequence(
         reference: "the path in small steps",
         reported,
         assessment,
-        ..cases.blank(
-            &robot.name,
-            at,
-            match from {
-                From::Zero => "turn, from zero",
-                From::Last => "turn, from the last",
-                From::Along => "turn, along the last",
-            },
-        )
+        ..cases.blank(&robot.name, at, from.name())
     };
     cases.all.push(case);
     Ok(())
@@ -183,7 +194,8 @@ impl Bars {
                 _ => ("flat folded", [a, b, c, a + c - b]),
             };
             let zero = random.between(0.5, PI - 0.5);
-            let (wide, least) = ([crank, coupler, rocker, ground], 0.2);
+            let wide = [crank, coupler, rocker, ground];
+            let least = 0.2;
             let mut bars = Bars { name, crank, coupler, rocker, ground, zero, pin: [0.0; 2] };
             let Some(pins) = bars.pins(0.0) else { continue };
             let tip = bars.tip(0.0);
@@ -208,12 +220,14 @@ impl Bars {
 
     /// Both pins between coupler and rocker.
     fn pins(&self, y: f64) -> Option<[Point; 2]> {
-        let (a, d) = (self.tip(y), distance(self.tip(y), [self.ground, 0.0]));
+        let a = self.tip(y);
+        let d = distance(self.tip(y), [self.ground, 0.0]);
         let x = (d * d + self.coupler * self.coupler - self.rocker * self.rocker) / (2.0 * d);
         let square = self.coupler * self.coupler - x * x;
         // flat is in reach
         let h = if square < -1e-9 { return None } else { square.max(0.0).sqrt() };
-        let (ux, uy) = ((self.ground - a[0]) / d, -a[1] / d);
+        let ux = (self.ground - a[0]) / d;
+        let uy = -a[1] / d;
         Some([h, -h].map(|h| [a[0] + x * ux - h * uy, a[1] + x * uy + h * ux]))
     }
 
@@ -254,7 +268,8 @@ impl Path {
     /// On to a crank's angle; none where the loop does not close on the way.
     fn go(&mut self, bars: &Bars, to: f64) -> Option<()> {
         let n = ((to - self.y).abs() / FINE).ceil().max(1.0);
-        let (from, step) = (self.y, (to - self.y) / n);
+        let from = self.y;
+        let step = (to - self.y) / n;
         for k in 1..=n as usize {
             let y = if k as f64 == n { to } else { from + step * k as f64 };
             let share = if self.step == 0.0 { 0.0 } else { step / self.step };
@@ -288,8 +303,11 @@ mod tests {
     #[test]
     fn the_path_goes_straight_on_where_a_parallelogram_is_flat() {
         for direction in [1.0, -1.0] {
-            let (crank, ground) = (1.0, 2.0);
-            let (coupler, rocker, pin) = (ground, crank, [2.0, 1.0]);
+            let crank = 1.0;
+            let ground = 2.0;
+            let coupler = ground;
+            let rocker = crank;
+            let pin = [2.0, 1.0];
             let name = "parallelogram";
             let bars = Bars { name, crank, coupler, rocker, ground, zero: PI / 2.0, pin };
             let mut path = Path::of(&bars);

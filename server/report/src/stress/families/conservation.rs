@@ -1,6 +1,6 @@
 //! Energy and angular momentum that stay.
 
-use sarrus_dynamics::scalar::Scalar;
+use sarrus_dynamics::scalar::Real;
 use sarrus_dynamics::{Field, Request};
 use sarrus_simulation::{Method, Run, Settings};
 

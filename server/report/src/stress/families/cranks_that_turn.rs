@@ -20,7 +20,7 @@ use crate::stress::mechanisms::trains::{Draw, begun, leg, train};
 
 use Field::*;
 
-/// What 2π has beyond its double.
+/// 2π less its nearest double.
 const TAU_LOW: f64 = 2.449_293_598_294_706_4e-16;
 
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
@@ -72,14 +72,16 @@ pub(crate) fn crank(cases: &mut Cases, seed: u64) -> Outcome {
 
 /// Bars of Grashof's kind, the crank the shortest.
 fn crank_rocker(random: &mut Random) -> Outcome<Description> {
-    let (crank, ground) = (random.between(0.15, 0.35), 1.0);
+    let crank = random.between(0.15, 0.35);
+    let ground = 1.0;
     let [coupler, rocker] = [(); 2].map(|()| random.between(0.75, 1.05));
     let (s, c) = random.between(0.0, TAU).sin_cos();
     let tip = [crank * c, crank * s];
     let d = f64::hypot(ground - tip[0], tip[1]);
     let x = (d * d + coupler * coupler - rocker * rocker) / (2.0 * d);
     let h = (coupler * coupler - x * x).sqrt() * if random.coin() { 1.0 } else { -1.0 };
-    let (ux, uy) = ((ground - tip[0]) / d, -tip[1] / d);
+    let ux = (ground - tip[0]) / d;
+    let uy = -tip[1] / d;
     let pin = [tip[0] + x * ux - h * uy, tip[1] + x * uy + h * ux, 0.0];
     let mut of = begun(random, Kind::Numerical);
     let crank = joint(&mut of, BASE, Turn, [0.0; 3], Z);

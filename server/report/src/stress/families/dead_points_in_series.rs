@@ -13,7 +13,7 @@ use crate::stress::mechanisms::trains::{Draw, closed_forms, spatial, train};
 
 use Field::*;
 
-/// Seeds beyond the first ones that once were wrong without a word.
+/// Seeds beyond the first ones that once failed silently.
 const WORST: [u64; 2] = [2046, 2388];
 
 /// Trains of one to five stages, at zero and turned.
@@ -51,12 +51,13 @@ pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
     let Some(robot) = cases.load(&name, at, Robot::new(&name, train.description)) else {
         return Ok(());
     };
-    // within the reach of what the last stage leaves
+    // within the reach of the last stage
     let reach = random.one_of(&[0.0, 0.2]) * train.least * train.sines;
     let rest = random.below(4) == 0;
     let mut draw = |size: f64| train.y.iter().map(|_| size * random.next()).collect::<Vec<_>>();
     let y = draw(reach).iter().zip(&train.y).map(|(off, y)| y + off).collect();
-    let (yd, ydd) = (draw(if rest { 0.0 } else { 1.0 }), draw(1.0));
+    let yd = draw(if rest { 0.0 } else { 1.0 });
+    let ydd = draw(1.0);
     let mut state = State { y, yd, ydd, ..State::default() };
     state.forces(&robot)?;
     everything(cases, &robot, train.sines, &state)
@@ -71,7 +72,8 @@ pub(crate) fn everything(cases: &mut Cases, robot: &Robot, value: f64, state: &S
         let motion = motion[..n].iter().copied();
         motion.chain(guess.clone()).map(|(field, numbers)| (field, numbers.clone())).collect()
     };
-    let (kinematics, inverse) = (Request::Kinematics, Request::InverseDynamics);
+    let kinematics = Request::Kinematics;
+    let inverse = Request::InverseDynamics;
     for (asked, request, n, want) in [
         ("pose", kinematics, 1, &[Q, U][..]),
         ("velocity", kinematics, 2, &[Qd, Ud]),

@@ -8,8 +8,7 @@ use crate::measure::Effort;
 use crate::page::Assessment;
 use crate::stress::harness::case::{At, Case, Cases};
 
-/// The same in the numbers of a file, with what is no joint or link at all: refused, with the
-/// place.
+/// Bundled files with one faulty number, joint or link each: refused, with the position.
 pub(crate) fn run(cases: &mut Cases, _: &Effort) -> Outcome {
     cases.family("faulty file", "fault, by its number");
     let (urdf, yaml) = bundled_text("lambda").ok_or("no lambda")?;

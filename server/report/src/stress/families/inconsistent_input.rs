@@ -1,5 +1,5 @@
-//! Poses and velocities that do not fit their loops: an answer that replaces what was given says
-//! so.
+//! Poses and velocities that do not fit their loops: an answer that replaces the input carries a
+//! warning.
 
 use sarrus_dynamics::description::SubmechanismKind as Kind;
 use sarrus_dynamics::{Field, Request, Status};
@@ -19,7 +19,7 @@ use Field::*;
 
 /// Radians, radians per second or parts of the length from which on a replaced input is named.
 const NAMED: f64 = 1e-6;
-/// What is this near to it by a factor may go either way: lengths are typical ones.
+/// Within this factor of the threshold both outcomes are right: lengths are typical ones.
 const NEAR: f64 = 4.0;
 
 /// Closed states of robots, off their loops in one joint or in all.
@@ -33,7 +33,7 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     Ok(())
 }
 
-/// The case of a seed as it is printed, which tells the robot too.
+/// The case of a printed seed, which encodes the robot too.
 #[cfg(test)]
 pub(crate) fn by_seed(cases: &mut Cases, seed: u64) -> Outcome {
     one(cases, &robots()?[(seed >> 16) as usize], seed)
@@ -65,7 +65,8 @@ fn one(cases: &mut Cases, robot: &Robot, seed: u64) -> Outcome {
     let mut state = State::of(robot, 0.1)?;
     state.yd.iter_mut().for_each(|x| *x *= random.next());
     let closed = Question::kinematics(&state).run(model)?;
-    let (mut q, mut qd) = (closed.get(Q).to_vec(), closed.get(Qd).to_vec());
+    let mut q = closed.get(Q).to_vec();
+    let mut qd = closed.get(Qd).to_vec();
     let size = random.scale(1e-12, 0.3);
     let velocity = random.coin();
     let units = robot.units(if velocity { Qd } else { Q }).unwrap_or_default();

@@ -23,7 +23,8 @@ pub(crate) fn run(cases: &mut Cases, _: &Effort) -> Outcome {
         let given = |of: &[(Field, &[f64])]| {
             of.iter().map(|(field, x)| (*field, x.to_vec())).collect::<Vec<_>>()
         };
-        let (n_u, n_v) = (vec![1.0; sizes.n_u], vec![1.0; sizes.n_v]);
+        let n_u = vec![1.0; sizes.n_u];
+        let n_v = vec![1.0; sizes.n_v];
         let motion = given(&[(Y, &state.y), (Yd, &state.yd), (Ydd, &state.ydd)]);
         let asks = [
             Question::new(

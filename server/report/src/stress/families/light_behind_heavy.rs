@@ -1,4 +1,4 @@
-//! Light links behind heavy ones: what is light must not drown in what is heavy.
+//! Light links behind heavy ones: rounding of the heavy ones must not drown the light ones.
 
 use crate::Outcome;
 use crate::measure::Effort;
@@ -10,7 +10,7 @@ use crate::stress::harness::robot::Robot;
 use crate::stress::harness::seeds;
 use crate::stress::mechanisms::weights::{planar_loops, planar_platform, row, tree};
 
-/// Seeds beyond the first ones that once were wrong without a word.
+/// Seeds beyond the first ones that once failed silently.
 const WORST: [u64; 9] = [1860, 1350, 1990, 565, 1400, 1630, 270, 1919, 1512];
 
 /// Platforms of welded legs, links in a row and trees.

@@ -99,12 +99,14 @@ fn tilted(random: &mut Random, misfit: f64) -> Outcome<Description> {
     finish(of, &[crank], &[crank])
 }
 
-/// The same as a chain of four hinges whose end is welded to the base.
+/// The bars as a chain of four hinges whose end is welded to the base.
 fn welded(random: &mut Random, misfit: f64) -> Outcome<Description> {
     let points = points(random);
     let mut of = begun(random, Kind::Numerical);
-    let (mut on, mut links) = (BASE, Vec::new());
-    let (which, heading) = (1 + random.below(3), random.between(0.0, TAU));
+    let mut on = BASE;
+    let mut links = Vec::new();
+    let which = 1 + random.below(3);
+    let heading = random.between(0.0, TAU);
     for (k, point) in points.into_iter().enumerate() {
         let lean = [misfit * heading.cos(), misfit * heading.sin(), 1.0];
         on = joint(&mut of, on, Turn, point, if k == which { lean } else { Z });
@@ -117,7 +119,8 @@ fn welded(random: &mut Random, misfit: f64) -> Outcome<Description> {
 /// Four axes that meet in a point, one of which misses it by this much.
 fn spherical(random: &mut Random, misfit: f64) -> Outcome<Description> {
     let axis = |random: &mut Random, heading: f64| {
-        let (lean, heading) = (random.between(0.4, 0.9), heading + random.between(-0.2, 0.2));
+        let lean = random.between(0.4, 0.9);
+        let heading = heading + random.between(-0.2, 0.2);
         [lean.sin() * heading.cos(), lean.sin() * heading.sin(), lean.cos()]
     };
     let mut of = begun(random, Kind::Numerical);

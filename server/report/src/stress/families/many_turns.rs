@@ -62,7 +62,7 @@ fn wound(robot: &Robot, y: f64) -> Outcome<Option<Vec<f64>>> {
     let mut first: Vec<f64> = Vec::new();
     let mut last = Vec::new();
     let goal = y - 0.01 - turns * TAU;
-    // once round from where the goal is, then what each joint turned
+    // to the goal, then once round, which gives the turn of each joint
     for k in 0..=160 {
         let at = if k <= 80 {
             goal * f64::from(k) / 80.0

@@ -13,8 +13,8 @@ use crate::stress::mechanisms::{LOOSE, RHOMBUS, bricard, four_bar};
 
 use Field::{Lambda, TauU, TauY};
 
-/// Rows that say nothing new, moved apart as a rounded file does: reported at load where it
-/// matters, refused where it is no rounding.
+/// Redundant rows, moved apart as a rounded file does: reported at load where it matters, refused
+/// where the gap exceeds rounding.
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("redundant rows", "m by which redundant rows contradict each other");
     let mut values = vec![0.0];

@@ -1,4 +1,4 @@
-//! Simulations that start off their loops, or from what is no number.
+//! Simulations that start off their loops, or from numbers that are not finite.
 
 use sarrus_dynamics::Field;
 use sarrus_simulation::{Method, Settings, Start};
@@ -20,11 +20,9 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
         let robot = Robot::new(name, bundled(name)?)?;
         let state = State::of(&robot, 0.1)?;
         let closed = Question::kinematics(&state).run(&robot.compiled.model)?;
-        let (q, qd, units) = (
-            closed.get(Field::Q),
-            closed.get(Field::Qd),
-            robot.units(Field::Q).unwrap_or_default(),
-        );
+        let q = closed.get(Field::Q);
+        let qd = closed.get(Field::Qd);
+        let units = robot.units(Field::Q).unwrap_or_default();
         let names = robot.compiled.model.tree_q_names();
         let independent = |k: usize| robot.compiled.model.independent_q_names().contains(&names[k]);
         let reference = reference_run(

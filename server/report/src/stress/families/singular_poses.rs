@@ -39,7 +39,7 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     Ok(())
 }
 
-/// The pose from what the actuators tell, rounded to a double as an encoder's is, and a guess near
+/// The pose from the actuators' positions, rounded to doubles as an encoder's are, and a guess near
 /// by.
 fn back_from_actuators(
     cases: &mut Cases,

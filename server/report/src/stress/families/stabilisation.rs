@@ -18,7 +18,8 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     for robot in robots()? {
         for &value in &values {
             let (q, qd) = off_loops(&robot, 1e-6)?;
-            let (model, exact) = (&robot.compiled.model, &robot.compiled.exact);
+            let model = &robot.compiled.model;
+            let exact = &robot.compiled.exact;
             let tau = vec![0.0; qd.len()];
             let mut qdd = vec![0.0; qd.len()];
             let status = ImplicitForm::new(model).accelerations(

@@ -25,7 +25,8 @@ fn oscillator(stiffness: f64, damping: f64) -> Outcome<Robot> {
 
 /// Where it is after t when it starts at 1 from rest.
 fn swung(stiffness: f64, damping: f64, t: f64) -> f64 {
-    let (decay, square) = (0.5 * damping, 0.25 * damping * damping - stiffness);
+    let decay = 0.5 * damping;
+    let square = 0.25 * damping * damping - stiffness;
     if square < 0.0 {
         let (sine, cosine) = ((-square).sqrt() * t).sin_cos();
         return (-decay * t).exp() * (cosine + decay / (-square).sqrt() * sine);
@@ -36,7 +37,7 @@ fn swung(stiffness: f64, damping: f64, t: f64) -> f64 {
     (fast * (slow * t).exp() - slow * (fast * t).exp()) / (fast - slow)
 }
 
-/// Springs, dampers and gains that get stiffer: explicit methods have to say that they fail, the
+/// Springs, dampers and gains that get stiffer: explicit methods have to report their failure, the
 /// implicit one holds.
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     let kinds: [(&str, &str, fn(f64) -> (f64, f64)); 2] = [

@@ -8,7 +8,7 @@ use crate::stress::harness::robot::{Robot, bundled};
 use crate::stress::harness::sweep;
 use crate::stress::mechanisms::bricard;
 
-/// Velocities from creeping to absurd; beyond what squares in a double there is no answer.
+/// Velocities from creeping to absurd; none whose square overflows has an answer.
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("velocity", "ẏ, rad/s");
     let mut values = sweep(effort, -6, 4, 5);

@@ -31,8 +31,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_answer_that_is_wrong_without_a_word_has_failed_silently() {
-        let (none, limits) = (Warnings::NONE, Warnings::LIMITS_EXCEEDED);
+    fn a_wrong_answer_without_a_warning_has_failed_silently() {
+        let none = Warnings::NONE;
+        let limits = Warnings::LIMITS_EXCEEDED;
         let warned = Warnings::ILL_CONDITIONED;
         for (status, warnings, error, empty, assessment) in [
             (Status::Ok, none, 1e-10, false, Assessment::Held),

@@ -1,4 +1,4 @@
-//! One case and what became of it; a collector that asks, compares and assesses.
+//! One case and its result; a collector that asks, compares and assesses.
 
 use std::borrow::Cow;
 
@@ -11,22 +11,22 @@ use super::robot::Robot;
 use crate::Outcome;
 use crate::page::Assessment;
 
-/// One case: a robot, a parameter at a value, a question, and what became of it.
+/// One case: a robot, a parameter at a value, a question, and the result.
 #[derive(Clone, Debug)]
 pub(crate) struct Case {
     /// The family, such as `mass ratio`.
     pub(crate) family: &'static str,
     /// The robot.
     pub(crate) mechanism: String,
-    /// What is swept.
+    /// The swept parameter.
     pub(crate) parameter: &'static str,
     /// Its value.
     pub(crate) value: f64,
     /// How it was answered: how loops are closed, and by which method forward dynamics went.
     pub(crate) method: String,
-    /// What was asked.
+    /// The question.
     pub(crate) asked: String,
-    /// The status, or what loading said.
+    /// The status, or the error at load.
     pub(crate) status: String,
     /// Warnings of the answer.
     pub(crate) warnings: Vec<String>,
@@ -38,15 +38,15 @@ pub(crate) struct Case {
     pub(crate) backward: Option<f64>,
     /// Time of a call in nanoseconds, where it was taken.
     pub(crate) nanoseconds: Option<f64>,
-    /// What is reported beside the status.
+    /// Reports beside the status.
     pub(crate) reported: String,
     /// The assessment.
     pub(crate) assessment: Assessment,
 }
 
-/// What an answer is compared with.
+/// The reference of an answer.
 pub(crate) enum Reference<'a> {
-    /// The same question in double-double.
+    /// The question itself in double-double.
     Same,
     /// Another question in double-double, whose answer is the true one.
     Of(&'a Question),
@@ -104,8 +104,8 @@ impl Cases {
         }
     }
 
-    /// Loads a robot at a value of the parameter; one that is refused is a case of its own, whose
-    /// message is what is reported.
+    /// Loads a robot at a value of the parameter; a refused one is a case of its own that reports
+    /// the error.
     pub(crate) fn load(&mut self, name: &str, at: At<'_>, robot: Outcome<Robot>) -> Option<Robot> {
         match robot {
             Ok(robot) => Some(robot),
@@ -196,7 +196,7 @@ impl Cases {
         for method in methods {
             let name = format!("{closures}, {}", method.name());
             let ask = Question::forward(state, Some(*method));
-            // the oracle in double-double would cost more and say the same
+            // the oracle in double-double would cost more and agree
             let exact = Question { method: Some(Method::Recursion), ..ask.clone() };
             let case =
                 self.ask(robot, At { value, method: &name }, "FD", &ask, &Reference::Of(&exact))?;
@@ -239,7 +239,7 @@ fn reference_numbers(
     ))
 }
 
-/// What helps beside status and warnings: what can be asked after a failure.
+/// Further diagnostics after a failure, beside status and warnings.
 fn reported(robot: &Robot, ask: &Question, answer: &Answered<f64>) -> Outcome<String> {
     use Field::*;
     if matches!(

@@ -1,6 +1,6 @@
 //! Answers judged field by field, against a reference that is compared with itself first.
 
-use sarrus_dynamics::scalar::{Dd, Scalar};
+use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Field, Method, Request, Status};
 
 use super::assess::{HELD, assess};
@@ -18,8 +18,8 @@ const CHANGE: f64 = 1.0 / (1_u128 << 80) as f64;
 const ULP: f64 = 0.5 * f64::EPSILON;
 /// Largest difference by size of two references that are taken for the truth.
 const CERTAIN: f64 = 1e-11;
-/// Part of its natural size below which a field counts as zero; that of what comes of the velocity
-/// alone, which many mechanisms cancel; that of a link's own motion, which loops may hold still.
+/// Fraction of its natural size below which a field counts as zero; for fields of the velocity
+/// alone, which cancel in many mechanisms; for a link's own motion, which loops may hold still.
 const NOTHING: f64 = 1e-6;
 const CANCELLED: f64 = 1e-4;
 const STILL: f64 = 1e-2;
@@ -39,7 +39,8 @@ impl Cases {
     ) -> Outcome {
         let answer = ask.run(&robot.compiled.model)?;
         let ok = answer.status() == Status::Ok;
-        let (mut worst, mut reported) = (None, String::new());
+        let mut worst = None;
+        let mut reported = String::new();
         if ok {
             let exact = ask.run(&robot.compiled.exact)?;
             if exact.status() == Status::Ok {
@@ -52,7 +53,8 @@ impl Cases {
                 let (field, error) = largest(robot, ask, &answer, &exact);
                 worst = Some(error);
                 if error > HELD {
-                    let (ulp, name) = (moved(robot, ask, &exact)?, field.map_or("", Field::name));
+                    let ulp = moved(robot, ask, &exact)?;
+                    let name = field.map_or("", Field::name);
                     reported = format!("{name} off; one ulp of the input moves it by {ulp:.1e}");
                 }
             } else {
@@ -78,8 +80,8 @@ impl Cases {
     }
 }
 
-/// The same in double-double from numbers that are off by 2^−80 of themselves; forward dynamics by
-/// the other method.
+/// A second reference in double-double, from inputs changed by 2^−80 of themselves; forward
+/// dynamics by the other method.
 fn second_reference(robot: &Robot, ask: &Question) -> Outcome<Answered<Dd>> {
     let exact = &robot.compiled.exact;
     let other = match ask.method.unwrap_or_else(|| exact.forward_method()) {
@@ -93,7 +95,7 @@ fn second_reference(robot: &Robot, ask: &Question) -> Outcome<Answered<Dd>> {
     })
 }
 
-/// How far the exact answer moves where each number given is off by half an ulp or less: what no
+/// The change of the exact answer where each input is off by half an ulp or less, which no
 /// computation in doubles can avoid.
 fn moved(robot: &Robot, ask: &Question, exact: &Answered<Dd>) -> Outcome<f64> {
     let near = ask.run_with(&robot.compiled.exact, |k, x| {
@@ -105,7 +107,7 @@ fn moved(robot: &Robot, ask: &Question, exact: &Answered<Dd>) -> Outcome<f64> {
 }
 
 /// The field of the largest error by its size, and that error.
-fn largest<T: Scalar>(
+fn largest<T: Real>(
     robot: &Robot,
     ask: &Question,
     answer: &Answered<T>,
@@ -119,7 +121,7 @@ fn largest<T: Scalar>(
 
 /// max |x − exact| / max |exact| of a field, lengths in those of the robot; infinite where there is
 /// no number.
-fn error<T: Scalar>(
+fn error<T: Real>(
     robot: &Robot,
     ask: &Question,
     field: Field,
@@ -128,7 +130,8 @@ fn error<T: Scalar>(
 ) -> f64 {
     let exact = exact.get(field);
     let units = units(robot, field, exact.len());
-    let (mut worst, mut size): (f64, f64) = (0.0, natural(ask, field));
+    let mut worst: f64 = 0.0;
+    let mut size: f64 = natural(ask, field);
     for ((x, exact), unit) in answer.get(field).iter().zip(exact).zip(&units) {
         let off = unit * (double_double(*x) - *exact).to_f64().abs();
         worst = if off.is_nan() { f64::INFINITY } else { worst.max(off) };
@@ -138,12 +141,12 @@ fn error<T: Scalar>(
 }
 
 /// A number of any scalar with all digits that double-double has.
-fn double_double<T: Scalar>(x: T) -> Dd {
+fn double_double<T: Real>(x: T) -> Dd {
     let hi = x.to_f64();
     Dd::from(hi) + Dd::from((x - T::from_f64(hi)).to_f64())
 }
 
-/// What makes each number of a field one of radians and moments.
+/// Factors that convert the numbers of a field into radians and moments.
 fn units(robot: &Robot, field: Field, n: usize) -> Vec<f64> {
     let of = |field| robot.units(field).unwrap_or_default();
     let outer = |rows: Vec<f64>, columns: Vec<f64>| -> Vec<f64> {

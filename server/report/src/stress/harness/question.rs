@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use sarrus_dynamics::scalar::{Dd, Scalar};
+use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{
     Answer, Field, FieldSet, Method, Model, Plan, PlanScalar, Query, Request, Status, Warnings,
     Workspace,
@@ -13,7 +13,7 @@ use crate::Outcome;
 
 use Field::*;
 
-/// What is asked of a robot.
+/// A question to a robot.
 #[derive(Clone, Debug)]
 pub(crate) struct Question {
     pub(crate) request: Request,
@@ -27,7 +27,7 @@ pub(crate) struct Question {
     pub(crate) frames: Vec<u16>,
 }
 
-/// Where a robot is, how it moves, what pushes it.
+/// Pose, motion and forces of a robot.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct State {
     pub(crate) y: Vec<f64>,
@@ -49,7 +49,8 @@ impl State {
     pub(crate) fn of(robot: &Robot, reach: f64) -> Outcome<State> {
         let model = &robot.compiled.model;
         let units = |field| robot.units(field).unwrap_or_default();
-        let (names, of_v) = (model.independent_q_names(), units(Yd));
+        let names = model.independent_q_names();
+        let of_v = units(Yd);
         let unit_of: HashMap<&String, f64> = model.tree_q_names().iter().zip(units(Q)).collect();
         let y = names.iter().enumerate().map(|(k, name)| match name.rsplit_once('/') {
             Some((_, "qw")) => 0.8,
@@ -96,7 +97,8 @@ impl State {
 
 impl Question {
     pub(crate) fn new(request: Request, given: Vec<(Field, Vec<f64>)>, want: &[Field]) -> Question {
-        let (wrenches, frames) = (vec![], vec![]);
+        let wrenches = vec![];
+        let frames = vec![];
         Question { request, method: None, given, want: want.to_vec(), wrenches, frames }
     }
 
@@ -122,14 +124,14 @@ impl Question {
         }
     }
 
-    /// The same with wrenches on these links.
+    /// The question with wrenches on these links.
     pub(crate) fn pushed(mut self, links: &[u16], wrenches: Vec<f64>) -> Question {
         self.wrenches = links.to_vec();
         self.given.push((Wrenches, wrenches));
         self
     }
 
-    /// What it asks, in a word.
+    /// The request, in a word.
     pub(crate) fn name(&self) -> &'static str {
         match self.request {
             Request::Kinematics => "kinematics",
@@ -144,7 +146,8 @@ impl Question {
         self.run_with(model, |_, x| T::from_f64(x))
     }
 
-    /// The same with every given number as `number` makes it of its place and its value.
+    /// The answer of a model, with each given number converted by `number` from its index and
+    /// value.
     pub(crate) fn run_with<T: PlanScalar>(
         &self,
         model: &Model<T>,
@@ -183,7 +186,7 @@ impl Question {
 }
 
 /// An answer, by field.
-pub(crate) struct Answered<T: Scalar> {
+pub(crate) struct Answered<T: Real> {
     answer: Answer,
     plan: Plan,
     numbers: Vec<T>,
@@ -191,7 +194,7 @@ pub(crate) struct Answered<T: Scalar> {
     input: Vec<T>,
 }
 
-impl<T: Scalar> Answered<T> {
+impl<T: Real> Answered<T> {
     pub(crate) fn status(&self) -> Status {
         self.answer.status
     }
@@ -235,7 +238,8 @@ impl<T: PlanScalar> Answered<T> {
 pub(crate) fn error(robot: &Robot, answer: &Answered<f64>, reference: &[(Field, Vec<Dd>)]) -> f64 {
     let of_field = |(field, reference): &(Field, Vec<Dd>)| {
         let units = robot.units(*field).unwrap_or_else(|| vec![1.0; reference.len()]);
-        let (mut worst, mut size): (f64, f64) = (0.0, f64::MIN_POSITIVE);
+        let mut worst: f64 = 0.0;
+        let mut size: f64 = f64::MIN_POSITIVE;
         for ((x, reference), unit) in answer.get(*field).iter().zip(reference).zip(&units) {
             let off = unit * (Dd::from(*x) - *reference).to_f64().abs();
             worst = if off.is_nan() { f64::INFINITY } else { worst.max(off) };
@@ -269,7 +273,8 @@ pub(crate) fn backward_error(
         }
         .run(exact)
     };
-    let (ydd, n) = (answer.get(Ydd), answer.get(Ydd).len());
+    let ydd = answer.get(Ydd);
+    let n = answer.get(Ydd).len();
     let (back, bias, ones) =
         (inverse(ydd.to_vec())?, inverse(vec![0.0; n])?, inverse(vec![1.0; n])?);
     let tau = ask.given.iter().find(|(field, _)| *field == TauY).map_or(&[][..], |(_, tau)| tau);

@@ -15,6 +15,8 @@ pub(crate) const Y: [f64; 3] = [0.0, 1.0, 0.0];
 pub(crate) const Z: [f64; 3] = [0.0, 0.0, 1.0];
 pub(crate) use JointKind::{Prismatic as Slide, Revolute as Turn};
 
+pub(crate) use crate::robots::catalogue::numerical;
+
 /// A robot ready to be asked.
 pub(crate) struct Robot {
     pub(crate) name: String,
@@ -97,18 +99,9 @@ impl Robot {
     }
 }
 
-/// What the files of a bundled robot say.
+/// The description of a bundled robot.
 pub(crate) fn bundled(name: &str) -> Outcome<Description> {
     Ok(load(&Source::Bundled(name.to_owned()), &Options::default())?.description)
-}
-
-/// The same robot with every loop closed by Newton's method.
-pub(crate) fn numerical(mut of: Description) -> Description {
-    of.submechanisms
-        .iter_mut()
-        .filter(|part| !part.loops.is_empty())
-        .for_each(|part| part.kind = Kind::Numerical);
-    of
 }
 
 /// Mass and inertia of the links that `which` names times a factor.
@@ -181,7 +174,7 @@ pub(crate) fn cut(
     which.chars().fold(cut, |cut, c| cut.row(c, row(c)));
 }
 
-/// What it is, with its independent and its active joints.
+/// The description, with its independent and its active joints.
 pub(crate) fn finish(
     mut of: DescriptionBuilder,
     independent: &[LinkId],

@@ -8,10 +8,10 @@ use super::robot::Robot;
 use crate::Outcome;
 use crate::page::Assessment;
 
-/// An estimate tells an error where it is at least this share of it.
+/// Least ratio of estimate to error at which an estimate counts as a report of the error.
 const TELLS: f64 = 0.1;
 
-/// What a simulation is compared with.
+/// The reference of a simulation.
 pub(crate) struct Comparison<'a> {
     /// The largest error by size over all samples.
     pub(crate) error: &'a dyn Fn(&Run) -> Outcome<f64>,
@@ -26,7 +26,8 @@ pub(crate) fn setup(robot: &Robot) -> Setup<'_> {
 
 /// The largest difference of y over the samples of two runs that sample at the same times, by size.
 pub(crate) fn apart(run: &Run, reference: &Run) -> f64 {
-    let (mut worst, mut size): (f64, f64) = (0.0, f64::MIN_POSITIVE);
+    let mut worst: f64 = 0.0;
+    let mut size: f64 = f64::MIN_POSITIVE;
     for (a, b) in run.samples.iter().zip(&reference.samples) {
         for (x, reference) in a.y.iter().zip(&b.y) {
             let off = (x - reference).abs();
@@ -38,9 +39,9 @@ pub(crate) fn apart(run: &Run, reference: &Run) -> f64 {
 }
 
 impl Cases {
-    /// Simulates with an estimate of the error and assesses: held like any answer; degraded and
-    /// said so where the run's own estimate or its energy tells the size of the error; failed and
-    /// said so where it stops with a status or does not start.
+    /// Simulates with an estimate of the error and assesses. Held: like any answer. Degraded,
+    /// reported: the run's own estimate or its energy has the size of the error. Failed, reported:
+    /// the run stops with a status or does not start.
     pub(crate) fn simulation(
         &mut self,
         name: &str,
@@ -54,7 +55,8 @@ impl Cases {
         let run = match simulate(setup, start, &settings, &mut |_| ()) {
             Ok(run) => run,
             Err(error) => {
-                let (status, reported) = ("refused at start".to_owned(), error.to_string());
+                let status = "refused at start".to_owned();
+                let reported = error.to_string();
                 let case = Case {
                     status,
                     reported,
@@ -108,8 +110,7 @@ impl Cases {
     }
 }
 
-/// True where a figure that a run tells is about as large as its error, or all of the answer, or no
-/// number.
+/// True where a run's estimate is about as large as its error or as the answer, or is not finite.
 fn tells(figure: f64, error: Option<f64>) -> bool {
     error.is_some_and(|error| !figure.is_finite() || figure >= (TELLS * error).min(1.0))
 }

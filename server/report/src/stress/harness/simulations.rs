@@ -12,7 +12,7 @@ use crate::stress::harness::runs::{Comparison, apart, setup};
 /// Samples of a run.
 pub(crate) const SAMPLES: f64 = 100.0;
 
-/// What the methods are asked for: a fixed step, or tolerances, and no more steps than a user would
+/// Settings of the methods: a fixed step, or tolerances, and a bound on the steps that a user would
 /// wait for.
 pub(crate) fn settings(method: Method, duration: f64) -> Settings {
     let step = method.is_fixed().then_some(1e-3 * duration);

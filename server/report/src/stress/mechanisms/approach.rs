@@ -26,7 +26,7 @@ impl Approach {
     /// The y at a distance from the singular pose, along the way.
     pub(crate) fn at(&self, distance: f64) -> Vec<f64> {
         let size = self.to.iter().map(|x| x * x).sum::<f64>().sqrt();
-        // PRECISION: the singular end itself first, then what is taken off
+        // PRECISION: the singular end itself first, then the difference
         self.from
             .iter()
             .zip(&self.to)
@@ -37,7 +37,8 @@ impl Approach {
 
 /// Mechanisms of one freedom whose singular pose is known from their lengths.
 pub(crate) fn known() -> Outcome<Vec<Approach>> {
-    let (out, meet) = (toggle(), reach_of_lambda());
+    let out = toggle();
+    let meet = reach_of_lambda();
     let list: [(&str, Description, f64); 9] = [
         ("lambda at its reach", lambda(Kind::Rrpr)?, meet),
         ("lambda at its reach", lambda(Kind::Numerical)?, meet),
@@ -73,7 +74,8 @@ pub(crate) fn searched() -> Outcome<Vec<Approach>> {
         ("active_ankle", &[1.0, 0.5, -0.3]),
     ] {
         let robot = Robot::new(name, numerical(bundled(name)?))?;
-        let (mut low, mut step) = (0.0, STEP);
+        let mut low = 0.0;
+        let mut step = STEP;
         let mut guess = None;
         while low + step > low && low < 3.1 {
             let y = direction.iter().map(|x| (low + step) * x).collect();
@@ -104,7 +106,8 @@ pub(crate) const TYPE_II: &str = "Stewart at type II";
 /// The Stewart platform where its legs cannot hold a twist: det G_u = 0 along a turn.
 pub(crate) fn platform() -> Outcome<Approach> {
     let robot = Robot::new(TYPE_II, bundled("stewart")?)?;
-    let (start, axis) = ([0.01, -0.02, 0.0, 0.0, 0.0, 0.0], 5);
+    let start = [0.01, -0.02, 0.0, 0.0, 0.0, 0.0];
+    let axis = 5;
     let sign = |turn: f64| -> Outcome<bool> {
         let mut y = start.to_vec();
         y[axis] = turn;
@@ -117,7 +120,8 @@ pub(crate) fn platform() -> Outcome<Approach> {
     while step < 100 && sign(0.03 * f64::from(step + 1))? == first {
         step += 1;
     }
-    let (mut low, mut high) = (0.03 * f64::from(step), 0.03 * f64::from(step + 1));
+    let mut low = 0.03 * f64::from(step);
+    let mut high = 0.03 * f64::from(step + 1);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
         if sign(middle)? == first { low = middle } else { high = middle }

@@ -48,7 +48,9 @@ pub(crate) fn four_bar(
 pub(crate) fn toggle() -> f64 {
     let far = |a: [f64; 2], b: [f64; 2]| f64::hypot(b[0] - a[0], b[1] - a[1]);
     let [a, b, c, d] = LOOSE;
-    let (crank, reach, ground) = (far(a, b), far(b, c) + far(c, d), far(d, a));
+    let crank = far(a, b);
+    let reach = far(b, c) + far(c, d);
+    let ground = far(d, a);
     let angle =
         f64::acos((crank * crank + ground * ground - reach * reach) / (2.0 * crank * ground));
     f64::atan2(d[1], d[0]) + angle - f64::atan2(b[1], b[0])
@@ -56,7 +58,8 @@ pub(crate) fn toggle() -> f64 {
 
 /// A rocker of 0.9 at the origin, a stator at (1, 0) whose slider passes 0.3 beside its pivot.
 pub(crate) fn lambda(kind: Kind) -> Outcome<Description> {
-    let (arm, aside) = (0.9, 0.3);
+    let arm = 0.9;
+    let aside = 0.3;
     let heading = f64::atan2(arm, -1.0) - f64::asin(aside / f64::hypot(1.0, arm));
     let mut of = mechanism(kind);
     let rocker = joint(&mut of, BASE, Turn, [0.0; 3], Z);
@@ -88,7 +91,8 @@ pub(crate) fn bricard(open: bool) -> Outcome<Description> {
     for (at, axis) in points.into_iter().zip([Y, Z, X, Y, Z, X]).take(if open { 5 } else { 6 }) {
         links.push(joint(&mut of, links[links.len() - 1], Turn, at, axis));
     }
-    let (first, last) = (links[1], links[links.len() - 1]);
+    let first = links[1];
+    let last = links[links.len() - 1];
     cut(&mut of, BASE, last, points[5], if open { "xyzbc" } else { "xyzabc" });
     finish(of, &[first], &[first])
 }
@@ -96,7 +100,8 @@ pub(crate) fn bricard(open: bool) -> Outcome<Description> {
 /// A door on a hinge, pushed by a rod between two ball joints; `spin`: the rod may turn about
 /// itself, which moves nothing else.
 pub(crate) fn door(spin: bool) -> Outcome<Description> {
-    let (foot, head) = ([-0.6, 0.3, 0.2], [1.1, 1.0, 0.5]);
+    let foot = [-0.6, 0.3, 0.2];
+    let head = [1.1, 1.0, 0.5];
     let along: [f64; 3] = std::array::from_fn(|k| head[k] - foot[k]);
     let mut of = mechanism(Kind::Numerical);
     let door = joint(&mut of, BASE, Turn, [1.0, 0.0, 0.0], Z);

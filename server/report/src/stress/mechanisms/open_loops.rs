@@ -32,7 +32,8 @@ pub(crate) fn off_loops(robot: &Robot, value: f64) -> Outcome<(Vec<f64>, Vec<f64
 }
 
 pub(crate) fn apart(x: &[f64], reference: &[Dd], units: &[f64]) -> f64 {
-    let (mut worst, mut size): (f64, f64) = (0.0, f64::MIN_POSITIVE);
+    let mut worst: f64 = 0.0;
+    let mut size: f64 = f64::MIN_POSITIVE;
     for ((x, reference), unit) in x.iter().zip(reference).zip(units) {
         let off = unit * (Dd::from(*x) - *reference).abs().hi();
         worst = if off.is_nan() { f64::INFINITY } else { worst.max(off) };

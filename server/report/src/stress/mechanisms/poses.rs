@@ -1,5 +1,5 @@
-//! Where links are at a pose and how far loops stand open there, straight from a description: no
-//! line of it is shared with what it judges.
+//! Poses of links and gaps of loops, straight from a description: no code is shared with the
+//! kernels that it judges.
 
 use sarrus_dynamics::description::{Cut, Description, Joint, JointKind, Placement};
 
@@ -22,7 +22,8 @@ pub(crate) fn open_by(of: &Description, q: &[(String, f64)], length: f64) -> Opt
         let on = |link: usize, place: &Placement| after(&poses[link], &placed(place));
         let [p, s] = [on(cut.predecessor, predecessor), on(cut.successor, successor)];
         let back = transposed(&p.turn);
-        let (turn, apart) = (log(&times(&back, &s.turn)), apply(&back, minus(s.at, p.at)));
+        let turn = log(&times(&back, &s.turn));
+        let apart = apply(&back, minus(s.at, p.at));
         for row in &cut.rows {
             let [a, l]: [[f64; 3]; 2] =
                 [std::array::from_fn(|k| row.axis[k]), std::array::from_fn(|k| row.axis[k + 3])];
@@ -90,7 +91,8 @@ fn rotation([x, y, z]: [f64; 3], angle: f64) -> Matrix {
 /// The vector of a rotation; turns below π.
 fn log(r: &Matrix) -> [f64; 3] {
     let axis = [r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]].map(|x| 0.5 * x);
-    let (sine, cosine) = (dot(axis, axis).sqrt(), 0.5 * (r[0][0] + r[1][1] + r[2][2] - 1.0));
+    let sine = dot(axis, axis).sqrt();
+    let cosine = 0.5 * (r[0][0] + r[1][1] + r[2][2] - 1.0);
     let angle = f64::atan2(sine, cosine);
     axis.map(|x| if sine > 0.0 { x * angle / sine } else { x })
 }

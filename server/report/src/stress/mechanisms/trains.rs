@@ -22,7 +22,7 @@ struct Stage {
     line: Point,
 }
 
-/// What a train is drawn from.
+/// Parameters of a train.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Draw {
     /// Its stages.
@@ -53,10 +53,14 @@ pub(crate) struct Train {
 pub(crate) fn train(random: &mut Random, draw: Draw) -> Outcome<Train> {
     let length = |random: &mut Random| if draw.lengths { random.between(0.5, 1.5) } else { 1.0 };
     let mut stages = Vec::new();
-    let (mut tip, mut sines, mut least) = ([0.0, length(random)], 1.0, f64::INFINITY);
+    let mut tip = [0.0, length(random)];
+    let mut sines = 1.0;
+    let mut least = f64::INFINITY;
     for _ in 0..draw.stages {
         let delta = random.scale(draw.angle[0], draw.angle[1]);
-        let (coupler, rocker, arm) = (length(random), length(random), length(random));
+        let coupler = length(random);
+        let rocker = length(random);
+        let arm = length(random);
         let heading = if draw.lengths { random.between(-0.5, 0.5) } else { 0.0 };
         let pin = along(tip, heading, coupler);
         let pivot = along(pin, heading - delta, rocker);
@@ -109,8 +113,10 @@ fn turned(stages: &[Stage], mut turn: f64) -> Option<Vec<Stage>> {
         } else {
             // the pin moves along its line to where the coupler reaches it
             let [dx, dy] = stage.line;
-            let (ax, ay) = (crank[0] - stage.pin[0], crank[1] - stage.pin[1]);
-            let (middle, off) = (ax * dx + ay * dy, ax * dy - ay * dx);
+            let ax = crank[0] - stage.pin[0];
+            let ay = crank[1] - stage.pin[1];
+            let middle = ax * dx + ay * dy;
+            let off = ax * dy - ay * dx;
             let square = coupler * coupler - off * off;
             if square <= 0.0 {
                 return None;
@@ -135,7 +141,8 @@ fn built(random: &mut Random, stages: &[Stage], axes: [[f64; 3]; 2]) -> Outcome<
     let z = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
     let mut of = begun(random, Kind::Numerical);
     let crank = joint(&mut of, BASE, Turn, [0.0; 3], z);
-    let (mut on, mut joints) = (crank, vec![crank]);
+    let mut on = crank;
+    let mut joints = vec![crank];
     for stage in stages {
         of.default_inertial(inertial(random));
         let coupler = joint(&mut of, on, Turn, place(stage.crank), z);
@@ -165,8 +172,11 @@ fn built(random: &mut Random, stages: &[Stage], axes: [[f64; 3]; 2]) -> Outcome<
 /// the one before; all reach their dead points by turning their cranks.
 pub(crate) fn closed_forms(random: &mut Random, stages: usize) -> Outcome<Train> {
     let mut of = begun(random, Kind::Serial);
-    let (mut on, mut at, mut y) = (BASE, [0.0; 2], Vec::new());
-    let (mut sines, mut least) = (1.0, f64::INFINITY);
+    let mut on = BASE;
+    let mut at = [0.0; 2];
+    let mut y = Vec::new();
+    let mut sines = 1.0;
+    let mut least = f64::INFINITY;
     let z = [0.0, 0.0, 1.0];
     for k in 0..stages {
         let delta = random.scale(0.005, 0.1);
@@ -174,7 +184,8 @@ pub(crate) fn closed_forms(random: &mut Random, stages: usize) -> Outcome<Train>
         let place = |p: Point| [p[0] + at[0], p[1] + at[1], 0.0];
         if random.below(3) == 0 {
             of.submechanism(format!("lambda{k}"), Kind::Rrpr);
-            let (arm, aside) = (0.9, 0.3);
+            let arm = 0.9;
+            let aside = 0.3;
             let heading = f64::atan2(arm, -1.0) - f64::asin(aside / f64::hypot(1.0, arm));
             let rocker = joint(&mut of, on, Turn, place([0.0; 2]), z);
             let stator = joint(&mut of, on, Turn, place([1.0, 0.0]), z);
@@ -183,7 +194,7 @@ pub(crate) fn closed_forms(random: &mut Random, stages: usize) -> Outcome<Train>
             let pin = CutJoint::PlanarRevolute { axis: z };
             of.cut(format!("pin{k}"), rocker, slider).at(place([0.0, arm])).joint(pin);
             of.independent([rocker]).active([slider]);
-            // the square of what vanishes goes with the way that is left
+            // the square of the vanishing length goes with the remaining way
             y.push(reach_of_lambda() + delta * delta);
             (on, at) = (rocker, [at[0], at[1] + arm]);
             continue;
@@ -220,8 +231,10 @@ pub(crate) fn closed_forms(random: &mut Random, stages: usize) -> Outcome<Train>
 pub(crate) fn spatial(random: &mut Random, stages: usize) -> Outcome<Train> {
     let mut of = begun(random, Kind::Numerical);
     let first = joint(&mut of, BASE, Turn, [0.0; 3], rotation(random)[0]);
-    let (mut on, mut tip) = (first, rotation(random)[0]);
-    let (mut sines, mut least) = (1.0, f64::INFINITY);
+    let mut on = first;
+    let mut tip = rotation(random)[0];
+    let mut sines = 1.0;
+    let mut least = f64::INFINITY;
     for k in 0..stages {
         let delta = random.scale(0.005, 0.1);
         (sines, least) = (sines * delta.sin(), least.min(delta));
@@ -343,7 +356,7 @@ fn cross(a: Point, b: Point, c: Point) -> f64 {
     (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
 }
 
-/// Where two circles meet, on the side where c, b, a turn as `side` says.
+/// The intersection of two circles, on the side where c, b, a turn as `side` gives.
 fn meet(a: Point, of_a: f64, c: Point, of_c: f64, side: f64) -> Option<Point> {
     let d = far(a, c);
     let x = (d * d + of_a * of_a - of_c * of_c) / (2.0 * d);
@@ -351,7 +364,8 @@ fn meet(a: Point, of_a: f64, c: Point, of_c: f64, side: f64) -> Option<Point> {
     if square <= 0.0 {
         return None;
     }
-    let (ux, uy) = ((c[0] - a[0]) / d, (c[1] - a[1]) / d);
+    let ux = (c[0] - a[0]) / d;
+    let uy = (c[1] - a[1]) / d;
     let h = square.sqrt();
     [h, -h]
         .into_iter()

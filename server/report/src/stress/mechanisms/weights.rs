@@ -22,7 +22,8 @@ fn weighing(random: &mut Random, mass: f64) -> Inertial {
 pub(crate) fn planar_platform(random: &mut Random, masses: [f64; 2]) -> Outcome<Description> {
     let mut of = begun(random, Kind::Numerical);
     let n_legs = 2 + random.below(3);
-    let (mut independent, mut all): (Vec<LinkId>, Vec<LinkId>) = (Vec::new(), Vec::new());
+    let mut independent: Vec<LinkId> = Vec::new();
+    let mut all: Vec<LinkId> = Vec::new();
     let mut platform = BASE;
     for leg in 0..n_legs {
         let heading = std::f64::consts::TAU * leg as f64 / n_legs as f64;
@@ -84,7 +85,8 @@ pub(crate) fn planar_loops(random: &mut Random, masses: [f64; 2]) -> Outcome<Des
         let others: Vec<_> = links.iter().filter(|of| of.1 != start).copied().collect();
         let (to, end) = others[random.below(others.len())];
         let n = 4 + random.below(2);
-        let (mut on, mut hinges) = (from, Vec::new());
+        let mut on = from;
+        let mut hinges = Vec::new();
         let across = [start[1] - end[1], end[0] - start[0], 0.0];
         let side = if random.coin() { 1.0 } else { -1.0 };
         for k in 0..n {

@@ -28,7 +28,7 @@ const GROWTH: f64 = 8.0;
 const SHRINKAGE: f64 = 0.2;
 /// A step that would grow by less is left as it is, and its factors with it.
 const SAME: f64 = 1.2;
-/// Rejected steps without an answer, one after the other, before it is said that there is none.
+/// Number of consecutive rejected steps without an answer after which the integration fails.
 const MOST_FAILURES: u32 = 40;
 
 /// The method between steps.
@@ -62,7 +62,7 @@ struct Factors {
     complex: LU<Complex<f64>, Dyn, Dyn>,
 }
 
-/// What came of Newton's method.
+/// Result of Newton's method.
 enum Newton {
     /// Steps taken and rate of convergence.
     Converged(u32, f64),
@@ -96,7 +96,8 @@ impl Radau {
 
     /// A first step that moves x by about a hundredth of its size.
     fn first_step(&self, engine: &Engine, x: &[f64], scale: &[f64], room: f64) -> f64 {
-        let (size, speed) = (norm(x, scale), norm(&engine.anchor.rate, scale));
+        let size = norm(x, scale);
+        let speed = norm(&engine.anchor.rate, scale);
         let step = if size < 1e-5 || speed < 1e-5 { 1e-6 } else { 0.01 * size / speed };
         step.min(room)
     }
@@ -159,7 +160,9 @@ impl Radau {
         scale: &[f64],
     ) -> Newton {
         let n = x.len();
-        let (mut last, mut ratio, mut theta) = (0.0, 1.0, 0.0);
+        let mut last = 0.0;
+        let mut ratio = 1.0;
+        let mut theta = 0.0;
         let mut factor = 1.0;
         for k in 1..=NEWTON {
             for s in 0..3 {
@@ -190,7 +193,7 @@ impl Radau {
                 let quotient = size / last;
                 theta = if k == 2 { quotient } else { (quotient * ratio).sqrt() };
                 ratio = quotient;
-                // what is not a number does not converge
+                // NaN does not converge
                 if theta.is_nan() || theta >= 0.99 {
                     return Newton::Slow(0.5);
                 }
@@ -250,7 +253,7 @@ impl Radau {
         size.is_finite().then(|| size.max(1e-10))
     }
 
-    /// The attempt came to nothing: the step shrinks, and with it what is known of the past.
+    /// The attempt failed: shrinks the step and discards the history.
     fn give_way(&mut self, step: f64, share: f64) -> Attempt {
         self.step = Some(step * share);
         self.rejected = true;
@@ -260,7 +263,7 @@ impl Radau {
         Attempt::Rejected
     }
 
-    /// The same where the right-hand side had no answer.
+    /// The attempt failed because the right-hand side had no answer.
     fn no_answer(&mut self, engine: &mut Engine, step: f64, status: Status) -> Attempt {
         engine.counts.failed += 1;
         self.failures += 1;
@@ -342,7 +345,7 @@ impl Stepper for Radau {
         engine.counts.steps += 1;
         self.last = Some((step, error.max(1e-2)));
         (self.fresh, self.good) = (false, theta < KEEP);
-        // a step that the limit cut short says nothing against the longer one
+        // a step that the limit cut short is no evidence against the longer one
         let next = if step < own { own.max(step * growth) } else { step * growth };
         self.step =
             Some(if self.good && next >= step && next <= SAME * step { step } else { next });

@@ -1,8 +1,7 @@
-//! One mechanism and what was found of it.
+//! One mechanism and its assessment.
 
 use sarrus_proto::actuators::Reason;
 
-use super::Activity;
 use super::effort::Contradiction;
 use super::evaluator::Pose;
 use super::linkage::Linkage;
@@ -17,6 +16,19 @@ const NEARER: f64 = 0.7;
 /// Assessments without a pose after which there is none.
 pub(super) const LOST: u32 = 2;
 
+/// Activity of a mechanism.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(in crate::bridge) enum Activity {
+    /// Its motors have no power.
+    Idle,
+    /// They have, and follow no command.
+    Powered,
+    /// They follow commands, and gains still grow.
+    Ramping,
+    /// They follow commands.
+    Following,
+}
+
 /// One mechanism and its assessment.
 #[derive(Debug)]
 pub(super) struct Assessed {
@@ -24,7 +36,7 @@ pub(super) struct Assessed {
     pub(super) measured: Tracker,
     pub(super) commanded: Tracker,
     pub(super) activity: Activity,
-    /// What its independents and its clearance may reach.
+    /// Bounds of its independents and of its clearance.
     bounds: Vec<[f64; 2]>,
     least_clearance: f64,
     pub(super) contradiction: Contradiction,
@@ -51,8 +63,8 @@ impl Assessed {
         self.linkage.is_determined() && !self.linkage.is_serial
     }
 
-    /// What it means that no pose has the measured actuators: more of them than it has degrees of
-    /// freedom contradict each other.
+    /// The reason where no pose has the measured actuators: with more actuators than degrees of
+    /// freedom they contradict each other.
     pub(super) fn no_pose(&self) -> Reason {
         if self.linkage.actuators.len() > self.linkage.independents.len() {
             Reason::LoopResidual
@@ -69,7 +81,8 @@ impl Assessed {
     /// Limits and the clearance, as ratchets: without power they are where the mechanism is.
     pub(super) fn assess_limits(&mut self, least_clearance: f64) {
         let is_powered = self.activity > Activity::Idle;
-        let (mut is_beyond, clearance) = (false, self.measured.clearance);
+        let mut is_beyond = false;
+        let clearance = self.measured.clearance;
         for (i, limits) in self.linkage.limits.iter().enumerate() {
             let y = self.measured.next[i];
             let range = limits[1] - limits[0];

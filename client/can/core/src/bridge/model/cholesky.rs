@@ -18,7 +18,8 @@ impl Cholesky {
 
     /// False where the matrix is singular or no number.
     pub(super) fn factorise(&mut self) -> bool {
-        let (n, a) = (self.n, &mut self.matrix);
+        let n = self.n;
+        let a = &mut self.matrix;
         for j in 0..n {
             let whole = a[j * n + j];
             for k in 0..j {
@@ -43,7 +44,8 @@ impl Cholesky {
 
     /// x for N x = side, in place.
     pub(super) fn solve(&self, side: &mut [f64]) {
-        let (n, l) = (self.n, &self.matrix);
+        let n = self.n;
+        let l = &self.matrix;
         for i in 0..n {
             for k in 0..i {
                 side[i] -= l[i * n + k] * side[k];

@@ -5,9 +5,9 @@
 //! |δτ_u| > part · limits.effort + ½ |τ_u(y, ẏ, ÿ) − τ_u(y, 0, 0)|   for 10 ms: fault
 //! ```
 //!
-//! ẏ is what the motors report, and where they report none the change of y; both it and its
+//! ẏ is the velocity that the motors report, or else the change of y; both it and its
 //! derivative ÿ go through a filter of 5 ms, and the efforts through two of them, so that they are
-//! as late. Half of what the motion asks for may be wrong besides: rotors and friction are not in
+//! as late. Half of the motion's forces may be wrong besides: rotors and friction are not in
 //! the model.
 
 /// Time constant of the filters `[s]`.
@@ -48,7 +48,7 @@ pub(super) struct Contradiction {
 }
 
 impl Contradiction {
-    /// The deviation of one actuator within what is allowed.
+    /// Whether the deviation of one actuator exceeds the allowed one.
     pub(super) fn is_beyond(deviation: f64, moving: f64, allowed: f64) -> bool {
         deviation.abs() > allowed + MOTION * moving.abs()
     }

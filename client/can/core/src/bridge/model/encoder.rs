@@ -1,94 +1,16 @@
-//! An encoder beside those of the motors: its joint's position against that of the found pose.
+//! An encoder beside those of the motors.
 
-use sarrus_proto::actuators::Reason;
+use crate::config::EncoderConfig;
 
-use super::RobotModel;
-use crate::config::{Configuration, EncoderConfig};
-use crate::frame::Frame;
-
-/// Assessments in which it contradicts after which it is a fault.
-const CONTRADICTIONS: u32 = 2;
-
-/// An encoder and what it said.
+/// An encoder and its last report.
 #[derive(Debug)]
 pub(super) struct Encoder {
-    config: EncoderConfig,
+    pub(super) config: EncoderConfig,
     /// Place of its joint in q.
-    place: usize,
+    pub(super) place: usize,
     /// The mechanism of its joint.
-    mechanism: usize,
-    position: f64,
-    measured_ns: Option<u64>,
-    contradictions: u32,
-}
-
-impl RobotModel {
-    /// The encoders of a configuration on joints of mechanisms. Allocates.
-    pub(super) fn add_encoders(&mut self, configuration: &Configuration) {
-        let model = self.evaluator.model.clone();
-        for config in &configuration.encoders {
-            let of = |names: &[String]| names.iter().position(|name| *name == config.joint);
-            let rows = of(model.tree_names()).zip(of(model.tree_q_names()));
-            let found = rows.and_then(|(row, place)| {
-                let is_of = |mechanism: &super::Assessed| {
-                    let actuators = &mechanism.linkage.actuators;
-                    mechanism.linkage.joints.contains(&row)
-                        || actuators.iter().any(|u| self.rows.actuator_rows[*u] == row)
-                };
-                self.mechanisms.iter().position(is_of).map(|mechanism| (place, mechanism))
-            });
-            if let Some((place, mechanism)) = found {
-                self.encoders.push(Encoder {
-                    config: config.clone(),
-                    place,
-                    mechanism,
-                    position: f64::NAN,
-                    measured_ns: None,
-                    contradictions: 0,
-                });
-            }
-        }
-    }
-
-    /// Takes a frame; false where it is none of an encoder's.
-    pub(in crate::bridge) fn receive(&mut self, now_ns: u64, bus: usize, frame: &Frame) -> bool {
-        let is_meant =
-            |encoder: &&mut Encoder| (encoder.config.bus, encoder.config.id) == (bus, frame.id);
-        let Some(encoder) = self.encoders.iter_mut().find(is_meant) else { return false };
-        if let Some(position) = encoder.config.position(frame.data()) {
-            (encoder.position, encoder.measured_ns) = (position, Some(now_ns));
-        }
-        true
-    }
-
-    /// Compares what the encoders said with the pose that was found last.
-    pub(super) fn compare_encoders(&mut self, now_ns: u64) {
-        for e in 0..self.encoders.len() {
-            let is_known = self.is_known(self.encoders[e].mechanism);
-            let encoder = &mut self.encoders[e];
-            let residual = (self.pose.q[encoder.place] - encoder.position).abs();
-            let is_beyond = is_known && residual > encoder.config.margin;
-            encoder.contradictions = if is_beyond { encoder.contradictions + 1 } else { 0 };
-            let (number, reason) = (encoder.mechanism, self.of_encoder(e, now_ns));
-            let fault = &mut self.mechanisms[number].fault;
-            *fault = fault.or(reason);
-        }
-    }
-
-    /// What the encoders of a mechanism have against it.
-    pub(super) fn of_encoders(&self, number: usize, now_ns: u64) -> Option<Reason> {
-        (0..self.encoders.len())
-            .filter(|e| self.encoders[*e].mechanism == number)
-            .find_map(|e| self.of_encoder(e, now_ns))
-    }
-
-    fn of_encoder(&self, e: usize, now_ns: u64) -> Option<Reason> {
-        let encoder = &self.encoders[e];
-        let is_old = |at: u64| now_ns.saturating_sub(at) > self.feedback_ns;
-        if encoder.measured_ns.is_none_or(is_old) {
-            Some(Reason::FeedbackStale)
-        } else {
-            (encoder.contradictions >= CONTRADICTIONS).then_some(Reason::LoopResidual)
-        }
-    }
+    pub(super) mechanism: usize,
+    pub(super) position: f64,
+    pub(super) measured_ns: Option<u64>,
+    pub(super) contradictions: u32,
 }

@@ -19,7 +19,7 @@ pub(super) struct Pose {
     pub(super) tau_y: Vec<f64>,
 }
 
-/// A plan with room for what it is given and for what it gives.
+/// A plan with room for its input and output.
 #[derive(Debug)]
 struct Prepared {
     plan: Plan,
@@ -105,12 +105,12 @@ impl Evaluator {
         run(&self.model, &mut self.workspace, &mut self.pose, pose)
     }
 
-    /// The same with the forces that hold the robot there.
+    /// As [`Evaluator::pose`], with the forces that hold the robot there.
     pub(super) fn rest(&mut self, pose: &mut Pose) -> bool {
         run(&self.model, &mut self.workspace, &mut self.rest, pose)
     }
 
-    /// The same with the forces of a motion.
+    /// As [`Evaluator::pose`], with the forces of a motion.
     pub(super) fn motion(&mut self, pose: &mut Pose, yd: &[f64], ydd: &[f64]) -> bool {
         self.motion.give(Field::Yd, yd);
         self.motion.give(Field::Ydd, ydd);

@@ -1,4 +1,4 @@
-//! The poses of the mechanisms: of what was measured, and of what is commanded.
+//! Measured and commanded poses of the mechanisms.
 
 use sarrus_proto::actuators::Reason;
 
@@ -9,7 +9,7 @@ use super::{Activity, RobotModel};
 const ROUNDS: usize = 4;
 
 impl RobotModel {
-    /// The pose and the forces of what was measured.
+    /// The measured pose and its forces.
     pub(super) fn follow_measured(&mut self, now_ns: u64) {
         let h = self.last_ns.map_or(0.0, |last| now_ns.saturating_sub(last) as f64 * 1e-9);
         self.last_ns = Some(now_ns);
@@ -65,7 +65,7 @@ impl RobotModel {
             }
         }
 
-        // what it says of each mechanism
+        // the result for each mechanism
         for k in 0..self.mechanisms.len() {
             let is_measured = self.is_measured(&self.mechanisms[k]);
             let mechanism = &mut self.mechanisms[k];

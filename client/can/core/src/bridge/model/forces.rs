@@ -1,4 +1,4 @@
-//! What the model says of forces: gravity, and whether reported efforts contradict it.
+//! Forces of the model: gravity, and whether reported efforts contradict it.
 
 use sarrus_proto::actuators::Reason;
 
@@ -6,13 +6,13 @@ use super::assessed::Assessed;
 use super::effort::{Contradiction, Filtered};
 use super::{Activity, RobotModel};
 
-/// Least clearance at which gravity is given, and at which efforts are compared: what the model is
-/// wrong by grows with one by it.
+/// Least clearance at which gravity is given, and at which efforts are compared: the model's error
+/// grows as the inverse of the clearance.
 const WEIGHED: f64 = 0.02;
 const COMPARED: f64 = 0.15;
 
 impl RobotModel {
-    /// ẏ and ÿ from what was measured, and the efforts, all filtered, after `h` seconds.
+    /// Measured ẏ and ÿ, and the efforts, all filtered, after `h` seconds.
     pub(super) fn filter(&mut self, h: f64) {
         for k in 0..self.mechanisms.len() {
             let is_known = self.is_known(k);
@@ -54,13 +54,16 @@ impl RobotModel {
             let Assessed { linkage, contradiction, fault, .. } = &mut self.mechanisms[k];
             let mut is_beyond = false;
             if is_compared && linkage.factorise(&self.rows, &self.pose) {
-                let (efforts, limits) = (&self.efforts, &self.limits);
-                let (gravity, part) = (&self.gravity, self.rules.effort);
+                let efforts = &self.efforts;
+                let limits = &self.limits;
+                let gravity = &self.gravity;
+                let part = self.rules.effort;
                 let asked = &mut self.asked;
                 linkage.efforts(&self.rows, &self.pose, asked);
                 let reported = |u: usize| efforts[u].rate;
                 linkage.efforts_beside(&self.rows, &self.pose, reported, |u, deviation| {
-                    let (moving, allowed) = (asked[u] - gravity[u], part * limits[u].effort);
+                    let moving = asked[u] - gravity[u];
+                    let allowed = part * limits[u].effort;
                     is_beyond |= Contradiction::is_beyond(deviation, moving, allowed);
                 });
             }

@@ -114,8 +114,8 @@ impl Linkage {
         self.efforts_beside(rows, pose, |_| 0.0, |u, effort| into[u] = effort);
     }
 
-    /// The same, less what the actuators give already: `each` gets an actuator's place in u and its
-    /// force.
+    /// Forces of the actuators beside those that they give already: `each` gets an actuator's place
+    /// in u and its force.
     pub(super) fn efforts_beside(
         &mut self,
         rows: &Rows,

@@ -10,6 +10,7 @@ mod assessed;
 mod cholesky;
 mod effort;
 mod encoder;
+mod encoders;
 mod evaluator;
 mod follow;
 mod forces;
@@ -20,26 +21,14 @@ mod tracker;
 use sarrus_proto::actuators::Reason;
 
 use crate::config::{Configuration, Limits, ModelRules, MotorConfig};
+pub(super) use assessed::Activity;
 use assessed::Assessed;
 use effort::Filtered;
 use encoder::Encoder;
 use evaluator::{Evaluator, Pose};
 use linkage::Rows;
 
-/// What a mechanism does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Activity {
-    /// Its motors have no power.
-    Idle,
-    /// They have, and follow no command.
-    Powered,
-    /// They follow commands, and gains still grow.
-    Ramping,
-    /// They follow commands.
-    Following,
-}
-
-/// What is known of an actuator.
+/// Measurements of an actuator.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Measured {
     pub(super) position: f64,
@@ -96,7 +85,8 @@ impl RobotModel {
     pub(super) fn new(configuration: &Configuration) -> Option<RobotModel> {
         let mut evaluator = Evaluator::new(configuration.model.clone()?)?;
         let mut zero = evaluator.zero()?;
-        let (n_vy, n_u) = (evaluator.model.sizes().n_vy, evaluator.model.sizes().n_u);
+        let n_vy = evaluator.model.sizes().n_vy;
+        let n_u = evaluator.model.sizes().n_u;
         let mut limits = vec![Limits::NONE; n_u];
         for MotorConfig { actuator, limits: of_motor, .. } in &configuration.motors {
             if let Some(place) = limits.get_mut(*actuator) {
@@ -139,14 +129,14 @@ impl RobotModel {
         Some(model)
     }
 
-    /// Takes what is known of an actuator.
+    /// Takes the measurements of an actuator.
     pub(super) fn measure(&mut self, actuator: usize, measured: Measured) {
         if let Some(place) = self.measured.get_mut(actuator) {
             *place = measured;
         }
     }
 
-    /// Takes what a mechanism does.
+    /// Takes the activity of a mechanism.
     pub(super) fn activity(&mut self, number: usize, activity: Activity) {
         if let Some(mechanism) = self.mechanisms.get_mut(number) {
             mechanism.activity = activity;
@@ -163,12 +153,12 @@ impl RobotModel {
         self.cycle += 1;
     }
 
-    /// What is wrong with a mechanism that has power.
+    /// The fault of a mechanism that has power.
     pub(super) fn fault(&self, number: usize) -> Option<Reason> {
         self.mechanisms.get(number).and_then(|mechanism| mechanism.fault)
     }
 
-    /// What keeps a mechanism whose motors all measure from getting power.
+    /// The reason that keeps a mechanism whose motors all measure from getting power.
     pub(super) fn missing(&self, number: usize, now_ns: u64) -> Option<Reason> {
         let mechanism = self.mechanisms.get(number)?;
         let is_assessed = mechanism.is_closed() && self.is_measured(mechanism);

@@ -1,7 +1,7 @@
 //! Which coordinates belong together, read off the loop Jacobian and the mass matrix at sampled
 //! poses, and how well each mechanism is conditioned at its best pose.
 
-use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Workspace};
 
 use super::evaluator::{Evaluator, Pose};
 use super::linkage::{Linkage, Rows};
@@ -18,7 +18,7 @@ const SOUND: f64 = 0.05;
 /// Entries less than this are none.
 const NONE: f64 = 1e-9;
 
-/// What samples say of a robot.
+/// Structure of a robot, from samples.
 pub(super) struct Structure {
     pub(super) rows: Rows,
     pub(super) linkages: Vec<Linkage>,
@@ -39,7 +39,7 @@ pub(super) fn structure(
     limits: &[Limits],
 ) -> Option<Structure> {
     let model = evaluator.model.clone();
-    let (sizes, info) = (model.sizes(), model.info());
+    let sizes = model.sizes();
     let names = model.independent_names();
     let places: Vec<Option<usize>> = names
         .iter()
@@ -49,19 +49,9 @@ pub(super) fn structure(
     let actuator_rows: Option<Vec<usize>> =
         model.active_names().iter().map(|name| place_of(model.tree_names(), name)).collect();
     let rows = Rows { actuator_rows: actuator_rows?, n_vy: sizes.n_vy };
-    let ranges: Vec<[f64; 2]> = names
-        .iter()
-        .map(|name| {
-            let limits = place_of(model.tree_names(), name)
-                .and_then(|row| info.limits.get(row).copied().flatten());
-            let of = |limit: Option<f64>, otherwise| limit.unwrap_or(otherwise);
-            let lower = limits.and_then(|limits| limits.lower);
-            let upper = limits.and_then(|limits| limits.upper);
-            [of(lower, f64::NEG_INFINITY), of(upper, f64::INFINITY)]
-        })
-        .collect();
+    let ranges = independent_ranges(&model);
 
-    // what depends on what, at any of the poses
+    // dependencies at any of the poses
     let poses = samples(evaluator, zero, &places, &ranges);
     let depends = |row: usize, column: usize| {
         poses.iter().any(|pose| rows.at(pose, row, column).abs() > NONE)
@@ -96,7 +86,37 @@ pub(super) fn structure(
         linkages.push(Linkage::new(actuators, independents, joints, weights, of_independents));
     }
 
-    // the best pose of each among those that its actuators can have
+    let home = best_poses(&mut linkages, &rows, &poses, zero, limits);
+    let coupled = coupled(evaluator, zero, &owners, linkages.len())?;
+    Some(Structure { rows, linkages, home, owners, coupled })
+}
+
+/// Limits of each independent; infinite where it has none (n_vy).
+fn independent_ranges(model: &Model) -> Vec<[f64; 2]> {
+    let place_of = |name: &String| model.tree_names().iter().position(|other| other == name);
+    model
+        .independent_names()
+        .iter()
+        .map(|name| {
+            let limits =
+                place_of(name).and_then(|row| model.info().limits.get(row).copied().flatten());
+            let of = |limit: Option<f64>, otherwise| limit.unwrap_or(otherwise);
+            let lower = limits.and_then(|limits| limits.lower);
+            let upper = limits.and_then(|limits| limits.upper);
+            [of(lower, f64::NEG_INFINITY), of(upper, f64::INFINITY)]
+        })
+        .collect()
+}
+
+/// Finds the best pose of each mechanism within the limits of its actuators, and sets the least
+/// norm of its joints' reach. Returns the home pose (n_qy).
+fn best_poses(
+    linkages: &mut [Linkage],
+    rows: &Rows,
+    poses: &[Pose],
+    zero: &Pose,
+    limits: &[Limits],
+) -> Vec<f64> {
     let mut home = zero.y.clone();
     for linkage in linkages.iter_mut().filter(|linkage| linkage.is_determined()) {
         let is_within = |pose: &Pose| {
@@ -107,21 +127,21 @@ pub(super) fn structure(
         };
         let within: Vec<&Pose> = poses.iter().filter(|pose| is_within(pose)).collect();
         let chosen = if within.is_empty() { poses.iter().collect() } else { within };
-        let (mut least, mut best) = (f64::INFINITY, zero);
+        let mut least = f64::INFINITY;
+        let mut best = zero;
         for pose in chosen {
-            let is_sound = linkage.factorise(&rows, pose);
-            let reach = linkage.reach_of_joints(&rows, pose);
+            let is_sound = linkage.factorise(rows, pose);
+            let reach = linkage.reach_of_joints(rows, pose);
             if is_sound && reach < least {
                 (least, best) = (reach, pose);
             }
         }
         linkage.least = if least.is_finite() { least } else { 0.0 };
-        if !linkage.factorise(&rows, zero) || linkage.clearance(&rows, zero) < SOUND {
+        if !linkage.factorise(rows, zero) || linkage.clearance(rows, zero) < SOUND {
             linkage.independents.iter().for_each(|(_, place)| home[*place] = best.y[*place]);
         }
     }
-    let coupled = coupled(evaluator, zero, &owners, linkages.len())?;
-    Some(Structure { rows, linkages, home, owners, coupled })
+    home
 }
 
 /// Poses within the limits of the independents; the first is the zero pose.
@@ -139,7 +159,8 @@ fn samples(
             // a sequence of low discrepancy: multiples of irrational numbers
             let step = (0.754_877_666_246_693 * (v as f64 + 1.0)).fract().max(0.01);
             let part = (0.5 + k as f64 * step).fract();
-            let (lower, upper) = (range[0].max(-UNBOUNDED), range[1].min(UNBOUNDED));
+            let lower = range[0].max(-UNBOUNDED);
+            let upper = range[1].min(UNBOUNDED);
             let (lower, upper) = if range[0].is_finite() && range[1].is_finite() {
                 (range[0], range[1])
             } else {
@@ -155,7 +176,7 @@ fn samples(
 }
 
 /// For each mechanism the independents that its forces depend on: those that its own carry, and
-/// those that carry its own, which the mass matrix says.
+/// those that carry its own, read off the mass matrix.
 fn coupled(
     evaluator: &Evaluator,
     zero: &Pose,

@@ -73,7 +73,7 @@ impl Tracker {
         self.deviation = f64::INFINITY;
     }
 
-    /// Puts what is to be evaluated next into a pose.
+    /// Puts the independents to be evaluated next into a pose.
     pub(super) fn put(&self, linkage: &Linkage, y: &mut [f64]) {
         let places = linkage.independents.iter().map(|(_, place)| *place);
         places.zip(&self.next).for_each(|(place, next)| y[place] = *next);

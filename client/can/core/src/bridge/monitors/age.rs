@@ -111,7 +111,7 @@ impl Age {
         }
     }
 
-    /// It is in time, as somebody saw before.
+    /// It is in time, by an earlier observation.
     pub(in crate::bridge) fn believe(&mut self) {
         (self.phase, self.is_late) = (Phase::Good, false);
     }

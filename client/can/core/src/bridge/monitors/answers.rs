@@ -50,7 +50,7 @@ impl Answers {
         }
     }
 
-    /// What is open now is never answered.
+    /// Requests that are open now are never answered.
     pub(in crate::bridge) fn forgive(&mut self) {
         self.open = 0;
     }

@@ -15,18 +15,18 @@ use crate::config::MonitorBounds;
 use crate::drive::Mode;
 use crate::mapping::ActuatorSetpoint;
 
-/// How long what was asked is remembered `[s]`.
+/// How long set-points are remembered `[s]`.
 const MEMORY: f64 = 8e-3;
 /// Measurements outside that follow each other, and the time between the first and the last `[s]`.
 const OFF: (u32, f64) = (3, 6e-3);
 const LIMP: (u32, f64) = (5, 12e-3);
-/// What is worth being reported, as part of the limit, and what of it must be.
+/// Least effort that a motor must report, as part of the limit, and the part of it that is enough.
 const WORTH: f64 = 0.05;
 const REPORTED: f64 = 0.2;
 
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Effort {
-    /// What was asked of late.
+    /// The newest set-points.
     low: f64,
     high: f64,
     off: Run,
@@ -87,7 +87,7 @@ impl Effort {
         }
         let tolerance = bounds.effort * limit + noise;
         let is_off = reported > self.high + tolerance || reported < self.low - tolerance;
-        // the least of what was asked, if it had one sign
+        // the least effort asked for, if all have one sign
         let least = self.low.max(-self.high);
         let is_limp = least > WORTH * limit + noise
             && reported.abs() < REPORTED * least + NOISE * steps.effort;

@@ -3,7 +3,7 @@
 //! One is enough. An adapter that gives back what it sent itself is not meant: the bridge takes
 //! frames for its own that are bit for bit those of its last two cycles.
 
-/// So long a frame of somebody else keeps a motor from being armed `[ns]`.
+/// Time for which a foreign frame keeps a motor from being armed `[ns]`.
 const HEARD_NS: u64 = 1_000_000_000;
 
 #[derive(Clone, Copy, Debug, Default)]

@@ -31,7 +31,7 @@ const FAST: f64 = 8.0;
 pub(super) struct Frozen {
     /// Way by the reported velocity since the code last changed.
     passed: f64,
-    /// What was asked since then.
+    /// Set-points since then.
     low: f64,
     high: f64,
     /// The last two ways before it stood still.
@@ -57,8 +57,9 @@ impl Frozen {
         };
         let way = seen.way();
         if way != 0.0 {
-            // what was asked last acts after the code changed
-            let (low, high) = (last.min(before), last.max(before));
+            // the last set-point acts after the code changed
+            let low = last.min(before);
+            let high = last.max(before);
             let [_, earlier] = self.ways;
             *self = Frozen { low, high, ways: [earlier, way], ..Frozen::default() };
             return None;
@@ -69,10 +70,8 @@ impl Frozen {
             self.passed += velocity * seen.elapsed;
         }
         (self.low, self.high) = (self.low.min(last), self.high.max(last));
-        let (moved, pushed) = (
-            self.passed.abs() > PASSED * steps.position,
-            self.high - self.low > bounds.frozen * seen.limits.effort,
-        );
+        let moved = self.passed.abs() > PASSED * steps.position;
+        let pushed = self.high - self.low > bounds.frozen * seen.limits.effort;
         let [one, two] = self.ways;
         let fast = FAST * steps.position;
         let stopped = one.abs() > fast && two.abs() > fast && one * two > 0.0;

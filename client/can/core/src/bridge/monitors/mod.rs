@@ -1,4 +1,4 @@
-//! What is measured, doubted: one small rule a file, each with its reason.
+//! Monitors of measurements: one small rule a file, each with its reason.
 //!
 //! A rule is a struct with the state that it keeps of one motor. Those that look at measurements
 //! have `check(&mut self, seen)`; it is called for each new measurement while the motor has power.
@@ -18,7 +18,7 @@ mod watch;
 
 use sarrus_proto::actuators::Reason;
 
-use super::BusState;
+use super::counters::BusState;
 use crate::config::{Limits, MonitorBounds, MotorConfig};
 use crate::drive::Mode;
 use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint};
@@ -28,10 +28,10 @@ const NOISE: f64 = 4.5;
 /// Codes of protocols that say numbers exactly: those of an encoder of 14 bits, and of a speed that
 /// is derived from it `[rad, rad/s]`.
 const EXACT: [f64; 2] = [3.8e-4, 0.015];
-/// The same for an effort, as part of its limit.
+/// Step of an exact effort, as part of its limit.
 const EXACT_EFFORT: f64 = 0.002;
 
-/// What all rules look at, on the actuator's side.
+/// Input of all rules, on the actuator's side.
 #[derive(Debug)]
 pub(super) struct Seen<'a> {
     /// Time between two cycles `[s]`.
@@ -41,9 +41,9 @@ pub(super) struct Seen<'a> {
     /// The one before, and the time between the two `[s]`.
     pub(super) before: &'a ActuatorMeasurement,
     pub(super) elapsed: f64,
-    /// What the motor was given last, and before that.
+    /// The last two set-points.
     pub(super) asked: &'a [ActuatorSetpoint; 2],
-    /// What each of the two makes of the newest measurement `[N m, N]`; NaN where it needs a
+    /// Effort of each of the two at the newest measurement `[N m, N]`; NaN where it needs a
     /// velocity that is not reported.
     pub(super) efforts: [f64; 2],
     /// The stiffness before spring and effort were made to stay within the limit.
@@ -61,7 +61,7 @@ impl Seen<'_> {
     }
 }
 
-/// What a set-point makes of a measurement; NaN where it needs a velocity that is not reported.
+/// Effort of a set-point at a measurement; NaN where it needs a velocity that is not reported.
 pub(super) fn effort_of(asked: &ActuatorSetpoint, measured: &ActuatorMeasurement) -> f64 {
     let mut total = asked.effort;
     if asked.stiffness != 0.0 {
@@ -88,7 +88,7 @@ pub(super) struct Monitors {
     rules: Rules,
 }
 
-/// Those that begin anew with power.
+/// Rules that start again with power.
 #[derive(Clone, Copy, Debug, Default)]
 struct Rules {
     effort: effort::Effort,
@@ -115,15 +115,15 @@ impl Monitors {
         }
     }
 
-    /// The motor has no power: what is seen when it has is a beginning.
+    /// The motor has no power: the rules start again.
     pub(super) fn begin(&mut self) {
         self.rules = Rules::default();
     }
 
-    /// What a new measurement is doubted for. What cannot be believed comes first.
+    /// The reason to doubt a new measurement. Measurements that are wrong come first.
     pub(super) fn check(&mut self, seen: &Seen<'_>) -> Option<Reason> {
         let Monitors { bounds, steps, rules, .. } = self;
-        // each looks at every measurement, whatever the others find
+        // each looks at every measurement, also where another has a finding
         let jump = jump::check(seen, bounds, steps);
         let frozen = rules.frozen.check(seen, bounds, steps);
         let effort = rules.effort.check(seen, bounds, steps);
@@ -134,7 +134,7 @@ impl Monitors {
         jump.or(frozen).or(effort).or(velocity).or(position).or(following).or(temperature)
     }
 
-    /// What needs no measurement: the bus, and who else is on it.
+    /// Checks without a measurement: the bus, and other masters on it.
     pub(super) fn check_bus(&self, now_ns: u64, bus: BusState) -> Option<Reason> {
         if self.age.is_late() {
             Some(Reason::FeedbackLate)
@@ -159,7 +159,7 @@ impl Monitors {
         }
     }
 
-    /// What of the effort's limit a hot motor keeps, from 0 to 1.
+    /// The part of the effort's limit that a hot motor keeps, from 0 to 1.
     pub(super) fn derated(&self) -> f64 {
         self.temperature.part(&self.bounds)
     }
@@ -194,7 +194,8 @@ pub(super) enum Outside {
 /// One code of each number, on the actuator's side.
 fn steps(config: &MotorConfig) -> ActuatorSetpoint {
     let said = config.drive.steps();
-    let (gear, limit) = (config.mapping.gear, config.limits.effort);
+    let gear = config.mapping.gear;
+    let limit = config.limits.effort;
     let by_effort = gear * config.mapping.torque_constant;
     let [position, velocity] = EXACT;
     ActuatorSetpoint {

@@ -26,7 +26,7 @@ impl Default for Position {
 pub(super) fn margin(limits: &Limits, bounds: &MonitorBounds, steps: &ActuatorSetpoint) -> f64 {
     let range = limits.upper - limits.lower;
     let noise = NOISE * steps.position;
-    // also where the monitor is off there is a limit to what is armed
+    // also where the monitor is off arming has a limit
     let part = bounds.position;
     let part = if part < f64::INFINITY { part } else { MonitorBounds::USUAL.position };
     if range < f64::INFINITY { noise.max(part * range) } else { noise }
@@ -39,7 +39,8 @@ impl Position {
         bounds: &MonitorBounds,
         steps: &ActuatorSetpoint,
     ) -> Option<Reason> {
-        let (position, limits) = (seen.measured.position, seen.limits);
+        let position = seen.measured.position;
+        let limits = seen.limits;
         let (beyond, outwards) = if position > limits.upper {
             (position - limits.upper, 1.0)
         } else {

@@ -1,7 +1,7 @@
 //! A hot motor: less effort from one temperature on, a fault at another.
 //!
 //! The effort's limit shrinks linearly from `derate` to nothing at `temperature`. One measurement
-//! alone says nothing, and one that is not reported is none.
+//! alone is no evidence, and a missing one is none.
 
 use sarrus_proto::actuators::Reason;
 
@@ -31,7 +31,7 @@ impl Temperature {
         (self.n_hot >= MEASUREMENTS).then_some(Reason::OverTemperature)
     }
 
-    /// What is left of the limit, from 0 to 1.
+    /// Part of the limit that remains, from 0 to 1.
     pub(super) fn part(&self, bounds: &MonitorBounds) -> f64 {
         // not so for NaN, and for bounds that are off
         if self.lower > bounds.derate {

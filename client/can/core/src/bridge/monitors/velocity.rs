@@ -1,4 +1,4 @@
-//! A speed beyond its limit, as it is reported, and as the positions tell.
+//! A speed beyond its limit, by the reports and by the positions.
 //!
 //! Reported: |q̇| > (1 + margin) v in three measurements that follow each other. By positions: what
 //! they went beyond the limit is summed up, s ← max(0, s ± Δq − (1 + margin) v Δt), which neither
@@ -15,7 +15,7 @@ const MEASUREMENTS: u32 = 3;
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Velocity {
     n_fast: u32,
-    /// Way beyond what the limit allows, forwards and backwards.
+    /// Way beyond the allowed one, forwards and backwards.
     ahead: f64,
     back: f64,
 }

@@ -1,4 +1,4 @@
-//! The monitors in each cycle: what they are shown, and what becomes of what they find.
+//! The monitors in each cycle: their input, and the faults that follow from their findings.
 
 use sarrus_proto::actuators::Reason;
 
@@ -34,7 +34,7 @@ impl Bridge {
 }
 
 impl Motor {
-    /// What the newest measurement is doubted for, if it is new.
+    /// The reason to doubt the newest measurement, if it is new.
     fn doubt(&mut self, period: f64, is_following: bool) -> Option<Reason> {
         if self.measured_ns == self.seen_ns {
             return None;
@@ -58,7 +58,7 @@ impl Motor {
         found
     }
 
-    /// Without power nothing is doubted, and what comes with power is a beginning.
+    /// Without power nothing is doubted, and with power all rules start again.
     fn unwatched(&mut self) {
         if self.seen_ns.take().is_some() {
             self.monitors.begin();
@@ -73,7 +73,8 @@ impl Motor {
 
     /// Whether it is outside its limits at all.
     pub(in crate::bridge) fn is_outside(&self) -> bool {
-        let (position, limits) = (self.measured.position, self.config.limits);
+        let position = self.measured.position;
+        let limits = self.config.limits;
         position > limits.upper || position < limits.lower
     }
 
@@ -91,7 +92,7 @@ impl Motor {
         self.monitors.age.pauses(now_ns, has_power, &mut self.monitors.answers)
     }
 
-    /// It stops by itself: nobody knows what its effort is to be.
+    /// It stops by itself: its effort is unknown.
     pub(in crate::bridge) fn is_asked_nothing(&mut self) {
         self.asked = [ActuatorSetpoint { effort: f64::NAN, ..ActuatorSetpoint::default() }; 2];
     }

@@ -258,7 +258,8 @@ fn while_it_is_stopped_efforts_and_positions_stay_within_their_limits() {
         let stop =
             MechanismStop { function, stop_ns: 300 * MS, hold_ns: 300 * MS, lower_velocity: 0.5 };
         let mut bench = stopping(mode, 10_f64.powf(random(-3.5, 0.5)), stop);
-        let (load, velocity) = (random(-8.0, 8.0), random(-9.0, 9.0));
+        let load = random(-8.0, 8.0);
+        let velocity = random(-9.0, 9.0);
         let position = random(-1.2, 1.2);
         for shaft in bench.shafts.iter_mut().flatten() {
             (shaft.load, shaft.velocity, shaft.position) = (load, velocity, position);

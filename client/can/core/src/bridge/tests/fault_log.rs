@@ -9,7 +9,8 @@ use crate::log::{Line, What};
 /// the bridge and the log of its last fault.
 fn run(after: u64, change: impl Fn(&mut Bench)) -> (Bridge, Vec<Line>) {
     let mut bench = Bench::new(|_| {});
-    let (mut log, mut lines) = (FaultLog::default(), Vec::new());
+    let mut log = FaultLog::default();
+    let mut lines = Vec::new();
     let mut faults = 0;
     for ms in 0..after + 200 {
         bench.now_ns += MS;

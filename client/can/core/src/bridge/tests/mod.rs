@@ -132,7 +132,8 @@ fn commands_of_the_past_the_future_and_other_robots_are_not_taken() {
         stamp_ns: bench.now_ns + 1,
         ..bench.command()
     };
-    let (last, now_ns) = (bench.sequence, bench.now_ns);
+    let last = bench.sequence;
+    let now_ns = bench.now_ns;
     let assessed =
         |bench: &mut Bench, command: ActuatorCommand| bench.bridge.command(now_ns + 1, &command);
     assert_eq!(
@@ -182,7 +183,8 @@ fn a_robot_that_stops_as_a_whole_stops_as_a_whole() {
     bench.arm();
     bench.fault[2] = 1;
     bench.steps(3);
-    let (stopping, fault) = (MechanismState::Stopping, MechanismState::Fault);
+    let stopping = MechanismState::Stopping;
+    let fault = MechanismState::Fault;
     assert_eq!(bench.states(), [stopping, stopping, fault]);
     assert_eq!((bench.reason(0), bench.reason(2)), (Reason::OtherMechanism, Reason::MotorFault));
     bench.steps(500);

@@ -102,7 +102,8 @@ fn commands_that_no_pose_has_do_not_press_the_screws_against_each_other() {
     let mut bench = RobotBench::new(as_it_is, "model: {clearance: 0}");
     bench.arm();
     let mut commanded = vec![0.0; bench.names.len()];
-    let (left, right) = (bench.actuator("BodyActL"), bench.actuator("BodyActR"));
+    let left = bench.actuator("BodyActL");
+    let right = bench.actuator("BodyActR");
     // both as far as their limits let them: the torso cannot bend so far
     (commanded[left], commanded[right]) = (0.085, 0.085);
     bench.commanded = Some(commanded);
@@ -172,7 +173,8 @@ fn efforts_that_contradict_the_model_stop_the_mechanism() {
     // what one of the torso's twins gives does not arrive, and the other carries it
     let mut bench = RobotBench::new(as_it_is, "model: {effort: 0.1}");
     bench.arm();
-    let (pitch, left) = (bench.independent("BodyPitch"), bench.actuator("BodyActL"));
+    let pitch = bench.independent("BodyPitch");
+    let left = bench.actuator("BodyActL");
     for _ in 0..1000 {
         bench.target[pitch] += 0.0005;
         bench.step();

@@ -104,7 +104,8 @@ impl Plant {
             Plan::new(&model, &Query::new(request, FieldSet::of(given), FieldSet::of(want)))
                 .unwrap()
         };
-        let (n_y, n_u) = (model.sizes().n_vy, model.sizes().n_u);
+        let n_y = model.sizes().n_vy;
+        let n_u = model.sizes().n_u;
         let mut plant = Plant {
             workspace: Workspace::new(&model),
             forward: plan(Request::ForwardDynamics, &[Y, Yd, TauY], &[Ydd]),
@@ -344,7 +345,8 @@ impl RobotBench {
         for _ in 0..if is_live { STEPS } else { 0 } {
             for u in 0..n_u {
                 let shaft = *self.shafts[u].lock().unwrap();
-                let (position, velocity) = (self.plant.u[u] + shaft.slip, self.plant.ud[u]);
+                let position = self.plant.u[u] + shaft.slip;
+                let velocity = self.plant.ud[u];
                 let effort = shaft.setpoint.map_or(0.0, |setpoint| {
                     setpoint.torque
                         + setpoint.stiffness * (setpoint.position - position)
@@ -406,7 +408,8 @@ impl RobotBench {
     }
 
     pub(super) fn state(&self, name: &str) -> (MechanismState, Reason) {
-        let (place, state) = (self.actuator(name), self.bridge.state());
+        let place = self.actuator(name);
+        let state = self.bridge.state();
         (
             MechanismState::from_code(state.states[place]).unwrap(),
             Reason::from_code(state.reasons[place]).unwrap(),

@@ -105,7 +105,8 @@ fn disarming_once_does_not_cut_a_stop_for_another_reason_short() {
     assert_eq!((bench.reason(0), bench.reason(2)), (Reason::FollowingError, Reason::Disarmed));
     bench.bridge.operate(bench.now_ns, Operation::Disarm);
     bench.step();
-    let (disabled, fault) = (MechanismState::Disabled, MechanismState::Fault);
+    let disabled = MechanismState::Disabled;
+    let fault = MechanismState::Fault;
     assert_eq!(bench.states(), [fault, fault, disabled]);
 }
 
@@ -127,7 +128,8 @@ fn a_motor_that_fails_while_it_is_stopped_takes_the_torque_off_at_once() {
     bench.steps(50);
     bench.fault[1] = 4;
     bench.steps(2);
-    let (stopping, fault) = (MechanismState::Stopping, MechanismState::Fault);
+    let stopping = MechanismState::Stopping;
+    let fault = MechanismState::Fault;
     assert_eq!(bench.states(), [fault, fault, stopping]);
     assert_eq!((bench.last(0), bench.reason(0)), (DriveCommand::Off, Reason::MotorFault));
 }

@@ -2,8 +2,10 @@
 
 use sarrus_models::Diagnostics;
 
-use super::{Cia402, PowerUp, Setup, setup};
+use super::drive::Cia402;
+use super::setup::{self, Setup};
 use crate::drive::{Drive, Mode};
+use crate::protocol::power_up::PowerUp;
 use crate::protocol::{Common, Settings};
 
 pub(super) fn make(
@@ -11,7 +13,8 @@ pub(super) fn make(
     common: Common,
     diagnostics: &mut Diagnostics,
 ) -> Option<Box<dyn Drive>> {
-    let (node, master) = (settings.integer("node") as u16, settings.integer("master") as u16);
+    let node = settings.integer("node") as u16;
+    let master = settings.integer("master") as u16;
     if node == master {
         diagnostics.error(
             settings.place("master"),

@@ -1,4 +1,4 @@
-//! What a drive is given by SDO before it gets power, one request at a time, and what is read back.
+//! Settings of a drive by SDO before it gets power, one request at a time, and their read-back.
 
 use crate::drive::{Mode, Parameter, Receipt, Watchdog};
 use crate::frame::{Frame, Id};
@@ -37,7 +37,7 @@ pub(super) const READABLE: [(u16, u8, bool); 8] = [
     (0x6079, 0, false),
 ];
 
-/// What the drive is to be.
+/// The desired settings of the drive.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Desired {
     pub(super) node: u16,
@@ -85,10 +85,10 @@ pub(super) struct Setup {
     sent_ns: Option<u64>,
     /// Answers without the desired mode.
     n_tries: u8,
-    /// What 6061 showed.
+    /// The last value of 6061.
     shown: u32,
     pub(super) watchdog: Watchdog,
-    /// What is wrong, or 0.
+    /// The fault, or 0.
     pub(super) fault: u32,
 }
 
@@ -315,7 +315,8 @@ impl Setup {
             Some(Step::ReadMode(tries, is_last))
                 if (index, sub) == (0x6061, 0) && (is_refused || command & 0xE2 == 0x42) =>
             {
-                let (tries, is_last) = (*tries, *is_last);
+                let tries = *tries;
+                let is_last = *is_last;
                 self.show(tries, is_last, (!is_refused).then_some(value));
             }
             _ => {}
@@ -332,7 +333,7 @@ impl Setup {
         Receipt::Parameter(parameter, if is_signed { f64::from(signed) } else { f64::from(value) })
     }
 
-    /// Takes what 6061 shows.
+    /// Takes a value of 6061.
     fn show(&mut self, tries: u8, is_last: bool, value: Option<u32>) {
         self.n_tries += 1;
         self.shown = value.unwrap_or_default();
@@ -369,7 +370,8 @@ impl Setup {
                 self.watchdog = Watchdog::Unreadable
             }
             (0x6076, Some(value)) => {
-                let (read, configured) = (f64::from(value) / 1000.0, self.desired.rated_torque);
+                let read = f64::from(value) / 1000.0;
+                let configured = self.desired.rated_torque;
                 if (read - configured).abs() > SAME_TORQUE * configured + 1e-3 {
                     self.fault = fault::RANGES_DIFFER;
                 }

@@ -1,4 +1,4 @@
-//! The state machine of CiA 402: control words, 6040, and what the status word, 6041, says.
+//! The state machine of CiA 402: control words, 6040, and states in the status word, 6041.
 
 pub(super) const DISABLE_VOLTAGE: u16 = 0x00;
 pub(super) const QUICK_STOP: u16 = 0x02;

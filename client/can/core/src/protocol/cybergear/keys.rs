@@ -4,24 +4,9 @@ use crate::drive::Parameter;
 use crate::protocol::{Key, KeyKind};
 
 pub(super) const KEYS: &[Key] = &[
-    Key {
-        name: "model",
-        kind: KeyKind::Word(&["cybergear", "robstride"]),
-        default: Some("cybergear"),
-        about: "whose motor it is",
-    },
-    Key {
-        name: "id",
-        kind: KeyKind::Integer(0, 127),
-        default: None,
-        about: "identifier of the motor",
-    },
-    Key {
-        name: "host_id",
-        kind: KeyKind::Integer(0, 255),
-        default: Some("253"),
-        about: "identifier of this side",
-    },
+    Key::word("model", &["cybergear", "robstride"], "whose motor it is").or("cybergear"),
+    Key::integer("id", 0, 127, "identifier of the motor"),
+    Key::integer("host_id", 0, 255, "identifier of this side").or("253"),
     Key {
         name: "position_range",
         kind: KeyKind::Number(1e-3, 1e5),
@@ -43,7 +28,7 @@ pub(super) const KEYS: &[Key] = &[
 ];
 
 const fn range(name: &'static str, about: &'static str) -> Key {
-    Key { name, kind: KeyKind::Number(1e-3, 1e5), default: Some(""), about }
+    Key::number(name, 1e-3, 1e5, about).optional()
 }
 
 pub(super) const RUN_MODE: u16 = 0x7005;

@@ -2,7 +2,7 @@
 
 use sarrus_models::Diagnostics;
 
-use super::{CyberGear, Step, unknown};
+use super::drive::{CyberGear, Step, unknown};
 use crate::drive::Drive;
 use crate::protocol::codes::Codes;
 use crate::protocol::number::single;

@@ -7,7 +7,7 @@
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Message {
     pub(super) name: String,
-    /// Identifier; bit 31 tells an extended one.
+    /// Identifier; bit 31 marks an extended one.
     pub(super) id: u32,
     pub(super) len: usize,
     pub(super) signals: Vec<Signal>,
@@ -98,7 +98,8 @@ pub(super) fn parse(text: &str) -> Result<Vec<Message>, Fault> {
 fn message(rest: &str) -> Option<Message> {
     let (head, tail) = rest.split_once(':')?;
     let mut words = head.split_whitespace();
-    let (id, name): (u32, String) = (words.next()?.parse().ok()?, words.next()?.to_owned());
+    let id: u32 = words.next()?.parse().ok()?;
+    let name: String = words.next()?.to_owned();
     let len = tail.split_whitespace().next()?.parse().ok()?;
     let is_good = len <= 64 && ((id >> 31 == 1 && id & 0x7FFF_FFFF < 1 << 29) || id < 1 << 11);
     is_good.then_some(Message { name, id, len, signals: Vec::new() })
@@ -124,8 +125,10 @@ fn signal(rest: &str) -> Option<Signal> {
         _ => return None,
     };
     let (factor, offset) = scale.split_once(')')?.0.split_once(',')?;
-    let (factor, offset): (f64, f64) = (factor.trim().parse().ok()?, offset.trim().parse().ok()?);
-    let (start, bits) = (start.trim().parse().ok()?, bits.trim().parse().ok()?);
+    let factor: f64 = factor.trim().parse().ok()?;
+    let offset: f64 = offset.trim().parse().ok()?;
+    let start = start.trim().parse().ok()?;
+    let bits = bits.trim().parse().ok()?;
     let is_good = factor.is_finite()
         && factor != 0.0
         && offset.is_finite()
@@ -137,7 +140,8 @@ fn signal(rest: &str) -> Option<Signal> {
 fn float(rest: &str, messages: &mut [Message]) -> Option<()> {
     let (head, tail) = rest.split_once(':')?;
     let mut words = head.split_whitespace();
-    let (id, name): (u32, &str) = (words.next()?.parse().ok()?, words.next()?);
+    let id: u32 = words.next()?.parse().ok()?;
+    let name: &str = words.next()?;
     let message = messages.iter_mut().find(|message| message.id == id)?;
     let signal = message.signals.iter_mut().find(|signal| signal.name == name)?;
     signal.kind = match (tail.trim().trim_end_matches(';').trim(), signal.bits) {

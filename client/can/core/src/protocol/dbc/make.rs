@@ -2,8 +2,9 @@
 
 use sarrus_models::Diagnostics;
 
+use super::drive::Dbc;
+use super::file;
 use super::signals::{Finder, Named, Role, frames};
-use super::{Dbc, file};
 use crate::drive::{Drive, Mode, Power};
 use crate::protocol::power_up::PowerUp;
 use crate::protocol::{Common, Settings};
@@ -30,56 +31,8 @@ pub(super) fn make(
         }
     };
     let mut finder = Finder { messages: &messages, settings, diagnostics, good: true };
-    let mut desired: Vec<(Named, Role)> = Vec::new();
-    desired.extend(finder.of("enable").map(|named| (named, Role::Enable)));
-    for (i, key) in SETPOINTS.iter().enumerate() {
-        desired.extend(finder.of(key).map(|named| (named, Role::Setpoint(i))));
-    }
-    if settings.has("torque_limit") && common.torque_limit.is_finite() {
-        let limit = common.torque_limit / settings.number("torque_unit").abs();
-        desired.extend(finder.of("torque_limit").map(|named| (named, Role::Limit(limit))));
-    }
-    for constant in settings.text("constants").split(',').filter(|text| !text.trim().is_empty()) {
-        match constant
-            .split_once('=')
-            .map(|(name, value)| (name.trim(), value.trim().parse::<f64>()))
-        {
-            Some((name, Ok(value))) if value.is_finite() => {
-                desired.extend(
-                    finder.named("constants", name).map(|named| (named, Role::Constant(value))),
-                );
-            }
-            _ => finder.wrong(
-                "constants",
-                format!("`{constant}` is no constant"),
-                "Message.Signal=number",
-                "correct it",
-            ),
-        }
-    }
-    let needed: &[usize] = match common.mode {
-        Mode::Impedance => &[0, 1, 2, 3, 4],
-        Mode::Position => &[0],
-        Mode::Velocity => &[1],
-        Mode::Torque => &[2],
-    };
-    for key in needed.iter().filter_map(|i| SETPOINTS.get(*i)) {
-        if !settings.has(key) {
-            let found = format!("the mode {} has no signal `{key}`", common.mode.name());
-            finder.wrong(key, found, "the signal that takes it", "add it, or choose another mode");
-        }
-    }
-    let has_own_loops = matches!(common.mode, Mode::Position | Mode::Velocity);
-    if has_own_loops && common.torque_limit.is_finite() && !settings.has("torque_limit") {
-        let found =
-            format!("nothing limits the torque of the motor in the mode {}", common.mode.name());
-        finder.wrong(
-            "torque_limit",
-            found,
-            "the signal `torque_limit`",
-            "add it, or choose the mode torque",
-        );
-    }
+    let desired = sent_signals(&mut finder, common);
+    check_mode(&mut finder, common);
     let position = finder.reported("measured_position");
     let [velocity, torque, temperature, fault, enabled] =
         ["measured_velocity", "measured_torque", "temperature", "fault", "enabled"]
@@ -120,4 +73,65 @@ pub(super) fn make(
         power: Power::Unknown,
         power_up: PowerUp::primed(),
     }))
+}
+
+/// The signals that the settings name to be sent.
+fn sent_signals(finder: &mut Finder<'_>, common: Common) -> Vec<(Named, Role)> {
+    let mut desired: Vec<(Named, Role)> = Vec::new();
+    desired.extend(finder.of("enable").map(|named| (named, Role::Enable)));
+    for (i, key) in SETPOINTS.iter().enumerate() {
+        desired.extend(finder.of(key).map(|named| (named, Role::Setpoint(i))));
+    }
+    if finder.settings.has("torque_limit") && common.torque_limit.is_finite() {
+        let limit = common.torque_limit / finder.settings.number("torque_unit").abs();
+        desired.extend(finder.of("torque_limit").map(|named| (named, Role::Limit(limit))));
+    }
+    for constant in
+        finder.settings.text("constants").split(',').filter(|text| !text.trim().is_empty())
+    {
+        match constant
+            .split_once('=')
+            .map(|(name, value)| (name.trim(), value.trim().parse::<f64>()))
+        {
+            Some((name, Ok(value))) if value.is_finite() => {
+                desired.extend(
+                    finder.named("constants", name).map(|named| (named, Role::Constant(value))),
+                );
+            }
+            _ => finder.wrong(
+                "constants",
+                format!("`{constant}` is no constant"),
+                "Message.Signal=number",
+                "correct it",
+            ),
+        }
+    }
+    desired
+}
+
+/// Checks that the mode has the signals that it needs.
+fn check_mode(finder: &mut Finder<'_>, common: Common) {
+    let needed: &[usize] = match common.mode {
+        Mode::Impedance => &[0, 1, 2, 3, 4],
+        Mode::Position => &[0],
+        Mode::Velocity => &[1],
+        Mode::Torque => &[2],
+    };
+    for key in needed.iter().filter_map(|i| SETPOINTS.get(*i)) {
+        if !finder.settings.has(key) {
+            let found = format!("the mode {} has no signal `{key}`", common.mode.name());
+            finder.wrong(key, found, "the signal that takes it", "add it, or choose another mode");
+        }
+    }
+    let has_own_loops = matches!(common.mode, Mode::Position | Mode::Velocity);
+    if has_own_loops && common.torque_limit.is_finite() && !finder.settings.has("torque_limit") {
+        let found =
+            format!("nothing limits the torque of the motor in the mode {}", common.mode.name());
+        finder.wrong(
+            "torque_limit",
+            found,
+            "the signal `torque_limit`",
+            "add it, or choose the mode torque",
+        );
+    }
 }

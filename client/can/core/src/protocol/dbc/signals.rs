@@ -6,7 +6,7 @@ use super::file::{Kind, Message, Multiplexing, Signal};
 use crate::frame::{Frame, Id};
 use sarrus_models::Diagnostics;
 
-/// What a signal that is sent holds.
+/// Content of a signal that is sent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Role {
     Enable,
@@ -18,7 +18,7 @@ pub(super) enum Role {
 }
 
 impl Role {
-    /// What no rounding may enlarge: torque, gains, and the limit.
+    /// Numbers that no rounding may enlarge: torque, gains, and the limit.
     fn is_toward_zero(self) -> bool {
         matches!(self, Role::Setpoint(2..) | Role::Limit(_))
     }
@@ -113,7 +113,7 @@ pub(super) fn frames(desired: Vec<(Named, Role)>) -> Result<Vec<Sent>, String> {
 }
 
 impl Named {
-    /// What one code is; 0 for floating-point numbers.
+    /// Size of one code; 0 for floating-point numbers.
     pub(super) fn step(&self) -> f64 {
         match self.signal.kind {
             Kind::Unsigned | Kind::Signed => self.signal.factor.abs(),
@@ -176,7 +176,7 @@ impl Finder<'_> {
         self.named(key, self.settings.text(key).trim())
     }
 
-    /// The same, for one that the motor tells.
+    /// A signal of the motor, by its setting.
     pub(super) fn reported(&mut self, key: &str) -> Option<Reported> {
         self.of(key).map(|named| Reported { named, value: f64::NAN, at_ns: None })
     }

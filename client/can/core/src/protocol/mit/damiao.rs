@@ -53,7 +53,7 @@ pub(super) const PARAMETERS: &[Parameter] = &[
     Parameter { name: "UV_Value", unit: "V" },
 ];
 
-/// What is set and read before the motor gets power, in this order.
+/// Settings that are written and read before the motor gets power, in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     WriteMode,
@@ -73,12 +73,12 @@ pub(super) struct Registers {
     ranges: [f64; 3],
     step: Step,
     pub(super) watchdog: Watchdog,
-    /// What is wrong, or 0.
+    /// The fault, or 0.
     pub(super) fault: u32,
 }
 
 impl Registers {
-    /// For a motor whose ranges are said to be ± `ranges` of position, velocity and torque.
+    /// For a motor with ranges of ± `ranges` of position, velocity and torque in the configuration.
     pub(super) fn new(id: u16, watchdog_ms: u32, ranges: [f64; 3]) -> Registers {
         Registers {
             id,

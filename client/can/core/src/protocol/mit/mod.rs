@@ -24,7 +24,7 @@
 //! special command: then the torque code FFA is sent, and to a RobStride, which reads more such
 //! commands, a position one step lower. Around zero a range has no code for zero: the two codes
 //! beside it are sent in turn. Beyond ± `position_range` the feedback begins again at the other
-//! end: it is followed there, and reported as a fault, since no set-point can be said there.
+//! end: it is followed there, and reported as a fault, since set-points have no code there.
 
 mod damiao;
 mod keys;
@@ -68,8 +68,8 @@ enum Variant {
     RobStride,
 }
 
-/// Replies after which a motor that does not tell its state counts as having power: earlier ones
-/// may answer what was said before.
+/// Replies after which a motor that does not report its state counts as having power: earlier ones
+/// may answer older commands.
 const REPLIES_TO_POWER: u8 = 4;
 
 #[derive(Debug)]
@@ -103,7 +103,8 @@ fn make(
         "damiao" => Variant::Damiao,
         _ => Variant::RobStride,
     };
-    let (id, reply_id) = (settings.integer("id") as u16, settings.integer("reply_id") as u16);
+    let id = settings.integer("id") as u16;
+    let reply_id = settings.integer("reply_id") as u16;
     if id == reply_id {
         let found = format!("`id` and `reply_id` are both {id}");
         diagnostics.error(
@@ -189,7 +190,7 @@ impl Mit {
             && self.registers.is_none_or(|registers| registers.done())
     }
 
-    /// Cycle `n` without power; what is to be set and read takes every other one.
+    /// Cycle `n` without power; settings to be written and read take every other one.
     fn idle(&self, n: u64) -> Option<Frame> {
         let registers = self.registers.filter(|_| n.is_multiple_of(2));
         registers.and_then(|registers| registers.request()).or_else(|| self.special(POWER_OFF))
@@ -224,7 +225,7 @@ impl Mit {
 
 impl Drive for Mit {
     fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
-        // what has power is not asked again whether it may have it
+        // a motor with power is not assessed again
         let is_ready = self.power_up.stage() != Stage::Off || self.ready();
         if let Some(question) = &mut self.question {
             out.push_some(question.ask(now_ns));

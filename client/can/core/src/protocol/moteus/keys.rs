@@ -1,30 +1,12 @@
 //! Settings of the protocol.
 
-use crate::protocol::{Key, KeyKind};
+use crate::protocol::Key;
 
 pub(super) const KEYS: &[Key] = &[
-    Key {
-        name: "id",
-        kind: KeyKind::Integer(1, 126),
-        default: None,
-        about: "id.id of the controller",
-    },
-    Key {
-        name: "source",
-        kind: KeyKind::Integer(0, 126),
-        default: Some("0"),
-        about: "identifier of this side",
-    },
-    Key {
-        name: "kp",
-        kind: KeyKind::Number(1e-6, 1e6),
-        default: Some(""),
-        about: "servo.pid_position.kp [N m/turn], for the mode impedance",
-    },
-    Key {
-        name: "kd",
-        kind: KeyKind::Number(1e-6, 1e6),
-        default: Some(""),
-        about: "servo.pid_position.kd [N m s/turn], for the mode impedance",
-    },
+    Key::integer("id", 1, 126, "id.id of the controller"),
+    Key::integer("source", 0, 126, "identifier of this side").or("0"),
+    Key::number("kp", 1e-6, 1e6, "servo.pid_position.kp [N m/turn], for the mode impedance")
+        .optional(),
+    Key::number("kd", 1e-6, 1e6, "servo.pid_position.kd [N m s/turn], for the mode impedance")
+        .optional(),
 ];

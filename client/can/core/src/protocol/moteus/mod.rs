@@ -22,10 +22,10 @@
 //! it shall do, in the modes torque and impedance, its limit is scaled to 0. In the mode torque
 //! there is no position, and it takes 27, sent as 32. Torques and scales are rounded towards zero,
 //! and the motor holds the largest torque over all of its loops. A motor with
-//! servo.bemf_feedforward takes no command without such a limit and says so by a fault. The answer
+//! servo.bemf_feedforward answers a command without such a limit by a fault. The answer
 //! takes 24: mode, position, velocity, torque single, voltage, temperature, fault int8. The motor
-//! makes the damping's scale no larger than the stiffness's: what is left of the damping is added
-//! as torque, at the bus's rate. What it does when its watchdog ends is servo.timeout_mode.
+//! makes the damping's scale no larger than the stiffness's: the rest of the damping is added as
+//! torque, at the bus's rate. Its reaction to the end of its watchdog is servo.timeout_mode.
 
 mod keys;
 mod subframes;
@@ -42,7 +42,7 @@ use crate::drive::{
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 use keys::KEYS;
 use sarrus_models::Diagnostics;
-use subframes::{EMPTY, Payload, TEMPERATURE, value, varuint};
+use subframes::{EMPTY, Payload, Register, TEMPERATURE, value, varuint};
 
 /// moteus.
 pub(super) const MOTEUS: Protocol = Protocol {
@@ -60,10 +60,8 @@ const POSITION: u8 = 10;
 
 const MODE_REGISTER: u32 = 0x000;
 const FAULT_REGISTER: u32 = 0x00F;
-const WATCHDOG: u8 = 0x27;
-const ILIMIT_SCALE: u8 = 0x2B;
 /// No limit of velocity or acceleration: anything below 0.
-const NO_LIMIT: u8 = -1_i8 as u8;
+const NO_LIMIT: i8 = -1;
 
 const PARAMETERS: &[Parameter] = &[
     Parameter { name: "voltage", unit: "V" },
@@ -97,7 +95,7 @@ struct Moteus {
     velocity: f64,
 }
 
-/// The longest watchdog that eight bits of hundredths of a second can say `[ms]`.
+/// The longest watchdog in eight bits of hundredths of a second `[ms]`.
 const LONGEST_WATCHDOG_MS: u32 = 1270;
 
 fn make(
@@ -148,12 +146,15 @@ impl Moteus {
 
     /// Mode, position, velocity, torque; voltage, temperature, fault.
     fn query(payload: Payload) -> Payload {
-        payload.add(&[0x1C, 4, 0, 0x13, 0x0D])
+        payload.read_f32(Register::Mode, 4).read_i8(Register::Voltage, 3)
     }
 
     fn stop(&self) -> Option<Frame> {
-        let payload = EMPTY.add(&[0x01, 0x00, STOPPED]).add(&[0x01, WATCHDOG, self.watchdog_steps]);
-        self.frame(&Moteus::query(payload.add(&[0x11, WATCHDOG])))
+        let payload = EMPTY
+            .write_i8(Register::Mode, &[STOPPED as i8])
+            .write_i8(Register::Watchdog, &[self.watchdog_steps as i8])
+            .read_i8(Register::Watchdog, 1);
+        self.frame(&Moteus::query(payload))
     }
 
     fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
@@ -178,27 +179,21 @@ impl Moteus {
         let most = (self.torque_limit / TORQUE_STEP).floor();
         let most =
             if most.is_finite() { most.clamp(0.0, f64::from(WHOLE)) as i16 } else { i16::MIN };
-        let scale = |gain: f64| {
-            (steps_toward_zero(gain, 1.0 / f64::from(WHOLE), WHOLE) as i16).to_le_bytes()
-        };
-        let payload = EMPTY.add(&[0x01, 0x00, POSITION]);
+        let scale = |gain: f64| steps_toward_zero(gain, 1.0 / f64::from(WHOLE), WHOLE) as i16;
+        let payload = EMPTY.write_i8(Register::Mode, &[POSITION as i8]);
         let payload = match self.mode {
             Mode::Torque | Mode::Velocity => payload,
-            Mode::Impedance | Mode::Position => payload
-                .add(&[0x0E, 0x20])
-                .add(&single(setpoint.position / TAU).to_le_bytes())
-                .add(&single(setpoint.velocity / TAU).to_le_bytes()),
+            Mode::Impedance | Mode::Position => {
+                let motion = [setpoint.position, setpoint.velocity];
+                payload.write_f32(Register::Position, &motion.map(|value| single(value / TAU)))
+            }
         };
         let payload = payload
-            .add(&[0x04, 4, 0x22])
-            .add(&torque.to_le_bytes())
-            .add(&scale(kp))
-            .add(&scale(kd))
-            .add(&most.to_le_bytes())
-            .add(&[0x03, WATCHDOG, self.watchdog_steps, NO_LIMIT, NO_LIMIT]);
+            .write_i16(Register::Torque, &[torque, scale(kp), scale(kd), most])
+            .write_i8(Register::Watchdog, &[self.watchdog_steps as i8, NO_LIMIT, NO_LIMIT]);
         let payload = match self.mode {
             Mode::Position => payload,
-            _ => payload.add(&[0x01, ILIMIT_SCALE, 0]),
+            _ => payload.write_i8(Register::IntegratorScale, &[0]),
         };
         self.frame(&Moteus::query(payload))
     }
@@ -210,11 +205,11 @@ impl Moteus {
             MODE_REGISTER => self.servo_mode = Some(small),
             FAULT_REGISTER => self.code = small,
             TEMPERATURE => measured[4] = value,
-            register if register == u32::from(WATCHDOG) => {
+            register if register == Register::Watchdog as u32 => {
                 let ms = value * 1e3;
                 self.watchdog = match value.is_nan() {
                     true => Watchdog::Off,
-                    // 0 is the controller's own default, which it does not tell
+                    // 0 is the controller's own default, which it does not report
                     false if ms < 1.0 => Watchdog::Unreadable,
                     false => Watchdog::Set(ms.round() as u32),
                 };
@@ -263,7 +258,7 @@ impl Drive for Moteus {
     }
 
     fn receive(&mut self, _now_ns: u64, frame: &Frame) -> Receipt {
-        // to this motor, with an answer desired, whoever it says that it is from
+        // to this motor, with an answer desired, from any source
         if frame.id.number() & !0x7F00 == 0x8000 | self.id {
             return Receipt::Foreign;
         }
@@ -339,7 +334,7 @@ impl Drive for Moteus {
             _ => Power::Off,
         };
         let fault = match self.power_up.stage() {
-            // other codes tell what limits a motor without fault
+            // other codes name the limit of a motor without fault
             _ if self.servo_mode == Some(FAULT) => u32::from(self.code.max(1)),
             _ if self.not_finite => fault::NOT_FINITE,
             Stage::Lost => fault::POWER_LOST,

@@ -9,7 +9,65 @@ pub(super) struct Payload {
     len: usize,
 }
 
+/// Registers that are written, and the first of those that are read together.
+#[derive(Clone, Copy)]
+#[repr(u8)]
+pub(super) enum Register {
+    /// Then position, velocity, torque.
+    Mode = 0x00,
+    /// Then temperature, fault.
+    Voltage = 0x0D,
+    /// The desired one; then velocity.
+    Position = 0x20,
+    /// The desired one; then scales of stiffness and damping, largest torque.
+    Torque = 0x22,
+    /// Then limits of velocity and acceleration.
+    Watchdog = 0x27,
+    IntegratorScale = 0x2B,
+}
+
+const WRITE: u8 = 0x00;
+const READ: u8 = 0x10;
+const INT8: u8 = 0x00;
+const INT16: u8 = 0x04;
+const SINGLE: u8 = 0x0C;
+
 impl Payload {
+    /// Writes registers from `first` on as int8.
+    pub(super) fn write_i8(self, first: Register, values: &[i8]) -> Payload {
+        let bytes = |payload: Payload, value: &i8| payload.add(&value.to_le_bytes());
+        values.iter().fold(self.head(WRITE | INT8, first, values.len()), bytes)
+    }
+
+    /// Writes registers from `first` on as int16.
+    pub(super) fn write_i16(self, first: Register, values: &[i16]) -> Payload {
+        let bytes = |payload: Payload, value: &i16| payload.add(&value.to_le_bytes());
+        values.iter().fold(self.head(WRITE | INT16, first, values.len()), bytes)
+    }
+
+    /// Writes registers from `first` on as singles.
+    pub(super) fn write_f32(self, first: Register, values: &[f32]) -> Payload {
+        let bytes = |payload: Payload, value: &f32| payload.add(&value.to_le_bytes());
+        values.iter().fold(self.head(WRITE | SINGLE, first, values.len()), bytes)
+    }
+
+    /// Reads registers from `first` on as int8.
+    pub(super) fn read_i8(self, first: Register, count: usize) -> Payload {
+        self.head(READ | INT8, first, count)
+    }
+
+    /// Reads registers from `first` on as singles.
+    pub(super) fn read_f32(self, first: Register, count: usize) -> Payload {
+        self.head(READ | SINGLE, first, count)
+    }
+
+    /// The head of a sub-frame; a count beyond three has a byte of its own.
+    fn head(self, kind: u8, first: Register, count: usize) -> Payload {
+        let count = count as u8;
+        let payload = if count <= 3 { self.add(&[kind | count]) } else { self.add(&[kind, count]) };
+        payload.add(&[first as u8])
+    }
+
     pub(super) fn add(mut self, bytes: &[u8]) -> Payload {
         if let Some(room) = self.bytes.get_mut(self.len..self.len + bytes.len()) {
             room.copy_from_slice(bytes);
@@ -56,7 +114,7 @@ pub(super) fn value(kind: u8, register: u32, bytes: &[u8]) -> Option<(f64, usize
     Some((if has_nan && whole == lowest { f64::NAN } else { whole as f64 * unit }, len))
 }
 
-/// A number of seven bits a byte, and what follows it.
+/// A number of seven bits a byte, and the bytes after it.
 pub(super) fn varuint(bytes: &[u8]) -> Option<(u32, &[u8])> {
     let mut number = 0_u64;
     for (i, byte) in bytes.iter().enumerate().take(5) {

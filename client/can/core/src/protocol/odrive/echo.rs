@@ -70,7 +70,8 @@ mod tests {
 
     /// The shortest round trip that was believed in ten seconds of a delay.
     fn shortest(delay_ns: u64) -> u64 {
-        let (mut echo, mut answers) = (Echo::default(), Vec::new());
+        let mut echo = Echo::default();
+        let mut answers = Vec::new();
         let mut shortest = u64::MAX;
         for now_ns in (0..10_000 * MS).step_by(4_000_000) {
             answers.retain(|(at_ns, parameter)| {

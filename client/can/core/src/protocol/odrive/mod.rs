@@ -183,7 +183,7 @@ impl ODrive {
         }
     }
 
-    /// What keeps the motor where it is.
+    /// Set-point that keeps the motor where it is.
     fn neutral(&self) -> Setpoint {
         Setpoint {
             position: if self.position.is_finite() { self.position } else { 0.0 },
@@ -191,7 +191,7 @@ impl ODrive {
         }
     }
 
-    /// Sets the mode. Nothing answers it, so it is said again and again while the motor has no
+    /// Sets the mode. Nothing answers it, so it is sent again and again while the motor has no
     /// power.
     fn control_mode(&self) -> Option<Frame> {
         let mode: u32 = match self.mode {
@@ -224,7 +224,7 @@ impl ODrive {
         out.push_some(frame);
     }
 
-    /// Every fourth time, once all is set and read: what shows how long an answer takes.
+    /// Every fourth time, once all is set and read: a request that measures the answer's time.
     fn question(&mut self, now_ns: u64, n: u64) -> Option<Frame> {
         let is_due = n.is_multiple_of(12) && !self.setup.parameters().is_empty();
         let parameter = is_due.then(|| self.echo.ask(now_ns)).flatten()?;
@@ -255,7 +255,7 @@ fn pair(frame: &Frame) -> Option<(f64, f64)> {
 impl Drive for ODrive {
     fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         if self.axis_state.is_some() && now_ns.saturating_sub(self.heard_ns) > HEARTBEAT_LOST_NS {
-            // measurements alone do not tell whether it has power, or errors
+            // measurements alone do not show whether it has power, or errors
             self.axis_state = None;
             self.power_up.lose();
         }
@@ -322,7 +322,8 @@ impl Drive for ODrive {
                     return Receipt::Malformed;
                 }
                 self.position = position * TAU;
-                let (torque, temperature) = (self.torque, self.temperature);
+                let torque = self.torque;
+                let temperature = self.temperature;
                 Receipt::Measured(Measurement {
                     position: self.position,
                     velocity: velocity * TAU,
@@ -342,7 +343,7 @@ impl Drive for ODrive {
                 _ => Receipt::Malformed,
             },
             (HEARTBEAT | ERRORS | ENDPOINT_REPLY, _) => Receipt::Malformed,
-            // endpoints are left out: earlier firmware tells errors of its encoder there
+            // endpoints are left out: earlier firmware reports errors of its encoder there
             (STATE | CONTROL_MODE..=LIMITS | FORGET_ERRORS | POSITION_IS, _) => Receipt::Foreign,
             _ => Receipt::Noted,
         }
@@ -351,7 +352,7 @@ impl Drive for ODrive {
     fn state(&self) -> DriveState {
         let power = match (self.axis_state.map(u32::from), self.power_up.stage()) {
             (None, _) => Power::Unknown,
-            // a heartbeat of before it was asked tells nothing of that
+            // a heartbeat from before the request is no evidence
             (Some(CLOSED_LOOP), Stage::Off | Stage::On | Stage::Lost) => Power::On,
             (Some(IDLE | 0), Stage::Off | Stage::Lost) => Power::Off,
             _ => Power::Starting,

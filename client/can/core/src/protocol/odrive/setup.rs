@@ -11,7 +11,7 @@ pub(super) const PARAMETERS: &[Parameter] = &[
     Parameter { name: "axis0.config.enable_watchdog", unit: "" },
 ];
 
-/// What is set and read, in this order.
+/// Settings that are written and read, in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     WriteTimeout,
@@ -55,7 +55,7 @@ impl Setup {
         self.step == Step::Done
     }
 
-    /// The request of this step. A write has no answer: what counts is what is read afterwards.
+    /// The request of this step. A write has no answer: the value that is read afterwards counts.
     pub(super) fn request(&mut self) -> Option<Frame> {
         let (timeout, enable) = self.endpoints?;
         let (frame, next) = match self.step {

@@ -1,0 +1,123 @@
+//! `sarrus-can run`: the bridge on the robot.
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use clap::Args;
+use rustix::process::{Pid, Signal, getppid};
+use sarrus_can_core::config::Configuration;
+use sarrus_can_run::bus::{Address, Reconnecting, own};
+use sarrus_can_run::stderr::{self, say};
+use sarrus_can_run::{Settings, prepare};
+use signal_hook::consts::{
+    SIGALRM, SIGHUP, SIGINT, SIGIO, SIGPROF, SIGQUIT, SIGTERM, SIGTSTP, SIGUSR1, SIGUSR2,
+    SIGVTALRM, SIGXCPU, SIGXFSZ,
+};
+
+/// Signals that would end or stop this program: each is a clean end of it.
+const ENDS: [i32; 13] = [
+    SIGINT,
+    SIGTERM,
+    SIGHUP,
+    SIGQUIT,
+    SIGTSTP,
+    SIGUSR1,
+    SIGUSR2,
+    SIGALRM,
+    SIGVTALRM,
+    SIGPROF,
+    SIGXCPU,
+    SIGIO,
+    Signal::POWER.as_raw(),
+];
+
+/// Flags of `run`.
+#[derive(Args)]
+pub(crate) struct Run {
+    /// The configuration of the robot's buses and motors
+    config: PathBuf,
+    /// Name under which controllers find the bridge
+    #[arg(long, default_value = "default")]
+    name: String,
+    /// Go on when the process that started this one ends; without it the motors are disabled then
+    #[arg(long)]
+    outlive_parent: bool,
+    /// Priority of the threads under SCHED_FIFO, where that is permitted
+    #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u8).range(1..=98))]
+    priority: u8,
+    /// Folder for what led to each fault, which `replay` reads; without it `sarrus/faults` where
+    /// programs keep their state
+    #[arg(long, value_name = "FOLDER")]
+    fault_log: Option<PathBuf>,
+    /// Log everything that the bridge is given, as JSON lines for `replay`
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
+}
+
+impl Run {
+    /// Runs until a signal ends it: 0; 1 for a faulty configuration, 2 for what cannot be opened.
+    pub(crate) fn run(self) -> ExitCode {
+        let parent = if self.outlive_parent { None } else { getppid() };
+        let configuration = match crate::configuration(&self.config) {
+            Ok(configuration) => configuration,
+            Err(code) => return code,
+        };
+        stderr::never_wait("sarrus-can");
+        configuration.warnings.iter().for_each(|warning| say(format_args!("warning: {warning}")));
+        let code = match self.bridge(configuration, parent) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => {
+                say(format_args!("{error}"));
+                ExitCode::from(2)
+            }
+        };
+        stderr::finish();
+        code
+    }
+
+    fn bridge(
+        &self,
+        configuration: Configuration,
+        parent: Option<Pid>,
+    ) -> Result<(), Box<dyn std::error::Error>> {
+        let stop = Arc::new(AtomicBool::new(false));
+        for signal in ENDS {
+            signal_hook::flag::register(signal, stop.clone())?;
+        }
+        // a log beyond the limit of a file's size: the write reports it
+        signal_hook::flag::register(SIGXFSZ, Arc::default())?;
+        let settings = Settings {
+            name: self.name.clone(),
+            priority: Some(self.priority),
+            fault_log: self.fault_log.clone(),
+            log: self.log.clone(),
+        };
+        let mut owned = Vec::new();
+        let prepared = prepare(configuration, settings, stop.clone(), |config| {
+            let address = Address::of(config);
+            owned.extend(own(&address)?);
+            Ok(Box::new(Reconnecting::open(&config.name, address)?))
+        })?;
+        let fingerprint = prepared.fingerprint();
+        let running = prepared.start()?;
+        announce(&self.name, fingerprint);
+        while !running.is_over() {
+            if parent.is_some() && getppid() != parent {
+                stop.store(true, Ordering::Relaxed);
+            }
+            thread::sleep(Duration::from_millis(20));
+        }
+        running.end().map(drop)
+    }
+}
+
+/// Prints the line that reports readiness. A closed stdout changes nothing.
+fn announce(name: &str, fingerprint: u64) {
+    let mut out = std::io::stdout().lock();
+    let _ = writeln!(out, "ready {name} {fingerprint:016x}").and_then(|()| out.flush());
+}

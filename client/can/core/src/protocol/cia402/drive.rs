@@ -1,0 +1,362 @@
+//! The bridge's half of the protocol.
+
+use std::f64::consts::TAU;
+
+use super::setup::{self, PARAMETERS, READABLE, Setup};
+use super::states::{
+    DISABLE_VOLTAGE, ENABLE, FORGET_FAULT, QUICK_STOP, SHUTDOWN, SWITCH_ON, State,
+};
+use crate::drive::{
+    Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
+    Shared,
+};
+use crate::frame::{Frame, FrameKind, FrameQueue, Id};
+use crate::protocol::fault;
+use crate::protocol::number::{limited, steps, steps_toward_zero};
+use crate::protocol::power_up::{Action, PowerUp, Stage};
+
+const SYNC: u16 = 0x080;
+/// A drive that is set up and silent for this time is set up again `[ns]`.
+const SILENCE_NS: u64 = 500_000_000;
+/// That time for a drive that reports not to be operational `[ns]`.
+const STOPPED_NS: u64 = 100_000_000;
+
+#[derive(Debug)]
+pub(super) struct Cia402 {
+    pub(super) node: u16,
+    pub(super) master: u16,
+    pub(super) mode: Mode,
+    pub(super) torque_limit: f64,
+    pub(super) rated_torque: f64,
+    pub(super) counts: f64,
+    pub(super) velocity_counts: f64,
+    pub(super) torque_offset: bool,
+    pub(super) velocity_feedback: bool,
+    pub(super) watchdog_ms: u32,
+    pub(super) setup: Setup,
+    pub(super) state: Option<State>,
+    pub(super) power_up: PowerUp,
+    pub(super) emergency: u16,
+    /// It ended the following, and no cycle has answered that yet.
+    pub(super) emergency_holds: bool,
+    /// Of the last measurement.
+    pub(super) counted: Option<(i32, i64)>,
+    /// First PDOs that came, and not yet the second one of their cycle.
+    pub(super) n_new: u8,
+    /// When it last reported its status, or was set up `[ns]`.
+    pub(super) heard_ns: Option<u64>,
+    pub(super) torque: f64,
+    pub(super) heartbeat_ns: Option<u64>,
+}
+
+impl Cia402 {
+    fn frame(&self, base: u16, bytes: &[u8]) -> Option<Frame> {
+        Frame::classic(Id::Standard(base + self.node), bytes)
+    }
+
+    /// The control word with a set-point.
+    fn command(&self, control: u16, setpoint: &Setpoint) -> Option<Frame> {
+        let per_mille = self.rated_torque / 1000.0;
+        let torque = limited(setpoint.torque, self.torque_limit);
+        let torque = (steps_toward_zero(torque, per_mille, 32_767) as i16).to_le_bytes();
+        let [low, high] = control.to_le_bytes();
+        let target = match self.mode {
+            Mode::Position => steps(setpoint.position, TAU / self.counts, i32::MAX),
+            Mode::Velocity => steps(setpoint.velocity, TAU / self.velocity_counts, i32::MAX),
+            Mode::Torque | Mode::Impedance => {
+                return self.frame(0x200, &[low, high, torque[0], torque[1]]);
+            }
+        };
+        let [a, b, c, d] = target.to_le_bytes();
+        match self.torque_offset {
+            true => self.frame(0x200, &[low, high, a, b, c, d, torque[0], torque[1]]),
+            false => self.frame(0x200, &[low, high, a, b, c, d]),
+        }
+    }
+
+    /// Set-point that keeps the motor where it is.
+    fn neutral(&self) -> Setpoint {
+        Setpoint {
+            position: self.counted.map_or(0.0, |(_, counts)| counts as f64 * TAU / self.counts),
+            ..Setpoint::default()
+        }
+    }
+
+    /// The heartbeat of this side, four times in the time that the drive waits for it.
+    fn beat(&mut self, now_ns: u64, out: &mut FrameQueue) {
+        let Some((frame, period_ns)) = self.heartbeat() else { return };
+        if self.heartbeat_ns.is_none_or(|last| now_ns.saturating_sub(last) >= period_ns) {
+            self.heartbeat_ns = Some(now_ns);
+            out.push(frame);
+        }
+    }
+
+    /// Whether it should have reported its status for this time.
+    fn is_silent(&self, now_ns: u64, time_ns: u64) -> bool {
+        self.setup.is_done()
+            && self.heard_ns.is_some_and(|heard| now_ns.saturating_sub(heard) > time_ns)
+    }
+
+    /// It has lost its settings.
+    fn set_up_again(&mut self) {
+        self.lose();
+        (self.state, self.n_new) = (None, 0);
+        self.setup.again();
+    }
+
+    fn lose(&mut self) {
+        self.emergency_holds |= self.power_up.stage() == Stage::On;
+        self.power_up.lose();
+    }
+
+    fn idle(&mut self, now_ns: u64, out: &mut FrameQueue) {
+        self.emergency_holds = false;
+        if self.is_silent(now_ns, SILENCE_NS) {
+            self.set_up_again();
+        }
+        if !self.setup.is_done() {
+            self.heard_ns = Some(now_ns);
+        }
+        out.push_some(self.command(DISABLE_VOLTAGE, &self.neutral()));
+        out.push_some(self.setup.request(now_ns, false));
+    }
+
+    fn status(&mut self, status: u16) {
+        let state = State::of(status);
+        self.state = Some(state);
+        self.emergency_holds |= self.power_up.report(state == State::Enabled);
+        let follows = self.power_up.stage() == Stage::On || self.emergency_holds;
+        if state != State::Faulty && self.emergency != 0 && !follows {
+            // reported by EMCY and gone without one
+            self.emergency = 0;
+        }
+    }
+
+    /// A position without jumps.
+    fn follow(&mut self, counts: i32) -> f64 {
+        let whole = match self.counted {
+            Some((last, whole)) => whole + i64::from(counts.wrapping_sub(last)),
+            None => i64::from(counts),
+        };
+        self.counted = Some((counts, whole));
+        whole as f64 * TAU / self.counts
+    }
+
+    /// What only a master says: set-points, requests by SDO, NMT commands, and the heartbeat that
+    /// this side sends.
+    fn is_command(&self, id: u16, bytes: &[u8]) -> bool {
+        let is_network = id == 0
+            && matches!(bytes, [_, node, ..] if *node == 0 || u16::from(*node) == self.node);
+        let is_heartbeat = id == 0x700 + self.master && self.watchdog_ms > 0;
+        is_network || is_heartbeat || id == 0x200 + self.node || id == 0x600 + self.node
+    }
+
+    fn measured(&self, velocity: f64) -> Receipt {
+        let position = self.neutral().position;
+        Receipt::Measured(Measurement {
+            position,
+            velocity,
+            torque: self.torque,
+            temperature: f64::NAN,
+        })
+    }
+}
+
+impl Drive for Cia402 {
+    fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
+        self.beat(now_ns, out);
+        let is_ready = self.setup.is_done() && self.state.is_some() && self.state().fault == 0;
+        match self.power_up.action(command, is_ready) {
+            Action::Idle(_) | Action::Withhold => self.idle(now_ns, out),
+            Action::Reset => {
+                (self.emergency, self.emergency_holds) = (0, false);
+                if self.setup.fault != 0 {
+                    self.setup.again();
+                }
+                out.push_some(self.command(FORGET_FAULT, &self.neutral()));
+            }
+            Action::Prime(setpoint)
+            | Action::Ask(setpoint)
+            | Action::Await(setpoint)
+            | Action::Follow(setpoint) => {
+                let control = match self.state {
+                    Some(State::Disabled) => SHUTDOWN,
+                    Some(State::Ready) => SWITCH_ON,
+                    Some(State::SwitchedOn | State::Enabled) => ENABLE,
+                    _ => DISABLE_VOLTAGE,
+                };
+                out.push_some(self.command(control, &setpoint));
+                out.push_some(self.setup.request(now_ns, true));
+            }
+        }
+    }
+
+    fn encode(&self, setpoint: &Setpoint, out: &mut FrameQueue) {
+        out.push_some(self.command(ENABLE, setpoint));
+    }
+
+    /// The control word by PDO with a SYNC that makes it count, and by SDO, which a drive takes in
+    /// every network state but stopped.
+    fn disable(&self, out: &mut FrameQueue) {
+        out.push_some(self.command(DISABLE_VOLTAGE, &self.neutral()));
+        out.push_some(self.sync());
+        out.push_some(setup::write(self.node, 0x6040, 0, 2, 0));
+    }
+
+    /// The ramp and the reaction after it are the drive's, 6085 and 605A; so is its brake.
+    fn quick_stop(&mut self, now_ns: u64, out: &mut FrameQueue) -> bool {
+        self.beat(now_ns, out);
+        // power that goes by this command is not lost
+        self.power_up.forget();
+        out.push_some(self.command(QUICK_STOP, &self.neutral()));
+        true
+    }
+
+    fn receive(&mut self, now_ns: u64, frame: &Frame) -> Receipt {
+        let Id::Standard(id) = frame.id else { return Receipt::NotMine };
+        if self.is_command(id, frame.data()) {
+            return Receipt::Foreign;
+        }
+        let Some(base) = id.checked_sub(self.node) else { return Receipt::NotMine };
+        if !matches!(base, 0x080 | 0x180 | 0x280 | 0x580 | 0x700) {
+            return Receipt::NotMine;
+        }
+        match (base, frame.data()) {
+            _ if frame.is_fd() => Receipt::Malformed,
+            (0x080, [low, high, _, ..]) => {
+                self.emergency = u16::from_le_bytes([*low, *high]);
+                Receipt::Noted
+            }
+            // the content of a PDO is known once it is set up
+            (0x180, [_, _, _, _, _, _, _, _]) | (0x280, [_, _, _, _]) if !self.setup.is_done() => {
+                Receipt::Noted
+            }
+            (0x180, [low, high, a, b, c, d, e, f]) => {
+                (self.n_new, self.heard_ns) = ((self.n_new + 1).min(2), Some(now_ns));
+                self.status(u16::from_le_bytes([*low, *high]));
+                self.follow(i32::from_le_bytes([*a, *b, *c, *d]));
+                self.torque = f64::from(i16::from_le_bytes([*e, *f])) * self.rated_torque / 1000.0;
+                if self.velocity_feedback { Receipt::Noted } else { self.measured(f64::NAN) }
+            }
+            (0x280, [a, b, c, d]) if self.velocity_feedback && self.n_new > 0 => {
+                self.n_new -= 1;
+                self.measured(
+                    f64::from(i32::from_le_bytes([*a, *b, *c, *d])) * TAU / self.velocity_counts,
+                )
+            }
+            (0x280, [_, _, _, _]) => Receipt::Noted,
+            (0x580, _) => match frame.exactly::<8>() {
+                Some(bytes) => self.setup.answered(now_ns, bytes),
+                None => Receipt::Malformed,
+            },
+            (0x700, [state]) => {
+                match state & 0x7F {
+                    // it booted: its settings are lost
+                    0 => {
+                        self.set_up_again();
+                        self.counted = None;
+                    }
+                    // stopped or pre-operational, and not just commanded to be operational
+                    0x04 | 0x7F if self.is_silent(now_ns, STOPPED_NS) => self.set_up_again(),
+                    _ => {}
+                }
+                Receipt::Noted
+            }
+            _ => Receipt::Malformed,
+        }
+    }
+
+    fn state(&self) -> DriveState {
+        let power = match self.state {
+            None => Power::Unknown,
+            Some(State::Enabled | State::QuickStop) if self.setup.is_mode_shown() => Power::On,
+            Some(_) if self.power_up.is_asked() => Power::Starting,
+            Some(_) => Power::Off,
+        };
+        let is_faulty = self.state == Some(State::Faulty);
+        let is_beyond = self.mode == Mode::Position
+            && self.counted.is_some_and(|(_, whole)| i32::try_from(whole).is_err());
+        let fault = match self.emergency {
+            code if code != 0 => u32::from(code),
+            _ if is_faulty => fault::UNKNOWN,
+            _ if self.setup.fault != 0 => self.setup.fault,
+            _ if self.power_up.stage() == Stage::Lost => fault::POWER_LOST,
+            _ if is_beyond => fault::OUT_OF_RANGE,
+            _ => 0,
+        };
+        DriveState { power, fault, watchdog: self.setup.watchdog }
+    }
+
+    fn prepare(&mut self) {
+        self.set_up_again();
+    }
+
+    fn forget(&mut self) {
+        (self.counted, self.heard_ns, self.heartbeat_ns) = (None, None, None);
+        self.power_up.forget();
+        (self.emergency, self.emergency_holds, self.torque) = (0, false, f64::NAN);
+        self.prepare();
+    }
+
+    fn identifiers(&self) -> Vec<Id> {
+        [0x080, 0x180, 0x200, 0x280, 0x580, 0x600, 0x700]
+            .map(|base| Id::Standard(base + self.node))
+            .to_vec()
+    }
+
+    fn shared_identifiers(&self) -> Vec<Shared> {
+        // frames of the master to all
+        [0, SYNC, 0x700 + self.master]
+            .map(|id| Shared { id: Id::Standard(id), tag: self.node, mask: 0x7F })
+            .to_vec()
+    }
+
+    fn steps(&self) -> Setpoint {
+        Setpoint {
+            position: TAU / self.counts,
+            velocity: TAU / self.velocity_counts,
+            torque: self.rated_torque / 1000.0,
+            ..Setpoint::default()
+        }
+    }
+
+    fn is_paired(&self) -> bool {
+        self.setup.is_done() && self.state.is_some()
+    }
+
+    fn replies(&self) -> Vec<Reply> {
+        let reply = |base: u16, len| Reply {
+            id: Id::Standard(base + self.node),
+            kind: FrameKind::Classic,
+            len,
+        };
+        if self.velocity_feedback {
+            vec![reply(0x180, 8), reply(0x280, 4)]
+        } else {
+            vec![reply(0x180, 8)]
+        }
+    }
+
+    fn sync(&self) -> Option<Frame> {
+        Frame::classic(Id::Standard(SYNC), &[])
+    }
+
+    fn heartbeat(&self) -> Option<(Frame, u64)> {
+        let frame = Frame::classic(Id::Standard(0x700 + self.master), &[0x05])?;
+        (self.watchdog_ms > 0).then(|| (frame, u64::from(self.watchdog_ms) * 250_000))
+    }
+
+    /// Asks for the device's type, object 1000.
+    fn probe(&mut self, out: &mut FrameQueue) {
+        out.push_some(setup::read(self.node, 0x1000, 0));
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        PARAMETERS
+    }
+
+    fn read_parameter(&mut self, parameter: usize, out: &mut FrameQueue) {
+        let Some((index, sub, _)) = READABLE.get(parameter) else { return };
+        out.push_some(setup::read(self.node, *index, *sub));
+    }
+}

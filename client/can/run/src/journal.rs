@@ -1,0 +1,195 @@
+//! The logs of a bridge's inputs: one of everything, and one file for each fault.
+//!
+//! The cycle only pushes into queues of fixed size. A thread at ordinary priority reads them and
+//! writes the files.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+use std::thread;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use rtrb::{Consumer, Producer, RingBuffer};
+use sarrus_can_core::bridge::{Bridge, BusEvent};
+use sarrus_can_core::config::Configuration;
+use sarrus_can_core::fault_files::FaultFiles;
+use sarrus_can_core::fault_log::{After, FaultLog};
+use sarrus_can_core::frame::Frame;
+use sarrus_can_core::log::{Line, What};
+use sarrus_client::actuators::{ActuatorCommand, Operation, Reason};
+
+use crate::stderr::say;
+
+/// Inputs and commands that may wait.
+const ROOM: usize = 1 << 15;
+const COMMANDS: usize = 256;
+/// Time between two reads of the queues.
+const PAUSE: Duration = Duration::from_millis(20);
+
+/// One element of the queue from the cycle to the thread.
+#[derive(Clone, Copy)]
+enum Input {
+    Frame(u64, usize, Frame),
+    Event(u64, usize, BusEvent),
+    Operate(u64, Operation, Option<usize>),
+    /// The command itself is in a queue of its own.
+    Command(u64),
+    Cycle(u64, After),
+    Fault(Reason),
+}
+
+/// The end that takes the inputs.
+pub struct Journal {
+    inputs: Producer<Input>,
+    commands: Producer<ActuatorCommand>,
+    faults: u64,
+    lost: u64,
+}
+
+impl Journal {
+    /// Adds a received frame.
+    pub fn frame(&mut self, t: u64, bus: usize, frame: &Frame) {
+        self.push(Input::Frame(t, bus, *frame));
+    }
+
+    /// Adds an event of a bus.
+    pub fn event(&mut self, t: u64, bus: usize, event: BusEvent) {
+        self.push(Input::Event(t, bus, event));
+    }
+
+    /// Adds an operation of all mechanisms or of an actuator's.
+    pub fn operate(&mut self, t: u64, operation: Operation, actuator: Option<usize>) {
+        self.push(Input::Operate(t, operation, actuator));
+    }
+
+    /// Adds a command.
+    pub fn command(&mut self, t: u64, command: &ActuatorCommand) {
+        if self.commands.push(*command).is_ok() {
+            self.push(Input::Command(t));
+        } else {
+            self.lost += 1;
+        }
+    }
+
+    /// Adds a cycle, after the bridge has run it.
+    pub fn cycle(&mut self, t: u64, bridge: &Bridge) {
+        self.push(Input::Cycle(t, After::cycle_of(bridge)));
+        let (faults, last) = bridge.faults();
+        if let (true, Some((_, reason))) = (faults != self.faults, last) {
+            self.faults = faults;
+            self.push(Input::Fault(reason));
+        }
+    }
+
+    /// Number of inputs that found no room so far.
+    #[must_use]
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    fn push(&mut self, input: Input) {
+        self.lost += u64::from(self.inputs.push(input).is_err());
+    }
+}
+
+/// The end that writes the files.
+pub struct JournalWriter {
+    inputs: Consumer<Input>,
+    commands: Consumer<ActuatorCommand>,
+    configuration: Configuration,
+    faults: Option<(FaultFiles, FaultLog)>,
+    log: Option<BufWriter<File>>,
+    /// Lines of the log so far, or the first error.
+    written: io::Result<u64>,
+}
+
+/// Both ends, for the files of faults, a log of everything, or both. `configuration` needs no
+/// motors.
+///
+/// # Errors
+/// The log cannot be created.
+pub fn journal(
+    faults: Option<FaultFiles>,
+    log: Option<&Path>,
+    configuration: Configuration,
+) -> io::Result<(Journal, JournalWriter)> {
+    let log = log.map(File::create).transpose()?.map(BufWriter::new);
+    let (inputs, taken_inputs) = RingBuffer::new(ROOM);
+    let (commands, taken_commands) = RingBuffer::new(COMMANDS);
+    let journal = Journal { inputs, commands, faults: 0, lost: 0 };
+    let writer = JournalWriter {
+        inputs: taken_inputs,
+        commands: taken_commands,
+        configuration,
+        faults: faults.map(|files| (files, FaultLog::default())),
+        log,
+        written: Ok(0),
+    };
+    Ok((journal, writer))
+}
+
+impl JournalWriter {
+    /// Writes until the [`Journal`] is dropped; the number of lines of the log.
+    ///
+    /// # Errors
+    /// The log could not be written.
+    pub fn run(mut self) -> io::Result<u64> {
+        loop {
+            let is_last = self.inputs.is_abandoned();
+            while let Ok(input) = self.inputs.pop() {
+                self.take(input);
+            }
+            if is_last {
+                break;
+            }
+            thread::sleep(PAUSE);
+        }
+        self.log.as_mut().map_or(Ok(()), BufWriter::flush).and(self.written)
+    }
+
+    fn take(&mut self, input: Input) {
+        let mut after_cycle = None;
+        let (t, what) = match input {
+            Input::Frame(t, bus, frame) => (t, What::Frame(bus, frame)),
+            Input::Event(t, bus, event) => (t, What::Event(bus, event)),
+            Input::Operate(t, operation, actuator) => (t, What::Operate(operation, actuator)),
+            Input::Command(t) => match self.commands.pop() {
+                Ok(command) => (t, What::Command(Box::new(command))),
+                Err(_) => return,
+            },
+            Input::Cycle(t, after) => {
+                after_cycle = Some(after);
+                (t, What::Cycle)
+            }
+            Input::Fault(reason) => return self.write_fault(reason),
+        };
+        let line = Line { t, what };
+        if let (Some(file), Ok(lines)) = (&mut self.log, &mut self.written) {
+            match writeln!(file, "{}", line.text(&self.configuration)) {
+                Ok(()) => *lines += 1,
+                Err(error) => self.written = Err(error),
+            }
+        }
+        if let Some((_, kept)) = &mut self.faults {
+            kept.push(line);
+            if let Some(after) = after_cycle {
+                kept.after(after);
+            }
+        }
+    }
+
+    fn write_fault(&self, reason: Reason) {
+        let Some((files, kept)) = &self.faults else { return };
+        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        match files.write(since.as_millis(), reason, kept, &self.configuration) {
+            Ok(path) => {
+                say(format_args!("{}: what led to it is in {}", reason.name(), path.display()))
+            }
+            Err(error) => say(format_args!(
+                "{}: what led to it cannot be written to {}: {error}",
+                reason.name(),
+                files.folder().display()
+            )),
+        }
+    }
+}

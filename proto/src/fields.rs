@@ -1,0 +1,117 @@
+//! The table of the fields: name, shape, unit and meaning. The command line, the Python docstrings
+//! and the C header take their texts from it.
+
+use crate::Field;
+
+/// A row of the table of the fields.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FieldEntry {
+    /// The field.
+    pub field: Field,
+    /// Its shape in the sizes of the model; a matrix is packed row by row.
+    pub shape: &'static str,
+    /// Its unit; `-` without one, `mixed` where the rows have different units.
+    pub unit: &'static str,
+    /// Its meaning, with the order of its components.
+    pub meaning: &'static str,
+}
+
+macro_rules! fields {
+    ($($field:ident $shape:literal $unit:literal $meaning:literal;)*) => {
+        /// Every field, in the order of the field numbers.
+        pub const FIELDS: [FieldEntry; Field::ALL.len()] = [$(FieldEntry {
+            field: Field::$field,
+            shape: $shape,
+            unit: $unit,
+            meaning: $meaning,
+        },)*];
+    };
+}
+
+fields! {
+    Y "n_qy" "m, rad" "independent coordinates y";
+    Yd "n_vy" "m/s, rad/s" "independent velocities ẏ";
+    Ydd "n_vy" "m/s², rad/s²" "independent accelerations ÿ";
+    Q "n_q" "m, rad" "tree coordinates q; a floating base has position and quaternion x, y, z, w";
+    Qd "n_v" "m/s, rad/s" "tree velocities q̇";
+    Qdd "n_v" "m/s², rad/s²" "tree accelerations q̈";
+    U "n_u" "m, rad" "actuator coordinates u";
+    Ud "n_u" "m/s, rad/s" "actuator velocities u̇";
+    Udd "n_u" "m/s², rad/s²" "actuator accelerations ü";
+    QGuess "n_q" "m, rad" "closed pose near the answer, from which numerical closures start";
+    QdGuess "n_v" "m/s, rad/s" "tree velocity at `q_guess`, the direction where branches cross";
+    TauQ "n_v" "N, N m" "generalised forces on the tree coordinates";
+    TauY "n_vy" "N, N m" "generalised forces on the independent coordinates";
+    TauU "n_u" "N, N m" "actuator forces";
+    Wrenches "n_wrenches × 6" "N m, N"
+        "wrenches [n; f] on the named links, world axes at the link's origin";
+    TauUnactuated "n_vy" "N, N m" "part of `tau_y` that no actuator can give";
+    G "n_v × n_vy" "mixed" "loop Jacobian, q̇ = G ẏ";
+    GBias "n_v" "m/s², rad/s²" "q̈ = G ÿ + g";
+    GU "n_u × n_vy" "mixed" "actuator rows of G, u̇ = G_u ẏ";
+    GUBias "n_u" "m/s², rad/s²" "ü = G_u ÿ + g_u";
+    K "n_c × n_v" "mixed" "constraint Jacobian, K q̇ = 0";
+    KBias "n_c" "m/s², rad/s²" "K q̈ = k, k = −K̇ q̇";
+    Lambda "n_c" "N, N m" "loop-closure forces";
+    MY "n_vy × n_vy" "mixed" "reduced mass matrix GᵀMG";
+    CY "n_vy" "N, N m" "reduced bias force Gᵀ(C + M g)";
+    Residual "1" "-" "largest scaled loop residual";
+    Iterations "1" "-" "Newton steps taken";
+    CondKd "1" "-" "2-norm condition number of K_d, unscaled";
+    CondGu "1" "-" "2-norm condition number of G_u, unscaled";
+    SigmaMin "1" "-" "least singular value of the scaled K_d over all clusters";
+    NearestY "n_qy" "m, rad" "closest reachable independent coordinates found";
+    FramePose "n_frames × 7" "m, -"
+        "pose of each frame in the root frame: position, then quaternion x, y, z, w";
+    FrameTwist "n_frames × 6" "rad/s, m/s"
+        "twist [ω; v] of each frame, world axes at the frame's origin";
+    FrameAcc "n_frames × 6" "rad/s², m/s²"
+        "classical acceleration [ω̇; v̇] of each frame, gravity not included";
+    JacobianTree "6 n_frames × n_v" "mixed" "frame Jacobians, [ω; v] = J q̇";
+    JacobianIndependent "6 n_frames × n_vy" "mixed" "frame Jacobians, [ω; v] = J ẏ";
+    JacobianActuator "6 n_frames × n_u" "mixed"
+        "frame Jacobians, [ω; v] = J u̇, where u̇ determines the motion";
+    CondMy "1" "-" "2-norm condition number of M_y";
+    Branch "n_branches" "-" "sign of det K_d of each cluster that is not a pure coupling: 1 or −1";
+    LambdaDeterminate "n_c" "-"
+        "1 where the motion determines the loop-closure force, 0 where redundant rows share it";
+    GoodIndependents "n_v" "-"
+        "1 where the tree velocity is in a set of independents that is good at this pose, else 0";
+    Uncontrolled "n_vy" "mixed" "direction of ẏ, of unit length, that the actuators control least";
+    Projection "1" "rad or lengths of the cluster"
+        "largest distance from the given q or q̇ to the answer's state";
+    Limits "n_v × 3" "mixed"
+        "distance of position, velocity and actuator force beyond their limits, zero inside";
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Sizes;
+
+    #[test]
+    fn rows_are_in_the_order_of_the_fields_and_shapes_are_those_of_the_layout() {
+        let sizes = Sizes { n_q: 2, n_v: 3, n_qy: 5, n_vy: 7, n_u: 11, n_c: 13, n_branches: 17 };
+        let n_frames = 19;
+        let n_wrenches = 23;
+        let size = |word: &str| match word {
+            "n_q" => sizes.n_q,
+            "n_v" => sizes.n_v,
+            "n_qy" => sizes.n_qy,
+            "n_vy" => sizes.n_vy,
+            "n_u" => sizes.n_u,
+            "n_c" => sizes.n_c,
+            "n_branches" => sizes.n_branches,
+            "n_frames" => n_frames,
+            "n_wrenches" => n_wrenches,
+            number => number.parse().unwrap(),
+        };
+        for (entry, field) in FIELDS.iter().zip(Field::ALL) {
+            assert_eq!(entry.field, *field);
+            let mut factors =
+                entry.shape.split(" × ").map(|part| part.split(' ').map(size).product());
+            let shape = (factors.next().unwrap(), factors.next().unwrap_or(1));
+            assert_eq!(shape, field.shape(&sizes, n_frames, n_wrenches), "{}", field.name());
+        }
+    }
+}

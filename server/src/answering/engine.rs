@@ -1,0 +1,351 @@
+//! From an unchecked request to its answer: checks of the head, the plan, the kernel.
+
+use std::sync::Arc;
+
+use rtrb::{Consumer, Producer, PushError};
+use sarrus_dynamics::{BatchWorkspace, MOST_ROWS, Model, Plan};
+use sarrus_proto::batch::{BatchHead, BatchShape, ServedBatch};
+use sarrus_proto::checksum::of_request;
+use sarrus_proto::message::{
+    ComputeRequest, MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, PlanNumber, RequestHead,
+    ResponseHead,
+};
+use sarrus_proto::{Answer, PROTOCOL_VERSION, Status, Warnings};
+
+use crate::answering::timing::RequestTiming;
+use crate::kernels::NativeKernel;
+use crate::record::{Client, Recorder};
+
+/// A plan as the answering thread holds it.
+pub(crate) struct ServedPlan {
+    pub(crate) number: PlanNumber,
+    pub(crate) plan: Plan,
+    /// Answers most states faster, with the same bits.
+    pub(crate) kernel: Option<Arc<NativeKernel>>,
+    /// Requests and answers have a checksum.
+    pub(crate) checks: bool,
+}
+
+/// An order of the maintenance thread about a plan; at most three for each slot are pending.
+pub(crate) enum PlanOrder {
+    /// Answer requests for this plan from now on.
+    Serve(Box<ServedPlan>),
+    /// Answer by this kernel from now on. The maintenance thread keeps a reference too, so that
+    /// dropping this one unloads nothing.
+    Kernel(PlanNumber, Arc<NativeKernel>),
+    /// Give the plan back.
+    Retire(PlanNumber),
+}
+
+/// The capacity of the channel of plan orders.
+pub(crate) const MAX_PLAN_ORDERS: usize = 3 * MAX_PLANS;
+
+/// Where a request's numbers are; a client may still be writing those of the service.
+pub(crate) enum Input<'a> {
+    /// The copy that the lane made.
+    Copied(&'a [f64]),
+    /// Shared memory, read once.
+    Shared(&'a ComputeRequest),
+}
+
+/// Plans, workspace and buffers of the answering thread.
+pub(crate) struct Engine {
+    /// By their slots.
+    plans: Box<[Option<Box<ServedPlan>>]>,
+    orders: Consumer<PlanOrder>,
+    retired: Producer<Box<ServedPlan>>,
+    workspace: BatchWorkspace,
+    scratch: Vec<f64>,
+    /// Where answers with a checksum, recorded ones, and those of batches come to be: the memory
+    /// they go to is not ours alone.
+    private: Vec<f64>,
+    /// Copies requests and answers, with `--record`.
+    pub(crate) recorder: Option<Recorder>,
+    /// Answers by generated kernels.
+    pub(crate) by_kernel: u64,
+}
+
+/// The end of a plan.
+struct Outcome {
+    status: Status,
+    warnings: Warnings,
+    n_out: usize,
+    /// The numbers are in `private`.
+    is_private: bool,
+    checks: bool,
+}
+
+impl Engine {
+    pub(crate) fn new(
+        model: Arc<Model<f64>>,
+        orders: Consumer<PlanOrder>,
+        retired: Producer<Box<ServedPlan>>,
+    ) -> Engine {
+        let workspace = BatchWorkspace::new(&model, MAX_NUMBERS_IN, MAX_NUMBERS_OUT);
+        let plans = (0..MAX_PLANS).map(|_| None).collect();
+        let [scratch, private] =
+            [MAX_NUMBERS_IN, MAX_NUMBERS_OUT].map(|n| vec![0.0; MOST_ROWS * n]);
+        let recorder = None;
+        Engine { plans, orders, retired, workspace, scratch, private, recorder, by_kernel: 0 }
+    }
+
+    /// Takes new plans and gives back old ones; never blocks.
+    pub(crate) fn handle_orders(&mut self) {
+        while let Ok(order) = self.orders.pop() {
+            match order {
+                PlanOrder::Serve(served) => {
+                    let slot = served.number.slot();
+                    self.plans[slot] = Some(served);
+                }
+                PlanOrder::Kernel(number, kernel) => {
+                    let served = self.plans[number.slot()].as_mut();
+                    if let Some(served) = served.filter(|served| served.number == number) {
+                        served.kernel = Some(kernel);
+                    }
+                }
+                PlanOrder::Retire(number) => {
+                    let Some(served) = self.plans[number.slot()].take() else { continue };
+                    // there is room for every plan, so this cannot fail; were it to, the plan would
+                    // stay
+                    if let Err(PushError::Full(served)) = self.retired.push(served) {
+                        self.plans[number.slot()] = Some(served);
+                    }
+                }
+            }
+        }
+    }
+
+    /// True where the plan is there; one that was registered just now is fetched.
+    #[inline]
+    fn has(&mut self, number: PlanNumber) -> bool {
+        let is_there = |plans: &[Option<Box<ServedPlan>>]| {
+            plans[number.slot()].as_ref().is_some_and(|served| served.number == number)
+        };
+        is_there(&self.plans) || {
+            self.handle_orders();
+            is_there(&self.plans)
+        }
+    }
+
+    /// Notes the client of the next request and its time `[tick]`, for the recording.
+    #[inline]
+    pub(crate) fn found(&mut self, ticks: u64, client: Client) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.take(ticks, client);
+        }
+    }
+
+    /// Passes the record of an answer on, once the answer is published.
+    #[inline]
+    pub(crate) fn sent(&mut self) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.commit();
+        }
+    }
+
+    /// Checks a request, runs its plan from `input` into `output`, and returns the head of the
+    /// answer, with times and checksum where the request has them. Never allocates, never panics,
+    /// and touches nothing outside `input` and `output`. A refused request leaves NaN.
+    #[inline]
+    pub(crate) fn answer_request(
+        &mut self,
+        head: &RequestHead,
+        input: Input<'_>,
+        output: &mut [f64],
+        timing: &RequestTiming<'_>,
+    ) -> ResponseHead {
+        match self.run_plan(head, input, output) {
+            Ok(Outcome { status, warnings, n_out, is_private, checks }) => {
+                let numbers = &self.private[..n_out];
+                if is_private {
+                    output[..n_out].copy_from_slice(numbers);
+                }
+                // without a checksum, also where the request has one: it was meant for another plan
+                let answer = ResponseHead::new(status, warnings, head.sequence);
+                timing.close(answer, checks.then_some(numbers))
+            }
+            Err(status) => {
+                if let Some(recorder) = &mut self.recorder {
+                    recorder.record_refusal(head, status);
+                }
+                refuse(head, status, output, timing)
+            }
+        }
+    }
+
+    /// Checks the head of a request; the slot of its plan.
+    #[inline]
+    fn admit(&mut self, version: u32, fingerprint: u64, plan: u32) -> Result<usize, Status> {
+        if version != PROTOCOL_VERSION {
+            return Err(Status::BadRequest);
+        }
+        if fingerprint != self.workspace.model().fingerprint() {
+            return Err(Status::WrongModel);
+        }
+        let number = PlanNumber(plan);
+        if !self.has(number) {
+            return Err(Status::UnknownRequest);
+        }
+        Ok(number.slot())
+    }
+
+    #[inline]
+    fn run_plan(
+        &mut self,
+        head: &RequestHead,
+        input: Input<'_>,
+        output: &mut [f64],
+    ) -> Result<Outcome, Status> {
+        let slot = self.admit(head.version, head.fingerprint, head.plan)?;
+        let Some(ServedPlan { plan, kernel, checks, .. }) = self.plans[slot].as_deref() else {
+            return Err(Status::UnknownRequest);
+        };
+
+        // the counts are the plan's; a lane may be too small for another client's plan
+        let n_in = plan.given().len();
+        let n_out = plan.want().len();
+        let checks = *checks;
+        let mut output = output.get_mut(..n_out).ok_or(Status::WrongSize)?;
+        let input = match input {
+            Input::Copied(numbers) => numbers.get(..n_in).ok_or(Status::WrongSize)?,
+            Input::Shared(request) => {
+                let scratch = self.scratch.get_mut(..n_in).ok_or(Status::WrongSize)?;
+                request.read(scratch);
+                scratch
+            }
+        };
+
+        // the numbers are those that the client sent
+        if checks && of_request(head, input) != head.checksum {
+            return Err(Status::CorruptAnswer);
+        }
+        // checksums and recordings are of the computed numbers, not of memory that clients write
+        let is_private = checks || self.recorder.is_some();
+        if is_private {
+            output = self.private.get_mut(..n_out).ok_or(Status::WrongSize)?;
+        }
+
+        let of = (plan, kernel.as_deref());
+        let answer = compute(of, &mut self.workspace, input, output, &mut self.by_kernel);
+        if let Some(recorder) = &mut self.recorder {
+            recorder.record(head, plan.query(), input, output, answer);
+        }
+        let Answer { status, warnings } = answer;
+        Ok(Outcome { status, warnings, n_out, is_private, checks })
+    }
+}
+
+/// The rows of a batch that are answered together.
+pub(crate) struct Tile<'a> {
+    pub(crate) answers: &'a [Answer],
+    /// The batch is answered whole.
+    pub(crate) is_last: bool,
+}
+
+impl Engine {
+    /// Checks a batch and answers the tile of it that begins at row `first`: as many states as its
+    /// plan takes abreast; the error is the status of a batch that is refused. Never allocates,
+    /// never panics; the rows of a tile are read once, and written when all of them are answered.
+    pub(crate) fn answer_tile<'a>(
+        &mut self,
+        head: &BatchHead,
+        first: usize,
+        area: &ServedBatch,
+        answers: &'a mut [Answer; MOST_ROWS],
+    ) -> Result<Tile<'a>, Status> {
+        let tile = self.run_tile(head, first, area, answers);
+        if let (Err(status), Some(recorder)) = (&tile, &mut self.recorder) {
+            recorder.record_refusal(&single(head), *status);
+            recorder.commit();
+        }
+        tile
+    }
+
+    fn run_tile<'a>(
+        &mut self,
+        head: &BatchHead,
+        first: usize,
+        area: &ServedBatch,
+        answers: &'a mut [Answer; MOST_ROWS],
+    ) -> Result<Tile<'a>, Status> {
+        // also of a tile that is not the first: its client may have released the plan meanwhile
+        let slot = self.admit(head.version, head.fingerprint, head.plan)?;
+        let Some(ServedPlan { plan, kernel, checks, .. }) = self.plans[slot].as_deref() else {
+            return Err(Status::UnknownRequest);
+        };
+        if *checks {
+            // there is none
+            return Err(Status::CorruptAnswer);
+        }
+        let n_in = plan.given().len();
+        let n_out = plan.want().len();
+        let shape = BatchShape::new(head.rows, n_in, n_out).ok_or(Status::WrongSize)?;
+
+        // from the area and back to it
+        let abreast = kernel.as_deref().map_or(1, NativeKernel::rows).max(plan.abreast());
+        let rows = abreast.min(shape.rows().saturating_sub(first));
+        let input = self.scratch.get_mut(..rows * n_in).ok_or(Status::WrongSize)?;
+        let output = self.private.get_mut(..rows * n_out).ok_or(Status::WrongSize)?;
+        let answers = answers.get_mut(..rows).ok_or(Status::WrongSize)?;
+        area.read(&shape, first, input);
+        match kernel.as_deref() {
+            Some(kernel) => {
+                let by_kernel =
+                    kernel.answer_rows(plan, &mut self.workspace, input, output, answers);
+                self.by_kernel += by_kernel as u64;
+            }
+            None => self.workspace.run(plan, input, output, answers),
+        }
+        area.write(&shape, first, answers, output);
+
+        // each row as a request of its own
+        if let Some(recorder) = &mut self.recorder {
+            for (row, answer) in answers.iter().enumerate() {
+                let (input, output) =
+                    (&input[row * n_in..][..n_in], &output[row * n_out..][..n_out]);
+                recorder.record(&single(head), plan.query(), input, output, *answer);
+                recorder.commit_row();
+            }
+        }
+        Ok(Tile { answers, is_last: first + rows >= shape.rows() })
+    }
+}
+
+/// Computes one answer: by the generated kernel where it answers, else by the plan; the bits are
+/// equal.
+#[inline]
+fn compute(
+    (plan, kernel): (&Plan, Option<&NativeKernel>),
+    scratch: &mut BatchWorkspace,
+    input: &[f64],
+    output: &mut [f64],
+    by_kernel: &mut u64,
+) -> Answer {
+    let (model, workspace) = scratch.one();
+    let answer = kernel.and_then(|kernel| kernel.answer((model, plan), workspace, input, output));
+    match answer {
+        Some(answer) => {
+            *by_kernel += 1;
+            answer
+        }
+        None => plan.run(model, workspace, input, output),
+    }
+}
+
+/// The head of a row of a batch.
+fn single(head: &BatchHead) -> RequestHead {
+    let BatchHead { version, plan, fingerprint, sequence, rows: _ } = *head;
+    RequestHead { version, plan, fingerprint, sequence, ..RequestHead::default() }
+}
+
+/// An answer without numbers.
+#[inline]
+pub(crate) fn refuse(
+    head: &RequestHead,
+    status: Status,
+    output: &mut [f64],
+    timing: &RequestTiming<'_>,
+) -> ResponseHead {
+    output.fill(f64::NAN);
+    timing.close(ResponseHead::new(status, Warnings::NONE, head.sequence), Some(&[]))
+}

@@ -1,0 +1,361 @@
+//! The thread that answers.
+//!
+//! A sweep answers at most one pending request of each client: no client can starve another, and no
+//! request is overwritten, because a client has one request under way. After start-up the loop
+//! never blocks, writes no log, reads no clock but the processor's counter (and the system's for a
+//! heartbeat and for a request with a stamp), and in busy mode makes no system call. The other
+//! thread maps and unmaps the segments of clients.
+//!
+//! Batches are answered tile by tile: after each sweep one tile of one of them, in turns. So a
+//! client with a lane or a service waits for one tile at most, however many batches are under way.
+//!
+//! Overload: work is bounded by the number of clients, so requests wait, at most for one request of
+//! each other client. A client that gives up a request and asks again before the server took it is
+//! answered `overloaded` by its own side of the service; through a lane the newer request replaces
+//! the older one. A new batch cancels the pending one and is answered `overloaded`. Nothing else is
+//! dropped.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::Duration;
+
+use quanta::Clock;
+use rtrb::{Consumer, Producer, PushError};
+use sarrus_proto::Status;
+use sarrus_proto::board::ServedLane;
+use sarrus_proto::heartbeat::HeartbeatWriter;
+use sarrus_proto::lane::{ComputeActive, Threadsafe, send_response};
+use sarrus_proto::message::{RequestHead, ResponseHead};
+use sarrus_proto::service::ComputeServer;
+
+use crate::answering::batches::Batches;
+use crate::answering::counters::{Counters, Transport};
+use crate::answering::engine::{Engine, Input, refuse};
+use crate::answering::timing::{RequestTiming, is_late};
+use crate::answering::wait::Wait;
+use crate::record::Client;
+
+/// Sweeps between two looks at the orders of the maintenance thread.
+const SWEEPS_BETWEEN_ORDERS: u32 = 32;
+/// How long a heartbeat may be old.
+const BEAT: Duration = Duration::from_millis(1);
+/// In sleeping mode: polled for this long after the last request, then slept.
+const IDLE: Duration = Duration::from_micros(200);
+/// In sleeping mode: the length of one sleep while requests keep coming now and then.
+const NAP: Duration = Duration::from_micros(50);
+/// In sleeping mode: without a request for this long, sleeps are long.
+const QUIET: Duration = Duration::from_millis(200);
+/// In sleeping mode: the length of one long sleep.
+const LONG_NAP: Duration = Duration::from_millis(1);
+/// Time during which requests are refused after the order to stop, so that clients get an answer.
+const DRAIN_TIME: Duration = Duration::from_millis(100);
+
+/// The answering thread's end of a client's transport.
+pub(crate) enum End {
+    /// With the sequence of the last request: an entry may be seen twice while it is written.
+    Lane(ServedLane, u64),
+    Service(ComputeServer<Threadsafe>),
+    /// Beside one of the others.
+    Batches(Batches),
+    /// Of a client that has overwritten the transport's records.
+    Broken,
+}
+
+/// Orders of the maintenance thread to the answering thread.
+pub(crate) enum Order {
+    /// Poll this end from now on.
+    Serve { place: usize, end: End },
+    /// Give back all ends of this place.
+    Retire { place: usize },
+}
+
+/// Pending orders of one place, at most: the area for batches of a client that is gone and two
+/// orders to give back, one of them for a broken end; the end and the area of the next client, and
+/// the order to give both back.
+pub(crate) const MAX_ORDERS: usize = 6;
+
+/// An end given back, with its place.
+pub(crate) type Retired = (usize, End);
+
+/// Ends of one place that can be on their way back: an area of the previous client, an end and an
+/// area of the present one.
+pub(crate) const MAX_RETIRED: usize = 3;
+
+/// State shared by both threads.
+pub(crate) struct Shared {
+    pub(crate) counters: Counters,
+    pub(crate) stopping: AtomicBool,
+}
+
+/// The answering thread's state.
+pub(crate) struct AnsweringThread {
+    pub(crate) engine: Engine,
+    /// The polled ends with their places; the capacity suffices for all.
+    pub(crate) ends: Vec<Retired>,
+    /// The end that is first in turn for the next tile of a batch.
+    pub(crate) next: usize,
+    pub(crate) orders: Consumer<Order>,
+    pub(crate) retired: Producer<Retired>,
+    pub(crate) heartbeat: HeartbeatWriter,
+    pub(crate) shared: Arc<Shared>,
+    pub(crate) clock: Clock,
+    pub(crate) wait: Wait,
+}
+
+impl AnsweringThread {
+    /// Answers until the order to stop, then refuses requests for [`DRAIN_TIME`].
+    pub(crate) fn answer_until_stopped(&mut self) {
+        // the first reading locates the kernel's clock page, before any request
+        self.heartbeat.beat(false);
+        let ticks = |span: Duration| Ticks::of(&self.clock, span);
+        let (beat, idle, quiet, drain_time) =
+            (ticks(BEAT), ticks(IDLE), ticks(QUIET), ticks(DRAIN_TIME));
+        let mut sweeps = 0_u32;
+        let (mut last_beat, mut last_request, mut stop_since) =
+            (self.clock.raw(), self.clock.raw(), None);
+
+        loop {
+            let stopping = self.shared.stopping.load(Relaxed);
+            let answered = self.sweep(stopping);
+            sweeps = sweeps.wrapping_add(1);
+
+            // in sleeping mode, poll while there is something to do, else nap
+            let mut napped = false;
+            if self.wait == Wait::Sleep {
+                let now = self.clock.raw();
+                let pause = now.wrapping_sub(last_request);
+                if answered > 0 {
+                    last_request = now;
+                } else if pause > idle.0 {
+                    std::thread::sleep(if pause > quiet.0 { LONG_NAP } else { NAP });
+                    napped = true;
+                }
+            }
+            if answered == 0 {
+                std::hint::spin_loop();
+            }
+
+            // now and then: heartbeat, orders, stop
+            if napped || sweeps.is_multiple_of(SWEEPS_BETWEEN_ORDERS) {
+                self.handle_orders();
+                let now = self.clock.raw();
+                if now.wrapping_sub(last_beat) > beat.0 {
+                    last_beat = now;
+                    self.heartbeat.beat(false);
+                }
+                if stopping && now.wrapping_sub(*stop_since.get_or_insert(now)) > drain_time.0 {
+                    self.heartbeat.beat(true);
+                    return;
+                }
+            }
+        }
+    }
+
+    /// Polls each client once, answers the pending requests and one tile of a batch; the number of
+    /// answers.
+    fn sweep(&mut self, stopping: bool) -> usize {
+        let AnsweringThread { engine, ends, shared, clock, .. } = self;
+        let mut answered = 0;
+        let mut broken = None;
+        for (index, (place, end)) in ends.iter_mut().enumerate() {
+            // the transport panics over records of its own that a client has overwritten
+            let look = catch_unwind(AssertUnwindSafe(|| match end {
+                End::Lane(lane, last) => poll_lane(lane, last, *place, engine, clock, stopping),
+                End::Service(port) => poll_service(port, engine, clock, stopping),
+                End::Batches(_) | End::Broken => None,
+            }));
+            let turn = match look {
+                Ok(Some(turn)) => turn,
+                Ok(None) => continue,
+                Err(_) => {
+                    broken = Some(index);
+                    continue;
+                }
+            };
+            if turn.late {
+                shared.counters.record_late(*place);
+            }
+            let ticks = clock.raw().wrapping_sub(turn.start);
+            shared.counters.record(turn.transport, turn.status, ticks);
+            shared.counters.set_by_kernel(engine.by_kernel);
+            engine.sent();
+            answered += 1;
+        }
+        if let Some(index) = broken {
+            self.give_up(index);
+        }
+        answered + usize::from(self.answer_tile(stopping))
+    }
+
+    /// Answers one tile of one batch, if any is under way; the others' turns come first next time.
+    fn answer_tile(&mut self, stopping: bool) -> bool {
+        let AnsweringThread { engine, ends, shared, clock, next, .. } = self;
+        for index in (*next..ends.len()).chain(0..(*next).min(ends.len())) {
+            let Some((place, End::Batches(batches))) = ends.get_mut(index) else { continue };
+            // as for a single request: a panic ends its client alone
+            let turn = catch_unwind(AssertUnwindSafe(|| {
+                batches.turn(engine, &shared.counters, clock, stopping)
+            }));
+            if let Ok(false) = turn {
+                continue;
+            }
+            *next = index + 1;
+            if turn.is_err() {
+                // by the end beside it, with which it goes
+                let place = *place;
+                let end = ends
+                    .iter()
+                    .position(|(other, end)| *other == place && !matches!(end, End::Batches(_)));
+                self.give_up(end.unwrap_or(index));
+            }
+            return true;
+        }
+        false
+    }
+
+    /// Ends the client of a broken end. The end itself is not touched again, not even to drop it.
+    #[cold]
+    fn give_up(&mut self, index: usize) {
+        if let Some((place, end)) = self.ends.get_mut(index) {
+            std::mem::forget(std::mem::replace(end, End::Broken));
+            let place = *place;
+            self.retire_all(place);
+        }
+    }
+
+    /// Gives back all that a place has.
+    fn retire_all(&mut self, place: usize) {
+        for index in (0..self.ends.len()).rev() {
+            if self.ends[index].0 == place {
+                self.retire(index);
+            }
+        }
+    }
+
+    fn retire(&mut self, index: usize) {
+        // there is room for every end, so this cannot fail; were it to, the end would stay
+        if let Err(PushError::Full(retired)) = self.retired.push(self.ends.swap_remove(index)) {
+            self.ends.push(retired);
+        }
+    }
+
+    /// Takes new plans and ends and gives back old ones. Never blocks; a look costs two loads.
+    fn handle_orders(&mut self) {
+        self.engine.handle_orders();
+        while let Ok(order) = self.orders.pop() {
+            match order {
+                // never more than there is room for: a place has one end, and one for batches
+                Order::Serve { place, end } => {
+                    if !matches!(end, End::Batches(_)) {
+                        self.shared.counters.forget_late(place);
+                    }
+                    self.ends.push((place, end));
+                }
+                Order::Retire { place } => self.retire_all(place),
+            }
+        }
+    }
+}
+
+/// One look at a lane.
+#[inline]
+fn poll_lane(
+    lane: &mut ServedLane,
+    last: &mut u64,
+    place: usize,
+    engine: &mut Engine,
+    clock: &Clock,
+    stopping: bool,
+) -> Option<Turn> {
+    let (head, numbers) = lane.inbox.poll()?;
+    // no new request: answered before, or, with sequence 0, the client has just claimed its lane
+    if head.sequence == *last {
+        return None;
+    }
+    *last = head.sequence;
+    let start = clock.raw();
+    engine.found(start, Client::Lane(place as u32));
+    let timing = RequestTiming::new(clock, &head, start);
+    let output = lane.outbox.numbers();
+    let answer = match stopping {
+        false => engine.answer_request(&head, Input::Copied(numbers), output, &timing),
+        true => refuse(&head, Status::ShuttingDown, output, &timing),
+    };
+    lane.outbox.publish(answer);
+    Some(Turn::of(Transport::Lane, &head, &answer, start))
+}
+
+/// One look at a service.
+#[inline]
+fn poll_service(
+    port: &mut ComputeServer<Threadsafe>,
+    engine: &mut Engine,
+    clock: &Clock,
+    stopping: bool,
+) -> Option<Turn> {
+    // an error concerns a client that is about to go
+    let held = Held(Some(port.receive().ok()??));
+    let request = held.0.as_ref()?;
+    let start = clock.raw();
+    // else given up meanwhile, or its client is gone: dropping it releases it
+    request.is_connected().then(|| {
+        let payload = request.payload();
+        let head = payload.head();
+        engine.found(start, Client::Service);
+        let timing = RequestTiming::new(clock, &head, start);
+        let transport = Transport::Service;
+        let mut turn = Turn { transport, status: Status::Overloaded as u32, late: false, start };
+        // where the client has gone meanwhile, its answer is still counted
+        let _ = send_response(request, |output| {
+            let answer = match stopping {
+                false => engine.answer_request(&head, Input::Shared(payload), output, &timing),
+                true => refuse(&head, Status::ShuttingDown, output, &timing),
+            };
+            turn = Turn::of(transport, &head, &answer, start);
+            answer
+        });
+        turn
+    })
+}
+
+/// A request that is leaked during a panic: dropping it could panic again, which ends the process.
+struct Held(Option<ComputeActive<Threadsafe>>);
+
+impl Drop for Held {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            std::mem::forget(self.0.take());
+        }
+    }
+}
+
+/// The counted part of an answer.
+struct Turn {
+    transport: Transport,
+    status: u32,
+    late: bool,
+    /// When its request was found.
+    start: u64,
+}
+
+impl Turn {
+    #[inline]
+    fn of(transport: Transport, request: &RequestHead, answer: &ResponseHead, start: u64) -> Turn {
+        Turn { transport, status: answer.status, late: is_late(request, answer), start }
+    }
+}
+
+/// A span in ticks of the processor's counter.
+struct Ticks(u64);
+
+impl Ticks {
+    fn of(clock: &Clock, span: Duration) -> Ticks {
+        // nanoseconds of a million ticks give the rate
+        let ns_per_million = clock.delta_as_nanos(0, 1_000_000).max(1);
+        Ticks((span.as_nanos() as u64).saturating_mul(1_000_000) / ns_per_million)
+    }
+}
+
+#[cfg(test)]
+mod tests;

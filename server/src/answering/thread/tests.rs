@@ -1,0 +1,228 @@
+//! The answering thread step by step: the order of answers, counted in tiles.
+
+use std::os::fd::OwnedFd;
+
+use rtrb::RingBuffer;
+use sarrus_dynamics::scalar::LANES;
+use sarrus_dynamics::{Model, Plan};
+use sarrus_models::{Options, Source, load};
+use sarrus_proto::batch::{BatchHead, BatchShape, ClaimedBatch, MAX_BATCH_ROWS, ServedBatch};
+use sarrus_proto::board::{ClaimedLane, class_of};
+use sarrus_proto::message::PlanNumber;
+use sarrus_proto::run::{Link, Run};
+use sarrus_proto::{Domain, Field, FieldSet, PROTOCOL_VERSION, Query, Request, ServerName};
+
+use super::*;
+use crate::answering::engine::{MAX_PLAN_ORDERS, PlanOrder, ServedPlan};
+
+/// The number of the plan that is served.
+const NUMBER: PlanNumber = PlanNumber(5);
+const ROWS: usize = MAX_BATCH_ROWS;
+
+/// An answering thread that sweeps when a test calls for it.
+struct Stepped {
+    hot: AnsweringThread,
+    plan: Plan,
+    fingerprint: u64,
+    plan_orders: Producer<PlanOrder>,
+    orders: Producer<Order>,
+    retired: Consumer<Retired>,
+}
+
+impl Stepped {
+    fn new() -> Stepped {
+        let source = Source::Bundled("rh5v2_upper_body".into());
+        let model: Model<f64> = load(&source, &Options::default()).unwrap().compiled.model;
+        let motion = FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]);
+        let query = Query::new(Request::InverseDynamics, motion, FieldSet::of(&[Field::TauU]));
+        let plan = Plan::new(&model, &query).unwrap();
+        let fingerprint = model.fingerprint();
+        let (mut plan_orders, plan_orders_out) = RingBuffer::new(MAX_PLAN_ORDERS);
+        let (retired_plans, _) = RingBuffer::new(8);
+        let served = ServedPlan { number: NUMBER, plan: plan.clone(), kernel: None, checks: false };
+        assert!(plan_orders.push(PlanOrder::Serve(Box::new(served))).is_ok());
+        let (orders_in, orders) = RingBuffer::new(16);
+        let (retired_in, retired) = RingBuffer::new(16);
+        let hot = AnsweringThread {
+            engine: Engine::new(Arc::new(model), plan_orders_out, retired_plans),
+            ends: Vec::with_capacity(16),
+            next: 0,
+            orders,
+            retired: retired_in,
+            heartbeat: HeartbeatWriter::new().unwrap(),
+            shared: Arc::new(Shared {
+                counters: Counters::new(8),
+                stopping: AtomicBool::new(false),
+            }),
+            clock: Clock::new(),
+            wait: Wait::Busy,
+        };
+        Stepped { hot, plan, fingerprint, plan_orders, orders: orders_in, retired }
+    }
+
+    /// The client's side of an area that is polled from now on.
+    fn batches(&mut self, place: usize) -> ClaimedBatch {
+        let (area, memory): (ServedBatch, OwnedFd) = ServedBatch::create().unwrap();
+        let end = End::Batches(Batches::new(area, Client::Service));
+        assert!(self.orders.push(Order::Serve { place, end }).is_ok());
+        self.hot.handle_orders();
+        ClaimedBatch::open(&memory).unwrap()
+    }
+
+    /// Asks for a batch of states near zero.
+    fn ask(&self, area: &ClaimedBatch, sequence: u64, rows: usize) {
+        let n_in = self.plan.given().len();
+        let n_out = self.plan.want().len();
+        let shape = BatchShape::new(rows as u64, n_in, n_out).unwrap();
+        let input: Vec<f64> = (0..rows * n_in).map(|k| 1e-3 * (k % 101) as f64).collect();
+        area.send(&self.head(sequence, rows), &shape, &input);
+    }
+
+    fn head(&self, sequence: u64, rows: usize) -> BatchHead {
+        let fingerprint = self.fingerprint;
+        let rows = rows as u64;
+        BatchHead { version: PROTOCOL_VERSION, plan: NUMBER.0, fingerprint, sequence, rows }
+    }
+
+    fn answered(&self, status: Status) -> u64 {
+        self.hot.shared.counters.counts().statuses[status as usize]
+    }
+}
+
+#[test]
+fn a_lane_waits_for_one_tile_at_most_and_batches_take_turns() {
+    let root = std::env::temp_dir().join(format!("sarrus-turns-{}", std::process::id()));
+    let domain = Domain::at(&root).unwrap();
+    let run = Run::start(&domain, &ServerName::new("turns").unwrap()).unwrap();
+    let (number, link) = run.new_link().unwrap();
+    let mut stepped = Stepped::new();
+    let n_in = stepped.plan.given().len();
+    let n_out = stepped.plan.want().len();
+    let classes = [n_in, n_out].map(|n| class_of(n).unwrap());
+    let node = link.node().unwrap();
+    let lane = ServedLane::create(&node, classes).unwrap();
+    assert!(stepped.orders.push(Order::Serve { place: 0, end: End::Lane(lane, 0) }).is_ok());
+    let other = Link::new(&domain, run.instance(), number).unwrap().node().unwrap();
+    let mut lane = ClaimedLane::claim(&other, classes).unwrap();
+
+    let areas = [1, 2, 3].map(|place| stepped.batches(place));
+    areas.iter().for_each(|area| stepped.ask(area, 1, ROWS));
+    let mut sequence = 0;
+    while areas.iter().any(|area| area.answer(1).is_none()) {
+        // whenever the lane asks, its answer comes before another tile is whole
+        let done = areas.each_ref().map(ClaimedBatch::done);
+        sequence += 1;
+        let head = RequestHead {
+            version: PROTOCOL_VERSION,
+            plan: NUMBER.0,
+            fingerprint: stepped.fingerprint,
+            sequence,
+            ..RequestHead::default()
+        };
+        lane.outbox.numbers()[..n_in].fill(0.1);
+        lane.outbox.publish(head);
+        stepped.hot.sweep(false);
+        let (answer, _) = lane.inbox.poll().unwrap();
+        assert_eq!((answer.sequence, answer.status), (sequence, Status::Ok as u32));
+        let now = areas.each_ref().map(ClaimedBatch::done);
+        let rows = |done: [u64; 3]| done.iter().sum::<u64>();
+        assert_eq!(rows(now) - rows(done), stepped.plan.abreast() as u64);
+        // no client is ahead by more than the tile of this turn
+        let [least, most] = [now.iter().min(), now.iter().max()].map(|x| *x.unwrap());
+        assert!(most - least <= stepped.plan.abreast() as u64, "{now:?}");
+    }
+    assert_eq!(sequence as usize, 3 * ROWS / stepped.plan.abreast());
+    let counts = stepped.hot.shared.counters.counts();
+    assert_eq!((counts.lane_requests, counts.batch_states), (sequence, 3 * ROWS as u64));
+    assert_eq!(stepped.answered(Status::Ok), sequence + 3 * ROWS as u64);
+    drop((lane, other, stepped, node));
+    link.remove();
+    drop(run);
+    domain.tidy();
+}
+
+#[test]
+fn a_batch_that_is_asked_over_another_is_overloaded_and_the_next_is_answered() {
+    let mut stepped = Stepped::new();
+    let area = stepped.batches(0);
+    stepped.ask(&area, 1, ROWS);
+    assert_eq!(stepped.hot.sweep(false), 1);
+    stepped.ask(&area, 2, ROWS);
+    assert_eq!(stepped.hot.sweep(false), 1);
+    assert_eq!((area.answer(1), area.answer(2)), (None, Some(Status::Overloaded as u32)));
+    assert_eq!(stepped.hot.sweep(false), 0, "neither goes on");
+
+    stepped.ask(&area, 3, LANES + 1);
+    let mut turns = 0;
+    while area.answer(3).is_none() {
+        turns += stepped.hot.sweep(false);
+    }
+    assert_eq!((turns, area.answer(3)), ((LANES + 1).div_ceil(stepped.plan.abreast()), Some(0)));
+    assert_eq!(stepped.answered(Status::Overloaded), 1);
+}
+
+#[test]
+fn a_batch_ends_where_its_plan_or_the_server_does() {
+    let mut stepped = Stepped::new();
+    let [first, second] = [0, 1].map(|place| stepped.batches(place));
+    stepped.ask(&first, 1, ROWS);
+    assert_eq!(stepped.hot.sweep(false), 1);
+    assert!(stepped.plan_orders.push(PlanOrder::Retire(NUMBER)).is_ok());
+    stepped.hot.handle_orders();
+    assert_eq!(stepped.hot.sweep(false), 1);
+    assert_eq!(first.answer(1), Some(Status::UnknownRequest as u32));
+
+    for area in [&first, &second] {
+        stepped.ask(area, 2, 1);
+    }
+    assert_eq!((stepped.hot.sweep(true), stepped.hot.sweep(true)), (1, 1));
+    for area in [&first, &second] {
+        assert_eq!(area.answer(2), Some(Status::ShuttingDown as u32));
+    }
+}
+
+#[test]
+fn an_area_goes_back_with_the_end_beside_it() {
+    let mut stepped = Stepped::new();
+    let _areas = [7, 2].map(|place| stepped.batches(place));
+    assert!(stepped.orders.push(Order::Serve { place: 7, end: End::Broken }).is_ok());
+    assert!(stepped.orders.push(Order::Retire { place: 7 }).is_ok());
+    stepped.hot.handle_orders();
+    let back: Vec<usize> = std::iter::from_fn(|| stepped.retired.pop().ok()).map(|x| x.0).collect();
+    assert_eq!((back, stepped.hot.ends.len()), (vec![7, 7], 1));
+}
+
+#[test]
+fn a_plan_that_panics_over_a_tile_ends_its_client_alone() {
+    let mut stepped = Stepped::new();
+    let [panics, other] = [0, 1].map(|place| stepped.batches(place));
+    let tile = stepped.plan.abreast();
+    let Some((_, End::Batches(batches))) = stepped.hot.ends.first_mut() else { panic!("no area") };
+    batches.panics_at = Some(tile);
+    stepped.ask(&panics, 1, ROWS);
+    stepped.ask(&other, 1, 2 * tile);
+    let turns: usize = (0..4).map(|_| stepped.hot.sweep(false)).sum();
+    assert_eq!((turns, other.answer(1)), (4, Some(Status::Ok as u32)));
+    assert_eq!((panics.answer(1), panics.done()), (None, tile as u64));
+    // its place goes back as that of a client which has broken its end
+    let (place, end) = stepped.retired.pop().unwrap();
+    assert!(place == 0 && matches!(end, End::Broken));
+    assert_eq!((stepped.hot.ends.len(), stepped.hot.sweep(false)), (1, 0));
+
+    // and so does the end beside the area
+    let area = stepped.batches(2);
+    assert!(stepped.orders.push(Order::Serve { place: 2, end: End::Broken }).is_ok());
+    stepped.hot.handle_orders();
+    let ends = stepped.hot.ends.iter_mut();
+    let mine = ends.filter_map(|(place, end)| match end {
+        End::Batches(batches) if *place == 2 => Some(batches),
+        _ => None,
+    });
+    mine.for_each(|batches| batches.panics_at = Some(0));
+    stepped.ask(&area, 1, 1);
+    assert_eq!(stepped.hot.sweep(false), 1);
+    let back: Vec<Retired> = std::iter::from_fn(|| stepped.retired.pop().ok()).collect();
+    let broken = back.iter().filter(|(_, end)| matches!(end, End::Broken)).count();
+    assert_eq!((back.len(), broken, stepped.hot.ends.len()), (2, 1, 1));
+    assert!(back.iter().all(|(place, _)| *place == 2));
+}

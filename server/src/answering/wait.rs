@@ -1,0 +1,24 @@
+//! Waiting of the answering thread between requests.
+
+/// How the answering thread waits for requests.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wait {
+    /// Polls without pause: the lowest latency for a whole processor.
+    Busy,
+    /// Polls while requests come; after 0.2 ms without one sleeps 50 µs at a time, after 0.2 s
+    /// without one 1 ms at a time. The first request after a pause waits that long plus the wake-up
+    /// time of the kernel: on a two-core virtual machine 60 µs (p50) at 1 kHz. Costs about an
+    /// eighth of a processor between requests and a twenty-fifth when quiet.
+    Sleep,
+}
+
+impl Wait {
+    /// Busy where at least three processors are there: one for the server, one for a client, one
+    /// for everything else.
+    pub fn auto() -> Wait {
+        match std::thread::available_parallelism() {
+            Ok(n) if n.get() >= 3 => Wait::Busy,
+            _ => Wait::Sleep,
+        }
+    }
+}

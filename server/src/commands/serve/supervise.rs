@@ -1,0 +1,346 @@
+//! `sarrus serve --supervise`: a server process that is started again when it dies.
+//!
+//! The supervisor holds nothing of a server. A process that serves writes one line to its output,
+//! `ready NAME FINGERPRINT`, or the reason why it cannot serve; the kernel closes that output when
+//! the process ends. The process of a supervisor that is killed is killed with it.
+
+use std::ffi::OsString;
+use std::fmt;
+use std::io::{self, BufRead, BufReader, Read, Write};
+use std::os::fd::AsFd;
+use std::os::unix::net::UnixStream;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::process::{Child, ChildStdout, Command, ExitCode, ExitStatus, Stdio};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::process::{Pid, Signal, getppid, kill_process, set_parent_process_death_signal};
+use sarrus_proto::{Domain, ServerName, supervision};
+use signal_hook::consts::{SIGINT, SIGTERM};
+
+use super::backoff::{Backoff, Next};
+
+/// Time that a server has for a clean stop.
+const STOP: Duration = Duration::from_secs(5);
+
+/// The line with which a process reports why it cannot serve.
+pub(super) enum Failure {
+    /// Another server runs under the name.
+    NameTaken(String),
+    /// Any other reason.
+    Other(String),
+}
+
+impl Failure {
+    fn read(line: &str) -> Option<Failure> {
+        match line.split_once(' ')? {
+            ("taken", reason) => Some(Failure::NameTaken(reason.to_owned())),
+            ("failed", reason) => Some(Failure::Other(reason.to_owned())),
+            _ => None,
+        }
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (word, reason) = match self {
+            Failure::NameTaken(reason) => ("taken", reason),
+            Failure::Other(reason) => ("failed", reason),
+        };
+        write!(f, "{word} {}", reason.replace(['\n', '\r'], " "))
+    }
+}
+
+/// Arranges that the kernel kills this process when its supervisor dies; false where the supervisor
+/// is dead already.
+pub(super) fn die_with(supervisor: i32) -> bool {
+    let set = set_parent_process_death_signal(Some(Signal::KILL));
+    // the process was started through /proc/self/exe: its name shows the program
+    let _ = rustix::thread::set_name(c"sarrus");
+    set.is_ok() && getppid().map(Pid::as_raw_nonzero).is_some_and(|pid| pid.get() == supervisor)
+}
+
+/// Supervises until a signal arrives (exit code 0) or the server is given up (1 for a bad model,
+/// else 2).
+pub(super) fn run(name: &str, short_life: Duration) -> ExitCode {
+    let signals = match signals() {
+        Ok(signals) => signals,
+        Err(error) => {
+            eprintln!("sarrus serve: signals cannot be caught: {error}");
+            return ExitCode::from(2);
+        }
+    };
+    let arguments = std::env::args_os().skip(1).filter(|argument| argument != "--supervise");
+    let mut supervisor = Supervisor {
+        arguments: arguments.collect(),
+        signals,
+        since: Instant::now(),
+        backoff: Backoff::new(short_life),
+        fingerprint: None,
+        death: None,
+    };
+    let end = loop {
+        if let Err(end) = supervisor.supervise_one() {
+            break end;
+        }
+    };
+    if let Some((words, _)) = supervisor.death {
+        eprintln!("{words}");
+    }
+    match end {
+        End::Stopped(code) => code,
+        End::GivenUp { reason, code, is_public } => {
+            // first for clients: an operator who reads the line may connect at once
+            let left = if is_public { leave_reason(name, &reason) } else { Ok(()) };
+            eprintln!("sarrus serve: given up: {reason}");
+            if let Err(error) = left {
+                eprintln!("sarrus serve: clients cannot read the reason: {error}");
+            }
+            ExitCode::from(code)
+        }
+    }
+}
+
+/// A stream that becomes readable when SIGTERM or SIGINT arrives.
+fn signals() -> io::Result<UnixStream> {
+    let (signals, written) = UnixStream::pair()?;
+    for signal in [SIGTERM, SIGINT] {
+        signal_hook::low_level::pipe::register(signal, written.try_clone()?)?;
+    }
+    Ok(signals)
+}
+
+/// The end of supervision.
+enum End {
+    /// By a signal.
+    Stopped(ExitCode),
+    /// The server cannot be kept alive.
+    GivenUp {
+        reason: String,
+        code: u8,
+        /// Whether clients read the reason; not where another server has the name.
+        is_public: bool,
+    },
+}
+
+/// One line of a server process, or another event.
+enum Event {
+    Signal,
+    Line(String),
+    /// The process closed its output.
+    Closed,
+    Timeout,
+}
+
+struct Supervisor {
+    arguments: Vec<OsString>,
+    signals: UnixStream,
+    since: Instant,
+    backoff: Backoff,
+    /// The fingerprint of the first server.
+    fingerprint: Option<String>,
+    /// The last death and its time; reported when the next server is ready.
+    death: Option<(String, Instant)>,
+}
+
+impl Supervisor {
+    /// Runs one server process to its end and waits until the next may start.
+    fn supervise_one(&mut self) -> Result<(), End> {
+        let (mut process, output) = match self.start() {
+            Ok(started) => started,
+            Err(error) => return self.delay(None, &format!("cannot be started: {error}")),
+        };
+        let mut output = BufReader::new(output);
+        let mut ready: Option<Instant> = None;
+        let mut failure = None;
+        loop {
+            match self.wait(Some(&mut output), None) {
+                Ok(Event::Signal) => return Err(self.stop(process, output)),
+                Ok(Event::Line(line)) if line.starts_with("ready ") => {
+                    ready = Some(Instant::now());
+                    self.announce(&line, process.id());
+                }
+                Ok(Event::Line(line)) => failure = Failure::read(&line).or(failure),
+                Ok(Event::Closed) => break,
+                Ok(Event::Timeout) => {}
+                Err(error) => {
+                    let _ = end(&mut process);
+                    return Err(given_up(format!("poll: {error}"), 2));
+                }
+            }
+        }
+        let died = Instant::now();
+        let status = end(&mut process);
+        let how = describe(&status);
+        let id = process.id();
+        if let Some(ready) = ready {
+            let life = died - ready;
+            let seconds = life.as_secs_f64();
+            let words = format!(
+                "sarrus serve: the server (process {id}) {how} after {seconds:.1} s without an \
+                 order"
+            );
+            self.death = Some((words, died));
+            return self.delay(Some(life), &how);
+        }
+        // the flags or the files of a first start are refused again
+        let code = status.ok().and_then(|status| status.code());
+        if let Some(code @ (1 | 2)) = code
+            && self.fingerprint.is_none()
+        {
+            let (reason, is_public) = match failure {
+                Some(Failure::NameTaken(reason)) => (reason, false),
+                Some(Failure::Other(reason)) => (reason, true),
+                None => (how, true),
+            };
+            return Err(End::GivenUp { reason, code: code as u8, is_public });
+        }
+        let how = match failure {
+            Some(Failure::NameTaken(reason) | Failure::Other(reason)) => format!("{how}: {reason}"),
+            None => how,
+        };
+        if let Some((words, _)) = self.death.take() {
+            eprintln!("{words}");
+        }
+        eprintln!("sarrus serve: the server (process {id}) {how}, before it was ready");
+        self.delay(None, &how)
+    }
+
+    /// Starts this program, also where its file has been replaced, as a server process.
+    fn start(&self) -> io::Result<(Child, ChildStdout)> {
+        let mut command = Command::new("/proc/self/exe");
+        command.arg0("sarrus").args(&self.arguments);
+        command.arg("--supervisor").arg(std::process::id().to_string());
+        if let Some(fingerprint) = &self.fingerprint {
+            command.args(["--again", fingerprint]);
+        }
+        // Ctrl-C reaches the supervisor alone, which stops the process in order
+        command.process_group(0).stdin(Stdio::null()).stdout(Stdio::piped());
+        let mut process = command.spawn()?;
+        match process.stdout.take() {
+            Some(output) => Ok((process, output)),
+            None => Err(io::Error::other("a process without output")),
+        }
+    }
+
+    /// Clients can attach: passes the first such line on, reports the death before later ones.
+    fn announce(&mut self, line: &str, id: u32) {
+        if let Some((words, since)) = self.death.take() {
+            let gap = since.elapsed();
+            eprintln!("{words}; process {id} serves, {gap:.1?} later");
+        }
+        if self.fingerprint.is_none() {
+            self.fingerprint = line.rsplit(' ').next().map(str::to_owned);
+            print_line(line);
+        }
+    }
+
+    /// Counts a death and waits until the next start is due.
+    fn delay(&mut self, life: Option<Duration>, how: &str) -> Result<(), End> {
+        let delay = match self.backoff.died(self.since.elapsed(), life) {
+            Next::After(delay) => delay,
+            Next::Never => {
+                let reason = format!(
+                    "five times within a minute the server died soon after its start; the last \
+                     {how}"
+                );
+                return Err(given_up(reason, 2));
+            }
+        };
+        let due = Instant::now() + delay;
+        loop {
+            let left = due.saturating_duration_since(Instant::now());
+            match self.wait(None, Some(left)) {
+                Ok(Event::Signal) => return Err(End::Stopped(ExitCode::SUCCESS)),
+                Ok(_) if !left.is_zero() => {}
+                Ok(_) => return Ok(()),
+                Err(error) => return Err(given_up(format!("poll: {error}"), 2)),
+            }
+        }
+    }
+
+    /// Stops a server process after a signal.
+    fn stop(&mut self, mut process: Child, mut output: BufReader<ChildStdout>) -> End {
+        let _ = kill_process(Pid::from_child(&process), Signal::TERM);
+        let due = Instant::now() + STOP;
+        loop {
+            let left = due.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                let _ = end(&mut process);
+                let id = process.id();
+                eprintln!("sarrus serve: the server (process {id}) did not stop: killed");
+                return End::Stopped(ExitCode::from(2));
+            }
+            // further signals change nothing
+            if let Ok(Event::Closed) = self.wait(Some(&mut output), Some(left)) {
+                let is_clean = end(&mut process).is_ok_and(|status| status.success());
+                return End::Stopped(ExitCode::from(if is_clean { 0 } else { 2 }));
+            }
+        }
+    }
+
+    /// Waits for the next event, at most for `span`.
+    fn wait(
+        &mut self,
+        output: Option<&mut BufReader<ChildStdout>>,
+        span: Option<Duration>,
+    ) -> io::Result<Event> {
+        let timeout = span.and_then(|span| Timespec::try_from(span).ok());
+        let mut sources = vec![PollFd::new(&self.signals, PollFlags::IN)];
+        let pipe = output.as_ref().map(|output| output.get_ref().as_fd());
+        sources.extend(pipe.map(|pipe| PollFd::from_borrowed_fd(pipe, PollFlags::IN)));
+        match poll(&mut sources, timeout.as_ref()) {
+            Ok(_) => {}
+            Err(rustix::io::Errno::INTR) => return Ok(Event::Timeout),
+            Err(error) => return Err(error.into()),
+        }
+        let mut readable = sources.iter().map(|source| !source.revents().is_empty());
+        let has_signal = readable.next() == Some(true);
+        let has_output = readable.next() == Some(true);
+        if has_signal && matches!(self.signals.read(&mut [0; 64]), Ok(1..)) {
+            return Ok(Event::Signal);
+        }
+        let Some(output) = output.filter(|_| has_output) else { return Ok(Event::Timeout) };
+        let mut line = Vec::new();
+        match output.read_until(b'\n', &mut line) {
+            Ok(1..) => Ok(Event::Line(String::from_utf8_lossy(&line).trim_end().to_owned())),
+            _ => Ok(Event::Closed),
+        }
+    }
+}
+
+/// Ends a process, if it has not ended.
+fn end(process: &mut Child) -> io::Result<ExitStatus> {
+    // a process that has closed its output is ending already, which this does not change
+    let _ = process.kill();
+    process.wait()
+}
+
+fn describe(status: &io::Result<ExitStatus>) -> String {
+    match status {
+        Err(error) => format!("ended, its status is unknown: {error}"),
+        Ok(status) => match (status.code(), status.signal()) {
+            (Some(code), _) => format!("ended with exit code {code}"),
+            (None, Some(signal)) => format!("was killed by signal {signal}"),
+            (None, None) => "ended".to_owned(),
+        },
+    }
+}
+
+fn given_up(reason: String, code: u8) -> End {
+    End::GivenUp { reason, code, is_public: true }
+}
+
+/// Leaves the reason where clients read it.
+fn leave_reason(name: &str, reason: &str) -> io::Result<()> {
+    let name = ServerName::new(name).map_err(io::Error::other)?;
+    let domain = Domain::of_user().map_err(io::Error::other)?;
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+    supervision::give_up(domain.root(), &name, reason, now)
+}
+
+/// Prints a line; a closed stdout does not end the server.
+pub(super) fn print_line(line: &str) {
+    let mut out = std::io::stdout().lock();
+    let _ = writeln!(out, "{line}").and_then(|()| out.flush());
+}

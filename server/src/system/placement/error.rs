@@ -1,0 +1,90 @@
+//! Errors of placement.
+
+use crate::system::limits::Limit;
+
+/// An error that prevents the placement of threads or the locking of memory.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlacementError {
+    /// The answering thread would keep everybody else from ever running.
+    #[error(
+        "processor {cpu} is the only one, and an answering thread that polls on it under {policy} \
+         leaves nothing to the thread that clients attach through; use --wait sleep, or give \
+         the server a second processor (taskset, cpuset), or leave the priority out{chrt}",
+        policy = if *.inherited { "an inherited real-time policy" } else { "SCHED_FIFO" },
+        chrt = if *.inherited { " (chrt)" } else { "" },
+    )]
+    Starved {
+        /// The processor.
+        cpu: usize,
+        /// Whether the policy was inherited rather than asked for.
+        inherited: bool,
+    },
+    /// A process under SCHED_DEADLINE may start no thread.
+    #[error(
+        "started under SCHED_DEADLINE, where no thread can be started; use --priority, which is \
+         for the answering thread alone"
+    )]
+    Deadline,
+    /// No such priority.
+    #[error("priority {priority}, expected 1 to 99; choose another one with --priority")]
+    PriorityRange {
+        /// The requested value.
+        priority: u8,
+    },
+    /// The processor is not there or not for this process.
+    #[error(
+        "processor {cpu} cannot be had: {reason}; this process was started on {allowed}: choose \
+         one of them with --cpu, or widen its cpuset"
+    )]
+    Processor {
+        /// The requested value.
+        cpu: usize,
+        /// The error of the system.
+        reason: String,
+        /// The processors that the process was started on.
+        allowed: String,
+    },
+    /// The other threads cannot be moved away.
+    #[error("the threads beside the answering one cannot be moved to other processors: {reason}")]
+    Others {
+        /// The error of the system.
+        reason: String,
+    },
+    /// The right to a real-time priority is missing.
+    #[error(
+        "priority {priority} under SCHED_FIFO is not permitted: RLIMIT_RTPRIO is {limit} and \
+         there is no CAP_SYS_NICE; `ulimit -r {priority}`, or LimitRTPRIO={priority} in the unit, \
+         or leave out --priority"
+    )]
+    PriorityNotPermitted {
+        /// The requested value.
+        priority: u8,
+        /// RLIMIT_RTPRIO.
+        limit: Limit,
+    },
+    /// The priority cannot be set for another reason.
+    #[error("priority {priority} under SCHED_FIFO is refused: {reason}")]
+    Priority {
+        /// The requested value.
+        priority: u8,
+        /// The error of the system.
+        reason: String,
+    },
+    /// The right to lock memory is missing.
+    #[error(
+        "memory cannot be locked: RLIMIT_MEMLOCK is {limit} bytes, expected unlimited, or \
+         CAP_IPC_LOCK: under a limit lanes that come later could not be mapped; `ulimit -l \
+         unlimited`, or LimitMEMLOCK=infinity in the unit, or leave out --lock-memory"
+    )]
+    MemoryNotPermitted {
+        /// RLIMIT_MEMLOCK, bytes.
+        limit: Limit,
+    },
+    /// Memory cannot be locked for another reason.
+    #[error("memory cannot be locked: {reason}; leave out --lock-memory or free memory")]
+    Memory {
+        /// The error of the system.
+        reason: String,
+    },
+}

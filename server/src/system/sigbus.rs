@@ -1,0 +1,99 @@
+//! Shared memory that runs out, or that a client cuts short, must not end the server.
+//!
+//! A page of a shared file that has no memory behind it ends the process that touches it by SIGBUS:
+//! where /dev/shm is full, or where a client truncates a file. Segments are reserved when they are
+//! made, but the transport touches them before, and a client's file is the client's. The guard puts
+//! a page of zeros, private to this process, in place of the missing one and counts; only the
+//! client of that page gets wrong answers, and a segment that is being set up is refused.
+// lint: a handler of a memory fault cannot be written in safe Rust; everything that needs it is in
+// this file
+#![allow(unsafe_code)]
+
+use std::io;
+use std::mem::MaybeUninit;
+use std::ptr::null_mut;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
+
+/// Bytes of a page on this machine.
+static PAGE: AtomicUsize = AtomicUsize::new(4096);
+
+static PAGES: AtomicU64 = AtomicU64::new(0);
+
+/// From now on a missing page is replaced. For the whole process.
+pub(crate) fn install() -> io::Result<()> {
+    // SAFETY: asks for a number.
+    let page = unsafe { libc::sysconf(libc::_SC_PAGESIZE) };
+    PAGE.store(usize::try_from(page).unwrap_or(4096), Relaxed);
+    let mut action = MaybeUninit::<libc::sigaction>::zeroed();
+    // SAFETY: all fields of `sigaction` may be zero; the handler has the signature that SA_SIGINFO
+    // asks for.
+    let outcome = unsafe {
+        let fields = &mut *action.as_mut_ptr();
+        fields.sa_sigaction = replace_page as *const () as usize;
+        fields.sa_flags = libc::SA_SIGINFO;
+        libc::sigaction(libc::SIGBUS, action.as_ptr(), null_mut())
+    };
+    if outcome == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
+}
+
+/// How many pages were replaced since the start.
+pub(crate) fn replaced_pages() -> u64 {
+    PAGES.load(Relaxed)
+}
+
+extern "C" fn replace_page(
+    _signal: libc::c_int,
+    info: *mut libc::siginfo_t,
+    _context: *mut libc::c_void,
+) {
+    // SAFETY: the kernel gives a valid record; only async-signal-safe calls are made. The page that
+    // is replaced belongs to a mapping whose file has no such page: it can hold no data. It
+    // is not executable, so a fault in code goes on being fatal.
+    unsafe {
+        if (*info).si_code == libc::BUS_ADRERR {
+            let size = PAGE.load(Relaxed);
+            let page = ((*info).si_addr() as usize & !(size - 1)) as *mut libc::c_void;
+            let protection = libc::PROT_READ | libc::PROT_WRITE;
+            let flags = libc::MAP_PRIVATE | libc::MAP_ANONYMOUS | libc::MAP_FIXED;
+            if libc::mmap(page, size, protection, flags, -1, 0) != libc::MAP_FAILED {
+                PAGES.fetch_add(1, Relaxed);
+                return;
+            }
+        }
+        // anything else ends the process as it always did: the fault comes again, or the signal
+        libc::signal(libc::SIGBUS, libc::SIG_DFL);
+        libc::raise(libc::SIGBUS);
+    }
+}
+
+/// Held by tests that replace pages, and by tests that a replaced page would fail: the count is the
+/// process's.
+#[cfg(test)]
+pub(crate) static REPLACING: std::sync::Mutex<()> = std::sync::Mutex::new(());
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_that_is_missing_reads_as_zeros() {
+        let _replacing = REPLACING.lock();
+        install().unwrap();
+        let size = PAGE.load(Relaxed);
+        let before = replaced_pages();
+        // SAFETY: a mapping of two pages of a file of one page; it is unmapped at the end.
+        unsafe {
+            let file = libc::memfd_create(c"short".as_ptr(), 0);
+            assert!(file >= 0 && libc::ftruncate(file, size as libc::off_t) == 0);
+            let protection = libc::PROT_READ | libc::PROT_WRITE;
+            let start = libc::mmap(null_mut(), 2 * size, protection, libc::MAP_SHARED, file, 0)
+                .cast::<u8>();
+            assert_eq!(start.add(size).read_volatile(), 0);
+            start.add(size).write_volatile(7);
+            assert_eq!(start.add(size).read_volatile(), 7);
+            libc::munmap(start.cast(), 2 * size);
+            libc::close(file);
+        }
+        assert_eq!(replaced_pages(), before + 1);
+    }
+}

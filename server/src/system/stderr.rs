@@ -1,0 +1,30 @@
+//! Lines on stderr that never block.
+
+use std::fmt::Arguments;
+use std::io::{self, StderrLock, Write};
+use std::time::Duration;
+
+use rustix::event::{PollFd, PollFlags, poll};
+use sarrus_proto::socket::timespec;
+
+/// Bytes that a pipe with any room takes at once (PIPE_BUF).
+pub const LONGEST: usize = 4096;
+
+/// Whether stderr has room for a line of [`LONGEST`] bytes.
+pub fn has_room(stderr: &StderrLock<'_>) -> bool {
+    let mut descriptors = [PollFd::new(stderr, PollFlags::OUT)];
+    poll(&mut descriptors, Some(&timespec(Duration::ZERO)))
+        .is_ok_and(|_| descriptors[0].revents().contains(PollFlags::OUT))
+}
+
+/// Writes a line, or leaves it out where there is no room: a full pipe keeps no thread waiting, and
+/// none that waits for this one's lock.
+pub(crate) fn line(text: Arguments<'_>) {
+    let mut line = text.to_string().into_bytes();
+    line.truncate(LONGEST - 1);
+    line.push(b'\n');
+    let mut stderr = io::stderr().lock();
+    if has_room(&stderr) {
+        let _ = stderr.write_all(&line);
+    }
+}

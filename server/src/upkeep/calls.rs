@@ -1,0 +1,181 @@
+//! Answers to the clients' calls: hello, model, plans, lanes, services, batches, statistics.
+
+use std::os::fd::{AsFd, OwnedFd};
+use std::sync::Arc;
+
+use sarrus_dynamics::Model;
+use sarrus_proto::PROTOCOL_VERSION;
+use sarrus_proto::board::class_of;
+use sarrus_proto::control::{
+    Call, CallHead, ControlRequest, ControlResponse, Grant, PAGE, Refusal, query_hash,
+};
+use sarrus_proto::message::Statistics;
+use sarrus_proto::run::Run;
+
+use crate::system::events;
+use crate::upkeep::connections::Connections;
+use crate::upkeep::plans::{Plans, Unplanned};
+
+/// State behind the clients' calls.
+pub(crate) struct Calls {
+    pub(crate) run: Run,
+    pub(crate) root: String,
+    pub(crate) connections: Connections,
+    pub(crate) model: Arc<Model<f64>>,
+    pub(crate) plans: Plans,
+    /// The model information in pages.
+    pub(crate) pages: Vec<String>,
+    pub(crate) fingerprint: u64,
+    pub(crate) heartbeat: OwnedFd,
+    /// Buffer of one message.
+    pub(crate) buffer: Vec<u8>,
+}
+
+/// Cuts the model information into pages.
+pub(crate) fn pages(info: &str) -> Vec<String> {
+    let mut pages = vec![String::new()];
+    for letter in info.chars() {
+        if pages.last().is_some_and(|page| page.len() + letter.len_utf8() > PAGE) {
+            pages.push(String::new());
+        }
+        if let Some(page) = pages.last_mut() {
+            page.push(letter);
+        }
+    }
+    pages
+}
+
+impl Calls {
+    /// Answers one call of a client; ends the connection of a client that is gone, breaks the
+    /// protocol or does not read.
+    pub(crate) fn answer_call(
+        &mut self,
+        client: u64,
+        stopping: bool,
+        statistics: impl FnOnce(&Calls) -> Statistics,
+    ) {
+        let Some(connection) = self.connections.get(client) else { return };
+        if connection.is_over || connection.socket.is_closed() {
+            return self.end(client);
+        }
+        let bytes = match connection.receive(&mut self.buffer) {
+            Ok(Some(bytes)) => bytes,
+            // no message after all
+            Ok(None) => return,
+            Err(_) => return self.end(client),
+        };
+        let request = self.buffer.get(..bytes).map(ControlRequest::from_bytes);
+        let (head, query, outcome) = match request {
+            Some(Ok(ControlRequest { head, fingerprint, call })) => {
+                let query = match &call {
+                    Call::Plan { query } => query_hash(query),
+                    _ => 0,
+                };
+                (head, query, self.grant(client, fingerprint, call, stopping, statistics))
+            }
+            Some(Err((head, refusal))) => (head, 0, Err(refusal)),
+            None => (CallHead::default(), 0, Err(Refusal::UnknownCall)),
+        };
+        let connection = self.connections.get(client);
+        let descriptor = match &outcome {
+            Ok(Grant::Hello { .. }) => Some(self.heartbeat.as_fd()),
+            Ok(Grant::Batch) => connection.and_then(|one| one.batches.as_ref()).map(AsFd::as_fd),
+            _ => None,
+        };
+        let response = ControlResponse {
+            version: PROTOCOL_VERSION,
+            nonce: head.nonce,
+            query,
+            fingerprint: self.fingerprint,
+            instance: self.run.instance(),
+            outcome,
+        };
+        let sent =
+            connection.map(|connection| connection.socket.send(&response.to_bytes(), descriptor));
+        events::answered(client, &response.outcome);
+        let is_surplus = matches!(response.outcome, Err(Refusal::TooManyClients { .. }));
+        if is_surplus || !matches!(sent, Some(Ok(()))) {
+            self.end(client);
+        }
+    }
+
+    /// Ends a connection, its plans and its transport.
+    fn end(&mut self, client: u64) {
+        self.plans.release_all(client);
+        self.connections.close(client);
+    }
+
+    fn grant(
+        &mut self,
+        client: u64,
+        fingerprint: u64,
+        call: Call,
+        stopping: bool,
+        statistics: impl FnOnce(&Calls) -> Statistics,
+    ) -> Result<Grant, Refusal> {
+        if stopping {
+            return Err(Refusal::Stopping);
+        }
+        if fingerprint != 0 && fingerprint != self.fingerprint {
+            return Err(Refusal::WrongModel);
+        }
+        if self.connections.get(client).is_none_or(|one| one.surplus_since.is_some()) {
+            return Err(Refusal::TooManyClients { limit: self.connections.limit() });
+        }
+        match call {
+            Call::Hello => Ok(Grant::Hello { root: self.root.clone(), pages: self.pages.len() }),
+            Call::Model { page } => {
+                let text = self.pages.get(page).cloned().ok_or(Refusal::NoSuchPage)?;
+                Ok(Grant::Page { text })
+            }
+            Call::Plan { query } => match self.plans.register(&self.model, &query, client) {
+                Ok(plan) => {
+                    Ok(Grant::Plan { number: plan.number, n_in: plan.n_in, n_out: plan.n_out })
+                }
+                Err(Unplanned::Query(error)) => {
+                    Err(Refusal::BadQuery { reason: error.to_string() })
+                }
+                Err(Unplanned::TooLarge { n_in, n_out }) => Err(Refusal::TooLarge { n_in, n_out }),
+                Err(Unplanned::TooMany) => Err(Refusal::TooManyPlans),
+            },
+            Call::Release { plan } => Ok(Grant::Released { had: self.plans.release(plan, client) }),
+            Call::Lane { n_in, n_out } => {
+                let (Some(class_in), Some(class_out)) = (class_of(n_in), class_of(n_out)) else {
+                    return Err(Refusal::TooLarge { n_in, n_out });
+                };
+                let link = self.connections.make_lane(&self.run, client, [class_in, class_out])?;
+                Ok(Grant::Lane { link, class_in, class_out })
+            }
+            Call::Service => {
+                Ok(Grant::Service { link: self.connections.make_service(&self.run, client)? })
+            }
+            Call::Serve => {
+                self.connections.serve_service(client)?;
+                Ok(Grant::Served)
+            }
+            Call::Batch => {
+                self.connections.make_batches(client)?;
+                Ok(Grant::Batch)
+            }
+            Call::Leave => {
+                self.connections.leave(client);
+                Ok(Grant::Left)
+            }
+            Call::Statistics => Ok(Grant::Statistics(Box::new(statistics(self)))),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pages_are_the_text_again() {
+        let text = "äx".repeat(PAGE);
+        let pages = pages(&text);
+        assert!(pages.len() > 2 && pages.iter().all(|page| page.len() <= PAGE));
+        assert_eq!(pages.concat(), text);
+        assert_eq!(super::pages(""), [""]);
+    }
+}

@@ -1,0 +1,10 @@
+//! The thread beside the answering thread: clients, their calls, segments and plans.
+
+pub(crate) mod calls;
+pub(crate) mod connections;
+pub(crate) mod listener;
+pub(crate) mod plans;
+pub(crate) mod refusals;
+pub(crate) mod segment;
+pub(crate) mod serve;
+pub(crate) mod watchdog;

@@ -1,0 +1,208 @@
+//! Registered plans: made when a client registers a query, taken back when no client holds them.
+//!
+//! A connection holds a plan from [`Plans::register`] until it releases it or ends; equal queries
+//! share one plan. The answering thread owns the plans that it runs and never frees one: it
+//! hands each back, and only then its slot in the table is free for another plan, under another
+//! number.
+
+use std::time::{Duration, Instant};
+
+use rtrb::{Consumer, Producer};
+use sarrus_dynamics::{Model, Plan};
+use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, PlanNumber};
+use sarrus_proto::{Query, QueryError, QueryOptions};
+
+use crate::answering::engine::{PlanOrder, ServedPlan};
+use crate::kernels::Maker;
+
+/// How long a registration waits for a slot that is just being given back.
+const HAND_BACK: Duration = Duration::from_millis(20);
+
+/// A registered plan, as its client learns it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Registered {
+    pub(crate) number: PlanNumber,
+    pub(crate) n_in: usize,
+    pub(crate) n_out: usize,
+}
+
+/// Why a query gets no plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Unplanned {
+    Query(QueryError),
+    TooLarge { n_in: usize, n_out: usize },
+    TooMany,
+}
+
+enum State {
+    Free,
+    Held {
+        query: Box<Query>,
+        registered: Registered,
+        holders: Vec<u64>,
+    },
+    /// Ordered back from the answering thread.
+    Leaving,
+}
+
+struct Slot {
+    /// How often it was used.
+    generation: u32,
+    state: State,
+}
+
+/// The plans of all clients.
+pub(crate) struct Plans {
+    slots: Vec<Slot>,
+    orders: Producer<PlanOrder>,
+    retired: Consumer<Box<ServedPlan>>,
+    kernels: Maker,
+}
+
+impl Plans {
+    pub(crate) fn new(
+        orders: Producer<PlanOrder>,
+        retired: Consumer<Box<ServedPlan>>,
+        kernels: Maker,
+    ) -> Plans {
+        let slots = (0..MAX_PLANS).map(|_| Slot { generation: 0, state: State::Free }).collect();
+        Plans { slots, orders, retired, kernels }
+    }
+
+    /// How many there are.
+    pub(crate) fn len(&self) -> usize {
+        self.slots.iter().filter(|slot| matches!(slot.state, State::Held { .. })).count()
+    }
+
+    /// The plan of a query, held by `holder` from now on.
+    pub(crate) fn register(
+        &mut self,
+        model: &Model<f64>,
+        query: &Query,
+        holder: u64,
+    ) -> Result<Registered, Unplanned> {
+        // one that others hold
+        for slot in &mut self.slots {
+            if let State::Held { query: known, registered, holders } = &mut slot.state
+                && **known == *query
+            {
+                if !holders.contains(&holder) {
+                    holders.push(holder);
+                }
+                return Ok(*registered);
+            }
+        }
+
+        // a new one
+        let plan = Plan::new(model, query).map_err(Unplanned::Query)?;
+        let n_in = plan.given().len();
+        let n_out = plan.want().len();
+        if n_in > MAX_NUMBERS_IN || n_out > MAX_NUMBERS_OUT {
+            return Err(Unplanned::TooLarge { n_in, n_out });
+        }
+        let index = self.free_slot().ok_or(Unplanned::TooMany)?;
+        let slot = &mut self.slots[index];
+        let number = PlanNumber::new(index, slot.generation);
+        let checks = query.options.contains(QueryOptions::CHECKSUM);
+        let kernel = self.kernels.kernel_of(&plan);
+        let order = PlanOrder::Serve(Box::new(ServedPlan { number, plan, kernel, checks }));
+        // there is room: full means that the answering thread is gone
+        self.orders.push(order).map_err(|_| Unplanned::TooMany)?;
+        slot.generation += 1;
+        let registered = Registered { number, n_in, n_out };
+        slot.state = State::Held { query: Box::new(*query), registered, holders: vec![holder] };
+        Ok(registered)
+    }
+
+    /// Releases a plan held by `holder`; false where it held none.
+    pub(crate) fn release(&mut self, number: PlanNumber, holder: u64) -> bool {
+        let Some(slot) = self.slots.get_mut(number.slot()) else { return false };
+        let State::Held { registered, holders, .. } = &mut slot.state else { return false };
+        if registered.number != number {
+            return false;
+        }
+        let held = holders.len();
+        holders.retain(|one| *one != holder);
+        let had = holders.len() < held;
+        retire_if_unheld(&mut self.orders, slot);
+        had
+    }
+
+    /// Releases all plans of `holder`.
+    pub(crate) fn release_all(&mut self, holder: u64) {
+        for slot in &mut self.slots {
+            if let State::Held { holders, .. } = &mut slot.state {
+                holders.retain(|one| *one != holder);
+                retire_if_unheld(&mut self.orders, slot);
+            }
+        }
+    }
+
+    /// How many plans `holder` has.
+    pub(crate) fn held(&self, holder: u64) -> usize {
+        let holds = |slot: &&Slot| match &slot.state {
+            State::Held { holders, .. } => holders.contains(&holder),
+            _ => false,
+        };
+        self.slots.iter().filter(holds).count()
+    }
+
+    /// Frees returned plans, retires unheld ones, passes new kernels on; call it often.
+    pub(crate) fn upkeep(&mut self) {
+        self.collect();
+        self.slots.iter_mut().for_each(|slot| retire_if_unheld(&mut self.orders, slot));
+        while let Some((is_for, kernel)) = self.kernels.made() {
+            for slot in &self.slots {
+                if let State::Held { query, registered, .. } = &slot.state
+                    && is_for(query)
+                {
+                    // there is room, else the generic kernel goes on
+                    let _ = self.orders.push(PlanOrder::Kernel(registered.number, kernel.clone()));
+                }
+            }
+        }
+    }
+
+    /// Ends the thread that makes kernels.
+    pub(crate) fn stop(&mut self) {
+        self.kernels.stop();
+    }
+
+    fn collect(&mut self) {
+        // dropped here, not on the answering thread
+        while let Ok(served) = self.retired.pop() {
+            self.slots[served.number.slot()].state = State::Free;
+        }
+    }
+
+    /// The free slot that was used least; one whose numbers are used up is never free again.
+    fn free_slot(&mut self) -> Option<usize> {
+        let free = |slots: &[Slot]| {
+            let free = slots.iter().enumerate().filter(|(_, slot)| {
+                matches!(slot.state, State::Free) && slot.generation < PlanNumber::GENERATIONS
+            });
+            free.min_by_key(|(_, slot)| slot.generation).map(|(index, _)| index)
+        };
+        let start = Instant::now();
+        loop {
+            self.collect();
+            let leaving = self.slots.iter().any(|slot| matches!(slot.state, State::Leaving));
+            match free(&self.slots) {
+                None if leaving && start.elapsed() < HAND_BACK => {
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+                found => return found,
+            }
+        }
+    }
+}
+
+fn retire_if_unheld(orders: &mut Producer<PlanOrder>, slot: &mut Slot) {
+    if let State::Held { registered, holders, .. } = &slot.state
+        && holders.is_empty()
+        // else tried again at the next upkeep
+        && orders.push(PlanOrder::Retire(registered.number)).is_ok()
+    {
+        slot.state = State::Leaving;
+    }
+}

@@ -1,0 +1,391 @@
+//! A run of the server: start, upkeep beside the answering thread, end.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::mpsc;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use quanta::Clock;
+use rtrb::{Consumer, Producer, RingBuffer};
+use rustix::process::{Resource, getrlimit, setrlimit};
+use sarrus_dynamics::Model;
+use sarrus_proto::heartbeat::HeartbeatWriter;
+use sarrus_proto::message::{MAX_PLANS, Statistics};
+use sarrus_proto::run::{Run, RunError};
+use sarrus_proto::{Domain, ModelInfo, ServerName};
+
+use crate::answering::counters::{Counters, Latency};
+use crate::answering::engine::{Engine, MAX_PLAN_ORDERS, PlanOrder, ServedPlan};
+use crate::answering::thread::{self, AnsweringThread, Order, Retired, Shared};
+use crate::answering::wait::Wait;
+use crate::error::{MAX_LANES, ServeError};
+use crate::kernels::{Kernels, Maker};
+use crate::pool;
+use crate::record::{self, RecordOptions};
+use crate::system::events;
+use crate::system::placement::{Flags, Placement};
+use crate::system::sigbus;
+use crate::upkeep::calls::{Calls, pages};
+use crate::upkeep::connections::Connections;
+use crate::upkeep::plans::Plans;
+use crate::upkeep::watchdog::{HEARTBEAT_TIMEOUT, Watchdog};
+
+/// How to serve.
+#[derive(Clone, Debug)]
+pub struct ServeOptions {
+    /// Name under which clients find the server.
+    pub name: String,
+    /// How to wait for requests.
+    pub wait: Wait,
+    /// How many clients can have a lane at one time.
+    pub lanes: usize,
+    /// Generated kernels for the plans of clients.
+    pub kernels: Kernels,
+    /// Where the last seconds are recorded, if anywhere.
+    pub record: Option<RecordOptions>,
+    /// The processor of the answering thread; all other threads leave it.
+    pub cpu: Option<usize>,
+    /// Priority of the answering thread under SCHED_FIFO, 1 to 99.
+    pub priority: Option<u8>,
+    /// Whether memory is locked, so that the answering thread meets no page fault.
+    pub lock_memory: bool,
+}
+
+impl Default for ServeOptions {
+    fn default() -> ServeOptions {
+        ServeOptions {
+            name: "default".to_owned(),
+            wait: Wait::auto(),
+            lanes: 16,
+            kernels: Kernels::default(),
+            record: None,
+            cpu: None,
+            priority: None,
+            lock_memory: false,
+        }
+    }
+}
+
+impl ServeOptions {
+    /// Checks the options against the rights of this process, before anything is loaded.
+    ///
+    /// # Errors
+    /// [`ServeError`]; nothing is changed.
+    pub fn check(&self) -> Result<(), ServeError> {
+        self.placement().map(drop)
+    }
+
+    /// The placement of the threads, once all options are checked.
+    fn placement(&self) -> Result<Placement, ServeError> {
+        if self.lanes > MAX_LANES {
+            return Err(ServeError::TooManyLanes { found: self.lanes });
+        }
+        let &ServeOptions { cpu, priority, lock_memory, wait, .. } = self;
+        Ok(Placement::new(Flags { cpu, priority, lock_memory, busy: wait == Wait::Busy })?)
+    }
+}
+
+/// Serves a model until `stop` is set; calls `ready` once clients can attach.
+///
+/// This thread answers the calls socket and makes and retires lanes and services; a thread of its
+/// own answers requests.
+///
+/// # Errors
+/// [`ServeError`]; nothing is left in shared memory.
+pub fn serve(
+    model: Arc<Model<f64>>,
+    info: &ModelInfo,
+    options: &ServeOptions,
+    stop: &AtomicBool,
+    ready: impl FnOnce(),
+) -> Result<(), ServeError> {
+    let placement = options.placement()?;
+    let _locked = placement.lock_memory()?;
+    let name = ServerName::new(&options.name)?;
+    let domain = Domain::of_user()?;
+    let outcome = serve_in(&domain, &name, model, info, options, &placement, stop, ready);
+    domain.tidy();
+    outcome
+}
+
+fn serve_in(
+    domain: &Domain,
+    name: &ServerName,
+    model: Arc<Model<f64>>,
+    info: &ModelInfo,
+    options: &ServeOptions,
+    placement: &Placement,
+    stop: &AtomicBool,
+    ready: impl FnOnce(),
+) -> Result<(), ServeError> {
+    sigbus::install().map_err(ServeError::Guard)?;
+    raise_descriptor_limit();
+    // the lock on the name excludes every other server of this name
+    let run = take_name(domain, name)?;
+    let n_places = Connections::places(options.lanes);
+    let counters = Counters::new(n_places);
+    let shared = Arc::new(Shared { counters, stopping: AtomicBool::new(false) });
+    let clock = Clock::new();
+    let (mut hot, channels) = answering_thread(&model, options.wait, n_places, &shared, &clock)?;
+    let heartbeat = hot.heartbeat.reader_descriptor().map_err(ServeError::Heartbeat)?;
+    let mut recording = None;
+    if let Some(to) = &options.record {
+        let (recorder, thread) =
+            record::start(to, &model, options.lanes, clock.clone(), place_other(placement))?;
+        hot.engine.recorder = Some(recorder);
+        recording = Some(thread);
+    }
+    let kernels = Maker::start(&options.kernels, &model, place_other(placement))?;
+    // clients that connect before the first step of upkeep wait
+    let socket = |source| ServeError::Socket { path: run.name_folder().to_owned(), source };
+    let listener = run.listen().map_err(socket)?;
+    let latency = Latency::new(clock).ok_or(ServeError::Died)?;
+    let thread = spawn(hot, placement.clone())?;
+    if let Err(error) = placement.place_other() {
+        shared.stopping.store(true, Relaxed);
+        let _ = thread.join();
+        return Err(error.into());
+    }
+
+    let Channels { plan_orders, retired_plans, orders, retired } = channels;
+    let calls = Calls {
+        root: domain.root().to_string_lossy().into_owned(),
+        connections: Connections::new(listener, options.lanes, orders, retired),
+        model,
+        plans: Plans::new(plan_orders, retired_plans, kernels),
+        pages: pages(&String::from_utf8_lossy(&info.to_json())),
+        fingerprint: info.fingerprint,
+        heartbeat,
+        buffer: Vec::new(),
+        run,
+    };
+    let now = Instant::now();
+    let watchdog = Watchdog::new(&calls.heartbeat).map_err(ServeError::Heartbeat)?;
+    let mut upkeep =
+        Upkeep { calls, latency, shared, watchdog, since: now, folded: now, checked: now, late: 0 };
+    ready();
+    events::serving(name.as_str(), &info.robot, info.fingerprint, options.lanes);
+    let ended = upkeep.run(&thread, stop, name.as_str()).and_then(|()| {
+        let is_clean = thread.join().is_ok() && stop.load(Relaxed);
+        if is_clean { Ok(()) } else { Err(ServeError::Died) }
+    });
+    if !matches!(ended, Err(ServeError::Hung { .. })) {
+        upkeep.calls.plans.stop();
+        // the recorder ends when it has written all that was answered
+        recording.map(JoinHandle::join);
+    }
+    ended
+}
+
+/// Upkeep's ends of the channels to the answering thread.
+struct Channels {
+    plan_orders: Producer<PlanOrder>,
+    retired_plans: Consumer<Box<ServedPlan>>,
+    orders: Producer<Order>,
+    retired: Consumer<Retired>,
+}
+
+/// The answering thread's state before its start, and the channels to it.
+fn answering_thread(
+    model: &Arc<Model<f64>>,
+    wait: Wait,
+    n_places: usize,
+    shared: &Arc<Shared>,
+    clock: &Clock,
+) -> Result<(AnsweringThread, Channels), ServeError> {
+    let (plan_orders, plan_orders_out) = RingBuffer::new(MAX_PLAN_ORDERS);
+    let (retired_plans_in, retired_plans) = RingBuffer::new(MAX_PLANS);
+    let (orders, orders_out) = RingBuffer::new(thread::MAX_ORDERS * n_places);
+    let (retired_in, retired) = RingBuffer::new(thread::MAX_RETIRED * n_places);
+    let hot = AnsweringThread {
+        engine: Engine::new(model.clone(), plan_orders_out, retired_plans_in),
+        ends: Vec::with_capacity(2 * n_places),
+        next: 0,
+        orders: orders_out,
+        retired: retired_in,
+        heartbeat: HeartbeatWriter::new().map_err(ServeError::Heartbeat)?,
+        shared: shared.clone(),
+        clock: clock.clone(),
+        wait,
+    };
+    Ok((hot, Channels { plan_orders, retired_plans, orders, retired }))
+}
+
+/// Moves a thread beside the answering thread off its processor, where there is another one.
+fn place_other(placement: &Placement) -> impl FnOnce() + Send + 'static {
+    let placement = placement.clone();
+    move || drop(placement.place_other())
+}
+
+/// Time during which a taken name is tried again.
+const TAKE: Duration = Duration::from_secs(1);
+
+/// Takes the name. The previous server may still be shutting down, or another process may be
+/// removing its files: a taken name is tried again for a moment.
+fn take_name(domain: &Domain, name: &ServerName) -> Result<Run, ServeError> {
+    let start = Instant::now();
+    loop {
+        match Run::start(domain, name) {
+            Ok(run) => return Ok(run),
+            Err(RunError::Taken) if start.elapsed() < TAKE => {}
+            Err(RunError::Taken) => {
+                return Err(ServeError::NameTaken { name: name.as_str().to_owned() });
+            }
+            Err(RunError::Folder { path, source }) => {
+                return Err(ServeError::Folder { path, source });
+            }
+            Err(RunError::Domain(error)) => return Err(error.into()),
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// Raises the limit of descriptors to its maximum: each client takes about a dozen.
+fn raise_descriptor_limit() {
+    let mut limit = getrlimit(Resource::Nofile);
+    limit.current = limit.maximum;
+    // where this fails fewer clients can attach, and the next one gets the reason
+    let _ = setrlimit(Resource::Nofile, limit);
+}
+
+/// Starts the answering thread on its processor, with its priority.
+fn spawn(mut hot: AnsweringThread, placement: Placement) -> Result<JoinHandle<()>, ServeError> {
+    let (started, outcome) = mpsc::channel();
+    let body = move || {
+        let placed = placement.place_answering();
+        let is_placed = placed.is_ok();
+        let _ = started.send(placed);
+        if is_placed {
+            let adopted = pool::adopt_thread();
+            hot.answer_until_stopped();
+            // ports are dropped through the system's allocator
+            drop(adopted);
+        }
+    };
+    // entries of large lanes pass over the stack
+    let builder = std::thread::Builder::new().name("sarrus-hot".to_owned()).stack_size(16 << 20);
+    let thread = builder.spawn(body).map_err(|source| ServeError::Thread { source })?;
+    outcome.recv().map_err(|_| ServeError::Died)??;
+    Ok(thread)
+}
+
+/// The work beside the answering thread.
+struct Upkeep {
+    calls: Calls,
+    latency: Latency,
+    shared: Arc<Shared>,
+    watchdog: Watchdog,
+    since: Instant,
+    folded: Instant,
+    checked: Instant,
+    /// Late answers logged so far.
+    late: u64,
+}
+
+/// Longest wait for clients.
+const WAIT: Duration = Duration::from_millis(20);
+/// Interval between two readings of the latency counters.
+const FOLD: Duration = Duration::from_millis(50);
+/// Interval between two checks that clients can find the server.
+const CHECK: Duration = Duration::from_secs(1);
+
+impl Upkeep {
+    /// Serves until the stop, then has the answering thread refuse requests until it ends.
+    fn run(
+        &mut self,
+        thread: &JoinHandle<()>,
+        stop: &AtomicBool,
+        name: &str,
+    ) -> Result<(), ServeError> {
+        let hung = || ServeError::Hung { seconds: HEARTBEAT_TIMEOUT.as_secs() };
+        while !stop.load(Relaxed) && !thread.is_finished() {
+            self.step(stop, false);
+            if self.watchdog.is_lost() {
+                // a thread that hangs cannot be ended: the process ends, and its clients see it
+                events::hung(name);
+                return Err(hung());
+            }
+        }
+        events::stopping(name);
+        self.shared.stopping.store(true, Relaxed);
+        while !thread.is_finished() {
+            self.step(stop, true);
+            if self.watchdog.is_lost() {
+                return Err(hung());
+            }
+        }
+        Ok(())
+    }
+
+    /// Waits for clients, answers one call of each that sent one, and does the periodic work.
+    fn step(&mut self, stop: &AtomicBool, stopping: bool) {
+        let wait = if stopping { Duration::from_millis(1) } else { WAIT };
+        self.watchdog.poll();
+        for client in self.calls.connections.wait(wait) {
+            // a stop does not wait for the calls of many clients
+            if stop.load(Relaxed) && !stopping {
+                return;
+            }
+            let latency = &mut self.latency;
+            let shared = &self.shared;
+            let since = self.since;
+            self.calls.answer_call(client, stopping, |calls| {
+                latency.fold(&shared.counters);
+                statistics(calls, latency, shared, since)
+            });
+        }
+        self.calls.connections.collect();
+        self.calls.plans.upkeep();
+        let now = Instant::now();
+        if now - self.folded > FOLD {
+            self.folded = now;
+            self.latency.fold(&self.shared.counters);
+        }
+        if now - self.checked > CHECK {
+            self.checked = now;
+            self.restore();
+            self.log_late();
+        }
+    }
+
+    /// Logs the number of late answers since the last call.
+    fn log_late(&mut self) {
+        let late = self.shared.counters.counts().late;
+        if late > self.late {
+            events::late(late - self.late);
+            self.late = late;
+        }
+    }
+
+    /// Makes folders and socket again where they were removed.
+    fn restore(&mut self) {
+        let Calls { run, connections, .. } = &mut self.calls;
+        run.restore();
+        let listener = connections.listener_mut();
+        if !listener.is_reachable(run.name_folder())
+            && let Ok(fresh) = run.listen()
+        {
+            *listener = fresh;
+        }
+    }
+}
+
+fn statistics(calls: &Calls, latency: &Latency, shared: &Shared, since: Instant) -> Statistics {
+    let pool = pool::counts();
+    let connections = &calls.connections;
+    Statistics {
+        uptime: since.elapsed().as_secs_f64(),
+        counts: shared.counters.counts(),
+        latency_ns: latency.percentiles(),
+        lanes_taken: connections.lanes_taken() as u64,
+        lanes: connections.n_lanes() as u64,
+        lanes_made: connections.lanes_made(),
+        plans: calls.plans.len() as u64,
+        system_allocations: pool.system,
+        pool_allocations: pool.pool,
+        process: std::process::id().into(),
+        clients: connections
+            .clients(|client| calls.plans.held(client), |place| shared.counters.late_of(place)),
+    }
+}
