@@ -1,15 +1,14 @@
 //! The boards of a lane, made by the server and claimed by its client.
 
-use iceoryx2::node::Node;
 use iceoryx2::port::writer::WriterCreateError;
 use iceoryx2::prelude::{ServiceName, ZeroCopySend};
 use iceoryx2::service::builder::blackboard::{BlackboardCreateError, BlackboardOpenError};
 use iceoryx2::service::port_factory::blackboard;
 
-use crate::PROTOCOL_VERSION;
 use crate::lane::{Inbox, KEY, Outbox, Threadsafe, inbox, outbox};
 use crate::message::{Entry, RequestHead, ResponseHead};
 use crate::service::{ServiceError, link_service};
+use crate::{Node, PROTOCOL_VERSION};
 
 type Board = blackboard::PortFactory<Threadsafe, u64>;
 
@@ -53,7 +52,7 @@ impl ServedLane {
     /// Makes both boards of a lane for these classes in and out; made and dropped beside the thread
     /// that answers.
     pub fn create(
-        node: &Node<Threadsafe>,
+        node: &Node,
         [class_in, class_out]: [usize; 2],
     ) -> Result<ServedLane, ServiceError> {
         let [request_name, response_name] = names()?;
@@ -101,7 +100,7 @@ pub struct ClaimedLane {
 impl ClaimedLane {
     /// Takes a lane that the server made for this client.
     pub fn claim(
-        node: &Node<Threadsafe>,
+        node: &Node,
         [class_in, class_out]: [usize; 2],
     ) -> Result<ClaimedLane, ServiceError> {
         let [request_name, response_name] = names()?;
@@ -145,7 +144,7 @@ fn map<H: Default>(outbox: &mut dyn Outbox<H>) {
 }
 
 fn create_board<H: Copy + Default + 'static, const N: usize>(
-    node: &Node<Threadsafe>,
+    node: &Node,
     service: &ServiceName,
 ) -> Result<Board, ServiceError>
 where
@@ -153,6 +152,7 @@ where
 {
     let zero = Entry { head: H::default(), numbers: [0.0; N] };
     let builder = node
+        .inner()
         .service_builder(service)
         .blackboard_creator::<u64>()
         .max_readers(1)
@@ -170,11 +170,13 @@ fn board_not_made(service: &ServiceName, error: BlackboardCreateError) -> Servic
     }
 }
 
-fn open_board(node: &Node<Threadsafe>, service: &ServiceName) -> Result<Board, ServiceError> {
-    node.service_builder(service).blackboard_opener::<u64>().open().map_err(|error| match error {
-        BlackboardOpenError::DoesNotExist | BlackboardOpenError::IsMarkedForDestruction => {
-            ServiceError::Absent { service: service.to_string() }
+fn open_board(node: &Node, service: &ServiceName) -> Result<Board, ServiceError> {
+    node.inner().service_builder(service).blackboard_opener::<u64>().open().map_err(|error| {
+        match error {
+            BlackboardOpenError::DoesNotExist | BlackboardOpenError::IsMarkedForDestruction => {
+                ServiceError::Absent { service: service.to_string() }
+            }
+            other => ServiceError::memory(service, &other),
         }
-        other => ServiceError::memory(service, &other),
     })
 }

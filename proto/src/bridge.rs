@@ -7,7 +7,7 @@
 use core::fmt::Debug;
 use std::time::Duration;
 
-use iceoryx2::node::{Node, NodeState, NodeView};
+use iceoryx2::node::{NodeState, NodeView};
 use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
 use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
 use iceoryx2::prelude::{BackpressureStrategy, CallbackProgression, ServiceName, ZeroCopySend};
@@ -18,7 +18,7 @@ use crate::actuators::{ActuatorCommand, ActuatorState, OperatorRequest};
 use crate::lane::Threadsafe;
 use crate::service::ServiceError;
 use crate::watch::BridgeStatistics;
-use crate::{PROTOCOL_VERSION, ServerName};
+use crate::{Node, PROTOCOL_VERSION, ServerName};
 
 /// Processes that may watch one bridge.
 const MAX_OBSERVERS: usize = 32;
@@ -29,8 +29,39 @@ const OWNER_PAUSE: Duration = Duration::from_millis(20);
 const OPERATIONS: usize = 8;
 
 type Factory<T> = publish_subscribe::PortFactory<Threadsafe, T, ()>;
-type Sending<T> = Publisher<Threadsafe, T, ()>;
-type Receiving<T> = Subscriber<Threadsafe, T, ()>;
+type Sending<T> = Box<dyn Sender<T>>;
+type Receiving<T> = Box<dyn Receiver<T>>;
+
+trait Sender<T>: Debug + Send + Sync {
+    /// False where the sample could not be sent.
+    fn send(&self, sample: &T) -> bool;
+}
+
+trait Receiver<T>: Debug + Send + Sync {
+    /// The next sample.
+    fn next(&self) -> Option<T>;
+
+    /// The newest sample, once.
+    fn newest(&self) -> Option<T> {
+        let mut newest = None;
+        while let Some(sample) = self.next() {
+            newest = Some(sample);
+        }
+        newest
+    }
+}
+
+impl<T: Copy + Debug + ZeroCopySend + 'static> Sender<T> for Publisher<Threadsafe, T, ()> {
+    fn send(&self, sample: &T) -> bool {
+        self.send_copy(*sample).is_ok()
+    }
+}
+
+impl<T: Copy + Debug + ZeroCopySend + 'static> Receiver<T> for Subscriber<Threadsafe, T, ()> {
+    fn next(&self) -> Option<T> {
+        self.receive().ok().flatten().map(|sample| *sample)
+    }
+}
 
 /// The bridge's side.
 #[derive(Debug)]
@@ -61,7 +92,7 @@ impl BridgeEnd {
     ///
     /// # Errors
     /// Another bridge has this name, or something is wrong with the shared memory.
-    pub fn create(node: &Node<Threadsafe>, name: &ServerName) -> Result<BridgeEnd, ServiceError> {
+    pub fn create(node: &Node, name: &ServerName) -> Result<BridgeEnd, ServiceError> {
         let services = names(name)?;
         let [commands, operations, states, statistics] = &services;
         // ports that only one bridge can have come first
@@ -76,22 +107,22 @@ impl BridgeEnd {
 
     /// The newest command, once.
     pub fn command(&self) -> Option<ActuatorCommand> {
-        newest(&self.commands)
+        self.commands.newest()
     }
 
     /// The next operation.
     pub fn operation(&self) -> Option<OperatorRequest> {
-        self.operations.receive().ok().flatten().map(|sample| *sample)
+        self.operations.next()
     }
 
     /// Gives the state to everybody; false where that failed.
     pub fn publish(&self, state: &ActuatorState) -> bool {
-        self.states.send_copy(*state).is_ok()
+        self.states.send(state)
     }
 
     /// Gives the statistics to everybody; false where that failed.
     pub fn publish_statistics(&self, statistics: &BridgeStatistics) -> bool {
-        self.statistics.send_copy(*statistics).is_ok()
+        self.statistics.send(statistics)
     }
 }
 
@@ -101,7 +132,7 @@ impl ControllerEnd {
     /// # Errors
     /// No bridge of this name runs, it has a controller, or something is wrong with the shared
     /// memory.
-    pub fn open(node: &Node<Threadsafe>, name: &ServerName) -> Result<ControllerEnd, ServiceError> {
+    pub fn open(node: &Node, name: &ServerName) -> Result<ControllerEnd, ServiceError> {
         let [commands, ..] = &names(name)?;
         Ok(ControllerEnd {
             commands: sender(&open(node, commands)?, commands, 1)
@@ -112,7 +143,7 @@ impl ControllerEnd {
 
     /// Sends a command; false where it could not be sent.
     pub fn send(&self, command: &ActuatorCommand) -> bool {
-        self.commands.send_copy(*command).is_ok()
+        self.commands.send(command)
     }
 
     /// The controller's view of states and statistics, and its operations.
@@ -127,7 +158,7 @@ impl ObserverEnd {
     /// # Errors
     /// No bridge of this name runs, too many watch it, or something is wrong with the shared
     /// memory.
-    pub fn open(node: &Node<Threadsafe>, name: &ServerName) -> Result<ObserverEnd, ServiceError> {
+    pub fn open(node: &Node, name: &ServerName) -> Result<ObserverEnd, ServiceError> {
         let [_, operations, states, statistics] = &names(name)?;
         Ok(ObserverEnd {
             operations: sender(&open(node, operations)?, operations, MAX_OBSERVERS)?,
@@ -138,17 +169,17 @@ impl ObserverEnd {
 
     /// The newest state, once.
     pub fn state(&self) -> Option<ActuatorState> {
-        newest(&self.states)
+        self.states.newest()
     }
 
     /// The newest statistics, once.
     pub fn statistics(&self) -> Option<BridgeStatistics> {
-        newest(&self.statistics)
+        self.statistics.newest()
     }
 
     /// Asks the bridge for an operation; false where it could not be sent.
     pub fn operate(&self, request: &OperatorRequest) -> bool {
-        self.operations.send_copy(*request).is_ok()
+        self.operations.send(request)
     }
 }
 
@@ -160,13 +191,13 @@ fn names(name: &ServerName) -> Result<[ServiceName; 4], ServiceError> {
 
 /// Makes a service, or opens that of a bridge that died while others hold it.
 fn make<T: Debug + ZeroCopySend + 'static>(
-    node: &Node<Threadsafe>,
+    node: &Node,
     service: &ServiceName,
     publishers: usize,
     subscribers: usize,
     room: usize,
 ) -> Result<Factory<T>, ServiceError> {
-    let builder = node.service_builder(service).publish_subscribe::<T>();
+    let builder = node.inner().service_builder(service).publish_subscribe::<T>();
     let builder = builder
         .max_publishers(publishers)
         .max_subscribers(subscribers)
@@ -180,24 +211,28 @@ fn make<T: Debug + ZeroCopySend + 'static>(
 }
 
 fn open<T: Debug + ZeroCopySend + 'static>(
-    node: &Node<Threadsafe>,
+    node: &Node,
     service: &ServiceName,
 ) -> Result<Factory<T>, ServiceError> {
     use PublishSubscribeOpenError as E;
     let name = || service.to_string();
-    node.service_builder(service).publish_subscribe::<T>().open().map_err(|error| match error {
-        E::DoesNotExist | E::IsMarkedForDestruction => ServiceError::NoBridge { service: name() },
-        E::IncompatibleTypes => {
-            ServiceError::OtherVersion { service: name(), version: PROTOCOL_VERSION }
+    node.inner().service_builder(service).publish_subscribe::<T>().open().map_err(|error| {
+        match error {
+            E::DoesNotExist | E::IsMarkedForDestruction => {
+                ServiceError::NoBridge { service: name() }
+            }
+            E::IncompatibleTypes => {
+                ServiceError::OtherVersion { service: name(), version: PROTOCOL_VERSION }
+            }
+            E::ExceedsMaxNumberOfNodes => {
+                ServiceError::Full { service: name(), limit: MAX_OBSERVERS + 2 }
+            }
+            other => ServiceError::memory(service, &other),
         }
-        E::ExceedsMaxNumberOfNodes => {
-            ServiceError::Full { service: name(), limit: MAX_OBSERVERS + 2 }
-        }
-        other => ServiceError::memory(service, &other),
     })
 }
 
-fn sender<T: Debug + ZeroCopySend + 'static>(
+fn sender<T: Copy + Debug + ZeroCopySend + 'static>(
     factory: &Factory<T>,
     service: &ServiceName,
     limit: usize,
@@ -206,31 +241,33 @@ fn sender<T: Debug + ZeroCopySend + 'static>(
         .publisher_builder()
         .max_loaned_samples(1)
         .backpressure_strategy(BackpressureStrategy::DiscardData);
-    builder.create().map_err(|error| match error {
+    let port = builder.create().map_err(|error| match error {
         PublisherCreateError::ExceedsMaxSupportedPublishers => {
             ServiceError::Full { service: service.to_string(), limit }
         }
         other => ServiceError::memory(service, &other),
-    })
+    })?;
+    Ok(Box::new(port))
 }
 
-fn receiver<T: Debug + ZeroCopySend + 'static>(
+fn receiver<T: Copy + Debug + ZeroCopySend + 'static>(
     factory: &Factory<T>,
     service: &ServiceName,
     limit: usize,
 ) -> Result<Receiving<T>, ServiceError> {
-    factory.subscriber_builder().create().map_err(|error| match error {
+    let port = factory.subscriber_builder().create().map_err(|error| match error {
         SubscriberCreateError::ExceedsMaxSupportedSubscribers => {
             ServiceError::Full { service: service.to_string(), limit }
         }
         other => ServiceError::memory(service, &other),
-    })
+    })?;
+    Ok(Box::new(port))
 }
 
 /// The error for an end that another process holds, with the name of that process. The service of
 /// commands lists the bridge and its controller, but no observers.
 fn taken(
-    node: &Node<Threadsafe>,
+    node: &Node,
     name: &ServerName,
     commands: &ServiceName,
     error: ServiceError,
@@ -245,7 +282,7 @@ fn taken(
     let _ = holders.map(|commands| {
         commands.nodes(|state| {
             if let NodeState::Alive(holder) = state
-                && holder.id() != node.id()
+                && holder.id() != node.inner().id()
                 && let Some(details) = holder.details()
             {
                 let process = u64::from(details.process_id().value().unsigned_abs());
@@ -268,18 +305,10 @@ fn taken(
 }
 
 /// The process of a running bridge, from the statistics that it publishes twice a second.
-fn process_of_bridge(node: &Node<Threadsafe>, name: &ServerName) -> Option<u64> {
+fn process_of_bridge(node: &Node, name: &ServerName) -> Option<u64> {
     let observer = ObserverEnd::open(node, name).ok()?;
     (0..OWNER_LOOKS).find_map(|_| {
         std::thread::sleep(OWNER_PAUSE);
         observer.statistics().map(|statistics| statistics.process)
     })
-}
-
-fn newest<T: Debug + ZeroCopySend + Copy + 'static>(port: &Receiving<T>) -> Option<T> {
-    let mut newest = None;
-    while let Ok(Some(sample)) = port.receive() {
-        newest = Some(*sample);
-    }
-    newest
 }

@@ -8,13 +8,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use iceoryx2::prelude::{
-    Config, FileName, LogLevel, NodeBuilder, SemanticString, SignalHandlingMode, set_log_level,
+    Config, FileName, LogLevel, NodeBuilder, SemanticString, ServiceName, SignalHandlingMode,
+    set_log_level,
 };
-use iceoryx2::prelude::{Node, Service, ServiceName};
 use rustix::fs::{Mode, OFlags, statvfs};
 use rustix::process::{Resource, getrlimit};
 
-use crate::fnv1a_64;
+use crate::lane::Threadsafe;
+use crate::{Node, fnv1a_64};
 
 /// The longest name that a server may have.
 pub const MAX_NAME: usize = 64;
@@ -44,16 +45,16 @@ pub struct Domain {
 
 /// A node of this process in a domain; the domain is not cleared while it is there.
 #[derive(Debug)]
-pub struct DomainNode<S: Service> {
+pub struct DomainNode {
     // dropped before the lock, under which its files are cleared
-    node: Node<S>,
+    node: Node,
     _alive: Arc<File>,
 }
 
-impl<S: Service> Deref for DomainNode<S> {
-    type Target = Node<S>;
+impl Deref for DomainNode {
+    type Target = Node;
 
-    fn deref(&self) -> &Node<S> {
+    fn deref(&self) -> &Node {
         &self.node
     }
 }
@@ -172,7 +173,7 @@ impl Domain {
     }
 
     /// A node of this process in the domain; removes the files of dead processes.
-    pub fn node<S: Service>(&self) -> Result<DomainNode<S>, DomainError> {
+    pub fn node(&self) -> Result<DomainNode, DomainError> {
         let _lock = self.lock(File::lock_shared)?;
         let failed = |source| DomainError::Root { path: self.root.clone(), source };
         let alive = self.open(ALIVE).map_err(failed)?;
@@ -331,15 +332,15 @@ pub(crate) fn config(root: &Path, prefix: &str) -> Result<Config, DomainError> {
 }
 
 /// A node in a part of shared memory.
-pub(crate) fn node<S: Service>(root: &Path, config: &Config) -> Result<Node<S>, DomainError> {
+pub(crate) fn node(root: &Path, config: &Config) -> Result<Node, DomainError> {
     let builder =
         NodeBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled).config(config);
     let node = builder
-        .create::<S>()
+        .create::<Threadsafe>()
         .map_err(|error| DomainError::Node { path: root.to_owned(), reason: reason(&error) })?;
     // the transport lets every user write the counter of nodes
     close_to_others(&config.global.prefix.to_string());
-    Ok(node)
+    Ok(Node::new(node))
 }
 
 /// Takes the files in shared memory whose names begin with `prefix` from all other users.
@@ -524,7 +525,7 @@ mod tests {
         fs::set_permissions(&named, fs::Permissions::from_mode(0o2770)).unwrap();
         for root in [&named, &made] {
             let domain = Domain::at(root).unwrap();
-            drop(domain.node::<iceoryx2::service::ipc_threadsafe::Service>().unwrap());
+            drop(domain.node().unwrap());
             assert!(root.join(PREFIX).exists());
             // a file of another program keeps the directory
             fs::write(root.join("mine"), "").unwrap();

@@ -50,7 +50,7 @@ use iceoryx2::pending_response::PendingResponse;
 use iceoryx2::port::client::Client;
 use iceoryx2::port::reader::{BlackboardValue, EntryHandle, Reader};
 use iceoryx2::port::writer::{EntryHandleMut, EntryValueUninit, Writer};
-use iceoryx2::prelude::{Service, ZeroCopySend, ipc_threadsafe};
+use iceoryx2::prelude::{ZeroCopySend, ipc_threadsafe};
 
 use crate::actuators::{ActuatorCommand, ActuatorState, OperatorRequest};
 use crate::message::{
@@ -58,8 +58,8 @@ use crate::message::{
 };
 use crate::watch::BridgeStatistics;
 
-/// The service variant of boards and of everything that moves between threads.
-pub type Threadsafe = ipc_threadsafe::Service;
+/// The service variant of all ports: they move between threads.
+pub(crate) type Threadsafe = ipc_threadsafe::Service;
 /// The key of a lane's only entry.
 pub(crate) const KEY: u64 = 0;
 
@@ -186,20 +186,20 @@ impl<H: Copy + Send + 'static, const N: usize> Outbox<H> for Writing<H, N> {
     }
 }
 
-/// A client of the service.
-pub type ComputeClient<S> = Client<S, ComputeRequest, (), ComputeResponse, ()>;
+pub(crate) type ComputeClient = Client<Threadsafe, ComputeRequest, (), ComputeResponse, ()>;
 /// A request that a client waits for.
-pub type ComputePending<S> = PendingResponse<S, ComputeRequest, (), ComputeResponse, ()>;
+pub(crate) type ComputePending =
+    PendingResponse<Threadsafe, ComputeRequest, (), ComputeResponse, ()>;
 /// A request that the server has taken.
-pub type ComputeActive<S> = ActiveRequest<S, ComputeRequest, (), ComputeResponse, ()>;
+pub(crate) type ComputeActive = ActiveRequest<Threadsafe, ComputeRequest, (), ComputeResponse, ()>;
 
 /// Writes a request in place and sends it; `None` when no server took it: it is busy with an older
 /// one, or gone.
-pub fn send_request<S: Service>(
-    client: &ComputeClient<S>,
+pub(crate) fn send_request(
+    client: &ComputeClient,
     head: &RequestHead,
     numbers: &[f64],
-) -> Option<ComputePending<S>> {
+) -> Option<ComputePending> {
     let request = client.loan_uninit().ok()?;
     // SAFETY: the payload lies in a shared mapping: every byte has some value, and any bits are an
     // atomic integer. Only the head and the numbers in use are touched.
@@ -210,8 +210,8 @@ pub fn send_request<S: Service>(
 
 /// Lets `fill` write an answer in place and sends it; false when it could not be sent, then `fill`
 /// may not have run.
-pub fn send_response<S: Service>(
-    request: &ComputeActive<S>,
+pub(crate) fn send_response(
+    request: &ComputeActive,
     fill: impl FnOnce(&mut [f64; MAX_NUMBERS_OUT]) -> ResponseHead,
 ) -> bool {
     let Ok(mut response) = request.loan_uninit() else { return false };

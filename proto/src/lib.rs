@@ -40,6 +40,8 @@ mod mapping;
 #[cfg(feature = "transport")]
 pub mod message;
 #[cfg(feature = "transport")]
+mod node;
+#[cfg(feature = "transport")]
 pub mod run;
 #[cfg(feature = "transport")]
 pub mod service;
@@ -63,3 +65,5 @@ pub use status::{Status, Warnings};
 pub use domain::{Domain, DomainError, DomainNode, MAX_NAME, ServerName};
 #[cfg(feature = "transport")]
 pub use message::PROTOCOL_VERSION;
+#[cfg(feature = "transport")]
+pub use node::Node;

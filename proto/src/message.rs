@@ -127,6 +127,22 @@ pub struct ComputeRequest {
     numbers: [AtomicU64; MAX_NUMBERS_IN],
 }
 
+impl Default for ComputeRequest {
+    /// All zero.
+    fn default() -> ComputeRequest {
+        let zero = || AtomicU64::new(0);
+        ComputeRequest {
+            version_plan: zero(),
+            fingerprint: zero(),
+            sequence: zero(),
+            stamp_ns: zero(),
+            deadline_ns: zero(),
+            checksum: zero(),
+            numbers: [const { AtomicU64::new(0) }; MAX_NUMBERS_IN],
+        }
+    }
+}
+
 impl ComputeRequest {
     /// Writes the head and the numbers; numbers beyond the payload are dropped, since the server
     /// refuses plans that need more.

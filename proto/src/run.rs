@@ -11,13 +11,12 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use iceoryx2::node::Node;
-use iceoryx2::prelude::{Config, Service};
+use iceoryx2::prelude::Config;
 use rustix::fs::{FallocateFlags, Mode, OFlags, fallocate};
 
 use crate::domain::{self, config, is_at, make_folder, node, random, remove_shared, shared_files};
 use crate::socket::ControlListener;
-use crate::{Domain, DomainError, ServerName};
+use crate::{Domain, DomainError, Node, ServerName};
 
 /// How long the transport waits for a file of a link whose maker has not finished it.
 const HALF_MADE: Duration = Duration::from_millis(100);
@@ -177,8 +176,13 @@ impl Link {
         Ok(Link { config, root, prefix })
     }
 
+    /// The transport's settings for nodes in the link.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
     /// A node of this process in the link.
-    pub fn node<S: Service>(&self) -> Result<Node<S>, DomainError> {
+    pub fn node(&self) -> Result<Node, DomainError> {
         node(&self.root, &self.config)
     }
 

@@ -2,20 +2,19 @@
 
 use core::fmt::Debug;
 
-use iceoryx2::node::Node;
 use iceoryx2::port::server::Server;
-use iceoryx2::prelude::{BackpressureStrategy, Service, ServiceName};
+use iceoryx2::prelude::{BackpressureStrategy, ServiceName};
+use iceoryx2::response::Response;
 use iceoryx2::service::builder::request_response::RequestResponseOpenError;
 use iceoryx2::service::port_factory::request_response;
 
-use crate::lane::ComputeClient;
-use crate::message::{ComputeRequest, ComputeResponse};
-use crate::{DomainError, PROTOCOL_VERSION};
+use crate::lane::{
+    ComputeActive, ComputeClient, ComputePending, Threadsafe, send_request, send_response,
+};
+use crate::message::{ComputeRequest, ComputeResponse, MAX_NUMBERS_OUT, RequestHead, ResponseHead};
+use crate::{DomainError, Node, PROTOCOL_VERSION};
 
-/// A server's port of the service.
-pub type ComputeServer<S> = Server<S, ComputeRequest, (), ComputeResponse, ()>;
-
-type Factory<S> = request_response::PortFactory<S, ComputeRequest, (), ComputeResponse, ()>;
+type Factory = request_response::PortFactory<Threadsafe, ComputeRequest, (), ComputeResponse, ()>;
 
 /// Why a service cannot be made or opened.
 #[derive(Debug, thiserror::Error)]
@@ -115,10 +114,116 @@ impl ServiceError {
 }
 
 /// The server's end of the service of one client.
-pub fn serve_compute<S: Service>(node: &Node<S>) -> Result<ComputeServer<S>, ServiceError> {
+pub trait ServedService: Send {
+    /// Maps the memory of a client that has opened its end. A request that is there is dropped.
+    fn connect(&mut self);
+
+    /// Answers the pending request, if its client still waits for it: `answer` writes the numbers
+    /// of the response in place and returns its head. True if there was such a request; `answer`
+    /// has not run if the transport had no memory for a response.
+    fn answer(
+        &mut self,
+        answer: &mut dyn FnMut(&ComputeRequest, &mut [f64; MAX_NUMBERS_OUT]) -> ResponseHead,
+    ) -> bool;
+}
+
+/// The client's end of its service; one request at a time.
+pub trait OpenedService: Send {
+    /// Sends a request; false if it was not taken: the last one was not cancelled, or the server is
+    /// busy or gone.
+    fn send(&mut self, head: &RequestHead, numbers: &[f64]) -> bool;
+
+    /// A response to the last request, once each; it may be that to an older request.
+    ///
+    /// # Errors
+    /// [`Disconnected`] if no response can come.
+    fn poll(&mut self) -> Result<Option<(ResponseHead, &[f64])>, Disconnected>;
+
+    /// Ends the last request, answered or not.
+    fn cancel(&mut self);
+}
+
+/// The server of a request is gone, or there is no request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Disconnected;
+
+struct Serving(Server<Threadsafe, ComputeRequest, (), ComputeResponse, ()>);
+
+impl ServedService for Serving {
+    fn connect(&mut self) {
+        drop(self.0.receive());
+    }
+
+    #[inline]
+    fn answer(
+        &mut self,
+        answer: &mut dyn FnMut(&ComputeRequest, &mut [f64; MAX_NUMBERS_OUT]) -> ResponseHead,
+    ) -> bool {
+        // an error concerns a client that is about to go
+        let Ok(Some(request)) = self.0.receive() else { return false };
+        let held = Held(Some(request));
+        // else given up meanwhile, or its client is gone: dropping it releases it
+        let Some(request) = held.0.as_ref().filter(|request| request.is_connected()) else {
+            return false;
+        };
+        let payload: &ComputeRequest = request.payload();
+        // the client may have gone meanwhile
+        let _ = send_response(request, |numbers| answer(payload, numbers));
+        true
+    }
+}
+
+/// A request that is leaked during a panic: dropping it could panic again, which ends the process.
+struct Held(Option<ComputeActive>);
+
+impl Drop for Held {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            std::mem::forget(self.0.take());
+        }
+    }
+}
+
+/// Dropped in this order.
+struct Opened {
+    response: Option<Response<Threadsafe, ComputeResponse, ()>>,
+    pending: Option<ComputePending>,
+    client: ComputeClient,
+}
+
+impl OpenedService for Opened {
+    fn send(&mut self, head: &RequestHead, numbers: &[f64]) -> bool {
+        let pending = send_request(&self.client, head, numbers);
+        let is_taken = pending.is_some();
+        if is_taken {
+            self.pending = pending;
+        }
+        is_taken
+    }
+
+    fn poll(&mut self) -> Result<Option<(ResponseHead, &[f64])>, Disconnected> {
+        self.response = None;
+        let pending = self.pending.as_ref().ok_or(Disconnected)?;
+        self.response = pending.receive().map_err(|_| Disconnected)?;
+        let payload = self.response.as_ref().map(|response| response.payload());
+        Ok(payload.map(|payload| (payload.head, payload.numbers.as_slice())))
+    }
+
+    fn cancel(&mut self) {
+        self.response = None;
+        self.pending = None;
+    }
+}
+
+/// Makes the service of one client.
+///
+/// # Errors
+/// The shared memory is too full, or something else is wrong with it.
+pub fn serve_compute(node: &Node) -> Result<Box<dyn ServedService>, ServiceError> {
     let service = name()?;
     // one request under way, nothing overwritten: no request is lost in silence
-    let factory: Factory<S> = node
+    let factory: Factory = node
+        .inner()
         .service_builder(&service)
         .request_response::<ComputeRequest, ComputeResponse>()
         .max_servers(1)
@@ -140,13 +245,18 @@ pub fn serve_compute<S: Service>(node: &Node<S>) -> Result<ComputeServer<S>, Ser
         .server_builder()
         .max_loaned_responses_per_request(1)
         .backpressure_strategy(BackpressureStrategy::DiscardData);
-    builder.create().map_err(|error| ServiceError::memory(&service, &error))
+    let port = builder.create().map_err(|error| ServiceError::memory(&service, &error))?;
+    Ok(Box::new(Serving(port)))
 }
 
-/// The client's end of its service.
-pub fn open_compute<S: Service>(node: &Node<S>) -> Result<ComputeClient<S>, ServiceError> {
+/// Opens the service that the server made for this client.
+///
+/// # Errors
+/// The service is not there, is of another version, or something is wrong with the shared memory.
+pub fn open_compute(node: &Node) -> Result<Box<dyn OpenedService>, ServiceError> {
     let service = name()?;
-    let factory: Factory<S> = node
+    let factory: Factory = node
+        .inner()
         .service_builder(&service)
         .request_response::<ComputeRequest, ComputeResponse>()
         .open()
@@ -164,7 +274,8 @@ pub fn open_compute<S: Service>(node: &Node<S>) -> Result<ComputeClient<S>, Serv
             other => ServiceError::memory(&service, &other),
         })?;
     let builder = factory.client_builder().backpressure_strategy(BackpressureStrategy::DiscardData);
-    builder.create().map_err(|error| ServiceError::memory(&service, &error))
+    let client = builder.create().map_err(|error| ServiceError::memory(&service, &error))?;
+    Ok(Box::new(Opened { response: None, pending: None, client }))
 }
 
 fn name() -> Result<ServiceName, ServiceError> {

@@ -9,13 +9,16 @@ use std::hint::spin_loop;
 use std::sync::atomic::{AtomicBool, Ordering::*, fence};
 use std::time::{Duration, Instant};
 
+use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::node::Node;
+use iceoryx2::pending_response::PendingResponse;
+use iceoryx2::port::client::Client;
+use iceoryx2::port::server::Server;
 use iceoryx2::prelude::ipc::Service;
+use iceoryx2::prelude::{NodeBuilder, ServiceName};
 use sarrus_proto::Domain;
-use sarrus_proto::lane::{ComputeActive, ComputeClient, ComputePending, send_request};
 use sarrus_proto::message::{ComputeRequest, RequestHead};
 use sarrus_proto::run::Link;
-use sarrus_proto::service::{ComputeServer, open_compute, serve_compute};
 use sarrus_report::Outcome;
 use sarrus_report::measure::cores::Cores;
 
@@ -31,12 +34,44 @@ const MOST: usize = 64;
 const NEAR: u64 = 1;
 const FAR: u64 = 2;
 
+type Receiver = Server<Service, ComputeRequest, (), u64, ()>;
+type Sender = Client<Service, ComputeRequest, (), u64, ()>;
+
+/// The node of one process in the other's or its own link.
+fn node(domain: &Domain, link: u64) -> Outcome<Node<Service>> {
+    let link = Link::new(domain, 0, link)?;
+    let builder = NodeBuilder::new().config(link.config());
+    Ok(builder.create().map_err(|error| format!("{error:?}"))?)
+}
+
+fn name() -> Outcome<ServiceName> {
+    Ok(ServiceName::new("floor").map_err(|error| format!("{error:?}"))?)
+}
+
+fn serve(node: &Node<Service>) -> Outcome<Receiver> {
+    let builder = node.service_builder(&name()?).request_response::<ComputeRequest, u64>();
+    let factory = builder.create().map_err(|error| format!("{error:?}"))?;
+    Ok(factory.server_builder().create().map_err(|error| format!("{error:?}"))?)
+}
+
+fn open(node: &Node<Service>) -> Outcome<Sender> {
+    let builder = node.service_builder(&name()?).request_response::<ComputeRequest, u64>();
+    let factory = builder.open().map_err(|error| format!("{error:?}"))?;
+    Ok(factory.client_builder().create().map_err(|error| format!("{error:?}"))?)
+}
+
+/// Sends a request with this process's words, if the other end takes it.
+fn send(client: &Sender) -> Option<PendingResponse<Service, ComputeRequest, (), u64, ()>> {
+    let request = client.loan_uninit().ok()?.write_payload(ComputeRequest::default());
+    request.send().ok().filter(|pending| pending.number_of_server_connections() > 0)
+}
+
 /// One end: the memory that this process writes, the memory it reads, and the owners of both
 /// mappings.
 struct End {
-    mine: ComputePending<Service>,
-    theirs: ComputeActive<Service>,
-    _ports: (ComputeServer<Service>, ComputeClient<Service>, [Node<Service>; 2]),
+    mine: PendingResponse<Service, ComputeRequest, (), u64, ()>,
+    theirs: ActiveRequest<Service, ComputeRequest, (), u64, ()>,
+    _ports: (Receiver, Sender, [Node<Service>; 2]),
 }
 
 impl End {
@@ -46,16 +81,16 @@ impl End {
         [mine, theirs]: [u64; 2],
         opened: impl FnOnce() -> Outcome,
     ) -> Outcome<End> {
-        let node = Link::new(domain, 0, mine)?.node::<Service>()?;
-        let server = serve_compute(&node)?;
+        let node = node(domain, mine)?;
+        let server = serve(&node)?;
         opened()?;
-        let other = Link::new(domain, 0, theirs)?.node::<Service>()?;
+        let other = self::node(domain, theirs)?;
         let start = Instant::now();
         let late = || start.elapsed() > LONGEST_WAIT;
         let client = loop {
-            match open_compute(&other) {
+            match open(&other) {
                 Ok(client) => break client,
-                Err(error) if late() => return Err(error.into()),
+                Err(error) if late() => return Err(error),
                 Err(_) => std::thread::sleep(Duration::from_millis(1)),
             }
         };
@@ -63,7 +98,7 @@ impl End {
         let mut received = None;
         loop {
             if sent.is_none() {
-                sent = send_request(&client, &RequestHead::default(), &[]);
+                sent = send(&client);
             }
             if received.is_none() {
                 received = server.receive().map_err(|error| format!("{error:?}"))?;

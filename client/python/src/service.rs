@@ -9,7 +9,6 @@ use pyo3::types::PyDict;
 use sarrus_proto::actuators::OperatorRequest;
 use sarrus_proto::bridge::{BridgeEnd, ControllerEnd, ObserverEnd};
 use sarrus_proto::heartbeat::monotonic_ns;
-use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::{Domain, DomainNode, ServerName};
 
 use crate::bridge::{PyBridge, command, operation_of, state_fields};
@@ -21,7 +20,7 @@ use crate::telemetry::PyTelemetry;
 pub(crate) struct PyService {
     // ports go before their node
     end: Option<BridgeEnd>,
-    node: Option<DomainNode<Threadsafe>>,
+    node: Option<DomainNode>,
     domain: Domain,
 }
 
@@ -33,7 +32,7 @@ impl PyService {
     fn new(name: &str) -> PyResult<PyService> {
         let domain = Domain::of_user().map_err(runtime_error)?;
         let name = ServerName::new(name).map_err(runtime_error)?;
-        let node = domain.node::<Threadsafe>().map_err(runtime_error)?;
+        let node = domain.node().map_err(runtime_error)?;
         let end = BridgeEnd::create(&node, &name).map_err(runtime_error)?;
         Ok(PyService { end: Some(end), node: Some(node), domain })
     }
@@ -81,7 +80,7 @@ impl PyService {
 pub(crate) struct PyController {
     // ports go before their node
     end: Option<End>,
-    node: Option<DomainNode<Threadsafe>>,
+    node: Option<DomainNode>,
     domain: Domain,
     /// Of the last command, and of the bridge's states.
     sequence: AtomicU64,
@@ -102,7 +101,7 @@ impl PyController {
     fn new(name: &str, watch: bool) -> PyResult<PyController> {
         let domain = Domain::of_user().map_err(runtime_error)?;
         let name = ServerName::new(name).map_err(runtime_error)?;
-        let node = domain.node::<Threadsafe>().map_err(runtime_error)?;
+        let node = domain.node().map_err(runtime_error)?;
         let end = if watch {
             End::Observer(ObserverEnd::open(&node, &name).map_err(runtime_error)?)
         } else {

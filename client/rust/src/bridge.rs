@@ -1,14 +1,12 @@
 //! Client of a CAN bridge: commands of a controller; states, statistics and operations of
 //! observers.
 
-use iceoryx2::node::Node;
 use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Operation, OperatorRequest};
 use sarrus_proto::bridge::{ControllerEnd, ObserverEnd};
 use sarrus_proto::heartbeat::monotonic_ns;
-use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::service::ServiceError;
 use sarrus_proto::watch::BridgeStatistics;
-use sarrus_proto::{Domain, DomainError, DomainNode, ServerName};
+use sarrus_proto::{Domain, DomainError, DomainNode, Node, ServerName};
 
 use crate::ConnectError;
 
@@ -131,7 +129,7 @@ pub fn now_ns() -> u64 {
 /// This process's place in the shared memory; the node is dropped before its files are removed.
 #[derive(Debug)]
 struct Place {
-    node: Option<DomainNode<Threadsafe>>,
+    node: Option<DomainNode>,
     domain: Domain,
 }
 
@@ -139,12 +137,12 @@ impl Place {
     /// A place, and the end of a bridge's services that `open` gives there.
     fn enter<E>(
         name: &str,
-        open: fn(&Node<Threadsafe>, &ServerName) -> Result<E, ServiceError>,
+        open: fn(&Node, &ServerName) -> Result<E, ServiceError>,
     ) -> Result<(E, Place), ConnectError> {
         let of_domain = |error: DomainError| ConnectError::Service(ServiceError::Domain(error));
         let server = ServerName::new(name).map_err(of_domain)?;
         let domain = Domain::of_user().map_err(of_domain)?;
-        let node = domain.node::<Threadsafe>().map_err(of_domain)?;
+        let node = domain.node().map_err(of_domain)?;
         let end = open(&node, &server).map_err(|error| refused(name, error))?;
         Ok((end, Place { node: Some(node), domain }))
     }

@@ -12,12 +12,11 @@ use sarrus_proto::control::{
     Call, CallHead, ControlRequest, ControlResponse, Grant, NoResponse, Refusal,
 };
 use sarrus_proto::heartbeat::HeartbeatReader;
-use sarrus_proto::lane::{ComputeClient, Threadsafe};
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, Statistics};
 use sarrus_proto::run::Link;
-use sarrus_proto::service::{ServiceError, open_compute};
+use sarrus_proto::service::{OpenedService, ServiceError, open_compute};
 use sarrus_proto::socket::ControlSocket;
-use sarrus_proto::{Domain, ModelInfo, PROTOCOL_VERSION, ServerName, supervision};
+use sarrus_proto::{Domain, ModelInfo, Node, PROTOCOL_VERSION, ServerName, supervision};
 
 use crate::interrupt::{self, exchange};
 use crate::life::Life;
@@ -28,9 +27,6 @@ const RETRY: [Duration; 2] = [Duration::from_micros(100), Duration::from_millis(
 
 /// How long a client that leaves waits for the server.
 const LEAVE: Duration = Duration::from_millis(250);
-
-/// A node of this process in a link.
-pub(crate) type LinkNode = iceoryx2::node::Node<Threadsafe>;
 
 /// A connection to a run of a server. The server keeps its grants while this is open.
 pub(crate) struct Control {
@@ -178,7 +174,7 @@ impl Control {
         &self,
         [n_in, n_out]: [usize; 2],
         deadline: Instant,
-    ) -> Result<(LinkNode, ClaimedLane, [usize; 2]), ConnectError> {
+    ) -> Result<(Node, ClaimedLane, [usize; 2]), ConnectError> {
         let Grant::Lane { link, class_in, class_out } =
             self.granted(Call::Lane { n_in, n_out }, deadline)?
         else {
@@ -194,7 +190,7 @@ impl Control {
     pub(crate) fn service(
         &self,
         deadline: Instant,
-    ) -> Result<(LinkNode, ComputeClient<Threadsafe>), ConnectError> {
+    ) -> Result<(Node, Box<dyn OpenedService>), ConnectError> {
         let Grant::Service { link } = self.granted(Call::Service, deadline)? else {
             return Err(ConnectError::BadAnswer { what: "for a service" });
         };

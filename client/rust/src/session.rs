@@ -4,11 +4,11 @@ use std::time::{Duration, Instant};
 
 use sarrus_proto::batch::{BatchHead, BatchShape, ClaimedBatch};
 use sarrus_proto::board::ClaimedLane;
-use sarrus_proto::lane::{ComputeClient, Threadsafe, send_request};
 use sarrus_proto::message::{RequestHead, ResponseHead};
-use sarrus_proto::{Answer, Status, Warnings};
+use sarrus_proto::service::OpenedService;
+use sarrus_proto::{Answer, Node, Status, Warnings};
 
-use crate::control::{Control, LinkNode, deadline_after};
+use crate::control::{Control, deadline_after};
 use crate::plan::Plans;
 use crate::wait::Waiter;
 use crate::{ConnectError, ConnectOptions, Error, Transport, interrupt};
@@ -41,11 +41,11 @@ enum End {
     Lane {
         lane: ClaimedLane,
         classes: [usize; 2],
-        _node: LinkNode,
+        _node: Node,
     },
     Requests {
-        client: ComputeClient<Threadsafe>,
-        _node: LinkNode,
+        client: Box<dyn OpenedService>,
+        _node: Node,
     },
 }
 
@@ -142,7 +142,7 @@ impl Session {
                 }
             }
             End::Requests { client, .. } => {
-                let Some(pending) = send_request(client, head, input) else {
+                if !client.send(head, input) {
                     // the request was not taken: the server is gone, or busy with a request that
                     // this client gave up
                     output.fill(f64::NAN);
@@ -154,25 +154,24 @@ impl Session {
                             Exchange::Answered(answer.checked(head, &[]))
                         }
                     };
-                };
-                loop {
-                    match pending.receive() {
-                        Ok(Some(response)) => {
-                            let answer = response.payload();
-                            if is_for(head, answer.head.sequence) {
-                                copy_or_nan(&answer.numbers, output);
-                                return Exchange::Answered(answer.head);
-                            }
+                }
+                let end = loop {
+                    match client.poll() {
+                        Ok(Some((answer, numbers))) if is_for(head, answer.sequence) => {
+                            copy_or_nan(numbers, output);
+                            break Exchange::Answered(answer);
                         }
-                        Ok(None) => {}
-                        Err(_) => return Exchange::Lost,
+                        Ok(_) => {}
+                        Err(_) => break Exchange::Lost,
                     }
                     if let Some(waited) = waiter.pause()
                         && let Some(end) = look(control, waited, options.timeout, deadline)
                     {
-                        return end;
+                        break end;
                     }
-                }
+                };
+                client.cancel();
+                end
             }
         }
     }

@@ -25,9 +25,8 @@ use rtrb::{Consumer, Producer, PushError};
 use sarrus_proto::Status;
 use sarrus_proto::board::ServedLane;
 use sarrus_proto::heartbeat::HeartbeatWriter;
-use sarrus_proto::lane::{ComputeActive, Threadsafe, send_response};
 use sarrus_proto::message::{RequestHead, ResponseHead};
-use sarrus_proto::service::ComputeServer;
+use sarrus_proto::service::ServedService;
 
 use crate::answering::batches::Batches;
 use crate::answering::counters::{Counters, Transport};
@@ -55,7 +54,7 @@ const DRAIN_TIME: Duration = Duration::from_millis(100);
 pub(crate) enum End {
     /// With the sequence of the last request: an entry may be seen twice while it is written.
     Lane(ServedLane, u64),
-    Service(ComputeServer<Threadsafe>),
+    Service(Box<dyn ServedService>),
     /// Beside one of the others.
     Batches(Batches),
     /// Of a client that has overwritten the transport's records.
@@ -162,7 +161,7 @@ impl AnsweringThread {
             // the transport panics over records of its own that a client has overwritten
             let look = catch_unwind(AssertUnwindSafe(|| match end {
                 End::Lane(lane, last) => poll_lane(lane, last, *place, engine, clock, stopping),
-                End::Service(port) => poll_service(port, engine, clock, stopping),
+                End::Service(port) => poll_service(port.as_mut(), engine, clock, stopping),
                 End::Batches(_) | End::Broken => None,
             }));
             let turn = match look {
@@ -289,45 +288,30 @@ fn poll_lane(
 /// One look at a service.
 #[inline]
 fn poll_service(
-    port: &mut ComputeServer<Threadsafe>,
+    port: &mut dyn ServedService,
     engine: &mut Engine,
     clock: &Clock,
     stopping: bool,
 ) -> Option<Turn> {
-    // an error concerns a client that is about to go
-    let held = Held(Some(port.receive().ok()??));
-    let request = held.0.as_ref()?;
-    let start = clock.raw();
-    // else given up meanwhile, or its client is gone: dropping it releases it
-    request.is_connected().then(|| {
-        let payload = request.payload();
-        let head = payload.head();
+    let transport = Transport::Service;
+    let mut turn = None;
+    let is_found = port.answer(&mut |request, output| {
+        let start = clock.raw();
+        let head = request.head();
         engine.found(start, Client::Service);
         let timing = RequestTiming::new(clock, &head, start);
-        let transport = Transport::Service;
-        let mut turn = Turn { transport, status: Status::Overloaded as u32, late: false, start };
-        // where the client has gone meanwhile, its answer is still counted
-        let _ = send_response(request, |output| {
-            let answer = match stopping {
-                false => engine.answer_request(&head, Input::Shared(payload), output, &timing),
-                true => refuse(&head, Status::ShuttingDown, output, &timing),
-            };
-            turn = Turn::of(transport, &head, &answer, start);
-            answer
-        });
-        turn
+        let answer = match stopping {
+            false => engine.answer_request(&head, Input::Shared(request), output, &timing),
+            true => refuse(&head, Status::ShuttingDown, output, &timing),
+        };
+        turn = Some(Turn::of(transport, &head, &answer, start));
+        answer
+    });
+    // a request for whose answer there was no memory is counted too
+    let status = Status::Overloaded as u32;
+    is_found.then(|| {
+        turn.unwrap_or_else(|| Turn { transport, status, late: false, start: clock.raw() })
     })
-}
-
-/// A request that is leaked during a panic: dropping it could panic again, which ends the process.
-struct Held(Option<ComputeActive<Threadsafe>>);
-
-impl Drop for Held {
-    fn drop(&mut self) {
-        if std::thread::panicking() {
-            std::mem::forget(self.0.take());
-        }
-    }
 }
 
 /// The counted part of an answer.

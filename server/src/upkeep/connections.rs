@@ -15,10 +15,9 @@ use rustix::event::{PollFd, PollFlags, poll};
 use sarrus_proto::batch::ServedBatch;
 use sarrus_proto::board::ServedLane;
 use sarrus_proto::control::Refusal;
-use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::message::{ClientStatistics, MAX_SERVICE_CLIENTS};
 use sarrus_proto::run::Run;
-use sarrus_proto::service::{ComputeServer, serve_compute};
+use sarrus_proto::service::{ServedService, serve_compute};
 use sarrus_proto::socket::{ControlListener, ControlSocket, MAX_MESSAGE, timespec};
 
 use crate::answering::batches::Batches;
@@ -52,7 +51,7 @@ pub(crate) struct Connection {
     /// silent beyond the limit.
     pub(crate) is_over: bool,
     /// The server's port of a service whose client has not opened its own.
-    unserved: Option<ComputeServer<Threadsafe>>,
+    unserved: Option<Box<dyn ServedService>>,
     /// Its area for batches, which goes with its end.
     pub(crate) batches: Option<OwnedFd>,
 }
@@ -317,7 +316,7 @@ impl Connections {
     /// thread, which polls it from now on.
     pub(crate) fn serve_service(&mut self, number: u64) -> Result<(), Refusal> {
         let client = self.clients.get_mut(&number).ok_or(Refusal::NoEnd)?;
-        let (Some(index), Some(port)) = (client.place, client.unserved.take()) else {
+        let (Some(index), Some(mut port)) = (client.place, client.unserved.take()) else {
             return Err(Refusal::NoEnd);
         };
         if let Some(place) = &self.places[index]
@@ -329,7 +328,7 @@ impl Connections {
             return Err(no_space(&error));
         }
         // connects; a request cannot have come yet, and is dropped
-        if catch_unwind(AssertUnwindSafe(|| drop(port.receive()))).is_err() {
+        if catch_unwind(AssertUnwindSafe(|| port.connect())).is_err() {
             std::mem::forget(port);
             client.place = None;
             self.free(index);

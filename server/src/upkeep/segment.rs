@@ -2,9 +2,8 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use iceoryx2::node::Node;
+use sarrus_proto::Node;
 use sarrus_proto::control::Refusal;
-use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::run::{Link, Run, free_shared_memory};
 
 use crate::system::sigbus::replaced_pages;
@@ -12,7 +11,7 @@ use crate::upkeep::refusals::{failed, take_down};
 
 /// The node and the link of one client; freed after its ports.
 pub(crate) struct Segment {
-    node: Node<Threadsafe>,
+    node: Node,
     pub(crate) link: Link,
     /// Ordered back from the answering thread.
     pub(crate) is_leaving: bool,
@@ -23,7 +22,7 @@ impl Segment {
     pub(crate) fn make<T>(
         run: &Run,
         needed: u64,
-        make: impl FnOnce(&Node<Threadsafe>, &Link) -> Result<T, Refusal>,
+        make: impl FnOnce(&Node, &Link) -> Result<T, Refusal>,
     ) -> Result<(u64, Segment, T), Refusal> {
         let free = free_shared_memory();
         if free < needed {

@@ -9,7 +9,6 @@ use std::time::{Duration, Instant};
 use sarrus_client::{ConnectError, ConnectOptions, Error, Status, Transport};
 use sarrus_proto::ServerName;
 use sarrus_proto::control::Call;
-use sarrus_proto::lane::send_request;
 use sarrus_proto::message::MAX_SERVICE_CLIENTS;
 use sarrus_proto::socket::{ControlListener, ControlSocket};
 use sarrus_torture::patience::poll;
@@ -50,9 +49,8 @@ fn a_client_that_ends_at_any_stage_of_attaching_leaves_nothing() {
         |liar| drop(liar.call(Call::Service).unwrap()),
         |liar| std::mem::forget(liar.service()),
         |liar| {
-            let (node, client) = liar.service();
-            let request = send_request(&client, &liar.head(0, 1), &[0.0; 39]);
-            std::mem::forget(request.unwrap());
+            let (node, mut client) = liar.service();
+            assert!(client.send(&liar.head(0, 1), &[0.0; 39]));
             std::mem::forget((node, client));
         },
     ];
@@ -236,9 +234,9 @@ fn a_client_that_cuts_its_files_short_disturbs_nobody() {
     let mut honest = Asker::new(sandbox.connect("short", Transport::Service).unwrap());
     let before = sandbox.leftovers();
     let liar = Liar::new(&sandbox, "short");
-    let (_node, client) = liar.service();
+    let (_node, mut client) = liar.service();
     // the segment that its requests lie in
-    let _pending = send_request(&client, &liar.head(0, 1), &[0.0; 39]).unwrap();
+    assert!(client.send(&liar.head(0, 1), &[0.0; 39]));
     let is_data = |path: &PathBuf| path.extension().is_some_and(|ending| ending == "data");
     let own: Vec<PathBuf> =
         sandbox.leftovers().into_iter().filter(|path| !before.contains(path)).collect();
@@ -253,7 +251,7 @@ fn a_client_that_cuts_its_files_short_disturbs_nobody() {
         assert_eq!(honest.ask().unwrap().status, Status::Ok);
     }
     // this process would die of its own deed
-    std::mem::forget((_pending, client, _node));
+    std::mem::forget((client, _node));
     drop(liar);
     assert_eq!(honest.ask().unwrap().status, Status::Ok);
     drop(honest);

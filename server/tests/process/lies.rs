@@ -3,17 +3,15 @@
 use std::os::fd::OwnedFd;
 use std::time::Instant;
 
-use iceoryx2::node::Node;
 use sarrus_client::{Status, Transport};
 use sarrus_proto::batch::ClaimedBatch;
 use sarrus_proto::board::{ClaimedLane, class_of};
 use sarrus_proto::control::{Call, CallHead, ControlRequest, Grant, Refusal, exchange};
-use sarrus_proto::lane::{ComputeClient, Threadsafe, send_request};
 use sarrus_proto::message::{MAX_NUMBERS_IN, PlanNumber, RequestHead, ResponseHead};
 use sarrus_proto::run::Link;
-use sarrus_proto::service::open_compute;
+use sarrus_proto::service::{OpenedService, open_compute};
 use sarrus_proto::socket::{ControlSocket, MAX_MESSAGE};
-use sarrus_proto::{FieldSet, PROTOCOL_VERSION, Query, QueryOptions, ServerName};
+use sarrus_proto::{FieldSet, Node, PROTOCOL_VERSION, Query, QueryOptions, ServerName};
 
 use sarrus_torture::patience::{LIMIT, deadline};
 
@@ -72,7 +70,7 @@ impl Liar<'_> {
     }
 
     /// A lane, claimed.
-    pub(crate) fn lane(&self, [n_in, n_out]: [usize; 2]) -> (Node<Threadsafe>, ClaimedLane) {
+    pub(crate) fn lane(&self, [n_in, n_out]: [usize; 2]) -> (Node, ClaimedLane) {
         let granted = self.call(Call::Lane { n_in, n_out }).unwrap();
         let Grant::Lane { link, class_in, class_out } = granted else { panic!("{granted:?}") };
         assert_eq!((Some(class_in), Some(class_out)), (class_of(n_in), class_of(n_out)));
@@ -83,7 +81,7 @@ impl Liar<'_> {
         (node, lane)
     }
 
-    pub(crate) fn service(&self) -> (Node<Threadsafe>, ComputeClient<Threadsafe>) {
+    pub(crate) fn service(&self) -> (Node, Box<dyn OpenedService>) {
         let granted = self.call(Call::Service).unwrap();
         let Grant::Service { link } = granted else { panic!("{granted:?}") };
         let node = self.link(link);
@@ -105,7 +103,7 @@ impl Liar<'_> {
         memory.unwrap()
     }
 
-    fn link(&self, number: u64) -> Node<Threadsafe> {
+    fn link(&self, number: u64) -> Node {
         Link::new(&self.sandbox.domain, self.instance, number).unwrap().node().unwrap()
     }
 }
@@ -257,36 +255,33 @@ fn lies_through_the_service_get_their_status() {
     let mut honest = Asker::new(sandbox.connect("transport", Transport::Service).unwrap());
     let n_in = honest.input.len();
     let liar = Liar::new(&sandbox, "transport");
-    let (_node, client) = liar.service();
+    let (_node, mut client) = liar.service();
 
     for (k, (head, mut numbers, status)) in lies(liar.fingerprint, n_in).into_iter().enumerate() {
         let head = RequestHead { sequence: k as u64 + 1, ..head };
         // more numbers than the plan takes mean nothing
         numbers.resize(MAX_NUMBERS_IN + 100, f64::NAN);
-        let pending = send_request(&client, &head, &numbers).unwrap();
+        assert!(client.send(&head, &numbers));
         let start = Instant::now();
-        let answer = loop {
-            if let Some(response) = pending.receive().unwrap() {
-                break *response.payload();
+        let (answer, numbers) = loop {
+            if let Some((answer, numbers)) = client.poll().unwrap() {
+                break (answer, numbers.to_vec());
             }
             assert!(start.elapsed() < LIMIT, "no answer to {head:?}");
         };
-        assert_eq!(
-            (answer.head.status, answer.head.sequence),
-            (status as u32, head.sequence),
-            "{head:?}"
-        );
+        client.cancel();
+        assert_eq!((answer.status, answer.sequence), (status as u32, head.sequence), "{head:?}");
         assert!(
             status == Status::Ok
-                || answer.numbers[..honest.output.len()].iter().all(|number| number.is_nan()),
+                || numbers[..honest.output.len()].iter().all(|number| number.is_nan()),
             "{head:?}"
         );
     }
 
     // one request at a time: a second one is not taken, and that is reported
     let head = liar.head(0, 99);
-    let first = send_request(&client, &head, &vec![0.0; n_in]).unwrap();
-    assert!(send_request(&client, &head, &vec![0.0; n_in]).is_none());
-    drop(first);
+    assert!(client.send(&head, &vec![0.0; n_in]));
+    assert!(!client.send(&head, &vec![0.0; n_in]));
+    client.cancel();
     assert_eq!(honest.ask().unwrap().status, Status::Ok);
 }

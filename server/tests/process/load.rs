@@ -9,8 +9,8 @@ use std::time::Instant;
 use sarrus_client::{Options, QueryOptions, Robot, Source, Status, Transport};
 use sarrus_proto::PROTOCOL_VERSION;
 use sarrus_proto::board::ClaimedLane;
-use sarrus_proto::lane::{ComputeClient, Threadsafe, send_request};
 use sarrus_proto::message::RequestHead;
+use sarrus_proto::service::OpenedService;
 use sarrus_server::pool;
 
 use sarrus_torture::patience::LIMIT;
@@ -168,7 +168,8 @@ pub(crate) fn system_calls_of_the_busy_loop(flags: &[&str]) {
 enum Pusher {
     /// With the sequence of its last request.
     Lane(ClaimedLane, u64),
-    Requests(ComputeClient<Threadsafe>, Option<sarrus_proto::lane::ComputePending<Threadsafe>>),
+    /// With whether a request waits.
+    Requests(Box<dyn OpenedService>, bool),
 }
 
 impl Pusher {
@@ -185,11 +186,10 @@ impl Pusher {
                 1
             }
             Pusher::Requests(client, pending) => {
-                let answered =
-                    pending.as_ref().is_none_or(|pending| pending.receive().unwrap().is_some());
+                let answered = !*pending || client.poll().unwrap().is_some();
                 if answered {
-                    *pending = None;
-                    *pending = send_request(client, head, numbers);
+                    client.cancel();
+                    *pending = client.send(head, numbers);
                 }
                 answered.into()
             }
@@ -218,7 +218,7 @@ fn no_client_starves_another() {
     for liar in &liars[..3] {
         let (node, client) = liar.service();
         nodes.push(node);
-        pushers.push(Pusher::Requests(client, None));
+        pushers.push(Pusher::Requests(client, false));
     }
     for liar in &liars[3..] {
         let (node, mut lane) = liar.lane([numbers.len(), asker.output.len()]);

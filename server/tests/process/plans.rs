@@ -9,7 +9,6 @@ use sarrus_client::{
 };
 use sarrus_proto::PROTOCOL_VERSION;
 use sarrus_proto::control::{Call, Grant};
-use sarrus_proto::lane::send_request;
 use sarrus_proto::message::{MAX_PLANS, PlanNumber, RequestHead};
 
 use sarrus_torture::patience::LIMIT;
@@ -174,12 +173,12 @@ fn the_number_of_a_released_plan_is_never_another_plans() {
     let sandbox = Sandbox::new();
     let _server = sandbox.serve("stale", &[]);
     let liar = Liar::new(&sandbox, "stale");
-    let (_node, client) = liar.service();
+    let (_node, mut client) = liar.service();
     let release = |plan| match liar.call(Call::Release { plan }) {
         Ok(Grant::Released { had }) => had,
         other => panic!("{other:?}"),
     };
-    let ask = |plan: PlanNumber| {
+    let mut ask = |plan: PlanNumber| {
         let head = RequestHead {
             version: PROTOCOL_VERSION,
             plan: plan.0,
@@ -187,11 +186,12 @@ fn the_number_of_a_released_plan_is_never_another_plans() {
             sequence: 1,
             ..RequestHead::default()
         };
-        let pending = send_request(&client, &head, &[0.0; 256]).unwrap();
+        client.cancel();
+        assert!(client.send(&head, &[0.0; 256]));
         let start = Instant::now();
         loop {
-            if let Some(response) = pending.receive().unwrap() {
-                return Status::from_code(response.payload().head.status).unwrap();
+            if let Some((answer, _)) = client.poll().unwrap() {
+                return Status::from_code(answer.status).unwrap();
             }
             assert!(start.elapsed() < LIMIT);
         }

@@ -6,7 +6,6 @@ use sarrus_models::{Options, Source, load};
 use sarrus_proto::actuators::{ActuatorState, MechanismState};
 use sarrus_proto::bridge::BridgeEnd;
 use sarrus_proto::heartbeat::monotonic_ns;
-use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::{Domain, ServerName};
 
 use super::{CPP, Program, folder, with_sanitizers};
@@ -20,7 +19,7 @@ fn the_controller_in_cpp_commands_1000_times_a_second_what_carries_the_robot() {
     for compiler in with_sanitizers(&CPP) {
         let program = Program::compile(compiler, &path, super::SANITIZERS);
         let domain = Domain::at(&root()).unwrap();
-        let node = domain.node::<Threadsafe>().unwrap();
+        let node = domain.node().unwrap();
         let name = format!("bridge-{compiler}").replace('+', "p");
         let bridge = BridgeEnd::create(&node, &ServerName::new(&name).unwrap()).unwrap();
 

@@ -6,7 +6,6 @@ use std::time::Duration;
 
 use sarrus_proto::actuators::ActuatorState;
 use sarrus_proto::bridge::BridgeEnd;
-use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::{Domain, ServerName};
 use serde_json::Value;
 
@@ -161,7 +160,7 @@ fn a_dry_run_has_sent_nothing() {
 #[test]
 fn a_bridge_without_statistics_is_not_waited_for_for_ever() {
     let stage = Stage::new();
-    let node = Domain::at(&stage.root()).unwrap().node::<Threadsafe>().unwrap();
+    let node = Domain::at(&stage.root()).unwrap().node().unwrap();
     let end = BridgeEnd::create(&node, &ServerName::new("end_to_end").unwrap()).unwrap();
     let over = AtomicBool::new(false);
     std::thread::scope(|scope| {

@@ -2,23 +2,18 @@
 
 use std::os::fd::OwnedFd;
 
-use iceoryx2::node::Node;
 use sarrus_client::Domain;
 use sarrus_proto::batch::{BatchHead, ClaimedBatch};
 use sarrus_proto::board::ClaimedLane;
 use sarrus_proto::control::{Call, CallHead, ControlRequest, Grant, Refusal, exchange};
-use sarrus_proto::lane::{ComputeClient, Threadsafe};
 use sarrus_proto::message::RequestHead;
 use sarrus_proto::run::Link;
-use sarrus_proto::service::open_compute;
+use sarrus_proto::service::{OpenedService, open_compute};
 use sarrus_proto::socket::ControlSocket;
-use sarrus_proto::{PROTOCOL_VERSION, Query, ServerName};
+use sarrus_proto::{Node, PROTOCOL_VERSION, Query, ServerName};
 
 use crate::patience::deadline;
 use crate::sandbox::{NAME, words};
-
-/// A node of this process in a link.
-pub type LinkNode = Node<Threadsafe>;
 
 /// A connection.
 pub struct Raw {
@@ -99,18 +94,18 @@ impl Raw {
     }
 
     /// Takes a lane that was granted.
-    pub fn claim(&self, link: u64, classes: [usize; 2]) -> Result<(ClaimedLane, LinkNode), String> {
+    pub fn claim(&self, link: u64, classes: [usize; 2]) -> Result<(ClaimedLane, Node), String> {
         let node = self.node(link)?;
         Ok((ClaimedLane::claim(&node, classes).map_err(words)?, node))
     }
 
     /// Opens a service that was granted.
-    pub fn open(&self, link: u64) -> Result<(ComputeClient<Threadsafe>, LinkNode), String> {
+    pub fn open(&self, link: u64) -> Result<(Box<dyn OpenedService>, Node), String> {
         let node = self.node(link)?;
         Ok((open_compute(&node).map_err(words)?, node))
     }
 
-    fn node(&self, link: u64) -> Result<LinkNode, String> {
+    fn node(&self, link: u64) -> Result<Node, String> {
         Link::new(&self.domain, self.instance, link).and_then(|link| link.node()).map_err(words)
     }
 

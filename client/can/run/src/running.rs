@@ -14,7 +14,6 @@ use sarrus_can_core::fault_files::FaultFiles;
 use sarrus_can_core::telemetry::Telemetry;
 use sarrus_client::now_ns;
 use sarrus_proto::bridge::BridgeEnd;
-use sarrus_proto::lane::Threadsafe;
 use sarrus_proto::{Domain, DomainNode, ServerName};
 
 use crate::bus::Bus;
@@ -46,7 +45,7 @@ pub struct Prepared {
     buses: Vec<BusThread>,
     writer: JournalWriter,
     domain: Domain,
-    node: DomainNode<Threadsafe>,
+    node: DomainNode,
 }
 
 /// Creates the services of a bridge and opens its buses. `stop` ends the bridge when it is set.
@@ -61,7 +60,7 @@ pub fn prepare(
 ) -> Result<Prepared, Error> {
     let name = ServerName::new(&settings.name)?;
     let domain = Domain::of_user()?;
-    let node = domain.node::<Threadsafe>()?;
+    let node = domain.node()?;
     let services = BridgeEnd::create(&node, &name)?;
 
     let loads = bus_load::loads(&configuration);
@@ -132,7 +131,7 @@ pub struct Running {
     writer: JoinHandle<io::Result<u64>>,
     log: Option<PathBuf>,
     domain: Domain,
-    node: DomainNode<Threadsafe>,
+    node: DomainNode,
 }
 
 impl Running {

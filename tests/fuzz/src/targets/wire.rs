@@ -7,7 +7,6 @@ use std::sync::mpsc::channel;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use iceoryx2::node::Node;
 use sarrus_client::describe;
 use sarrus_dynamics::{Model, Plan, Workspace};
 use sarrus_models::{Options, Source, load};
@@ -16,14 +15,13 @@ use sarrus_proto::board::class_of;
 use sarrus_proto::control::{
     Call, CallHead, ControlRequest, ControlResponse, Grant, Refusal, exchange,
 };
-use sarrus_proto::lane::{ComputeClient, Threadsafe, send_request};
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, RequestHead};
 use sarrus_proto::run::Link;
-use sarrus_proto::service::open_compute;
+use sarrus_proto::service::{OpenedService, open_compute};
 use sarrus_proto::socket::{ControlSocket, MAX_MESSAGE};
 use sarrus_proto::{
-    Answer, Domain, Field, FieldSet, MAX_FRAMES, MAX_WRENCHES, PROTOCOL_VERSION, Query, Request,
-    ServerName, Status, Warnings,
+    Answer, Domain, Field, FieldSet, MAX_FRAMES, MAX_WRENCHES, Node, PROTOCOL_VERSION, Query,
+    Request, ServerName, Status, Warnings,
 };
 use sarrus_server::{ServeOptions, Wait, serve};
 
@@ -204,12 +202,12 @@ struct Served {
     model: Model<f64>,
     workspace: Workspace<f64>,
     control: ControlSocket,
-    compute: ComputeClient<Threadsafe>,
+    compute: Box<dyn OpenedService>,
     area: ClaimedBatch,
     instance: u64,
     sequence: u64,
     plans: Vec<Query>,
-    _node: Node<Threadsafe>,
+    _node: Node,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
@@ -259,7 +257,7 @@ impl Served {
             return Err(format!("no service: {service:?}"));
         };
         let link = Link::new(&domain, hello.instance, link).map_err(|error| words(&error))?;
-        let node = link.node::<Threadsafe>().map_err(|error| words(&error))?;
+        let node = link.node().map_err(|error| words(&error))?;
         let compute = open_compute(&node).map_err(|error| words(&error))?;
         ask(&control, &request_of(Call::Serve))?;
         let granted = exchange(&control, &request_of(Call::Batch), Instant::now() + PATIENT);
@@ -399,18 +397,18 @@ impl Served {
             ..RequestHead::default()
         };
         let numbers = bytes.numbers(64);
-        let sent = send_request(&self.compute, &head, &numbers).ok_or("nobody takes a request")?;
+        self.compute.cancel();
+        law(self.compute.send(&head, &numbers), || "the server takes no request".to_owned())?;
         let since = Instant::now();
         loop {
-            let received = sent.receive().map_err(|error| format!("{error:?}"))?;
-            if let Some(response) = received {
-                let answer = response.payload();
-                let about = |words: &str| format!("{words}: {:?} to {head:?}", answer.head);
-                law(answer.head.sequence == head.sequence, || about("another number"))?;
-                let status = Status::from_code(answer.head.status);
+            let received = self.compute.poll().map_err(|error| format!("{error:?}"))?;
+            if let Some((answer, numbers)) = received {
+                let about = |words: &str| format!("{words}: {:?} to {head:?}", answer);
+                law(answer.sequence == head.sequence, || about("another number"))?;
+                let status = Status::from_code(answer.status);
                 let status = status.ok_or_else(|| about("an unknown status"))?;
-                let known = Warnings(answer.head.warnings).names().count() as u32;
-                law(answer.head.warnings.count_ones() == known, || about("warnings"))?;
+                let known = Warnings(answer.warnings).names().count() as u32;
+                law(answer.warnings.count_ones() == known, || about("warnings"))?;
                 let plan = self.plans.get(head.plan as usize);
                 let gate = if head.version != PROTOCOL_VERSION {
                     Some(Status::BadRequest)
@@ -424,7 +422,7 @@ impl Served {
                 law(gate.is_none_or(|gate| gate == status), || about("another status"))?;
                 if let (None, Some(query)) = (gate, plan) {
                     let plan = Plan::new(&self.model, query).map_err(|error| error.to_string())?;
-                    kept(plan.want(), status, &answer.numbers)?;
+                    kept(plan.want(), status, numbers)?;
                 }
                 return Ok(1 << 40 | status as u64);
             }

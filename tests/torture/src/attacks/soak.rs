@@ -8,16 +8,17 @@ use std::time::Duration;
 use clap::Args;
 use fastrand::Rng;
 use sarrus_client::Status;
+use sarrus_proto::Node;
 use sarrus_proto::board::ClaimedLane;
 use sarrus_proto::control::Call;
-use sarrus_proto::lane::{ComputeClient, ComputePending, Threadsafe, send_request};
 use sarrus_proto::message::{RequestHead, ResponseHead};
+use sarrus_proto::service::OpenedService;
 
 use crate::Settings;
 use crate::honest::Askers;
 use crate::oracle::{Oracle, Question};
 use crate::patience::{LIMIT, holds};
-use crate::raw::{LinkNode, Raw};
+use crate::raw::Raw;
 use crate::report::{Clock, Report, Verdict};
 use crate::sandbox::Sandbox;
 
@@ -159,15 +160,8 @@ struct End {
 
 /// Ports go before their nodes.
 enum Way {
-    Lane {
-        lane: ClaimedLane,
-        _node: LinkNode,
-    },
-    Service {
-        pending: Option<ComputePending<Threadsafe>>,
-        client: ComputeClient<Threadsafe>,
-        _node: LinkNode,
-    },
+    Lane { lane: ClaimedLane, _node: Node },
+    Service { client: Box<dyn OpenedService>, _node: Node },
 }
 
 fn attach(
@@ -193,7 +187,7 @@ fn attach(
             let link = raw.service()?;
             let (client, node) = raw.open(link)?;
             raw.call(Call::Serve)?;
-            Way::Service { pending: None, client, _node: node }
+            Way::Service { client, _node: node }
         };
         ends.push(End { way, raw, plans, sequence: 0, asked: None });
     }
@@ -249,13 +243,10 @@ impl End {
                 let Some((head, numbers)) = lane.inbox.poll() else { return false };
                 judge(head, numbers);
             }
-            Way::Service { pending, .. } => {
-                let Some(waiting) = pending else { return true };
-                match waiting.receive() {
-                    Ok(Some(answer)) => judge(answer.payload().head, &answer.payload().numbers),
-                    _ => return false,
-                }
-                *pending = None;
+            Way::Service { client, .. } => {
+                let Ok(Some((head, numbers))) = client.poll() else { return false };
+                judge(head, numbers);
+                client.cancel();
             }
         }
         true
@@ -287,9 +278,8 @@ impl End {
                 }
                 lane.outbox.publish(head);
             }
-            Way::Service { pending, client, .. } => {
-                *pending = send_request(client, &head, &question.input);
-                if pending.is_none() {
+            Way::Service { client, .. } => {
+                if !client.send(&head, &question.input) {
                     self.asked = None;
                     return;
                 }

@@ -8,16 +8,17 @@ use std::time::Duration;
 
 use fastrand::Rng;
 use rustix::process::Signal;
+use sarrus_proto::Node;
 use sarrus_proto::board::ClaimedLane;
 use sarrus_proto::control::{Call, Grant};
-use sarrus_proto::lane::{ComputeClient, Threadsafe, send_request};
+use sarrus_proto::service::OpenedService;
 
 use crate::Settings;
 use crate::honest::{Askers, Honest, TRANSPORTS};
 use crate::oracle::Oracle;
 use crate::patience::holds;
 use crate::process::{send_signal, state_of};
-use crate::raw::{LinkNode, Raw};
+use crate::raw::Raw;
 use crate::report::{Clock, Report, Verdict};
 use crate::roles::transport_flags;
 use crate::sandbox::{Process, Sandbox, words};
@@ -157,8 +158,8 @@ struct Leaving {
 
 /// Ports go before their nodes.
 enum LeavingEnd {
-    Lane { lane: ClaimedLane, _node: LinkNode },
-    Service { client: ComputeClient<Threadsafe>, _node: LinkNode },
+    Lane { lane: ClaimedLane, _node: Node },
+    Service { client: Box<dyn OpenedService>, _node: Node },
 }
 
 fn leave_open(sandbox: &Sandbox, oracle: &Oracle) -> Result<Vec<Leaving>, String> {
@@ -187,7 +188,10 @@ impl Leaving {
         let head = self.raw.head(0, 1);
         match &mut self.end {
             LeavingEnd::Lane { lane, .. } => lane.outbox.publish(head),
-            LeavingEnd::Service { client, .. } => drop(send_request(client, &head, &[])),
+            LeavingEnd::Service { client, .. } => {
+                client.send(&head, &[]);
+                client.cancel();
+            }
         }
     }
 }

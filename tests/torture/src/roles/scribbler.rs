@@ -8,7 +8,6 @@ use clap::Args;
 use fastrand::Rng;
 use sarrus_client::{Field, FieldSet, Query, Request, Transport};
 use sarrus_proto::control::Call;
-use sarrus_proto::lane::send_request;
 
 use super::Target;
 use crate::Settings;
@@ -67,7 +66,7 @@ impl Scribbler {
             }
             Transport::Service => {
                 let link = raw.service()?;
-                let (client, _node) = raw.open(link)?;
+                let (mut client, _node) = raw.open(link)?;
                 let prefix = raw.prefix_of(link);
                 // half of them before the server has seen their end
                 if random.bool() {
@@ -75,10 +74,11 @@ impl Scribbler {
                 }
                 raw.call(Call::Serve)?;
                 for sequence in 1.. {
-                    let pending = send_request(&client, &raw.head(plan, sequence), &numbers);
+                    client.cancel();
+                    client.send(&raw.head(plan, sequence), &numbers);
                     scribble(&mut random, &prefix);
                     for _ in 0..random.u32(..100) {
-                        if !matches!(pending.as_ref().map(|one| one.receive()), Some(Ok(None))) {
+                        if !matches!(client.poll(), Ok(None)) {
                             break;
                         }
                         std::thread::yield_now();

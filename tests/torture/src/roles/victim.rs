@@ -8,7 +8,6 @@ use rustix::process::Signal;
 use sarrus_client::{Field, FieldSet, Query, Request, Transport};
 use sarrus_proto::batch::BatchShape;
 use sarrus_proto::control::Call;
-use sarrus_proto::lane::send_request;
 
 use super::Target;
 use crate::process::send_signal;
@@ -145,7 +144,7 @@ impl Victim {
             Transport::Service => {
                 let link = raw.service()?;
                 at(Stage::Granted);
-                let (client, _node) = raw.open(link)?;
+                let (mut client, _node) = raw.open(link)?;
                 at(Stage::Opened);
                 raw.call(Call::Serve)?;
                 at(Stage::Served);
@@ -153,9 +152,10 @@ impl Victim {
                     return ask_rows(&mut raw, plan, sizes, at);
                 }
                 for sequence in 1.. {
-                    let pending = send_request(&client, &raw.head(plan, sequence), &numbers);
+                    client.cancel();
+                    client.send(&raw.head(plan, sequence), &numbers);
                     at(Stage::Asked);
-                    while pending.as_ref().is_some_and(|one| matches!(one.receive(), Ok(None))) {
+                    while matches!(client.poll(), Ok(None)) {
                         std::thread::yield_now();
                     }
                     self.answered(sequence);
