@@ -12,6 +12,10 @@ crates in ARCHITECTURE.md; the others stand here. CONTRIBUTING.md says how a bou
 - A free relative clause is "what", "whatever", "whoever", "whichever" or "that which" in a comment
   or a page, except in questions.
 - An indirect head is an item's documentation that begins with What, The same or Those.
+- A circle is files of one crate of which each uses, perhaps through others, every other. A file
+  uses those whose items it names by a path (`crate::`, `super::`, `self::` or a module of its own),
+  imports and re-exports followed to the file that has the item. A re-export is no use. Neither is
+  the name of an item of a module around the file: the parts of a module share its vocabulary.
 """
 
 import re
@@ -25,6 +29,7 @@ BOUNDS = {
     "tuple bindings per 1000 lines": 3.0,
     "free clauses per 1000 words": 3.7,
     "indirect heads in 100 items": 3.0,
+    "files in circles": 50,
     "lines of ARCHITECTURE.md": 140,
     "lines of DECISIONS.md": 500,
     "lines of CHANGELOG.md": 80,
@@ -41,6 +46,9 @@ FUNCTION = re.compile(
 TUPLE = re.compile(r"^\s*let \((?:mut )?\w+(?:, (?:mut )?\w+)+\)(?:: [^=]+)? = \(")
 CLAUSE = re.compile(r"\b(?:what(?:ever)?|whoever|whichever|that which)\b", re.I)
 HEAD = re.compile(r"(?:What|The same|Those)\b")
+USE = re.compile(r"\b(pub(?:\([^)]*\))? )?use ([^;]+);")
+GROUP = re.compile(r"((?:\w+::)+)\{([^{}]*)\}")
+PATH = re.compile(r"(?<![\w:])\w+(?:::\w+)+")
 
 
 def tracked(*patterns):
@@ -117,8 +125,64 @@ def heads(text):
         before = kind
 
 
+def paths_of(path):
+    """The paths in a source file as lists of words, and {name: path} of its imports."""
+    lines = code(path, read(path))
+    text = "\n".join(line for line in lines if not line.lstrip().startswith("//"))
+    used, imports = PATH.findall(USE.sub("", text)), {}
+    for exported, tree in USE.findall(text):
+        while group := GROUP.search(tree):
+            parts = (group[1] + part.strip() for part in group[2].split(",") if part.strip())
+            tree = tree[: group.start()] + ", ".join(parts) + tree[group.end() :]
+        for item in tree.split(", "):
+            item, _, name = item.removesuffix("::self").partition(" as ")
+            imports[name or item.split("::")[-1]] = item.split("::")
+            used += [] if exported else [item]
+    return [path.split("::") for path in set(used)], imports
+
+
+def circles():
+    """The circles of every crate, each as a list of its files."""
+    for crate in budgets():
+        files, parsed, uses, reached = {}, {}, {}, {}
+        for path in tracked(f"{crate}/src"):
+            name = path.removeprefix(f"{crate}/src/").removesuffix(".rs").removesuffix("/mod")
+            module = () if name in ("lib", "main") else tuple(name.split("/"))
+            if code(path, "") and module not in files:
+                files[module], parsed[module] = path, paths_of(path)
+
+        def found(module, path, depth=0):
+            """The module of the item that a path in a module names; None for another crate's."""
+            first, *rest = path
+            imports = parsed[module][1]
+            if first in ("crate", "self", "super"):
+                module = {"crate": (), "self": module, "super": module[:-1]}[first]
+            elif module + (first,) in files:
+                module += (first,)
+            elif first in imports and depth < 9:
+                return found(module, imports[first] + rest, depth + 1)
+            else:
+                return module if depth else None
+            return found(module, rest, depth + 1) if rest else module
+
+        for module in files:
+            named = {found(module, path) for path in parsed[module][0]} - {None}
+            uses[module] = {other for other in named if module[: len(other)] != other}
+        for module in files:
+            ahead, reached[module] = [module], set()
+            while ahead:
+                new = uses[ahead.pop()] - reached[module]
+                reached[module] |= new
+                ahead += new
+        back = {m: [o for o in files if o in reached[m] and m in reached[o]] for m in files}
+        yield from ([files[o] for o in back[m]] for m in files if back[m] and back[m][0] == m)
+
+
 def places(paths):
     """Every place below `paths` that counts against a bound."""
+    for circle in circles():
+        if any(path.startswith(tuple(paths)) for path in circle):
+            yield f"{circle[0]}: circle: {' '.join(circle)}"
     for path in tracked(*paths):
         text = read(path)
         for number, sentence in clauses(path, text):
@@ -169,7 +233,7 @@ def counts():
         for _, length in functions(source):
             over = {limit: count + (length > limit) for limit, count in over.items()}
     values = [over[LONG], over[LONGEST], 1000 * tuples / lines, 1000 * free / words]
-    values += [100 * indirect / items]
+    values += [100 * indirect / items, sum(map(len, circles()))]
     values += [read(name.split()[-1]).count("\n") for name in BOUNDS if name.endswith(".md")]
     table = {f"code lines of {folder}": (size[folder], most[folder]) for folder in most}
     table["code lines"] = (sum(size.values()), sum(most.values()))

@@ -1,7 +1,6 @@
-//! What `check --assemble` finds: a closed pose of a robot, or of files whose loops are open at
-//! zero.
+//! `check --assemble`: a closed pose of a robot, or of files whose loops are open at zero.
 
-use sarrus_dynamics::description::{Cut, Description};
+use sarrus_dynamics::description::Description;
 use sarrus_dynamics::{AssembleError, closing_placements, rezeroed};
 
 use crate::assembly_report::{AssemblyReport, NewPlacements};
@@ -24,7 +23,7 @@ const DEAD_POINT: f64 = 1e-9;
 /// become warnings.
 ///
 /// # Errors
-/// Sources that cannot be read at all; and what `near` and `weights` say.
+/// Sources that cannot be read at all. The inner error is that of `near` or `weights`.
 pub fn assemble<E>(
     source: &Source,
     options: &Options,
@@ -49,13 +48,13 @@ pub fn assemble<E>(
         // from a dead point the way leads over another zero pose
         let is_dead = model.closures_at_zero().iter().any(|closure| closure.sigma_min < DEAD_POINT);
         if let (true, Some(zero)) = (is_dead, &assembled.zero) {
-            assembled.new_zero = changes(&zero.old, &zero.new);
+            assembled.new_zero = changes(zero);
         }
         report.assembled = Some(assembled);
         return Ok(Ok(report));
     };
 
-    // perhaps all that is wrong with the files is that they are open at zero
+    // open loops at zero may be the only fault of the files
     let Ok(opened) = load_open(source, options) else { return Ok(Ok(report)) };
     let model = &opened.model;
     let given = near(model.tree_q_names(), model.tree_zero())
@@ -81,7 +80,7 @@ pub fn assemble<E>(
             let as_it_is = report;
             // a fingerprint would be that of other files
             report = CheckReport { fingerprint: None, ..closed };
-            assembled.new_zero = changes(&zero.old, &zero.new);
+            assembled.new_zero = changes(&zero);
             if report.errors.is_empty() {
                 report.warnings = [as_it_is.errors, report.warnings].concat();
                 assembled.zero = Some(zero);
@@ -103,23 +102,18 @@ fn new_zero(description: &Description, q: &[f64]) -> Option<Box<NewZero>> {
     Some(Box::new(NewZero { old: description.clone(), new }))
 }
 
-/// What differs between two descriptions of the same robot.
-fn changes(old: &Description, new: &Description) -> NewPlacements {
+/// The placements of the new zero pose that differ from those of the old one.
+fn changes(zero: &NewZero) -> NewPlacements {
     let mut found = NewPlacements::default();
-    for (old, new) in old.joints.iter().zip(&new.joints) {
+    for (old, new) in zero.old.joints.iter().zip(&zero.new.joints) {
         if old.origin != new.origin {
             found.origins.push((new.name.clone(), new.origin));
         }
     }
-    for (s, (of_old, of_new)) in old.submechanisms.iter().zip(&new.submechanisms).enumerate() {
-        for (l, (old, new_loop)) in of_old.loops.iter().zip(&of_new.loops).enumerate() {
-            if let (true, Cut::Placed { predecessor, successor }) =
-                (old.cut != new_loop.cut, &new_loop.cut)
-            {
-                found.predecessors.push((loop_name(new, s, l), *predecessor));
-                found.successors.push((loop_name(new, s, l), *successor));
-            }
-        }
+    for (s, l, predecessor, successor) in zero.cuts(0) {
+        let name = loop_name(&zero.new, s, l);
+        found.predecessors.push((name.clone(), predecessor));
+        found.successors.push((name, successor));
     }
     found
 }

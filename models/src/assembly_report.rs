@@ -1,4 +1,4 @@
-//! What came of an assembly: the pose that was found, and the numbers to write into the files.
+//! The report of an assembly: the pose that was found, and the numbers to write into the files.
 
 use sarrus_dynamics::description::Placement;
 use sarrus_dynamics::{AssembleError, Assembled};
@@ -6,7 +6,7 @@ use serde::ser::{Serialize, SerializeMap, Serializer};
 
 use crate::rewrite::NewZero;
 
-/// What came of an assembly.
+/// The result of an assembly.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct AssemblyReport {
@@ -18,7 +18,7 @@ pub struct AssemblyReport {
     pub q: Vec<Moved>,
     /// Largest scaled loop residual.
     pub residual: f64,
-    /// The same at the given pose.
+    /// Largest scaled loop residual at the given pose.
     pub residual_before: f64,
     /// Weighted way from the given pose.
     pub distance: f64,
@@ -27,7 +27,7 @@ pub struct AssemblyReport {
     /// Branch of each cluster with loops that is not a pure coupling; empty for files that are open
     /// at zero.
     pub branch: Vec<f64>,
-    /// Of files that are open at zero: what to write so that the found pose is the zero pose.
+    /// Of files that are open at zero: placements with which the found pose is the zero pose.
     #[serde(skip_serializing_if = "NewPlacements::is_empty")]
     pub new_zero: NewPlacements,
     /// Of the same files, where the joints are right: placements that coincide at the zero pose as

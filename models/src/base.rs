@@ -1,4 +1,4 @@
-//! What a robot stands on: the world itself, or a free joint.
+//! The base of a robot: fixed in the world, or free.
 
 use std::collections::BTreeSet;
 
@@ -7,13 +7,13 @@ use sarrus_dynamics::description::{
 };
 
 use crate::build::Spans;
-use crate::nearest::nearest;
+use crate::nearest::there_is;
 use crate::report::{Diagnostics, quoted};
 
 /// Name of the free joint of a floating base and of its submechanism.
 const NAME: &str = "floating_base";
 
-/// What a robot stands on.
+/// The connection of the root link to the world.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Base {
@@ -24,13 +24,13 @@ pub enum Base {
     /// of all: q = [p; x y z w], q̇ = [ω; v] in the root link, by the names `floating_base/rx` …
     /// `floating_base/tz`.
     Floating,
-    /// The same for the root link of this name; another link is a fault.
+    /// As `Floating`, for the root link of this name; another link is a fault.
     FloatingAt(String),
 }
 
 impl Base {
-    /// From the name of the link that floats, as flags and recordings write it: empty for the root
-    /// whatever it is called, none for a fixed base.
+    /// From the name of the link that floats, as flags and recordings write it: the empty name
+    /// stands for any root, `None` for a fixed base.
     pub fn of_flag(link: Option<&str>) -> Base {
         match link {
             None => Base::Fixed,
@@ -63,31 +63,23 @@ pub(crate) fn put(
         let found = if links().any(|name| name == wanted) {
             format!("--floating-base at the link {}, which is not the root", quoted(wanted))
         } else {
-            let near = nearest(wanted, links()).map(quoted);
-            let near = near.map_or(String::new(), |near| format!(" (there is {near})"));
+            let near = there_is(wanted, links());
             format!("--floating-base at the link {}, which does not exist{near}", quoted(wanted))
         };
-        diagnostics.error(
-            robot,
-            found,
-            format!("the root link {}", quoted(root_name)),
-            "name the root link, or none",
-        );
+        let expected = format!("the root link {}", quoted(root_name));
+        diagnostics.error(robot, found, expected, "name the root link, or none");
         return;
     }
     let is_taken = description.joints.iter().any(|joint| joint.name == NAME)
         || description.submechanisms.iter().any(|of| of.name == NAME);
     if is_taken {
-        diagnostics.error(
-            robot,
-            format!("--floating-base of a robot that has a {} already", quoted(NAME)),
-            "a name that is free",
-            "rename it, or leave out the flag",
-        );
+        let found = format!("--floating-base of a robot that has a {} already", quoted(NAME));
+        let help = "rename it, or leave out the flag";
+        diagnostics.error(robot, found, "a name that is free", help);
         return;
     }
 
-    // the world is no body, whatever it is called
+    // the world is no body; its name is free
     let mut world = "world".to_owned();
     while description.links.iter().any(|link| link.name == world) {
         world.insert(0, '_');

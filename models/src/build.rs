@@ -3,10 +3,10 @@
 use sarrus_dynamics::description::{
     Coupling, Cut, Description, Joint, Link, Loop, Placement, Row, Submechanism,
 };
-use sarrus_dynamics::{Reduced, Site};
+use sarrus_dynamics::{Diagnostic, Reduced, Site};
 
 use crate::cut::CutKind;
-use crate::report::Span;
+use crate::report::{Diagnostics, Span};
 use crate::submechanisms::{
     Entry, EntryValues, LoopValues, PlacementValues, Submechanisms, kind_named,
 };
@@ -28,7 +28,7 @@ struct SubmechanismSpan {
 }
 
 impl Spans {
-    /// The positions of a robot's parts; submechanisms that nobody wrote stand at the robot.
+    /// The positions of a robot's parts; submechanisms of no file stand at the robot.
     pub(crate) fn new(urdf: &Urdf, submechanisms: Option<&Submechanisms>) -> Spans {
         let span_of = |entry: &Entry| SubmechanismSpan {
             span: entry.name.as_ref().map_or(entry.span, |(_, span)| *span),
@@ -51,7 +51,7 @@ impl Spans {
         self.submechanisms.insert(0, SubmechanismSpan { span: self.robot, loops: Vec::new() });
     }
 
-    /// The positions of the parts that are left of a robot.
+    /// The positions of the parts of a reduced robot.
     pub(crate) fn of_reduced(&self, reduced: &Reduced) -> Spans {
         let links = reduced.links.iter().filter_map(|link| self.links.get(*link).copied());
         let joints = reduced.joints.iter().filter_map(|joint| self.joints.get(*joint).copied());
@@ -80,6 +80,21 @@ impl Spans {
     pub(crate) fn add_loop(&mut self, s: usize, span: Span, n_rows: usize) {
         if let Some(part) = self.submechanisms.get_mut(s) {
             part.loops.push((span, vec![span; n_rows]));
+        }
+    }
+
+    /// Reports faults that the compiler found, each at the position of its part.
+    pub(crate) fn report(
+        &self,
+        errors: Vec<Diagnostic>,
+        warnings: Vec<Diagnostic>,
+        diagnostics: &mut Diagnostics,
+    ) {
+        for of in errors {
+            diagnostics.error(self.of(of.site), of.found, of.expected, of.help);
+        }
+        for of in warnings {
+            diagnostics.warning(self.of(of.site), of.found, of.expected, of.help);
         }
     }
 
@@ -183,8 +198,8 @@ fn closed_loop(urdf: &Urdf, each: LoopValues) -> Option<Loop> {
         Some(frames) => frames,
         None => [each.predecessor_body?, each.successor_body?],
     };
-    let [predecessor, successor] = [&first, &second].map(|name| urdf.link_index.get(name).copied());
-    let (predecessor, successor) = (predecessor?, successor?);
+    let predecessor = *urdf.link_index.get(&first)?;
+    let successor = *urdf.link_index.get(&second)?;
     let name = each.cut_joint.unwrap_or_else(|| format!("{first}_{second}"));
     let cut = match (each.predecessor_placement, each.successor_placement) {
         (Some(predecessor), Some(successor)) => {

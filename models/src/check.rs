@@ -1,4 +1,4 @@
-//! What `check` prints about a robot.
+//! The report of `check` about a robot.
 
 use sarrus_dynamics::{ClosureInfo, ModelInfo};
 use serde::ser::{Serialize, SerializeStruct, Serializer};
@@ -22,21 +22,21 @@ pub struct CheckReport {
     pub model: Option<ModelInfo>,
     /// How each submechanism is closed.
     pub closures: Vec<ClosureReport>,
-    /// What may stay.
+    /// Warnings.
     pub warnings: Vec<Diagnostic>,
-    /// What must be corrected.
+    /// Faults to correct.
     pub errors: Vec<Diagnostic>,
-    /// What came of an assembly, if one was asked for.
+    /// The result of an assembly, if one was asked for.
     pub assembled: Option<AssemblyReport>,
 }
 
-/// How a submechanism is closed, and what that means at the zero pose.
+/// How a submechanism is closed, and its closure at the zero pose.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ClosureReport {
     /// Type, kind, rows and misfit.
     pub closure: ClosureInfo,
-    /// Rows that say nothing new.
+    /// Rows that the others imply.
     pub redundant: Vec<String>,
     /// Branch of each of its clusters at the zero pose, 1 or −1; 0 where that is singular.
     pub branch: Vec<f64>,
@@ -51,7 +51,7 @@ pub struct ClosureReport {
     pub seeds: (usize, usize),
 }
 
-// the keys of `check --format json` are said here, once
+// the keys of `check --format json`
 impl Serialize for CheckReport {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let CheckReport { robot, fingerprint, model, closures, warnings, errors, assembled } = self;

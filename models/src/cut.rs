@@ -10,7 +10,7 @@
 //! | `cylindrical` | axis | b c rb rc |
 //! | `universal` | axis on the predecessor, axis2 on the successor | x y z u |
 //!
-//! What the rows are is said at [`CutJoint`], which makes them.
+//! [`CutJoint`] defines the rows.
 
 use sarrus_dynamics::CutJoint;
 use sarrus_dynamics::description::Row;

@@ -11,7 +11,7 @@ pub enum LoadError {
     Open {
         /// The file as the user named it.
         file: String,
-        /// What the system says.
+        /// The message of the operating system.
         reason: String,
     },
     /// No robot of this name is bundled.

@@ -44,7 +44,8 @@ fn principal_moments(inertia: &[f64; 6]) -> [f64; 3] {
             let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
             let c = 1.0 / t.hypot(1.0);
             let s = t * c;
-            let (rp, rq) = (a[r][p], a[r][q]);
+            let rp = a[r][p];
+            let rq = a[r][q];
             a[p][p] -= t * a[p][q];
             a[q][q] += t * a[p][q];
             (a[r][p], a[r][q]) = (c * rp - s * rq, s * rp + c * rq);

@@ -9,11 +9,10 @@
 //! # Ok::<(), sarrus_models::LoadError>(())
 //! ```
 //!
-//! Each text is walked as a tree with positions, which finds every fault of it at once; when there
-//! is none, its values are read by urdf-rs and serde, and [`load`] compiles them. Faults that only
-//! the compiler sees come back with their positions too.
+//! Each text is read once, values together with their positions, and every fault of it is reported;
+//! [`load`] compiles files without a fault. Faults that only the compiler sees have positions too.
 //!
-//! # What is read beyond plain URDF
+//! # Extensions of URDF
 //! - Submechanism files in the keys of HyRoDyn: `type`, `contextual_name`, `name`, `file_path`,
 //!   `jointnames`, `jointnames_spanningtree`, `jointnames_independent`, `jointnames_active`,
 //!   `loop_constraints`. `file_path` is opened for a `TRANSMISSION` only, and only when the robot's

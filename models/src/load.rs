@@ -48,12 +48,12 @@ pub struct Options {
     pub gravity: [f64; 3],
     /// Faults of mass and inertia are warnings.
     pub lenient: bool,
-    /// What the root link stands on.
+    /// The connection of the root link to the world.
     pub base: Base,
     /// Joints that are held still; of two locks of one joint the later counts.
     pub lock: Vec<Lock>,
-    /// Links to which the robot is reduced, and what their motion depends on: names or patterns
-    /// with `*`, `?` and `[…]`. Empty: all of them. Other branches are left out with their mass.
+    /// Links to which the robot is reduced, with all joints that move them: names or patterns with
+    /// `*`, `?` and `[…]`. Empty: all links. Other branches are left out with their mass.
     pub only: Vec<String>,
 }
 
@@ -74,7 +74,7 @@ impl Default for Options {
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Loaded {
-    /// What the files say.
+    /// The robot as the files describe it.
     pub description: Description,
     /// The model that the kernels run on.
     pub compiled: Compiled,
@@ -180,7 +180,7 @@ pub(crate) fn describe(
     diagnostics: &mut Diagnostics,
     robot: &mut Option<String>,
 ) -> Option<(Description, Spans)> {
-    // every check of the text, as far as each file goes
+    // every fault of each file, even where the other one is faulty
     let (urdf_name, bytes) = contents.urdf;
     let mut urdf_text = Text::new(&urdf_name, bytes, diagnostics);
     if let Some(text) = &mut urdf_text {
@@ -209,20 +209,17 @@ pub(crate) fn describe(
     }
 
     // the values
-    let (urdf_text, urdf) = (urdf_text?, urdf?);
-    let values = urdf::values(&urdf_text, &urdf, diagnostics)?;
+    let urdf = urdf?;
+    let values = urdf::values(&urdf_text?, &urdf, diagnostics)?;
     let entries = match &submechanism_text {
         Some(text) => Some(submechanisms::values(text, diagnostics)?),
         None => None,
     };
     let has_file = entries.is_some();
     let Some(mut description) = build::description(&urdf, values, entries, options.gravity) else {
-        diagnostics.error(
-            urdf.span,
-            "two readers of these files see different names",
-            "plain names",
-            "use letters, digits, _ and / in names",
-        );
+        let found = "two readers of these files see different names";
+        let help = "use letters, digits, _ and / in names";
+        diagnostics.error(urdf.span, found, "plain names", help);
         return None;
     };
 
@@ -242,20 +239,16 @@ pub(crate) fn compile(
     spans: &Spans,
     diagnostics: &mut Diagnostics,
 ) -> Option<Compiled> {
-    let (compiled, errors, warnings) = match Model::compile(description) {
+    match Model::compile(description) {
         Ok(compiled) => {
-            let warnings = compiled.warnings.clone();
-            (Some(compiled), Vec::new(), warnings)
+            spans.report(Vec::new(), compiled.warnings.clone(), diagnostics);
+            Some(compiled)
         }
-        Err(error) => (None, error.errors, error.warnings),
-    };
-    for fault in errors {
-        diagnostics.error(spans.of(fault.site), fault.found, fault.expected, fault.help);
+        Err(error) => {
+            spans.report(error.errors, error.warnings, diagnostics);
+            None
+        }
     }
-    for fault in warnings {
-        diagnostics.warning(spans.of(fault.site), fault.found, fault.expected, fault.help);
-    }
-    compiled
 }
 
 /// Takes the couplings of TRANSMISSION submechanisms from the files that they name, as HyRoDyn

@@ -1,5 +1,7 @@
 //! The known name that a misspelt one most likely means.
 
+use crate::report::quoted;
+
 /// Longest name that is compared, and most names that are compared with one: a hostile file must
 /// not cost seconds.
 const LONGEST: usize = 64;
@@ -26,6 +28,12 @@ pub fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Opti
     best.map(|(_, candidate)| candidate)
 }
 
+/// " (there is `NAME`)" with the nearest known name; empty when all are far.
+pub(crate) fn there_is<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+    let near = nearest(name, known).map(quoted);
+    near.map_or(String::new(), |near| format!(" (there is {near})"))
+}
+
 /// The known names for a message, the nearest first, as many as fit into so many characters.
 pub fn nearest_first<'a>(
     name: &str,
@@ -44,7 +52,9 @@ pub fn nearest_first<'a>(
 
 /// Names for a message in their order, as many as fit into so many characters.
 pub(crate) fn listed<'a>(names: impl IntoIterator<Item = &'a str>, most: usize) -> String {
-    let (mut list, mut length, mut left) = (String::new(), 0, 0_usize);
+    let mut list = String::new();
+    let mut length = 0;
+    let mut left = 0_usize;
     for name in names {
         let with = length + name.chars().count() + 2;
         if left > 0 || with > most {

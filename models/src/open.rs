@@ -12,7 +12,7 @@ use crate::report::{Diagnostics, Report};
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Opened {
-    /// What the files say.
+    /// The robot as the files describe it.
     pub description: Description,
     /// The model, for assembly only.
     pub model: OpenModel,
@@ -24,7 +24,7 @@ pub struct Opened {
 /// Reads a robot whose loops may be open at its zero pose.
 ///
 /// # Errors
-/// As [`crate::load`], but for what can only be assessed with closed loops: rank, mobility, masses.
+/// As [`crate::load`], without the faults of rank, mobility and mass, which need closed loops.
 pub fn load_open(source: &Source, options: &Options) -> Result<Opened, LoadError> {
     let mut diagnostics = Diagnostics::new(options.lenient);
     let mut robot = None;
@@ -35,24 +35,15 @@ pub fn load_open(source: &Source, options: &Options) -> Result<Opened, LoadError
     {
         match OpenModel::compile(&description) {
             Ok(model) => return Ok(Opened { description, model, robot, spans, diagnostics }),
-            Err(error) => {
-                for fault in error.errors {
-                    diagnostics.error(
-                        spans.of(fault.site),
-                        fault.found,
-                        fault.expected,
-                        fault.help,
-                    );
-                }
-            }
+            Err(error) => spans.report(error.errors, Vec::new(), &mut diagnostics),
         }
     }
     Err(LoadError::Faults(Report { robot, ..diagnostics.into_report() }))
 }
 
 impl Opened {
-    /// Compiles the robot with another zero pose, as [`sarrus_dynamics::rezeroed`] gives it; faults
-    /// stand where the files have their parts.
+    /// Compiles the robot with another zero pose, that of [`sarrus_dynamics::rezeroed`]; faults
+    /// have the positions of their parts in the files.
     ///
     /// # Errors
     /// [`LoadError::Faults`].

@@ -8,12 +8,12 @@ pub(crate) fn is_pattern(name: &str) -> bool {
     name.contains(['*', '?', '['])
 }
 
-/// True where a name fits a pattern, or is the same: a name may hold what a pattern uses.
+/// True where a name fits a pattern or equals it: a name may contain `*`, `?` and `[` itself.
 pub(crate) fn fits(pattern: &str, name: &str) -> bool {
     if name == pattern || !is_pattern(pattern) {
         return name == pattern;
     }
-    // two stars are folders to the crate and letters to a shell, which also takes ^ for !
+    // `**` stands for folders in the crate and for letters in a shell, which also reads ^ as !
     let mut pattern = pattern.replace("[^", "[!");
     while pattern.contains("**") {
         pattern = pattern.replace("**", "*");

@@ -1,4 +1,4 @@
-//! What is wrong with, or remarkable about, robot files: collected while they are read, reported
+//! Faults of robot files and warnings about them, collected while the files are read and reported
 //! all at once.
 
 use core::fmt;
@@ -20,15 +20,15 @@ pub struct Diagnostic {
     pub line: usize,
     /// Column in characters, from 1.
     pub column: usize,
-    /// What was found.
+    /// The finding.
     pub found: String,
-    /// What was expected.
+    /// The expected content.
     pub expected: String,
-    /// What to do.
+    /// The correction.
     pub help: String,
 }
 
-/// Most characters of a line, of the name of a file in it, and of what stands between its parts.
+/// Most characters of a line, of the name of a file in it, and of the words between its parts.
 const LONGEST_LINE: usize = 400;
 const LONGEST_FILE: usize = 120;
 const BETWEEN: usize = 42;
@@ -69,9 +69,9 @@ pub struct Report {
     /// Name of the robot, as far as it was read.
     #[serde(skip)]
     pub robot: Option<String>,
-    /// What may stay.
+    /// Warnings, which do not prevent a compilation.
     pub warnings: Vec<Diagnostic>,
-    /// What must be corrected.
+    /// Faults to correct.
     pub errors: Vec<Diagnostic>,
 }
 
@@ -128,7 +128,7 @@ impl Diagnostics {
         self.files.len() as u32 - 1
     }
 
-    /// Adds what must be corrected.
+    /// Adds a fault.
     pub fn error(
         &mut self,
         span: Span,
@@ -140,7 +140,7 @@ impl Diagnostics {
         self.errors.push(span, diagnostic);
     }
 
-    /// Adds what may stay.
+    /// Adds a warning.
     pub fn warning(
         &mut self,
         span: Span,
@@ -168,7 +168,27 @@ impl Diagnostics {
         }
     }
 
-    /// Whether something must be corrected.
+    /// A name that is none of the known ones, with the nearest of these, else `otherwise`, as help.
+    pub(crate) fn unknown<'a>(
+        &mut self,
+        span: Span,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+        name: &str,
+        known: impl IntoIterator<Item = &'a str>,
+        otherwise: &str,
+    ) {
+        let help = self.did_you_mean(name, known, otherwise);
+        self.error(span, found, expected, help);
+    }
+
+    /// A second part of this name; `kind` names such parts in the message.
+    pub(crate) fn second(&mut self, span: Span, kind: &str, name: &str) {
+        let found = format!("a second {kind} is named {}", quoted(name));
+        self.error(span, found, "a name of its own", "rename one of them");
+    }
+
+    /// True after a fault.
     pub fn has_errors(&self) -> bool {
         !self.errors.diagnostics.is_empty()
     }
@@ -189,10 +209,10 @@ impl Diagnostics {
         near.map_or_else(|| otherwise.into(), |near| format!("did you mean `{near}`?"))
     }
 
-    /// What a name should have been: one of these, the nearest first.
+    /// The known names of a kind for a message, the nearest first.
     pub(crate) fn one_of<'a>(
         &self,
-        what: &str,
+        kind: &str,
         name: &str,
         known: impl IntoIterator<Item = &'a str>,
     ) -> String {
@@ -200,9 +220,9 @@ impl Diagnostics {
         const MOST_LISTS: usize = 8;
         if self.errors.diagnostics.len() < MOST_LISTS {
             let known = known.into_iter().filter(|known| !known.is_empty());
-            format!("{what}: {}", nearest_first(name, known, 150))
+            format!("{kind}: {}", nearest_first(name, known, 150))
         } else {
-            what.to_owned()
+            kind.to_owned()
         }
     }
 

@@ -1,5 +1,4 @@
-//! What a scene does not need of a robot: joints that are held still, and branches that are left
-//! out.
+//! A robot reduced for a scene: joints that are held still, and branches that are left out.
 
 use std::str::FromStr;
 
@@ -8,7 +7,7 @@ use sarrus_dynamics::{CompileError, Reduced, Site, locked, restricted};
 use serde::{Deserialize, Serialize};
 
 use crate::build::Spans;
-use crate::nearest::{nearest, nearest_first};
+use crate::nearest::{nearest_first, there_is};
 use crate::pattern::{fits, is_pattern};
 use crate::report::{Diagnostics, quoted};
 
@@ -53,46 +52,28 @@ impl FromStr for Lock {
     }
 }
 
-/// The robot less what the scene does not need; `None` after a fault.
+/// The robot without the freedoms and branches that the scene does not need; `None` after a fault.
 pub(crate) fn reduce(
     (lock, only): (&[Lock], &[String]),
     whole: Description,
     spans: Spans,
     diagnostics: &mut Diagnostics,
 ) -> Option<(Description, Spans)> {
-    let (mut description, mut spans) = (whole, spans);
-    let joints = joints(lock, &description, &spans, diagnostics);
-    let links = links(only, &description, &spans, diagnostics);
+    let joints = joints(lock, &whole, &spans, diagnostics);
+    let links = links(only, &whole, &spans, diagnostics);
     if diagnostics.has_errors() {
         return None;
     }
-    let mut reduce =
-        |description: &mut Description, reduced: Result<Reduced, CompileError>| match reduced {
-            Ok(reduced) => {
-                for of in &reduced.warnings {
-                    let (found, expected) = (of.found.clone(), of.expected.clone());
-                    diagnostics.warning(spans.of(of.site), found, expected, of.help.clone());
-                }
-                spans = spans.of_reduced(&reduced);
-                *description = reduced.description;
-                Some(())
-            }
-            Err(error) => {
-                for of in error.errors {
-                    diagnostics.error(spans.of(of.site), of.found, of.expected, of.help);
-                }
-                None
-            }
-        };
     // a lock by the joint's name, for indices change
     let joints: Vec<(String, Option<f64>)> =
-        joints.into_iter().map(|(j, at)| (description.joints[j].name.clone(), at)).collect();
+        joints.into_iter().map(|(j, at)| (whole.joints[j].name.clone(), at)).collect();
+    let mut robot = (whole, spans);
     if !links.is_empty() {
-        let reduced = restricted(&description, &links);
-        reduce(&mut description, reduced)?;
+        let reduced = restricted(&robot.0, &links);
+        robot = reported(reduced, &robot.1, diagnostics)?;
     }
-    // what is left out already needs no lock
-    let index = |name: &String| description.joints.iter().position(|joint| joint.name == *name);
+    // a joint that was left out needs no lock
+    let index = |name: &String| robot.0.joints.iter().position(|joint| joint.name == *name);
     let locks: Vec<sarrus_dynamics::Lock> = joints
         .iter()
         .filter_map(|(name, position)| {
@@ -100,10 +81,29 @@ pub(crate) fn reduce(
         })
         .collect();
     if !locks.is_empty() {
-        let reduced = locked(&description, &locks);
-        reduce(&mut description, reduced)?;
+        let reduced = locked(&robot.0, &locks);
+        robot = reported(reduced, &robot.1, diagnostics)?;
     }
-    Some((description, spans))
+    Some(robot)
+}
+
+/// A reduced robot with the positions of its parts; `None` after a fault.
+fn reported(
+    reduced: Result<Reduced, CompileError>,
+    whole: &Spans,
+    diagnostics: &mut Diagnostics,
+) -> Option<(Description, Spans)> {
+    match reduced {
+        Ok(reduced) => {
+            whole.report(Vec::new(), reduced.warnings.clone(), diagnostics);
+            let spans = whole.of_reduced(&reduced);
+            Some((reduced.description, spans))
+        }
+        Err(error) => {
+            whole.report(error.errors, Vec::new(), diagnostics);
+            None
+        }
+    }
 }
 
 /// The joints that are held, each with its position.
@@ -125,8 +125,7 @@ fn joints(
             continue;
         }
         let names = || moving().map(|(_, joint)| joint.name.as_str());
-        // a joint of several degrees of freedom is held as a whole, and so is a chain that one
-        // joint stands for
+        // a joint of several degrees of freedom is held as a whole, and so is a chain of parts
         let whole = name.rsplit_once('/').map(|(whole, _)| whole);
         let is_whole = whole.is_some_and(|whole| names().any(|name| name == whole));
         if let (true, Some(whole)) = (is_whole, whole) {
@@ -147,8 +146,7 @@ fn joints(
         let what = match is_pattern(name) {
             true => format!("--lock of {}, which no independent joint fits", quoted(name)),
             false => {
-                let near = nearest(name, names()).map(quoted);
-                let near = near.map_or(String::new(), |near| format!(" (there is {near})"));
+                let near = there_is(name, names());
                 format!("--lock of the joint {}, which does not exist{near}", quoted(name))
             }
         };
@@ -179,8 +177,7 @@ fn links(
         if found.len() > before {
             continue;
         }
-        let near = nearest(name, names()).map(quoted);
-        let near = near.map_or(String::new(), |near| format!(" (there is {near})"));
+        let near = there_is(name, names());
         let what = match is_pattern(name) {
             true => format!("--only {}, which no link fits", quoted(name)),
             false => format!("--only the link {}, which does not exist{near}", quoted(name)),

@@ -25,12 +25,7 @@ pub(crate) fn contents(
     let Some(text) = Text::new(&name, bytes, diagnostics) else { return Ok(None) };
     let Some(root) = yaml::parse(&text, yaml::SUBMECHANISMS, diagnostics) else { return Ok(None) };
     let Some(files) = root.get("files") else {
-        diagnostics.error(
-            root.span,
-            "the file has no `files`",
-            "a list of the robot's files",
-            "add it",
-        );
+        yaml::missing(&root, "the file", "files", "a list of the robot's files", diagnostics);
         return Ok(None);
     };
     let folder = path.parent().unwrap_or(Path::new(""));

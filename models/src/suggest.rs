@@ -1,4 +1,4 @@
-//! What `check --suggest` prints: a submechanism file that fits a URDF, from one that may not.
+//! `check --suggest`: a submechanism file that fits a URDF, from one that may not.
 //!
 //! Of the given file the names, the trees, the actuated joints and the loops are taken as they are;
 //! independents are found at generic closed poses, and each type with a closed form that fits the
@@ -17,13 +17,13 @@ use crate::submechanisms::kind::{KNOWN, Known};
 use crate::text::Text;
 use crate::yaml::{self, Node, Value};
 
-/// A submechanism file, and what is still wrong with the robot that has it.
+/// A submechanism file, and the faults that the robot still has with it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Suggestion {
     /// The file.
     pub yaml: String,
-    /// What `check` says of the robot with this file; no error where it is ready to use.
+    /// The report of `check` on the robot with this file; no error where it is ready to use.
     pub report: Report,
 }
 
@@ -95,7 +95,7 @@ pub fn suggest(source: &Source, options: &Options) -> Result<Suggestion, LoadErr
     Ok(Suggestion { yaml, report })
 }
 
-/// What is wrong with, or remarkable about, a robot.
+/// The faults and warnings of a robot.
 fn report(loaded: Result<crate::load::Loaded, LoadError>) -> Result<Report, LoadError> {
     match loaded {
         Ok(loaded) => Ok(loaded.report),
@@ -181,7 +181,7 @@ fn add_rest(drafts: &mut Vec<Draft>, robot: &Description) {
 }
 
 impl Draft {
-    /// The type as which it can be read, whatever its independents.
+    /// Chooses a type that accepts any independents.
     fn relax(&mut self, robot: &Description) {
         let joint = |name: &String| robot.joints.iter().find(|joint| joint.name == *name);
         let coupled = |name: &&String| joint(name).is_some_and(|joint| joint.coupling.is_some());
@@ -216,7 +216,7 @@ impl Draft {
         if count == 1 {
             found.extend(self.tree.iter().map(|name| vec![name.clone()]));
         }
-        // what is no leg: a slider and the two joints that carry it
+        // joints in no leg, where a leg is a slider and the two joints below it
         let joint = |name: &String| robot.joints.iter().find(|joint| joint.name == *name);
         let mut legs: BTreeSet<&str> = BTreeSet::new();
         for name in &self.tree {

@@ -71,8 +71,8 @@ impl Text {
         Some(text)
     }
 
-    /// Makes elements of a prefix that nobody declared readable: its colon becomes an underscore,
-    /// and every position stays where it is.
+    /// Makes elements of an undeclared prefix readable: its colon becomes an underscore, and every
+    /// position stays where it is.
     pub(crate) fn join_stray_prefix(&mut self, prefix: &str, diagnostics: &mut Diagnostics) {
         if self.content.contains(&format!("xmlns:{prefix}")) {
             return;
@@ -134,8 +134,8 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>, LoadError> {
     Ok(bytes)
 }
 
-/// As [`read`], of a file that another file names: only what is an ordinary file, so that no device
-/// or pipe is waited for.
+/// As [`read`], of a file that another file names: it must be an ordinary one, because reading a
+/// device or a pipe may block.
 pub(crate) fn read_named(path: &Path) -> Result<Vec<u8>, LoadError> {
     match path.metadata() {
         Ok(metadata) if !metadata.is_file() => Err(LoadError::Open {

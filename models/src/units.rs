@@ -14,7 +14,8 @@ const HEAVY: f64 = 50.0;
 const IMPOSSIBLE: f64 = 1e6;
 /// Mass of heavy links alone in the cube of the robot's reach that is dense `[kg/m³]`.
 const DENSE: f64 = 5e3;
-/// The same of a robot that is rather too large `[kg/m³]`, and the offset that it needs `[m]`.
+/// All mass in the cube of the robot's reach, where that is too large `[kg/m³]`, and the least
+/// offset `[m]`.
 const THIN: f64 = 1e-5;
 const LONG: f64 = 10.0;
 /// A joint offset that is longer than any robot `[m]`.
@@ -83,7 +84,8 @@ fn distances(description: &Description) -> Vec<f64> {
         above.iter().map(|of| of.is_none().then_some(0.0)).collect();
     for start in 0..n {
         // up to a link whose distance is known, then down again
-        let (mut path, mut link) = (Vec::new(), start);
+        let mut path = Vec::new();
+        let mut link = start;
         while distance.get(link) == Some(&None)
             && path.len() <= n
             && let Some((parent, offset)) = above.get(link).copied().flatten()
@@ -100,7 +102,7 @@ fn distances(description: &Description) -> Vec<f64> {
     distance.into_iter().map(|of| of.unwrap_or(0.0)).collect()
 }
 
-/// Radius of gyration about the axis of the largest moment, as far as the diagonal says.
+/// Radius of gyration about the axis of the largest moment of the diagonal.
 fn gyration(of: &Inertial) -> f64 {
     let [xx, _, _, yy, _, zz] = of.inertia;
     (xx.max(yy).max(zz).max(0.0) / of.mass).sqrt()

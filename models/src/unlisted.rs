@@ -1,4 +1,4 @@
-//! What no submechanism file says: loops that stand in the URDF, and joints in no submechanism.
+//! Parts that no submechanism file lists: loops of the URDF, and joints in no submechanism.
 
 use std::collections::BTreeSet;
 
@@ -149,7 +149,8 @@ fn path(description: &Description, above: &[Option<usize>], a: usize, b: usize) 
         }
         chain
     };
-    let (mut a, mut b) = (chain(a), chain(b));
+    let mut a = chain(a);
+    let mut b = chain(b);
     while a.last().is_some() && a.last() == b.last() {
         a.pop();
         b.pop();
@@ -188,8 +189,8 @@ fn attach(
     Some(part.loops.len() - 1)
 }
 
-/// A submechanism of joints that only loops of the URDF tie; `None` when nothing says which of them
-/// are independent, which is reported with the lines to write.
+/// A submechanism of joints that only loops of the URDF tie; `None` when no file declares which of
+/// them are independent, which is reported with the lines to write.
 fn tied(
     urdf: &Urdf,
     group: &Group,
@@ -278,7 +279,7 @@ fn place(description: &mut Description, open: &[(usize, usize, Place)]) {
     }
 }
 
-/// A submechanism that nobody wrote: the moving joints that it `has`, in the order of the file,
+/// A submechanism of no file: the moving joints that it `has`, in the order of the URDF,
 /// independent unless they follow others.
 fn serial(name: String, joints: &[Joint], has: impl Fn(usize) -> bool) -> Submechanism {
     let moving = joints

@@ -6,6 +6,8 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
+use commands::output::conclude;
+
 /// See `sarrus_server::pool`: the answering thread never reaches the system's allocator.
 #[global_allocator]
 static POOL: sarrus_server::pool::Pool = sarrus_server::pool::Pool;
@@ -20,7 +22,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// See it work: a server process, a controller that asks it, and every answer checked.
+    /// Show a server process and a controller that asks it, with every answer checked.
     ///
     /// Takes about five seconds and leaves nothing behind. Ends with 0 when every answer is ok and
     /// within 1e-12 of double-double arithmetic.
@@ -54,23 +56,24 @@ enum Command {
     /// Compute a recording of `serve --record` again and compare every bit.
     ///
     /// Prints the number of requests, their time span, missing records, and the first answers that
-    /// differ. Ends with 0 when all do the same, 1 when some differ or
-    /// cannot be read, 2 for a file that is no whole recording and wrong flags.
+    /// differ. Ends with 0 when all answers are the same, 1 when some differ or cannot be read, 2
+    /// for a file that is no whole recording and wrong flags.
     Replay(commands::replay::Replay),
     /// Write one query on one robot as straight-line C, and build it where there is a compiler.
     ///
     /// NAME.c with one function, NAME.h with its sizes and orders, NAME_test.c with answers that it
     /// must give to the bit; with a C compiler (CC, or cc) a shared object and the test, which is
     /// run. Prints the files, the number of operations and the compiler's name or "not built".
-    /// Ends with 0 when it did, 1 when the query has no straight-line code, the test failed or the
-    /// robot is bad, 2 for wrong flags and files that cannot be written.
+    /// Ends with 0 when all was written, 1 when the query has no straight-line code, the test
+    /// failed or the robot is bad, 2 for wrong flags and files that cannot be written.
     #[cfg(feature = "generate")]
     Generate(commands::generate::Generate),
     /// Check this machine for settings that slow or hinder a server, each with its remedy.
     ///
-    /// One line a finding. Ends with 0 when there is none, 1 when there is one, 2 for wrong flags.
+    /// Prints one line for each finding. Ends with 0 without a finding, 1 with one, 2 for wrong
+    /// flags.
     Doctor(commands::doctor::Doctor),
-    /// A server and its clients, now: rates, latencies, statuses, heartbeat.
+    /// Print the state of a server and its clients: rates, latencies, statuses, heartbeat.
     Top(commands::top::Top),
     /// Remove the files of dead servers and clients; living ones are left alone.
     ///
@@ -92,7 +95,7 @@ enum Command {
     /// write.
     #[cfg(feature = "report")]
     Report(commands::report::Report),
-    /// Integrate a robot in time: a table, pictures, and how good it is.
+    /// Integrate a robot in time: a table, pictures, and estimates of the error.
     ///
     /// From y and yd (or q and qd) under gravity, constant forces, a table of forces, gains and
     /// springs. Writes motion.csv and motion.html; prints the status, the run time, the drift of
@@ -104,7 +107,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    // before anything that may need it
+    // before any instruction that needs it
     if let Err(missing) = sarrus_client::processor::check() {
         eprintln!(
             "sarrus: this processor has no {missing}; sarrus is built for x86-64-v3 (FMA and \
@@ -113,22 +116,22 @@ fn main() -> ExitCode {
         return ExitCode::from(2);
     }
     match Arguments::parse().command {
-        Command::Demo(command) => command.run(),
-        Command::Check(command) => command.run(),
-        Command::Ask(command) => command.run(),
-        Command::Serve(command) => command.run(),
-        Command::Replay(command) => command.run(),
+        Command::Demo(command) => conclude("demo", command.run()),
+        Command::Check(command) => conclude("check", command.run()),
+        Command::Ask(command) => conclude("ask", command.run()),
+        Command::Serve(command) => conclude("serve", command.run()),
+        Command::Replay(command) => conclude("replay", command.run()),
         #[cfg(feature = "generate")]
-        Command::Generate(command) => command.run(),
-        Command::Doctor(command) => command.run(),
-        Command::Top(command) => command.run(),
-        Command::Tidy(command) => command.run(),
-        Command::Robots(command) => command.run(),
-        Command::Completions(command) => command.run(Arguments::command()),
-        Command::Man(command) => command.run(Arguments::command()),
+        Command::Generate(command) => conclude("generate", command.run()),
+        Command::Doctor(command) => conclude("doctor", command.run()),
+        Command::Top(command) => conclude("top", command.run()),
+        Command::Tidy(command) => conclude("tidy", command.run()),
+        Command::Robots(command) => conclude("robots", command.run()),
+        Command::Completions(command) => conclude("completions", command.run(Arguments::command())),
+        Command::Man(command) => conclude("man", command.run(Arguments::command())),
         #[cfg(feature = "report")]
-        Command::Report(command) => command.run(),
+        Command::Report(command) => conclude("report", command.run()),
         #[cfg(feature = "simulate")]
-        Command::Simulate(command) => command.run(),
+        Command::Simulate(command) => conclude("simulate", command.run()),
     }
 }

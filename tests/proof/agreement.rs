@@ -1,4 +1,4 @@
-//! Two ways to the same number: closed form and Newton's method, double and double-double.
+//! Two ways to one number: closed form and Newton's method, double and double-double.
 
 use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Compiled, Field, FieldSet, Model, PlanScalar, Query, Request};
@@ -11,8 +11,8 @@ use sarrus_tests::seed::Seeded;
 
 use Field::*;
 
-/// What one model answers to a state: kinematics with frames, inverse dynamics, forward dynamics
-/// for random actuator forces.
+/// Answers of one model at a state: kinematics with frames, inverse dynamics, and forward dynamics
+/// with random actuator forces.
 fn answers<T: PlanScalar>(
     model: &Model<T>,
     state: &State<T>,
@@ -62,14 +62,14 @@ const STATE: [Field; 22] = [
 const INVERSE: [Field; 8] = [TauQ, TauY, TauU, TauUnactuated, Lambda, MY, CY, CondMy];
 const FORWARD: [Field; 7] = [Ydd, Qdd, TauY, MY, CY, CondMy, Lambda];
 
-/// Conditions and sizes of a state, from the more exact answer.
+/// Condition numbers and sizes of a state, from the more exact answer.
 struct Scale {
     K_d: f64,
     G_u: f64,
     M_y: f64,
     velocity: f64,
     force: f64,
-    /// Accelerations that the forces of the state can make.
+    /// Size of the accelerations that the state's forces can cause.
     acceleration: f64,
 }
 
@@ -88,8 +88,7 @@ impl Scale {
         }
     }
 
-    /// Size below which a field's error does not count, and the condition that its error grows
-    /// with.
+    /// Least size of a field's error, and the condition number that multiplies it.
     fn of_field(&self, field: Field, K_size: f64) -> (f64, f64) {
         let square = self.velocity.powi(2);
         match field {
@@ -110,7 +109,7 @@ impl Scale {
     }
 }
 
-/// Compares field by field; `share` is what is allowed at condition 1.
+/// Compares every field; `share` is the bound at condition 1.
 fn compare<T: PlanScalar>(
     ledger: &mut Ledger,
     case: &Case,
@@ -155,9 +154,9 @@ fn double_agrees_with_double_double_in_every_output() {
     });
 }
 
-/// Both ways to close the mechanisms of a robot, in both scalars.
+/// Compares both ways to close a robot's mechanisms, in both scalars.
 fn both_ways(ledger: &mut Ledger, a: &Case, b: &Case) {
-    // rows and with them λ, K, k and conditions are the types' own
+    // each type has its own rows, and with them λ, K, k and condition numbers
     let skip = [K, KBias, Lambda, CondKd, SigmaMin, Residual, Iterations];
     let links = some_links(&a.compiled.model, a.seed);
     for k in 0..3 {
@@ -189,12 +188,12 @@ fn closed_forms_agree_with_newtons_method() {
     for seed in 0..2 * SEEDS {
         if let Some(numerical) = random_robot_numerical(seed) {
             let text = random_robot(seed);
-            // a rounded cut frame is not where the type defines it
+            // a rounded cut frame differs from the position that the type defines
             let same = !(text.rounded
                 && (text.holds.contains("by type") || text.holds.contains("legs on arms")));
             let [a, b] = [&text, &numerical]
                 .map(|text| Case::of_text(text, seed, &Options::default()).unwrap());
-            // a coupling to a mechanism makes one larger mechanism, which has no closed form
+            // a mechanism coupled to another one becomes part of a larger one without a closed form
             let kinds = |case: &Case| {
                 case.compiled.model.closures().iter().map(|x| x.kind).collect::<Vec<_>>()
             };

@@ -1,4 +1,4 @@
-//! Nothing allocates after set-up: counted by the allocator itself, for each thread.
+//! Nothing allocates after set-up: the allocator itself counts calls per thread.
 #![allow(unsafe_code, reason = "a global allocator is unsafe by its trait")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -12,7 +12,7 @@ use sarrus_tests::run::Robot;
 use sarrus_tests::seed::Seeded;
 
 thread_local! {
-    // without a destructor and with a constant start it needs no allocation itself
+    // a constant initial value and no destructor, so that the counter does not allocate
     static CALLS: Cell<u64> = const { Cell::new(0) };
 }
 

@@ -10,8 +10,8 @@ use sarrus_tests::run::Robot;
 use sarrus_tests::seed::Seeded;
 use sarrus_tests::small::{product, transposed};
 
-/// A closed pose of the robot, each joint that is no quaternion moved by up to `size` radians or
-/// lengths.
+/// A pose near a closed one: each joint that is not a quaternion is moved by up to `size` radians
+/// or lengths.
 fn beside(case: &Case, robot: &mut Robot<f64>, seeded: &mut Seeded, size: f64) -> Option<Vec<f64>> {
     let state = case.state::<f64>(seeded.bits() % 100);
     let fields = robot.ask(Request::Kinematics, &[(Field::Y, &state.y)], &[Field::Q]);
@@ -31,7 +31,7 @@ fn beside(case: &Case, robot: &mut Robot<f64>, seeded: &mut Seeded, size: f64) -
     Some(q)
 }
 
-/// How far the joints have gone, by tree velocity; quaternion joints must stand still.
+/// Change of each joint by tree velocity; quaternion joints must not move.
 fn gone(model: &Model, q: &[f64], near: &[f64]) -> Vec<f64> {
     let way = model.tree_names().iter().map(|name| {
         match model.tree_q_names().iter().position(|of| of == name) {
@@ -60,7 +60,8 @@ fn poses_beside_closed_ones_are_closed_and_nearest() {
                 1e-12 + case.contradiction(),
             );
 
-            // the robot's own closure at these independents, continued from there, is the same pose
+            // the robot's closure at these independents, continued from that pose, gives the same
+            // pose
             let closed = robot
                 .ask(
                     Request::Kinematics,
@@ -77,8 +78,8 @@ fn poses_beside_closed_ones_are_closed_and_nearest() {
                 allowed,
             );
 
-            // where nothing is nearer the weighted way is a combination of the rows of K: Gᵀ takes
-            // it to zero
+            // at the nearest pose the weighted change is a combination of the rows of K, so that Gᵀ
+            // takes it to zero
             let way = gone(model, &found.q, &near);
             let pull: Vec<f64> = way
                 .iter()
@@ -109,7 +110,7 @@ fn poses_beside_closed_ones_are_closed_and_nearest() {
                 .sum();
             ledger.note("distance", case, (square.sqrt() - found.distance).abs(), 1e-12);
 
-            // and no closed pose beside it is nearer
+            // and no neighbouring closed pose is nearer
             for _ in 0..4 {
                 let dy: Vec<f64> = (0..model.sizes().n_vy)
                     .map(|_| seeded.within(-1e-3, 1e-3) * case.scale.min(1.0))
@@ -169,7 +170,7 @@ fn a_joint_of_infinite_weight_stays_and_a_heavier_one_goes_less() {
         };
         assert!(way(0.0) > way(1.0) && way(1.0) > way(100.0) && way(100.0) > way(1e4), "joint {k}");
     }
-    // weights in another unit are the same weights
+    // weights in another unit give the same result
     let one = model.assemble(&near, &[1.0, 2.0, 3.0]).unwrap();
     let thousand = model.assemble(&near, &[1e30, 2e30, 3e30]).unwrap();
     assert!(error_by_size(&one.q, &thousand.q, 1.0) < 1e-12);
@@ -191,7 +192,7 @@ fn every_joint_free_is_closed_by_small_steps() {
 fn what_cannot_be_closed_is_unreachable_with_the_nearest_pose() {
     let case = Case::bundled("lambda");
     let model = &case.compiled.model;
-    // a rocker and a slider that do not fit each other
+    // positions of rocker and slider that contradict each other
     let weights = [f64::INFINITY, 1.0, f64::INFINITY];
     let near = [0.0, 0.3, 0.05];
     let Err(AssembleError::Unreachable { residual, nearest }) = model.assemble(&near, &weights)
@@ -199,17 +200,17 @@ fn what_cannot_be_closed_is_unreachable_with_the_nearest_pose() {
         panic!("reached")
     };
     assert_eq!([nearest[0], nearest[2]], [near[0], near[2]]);
-    // the pin comes as near as the stator can turn it
+    // the stator turns to bring the slider as near to the pin as it can
     assert!((0.01..1.0).contains(&residual), "{residual}");
     let at = |stator: f64| match model.assemble(&[near[0], stator, near[2]], &[f64::INFINITY; 3]) {
         Err(AssembleError::Unreachable { residual, .. }) => residual,
         other => panic!("{other:?}"),
     };
     assert!(at(near[1]) > residual);
-    // with everything kept the given pose is the nearest
+    // if every joint is kept, the given pose is the nearest
     let kept = model.assemble(&near, &[f64::INFINITY; 3]);
     assert!(matches!(kept, Err(AssembleError::Unreachable { nearest, .. }) if nearest == near));
-    // a closed pose with everything kept is fine
+    // a closed pose may be kept entirely
     assert_eq!(model.assemble(&model.tree_zero(), &[f64::INFINITY; 3]).unwrap().distance, 0.0);
 }
 
@@ -240,11 +241,11 @@ fn lists_of_wrong_sizes_and_numbers_without_meaning_are_typed() {
             "{error}"
         );
     }
-    // far beyond every length the answer is typed as well
+    // a pose far beyond every length has a status too
     for huge in [1e6, 1e200, f64::MAX] {
         let _ = model.assemble(&[huge, -huge, huge], &weights);
     }
-    // a quaternion must be one
+    // a quaternion must have unit length
     let floating = robots().iter().find(|case| case.floats()).unwrap();
     let model = &floating.compiled.model;
     let mut near = model.tree_zero();
@@ -263,8 +264,7 @@ fn lists_of_wrong_sizes_and_numbers_without_meaning_are_typed() {
     ));
 }
 
-/// The description with its zero pose moved to a pose that may be open: explicit placements
-/// throughout.
+/// The description with its zero pose moved to q, which may be open; every placement is explicit.
 fn moved(description: &Description, q: &[f64]) -> Description {
     rezeroed(description, q).unwrap()
 }
@@ -291,13 +291,13 @@ fn files_that_are_open_at_zero_are_assembled_and_closed_by_their_new_origins() {
             assert!(!error.errors.is_empty());
         }
 
-        // the nearest closed pose of the open file is that of the robot, seen from the other zero
+        // the nearest closed pose of the open file is the robot's, relative to the other zero pose
         let assembler = OpenModel::compile(&open).unwrap();
         let weights = vec![1.0; model.sizes().n_v];
         let found = assembler
             .assemble(&assembler.tree_zero(), &weights)
             .unwrap_or_else(|error| panic!("{error}"));
-        // the lengths of the clusters at the other zero pose are others
+        // the clusters have other lengths at the other zero pose
         let there: Vec<f64> = model
             .tree_units()
             .iter()
@@ -315,7 +315,7 @@ fn files_that_are_open_at_zero_are_assembled_and_closed_by_their_new_origins() {
             allowed + 100.0 * case.contradiction(),
         );
 
-        // with the new origins the file is a robot, and the same one
+        // with the new origins the file is the same robot
         let closed = moved(&open, &found.q);
         let compiled = Model::compile(&closed).unwrap_or_else(|error| panic!("{error}"));
         let mass = |robot: &mut Robot<f64>, q: &[f64]| {

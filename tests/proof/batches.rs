@@ -20,18 +20,18 @@ use crate::allocation::calls;
 
 const UNKNOWN: Answer = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
 
-/// Where lanes round as doubles alone do; elsewhere no states go abreast.
+/// True where lanes round like single doubles; on other targets every state is computed alone.
 const FUSED: bool = cfg!(any(
     all(target_arch = "x86_64", target_feature = "avx2", target_feature = "fma"),
     target_arch = "aarch64"
 ));
 
-/// A number's bits; every NaN is the same.
+/// Bits of a number; every NaN counts as the same.
 fn bits(x: &f64) -> u64 {
     if x.is_nan() { u64::MAX } else { x.to_bits() }
 }
 
-/// The same rows, and the same answers to them.
+/// Rows and answers must be equal bit by bit.
 fn compare(what: &str, found: (&[f64], &[Answer]), expected: (&[f64], &[Answer])) {
     assert_eq!(found.1, expected.1, "{what}");
     let n = expected.0.len() / expected.1.len().max(1);
@@ -41,14 +41,14 @@ fn compare(what: &str, found: (&[f64], &[Answer]), expected: (&[f64], &[Answer])
     }
 }
 
-/// The rows of each field by themselves, with how many numbers one has.
+/// The rows of each field separately, with the field's count of numbers per row.
 fn apart(layout: &Layout, rows: &[f64]) -> Vec<(Vec<f64>, usize)> {
     let rows = || rows.chunks(layout.len().max(1));
     let field = |range: Range<usize>| rows().flat_map(|row| row[range.clone()].to_vec()).collect();
     layout.slots().iter().map(|slot| (field(slot.range()), slot.range().len())).collect()
 }
 
-/// Rows for a plan, of which some are far out, unreachable or no numbers.
+/// Rows for a plan; if `astray`, some are far away, unreachable or NaN.
 fn rows(case: &Case, plan: &Plan, n: usize, astray: bool, seeded: &mut Seeded) -> Vec<f64> {
     let mut robot = Robot::new(case.compiled.model.clone());
     let mut rows = Vec::new();
@@ -69,11 +69,12 @@ fn rows(case: &Case, plan: &Plan, n: usize, astray: bool, seeded: &mut Seeded) -
     rows
 }
 
-/// Answers rows one by one.
+/// Answers each row alone.
 fn alone(case: &Case, plan: &Plan, input: &[f64], n: usize) -> (Vec<f64>, Vec<Answer>) {
     let model = &case.compiled.model;
     let mut workspace = Workspace::for_plans(model, [plan]);
-    let (n_in, n_out) = (plan.given().len(), plan.want().len());
+    let n_in = plan.given().len();
+    let n_out = plan.want().len();
     let mut output = vec![0.1; n * n_out];
     let run = |row: usize| {
         let output = &mut output[row * n_out..][..n_out];
@@ -89,11 +90,11 @@ fn states_abreast_have_the_bits_that_each_has_alone() {
     for case in robots().iter().take(16).chain(robots().iter().skip(16).step_by(12)) {
         let model = Arc::new(case.compiled.model.clone());
         let mut seeded = Seeded::new(case.seed + 9);
-        // for every plan, as a server has it
+        // one workspace for every plan, as in a server
         let mut any = BatchWorkspace::new(&model, MAX_NUMBERS_IN, MAX_NUMBERS_OUT);
         for plan in every_plan(&*model, &mut seeded) {
             let mut batch = Batch::new(&model, &plan);
-            // what goes alone anyway is tried with few of the plans
+            // plans without lanes are covered by a few of them
             if batch.lanes() == 1 && seeded.below(20) > 0 {
                 continue;
             }
@@ -101,7 +102,8 @@ fn states_abreast_have_the_bits_that_each_has_alone() {
             let n = 3 * LANES + 1;
             let given = rows(case, &plan, n, true, &mut seeded);
             let (expected, answers) = alone(case, &plan, &given, n);
-            let (mut output, mut found) = (vec![0.2; expected.len()], vec![UNKNOWN; n]);
+            let mut output = vec![0.2; expected.len()];
+            let mut found = vec![UNKNOWN; n];
             let before = calls();
             batch.run(&given, &mut output, &mut found);
             assert_eq!(calls(), before, "{}: {:?}", case.name, plan.query());
@@ -114,7 +116,7 @@ fn states_abreast_have_the_bits_that_each_has_alone() {
                 assert_eq!(calls(), before, "{what}");
                 compare(&what, (&output, &found), (&expected, &answers));
             }
-            // each field by itself
+            // fields in separate arrays
             let given_apart = apart(plan.given(), &given);
             let mut want_apart = apart(plan.want(), &vec![0.2; expected.len()]);
             let given_apart: Vec<_> = given_apart.iter().map(|(x, n)| (&x[..], *n)).collect();
@@ -128,11 +130,12 @@ fn states_abreast_have_the_bits_that_each_has_alone() {
                 let of = |numbers: &[f64]| numbers.iter().map(bits).collect::<Vec<_>>();
                 assert_eq!(of(&found.0), of(&expected.0), "{what}, apart");
             }
-            // no answer has a negative zero, and failed ones have none either
+            // no answer has a negative zero, failed ones included
             let negative = |x: &f64| x.to_bits() == (-0.0_f64).to_bits();
             assert!(!expected.iter().any(negative), "{what}: {expected:?}");
-            // the same scratch again: a tile without a number, then the rows backwards
-            let (n_in, n_out) = (plan.given().len(), plan.want().len());
+            // the same workspace again: a tile with a NaN, then the rows in reverse order
+            let n_in = plan.given().len();
+            let n_out = plan.want().len();
             let order: Vec<usize> = (0..n).rev().collect();
             let mut again = vec![f64::NAN; LANES * n_in];
             order.iter().for_each(|row| again.extend(&given[row * n_in..][..n_in]));
@@ -164,7 +167,8 @@ fn most_states_of_bundled_robots_are_answered_abreast() {
         assert_eq!(batch.lanes(), if FUSED { LANES } else { 1 }, "{name}");
         let n = 64 * LANES;
         let given = rows(&case, &plan, n, false, &mut seeded);
-        let (mut output, mut found) = (vec![0.0; n * plan.want().len()], vec![UNKNOWN; n]);
+        let mut output = vec![0.0; n * plan.want().len()];
+        let mut found = vec![UNKNOWN; n];
         batch.run(&given, &mut output, &mut found);
         assert!(!FUSED || batch.alone() < n as u64 / 4, "{name}: {} of {n} alone", batch.alone());
     }
@@ -178,7 +182,8 @@ fn a_plan_of_another_model_is_refused_row_by_row() {
         for plan in every_plan(&of.compiled.model, &mut Seeded::new(3)) {
             let mut batch = Batch::new(&model, &plan);
             let n = LANES + 1;
-            let (mut output, mut found) = (vec![0.2; n * plan.want().len()], vec![UNKNOWN; n]);
+            let mut output = vec![0.2; n * plan.want().len()];
+            let mut found = vec![UNKNOWN; n];
             batch.run(&vec![0.1; n * plan.given().len()], &mut output, &mut found);
             assert!(found.iter().all(|answer| answer.status == Status::WrongModel));
             assert!(output.iter().all(|x| x.is_nan()));
@@ -192,12 +197,14 @@ fn rows_of_the_wrong_size_are_refused() {
     let model = Arc::new(case.compiled.model.clone());
     let plan = every_plan(&*model, &mut Seeded::new(1)).swap_remove(0);
     let mut batch = Batch::new(&model, &plan);
-    let (mut output, mut found) = (vec![0.0; 3 * plan.want().len()], vec![UNKNOWN; 3]);
+    let mut output = vec![0.0; 3 * plan.want().len()];
+    let mut found = vec![UNKNOWN; 3];
     batch.run(&vec![0.0; 3 * plan.given().len() + 1], &mut output, &mut found);
     assert!(found.iter().all(|answer| answer.status == Status::WrongSize));
     assert!(output.iter().all(|x| x.is_nan()));
-    // of fields that lie apart: a number is missing, or it is another's
-    let (n_in, n_out) = (plan.given().len(), plan.want().len());
+    // separate fields: one lacks a number, one has another field's length
+    let n_in = plan.given().len();
+    let n_out = plan.want().len();
     let numbers = vec![0.0; 3 * (n_in + 1)];
     for given in [(&numbers[..3 * n_in - 1], n_in), (&numbers[..], n_in + 1)] {
         (output, found) = (vec![0.0; 3 * n_out], vec![UNKNOWN; 3]);
@@ -221,13 +228,15 @@ fn batches_of_a_robot_depend_on_no_thread() {
         let given = rows(&case, &plan, n, true, &mut Seeded::new(case.seed));
         let (expected, answers) = alone(&case, &plan, &given, n);
         for threads in [1, 2, 3, 2] {
-            let (mut output, mut found) = (vec![0.2; expected.len()], vec![UNKNOWN; n]);
+            let mut output = vec![0.2; expected.len()];
+            let mut found = vec![UNKNOWN; n];
             let threads = NonZero::new(threads).unwrap();
             robot.batch(id, threads, &given, &mut output, &mut found).unwrap();
             compare(name, (&output, &found), (&expected, &answers));
         }
         robot.release(id).unwrap();
-        let (mut output, mut found) = (vec![0.2; expected.len()], vec![UNKNOWN; n]);
+        let mut output = vec![0.2; expected.len()];
+        let mut found = vec![UNKNOWN; n];
         let outcome = robot.batch(id, NonZero::<usize>::MIN, &given, &mut output, &mut found);
         assert!(matches!(outcome, Err(Error::ReleasedPlan | Error::UnknownPlan)));
         assert!(output.iter().all(|x| x.is_nan()));

@@ -1,4 +1,4 @@
-//! What is reported of poses and masses that cost digits, and how a loop goes on where its branches
+//! Warnings at poses and masses that cost digits, and the continuation of a loop where its branches
 //! cross.
 
 use std::f64::consts::FRAC_PI_2;
@@ -13,7 +13,7 @@ use sarrus_tests::draft::Draft;
 use sarrus_tests::reference::ROBOTS;
 use sarrus_tests::run::{Fields, Robot};
 
-/// Error by size from which on a user is to be warned.
+/// Relative error from which an answer must carry a warning.
 const FEW: f64 = 1e-9;
 
 fn is_reported<T>(of: &Fields<T>) -> bool {
@@ -43,7 +43,7 @@ fn nobody_is_warned_at_ordinary_poses() {
     }
 }
 
-/// The lambda driven by its slider, which has an end where rocker and rod are in line.
+/// The lambda driven by its slider, whose travel ends where rocker and rod are in line.
 fn lambda_by_slider(kind: SubmechanismKind) -> Compiled {
     let mut description = Case::bundled("lambda").description;
     let slider = description.joints.iter().position(|joint| joint.name == "ElbowAct").unwrap();
@@ -56,10 +56,12 @@ fn lambda_by_slider(kind: SubmechanismKind) -> Compiled {
 fn whoever_loses_digits_near_a_singular_pose_is_told() {
     for kind in [SubmechanismKind::Rrpr, SubmechanismKind::Numerical] {
         let Compiled { model, exact, .. } = lambda_by_slider(kind);
-        let (mut robot, mut reference) = (Robot::new(model), Robot::new(exact));
-        // its length at zero, and where rocker and rod are in line
+        let mut robot = Robot::new(model);
+        let mut reference = Robot::new(exact);
+        // slider length at zero, and where rocker and rod are in line
         let end = 0.11402 + 0.36497 - 0.29739;
-        let (mut warned, mut answered) = (0, 0);
+        let mut warned = 0;
+        let mut answered = 0;
         for k in 0..150 {
             let y = end - 10f64.powf(-0.1 * f64::from(k));
             let given = [(Y, [y]), (Yd, [1.0]), (TauY, [1.0])];
@@ -101,10 +103,11 @@ fn whoever_loses_digits_near_a_singular_pose_is_told() {
     }
 }
 
-/// Links in a row, turning about the same direction, with a weight at the end.
+/// Links in a row that turn about parallel axes, with a weight at the end.
 fn chain(n: usize, weight: f64) -> Description {
     let mut draft = Draft::new(1, SubmechanismKind::Serial, true);
-    let (mut link, mut joints) = (0, Vec::new());
+    let mut link = 0;
+    let mut joints = Vec::new();
     for k in 0..n {
         let (joint, next) = draft.turn(link, [k as f64, 0.0, 0.0], [0.0, 1.0, 0.0]);
         joints.push((joint, 0.5));
@@ -114,8 +117,9 @@ fn chain(n: usize, weight: f64) -> Description {
     draft.roles(&joints, &active);
     let mut description = draft.description();
     let last = description.links[link].inertial.as_mut().unwrap();
-    (last.mass, last.inertia, last.origin) =
-        (weight, [0.0; 6], Placement { xyz: [1.0, 0.0, 0.0], rpy: [0.0; 3] });
+    last.mass = weight;
+    last.inertia = [0.0; 6];
+    last.origin = Placement { xyz: [1.0, 0.0, 0.0], rpy: [0.0; 3] };
     description
 }
 
@@ -177,7 +181,8 @@ fn accelerations_of_unlike_inertias_are_right_or_told_whatever_the_weight() {
         }
         of
     };
-    let (mut right, mut reported) = (0, 0);
+    let mut right = 0;
+    let mut reported = 0;
     for k in 0..10 {
         for description in [chain(8, 10f64.powi(k)), rotors(10f64.powi(k))] {
             let Compiled { model, exact, .. } = compiled(&description);
@@ -235,7 +240,7 @@ fn a_parallelogram_goes_through_its_flat_pose_along_the_given_velocity() {
         let before =
             robot.ask(Request::Kinematics, &[(Y, &[flat + off]), (Yd, &[-1.0])], &[Q, Qd]).ok();
         let y = flat - 0.7 * off;
-        // without the velocity nobody can know which branch is meant
+        // without the velocity the branch is unknown
         let lost = ask(&mut robot, y, &before, None);
         assert!(
             matches!(
@@ -247,12 +252,12 @@ fn a_parallelogram_goes_through_its_flat_pose_along_the_given_velocity() {
         );
 
         let after = ask(&mut robot, y, &before, Some(before.get(Qd))).ok();
-        // a parallelogram's cranks stay parallel and its couplers level: each joint turns as the
-        // first one or the other way round
+        // a parallelogram's cranks stay parallel and its couplers keep their direction: each joint
+        // turns by plus or minus the first one's angle
         for (q, qd) in after.get(Q).iter().zip(before.get(Qd)) {
             assert!((q + y * qd.signum()).abs() < 1e-9, "{off:e}: {q} for {y} at {qd}");
         }
-        // a velocity that leads elsewhere is not followed
+        // a velocity on neither branch is not followed
         let still: Vec<f64> = before.get(Qd).iter().map(|_| 0.0).collect();
         assert_ne!(ask(&mut robot, y, &before, Some(&still)).answer.status, Status::Ok);
     }
@@ -263,8 +268,10 @@ fn accelerations_without_a_digit_are_refused() {
     let mut description = Case::bundled("four_bars_2").description;
     description.submechanisms.iter_mut().for_each(|part| part.kind = SubmechanismKind::Numerical);
     let Compiled { model, exact, .. } = compiled(&description);
-    let (mut robot, mut reference) = (Robot::new(model), Robot::new(exact));
-    let (mut answered, mut refused) = (0, 0);
+    let mut robot = Robot::new(model);
+    let mut reference = Robot::new(exact);
+    let mut answered = 0;
+    let mut refused = 0;
     for k in 0..60 {
         let y = 10f64.powf(-0.125 * f64::from(k)) - FRAC_PI_2;
         let exact = reference
@@ -274,7 +281,7 @@ fn accelerations_without_a_digit_are_refused() {
         let found = robot.ask(Request::Kinematics, &[(Y, &[y]), (Yd, &[1.0])], &[Qd, Qdd]);
         match found.answer.status {
             Status::Ok => {
-                // joints turn at unit speed and without acceleration
+                // joints turn at unit speed without acceleration
                 let of = |field| {
                     (found.get(field).iter().zip(exact.get(field)))
                         .map(|(x, y)| f64::abs(x - y))
@@ -294,9 +301,10 @@ fn accelerations_without_a_digit_are_refused() {
 
 #[test]
 fn actuators_that_nearly_lose_control_are_told() {
-    // a Stewart platform turned a quarter about its axis
+    // a Stewart platform a quarter turn about its axis
     let Compiled { model, exact, .. } = Case::bundled("stewart").compiled;
-    let (mut robot, mut reference) = (Robot::new(model), Robot::new(exact));
+    let mut robot = Robot::new(model);
+    let mut reference = Robot::new(exact);
     let mut warned = 0;
     for k in 0..13 {
         let y = [0.01, -0.02, 0.0, 0.0, 0.0, FRAC_PI_2 - 10f64.powi(-k)];
@@ -319,8 +327,7 @@ fn actuators_that_nearly_lose_control_are_told() {
 
 #[test]
 fn the_whole_system_tells_where_it_does_not_balance() {
-    // all but the slider nearly without mass: M_y is fine, the system of tree and constraints is
-    // not
+    // all bodies but the slider nearly massless: M_y is well conditioned, the KKT system is not
     let mut description = Case::bundled("lambda").description;
     let slider = description.joints.iter().find(|joint| joint.name == "ElbowAct").unwrap().child;
     for (k, link) in description.links.iter_mut().enumerate() {

@@ -1,5 +1,4 @@
-//! Derivatives against differences: central ones in double-double with a step of 1e-8 are good to
-//! sixteen digits.
+//! Derivatives against central differences in double-double; a step of 1e-8 leaves sixteen digits.
 
 use sarrus_dynamics::description::Terms;
 use sarrus_dynamics::scalar::{Dd, Real};
@@ -13,12 +12,11 @@ use sarrus_tests::small::{inner, plus, product, times};
 use Field::*;
 
 const STEP: f64 = 1e-8;
-/// What third derivatives at that step and the rounding of second differences leave, at condition
-/// 1.
+/// Error of the differences at condition 1: third derivatives at that step, and rounding.
 const ALLOWED: f64 = 1e-12;
 
-/// The state a time t later with ÿ constant, to second order in t; a quaternion to first, whose
-/// even error differences do not see.
+/// The state after time t with constant ÿ, to second order in t; a quaternion to first order, with
+/// an even error that central differences cancel.
 pub(crate) fn later<T: PlanScalar>(case: &Case, state: &State<T>, t: T) -> State<T> {
     let yd = plus(&state.yd, &times(t, &state.ydd));
     let half = T::from_f64(0.5);
@@ -27,10 +25,11 @@ pub(crate) fn later<T: PlanScalar>(case: &Case, state: &State<T>, t: T) -> State
     State { y, yd, ydd: state.ydd.clone() }
 }
 
-/// y + t ẏ; at a floating joint p + t R v, of a quaternion q + t/2 q ω at unit length, which is
-/// right to second order.
+/// y + t ẏ; for a floating joint p + t R v, for a quaternion q + t/2 q ω normalised, which is exact
+/// to second order.
 pub(crate) fn moved<T: PlanScalar>(case: &Case, y: &[T], yd: &[T], t: T) -> Vec<T> {
-    let (mut y, mut v) = (y.to_vec(), 0);
+    let mut y = y.to_vec();
+    let mut v = 0;
     let names = case.compiled.model.independent_q_names();
     let mut i = 0;
     while i < y.len() {
@@ -70,25 +69,28 @@ pub(crate) fn turned<T: PlanScalar>(q: &[T], v: &[T]) -> [T; 3] {
     let cross = |a: [T; 3], b: [T; 3]| {
         [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
     };
-    let (axis, v) = ([q[0], q[1], q[2]], [v[0], v[1], v[2]]);
+    let axis = [q[0], q[1], q[2]];
+    let v = [v[0], v[1], v[2]];
     let inner = cross(axis, v);
     let twice =
         cross(axis, [inner[0] + q[3] * v[0], inner[1] + q[3] * v[1], inner[2] + q[3] * v[2]]);
     std::array::from_fn(|k| v[k] + twice[k] + twice[k])
 }
 
-/// Kinetic and potential energy from masses, poses and twists of the links, without any mass
-/// matrix.
+/// Kinetic and potential energy from masses, poses and twists of the links, without a mass matrix.
 pub(crate) fn energy<T: PlanScalar>(case: &Case, pose: &[T], twist: &[T]) -> (T, T) {
-    let (mut kinetic, mut potential) = (T::ZERO, T::ZERO);
+    let mut kinetic = T::ZERO;
+    let mut potential = T::ZERO;
     let links = case.description.links.iter().zip(pose.chunks_exact(7)).zip(twist.chunks_exact(6));
     for ((link, pose), twist) in links {
         let Some(inertial) = &link.inertial else { continue };
         let mass = T::from_f64(inertial.mass);
         let arm = turned(&pose[3..], &inertial.origin.xyz.map(T::from_f64));
-        let (w, v) = (&twist[..3], &twist[3..]);
+        let w = &twist[..3];
+        let v = &twist[3..];
         let at: [T; 3] = std::array::from_fn(|k| {
-            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+            let i = (k + 1) % 3;
+            let j = (k + 2) % 3;
             v[k] + w[i] * arm[j] - w[j] * arm[i]
         });
         // ω in the axes of the inertia
@@ -113,7 +115,8 @@ pub(crate) fn energy<T: PlanScalar>(case: &Case, pose: &[T], twist: &[T]) -> (T,
 /// Poses and twists of all links.
 pub(crate) fn frames<T: PlanScalar>(robot: &mut Robot<T>, state: &State<T>) -> (Vec<T>, Vec<T>) {
     let links: Vec<u16> = (0..robot.model.link_names().len() as u16).collect();
-    let (mut pose, mut twist) = (Vec::new(), Vec::new());
+    let mut pose = Vec::new();
+    let mut twist = Vec::new();
     for some in links.chunks(32) {
         let query = Query::new(
             Request::Kinematics,
@@ -128,10 +131,12 @@ pub(crate) fn frames<T: PlanScalar>(robot: &mut Robot<T>, state: &State<T>) -> (
     (pose, twist)
 }
 
-/// Kinetic energy of the rotors, potential of the springs, and the power that damping takes.
+/// Kinetic energy of the rotors, potential energy of the springs, and power of the damping.
 pub(crate) fn in_joints<T: PlanScalar>(case: &Case, model: &Model<T>, q: &[T], qd: &[T]) -> [T; 3] {
     let half = T::from_f64(0.5);
-    let (mut kinetic, mut potential, mut loss) = (T::ZERO, T::ZERO, T::ZERO);
+    let mut kinetic = T::ZERO;
+    let mut potential = T::ZERO;
+    let mut loss = T::ZERO;
     for joint in case.description.joints.iter().filter(|joint| joint.terms != Terms::default()) {
         let Some(v) = model.tree_names().iter().position(|name| *name == joint.name) else {
             continue;
@@ -139,7 +144,8 @@ pub(crate) fn in_joints<T: PlanScalar>(case: &Case, model: &Model<T>, q: &[T], q
         let Some(k) = model.tree_q_names().iter().position(|name| *name == joint.name) else {
             continue;
         };
-        let (terms, rate) = (joint.terms, qd[v]);
+        let terms = joint.terms;
+        let rate = qd[v];
         let stretch = q[k] - T::from_f64(terms.rest);
         let ratio = T::from_f64(terms.gear_ratio);
         kinetic += half * ratio * ratio * T::from_f64(terms.rotor_inertia) * rate * rate;
@@ -178,9 +184,9 @@ fn every_rate_is_the_derivative_of_what_it_is_the_rate_of() {
             ledger.compare(what, case, a, b, size, allowed)
         };
 
-        // joints of one degree of freedom stand at the same names in q and q̇
-        let (q_names, v_names) =
-            (case.compiled.model.tree_q_names(), case.compiled.model.tree_names());
+        // joints of one degree of freedom have the same name in q and q̇
+        let q_names = case.compiled.model.tree_q_names();
+        let v_names = case.compiled.model.tree_names();
         let rate = change(Q);
         for (k, name) in q_names.iter().enumerate() {
             if let Some(v) = v_names.iter().position(|x| x == name) {
@@ -196,7 +202,8 @@ fn every_rate_is_the_derivative_of_what_it_is_the_rate_of() {
         check("k = −K̇ q̇", &k_bias, x.get(KBias), largest(x.get(K)).max(1.0) * speed.powi(2));
 
         // frames: positions, quaternions (½ ω q, ω in world axes), twists
-        let (poses, twists) = (change(FramePose), x.get(FrameTwist));
+        let poses = change(FramePose);
+        let twists = x.get(FrameTwist);
         let size = largest(twists).max(speed);
         for ((rate, pose), twist) in
             poses.chunks_exact(7).zip(x.get(FramePose).chunks_exact(7)).zip(twists.chunks_exact(6))
@@ -236,14 +243,15 @@ fn power_is_the_rate_of_energy() {
         let (kinetic, _) = energy_at(0.0);
         let half = Dd::from(0.5) * inner(&now.yd, &product(x.get(MY), &now.yd));
         let cond = x.get(CondKd)[0].to_f64();
-        // the inertia's frame is turned in double
+        // the inertia's frame is rotated in double
         ledger.note(
             "½ ẏᵀ M_y ẏ",
             case,
             ((half - kinetic) / kinetic).to_f64().abs(),
             1e-14 * cond + case.contradiction(),
         );
-        let (before, after) = (energy_at(-STEP), energy_at(STEP));
+        let before = energy_at(-STEP);
+        let after = energy_at(STEP);
         let sum = |x: (Dd, Dd)| x.0 + x.1;
         let rate = (sum(after) - sum(before)) / Dd::from(2.0 * STEP);
         let [_, _, loss] = in_joints(case, &case.compiled.exact, x.get(Q), x.get(Qd));

@@ -1,4 +1,4 @@
-//! The answer to a request depends on model and request alone.
+//! The answer to a request depends only on the model and the request.
 
 use sarrus_dynamics::scalar::Dd;
 use sarrus_dynamics::{Model, PlanScalar, Workspace};
@@ -7,7 +7,7 @@ use sarrus_tests::plans::{every_plan, input};
 use sarrus_tests::run::Robot;
 use sarrus_tests::seed::Seeded;
 
-/// A number's bits; every NaN is the same.
+/// Bits of a number; every NaN counts as the same.
 type Bits = (u64, u64);
 
 fn check<T: PlanScalar>(case: &Case, model: &Model<T>, bits: impl Fn(T) -> Bits) {
@@ -18,7 +18,7 @@ fn check<T: PlanScalar>(case: &Case, model: &Model<T>, bits: impl Fn(T) -> Bits)
         .flat_map(|p| (0..2).map(move |k| (p, k)))
         .map(|(p, k)| {
             let mut numbers = input(case, &mut robot, &plans[p], &case.state(k), &mut seeded);
-            // some go astray
+            // some inputs become unreachable or NaN
             match seeded.below(8) {
                 0 => numbers.iter_mut().for_each(|x| *x *= T::from_f64(7.0)),
                 1 if !numbers.is_empty() => numbers[0] = T::from_f64(f64::INFINITY),
@@ -63,7 +63,8 @@ fn the_same_files_make_the_same_model() {
     for seed in [2, 15, 37, 61] {
         let text = sarrus_tests::random::random_robot(seed);
         let read = || text.load(&sarrus_models::Options::default()).unwrap().compiled;
-        let (a, b) = (read(), read());
+        let a = read();
+        let b = read();
         assert_eq!(a.model.fingerprint(), b.model.fingerprint(), "seed {seed}");
         assert_eq!(format!("{:?}", a.model), format!("{:?}", b.model), "seed {seed}");
     }

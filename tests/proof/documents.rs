@@ -1,4 +1,4 @@
-//! The pages at the top of the project say what is there.
+//! The pages at the top of the project agree with the sources.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ fn page(name: &str) -> String {
     fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// What follows a heading of the second level, up to the next.
+/// Text between a heading of the second level and the next one.
 fn section<'a>(page: &'a str, heading: &str) -> &'a str {
     let (_, rest) = page
         .split_once(&format!("\n## {heading}\n"))
@@ -36,7 +36,7 @@ fn blocks<'a>(page: &'a str, language: &str) -> Vec<&'a str> {
         .collect()
 }
 
-/// The files of a list: lines that begin with a path in backticks.
+/// Files of a list: lines that begin with a path in backticks.
 fn listed(section: &str) -> Vec<String> {
     section
         .lines()
@@ -44,12 +44,12 @@ fn listed(section: &str) -> Vec<String> {
         .collect()
 }
 
-/// Every file of the project with this ending, by its path from the root, in order.
+/// All files of the project with this ending, as sorted paths from the root.
 fn files(ending: &str) -> Vec<String> {
     fn walk(folder: &Path, found: &mut Vec<PathBuf>) {
         for entry in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
             let name = entry.file_name().unwrap().to_str().unwrap().to_owned();
-            // what is hidden or built is no part of the project
+            // hidden folders and build folders are not part of the project
             let is_built = name == "target" || entry.join("CACHEDIR.TAG").exists();
             if name.starts_with('.') || is_built {
                 continue;
@@ -118,7 +118,7 @@ fn every_crate_stands_in_the_architecture_with_its_folder() {
 
 #[test]
 fn unsafe_code_stands_only_where_it_is_listed() {
-    // in two halves, so that this file does not find itself
+    // split, so that this file does not contain the words
     let [word, permission] = [concat!("un", "safe"), concat!("allow(un", "safe_code")];
     let is_letter = |letter: char| letter.is_alphanumeric() || letter == '_';
     let holds = |path: &String| {
@@ -182,8 +182,8 @@ fn every_closed_form_has_a_drawing_that_can_be_read() {
 
 #[test]
 fn commands_on_the_pages_name_what_exists() {
-    let (packages, robots) =
-        (packages(), sarrus_models::bundled().map(|(name, _)| name.to_owned()).collect::<Vec<_>>());
+    let packages = packages();
+    let robots = sarrus_models::bundled().map(|(name, _)| name.to_owned()).collect::<Vec<_>>();
     for name in
         ["README.md", "CONTRIBUTING.md", "models/README.md", "proto/README.md", "server/README.md"]
     {

@@ -1,8 +1,8 @@
-//! Derivatives by dual numbers: G and g from γ alone, every rate from what it is the rate of,
-//! forces from the energies.
+//! Derivatives by dual numbers: G and g from γ alone, every rate from its integral, forces from the
+//! energies.
 //!
-//! A numerical closure over duals starts at the closed pose without derivatives; one Newton step
-//! from there gives the first derivative, one more the second.
+//! A numerical closure over duals starts at the closed pose without derivatives; the first Newton
+//! step gives the first derivative, the next one the second.
 
 use sarrus_dynamics::scalar::{Dd, Dual, Real};
 use sarrus_dynamics::{Field, FieldSet, Model, PlanScalar, Query, Request};
@@ -20,8 +20,7 @@ use Field::*;
 /// Rounding allowed at condition 1, in units of the scalar.
 const ROUNDING: f64 = 64.0;
 
-/// Closes at y from the closed pose q, as often as there are orders of derivatives, and asks from
-/// there.
+/// Closes at y from the closed pose q once per order of derivatives, then asks at that pose.
 fn ask_at<S: PlanScalar>(
     robot: &mut Robot<Dual<S>>,
     base: Query,
@@ -50,17 +49,19 @@ fn kinematics(want: &[Field]) -> Query {
     Query::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(want))
 }
 
-/// Joint rates (place in q̇, rate) from the derivative of q: that itself, or 2 q* q̇ of a
-/// quaternion; also the second derivatives.
+/// Joint rates as (index in q̇, rate) from the derivative of q: the derivative itself, or 2 q* q̇
+/// for a quaternion. Second derivatives likewise.
 fn rates<S: PlanScalar>(model: &Model<S>, q: &[S], dq: &[S]) -> Vec<(usize, S)> {
-    let (q_names, v_names) = (model.tree_q_names(), model.tree_names());
+    let q_names = model.tree_q_names();
+    let v_names = model.tree_names();
     let place = |name: &str| v_names.iter().position(|x| x == name);
     let mut rates = Vec::new();
     for (k, name) in q_names.iter().enumerate() {
         if let Some(v) = place(name) {
             rates.push((v, dq[k]));
         } else if let Some(joint) = name.strip_suffix("/qx") {
-            let (q, d) = (&q[k..k + 4], &dq[k..k + 4]);
+            let q = &q[k..k + 4];
+            let d = &dq[k..k + 4];
             let two = S::from_f64(2.0);
             let w = |i: usize, j: usize, l: usize| {
                 two * (q[3] * d[i] - d[3] * q[i] - q[j] * d[l] + q[l] * d[j])
@@ -89,12 +90,14 @@ fn compare_rates<S: PlanScalar>(
 
 /// ∂γ/∂y = G and ∂u/∂y = G_u, column by column, without any velocity.
 fn columns<S: PlanScalar>(case: &Case, plain: &Model<S>, ledger: &mut Ledger, scalar: &str) {
-    let (mut robot, mut over_duals) = (Robot::new(plain.clone()), Robot::new(model(plain)));
+    let mut robot = Robot::new(plain.clone());
+    let mut over_duals = Robot::new(model(plain));
     let n = plain.sizes().n_vy;
     let state = case.state::<S>(0);
     let x = robot.ask_for(kinematics(&[Q, G, GU, CondKd]), &[(Y, &state.y)]).ok();
     let allowed = ROUNDING * S::EPSILON * x.get(CondKd)[0].to_f64() + case.contradiction();
-    let (y, q) = (constants(&state.y), constants(x.get(Q)));
+    let y = constants(&state.y);
+    let q = constants(x.get(Q));
     let size = largest(x.get(G)).max(1.0);
     for k in 0..n {
         let mut e = vec![Dual::ZERO; n];
@@ -134,13 +137,13 @@ fn the_loop_jacobian_is_the_derivative_of_the_closure() {
     });
 }
 
-/// γ twice along a path in time: q̇, q̈ and with them g.
+/// q̇, q̈ and g from γ along a path in time.
 #[test]
 fn the_bias_is_the_second_derivative_of_the_closure() {
     Ledger::over(robots(), |case, ledger| {
         let plain = &case.compiled.model;
-        let (mut robot, mut over_duals) =
-            (Robot::new(plain.clone()), Robot::new(model(&model(plain))));
+        let mut robot = Robot::new(plain.clone());
+        let mut over_duals = Robot::new(model(&model(plain)));
         for k in 0..2 {
             let now = case.state::<f64>(k);
             let given = [(Y, now.y.as_slice()), (Yd, &now.yd), (Ydd, &now.ydd)];
@@ -151,14 +154,16 @@ fn the_bias_is_the_second_derivative_of_the_closure() {
             let still = State { y: twice(&now.y), yd: twice(&now.yd), ydd: twice(&now.ydd) };
             let y = later(case, &still, Second::path(0.0, 1.0, 0.0)).y;
             let at = ask_at(&mut over_duals, kinematics(&[Q, U]), &[(Y, &y)], &twice(x.get(Q)), 2);
-            let (speed, cond) = (largest(x.get(Qd)).max(1.0), x.get(CondKd)[0]);
+            let speed = largest(x.get(Qd)).max(1.0);
+            let cond = x.get(CondKd)[0];
             let allowed = |power: i32| {
                 ROUNDING * <f64 as Real>::EPSILON * cond.powi(power) + case.contradiction()
             };
             let part = |field: Field, of: fn(&Second) -> f64| -> Vec<f64> {
                 at.get(field).iter().map(of).collect()
             };
-            let (first, second) = (part(Q, |x| x.du.re), part(Q, |x| x.du.du));
+            let first = part(Q, |x| x.du.re);
+            let second = part(Q, |x| x.du.du);
             compare_rates(
                 ledger,
                 "γ̇ = q̇",
@@ -200,14 +205,15 @@ fn the_bias_is_the_second_derivative_of_the_closure() {
     });
 }
 
-/// What one dual along the motion makes of every output that has a rate among the outputs.
+/// Checks every output that is the rate of another output, by one dual along the motion.
 fn along_the_motion<S: PlanScalar>(
     case: &Case,
     plain: &Model<S>,
     ledger: &mut Ledger,
     scalar: &str,
 ) {
-    let (mut robot, mut over_duals) = (Robot::new(plain.clone()), Robot::new(model(plain)));
+    let mut robot = Robot::new(plain.clone());
+    let mut over_duals = Robot::new(model(plain));
     let now = case.state::<S>(1);
     let q = robot.ask_for(kinematics(&[Q]), &[(Y, &now.y)]).ok().get(Q).to_vec();
     let still = State { y: constants(&now.y), yd: constants(&now.yd), ydd: constants(&now.ydd) };
@@ -244,7 +250,8 @@ fn along_the_motion<S: PlanScalar>(
     check("−K̇ q̇ = k", &k_bias, &value(KBias), largest(&value(K)).max(1.0) * speed.powi(2));
 
     // frames: positions, quaternions, twists
-    let (pose, twist) = (value(FramePose), value(FrameTwist));
+    let pose = value(FramePose);
+    let twist = value(FrameTwist);
     let size = largest(&twist).max(speed);
     for ((rate, pose), twist) in
         change(FramePose).chunks_exact(7).zip(pose.chunks_exact(7)).zip(twist.chunks_exact(6))
@@ -270,8 +277,8 @@ fn every_rate_is_a_derivative_by_duals() {
     });
 }
 
-/// Kinetic and potential energy with rotors and springs, from poses and twists of the links and
-/// from q and q̇.
+/// Kinetic and potential energy with rotors and springs, from q, q̇ and the links' poses and
+/// twists.
 fn energies<T: PlanScalar>(
     case: &Case,
     robot: &mut Robot<T>,
@@ -280,7 +287,8 @@ fn energies<T: PlanScalar>(
     q: &[T],
 ) -> (T, T) {
     let links: Vec<u16> = (0..robot.model.link_names().len() as u16).collect();
-    let (mut pose, mut twist) = (Vec::new(), Vec::new());
+    let mut pose = Vec::new();
+    let mut twist = Vec::new();
     let given = [(Y, y), (Yd, yd), (QGuess, q)];
     for some in links.chunks(32) {
         let x = robot.ask_for(kinematics(&[FramePose, FrameTwist]).with_frames(some), &given).ok();
@@ -295,21 +303,21 @@ fn energies<T: PlanScalar>(
     (kinetic, potential)
 }
 
-/// Lagrange's equation from energies that know no mass matrix, no acceleration and no force: d/dt
-/// ∂T/∂ẏ − ∂T/∂y + ∂V/∂y = τ_y − Gᵀ d q̇.
+/// Lagrange's equation with energies that use no mass matrix, acceleration or force: d/dt ∂T/∂ẏ −
+/// ∂T/∂y + ∂V/∂y = τ_y − Gᵀ d q̇.
 #[test]
 fn forces_are_those_of_lagrange() {
-    // a quaternion has no Lagrangian of its own
+    // Lagrange's equation does not hold for the components of a quaternion
     Ledger::over(robots().iter().filter(|case| !case.floats()), |case, ledger| {
         let plain = &case.compiled.model;
-        let (mut robot, mut over_duals) =
-            (Robot::new(plain.clone()), Robot::new(model(&model(plain))));
+        let mut robot = Robot::new(plain.clone());
+        let mut over_duals = Robot::new(model(&model(plain)));
         let n = plain.sizes().n_vy;
         let now = case.state::<f64>(1);
         let given = [(Y, now.y.as_slice()), (Yd, &now.yd), (Ydd, &now.ydd)];
         let x = robot.ask(Request::InverseDynamics, &given, &[TauY, TauQ, Q, Qd, G, CondKd]).ok();
         let q: Vec<Second> = x.get(Q).iter().map(|q| Second::path(*q, 0.0, 0.0)).collect();
-        // outer direction: time, or nothing; inner direction: one rate, or one coordinate
+        // outer direction: time or none; inner direction: one rate or one coordinate
         let path = |x: &[f64], outer: &[f64], inner: Option<usize>| -> Vec<Second> {
             let one = |k: usize| if inner == Some(k) { 1.0 } else { 0.0 };
             (0..n).map(|k| Dual::new(First::new(x[k], one(k)), First::constant(outer[k]))).collect()
@@ -317,13 +325,15 @@ fn forces_are_those_of_lagrange() {
         let nothing = vec![0.0; n];
         let mut tau = Vec::new();
         for k in 0..n {
-            // the momentum's rate
-            let (y, yd) = (path(&now.y, &now.yd, None), path(&now.yd, &now.ydd, Some(k)));
+            // rate of the momentum
+            let y = path(&now.y, &now.yd, None);
+            let yd = path(&now.yd, &now.ydd, Some(k));
             let momentum = energies(case, &mut over_duals, &y, &yd, &q).0.du.du;
-            // what the place does
-            let (y, yd) = (path(&now.y, &nothing, Some(k)), path(&now.yd, &nothing, None));
+            // derivative by the coordinate
+            let y = path(&now.y, &nothing, Some(k));
+            let yd = path(&now.yd, &nothing, None);
             let (kinetic, potential) = energies(case, &mut over_duals, &y, &yd, &q);
-            // what damping takes
+            // power of the damping
             let mut damping = 0.0;
             for joint in case.description.joints.iter().filter(|joint| joint.terms.damping != 0.0) {
                 if let Some(v) = plain.tree_names().iter().position(|name| *name == joint.name) {
@@ -339,13 +349,14 @@ fn forces_are_those_of_lagrange() {
     });
 }
 
-/// Forward dynamics of inverse dynamics is the identity, and so is the derivative of that in any
+/// Forward dynamics after inverse dynamics is the identity, and so is its derivative in any
 /// direction.
 #[test]
 fn derivatives_of_forward_and_inverse_dynamics_undo_each_other() {
     Ledger::over(robots(), |case, ledger| {
         let plain = &case.compiled.exact;
-        let (mut robot, mut over_duals) = (Robot::new(plain.clone()), Robot::new(model(plain)));
+        let mut robot = Robot::new(plain.clone());
+        let mut over_duals = Robot::new(model(plain));
         let now = case.state::<Dd>(0);
         let n = plain.sizes().n_vy;
         let q = constants(robot.ask_for(kinematics(&[Q]), &[(Y, &now.y)]).ok().get(Q));

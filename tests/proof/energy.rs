@@ -1,5 +1,5 @@
-//! Motion over time: energy is kept by forward dynamics, and without gravity a robot at rest stays
-//! so.
+//! Motion over time: forward dynamics keeps the energy, and without gravity a robot at rest stays
+//! at rest.
 
 use sarrus_dynamics::description::Description;
 use sarrus_dynamics::scalar::{Dd, Real};
@@ -18,8 +18,10 @@ fn step(case: &Case, robot: &mut Robot<Dd>, state: &State<Dd>, h: f64) -> State<
         let given = [(Field::Y, y), (Field::Yd, yd), (Field::TauY, no_force.as_slice())];
         robot.ask(Request::ForwardDynamics, &given, &[Field::Ydd]).ok().get(Field::Ydd).to_vec()
     };
-    let (h, half) = (Dd::from(h), Dd::from(0.5 * h));
-    let (y, v1) = (&state.y, &state.yd);
+    let half = Dd::from(0.5 * h);
+    let h = Dd::from(h);
+    let y = &state.y;
+    let v1 = &state.yd;
     let a1 = at(y, v1);
     let v2 = plus(v1, &times(half, &a1));
     let a2 = at(&moved(case, y, v1, half), &v2);
@@ -37,7 +39,7 @@ fn step(case: &Case, robot: &mut Robot<Dd>, state: &State<Dd>, h: f64) -> State<
 
 #[test]
 fn energy_is_kept_to_the_order_of_the_integrator() {
-    // a quaternion needs an integrator of its own
+    // a quaternion needs another integrator
     let damped =
         |case: &Case| case.description.joints.iter().any(|joint| joint.terms.damping != 0.0);
     let cases = robots().iter().filter(|case| {
@@ -74,9 +76,10 @@ fn energy_is_kept_to_the_order_of_the_integrator() {
             drift / kinetic.to_f64().max(after_kinetic.to_f64()),
             1e-8,
         );
-        // halving the step takes a fourth-order method's error down by sixteen
+        // half the step reduces the error of a fourth-order method sixteenfold
         let gap = |a: &State<Dd>, b: &State<Dd>| largest(&minus(&a.yd, &b.yd));
-        let (wide, narrow) = (gap(&coarse, &fine), gap(&fine, &finest));
+        let wide = gap(&coarse, &fine);
+        let narrow = gap(&fine, &finest);
         if wide > 1e-24 {
             ledger.note(
                 "order of convergence less four",
@@ -105,7 +108,7 @@ fn without_gravity_nothing_pulls() {
         for field in [Field::TauQ, Field::TauY, Field::CY] {
             assert!(rest.get(field).iter().all(|x| *x == 0.0), "{field:?} {:?}", rest.get(field));
         }
-        // what is left of C_y is quadratic in the velocities
+        // the remaining C_y is quadratic in the velocities
         let mut bias = |factor: f64| {
             let yd = times(factor, &state.yd);
             robot
@@ -116,7 +119,8 @@ fn without_gravity_nothing_pulls() {
                 )
                 .ok()
         };
-        let (once, twice) = (bias(1.0), bias(2.0));
+        let once = bias(1.0);
+        let twice = bias(2.0);
         let size = 4.0 * largest(once.get(Field::TauQ));
         ledger.compare(
             "C_y(2 ẏ) = 4 C_y(ẏ)",

@@ -1,4 +1,4 @@
-//! The examples of the Rust client do what their pages say.
+//! The examples of the Rust client do as their pages promise.
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -26,7 +26,7 @@ pub(super) fn folder() -> &'static Path {
         // target/PROFILE/deps/proof-…
         let test = std::env::current_exe().unwrap();
         let folder = test.parent().and_then(Path::parent).unwrap();
-        // of the whole workspace, so that nothing is compiled a second time with other features
+        // of the whole workspace, so that features match and nothing is compiled twice
         let mut build = Command::new(env!("CARGO"));
         build.args(["build", "--quiet", "--locked", "--workspace", "--bin", "sarrus"]);
         build.args(EXAMPLES.iter().flat_map(|example| ["--example", example]));
@@ -39,12 +39,12 @@ pub(super) fn folder() -> &'static Path {
     })
 }
 
-/// Where these tests' servers are, and no others.
+/// Domain of these tests' servers.
 pub(crate) fn root() -> PathBuf {
     std::env::temp_dir().join(format!("sarrus-examples-{}", std::process::id()))
 }
 
-/// What an example prints; it must end well.
+/// Runs an example, which must succeed, and returns its stdout.
 fn run(example: &str, arguments: &[&str]) -> String {
     let mut command = Command::new(folder().join("examples").join(example));
     let output = command.args(arguments).env("SARRUS_ROOT", root()).output().unwrap();
@@ -59,7 +59,7 @@ fn numbers(output: &str, label: &str) -> Vec<f64> {
     line.trim_matches(['[', ']']).split(", ").map(|number| number.parse().unwrap()).collect()
 }
 
-/// A server of its own; killed when dropped.
+/// A server process, which is killed when dropped.
 pub(crate) struct Server(Child);
 
 impl Server {
@@ -74,7 +74,7 @@ impl Server {
         Server(child)
     }
 
-    /// Sends it a signal, by the name that `kill` has for it.
+    /// Sends the process a signal by its name in `kill`.
     pub(crate) fn signal(&self, signal: &str) {
         let id = self.0.id().to_string();
         assert!(Command::new("kill").args([signal, &id]).status().unwrap().success());
@@ -83,7 +83,7 @@ impl Server {
 
 impl Drop for Server {
     fn drop(&mut self) {
-        // one that was paused goes on first
+        // a paused server continues first
         let id = self.0.id().to_string();
         let _ = Command::new("kill").args(["-CONT", &id]).status();
         let stopped = Command::new("kill").arg(id).status();

@@ -1,4 +1,4 @@
-//! How requests end that have no answer: by name, and with NaN wherever a number would be a lie.
+//! Failed requests have the status of their cause, and NaN in place of every invalid number.
 
 use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Field, Model, Plan, PlanScalar, Request, Status, Workspace};
@@ -12,7 +12,7 @@ use sarrus_tests::seed::Seeded;
 
 use Field::*;
 
-/// What may stand in an answer of this status.
+/// Checks that an answer has only the numbers that its status allows.
 fn assert_honest<T: PlanScalar>(plan: &Plan, status: Status, output: &[T]) {
     for slot in plan.want().slots() {
         let numbers = &output[slot.range()];
@@ -44,7 +44,8 @@ fn a_number_that_is_not_finite_is_refused_wherever_it_stands() {
     Ledger::over(robots().iter().take(9).chain(robots().iter().skip(9).step_by(16)), |case, _| {
         let model = &case.compiled.model;
         let mut seeded = Seeded::new(case.seed);
-        let (mut robot, mut workspace) = (Robot::new(model.clone()), Workspace::new(model));
+        let mut robot = Robot::new(model.clone());
+        let mut workspace = Workspace::new(model);
         for plan in every_plan(model, &mut seeded) {
             let good = input(case, &mut robot, &plan, &case.state(0), &mut seeded);
             let mut output = vec![0.0; plan.want().len()];
@@ -66,12 +67,13 @@ fn a_failed_answer_holds_no_number_and_a_good_one_no_nan() {
     Ledger::over(robots(), |case, _| {
         let model = &case.compiled.model;
         let mut seeded = Seeded::new(case.seed + 1);
-        let (mut robot, mut workspace) = (Robot::new(model.clone()), Workspace::new(model));
+        let mut robot = Robot::new(model.clone());
+        let mut workspace = Workspace::new(model);
         let plans = every_plan(model, &mut seeded);
         for _ in 0..60 {
             let plan = &plans[seeded.below(plans.len())];
             let mut numbers = input(case, &mut robot, plan, &case.state(1), &mut seeded);
-            // anywhere at all, also far away and huge
+            // from near by to very far and huge
             let size = [1.0, 3.0, 30.0, 1e3, 1e9, 1e150][seeded.below(6)];
             numbers.iter_mut().for_each(|x| *x *= size * seeded.within(0.5, 1.0));
             let mut output = vec![7.0; plan.want().len()];
@@ -87,7 +89,8 @@ fn a_failed_answer_holds_no_number_and_a_good_one_no_nan() {
 fn wrong_sizes_and_another_robots_plan_are_refused() {
     let [a, b] = [&robots()[0], &robots()[2]].map(|case| &case.compiled.model);
     for plan in every_plan(a, &mut Seeded::new(1)) {
-        let (given, want) = (plan.given().len(), plan.want().len());
+        let given = plan.given().len();
+        let want = plan.want().len();
         for (n, m) in [(given + 1, want), (given, want + 1), (0, want), (given, 0)] {
             if (n, m) != (given, want) {
                 let mut output = vec![1.0; m];
@@ -113,7 +116,7 @@ fn wrong_sizes_and_another_robots_plan_are_refused() {
 
 #[test]
 fn a_plan_of_another_model_of_the_same_sizes_is_refused() {
-    // the same mechanism on the moon: the same sizes, other forces
+    // one mechanism on two planets: equal sizes, other forces
     let [earth, moon] = [[0.0, 0.0, -9.81], [0.0, 0.0, -1.62]].map(|gravity| {
         load(&Source::Bundled("lambda".into()), &Options { gravity, ..Options::default() })
             .unwrap()
@@ -132,7 +135,7 @@ fn a_plan_of_another_model_of_the_same_sizes_is_refused() {
             assert_eq!(answer.ok().unwrap_err().status, Status::WrongModel);
             assert!(output.iter().all(|x| x.is_nan()));
         }
-        // other scalars of the same model are the same model
+        // a model in another scalar counts as the same model
         let input: Vec<Dd> = input.iter().map(|x| Dd::from(*x)).collect();
         let mut output = vec![Dd::from(0.0); plan.want().len()];
         let answer = plan.run(&earth.exact, &mut Workspace::new(&earth.exact), &input, &mut output);
@@ -160,13 +163,15 @@ fn a_quaternion_that_is_not_of_unit_length_is_a_bad_request() {
     for factor in [0.0, 0.5, 1.0 + 2e-6, 1e200] {
         assert_eq!(ask(factor).answer.status, Status::BadRequest, "{factor}");
     }
-    let (near, exact) = (ask(1.0 + 5e-7).ok(), ask(1.0).ok());
+    let near = ask(1.0 + 5e-7).ok();
+    let exact = ask(1.0).ok();
     assert!(error_by_size(near.get(Q), exact.get(Q), 1.0) < 1e-15, "normalised");
 }
 
 /// A lambda in the plane x, y: ground 1, arm, pin at an angle, pin `offset` from the slider's line.
 fn lambda(type_name: &str, arm: f64, offset: f64) -> Case {
-    let (pin, heading) = ([0.0, arm], arm.atan2(-1.0) - (offset / 1f64.hypot(arm)).asin());
+    let pin = [0.0, arm];
+    let heading = arm.atan2(-1.0) - (offset / 1f64.hypot(arm)).asin();
     let link = |name: &str| {
         format!(
             "<link name=\"{name}\"><inertial><mass value=\"1\"/><inertia ixx=\"1\" ixy=\"0\" \
@@ -207,8 +212,8 @@ fn lambda(type_name: &str, arm: f64, offset: f64) -> Case {
     Case::of_text(&text, 0, &Options::default()).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Follows a path in short steps, each from the pose before; the last pose, if the path can be
-/// followed.
+/// Follows a path in short steps, each from the pose before; returns the last pose if every step
+/// succeeds.
 fn followed<T: PlanScalar>(model: &Model<T>, y: &[T], steps: u32) -> Option<Vec<T>> {
     let mut robot = Robot::new(model.clone());
     let mut guess: Option<Vec<T>> = None;
@@ -228,8 +233,8 @@ fn followed<T: PlanScalar>(model: &Model<T>, y: &[T], steps: u32) -> Option<Vec<
 
 #[test]
 fn a_lambda_that_cannot_reach_says_so() {
-    // the pin comes nearer to the stator's pivot than the slider's line may pass it, between y =
-    // −π/2 ± a little
+    // the pin comes nearer to the stator's pivot than the slider's line may pass it, for y within a
+    // small distance of −π/2
     for kind in ["RRPR", "NUMERICAL"] {
         let case = lambda(kind, 0.9, 0.3);
         let mut robot = Robot::new(case.compiled.model.clone());
@@ -241,7 +246,7 @@ fn a_lambda_that_cannot_reach_says_so() {
             .sqrt();
             let x = robot.ask(Request::Kinematics, &[(Y, &[y])], &[Q, Qd, Residual]);
             if d < 0.3 - 1e-6 {
-                // Newton's method cannot always tell that there is nothing to find
+                // Newton's method cannot always detect that there is no solution
                 let reported = [
                     Status::Unreachable,
                     if kind == "RRPR" { Status::Unreachable } else { Status::NotConverged },
@@ -255,7 +260,7 @@ fn a_lambda_that_cannot_reach_says_so() {
                     x.get(Residual)[0]
                 );
             } else {
-                // beyond the gap another branch may be all there is
+                // beyond the gap only another branch may exist
                 assert!(y < -1.2, "{kind} y = {y}: {} at a distance of {d}", x.answer.status);
             }
             seen.push(x.answer.status);
@@ -271,7 +276,9 @@ fn what_is_answered_far_from_zero_is_where_the_path_leads() {
         .filter(|case| !case.is_open() && !case.floats() && case.seed % 3 == 0)
         .map(Case::clone)
         .collect();
-    let (mut ok, mut failed, mut lost) = (0, 0, 0);
+    let mut ok = 0;
+    let mut failed = 0;
+    let mut lost = 0;
     Ledger::over(&far, |case, ledger| {
         let exact = &case.compiled.exact;
         let mut robot = Robot::new(case.compiled.model.clone());
@@ -289,7 +296,7 @@ fn what_is_answered_far_from_zero_is_where_the_path_leads() {
             ok += 1;
             let y: Vec<Dd> = given.iter().map(|y| Dd::from(*y)).collect();
             let Some(path) = followed(exact, &y, 100) else {
-                // closed forms keep the sign of their root, whatever lies between
+                // closed forms keep the sign of their root on any path
                 if case
                     .compiled
                     .model
@@ -304,7 +311,7 @@ fn what_is_answered_far_from_zero_is_where_the_path_leads() {
                 continue;
             };
             let mine: Vec<Dd> = x.get(Q).iter().map(|q| Dd::from(*q)).collect();
-            // the same angle may be counted another turn away
+            // the angle may differ by whole turns
             let turn = std::f64::consts::TAU;
             let difference = mine
                 .iter()
@@ -327,8 +334,8 @@ fn what_is_answered_far_from_zero_is_where_the_path_leads() {
 
 #[test]
 fn actuators_that_cannot_tell_the_pose_do_not_pretend_to() {
-    // a mechanism with more or fewer actuators than degrees of freedom: from u, without a guess,
-    // there is no answer yet
+    // a mechanism whose actuators and degrees of freedom differ in number has no solution from u
+    // without a guess
     Ledger::over(
         robots().iter().filter(|case| case.name.contains("four-bar w")),
         |case, ledger| {
@@ -358,7 +365,7 @@ fn a_failure_tells_how_open_the_loop_stayed_where_that_is_asked() {
     assert_ne!(x.answer.status, Status::Ok);
     assert!(x.get(Residual)[0] > 1e-6, "residual {:?}", x.get(Residual));
     let nearest = x.get(NearestY)[0];
-    // there the independents themselves fail; a little before, towards the guess, they do not
+    // at that point the independents fail; slightly nearer to the guess they do not
     let before = nearest * (1.0 - 1e-6);
     assert!(
         robot.ask(Request::Kinematics, &[(Y, &[before])], &[Q]).answer.status == Status::Ok,

@@ -1,4 +1,4 @@
-//! Generated code of bundled and of random robots against their plans: every bit.
+//! Generated code of bundled and random robots has the bits of their plans.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -15,13 +15,14 @@ use sarrus_tests::random::random_robot;
 use sarrus_tests::reference::ROBOTS;
 use sarrus_tests::seed::Seeded;
 
-/// First of the states that nothing was traced or compared at.
+/// Index of the first state that was neither traced nor compared before.
 const FRESH: u64 = 3_000_000;
-/// States of each query in the long run, of a bundled and of a random robot, and its random robots.
+/// States of each query in the long run for a bundled and for a random robot, and the count of
+/// random robots.
 const OF_BUNDLED: u64 = 1_000_000;
 const OF_RANDOM: u64 = 50_000;
 const RANDOM: u64 = 100;
-/// Rows of a batch: whole calls of code for rows, and a rest.
+/// Rows of a batch: several full calls of the code for rows, and a remainder.
 const ROWS: usize = 61;
 
 /// State, inverse and forward dynamics, without a guess and with one.
@@ -41,7 +42,7 @@ fn queries() -> [(&'static str, Query); 6] {
     ]
 }
 
-/// States of a plan: those of its robot and random ones by turns, some astray.
+/// States of a plan: its robot's states and random ones in turn, some of them unreachable.
 struct States<'a> {
     case: &'a Case,
     plan: &'a Plan,
@@ -58,7 +59,7 @@ impl<'a> States<'a> {
     fn state(&mut self, k: u64) -> Vec<f64> {
         let mut input = self.inputs.input(FRESH + k);
         if k.is_multiple_of(2) {
-            // without a guess: the one that is there is of other independents, which it may be
+            // a guess in the input then belongs to other independents, which is allowed
             let state = self.case.state::<f64>(k);
             let parts = [(Field::Y, state.y), (Field::Yd, state.yd), (Field::Ydd, state.ydd)];
             for (field, numbers) in parts {
@@ -82,7 +83,7 @@ impl<'a> States<'a> {
     }
 }
 
-/// States that the code answered, that the plan answers without doubt, and that were asked.
+/// Counts of states that the code answered, that the plan answers without a warning, and in all.
 #[derive(Clone, Copy, Debug, Default)]
 struct Count {
     answered: u64,
@@ -90,7 +91,7 @@ struct Count {
     asked: u64,
 }
 
-/// Compares what `code` answers with the plan, bit by bit.
+/// Compares the answers of `code` and the plan bit by bit.
 fn compare(
     what: &str,
     (case, plan): (&Case, &Plan),
@@ -120,7 +121,7 @@ fn compare(
     count
 }
 
-/// Compares batches of code with the plan, bit by bit.
+/// Compares batches of the code and the plan bit by bit.
 fn compare_rows(
     what: &str,
     (case, plan): (&Case, &Plan),
@@ -128,11 +129,13 @@ fn compare_rows(
     native: &NativeKernel,
 ) -> Count {
     let model = &case.compiled.model;
-    let (n_in, n_out) = (plan.given().len(), plan.want().len());
+    let n_in = plan.given().len();
+    let n_out = plan.want().len();
     let mut scratch = BatchWorkspace::new(&Arc::new(model.clone()), n_in, n_out);
     let mut workspace = Workspace::for_plans(model, [plan]);
     let unknown = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
-    let (mut found, mut answers) = (vec![0.0; ROWS * n_out], [unknown; ROWS]);
+    let mut found = vec![0.0; ROWS * n_out];
+    let mut answers = [unknown; ROWS];
     let mut expected = vec![0.0; n_out];
     let mut states = States::new(case, plan);
     let mut count = Count::default();
@@ -153,7 +156,7 @@ fn compare_rows(
     count
 }
 
-/// Why there may be no code for a random robot.
+/// True for errors that a random robot may have.
 fn is_excused(error: &GenerateError) -> bool {
     use GenerateError::*;
     matches!(error, NoState { .. } | Unserved { .. } | TooLarge { .. } | NotStraight)
@@ -161,7 +164,9 @@ fn is_excused(error: &GenerateError) -> bool {
 
 #[test]
 fn traced_code_of_bundled_and_random_robots_has_the_bits_of_their_plans() {
-    let (mut traced, mut refused, mut all) = (0, 0, Count::default());
+    let mut traced = 0;
+    let mut refused = 0;
+    let mut all = Count::default();
     for case in robots().iter().take(ROBOTS.len()).chain(robots().iter().skip(16).step_by(12)) {
         let model = &case.compiled.model;
         for (name, query) in queries() {
@@ -215,12 +220,13 @@ fn compiled_code_has_the_bits(cases: impl Iterator<Item = (Case, u64)>) {
     let kernel = |model: &Model<f64>, plan: &Plan| -> Result<NativeKernel, MakeError> {
         Ok(cache.kernel(model, plan, &compiler, &Cancel::default())?.kernel)
     };
-    let (mut all, mut in_rows) = (Count::default(), Count::default());
+    let mut all = Count::default();
+    let mut in_rows = Count::default();
     for (case, states) in cases {
         let model = &case.compiled.model;
         for (name, query) in queries() {
             let plan = Plan::new(model, &query).unwrap();
-            // with a guess it is another plan only where one is read
+            // a guess makes another plan only if the closures read it
             if query.given.has(Field::QGuess) && !plan.closes_apart() {
                 continue;
             }
@@ -236,7 +242,7 @@ fn compiled_code_has_the_bits(cases: impl Iterator<Item = (Case, u64)>) {
                     all.answered += count.answered;
                     all.sure += count.sure;
                     all.asked += count.asked;
-                    // other states than alone
+                    // other states than the single ones
                     let rows = compare_rows(&what, (&case, &plan), states..2 * states, &native);
                     in_rows.answered += rows.answered;
                     in_rows.asked += rows.asked;
@@ -249,7 +255,7 @@ fn compiled_code_has_the_bits(cases: impl Iterator<Item = (Case, u64)>) {
             }
         }
     }
-    // the states of both are of one kind
+    // both sets of states are of the same kind
     let share = |count: Count| count.answered as f64 / count.asked as f64;
     assert!((share(all) - share(in_rows)).abs() < 0.02, "{all:?}, in rows {in_rows:?}");
     assert!(all.answered * 10 > all.sure * 7, "{all:?}");

@@ -1,5 +1,5 @@
-//! HyRoDyn's robots and its answers, where they lie beside the project: its numerical answers at
-//! 1e-11 by size, its closed forms at the figures to which it agrees with itself.
+//! HyRoDyn's robots and answers, where they are installed beside the project: its numerical answers
+//! to 1e-11 by size, its closed forms to the accuracy of their own agreement.
 
 use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use serde_json::Value;
 
 use crate::laws::every_law;
 
-/// What is compared, and how closely.
+/// Tolerance of each compared quantity.
 struct Tolerance {
     q: f64,
     qd: f64,
@@ -25,7 +25,7 @@ struct Tolerance {
 
 impl Tolerance {
     const NUMERICAL: Tolerance = Tolerance::all(1e-11);
-    /// Its leg: positions agree to the last digit, its Jacobian to eleven.
+    /// HyRoDyn's leg: its positions agree to the last digit, its Jacobian to eleven digits.
     const NUMERICAL_LEG: Tolerance = Tolerance { q: 1e-11, ..Tolerance::all(2e-10) };
     /// RH5v2: its closed-form torso is 8e-8 away from its numerical one.
     const TORSO: Tolerance =
@@ -38,8 +38,7 @@ impl Tolerance {
     }
 }
 
-/// A file of the reference folder wherever it is meant from: paths in the vectors are relative to
-/// one folder or another.
+/// A file of the reference folder; the vectors have paths relative to different folders.
 fn find(root: &Path, path: &str) -> PathBuf {
     let rest = path.trim_start_matches("../").trim_start_matches("robots/");
     root.join("robots/hyrodyn").join(rest)
@@ -61,8 +60,8 @@ fn names(file: &Value, key: &str) -> Vec<String> {
     file[key].as_array().unwrap().iter().map(|x| x.as_str().unwrap().to_owned()).collect()
 }
 
-/// Its files have faults of inertia that HyRoDyn does not look at, and turns that its reader
-/// changes. `None` where they cannot be read.
+/// Loads a robot of HyRoDyn leniently, because its files have invalid inertias that HyRoDyn does
+/// not check, and with its rotations as urdfdom reads them. `None` if it cannot be loaded.
 fn loaded(name: &str, urdf: &Path, submechanisms: Option<PathBuf>) -> Option<Loaded> {
     let changed =
         std::env::temp_dir().join(format!("sarrus_proof_{}_{name}.urdf", std::process::id()));
@@ -75,10 +74,11 @@ fn loaded(name: &str, urdf: &Path, submechanisms: Option<PathBuf>) -> Option<Loa
     read.map_err(|error| println!("not run: {name} cannot be read\n{error}")).ok()
 }
 
-/// urdfdom keeps a turn as a quaternion and gives it back as roll, pitch, yaw; where the sine of
-/// the pitch is within 1e-5 of one it makes the pitch a right angle, the roll zero and the yaw what
-/// two of the quaternion's parts say. The rounded neck of RH5v2's torso (rpy −1.570793 −1.570793
-/// 1.570796) stands 3e-6 rad elsewhere by that.
+/// The URDF with its rotations as urdfdom reads them. urdfdom stores a quaternion and converts it
+/// back to roll, pitch, yaw. If the sine of the pitch is within 1e-5 of ±1, the pitch becomes a
+/// right angle, the roll zero, and the yaw a function of two components of the quaternion. The
+/// rounded neck of RH5v2's torso (rpy −1.570793 −1.570793 1.570796) is rotated by 3e-6 rad that
+/// way.
 fn as_urdfdom_reads(urdf: &str) -> String {
     let mut parts = urdf.split("rpy=\"");
     let mut text = parts.next().unwrap_or_default().to_owned();
@@ -87,7 +87,8 @@ fn as_urdfdom_reads(urdf: &str) -> String {
         let rpy: [f64; 3] =
             std::array::from_fn(|k| value.split_whitespace().nth(k).unwrap().parse().unwrap());
         let [(sr, cr), (sp, cp), (sy, cy)] = rpy.map(|x| (0.5 * x).sin_cos());
-        let (x, y) = (sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy);
+        let x = sr * cp * cy - cr * sp * sy;
+        let y = cr * sp * cy + sr * cp * sy;
         let side = rpy[1].sin();
         let turn =
             [0.0, side.signum() * FRAC_PI_2, 2.0 * (-side.signum() * x).atan2(side.signum() * y)];
@@ -101,7 +102,7 @@ fn as_urdfdom_reads(urdf: &str) -> String {
     text
 }
 
-/// Compares every state of a file and returns what is off.
+/// Compares every state of a file and returns the deviations.
 fn compare(root: &Path, name: &str, tolerance: &Tolerance) -> Vec<String> {
     let Some((file, urdf, submechanisms)) = read(root, name) else { return vec![] };
     let Some(loaded) = loaded(name, &urdf, submechanisms) else { return vec![] };
@@ -139,7 +140,7 @@ fn compare(root: &Path, name: &str, tolerance: &Tolerance) -> Vec<String> {
         let motion: [(Field, &[f64]); 3] = [(Field::Y, &y), (Field::Yd, &yd), (Field::Ydd, &ydd)];
         use Field::*;
         let state = robot.ask(Request::Kinematics, &motion, &[Q, Qd, Qdd, U, Ud, Udd]).ok();
-        // accelerations are as large as their parts
+        // the size of an acceleration is that of its terms
         let size = largest(&of("qd")).powi(2).max(largest(&of("ydd"))).max(1.0);
         let t = tolerance;
         for (field, key, order, least, allowed) in [
@@ -195,7 +196,7 @@ fn compare_all(files: &[(&str, Tolerance)]) {
     assert!(off.is_empty(), "{}", off.join("\n"));
 }
 
-/// Its robots as URDF and submechanisms, each as it is published or cut out of that.
+/// URDF and submechanism file of each robot, as published or cut out of a published one.
 const ROBOTS: [[&str; 2]; 8] = [
     ["leg/urdf/leg.urdf", "leg/urdf/submechanisms.yml"],
     ["leg/derived/leg_hip_knee.urdf", "leg/derived/leg_hip_knee.yml"],
@@ -266,7 +267,7 @@ fn hyrodyns_ankle_stands_where_ours_does() {
     let Some((file, urdf, _)) = read(&root, "rh5_leg_ankle_gamma_2SPRR1U") else { return };
     let list = |names: &[String]| names.join(", ");
     let tree = names(&file, "joints_spanningtree");
-    // the ankle alone has no submechanism file; its type must define its loops
+    // the ankle has no submechanism file; its type must define its loops
     let yaml = format!(
         "submechanisms:\n- type: 2SPRR+1U\n  contextual_name: ankle\n  jointnames_spanningtree: \
          [{}]\n  jointnames_independent: [{}]\n  jointnames_active: [{}]\n",
@@ -295,7 +296,7 @@ fn hyrodyns_ankle_stands_where_ours_does() {
         println!("state {k}: q differs by {error:.2e}, HyRoDyn's own loop is open by {open:.2e} m");
     }
     println!("worst {worst:.1} rad for each metre by which HyRoDyn's loop is open");
-    // an opening of 1 m turns a rod of a quarter of a metre, an arm of a few centimetres, by its
-    // inverse
+    // an error of 1 m turns a rod of a quarter of a metre, or an arm of a few centimetres, by 1
+    // over its length
     assert!(worst < 200.0, "{worst}");
 }

@@ -1,5 +1,5 @@
-//! The tree under its loops as constraints: the plan's forward dynamics at closed states, and back
-//! to them from others.
+//! The tree with its loops as constraints: forward dynamics at closed states, and projection onto
+//! closed states.
 
 use sarrus_dynamics::description::JointKind;
 use sarrus_dynamics::scalar::{Dd, Real};
@@ -15,7 +15,7 @@ use sarrus_tests::small::transposed;
 
 use Field::*;
 
-/// The robots of all laws, and one whose rows are redundant.
+/// The robots of the laws, and one with redundant rows.
 fn all() -> Vec<Case> {
     [Case::bundled("bricard"), Case::bundled("stewart_floating")]
         .into_iter()
@@ -23,7 +23,7 @@ fn all() -> Vec<Case> {
         .collect()
 }
 
-/// A closed state in all coordinates, with K and conditions.
+/// A closed state in all coordinates, with K and condition numbers.
 struct Closed<T> {
     q: Vec<T>,
     qd: Vec<T>,
@@ -40,7 +40,7 @@ fn closed<T: PlanScalar>(model: &Model<T>, state: &State<T>) -> Closed<T> {
     Closed { q: x.get(Q).to_vec(), qd: x.get(Qd).to_vec(), rows: x.get(K).to_vec(), cond }
 }
 
-/// Forward dynamics from forces on the tree by one method: q̈ and λ.
+/// q̈ and λ by forward dynamics from forces on the tree, by one method.
 fn planned<T: PlanScalar>(
     model: &Model<T>,
     method: Method,
@@ -98,9 +98,10 @@ fn agree<T: PlanScalar>(
             let loops = case.contradiction() * 1e2;
             let name = format!("q̈ {what} against {} in {scalar}", method.name());
             ledger.compare(&name, case, &qdd, &of_plan, size, (allowed + loops) * cond);
-            // redundant rows share their force, but not its effect
+            // the split of force over redundant rows is arbitrary, its effect is not
             let forces = |lambda: &[T]| transposed(&rows, lambda, n_v);
-            let (mine, others) = (forces(form.lambda()), forces(&lambda));
+            let mine = forces(form.lambda());
+            let others = forces(&lambda);
             let name = format!("Kᵀλ {what} against {} in {scalar}", method.name());
             ledger.compare(
                 &name,
@@ -124,7 +125,7 @@ fn at_a_closed_state_it_is_the_plans_forward_dynamics() {
     });
 }
 
-/// The unit of each coordinate: a typical length where it slides.
+/// Unit of each coordinate: a typical length if it slides.
 fn units(case: &Case) -> Vec<f64> {
     let slides = |name: &String| {
         case.description.joints.iter().any(|x| x.name == *name && x.kind == JointKind::Prismatic)
@@ -137,7 +138,7 @@ fn units(case: &Case) -> Vec<f64> {
         .collect()
 }
 
-/// q of a closed state, every single coordinate moved a little.
+/// q of a closed state with a small random change in every coordinate of one degree of freedom.
 fn disturbed(case: &Case, q: &[f64], size: f64, seed: u64) -> Vec<f64> {
     let moves = Seeded::new(seed).numbers(q.len(), size);
     let names = case.compiled.model.tree_q_names();
@@ -149,12 +150,14 @@ fn disturbed(case: &Case, q: &[f64], size: f64, seed: u64) -> Vec<f64> {
 #[test]
 fn a_disturbed_pose_is_closed_to_rounding_by_a_move_no_longer_than_the_disturbance() {
     let cases = all();
-    let (mut closed_again, mut refused) = (0, 0);
+    let mut closed_again = 0;
+    let mut refused = 0;
     Ledger::over(&cases, |case, ledger| {
         let model = &case.compiled.model;
         let state = case.state::<f64>(1);
         let reference = closed(model, &state);
-        let (mut form, units) = (ImplicitForm::new(model), units(case));
+        let mut form = ImplicitForm::new(model);
+        let units = units(case);
         for size in [1e-8, 1e-4, 1e-2] {
             let mut q = disturbed(case, &reference.q, size, case.seed);
             let before = q.clone();
@@ -166,7 +169,7 @@ fn a_disturbed_pose_is_closed_to_rounding_by_a_move_no_longer_than_the_disturban
                 .collect();
             let status = form.project(model, &mut q, &mut qd);
             if status != Status::Ok {
-                // a large disturbance of a pose near a singular one may leave no way back
+                // near a singular pose there may be no closed pose near a large disturbance
                 assert!(size > 1e-3 && reference.cond > 1e3, "{status} after {size}");
                 refused += 1;
                 continue;
@@ -186,7 +189,7 @@ fn a_disturbed_pose_is_closed_to_rounding_by_a_move_no_longer_than_the_disturban
                 form.velocity_drift(),
                 1e-13 * largest(&qd).max(1.0) * (1.0 + 1.0 / case.scale) + rows,
             );
-            // the undisturbed pose is closed and that far away
+            // the undisturbed pose is closed and at that distance
             let far = |a: &[f64], b: &[f64]| {
                 a.iter()
                     .zip(b)
@@ -195,10 +198,12 @@ fn a_disturbed_pose_is_closed_to_rounding_by_a_move_no_longer_than_the_disturban
                     .sum::<f64>()
                     .sqrt()
             };
-            let (moved, disturbance) = (far(&q, &before), far(&reference.q, &before));
+            let moved = far(&q, &before);
+            let disturbance = far(&reference.q, &before);
             ledger.note("length of the move", case, moved, 3.0 * disturbance + 1e-14);
-            // a second projection has nothing to do
-            let (again, mut again_qd) = (q.clone(), qd.clone());
+            // a second projection changes nothing
+            let again = q.clone();
+            let mut again_qd = qd.clone();
             assert_eq!(form.project(model, &mut q, &mut again_qd), Status::Ok);
             ledger.compare(
                 "q projected twice",
@@ -222,7 +227,7 @@ fn a_disturbed_pose_is_closed_to_rounding_by_a_move_no_longer_than_the_disturban
     assert!(closed_again > 20 * refused);
 }
 
-/// One step of Runge and Kutta's method of order four for (q, q̇) of a robot without quaternions.
+/// One Runge-Kutta step of order four for (q, q̇) of a robot without quaternions.
 fn step(
     model: &Model,
     form: &mut ImplicitForm<f64>,
@@ -233,7 +238,8 @@ fn step(
 ) {
     let n = q.len();
     let tau = vec![0.0; n];
-    let (mut k_q, mut k_v) = (vec![vec![0.0; n]; 4], vec![vec![0.0; n]; 4]);
+    let mut k_q = vec![vec![0.0; n]; 4];
+    let mut k_v = vec![vec![0.0; n]; 4];
     for stage in 0..4 {
         let by = [0.0, h / 2.0, h / 2.0, h][stage];
         let last = stage.max(1) - 1;
@@ -254,7 +260,9 @@ fn step(
 /// φ̈ + 2 α φ̇ + β² φ = 0 row by row: from rest φ falls by (1 + β t) e^{−β t} with α = β.
 #[test]
 fn a_drifted_state_comes_back_as_baumgarte_says() {
-    let (beta, h, steps) = (40.0_f64, 5e-4, 400);
+    let beta = 40.0_f64;
+    let h = 5e-4;
+    let steps = 400;
     for name in ["lambda", "torso", "stewart", "squeezer", "wrist", "bricard", "four_bars_2"] {
         let case = Case::bundled(name);
         let model = &case.compiled.model;
@@ -263,7 +271,8 @@ fn a_drifted_state_comes_back_as_baumgarte_says() {
         let mut form = ImplicitForm::new(model);
         let drift = |form: &ImplicitForm<f64>| form.position_drift();
         let mut run = |stabilisation: (f64, f64)| {
-            let (mut q, mut qd) = (start.clone(), vec![0.0; model.sizes().n_v]);
+            let mut q = start.clone();
+            let mut qd = vec![0.0; model.sizes().n_v];
             let mut qdd = qd.clone();
             form.accelerations(model, &q, &qd, &qdd.clone(), &[], stabilisation, &mut qdd);
             let first = drift(&form);
@@ -279,7 +288,7 @@ fn a_drifted_state_comes_back_as_baumgarte_says() {
             "{name}: drift {first:.3e} to {last:.3e}, a part of {:.4e}, expected {expected:.4e}",
             last / first
         );
-        // to the error of the integration
+        // within the error of the integration
         assert!((last / first / expected - 1.0).abs() < 0.05, "{name}");
     }
 }
@@ -293,7 +302,8 @@ fn what_does_not_fit_is_refused_and_nothing_allocates() {
         let mut form = ImplicitForm::new(model);
         let mut qdd = vec![0.0; sizes.n_v];
         let zero = vec![0.0; sizes.n_v];
-        let (mut q, mut qd) = (at.q.clone(), at.qd.clone());
+        let mut q = at.q.clone();
+        let mut qd = at.qd.clone();
         let mut far = at.q.clone();
         far.iter_mut()
             .zip(model.tree_q_names())
@@ -303,7 +313,7 @@ fn what_does_not_fit_is_refused_and_nothing_allocates() {
         let before = crate::allocation::calls();
         let fine = form.accelerations(model, &at.q, &at.qd, &zero, &[], (1.0, 1.0), &mut qdd);
         let closed = form.project(model, &mut q, &mut qd);
-        // closed elsewhere or refused, but never half
+        // closed elsewhere or refused, but never half closed
         let elsewhere = form.project(model, &mut far, &mut far_qd);
         let short = form.accelerations(model, &at.q, &at.qd, &zero[1..], &[], (1.0, 1.0), &mut qdd);
         let too_many =
@@ -328,7 +338,7 @@ fn what_does_not_fit_is_refused_and_nothing_allocates() {
     }
 }
 
-/// The projection is onto what double-double calls closed too.
+/// The projected state is closed in double-double too.
 #[test]
 fn a_projected_pose_is_closed_in_double_double() {
     for name in ["torso", "bricard", "squeezer", "delta"] {

@@ -1,7 +1,7 @@
-//! What must hold between the answers to one state, on every robot, in double and in double-double.
+//! Laws between the answers to one state, on every robot, in double and in double-double.
 //!
-//! A law that holds in double-double to its last digits is a law of the formulas; the same in
-//! double measures their rounding.
+//! In double-double a law tests the formulas to their last digits; in double it measures their
+//! rounding.
 
 use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Compiled, Field, FieldSet, Model, PlanScalar, Query, Request, Status};
@@ -27,7 +27,7 @@ fn every_random_robot_can_be_read() {
     assert!(failures.is_empty(), "{} of {SEEDS} seeds\n{}", failures.len(), failures.join("\n"));
 }
 
-/// A law that is written once for both scalars.
+/// A law, written once for both scalars.
 trait Law {
     fn check<T: PlanScalar>(
         case: &Case,
@@ -38,7 +38,7 @@ trait Law {
     );
 }
 
-/// Where a law notes its errors.
+/// Records the errors of a law.
 struct Note<'a> {
     ledger: &'a mut Ledger,
     case: &'a Case,
@@ -55,7 +55,7 @@ fn on_every_robot<L: Law>() {
     on_all::<L>(robots());
 }
 
-/// Every law on some robots.
+/// Checks every law on some robots.
 pub(crate) fn every_law(cases: &[Case]) {
     on_all::<LoopsAreClosed>(cases);
     on_all::<ForcesAgree>(cases);
@@ -64,7 +64,7 @@ pub(crate) fn every_law(cases: &[Case]) {
     on_all::<RoundTrips>(cases);
 }
 
-/// Checks a law on some robots; `unit(c)` is the error allowed at condition c.
+/// Checks a law on some robots; `unit(c)` is the allowed error at condition c.
 fn on_all<L: Law>(cases: &[Case]) {
     Ledger::over(cases, |case, ledger| {
         let Compiled { model, exact, .. } = &case.compiled;
@@ -98,7 +98,7 @@ fn value<T: PlanScalar>(fields: &Fields<T>, field: Field) -> f64 {
     fields.get(field)[0].to_f64()
 }
 
-/// Places in q̇ of named joints.
+/// Indices in q̇ of named joints.
 fn places<T>(model: &Model<T>, names: &[String]) -> Vec<usize> {
     names
         .iter()
@@ -125,7 +125,8 @@ impl Law for LoopsAreClosed {
             [Y, Yd, Ydd, Q, Qd, Qdd, U, Ud, Udd, G, GBias, GU, GUBias, K, KBias, Residual, CondKd];
         let x = robot.ask(Request::Kinematics, &motion(state), &want).ok();
         let cond = value(&x, CondKd);
-        let (K_size, qd_size) = (largest(x.get(K)), largest(x.get(Qd)));
+        let K_size = largest(x.get(K));
+        let qd_size = largest(x.get(Qd));
         note.close("residual", x.get(Residual), &[T::ZERO], 1.0, unit(cond));
         let KG = matrix_product(x.get(K), x.get(G), sizes.n_v, sizes.n_vy);
         note.close("K G = 0", &KG, &zeros(KG.len()), K_size * largest(x.get(G)), unit(cond));
@@ -140,7 +141,7 @@ impl Law for LoopsAreClosed {
         note.close("K g = k", &product(x.get(K), x.get(GBias)), x.get(KBias), size, unit(cond));
         let size = size.max(K_size * largest(x.get(Qdd)));
         note.close("K q̈ = k", &product(x.get(K), x.get(Qdd)), x.get(KBias), size, unit(cond));
-        // the maps of velocities and accelerations
+        // maps of velocities and accelerations
         note.close("q̇ = G ẏ", &product(x.get(G), &state.yd), x.get(Qd), 0.0, unit(cond));
         note.close(
             "q̈ = G ÿ + g",
@@ -155,7 +156,7 @@ impl Law for LoopsAreClosed {
         for (field, given) in [(Y, &state.y), (Yd, &state.yd), (Ydd, &state.ydd)] {
             note.close("y comes back", x.get(field), given, 1.0, unit(1.0));
         }
-        // the same numbers by name, whatever space they stand in
+        // a joint has one value under its name in every space
         for (names, fields) in
             [(model.independent_names(), [Yd, Ydd]), (model.active_names(), [Ud, Udd])]
         {
@@ -187,7 +188,8 @@ impl Law for ForcesAgree {
         let x = robot.ask(Request::Kinematics, &motion(state), &[Qd, Ud, G, GU, K]).ok();
         let want = [TauQ, TauY, TauU, TauUnactuated, Lambda, MY, CY, CondKd, CondGu, CondMy];
         let id = robot.ask(Request::InverseDynamics, &motion(state), &want).ok();
-        let (cond, cond_u) = (value(&id, CondKd), value(&id, CondGu));
+        let cond = value(&id, CondKd);
+        let cond_u = value(&id, CondGu);
         let tau_y = id.get(TauY);
         note.close(
             "τ_y = Gᵀ τ_q",
@@ -197,8 +199,9 @@ impl Law for ForcesAgree {
             unit(cond),
         );
 
-        // power
-        let (p_q, p_y) = (inner(id.get(TauQ), x.get(Qd)), inner(tau_y, &state.yd));
+        // power is equal in every space
+        let p_q = inner(id.get(TauQ), x.get(Qd));
+        let p_y = inner(tau_y, &state.yd);
         let p_u = inner(id.get(TauU), x.get(Ud)) + inner(id.get(TauUnactuated), &state.yd);
         let size = id
             .get(TauQ)
@@ -258,7 +261,7 @@ impl Law for ForcesAgree {
             );
         }
 
-        // the tree balances: τ_q = Kᵀ λ + what actuators and independents give
+        // balance of the tree: τ_q = Kᵀ λ + forces of actuators and independents
         let mut given = transposed(x.get(K), id.get(Lambda), model.sizes().n_v);
         let size = largest(&given).max(largest(id.get(TauQ)));
         let loops = largest(&given);
@@ -300,7 +303,8 @@ impl Law for Inverses {
         let id = robot
             .ask(Request::InverseDynamics, &motion(state), &[TauQ, TauY, MY, CY, CondKd, CondMy])
             .ok();
-        let (cond, cond_M) = (value(&id, CondKd), value(&id, CondMy));
+        let cond = value(&id, CondKd);
+        let cond_M = value(&id, CondMy);
         let place = [(Y, state.y.as_slice()), (Yd, &state.yd)];
         let backward = |ydd: &[T], tau: &[T], of: &Fields<T>| {
             let rest = minus(&plus(&product(of.get(MY), ydd), of.get(CY)), tau);
@@ -322,7 +326,7 @@ impl Law for Inverses {
                 unit(cond),
             );
             note.close("M_y of FD and ID", fd.get(MY), id.get(MY), 0.0, unit(1.0));
-            // without M_y among the wanted fields an open robot takes articulated bodies
+            // without M_y among the wanted fields an open robot uses articulated bodies
             let other = robot.ask(Request::ForwardDynamics, &given, &[Ydd]).ok();
             note.close(
                 "articulated bodies and projection",
@@ -414,7 +418,8 @@ impl Law for Frames {
             .with_frames(&links);
         let x = robot.ask_for(ask, &motion(state)).ok();
         let cond = value(&x, CondKd);
-        let (twist, size) = (x.get(FrameTwist), largest(x.get(JacobianTree)) * largest(x.get(Qd)));
+        let twist = x.get(FrameTwist);
+        let size = largest(x.get(JacobianTree)) * largest(x.get(Qd));
         note.close("twist = J q̇", &product(x.get(JacobianTree), x.get(Qd)), twist, size, unit(1.0));
         note.close(
             "twist = J_y ẏ",
@@ -442,13 +447,13 @@ impl Law for Frames {
             );
         }
 
-        // the same Jacobian moves wrenches to the joints
+        // the transposed Jacobian maps wrenches to joint forces
         let on = &links[..2];
         let w: Vec<T> = seeded.numbers(12, 30.0).into_iter().map(T::from_f64).collect();
         let of = |request, want: &[Field]| Query::new(request, FieldSet::EMPTY, FieldSet::of(want));
         let push = |columns: usize, J: &[T]| transposed(&J[..12 * columns], &w, columns);
-        let (push_q, push_y) =
-            (push(sizes.n_v, x.get(JacobianTree)), push(sizes.n_vy, x.get(JacobianIndependent)));
+        let push_q = push(sizes.n_v, x.get(JacobianTree));
+        let push_y = push(sizes.n_vy, x.get(JacobianIndependent));
         let want = [TauQ, TauY, TauU, TauUnactuated, Lambda, K, CY, CondMy];
         let free = robot.ask(Request::InverseDynamics, &motion(state), &want).ok();
         let m = motion(state);
@@ -490,7 +495,7 @@ impl Law for Frames {
             unit(cond * cond_u),
         );
 
-        // forward dynamics takes them back
+        // forward dynamics returns the accelerations
         let given = [m[0], m[1], (TauY, pushed.get(TauY)), (Wrenches, w.as_slice())];
         let fd = robot
             .ask_for(of(Request::ForwardDynamics, &[Ydd, CY, Lambda, MY]).with_wrenches(on), &given)
@@ -524,7 +529,7 @@ impl Law for RoundTrips {
         let want = [Y, Yd, Ydd, Q, Qd, Qdd, U, Ud, Udd, CondKd, CondGu, CondMy];
         let x = robot.ask(Request::InverseDynamics, &motion(state), &want).ok();
         let cond = value(&x, CondKd);
-        // a whole q is its independents and a guess
+        // a complete q serves as independents and guess
         let given = [(Q, x.get(Q)), (Qd, x.get(Qd)), (Qdd, x.get(Qdd))];
         let q = robot.ask(Request::Kinematics, &given, &want[..9]).ok();
         for field in [Y, Yd, Ydd, Q, Qd, Qdd, U, Ud, Udd] {
@@ -533,7 +538,7 @@ impl Law for RoundTrips {
         if !case.square || case.floats() {
             return;
         }
-        // what encoders tell, from a pose near by and from zero
+        // encoder values, with a guess near the pose and at zero
         let cond = cond * value(&x, CondGu);
         let given = [(U, x.get(U)), (Ud, x.get(Ud)), (Udd, x.get(Udd))];
         let near: Vec<T> = times(T::from_f64(0.8), &state.y);
@@ -556,13 +561,13 @@ impl Law for RoundTrips {
                 note.close(what, u.get(field), x.get(field), least, unit(cond * cond));
             }
         }
-        // forces there and back
+        // forces mapped both ways
         let tau: Vec<T> =
             Seeded::new(11).numbers(model.sizes().n_u, 10.0).into_iter().map(T::from_f64).collect();
         let there = robot.ask(Request::Map, &[(Y, &state.y), (TauU, &tau)], &[TauY]).ok();
         let back = robot.ask(Request::Map, &[(Y, &state.y), (TauY, there.get(TauY))], &[TauU]).ok();
         note.close("τ_u to τ_y and back", back.get(TauU), &tau, 0.0, unit(cond * cond));
-        // all of it dynamics too
+        // dynamics from encoder values too
         let id = robot.ask(Request::InverseDynamics, &motion(state), &[TauU]).ok();
         let of_u = robot.ask(Request::InverseDynamics, &given, &[TauU]).ok();
         note.close(

@@ -1,9 +1,9 @@
 //! The rooms of a crate use each other in one direction only, as ARCHITECTURE.md has it.
 //!
 //! A room is a module at the top of a crate. The section "Rooms" of the page lists folders of
-//! sources; where a table follows, its rows are the rooms from low to high with those that each may
-//! use, and otherwise the rooms must be without circles. What a file uses is read off its text:
-//! paths from `crate` and `super`, resolved to rooms, comments and strings left out.
+//! sources. A table after a folder lists its rooms from low to high with the rooms that each may
+//! use; without a table the rooms must have no circle. The uses of a file are the paths from
+//! `crate` and `super` in its text, resolved to rooms, without comments and strings.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -15,7 +15,7 @@ struct Use {
     /// Path from the folder of sources, and line.
     file: String,
     line: usize,
-    /// The rooms of the file and of what it uses.
+    /// Room of the file, and room that it uses.
     from: String,
     to: String,
 }
@@ -32,7 +32,9 @@ type Token = (String, usize);
 /// The tokens of a source without comments, strings and characters.
 fn tokens(text: &str) -> Vec<Token> {
     let letters: Vec<char> = text.chars().collect();
-    let (mut found, mut line, mut i): (Vec<Token>, _, _) = (Vec::new(), 1, 0);
+    let mut found: Vec<Token> = Vec::new();
+    let mut line = 1;
+    let mut i = 0;
     let at = |i: usize| letters.get(i).copied().unwrap_or('\0');
     let is_word = |letter: char| letter.is_alphanumeric() || letter == '_';
     while i < letters.len() {
@@ -62,7 +64,7 @@ fn tokens(text: &str) -> Vec<Token> {
                 }
                 i += 1;
             }
-            // a character, no lifetime
+            // a character, not a lifetime
             '\'' if at(i + 1) == '\\' => {
                 i += 3
                     + letters[(i + 3).min(letters.len())..]
@@ -109,7 +111,9 @@ fn first_names(tokens: &[Token]) -> Vec<Token> {
     match tokens.first() {
         Some((open, _)) if open == "{" => {
             // the names at depth one that begin an entry
-            let (mut depth, mut begins, mut names) = (0, true, Vec::new());
+            let mut depth = 0;
+            let mut begins = true;
+            let mut names = Vec::new();
             for token in tokens {
                 match token.0.as_str() {
                     "{" => (depth, begins) = (depth + 1, depth == 0),
@@ -132,13 +136,15 @@ fn first_names(tokens: &[Token]) -> Vec<Token> {
     }
 }
 
-/// What one file uses of other rooms; `lib` is the top of the crate.
+/// The uses of other rooms by one file; `lib` is the top of the crate.
 fn uses(path: &str, text: &str, rooms: &BTreeSet<String>) -> Vec<Use> {
     let tokens = tokens(text);
     let word = |i: usize| tokens.get(i).map_or("", |token: &Token| token.0.as_str());
     let own = module(path);
     let Some(from) = own.first().cloned() else { return Vec::new() };
-    let (mut inline, mut depth, mut found): (Vec<usize>, _, _) = (Vec::new(), 0, Vec::new());
+    let mut inline: Vec<usize> = Vec::new();
+    let mut depth = 0;
+    let mut found = Vec::new();
     for i in 0..tokens.len() {
         match word(i) {
             "{" => {
@@ -166,7 +172,7 @@ fn uses(path: &str, text: &str, rooms: &BTreeSet<String>) -> Vec<Use> {
                 } else {
                     above = 0;
                 }
-                // below the top it stays in its own room
+                // the path stays inside its own room
                 if above > 0 {
                     continue;
                 }
@@ -194,13 +200,13 @@ fn violations(uses: &[Use], allowed: &[(String, Vec<String>)]) -> Vec<String> {
     uses.iter().filter(|found| !may(found)).map(say).collect()
 }
 
-/// A circle of rooms, if there is one: each uses the next, the last the first.
+/// A circle of rooms if there is one: each uses the next, and the last uses the first.
 fn circle(uses: &[Use]) -> Option<Vec<String>> {
     let mut next: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
     for found in uses {
         next.entry(&found.from).or_default().insert(&found.to);
     }
-    // rooms that use nothing that is left are taken away until none is
+    // removes rooms without remaining uses until none is left
     loop {
         let rooms: BTreeSet<&str> = next.keys().copied().collect();
         let free: Vec<&str> =
@@ -239,12 +245,12 @@ fn sources(folder: &Path) -> Vec<(String, String)> {
     found.iter().map(|path| (name(path), fs::read_to_string(path).unwrap())).collect()
 }
 
-/// True for files that only tests have: these may use the whole crate.
+/// True for files of tests only, which may use the whole crate.
 fn is_test(path: &str) -> bool {
     path.split('/').any(|name| matches!(name, "tests" | "tests.rs"))
 }
 
-/// What the files of a folder use of each other's rooms; programs beside a library are not of it.
+/// The uses between rooms in a folder, without the programs beside a library.
 fn uses_of(folder: &Path) -> Vec<Use> {
     let mut files = sources(folder);
     files.retain(|(path, _)| !path.starts_with("bin/") && !is_test(path));
@@ -343,12 +349,12 @@ fn a_use_of_a_higher_room_is_found_with_its_line() {
     );
     assert_eq!(bad("mod tests {\n    use super::super::super::plan;\n}\n"), of(2));
     assert_eq!(bad("use crate::Plan;\n"), ["closure/bad.rs:1: `closure` may not use `lib`"]);
-    // what is allowed, its own room, and what only comments and strings say
+    // allowed uses, uses of the own room, and paths in comments and strings
     let fine = "use crate::scalar::Real; // use crate::plan::Plan;\nuse super::plan::Other;\n\
         /* crate::plan */ const X: &str = \"crate::plan\";\nmod tests { use super::super::Plan; }\n\
         pub(in crate::closure) fn f() { let c = '\\''; let d = '\"'; self::plan::x(c, d) }\n";
     assert_eq!(bad(fine), [""; 0]);
-    // a room of one file has the top above it
+    // a room of one file has the crate's top as `super`
     assert_eq!(
         check("scalar.rs", "use super::closure;\n"),
         ["scalar.rs:1: `scalar` may not use `closure`"]

@@ -1,4 +1,4 @@
-//! The proof: one binary, so that it links once.
+//! The proof in one binary, so that it links once.
 // the symbols of the equations
 #![allow(non_snake_case)]
 #![allow(

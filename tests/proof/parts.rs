@@ -1,5 +1,5 @@
-//! A plan computes what its outputs depend on and nothing else: the numbers keep their bits, and
-//! what is left out cannot fail.
+//! A plan computes only the parts that its outputs depend on: its numbers keep their bits, and a
+//! skipped part cannot fail.
 
 use sarrus_dynamics::{Answer, Field, FieldSet, Model, Plan, Query, Request, Status};
 use sarrus_dynamics::{Warnings, Workspace};
@@ -20,7 +20,7 @@ struct Reply {
     numbers: Vec<f64>,
 }
 
-/// The numbers that a smaller query asks, out of the answer to a larger one with the same inputs.
+/// The numbers of a smaller query, taken from the answer to a larger one with the same inputs.
 fn part(model: &Model, large: (&Plan, &[f64]), small: &Plan, frames: &[usize]) -> Vec<f64> {
     let (large, numbers) = large;
     let rows = Rows::of(small.query(), model.info());
@@ -61,8 +61,8 @@ fn part(model: &Model, large: (&Plan, &[f64]), small: &Plan, frames: &[usize]) -
     part
 }
 
-/// A smaller query: some of the fields, some of the joints, some of the frames. Steps of Newton's
-/// method and the distance from what was given are those of the closures that are needed.
+/// A smaller query with some of the fields, joints and frames. It wants no Newton steps and no
+/// distance from the given values, since these count only the closures that the query needs.
 fn smaller(model: &Model, large: &Query, seeded: &mut Seeded) -> (Query, Vec<usize>) {
     let frames: Vec<usize> = (0..large.frames().len()).filter(|_| seeded.chance(0.6)).collect();
     let links: Vec<u16> = frames.iter().map(|k| large.frames()[*k]).collect();
@@ -83,13 +83,14 @@ fn smaller(model: &Model, large: &Query, seeded: &mut Seeded) -> (Query, Vec<usi
 
 #[test]
 fn an_answer_in_part_has_the_bits_of_the_whole() {
-    let (mut compared, mut numbers_compared) = (0, 0);
+    let mut compared = 0;
+    let mut numbers_compared = 0;
     for case in robots().iter().take(16).chain(robots().iter().skip(16).step_by(5)) {
         let model = &case.compiled.model;
         let mut seeded = Seeded::new(case.seed + 77);
         let mut robot = Robot::new(model.clone());
         let mut workspace = Workspace::new(model);
-        // those that want everything at once
+        // plans that want every field at once
         let plans = every_plan(model, &mut seeded);
         for large in plans.iter().filter(|plan| plan.query().want.iter().count() > 8) {
             for k in 0..2 {
@@ -104,13 +105,14 @@ fn an_answer_in_part_has_the_bits_of_the_whole() {
                     let found = answer(model, &mut workspace, &small, &input);
                     let expected = part(model, (large, &full.numbers), &small, &frames);
                     assert_eq!(found.answer.status, Status::Ok, "{}: {query:?}", case.name);
-                    // digits are counted against the largest number that is asked
+                    // lost digits are relative to the largest wanted number
                     let known = full.answer.warnings.0 | Warnings::ILL_CONDITIONED.0;
                     let more = found.answer.warnings.0 & !known;
                     assert_eq!(more, 0, "{}: warnings, {query:?}", case.name);
                     assert_eq!(found.numbers.len(), expected.len(), "{}", case.name);
                     for slot in small.want().slots() {
-                        let (a, b) = (&found.numbers[slot.range()], &expected[slot.range()]);
+                        let a = &found.numbers[slot.range()];
+                        let b = &expected[slot.range()];
                         let same = a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits());
                         assert!(
                             same,
@@ -169,7 +171,7 @@ fn what_is_left_out_cannot_fail() {
         joints.flat_map(|joint| joint.v).map(|v| v as u16).collect()
     };
     let state = case.state::<f64>(1);
-    // some joint of one arm where it cannot be
+    // a joint of one arm at an unreachable position
     let names = model.independent_names();
     let of_arm = (0..names.len()).filter(|k| names[*k].starts_with("AL"));
     let broken = of_arm
@@ -198,7 +200,7 @@ fn what_is_left_out_cannot_fail() {
             assert_eq!(good.get(field), still_good.get(field), "{}", field.name());
         }
     }
-    // what is asked of the robot as a whole depends on all of it
+    // outputs of the whole robot depend on all of its closures
     let figures = Query::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(&[Residual]));
     assert_ne!(robot.ask_for(figures, &[(Y, &broken)]).answer.status, Status::Ok);
     let nothing = Query::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::EMPTY);

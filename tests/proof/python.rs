@@ -1,4 +1,4 @@
-//! The Python package's dynamics: the bits of Rust, connected robots, and what its pages show.
+//! The Python package's dynamics: bits equal to Rust's, connected robots, and its pages' examples.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -18,7 +18,7 @@ fn package(folder: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../client/python").join(folder)
 }
 
-/// Runs a script of these tests to its end, with text on its stdin; it must end well.
+/// Runs a script of these tests with the input; it must succeed.
 fn run(mut command: Command, input: &str) -> String {
     command.env("SARRUS_ROOT", examples::root());
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -53,11 +53,13 @@ fn answers_in_python_have_the_bits_of_rust() {
         ("bias_force", Request::InverseDynamics, &[Y, Yd], &[CY]),
         ("to_independent", Request::Map, &[U, Ud, Udd], &[Y, Yd, Ydd]),
     ];
-    let (mut asked, mut expected) = (Vec::new(), Vec::new());
+    let mut asked = Vec::new();
+    let mut expected = Vec::new();
     for name in ROBOTS {
         let case = Case::bundled(name);
         let mut robot = Robot::new(case.compiled.model.clone());
-        let (mut states, mut answers) = (Vec::new(), vec![Vec::new(); questions.len()]);
+        let mut states = Vec::new();
+        let mut answers = vec![Vec::new(); questions.len()];
         let n_u = robot.model.active_names().len();
         for k in 0..STATES {
             let state = case.state(k);
@@ -81,7 +83,7 @@ fn answers_in_python_have_the_bits_of_rust() {
                     known.extend(fields);
                 }
             }
-            // a state without an answer raises in Python
+            // Python raises an exception for a state without an answer
             if found.len() < questions.len() {
                 continue;
             }
@@ -108,7 +110,7 @@ fn bits(numbers: &[f64]) -> Vec<u64> {
     numbers.iter().map(|number| number.to_bits()).collect()
 }
 
-/// How many plans the clients of a server hold, as `sarrus top` has it.
+/// Number of plans of a server's clients, from `sarrus top`.
 fn plans_held(server: &str) -> u64 {
     let mut top = Command::new(examples::folder().join("sarrus"));
     top.args(["top", server, "--format", "json"]);
@@ -147,7 +149,7 @@ fn programs_on_the_page_of_the_package_run() {
     let page = std::fs::read_to_string(package("README.md")).unwrap();
     let blocks = page.split("```python\n").skip(1).filter_map(|rest| rest.split("```").next());
     let _server = examples::Server::start("python-page");
-    // somebody's own robot
+    // a user's own robot
     let folder = std::env::temp_dir().join(format!("sarrus-python-page-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let (urdf, submechanisms) = sarrus_models::bundled_text("parallelogram").unwrap();
@@ -159,7 +161,7 @@ fn programs_on_the_page_of_the_package_run() {
             continue;
         }
         let block = block.replace("connect(\"elbow\"", "connect(\"python-page\"");
-        // a warning is what one program is about
+        // one program demonstrates a warning
         let mut command = environment().command(&["-c", &block]);
         command.current_dir(&folder);
         run(command, "");
@@ -208,7 +210,7 @@ fn notebooks_of_the_package_run_and_show_tables_and_pictures() {
 #[test]
 fn rows_on_workers_of_dask_have_the_bits_of_one_process_also_when_a_worker_is_killed() {
     if environment().has_optional_packages() {
-        // dask's own warnings are no faults
+        // warnings of dask itself are allowed
         let mut command = environment().command(&[]);
         command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("proof/python/cluster.py"));
         run(command, "");
@@ -217,8 +219,7 @@ fn rows_on_workers_of_dask_have_the_bits_of_one_process_also_when_a_worker_is_ki
 
 #[test]
 fn importing_the_package_on_an_older_processor_raises_what_that_lacks() {
-    // the interpreter on processors that lack all or one of what x86-64-v3 has, emulated;
-    // and on one that has all
+    // emulated processors that lack some or all of x86-64-v3, and one that has all of it
     let emulator = "qemu-x86_64";
     if !cfg!(all(target_arch = "x86_64", target_feature = "avx2")) {
         return println!("not run: this build is for any processor");

@@ -1,4 +1,4 @@
-//! Faults that were found from outside, each by the smallest robot that shows it.
+//! Faults reported by users and reviews, each with the smallest robot that shows it.
 
 use sarrus_dynamics::description::{JointKind, SubmechanismKind};
 use sarrus_dynamics::{Field, Model, Request, Status};
@@ -16,7 +16,8 @@ fn idle_freedoms_behind_a_ball_joint_are_named_as_they_stand_still() {
     let (second, platform) = draft.turn(link, [0.0; 3], [0.0, 1.0, 0.0]);
     let mut sliders = vec![];
     for side in [1.0, -1.0] {
-        let (foot, head) = ([0.2 * side, 0.2, -0.5], [0.23 * side, 0.25, 0.1]);
+        let foot = [0.2 * side, 0.2, -0.5];
+        let head = [0.23 * side, 0.25, 0.1];
         let (_, rod) = draft.joint(JointKind::Spherical, 0, foot, [0.0, 0.0, 1.0]);
         let (slider, end) = draft.slide(rod, foot, [0.03 * side, 0.05, 0.6]);
         draft.cut(end, platform, head, &[], &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
@@ -41,7 +42,7 @@ fn idle_freedoms_behind_a_ball_joint_are_named_as_they_stand_still() {
 
 #[test]
 fn asking_for_good_independents_does_not_take_an_answer_away() {
-    // nearly flat, K has nearly lost rank; and a platform far out
+    // nearly flat, where K nearly loses rank; and an unreachable platform
     let flat =
         [1e-3, 1e-4, 1e-6].map(|off| ("four_bars_2", vec![off - std::f64::consts::FRAC_PI_2]));
     let far = [("stewart", vec![1e4; 6])];
@@ -57,7 +58,8 @@ fn asking_for_good_independents_does_not_take_an_answer_away() {
 fn a_loop_that_is_singular_at_zero_is_warned_of_and_called_singular() {
     // rod and rocker in one line
     let mut draft = Draft::new(6, SubmechanismKind::Numerical, true);
-    let (up, along) = ([0.0, 0.0, 1.0], [0.25, 0.125, 0.0]);
+    let up = [0.0, 0.0, 1.0];
+    let along = [0.25, 0.125, 0.0];
     let (crank, arm) = draft.turn(0, [0.0; 3], up);
     let (_, rod) = draft.turn(arm, [0.0, 0.125, 0.0], up);
     let (_, rocker) = draft.turn(0, [0.5, 0.125, 0.0], up);

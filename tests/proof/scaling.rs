@@ -1,5 +1,5 @@
-//! The same robot in other units: lengths and masses times 1e±3 give the same angles and scaled
-//! forces, to rounding.
+//! Invariance to units: scaling lengths and masses by 1e±3 keeps the angles and scales the forces,
+//! up to rounding.
 
 use sarrus_dynamics::description::{Cut, Description, JointKind, Placement};
 use sarrus_dynamics::scalar::Real;
@@ -11,12 +11,11 @@ use sarrus_tests::seed::Seeded;
 
 use Field::*;
 
-/// Rounding allowed at condition 1, in units of rounding: every number of the description is
-/// rounded anew.
+/// Allowed rounding at condition 1 in units of ε: every number of the description is rounded again.
 const ROUNDING: f64 = 256.0;
 
-/// Every length times L and every mass times M; times stay, so gravity is scaled with the lengths.
-fn scaled(of: &Description, L: f64, M: f64) -> Description {
+/// Scales every length by L and every mass by M; times stay, so gravity scales with the lengths.
+pub(crate) fn scaled(of: &Description, L: f64, M: f64) -> Description {
     let mut to = of.clone();
     let place = |x: &mut Placement| x.xyz = x.xyz.map(|x| L * x);
     to.gravity = to.gravity.map(|x| L * x);
@@ -36,10 +35,11 @@ fn scaled(of: &Description, L: f64, M: f64) -> Description {
         }
         let terms = &mut joint.terms;
         let force = M * L * L / unit(j).powi(2);
-        (terms.damping, terms.stiffness, terms.rest) =
-            (force * terms.damping, force * terms.stiffness, unit(j) * terms.rest);
-        (terms.rotor_inertia, terms.gear_ratio) =
-            (M * L * L * terms.rotor_inertia, terms.gear_ratio / unit(j));
+        terms.damping *= force;
+        terms.stiffness *= force;
+        terms.rest *= unit(j);
+        terms.rotor_inertia *= M * L * L;
+        terms.gear_ratio /= unit(j);
     }
     for of in to.submechanisms.iter_mut().flat_map(|x| &mut x.loops) {
         if let Cut::Placed { predecessor, successor } = &mut of.cut {
@@ -50,7 +50,7 @@ fn scaled(of: &Description, L: f64, M: f64) -> Description {
     to
 }
 
-/// The factor of each coordinate or velocity by its name.
+/// Factor of each named coordinate or velocity.
 fn units(case: &Case, names: &[String], L: f64) -> Vec<f64> {
     let slides = |name: &str| {
         case.description
@@ -73,7 +73,8 @@ fn over(x: &[f64], units: &[f64]) -> Vec<f64> {
 
 #[test]
 fn angles_stay_and_forces_scale_with_lengths_and_masses() {
-    let (mut same, mut other) = (0, 0);
+    let mut same = 0;
+    let mut other = 0;
     Ledger::over(robots(), |case, ledger| {
         let mut robot = Robot::new(case.compiled.model.clone());
         for (L, M) in [(1e-3, 1e-3), (1e-3, 1e3), (1e3, 1e-3), (1e3, 1e3)] {
@@ -82,14 +83,12 @@ fn angles_stay_and_forces_scale_with_lengths_and_masses() {
             let mut large = Robot::new(compiled.model);
             let of = |names: &[String]| units(case, names, L);
             let model = &robot.model;
-            let (qy, y, q, v, u) = (
-                of(model.independent_q_names()),
-                of(model.independent_names()),
-                of(model.tree_q_names()),
-                of(model.tree_names()),
-                of(model.active_names()),
-            );
-            // a generalised force is power over speed
+            let qy = of(model.independent_q_names());
+            let y = of(model.independent_names());
+            let q = of(model.tree_q_names());
+            let v = of(model.tree_names());
+            let u = of(model.active_names());
+            // a generalised force is power divided by speed
             let force =
                 |units: &[f64]| units.iter().map(|unit| M * L * L / unit).collect::<Vec<f64>>();
             let state = case.state::<f64>(2);
@@ -138,7 +137,7 @@ fn angles_stay_and_forces_scale_with_lengths_and_masses() {
                 allowed(cond * cond),
             );
             if case.square {
-                // otherwise the least norm over actuators of unlike units is another one
+                // with unlike units of actuators the least norm has another minimum
                 ledger.compare(
                     "τ_u",
                     case,
@@ -167,7 +166,7 @@ fn angles_stay_and_forces_scale_with_lengths_and_masses() {
                 allowed(cond * cond * cond_M),
             );
 
-            // far away, where there may be no answer
+            // far away, where an answer may not exist
             for k in 0..6 {
                 let y: Vec<f64> = case
                     .state::<f64>(k)

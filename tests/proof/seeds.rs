@@ -1,5 +1,4 @@
-//! Tabulated starts of numerical closures: what they lead to is what continuation from the zero
-//! pose leads to.
+//! Tabulated starts of numerical closures lead to the same pose as continuation from the zero pose.
 
 use std::f64::consts::TAU;
 
@@ -11,13 +10,13 @@ use sarrus_tests::seed::Seeded;
 
 use Field::*;
 
-/// Targets of each robot.
+/// Number of targets for each robot.
 const TARGETS: u64 = 400;
-/// Largest distance between two answers of one assembly: near a singular pose both are known to no
-/// more.
+/// Largest distance between two results for one assembly; near a singular pose neither is more
+/// exact.
 const SAME: f64 = 1e-7;
 
-/// Independents near by or far away.
+/// Random independents, near or far.
 fn target(case: &Case, seeded: &mut Seeded, far: f64) -> Vec<f64> {
     let model = &case.compiled.model;
     let mut y = case.state::<f64>(seeded.bits() % 1000).y;
@@ -35,7 +34,9 @@ fn target(case: &Case, seeded: &mut Seeded, far: f64) -> Vec<f64> {
 
 #[test]
 fn seeds_lead_to_the_assembly_that_continuation_reaches() {
-    let (mut compared, mut fewer, mut more) = (0, 0, 0);
+    let mut compared = 0;
+    let mut fewer = 0;
+    let mut more = 0;
     let mut worst = (0.0_f64, String::new());
     for case in robots() {
         let model = &case.compiled.model;

@@ -1,11 +1,10 @@
-//! Ten thousand random targets for each robot, half of them far away: unreachable, or across a
+//! Ten thousand random targets for each robot, half of them far away: unreachable, or beyond a
 //! toggle.
 //!
-//! An answer with status ok is finite, closed, and on the branch of its guess: every det K_d has
-//! the sign that it has there, and a path follower that shares no code with the program arrives at
-//! the same pose. A closed form keeps the sign of its root, whatever lies between: where the
-//! follower is stopped on its way to such an answer, the signs alone decide. A parallelogram in
-//! closed form is linear and has no root.
+//! An answer with status ok is finite, closed, and on the branch of its guess: every det K_d keeps
+//! its sign, and a path follower without shared code arrives at the same pose. A closed form keeps
+//! the sign of its root on any path; where the follower stops on its way to such an answer, only
+//! the signs are checked. A parallelogram in closed form is linear and has no root.
 
 use std::fmt::Write as _;
 use std::sync::Mutex;
@@ -22,9 +21,9 @@ use Field::*;
 
 /// Targets of each robot.
 const TARGETS: usize = 10_000;
-/// Largest residual of an answer, in lengths of the cluster.
+/// Largest residual of an answer, in lengths of its cluster.
 const CLOSED: f64 = 1e-11;
-/// Kinds of mechanism of which a random robot is taken each, and how many of each.
+/// Kinds of mechanisms among the random robots, with a fixed number of robots of each.
 const FAMILIES: [&str; 15] = [
     "lambda",
     "2SPU+1U",
@@ -44,7 +43,7 @@ const FAMILIES: [&str; 15] = [
 ];
 const OF_EACH: usize = 2;
 
-/// How a failed request may end.
+/// Expected statuses of failed requests.
 const SENSIBLE: [Status; 7] = [
     Status::Unreachable,
     Status::NotConverged,
@@ -55,22 +54,22 @@ const SENSIBLE: [Status; 7] = [
     Status::MassNotPositive,
 ];
 
-/// Square parts of K_d that no other part shares rows or columns with.
+/// Square blocks of K_d that share no rows and columns with other blocks.
 struct Signs {
     parts: Vec<(Vec<usize>, Vec<usize>)>,
     n_v: usize,
 }
 
 impl Signs {
-    /// From the pattern of some K.
+    /// Finds the blocks in the patterns of some K.
     fn new(case: &Case, some: &[Vec<f64>]) -> Signs {
         let model = &case.compiled.model;
-        let (n_v, n_c) = (model.sizes().n_v, model.sizes().n_c);
+        let n_v = model.sizes().n_v;
+        let n_c = model.sizes().n_c;
         let independent = model.independent_names();
         let dependent: Vec<usize> =
             (0..n_v).filter(|v| !independent.contains(&model.tree_names()[*v])).collect();
-        // a parallelogram stays one where its links lie in one line, though K_d changes its sign
-        // there
+        // a parallelogram stays on its branch where its links are aligned, though K_d changes sign
         let linear: Vec<usize> = (case.description.submechanisms.iter().zip(model.closures()))
             .filter(|(of, closure)| {
                 of.kind == SubmechanismKind::ParallelogramChain
@@ -118,12 +117,12 @@ impl Signs {
     }
 }
 
-/// What became of one robot's targets.
+/// Counts over the targets of one robot.
 #[derive(Default)]
 struct Counts {
     by_status: Vec<(Status, usize)>,
-    /// Paths that the follower went, those that both reached, those that only a closed form could
-    /// answer, those given up too early.
+    /// Paths that the follower completed, paths on which both arrived, answers that only a closed
+    /// form could give, and searches that ended too early.
     followed: usize,
     reached: usize,
     beyond: usize,
@@ -132,7 +131,7 @@ struct Counts {
     silent: Vec<String>,
 }
 
-/// A target: near by as often as far away.
+/// A target, near or far.
 fn target(case: &Case, seeded: &mut Seeded, far: bool) -> Vec<f64> {
     let model = &case.compiled.model;
     let slides = |name: &String| {
@@ -152,7 +151,7 @@ fn target(case: &Case, seeded: &mut Seeded, far: bool) -> Vec<f64> {
     y
 }
 
-/// Asks one of the three requests; all give q, K and the residual.
+/// Asks one of three requests, each of which returns q, K and the residual.
 fn ask(
     robot: &mut Robot<f64>,
     which: usize,
@@ -161,7 +160,8 @@ fn ask(
     seeded: &mut Seeded,
 ) -> Fields<f64> {
     let sizes = robot.model.sizes();
-    let (yd, ydd) = (seeded.numbers(sizes.n_vy, 1.0), seeded.numbers(sizes.n_vy, 1.0));
+    let yd = seeded.numbers(sizes.n_vy, 1.0);
+    let ydd = seeded.numbers(sizes.n_vy, 1.0);
     let (request, force, result) = match which {
         0 => (Request::InverseDynamics, Ydd, TauY),
         1 => (Request::ForwardDynamics, TauY, Ydd),
@@ -172,7 +172,7 @@ fn ask(
     robot.ask(request, &given, &[Q, K, Residual, result])
 }
 
-/// What the robot itself answers in two thousand steps along the path.
+/// The robot's own answer after two thousand steps along the path.
 fn in_small_steps(robot: &mut Robot<f64>, start: &[f64], y: &[f64], places: &[usize]) -> String {
     let mut q = start.to_vec();
     let mut least = (f64::INFINITY, 0.0);
@@ -195,13 +195,14 @@ fn in_small_steps(robot: &mut Robot<f64>, start: &[f64], y: &[f64], places: &[us
     format!("ok, σ_min no less than {:.1e} (at {})", least.0, least.1)
 }
 
-/// Goes through the targets of one robot.
+/// Checks the targets of one robot.
 fn go(case: &Case) -> Counts {
     let model = &case.compiled.model;
-    let (mut robot, mut seeded) = (Robot::new(model.clone()), Seeded::new(case.seed + 31));
+    let mut robot = Robot::new(model.clone());
+    let mut seeded = Seeded::new(case.seed + 31);
     let paths = Paths::new(&case.description, model, case.scale);
     let closed_form = model.closures().iter().any(|x| x.kind == ClosureKind::Analytic);
-    // poses near by, from which some requests continue
+    // nearby poses as guesses of some requests
     let near: Vec<(Vec<f64>, Vec<f64>)> = (0..8)
         .map(|k| {
             let x = robot.ask(Request::Kinematics, &[(Y, &case.state::<f64>(k).y)], &[Q, K]).ok();
@@ -218,7 +219,7 @@ fn go(case: &Case) -> Counts {
         .collect();
     let zero = robot.ask(Request::Kinematics, &[(Y, &zero)], &[Q, K]).ok();
     let zero = (zero.get(Q).to_vec(), zero.get(K).to_vec());
-    // where the tree coordinates of y stand in q
+    // indices in q of the tree coordinates in y
     let places: Vec<usize> = model
         .independent_q_names()
         .iter()
@@ -284,7 +285,7 @@ fn go(case: &Case) -> Counts {
                         d.abs() / case.scale
                     }
                 };
-                // quaternions are not the follower's
+                // the follower does not move quaternions
                 let worst = (0..q.len())
                     .filter(|k| !model.tree_q_names()[*k].contains('/'))
                     .map(apart)
@@ -330,7 +331,8 @@ fn chosen() -> Vec<&'static Case> {
 #[test]
 fn no_target_is_answered_wrongly() {
     let cases = chosen();
-    let (next, results) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+    let next = AtomicUsize::new(0);
+    let results = Mutex::new(Vec::new());
     let work = || {
         loop {
             let k = next.fetch_add(1, Ordering::Relaxed);

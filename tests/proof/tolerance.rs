@@ -1,4 +1,4 @@
-//! A looser end of Newton's method: as exact as its tolerance, never dearer than the usual one.
+//! A looser tolerance of Newton's method: errors within it, and never more steps.
 
 use sarrus_dynamics::{Field, Model, Request, Status};
 use sarrus_tests::cases::Case;
@@ -10,21 +10,22 @@ use Field::*;
 /// Robots whose loops are closed by Newton's method alone.
 const NUMERICAL: [&str; 6] =
     ["wrist", "squeezer", "delta", "active_ankle", "four_bars_2", "bricard"];
-/// Those of them that the first attempt closes however loosely it ends: elsewhere redundant rows or
-/// the way to the pose ask for more.
+/// Robots that the first attempt closes at every tolerance; the others need more for redundant rows
+/// or for the path to the pose.
 const DIRECT: [&str; 4] = ["wrist", "squeezer", "delta", "active_ankle"];
-/// States of each.
+/// States of each robot.
 const STATES: u64 = 12;
 const TOLERANCES: [f64; 15] = [
     1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14, 1e-15,
 ];
 
-/// Worst error of q against double-double and all Newton steps of some states, from the zero pose:
-/// tabulated starts would leave little to do.
+/// Worst error of q against double-double and the sum of Newton steps over some states, started at
+/// the zero pose, since tabulated starts would leave little to do.
 fn measured(case: &Case, model: &Model) -> (f64, f64) {
-    let (mut robot, mut exact) =
-        (Robot::new(model.clone()), Robot::new(case.compiled.exact.clone()));
-    let (mut worst, mut steps) = (0.0_f64, 0.0);
+    let mut robot = Robot::new(model.clone());
+    let mut exact = Robot::new(case.compiled.exact.clone());
+    let mut worst = 0.0_f64;
+    let mut steps = 0.0;
     let zero = vec![0.0; model.sizes().n_q];
     for k in 0..STATES {
         let y = case.state::<f64>(k).y;
@@ -52,7 +53,7 @@ fn an_answer_is_as_exact_as_its_tolerance() {
                 "{name} {tolerance:.0e}: {error:.1e} in {steps} steps; usually {:.1e} in {}",
                 usual.0, usual.1
             );
-            // what is left of a step is at most a part of it, and mostly its square
+            // the last correction is below the tolerance, and the error mostly its square
             assert!(error <= 0.5 * tolerance + 4.0 * usual.0, "{name} {tolerance}: {error}");
             assert!(
                 error <= 2.0 * before + 4.0 * usual.0,

@@ -1,4 +1,4 @@
-//! The tutorial's files are written, its commands run and their outputs compared with the page.
+//! Writes the tutorial's files, runs its commands and compares their outputs with the page.
 
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
@@ -12,7 +12,7 @@ const PAGE: &str = include_str!("../../server/docs/tutorial.md");
 /// The largest difference of numbers, relative above 1 and absolute below.
 const TOLERANCE: f64 = 1e-6;
 
-/// A folder and the servers that were started in it; both end with the test.
+/// A folder and the servers started in it; both end with the test.
 struct Session {
     folder: PathBuf,
     servers: Vec<Child>,
@@ -48,7 +48,7 @@ impl Session {
         shell
     }
 
-    /// The lines that a command prints; of a command in the background the first one.
+    /// Lines that a command prints; of a command in the background only the first line.
     fn run(&mut self, line: &str) -> Vec<String> {
         let Some(server) = line.strip_suffix(" &") else {
             let output = self.shell(line).output().unwrap();
@@ -56,7 +56,7 @@ impl Session {
             let text = String::from_utf8(output.stdout).unwrap();
             return text.lines().map(str::to_owned).collect();
         };
-        // replaces the shell, so that a signal reaches it
+        // replaces the shell, so that signals reach the server
         let mut shell = self.shell(&format!("exec {server}"));
         let mut server = shell.stdout(Stdio::piped()).spawn().unwrap();
         let mut output = String::new();
@@ -67,7 +67,7 @@ impl Session {
     }
 }
 
-/// Whether two words are equal, or two numbers close.
+/// True if two words are equal or two numbers are close.
 fn agree(shown: &str, found: &str) -> bool {
     match (shown.parse::<f64>(), found.parse::<f64>()) {
         (Ok(shown), Ok(found)) => (shown - found).abs() <= TOLERANCE * shown.abs().max(1.0),
@@ -75,20 +75,21 @@ fn agree(shown: &str, found: &str) -> bool {
     }
 }
 
-/// Whether a printed line is the one that the page shows; `...` at its end stands for the rest.
+/// True if the page shows a printed line; `...` at the end of the page's line matches the rest.
 fn is_shown(shown: &str, found: &str) -> bool {
     let words = |line: &str| -> Vec<String> {
         let words = line.split(|letter: char| letter.is_whitespace() || "{}[]:,".contains(letter));
         words.filter(|word| !word.is_empty()).map(str::to_owned).collect()
     };
-    let (beginning, found) = (words(shown.trim_end_matches("...")), words(found));
+    let beginning = words(shown.trim_end_matches("..."));
+    let found = words(found);
     let complete = shown.ends_with("...") || beginning.len() == found.len();
     complete
         && beginning.len() <= found.len()
         && beginning.iter().zip(&found).all(|(shown, found)| agree(shown, found))
 }
 
-/// Compares an output with the page, where a line `...` stands for any number of lines.
+/// Compares an output with the page, where a line `...` matches any number of lines.
 fn compare(command: &str, shown: &[&str], found: &[String]) {
     let mut rest = found.iter();
     let mut any = false;

@@ -1,5 +1,5 @@
-//! Every bundled robot against an independent engine, by size at 1e-12, and in double-double
-//! against forty digits.
+//! Every bundled robot against an independent engine: in double to 1e-12 by size, in double-double
+//! to forty digits.
 
 use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Compiled, Field, PlanScalar, Request};
@@ -19,7 +19,7 @@ fn negated<T: PlanScalar>(x: Vec<T>) -> Vec<T> {
     x.into_iter().map(|x| -x).collect()
 }
 
-/// Compares one case at the tolerance; `read` takes numbers of the file in the scalar under test.
+/// Compares one case within the tolerance; `read` converts the file's numbers to the scalar.
 fn check_case<T: PlanScalar>(
     robot: &mut Robot<T>,
     case: &Value,
@@ -28,7 +28,9 @@ fn check_case<T: PlanScalar>(
     read: impl Fn(&Value) -> Vec<T>,
 ) {
     let of = |key: &str| read(&case[key]);
-    let (y, yd, ydd) = (of("y"), of("yd"), of("ydd"));
+    let y = of("y");
+    let yd = of("yd");
+    let ydd = of("ydd");
     let motion: [(Field, &[T]); 3] = [(Field::Y, &y), (Field::Yd, &yd), (Field::Ydd, &ydd)];
     use Field::*;
     let state =
@@ -43,7 +45,7 @@ fn check_case<T: PlanScalar>(
     check(G, "G", 1.0, &state);
     check(GBias, "g", square, &state);
     check(K, "K", 1.0, &state);
-    // the file has +K̇ q̇
+    // the file's k has the opposite sign
     assert_close(
         &format!("{what} k"),
         state.get(KBias),
@@ -117,8 +119,7 @@ fn conditions_agree_with_an_independent_engine() {
     }
 }
 
-/// Largest error of a field over all states, in units of the last place of the field's largest
-/// number.
+/// Largest error of each field over all states, in ulps of the field's largest number.
 fn errors_in_ulp(name: &str) -> Vec<(&'static str, f64)> {
     let mut robot = Robot::new(bundled(name).model);
     let mut worst: Vec<(&'static str, f64)> = Vec::new();
@@ -137,9 +138,12 @@ fn errors_in_ulp(name: &str) -> Vec<(&'static str, f64)> {
     };
     for case in cases(&vectors(&format!("{name}_mp"))) {
         let of = |key: &str| digits(&case[key]);
-        // the state itself stands in the file with the digits of a double
+        // the file has the state with the digits of a double
         let double = |key: &str| of(key).iter().map(|x| x.to_f64()).collect::<Vec<f64>>();
-        let (y, yd, ydd, tau) = (double("y"), double("yd"), double("ydd"), double("tau_fd"));
+        let y = double("y");
+        let yd = double("yd");
+        let ydd = double("ydd");
+        let tau = double("tau_fd");
         use Field::*;
         let motion: [(Field, &[f64]); 3] = [(Y, &y), (Yd, &yd), (Ydd, &ydd)];
         let state = robot.ask(Request::Kinematics, &motion, &[Q, Qd, Qdd, G, GBias, K, KBias]).ok();
@@ -173,8 +177,8 @@ fn errors_in_ulp(name: &str) -> Vec<(&'static str, f64)> {
     worst
 }
 
-/// Bounds in ulp on positions, rates and Jacobians, on inverse and on forward dynamics of each
-/// robot: about twice what was seen.
+/// Bounds in ulps on positions, rates and Jacobians, on inverse and on forward dynamics of each
+/// robot: about twice the measured errors.
 const ULPS: [(&str, [f64; 3]); 9] = [
     ("lambda", [5.0, 6.0, 64.0]),
     ("parallelogram", [10.0, 14.0, 20.0]),
@@ -210,9 +214,9 @@ fn double_is_off_the_forty_digits_by_a_few_ulp() {
 }
 
 /// The loops of the forty-digit files are open by up to 6e-17 m on the numbers of the URDFs, as if
-/// their cut frames had been rounded to double; the parallelogram, whose cut lies at a round
-/// number, and the robots whose placements are written out close and show what is left without
-/// that.
+/// their cut frames had been rounded to double. Two kinds of robots close exactly and show the
+/// error without this effect: the parallelogram, whose cut lies at a round number, and the robots
+/// with placements written in the file.
 #[test]
 fn double_double_agrees_with_forty_digits() {
     for name in ROBOTS {

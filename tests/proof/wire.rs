@@ -1,4 +1,4 @@
-//! The wire contract, number by number: what a client of another build or language counts on.
+//! The wire contract number by number, for clients of another build or language.
 
 use std::fs::File;
 use std::mem::{align_of, offset_of, size_of};

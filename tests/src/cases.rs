@@ -1,5 +1,4 @@
-//! The robots that the laws are checked on: the bundled ones and random ones, read once, with
-//! random states.
+//! The robots of the laws, bundled and random, each loaded once, and random states of them.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::OnceLock;
@@ -14,32 +13,31 @@ use crate::random::{Text, random_robot};
 use crate::reference::ROBOTS;
 use crate::seed::Seeded;
 
-/// Random robots: seeds 0 to this less one.
+/// Number of random robots, with seeds from 0.
 pub const SEEDS: u64 = 240;
 
-/// One robot to check.
+/// One robot under test.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// Its name, or its seed and what it holds.
+    /// The robot's name, or its seed and mechanisms.
     pub name: String,
-    /// The seed of its states.
+    /// Seed of the random states.
     pub seed: u64,
-    /// What its files say.
+    /// The robot as read from its files.
     pub description: Description,
-    /// The models.
+    /// The compiled models.
     pub compiled: Compiled,
-    /// How far each independent coordinate may go (n_vy); the freedoms of a floating base have
-    /// none.
+    /// Largest |y| of random states (n_vy); a floating base has no limit.
     pub reach: Vec<f64>,
     /// Each mechanism has as many actuators as independent joints.
     pub square: bool,
-    /// Its placements are rounded to six decimals.
+    /// Placements are rounded to six decimals.
     pub rounded: bool,
-    /// A length that is typical of it `[m]`.
+    /// A typical length of the robot `[m]`.
     pub scale: f64,
 }
 
-/// Where a robot is, how it moves and what pushes it.
+/// Independent coordinates with their velocities and accelerations.
 #[derive(Clone, Debug)]
 pub struct State<T> {
     /// Independent coordinates, velocities, accelerations.
@@ -63,7 +61,9 @@ impl Case {
         let reach = reach
             .map(|joint| if kind(joint) == Some(JointKind::Prismatic) { 0.04 } else { 0.25 })
             .collect();
-        let seed = name.bytes().fold(1000, |sum, byte| 31 * sum + u64::from(byte));
+        let seed = name
+            .bytes()
+            .fold(1000_u64, |sum, byte| sum.wrapping_mul(31).wrapping_add(u64::from(byte)));
         Case {
             name: name.into(),
             seed,
@@ -76,13 +76,15 @@ impl Case {
         }
     }
 
-    /// A robot of text.
+    /// A robot from text.
     pub fn of_text(text: &Text, seed: u64, options: &Options) -> Result<Case, String> {
         let loaded = text.load(options).map_err(|error| format!("{}\n{error}", text.holds))?;
         let compiled = loaded.compiled;
         let of = |name: &String| text.reach.iter().find(|x| x.0 == *name).map_or(0.0, |x| x.1);
         let reach = compiled.model.independent_names().iter().map(of).collect();
-        let (square, rounded, scale) = (text.square, text.rounded, text.scale);
+        let square = text.square;
+        let rounded = text.rounded;
+        let scale = text.scale;
         Ok(Case {
             name: text.holds.clone(),
             seed,
@@ -95,15 +97,14 @@ impl Case {
         })
     }
 
-    /// How far the rows of the loops contradict each other or the closed forms, which no precision
-    /// corrects: the misfit of a closed form that counts as rounding, and the redundant rows of
-    /// placements that are rounded.
+    /// Error of the closed loops that no precision removes: the misfit of a closed form within the
+    /// accepted rounding, and the contradiction of redundant rows whose placements are rounded.
     pub fn contradiction(&self) -> f64 {
         let closures = self.compiled.model.closures();
         let misfit = closures
             .iter()
             .fold(0.0, |worst: f64, x| worst.max(if x.misfit <= 1e-13 { x.misfit } else { 0.0 }));
-        // a rod that spins about itself has its mass there only up to rounding
+        // a rod that spins freely about itself has its inertia on that axis only up to rounding
         let redundant = closures.iter().any(|x| x.rank < x.rows || !x.idle.is_empty());
         match (redundant, self.rounded) {
             (true, true) => 1e-4,
@@ -112,18 +113,18 @@ impl Case {
         }
     }
 
-    /// True where damping, springs or rotors act in some joint.
+    /// True if some joint has damping, a spring or a rotor.
     pub fn has_terms(&self) -> bool {
         self.description.joints.iter().any(|joint| joint.terms != Terms::default())
     }
 
-    /// True where some joint is a quaternion: a floating base or a ball, whose place no actuator
-    /// can tell.
+    /// True if some joint is a quaternion, whose position the actuators do not determine: a
+    /// floating base or a ball joint.
     pub fn floats(&self) -> bool {
         self.compiled.model.sizes().n_q > self.compiled.model.sizes().n_v
     }
 
-    /// True where no joint is tied to another.
+    /// True if the robot has no loop and no coupling.
     pub fn is_open(&self) -> bool {
         self.compiled.model.sizes().n_c == 0
     }
@@ -133,11 +134,13 @@ impl Case {
         let mut seeded = Seeded::new(self.seed.wrapping_mul(1000).wrapping_add(k));
         let number = |x: f64| T::from_f64(x);
         let model = &self.compiled.model;
-        let (mut y, mut yd, mut ydd) = (Vec::new(), Vec::new(), Vec::new());
+        let mut y = Vec::new();
+        let mut yd = Vec::new();
+        let mut ydd = Vec::new();
         for (name, reach) in model.independent_names().iter().zip(&self.reach) {
             if let Some(joint) = name.strip_suffix("/rx") {
-                // a floating joint: position and quaternion stand for its six degrees of freedom; a
-                // ball joint: a quaternion for its three
+                // a floating joint has a position and a quaternion for its six freedoms, a ball
+                // joint a quaternion for its three
                 if model.independent_names().contains(&format!("{joint}/tx")) {
                     y.extend(seeded.vector(self.scale).map(number));
                 }
@@ -165,7 +168,7 @@ pub fn robots() -> &'static [Case] {
     static ROBOTS_ONCE: OnceLock<Vec<Case>> = OnceLock::new();
     ROBOTS_ONCE.get_or_init(|| {
         let mut robots: Vec<Case> = ROBOTS.iter().map(|name| Case::bundled(name)).collect();
-        // a robot that cannot be read fails a test of its own
+        // a robot that fails to load fails a test of its own
         robots.extend(
             (0..SEEDS).filter_map(|seed| {
                 Case::of_text(&random_robot(seed), seed, &Options::default()).ok()
@@ -175,17 +178,17 @@ pub fn robots() -> &'static [Case] {
     })
 }
 
-/// The errors of the laws over all robots.
+/// Errors of the laws over all robots.
 #[derive(Debug, Default)]
 pub struct Ledger {
     laws: Vec<Entry>,
 }
 
-/// What became of one law, or of one way to panic.
+/// Worst result of one law, or of one panic message.
 #[derive(Debug)]
 struct Entry {
     what: String,
-    /// Largest error, as a share of what is allowed and as it is, and where.
+    /// Largest error, relative to its bound and absolute, and its robot.
     ratio: f64,
     error: f64,
     worst: String,
@@ -195,7 +198,7 @@ struct Entry {
 }
 
 impl Ledger {
-    /// Checks every robot; what panics is a failure of that robot.
+    /// Checks every robot and records a panic as a failure of that robot.
     pub fn over<'a>(
         cases: impl IntoIterator<Item = &'a Case>,
         mut check: impl FnMut(&'a Case, &mut Ledger),
@@ -218,12 +221,13 @@ impl Ledger {
         ledger.finish();
     }
 
-    /// Notes an error; a failure where it is larger than allowed, or not a number.
+    /// Records an error, as a failure if it exceeds its bound or is NaN.
     pub fn note(&mut self, what: &str, case: &Case, error: f64, allowed: f64) {
         let ratio = if error == 0.0 { 0.0 } else { error / allowed };
         let ratio = if ratio.is_nan() { f64::INFINITY } else { ratio };
         let at = self.laws.iter().position(|law| law.what == what).unwrap_or_else(|| {
-            let (what, worst) = (what.to_owned(), String::new());
+            let what = what.to_owned();
+            let worst = String::new();
             self.laws.push(Entry {
                 what,
                 ratio: -1.0,
@@ -246,7 +250,7 @@ impl Ledger {
         }
     }
 
-    /// Notes how far two arrays are apart by size.
+    /// Records the difference of two arrays relative to their size.
     pub fn compare<T: Real>(
         &mut self,
         what: &str,
@@ -259,7 +263,7 @@ impl Ledger {
         self.note(what, case, error_by_size(a, b, least), allowed);
     }
 
-    /// Prints the worst of each law and fails where one does not hold.
+    /// Prints the worst error of each law, and panics if one failed.
     pub fn finish(self) {
         let mut broken = String::new();
         for law in &self.laws {

@@ -1,9 +1,8 @@
-//! Comparison by size: |a − b| ≤ tolerance × max(‖b‖∞, s).
+//! Errors relative to size: |a − b| ≤ tolerance × max(‖b‖∞, s).
 
 use sarrus_dynamics::scalar::Real;
 
-/// The largest difference of two arrays relative to the larger of the second's largest entry and
-/// `least`.
+/// The largest difference of two arrays, relative to the larger of ‖b‖∞ and `least`.
 pub fn error_by_size<T: Real>(a: &[T], b: &[T], least: f64) -> f64 {
     assert_eq!(a.len(), b.len(), "arrays of different lengths");
     let size = b.iter().fold(least, |size, x| size.max(x.to_f64().abs()));
@@ -14,7 +13,7 @@ pub fn error_by_size<T: Real>(a: &[T], b: &[T], least: f64) -> f64 {
     if worst == 0.0 { 0.0 } else { worst / size }
 }
 
-/// Fails with the name where the error is larger than the tolerance.
+/// Panics with the name if the error exceeds the tolerance.
 pub fn assert_close<T: Real>(what: &str, a: &[T], b: &[T], least: f64, tolerance: f64) {
     let error = error_by_size(a, b, least);
     assert!(

@@ -1,4 +1,4 @@
-//! One mechanism as a description, drawn in a frame that is put anywhere.
+//! One mechanism as a description, drawn in a frame at any pose on the base.
 
 use sarrus_dynamics::description::{
     Description, Inertial, JointKind, Placement, SubmechanismKind as Kind,
@@ -8,29 +8,29 @@ use sarrus_dynamics::{DescriptionBuilder, LinkId};
 use crate::rigid::{Pose, Vector};
 use crate::seed::Seeded;
 
-/// One mechanism under construction, drawn in a frame that is put anywhere on the base.
+/// One mechanism under construction, in a frame at any pose on the base.
 #[derive(Clone, Debug)]
 pub struct Draft {
-    /// What is drawn next.
+    /// Source of random numbers for the drawing.
     pub seeded: Seeded,
-    /// What 1 is in its drawing `[m]`.
+    /// Length of the drawing's unit `[m]`.
     pub scale: f64,
-    /// Everything along the axes of the root: what the files hold is then exact.
+    /// Every frame is parallel to the root, so that the files hold exact numbers.
     pub straight: bool,
-    /// Where its frame is.
+    /// Pose of the mechanism's frame.
     pub at: Pose,
-    /// What is drawn.
+    /// The robot drawn so far.
     pub robot: DescriptionBuilder,
     /// Each link and its pose.
     links: Vec<(LinkId, Pose)>,
-    /// What each joint allows.
+    /// Kind of each joint.
     pub kinds: Vec<JointKind>,
-    /// How far each independent joint may go.
+    /// Reach of each independent joint.
     pub reach: Vec<f64>,
 }
 
 impl Draft {
-    /// A base with nothing on it; of random size and place unless it is to be straight.
+    /// A base with nothing on it, of random size and pose unless `straight`.
     pub fn new(seed: u64, kind: Kind, straight: bool) -> Draft {
         let mut seeded = Seeded::new(seed);
         let scale = if straight { 1.0 } else { 10f64.powi(seeded.below(7) as i32 - 3) };
@@ -43,10 +43,10 @@ impl Draft {
         Draft { seeded, scale, straight, at, robot, links, kinds: vec![], reach: vec![] }
     }
 
-    /// What is drawn, as it is.
+    /// The drawing as a description.
     ///
     /// # Panics
-    /// On a faulty drawing.
+    /// If the drawing is faulty.
     #[allow(clippy::expect_used, reason = "a drawing of a test")]
     pub fn description(&self) -> Description {
         self.robot.build().expect("a faulty drawing")
@@ -57,7 +57,7 @@ impl Draft {
         self.links[joint + 1].0
     }
 
-    /// A joint on a link through a point along an axis, either way round, both in the mechanism's
+    /// Adds a joint on a link through a point along an axis of either sign, both in the mechanism's
     /// frame; returns joint and child link.
     pub fn joint(
         &mut self,
@@ -66,7 +66,8 @@ impl Draft {
         point: Vector,
         axis: Vector,
     ) -> (usize, usize) {
-        let (n, s) = (self.links.len() - 1, self.scale);
+        let n = self.links.len() - 1;
+        let s = self.scale;
         let sense = self.seeded.sign();
         let turn = if self.straight { Pose::IDENTITY } else { self.seeded.pose(0.0) };
         let placed = Pose { p: self.at.point(point.map(|x| x * s)), ..turn };
@@ -97,7 +98,7 @@ impl Draft {
         self.joint(JointKind::Prismatic, parent, point, axis)
     }
 
-    /// A cut at a point, its rows along directions of the mechanism's frame; angular ones first.
+    /// Cuts at a point, with rows along directions of the mechanism's frame, angular rows first.
     pub fn cut(
         &mut self,
         predecessor: usize,
@@ -131,7 +132,7 @@ impl Draft {
         });
     }
 
-    /// Independent and active joints, and how far each independent one may go.
+    /// Sets the independent joints with their reach, and the active joints.
     pub fn roles(&mut self, independent: &[(usize, f64)], active: &[usize]) {
         let mut independent = independent.to_vec();
         if self.seeded.chance(0.5) {
@@ -143,8 +144,8 @@ impl Draft {
         self.reach = independent.iter().map(|x| x.1).collect();
     }
 
-    /// The joints of the list in any order; a joint's place in it says nothing to a form that reads
-    /// the tree.
+    /// Shuffles the joints of the submechanism's list, whose order must not matter to a form that
+    /// reads the tree.
     pub fn shuffled(mut self) -> Draft {
         let order = self.seeded.order(self.links.len() - 1);
         let order: Vec<LinkId> = order.into_iter().map(|j| self.moved_by(j)).collect();

@@ -1,4 +1,4 @@
-//! What the tests share: reference data, comparison by size, running plans, random robots.
+//! Helpers of the tests: reference data, errors relative to size, running plans, random robots.
 // the symbols of the equations
 #![allow(non_snake_case)]
 #![allow(clippy::panic, reason = "a test that fails panics")]

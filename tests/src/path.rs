@@ -1,10 +1,9 @@
-//! A second opinion on where a path leads: the loops' equations straight from the description,
-//! followed in small steps.
+//! An independent path follower, which solves the loop equations of the description in small steps.
 //!
-//! Nothing of the program's kinematics is used. φ is written from its definition, K by differences;
-//! dependents follow from least squares, so that rows may be redundant. A step is halved until it
-//! neither corrects much nor changes the determinant much: a fold or a crossing of branches,
-//! straight on or by a bend, stops the path.
+//! It shares no code with the program's kinematics: φ is evaluated from its definition and K by
+//! differences; the dependents follow from least squares, so that rows may be redundant. A step is
+//! halved until its correction and the change of the determinant are small. A fold, or a crossing
+//! of branches, straight on or by a bend, stops the path.
 
 use sarrus_dynamics::Model;
 use sarrus_dynamics::description::{Cut, Description, Joint, JointKind, Placement};
@@ -21,13 +20,12 @@ const DIFFERENCE: f64 = 1e-6;
 #[derive(Clone, Debug)]
 pub struct Paths<'a> {
     description: &'a Description,
-    /// Joints from the root outwards, each with its place in q if it is one of a single degree of
-    /// freedom.
+    /// Joints from the root outwards, each with its index in q if it has one degree of freedom.
     joints: Vec<(&'a Joint, Option<usize>)>,
     rows: Vec<Row>,
-    /// Places in q.
+    /// Indices in q.
     independent: Vec<usize>,
-    /// What is tied to each other: rows and dependents.
+    /// Independent groups of rows and the dependents that they determine.
     components: Vec<Component>,
     length: f64,
 }
@@ -54,17 +52,17 @@ struct Component {
     dependent: Vec<usize>,
 }
 
-/// Where a path led.
+/// End of a path.
 #[derive(Clone, Debug)]
 pub enum End {
-    /// The closed pose there.
+    /// Closed pose at the target.
     Reached(Vec<f64>),
-    /// It stops at a singularity after this share of it.
+    /// Share of the path at which a singularity stopped it.
     Blocked(f64),
 }
 
 impl<'a> Paths<'a> {
-    /// The loops of a robot; `None` where a type defines them or a quaternion takes part.
+    /// The loops of a robot; `None` if a type defines them or a quaternion takes part.
     pub fn new<C>(
         description: &'a Description,
         model: &Model<C>,
@@ -153,7 +151,7 @@ impl<'a> Paths<'a> {
         Some(paths)
     }
 
-    /// Sorts rows and dependents by what ties them, from K at a generic pose.
+    /// Groups rows and dependents that are coupled in K at a generic pose.
     fn find_components(&mut self, n_q: usize) {
         let dependent: Vec<usize> = (0..n_q).filter(|q| !self.independent.contains(q)).collect();
         let generic: Vec<f64> = (0..n_q).map(|q| 0.3 * (1.0 + 1.7 * q as f64).sin()).collect();
@@ -178,7 +176,7 @@ impl<'a> Paths<'a> {
         }
     }
 
-    /// Pose of every link in the root; quaternion joints rest.
+    /// Pose of every link in the root; quaternion joints stay at zero.
     fn poses(&self, q: &[f64]) -> Vec<Pose> {
         let mut poses = vec![Pose::IDENTITY; self.description.links.len()];
         for (joint, place) in &self.joints {
@@ -197,7 +195,7 @@ impl<'a> Paths<'a> {
         poses
     }
 
-    /// φ of some rows, lengths in units of the robot.
+    /// φ of the given rows, with lengths in units of the robot.
     fn residual(&self, q: &[f64], rows: &[usize]) -> Vec<f64> {
         let poses = self.poses(q);
         let of = |r: &usize| match &self.rows[*r] {
@@ -205,10 +203,8 @@ impl<'a> Paths<'a> {
                 q[*joint] - offset - terms.iter().map(|(k, c)| c * q[*k]).sum::<f64>()
             }
             Row::Loop { predecessor, successor, axis, against } => {
-                let (p, s) = (
-                    poses[predecessor.0].then(&predecessor.1),
-                    poses[successor.0].then(&successor.1),
-                );
+                let p = poses[predecessor.0].then(&predecessor.1);
+                let s = poses[successor.0].then(&successor.1);
                 let between = p.inverse().then(&s);
                 if let Some(b) = against {
                     return dot([axis[0], axis[1], axis[2]], between.direction(*b));
@@ -227,7 +223,7 @@ impl<'a> Paths<'a> {
         self.residual(q, &rows).iter().fold(0.0, |worst, x| worst.max(x.abs()))
     }
 
-    /// K of some rows and columns.
+    /// K of the given rows and columns.
     fn jacobian(&self, q: &[f64], rows: &[usize], columns: &[usize]) -> Vec<f64> {
         let mut K = vec![0.0; rows.len() * columns.len()];
         for (a, &k) in columns.iter().enumerate() {
@@ -241,7 +237,8 @@ impl<'a> Paths<'a> {
                 .iter()
                 .any(|(joint, place)| *place == Some(k) && joint.kind == JointKind::Prismatic);
             let h = if slides { DIFFERENCE * self.length } else { DIFFERENCE };
-            let (after, before) = (at(h), at(-h));
+            let after = at(h);
+            let before = at(-h);
             // sliders in units of the robot as well
             (0..rows.len()).for_each(|r| {
                 K[r * columns.len() + a] = (after[r] - before[r]) / (2.0 * DIFFERENCE)
@@ -250,10 +247,11 @@ impl<'a> Paths<'a> {
         K
     }
 
-    /// Follows the straight line of the independents from the closed pose q to y, given by place in
-    /// q.
+    /// Follows the straight line of the independents from the closed pose q to `goal`, which is
+    /// indexed as q.
     pub fn follow(&self, q: &[f64], goal: &[f64]) -> End {
-        let (start, mut q) = (q.to_vec(), q.to_vec());
+        let start = q.to_vec();
+        let mut q = q.to_vec();
         let unit: Vec<f64> =
             (0..q.len())
                 .map(|k| {
@@ -271,7 +269,8 @@ impl<'a> Paths<'a> {
         };
         let mut last = matrices(&q);
         let mut before: Option<(Vec<f64>, f64)> = None;
-        let (mut at, mut step) = (0.0, LONGEST);
+        let mut at = 0.0;
+        let mut step = LONGEST;
         while at < 1.0 {
             let next = f64::min(1.0, at + step);
             let mut trial = q.clone();
@@ -282,7 +281,7 @@ impl<'a> Paths<'a> {
             for &k in &self.independent {
                 trial[k] = start[k] + (goal[k] - start[k]) * next;
             }
-            // the path is smooth: what is to be corrected is of second order
+            // the path is smooth, so the correction is of second order
             let travelled =
                 (0..q.len()).map(|k| (trial[k] - q[k]).abs() / unit[k]).fold(0.0, f64::max);
             let allowed = if before.is_some() { 0.3 * travelled + 1e-9 } else { 0.05 };
@@ -300,7 +299,7 @@ impl<'a> Paths<'a> {
         End::Reached(q)
     }
 
-    /// Closes the loops near by on the same branch, no further away than allowed.
+    /// Closes the loops near q on the same branch, within the allowed distance.
     fn closed(
         &self,
         q: &mut [f64],
@@ -311,11 +310,13 @@ impl<'a> Paths<'a> {
         let mut matrices = Vec::new();
         for (component, last) in self.components.iter().zip(last) {
             let m = component.dependent.len();
-            let (mut moved, mut fine) = (0.0, false);
+            let mut moved = 0.0;
+            let mut fine = false;
             for _ in 0..8 {
                 let phi = self.residual(q, &component.rows);
                 let K = self.jacobian(q, &component.rows, &component.dependent);
-                let (normal, right) = (product(&K, &K, m), product(&K, &phi, 1));
+                let normal = product(&K, &K, m);
+                let right = product(&K, &phi, 1);
                 let (step, _) = eliminated(normal, right, m)?;
                 let size = step.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
                 moved += size;
@@ -332,8 +333,10 @@ impl<'a> Paths<'a> {
             let det = |A: &[f64], B: &[f64]| {
                 eliminated(product(A, B, m), vec![0.0; m], m).map_or(0.0, |x| x.1)
             };
-            let (old, new, both) = (det(last, last), det(&K, &K), det(last, &K));
-            // the same sign, and neither much smaller nor much larger than before
+            let old = det(last, last);
+            let new = det(&K, &K);
+            let both = det(last, &K);
+            // the determinant keeps its sign and changes by a bounded factor
             if both <= 0.3 * (old * new).sqrt() || !(0.25..4.0).contains(&(new / old)) {
                 return None;
             }
@@ -343,7 +346,7 @@ impl<'a> Paths<'a> {
     }
 }
 
-/// Aᵀ B of two matrices with as many rows, B with this many columns.
+/// Aᵀ B of two matrices with the same number of rows; B has `columns` columns.
 fn product(A: &[f64], B: &[f64], columns: usize) -> Vec<f64> {
     let rows = B.len() / columns.max(1);
     let n = A.len() / rows.max(1);
@@ -383,7 +386,7 @@ fn pose(placement: &Placement) -> Pose {
     Pose::from_rpy(placement.rpy, placement.xyz)
 }
 
-/// A turn about an axis (Rodrigues).
+/// Rotation about an axis (Rodrigues).
 fn turned(axis: Vector, angle: f64) -> Pose {
     let ((s, c), [x, y, z]) = (angle.sin_cos(), axis);
     let v = 1.0 - c;
@@ -399,6 +402,7 @@ fn turned(axis: Vector, angle: f64) -> Pose {
 fn log(of: &Pose) -> Vector {
     let R = &of.R;
     let twice = [R[2][1] - R[1][2], R[0][2] - R[2][0], R[1][0] - R[0][1]];
-    let (s, c) = (0.5 * norm(twice), 0.5 * (R[0][0] + R[1][1] + R[2][2] - 1.0));
+    let s = 0.5 * norm(twice);
+    let c = 0.5 * (R[0][0] + R[1][1] + R[2][2] - 1.0);
     if s < 1e-9 { add([0.0; 3], 0.5, twice) } else { add([0.0; 3], s.atan2(c) / (2.0 * s), twice) }
 }

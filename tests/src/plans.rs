@@ -7,8 +7,8 @@ use crate::cases::{Case, State};
 use crate::run::Robot;
 use crate::seed::Seeded;
 
-/// Plans of every request from every space, each for all fields at once and for each field alone;
-/// frames and wrenches on some links.
+/// Plans of every request from every space, each for all fields at once and for each field alone,
+/// with frames and wrenches on some links.
 pub fn every_plan<T: Real>(model: &Model<T>, seeded: &mut Seeded) -> Vec<Plan> {
     use Field::*;
     let mut plans = Vec::new();
@@ -78,7 +78,7 @@ fn givens(request: Request) -> Vec<Vec<Field>> {
     }
 }
 
-/// Numbers for a plan at a state.
+/// Input of a plan at a state.
 pub fn input<T: PlanScalar>(
     case: &Case,
     robot: &mut Robot<T>,

@@ -2,10 +2,10 @@
 //! and the package `sarrus` of this build.
 //!
 //! Cargo builds the extension before any test runs, since this crate depends on it without linking
-//! it. What is left to do is made once under a lock and used again until it changes. The
-//! interpreter is `SARRUS_PYTHON`, else `python3`; packages come from where `pip` takes them. With
-//! `SARRUS_OPTIONAL=missing`, and where pip reaches no index, packages that only some tests need
-//! may be missing; any other failure to install these fails.
+//! it. The environment is completed once under a lock, and again after a change. The interpreter is
+//! `SARRUS_PYTHON`, else `python3`; packages come from the indexes of `pip`. With
+//! `SARRUS_OPTIONAL=missing`, and where pip reaches no index, the optional packages may be missing;
+//! every other failure to install them is an error.
 
 use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
 use std::fs::{self, File};
@@ -13,9 +13,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
-/// What the tests need beside the package itself.
+/// Packages that the tests need beside `sarrus`.
 const REQUIREMENTS: &str = include_str!("../../client/python/requirements.txt");
-/// What some tests need, which are not run where pip reaches no index.
+/// Packages of some tests, which are skipped where pip reaches no index.
 const OPTIONAL: &str = include_str!("../../client/python/requirements-optional.txt");
 
 /// A virtual environment that is ready.
@@ -23,7 +23,7 @@ const OPTIONAL: &str = include_str!("../../client/python/requirements-optional.t
 pub struct Environment {
     python: PathBuf,
     package: PathBuf,
-    /// Whether the packages of `OPTIONAL` are there, or why not.
+    /// Whether the packages of `OPTIONAL` are installed, or the reason why not.
     optional: Result<(), String>,
 }
 
@@ -33,8 +33,8 @@ impl Environment {
         &self.python
     }
 
-    /// The interpreter as a command with arguments; nothing of the caller's own Python settings
-    /// reaches it, and it writes nothing beside the sources.
+    /// The interpreter as a command with arguments, free of the caller's Python settings and of
+    /// writes beside the sources.
     pub fn command(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(&self.python);
         command
@@ -42,7 +42,7 @@ impl Environment {
             .env("PYTHONPATH", &self.package)
             .env("PYTHONDONTWRITEBYTECODE", "1")
             .env("PYTHONUNBUFFERED", "1")
-            // logs of faults lie with the package, and not in anybody's home
+            // fault logs lie with the package and not in the user's home
             .env("XDG_STATE_HOME", self.package.join("state"));
         command
             .env_remove("PYTHONHOME")
@@ -52,7 +52,7 @@ impl Environment {
         command
     }
 
-    /// True where the optional packages are there; else says that the caller is not run.
+    /// True if the optional packages are installed; otherwise prints that the caller is not run.
     pub fn has_optional_packages(&self) -> bool {
         if let Err(error) = &self.optional {
             println!("not run: client/python/requirements-optional.txt is not installed\n{error}");
@@ -68,8 +68,7 @@ impl Environment {
     }
 }
 
-/// The environment, made when it is not there. A test that needs it fails where no Python of 3.10
-/// or later is.
+/// The environment, which the first call makes. Panics without a Python of at least 3.10.
 pub fn environment() -> &'static Environment {
     static ENVIRONMENT: OnceLock<Environment> = OnceLock::new();
     ENVIRONMENT
@@ -82,7 +81,7 @@ fn make() -> Result<Environment, String> {
     let profile = test.ancestors().nth(2).ok_or("this is no test binary of cargo")?;
     let root = profile.parent().ok_or("this is no test binary of cargo")?.join("python");
     fs::create_dir_all(&root).map_err(described)?;
-    // one process at a time; the lock ends with the file's handle
+    // one process at a time; the lock is released with the file's handle
     let lock = File::create(root.join("lock")).map_err(described)?;
     lock.lock().map_err(described)?;
     let folder = root.join("environment");
@@ -101,12 +100,12 @@ fn make() -> Result<Environment, String> {
     Ok(Environment { python, package, optional })
 }
 
-/// A virtual environment with the packages of `REQUIREMENTS`; gives its interpreter.
+/// Makes a virtual environment with the packages of `REQUIREMENTS` and returns its interpreter.
 fn virtual_environment(folder: &Path) -> Result<PathBuf, String> {
     let python = folder.join("bin/python");
-    // what it was made from stands in it; it cannot be moved
-    let (stamp, made_from) =
-        (folder.join("made-from"), format!("{}\n{REQUIREMENTS}", folder.display()));
+    // the stamp holds the folder, since an environment cannot be moved
+    let stamp = folder.join("made-from");
+    let made_from = format!("{}\n{REQUIREMENTS}", folder.display());
     if fs::read_to_string(&stamp).is_ok_and(|stamp| stamp == made_from) && python.exists() {
         return Ok(python);
     }
@@ -132,10 +131,10 @@ fn virtual_environment(folder: &Path) -> Result<PathBuf, String> {
     Ok(python)
 }
 
-/// The optional packages, or why tests may go without them: where that is asked for, or where pip
-/// reached no index. Anything else, such as a pin that no index has, is an error.
+/// Installs the optional packages, or returns why tests may run without them: by request, or
+/// because pip reached no index. Any other failure, such as a pin that no index has, is an error.
 fn install_optional(folder: &Path) -> Result<Result<(), String>, String> {
-    // one try for all processes of a run of cargo
+    // one attempt for all processes of a cargo run
     let note = folder.join("unreachable");
     let this_run = format!("{}\n{OPTIONAL}", std::os::unix::process::parent_id());
     let is_asked = std::env::var_os("SARRUS_OPTIONAL").is_some_and(|value| value == "missing");
@@ -151,13 +150,13 @@ fn install_optional(folder: &Path) -> Result<Result<(), String>, String> {
     }
 }
 
-/// Whether pip says that it could not connect, and knows therefore no version at all; of a package
-/// whose pin is wrong it lists the versions that there are.
+/// True if pip reports that it could not connect and lists no version at all; for a wrong pin it
+/// lists the versions that exist.
 fn reached_no_index(error: &str) -> bool {
     error.contains("connection broken by") && error.contains("(from versions: none)")
 }
 
-/// Installs packages into an environment, once.
+/// Installs packages into an environment once.
 fn install(folder: &Path, name: &str, requirements: &str) -> Result<(), String> {
     let stamp = folder.join(name).with_extension("installed");
     if fs::read_to_string(&stamp).is_ok_and(|installed| installed == requirements) {
@@ -175,7 +174,7 @@ fn described(error: std::io::Error) -> String {
     error.to_string()
 }
 
-/// Runs a command to its end and gives its stdout.
+/// Runs a command to its end and returns its stdout.
 fn run(command: &mut Command) -> Result<String, String> {
     let Output { status, stdout, stderr } =
         command.output().map_err(|error| format!("{command:?}: {error}"))?;
@@ -194,7 +193,7 @@ fn copy_folder(from: &Path, to: &Path) -> Result<(), String> {
     fs::create_dir_all(to).map_err(described)?;
     let query: Vec<PathBuf> =
         entries(from)?.into_iter().filter(|path| !path.ends_with("__pycache__")).collect();
-    // what the sources no longer have must not be found by an import
+    // a source that was deleted must not be importable
     for path in entries(to)? {
         let same = query.iter().any(|query| query.file_name() == path.file_name());
         let is_extension = path.extension().is_some_and(|ending| ending == "so");
@@ -220,8 +219,8 @@ fn entries(folder: &Path) -> Result<Vec<PathBuf>, String> {
     entries.map(|entry| entry.map(|entry| entry.path()).map_err(described)).collect()
 }
 
-/// Copies a file that differs, under another name first: a process that has the old one open keeps
-/// it.
+/// Copies a file that differs, under another name first, so that a process that has the old file
+/// open keeps it.
 fn copy_file(from: &Path, to: &Path) -> Result<(), String> {
     let bytes = fs::read(from).map_err(|error| format!("{}: {error}", from.display()))?;
     if fs::read(to).is_ok_and(|there| there == bytes) {

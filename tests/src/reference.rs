@@ -1,5 +1,5 @@
-//! Reference answers: `tests/vectors` in the project, and a larger collection where
-//! `$SARRUS_REFERENCE` points.
+//! Reference answers: `tests/vectors`, and a larger collection in the folder
+//! `$SARRUS_REFERENCE`.
 
 use std::path::{Path, PathBuf};
 
@@ -32,7 +32,7 @@ pub fn vectors(name: &str) -> Value {
     serde_json::from_str(&text).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// The folder of reference data beside the project, if there is one.
+/// The folder of reference data outside the project, if there is one.
 pub fn folder() -> Option<PathBuf> {
     let folder =
         std::env::var_os("SARRUS_REFERENCE").map(PathBuf::from).filter(|folder| folder.is_dir());
@@ -42,7 +42,7 @@ pub fn folder() -> Option<PathBuf> {
     folder
 }
 
-/// A number, a list or a list of rows, flat.
+/// Flattens a number, a list or a list of rows.
 pub fn numbers(value: &Value) -> Vec<f64> {
     match value {
         Value::Array(items) => items.iter().flat_map(numbers).collect(),
@@ -50,7 +50,7 @@ pub fn numbers(value: &Value) -> Vec<f64> {
     }
 }
 
-/// The same for numbers of forty digits in quotes.
+/// [`numbers`] for numbers of forty digits in quotes.
 pub fn digits(value: &Value) -> Vec<Dd> {
     match value {
         Value::Array(items) => items.iter().flat_map(digits).collect(),

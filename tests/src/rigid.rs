@@ -1,4 +1,4 @@
-//! Just enough geometry to place the parts of a random robot and to weigh it.
+//! Rigid-body geometry that places the parts of a random robot.
 
 /// A vector.
 pub type Vector = [f64; 3];

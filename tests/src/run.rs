@@ -1,19 +1,19 @@
-//! One request in process, by field.
+//! One request in process, with fields by name.
 
 use sarrus_dynamics::scalar::Real;
 use sarrus_dynamics::{Answer, Model, Plan, PlanScalar, Workspace};
 use sarrus_proto::{Field, FieldSet, Query, Request, Status};
 
-/// A model with everything that it takes to ask it.
+/// A model with the workspace that it needs to answer.
 pub struct Robot<T: PlanScalar> {
     /// The model.
     pub model: Model<T>,
     workspace: Workspace<T>,
 }
 
-/// An answer, by field.
+/// An answer by field.
 pub struct Fields<T> {
-    /// How it ended.
+    /// Status and warnings.
     pub answer: Answer,
     plan: Plan,
     numbers: Vec<T>,
@@ -25,12 +25,12 @@ impl<T: PlanScalar> Robot<T> {
         Robot { workspace: Workspace::new(&model), model }
     }
 
-    /// Asks with the given fields for the wanted ones.
+    /// Asks for the wanted fields at the given ones.
     pub fn ask(&mut self, request: Request, given: &[(Field, &[T])], want: &[Field]) -> Fields<T> {
         self.ask_for(Query::new(request, FieldSet::EMPTY, FieldSet::of(want)), given)
     }
 
-    /// The same from a base with frames or wrenches.
+    /// [`Self::ask`] from a base query with frames or wrenches.
     pub fn ask_for(&mut self, base: Query, given: &[(Field, &[T])]) -> Fields<T> {
         let mut query = base;
         for (field, _) in given {
@@ -57,7 +57,7 @@ impl<T: Real> Fields<T> {
         &self.numbers[slot.range()]
     }
 
-    /// The same answer in another scalar.
+    /// Converts the numbers to another scalar.
     pub fn map<D>(self, f: impl Fn(T) -> D) -> Fields<D> {
         Fields {
             answer: self.answer,
@@ -66,7 +66,7 @@ impl<T: Real> Fields<T> {
         }
     }
 
-    /// The same answer, which must be complete.
+    /// Returns the answer, or panics if its status is not ok.
     pub fn ok(self) -> Fields<T> {
         assert!(self.answer.status == Status::Ok, "{} instead of ok", self.answer.status);
         self

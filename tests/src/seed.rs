@@ -1,29 +1,28 @@
-//! Numbers from a seed, the same on every machine (Steele, Lea, Flood 2014: SplitMix).
+//! Random numbers that are the same on every machine.
+
+use sarrus_report::robots::random::Random;
 
 use crate::rigid::{Pose, Vector, unit};
 
-/// A stream of numbers.
+/// A stream of random numbers.
 #[derive(Clone, Debug)]
-pub struct Seeded(u64);
+pub struct Seeded(Random);
 
 impl Seeded {
     /// The stream of a seed.
     pub fn new(seed: u64) -> Seeded {
-        let mut stream =
-            Seeded(seed.wrapping_mul(0xd134_2543_de82_ef95).wrapping_add(0x2545_f491_4f6c_dd1d));
-        stream.bits();
-        stream
+        let state = seed.wrapping_mul(0xd134_2543_de82_ef95).wrapping_add(0x2545_f491_4f6c_dd1d);
+        let mut random = Random(state);
+        random.bits();
+        Seeded(random)
     }
 
-    /// 64 bits.
+    /// 64 random bits.
     pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let x = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let x = (x ^ x >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        x ^ x >> 31
+        self.0.bits()
     }
 
-    /// Between two numbers.
+    /// A number from `low` to `high`.
     pub fn within(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * ((self.bits() >> 11) as f64 / (1u64 << 53) as f64)
     }
@@ -33,7 +32,7 @@ impl Seeded {
         (self.bits() % n as u64) as usize
     }
 
-    /// True in this share of cases.
+    /// True with this probability.
     pub fn chance(&mut self, share: f64) -> bool {
         self.within(0.0, 1.0) < share
     }
@@ -61,12 +60,12 @@ impl Seeded {
         Pose::from_rpy(rpy, self.vector(size))
     }
 
-    /// That many numbers within ±size.
+    /// n numbers within ±size.
     pub fn numbers(&mut self, n: usize, size: f64) -> Vec<f64> {
         (0..n).map(|_| self.within(-size, size)).collect()
     }
 
-    /// The numbers 0 to n − 1 in some order.
+    /// A random order of the numbers 0 to n − 1.
     pub fn order(&mut self, n: usize) -> Vec<usize> {
         let mut order: Vec<usize> = (0..n).collect();
         (1..n).for_each(|k| order.swap(k, self.below(k + 1)));

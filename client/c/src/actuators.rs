@@ -206,47 +206,24 @@ pub struct ActuatorState {
     pub temperature: [f64; MAX_ACTUATORS],
 }
 
-impl ActuatorCommand {
-    /// The command as it travels.
-    pub(crate) fn to_wire(self) -> wire::ActuatorCommand {
-        let ActuatorCommand { sequence, stamp_ns, fingerprint, n_u, .. } = self;
-        let ActuatorCommand { position, velocity, effort, stiffness, damping, .. } = self;
-        wire::ActuatorCommand {
-            sequence,
-            stamp_ns,
-            fingerprint,
-            n_u,
-            position,
-            velocity,
-            effort,
-            stiffness,
-            damping,
+/// Makes one structure of another with fields of the same names.
+macro_rules! convert {
+    ($from:ty => $to:ty { $($field:ident),* }) => {
+        impl From<$from> for $to {
+            fn from(from: $from) -> Self {
+                Self { $($field: from.$field),* }
+            }
         }
-    }
+    };
 }
 
-impl From<wire::ActuatorState> for ActuatorState {
-    fn from(state: wire::ActuatorState) -> ActuatorState {
-        ActuatorState {
-            sequence: state.sequence,
-            stamp_ns: state.stamp_ns,
-            fingerprint: state.fingerprint,
-            n_u: state.n_u,
-            command: state.command,
-            state: state.state,
-            reason: state.reason,
-            states: state.states,
-            reasons: state.reasons,
-            flags: state.flags,
-            faults: state.faults,
-            measured_ns: state.measured_ns,
-            position: state.position,
-            velocity: state.velocity,
-            effort: state.effort,
-            temperature: state.temperature,
-        }
-    }
-}
+convert!(ActuatorCommand => wire::ActuatorCommand {
+    sequence, stamp_ns, fingerprint, n_u, position, velocity, effort, stiffness, damping
+});
+convert!(wire::ActuatorState => ActuatorState {
+    sequence, stamp_ns, fingerprint, n_u, command, state, reason, states, reasons, flags, faults,
+    measured_ns, position, velocity, effort, temperature
+});
 
 #[cfg(test)]
 mod tests {

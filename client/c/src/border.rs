@@ -9,7 +9,8 @@ use core::mem::MaybeUninit;
 use core::ops::Range;
 use core::slice;
 
-use crate::failure::Failure;
+use crate::failure::{Failure, guarded};
+use crate::status::StatusCode;
 
 /// An input array of the caller: its name, its address, its length.
 pub(crate) type Given = (&'static str, *const f64, usize);
@@ -35,6 +36,10 @@ fn addresses<T>(name: &'static str, start: *const T, n: usize) -> Result<Range<u
     }
 }
 
+fn overlap(a: &Range<usize>, b: &Range<usize>) -> bool {
+    a.start < b.end && b.start < a.end
+}
+
 /// The arrays of one call: none is NULL, unaligned or endless, and no output overlaps another.
 ///
 /// # Safety
@@ -52,11 +57,10 @@ pub(crate) unsafe fn arrays<'a, const I: usize, const O: usize>(
     }
     for o in 0..O {
         let range = addresses(want[o].0, want[o].1, want[o].2)?;
-        let overlaps = |other: &Range<usize>| range.start < other.end && other.start < range.end;
-        if let Some(i) = inputs.iter().position(overlaps) {
+        if let Some(i) = inputs.iter().position(|other| overlap(&range, other)) {
             return Err(Failure::Overlap(want[o].0, given[i].0));
         }
-        if let Some(other) = outputs[..o].iter().position(overlaps) {
+        if let Some(other) = outputs[..o].iter().position(|other| overlap(&range, other)) {
             return Err(Failure::Overlap(want[o].0, want[other].0));
         }
         outputs[o] = range;
@@ -96,8 +100,7 @@ pub(crate) unsafe fn array_beside<'a, T>(
         return Ok(&mut []);
     }
     let range = addresses(name, start, n)?;
-    let overlaps = |other: &Range<usize>| range.start < other.end && other.start < range.end;
-    if let Some((other, _)) = others.iter().find(|(_, other)| overlaps(other)) {
+    if let Some((other, _)) = others.iter().find(|(_, other)| overlap(&range, other)) {
         return Err(Failure::Overlap(name, other));
     }
     if n == 0 {
@@ -148,17 +151,8 @@ pub(crate) unsafe fn texts<'a>(
     start: *const *const c_char,
     n: usize,
 ) -> Result<Vec<&'a str>, Failure> {
-    if n == 0 {
+    if addresses(name, start, n)?.is_empty() {
         return Ok(Vec::new());
-    }
-    if start.is_null() {
-        return Err(Failure::Null(name));
-    }
-    if !start.is_aligned() {
-        return Err(Failure::Unaligned(name));
-    }
-    if n > isize::MAX as usize / size_of::<*const c_char>() {
-        return Err(Failure::Endless(name));
     }
     // SAFETY: aligned, not NULL and no longer than memory; the rest is this function's own
     // condition.
@@ -176,14 +170,8 @@ pub(crate) unsafe fn bytes<'a>(
     start: *const c_char,
     n: usize,
 ) -> Result<&'a [u8], Failure> {
-    if n == 0 {
+    if addresses(name, start, n)?.is_empty() {
         return Ok(&[]);
-    }
-    if start.is_null() {
-        return Err(Failure::Null(name));
-    }
-    if n > isize::MAX as usize {
-        return Err(Failure::Endless(name));
     }
     // SAFETY: not NULL, and no longer than memory; the rest is this function's own condition.
     Ok(unsafe { slice::from_raw_parts(start.cast(), n) })
@@ -192,16 +180,27 @@ pub(crate) unsafe fn bytes<'a>(
 /// Where a new handle goes; NULL lies there until it does.
 pub(crate) type Place<'a, T> = Option<&'a mut MaybeUninit<Option<Box<T>>>>;
 
-/// Makes a handle and puts it there.
+/// Makes a handle and puts it there, on processors that this build of the library runs on.
 pub(crate) fn make<T>(
     name: &'static str,
     place: Place<'_, T>,
     new: impl FnOnce() -> Result<T, Failure>,
-) -> Result<(), Failure> {
-    let place = place.ok_or(Failure::Null(name))?;
-    place.write(None);
-    place.write(Some(Box::new(new()?)));
-    Ok(())
+) -> StatusCode {
+    guarded(|| {
+        let place = place.ok_or(Failure::Null(name))?;
+        place.write(None);
+        sarrus_client::processor::check().map_err(Failure::Processor)?;
+        place.write(Some(Box::new(new()?)));
+        Ok(())
+    })
+}
+
+/// Frees a handle, where there is one.
+pub(crate) fn free<T>(handle: Option<Box<T>>) {
+    guarded(|| {
+        drop(handle);
+        Ok(())
+    });
 }
 
 /// Where a value goes.

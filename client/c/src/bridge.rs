@@ -7,11 +7,11 @@ use core::ptr::null;
 
 use sarrus_client::actuators as wire;
 
-use crate::actuators::{ActuatorCommand, ActuatorState};
-use crate::border::{make, put, text};
-use crate::failure::{Failure, guarded, value};
+use crate::actuators::{ActuatorCommand, ActuatorState, MAX_ACTUATORS};
+use crate::border::{free, make, put, text};
+use crate::failure::{Failure, guarded};
 use crate::status::StatusCode;
-use crate::text::{Name, names};
+use crate::text::name_of;
 
 /// The controller of a bridge; a bridge has one at a time. Commands must keep coming: each later
 /// than T1 of the configuration is damped, and later than T2 disabled. One thread uses it at a
@@ -30,13 +30,10 @@ pub unsafe extern "C" fn sarrus_controller_connect(
     fingerprint: u64,
     controller: Option<&mut MaybeUninit<Option<Box<Controller>>>>,
 ) -> StatusCode {
-    guarded(|| {
-        make("controller", controller, || {
-            sarrus_client::processor::check().map_err(Failure::Processor)?;
-            // SAFETY: the header states the requirements on the text.
-            let name = unsafe { text("name", name)? };
-            Ok(Controller(sarrus_client::Controller::connect(name, fingerprint)?))
-        })
+    make("controller", controller, || {
+        // SAFETY: the header states the requirements on the text.
+        let name = unsafe { text("name", name)? };
+        Ok(Controller(sarrus_client::Controller::connect(name, fingerprint)?))
     })
 }
 
@@ -51,13 +48,14 @@ pub extern "C" fn sarrus_controller_send(
     guarded(|| {
         let controller = controller.ok_or(Failure::Null("controller"))?;
         let command = command.ok_or(Failure::Null("command"))?;
-        if command.n_u > crate::actuators::MAX_ACTUATORS as u64 {
+        if command.n_u > MAX_ACTUATORS as u64 {
             let found = u32::try_from(command.n_u).unwrap_or(u32::MAX);
             return Err(Failure::Number("count of actuators", found));
         }
-        let mut sent = command.to_wire();
+        let mut sent = wire::ActuatorCommand::from(*command);
         let went = controller.0.send(&mut sent);
-        (command.sequence, command.stamp_ns) = (sent.sequence, sent.stamp_ns);
+        command.sequence = sent.sequence;
+        command.stamp_ns = sent.stamp_ns;
         command.fingerprint = sent.fingerprint;
         if went { Ok(()) } else { Err(Failure::NotSent) }
     })
@@ -116,10 +114,7 @@ pub extern "C" fn sarrus_controller_operate_mechanism(
 /// nothing.
 #[unsafe(no_mangle)]
 pub extern "C" fn sarrus_controller_free(controller: Option<Box<Controller>>) {
-    value((), || {
-        drop(controller);
-        Ok(())
-    });
+    free(controller);
 }
 
 /// Connects to a running bridge, to watch it. Freed by sarrus_observer_free.
@@ -129,13 +124,10 @@ pub unsafe extern "C" fn sarrus_observer_connect(
     name: *const c_char,
     observer: Option<&mut MaybeUninit<Option<Box<Observer>>>>,
 ) -> StatusCode {
-    guarded(|| {
-        make("observer", observer, || {
-            sarrus_client::processor::check().map_err(Failure::Processor)?;
-            // SAFETY: the header states the requirements on the text.
-            let name = unsafe { text("name", name)? };
-            Ok(Observer(sarrus_client::Observer::connect(name)?))
-        })
+    make("observer", observer, || {
+        // SAFETY: the header states the requirements on the text.
+        let name = unsafe { text("name", name)? };
+        Ok(Observer(sarrus_client::Observer::connect(name)?))
     })
 }
 
@@ -192,10 +184,7 @@ pub extern "C" fn sarrus_observer_operate_mechanism(
 /// nothing.
 #[unsafe(no_mangle)]
 pub extern "C" fn sarrus_observer_free(observer: Option<Box<Observer>>) {
-    value((), || {
-        drop(observer);
-        Ok(())
-    });
+    free(observer);
 }
 
 fn of_code(operation: u32) -> Result<wire::Operation, Failure> {
@@ -208,21 +197,14 @@ pub extern "C" fn sarrus_now_ns() -> u64 {
     sarrus_client::now_ns()
 }
 
-/// The name at a place of a table; NULL without one.
-fn name(table: &'static [Name], place: Option<usize>) -> *const c_char {
-    place.and_then(|place| table.get(place)).map_or(null(), Name::pointer)
-}
-
 /// Name of a sarrus_mechanism_state; NULL for a number that is none. Lives for ever.
 #[unsafe(no_mangle)]
 pub extern "C" fn sarrus_mechanism_state_name(state: u32) -> *const c_char {
-    let is_it = |one: &wire::MechanismState| *one as u32 == state;
-    name(names!(wire::MechanismState), wire::MechanismState::ALL.iter().position(is_it))
+    name_of!(wire::MechanismState, state)
 }
 
 /// Name of a sarrus_reason; NULL for a number that is none. Lives for ever.
 #[unsafe(no_mangle)]
 pub extern "C" fn sarrus_reason_name(reason: u32) -> *const c_char {
-    let is_it = |one: &wire::Reason| *one as u32 == reason;
-    name(names!(wire::Reason), wire::Reason::ALL.iter().position(is_it))
+    name_of!(wire::Reason, reason)
 }

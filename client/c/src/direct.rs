@@ -12,6 +12,25 @@ use crate::plan::{Plan, handle};
 use crate::robot::Robot;
 use crate::status::{StatusCode, bits};
 
+/// Checks the arrays of a call, each beside its length, and calls the robot's method of this name.
+macro_rules! ask {
+    (
+        $robot:ident, $method:ident,
+        [$($given:ident: $n_given:ident),*] => [$($want:ident: $n_want:ident),*],
+        $warnings:ident
+    ) => {
+        guarded(|| {
+            let given = [$((stringify!($given), $given, $n_given)),*];
+            let want = [$((stringify!($want), $want, $n_want)),*];
+            // SAFETY: the header states the requirements on the arrays.
+            let ([$($given),*], [$($want),*]) = unsafe { arrays(given, want)? };
+            let robot = $robot.ok_or(Failure::Null("robot"))?;
+            put($warnings, bits(robot.robot.$method($($given,)* $($want),*)?));
+            Ok(())
+        })
+    };
+}
+
 /// Actuator forces for a motion: tau_u = G_u^-T (M_y ydd + C_y).
 ///
 /// y [m, rad] (n_qy), yd and ydd (n_vy), tau_u [N, N m] (n_u).
@@ -33,15 +52,7 @@ pub unsafe extern "C" fn sarrus_robot_inverse_dynamics(
     n_u: usize,
     warnings: Option<&mut MaybeUninit<u32>>,
 ) -> StatusCode {
-    guarded(|| {
-        // SAFETY: the header states the requirements on the arrays.
-        let ([y, yd, ydd], [tau_u]) = unsafe {
-            arrays([("y", y, n_qy), ("yd", yd, n_vy), ("ydd", ydd, n_vy)], [("tau_u", tau_u, n_u)])?
-        };
-        let robot = robot.ok_or(Failure::Null("robot"))?;
-        put(warnings, bits(robot.robot.inverse_dynamics(y, yd, ydd, tau_u)?));
-        Ok(())
-    })
+    ask!(robot, inverse_dynamics, [y: n_qy, yd: n_vy, ydd: n_vy] => [tau_u: n_u], warnings)
 }
 
 /// Motion under actuator forces: ydd = M_y^-1 (G_u^T tau_u - C_y).
@@ -61,18 +72,7 @@ pub unsafe extern "C" fn sarrus_robot_forward_dynamics(
     n_ydd: usize,
     warnings: Option<&mut MaybeUninit<u32>>,
 ) -> StatusCode {
-    guarded(|| {
-        // SAFETY: the header states the requirements on the arrays.
-        let ([y, yd, tau_u], [ydd]) = unsafe {
-            arrays(
-                [("y", y, n_qy), ("yd", yd, n_vy), ("tau_u", tau_u, n_u)],
-                [("ydd", ydd, n_ydd)],
-            )?
-        };
-        let robot = robot.ok_or(Failure::Null("robot"))?;
-        put(warnings, bits(robot.robot.forward_dynamics(y, yd, tau_u, ydd)?));
-        Ok(())
-    })
+    ask!(robot, forward_dynamics, [y: n_qy, yd: n_vy, tau_u: n_u] => [ydd: n_ydd], warnings)
 }
 
 /// The motion of all joints of the spanning tree that goes with an independent motion.
@@ -94,18 +94,7 @@ pub unsafe extern "C" fn sarrus_robot_state(
     n_v: usize,
     warnings: Option<&mut MaybeUninit<u32>>,
 ) -> StatusCode {
-    guarded(|| {
-        // SAFETY: the header states the requirements on the arrays.
-        let ([y, yd, ydd], [q, qd, qdd]) = unsafe {
-            arrays(
-                [("y", y, n_qy), ("yd", yd, n_vy), ("ydd", ydd, n_vy)],
-                [("q", q, n_q), ("qd", qd, n_v), ("qdd", qdd, n_v)],
-            )?
-        };
-        let robot = robot.ok_or(Failure::Null("robot"))?;
-        put(warnings, bits(robot.robot.state(y, yd, ydd, q, qd, qdd)?));
-        Ok(())
-    })
+    ask!(robot, state, [y: n_qy, yd: n_vy, ydd: n_vy] => [q: n_q, qd: n_v, qdd: n_v], warnings)
 }
 
 /// The actuators' motion: u, ud = G_u yd, udd = G_u ydd + g_u.
@@ -126,18 +115,10 @@ pub unsafe extern "C" fn sarrus_robot_to_actuators(
     n_u: usize,
     warnings: Option<&mut MaybeUninit<u32>>,
 ) -> StatusCode {
-    guarded(|| {
-        // SAFETY: the header states the requirements on the arrays.
-        let ([y, yd, ydd], [u, ud, udd]) = unsafe {
-            arrays(
-                [("y", y, n_qy), ("yd", yd, n_vy), ("ydd", ydd, n_vy)],
-                [("u", u, n_u), ("ud", ud, n_u), ("udd", udd, n_u)],
-            )?
-        };
-        let robot = robot.ok_or(Failure::Null("robot"))?;
-        put(warnings, bits(robot.robot.to_actuators(y, yd, ydd, u, ud, udd)?));
-        Ok(())
-    })
+    ask!(
+        robot, to_actuators, [y: n_qy, yd: n_vy, ydd: n_vy] => [u: n_u, ud: n_u, udd: n_u],
+        warnings
+    )
 }
 
 /// The independent motion that encoders of the actuators show: the inverse of
@@ -159,18 +140,10 @@ pub unsafe extern "C" fn sarrus_robot_to_independent(
     n_vy: usize,
     warnings: Option<&mut MaybeUninit<u32>>,
 ) -> StatusCode {
-    guarded(|| {
-        // SAFETY: the header states the requirements on the arrays.
-        let ([u, ud, udd], [y, yd, ydd]) = unsafe {
-            arrays(
-                [("u", u, n_u), ("ud", ud, n_u), ("udd", udd, n_u)],
-                [("y", y, n_qy), ("yd", yd, n_vy), ("ydd", ydd, n_vy)],
-            )?
-        };
-        let robot = robot.ok_or(Failure::Null("robot"))?;
-        put(warnings, bits(robot.robot.to_independent(u, ud, udd, y, yd, ydd)?));
-        Ok(())
-    })
+    ask!(
+        robot, to_independent, [u: n_u, ud: n_u, udd: n_u] => [y: n_qy, yd: n_vy, ydd: n_vy],
+        warnings
+    )
 }
 
 /// Prepares sarrus_robot_inverse_dynamics, so that its first call does not allocate either.
@@ -181,7 +154,7 @@ pub extern "C" fn sarrus_robot_prepare_inverse_dynamics(
     robot: Option<&mut Robot>,
     plan: Option<&mut MaybeUninit<Option<Box<Plan>>>>,
 ) -> StatusCode {
-    prepared(robot, plan, |robot| robot.robot.prepare_inverse_dynamics())
+    prepared(robot, plan, sarrus_client::Robot::prepare_inverse_dynamics)
 }
 
 /// Prepares sarrus_robot_forward_dynamics.
@@ -191,7 +164,7 @@ pub extern "C" fn sarrus_robot_prepare_forward_dynamics(
     robot: Option<&mut Robot>,
     plan: Option<&mut MaybeUninit<Option<Box<Plan>>>>,
 ) -> StatusCode {
-    prepared(robot, plan, |robot| robot.robot.prepare_forward_dynamics())
+    prepared(robot, plan, sarrus_client::Robot::prepare_forward_dynamics)
 }
 
 /// Prepares sarrus_robot_state.
@@ -201,7 +174,7 @@ pub extern "C" fn sarrus_robot_prepare_state(
     robot: Option<&mut Robot>,
     plan: Option<&mut MaybeUninit<Option<Box<Plan>>>>,
 ) -> StatusCode {
-    prepared(robot, plan, |robot| robot.robot.prepare_state())
+    prepared(robot, plan, sarrus_client::Robot::prepare_state)
 }
 
 /// Prepares sarrus_robot_to_actuators.
@@ -211,7 +184,7 @@ pub extern "C" fn sarrus_robot_prepare_to_actuators(
     robot: Option<&mut Robot>,
     plan: Option<&mut MaybeUninit<Option<Box<Plan>>>>,
 ) -> StatusCode {
-    prepared(robot, plan, |robot| robot.robot.prepare_to_actuators())
+    prepared(robot, plan, sarrus_client::Robot::prepare_to_actuators)
 }
 
 /// Prepares sarrus_robot_to_independent.
@@ -221,26 +194,21 @@ pub extern "C" fn sarrus_robot_prepare_to_independent(
     robot: Option<&mut Robot>,
     plan: Option<&mut MaybeUninit<Option<Box<Plan>>>>,
 ) -> StatusCode {
-    prepared(robot, plan, |robot| robot.robot.prepare_to_independent())
+    prepared(robot, plan, sarrus_client::Robot::prepare_to_independent)
 }
 
 fn prepared(
     robot: Option<&mut Robot>,
     plan: Option<&mut MaybeUninit<Option<Box<Plan>>>>,
-    prepare: impl FnOnce(&mut Robot) -> Result<PlanId, Error>,
+    prepare: fn(&mut sarrus_client::Robot) -> Result<PlanId, Error>,
 ) -> StatusCode {
-    guarded(|| {
-        let prepared = || {
-            let robot = robot.ok_or(Failure::Null("robot"))?;
-            let id = prepare(robot)?;
-            Ok((robot, id))
-        };
-        match plan {
-            None => prepared().map(|_| ()),
-            plan => make("plan", plan, || {
-                let (robot, id) = prepared()?;
-                handle(robot, id)
-            }),
-        }
-    })
+    let prepared = || {
+        let robot = robot.ok_or(Failure::Null("robot"))?;
+        let id = prepare(&mut robot.robot)?;
+        Ok((robot, id))
+    };
+    match plan {
+        None => guarded(|| prepared().map(drop)),
+        plan => make("plan", plan, || prepared().and_then(|(robot, id)| handle(robot, id))),
+    }
 }

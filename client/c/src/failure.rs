@@ -35,10 +35,7 @@ pub(crate) enum Failure {
     /// There is no memory for these.
     NoMemory(&'static str),
     Load(LoadError),
-    Connect(ConnectError),
     Ask(Error),
-    /// An answer without numbers.
-    Failed(FailedState),
     NothingNew,
     NotSent,
     Processor(&'static str),
@@ -53,12 +50,18 @@ impl From<Error> for Failure {
 
 impl From<ConnectError> for Failure {
     fn from(error: ConnectError) -> Failure {
-        Failure::Connect(error)
+        Failure::Ask(error.into())
+    }
+}
+
+impl From<FailedState> for Failure {
+    fn from(failed: FailedState) -> Failure {
+        Failure::Ask(failed.into())
     }
 }
 
 impl Failure {
-    fn status(&self) -> StatusCode {
+    pub(crate) fn status(&self) -> StatusCode {
         match self {
             Failure::Null(_) => StatusCode::NullPointer,
             Failure::Unaligned(_) => StatusCode::UnalignedPointer,
@@ -67,15 +70,9 @@ impl Failure {
             Failure::Text(..) => StatusCode::BadText,
             Failure::Number(..) | Failure::Place(..) => StatusCode::UnknownNumber,
             Failure::NoField(_) => StatusCode::UnknownName,
-            Failure::NoMemory(_) | Failure::Connect(ConnectError::NoMemory { .. }) => {
-                StatusCode::NoMemory
-            }
+            Failure::NoMemory(_) => StatusCode::NoMemory,
             Failure::Load(_) => StatusCode::LoadFailed,
-            Failure::Connect(ConnectError::WrongModel { .. }) => StatusCode::WrongModel,
-            Failure::Connect(ConnectError::NoAnswer { .. }) => StatusCode::NoAnswer,
-            Failure::Connect(_) => StatusCode::ConnectFailed,
             Failure::Ask(error) => StatusCode::of_error(error),
-            Failure::Failed(failed) => StatusCode::of_answer(failed.status),
             Failure::NothingNew => StatusCode::NothingNew,
             Failure::NotSent => StatusCode::NotSent,
             Failure::Processor(_) => StatusCode::OldProcessor,
@@ -103,9 +100,7 @@ impl fmt::Display for Failure {
                 write!(f, "there is no memory for {what}; ask for fewer at a time")
             }
             Failure::Load(error) => error.fmt(f),
-            Failure::Connect(error) => error.fmt(f),
             Failure::Ask(error) => error.fmt(f),
-            Failure::Failed(failed) => failed.fmt(f),
             Failure::NothingNew => f.write_str("nothing new came since the last call"),
             Failure::NotSent => f.write_str(
                 "the command could not be sent; see whether the bridge runs, and connect again",
@@ -178,17 +173,6 @@ pub(crate) fn guarded(work: impl FnOnce() -> Result<(), Failure>) -> StatusCode 
     }
 }
 
-/// Runs a call that returns a value; `otherwise` if it fails.
-#[inline]
-pub(crate) fn value<T>(otherwise: T, work: impl FnOnce() -> Result<T, Failure>) -> T {
-    let mut found = otherwise;
-    guarded(|| {
-        found = work()?;
-        Ok(())
-    });
-    found
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -205,7 +189,6 @@ mod tests {
     fn a_panic_is_a_status() {
         assert_eq!(guarded(|| panic!("on purpose")), StatusCode::Internal);
         assert!(text().contains("fault inside"));
-        assert_eq!(value(7, || panic!("on purpose")), 7);
     }
 
     #[test]

@@ -1,10 +1,11 @@
 //! Versions, names of numbers, and the text of the last failure.
 #![allow(unsafe_code, reason = "functions have names that C can link")]
 
-use core::ffi::c_char;
+use core::ffi::{CStr, c_char};
+use core::ptr::null;
 
 use crate::failure::last;
-use crate::status::{StatusCode, warning_name};
+use crate::status::{status_name, warning_name};
 
 /// Version of this interface; it grows when a program must be compiled again.
 pub const ABI_VERSION: u32 = 0;
@@ -25,14 +26,13 @@ pub extern "C" fn sarrus_version() -> *const c_char {
 /// Name of a status, such as "unreachable"; "unknown" for a number that is none. Lives for ever.
 #[unsafe(no_mangle)]
 pub extern "C" fn sarrus_status_name(status: i32) -> *const c_char {
-    let found = StatusCode::ALL.into_iter().find(|code| *code as i32 == status);
-    found.map_or(c"unknown", StatusCode::name).as_ptr()
+    status_name(status).unwrap_or(c"unknown").as_ptr()
 }
 
 /// Name of the lowest warning among bits; NULL where there is none. Lives for ever.
 #[unsafe(no_mangle)]
 pub extern "C" fn sarrus_warning_name(bits: u32) -> *const c_char {
-    warning_name(bits)
+    warning_name(bits).map_or(null(), CStr::as_ptr)
 }
 
 /// The message of this thread's last status other than SARRUS_STATUS_OK; empty before. It is

@@ -8,8 +8,8 @@ use std::thread;
 
 use sarrus_client::{Answer, FailedState, Field, Layout, PlanId, Status, Warnings};
 
-use crate::border::{addresses_of, array_beside, arrays, make, put, text, texts};
-use crate::failure::{Failure, guarded, value};
+use crate::border::{addresses_of, array_beside, arrays, free, make, put, text, texts};
+use crate::failure::{Failure, guarded};
 use crate::robot::{Robot, query_options};
 use crate::status::{StatusCode, bits};
 
@@ -121,54 +121,38 @@ pub unsafe extern "C" fn sarrus_robot_prepare(
     query: Option<&Query>,
     plan: Option<&mut MaybeUninit<Option<Box<Plan>>>>,
 ) -> StatusCode {
-    guarded(|| {
-        make("plan", plan, || {
-            let robot = robot.ok_or(Failure::Null("robot"))?;
-            let query = query.ok_or(Failure::Null("query"))?;
-            let request = sarrus_client::Request::from_code(query.request)
-                .ok_or(Failure::Number("request", query.request))?;
-            // SAFETY: the header states the requirements on the texts.
-            let (given, want, frames, wrenches, joints) = unsafe {
-                (
-                    texts("given", query.given, query.n_given)?,
-                    texts("want", query.want, query.n_want)?,
-                    texts("frames", query.frames, query.n_frames)?,
-                    texts("wrenches", query.wrenches, query.n_wrenches)?,
-                    texts("joints", query.joints, query.n_joints)?,
-                )
-            };
-            let options = query_options(query.options)?;
-            let loops = tolerance("loop_tolerance", query.loop_tolerance)?;
-            let projection = tolerance("projection_tolerance", query.projection_tolerance)?;
-
-            let mut builder = robot.robot.query(request).given(given);
-            if !want.is_empty() {
-                builder = builder.want(want);
-            }
-            if !frames.is_empty() {
-                builder = builder.frames(frames);
-            }
-            if !wrenches.is_empty() {
-                builder = builder.wrenches(wrenches);
-            }
-            if !joints.is_empty() {
-                builder = builder.joints(joints);
-            }
-            if options.contains(sarrus_client::QueryOptions::CHECKSUM) {
-                builder = builder.checksum();
-            }
-            if options.contains(sarrus_client::QueryOptions::TIMES) {
-                builder = builder.times();
-            }
-            if let Some(bound) = loops {
-                builder = builder.loop_tolerance(bound);
-            }
-            if let Some(bound) = projection {
-                builder = builder.projection_tolerance(bound);
-            }
-            let id = builder.prepare()?;
-            handle(robot, id)
-        })
+    make("plan", plan, || {
+        let robot = robot.ok_or(Failure::Null("robot"))?;
+        let query = query.ok_or(Failure::Null("query"))?;
+        let request = sarrus_client::Request::from_code(query.request)
+            .ok_or(Failure::Number("request", query.request))?;
+        let mut builder = robot.robot.query(request);
+        macro_rules! names {
+            ($($list:ident: $count:ident),*) => {$(
+                // SAFETY: the header states the requirements on the texts.
+                let names = unsafe { texts(stringify!($list), query.$list, query.$count)? };
+                if !names.is_empty() {
+                    builder = builder.$list(names);
+                }
+            )*};
+        }
+        names!(given: n_given, want: n_want, frames: n_frames);
+        names!(wrenches: n_wrenches, joints: n_joints);
+        let options = query_options(query.options)?;
+        if options.contains(sarrus_client::QueryOptions::CHECKSUM) {
+            builder = builder.checksum();
+        }
+        if options.contains(sarrus_client::QueryOptions::TIMES) {
+            builder = builder.times();
+        }
+        if let Some(bound) = tolerance("loop_tolerance", query.loop_tolerance)? {
+            builder = builder.loop_tolerance(bound);
+        }
+        if let Some(bound) = tolerance("projection_tolerance", query.projection_tolerance)? {
+            builder = builder.projection_tolerance(bound);
+        }
+        let id = builder.prepare()?;
+        handle(robot, id)
     })
 }
 
@@ -245,7 +229,7 @@ pub unsafe extern "C" fn sarrus_robot_ask(
         let plan = plan.ok_or(Failure::Null("plan"))?;
         let answer = robot.robot.ask(plan.id, input, output)?;
         put(warnings, bits(answer.warnings));
-        answer.ok().map_err(Failure::Failed)?;
+        answer.ok()?;
         Ok(())
     })
 }
@@ -288,19 +272,19 @@ pub unsafe extern "C" fn sarrus_robot_batch(
             rows.checked_mul(layout.len()).is_some_and(|n| n == numbers.len())
         };
         let is_empty = rows > 0 && plan.given.is_empty() && plan.want.is_empty();
-        if is_empty || !fits(input, &plan.given) || !fits(output, &plan.want) {
-            output.fill(f64::NAN);
-            statuses.fill(Status::WrongSize as i32);
-            warnings.fill(0);
-            return Err(Failure::Failed(FailedState { status: Status::WrongSize }));
-        }
         let none = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
         let mut answers = Vec::new();
-        if answers.try_reserve_exact(rows).is_err() {
+        let refused = if is_empty || !fits(input, &plan.given) || !fits(output, &plan.want) {
+            Some(FailedState { status: Status::WrongSize }.into())
+        } else {
+            let reserved = answers.try_reserve_exact(rows);
+            reserved.err().map(|_| Failure::NoMemory("the statuses of so many rows"))
+        };
+        if let Some(failure) = refused {
             output.fill(f64::NAN);
-            statuses.fill(StatusCode::NoMemory as i32);
+            statuses.fill(failure.status() as i32);
             warnings.fill(0);
-            return Err(Failure::NoMemory("the statuses of so many rows"));
+            return Err(failure);
         }
         answers.resize(rows, none);
         let threads = NonZero::new(threads).or_else(|| thread::available_parallelism().ok());
@@ -318,7 +302,7 @@ pub unsafe extern "C" fn sarrus_robot_batch(
             *warnings = bits(answer.warnings);
         }
         outcome?;
-        answers.iter().try_for_each(|answer| answer.ok().map(drop)).map_err(Failure::Failed)
+        Ok(answers.iter().try_for_each(|answer| answer.ok().map(drop))?)
     })
 }
 
@@ -340,8 +324,5 @@ pub extern "C" fn sarrus_robot_release(
 /// Frees the memory of a plan handle, before or after its robot; NULL does nothing.
 #[unsafe(no_mangle)]
 pub extern "C" fn sarrus_plan_free(plan: Option<Box<Plan>>) {
-    value((), || {
-        drop(plan);
-        Ok(())
-    });
+    free(plan);
 }

@@ -8,8 +8,8 @@ use std::ffi::CString;
 
 use sarrus_client::{QueryOptions, Source};
 
-use crate::border::{bytes, make, put, text, text_or_none};
-use crate::failure::{Failure, guarded, value};
+use crate::border::{bytes, free, make, put, text, text_or_none};
+use crate::failure::{Failure, guarded};
 use crate::options::{Connecting, LoadOptions, connecting, loading};
 use crate::status::StatusCode;
 use crate::text::kept;
@@ -65,13 +65,10 @@ pub unsafe extern "C" fn sarrus_robot_bundled(
     options: Option<&LoadOptions>,
     robot: Option<&mut MaybeUninit<Option<Box<Robot>>>>,
 ) -> StatusCode {
-    guarded(|| {
-        make("robot", robot, || {
-            sarrus_client::processor::check().map_err(Failure::Processor)?;
-            // SAFETY: the header states the requirements on the texts.
-            let (name, options) = unsafe { (text("name", name)?, loading(options)?) };
-            Robot::load(&Source::Bundled(name.to_owned()), &options)
-        })
+    make("robot", robot, || {
+        // SAFETY: the header states the requirements on the texts.
+        let (name, options) = unsafe { (text("name", name)?, loading(options)?) };
+        Robot::load(&Source::Bundled(name.to_owned()), &options)
     })
 }
 
@@ -86,19 +83,16 @@ pub unsafe extern "C" fn sarrus_robot_load(
     options: Option<&LoadOptions>,
     robot: Option<&mut MaybeUninit<Option<Box<Robot>>>>,
 ) -> StatusCode {
-    guarded(|| {
-        make("robot", robot, || {
-            sarrus_client::processor::check().map_err(Failure::Processor)?;
-            // SAFETY: the header states the requirements on the texts.
-            let (urdf, submechanisms, options) = unsafe {
-                (
-                    text("urdf", urdf)?.into(),
-                    text_or_none("submechanisms", submechanisms)?.map(Into::into),
-                    loading(options)?,
-                )
-            };
-            Robot::load(&Source::Files { urdf, submechanisms }, &options)
-        })
+    make("robot", robot, || {
+        // SAFETY: the header states the requirements on the texts.
+        let (urdf, submechanisms, options) = unsafe {
+            (
+                text("urdf", urdf)?.into(),
+                text_or_none("submechanisms", submechanisms)?.map(Into::into),
+                loading(options)?,
+            )
+        };
+        Robot::load(&Source::Files { urdf, submechanisms }, &options)
     })
 }
 
@@ -114,21 +108,18 @@ pub unsafe extern "C" fn sarrus_robot_load_text(
     options: Option<&LoadOptions>,
     robot: Option<&mut MaybeUninit<Option<Box<Robot>>>>,
 ) -> StatusCode {
-    guarded(|| {
-        make("robot", robot, || {
-            sarrus_client::processor::check().map_err(Failure::Processor)?;
-            let is_there = !submechanisms.is_null();
-            // SAFETY: the header states the requirements on the texts.
-            let (urdf, submechanisms, options) = unsafe {
-                (
-                    bytes("urdf", urdf, urdf_size)?,
-                    bytes("submechanisms", submechanisms, submechanisms_size)?,
-                    loading(options)?,
-                )
-            };
-            let submechanisms = is_there.then(|| submechanisms.to_vec());
-            Robot::load(&Source::Text { urdf: urdf.to_vec(), submechanisms }, &options)
-        })
+    make("robot", robot, || {
+        let is_there = !submechanisms.is_null();
+        // SAFETY: the header states the requirements on the texts.
+        let (urdf, submechanisms, options) = unsafe {
+            (
+                bytes("urdf", urdf, urdf_size)?,
+                bytes("submechanisms", submechanisms, submechanisms_size)?,
+                loading(options)?,
+            )
+        };
+        let submechanisms = is_there.then(|| submechanisms.to_vec());
+        Robot::load(&Source::Text { urdf: urdf.to_vec(), submechanisms }, &options)
     })
 }
 
@@ -142,24 +133,18 @@ pub unsafe extern "C" fn sarrus_robot_connect(
     options: Option<&Connecting>,
     robot: Option<&mut MaybeUninit<Option<Box<Robot>>>>,
 ) -> StatusCode {
-    guarded(|| {
-        make("robot", robot, || {
-            sarrus_client::processor::check().map_err(Failure::Processor)?;
-            // SAFETY: the header states the requirements on the text.
-            let name = unsafe { text("name", name)? };
-            let options = connecting(options)?;
-            Ok(Robot::new(sarrus_client::Robot::connect_with(name, options)?))
-        })
+    make("robot", robot, || {
+        // SAFETY: the header states the requirements on the text.
+        let name = unsafe { text("name", name)? };
+        let options = connecting(options)?;
+        Ok(Robot::new(sarrus_client::Robot::connect_with(name, options)?))
     })
 }
 
 /// Frees a robot, and its plans with it; NULL does nothing.
 #[unsafe(no_mangle)]
 pub extern "C" fn sarrus_robot_free(robot: Option<Box<Robot>>) {
-    value((), || {
-        drop(robot);
-        Ok(())
-    });
+    free(robot);
 }
 
 /// Name of the robot, which lives as long as it; NULL for NULL.

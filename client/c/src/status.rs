@@ -1,10 +1,8 @@
 //! How a call ends, as a number and a name.
 
-use core::ffi::{CStr, c_char};
+use core::ffi::CStr;
 
 use sarrus_client::{ConnectError, Error, Status, Warnings};
-
-use crate::text::find;
 
 /// How a call ended. From 0 to 99 it is the status of an answer, by the numbers of the wire; from
 /// 100 on there was no answer, and sarrus_last_error has the reason. The numbers never change.
@@ -101,95 +99,52 @@ pub enum Warning {
     InputProjected = 8,
 }
 
+/// All statuses with their names, which are those of the wire for the status of an answer.
+const NAMES: [(StatusCode, &CStr); 37] = [
+    (StatusCode::Ok, c"ok"),
+    (StatusCode::BadRequest, c"bad_request"),
+    (StatusCode::NonFiniteInput, c"non_finite_input"),
+    (StatusCode::WrongSize, c"wrong_size"),
+    (StatusCode::WrongModel, c"wrong_model"),
+    (StatusCode::UnknownRequest, c"unknown_request"),
+    (StatusCode::NotConverged, c"not_converged"),
+    (StatusCode::BranchChanged, c"branch_changed"),
+    (StatusCode::Unreachable, c"unreachable"),
+    (StatusCode::SingularClosure, c"singular_closure"),
+    (StatusCode::SingularIndependents, c"singular_independents"),
+    (StatusCode::SingularActuation, c"singular_actuation"),
+    (StatusCode::MassNotPositive, c"mass_not_positive"),
+    (StatusCode::Overloaded, c"overloaded"),
+    (StatusCode::ShuttingDown, c"shutting_down"),
+    (StatusCode::CorruptAnswer, c"corrupt_answer"),
+    (StatusCode::UnknownStatus, c"unknown_status"),
+    (StatusCode::NullPointer, c"null_pointer"),
+    (StatusCode::UnalignedPointer, c"unaligned_pointer"),
+    (StatusCode::OverlappingArrays, c"overlapping_arrays"),
+    (StatusCode::BadText, c"bad_text"),
+    (StatusCode::UnknownNumber, c"unknown_number"),
+    (StatusCode::LoadFailed, c"load_failed"),
+    (StatusCode::ConnectFailed, c"connect_failed"),
+    (StatusCode::ServerGone, c"server_gone"),
+    (StatusCode::NoAnswer, c"no_answer"),
+    (StatusCode::UnknownName, c"unknown_name"),
+    (StatusCode::BadQuery, c"bad_query"),
+    (StatusCode::TooLarge, c"too_large"),
+    (StatusCode::TooManyPlans, c"too_many_plans"),
+    (StatusCode::UnknownPlan, c"unknown_plan"),
+    (StatusCode::ReleasedPlan, c"released_plan"),
+    (StatusCode::NothingNew, c"nothing_new"),
+    (StatusCode::NotSent, c"not_sent"),
+    (StatusCode::OldProcessor, c"old_processor"),
+    (StatusCode::Internal, c"internal"),
+    (StatusCode::NoMemory, c"no_memory"),
+];
+
 impl StatusCode {
-    /// All of them.
-    pub(crate) const ALL: [StatusCode; 37] = [
-        StatusCode::Ok,
-        StatusCode::BadRequest,
-        StatusCode::NonFiniteInput,
-        StatusCode::WrongSize,
-        StatusCode::WrongModel,
-        StatusCode::UnknownRequest,
-        StatusCode::NotConverged,
-        StatusCode::BranchChanged,
-        StatusCode::Unreachable,
-        StatusCode::SingularClosure,
-        StatusCode::SingularIndependents,
-        StatusCode::SingularActuation,
-        StatusCode::MassNotPositive,
-        StatusCode::Overloaded,
-        StatusCode::ShuttingDown,
-        StatusCode::CorruptAnswer,
-        StatusCode::UnknownStatus,
-        StatusCode::NullPointer,
-        StatusCode::UnalignedPointer,
-        StatusCode::OverlappingArrays,
-        StatusCode::BadText,
-        StatusCode::UnknownNumber,
-        StatusCode::LoadFailed,
-        StatusCode::ConnectFailed,
-        StatusCode::ServerGone,
-        StatusCode::NoAnswer,
-        StatusCode::UnknownName,
-        StatusCode::BadQuery,
-        StatusCode::TooLarge,
-        StatusCode::TooManyPlans,
-        StatusCode::UnknownPlan,
-        StatusCode::ReleasedPlan,
-        StatusCode::NothingNew,
-        StatusCode::NotSent,
-        StatusCode::OldProcessor,
-        StatusCode::Internal,
-        StatusCode::NoMemory,
-    ];
-
-    /// The name, as scripts see it where it is the status of an answer.
-    pub const fn name(self) -> &'static CStr {
-        match self {
-            StatusCode::Ok => c"ok",
-            StatusCode::BadRequest => c"bad_request",
-            StatusCode::NonFiniteInput => c"non_finite_input",
-            StatusCode::WrongSize => c"wrong_size",
-            StatusCode::WrongModel => c"wrong_model",
-            StatusCode::UnknownRequest => c"unknown_request",
-            StatusCode::NotConverged => c"not_converged",
-            StatusCode::BranchChanged => c"branch_changed",
-            StatusCode::Unreachable => c"unreachable",
-            StatusCode::SingularClosure => c"singular_closure",
-            StatusCode::SingularIndependents => c"singular_independents",
-            StatusCode::SingularActuation => c"singular_actuation",
-            StatusCode::MassNotPositive => c"mass_not_positive",
-            StatusCode::Overloaded => c"overloaded",
-            StatusCode::ShuttingDown => c"shutting_down",
-            StatusCode::CorruptAnswer => c"corrupt_answer",
-            StatusCode::UnknownStatus => c"unknown_status",
-            StatusCode::NullPointer => c"null_pointer",
-            StatusCode::UnalignedPointer => c"unaligned_pointer",
-            StatusCode::OverlappingArrays => c"overlapping_arrays",
-            StatusCode::BadText => c"bad_text",
-            StatusCode::UnknownNumber => c"unknown_number",
-            StatusCode::LoadFailed => c"load_failed",
-            StatusCode::ConnectFailed => c"connect_failed",
-            StatusCode::ServerGone => c"server_gone",
-            StatusCode::NoAnswer => c"no_answer",
-            StatusCode::UnknownName => c"unknown_name",
-            StatusCode::BadQuery => c"bad_query",
-            StatusCode::TooLarge => c"too_large",
-            StatusCode::TooManyPlans => c"too_many_plans",
-            StatusCode::UnknownPlan => c"unknown_plan",
-            StatusCode::ReleasedPlan => c"released_plan",
-            StatusCode::NothingNew => c"nothing_new",
-            StatusCode::NotSent => c"not_sent",
-            StatusCode::OldProcessor => c"old_processor",
-            StatusCode::Internal => c"internal",
-            StatusCode::NoMemory => c"no_memory",
-        }
-    }
-
     /// That of an answer, by its number on the wire.
     pub(crate) fn of_answer(status: Status) -> StatusCode {
-        let same = |code: &StatusCode| *code as i32 == status as i32;
-        StatusCode::ALL.into_iter().find(same).unwrap_or(StatusCode::UnknownStatus)
+        let mut codes = NAMES.iter().map(|(code, _)| *code);
+        codes.find(|code| *code as i32 == status as i32).unwrap_or(StatusCode::UnknownStatus)
     }
 
     pub(crate) fn of_error(error: &Error) -> StatusCode {
@@ -221,9 +176,14 @@ const WARNINGS: [(Warning, &CStr); 4] = [
     (Warning::InputProjected, c"input_projected"),
 ];
 
-/// The name of the lowest warning among bits.
-pub(crate) fn warning_name(bits: u32) -> *const c_char {
-    find(WARNINGS.into_iter(), |warning| bits & warning as u32 != 0)
+/// The name of a status by its number, if it is one.
+pub(crate) fn status_name(status: i32) -> Option<&'static CStr> {
+    NAMES.iter().find(|(code, _)| *code as i32 == status).map(|(_, name)| *name)
+}
+
+/// The name of the lowest warning among bits, if there is one.
+pub(crate) fn warning_name(bits: u32) -> Option<&'static CStr> {
+    WARNINGS.iter().find(|(warning, _)| bits & *warning as u32 != 0).map(|(_, name)| *name)
 }
 
 /// The bits of warnings as they cross the border.
@@ -240,10 +200,10 @@ mod tests {
         for status in Status::ALL {
             let code = StatusCode::of_answer(*status);
             assert_eq!(code as u32, *status as u32);
-            assert_eq!(code.name().to_str().unwrap(), status.name());
+            assert_eq!(status_name(code as i32).unwrap().to_str().unwrap(), status.name());
         }
-        let own = StatusCode::ALL.iter().filter(|code| **code as i32 >= 100).count();
-        assert_eq!(own + Status::ALL.len(), StatusCode::ALL.len());
+        let own = NAMES.iter().filter(|(code, _)| *code as i32 >= 100).count();
+        assert_eq!(own + Status::ALL.len(), NAMES.len());
     }
 
     #[test]

@@ -1,65 +1,31 @@
 //! Names as C sees them: bytes that end with a zero.
 
-use core::ffi::{CStr, c_char};
-use core::ptr::null;
-
 use std::ffi::CString;
 
-/// Longest name of a table, with its zero.
-const LONGEST: usize = 40;
+/// Most bytes of a name of [`name_of`], with its zero.
+pub(crate) const LONGEST: usize = 40;
 
-/// A name that is known at compile time.
-#[derive(Clone, Copy)]
-pub(crate) struct Name([u8; LONGEST]);
-
-impl Name {
-    const EMPTY: Name = Name([0; LONGEST]);
-
-    /// The name, cut where it is too long.
-    pub(crate) const fn of(name: &str) -> Name {
-        let from = name.as_bytes();
-        let mut into = Name::EMPTY;
-        let mut i = 0;
-        while i < from.len() && i + 1 < LONGEST {
-            into.0[i] = from[i];
-            i += 1;
-        }
-        into
-    }
-
-    /// Where it begins.
-    pub(crate) const fn pointer(&'static self) -> *const c_char {
-        self.0.as_ptr().cast()
-    }
-}
-
-/// The table of the names of an enum that travels, by the place of each in `ALL`.
-macro_rules! names {
-    ($enum:ty) => {{
-        const N: usize = <$enum>::ALL.len();
-        const TABLE: [$crate::text::Name; N] = {
-            let mut table = [$crate::text::Name::of(""); N];
+/// The name of a number of an enum that travels, which lives for ever; NULL where it is none.
+macro_rules! name_of {
+    ($enum:ty, $code:expr) => {{
+        use $crate::text::LONGEST;
+        static NAMES: [[u8; LONGEST]; <$enum>::ALL.len()] = {
+            let mut names = [[0; LONGEST]; <$enum>::ALL.len()];
             let mut i = 0;
-            while i < N {
-                table[i] = $crate::text::Name::of(<$enum>::ALL[i].name());
+            while i < names.len() {
+                let name = <$enum>::ALL[i].name().as_bytes();
+                assert!(name.len() < LONGEST);
+                names[i].split_at_mut(name.len()).0.copy_from_slice(name);
                 i += 1;
             }
-            table
+            names
         };
-        static NAMES: [$crate::text::Name; N] = TABLE;
-        &NAMES
+        let place = <$enum>::ALL.iter().position(|one| *one as u32 == $code);
+        place.and_then(|place| NAMES.get(place)).map_or(null(), |name| name.as_ptr().cast())
     }};
 }
 
-pub(crate) use names;
-
-/// The name beside the first key that fits; NULL where none does.
-pub(crate) fn find<K>(
-    mut table: impl Iterator<Item = (K, &'static CStr)>,
-    fits: impl Fn(K) -> bool,
-) -> *const c_char {
-    table.find_map(|(key, name)| fits(key).then_some(name.as_ptr())).unwrap_or(null())
-}
+pub(crate) use name_of;
 
 /// Names as a handle keeps them; a zero inside one, which no file can have, would leave it empty.
 pub(crate) fn kept<'a>(names: impl IntoIterator<Item = &'a String>) -> Box<[CString]> {

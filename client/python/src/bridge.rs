@@ -18,6 +18,7 @@ use sarrus_proto::actuators::{
 use crate::configuration::PyConfiguration;
 use crate::fault_log::FaultKeeper;
 use crate::frames::{PyFrame, list};
+use crate::locked;
 use crate::log::Log;
 
 /// The rules of one robot: the frames for its motors in each cycle. Times are nanoseconds of the
@@ -207,7 +208,7 @@ impl PyBridge {
         let first = places.take(state.n_u as usize).find(|(flags, _)| *flags & flag::NO_MOTOR == 0);
         let (code, why) =
             first.map_or((state.state, state.reason), |(_, (code, why))| (*code, *why));
-        (state_name(code), reason(why))
+        (MechanismState::name_of(code), Reason::name_of(why))
     }
 
     /// The state of all actuators after the last cycle, by field; lists are in the order of
@@ -280,42 +281,26 @@ impl PyBridge {
     }
 }
 
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
-}
-
 /// The fields of a state, by name.
 pub(crate) fn state_fields<'py>(
     py: Python<'py>,
     state: &ActuatorState,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let dict = PyDict::new(py);
     let n = usize::try_from(state.n_u).unwrap_or(0).min(MAX_ACTUATORS);
-    dict.set_item("sequence", state.sequence)?;
-    dict.set_item("stamp_ns", state.stamp_ns)?;
-    dict.set_item("fingerprint", state.fingerprint)?;
-    dict.set_item("command", state.command)?;
-    dict.set_item("state", state_name(state.state))?;
-    dict.set_item("reason", reason(state.reason))?;
-    dict.set_item(
-        "states",
-        state.states.iter().take(n).map(|code| state_name(*code)).collect::<Vec<_>>(),
-    )?;
-    dict.set_item(
-        "reasons",
-        state.reasons.iter().take(n).map(|code| reason(*code)).collect::<Vec<_>>(),
-    )?;
-    let flags = |bits: u32| {
-        flag::NAMES
-            .iter()
-            .enumerate()
-            .filter(move |(bit, _)| bits >> bit & 1 == 1)
-            .map(|(_, name)| *name)
+    let dict = fields!(py, state => sequence, stamp_ns, fingerprint, command);
+    dict.set_item("state", MechanismState::name_of(state.state))?;
+    dict.set_item("reason", Reason::name_of(state.reason))?;
+    let states: Vec<_> =
+        state.states.iter().take(n).map(|code| MechanismState::name_of(*code)).collect();
+    dict.set_item("states", states)?;
+    let reasons: Vec<_> = state.reasons.iter().take(n).map(|code| Reason::name_of(*code)).collect();
+    dict.set_item("reasons", reasons)?;
+    let names = |bits: &u32| -> Vec<&str> {
+        let set = flag::NAMES.iter().enumerate().filter(|(bit, _)| bits >> bit & 1 == 1);
+        set.map(|(_, name)| *name).collect()
     };
-    dict.set_item(
-        "flags",
-        state.flags.iter().take(n).map(|bits| flags(*bits).collect::<Vec<_>>()).collect::<Vec<_>>(),
-    )?;
+    let flags: Vec<_> = state.flags.iter().take(n).map(names).collect();
+    dict.set_item("flags", flags)?;
     dict.set_item("faults", state.faults.get(..n).unwrap_or_default())?;
     dict.set_item("measured_ns", state.measured_ns.get(..n).unwrap_or_default())?;
     for (name, numbers) in [
@@ -381,12 +366,4 @@ pub(crate) fn operation_of(name: &str) -> PyResult<Operation> {
 
 fn event(name: &str, count: u32) -> PyResult<BusEvent> {
     BusEvent::named(name, count).ok_or_else(|| PyValueError::new_err(format!("no event `{name}`")))
-}
-
-fn state_name(code: u32) -> &'static str {
-    MechanismState::from_code(code).map_or("unknown", MechanismState::name)
-}
-
-fn reason(code: u32) -> &'static str {
-    Reason::from_code(code).map_or("unknown", Reason::name)
 }

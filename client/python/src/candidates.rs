@@ -1,6 +1,6 @@
 //! Motors that no configuration knows, by protocol and identifier: to find them.
 
-use std::sync::{Mutex, MutexGuard};
+use std::sync::Mutex;
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -10,6 +10,7 @@ use sarrus_can_core::frame::FrameQueue;
 use sarrus_can_core::protocol::{Protocol, protocol};
 
 use crate::frames::{PyFrame, list};
+use crate::locked;
 
 /// Room for the frames of one question.
 const FRAMES: usize = 32;
@@ -35,26 +36,20 @@ impl PyCandidate {
     /// Frames that ask for an answer without giving power or changing anything.
     fn probe(&self) -> Vec<PyFrame> {
         let mut out = FrameQueue::new(FRAMES);
-        self.lock().probe(&mut out);
+        locked(&self.candidate).probe(&mut out);
         list(out.frames())
     }
 
     /// The kind of a frame of this motor, independent of the identifier on which it replies:
     /// `"measured"`, `"parameter"`, `"noted"` or `"malformed"`; `None` for another's frame.
     fn hears(&self, now_ns: u64, frame: &PyFrame) -> Option<&'static str> {
-        match self.lock().hears(now_ns, &frame.0) {
+        match locked(&self.candidate).hears(now_ns, &frame.0) {
             Receipt::NotMine | Receipt::Foreign => None,
             Receipt::Malformed => Some("malformed"),
             Receipt::Noted => Some("noted"),
             Receipt::Measured(_) => Some("measured"),
             Receipt::Parameter(..) => Some("parameter"),
         }
-    }
-}
-
-impl PyCandidate {
-    fn lock(&self) -> MutexGuard<'_, Candidate> {
-        self.candidate.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 }
 

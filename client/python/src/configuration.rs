@@ -1,12 +1,14 @@
 //! Configurations of buses and motors.
 
 use std::path::PathBuf;
-use std::sync::{Mutex, MutexGuard};
+use std::sync::Mutex;
 
 use pyo3::exceptions::{PyOSError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sarrus_can_core::config::{Configuration, ConfigurationError};
+
+use crate::locked;
 
 /// One robot's buses and motors, checked. A bridge or a commissioning takes ownership of it: it can
 /// be used only once.
@@ -91,13 +93,7 @@ impl PyConfiguration {
     fn buses<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         self.with(|configuration| {
             let entry = |bus: &sarrus_can_core::config::BusConfig| {
-                let entry = PyDict::new(py);
-                entry.set_item("name", &bus.name)?;
-                entry.set_item("interface", &bus.interface)?;
-                entry.set_item("channel", &bus.channel)?;
-                entry.set_item("bitrate", bus.bitrate)?;
-                entry.set_item("data_bitrate", bus.data_bitrate)?;
-                Ok(entry)
+                Ok(fields!(py, bus => name, interface, channel, bitrate, data_bitrate))
             };
             configuration.buses.iter().map(entry).collect()
         })?
@@ -126,11 +122,7 @@ impl PyConfiguration {
                 entry.set_item("gear", motor.mapping.gear)?;
                 entry.set_item("offset", motor.is_calibrated.then_some(motor.mapping.offset))?;
                 entry.set_item("torque_constant", motor.mapping.torque_constant)?;
-                let limits = PyDict::new(py);
-                limits.set_item("lower", motor.limits.lower)?;
-                limits.set_item("upper", motor.limits.upper)?;
-                limits.set_item("velocity", motor.limits.velocity)?;
-                limits.set_item("effort", motor.limits.effort)?;
+                let limits = fields!(py, motor.limits => lower, upper, velocity, effort);
                 entry.set_item("limits", limits)?;
                 Ok(entry)
             };
@@ -140,18 +132,13 @@ impl PyConfiguration {
 }
 
 impl PyConfiguration {
-    fn lock(&self) -> MutexGuard<'_, Option<Configuration>> {
-        // nothing that runs under this lock can leave half a value
-        self.configuration.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
-    }
-
     fn with<T>(&self, f: impl FnOnce(&Configuration) -> T) -> PyResult<T> {
-        self.lock().as_ref().map(f).ok_or_else(taken)
+        locked(&self.configuration).as_ref().map(f).ok_or_else(taken)
     }
 
     /// The configuration itself; it can be taken once.
     pub(crate) fn take(&self) -> PyResult<Configuration> {
-        self.lock().take().ok_or_else(taken)
+        locked(&self.configuration).take().ok_or_else(taken)
     }
 }
 

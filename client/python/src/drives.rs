@@ -1,7 +1,7 @@
 //! The motors of a configuration one by one, for commissioning: no state machine, no commands of a
 //! robot.
 
-use std::sync::{Mutex, MutexGuard};
+use std::sync::Mutex;
 
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
@@ -9,11 +9,12 @@ use pyo3::types::PyDict;
 use sarrus_can_core::config::{Configuration, MotorConfig};
 use sarrus_can_core::drive::{DriveCommand, DriveState, Measurement, Power, Receipt, Watchdog};
 use sarrus_can_core::frame::FrameQueue;
-use sarrus_can_core::mapping::{ActuatorMeasurement, ActuatorSetpoint};
+use sarrus_can_core::mapping::ActuatorSetpoint;
 use sarrus_proto::actuators::Reason;
 
 use crate::configuration::PyConfiguration;
 use crate::frames::{PyFrame, list};
+use crate::locked;
 
 /// Room for the frames of one motor.
 const FRAMES: usize = 32;
@@ -75,35 +76,25 @@ impl PyDrives {
     /// Frames that make the present position the motor's zero; `None` where the protocol has no
     /// such command.
     fn set_zero(&self, motor: usize) -> PyResult<Option<Vec<PyFrame>>> {
-        let mut out = FrameQueue::new(FRAMES);
-        let known = self.motor(motor, |motor| motor.drive.set_zero(&mut out))?;
-        Ok(known.then(|| list(out.frames())))
+        self.frames_if(motor, |motor, out| motor.drive.set_zero(out))
     }
 
     /// Frames that store the zero that was set; `None` where the protocol has no such command.
     fn save_zero(&self, motor: usize) -> PyResult<Option<Vec<PyFrame>>> {
-        let mut out = FrameQueue::new(FRAMES);
-        let known = self.motor(motor, |motor| motor.drive.save_zero(&mut out))?;
-        Ok(known.then(|| list(out.frames())))
+        self.frames_if(motor, |motor, out| motor.drive.save_zero(out))
     }
 
     /// Frames that give the motor another identifier and store it; `None` where the protocol has no
     /// such command, or no such identifier.
     fn set_id(&self, motor: usize, id: u32) -> PyResult<Option<Vec<PyFrame>>> {
-        let mut out = FrameQueue::new(FRAMES);
-        let known = self.motor(motor, |motor| motor.drive.set_id(id, &mut out))?;
-        Ok(known.then(|| list(out.frames())))
+        self.frames_if(motor, |motor, out| motor.drive.set_id(id, out))
     }
 
     /// Parameters that can be read: `[(name, unit)]`.
     fn parameters(&self, motor: usize) -> PyResult<Vec<(&'static str, &'static str)>> {
         self.motor(motor, |motor| {
-            motor
-                .drive
-                .parameters()
-                .iter()
-                .map(|parameter| (parameter.name, parameter.unit))
-                .collect()
+            let parameters = motor.drive.parameters().iter();
+            parameters.map(|parameter| (parameter.name, parameter.unit)).collect()
         })
     }
 
@@ -124,28 +115,22 @@ impl PyDrives {
         frame: &PyFrame,
     ) -> PyResult<Vec<(usize, &'static str, Py<PyAny>)>> {
         let mut heard = Vec::new();
-        let mut configuration = self.lock();
-        for (place, motor) in
-            configuration.motors.iter_mut().enumerate().filter(|(_, motor)| motor.bus == bus)
-        {
-            match motor.drive.receive(now_ns, &frame.0) {
-                Receipt::NotMine => {}
-                Receipt::Malformed => heard.push((place, "malformed", py.None())),
-                Receipt::Foreign => heard.push((place, "foreign", py.None())),
-                Receipt::Noted => heard.push((place, "noted", py.None())),
-                Receipt::Measured(measured) => heard.push((
-                    place,
-                    "measured",
-                    values(py, motor, &measured)?.into_any().unbind(),
-                )),
-                Receipt::Parameter(parameter, value) => {
-                    heard.push((
-                        place,
-                        "parameter",
-                        (parameter, value).into_pyobject(py)?.into_any().unbind(),
-                    ));
+        let mut configuration = locked(&self.configuration);
+        let motors = configuration.motors.iter_mut().enumerate();
+        for (place, motor) in motors.filter(|(_, motor)| motor.bus == bus) {
+            let (kind, value) = match motor.drive.receive(now_ns, &frame.0) {
+                Receipt::NotMine => continue,
+                Receipt::Malformed => ("malformed", py.None()),
+                Receipt::Foreign => ("foreign", py.None()),
+                Receipt::Noted => ("noted", py.None()),
+                Receipt::Measured(measured) => {
+                    ("measured", values(py, motor, &measured)?.into_any().unbind())
                 }
-            }
+                Receipt::Parameter(parameter, value) => {
+                    ("parameter", (parameter, value).into_pyobject(py)?.into_any().unbind())
+                }
+            };
+            heard.push((place, kind, value));
         }
         Ok(heard)
     }
@@ -180,14 +165,8 @@ impl PyDrives {
 }
 
 impl PyDrives {
-    fn lock(&self) -> MutexGuard<'_, Configuration> {
-        // a drive knows its motor's answers, not the frames on the way
-        self.configuration.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
-    }
-
     fn motor<T>(&self, motor: usize, f: impl FnOnce(&mut MotorConfig) -> T) -> PyResult<T> {
-        let mut configuration = self.lock();
-        configuration
+        locked(&self.configuration)
             .motors
             .get_mut(motor)
             .map(f)
@@ -199,9 +178,22 @@ impl PyDrives {
         motor: usize,
         f: impl FnOnce(&mut MotorConfig, &mut FrameQueue),
     ) -> PyResult<Vec<PyFrame>> {
+        let frames = self.frames_if(motor, |motor, out| {
+            f(motor, out);
+            true
+        });
+        frames.map(Option::unwrap_or_default)
+    }
+
+    /// The frames of a motor whose protocol has the command.
+    fn frames_if(
+        &self,
+        motor: usize,
+        f: impl FnOnce(&mut MotorConfig, &mut FrameQueue) -> bool,
+    ) -> PyResult<Option<Vec<PyFrame>>> {
         let mut out = FrameQueue::new(FRAMES);
-        self.motor(motor, |motor| f(motor, &mut out))?;
-        Ok(list(out.frames()))
+        let known = self.motor(motor, |motor| f(motor, &mut out))?;
+        Ok(known.then(|| list(out.frames())))
     }
 }
 
@@ -216,13 +208,8 @@ fn values<'py>(
     motor: &MotorConfig,
     measured: &Measurement,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let ActuatorMeasurement { position, velocity, effort, temperature } =
-        motor.mapping.to_actuator(measured);
-    let values = PyDict::new(py);
-    values.set_item("position", position)?;
-    values.set_item("velocity", velocity)?;
-    values.set_item("effort", effort)?;
-    values.set_item("temperature", temperature)?;
+    let of_actuator = motor.mapping.to_actuator(measured);
+    let values = fields!(py, of_actuator => position, velocity, effort, temperature);
     values.set_item("motor_position", measured.position)?;
     Ok(values)
 }

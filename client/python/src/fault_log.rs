@@ -2,7 +2,7 @@
 
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -12,6 +12,8 @@ use sarrus_can_core::fault_files::FaultFiles;
 use sarrus_can_core::fault_log::{After, FaultLog};
 use sarrus_can_core::log::Line;
 use sarrus_proto::actuators::Reason;
+
+use crate::locked;
 
 /// Inputs that may wait.
 const ROOM: usize = 1 << 16;
@@ -84,10 +86,6 @@ impl FaultKeeper {
             self.lost += 1;
         }
     }
-}
-
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
 }
 
 fn keep(

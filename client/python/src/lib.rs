@@ -1,7 +1,18 @@
 //! The extension module of `sarrus` for Python: robots with numpy arrays, in `dynamics`, and the
 //! core of the CAN bridge as Python classes. The core has neither I/O nor a clock; Python code
 //! provides both.
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 use pyo3::prelude::*;
+
+/// A dict with fields of a structure under their names.
+macro_rules! fields {
+    ($py:expr, $of:expr => $($field:ident),*) => {{
+        let dict = pyo3::types::PyDict::new($py);
+        $(dict.set_item(stringify!($field), &$of.$field)?;)*
+        dict
+    }};
+}
 
 mod bridge;
 mod candidates;
@@ -17,6 +28,11 @@ mod protocols;
 mod service;
 mod slcan;
 mod telemetry;
+
+/// Locks; nothing that runs under a lock of this extension leaves half a value behind a panic.
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// The native part of sarrus. The package around it is the public Python API; `entry` loads it as
 /// `sarrus._native`.

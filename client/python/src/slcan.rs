@@ -27,12 +27,8 @@ impl PySlcanReader {
             if let Line::Frame(frame) = line {
                 heard.push(PyFrame(frame).into_pyobject(py)?.into_any().unbind());
             } else if let Some(event) = line.event() {
-                heard.push(
-                    (event.name(), event.count().unwrap_or(1))
-                        .into_pyobject(py)?
-                        .into_any()
-                        .unbind(),
-                );
+                let event = (event.name(), event.count().unwrap_or(1));
+                heard.push(event.into_pyobject(py)?.into_any().unbind());
             }
         }
         Ok(heard)

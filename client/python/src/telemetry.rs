@@ -20,12 +20,10 @@ impl PyTelemetry {
     /// Nothing measured yet, by this process since the monotonic time `started_ns`.
     #[new]
     fn new(bridge: &PyBridge, started_ns: u64) -> PyResult<PyTelemetry> {
-        let telemetry =
-            Telemetry::new(&bridge.lock(), &bridge.loads, std::process::id(), started_ns);
-        Ok(PyTelemetry {
-            telemetry: telemetry
-                .ok_or_else(|| PyMemoryError::new_err("no memory for histograms"))?,
-        })
+        let process = std::process::id();
+        let telemetry = Telemetry::new(&bridge.lock(), &bridge.loads, process, started_ns);
+        let absent = || PyMemoryError::new_err("no memory for histograms");
+        Ok(PyTelemetry { telemetry: telemetry.ok_or_else(absent)? })
     }
 
     /// Takes a cycle that has just ended: from its deadline to its begin, and from there to its
@@ -45,17 +43,7 @@ impl PyTelemetry {
             ("age", statistics.age),
             ("reply", statistics.reply),
         ] {
-            let of_one = PyDict::new(py);
-            for (key, value) in [
-                ("count", times.count),
-                ("p50", times.p50),
-                ("p99", times.p99),
-                ("p999", times.p999),
-                ("max", times.max),
-            ] {
-                of_one.set_item(key, value)?;
-            }
-            dict.set_item(name, of_one)?;
+            dict.set_item(name, fields!(py, times => count, p50, p99, p999, max))?;
         }
         Ok(dict)
     }

@@ -15,12 +15,12 @@ use crate::open::load_open;
 /// How far a number that was written and read again may be off `[m, rad]`.
 const ROUNDING: f64 = 1e-9;
 
-/// The same robot at two zero poses.
+/// One robot at two zero poses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewZero {
-    /// As the files have it.
+    /// That of the files.
     pub old: Description,
-    /// As they should have it.
+    /// The one to write.
     pub new: Description,
 }
 
@@ -40,10 +40,11 @@ type Edit = (Range<usize>, String);
 impl NewZero {
     /// Writes the new zero pose into the texts of a source: origins, limits, calibration and soft
     /// limits, rests of springs, offsets of couplings, and placements of cuts. Every other byte
-    /// stays. What was written is read again and compared.
+    /// stays. The new texts are read again and compared.
     ///
     /// # Errors
-    /// Sources that cannot be read; and in words what cannot be written by position.
+    /// Sources that cannot be read. The inner error names the part that cannot be written by
+    /// position.
     pub fn write(
         &self,
         source: &Source,
@@ -79,9 +80,9 @@ impl NewZero {
         Ok(Err(why))
     }
 
-    /// The cuts that need placements: submechanism from the first of the file on, loop,
-    /// predecessor's and successor's.
-    fn cuts(&self, first: usize) -> Vec<(usize, usize, Placement, Placement)> {
+    /// The cuts whose placements change: submechanism, counted from `first` on, loop, placement on
+    /// the predecessor and on the successor.
+    pub(crate) fn cuts(&self, first: usize) -> Vec<(usize, usize, Placement, Placement)> {
         let mut cuts = Vec::new();
         let pairs = self.old.submechanisms.iter().zip(&self.new.submechanisms).skip(first);
         for (s, (old, new)) in pairs.enumerate() {
@@ -96,7 +97,7 @@ impl NewZero {
         cuts
     }
 
-    /// What was written, if it says what it should.
+    /// The new texts, if they describe the robot at its new zero pose.
     fn verified(
         &self,
         written: Rewritten,
@@ -121,7 +122,7 @@ impl NewZero {
 
 const NOT_TEXT: &str = "files that are no UTF-8 text";
 
-/// What two descriptions of one robot do not share.
+/// The first part in which two descriptions of one robot differ.
 fn difference(found: &Description, wanted: &Description) -> Option<String> {
     let near = |a: f64, b: f64| a == b || (a - b).abs() <= ROUNDING;
     let same = |a: &Placement, b: &Placement| {

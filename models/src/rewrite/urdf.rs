@@ -36,11 +36,12 @@ pub(super) fn edits(text: &str, zero: &NewZero) -> Result<Vec<Edit>, String> {
     Ok(edits)
 }
 
-/// Origin, and what is counted from the zero pose of the joint.
+/// Origin, limits, calibration and spring of a joint.
 fn joint(text: &str, node: Node<'_, '_>, old: &Joint, new: &Joint, edits: &mut Vec<Edit>) {
     let child = |name: &str| node.children().find(|child| child.has_tag_name(name));
     if old.origin != new.origin {
-        let (xyz, rpy) = (list(new.origin.xyz, " "), list(new.origin.rpy, " "));
+        let xyz = list(new.origin.xyz, " ");
+        let rpy = list(new.origin.rpy, " ");
         match child("origin") {
             Some(origin) => {
                 if old.origin.xyz != new.origin.xyz {

@@ -18,53 +18,32 @@ pub(super) fn walk(node: &Node, diagnostics: &mut Diagnostics) -> Vec<Span> {
             axes.into_iter().flatten().next().filter(|_| node.get("cut_joint_type").is_none())
         {
             let found = format!("`{key}` without a `cut_joint_type`");
-            diagnostics.error(
-                span,
-                found,
-                "both or neither",
-                "add `cut_joint_type`, or write the axis in constraint_axes",
-            );
+            let help = "add `cut_joint_type`, or write the axis in constraint_axes";
+            diagnostics.error(span, found, "both or neither", help);
         }
         return Vec::new();
     };
     if let Some(other) = node.get("constraint_axes") {
-        let help = "remove one of them";
-        diagnostics.error(
-            other.span,
-            "the loop has `constraint_axes` and a `cut_joint_type`",
-            "one of them",
-            help,
-        );
+        let found = "the loop has `constraint_axes` and a `cut_joint_type`";
+        diagnostics.error(other.span, found, "one of them", "remove one of them");
     }
     let Some(kind) = CutKind::named(&written) else {
         let names = KINDS.map(|(name, _)| name);
-        let help =
-            diagnostics.did_you_mean(&written, names, "write any other cut by its constraint_axes");
-        diagnostics.error(
-            span,
-            format!("the cut joint type {} is not known", quoted(&written)),
-            names.join(", "),
-            help,
-        );
+        let found = format!("the cut joint type {} is not known", quoted(&written));
+        let help = "write any other cut by its constraint_axes";
+        diagnostics.unknown(span, found, names.join(", "), &written, names, help);
         return Vec::new();
     };
     for (k, (key, given)) in ["axis", "axis2"].into_iter().zip(&axes).enumerate() {
         match given {
             None if k < kind.n_axes() => {
-                diagnostics.error(
-                    span,
-                    format!("a {written} cut without `{key}`"),
-                    format!("`{key}: [x, y, z]` in the cut frame"),
-                    "add it",
-                );
+                let found = format!("a {written} cut without `{key}`");
+                let expected = format!("`{key}: [x, y, z]` in the cut frame");
+                diagnostics.error(span, found, expected, "add it");
             }
             Some((_, span, _)) if k >= kind.n_axes() => {
-                diagnostics.error(
-                    *span,
-                    format!("a {written} cut with `{key}`"),
-                    "none",
-                    "remove it",
-                );
+                let found = format!("a {written} cut with `{key}`");
+                diagnostics.error(*span, found, "none", "remove it");
             }
             _ => {}
         }
@@ -74,19 +53,15 @@ pub(super) fn walk(node: &Node, diagnostics: &mut Diagnostics) -> Vec<Span> {
         // a little off is the rounding of a file
         if along.abs() > 1e-6 {
             let found = format!("the two axes of a universal cut have the cosine {along:.3e}");
-            diagnostics.error(
-                span,
-                found,
-                "perpendicular axes",
-                "correct one of them, or write the cut as revolute joints in the tree and a \
-                 spherical cut",
-            );
+            let help = "correct one of them, or write the cut as revolute joints in the tree and a \
+                        spherical cut";
+            diagnostics.error(span, found, "perpendicular axes", help);
         }
     }
     vec![span; kind.n_rows()]
 }
 
-/// A direction of some length.
+/// An axis whose length is neither zero nor extreme; `None` after an error.
 fn direction(node: &Node, key: &str, diagnostics: &mut Diagnostics) -> Option<[f64; 3]> {
     let axis = numbers::<3>(node, "the loop constraint", key, diagnostics)?;
     let size = axis.iter().fold(0.0_f64, |size, x| size.max(x.abs()));
@@ -95,11 +70,7 @@ fn direction(node: &Node, key: &str, diagnostics: &mut Diagnostics) -> Option<[f
         return Some(axis);
     }
     let span = node.get(key).map_or(node.span, |value| value.span);
-    diagnostics.error(
-        span,
-        format!("`{key}` of the loop constraint has a length near {size:e}"),
-        "a direction as [0, 0, 1]",
-        "correct it",
-    );
+    let found = format!("`{key}` of the loop constraint has a length near {size:e}");
+    diagnostics.error(span, found, "a direction as [0, 0, 1]", "correct it");
     None
 }

@@ -59,25 +59,17 @@ pub(crate) fn check(
         if moves && !joint.name.is_empty() && !owner.contains_key(joint.name.as_str()) {
             let found =
                 format!("the joint {} moves but is in no submechanism", quoted(&joint.name));
-            diagnostics.warning(
-                joint.span,
-                found,
-                "every moving joint in one",
-                "add it to a jointnames_spanningtree or make it fixed; it is read as serial, \
-                 independent and active",
-            );
+            let help = "add it to a jointnames_spanningtree or make it fixed; it is read as \
+                serial, independent and active";
+            diagnostics.warning(joint.span, found, "every moving joint in one", help);
         }
     }
     let rows: usize =
         entries.iter().flat_map(|entry| &entry.loops).map(|each| each.rows.len()).sum();
     if rows > MOST_ROWS {
         let found = format!("the loops have {rows} constraint_axes");
-        diagnostics.error(
-            span,
-            found,
-            format!("at most {MOST_ROWS}"),
-            "split the robot into robots of their own",
-        );
+        let help = "split the robot into robots of their own";
+        diagnostics.error(span, found, format!("at most {MOST_ROWS}"), help);
     }
     Submechanisms { span, entries }
 }
@@ -92,12 +84,9 @@ pub(crate) fn values(text: &Text, diagnostics: &mut Diagnostics) -> Option<Vec<E
                 line: at.line() as u32,
                 column: at.column() as u32,
             });
-            diagnostics.error(
-                span,
-                format!("the values cannot be read: {error}"),
-                "a submechanism file",
-                "correct it at this position",
-            );
+            let found = format!("the values cannot be read: {error}");
+            let help = "correct it at this position";
+            diagnostics.error(span, found, "a submechanism file", help);
             None
         }
     }
@@ -115,17 +104,9 @@ fn kind_of(written: &str, span: Span, diagnostics: &mut Diagnostics) -> Option<S
         let names = KNOWN.iter().map(|known| known.name);
         let expected =
             names.clone().collect::<Vec<_>>().join(", ") + ", or joints in letters as 3R or 3T+3R";
-        let help = diagnostics.did_you_mean(
-            written,
-            names,
-            "use NUMERICAL with loop_constraints for any other mechanism",
-        );
-        diagnostics.error(
-            span,
-            format!("the submechanism type {} is not known", quoted(written)),
-            expected,
-            help,
-        );
+        let found = format!("the submechanism type {} is not known", quoted(written));
+        let help = "use NUMERICAL with loop_constraints for any other mechanism";
+        diagnostics.unknown(span, found, expected, written, names, help);
     }
     kind
 }
@@ -159,12 +140,8 @@ impl<'a> Check<'a, '_> {
                         "the joint {} is already in the submechanism {other}",
                         quoted(name)
                     );
-                    self.diagnostics.error(
-                        *span,
-                        found,
-                        "each joint in one",
-                        "remove it from one of them",
-                    );
+                    let help = "remove it from one of them";
+                    self.diagnostics.error(*span, found, "each joint in one", help);
                 }
                 _ => {
                     owner.insert(name, entry);
@@ -192,34 +169,23 @@ impl<'a> Check<'a, '_> {
         let mut seen: BTreeSet<&str> = BTreeSet::new();
         for (name, span) in names.into_iter().flatten() {
             if !seen.insert(name) {
-                self.diagnostics.error(
-                    *span,
-                    format!("{} is in `{key}` twice", quoted(name)),
-                    "once",
-                    "remove one of them",
-                );
+                self.twice(name, *span, key);
                 continue;
             }
             let Some(urdf) = self.urdf else { continue };
             match urdf.joint_index.get(name) {
                 None => {
-                    let help = self.diagnostics.did_you_mean(
-                        name,
-                        urdf.joint_names(),
-                        "correct the name or add the joint to the URDF",
-                    );
                     let found =
                         format!("`{key}` names the joint {}, which does not exist", quoted(name));
-                    self.diagnostics.error(*span, found, "a joint of the URDF", help);
+                    let known = urdf.joint_names();
+                    let help = "correct the name or add the joint to the URDF";
+                    let expected = "a joint of the URDF";
+                    self.diagnostics.unknown(*span, found, expected, name, known, help);
                 }
                 Some(joint) if must_move && !urdf.moves(*joint) => {
                     let found = format!("`{key}` names the joint {}, which is fixed", quoted(name));
-                    self.diagnostics.error(
-                        *span,
-                        found,
-                        "joints that move",
-                        "remove it from the list",
-                    );
+                    let help = "remove it from the list";
+                    self.diagnostics.error(*span, found, "joints that move", help);
                 }
                 Some(_) => {}
             }
@@ -236,25 +202,23 @@ impl<'a> Check<'a, '_> {
             .map(|tree| tree.iter().map(|(name, _)| name.as_str()).collect());
         for (name, span) in names.into_iter().flatten() {
             if !seen.insert(name) {
-                self.diagnostics.error(
-                    *span,
-                    format!("{} is in `{key}` twice", quoted(name)),
-                    "once",
-                    "remove one of them",
-                );
+                self.twice(name, *span, key);
             } else if let Some(tree) = &tree
                 && !tree.contains(name.as_str())
             {
-                let help = self.diagnostics.did_you_mean(
-                    name,
-                    tree.iter().copied(),
-                    "add it to jointnames_spanningtree or remove it",
-                );
                 let found =
                     format!("`{key}` names {}, which is not in the spanning tree", quoted(name));
-                self.diagnostics.error(*span, found, "names of jointnames_spanningtree", help);
+                let expected = "names of jointnames_spanningtree";
+                let known = tree.iter().copied();
+                let help = "add it to jointnames_spanningtree or remove it";
+                self.diagnostics.unknown(*span, found, expected, name, known, help);
             }
         }
+    }
+
+    fn twice(&mut self, name: &str, span: Span, key: &str) {
+        let found = format!("{} is in `{key}` twice", quoted(name));
+        self.diagnostics.error(span, found, "once", "remove one of them");
     }
 
     /// The numbers of joints that the type promises.
@@ -264,39 +228,29 @@ impl<'a> Check<'a, '_> {
         else {
             return;
         };
-        let (written, span) = (quoted(&type_name.0), type_name.1);
+        let written = quoted(&type_name.0);
+        let span = type_name.1;
         if tree.is_empty() {
-            self.diagnostics.error(
-                span,
-                "the submechanism has no joint",
-                "at least one in jointnames_spanningtree",
-                "add joints or remove it",
-            );
+            let expected = "at least one in jointnames_spanningtree";
+            let found = "the submechanism has no joint";
+            self.diagnostics.error(span, found, expected, "add joints or remove it");
             return;
         }
         if let Some(known) = KNOWN.iter().find(|known| known.name == type_name.0) {
-            // a joint of several freedoms stands for as many joints
+            // a joint of several freedoms counts once for each
             let [in_tree, in_independent] = [tree, independent].map(|names| self.dofs(names));
             if !known.tree.is_empty() && !known.tree.contains(&in_tree) {
                 let found = format!("{written} with {}", counted(in_tree, "spanning-tree joint"));
                 let expected =
                     known.tree.iter().map(usize::to_string).collect::<Vec<_>>().join(" or ");
-                self.diagnostics.error(
-                    span,
-                    found,
-                    expected,
-                    "correct jointnames_spanningtree or use NUMERICAL",
-                );
+                let help = "correct jointnames_spanningtree or use NUMERICAL";
+                self.diagnostics.error(span, found, expected, help);
             }
             if let Some(count) = known.independent.filter(|count| *count != in_independent) {
                 let found =
                     format!("{written} with {}", counted(in_independent, "independent joint"));
-                self.diagnostics.error(
-                    span,
-                    found,
-                    count.to_string(),
-                    "correct jointnames_independent",
-                );
+                let help = "correct jointnames_independent";
+                self.diagnostics.error(span, found, count.to_string(), help);
             }
         }
         // its loops may stand in the URDF
@@ -305,12 +259,9 @@ impl<'a> Check<'a, '_> {
             && self.coupled(tree) == 0
             && self.urdf.is_none_or(|urdf| urdf.closings.is_empty())
         {
-            self.diagnostics.error(
-                self.entry.span,
-                "NUMERICAL without `loop_constraints`",
-                "at least one loop",
-                "add loop_constraints",
-            );
+            let found = "NUMERICAL without `loop_constraints`";
+            let help = "add loop_constraints";
+            self.diagnostics.error(self.entry.span, found, "at least one loop", help);
         }
         if kind == SubmechanismKind::Transmission && self.entry.loops.is_empty() {
             self.transmission(tree, independent);
@@ -320,8 +271,7 @@ impl<'a> Check<'a, '_> {
         }
     }
 
-    /// Each dependent joint of a transmission says what it depends on, or one of the others says so
-    /// for it.
+    /// Each dependent joint of a transmission has a coupling.
     fn transmission(&mut self, tree: &'a [Named], independent: &'a [Named]) {
         let needed = tree.len().saturating_sub(independent.len());
         let Some((name, span)) = self
@@ -348,12 +298,8 @@ impl<'a> Check<'a, '_> {
     fn serial(&mut self, written: &str, span: Span, tree: &'a [Named], independent: &'a [Named]) {
         if let Some(first) = self.entry.loops.first() {
             let found = format!("the serial type {} has loop constraints", quoted(written));
-            self.diagnostics.error(
-                first.span,
-                found,
-                "none",
-                "use NUMERICAL or the type of the mechanism",
-            );
+            let help = "use NUMERICAL or the type of the mechanism";
+            self.diagnostics.error(first.span, found, "none", help);
         }
         let free = tree.len() - self.coupled(tree).min(tree.len());
         if self.urdf.is_some() && independent.len() != free && independent.len() != tree.len() {
@@ -363,17 +309,14 @@ impl<'a> Check<'a, '_> {
                 independent.len(),
                 tree.len()
             );
-            self.diagnostics.error(
-                span,
-                found,
-                "all of them",
-                "list every joint in jointnames_independent",
-            );
+            let help = "list every joint in jointnames_independent";
+            self.diagnostics.error(span, found, "all of them", help);
         }
         let Some(letters) = letters(written) else { return };
         let Some(urdf) = self.urdf else { return };
         let kinds = tree.iter().filter_map(|(name, _)| urdf.joint(name)?.kind);
-        let (mut actual, mut known) = (Letters::default(), 0);
+        let mut actual = Letters::default();
+        let mut known = 0;
         for kind in kinds {
             known += 1;
             match kind {
@@ -381,10 +324,8 @@ impl<'a> Check<'a, '_> {
                 JointKind::Prismatic => actual.translations += 1,
                 JointKind::Spherical => actual.rotations += 3,
                 JointKind::Floating => {
-                    actual = Letters {
-                        rotations: actual.rotations + 3,
-                        translations: actual.translations + 3,
-                    }
+                    actual.rotations += 3;
+                    actual.translations += 3;
                 }
                 _ => {}
             }
@@ -398,19 +339,11 @@ impl<'a> Check<'a, '_> {
             format!("the type {} stands over {}", quoted(written), actual_counts.join(" and "));
         let expected = format!("{} and {}", letters.rotations, letters.translations);
         if actual.rotations + actual.translations == letters.rotations + letters.translations {
-            self.diagnostics.warning(
-                span,
-                found,
-                expected,
-                "correct the type; it is read as serial",
-            );
+            let help = "correct the type; it is read as serial";
+            self.diagnostics.warning(span, found, expected, help);
         } else {
-            self.diagnostics.error(
-                span,
-                found,
-                expected,
-                "correct the type or jointnames_spanningtree",
-            );
+            let help = "correct the type or jointnames_spanningtree";
+            self.diagnostics.error(span, found, expected, help);
         }
     }
 
@@ -443,13 +376,12 @@ impl<'a> Check<'a, '_> {
         {
             let Some((name, span)) = end else { continue };
             if !urdf.link_index.contains_key(name) {
-                let help =
-                    self.diagnostics.did_you_mean(name, urdf.link_names(), "correct the name");
                 let found =
                     format!("`{key}` names the link {}, which does not exist", quoted(name));
                 let expected =
                     self.diagnostics.one_of("a link of the URDF", name, urdf.link_names());
-                self.diagnostics.error(*span, found, expected, help);
+                let known = urdf.link_names();
+                self.diagnostics.unknown(*span, found, expected, name, known, "correct the name");
             }
         }
         let (Some((predecessor, _)), Some((successor, span))) =

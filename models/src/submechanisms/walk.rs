@@ -1,13 +1,13 @@
-//! The shape of a submechanism file: which keys, what kind of values.
+//! The shape of a submechanism file, key by key, with the position of every value.
 
 use std::collections::BTreeSet;
 
 use super::cut;
-use crate::report::{Diagnostics, Span, quoted};
+use crate::report::{Diagnostics, Span};
 use crate::urdf::Urdf;
-use crate::yaml::{Named, Node, Value, keys, list, number, numbers, word, words};
+use crate::yaml::{Named, Node, Value, keys, list, missing, number, numbers, word, words};
 
-/// A submechanism as it stands in the file; `None` for what is absent or malformed, which has been
+/// A submechanism as it stands in the file; absent and malformed values are `None` and have been
 /// reported.
 pub(crate) struct Entry {
     pub(crate) span: Span,
@@ -45,6 +45,7 @@ pub(crate) struct LoopEntry {
     pub(crate) rows: Vec<Span>,
 }
 
+const OF_ENTRY: &str = "the submechanism";
 const TOP: &[&str] = &["submechanisms", "exoskeletons"];
 const ENTRY: &[&str] = &[
     "type",
@@ -79,39 +80,22 @@ pub(crate) fn walk(root: &Node, diagnostics: &mut Diagnostics) -> Vec<Entry> {
         return Vec::new();
     }
     if let Some(exoskeletons) = root.get("exoskeletons").filter(|node| !node.items().is_empty()) {
+        let found = "`exoskeletons` is not used";
         let help = "couple their joints by <mimic> in the URDF";
-        diagnostics.warning(
-            exoskeletons.span,
-            "`exoskeletons` is not used",
-            "submechanisms only",
-            help,
-        );
+        diagnostics.warning(exoskeletons.span, found, "submechanisms only", help);
     }
     let Some(list) = root.get("submechanisms") else {
-        diagnostics.error(
-            root.span,
-            "the file has no `submechanisms`",
-            "a list of at least one",
-            "add it",
-        );
+        missing(root, "the file", "submechanisms", "a list of at least one", diagnostics);
         return Vec::new();
     };
     if matches!(list.value, Value::Null)
         || matches!(&list.value, Value::List(items) if items.is_empty())
     {
-        diagnostics.error(
-            list.span,
-            "`submechanisms` is empty",
-            "at least one",
-            "list the joints in submechanisms",
-        );
+        let help = "list the joints in submechanisms";
+        diagnostics.error(list.span, "`submechanisms` is empty", "at least one", help);
     } else if !matches!(list.value, Value::List(_)) {
-        diagnostics.error(
-            list.span,
-            format!("`submechanisms` is {}", list.describe()),
-            "a list",
-            "write each submechanism as a list item",
-        );
+        let found = format!("`submechanisms` is {}", list.describe());
+        diagnostics.error(list.span, found, "a list", "write each submechanism as a list item");
     }
     list.items().iter().filter_map(|node| entry(node, diagnostics)).collect()
 }
@@ -123,31 +107,16 @@ fn entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<Entry> {
     let contextual_name = word(node, "contextual_name", diagnostics);
     let other_name = word(node, "name", diagnostics);
     if node.get("contextual_name").is_none() && node.get("name").is_none() {
-        diagnostics.error(
-            node.span,
-            "the submechanism has no `contextual_name`",
-            "a name of its own",
-            "add it",
-        );
+        missing(node, OF_ENTRY, "contextual_name", "a name of its own", diagnostics);
     }
     let type_name = word(node, "type", diagnostics);
     if node.get("type").is_none() {
-        diagnostics.error(
-            node.span,
-            "the submechanism has no `type`",
-            "a type as 3R, RRPR or NUMERICAL",
-            "add it",
-        );
+        missing(node, OF_ENTRY, "type", "a type as 3R, RRPR or NUMERICAL", diagnostics);
     }
     let file_path = word(node, "file_path", diagnostics);
     for key in ["jointnames_spanningtree", "jointnames_independent", "jointnames_active"] {
         if node.get(key).is_none() {
-            diagnostics.error(
-                node.span,
-                format!("the submechanism has no `{key}`"),
-                "a list of joints, which may be empty",
-                "add it",
-            );
+            missing(node, OF_ENTRY, key, "a list of joints, which may be empty", diagnostics);
         }
     }
     Some(Entry {
@@ -174,12 +143,8 @@ fn loop_entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<LoopEntry> {
     let [cut_joint, predecessor, successor] = ["cut_joint", "predecessor_body", "successor_body"]
         .map(|key| {
             if node.get(key).is_none() && frames.is_none() {
-                diagnostics.error(
-                    node.span,
-                    format!("the loop constraint has no `{key}`"),
-                    format!("`{key}: NAME`"),
-                    "add it",
-                );
+                let expected = format!("`{key}: NAME`");
+                missing(node, "the loop constraint", key, expected, diagnostics);
             }
             word(node, key, diagnostics)
         });
@@ -188,9 +153,36 @@ fn loop_entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<LoopEntry> {
         None => (predecessor, successor),
     };
     baumgarte(node, diagnostics);
-    let placements =
-        ["predecessor_placement", "successor_placement"].map(|key| (key, node.get(key)));
-    for (key, placement) in placements {
+    let is_placed = placements(node, diagnostics) || frames.is_some();
+    let axes = list(node, "constraint_axes", diagnostics);
+    let of_type = cut::walk(node, diagnostics);
+    let no_axes = axes.is_empty() && node.get("cut_joint_type").is_none();
+    if no_axes
+        && !matches!(
+            node.get("constraint_axes").map(|axes| &axes.value),
+            Some(Value::Scalar { .. } | Value::Map(_))
+        )
+    {
+        let found = "the loop constraint has no `constraint_axes`";
+        let help = "list the constrained directions, or give a cut_joint_type";
+        diagnostics.error(node.span, found, "at least one", help);
+    }
+    if let Some(seventh) = axes.get(6) {
+        let found = format!("the loop constraint has {} constraint_axes", axes.len());
+        diagnostics.error(seventh.span, found, "at most six", "remove those that the others imply");
+    }
+    let mut names: BTreeSet<String> = BTreeSet::new();
+    for axis in axes {
+        row(axis, &mut names, diagnostics);
+    }
+    let rows = axes.iter().map(|axis| axis.span).chain(of_type).collect();
+    Some(LoopEntry { span: node.span, cut_joint, predecessor, successor, is_placed, rows })
+}
+
+/// Checks the placements of the cut frames and returns whether both are there.
+fn placements(node: &Node, diagnostics: &mut Diagnostics) -> bool {
+    let given = ["predecessor_placement", "successor_placement"].map(|key| (key, node.get(key)));
+    for (key, placement) in given {
         let Some(placement) =
             placement.filter(|placement| keys(placement, key, PLACEMENT, diagnostics))
         else {
@@ -201,47 +193,17 @@ fn loop_entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<LoopEntry> {
         }
     }
     if let [(given, Some(placement)), (missing, None)]
-    | [(missing, None), (given, Some(placement))] = placements
+    | [(missing, None), (given, Some(placement))] = given
     {
-        diagnostics.error(
-            placement.span,
-            format!("the loop has `{given}` but no `{missing}`"),
-            "both or neither",
-            format!("add `{missing}`"),
-        );
+        let found = format!("the loop has `{given}` but no `{missing}`");
+        let help = format!("add `{missing}`");
+        diagnostics.error(placement.span, found, "both or neither", help);
     }
-    let (axes, of_type) =
-        (list(node, "constraint_axes", diagnostics), cut::walk(node, diagnostics));
-    let no_axes = axes.is_empty() && node.get("cut_joint_type").is_none();
-    if no_axes
-        && !matches!(
-            node.get("constraint_axes").map(|axes| &axes.value),
-            Some(Value::Scalar { .. } | Value::Map(_))
-        )
-    {
-        let help = "list the constrained directions, or give a cut_joint_type";
-        diagnostics.error(
-            node.span,
-            "the loop constraint has no `constraint_axes`",
-            "at least one",
-            help,
-        );
-    }
-    if let Some(seventh) = axes.get(6) {
-        let found = format!("the loop constraint has {} constraint_axes", axes.len());
-        diagnostics.error(seventh.span, found, "at most six", "remove those that the others imply");
-    }
-    let mut names: BTreeSet<String> = BTreeSet::new();
-    for axis in axes {
-        row(axis, &mut names, diagnostics);
-    }
-    let is_placed = frames.is_some() || placements.iter().all(|(_, placement)| placement.is_some());
-    let rows = axes.iter().map(|axis| axis.span).chain(of_type).collect();
-    Some(LoopEntry { span: node.span, cut_joint, predecessor, successor, is_placed, rows })
+    given.iter().all(|(_, placement)| placement.is_some())
 }
 
 /// The two links of `frames`, whose frames are the cut frames; nothing else may place the cut then.
-/// The inner `None` stands for what is malformed.
+/// The inner `None` stands for a malformed value.
 fn frames(node: &Node, diagnostics: &mut Diagnostics) -> Option<Option<[Named; 2]>> {
     let value = node.get("frames")?;
     let others =
@@ -266,35 +228,21 @@ fn row(node: &Node, names: &mut BTreeSet<String>, diagnostics: &mut Diagnostics)
     }
     for key in ["name", "axis"] {
         if node.get(key).is_none() {
-            diagnostics.error(
-                node.span,
-                format!("the constraint axis has no `{key}`"),
-                "name and axis",
-                "add it",
-            );
+            missing(node, "the constraint axis", key, "name and axis", diagnostics);
         }
     }
     if let Some((name, span)) = word(node, "name", diagnostics)
         && !names.insert(name.clone())
     {
-        diagnostics.error(
-            span,
-            format!("a second axis of this loop is named {}", quoted(&name)),
-            "a name of its own",
-            "rename one of them",
-        );
+        diagnostics.second(span, "axis of this loop", &name);
     }
     baumgarte(node, diagnostics);
     let axis = numbers::<6>(node, "a constraint axis", "axis", diagnostics);
     if let Some(span) =
         axis.filter(|axis| *axis == [0.0; 6]).and_then(|_| node.get("axis")).map(|node| node.span)
     {
-        diagnostics.error(
-            span,
-            "the constraint axis is zero",
-            "a direction [wx, wy, wz, vx, vy, vz]",
-            "correct it",
-        );
+        let expected = "a direction [wx, wy, wz, vx, vy, vz]";
+        diagnostics.error(span, "the constraint axis is zero", expected, "correct it");
     }
 }
 

@@ -1,4 +1,4 @@
-//! Loops that stand in the URDF, in the words of other programs, as cuts:
+//! Loops in the URDF, in the elements of other programs, as cuts:
 //!
 //! | element | of | cut frames |
 //! |---|---|---|
@@ -8,7 +8,7 @@
 //! | `<constraint>` | proposed for urdfdom | `parent_origin` and `child_origin` |
 //! | `<drake:ball_constraint>` | Drake | the points of both bodies |
 //!
-//! What says too little is an error with the lines of the submechanism file that say it.
+//! An incomplete loop is an error with the lines to write into the submechanism file.
 
 use std::collections::BTreeSet;
 
@@ -46,7 +46,7 @@ pub(crate) enum Place {
     Both([Placement; 2]),
     /// On the predecessor; on the successor it is the same frame at zero.
     Predecessor(Placement),
-    /// As before; on the successor at this point, whatever its orientation.
+    /// As before; on the successor at this point, with the orientation of that frame.
     Point(Placement, [f64; 3]),
 }
 
@@ -97,8 +97,8 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec<C
     Vec::from_iter(closing)
 }
 
-/// The joints that an actuator moves, as far as the file says so: those of transmissions with an
-/// actuator, and those that ros2_control commands.
+/// The joints that the file declares actuated: those of transmissions with an actuator, and those
+/// that ros2_control commands.
 pub(super) fn actuated(root: Node<'_, '_>) -> BTreeSet<String> {
     let has = |node: Node<'_, '_>, name: &str| node.children().any(|of| of.has_tag_name(name));
     let groups = root.children().filter(|node| {
@@ -128,8 +128,8 @@ fn element<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Closin
         let names = ["predecessor", "successor", "sucessor", "parent", "child", "link1", "link2"];
         names.contains(&child.tag_name().name()) && child.is_element()
     });
-    let (first, second) = (ends.next(), ends.next());
-    let (Some(first), Some(second), None) = (first, second, ends.next()) else {
+    let three = std::array::from_fn(|_| ends.next());
+    let [Some(first), Some(second), None] = three else {
         let found = format!("`{}` does not name two links", node.tag_name().name());
         let help = to_write(&name.map(|(name, _)| name).unwrap_or_default(), ["A", "B"], None);
         reader.diagnostics.error(span, found, "a link at each end", help);
@@ -185,7 +185,7 @@ fn element<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Closin
     closing(reader, Closing { name, is_unnamed, span, links, place, kind, axis, axis2 })
 }
 
-/// `<drake:ball_constraint>`; for the other constraints of Drake an error says what to write.
+/// `<drake:ball_constraint>`; other constraints of Drake are errors with the lines to write.
 fn drake_constraint<'t>(
     reader: &mut Reader<'t, '_>,
     node: Node<'_, 't>,
@@ -214,10 +214,16 @@ fn drake_constraint<'t>(
     };
     let name =
         node.attribute("name").map_or_else(|| format!("{}_{}", first.0, second.0), Into::into);
-    let (links, place) = ([first, second], Place::Both([at_first, at_second]));
-    let (axis, axis2) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
-    let (kind, is_unnamed) = (CutKind::Spherical, !node.has_attribute("name"));
-    closing(reader, Closing { name, is_unnamed, span, links, place, kind, axis, axis2 })
+    Some(Closing {
+        name,
+        is_unnamed: !node.has_attribute("name"),
+        span,
+        links: [first, second],
+        place: Place::Both([at_first, at_second]),
+        kind: CutKind::Spherical,
+        axis: [1.0, 0.0, 0.0],
+        axis2: [0.0, 1.0, 0.0],
+    })
 }
 
 /// A loop whose axes are directions; `None` after an error.
@@ -254,7 +260,7 @@ pub(super) fn unknown(
     reader.diagnostics.error(at, found, expected, help);
 }
 
-/// What to write into the submechanism file in place of a loop that is not read.
+/// The lines of the submechanism file that replace a loop that is not read.
 pub(super) fn to_write(name: &str, links: [&str; 2], kind: Option<&str>) -> String {
     let [a, b] = links;
     let kind = kind.unwrap_or("…");

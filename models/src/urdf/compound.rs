@@ -26,7 +26,7 @@ pub(crate) struct Part {
 }
 
 impl Compound {
-    /// What stands behind the name of the joint and a slash.
+    /// The names of the parts, behind that of the joint and a slash.
     const fn suffixes(self) -> &'static [&'static str] {
         match self {
             Compound::Planar => &["x", "y", "rz"],
@@ -68,7 +68,8 @@ pub(super) fn expand(
     links: &mut Vec<LinkEntry>,
     diagnostics: &mut Diagnostics,
 ) -> (Vec<JointEntry>, BTreeMap<String, Vec<String>>) {
-    let (mut chains, mut parts) = (Vec::with_capacity(joints.len()), BTreeMap::new());
+    let mut chains = Vec::with_capacity(joints.len());
+    let mut parts = BTreeMap::new();
     for joint in joints {
         let Some(compound) = joint.compound else {
             chains.push(joint);
@@ -89,10 +90,13 @@ pub(super) fn expand(
             let child = if is_last {
                 joint.child.clone()
             } else {
-                let (inertial, is_written) = (Weight::Absent, false);
-                let (name, span) = (name.clone(), joint.span);
-                links.push(LinkEntry { name: name.clone(), span, inertial, is_written });
-                Some((name, span))
+                links.push(LinkEntry {
+                    name: name.clone(),
+                    span: joint.span,
+                    inertial: Weight::Absent,
+                    is_written: false,
+                });
+                Some((name.clone(), joint.span))
             };
             chains.push(JointEntry {
                 name: if joint.name.is_empty() { String::new() } else { name.clone() },
@@ -131,7 +135,8 @@ fn across(axis: [f64; 3]) -> [f64; 3] {
 
 fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| {
-        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        let i = (k + 1) % 3;
+        let j = (k + 2) % 3;
         a[i] * b[j] - a[j] * b[i]
     })
 }

@@ -73,22 +73,17 @@ impl Urdf {
                         "the transmission names the joint {}, which does not exist",
                         quoted(&dependence.joint)
                     );
-                    let help = diagnostics.did_you_mean(
-                        &dependence.joint,
-                        self.joint_names(),
-                        "correct the name",
-                    );
-                    diagnostics.error(dependence.span, found, "a joint of this file", help);
+                    let expected = "a joint of this file";
+                    let known = self.joint_names();
+                    let help = "correct the name";
+                    let span = dependence.span;
+                    diagnostics.unknown(span, found, expected, &dependence.joint, known, help);
                 }
                 Some(joint) if !joint.masters.is_empty() => {
                     let found =
                         format!("the joint {} is coupled a second time", quoted(&joint.name));
-                    diagnostics.error(
-                        dependence.span,
-                        found,
-                        "one mimic or one transmission",
-                        "remove one of them",
-                    );
+                    let expected = "one mimic or one transmission";
+                    diagnostics.error(dependence.span, found, expected, "remove one of them");
                 }
                 Some(joint) => joint.masters = dependence.masters,
             }
@@ -124,30 +119,24 @@ impl Urdf {
                     "the rotor belongs to the joint {}, which does not exist",
                     quoted(&rotor.joint)
                 );
-                let help = reader.diagnostics.did_you_mean(
-                    &rotor.joint,
-                    self.joint_names(),
-                    "correct the name",
-                );
-                reader.diagnostics.error(rotor.span, found, "a joint of this file", help);
+                let expected = "a joint of this file";
+                let known = self.joint_names();
+                let help = "correct the name";
+                reader.diagnostics.unknown(rotor.span, found, expected, &rotor.joint, known, help);
                 continue;
             };
             let mut terms = joint.terms;
             if !rotor.join(&mut terms) {
                 let found = format!("the joint {} has a second rotor", quoted(&joint.name));
-                reader.diagnostics.error(
-                    rotor.span,
-                    found,
-                    "one",
-                    "add both inertias up, each times its ratio squared",
-                );
+                let help = "add both inertias up, each times its ratio squared";
+                reader.diagnostics.error(rotor.span, found, "one", help);
             } else if dynamics::accepts(reader, rotor.span, joint.kind, &joint.name, &terms) {
                 joint.terms = terms;
             }
         }
     }
 
-    /// Checks every coupling; what is left of one on a joint that does not move is taken off.
+    /// Checks every coupling; a fixed joint loses its own.
     pub(crate) fn check_couplings(&mut self, diagnostics: &mut Diagnostics) {
         for joint in &mut self.joints {
             if joint.kind == Some(JointKind::Fixed) && !joint.masters.is_empty() {
@@ -188,12 +177,8 @@ impl Urdf {
                 && matches!(joint.kind, Some(JointKind::Floating | JointKind::Spherical))
             {
                 let found = format!("the joint {} is coupled", quoted(&joint.name));
-                diagnostics.error(
-                    joint.span,
-                    found,
-                    "a coupling of joints with one axis",
-                    "remove the mimic or change the type",
-                );
+                let help = "remove the mimic or change the type";
+                diagnostics.error(joint.span, found, "a coupling of joints with one axis", help);
             }
         }
     }

@@ -1,5 +1,5 @@
-//! What acts in a joint besides its actuator: `<dynamics>` of a joint, and the rotor that a
-//! `<transmission>` states for one.
+//! Damping, spring and rotor of a joint: `<dynamics>` of a joint, and the rotor in the actuator of
+//! a `<transmission>`.
 
 use roxmltree::Node;
 use sarrus_dynamics::description::{JointKind, Terms};
@@ -7,19 +7,14 @@ use sarrus_dynamics::description::{JointKind, Terms};
 use super::xml::{Reader, Shape};
 use crate::report::{Span, quoted};
 
-const DYNAMICS: Shape = Shape {
-    attributes: &[
-        "damping",
-        "friction",
-        "spring_stiffness",
-        "spring_reference",
-        "rotor_inertia",
-        "gear_ratio",
-    ],
-    once: &[],
-    many: &[],
-    ignored: &[],
-};
+const DYNAMICS: Shape = Shape::of(&[
+    "damping",
+    "friction",
+    "spring_stiffness",
+    "spring_reference",
+    "rotor_inertia",
+    "gear_ratio",
+]);
 
 /// The rotor of an actuator.
 pub(crate) struct Rotor {
@@ -49,12 +44,11 @@ pub(super) fn read<'t>(
 ) -> Terms {
     reader.children(node, &DYNAMICS);
     reader.unread.push(node.range());
-    let mut number = |name: &str| reader.numbers::<1>(node, name).map(|[number]| number);
     let [damping, friction, stiffness, rotor_inertia] =
         ["damping", "friction", "spring_stiffness", "rotor_inertia"]
-            .map(|name| number(name).unwrap_or(0.0));
-    let (rest, ratio) =
-        (number("spring_reference").unwrap_or(0.0), number("gear_ratio").unwrap_or(1.0));
+            .map(|name| reader.number(node, name).unwrap_or(0.0));
+    let rest = reader.number(node, "spring_reference").unwrap_or(0.0);
+    let ratio = reader.number(node, "gear_ratio").unwrap_or(1.0);
     for (name, value) in [
         ("damping", damping),
         ("friction", friction),
@@ -80,7 +74,7 @@ pub(super) fn read<'t>(
     if accepts(reader, reader.span(node), kind, joint, &terms) { terms } else { Terms::default() }
 }
 
-/// The rotors that the actuators of a transmission have; most have none, and are not looked at.
+/// The rotor of a transmission's actuator; most transmissions have none and are skipped.
 pub(super) fn rotors<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec<Rotor> {
     let child = |node: Node<'_, 't>, name: &str| node.children().any(|child| is_named(child, name));
     let actuators = node
@@ -113,7 +107,7 @@ pub(super) fn rotors<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec
         let number = if attribute {
             reader.required_number(found, "value")
         } else {
-            reader.number_of_text(found)
+            reader.numbers_of_text(found).map(|[number]| number)
         };
         number.map(|number| (number, reader.span(found)))
     };

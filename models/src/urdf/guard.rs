@@ -1,18 +1,20 @@
-//! A look over raw XML before any parser sees it: what could exhaust a parser's stack or time is
-//! refused here.
+//! A scan of raw XML before the parser: it refuses files that could exhaust the parser's stack or
+//! time.
 
 use crate::report::{Diagnostics, quoted};
 use crate::text::{DEEPEST, Text};
 
-/// Most attributes of one element, and most namespace declarations of a file: the parser's cost is
+/// Most attributes of one element, and most namespace declarations of a file: the parser's time is
 /// quadratic in both.
 const MOST_ATTRIBUTES: usize = 256;
 const MOST_NAMESPACES: usize = 1024;
 
-/// True when the text may be parsed. What is not well formed passes: the parser says where.
+/// True when the text may be parsed. Malformed XML passes: the parser reports its position.
 pub(super) fn is_harmless(text: &Text, diagnostics: &mut Diagnostics) -> bool {
     let content = text.content.as_str();
-    let (mut at, mut depth, mut namespaces) = (0, 0_usize, 0);
+    let mut at = 0;
+    let mut depth = 0_usize;
+    let mut namespaces = 0;
     while let Some(open) = content.get(at..).and_then(|rest| rest.find('<')).map(|found| at + found)
     {
         let rest = content.get(open..).unwrap_or_default();
@@ -69,7 +71,7 @@ pub(super) fn is_harmless(text: &Text, diagnostics: &mut Diagnostics) -> bool {
     true
 }
 
-/// What one tag says about itself.
+/// The sizes of one tag.
 #[derive(Default)]
 struct Tag<'a> {
     name: &'a str,

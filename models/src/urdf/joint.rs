@@ -21,18 +21,12 @@ const JOINT: Shape = Shape {
         "gazebo",
     ],
 };
-const ORIGIN: Shape =
-    Shape { attributes: &["xyz", "rpy", "quat_xyzw"], once: &[], many: &[], ignored: &[] };
-const REFERENCE: Shape = Shape { attributes: &["link"], once: &[], many: &[], ignored: &[] };
-const AXIS: Shape = Shape { attributes: &["xyz"], once: &[], many: &[], ignored: &[] };
-const LIMIT: Shape = Shape {
-    attributes: &["lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk"],
-    once: &[],
-    many: &[],
-    ignored: &[],
-};
-const MIMIC: Shape =
-    Shape { attributes: &["joint", "multiplier", "offset"], once: &[], many: &[], ignored: &[] };
+const ORIGIN: Shape = Shape::of(&["xyz", "rpy", "quat_xyzw"]);
+const REFERENCE: Shape = Shape::of(&["link"]);
+const AXIS: Shape = Shape::of(&["xyz"]);
+const LIMIT: Shape =
+    Shape::of(&["lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk"]);
+const MIMIC: Shape = Shape::of(&["joint", "multiplier", "offset"]);
 
 /// Joint types; those of several axes count as the motion of their parts.
 const TYPES: [(&str, JointKind); 9] = [
@@ -60,7 +54,7 @@ pub(crate) struct JointEntry {
     pub(crate) span: Span,
     /// `None` when the type is not known, which has been reported.
     pub(crate) kind: Option<JointKind>,
-    /// What a joint of several axes is, until it is a chain of parts.
+    /// The chain that replaces a joint of several axes.
     pub(super) compound: Option<Compound>,
     /// Which part of a chain the joint is.
     pub(crate) part: Option<Part>,
@@ -73,7 +67,7 @@ pub(crate) struct JointEntry {
     pub(crate) has_range: bool,
     pub(crate) masters: Vec<Master>,
     pub(crate) terms: Terms,
-    /// What URDF+ says about the coordinate of a joint in a loop.
+    /// `independent` of URDF+, of a joint in a loop.
     pub(crate) independent: Option<bool>,
 }
 
@@ -95,72 +89,21 @@ pub(super) fn read<'t>(
     let name = reader.required(node, "name").map(|(name, _)| name).unwrap_or_default();
     let kind =
         reader.required(node, "type").and_then(|(written, span)| kind_of(reader, &written, span));
-    let is = |written: &str| node.attribute("type") == Some(written);
-    for (written, known) in [(BALL, "spherical"), (UNIVERSAL, "floating")] {
-        if let Some(attribute) = node.attribute_node("type").filter(|_| is(written)) {
-            reader.replaced.push((attribute.range_value(), known));
-        }
-    }
+    let is_planar = node.attribute("type") == Some(PLANAR);
+    replace_type(reader, node);
     let children = reader.children(node, &JOINT);
     let find = |name: &str| children.iter().copied().find(|child| child.has_tag_name(name));
     if let Some(node) = find("origin") {
         origin(reader, node);
     }
-    let [parent, child] = ["parent", "child"].map(|end| match find(end) {
-        Some(node) => {
-            reader.children(node, &REFERENCE);
-            reader.required(node, "link")
-        }
-        None => {
-            reader.diagnostics.error(
-                span,
-                format!("the joint has no `{end}`"),
-                format!("<{end} link=\"…\"/>"),
-                "add it",
-            );
-            None
-        }
-    });
-    let first = find("axis").and_then(|axis_node| {
-        let kind = if is(PLANAR) { Some(JointKind::Continuous) } else { kind };
-        axis(reader, axis_node, kind, &name)
-    });
-    let second = find("axis2");
-    let axis2 = second.and_then(|node| {
-        reader.unread.push(node.range());
-        axis(reader, node, Some(JointKind::Continuous), &name)
-    });
-    let compound = if is(PLANAR) {
-        Some(Compound::Planar)
-    } else if is(UNIVERSAL) {
-        universal(reader, span, &name, first.unwrap_or([1.0, 0.0, 0.0]), axis2, second.is_some())
-    } else {
-        None
-    };
-    if let Some(node) = second.filter(|_| !is(UNIVERSAL)) {
-        let found = format!("`axis2` of the joint {}, which has one axis", quoted(&name));
-        let span = reader.span(node);
-        reader.diagnostics.error(span, found, "the type `universal`", "remove it");
-    }
+    let [parent, child] = ["parent", "child"].map(|end| link(reader, span, end, find(end)));
+    let motion = if is_planar { Some(JointKind::Continuous) } else { kind };
+    let first = find("axis").and_then(|node| axis(reader, node, motion, &name));
+    let compound = compound(reader, node, &name, first.unwrap_or([1.0, 0.0, 0.0]), find("axis2"));
     let limit_node = find("limit");
     match limit_node {
-        Some(node) => limit(reader, node, kind.filter(|_| !is(PLANAR)), &name),
-        None if matches!(kind, Some(JointKind::Revolute | JointKind::Prismatic)) => {
-            let what = if kind == Some(JointKind::Revolute) { "revolute" } else { "prismatic" };
-            let found = format!("the {what} joint {} has no limits", quoted(&name));
-            let help = if what == "revolute" {
-                "add them, or make the joint continuous"
-            } else {
-                "add them"
-            };
-            reader.diagnostics.error(
-                span,
-                found,
-                "<limit lower=\"…\" upper=\"…\" effort=\"…\" velocity=\"…\"/>",
-                help,
-            );
-        }
-        None => {}
+        Some(node) => limit(reader, node, kind.filter(|_| !is_planar), &name),
+        None => without_limits(reader, span, kind, &name),
     }
     let terms =
         find("dynamics").map(|node| dynamics::read(reader, node, kind, &name)).unwrap_or_default();
@@ -168,18 +111,7 @@ pub(super) fn read<'t>(
     let has_range =
         limit_node.is_some_and(|node| node.has_attribute("lower") || node.has_attribute("upper"));
     let has_limits = limit_node.is_some();
-    let independent = node.attribute_node("independent").and_then(|written| {
-        match written.value().to_ascii_lowercase().as_str() {
-            "true" | "1" => Some(true),
-            "false" | "0" => Some(false),
-            _ => {
-                let found = format!("`independent` is {}", quoted(written.value()));
-                let at = reader.span_of_value(&written);
-                reader.diagnostics.error(at, found, "true or false", "correct it");
-                None
-            }
-        }
-    });
+    let independent = independent(reader, node);
     JointEntry {
         name,
         span,
@@ -197,13 +129,90 @@ pub(super) fn read<'t>(
     }
 }
 
+/// Replaces a type that urdf-rs does not know in the text for urdf-rs.
+fn replace_type<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) {
+    let Some(attribute) = node.attribute_node("type") else { return };
+    let known = match attribute.value() {
+        BALL => "spherical",
+        UNIVERSAL => "floating",
+        _ => return,
+    };
+    reader.replaced.push((attribute.range_value(), known));
+}
+
+/// The link that an end of a joint names.
+fn link<'t>(
+    reader: &mut Reader<'t, '_>,
+    joint: Span,
+    end: &str,
+    node: Option<Node<'_, 't>>,
+) -> Option<(String, Span)> {
+    let Some(node) = node else {
+        let found = format!("the joint has no `{end}`");
+        reader.diagnostics.error(joint, found, format!("<{end} link=\"…\"/>"), "add it");
+        return None;
+    };
+    reader.children(node, &REFERENCE);
+    reader.required(node, "link")
+}
+
+/// The chain of a joint of several axes; `None` of any other joint and after an error.
+fn compound<'t>(
+    reader: &mut Reader<'t, '_>,
+    joint: Node<'_, 't>,
+    name: &str,
+    first: [f64; 3],
+    axis2: Option<Node<'_, 't>>,
+) -> Option<Compound> {
+    let second = axis2.and_then(|node| {
+        reader.unread.push(node.range());
+        axis(reader, node, Some(JointKind::Continuous), name)
+    });
+    if joint.attribute("type") == Some(UNIVERSAL) {
+        return universal(reader, reader.span(joint), name, first, second, axis2.is_some());
+    }
+    if let Some(node) = axis2 {
+        let found = format!("`axis2` of the joint {}, which has one axis", quoted(name));
+        let span = reader.span(node);
+        reader.diagnostics.error(span, found, "the type `universal`", "remove it");
+    }
+    (joint.attribute("type") == Some(PLANAR)).then_some(Compound::Planar)
+}
+
+/// Reports a joint with a range that has no `<limit>`.
+fn without_limits(reader: &mut Reader<'_, '_>, span: Span, kind: Option<JointKind>, name: &str) {
+    let [kind, help] = match kind {
+        Some(JointKind::Revolute) => ["revolute", "add them, or make the joint continuous"],
+        Some(JointKind::Prismatic) => ["prismatic", "add them"],
+        _ => return,
+    };
+    let found = format!("the {kind} joint {} has no limits", quoted(name));
+    let expected = "<limit lower=\"…\" upper=\"…\" effort=\"…\" velocity=\"…\"/>";
+    reader.diagnostics.error(span, found, expected, help);
+}
+
+/// Whether URDF+ declares the joint independent or dependent.
+fn independent<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<bool> {
+    let written = node.attribute_node("independent")?;
+    match written.value().to_ascii_lowercase().as_str() {
+        "true" | "1" => Some(true),
+        "false" | "0" => Some(false),
+        _ => {
+            let found = format!("`independent` is {}", quoted(written.value()));
+            let at = reader.span_of_value(&written);
+            reader.diagnostics.error(at, found, "true or false", "correct it");
+            None
+        }
+    }
+}
+
 fn kind_of(reader: &mut Reader<'_, '_>, written: &str, span: Span) -> Option<JointKind> {
     let names = TYPES.map(|(name, _)| name);
     let kind = TYPES.into_iter().find(|(name, _)| *name == written).map(|(_, kind)| kind);
     if kind.is_none() {
-        let help = reader.diagnostics.did_you_mean(written, names, "choose one of them");
         let found = format!("the joint type {} is not known", quoted(written));
-        reader.diagnostics.error(span, found, names.join(", "), help);
+        let help = "choose one of them";
+        reader.diagnostics.unknown(span, found, names.join(", "), written, names, help);
     }
     kind
 }
@@ -216,30 +225,18 @@ pub(super) fn origin<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) {
     let Some(quaternion) = reader.numbers::<4>(node, "quat_xyzw") else { return };
     let span = reader.span(node);
     if !reader.version.has_quaternions() {
+        let found = "`quat_xyzw` in a file of version 1.0";
         let help = "write version=\"1.1\" on `robot` or use `rpy`";
-        return reader.diagnostics.error(
-            span,
-            "`quat_xyzw` in a file of version 1.0",
-            "`rpy`",
-            help,
-        );
+        return reader.diagnostics.error(span, found, "`rpy`", help);
     }
     if node.has_attribute("rpy") {
-        reader.diagnostics.error(
-            span,
-            "`origin` has both `rpy` and `quat_xyzw`",
-            "one of them",
-            "remove the other",
-        );
+        let found = "`origin` has both `rpy` and `quat_xyzw`";
+        reader.diagnostics.error(span, found, "one of them", "remove the other");
     }
     let length = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
     if (length - 1.0).abs() >= 1e-3 {
-        reader.diagnostics.error(
-            span,
-            format!("the quaternion of `origin` has the length {length}"),
-            "1",
-            "normalise it",
-        );
+        let found = format!("the quaternion of `origin` has the length {length}");
+        reader.diagnostics.error(span, found, "1", "normalise it");
     }
 }
 
@@ -276,13 +273,10 @@ fn axis<'t>(
     joint: &str,
 ) -> Option<[f64; 3]> {
     reader.children(node, &AXIS);
-    if node.attribute_node("xyz").is_none() {
-        reader.diagnostics.error(
-            reader.span(node),
-            "`axis` has no `xyz`",
-            "a direction as 0 0 1",
-            "add it",
-        );
+    let span = reader.span(node);
+    let expected = "a direction as 0 0 1";
+    if !node.has_attribute("xyz") {
+        reader.diagnostics.error(span, "`axis` has no `xyz`", expected, "add it");
     }
     let moves =
         matches!(kind, Some(JointKind::Revolute | JointKind::Continuous | JointKind::Prismatic));
@@ -296,12 +290,7 @@ fn axis<'t>(
             } else {
                 format!("the axis of joint {} has a length near {length:e}", quoted(joint))
             };
-            reader.diagnostics.error(
-                reader.span(node),
-                found,
-                "a direction as 0 0 1",
-                "correct it",
-            );
+            reader.diagnostics.error(span, found, expected, "correct it");
         }
     }
     axis
@@ -315,22 +304,14 @@ fn limit<'t>(
 ) {
     reader.children(node, &LIMIT);
     let span = reader.span(node);
-    let [lower, upper] =
-        ["lower", "upper"].map(|name| reader.numbers::<1>(node, name).map(|[number]| number));
+    let [lower, upper] = ["lower", "upper"].map(|name| reader.number(node, name));
     for name in ["effort", "velocity", "acceleration", "deceleration", "jerk"] {
         let needed = matches!(name, "effort" | "velocity") && !reader.version.has_optional_limits();
-        let value = if needed {
-            reader.required_number(node, name)
-        } else {
-            reader.numbers::<1>(node, name).map(|[number]| number)
-        };
+        let value =
+            if needed { reader.required_number(node, name) } else { reader.number(node, name) };
         if value.is_some_and(|value| value < 0.0) {
-            reader.diagnostics.error(
-                span,
-                format!("the limit `{name}` is negative"),
-                "zero or more",
-                "correct the value",
-            );
+            let found = format!("the limit `{name}` is negative");
+            reader.diagnostics.error(span, found, "zero or more", "correct the value");
         }
     }
     let has_range = matches!(kind, Some(JointKind::Revolute | JointKind::Prismatic));
@@ -339,21 +320,16 @@ fn limit<'t>(
         && !node.has_attribute("lower")
         && !node.has_attribute("upper")
     {
-        reader.diagnostics.warning(
-            span,
-            format!("`limit` of the joint {} has neither `lower` nor `upper`", quoted(joint)),
-            "the range of the joint",
-            "add them; it is read as unbounded",
-        );
+        let found =
+            format!("`limit` of the joint {} has neither `lower` nor `upper`", quoted(joint));
+        let help = "add them; it is read as unbounded";
+        reader.diagnostics.warning(span, found, "the range of the joint", help);
     }
-    let (lower, upper) = (lower.unwrap_or(0.0), upper.unwrap_or(f64::INFINITY));
+    let lower = lower.unwrap_or(0.0);
+    let upper = upper.unwrap_or(f64::INFINITY);
     if has_range && lower > upper {
-        reader.diagnostics.error(
-            span,
-            format!("the lower limit {lower} is above the upper limit {upper}"),
-            "lower ≤ upper",
-            "swap them",
-        );
+        let found = format!("the lower limit {lower} is above the upper limit {upper}");
+        reader.diagnostics.error(span, found, "lower ≤ upper", "swap them");
     }
 }
 
@@ -367,7 +343,7 @@ pub(super) fn master<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Opt
     let joint = reader.required(node, "joint");
     let [multiplier, offset] = [("multiplier", 1.0), ("offset", 0.0)].map(|(name, default)| {
         match node.attribute_node(name) {
-            Some(_) => reader.numbers::<1>(node, name).map(|[number]| number),
+            Some(_) => reader.number(node, name),
             None => Some(default),
         }
     });

@@ -24,13 +24,8 @@ const LINK: Shape = Shape {
 };
 const INERTIAL: Shape =
     Shape { attributes: &[], once: &["origin", "mass", "inertia"], many: &[], ignored: &[] };
-const MASS: Shape = Shape { attributes: &["value"], once: &[], many: &[], ignored: &[] };
-const INERTIA: Shape = Shape {
-    attributes: &["ixx", "ixy", "ixz", "iyy", "iyz", "izz"],
-    once: &[],
-    many: &[],
-    ignored: &[],
-};
+const MASS: Shape = Shape::of(&["value"]);
+const INERTIA: Shape = Shape::of(&["ixx", "ixy", "ixz", "iyy", "iyz", "izz"]);
 
 /// A link as it stands in the file.
 pub(crate) struct LinkEntry {
@@ -42,7 +37,7 @@ pub(crate) struct LinkEntry {
     pub(crate) is_written: bool,
 }
 
-/// What a link says about its mass.
+/// The `<inertial>` of a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Weight {
     /// No inertial.
@@ -100,7 +95,7 @@ fn weight<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Weight {
     }
 }
 
-/// Reports what cannot be the mass and inertia of a body; the root needs none.
+/// Reports masses and inertias that no body has; the root needs none.
 pub(super) fn check(reader: &mut Reader<'_, '_>, link: &LinkEntry, is_root: bool) {
     let name = quoted(&link.name);
     let diagnostics = &mut *reader.diagnostics;

@@ -15,6 +15,7 @@ mod xml;
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use roxmltree::Node;
 use sarrus_dynamics::description::JointKind;
 
 pub(crate) use closing::{Closing, Place};
@@ -61,7 +62,7 @@ pub(crate) struct Urdf {
     pub(crate) parts: BTreeMap<String, Vec<String>>,
     /// Loops that stand in the file.
     pub(crate) closings: Vec<Closing>,
-    /// Joints that an actuator moves, as far as the file says so.
+    /// Joints that the file declares actuated.
     pub(crate) actuated: BTreeSet<String>,
     /// The link that is no joint's child.
     pub(crate) root: Option<usize>,
@@ -98,45 +99,9 @@ impl Urdf {
     /// Walks the text; `None` when it is no URDF file at all, which has been reported.
     pub(crate) fn read(text: &Text, diagnostics: &mut Diagnostics) -> Option<Urdf> {
         let document = xml::parse(text, diagnostics)?;
-        let mut reader = Reader::new(text, diagnostics, Version(1, 0));
         let root = document.root_element();
-        let span = reader.span(root);
-        if !root.has_tag_name("robot") {
-            let found = format!("the outermost element is {}", quoted(root.tag_name().name()));
-            reader.diagnostics.error(
-                span,
-                found,
-                "`robot`",
-                "give a URDF file (expand xacro files, convert SDF or MJCF first)",
-            );
-            return None;
-        }
-        let name = reader.required(root, "name").map(|(name, _)| name).unwrap_or_default();
-        reader.version = Version::parse(root.attribute("version"))
-            .filter(|version| version.0 == 1)
-            .unwrap_or_else(|| {
-                let found = format!(
-                    "the version {} of `robot`",
-                    quoted(root.attribute("version").unwrap_or_default())
-                );
-                reader.diagnostics.error(span, found, "1.0, 1.1 or 1.2", "correct it");
-                Version(1, 0)
-            });
-        let mut urdf = Urdf {
-            name,
-            span,
-            links: Vec::new(),
-            joints: Vec::new(),
-            link_index: BTreeMap::new(),
-            joint_index: BTreeMap::new(),
-            parts: BTreeMap::new(),
-            closings: Vec::new(),
-            actuated: closing::actuated(root),
-            root: None,
-            written_joints: Vec::new(),
-            unread: Vec::new(),
-            replaced: Vec::new(),
-        };
+        let mut reader = Reader::new(text, diagnostics, Version(1, 0));
+        let mut urdf = Urdf::of_robot(&mut reader, root)?;
         let mut rotors: Vec<Rotor> = Vec::new();
         let mut dependences: Vec<Dependence> = Vec::new();
         for node in root.children().filter(|node| node.is_element() && closing::is_closing(*node)) {
@@ -169,27 +134,64 @@ impl Urdf {
         urdf.couple(dependences, reader.diagnostics);
         urdf.mesh(&couplings, reader.diagnostics);
         urdf.add_rotors(&rotors, &mut reader);
-        let moving = (0..urdf.joints.len()).filter(|joint| urdf.moves(*joint)).count();
-        for (count, most, what) in
-            [(urdf.links.len(), MOST_LINKS, "links"), (moving, MOST_JOINTS, "moving joints")]
-        {
-            if count > most {
-                let help = "split it into robots of their own, or leave out what does not move";
-                reader.diagnostics.error(
-                    span,
-                    format!("the robot has {count} {what}"),
-                    format!("at most {most}"),
-                    help,
-                );
-            }
-        }
+        urdf.check_size(reader.diagnostics);
         let is_root = topology::check(&urdf, reader.diagnostics);
         urdf.root = is_root.iter().position(|is_root| *is_root);
         for (link, is_root) in urdf.links.iter().zip(is_root) {
             link::check(&mut reader, link, is_root);
         }
-        (urdf.unread, urdf.replaced) = (reader.unread, reader.replaced);
+        urdf.unread = reader.unread;
+        urdf.replaced = reader.replaced;
         Some(urdf)
+    }
+
+    /// The outermost element with its name and version, still without its parts.
+    fn of_robot<'t>(reader: &mut Reader<'t, '_>, root: Node<'_, 't>) -> Option<Urdf> {
+        let span = reader.span(root);
+        if !root.has_tag_name("robot") {
+            let found = format!("the outermost element is {}", quoted(root.tag_name().name()));
+            let help = "give a URDF file (expand xacro files, convert SDF or MJCF first)";
+            reader.diagnostics.error(span, found, "`robot`", help);
+            return None;
+        }
+        let name = reader.required(root, "name").map(|(name, _)| name).unwrap_or_default();
+        let version = Version::parse(root.attribute("version"));
+        match version.filter(|version| version.0 == 1) {
+            Some(version) => reader.version = version,
+            None => {
+                let written = root.attribute("version").unwrap_or_default();
+                let found = format!("the version {} of `robot`", quoted(written));
+                reader.diagnostics.error(span, found, "1.0, 1.1 or 1.2", "correct it");
+            }
+        }
+        Some(Urdf {
+            name,
+            span,
+            links: Vec::new(),
+            joints: Vec::new(),
+            link_index: BTreeMap::new(),
+            joint_index: BTreeMap::new(),
+            parts: BTreeMap::new(),
+            closings: Vec::new(),
+            actuated: closing::actuated(root),
+            root: None,
+            written_joints: Vec::new(),
+            unread: Vec::new(),
+            replaced: Vec::new(),
+        })
+    }
+
+    fn check_size(&self, diagnostics: &mut Diagnostics) {
+        let moving = (0..self.joints.len()).filter(|joint| self.moves(*joint)).count();
+        for (count, most, what) in
+            [(self.links.len(), MOST_LINKS, "links"), (moving, MOST_JOINTS, "moving joints")]
+        {
+            if count > most {
+                let found = format!("the robot has {count} {what}");
+                let help = "split it into robots of their own, or leave out what does not move";
+                diagnostics.error(self.span, found, format!("at most {most}"), help);
+            }
+        }
     }
 
     /// Whether this joint moves; a joint of unknown type may.
@@ -215,12 +217,7 @@ impl Urdf {
     fn index_names(&mut self, diagnostics: &mut Diagnostics) {
         for (i, link) in self.links.iter().enumerate().filter(|(_, link)| !link.name.is_empty()) {
             if self.link_index.contains_key(&link.name) {
-                diagnostics.error(
-                    link.span,
-                    format!("a second link is named {}", quoted(&link.name)),
-                    "a name of its own",
-                    "rename one of them",
-                );
+                diagnostics.second(link.span, "link", &link.name);
             } else {
                 self.link_index.insert(link.name.clone(), i);
             }
@@ -228,8 +225,7 @@ impl Urdf {
         for (i, joint) in self.joints.iter().enumerate().filter(|(_, joint)| !joint.name.is_empty())
         {
             if self.joint_index.contains_key(&joint.name) {
-                let found = format!("a second joint is named {}", quoted(&joint.name));
-                diagnostics.error(joint.span, found, "a name of its own", "rename one of them");
+                diagnostics.second(joint.span, "joint", &joint.name);
             } else {
                 self.joint_index.insert(joint.name.clone(), i);
             }
@@ -238,8 +234,7 @@ impl Urdf {
         for (name, parts) in &self.parts {
             let last = parts.last().and_then(|last| self.joint_index.get(last)).copied();
             if self.joint_index.contains_key(name) {
-                let found = format!("a second joint is named {}", quoted(name));
-                diagnostics.error(self.span, found, "a name of its own", "rename one of them");
+                diagnostics.second(self.span, "joint", name);
             } else if let Some(last) = last {
                 self.joint_index.insert(name.clone(), last);
             }
@@ -258,8 +253,7 @@ impl Urdf {
             }
             closing.name.clone_from(&name);
             if !names.insert(name) {
-                let found = format!("a second loop is named {}", quoted(&closing.name));
-                diagnostics.error(closing.span, found, "a name of its own", "rename one of them");
+                diagnostics.second(closing.span, "loop", &closing.name);
             }
         }
         if let Some(closing) = self.closings.get(MOST_JOINTS) {

@@ -4,9 +4,8 @@ use roxmltree::Node;
 use sarrus_dynamics::description::Placement;
 
 use super::closing::{Closing, Named, Place, closing, kind, to_write, unknown};
-use super::xml::Reader;
+use super::xml::{Reader, child};
 use crate::cut::CutKind;
-use crate::number;
 use crate::report::quoted;
 
 /// A joint between two links of the tree. Its frame lies in the child, its axes in this frame; at
@@ -17,30 +16,31 @@ pub(super) fn joint<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Opti
     let written = reader.required(node, "type");
     let links = ["parent", "child"].map(|end| link(reader, node, end));
     let (name, (written, at)) = (name?.0, written?);
-    let [parent, child] = links;
-    let (parent, child) = (parent?, child?);
-    let names = [parent.0.as_str(), child.0.as_str()];
+    let [parent, own] = links;
+    let parent = parent?;
+    let own = own?;
+    let names = [parent.0.as_str(), own.0.as_str()];
     let Some(kind) = kind(&written).filter(|kind| *kind != CutKind::Cylindrical) else {
         unknown(reader, at, &name, &written, names);
         return None;
     };
-    let place = match find(node, "pose") {
+    let place = match child(node, "pose") {
         None => Placement::default(),
         Some(pose) => {
             let frame = ["relative_to", "frame"].iter().find_map(|key| pose.attribute(*key));
-            if frame.is_some_and(|frame| !frame.is_empty() && frame != child.0) {
+            if frame.is_some_and(|frame| !frame.is_empty() && frame != own.0) {
                 let found = format!("the pose of the joint {} in another frame", quoted(&name));
                 let help = to_write(&name, names, Some(&written));
                 reader.diagnostics.error(reader.span(pose), found, "a pose in the child", help);
                 return None;
             }
-            let [x, y, z, roll, pitch, yaw] = numbers::<6>(reader, pose)?;
+            let [x, y, z, roll, pitch, yaw] = reader.numbers_of_text::<6>(pose)?;
             Placement { xyz: [x, y, z], rpy: [roll, pitch, yaw] }
         }
     };
     let mut axes = [[0.0, 0.0, 1.0]; 2];
     for (axis, element) in axes.iter_mut().zip(["axis", "axis2"]) {
-        let Some(of) = find(node, element) else {
+        let Some(of) = child(node, element) else {
             if element == "axis2" && kind == CutKind::Universal {
                 let found = format!("the universal joint {} has no `axis2`", quoted(&name));
                 let help = to_write(&name, names, Some("universal, axis: […], axis2: […]"));
@@ -49,33 +49,30 @@ pub(super) fn joint<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Opti
             }
             continue;
         };
-        let Some(xyz) = find(of, "xyz") else { continue };
+        let Some(xyz) = child(of, "xyz") else { continue };
         let frame = xyz.attribute("expressed_in").unwrap_or_default();
-        let is_model = find(of, "use_parent_model_frame")
+        let is_model = child(of, "use_parent_model_frame")
             .and_then(|node| node.text())
             .is_some_and(|text| matches!(text.trim(), "1" | "true"));
-        let is_child = frame == child.0 && place.rpy == [0.0; 3];
+        let is_child = frame == own.0 && place.rpy == [0.0; 3];
         if is_model || !(frame.is_empty() || frame == name || is_child) {
             let found = format!("an axis of the joint {} in another frame", quoted(&name));
             let help = to_write(&name, names, Some(&written));
             reader.diagnostics.error(reader.span(xyz), found, "an axis in the joint's", help);
             return None;
         }
-        *axis = numbers::<3>(reader, xyz)?;
+        *axis = reader.numbers_of_text::<3>(xyz)?;
     }
     // the second axis belongs to the child, which is the predecessor
     let [axis, axis2] = if kind == CutKind::Universal { [axes[1], axes[0]] } else { axes };
-    let (links, place) = ([child, parent], Place::Predecessor(place));
+    let links = [own, parent];
+    let place = Place::Predecessor(place);
     closing(reader, Closing { name, is_unnamed: false, span, links, place, kind, axis, axis2 })
-}
-
-fn find<'a, 't>(node: Node<'a, 't>, name: &str) -> Option<Node<'a, 't>> {
-    node.children().find(|child| child.has_tag_name(name))
 }
 
 /// The link that an end names, without the name of its model.
 fn link<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, end: &str) -> Option<Named> {
-    let found = find(node, end);
+    let found = child(node, end);
     let text = found.and_then(|end| end.text()).unwrap_or_default().trim();
     let name = text.rsplit("::").next().unwrap_or_default();
     let span = reader.span(found.unwrap_or(node));
@@ -85,17 +82,4 @@ fn link<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, end: &str) -> Optio
         return None;
     }
     Some((name.to_owned(), span))
-}
-
-/// The numbers that an element holds as its text; `None` after an error.
-fn numbers<const N: usize>(reader: &mut Reader<'_, '_>, node: Node<'_, '_>) -> Option<[f64; N]> {
-    match number::numbers::<N>(node.text().unwrap_or_default()) {
-        Ok(numbers) => Some(numbers),
-        Err(fault) => {
-            let found = format!("`{}`: {fault}", node.tag_name().name());
-            let span = reader.text.span(node.range().start);
-            reader.diagnostics.error(span, found, number::expected(N), "correct the value");
-            None
-        }
-    }
 }

@@ -1,41 +1,36 @@
 //! Whether links and joints form one tree.
 
 use super::Urdf;
+use super::joint::JointEntry;
 use crate::report::{Diagnostics, quoted};
+
+/// The tree as far as it is known, by index.
+struct Tree {
+    /// The joint above each link.
+    above: Vec<Option<usize>>,
+    /// The link above each joint.
+    parents: Vec<Option<usize>>,
+}
 
 /// Checks the tree and returns for each link whether no joint has it as its child.
 pub(super) fn check(urdf: &Urdf, diagnostics: &mut Diagnostics) -> Vec<bool> {
     if urdf.links.is_empty() {
         diagnostics.error(urdf.span, "the robot has no link", "at least one", "add links");
     }
-    // the joint above each link
+    let tree = connect(urdf, diagnostics);
+    let is_root: Vec<bool> = tree.above.iter().map(Option::is_none).collect();
+    check_roots(urdf, &is_root, diagnostics);
+    check_cycles(urdf, tree, diagnostics);
+    is_root
+}
+
+/// Connects the joints to their links; reports unknown links and links with two parents.
+fn connect(urdf: &Urdf, diagnostics: &mut Diagnostics) -> Tree {
     let mut above: Vec<Option<usize>> = vec![None; urdf.links.len()];
-    let mut parents: Vec<Option<usize>> = vec![None; urdf.joints.len()];
+    let mut parents: Vec<Option<usize>> = Vec::with_capacity(urdf.joints.len());
     for (j, joint) in urdf.joints.iter().enumerate() {
-        let [parent, child] =
-            [(&joint.parent, "parent"), (&joint.child, "child")].map(|(end, what)| {
-                let (name, span) = end.as_ref()?;
-                let index = urdf.link_index.get(name).copied();
-                if index.is_none() {
-                    let found = format!(
-                        "the {what} link {} of joint {} does not exist",
-                        quoted(name),
-                        quoted(&joint.name)
-                    );
-                    let help = diagnostics.did_you_mean(
-                        name,
-                        urdf.link_names(),
-                        "correct the name or add the link",
-                    );
-                    let expected =
-                        diagnostics.one_of("a link of this file", name, urdf.link_names());
-                    diagnostics.error(*span, found, expected, help);
-                }
-                index
-            });
-        if let Some(slot) = parents.get_mut(j) {
-            *slot = parent;
-        }
+        let [parent, child] = ["parent", "child"].map(|end| link_at(urdf, joint, end, diagnostics));
+        parents.push(parent);
         let Some(slot) = child.and_then(|child| above.get_mut(child)) else { continue };
         match slot.and_then(|first| urdf.joints.get(first)) {
             None => *slot = Some(j),
@@ -47,41 +42,57 @@ pub(super) fn check(urdf: &Urdf, diagnostics: &mut Diagnostics) -> Vec<bool> {
                     quoted(&first.name),
                     quoted(&joint.name)
                 );
-                diagnostics.error(
-                    span,
-                    found,
-                    "one",
-                    "cut the loop here and write it as a loop constraint",
-                );
+                let help = "cut the loop here and write it as a loop constraint";
+                diagnostics.error(span, found, "one", help);
             }
         }
     }
+    Tree { above, parents }
+}
 
-    // roots
-    let roots: Vec<usize> = above
-        .iter()
-        .enumerate()
-        .filter(|(_, joint)| joint.is_none())
-        .map(|(link, _)| link)
-        .collect();
+/// The link at an end of a joint; `None` after an error.
+fn link_at(
+    urdf: &Urdf,
+    joint: &JointEntry,
+    end: &str,
+    diagnostics: &mut Diagnostics,
+) -> Option<usize> {
+    let written = if end == "parent" { &joint.parent } else { &joint.child };
+    let (name, span) = written.as_ref()?;
+    let index = urdf.link_index.get(name).copied();
+    if index.is_none() {
+        let found = format!(
+            "the {end} link {} of joint {} does not exist",
+            quoted(name),
+            quoted(&joint.name)
+        );
+        let expected = diagnostics.one_of("a link of this file", name, urdf.link_names());
+        let help = "correct the name or add the link";
+        diagnostics.unknown(*span, found, expected, name, urdf.link_names(), help);
+    }
+    index
+}
+
+/// Reports every root but the first, where all children are known.
+fn check_roots(urdf: &Urdf, is_root: &[bool], diagnostics: &mut Diagnostics) {
     let whole = urdf.joints.iter().all(|joint| {
         joint.child.as_ref().is_some_and(|(name, _)| urdf.link_index.contains_key(name))
     });
-    if let [first, others @ ..] = roots.as_slice()
-        && whole
-    {
-        let first = urdf.links.get(*first).map(|link| quoted(&link.name)).unwrap_or_default();
-        // a link of a second name cannot be connected and has been reported
-        let named = |i: &&usize| {
-            urdf.links.get(**i).is_some_and(|link| urdf.link_index.get(&link.name) == Some(*i))
-        };
-        for link in others.iter().filter(named).filter_map(|other| urdf.links.get(*other)) {
-            let found = format!("the link {} is a second root beside {first}", quoted(&link.name));
-            diagnostics.error(link.span, found, "one root", "connect it by a joint or remove it");
-        }
+    // a link of a second name cannot be connected and has been reported
+    let is_named = |i: usize| urdf.link_index.get(&urdf.links[i].name) == Some(&i);
+    let mut roots = (0..urdf.links.len()).filter(|i| is_root[*i]);
+    let Some(first) = roots.next().filter(|_| whole) else { return };
+    let first = quoted(&urdf.links[first].name);
+    for link in roots.filter(|i| is_named(*i)).map(|i| &urdf.links[i]) {
+        let found = format!("the link {} is a second root beside {first}", quoted(&link.name));
+        diagnostics.error(link.span, found, "one root", "connect it by a joint or remove it");
     }
+}
 
-    // cycles: walk up from every link; 0 is unknown, 1 on this walk, 2 done
+/// Reports one joint of each cycle, by a walk up from every link.
+fn check_cycles(urdf: &Urdf, tree: Tree, diagnostics: &mut Diagnostics) {
+    let Tree { above, parents } = tree;
+    // 0 is unknown, 1 on this walk, 2 done
     let mut state = vec![0_u8; urdf.links.len()];
     for start in 0..urdf.links.len() {
         let mut walk = Vec::new();
@@ -97,14 +108,9 @@ pub(super) fn check(urdf: &Urdf, diagnostics: &mut Diagnostics) -> Vec<bool> {
             .and_then(|joint| urdf.joints.get(joint))
         {
             let found = format!("the joint {} closes a cycle of links", quoted(&joint.name));
-            diagnostics.error(
-                joint.span,
-                found,
-                "a tree",
-                "cut the loop and write it as a loop constraint",
-            );
+            let help = "cut the loop and write it as a loop constraint";
+            diagnostics.error(joint.span, found, "a tree", help);
         }
         walk.into_iter().for_each(|i| state[i] = 2);
     }
-    above.iter().map(Option::is_none).collect()
 }

@@ -16,8 +16,7 @@ const TRANSMISSION: Shape =
     Shape { attributes: &["name", "type"], once: &[], many: &["joint"], ignored: &["*"] };
 const JOINT: Shape =
     Shape { attributes: &["name"], once: &[], many: &["depends_on"], ignored: &["*"] };
-const DEPENDS_ON: Shape =
-    Shape { attributes: &["joint", "multiplier", "offset"], once: &[], many: &[], ignored: &[] };
+const DEPENDS_ON: Shape = Shape::of(&["joint", "multiplier", "offset"]);
 const COUPLING: Shape = Shape {
     attributes: &["name", "type"],
     once: &["predecessor", "successor", "ratio"],
@@ -25,7 +24,7 @@ const COUPLING: Shape = Shape {
     ignored: &[],
 };
 
-/// What one joint of a transmission depends on.
+/// The joints on which one joint depends.
 pub(crate) struct Dependence {
     pub(crate) joint: String,
     pub(crate) span: Span,
@@ -111,8 +110,7 @@ impl Gear {
         Some(terms.chain(successor.iter().map(|j| (*j, -1.0))).collect())
     }
 
-    /// The same as what one of the joints depends on: the last that nothing else determines.
-    /// `None` after an error.
+    /// The coupling as the dependence of its last free joint. `None` after an error.
     pub(super) fn dependence(
         &self,
         terms: &[(usize, f64)],
@@ -150,7 +148,9 @@ impl Gear {
 
 /// The moving joints between a link and the root, the nearest first.
 fn chain(urdf: &Urdf, above: &BTreeMap<&str, usize>, link: &str) -> Vec<usize> {
-    let (mut chain, mut link, mut steps) = (Vec::new(), link, 0);
+    let mut chain = Vec::new();
+    let mut link = link;
+    let mut steps = 0;
     while let Some(j) = above.get(link).copied().filter(|_| steps <= urdf.joints.len()) {
         if urdf.moves(j) {
             chain.push(j);

@@ -63,8 +63,8 @@ pub(crate) fn values(text: &Text, urdf: &Urdf, diagnostics: &mut Diagnostics) ->
         } else {
             [f64::NEG_INFINITY, f64::INFINITY]
         };
-        let (velocity, effort) = (joint.limit.velocity, joint.limit.effort);
-        let limits = Limits { lower, upper, velocity, effort };
+        let limits =
+            Limits { lower, upper, velocity: joint.limit.velocity, effort: joint.limit.effort };
         let is_first = entry.part.is_none_or(|part| part.is_first());
         let axis = *joint.axis.xyz;
         Some(JointValues {
@@ -97,8 +97,8 @@ fn placement(pose: &urdf_rs::Pose) -> Placement {
     Placement { xyz: *pose.xyz, rpy: *pose.rpy }
 }
 
-/// The text without what is not ours to read, for a fault in a mesh or a plug-in is no fault of the
-/// robot, and in the words of urdf-rs.
+/// The text for urdf-rs: without the elements that no part of sarrus reads, as a fault in a mesh or a
+/// plug-in is no fault of the robot, and with the joint types by the names of urdf-rs.
 fn without_unread(text: &Text, urdf: &Urdf) -> String {
     let unread = urdf.unread.iter().map(|range| (range.clone(), ""));
     let mut changes: Vec<(core::ops::Range<usize>, &str)> =

@@ -10,7 +10,7 @@ use crate::text::Text;
 /// Most nodes of a document.
 const MOST_NODES: u32 = 4_000_000;
 
-/// What an element may hold.
+/// The attributes and elements that an element may hold.
 pub(super) struct Shape {
     /// Attributes.
     pub(super) attributes: &'static [&'static str],
@@ -20,6 +20,18 @@ pub(super) struct Shape {
     pub(super) many: &'static [&'static str],
     /// Elements that other programs read; `*` for any.
     pub(super) ignored: &'static [&'static str],
+}
+
+impl Shape {
+    /// Of an element without children.
+    pub(super) const fn of(attributes: &'static [&'static str]) -> Shape {
+        Shape { attributes, once: &[], many: &[], ignored: &[] }
+    }
+}
+
+/// The first child of this name.
+pub(super) fn child<'a, 't>(node: Node<'a, 't>, name: &str) -> Option<Node<'a, 't>> {
+    node.children().find(|child| child.has_tag_name(name))
 }
 
 /// Parses the text as XML; `None` after an error.
@@ -62,7 +74,7 @@ pub(super) fn parse<'t>(text: &'t Text, diagnostics: &mut Diagnostics) -> Option
     }
 }
 
-/// What is written for the macro processor is not yet a robot.
+/// Reports an element of the macro processor.
 fn expand(span: Span, diagnostics: &mut Diagnostics) {
     let found = "an element of xacro, which is not expanded";
     diagnostics.error(span, found, "a URDF file", "expand it: xacro robot.xacro > robot.urdf");
@@ -80,7 +92,7 @@ fn span_of(error: &roxmltree::Error, text: &Text) -> Span {
     }
 }
 
-/// Reads elements of one text and collects what is wrong with them.
+/// Reads elements of one text and collects their faults.
 pub(super) struct Reader<'t, 'f> {
     pub(super) text: &'t Text,
     pub(super) diagnostics: &'f mut Diagnostics,
@@ -153,7 +165,7 @@ impl<'t, 'f> Reader<'t, 'f> {
                 continue;
             }
             self.unread.push(child.range());
-            // what closes a loop is read elsewhere
+            // loops have a reader of their own
             if super::closing::is_closing(child) && shape.many.contains(&"link") {
                 continue;
             }
@@ -188,12 +200,8 @@ impl<'t, 'f> Reader<'t, 'f> {
         };
         let span = self.span_of_value(&found);
         if found.value().trim().is_empty() {
-            self.diagnostics.error(
-                span,
-                format!("`{attribute}` of `{of}` is empty"),
-                "a name",
-                "fill it in",
-            );
+            let what = format!("`{attribute}` of `{of}` is empty");
+            self.diagnostics.error(span, what, "a name", "fill it in");
             return None;
         }
         Some((found.value().to_owned(), span))
@@ -206,55 +214,47 @@ impl<'t, 'f> Reader<'t, 'f> {
         attribute: &str,
     ) -> Option<[f64; N]> {
         let found = node.attribute_node(attribute)?;
-        let of = node.tag_name().name();
-        match number::numbers(found.value()) {
+        let name = format!("`{attribute}` of `{}`", node.tag_name().name());
+        self.parsed(found.value(), name, self.span_of_value(&found))
+    }
+
+    /// The finite numbers that an element holds as its text; `None` after an error.
+    pub(super) fn numbers_of_text<const N: usize>(
+        &mut self,
+        node: Node<'_, 't>,
+    ) -> Option<[f64; N]> {
+        let name = format!("`{}`", node.tag_name().name());
+        self.parsed(node.text().unwrap_or_default(), name, self.span(node))
+    }
+
+    fn parsed<const N: usize>(&mut self, text: &str, name: String, span: Span) -> Option<[f64; N]> {
+        match number::numbers(text) {
             Ok(numbers) => Some(numbers),
             Err(fault) => {
-                let what = format!("`{attribute}` of `{of}`: {fault}");
-                self.diagnostics.error(
-                    self.span_of_value(&found),
-                    what,
-                    number::expected(N),
-                    "correct the value",
-                );
+                let found = format!("{name}: {fault}");
+                self.diagnostics.error(span, found, number::expected(N), "correct the value");
                 None
             }
         }
     }
 
-    /// The one finite number that an element holds as its text; `None` after an error.
-    pub(super) fn number_of_text(&mut self, node: Node<'_, 't>) -> Option<f64> {
-        match number::numbers::<1>(node.text().unwrap_or_default()) {
-            Ok([number]) => Some(number),
-            Err(fault) => {
-                let what = format!("`{}`: {fault}", node.tag_name().name());
-                self.diagnostics.error(
-                    self.span(node),
-                    what,
-                    number::expected(1),
-                    "correct the value",
-                );
-                None
-            }
-        }
+    /// One finite number; `None` when the attribute is absent or after an error.
+    pub(super) fn number(&mut self, node: Node<'_, 't>, attribute: &str) -> Option<f64> {
+        self.numbers::<1>(node, attribute).map(|[number]| number)
     }
 
-    /// As [`Reader::numbers`] of one; its absence is an error too.
+    /// As [`Reader::number`]; its absence is an error too.
     pub(super) fn required_number(
         &mut self,
         node: Node<'_, 't>,
         attribute: &'static str,
     ) -> Option<f64> {
-        if node.attribute_node(attribute).is_none() {
+        if !node.has_attribute(attribute) {
             let found = format!("`{}` has no `{attribute}`", node.tag_name().name());
-            self.diagnostics.error(
-                self.span(node),
-                found,
-                format!("{attribute}=\"a number\""),
-                "add it",
-            );
+            let expected = format!("{attribute}=\"a number\"");
+            self.diagnostics.error(self.span(node), found, expected, "add it");
             return None;
         }
-        self.numbers::<1>(node, attribute).map(|[number]| number)
+        self.number(node, attribute)
     }
 }

@@ -4,6 +4,7 @@
 mod read;
 mod tree;
 
+pub(crate) use read::missing;
 pub use read::{Named, keys, list, number, numbers, word, words};
 pub(crate) use tree::parse;
 pub use tree::{Node, Value};
@@ -12,7 +13,7 @@ use crate::report::Diagnostics;
 pub use crate::report::{Span, quoted};
 use crate::text::Text;
 
-/// What most YAML files of a robot are.
+/// The expected kind of file in the messages about most YAML files of a robot.
 pub(crate) const SUBMECHANISMS: &str = "a submechanism file";
 
 /// Reads a text whose faults go by the name of its file and that is `expected` to be a file of some

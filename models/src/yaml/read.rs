@@ -1,4 +1,4 @@
-//! What stands under a key: names, numbers and lists, each fault with its position.
+//! The values of keys: names, numbers and lists, each fault with its position.
 
 use super::tree::{Node, Value};
 use crate::number as strict;
@@ -8,7 +8,7 @@ use crate::report::{Diagnostics, Span, quoted};
 pub type Named = (String, Span);
 
 /// Checks the keys of a mapping: none is unknown or there twice. False when the node is no mapping.
-/// `of` says in messages what it is.
+/// `of` names the mapping in messages.
 pub fn keys(node: &Node, of: &str, known: &[&str], diagnostics: &mut Diagnostics) -> bool {
     let Value::Map(entries) = &node.value else {
         let found = format!("{of} is {}", node.describe());
@@ -53,6 +53,17 @@ pub fn keys(node: &Node, of: &str, known: &[&str], diagnostics: &mut Diagnostics
         }
     }
     true
+}
+
+/// Reports a key that a mapping lacks; `of` names the mapping in the message.
+pub(crate) fn missing(
+    node: &Node,
+    of: &str,
+    key: &str,
+    expected: impl Into<String>,
+    diagnostics: &mut Diagnostics,
+) {
+    diagnostics.error(node.span, format!("{of} has no `{key}`"), expected, "add it");
 }
 
 /// The text of a key, if the key is there.

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use saphyr_parser::{Event, Marker, Parser, ScalarStyle};
+use saphyr_parser::{Event, Parser, ScalarStyle};
 
 use crate::report::{Diagnostics, Span, quoted};
 use crate::text::{DEEPEST, Text};
@@ -18,11 +18,11 @@ const MOST_EXPANDED: usize = 100_000;
 pub struct Node {
     /// Its first character.
     pub span: Span,
-    /// What it is.
+    /// Its content.
     pub value: Value,
 }
 
-/// What a node is.
+/// The content of a node.
 #[derive(Clone, Debug)]
 pub enum Value {
     /// Nothing, `~` or `null`.
@@ -41,7 +41,7 @@ pub enum Value {
 }
 
 impl Node {
-    /// What the node is, for a message.
+    /// The node for a message.
     pub fn describe(&self) -> String {
         match &self.value {
             Value::Null => "nothing".to_owned(),
@@ -79,7 +79,7 @@ struct Open {
     key: Option<Node>,
 }
 
-/// What an anchor stands for.
+/// The value of an anchor.
 struct Anchored {
     node: Node,
     size: usize,
@@ -89,117 +89,142 @@ struct Anchored {
 /// Parses one YAML document that is `expected` to be a file of some kind; `None` after an error
 /// that leaves no tree.
 pub(crate) fn parse(text: &Text, expected: &str, diagnostics: &mut Diagnostics) -> Option<Node> {
-    let span_of = |mark: &Marker| text.span_at(mark.line(), mark.col() + 1);
-    let mut open: Vec<Open> = Vec::new();
-    let mut root: Option<Node> = None;
-    let mut n_nodes = 0;
-    // the parser numbers anchors as it meets them; a name that is taken again gets a new number
-    let mut anchors: BTreeMap<usize, Anchored> = BTreeMap::new();
-    let (mut n_anchored, mut n_expanded) = (0, 0);
+    let mut builder = Builder::default();
     for event in Parser::new_from_str(&text.content) {
         let (event, marks) = match event {
             Ok(event) => event,
             Err(error) => {
+                let span = text.span_at(error.marker().line(), error.marker().col() + 1);
                 // the scanner looks ahead of our own limit and has a higher one
                 if error.info() == "recursion limit exceeded" {
-                    too_deep(span_of(error.marker()), diagnostics);
-                    return None;
+                    too_deep(span, diagnostics);
+                } else {
+                    let found = format!("this is not YAML: {}", error.info());
+                    let help = "correct the file at this position";
+                    diagnostics.error(span, found, expected, help);
                 }
-                let found = format!("this is not YAML: {}", error.info());
-                diagnostics.error(
-                    span_of(error.marker()),
-                    found,
-                    expected,
-                    "correct the file at this position",
-                );
                 return None;
             }
         };
-        let here = span_of(&marks.start);
-        let (anchor, tag) = match &event {
-            Event::Scalar(_, _, anchor, tag)
-            | Event::SequenceStart(anchor, tag)
-            | Event::MappingStart(anchor, tag) => (*anchor, tag.is_some()),
-            _ => (0, false),
-        };
-        if tag {
+        let here = text.span_at(marks.start.line(), marks.start.col() + 1);
+        if matches!(event, Event::DocumentStart(_)) && builder.root.is_some() {
+            diagnostics.error(here, "a second document", "one", "remove what follows `---`");
+            break;
+        }
+        builder.take(event, here, diagnostics)?;
+    }
+    Some(builder.root.unwrap_or(Node { span: Span::start(text.file), value: Value::Null }))
+}
+
+/// The tree as far as the parser's events have come.
+#[derive(Default)]
+struct Builder {
+    root: Option<Node>,
+    open: Vec<Open>,
+    /// Nodes so far, aliases written out.
+    n_nodes: usize,
+    /// By the parser's number; a name that is taken again gets a new one.
+    anchors: BTreeMap<usize, Anchored>,
+    /// Nodes of all anchors together.
+    n_anchored: usize,
+    /// Nodes of all aliases together.
+    n_expanded: usize,
+}
+
+impl Builder {
+    /// Takes an event; `None` after an error that leaves no tree.
+    fn take(&mut self, event: Event<'_>, here: Span, diagnostics: &mut Diagnostics) -> Option<()> {
+        if let Event::Scalar(.., Some(_))
+        | Event::SequenceStart(_, Some(_))
+        | Event::MappingStart(_, Some(_)) = &event
+        {
             diagnostics.error(here, "a tag (`!…`)", "plain values", "remove it");
         }
-        let (node, anchor, depth, before) = match event {
-            Event::Scalar(value, style, ..) => {
-                (Node { span: here, value: scalar(&value, style) }, anchor, 0, n_nodes)
+        match event {
+            Event::Scalar(value, style, anchor, _) => {
+                let node = Node { span: here, value: scalar(&value, style) };
+                self.close(node, anchor, 0, self.n_nodes);
             }
-            Event::Alias(anchor) => {
-                let Some(Anchored { node, size, depth }) = anchors.get(&anchor) else {
-                    let found = "an alias (`*…`) within the value that it stands for";
-                    diagnostics.error(here, found, "a value that ends", "write the value out");
-                    return None;
-                };
-                n_expanded += size;
-                if n_expanded > MOST_EXPANDED {
-                    diagnostics.error(
-                        here,
-                        format!("the aliases stand for more than {MOST_EXPANDED} values"),
-                        "a file of ordinary size",
-                        "write fewer of them, or the values out",
-                    );
-                    return None;
-                }
-                if open.len() + depth > DEEPEST {
-                    too_deep(here, diagnostics);
-                    return None;
-                }
-                n_nodes += size - 1;
-                (Node { span: here, value: node.value.clone() }, 0, *depth, n_nodes)
+            Event::Alias(anchor) => self.alias(anchor, here, diagnostics)?,
+            Event::SequenceStart(anchor, _) => {
+                self.start(Value::List(Vec::new()), anchor, here, diagnostics)?;
             }
-            Event::SequenceStart(..) | Event::MappingStart(..) => {
-                if open.len() >= DEEPEST {
-                    too_deep(here, diagnostics);
-                    return None;
-                }
-                let value = if matches!(event, Event::SequenceStart(..)) {
-                    Value::List(Vec::new())
-                } else {
-                    Value::Map(Vec::new())
-                };
-                let node = Node { span: here, value };
-                open.push(Open { node, anchor, before: n_nodes, depth: 0, key: None });
-                continue;
+            Event::MappingStart(anchor, _) => {
+                self.start(Value::Map(Vec::new()), anchor, here, diagnostics)?;
             }
-            Event::SequenceEnd | Event::MappingEnd => match open.pop() {
-                Some(closed) => (closed.node, closed.anchor, closed.depth + 1, closed.before),
-                None => continue,
-            },
-            Event::DocumentStart(_) if root.is_some() => {
-                diagnostics.error(here, "a second document", "one", "remove what follows `---`");
-                return root;
+            Event::SequenceEnd | Event::MappingEnd => {
+                let Open { node, anchor, before, depth, .. } = self.open.pop()?;
+                self.close(node, anchor, depth + 1, before);
             }
-            _ => continue,
-        };
-        n_nodes += 1;
-        if anchor != 0 {
-            let size = n_nodes - before;
-            n_anchored += size;
-            anchors.insert(anchor, Anchored { node: node.clone(), size, depth });
+            _ => {}
         }
-        if n_nodes.max(n_anchored) > MOST_NODES {
-            diagnostics.error(
-                here,
-                format!("the file has more than {MOST_NODES} values"),
-                "a file of ordinary size",
-                "leave out what is not needed",
-            );
+        if self.n_nodes.max(self.n_anchored) > MOST_NODES {
+            let found = format!("the file has more than {MOST_NODES} values");
+            let help = "leave out what is not needed";
+            diagnostics.error(here, found, "a file of ordinary size", help);
             return None;
         }
-        match open.last_mut() {
+        Some(())
+    }
+
+    /// Begins a list or a mapping.
+    fn start(
+        &mut self,
+        value: Value,
+        anchor: usize,
+        here: Span,
+        diagnostics: &mut Diagnostics,
+    ) -> Option<()> {
+        if self.open.len() >= DEEPEST {
+            too_deep(here, diagnostics);
+            return None;
+        }
+        let node = Node { span: here, value };
+        self.open.push(Open { node, anchor, before: self.n_nodes, depth: 0, key: None });
+        Some(())
+    }
+
+    /// Writes out the value that an alias stands for.
+    fn alias(&mut self, anchor: usize, here: Span, diagnostics: &mut Diagnostics) -> Option<()> {
+        let Some(Anchored { node, size, depth }) = self.anchors.get(&anchor) else {
+            let found = "an alias (`*…`) within the value that it stands for";
+            diagnostics.error(here, found, "a value that ends", "write the value out");
+            return None;
+        };
+        self.n_expanded += size;
+        if self.n_expanded > MOST_EXPANDED {
+            let found = format!("the aliases stand for more than {MOST_EXPANDED} values");
+            let help = "write fewer of them, or the values out";
+            diagnostics.error(here, found, "a file of ordinary size", help);
+            return None;
+        }
+        if self.open.len() + depth > DEEPEST {
+            too_deep(here, diagnostics);
+            return None;
+        }
+        self.n_nodes += size - 1;
+        let node = Node { span: here, value: node.value.clone() };
+        let depth = *depth;
+        self.close(node, 0, depth, self.n_nodes);
+        Some(())
+    }
+
+    /// Adds a whole node to its parent. `before` counts the nodes of the file before it.
+    fn close(&mut self, node: Node, anchor: usize, depth: usize, before: usize) {
+        self.n_nodes += 1;
+        if anchor != 0 {
+            let size = self.n_nodes - before;
+            self.n_anchored += size;
+            self.anchors.insert(anchor, Anchored { node: node.clone(), size, depth });
+        }
+        match self.open.last_mut() {
             Some(parent) => {
                 parent.depth = parent.depth.max(depth);
                 parent.add(node);
             }
-            None => root = Some(node),
+            None => self.root = Some(node),
         }
     }
-    Some(root.unwrap_or(Node { span: Span::start(text.file), value: Value::Null }))
 }
 
 fn too_deep(span: Span, diagnostics: &mut Diagnostics) {

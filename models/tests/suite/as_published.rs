@@ -1,4 +1,4 @@
-//! Files as other people publish them: what lacks something is read all the same.
+//! Published files: incomplete ones are read too.
 
 use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Status, Workspace};
 use sarrus_models::Loaded;
@@ -8,6 +8,16 @@ use super::*;
 fn good(urdf: &str, yaml: Option<&str>) -> Loaded {
     let source = Source::Text { urdf: urdf.into(), submechanisms: yaml.map(Into::into) };
     load(&source, &Options::default()).unwrap_or_else(|error| panic!("{error}"))
+}
+
+#[test]
+fn an_absent_bound_is_zero_before_version_1_2_and_infinite_from_then_on() {
+    let urdf = with(URDF, "lower=\"-1.5\" upper=\"1.4\" ", "lower=\"-1.5\" ");
+    for (version, expected) in [("", 0.0), ("version=\"1.2\" ", f64::INFINITY)] {
+        let urdf = with(&urdf, "<robot ", &format!("<robot {version}"));
+        let limits = good(&urdf, Some(YAML)).description.joints[0].limits.unwrap();
+        assert_eq!((limits.lower, limits.upper), (-1.5, expected));
+    }
 }
 
 #[test]
@@ -70,7 +80,8 @@ fn a_robot_without_masses_has_kinematics_and_no_forward_dynamics() {
         let query = Query::new(request, given, FieldSet::of(&[want]));
         let model = &loaded.compiled.model;
         let plan = Plan::new(model, &query).unwrap();
-        let (mut workspace, mut output) = (Workspace::new(model), [0.0; 2]);
+        let mut workspace = Workspace::new(model);
+        let mut output = [0.0; 2];
         let input = [0.02, 1.0];
         let n = if request == Request::Kinematics { 1 } else { 2 };
         let m = if want == Field::Ydd { 1 } else { 2 };

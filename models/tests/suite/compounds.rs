@@ -23,7 +23,8 @@ fn read(urdf: &str, yaml: Option<&str>) -> sarrus_models::Loaded {
 fn a_planar_joint_is_two_sliders_and_a_turn() {
     let loaded = read(&on("planar", "<axis xyz=\"0 0 2\"/>"), None);
     assert_eq!(loaded.report.to_string(), "");
-    let (joints, links) = (&loaded.description.joints, &loaded.description.links);
+    let joints = &loaded.description.joints;
+    let links = &loaded.description.links;
     let names: Vec<&str> = joints.iter().map(|joint| joint.name.as_str()).collect();
     assert_eq!(names, ["j/x", "j/y", "j/rz"]);
     assert_eq!(loaded.compiled.model.active_names(), names);

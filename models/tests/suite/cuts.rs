@@ -1,5 +1,4 @@
-//! Cut joints by name: what they become, and what is wrong with them. How they move is in the
-//! proof.
+//! Cut joints by name: their rows and their faults. The proof tests their motion.
 
 use super::*;
 
@@ -36,7 +35,7 @@ fn a_hinge_of_the_plane_has_the_two_rows_across_its_axis() {
     );
 }
 
-/// What is reported about these lines.
+/// The report on the lambda with these lines.
 fn reported_of_cut(lines: &str) -> Vec<String> {
     reported(URDF, &cut(lines)).lines().map(str::to_owned).collect()
 }

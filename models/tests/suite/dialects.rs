@@ -30,7 +30,7 @@ fn four_bar(inside: &str) -> String {
     )
 }
 
-/// What the submechanism file of the four-bar says about its loop.
+/// The submechanism file of the four-bar with this loop.
 fn yaml(cut: &str) -> String {
     let joints = "[crank_joint, coupler_joint, rocker_joint]";
     format!(
@@ -161,7 +161,7 @@ fn the_independents_of_a_loop_come_from_its_actuators_or_from_urdf_plus() {
         "submechanisms: [{type: NUMERICAL, contextual_name: pin, jointnames_independent: […]";
     assert!(reported.contains(line), "{reported}");
     assert!(reported.lines().all(|line| line.chars().count() <= 400), "{reported}");
-    // what it says is what it takes
+    // a file with these lines is good
     let written = "submechanisms: [{type: NUMERICAL, contextual_name: pin, jointnames_independent: \
         [rocker_joint], jointnames_active: [crank_joint], jointnames_spanningtree: [crank_joint, \
         coupler_joint, rocker_joint]}]";

@@ -1,4 +1,4 @@
-//! The fingerprints of the bundled robots: what clients, configurations and logs have in hand.
+//! The fingerprints of the bundled robots, by which clients, configurations and logs know them.
 
 use sarrus_models::bundled;
 

@@ -76,7 +76,7 @@ fn aliases_are_expanded_up_to_a_bound() {
     let expected = "submechanisms.yml:6:45: the aliases stand for more than 100000 values, \
         expected a file of ordinary size, write fewer of them, or the values out\n";
     assert_eq!(reported(&bomb(9)), expected);
-    // 12340 values are read, whatever they say
+    // 12340 values are read
     let reported = reported(&bomb(4));
     assert!(!reported.contains("alias") && reported.contains("the key `a4`"), "{reported}");
 }

@@ -56,7 +56,8 @@ fn redundant_rows_that_do_not_hold_are_said_in_metres_and_radians() {
         let said = reported(&four_bar(POINTS, tilt), &yaml("crank", REVOLUTE));
         let gap = said.split("open by up to ").nth(1).unwrap_or_else(|| panic!("{tilt}: {said}"));
         let mut numbers = gap.split([' ']).filter_map(|word| word.parse::<f64>().ok());
-        let (length, angle) = (numbers.next().unwrap(), numbers.next().unwrap());
+        let length = numbers.next().unwrap();
+        let angle = numbers.next().unwrap();
         assert!(gap.contains(" m and ") && gap.contains(" rad at sampled poses"), "{gap}");
         let share = length.max(angle) / tilt;
         assert!((0.1..2.0).contains(&share), "{tilt}: {gap}");
@@ -75,7 +76,7 @@ fn redundant_rows_name_the_cut_that_fits() {
         said.contains("write cut_joint_type: planar_revolute with axis: [0, 0, 1] for pin"),
         "{said}"
     );
-    // and that is what fits
+    // this cut fits
     assert_eq!(reported(&four_bar(POINTS, 0.0), &yaml("crank", PLANAR)), "");
 }
 
@@ -84,7 +85,8 @@ const IN_LINE: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [3.0, 0.0], [3.0, -2.0]]
 
 #[test]
 fn a_dead_point_at_zero_is_named_and_an_assembly_leads_off_it() {
-    let (urdf, yaml) = (four_bar(IN_LINE, 0.0), yaml("rocker", PLANAR));
+    let urdf = four_bar(IN_LINE, 0.0);
+    let yaml = yaml("rocker", PLANAR);
     let said = reported(&urdf, &yaml);
     assert_eq!(said.lines().count(), 1, "{said}");
     assert!(
@@ -111,11 +113,9 @@ fn a_dead_point_at_zero_is_named_and_an_assembly_leads_off_it() {
 #[test]
 fn independents_that_do_not_determine_the_rest_are_not_what_was_expected() {
     // a five-bar with a four-bar on one of its cranks
-    let (z, mass) = (
-        [0.0, 0.0, 1.0],
-        "<inertial><mass value=\"1\"/><inertia ixx=\"1\" ixy=\"0\" \
-        ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial>",
-    );
+    let z = [0.0, 0.0, 1.0];
+    let mass = "<inertial><mass value=\"1\"/><inertia ixx=\"1\" ixy=\"0\" \
+        ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial>";
     let mut urdf = "<robot name=\"bars\"><link name=\"base\"/>".to_owned();
     for (joint, parent, at) in [
         ("c1", "base", [0.0, 0.0, 0.0]),
@@ -175,7 +175,8 @@ fn rod_of_revolutes(far: usize, axes: [[f64; 3]; 3]) -> (String, Vec<String>) {
             3 => [0.5, 0.1, 0.05],
             _ => [0.0; 3],
         };
-        let (joint, child) = (format!("ball{k}"), format!("ball{k}_link"));
+        let joint = format!("ball{k}");
+        let child = format!("ball{k}_link");
         urdf += &body(&joint, &parent, &child, at, axes[k % 3]);
         tree.push(joint);
         parent = child;
@@ -215,8 +216,8 @@ fn a_rod_between_balls_of_three_revolutes_spins_idly() {
     }
 }
 
-/// The same rod whose far ball hangs on the rocker: `near` revolutes on the crank, `far` on the
-/// rocker, and a cut where they meet.
+/// That rod with its far ball on the rocker: `near` revolutes on the crank, `far` on the rocker,
+/// and a cut where they meet.
 fn rod_from_both_ends(
     axes: [[f64; 3]; 3],
     far: usize,
@@ -283,7 +284,7 @@ fn a_rod_that_is_cut_within_or_at_its_far_ball_spins_idly() {
             );
         }
     }
-    // and a proposal says so, whatever was declared
+    // a proposal names them, though none was declared independent
     let (urdf, yaml) = rod_from_both_ends(skew, 3, "weld", cuts[0].2);
     let yaml = yaml.replace("jointnames_independent: [crank]", "jointnames_independent: []");
     let source = Source::Text { urdf: urdf.into(), submechanisms: Some(yaml.into()) };

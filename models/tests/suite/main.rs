@@ -1,8 +1,8 @@
 //! Robot files, good and bad.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests")]
 
-/// One test for each kind of fault: a text of the good file, what it becomes, and every line that
-/// is reported.
+/// One test for each kind of fault: a text of the good file, its replacement, and every line of
+/// the report.
 macro_rules! faults {
     (@file urdf $from:literal $to:literal) => { reported(&with(URDF, $from, $to), YAML) };
     (@file yaml $from:literal $to:literal) => { reported(URDF, &with(YAML, $from, $to)) };

@@ -165,7 +165,7 @@ fn a_xacro_file_is_to_be_expanded() {
     let name = "<robot xmlns:xacro=\"http://www.ros.org/wiki/xacro\" ";
     let declared = with(&undeclared, "<robot ", name);
     assert_eq!(reported_of(declared.as_bytes(), None, false), expected(42, 1));
-    // what is left of a prefix in an expanded file, or in a comment, is no macro
+    // a prefix in an expanded file, or in a comment, is no macro
     let expanded = with(&with(URDF, "<robot ", name), "</robot>", "<!-- <xacro:arm/> --></robot>");
     assert_eq!(reported_of(expanded.as_bytes(), None, false), "");
 }

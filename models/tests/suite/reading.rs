@@ -143,9 +143,11 @@ fn a_transmission_is_a_coupling_of_several_joints() {
 #[test]
 fn placements_by_hand_replace_the_cut_joint() {
     // the rod's origin in the axes of the rocker at zero
-    let (y, z) = (0.1 + 0.3 * 1.1_f64.cos(), 0.3 * 1.1_f64.sin());
+    let across = 0.1 + 0.3 * 1.1_f64.cos();
+    let along = 0.3 * 1.1_f64.sin();
     let (s, c) = 0.8_f64.sin_cos();
-    let (y, z) = (c * y + s * z, c * z - s * y);
+    let y = c * across + s * along;
+    let z = c * along - s * across;
     let placed = format!(
         "cut_joint: pin\n    predecessor_placement: {{xyz: [0, {y}, {z}]}}\n    \
          successor_placement: {{rpy: [0.1, 0, 0]}}"
@@ -194,6 +196,12 @@ fn a_quaternion_is_read_from_version_one_point_one_on() {
     );
     let rpy = good(&urdf, Some(YAML)).description.joints[1].origin.rpy;
     assert!((rpy[0].abs() - core::f64::consts::PI).abs() < 1e-15, "{rpy:?}");
+    // roll 0.3, pitch 0.5, yaw -0.7
+    let turned = "0.21989576632910457 0.18014585799688554 -0.36323736972823584 0.8872721876797527";
+    let urdf = urdf.replace("1 0 0 0", turned);
+    let rpy = good(&urdf, Some(YAML)).description.joints[1].origin.rpy;
+    let off = rpy.iter().zip([0.3, 0.5, -0.7]).map(|(found, given)| (found - given).abs());
+    assert!(off.fold(0.0, f64::max) < 1e-14, "{rpy:?}");
 }
 
 #[test]
@@ -247,7 +255,8 @@ fn a_check_report_holds_names_orders_and_closures() {
         fingerprint.len() == 16 && fingerprint.chars().all(|digit| digit.is_ascii_hexdigit()),
         "{fingerprint}"
     );
-    let (sigma, cond) = (good.closures[0].sigma_min, good.closures[0].cond);
+    let sigma = good.closures[0].sigma_min;
+    let cond = good.closures[0].cond;
     let (cells, bytes) = good.closures[0].seeds;
     assert!(cells > 0 && bytes > 0);
     let expected = format!(
@@ -388,7 +397,8 @@ fn a_floating_base_is_a_free_joint_before_all_others() {
         let first = ["rx", "ry", "rz", "tx", "ty", "tz"].map(|x| format!("floating_base/{x}"));
         assert_eq!(model.tree_names()[..6], first);
         assert_eq!(model.tree_names()[6..], *fixed.tree_names());
-        let (with, without) = (model.sizes(), fixed.sizes());
+        let with = model.sizes();
+        let without = fixed.sizes();
         assert_eq!((with.n_q, with.n_vy), (without.n_q + 7, without.n_vy + 6));
         assert_eq!((with.n_u, with.n_c), (without.n_u, without.n_c));
         assert_ne!(model.fingerprint(), fixed.fingerprint());

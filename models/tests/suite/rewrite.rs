@@ -8,9 +8,10 @@ fn source(urdf: &str, yaml: &str) -> Source {
     Source::Text { urdf: urdf.into(), submechanisms: Some(yaml.into()) }
 }
 
-/// The report of an assembly near a pose, and what is written from it.
+/// The report of an assembly near a pose, and the texts written from it.
 fn written(urdf: &str, yaml: &str, near: &[f64]) -> (CheckReport, Rewritten) {
-    let (source, options) = (source(urdf, yaml), Options::default());
+    let source = source(urdf, yaml);
+    let options = Options::default();
     let report = assemble(
         &source,
         &options,
@@ -29,14 +30,14 @@ fn loaded(urdf: &[u8], yaml: &[u8]) -> Loaded {
         .unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// What stands outside of quotes.
+/// The text outside of quotes.
 fn outside(text: &[u8]) -> Vec<String> {
     let text = String::from_utf8(text.to_vec()).unwrap();
     text.split('"').step_by(2).map(str::to_owned).collect()
 }
 
-/// A lambda that is open at zero, with comments, other ends of lines, and what is counted from the
-/// zero pose beside the limits.
+/// A lambda that is open at zero, with comments, other ends of lines, calibration, soft limits and
+/// a spring.
 fn open() -> (String, String) {
     let urdf = with(
         URDF,
@@ -61,7 +62,7 @@ fn an_open_file_is_written_closed_and_else_stays_byte_for_byte() {
     let loaded = loaded(&files.urdf, yaml.as_bytes());
     assert_eq!(loaded.report.errors, []);
 
-    // all that is counted from zero has moved by what the joint has
+    // every number that counts from the zero pose has moved as far as the joint
     let moved = report.assembled.unwrap().q[0].found;
     let text = String::from_utf8(files.urdf).unwrap();
     assert!(moved.abs() > 1e-3 && text.contains("<!-- kept  -->"));
@@ -96,7 +97,7 @@ fn an_origin_that_is_missing_or_has_a_quaternion_is_written() {
 
 #[test]
 fn cuts_in_a_frame_of_the_old_zero_pose_get_placements() {
-    // the frame of a joint that moves with neither link is another one at another zero pose
+    // the frame of a joint that moves with neither link depends on the zero pose
     let mark = "<link name=\"mark\"/><joint name=\"pin\" type=\"fixed\"><parent link=\"base\"/>\
         <child link=\"mark\"/><origin xyz=\"0 0.3 0.2\"/></joint></robot>";
     let urdf = with(URDF, "</robot>", mark);

@@ -67,7 +67,8 @@ fn every_bundled_robot_keeps_what_it_has() {
             let source = Source::Text { urdf: urdf.into(), submechanisms };
             load(&source, &Options::default()).unwrap().compiled.model
         };
-        let (new, old) = (load(&found), load(yaml));
+        let new = load(&found);
+        let old = load(yaml);
         assert_eq!(new.independent_names(), old.independent_names(), "{name}: {found}");
         for (new, old) in new.closures().iter().zip(old.closures()) {
             // a closed form is never lost

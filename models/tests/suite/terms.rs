@@ -1,4 +1,4 @@
-//! Joints of several freedoms, and what acts in a joint: damping, springs, rotors.
+//! Joints of several freedoms; damping, springs and rotors of joints.
 
 use sarrus_dynamics::description::{JointKind, Terms};
 

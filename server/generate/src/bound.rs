@@ -97,6 +97,6 @@ fn natural(operation: &Operation, bounds: &[f64]) -> Option<f64> {
         Absolute(a) => Some(of(a)),
         Sine(_) | Cosine(_) => Some(1.0),
         Angle(..) => Some(4.0),
-        Select(_, a, b) => Some(of(a).max(of(b))),
+        Select(_, _, a, b) => Some(of(a).max(of(b))),
     }
 }

@@ -10,7 +10,8 @@ use std::time::Duration;
 #[cfg(feature = "load")]
 use sarrus_dynamics::{Model, Plan};
 
-use crate::Source;
+use crate::c::{FLAGS, Source};
+use crate::error::BuildError;
 use crate::run::{Cancel, run};
 #[cfg(feature = "load")]
 use crate::{LoadError, NativeKernel, ObjectFile};
@@ -20,62 +21,8 @@ const NAME: Duration = Duration::from_secs(10);
 /// The longest time for which a compiler, or the test of its output, may run.
 pub(crate) const COMPILE: Duration = Duration::from_secs(120);
 
-/// Whether this build of sarrus needs a processor with FMA and AVX2; compiled code may then need it
-/// too.
-const HAS_BASELINE: bool =
-    cfg!(all(target_arch = "x86_64", target_feature = "fma", target_feature = "avx2"));
-
-/// The flags that keep the bits: no contraction, and no call in place of an instruction. Statements
-/// are not vectorised either: there gcc fuses multiplications even without contraction
-/// (`vfmaddsub`). A build with a baseline passes it on, so that `fma` is an instruction; a portable
-/// build compiles for every processor, and `fma` is a call there.
-pub const FLAGS: &[&str] = if HAS_BASELINE { &ALL } else { ALL.split_at(ALL.len() - 1).0 };
-
-const ALL: [&str; 7] = [
-    "-std=c11",
-    "-O2",
-    "-ffp-contract=off",
-    "-fno-tree-slp-vectorize",
-    "-fno-math-errno",
-    "-fno-trapping-math",
-    "-march=x86-64-v3",
-];
-
 /// With this flag the function for rows is compiled too.
 pub(crate) const ROWS: &str = "-DSARRUS_ROWS";
-
-/// Why generated code was not built.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum BuildError {
-    /// A file could not be written, or a program not be started.
-    #[error("{path}: {error}")]
-    Io {
-        /// Which one.
-        path: PathBuf,
-        /// Why.
-        error: io::Error,
-    },
-    /// A program ended with a fault: the compiler, or the test of its output.
-    #[error("{program} failed: {words}")]
-    Failed {
-        /// Which one.
-        program: String,
-        /// The program's output.
-        words: String,
-    },
-    /// A program took too long.
-    #[error("{program} was ended after {seconds} s")]
-    TooSlow {
-        /// Which one.
-        program: String,
-        /// The bound `[s]`.
-        seconds: u64,
-    },
-    /// The caller cancelled it.
-    #[error("cancelled")]
-    Cancelled,
-}
 
 /// A C compiler: `CC`, or `cc` where that is unset or empty. As for make it is a program with
 /// arguments: `ccache gcc`, `gcc -m64`.

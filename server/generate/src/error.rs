@@ -1,4 +1,7 @@
-//! Why there is no straight-line code for a query.
+//! Why there is no straight-line code for a query, and why it was not compiled.
+
+use std::io;
+use std::path::PathBuf;
 
 use sarrus_dynamics::{Field, QueryError, Status};
 
@@ -57,3 +60,36 @@ pub enum GenerateError {
 
 /// For the message above.
 const WANTED: &str = "states, forces, G, M_y, C_y, frames or Jacobians";
+
+/// Why generated code was not built.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum BuildError {
+    /// A file could not be written, or a program not be started.
+    #[error("{path}: {error}")]
+    Io {
+        /// Which one.
+        path: PathBuf,
+        /// Why.
+        error: io::Error,
+    },
+    /// A program ended with a fault: the compiler, or the test of its output.
+    #[error("{program} failed: {words}")]
+    Failed {
+        /// Which one.
+        program: String,
+        /// The program's output.
+        words: String,
+    },
+    /// A program took too long.
+    #[error("{program} was ended after {seconds} s")]
+    TooSlow {
+        /// Which one.
+        program: String,
+        /// The bound `[s]`.
+        seconds: u64,
+    },
+    /// The caller cancelled it.
+    #[error("cancelled")]
+    Cancelled,
+}

@@ -12,7 +12,7 @@ pub(crate) enum Term {
 }
 
 impl Term {
-    pub(crate) fn constant(x: f64) -> Term {
+    pub(crate) const fn constant(x: f64) -> Term {
         Term::Constant(x.to_bits())
     }
 
@@ -75,30 +75,54 @@ pub(crate) enum Operation {
     Cosine(Term),
     /// The angle of the point (second, first).
     Angle(Term, Term),
-    Select(Comparison, Term, Term),
+    /// The third where the first is less than the second, else the fourth.
+    Select(Term, Term, Term, Term),
+}
+
+impl Comparison {
+    /// The comparison of other operands.
+    fn map(self, mut of: impl FnMut(Term) -> Term) -> Comparison {
+        match self {
+            Comparison::Less(a, b) => Comparison::Less(of(a), of(b)),
+            Comparison::Equal(a, b) => Comparison::Equal(of(a), of(b)),
+        }
+    }
 }
 
 impl Operation {
+    /// The operation on other operands.
+    pub(crate) fn map(self, mut of: impl FnMut(Term) -> Term) -> Operation {
+        use Operation::*;
+        match self {
+            Input(k) => Input(k),
+            Add(a, b) => Add(of(a), of(b)),
+            Multiply(a, b) => Multiply(of(a), of(b)),
+            Divide(a, b) => Divide(of(a), of(b)),
+            Fused(a, b, c) => Fused(of(a), of(b), of(c)),
+            Root(x) => Root(of(x)),
+            Absolute(x) => Absolute(of(x)),
+            Sine(x) => Sine(of(x)),
+            Cosine(x) => Cosine(of(x)),
+            Angle(y, x) => Angle(of(y), of(x)),
+            Select(x, y, a, b) => Select(of(x), of(y), of(a), of(b)),
+        }
+    }
+
     /// The operands.
     pub(crate) fn operands(&self) -> impl Iterator<Item = Term> + use<> {
-        use Operation::*;
-        let of = |comparison: Comparison| match comparison {
-            Comparison::Less(a, b) | Comparison::Equal(a, b) => [Some(a), Some(b)],
-        };
-        let list = match *self {
-            Input(_) => [None; 4],
-            Root(a) | Absolute(a) | Sine(a) | Cosine(a) => [Some(a), None, None, None],
-            Add(a, b) | Multiply(a, b) | Divide(a, b) | Angle(a, b) => {
-                [Some(a), Some(b), None, None]
-            }
-            Fused(a, b, c) => [Some(a), Some(b), Some(c), None],
-            Select(comparison, a, b) => {
-                let [x, y] = of(comparison);
-                [x, y, Some(a), Some(b)]
-            }
-        };
-        list.into_iter().flatten()
+        listed(|list| _ = self.map(list)).into_iter().flatten()
     }
+}
+
+/// The terms that a `map` visits.
+fn listed(visit: impl FnOnce(&mut dyn FnMut(Term) -> Term)) -> [Option<Term>; 4] {
+    let mut list = [None; 4];
+    let mut places = list.iter_mut();
+    visit(&mut |term| {
+        places.next().into_iter().for_each(|place| *place = Some(term));
+        term
+    });
+    list
 }
 
 /// Conditions under which the recorded numbers are the kernel's.
@@ -117,13 +141,19 @@ pub(crate) enum Check {
 }
 
 impl Check {
+    /// The check of other operands.
+    pub(crate) fn map(self, mut of: impl FnMut(Term) -> Term) -> Check {
+        match self {
+            Check::Branch(comparison, outcome) => Check::Branch(comparison.map(of), outcome),
+            Check::Finite(x) => Check::Finite(of(x)),
+            Check::Bounded(x, bound) => Check::Bounded(of(x), bound),
+            Check::NotZero(x) => Check::NotZero(of(x)),
+            Check::CertainAngle(y, x) => Check::CertainAngle(of(y), of(x)),
+        }
+    }
+
     pub(crate) fn operands(&self) -> impl Iterator<Item = Term> + use<> {
-        let list = match *self {
-            Check::Branch(Comparison::Less(a, b) | Comparison::Equal(a, b), _)
-            | Check::CertainAngle(a, b) => [Some(a), Some(b)],
-            Check::Finite(a) | Check::Bounded(a, _) | Check::NotZero(a) => [Some(a), None],
-        };
-        list.into_iter().flatten()
+        listed(|list| _ = self.map(list)).into_iter().flatten()
     }
 }
 

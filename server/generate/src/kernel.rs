@@ -1,14 +1,11 @@
 //! The straight-line code of one query on one robot, before it becomes C.
 
 use sarrus_dynamics::scalar::Real;
-use sarrus_dynamics::{Model, ModelInfo, Plan};
+use sarrus_dynamics::{ModelInfo, Plan};
 
-use crate::GenerateError;
-use crate::graph::{Check, Comparison, Operation, Term};
-use crate::prune;
+use crate::graph::{Check, Operation, Term};
 use crate::recorder::Limited;
 use crate::row::Row;
-use crate::trace;
 
 /// The state of an answer of generated code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,12 +36,6 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// Traces a plan on the model that it was made for, and compares the result with the plan's
-    /// answers on random states. Allocates.
-    pub fn trace(model: &Model<f64>, plan: &Plan) -> Result<Kernel, GenerateError> {
-        trace::kernel(model, plan)
-    }
-
     /// Arithmetic operations, as [`Plan::operations`] counts them; checks are none.
     pub fn operations(&self) -> usize {
         use Operation::*;
@@ -55,14 +46,6 @@ impl Kernel {
             _ => true,
         };
         self.operations.iter().filter(is_one).count()
-    }
-
-    /// The operations without the conditions under which their numbers are the plan's. It serves
-    /// only to measure the cost of the conditions. Allocates.
-    pub fn unchecked(&self) -> Kernel {
-        let mut kernel = Kernel { checks: Vec::new(), limited: Vec::new(), ..self.clone() };
-        prune::keep_live(&mut kernel);
-        kernel
     }
 
     /// How many numbers go in: the given ones, and those that [`Plan::close`] puts behind them.
@@ -129,13 +112,6 @@ fn apply(operation: &Operation, input: &[f64], values: &[f64]) -> f64 {
         Sine(x) => Real::sin_cos(of(x)).0,
         Cosine(x) => Real::sin_cos(of(x)).1,
         Angle(y, x) => Real::atan2(of(y), of(x)),
-        Select(comparison, a, b) => of(if compared(comparison, of) { a } else { b }),
-    }
-}
-
-fn compared(comparison: Comparison, of: impl Fn(Term) -> f64) -> bool {
-    match comparison {
-        Comparison::Less(a, b) => of(a) < of(b),
-        Comparison::Equal(a, b) => of(a) == of(b),
+        Select(x, y, a, b) => of(if of(x) < of(y) { a } else { b }),
     }
 }

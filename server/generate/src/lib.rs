@@ -30,9 +30,9 @@ mod scalar;
 mod states;
 mod trace;
 
-pub use c::Source;
-pub use compiler::{BuildError, Built, Compiler, FLAGS};
-pub use error::GenerateError;
+pub use c::{FLAGS, Source};
+pub use compiler::{Built, Compiler};
+pub use error::{BuildError, GenerateError};
 pub use kernel::{Kernel, Outcome};
 #[cfg(feature = "load")]
 pub use load::{Cache, CacheError, LoadError, Made, MakeError, NativeKernel, ObjectFile, Origin};

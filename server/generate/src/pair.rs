@@ -10,6 +10,7 @@
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
 use std::hash::{DefaultHasher, Hasher as _};
+use std::mem::discriminant;
 
 use crate::Kernel;
 use crate::graph::{Operation, Term};
@@ -37,24 +38,6 @@ pub(crate) struct Pairs<'a> {
     mates: Vec<Option<u32>>,
     lanes: Vec<u8>,
     pub(crate) steps: Vec<Step>,
-}
-
-/// The kind of an operation, without its operands.
-fn kind(operation: &Operation) -> u8 {
-    use Operation::*;
-    match operation {
-        Input(_) => 0,
-        Add(..) => 1,
-        Multiply(..) => 2,
-        Divide(..) => 3,
-        Fused(..) => 4,
-        Root(_) => 5,
-        Absolute(_) => 6,
-        Sine(_) => 7,
-        Cosine(_) => 8,
-        Angle(..) => 9,
-        Select(..) => 10,
-    }
 }
 
 /// True where an operation exists for two numbers at once.
@@ -146,7 +129,8 @@ impl<'a> Pairs<'a> {
 
     /// Pairs of operations that alone have their neighbourhood; of a few, the first two, and so on.
     fn seed(&mut self, steps: usize) {
-        let mut colors: Vec<u64> = self.operations.iter().map(|x| hashed(kind(x))).collect();
+        let mut colors: Vec<u64> =
+            self.operations.iter().map(|x| hashed(discriminant(x))).collect();
         for _ in 0..steps {
             let color = |(at, operation): (usize, &Operation)| {
                 let of = |x: Term| x.at().map_or(7, |at| colors[at as usize]);
@@ -154,7 +138,7 @@ impl<'a> Pairs<'a> {
                 from.sort_unstable();
                 let mut to: Vec<u64> = self.users[at].iter().map(|u| colors[*u as usize]).collect();
                 to.sort_unstable();
-                hashed((kind(operation), from, to))
+                hashed((discriminant(operation), from, to))
             };
             colors = self.operations.iter().enumerate().map(color).collect();
         }
@@ -182,7 +166,8 @@ impl<'a> Pairs<'a> {
                 (Some(p), Some(q)) if self.mate(p) == Some(q) => 3,
                 (Some(p), Some(q)) if p == q => 1,
                 (Some(p), Some(q)) => {
-                    i32::from(kind(self.operation(p)) == kind(self.operation(q))) - 1
+                    i32::from(discriminant(self.operation(p)) == discriminant(self.operation(q)))
+                        - 1
                 }
             };
             if fit(a[0], b[1]) + fit(a[1], b[0]) > fit(a[0], b[0]) + fit(a[1], b[1]) {
@@ -200,7 +185,7 @@ impl<'a> Pairs<'a> {
         if is_commutative(operation) && from.len() >= 2 {
             from[..2].sort_unstable();
         }
-        hashed((kind(operation), from))
+        hashed((discriminant(operation), from))
     }
 
     /// Joins the users of a pair's two nodes, and those of both.
@@ -237,7 +222,7 @@ impl<'a> Pairs<'a> {
                     && p != q
                     && self.mate(p).is_none()
                     && self.mate(q).is_none()
-                    && kind(self.operation(p)) == kind(self.operation(q))
+                    && discriminant(self.operation(p)) == discriminant(self.operation(q))
                 {
                     self.join(p, q);
                     spread = true;

@@ -3,7 +3,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use crate::graph::{Check, Comparison, Operation, Term};
+use crate::graph::{Check, Comparison, Term};
 use crate::row::Row;
 use crate::{Kernel, bound};
 
@@ -15,6 +15,16 @@ pub(crate) fn pruned(mut kernel: Kernel, dropped: &[u32]) -> Kernel {
     keep_strongest_bounds(&mut kernel);
     keep_live(&mut kernel);
     kernel
+}
+
+impl Kernel {
+    /// The operations without the conditions under which their numbers are the plan's. It serves
+    /// only to measure the cost of the conditions. Allocates.
+    pub fn unchecked(&self) -> Kernel {
+        let mut kernel = Kernel { checks: Vec::new(), limited: Vec::new(), ..self.clone() };
+        keep_live(&mut kernel);
+        kernel
+    }
 }
 
 /// True where a check is one of constants, and holds.
@@ -52,7 +62,7 @@ fn keep_strongest_bounds(kernel: &mut Kernel) {
 }
 
 /// Leaves out operations without users and renumbers the rest.
-pub(crate) fn keep_live(kernel: &mut Kernel) {
+fn keep_live(kernel: &mut Kernel) {
     let mut live = vec![false; kernel.operations.len()];
     let mut needs = |term: Term| term.at().into_iter().for_each(|at| live[at as usize] = true);
     kernel.outputs.iter().copied().for_each(&mut needs);
@@ -77,44 +87,8 @@ pub(crate) fn keep_live(kernel: &mut Kernel) {
     };
     let mut kept = live.iter();
     kernel.operations.retain(|_| kept.next().copied().unwrap_or(false));
-    kernel.operations.iter_mut().for_each(|operation| *operation = renumbered(*operation, moved));
+    kernel.operations.iter_mut().for_each(|operation| *operation = operation.map(moved));
     kernel.outputs.iter_mut().for_each(|term| *term = moved(*term));
     kernel.limited.iter_mut().for_each(|limited| limited.x = moved(limited.x));
-    for check in &mut kernel.checks {
-        *check = match *check {
-            Check::Branch(comparison, outcome) => {
-                Check::Branch(renumbered_comparison(comparison, moved), outcome)
-            }
-            Check::Finite(x) => Check::Finite(moved(x)),
-            Check::Bounded(x, bound) => Check::Bounded(moved(x), bound),
-            Check::NotZero(x) => Check::NotZero(moved(x)),
-            Check::CertainAngle(y, x) => Check::CertainAngle(moved(y), moved(x)),
-        };
-    }
-}
-
-fn renumbered(operation: Operation, moved: impl Fn(Term) -> Term + Copy) -> Operation {
-    use Operation::*;
-    match operation {
-        Input(k) => Input(k),
-        Add(a, b) => Add(moved(a), moved(b)),
-        Multiply(a, b) => Multiply(moved(a), moved(b)),
-        Divide(a, b) => Divide(moved(a), moved(b)),
-        Fused(a, b, c) => Fused(moved(a), moved(b), moved(c)),
-        Root(x) => Root(moved(x)),
-        Absolute(x) => Absolute(moved(x)),
-        Sine(x) => Sine(moved(x)),
-        Cosine(x) => Cosine(moved(x)),
-        Angle(y, x) => Angle(moved(y), moved(x)),
-        Select(comparison, a, b) => {
-            Select(renumbered_comparison(comparison, moved), moved(a), moved(b))
-        }
-    }
-}
-
-fn renumbered_comparison(comparison: Comparison, moved: impl Fn(Term) -> Term) -> Comparison {
-    match comparison {
-        Comparison::Less(a, b) => Comparison::Less(moved(a), moved(b)),
-        Comparison::Equal(a, b) => Comparison::Equal(moved(a), moved(b)),
-    }
+    kernel.checks.iter_mut().for_each(|check| *check = check.map(moved));
 }

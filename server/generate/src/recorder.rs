@@ -24,6 +24,15 @@ pub(crate) struct Decision {
     pub(crate) is_choice: bool,
 }
 
+/// A double of a recorded run: its value there, and the term that computes it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Traced {
+    pub(crate) value: f64,
+    pub(crate) term: Term,
+    /// Its zero may have the other sign.
+    pub(crate) loose: bool,
+}
+
 /// A number that is warned of outside of its limits.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Limited {
@@ -43,8 +52,8 @@ pub(crate) struct Record {
     /// Numbers that must be finite, because a product of them with zero was left out.
     pub(crate) dropped: Vec<u32>,
     pub(crate) limited: Vec<Limited>,
-    pub(crate) gains: Vec<crate::scalar::Traced>,
-    pub(crate) growths: Vec<crate::scalar::Traced>,
+    pub(crate) gains: Vec<Traced>,
+    pub(crate) growths: Vec<Traced>,
     pub(crate) obstacle: Option<Obstacle>,
     /// Largest number of operations.
     most: usize,
@@ -62,6 +71,11 @@ pub(crate) fn with<R>(run: impl FnOnce(&mut Record) -> R) -> R {
 /// Notes that this thread's run cannot be recorded; the first reason stays.
 pub(crate) fn stop(obstacle: Obstacle) {
     with(|record| record.stop(obstacle));
+}
+
+/// Notes a condition under which the record is the kernel.
+pub(crate) fn check(check: Check) {
+    with(|record| record.checks.push(check));
 }
 
 /// Starts a new record of up to this many operations.
@@ -96,21 +110,14 @@ impl Record {
 
     /// The comparison by which the kernel chooses: the last one. Kernels use a mask before they
     /// make the next one.
-    pub(crate) fn choice(&mut self, outcome: bool) -> Option<Comparison> {
+    pub(crate) fn choice(&mut self, outcome: bool) -> Option<(Term, Term)> {
         let last = self.last.and_then(|last| self.decisions.get_mut(last));
-        match last.filter(|last| last.outcome == outcome) {
-            Some(decision) => {
-                decision.is_choice = true;
-                Some(decision.comparison)
-            }
-            None => {
-                self.stop(Obstacle::UnknownChoice);
-                None
-            }
-        }
-    }
-
-    pub(crate) fn check(&mut self, check: Check) {
-        self.checks.push(check);
+        let last = last.filter(|last| last.outcome == outcome);
+        let Some(Decision { comparison: Comparison::Less(a, b), is_choice, .. }) = last else {
+            self.stop(Obstacle::UnknownChoice);
+            return None;
+        };
+        *is_choice = true;
+        Some((*a, *b))
     }
 }

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use rustix::fs::{MemfdFlags, memfd_create};
 use rustix::process::{Pid, Signal, kill_process_group};
 
-use crate::BuildError;
+use crate::error::BuildError;
 
 /// Between two looks whether the program is done.
 const LOOK: Duration = Duration::from_millis(10);

@@ -17,24 +17,11 @@ use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 use sarrus_dynamics::scalar::{BranchValue, Plain, Real, Six};
 
 use crate::graph::{Check, Comparison, Operation, Term};
-use crate::recorder::{self, Limited, Obstacle, Record};
-
-/// No node: a constant.
-const CONSTANT: u32 = u32::MAX;
-
-/// A double of a recorded run: its value there, and the node that computes it.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Traced {
-    pub(crate) value: f64,
-    at: u32,
-    negated: bool,
-    /// Its zero may have the other sign.
-    loose: bool,
-}
+use crate::recorder::{self, Limited, Obstacle, Record, Traced};
 
 impl Traced {
     pub(crate) const fn constant(value: f64) -> Traced {
-        Traced { value, at: CONSTANT, negated: false, loose: false }
+        Traced { value, term: Term::constant(value), loose: false }
     }
 
     /// Number `k` of the input.
@@ -45,24 +32,21 @@ impl Traced {
     /// The result of an operation.
     fn new(value: f64, operation: Operation, loose: bool) -> Traced {
         let at = recorder::with(|record| record.node(operation));
-        Traced { value, at, negated: false, loose }
+        Traced { value, term: Term::node(at), loose }
     }
 
-    pub(crate) fn term(self) -> Term {
-        if self.at == CONSTANT {
-            Term::constant(self.value)
+    /// As [`Traced::new`], and negated if `negated`; `value` is that of the result.
+    fn signed(value: f64, operation: Operation, loose: bool, negated: bool) -> Traced {
+        if negated {
+            -Traced::new(-value, operation, loose)
         } else {
-            Term::Node { at: self.at, negated: self.negated }
+            Traced::new(value, operation, loose)
         }
-    }
-
-    pub(crate) fn is_loose(self) -> bool {
-        self.loose
     }
 
     /// Where it is a constant, which one.
     fn known(self) -> Option<f64> {
-        (self.at == CONSTANT).then_some(self.value)
+        self.term.value()
     }
 
     fn is_zero(self) -> bool {
@@ -75,32 +59,25 @@ impl Traced {
 
     /// A zero by a product with `x`, which has to be finite.
     fn nothing_of(self) -> Traced {
-        if self.at != CONSTANT {
-            recorder::with(|record| record.dropped.push(self.at));
-        }
+        recorder::with(|record| record.dropped.extend(self.term.at()));
         Traced::constant(0.0).loosely(true)
     }
 
     /// The number before a zero was added to it, for operations that do not depend on its sign.
     fn stripped(self) -> Traced {
-        if self.at == CONSTANT {
-            return self;
-        }
-        let inner = recorder::with(|record| match record.graph.operations.get(self.at as usize) {
-            Some(Operation::Add(x, Term::Constant(0))) => Some(*x),
+        let Some(at) = self.term.at() else { return self };
+        let inner = recorder::with(|record| match record.graph.operations.get(at as usize) {
+            Some(Operation::Add(x @ Term::Node { .. }, Term::Constant(0))) => Some(*x),
             _ => None,
         });
-        match inner {
-            Some(Term::Node { at, negated }) => {
-                Traced { at, negated: negated != self.negated, loose: true, ..self }
-            }
-            _ => self,
-        }
+        let signed = |x: Term| if self.term.is_negated() { x.negated() } else { x };
+        inner.map_or(self, |x| Traced { term: signed(x), loose: true, ..self })
     }
 
     /// The operands of a commutative operation in the order of the graph.
     fn sorted(a: Traced, b: Traced) -> (Traced, Traced) {
-        if a.at <= b.at { (a, b) } else { (b, a) }
+        let place = |x: Traced| x.term.at().unwrap_or(u32::MAX);
+        if place(a) <= place(b) { (a, b) } else { (b, a) }
     }
 
     /// Records a comparison and returns its outcome.
@@ -112,14 +89,14 @@ impl Traced {
     fn less(self, other: Traced, may_choose: bool) -> bool {
         let a = self.stripped();
         let b = other.stripped();
-        Traced::decided(Comparison::Less(a.term(), b.term()), self.value < other.value, may_choose)
+        Traced::decided(Comparison::Less(a.term, b.term), self.value < other.value, may_choose)
     }
 }
 
 impl PartialEq for Traced {
     fn eq(&self, other: &Traced) -> bool {
-        let a = self.stripped().term();
-        let b = other.stripped().term();
+        let a = self.stripped().term;
+        let b = other.stripped().term;
         Traced::decided(Comparison::Equal(a, b), self.value == other.value, false)
     }
 }
@@ -161,13 +138,13 @@ impl Add for Traced {
             // x − 0 is x; x + 0 is 0 where x is −0
             (None, Some(0.0)) if other.value.is_sign_negative() && !other.loose => self,
             (None, Some(0.0)) if !other.loose => {
-                let x = self.stripped().term();
+                let x = self.stripped().term;
                 Traced::new(value, Operation::Add(x, Term::constant(0.0)), false)
             }
             (None, Some(0.0)) => self.loosely(true),
             _ => {
                 let (a, b) = Traced::sorted(self.stripped(), other.stripped());
-                Traced::new(value, Operation::Add(a.term(), b.term()), a.loose | b.loose)
+                Traced::new(value, Operation::Add(a.term, b.term), a.loose | b.loose)
             }
         }
     }
@@ -193,13 +170,9 @@ impl Mul for Traced {
             _ => {
                 let (a, b) = Traced::sorted(self.stripped(), other.stripped());
                 // (−a) b = −(a b), and of a constant factor the sign belongs to the constant
-                let is_signed = |x: Traced| x.at != CONSTANT && x.negated;
-                let negated = is_signed(a) != is_signed(b);
-                let x = a.term().unsigned();
-                let y = b.term().unsigned();
-                let product = if negated { -value } else { value };
-                let product = Traced::new(product, Operation::Multiply(x, y), a.loose | b.loose);
-                if negated { -product } else { product }
+                let product = Operation::Multiply(a.term.unsigned(), b.term.unsigned());
+                let negated = a.term.is_negated() != b.term.is_negated();
+                Traced::signed(value, product, a.loose | b.loose, negated)
             }
         }
     }
@@ -217,7 +190,7 @@ impl Div for Traced {
             (_, Some(-1.0)) => return -self,
             // nothing, divided by something
             (Some(0.0), None) => {
-                recorder::with(|record| record.check(Check::NotZero(b.term())));
+                recorder::check(Check::NotZero(b.term));
                 return b.nothing_of();
             }
             // the quotient by a power of two is the product with its inverse
@@ -226,16 +199,14 @@ impl Div for Traced {
             }
             _ => {}
         }
-        let negated = (a.at != CONSTANT && a.negated) != (b.at != CONSTANT && b.negated);
-        let quotient = if negated { -value } else { value };
-        let operation = Operation::Divide(a.term().unsigned(), b.term().unsigned());
-        let quotient = Traced::new(quotient, operation, a.loose);
+        let negated = a.term.is_negated() != b.term.is_negated();
+        let quotient = Operation::Divide(a.term.unsigned(), b.term.unsigned());
+        let quotient = Traced::signed(value, quotient, a.loose, negated);
         // where the sign of a zero would matter, no quotient is finite
         if b.loose {
-            let at = quotient.term();
-            recorder::with(|record| record.check(Check::Finite(at)));
+            recorder::check(Check::Finite(quotient.term.unsigned()));
         }
-        if negated { -quotient } else { quotient }
+        quotient
     }
 }
 
@@ -247,28 +218,21 @@ fn is_power_of_two(x: f64) -> bool {
 impl Neg for Traced {
     type Output = Traced;
     fn neg(self) -> Traced {
-        let negated = self.at != CONSTANT && !self.negated;
-        Traced { value: -self.value, negated, ..self }
+        Traced { value: -self.value, term: self.term.negated(), ..self }
     }
 }
 
-impl AddAssign for Traced {
-    fn add_assign(&mut self, other: Traced) {
-        *self = *self + other;
-    }
+macro_rules! assign {
+    ($($trait:ident: $method:ident $operation:tt),*) => {$(
+        impl $trait for Traced {
+            fn $method(&mut self, other: Traced) {
+                *self = *self $operation other;
+            }
+        }
+    )*};
 }
 
-impl SubAssign for Traced {
-    fn sub_assign(&mut self, other: Traced) {
-        *self = *self - other;
-    }
-}
-
-impl MulAssign for Traced {
-    fn mul_assign(&mut self, other: Traced) {
-        *self = *self * other;
-    }
-}
+assign!(AddAssign: add_assign +, SubAssign: sub_assign -, MulAssign: mul_assign *);
 
 impl Real for Traced {
     type Triple = Plain<Traced>;
@@ -283,9 +247,7 @@ impl Real for Traced {
         Traced::constant(x)
     }
     fn mul_add(self, a: Traced, b: Traced) -> Traced {
-        let x = self;
-        let y = a;
-        let c = b;
+        let [x, y, c] = [self, a, b];
         let value = f64::mul_add(x.value, y.value, c.value);
         match (x.known(), y.known()) {
             (Some(_), None) => return y.mul_add(x, c),
@@ -311,9 +273,9 @@ impl Real for Traced {
         }
         let (a, b) = Traced::sorted(x.stripped(), y.stripped());
         let c = c.stripped();
-        let negated = a.term().is_negated() != b.term().is_negated();
-        let p = a.term().unsigned();
-        let q = b.term().unsigned();
+        let negated = a.term.is_negated() != b.term.is_negated();
+        let p = a.term.unsigned();
+        let q = b.term.unsigned();
         // a sign before the product belongs to its constant, if it has one
         let (p, q) = match q {
             _ if !negated => (p, q),
@@ -321,14 +283,14 @@ impl Real for Traced {
             Term::Node { .. } => (p.negated(), q),
         };
         let loose = a.loose | b.loose | c.loose;
-        Traced::new(value, Operation::Fused(p, q, c.term()), loose)
+        Traced::new(value, Operation::Fused(p, q, c.term), loose)
     }
     fn sqrt(self) -> Traced {
         match self.known() {
             Some(x) => Traced::constant(x.sqrt()).loosely(self.loose),
             None => {
                 let x = self.stripped();
-                Traced::new(self.value.sqrt(), Operation::Root(x.term()), x.loose)
+                Traced::new(self.value.sqrt(), Operation::Root(x.term), x.loose)
             }
         }
     }
@@ -336,7 +298,7 @@ impl Real for Traced {
         match self.known() {
             Some(x) => Traced::constant(x.abs()),
             None => {
-                let x = self.stripped().term().unsigned();
+                let x = self.stripped().term.unsigned();
                 Traced::new(self.value.abs(), Operation::Absolute(x), false)
             }
         }
@@ -348,11 +310,9 @@ impl Real for Traced {
         }
         // sin(−x) = −sin x and cos(−x) = cos x to the bit
         let x = self.stripped();
-        let negated = x.negated;
-        let at = x.term().unsigned();
-        let sine = Traced::new(if negated { -s } else { s }, Operation::Sine(at), x.loose);
-        let cosine = Traced::new(c, Operation::Cosine(at), false);
-        (if negated { -sine } else { sine }, cosine)
+        let of = x.term.unsigned();
+        let sine = Traced::signed(s, Operation::Sine(of), x.loose, x.term.is_negated());
+        (sine, Traced::new(c, Operation::Cosine(of), false))
     }
     fn atan2(self, x: Traced) -> Traced {
         let value = Real::atan2(self.value, x.value);
@@ -362,17 +322,16 @@ impl Real for Traced {
             return Traced::constant(value);
         }
         if a.loose | b.loose {
-            recorder::with(|record| record.check(Check::CertainAngle(a.term(), b.term())));
+            recorder::check(Check::CertainAngle(a.term, b.term));
         }
-        Traced::new(value, Operation::Angle(a.term(), b.term()), a.loose)
+        Traced::new(value, Operation::Angle(a.term, b.term), a.loose)
     }
     fn lt(self, other: Traced) -> bool {
         self.less(other, true)
     }
     fn is_finite(self) -> bool {
         if self.known().is_none() {
-            let term = self.stripped().term().unsigned();
-            recorder::with(|record| record.check(Check::Finite(term)));
+            recorder::check(Check::Finite(self.stripped().term.unsigned()));
         }
         self.value.is_finite()
     }
@@ -381,16 +340,16 @@ impl Real for Traced {
         let value = if condition { a.value } else { b.value };
         match comparison {
             // of constants, or between two that are the same
-            Some(Comparison::Less(Term::Constant(_), Term::Constant(_))) | None => {
+            Some((Term::Constant(_), Term::Constant(_))) | None => {
                 if condition {
                     a
                 } else {
                     b
                 }
             }
-            Some(_) if a.term() == b.term() => a.loosely(b.loose),
-            Some(comparison) => {
-                let operation = Operation::Select(comparison, a.term(), b.term());
+            Some(_) if a.term == b.term => a.loosely(b.loose),
+            Some((x, y)) => {
+                let operation = Operation::Select(x, y, a.term, b.term);
                 Traced::new(value, operation, a.loose | b.loose)
             }
         }
@@ -405,7 +364,7 @@ impl Real for Traced {
 
     fn to_branch_value(self, figure: BranchValue) -> f64 {
         let known = self.known();
-        let x = self.stripped().term();
+        let x = self.stripped().term;
         recorder::with(|record: &mut Record| match figure {
             BranchValue::Gain => record.gains.push(self),
             BranchValue::Growth => record.growths.push(self),

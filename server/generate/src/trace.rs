@@ -6,8 +6,7 @@ use sarrus_dynamics::{
 };
 
 use crate::graph::{Check, Comparison};
-use crate::recorder::{self, Obstacle, Record};
-use crate::scalar::Traced;
+use crate::recorder::{self, Obstacle, Record, Traced};
 use crate::{GenerateError, Kernel, Outcome, RandomInputs, prune};
 
 /// Most operations that are recorded, and that are left for a compiler.
@@ -36,50 +35,53 @@ const GIVEN: FieldSet = FieldSet::of(&[
     Field::Wrenches,
 ]);
 
-/// Traces a plan where most states go, and compares.
-pub(crate) fn kernel(model: &Model<f64>, plan: &Plan) -> Result<Kernel, GenerateError> {
-    check_fields(plan)?;
-    let mut generic = Generic::new(model, plan);
-    let mut states = Vec::new();
-    let mut last = Status::Ok;
-    for k in 0..TRIED {
-        let input = generic.inputs.input(k);
-        let (status, warnings) = generic.answer(&input);
-        last = status;
-        if status == Status::Ok && warnings == Warnings::NONE {
-            states.extend(generic.closed(&input));
-        }
-    }
-    // the traced branch that serves most of them
-    let mut best: Option<(usize, Kernel)> = None;
-    let mut refused = None;
-    for state in states.iter().take(TRACED) {
-        let kernel = match at_state(model, plan, state, &states) {
-            Ok(kernel) => kernel,
-            Err(error) => {
-                refused.get_or_insert(error);
-                continue;
+impl Kernel {
+    /// Traces a plan on the model that it was made for, where most random states go, and compares
+    /// the result with the plan's answers on others. Allocates.
+    pub fn trace(model: &Model<f64>, plan: &Plan) -> Result<Kernel, GenerateError> {
+        check_fields(plan)?;
+        let mut generic = Generic::new(model, plan);
+        let mut states = Vec::new();
+        let mut last = Status::Ok;
+        for k in 0..TRIED {
+            let input = generic.inputs.input(k);
+            let (status, warnings) = generic.answer(&input);
+            last = status;
+            if status == Status::Ok && warnings == Warnings::NONE {
+                states.extend(generic.closed(&input));
             }
+        }
+        // the traced branch that serves most of them
+        let mut best: Option<(usize, Kernel)> = None;
+        let mut refused = None;
+        for state in states.iter().take(TRACED) {
+            let kernel = match at_state(model, plan, state, &states) {
+                Ok(kernel) => kernel,
+                Err(error) => {
+                    refused.get_or_insert(error);
+                    continue;
+                }
+            };
+            let served = states.iter().filter(|state| is_served(&kernel, state)).count();
+            if best.as_ref().is_none_or(|(most, _)| *most < served) {
+                best = Some((served, kernel));
+            }
+            if served == states.len() {
+                break;
+            }
+        }
+        let kernel = match (best, refused) {
+            (Some((1.., kernel)), _) => kernel,
+            (Some(_), _) => return Err(GenerateError::Unserved { states: states.len() }),
+            (None, Some(error)) => return Err(error),
+            (None, None) => return Err(GenerateError::NoState { tried: TRIED as usize, last }),
         };
-        let served = states.iter().filter(|state| is_served(&kernel, state)).count();
-        if best.as_ref().is_none_or(|(most, _)| *most < served) {
-            best = Some((served, kernel));
+        for k in 0..COMPARED {
+            let input = generic.inputs.input(TRIED + k);
+            generic.compare(&kernel, &input)?;
         }
-        if served == states.len() {
-            break;
-        }
+        Ok(kernel)
     }
-    let kernel = match (best, refused) {
-        (Some((1.., kernel)), _) => kernel,
-        (Some(_), _) => return Err(GenerateError::Unserved { states: states.len() }),
-        (None, Some(error)) => return Err(error),
-        (None, None) => return Err(GenerateError::NoState { tried: TRIED as usize, last }),
-    };
-    for k in 0..COMPARED {
-        let input = generic.inputs.input(TRIED + k);
-        generic.compare(&kernel, &input)?;
-    }
-    Ok(kernel)
 }
 
 fn is_served(kernel: &Kernel, state: &[f64]) -> bool {
@@ -128,12 +130,12 @@ fn at_state(
     };
     let branches = decisions.iter().filter(|x| !x.is_choice && !is_known(x.comparison));
     checks.extend(branches.map(|x| Check::Branch(x.comparison, x.outcome)));
-    checks.extend(output.iter().filter(|x| x.is_loose()).map(|x| Check::NotZero(x.term())));
+    checks.extend(output.iter().filter(|x| x.loose).map(|x| Check::NotZero(x.term)));
     let kernel = Kernel {
         info: model.info().clone(),
         plan: plan.clone(),
         operations: graph.operations,
-        outputs: output.iter().map(|x| x.term()).collect(),
+        outputs: output.iter().map(|x| x.term).collect(),
         checks,
         limited,
         golden: states.iter().take(GOLDEN).cloned().collect(),
@@ -152,13 +154,13 @@ fn record_doubt() {
     let larger = |a: Traced, b: Traced| Traced::select(a.lt(b), b, a);
     // the larger of two does not reveal NaN
     for x in gains.iter().chain(&growths) {
-        recorder::with(|record| record.check(Check::Finite(x.term())));
+        recorder::check(Check::Finite(x.term));
     }
     let gain = gains.into_iter().fold(Traced::ONE, larger);
     let growth =
         growths.into_iter().fold(gain * gain.sqrt(), |product, x| product * larger(Traced::ONE, x));
-    let bound = Comparison::Less(growth.term(), Traced::constant(SURE).term());
-    recorder::with(|record| record.check(Check::Branch(bound, true)));
+    let bound = Comparison::Less(growth.term, Traced::constant(SURE).term);
+    recorder::check(Check::Branch(bound, true));
 }
 
 /// The generic kernel.

@@ -17,9 +17,9 @@ use crate::Outcome;
 use crate::measure::Effort;
 use crate::measure::progress::Progress;
 use crate::measure::timing::interleaved;
-use crate::page::{Section, Table, exponent};
+use crate::page::{Section, Table, columns, exponent};
 use crate::peer::{Peer, Run, pinocchio};
-use crate::reference::{References, layout, only_q, worse};
+use crate::reference::{References, layout, worse};
 use crate::robots::catalogue::BUNDLED;
 use crate::robots::{Question, Robot, Start, Subject};
 
@@ -82,22 +82,10 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
             amount.states,
             compiler.name()
         ),
-        columns: [
-            "robot",
-            "asked",
-            "operations",
-            "plan",
-            "with code",
-            "in rows",
-            "code",
-            "bare",
-            "code / bare",
-            "largest error",
-            "peer",
-            "peer / ours",
-        ]
-        .map(str::to_owned)
-        .into(),
+        columns: columns(
+            "robot | asked | operations | plan | with code | in rows | code | bare | \
+            code / bare | largest error | peer | peer / ours",
+        ),
         rows: rows.iter().map(Row::cells).collect(),
     });
     if !refused.is_empty() {
@@ -105,7 +93,7 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
             id: "generated-refused".into(),
             title: "Left to the plan".into(),
             caption: "What has no straight-line code, and why.".into(),
-            columns: ["robot", "asked", "reason"].map(str::to_owned).into(),
+            columns: columns("robot | asked | reason"),
             rows: refused,
         });
     }
@@ -252,7 +240,7 @@ fn of_robot(
             plan: times[3 * k].median(),
             error,
             code,
-            peer: fastest(robot, &mut references, (question, start), &runs, least)?,
+            peer: fastest(&mut references, (question, start), &runs, least)?,
         });
     }
     Ok(())
@@ -260,25 +248,16 @@ fn of_robot(
 
 /// Nanoseconds of the fastest run of a peer whose largest error is at most `bound`.
 fn fastest(
-    robot: &Robot,
     references: &mut References<'_>,
     (question, start): (Question, Start),
     runs: &[Run],
     bound: f64,
 ) -> Outcome<Option<f64>> {
-    let want = if question == Question::State { only_q(robot) } else { layout(robot, question) };
     let mut fastest: Option<f64> = None;
     for run in runs.iter().filter(|run| run.question == question) {
         let mut worst = 0.0_f64;
         for (state, answer) in run.answers.iter().enumerate() {
-            let fits = answer.len() == want.len();
-            worst = worse(
-                worst,
-                match fits {
-                    true => references.error((question, 0, start), &want, state, answer)?,
-                    false => f64::NAN,
-                },
-            );
+            worst = worse(worst, references.of_peer((question, start), state, answer)?);
         }
         if worst <= bound {
             fastest = Some(fastest.map_or(run.ns, |ns| ns.min(run.ns)));

@@ -10,7 +10,7 @@ use crate::Outcome;
 use crate::measure::Effort;
 use crate::measure::progress::Progress;
 use crate::measure::timing::{Timed, interleaved};
-use crate::page::{Section, Table};
+use crate::page::{Section, Table, columns};
 use crate::robots::catalogue::BUNDLED;
 use crate::robots::{Question, Robot, State, Subject, packed};
 
@@ -23,6 +23,13 @@ struct Pair {
     same: FieldSet,
     /// The state is at rest in the whole question, which gives rates of zero.
     rest: bool,
+}
+
+impl Pair {
+    /// A part whose every field stands in the whole answer.
+    fn new(words: String, whole: Query, part: Query) -> Pair {
+        Pair { words, whole, part, same: part.want, rest: false }
+    }
 }
 
 /// Fills the section.
@@ -57,20 +64,10 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
             medians of batches that take turns, from y without a guess; the ratio of the times. \
             Bits: every number of the part is that of the whole answer."
             .into(),
-        columns: [
-            "robot",
-            "asked",
-            "bodies",
-            "loops",
-            "operations",
-            "of the whole",
-            "ns",
-            "ns of the whole",
-            "ratio",
-            "same bits",
-        ]
-        .map(str::to_owned)
-        .into(),
+        columns: columns(
+            "robot | asked | bodies | loops | operations | of the whole | ns | ns of the whole | \
+            ratio | same bits",
+        ),
         rows,
     });
     Ok(section)
@@ -138,43 +135,22 @@ fn pairs(model: &Model) -> Outcome<Vec<Pair>> {
     for (_, link, part) in links.first().into_iter().chain(links.last()) {
         let mut whole = *part;
         whole.want |= FieldSet::of(&[Q, U]);
-        pairs.push(Pair {
-            words: format!("pose of {}", model.link_names()[*link]),
-            whole,
-            part: *part,
-            same: part.want,
-            rest: false,
-        });
+        pairs.push(Pair::new(format!("pose of {}", model.link_names()[*link]), whole, *part));
     }
 
     let part = Query { want: FieldSet::of(&[Q, U]), ..state };
-    pairs.push(Pair {
-        words: "positions of a motion".into(),
-        whole: state,
-        part,
-        same: part.want,
-        rest: false,
-    });
+    pairs.push(Pair::new("positions of a motion".into(), state, part));
 
     let whole = Question::InverseDynamics.query();
     let last = model.active_names().last();
     let joint = last.and_then(|name| model.tree_names().iter().position(|other| other == name));
     if let Some((name, v)) = last.zip(joint) {
-        pairs.push(Pair {
-            words: format!("force of {name}"),
-            whole,
-            part: whole.with_joints([v as u16]),
-            same: FieldSet::EMPTY,
-            rest: false,
-        });
+        let part = whole.with_joints([v as u16]);
+        let pair = Pair::new(format!("force of {name}"), whole, part);
+        pairs.push(Pair { same: FieldSet::EMPTY, ..pair });
     }
-    pairs.push(Pair {
-        words: "gravity".into(),
-        whole,
-        part: Query { given: FieldSet::of(&[Y]), ..whole },
-        same: whole.want,
-        rest: true,
-    });
+    let part = Query { given: FieldSet::of(&[Y]), ..whole };
+    pairs.push(Pair { rest: true, ..Pair::new("gravity".into(), whole, part) });
     Ok(pairs)
 }
 

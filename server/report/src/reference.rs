@@ -152,6 +152,24 @@ impl<'a> References<'a> {
             exact.error(answer)
         })
     }
+
+    /// The error of a peer's answer; of a state q alone. NaN where it does not have every number.
+    pub(crate) fn of_peer(
+        &mut self,
+        (question, start): (Question, Start),
+        state: usize,
+        answer: &[f64],
+    ) -> Outcome<f64> {
+        let want = if question == Question::State {
+            only_q(self.robot)
+        } else {
+            layout(self.robot, question)
+        };
+        if answer.len() != want.len() {
+            return Ok(f64::NAN);
+        }
+        self.error((question, 0, start), &want, state, answer)
+    }
 }
 
 /// The numbers of a question to this robot.
@@ -160,7 +178,7 @@ pub(crate) fn layout(robot: &Robot, question: Question) -> Layout {
 }
 
 /// The numbers of an answer that is q alone.
-pub(crate) fn only_q(robot: &Robot) -> Layout {
+fn only_q(robot: &Robot) -> Layout {
     let mut query = Question::State.query();
     query.want = FieldSet::of(&[Field::Q]);
     Layout::of_want(&query, robot.variants[0].compiled.model.info())

@@ -1,11 +1,9 @@
-//! `sarrus completions`: what a shell needs to complete the command line.
-
-use std::process::ExitCode;
+//! `sarrus completions`: the script with which a shell completes the command line.
 
 use clap::{Args, Command};
 use clap_complete::Shell;
 
-use super::output::finish;
+use super::output::{Outcome, Results};
 
 /// Flags of `completions`.
 #[derive(Args)]
@@ -15,9 +13,9 @@ pub(crate) struct Completions {
 }
 
 impl Completions {
-    pub(crate) fn run(self, mut program: Command) -> ExitCode {
+    pub(crate) fn run(self, mut program: Command) -> Outcome {
         let mut script = Vec::new();
         clap_complete::generate(self.shell, &mut program, "sarrus", &mut script);
-        finish("completions", &String::from_utf8_lossy(&script), 0)
+        Ok(Results { text: String::from_utf8_lossy(&script).into_owned(), code: 0 })
     }
 }

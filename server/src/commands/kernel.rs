@@ -1,4 +1,4 @@
-//! `--kernel`: by which code queries are answered. The numbers are the same.
+//! `--kernel`: the code that answers queries. The bits of the answers are the same.
 
 use std::convert::Infallible;
 use std::path::PathBuf;
@@ -9,9 +9,9 @@ use std::str::FromStr;
 pub(crate) enum KernelFlag {
     /// The generic kernels alone.
     None,
-    /// Generated ones, where they can be made.
+    /// Generated kernels, where they can be made.
     Auto,
-    /// One generated one; a file called `auto` is `./auto`.
+    /// One generated kernel; a file called `auto` is `./auto`.
     File(PathBuf),
 }
 

@@ -2,30 +2,23 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use clap::{Args, Command};
 use clap_mangen::Man as Page;
 
-use super::output::write_new;
+use super::output::{Failure, Outcome, write_new};
 
 /// Flags of `man`.
 #[derive(Args)]
 pub(crate) struct Man {
-    /// Folder of section 1, such as ~/.local/share/man/man1; it is made where it is missing. Pages
-    /// that are there stay: remove those of another version first.
+    /// Folder of section 1, such as ~/.local/share/man/man1; made where it is missing. Pages that
+    /// exist stay: remove those of another version first.
     folder: PathBuf,
 }
 
 impl Man {
-    pub(crate) fn run(self, program: Command) -> ExitCode {
-        match pages(program, &self.folder) {
-            Ok(pages) => write_new("man", &self.folder, &pages),
-            Err(error) => {
-                eprintln!("sarrus man: {error}");
-                ExitCode::from(2)
-            }
-        }
+    pub(crate) fn run(self, program: Command) -> Outcome {
+        write_new(&self.folder, &pages(program, &self.folder).map_err(Failure::start)?)
     }
 }
 
@@ -35,7 +28,8 @@ fn pages(program: Command, folder: &Path) -> io::Result<Vec<(PathBuf, Vec<u8>)>>
     program.build();
     let commands: Vec<Command> = program.get_subcommands().cloned().collect();
     let page = |command: Command| {
-        let (page, mut text) = (Page::new(command), Vec::new());
+        let page = Page::new(command);
+        let mut text = Vec::new();
         page.render(&mut text)?;
         Ok((folder.join(page.get_filename()), text))
     };

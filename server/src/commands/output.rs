@@ -1,4 +1,4 @@
-//! Results on stdout.
+//! Results on stdout, reasons for their absence on stderr.
 
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
@@ -9,28 +9,119 @@ use std::process::ExitCode;
 use clap::{Args, ValueEnum};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::Errno;
+use sarrus_client::LoadError;
+use serde::Serialize;
+
+use super::robot::diagnostics;
 
 /// How results are printed.
 #[derive(Args)]
 pub(crate) struct FormatFlag {
     /// How results are printed.
     #[arg(long, value_enum, value_name = "FORMAT", default_value_t = Format::Text)]
-    pub(crate) format: Format,
+    format: Format,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Format {
+enum Format {
     /// For people.
     Text,
     /// For scripts.
     Json,
 }
 
-/// Writes bytes to stdout, all of them. Where it does not wait, this does; the standard library
-/// takes one that cannot be written for one that nobody reads.
+impl FormatFlag {
+    /// A value as one line of JSON, or as text.
+    pub(crate) fn render<T: Serialize>(
+        &self,
+        value: &T,
+        text: impl FnOnce(&T) -> String,
+    ) -> String {
+        match self.format {
+            // text, numbers and lists always serialise
+            Format::Json => serde_json::to_string(value).unwrap_or_default() + "\n",
+            Format::Text => text(value),
+        }
+    }
+}
+
+/// The results of a command, or the reason why there are none.
+pub(crate) type Outcome = Result<Results, Failure>;
+
+/// The text for stdout and the exit code.
+pub(crate) struct Results {
+    pub(crate) text: String,
+    pub(crate) code: u8,
+}
+
+/// The text for stderr and the exit code.
+pub(crate) struct Failure {
+    pub(crate) reason: String,
+    /// The reason is `check`'s report: lines of their own without the command's name.
+    pub(crate) is_report: bool,
+    pub(crate) code: u8,
+}
+
+impl Failure {
+    /// Wrong flags, or a command that cannot start.
+    pub(crate) fn start(reason: impl ToString) -> Failure {
+        Failure { reason: reason.to_string(), is_report: false, code: 2 }
+    }
+
+    /// A finding that leaves no results.
+    pub(crate) fn finding(reason: impl ToString) -> Failure {
+        Failure { code: 1, ..Failure::start(reason) }
+    }
+
+    /// Prints the reason; the exit code.
+    pub(crate) fn report(&self, command: &str) -> ExitCode {
+        match self.is_report {
+            true => eprint!("{}", self.reason),
+            false => eprintln!("sarrus {command}: {}", self.reason),
+        }
+        ExitCode::from(self.code)
+    }
+}
+
+impl From<LoadError> for Failure {
+    fn from(error: LoadError) -> Failure {
+        match error {
+            LoadError::Faults(report) => Failure {
+                reason: diagnostics(&report.errors, &report.warnings),
+                is_report: true,
+                code: 1,
+            },
+            other => Failure::start(other),
+        }
+    }
+}
+
+/// Prints the outcome of a command; the exit code.
+pub(crate) fn conclude(command: &str, outcome: Outcome) -> ExitCode {
+    match outcome.and_then(print_results) {
+        Ok(code) => ExitCode::from(code),
+        Err(failure) => failure.report(command),
+    }
+}
+
+fn print_results(results: Results) -> Result<u8, Failure> {
+    if results.text.is_empty() {
+        return Ok(results.code);
+    }
+    match print(results.text.as_bytes()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(Failure::start(format!("the results cannot be written: {error}")))
+        }
+        // a reader may close the pipe after the first lines
+        _ => Ok(results.code),
+    }
+}
+
+/// Writes all bytes to stdout, also where stdout is opened not to block. The standard library
+/// reports success for a stdout that cannot be written.
 pub(crate) fn print(mut bytes: &[u8]) -> io::Result<()> {
     let mut out = io::stdout().lock();
-    // what others left there goes first
+    // text that is still buffered goes first
     out.flush()?;
     while !bytes.is_empty() {
         match rustix::io::write(&out, bytes) {
@@ -45,30 +136,20 @@ pub(crate) fn print(mut bytes: &[u8]) -> io::Result<()> {
 }
 
 /// Waits until a stream can be read or written, or has ended.
-pub(crate) fn wait_for(stream: &impl AsFd, what: PollFlags) -> io::Result<()> {
-    match poll(&mut [PollFd::new(stream, what)], None) {
+pub(crate) fn wait_for(stream: &impl AsFd, event: PollFlags) -> io::Result<()> {
+    match poll(&mut [PollFd::new(stream, event)], None) {
         Ok(_) | Err(Errno::INTR) => Ok(()),
         Err(error) => Err(error.into()),
     }
 }
 
-/// Writes files into a folder and prints their names: all of them or none, and no file that is
-/// there is written over. 2 where that cannot be.
-pub(crate) fn write_new(command: &str, folder: &Path, files: &[(PathBuf, Vec<u8>)]) -> ExitCode {
-    match try_write_new(folder, files) {
-        Ok(()) => {
-            let lines = files.iter().map(|(path, _)| format!("{}\n", path.display()));
-            finish(command, &lines.collect::<String>(), 0)
-        }
-        Err((path, error)) => {
-            eprintln!("sarrus {command}: {} cannot be written: {error}", path.display());
-            ExitCode::from(2)
-        }
-    }
-}
-
-fn try_write_new(folder: &Path, files: &[(PathBuf, Vec<u8>)]) -> Result<(), (PathBuf, io::Error)> {
-    fs::create_dir_all(folder).map_err(|error| (folder.to_owned(), error))?;
+/// Writes files into a folder, all or none, and never over an existing file; the results are their
+/// names.
+pub(crate) fn write_new(folder: &Path, files: &[(PathBuf, Vec<u8>)]) -> Outcome {
+    let failed = |path: &Path, error| {
+        Failure::start(format!("{} cannot be written: {error}", path.display()))
+    };
+    fs::create_dir_all(folder).map_err(|error| failed(folder, error))?;
     let mut made = Vec::new();
     for (path, text) in files {
         let written = File::create_new(path).and_then(|mut file| {
@@ -79,28 +160,16 @@ fn try_write_new(folder: &Path, files: &[(PathBuf, Vec<u8>)]) -> Result<(), (Pat
             for path in made {
                 let _ = fs::remove_file(path);
             }
-            return Err((path.clone(), error));
+            return Err(failed(path, error));
         }
     }
-    Ok(())
+    let lines = files.iter().map(|(path, _)| format!("{}\n", path.display()));
+    Ok(Results { text: lines.collect(), code: 0 })
 }
 
-/// Prints the results of a command that ends with `code`.
-pub(crate) fn finish(command: &str, results: &str, code: u8) -> ExitCode {
-    match print(results.as_bytes()) {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            eprintln!("sarrus {command}: the results cannot be written: {error}");
-            ExitCode::from(2)
-        }
-        // who reads only the first lines has what they wanted
-        _ => ExitCode::from(code),
-    }
-}
-
-/// A value that serialises, as one line.
-pub(crate) fn json_line<T: serde::Serialize>(value: &T) -> String {
-    // text, numbers and lists: there is nothing in it that cannot be written
-    serde_json::to_string(value).unwrap_or_default() + "\n"
+/// One line with a label in a column of its own.
+pub(crate) fn labelled(label: &str, text: impl std::fmt::Display) -> String {
+    format!("{label:<12} {text}\n")
 }
 
 /// Rows under heads, columns aligned: numbers to the right, words to the left.
@@ -109,20 +178,14 @@ pub(crate) fn table(heads: &[&str], rows: &[Vec<String>]) -> String {
     let mut lines = vec![String::new(); rows.len() + 1];
     for (k, head) in heads.iter().enumerate() {
         let column = || rows.iter().filter_map(|row| row.get(k));
-        let width = column()
-            .map(|cell| cell.chars().count())
-            .chain([head.chars().count()])
-            .max()
-            .unwrap_or(0);
+        let cells = || [*head].into_iter().chain(column().map(String::as_str));
+        let width = cells().map(|cell| cell.chars().count()).max().unwrap_or(0);
         let right = column().all(is_number);
-        for (line, cell) in
-            lines.iter_mut().zip([*head].into_iter().chain(column().map(String::as_str)))
-        {
+        for (line, cell) in lines.iter_mut().zip(cells()) {
             let gap = if line.is_empty() { "" } else { "  " };
-            *line += &if right {
-                format!("{gap}{cell:>width$}")
-            } else {
-                format!("{gap}{cell:<width$}")
+            *line += &match right {
+                true => format!("{gap}{cell:>width$}"),
+                false => format!("{gap}{cell:<width$}"),
             };
         }
     }

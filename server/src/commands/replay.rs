@@ -2,21 +2,21 @@
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use clap::Args;
 use sarrus_client::{LoadError, Source};
 use sarrus_models::Loaded;
-use sarrus_server::record::{RecordedRobot, Recording, RecordingError, Replayed, replay};
+use sarrus_server::record::{
+    Difference, RecordedRobot, Recording, RecordingError, Replayed, replay,
+};
 
-use super::output::{Format, FormatFlag, finish, json_line, table};
+use super::output::{Failure, FormatFlag, Outcome, Results, table};
 use super::progress::Progress;
-use super::robot::refuse;
 
 /// Flags of `replay`.
 #[derive(Args)]
 pub(crate) struct Replay {
-    /// What `sarrus serve --record` wrote; it may still be writing.
+    /// The file of `sarrus serve --record`, also of a server that is still running.
     file: PathBuf,
     /// A bundled robot instead of the one in the file.
     #[arg(long, value_name = "NAME")]
@@ -32,37 +32,18 @@ pub(crate) struct Replay {
 }
 
 impl Replay {
-    pub(crate) fn run(self) -> ExitCode {
-        let unreadable = |error: &RecordingError| {
-            eprintln!("sarrus replay: {}: {error}", self.file.display());
-            ExitCode::from(2)
-        };
-        let mut recording = match open(&self.file) {
-            Ok(recording) => recording,
-            Err(error) => return unreadable(&error),
-        };
-        let loaded = match self.load(recording.robot()) {
-            Ok(loaded) => loaded,
-            // a recording's robot has no faults of its own: this program reads it in another way
-            Err(error) => {
-                let _ = refuse("replay", &error);
-                return ExitCode::from(2);
-            }
-        };
+    pub(crate) fn run(self) -> Outcome {
+        let unreadable =
+            |error: RecordingError| Failure::start(format!("{}: {error}", self.file.display()));
+        let mut recording = open(&self.file).map_err(unreadable)?;
+        // faults of a recorded robot are this program's: the recording server read it without
+        let loaded =
+            self.load(recording.robot()).map_err(|error| Failure { code: 2, ..error.into() })?;
         let mut progress = Progress::new();
         let show = |done| progress.show("computing again", done);
-        let replayed = replay(&mut recording, &loaded.compiled.model, show);
-        drop(progress);
-        match replayed {
-            Ok(replayed) => {
-                let results = match self.format.format {
-                    Format::Json => json_line(&replayed),
-                    Format::Text => in_words(&replayed),
-                };
-                finish("replay", &results, u8::from(!replayed.is_same()))
-            }
-            Err(error) => unreadable(&error),
-        }
+        let replayed = replay(&mut recording, &loaded.compiled.model, show).map_err(unreadable)?;
+        let code = u8::from(!replayed.is_same());
+        Ok(Results { text: self.format.render(&replayed, in_words), code })
     }
 
     fn load(&self, recorded: &RecordedRobot) -> Result<Loaded, LoadError> {
@@ -78,7 +59,7 @@ impl Replay {
 }
 
 fn open(path: &Path) -> Result<Recording<File>, RecordingError> {
-    // a pipe would never open, a folder has no end to look for
+    // opening a pipe would block, and a folder has no end to seek
     match std::fs::metadata(path)?.is_file() {
         true => Recording::open(File::open(path)?),
         false => Err(RecordingError::Foreign),
@@ -102,24 +83,21 @@ fn in_words(replayed: &Replayed) -> String {
     if replayed.cut_off {
         text += "the last record was cut off while it was written\n";
     }
-    if !replayed.differences.is_empty() {
-        let rows: Vec<Vec<String>> = replayed
-            .differences
-            .iter()
-            .map(|found| {
-                vec![
-                    format!("{:.6}", found.time),
-                    found.client.clone(),
-                    found.sequence.to_string(),
-                    found.plan.to_string(),
-                    found.field.clone(),
-                    found.recorded.clone(),
-                    found.computed.clone(),
-                ]
-            })
-            .collect();
-        let heads = ["time", "client", "sequence", "plan", "field", "recorded", "computed"];
-        text += &table(&heads, &rows);
+    if replayed.differences.is_empty() {
+        return text;
     }
-    text
+    let row = |found: &Difference| {
+        vec![
+            format!("{:.6}", found.time),
+            found.client.clone(),
+            found.sequence.to_string(),
+            found.plan.to_string(),
+            found.field.clone(),
+            found.recorded.clone(),
+            found.computed.clone(),
+        ]
+    };
+    let rows: Vec<Vec<String>> = replayed.differences.iter().map(row).collect();
+    let heads = ["time", "client", "sequence", "plan", "field", "recorded", "computed"];
+    text + &table(&heads, &rows)
 }

@@ -1,7 +1,6 @@
 //! `sarrus report`.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser};
@@ -9,7 +8,7 @@ use sarrus_models::{Source, bundled, load};
 use sarrus_report::measure::Effort;
 use sarrus_report::{Options, names, run, synonyms};
 
-use super::output::finish;
+use super::output::{Failure, Outcome, Results};
 use super::robot::warn;
 
 /// Flags of `report`.
@@ -26,44 +25,29 @@ pub(crate) struct Report {
     out: PathBuf,
 }
 
-/// The names of the sections, and what else they may be called.
+/// The names of the sections, with their synonyms.
 fn section_names() -> PossibleValuesParser {
     names().map(|name| PossibleValue::new(name).aliases(synonyms(name))).into()
 }
 
 impl Report {
-    pub(crate) fn run(self) -> ExitCode {
+    pub(crate) fn run(self) -> Outcome {
         let query = Options {
             effort: Effort { quick: self.quick },
             sections: self.sections,
             out: self.out,
         };
-        // what is said of the files of the robots that are measured
+        // warnings about the files of the measured robots
         for (name, _) in bundled() {
             if let Ok(loaded) = load(&Source::Bundled(name.to_owned()), &Default::default()) {
                 warn(&loaded.report.warnings);
             }
         }
-        match run(&query) {
-            Ok(report) => {
-                let page = query.out.join("report.html").display().to_string();
-                let lines = report
-                    .summary()
-                    .into_iter()
-                    .chain([page])
-                    .map(|line| line + "\n")
-                    .collect::<String>();
-                let unfinished = report.sections.iter().any(|section| section.failure.is_some());
-                finish(
-                    "report",
-                    &lines,
-                    if unfinished { 2 } else { u8::from(report.silent_failures() > 0) },
-                )
-            }
-            Err(error) => {
-                eprintln!("sarrus report: {error}");
-                ExitCode::from(2)
-            }
-        }
+        let report = run(&query).map_err(Failure::start)?;
+        let page = query.out.join("report.html").display().to_string();
+        let lines = report.summary().into_iter().chain([page]).map(|line| line + "\n");
+        let is_unfinished = report.sections.iter().any(|section| section.failure.is_some());
+        let code = if is_unfinished { 2 } else { u8::from(report.silent_failures() > 0) };
+        Ok(Results { text: lines.collect(), code })
     }
 }

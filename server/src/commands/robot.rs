@@ -2,18 +2,14 @@
 
 use std::ffi::OsStr;
 use std::path::PathBuf;
-use std::process::ExitCode;
+use std::str::FromStr;
 
 use clap::builder::{PossibleValue, StringValueParser, TypedValueParser};
 use clap::{Arg, Args, Command};
 use sarrus_client::{LoadError, Options, Source};
-use sarrus_models::{
-    Base, CheckReport, Diagnostic, Loaded, Lock, NewZero, Rewritten, Suggestion, assemble, bundled,
-    load, suggest,
-};
-use sarrus_server::record::RecordedRobot;
+use sarrus_models::{Base, Diagnostic, Loaded, Lock, bundled, load};
 
-/// Which robot, and how its files are read.
+/// The choice of a robot, and options for its files.
 #[derive(Args)]
 pub(crate) struct RobotFlags {
     #[command(flatten)]
@@ -22,13 +18,7 @@ pub(crate) struct RobotFlags {
     #[arg(long, value_name = "FILE", conflicts_with = "robot")]
     submechanisms: Option<PathBuf>,
     /// Gravity in root axes, m/s².
-    #[arg(
-        long,
-        value_name = "X,Y,Z",
-        value_parser = gravity,
-        default_value = "0,0,-9.81",
-        allow_hyphen_values = true
-    )]
+    #[arg(long, value_name = "X,Y,Z", default_value = "0,0,-9.81", allow_hyphen_values = true)]
     gravity: Gravity,
     /// Faults of mass and inertia are warnings.
     #[arg(long)]
@@ -37,15 +27,14 @@ pub(crate) struct RobotFlags {
     /// coordinates before all others. LINK, if given, must be the root.
     #[arg(long, value_name = "LINK", num_args = 0..=1, default_missing_value = "")]
     floating_base: Option<String>,
-    /// Holds a joint still at VALUE, m or rad; without it where it is at the zero pose. A name as
-    /// shells write patterns (`AL*`) stands for all independent joints that it fits. Bodies that do
-    /// not move against each other are merged, loops that became rigid are gone. May be given
-    /// several times.
+    /// Holds a joint still at VALUE, m or rad; without VALUE at the zero pose. A shell pattern
+    /// (`AL*`) stands for all independent joints that it matches. Bodies without motion against
+    /// each other are merged, rigid loops are removed. May be given several times.
     #[arg(long, value_name = "JOINT[=VALUE]", allow_hyphen_values = true)]
     lock: Vec<Lock>,
-    /// Keeps the links that are named (patterns as in --lock) with the joints and mechanisms
-    /// between them and the root, and what is fixed to these links. All other branches are left out
-    /// with their mass: forces are those of the robot without them. May be given several times.
+    /// Keeps the named links (patterns as in --lock), the joints and mechanisms between them and
+    /// the root, and the bodies fixed to them. All other branches are left out with their mass:
+    /// forces are those of the robot without them. May be given several times.
     #[arg(long, value_name = "LINK")]
     only: Vec<String>,
 }
@@ -61,7 +50,7 @@ struct SourceFlags {
     urdf: Option<PathBuf>,
 }
 
-/// Any name is taken, and the loader says what is wrong with it; shells offer the bundled ones.
+/// Accepts any name, for the loader reports the unknown ones; shells complete the bundled ones.
 #[derive(Clone)]
 struct RobotName;
 
@@ -85,17 +74,22 @@ impl TypedValueParser for RobotName {
 #[derive(Clone, Copy)]
 struct Gravity([f64; 3]);
 
-fn gravity(text: &str) -> Result<Gravity, String> {
-    let numbers: Vec<f64> =
-        text.split(',').map(|part| part.trim().parse().unwrap_or(f64::NAN)).collect();
-    match numbers.as_slice().try_into() {
-        Ok(gravity) if numbers.iter().all(|number| number.is_finite()) => Ok(Gravity(gravity)),
-        _ => Err("expected three numbers such as 0,0,-9.81".to_owned()),
+impl FromStr for Gravity {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Gravity, &'static str> {
+        let numbers: Result<Vec<f64>, _> =
+            text.split(',').map(|part| part.trim().parse()).collect();
+        let gravity = numbers.ok().and_then(|numbers| numbers.try_into().ok());
+        gravity
+            .filter(|gravity: &[f64; 3]| gravity.iter().all(|number| number.is_finite()))
+            .map(Gravity)
+            .ok_or("expected three numbers such as 0,0,-9.81")
     }
 }
 
 impl RobotFlags {
-    /// Takes files that were named without flags.
+    /// Adds files that were given without flags.
     pub(crate) fn add_files(&mut self, urdf: Option<PathBuf>, submechanisms: Option<PathBuf>) {
         self.source.urdf = urdf.or(self.source.urdf.take());
         self.submechanisms = submechanisms.or(self.submechanisms.take());
@@ -111,31 +105,8 @@ impl RobotFlags {
         self.load().inspect(|loaded| warn(&loaded.report.warnings))
     }
 
-    /// Reads the robot and closes it near a pose; see [`sarrus_models::assemble`].
-    pub(crate) fn assemble<E>(
-        &self,
-        near: impl FnOnce(&[String], Vec<f64>) -> Result<Vec<f64>, E>,
-        weights: impl FnOnce(&[String]) -> Result<Vec<f64>, E>,
-    ) -> Result<Result<CheckReport, E>, LoadError> {
-        assemble(&self.source(), &self.options(), near, weights)
-    }
-
-    /// A submechanism file that fits the robot; see [`sarrus_models::suggest`].
-    pub(crate) fn suggest(&self) -> Result<Suggestion, LoadError> {
-        suggest(&self.source(), &self.options())
-    }
-
-    /// The robot's texts with another zero pose; in words what cannot be written.
-    pub(crate) fn rewritten(&self, zero: &NewZero) -> Result<Result<Rewritten, String>, LoadError> {
-        zero.write(&self.source(), &self.options())
-    }
-
-    /// The robot's texts, for a recording.
-    pub(crate) fn recorded(&self) -> Result<RecordedRobot, LoadError> {
-        RecordedRobot::new(&self.source(), &self.options())
-    }
-
-    fn source(&self) -> Source {
+    /// The robot's files.
+    pub(crate) fn source(&self) -> Source {
         match (&self.source.robot, &self.source.urdf) {
             (Some(name), _) => Source::Bundled(name.clone()),
             (None, urdf) => Source::Files {
@@ -145,29 +116,14 @@ impl RobotFlags {
         }
     }
 
-    fn options(&self) -> Options {
-        let base = Base::of_flag(self.floating_base.as_deref());
+    /// The options of the model.
+    pub(crate) fn options(&self) -> Options {
         Options {
             gravity: self.gravity.0,
             lenient: self.lenient,
-            base,
+            base: Base::of_flag(self.floating_base.as_deref()),
             lock: self.lock.clone(),
             only: self.only.clone(),
-        }
-    }
-}
-
-/// Says on stderr why a robot cannot be loaded: the report of `check` for faulty files; the exit
-/// code that goes with it.
-pub(crate) fn refuse(command: &str, error: &LoadError) -> ExitCode {
-    match error {
-        LoadError::Faults(report) => {
-            eprint!("{}", diagnostics(&report.errors, &report.warnings));
-            ExitCode::from(1)
-        }
-        other => {
-            eprintln!("sarrus {command}: {other}");
-            ExitCode::from(2)
         }
     }
 }

@@ -1,7 +1,6 @@
 //! `sarrus robots`.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use clap::Args;
 use clap::builder::NonEmptyStringValueParser;
@@ -9,16 +8,15 @@ use sarrus_models::{Options, Source, bundled, load, texts};
 use sarrus_proto::Sizes;
 use serde::Serialize;
 
-use super::output::{Format, FormatFlag, finish, json_line, table, write_new};
-use super::robot::refuse;
+use super::output::{FormatFlag, Outcome, Results, table, write_new};
 
 /// Flags of `robots`.
 #[derive(Args)]
 pub(crate) struct Robots {
     #[command(flatten)]
     format: FormatFlag,
-    /// Writes the files of a bundled robot into a folder, NAME.urdf and NAME.yml, to begin a robot
-    /// of one's own with; files that are there stay as they are.
+    /// Writes the files of a bundled robot into a folder, NAME.urdf and NAME.yml, as a start for a
+    /// robot of one's own; existing files are not overwritten.
     #[arg(
         long,
         num_args = 2,
@@ -37,40 +35,27 @@ struct Line {
 }
 
 impl Robots {
-    pub(crate) fn run(self) -> ExitCode {
+    pub(crate) fn run(self) -> Outcome {
         if let Some([name, folder]) = self.export.as_deref() {
             return export(name, Path::new(folder));
         }
         let mut lines = Vec::new();
         for (robot, about) in bundled() {
-            match load(&Source::Bundled(robot.to_owned()), &Options::default()) {
-                Ok(loaded) => {
-                    lines.push(Line { robot, about, sizes: loaded.compiled.model.sizes() })
-                }
-                Err(error) => return refuse("robots", &error),
-            }
+            let loaded = load(&Source::Bundled(robot.to_owned()), &Options::default())?;
+            lines.push(Line { robot, about, sizes: loaded.compiled.model.sizes() });
         }
-        let results = match self.format.format {
-            Format::Json => json_line(&lines),
-            Format::Text => in_words(&lines),
-        };
-        finish("robots", &results, 0)
+        Ok(Results { text: self.format.render(&lines, |lines| in_words(lines)), code: 0 })
     }
 }
 
-/// Writes the files of a robot: 0, or 2 where there is no such robot or a file cannot be written.
-fn export(name: &str, folder: &Path) -> ExitCode {
-    let source = Source::Bundled(name.to_owned());
-    let (urdf, submechanisms) = match texts(&source) {
-        Ok(texts) => texts,
-        Err(error) => return refuse("robots", &error),
-    };
+/// Writes the files of a bundled robot.
+fn export(name: &str, folder: &Path) -> Outcome {
+    let (urdf, submechanisms) = texts(&Source::Bundled(name.to_owned()))?;
     let files = [("urdf", Some(urdf)), ("yml", submechanisms)];
     let files = files
         .into_iter()
         .filter_map(|(ending, text)| Some((folder.join(format!("{name}.{ending}")), text?)));
-    let files: Vec<(PathBuf, Vec<u8>)> = files.collect();
-    write_new("robots", folder, &files)
+    write_new(folder, &files.collect::<Vec<(PathBuf, Vec<u8>)>>())
 }
 
 fn in_words(lines: &[Line]) -> String {

@@ -1,12 +1,10 @@
 //! `sarrus tidy`.
 
-use std::process::ExitCode;
-
 use clap::Args;
 use sarrus_proto::Domain;
 use serde::Serialize;
 
-use super::output::{Format, FormatFlag, finish, json_line};
+use super::output::{Failure, FormatFlag, Outcome, Results};
 
 /// Flags of `tidy`.
 #[derive(Args)]
@@ -21,21 +19,13 @@ struct Cleared {
 }
 
 impl Tidy {
-    /// 0, with what was cleared.
-    pub(crate) fn run(self) -> ExitCode {
-        let domain = match Domain::of_user() {
-            Ok(domain) => domain,
-            Err(error) => {
-                eprintln!("sarrus tidy: {error}");
-                return ExitCode::from(2);
-            }
-        };
-        let cleared: Vec<String> =
-            domain.tidy().iter().map(|path| path.display().to_string()).collect();
-        let results = match self.format.format {
-            Format::Json => json_line(&Cleared { cleared }),
-            Format::Text => cleared.iter().map(|path| format!("{path}\n")).collect(),
-        };
-        finish("tidy", &results, 0)
+    /// Clears the domain; the results are the removed files.
+    pub(crate) fn run(self) -> Outcome {
+        let removed = Domain::of_user().map_err(Failure::start)?.tidy();
+        let cleared = removed.iter().map(|path| path.display().to_string()).collect();
+        let text = self.format.render(&Cleared { cleared }, |files| {
+            files.cleared.iter().map(|path| format!("{path}\n")).collect()
+        });
+        Ok(Results { text, code: 0 })
     }
 }

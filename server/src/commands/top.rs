@@ -1,16 +1,15 @@
-//! `sarrus top`: a server and its clients, now.
+//! `sarrus top`: the current state of a server and its clients.
 
 use std::fmt::Write;
-use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use sarrus_client::{ConnectError, ProcessState, ServerView, Statistics, Status};
+use sarrus_client::{ProcessState, ServerView, Statistics, Status};
 use serde_json::{Map, Value, json};
 
-use super::output::{Format, FormatFlag, finish, json_line, table};
+use super::output::{Failure, FormatFlag, Outcome, Results, table};
 
-/// Between the two looks that a rate takes.
+/// Time between the two readings of which a rate is made.
 const SPAN: Duration = Duration::from_millis(500);
 
 /// Flags of `top`.
@@ -23,22 +22,14 @@ pub(crate) struct Top {
 }
 
 impl Top {
-    /// 0 with the state of the server, 2 where it cannot be seen.
-    pub(crate) fn run(self) -> ExitCode {
-        match self.look() {
-            Ok(results) => finish("top", &results, 0),
-            Err(error) => {
-                eprintln!("sarrus top: {error}");
-                ExitCode::from(2)
-            }
-        }
-    }
-
-    fn look(&self) -> Result<String, ConnectError> {
-        let view = ServerView::connect(&self.name, Duration::from_secs(2))?;
-        let (before, start) = (view.statistics()?, Instant::now());
+    /// The state of the server.
+    pub(crate) fn run(self) -> Outcome {
+        let view =
+            ServerView::connect(&self.name, Duration::from_secs(2)).map_err(Failure::start)?;
+        let before = view.statistics().map_err(Failure::start)?;
+        let start = Instant::now();
         std::thread::sleep(SPAN);
-        let now = view.statistics()?;
+        let now = view.statistics().map_err(Failure::start)?;
         let seconds = start.elapsed().as_secs_f64();
         let rate = |f: fn(&Statistics) -> u64| (f(&now) - f(&before)) as f64 / seconds;
         let rates = [
@@ -54,16 +45,13 @@ impl Top {
             ProcessState::Dead => "dead",
             ProcessState::Unknown => "unknown",
         };
-        let seen = Seen { name: &self.name, now, rates, silent_ms, state };
-        Ok(match self.format.format {
-            Format::Json => json_line(&seen.json()),
-            Format::Text => seen.words(),
-        })
+        let seen = Observation { name: &self.name, now, rates, silent_ms, state };
+        Ok(Results { text: self.format.render(&seen.json(), |_| seen.words()), code: 0 })
     }
 }
 
-/// What is shown.
-struct Seen<'a> {
+/// The state of a server and its clients.
+struct Observation<'a> {
     name: &'a str,
     now: Statistics,
     /// Answers each second through lanes, through services and in batches.
@@ -72,32 +60,28 @@ struct Seen<'a> {
     state: &'static str,
 }
 
-impl Seen<'_> {
-    /// How often each status was answered, without those that never were.
+impl Observation<'_> {
+    /// The count of each answered status.
     fn statuses(&self) -> impl Iterator<Item = (&'static str, u64)> {
         let counted = Status::ALL.iter().map(|status| (status.name(), self.now.answered(*status)));
         counted.filter(|(_, count)| *count > 0)
     }
 
     fn json(&self) -> Value {
-        let Statistics { uptime, counts, latency_ns, lanes_taken, lanes, plans, process, .. } =
-            &self.now;
-        let [p50, p90, p99, p999, max] = latency_ns;
+        let Observation { now, rates, .. } = self;
+        let counts = &now.counts;
+        let [p50, p90, p99, p999, max] = now.latency_ns;
         let statuses: Map<String, Value> =
             self.statuses().map(|(name, count)| (name.to_owned(), count.into())).collect();
         json!({
             "server": self.name,
-            "process": process,
-            "uptime": uptime,
-            "clients": self.now.clients,
-            "lanes": lanes,
-            "lanes_taken": lanes_taken,
-            "plans": plans,
-            "rates": {
-                "lane": self.rates[0],
-                "service": self.rates[1],
-                "batch": self.rates[2],
-            },
+            "process": now.process,
+            "uptime": now.uptime,
+            "clients": now.clients,
+            "lanes": now.lanes,
+            "lanes_taken": now.lanes_taken,
+            "plans": now.plans,
+            "rates": { "lane": rates[0], "service": rates[1], "batch": rates[2] },
             "requests": {
                 "lane": counts.lane_requests,
                 "service": counts.service_requests,

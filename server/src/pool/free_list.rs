@@ -5,7 +5,7 @@
 
 use super::atomic::{AtomicU32, AtomicU64, Ordering::*};
 
-/// Freed blocks as a stack, and the blocks that nobody has used yet.
+/// Freed blocks as a stack, and the blocks that were never used.
 pub(crate) struct FreeList {
     /// Number of the top block plus one, and above it a count of changes, so that a change back is
     /// seen.

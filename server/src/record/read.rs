@@ -220,7 +220,7 @@ impl Frame<'_> {
     }
 }
 
-/// Bytes of the source; the caller knows that they are there.
+/// Bytes of the source, which the caller has checked to exist.
 fn bytes_at<R: Read + Seek>(source: &mut R, at: u64, n: u64) -> Result<Vec<u8>, RecordingError> {
     source.seek(SeekFrom::Start(at))?;
     let mut bytes = Vec::new();

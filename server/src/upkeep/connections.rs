@@ -45,7 +45,7 @@ pub(crate) struct Connection {
     pub(crate) socket: ControlSocket,
     /// Where its end is among the places.
     place: Option<usize>,
-    /// When it came, where there were as many as are served: that is all it hears.
+    /// The time of its connection, if the server was full then: it gets only that refusal.
     pub(crate) surplus_since: Option<Instant>,
     /// To be ended at the next poll: the client has overwritten the transport's records, or is
     /// silent beyond the limit.
@@ -59,7 +59,7 @@ pub(crate) struct Connection {
 /// All clients of a run.
 pub(crate) struct Connections {
     listener: Listener,
-    /// By the numbers that plans know them under.
+    /// By their numbers in the table of plans.
     clients: BTreeMap<u64, Connection>,
     /// Connections so far.
     numbers: u64,

@@ -18,7 +18,7 @@ use crate::kernels::Maker;
 /// How long a registration waits for a slot that is just being given back.
 const HAND_BACK: Duration = Duration::from_millis(20);
 
-/// A registered plan, as its client learns it.
+/// A registered plan, as its client gets it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Registered {
     pub(crate) number: PlanNumber,

@@ -1,4 +1,4 @@
-//! Batches through shared memory: the bits of single answers, whatever goes wrong beside them.
+//! Batches through shared memory: the bits of single answers, also beside failures.
 
 use std::fs::File;
 use std::num::NonZero;
@@ -9,14 +9,13 @@ use sarrus_client::{
     Answer, Error, Field, FieldSet, Options, PlanId, Query, QueryOptions, Request, Robot, Source,
     Status, Transport, Warnings,
 };
-use sarrus_proto::PROTOCOL_VERSION;
 use sarrus_proto::batch::{BATCH_WORDS, BatchHead, BatchShape, ClaimedBatch, MAX_BATCH_ROWS};
 use sarrus_proto::control::{Call, Refusal};
 
 use sarrus_torture::patience::LIMIT;
 use sarrus_torture::process::batch_areas;
+use sarrus_torture::raw::Raw;
 
-use crate::lies::Liar;
 use crate::support::wait_until;
 use crate::support::{Asker, ROBOT, STATE, Sandbox};
 
@@ -58,7 +57,7 @@ impl Rows {
         robot.batch(plan, NonZero::<usize>::MIN, input, output, answers)
     }
 
-    /// Bits of the numbers, every NaN the same, and how each row ended.
+    /// Bits of the numbers, one for every NaN, and the answers.
     fn bits(&self) -> (Vec<u64>, Vec<Answer>) {
         let bits = |x: &f64| if x.is_nan() { u64::MAX } else { x.to_bits() };
         (self.output.iter().map(bits).collect(), self.answers.clone())
@@ -110,7 +109,8 @@ fn rows_of_a_batch_have_the_bits_of_single_answers() {
                 assert!(rows.bits() == expected.bits(), "{robot}, {query:?}");
 
                 // and of those that are asked alone
-                let (n_in, n_out) = (rows.input.len() / n, rows.output.len() / n);
+                let n_in = rows.input.len() / n;
+                let n_out = rows.output.len() / n;
                 for row in (0..n).step_by(29) {
                     let mut alone = Rows {
                         input: rows.input[row * n_in..][..n_in].to_vec(),
@@ -130,7 +130,7 @@ fn rows_of_a_batch_have_the_bits_of_single_answers() {
             let counts = there.statistics().unwrap().counts;
             assert!(counts.batch_states >= 4 * MAX_BATCH_ROWS as u64, "{counts:?}");
         }
-        assert!(server.stop("-TERM").success());
+        assert!(server.stop().success());
     }
 }
 
@@ -138,7 +138,8 @@ fn rows_of_a_batch_have_the_bits_of_single_answers() {
 fn a_batch_goes_on_after_a_larger_lane_and_after_another_server() {
     let sandbox = Sandbox::new();
     let server = sandbox.serve("moved", &[]);
-    let (mut here, mut there) = (local(ROBOT), sandbox.connect("moved", Transport::Lane).unwrap());
+    let mut here = local(ROBOT);
+    let mut there = sandbox.connect("moved", Transport::Lane).unwrap();
     let [of_here, plan] = [&mut here, &mut there].map(|x| x.prepare(&queries()[2]).unwrap());
     let mut expected = Rows::of(&here, of_here, 2000);
     expected.ask_of(&mut here, of_here).unwrap();
@@ -180,17 +181,19 @@ fn lies_in_a_batch_get_their_status_and_disturb_nobody() {
     let sandbox = Sandbox::new();
     let server = sandbox.serve("lies", &[]);
     let mut honest = Asker::new(sandbox.connect("lies", Transport::Lane).unwrap());
-    let (n_in, n_out) = (honest.input.len(), honest.output.len());
-    let liar = Liar::new(&sandbox, "lies");
-    assert_eq!(liar.call(Call::Batch), Err(Refusal::NoEnd), "beside a lane or a service");
+    let n_in = honest.input.len();
+    let n_out = honest.output.len();
+    let liar = sandbox.raw("lies");
+    let no_end = Ok(Err(Refusal::NoEnd));
+    assert_eq!(liar.try_call(Call::Batch), no_end, "beside a lane or a service");
     assert!(liar.call(Call::Service).is_ok());
-    assert_eq!(liar.call(Call::Batch), Err(Refusal::NoEnd), "beside one that is polled");
-    let (_node, _lane) = liar.lane([n_in, n_out]);
-    let area = liar.batches();
-    let again = liar.batches();
+    assert_eq!(liar.try_call(Call::Batch), no_end, "beside one that is polled");
+    let (_node, _lane) = liar.take_lane([n_in, n_out]).unwrap();
+    let (area, _) = liar.batches().unwrap();
+    let (again, _) = liar.batches().unwrap();
 
-    let (version, fingerprint) = (PROTOCOL_VERSION, liar.fingerprint);
-    let good = BatchHead { version, plan: 0, fingerprint, sequence: 0, rows: 9 };
+    let good = liar.batch_head(0, 0, 9);
+    let BatchHead { version, fingerprint, .. } = good;
     let cases = [
         (BatchHead { version: version + 1, ..good }, Status::BadRequest),
         (BatchHead { fingerprint: fingerprint ^ 1, ..good }, Status::WrongModel),
@@ -211,8 +214,8 @@ fn lies_in_a_batch_get_their_status_and_disturb_nobody() {
         input[n_in - 1] = f64::NAN;
         assert_eq!(answer(&area, &head, &shape, &input), status as u32, "{head:?}");
         if status == Status::Ok {
-            let (mut answers, mut output) =
-                (vec![UNKNOWN; shape.rows()], vec![0.0; shape.rows() * n_out]);
+            let mut answers = vec![UNKNOWN; shape.rows()];
+            let mut output = vec![0.0; shape.rows() * n_out];
             again.read(&shape, &mut answers, &mut output);
             assert_eq!(answers[0].status, Status::NonFiniteInput);
             assert!(answers[1..].iter().all(|answer| answer.status == Status::Ok));
@@ -223,9 +226,9 @@ fn lies_in_a_batch_get_their_status_and_disturb_nobody() {
     }
 
     // a plan with a checksum has none in a batch; rows that change while they are answered
-    let checked = liar.plan(STATE.with_options(QueryOptions::CHECKSUM)).unwrap();
+    let (checked, _) = liar.plan(&STATE.with_options(QueryOptions::CHECKSUM)).unwrap();
     let shape = BatchShape::new(MAX_BATCH_ROWS as u64, n_in, n_out).unwrap();
-    let head = BatchHead { plan: checked.0, sequence: 100, rows: MAX_BATCH_ROWS as u64, ..good };
+    let head = BatchHead { plan: checked, sequence: 100, rows: MAX_BATCH_ROWS as u64, ..good };
     let mut input = vec![0.0; MAX_BATCH_ROWS * n_in];
     assert_eq!(answer(&area, &head, &shape, &input), Status::CorruptAnswer as u32);
     for sequence in 101..400 {
@@ -238,13 +241,13 @@ fn lies_in_a_batch_get_their_status_and_disturb_nobody() {
     assert!([Status::Ok, Status::Overloaded].contains(&status), "{status:?}");
     assert!(honest.robot.statistics().unwrap().answered(Status::Overloaded) > 0);
 
-    // what is given back is polled no more
+    // an area that is given back is polled no more
     assert!(liar.call(Call::Leave).is_ok());
     area.send(&BatchHead { sequence: 501, ..last }, &shape, &input);
     std::thread::sleep(Duration::from_millis(20));
-    assert_eq!((area.answer(501), liar.call(Call::Batch)), (None, Err(Refusal::NoEnd)));
+    assert_eq!((area.answer(501), liar.try_call(Call::Batch)), (None, no_end));
     drop((area, again, liar, honest));
-    assert!(server.stop("-TERM").success());
+    assert!(server.stop().success());
 }
 
 #[test]
@@ -266,18 +269,18 @@ fn a_client_that_dies_in_a_batch_leaves_nothing_and_holds_nobody_up() {
         wait_until("no area is mapped", || areas() == 0);
     }
     drop(honest);
-    assert!(server.stop("-TERM").success());
+    assert!(server.stop().success());
     assert_eq!(sandbox.leftovers(), Vec::<std::path::PathBuf>::new());
 }
 
 #[test]
-fn areas_that_were_given_back_take_no_memory_whoever_keeps_them() {
+fn areas_that_were_given_back_take_no_memory_in_a_client_that_keeps_them() {
     let sandbox = Sandbox::new();
     let server = sandbox.serve("kept", &["--lanes", "2"]);
-    let liar = Liar::new(&sandbox, "kept");
-    let take = |liar: &Liar| {
+    let liar = sandbox.raw("kept");
+    let take = |liar: &Raw| {
         assert!(liar.call(Call::Lane { n_in: 1, n_out: 1 }).is_ok());
-        let memory = File::from(liar.area());
+        let memory = File::from(liar.batches().unwrap().1);
         assert_eq!(blocks(&memory), 8 * BATCH_WORDS as u64 / 512);
         assert!(memory.set_len(0).is_err() && memory.set_len(1 << 30).is_err());
         memory
@@ -289,11 +292,11 @@ fn areas_that_were_given_back_take_no_memory_whoever_keeps_them() {
     }
     // and those of connections that end
     for _ in 0..20 {
-        kept.push(take(&Liar::new(&sandbox, "kept")));
+        kept.push(take(&sandbox.raw("kept")));
     }
     wait_until("their memory is free", || kept.iter().all(|memory| blocks(memory) == 0));
     drop(liar);
-    assert!(server.stop("-TERM").success());
+    assert!(server.stop().success());
 }
 
 /// Memory that a file takes, in pieces of 512 bytes.
@@ -308,13 +311,13 @@ fn a_batch_during_a_stop_is_refused_not_lost() {
     let mut asker = sandbox.attach_briefly("closed", Transport::Lane);
     let mut rows = Rows::new(&asker, MAX_BATCH_ROWS);
     rows.ask(&mut asker).unwrap();
-    let stop = std::thread::spawn(move || server.stop("-TERM"));
+    let stop = std::thread::spawn(move || server.stop());
     let start = Instant::now();
     let mut asked = Ok(());
     while asked.is_ok() && rows.answers[0].status == Status::Ok && start.elapsed() < LIMIT {
         asked = rows.ask(&mut asker);
     }
-    // who does not look for a tenth of a second finds nobody
+    // a client that asks a tenth of a second later finds no server
     let status = if asked.is_ok() { Status::ShuttingDown } else { Status::UnknownRequest };
     assert!(rows.answers.iter().all(|answer| answer.status == status), "{asked:?}");
     assert!(rows.output.iter().all(|x| x.is_nan()));

@@ -1,36 +1,24 @@
-//! Where the server meets what it did not make: clients that end half-way, processes that are
-//! stopped, folders that are cleared away, files that are cut short.
+//! Faults from outside of the server: clients that end half-way, stopped processes, removed
+//! folders, truncated files.
 
 use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
+use rustix::process::Signal;
 use sarrus_client::{ConnectError, ConnectOptions, Error, Status, Transport};
 use sarrus_proto::ServerName;
 use sarrus_proto::control::Call;
 use sarrus_proto::message::MAX_SERVICE_CLIENTS;
 use sarrus_proto::socket::{ControlListener, ControlSocket};
 use sarrus_torture::patience::poll;
-use sarrus_torture::process::descriptors;
+use sarrus_torture::process::{descriptors, send_signal};
+use sarrus_torture::raw::Raw;
 
-use crate::lies::Liar;
 use crate::support::{Asker, STATE, Sandbox, options, wait_until};
 
 const NOTHING: Vec<PathBuf> = Vec::new();
-
-fn signal(process: u32, name: &str) {
-    let status = Command::new("kill").args([name, &process.to_string()]).status().unwrap();
-    assert!(status.success());
-}
-
-fn sarrus(sandbox: &Sandbox, arguments: &[&str]) -> (Option<i32>, String, String) {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
-    let output = command.args(arguments).env("SARRUS_ROOT", sandbox.domain.root()).output();
-    let output = output.unwrap();
-    let text = |bytes| String::from_utf8(bytes).unwrap();
-    (output.status.code(), text(output.stdout), text(output.stderr))
-}
 
 #[test]
 fn a_client_that_ends_at_any_stage_of_attaching_leaves_nothing() {
@@ -38,24 +26,25 @@ fn a_client_that_ends_at_any_stage_of_attaching_leaves_nothing() {
     let server = sandbox.serve("stages", &["--lanes", "2"]);
     let mut honest = Asker::new(sandbox.connect("stages", Transport::Lane).unwrap());
     assert_eq!(honest.ask().unwrap().status, Status::Ok);
-    // the smaller lane that it had before its plan is gone
+    // until its first, smaller lane is given back
     wait_until("one lane is taken", || honest.robot.statistics().unwrap().lanes_taken == 1);
-    let (files, open) = (sandbox.leftovers(), descriptors(server.id()));
-    // what a client has made when it ends is forgotten, not dropped: nothing of it is taken down
-    let stages: [fn(&Liar<'_>); 6] = [
+    let files = sandbox.leftovers();
+    let open = descriptors(server.id());
+    // forgotten, not dropped: a client that ends takes nothing down
+    let stages: [fn(&Raw); 6] = [
         |_| (),
         |liar| drop(liar.call(Call::Lane { n_in: 39, n_out: 13 }).unwrap()),
-        |liar| std::mem::forget(liar.lane([39, 13])),
+        |liar| std::mem::forget(liar.take_lane([39, 13]).unwrap()),
         |liar| drop(liar.call(Call::Service).unwrap()),
-        |liar| std::mem::forget(liar.service()),
+        |liar| std::mem::forget(liar.take_service().unwrap()),
         |liar| {
-            let (node, mut client) = liar.service();
+            let (node, mut client) = liar.take_service().unwrap();
             assert!(client.send(&liar.head(0, 1), &[0.0; 39]));
             std::mem::forget((node, client));
         },
     ];
     for round in 0..90 {
-        let liar = Liar::new(&sandbox, "stages");
+        let liar = sandbox.raw("stages");
         stages[round % stages.len()](&liar);
         drop(liar);
         assert_eq!(honest.ask().unwrap().status, Status::Ok);
@@ -65,7 +54,7 @@ fn a_client_that_ends_at_any_stage_of_attaching_leaves_nothing() {
     let statistics = honest.robot.statistics().unwrap();
     assert_eq!((statistics.lanes_taken, statistics.clients.len()), (1, 1), "{statistics:?}");
     drop(honest);
-    assert!(server.stop("-TERM").success());
+    assert!(server.stop().success());
     assert_eq!(sandbox.leftovers(), NOTHING);
 }
 
@@ -97,7 +86,7 @@ fn a_stopped_server_is_said_to_be_stopped_and_goes_on() {
             statistics.lanes_taken == u64::from(transport == Transport::Lane)
         });
         let open = descriptors(server.id());
-        signal(server.id(), "-STOP");
+        send_signal(server.id(), Signal::STOP);
         for _ in 0..3 {
             let error = asker.ask().unwrap_err();
             assert!(
@@ -112,12 +101,12 @@ fn a_stopped_server_is_said_to_be_stopped_and_goes_on() {
             assert!(words.contains(&said), "{words}");
             assert!(asker.output.iter().all(|number| number.is_nan()));
         }
-        signal(server.id(), "-CONT");
+        send_signal(server.id(), Signal::CONT);
         // requests that were given up meanwhile leave no descriptor behind
         wait_until("it answers", || asker.ask().is_ok_and(|answer| answer.status == Status::Ok));
         wait_until("descriptors are as before", || descriptors(server.id()) == open);
     }
-    assert!(server.stop("-TERM").success());
+    assert!(server.stop().success());
 }
 
 #[test]
@@ -126,11 +115,11 @@ fn the_first_call_of_a_stopped_server_says_how_long_was_waited() {
     let server = sandbox.serve("still", &[]);
     let options = ConnectOptions { timeout: Duration::from_millis(300), ..options() };
     let mut robot = poll(|| sandbox.connect_with("still", options).ok()).unwrap();
-    signal(server.id(), "-STOP");
+    send_signal(server.id(), Signal::STOP);
     let words = robot.prepare(&STATE).unwrap_err().to_string();
     assert!(words.contains("gave no answer within 0.3 s"), "{words}");
-    signal(server.id(), "-CONT");
-    assert!(server.stop("-TERM").success());
+    send_signal(server.id(), Signal::CONT);
+    assert!(server.stop().success());
 }
 
 #[test]
@@ -156,7 +145,7 @@ fn one_client_too_many_of_the_service_is_told_so() {
     askers.iter_mut().for_each(|asker| assert_eq!(asker.ask().unwrap().status, Status::Ok));
     let mut lane = Asker::new(sandbox.connect("crowd", Transport::Lane).unwrap());
     assert_eq!(lane.ask().unwrap().status, Status::Ok);
-    // who leaves makes room
+    // a client that leaves makes room
     askers.pop();
     let mut next = Asker::new(sandbox.connect("crowd", Transport::Service).unwrap());
     assert_eq!(next.ask().unwrap().status, Status::Ok);
@@ -169,8 +158,9 @@ fn a_client_behind_a_crowd_that_says_nothing_is_told_that_there_is_no_room() {
     let mut honest = Asker::new(sandbox.connect("queue", Transport::Lane).unwrap());
     assert_eq!(honest.ask().unwrap().status, Status::Ok);
     let open = descriptors(server.id());
-    let folder = sandbox.domain.server_folders(&ServerName::new("queue").unwrap()).next().unwrap();
-    // three times as many as are served: neither heard nor refused, since they say nothing
+    let folder =
+        sandbox.domain().server_folders(&ServerName::new("queue").unwrap()).next().unwrap();
+    // three times as many as are served; without a greeting they are neither served nor refused
     let crowd: Vec<ControlSocket> =
         (0..3 * 97).map(|_| ControlSocket::connect(&folder).unwrap()).collect();
     for _ in 0..3 {
@@ -178,7 +168,7 @@ fn a_client_behind_a_crowd_that_says_nothing_is_told_that_there_is_no_room() {
         assert!(matches!(error, ConnectError::NoFreeSlot { limit: 97, .. }), "{error}");
         assert!(error.to_string().starts_with("all 97 connections of the server are taken;"));
     }
-    // those that were heard before stay
+    // earlier clients stay
     assert_eq!(honest.ask().unwrap().status, Status::Ok);
     assert!(!crowd[0].is_closed());
     drop(crowd);
@@ -191,7 +181,7 @@ fn a_client_whose_connection_ends_before_it_is_heard_comes_again() {
     let sandbox = Sandbox::new();
     let folder = sandbox.make_root().join("server/door");
     fs::create_dir_all(&folder).unwrap();
-    // one that ends every connection, then nobody, then a server
+    // a listener that ends every connection, then none, then a server
     let listener = ControlListener::new(&folder).unwrap();
     let (sender, refused) = std::sync::mpsc::channel();
     let stop = std::thread::spawn(move || {
@@ -215,7 +205,7 @@ fn a_server_whose_folders_are_cleared_away_is_found_again() {
     let sandbox = Sandbox::new();
     let server = sandbox.serve("cleared", &[]);
     let mut asker = Asker::new(sandbox.connect("cleared", Transport::Lane).unwrap());
-    fs::remove_dir_all(sandbox.domain.root()).unwrap();
+    fs::remove_dir_all(sandbox.domain().root()).unwrap();
     assert_eq!(asker.ask().unwrap().status, Status::Ok);
     wait_until("new clients attach", || sandbox.connect("cleared", Transport::Lane).is_ok());
     assert_eq!(asker.ask().unwrap().status, Status::Ok);
@@ -223,7 +213,7 @@ fn a_server_whose_folders_are_cleared_away_is_found_again() {
     // the name is still this server's
     let second = sandbox.command(crate::support::ROBOT, "cleared", &[]).output().unwrap();
     assert_eq!(second.status.code(), Some(2));
-    assert!(server.stop("-TERM").success());
+    assert!(server.stop().success());
     assert_eq!(sandbox.leftovers(), NOTHING);
 }
 
@@ -233,8 +223,8 @@ fn a_client_that_cuts_its_files_short_disturbs_nobody() {
     let server = sandbox.serve("short", &[]);
     let mut honest = Asker::new(sandbox.connect("short", Transport::Service).unwrap());
     let before = sandbox.leftovers();
-    let liar = Liar::new(&sandbox, "short");
-    let (_node, mut client) = liar.service();
+    let liar = sandbox.raw("short");
+    let (_node, mut client) = liar.take_service().unwrap();
     // the segment that its requests lie in
     assert!(client.send(&liar.head(0, 1), &[0.0; 39]));
     let is_data = |path: &PathBuf| path.extension().is_some_and(|ending| ending == "data");
@@ -250,12 +240,12 @@ fn a_client_that_cuts_its_files_short_disturbs_nobody() {
     for _ in 0..100 {
         assert_eq!(honest.ask().unwrap().status, Status::Ok);
     }
-    // this process would die of its own deed
+    // dropping them would kill this process
     std::mem::forget((client, _node));
     drop(liar);
     assert_eq!(honest.ask().unwrap().status, Status::Ok);
     drop(honest);
-    assert!(server.stop("-TERM").success());
+    assert!(server.stop().success());
     assert_eq!(sandbox.leftovers(), NOTHING);
 }
 
@@ -266,22 +256,22 @@ fn tidy_clears_what_is_dead_and_nothing_that_lives() {
     let client = sandbox.client("dead", Transport::Service);
     let server = sandbox.serve("alive", &[]);
     let mut asker = Asker::new(sandbox.connect("alive", Transport::Lane).unwrap());
-    let (code, cleared, words) = sarrus(&sandbox, &["tidy"]);
+    let (code, cleared, words) = sandbox.sarrus(&["tidy"]);
     assert_eq!((code, cleared.as_str(), words.as_str()), (Some(0), "", ""));
 
     dead.kill();
     client.kill();
-    let (code, cleared, _) = sarrus(&sandbox, &["tidy", "--format", "json"]);
+    let (code, cleared, _) = sandbox.sarrus(&["tidy", "--format", "json"]);
     let cleared: serde_json::Value = serde_json::from_str(&cleared).unwrap();
     assert!(code == Some(0) && cleared["cleared"].as_array().unwrap().len() > 2, "{cleared}");
     assert_eq!(asker.ask().unwrap().status, Status::Ok);
     let name = ServerName::new("dead").unwrap();
-    assert!(!sandbox.domain.server_folders(&name).next().unwrap().exists());
-    assert_eq!(sarrus(&sandbox, &["tidy"]).1, "");
+    assert!(!sandbox.domain().server_folders(&name).next().unwrap().exists());
+    assert_eq!(sandbox.sarrus(&["tidy"]).1, "");
 
     drop(asker);
     server.kill();
-    assert_eq!(sarrus(&sandbox, &["tidy"]).0, Some(0));
+    assert_eq!(sandbox.sarrus(&["tidy"]).0, Some(0));
     assert_eq!(sandbox.leftovers(), NOTHING);
 }
 
@@ -292,7 +282,7 @@ fn top_shows_a_server_and_its_clients() {
     let mut askers = [Transport::Lane, Transport::Service]
         .map(|transport| Asker::new(sandbox.connect("seen", transport).unwrap()));
     askers.iter_mut().for_each(|asker| assert_eq!(asker.ask().unwrap().status, Status::Ok));
-    let (code, text, words) = sarrus(&sandbox, &["top", "seen", "--format", "json"]);
+    let (code, text, words) = sandbox.sarrus(&["top", "seen", "--format", "json"]);
     assert_eq!((code, words.as_str()), (Some(0), ""));
     let seen: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert_eq!(seen["process"], server.id());
@@ -306,19 +296,19 @@ fn top_shows_a_server_and_its_clients() {
         .collect();
     assert_eq!(ends, ["lane", "service", "none"]);
     assert!(seen["latency_ns"]["p50"].as_u64().unwrap() > 0 && seen["rates"]["lane"] == 0.0);
-    assert!(sarrus(&sandbox, &["top", "seen"]).1.starts_with("seen: process "));
-    assert_eq!(sarrus(&sandbox, &["top", "nobody"]).0, Some(2));
+    assert!(sandbox.sarrus(&["top", "seen"]).1.starts_with("seen: process "));
+    assert_eq!(sandbox.sarrus(&["top", "nobody"]).0, Some(2));
 }
 
 #[test]
 fn an_entry_that_is_seen_again_is_answered_once() {
     let sandbox = Sandbox::new();
     let _server = sandbox.serve("again", &["--wait", "busy"]);
-    let liar = Liar::new(&sandbox, "again");
-    let plan = liar.plan(crate::support::STATE).unwrap();
-    let (_node, mut lane) = liar.lane([39, 256]);
+    let liar = sandbox.raw("again");
+    let (plan, _) = liar.plan(&STATE).unwrap();
+    let (_node, mut lane) = liar.take_lane([39, 256]).unwrap();
     for sequence in 1..50 {
-        let head = liar.head(plan.0, sequence);
+        let head = liar.head(plan, sequence);
         lane.outbox.numbers().fill(0.0);
         lane.outbox.publish(head);
         wait_until("an answer", || lane.inbox.poll().is_some());
@@ -335,11 +325,11 @@ fn a_client_that_breaks_its_service_ends_with_its_plans() {
     let server = sandbox.serve("broken", &[]);
     let mut honest = Asker::new(sandbox.connect("broken", Transport::Service).unwrap());
     let before = sandbox.leftovers();
-    let liar = Liar::new(&sandbox, "broken");
-    let (node, client) = liar.service();
-    liar.plan(crate::plans::distinct(7)).unwrap();
+    let liar = sandbox.raw("broken");
+    let (node, client) = liar.take_service().unwrap();
+    liar.plan(&crate::plans::distinct(7)).unwrap();
     assert_eq!(honest.robot.statistics().unwrap().plans, 2);
-    // what server and client know of each other: the transport panics over it
+    // the shared record of the connection, over which the transport panics
     let is_its = |path: &PathBuf| {
         path.extension().is_some_and(|ending| ending == "connection") && !before.contains(path)
     };
@@ -353,9 +343,9 @@ fn a_client_that_breaks_its_service_ends_with_its_plans() {
     wait_until("its plan is free", || honest.robot.statistics().unwrap().plans == 1);
     assert_eq!(honest.robot.statistics().unwrap().clients.len(), 1);
     assert_eq!(honest.ask().unwrap().status, Status::Ok);
-    // this process would die of its own deed
+    // dropping them would kill this process
     std::mem::forget((client, node));
     drop((liar, honest));
-    assert!(server.stop("-TERM").success());
+    assert!(server.stop().success());
     assert_eq!(sandbox.leftovers(), NOTHING);
 }

@@ -15,23 +15,25 @@ use sarrus_torture::patience::LIMIT;
 
 use crate::support::{ROBOT, Sandbox};
 
-/// Every simple question at one state; what they answer, one after the other.
+/// The answers to every simple question at one state, one after the other.
 fn ask_all(robot: &mut Robot, size: f64) -> Result<Vec<f64>, Error> {
     let sizes = robot.model().sizes;
-    let of = |n: usize| vec![0.0; n];
+    let zeros = |n: usize| vec![0.0; n];
     let y: Vec<f64> = (0..sizes.n_qy).map(|i| size * (1.0 + 0.1 * i as f64)).collect();
-    let (yd, ydd) = (vec![0.3; sizes.n_vy], vec![-0.2; sizes.n_vy]);
-    let (mut tau_u, mut again) = (of(sizes.n_u), of(sizes.n_vy));
-    let (mut q, mut qd, mut qdd) = (of(sizes.n_q), of(sizes.n_v), of(sizes.n_v));
-    let (mut u, mut ud, mut udd) = (of(sizes.n_u), of(sizes.n_u), of(sizes.n_u));
-    let (mut y_u, mut yd_u, mut ydd_u) = (of(sizes.n_qy), of(sizes.n_vy), of(sizes.n_vy));
+    let yd = vec![0.3; sizes.n_vy];
+    let ydd = vec![-0.2; sizes.n_vy];
+    let mut tau_u = zeros(sizes.n_u);
+    let mut again = zeros(sizes.n_vy);
+    let [mut u, mut ud, mut udd] = [sizes.n_u; 3].map(zeros);
+    let [mut q, mut qd, mut qdd] = [sizes.n_q, sizes.n_v, sizes.n_v].map(zeros);
+    let [mut y_u, mut yd_u, mut ydd_u] = [sizes.n_qy, sizes.n_vy, sizes.n_vy].map(zeros);
     robot.inverse_dynamics(&y, &yd, &ydd, &mut tau_u)?;
     robot.forward_dynamics(&y, &yd, &tau_u, &mut again)?;
     robot.state(&y, &yd, &ydd, &mut q, &mut qd, &mut qdd)?;
     robot.to_actuators(&y, &yd, &ydd, &mut u, &mut ud, &mut udd)?;
     robot.to_independent(&u, &ud, &udd, &mut y_u, &mut yd_u, &mut ydd_u)?;
 
-    // forward dynamics undo inverse dynamics, and encoders show what the actuators do
+    // forward dynamics invert inverse dynamics, and the independents those of the actuators
     let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-8);
     assert!(near(&again, &ydd), "{again:?}");
     assert!(near(&y_u, &y) && near(&yd_u, &yd) && near(&ydd_u, &ydd), "{y_u:?} {yd_u:?} {ydd_u:?}");
@@ -63,7 +65,8 @@ fn simple_questions_allocate_nothing_after_the_first() {
     let _server = sandbox.serve("lean", &[]);
     for mut robot in [local(), sandbox.connect("lean", Transport::Lane).unwrap()] {
         let n = robot.model().independent.len();
-        let (y, mut tau_u) = (vec![0.01; n], vec![0.0; robot.model().active.len()]);
+        let y = vec![0.01; n];
+        let mut tau_u = vec![0.0; robot.model().active.len()];
         let mut ydd = vec![0.0; n];
         // the first question by asking it, the second ahead of time
         robot.inverse_dynamics(&y, &y, &y, &mut tau_u).unwrap();
@@ -87,7 +90,8 @@ fn an_array_that_does_not_fit_is_named() {
     let _server = sandbox.serve("fits", &[]);
     for mut robot in [local(), sandbox.connect("fits", Transport::Lane).unwrap()] {
         let n = robot.model().independent.len();
-        let (y, mut tau_u) = (vec![0.0; n], vec![1.0; robot.model().active.len()]);
+        let y = vec![0.0; n];
+        let mut tau_u = vec![1.0; robot.model().active.len()];
         let error = robot.inverse_dynamics(&y, &y, &y[1..], &mut tau_u).unwrap_err();
         let Error::WrongSize { field: Field::Ydd, found, expected } = error else {
             panic!("{error}")
@@ -115,7 +119,7 @@ fn a_state_without_an_answer_is_an_error_with_its_status() {
     assert!(tau_u[0].is_finite());
 }
 
-/// Writes over every number of lanes that is this one, again and again.
+/// Overwrites every occurrence of a number in lanes until it is stopped.
 fn scribble(sandbox: &Sandbox, number: f64, stop: &AtomicBool) {
     let files: Vec<fs::File> = sandbox
         .leftovers()
@@ -123,7 +127,8 @@ fn scribble(sandbox: &Sandbox, number: f64, stop: &AtomicBool) {
         .filter(|path| path.extension().is_some_and(|ending| ending == "blackboard_data"))
         .map(|path| fs::OpenOptions::new().read(true).write(true).open(path).unwrap())
         .collect();
-    let (mut bytes, start) = (Vec::new(), Instant::now());
+    let mut bytes = Vec::new();
+    let start = Instant::now();
     while !stop.load(Relaxed) && start.elapsed() < LIMIT {
         for mut file in &files {
             bytes.clear();
@@ -153,7 +158,8 @@ fn a_simple_question_with_a_checksum_takes_no_changed_number() {
         (outcome, tau_u)
     };
     assert_eq!((ask().0.unwrap(), ask().1), (Warnings::NONE, expected));
-    let (stop, start) = (AtomicBool::new(false), Instant::now());
+    let stop = AtomicBool::new(false);
+    let start = Instant::now();
     let corrupt = std::thread::scope(|scope| {
         scope.spawn(|| scribble(&sandbox, expected[0], &stop));
         let mut corrupt = 0;

@@ -1,4 +1,4 @@
-//! `sarrus doctor` as scripts meet it.
+//! `sarrus doctor`: lines, JSON and exit codes.
 
 use std::fs;
 use std::process::{Command, Output};
@@ -26,14 +26,14 @@ fn a_finding_is_a_line_with_what_to_do_and_exit_code_1() {
     let object: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(output.status.code(), Some(1));
     assert_eq!(object["findings"][0]["check"], "huge pages");
-    assert!(object["checks"].as_u64().unwrap() >= 16);
+    assert!(object["checks"].as_u64().unwrap() >= 15);
 
     fs::write(folder.join("enabled"), "always [madvise] never\n").unwrap();
     let output = doctor(&root_flags);
     assert_eq!((output.status.code(), output.stdout.len()), (Some(0), 0), "{output:?}");
     fs::remove_dir_all(&root).unwrap();
     assert_eq!(doctor(&["--fromat", "json"]).status.code(), Some(2));
-    // this machine, whatever it is like, has lines and no breakdown
+    // any machine has a list of findings
     assert!(matches!(doctor(&[]).status.code(), Some(0 | 1)));
 }
 
@@ -47,14 +47,14 @@ fn a_folder_that_is_not_in_memory_is_named() {
         line.map(str::to_owned)
     };
     let line = found("/proc/sarrus").unwrap();
-    assert!(line.starts_with("file system: /proc/sarrus lies on type 0x9fa0, "), "{line}");
+    assert!(line.starts_with("file system: /proc/sarrus lies on proc, "), "{line}");
     assert!(line.contains("SARRUS_ROOT=/dev/shm/sarrus-"), "{line}");
     let is_memory = fs::read_to_string("/proc/self/mounts")
         .is_ok_and(|mounts| mounts.lines().any(|line| line.contains(" /dev/shm tmpfs ")));
     if is_memory {
         let root = format!("/dev/shm/sarrus-doctor-test-{}", std::process::id());
         assert_eq!(found(&root), None);
-        // looking leaves nothing
+        // the check leaves no files
         assert!(!fs::exists(root).unwrap());
     }
 }

@@ -1,8 +1,9 @@
-//! How clients and servers end, in order or not.
+//! Clients and servers that end, in order or not.
 
 use std::path::PathBuf;
 use std::time::Instant;
 
+use rustix::process::Signal;
 use sarrus_client::{ConnectError, Error, Status, Transport};
 
 use sarrus_torture::patience::LIMIT;
@@ -13,14 +14,14 @@ const NOTHING: Vec<PathBuf> = Vec::new();
 
 #[test]
 fn a_clean_stop_leaves_nothing() {
-    for signal in ["-TERM", "-INT"] {
+    for signal in [Signal::TERM, Signal::INT] {
         let sandbox = Sandbox::new();
         let server = sandbox.serve("tidy", &[]);
         let mut askers = [Transport::Lane, Transport::Service]
             .map(|transport| Asker::new(sandbox.connect("tidy", transport).unwrap()));
         askers.iter_mut().for_each(|asker| assert_eq!(asker.ask().unwrap().status, Status::Ok));
         drop(askers);
-        assert_eq!(server.stop(signal).code(), Some(0));
+        assert_eq!(server.stop_by(signal).code(), Some(0));
         assert_eq!(sandbox.leftovers(), NOTHING);
     }
 }
@@ -32,7 +33,7 @@ fn a_clean_stop_under_clients_leaves_nothing_once_they_are_gone() {
     let mut askers = [Transport::Lane, Transport::Service]
         .map(|transport| sandbox.attach_briefly("under", transport));
     askers.iter_mut().for_each(|asker| assert_eq!(asker.ask().unwrap().status, Status::Ok));
-    assert!(server.stop("-TERM").success());
+    assert!(server.stop().success());
     for asker in &mut askers {
         let start = Instant::now();
         let error = asker.ask().unwrap_err();
@@ -50,7 +51,7 @@ fn requests_during_a_stop_are_refused_not_lost() {
     let server = sandbox.serve("closing", &[]);
     let [mut lane, mut requests] = [Transport::Lane, Transport::Service]
         .map(|transport| sandbox.attach_briefly("closing", transport));
-    let stop = std::thread::spawn(move || server.stop("-TERM"));
+    let stop = std::thread::spawn(move || server.stop());
     let mut last = [Status::Ok; 2];
     let start = Instant::now();
     while last.contains(&Status::Ok) && start.elapsed() < LIMIT {
@@ -102,7 +103,7 @@ fn a_killed_clients_lane_serves_the_next_one() {
         Asker::new(sandbox.connect("widow", Transport::Service).unwrap()).ask().unwrap().status,
         Status::Ok
     );
-    assert!(server.stop("-TERM").success());
+    assert!(server.stop().success());
     assert_eq!(sandbox.leftovers(), NOTHING);
 }
 
@@ -116,7 +117,7 @@ fn a_killed_server_is_reported_and_a_new_one_is_found() {
         let bits = asker.bits();
         server.kill();
 
-        // nobody there: reported in the stated time
+        // without a server: reported in the stated time
         let start = Instant::now();
         let error = asker.ask().unwrap_err();
         assert!(matches!(error, Error::ServerGone { .. }), "{transport:?}: {error}");
@@ -138,7 +139,7 @@ fn a_killed_server_is_reported_and_a_new_one_is_found() {
         });
         assert_eq!(asker.bits(), bits);
         drop(asker);
-        assert!(server.stop("-TERM").success());
+        assert!(server.stop().success());
         assert_eq!(sandbox.leftovers(), NOTHING, "{transport:?}");
     }
 }
@@ -173,6 +174,6 @@ fn a_new_start_clears_what_a_crash_left() {
         NOTHING,
         "a crash leaves something, or this test tests nothing"
     );
-    assert!(sandbox.serve("crash", &[]).stop("-TERM").success());
+    assert!(sandbox.serve("crash", &[]).stop().success());
     assert_eq!(sandbox.leftovers(), NOTHING);
 }

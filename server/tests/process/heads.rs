@@ -1,4 +1,4 @@
-//! What heads carry: checksums, times and deadlines, through both transports.
+//! Checksums, times and deadlines in heads, through both transports.
 
 use std::time::{Duration, Instant};
 
@@ -11,7 +11,6 @@ use sarrus_proto::message::{RequestHead, ResponseHead};
 
 use sarrus_torture::patience::LIMIT;
 
-use crate::lies::Liar;
 use crate::support::{Asker, ROBOT, STATE, Sandbox, options, published};
 
 const BOTH: QueryOptions = QueryOptions::CHECKSUM.with(QueryOptions::TIMES);
@@ -45,12 +44,13 @@ fn checksums_and_times_change_no_bit_and_times_are_within_the_round_trip() {
             assert_eq!(asker.bits(), plain.bits());
 
             let times = asker.robot.times().unwrap();
-            let (age, took) = (u64::from(times.age_ns), u64::from(times.took_ns));
+            let age = u64::from(times.age_ns);
+            let took = u64::from(times.took_ns);
             // the processor's counter runs like the clock to a thousandth
             assert!(took > 0 && age + took <= round_trip + round_trip / 1000, "{times:?}");
             assert!(!is_here || age == 0, "{times:?}");
         }
-        // who does not ask for times gets none
+        // a query without the option has no times
         assert_eq!(asker.robot.ask(without, &asker.input, &mut asker.output).unwrap().ok(), {
             Ok(Warnings::NONE)
         });
@@ -104,16 +104,17 @@ fn a_request_that_was_changed_is_answered_corrupt_answer() {
     let sandbox = Sandbox::new();
     let _server = sandbox.serve("changed", &[]);
     let honest = Asker::new(sandbox.connect("changed", Transport::Lane).unwrap());
-    let (numbers, n_out) = (&honest.input, honest.output.len());
+    let numbers = &honest.input;
+    let n_out = honest.output.len();
 
     // the plan that needs a checksum beside the one that does not: both take and give the same
     let mut holder = sandbox.connect("changed", Transport::Service).unwrap();
     let _plan = holder.prepare(&STATE.with_options(QueryOptions::CHECKSUM)).unwrap();
-    let liar = Liar::new(&sandbox, "changed");
+    let liar = sandbox.raw("changed");
     let [checked, plain] = [QueryOptions::CHECKSUM, QueryOptions::NONE]
-        .map(|options| liar.plan(STATE.with_options(options)).unwrap().0);
+        .map(|options| liar.plan(&STATE.with_options(options)).unwrap().0);
     assert_ne!(checked, plain);
-    let (_node, mut lane) = liar.lane([numbers.len(), n_out]);
+    let (_node, mut lane) = liar.take_lane([numbers.len(), n_out]).unwrap();
 
     let mut sequence = 0;
     let mut ask = |head: &RequestHead, numbers: &[f64]| -> (ResponseHead, Vec<f64>) {

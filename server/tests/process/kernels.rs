@@ -124,14 +124,14 @@ fn answered_by_kernel(name: &'static str) {
     quick.input.fill(0.1);
     assert_eq!(quick.thousand(), (1000, 0, 0));
 
-    // what travels beside the numbers is no other query; other fields are one
+    // options make no other query, other fields do
     let checked = quick.robot.prepare(&STATE.with_options(QueryOptions::CHECKSUM)).unwrap();
     assert!(matches!(quick.robot.answered_by(checked), Ok(AnsweredBy::Generated(_))));
     let other = quick.robot.query(sarrus_client::Request::Kinematics).given(["y"]).want(["q"]);
     let other = other.prepare().unwrap();
     assert!(matches!(quick.robot.answered_by(other), Ok(AnsweredBy::Refused(_))));
 
-    // a robot that is elsewhere has its server's
+    // a connected robot has its server's kernels
     let mut served = sandbox.connect("quick", Transport::Lane).unwrap();
     assert!(served.use_kernels(Kernels::File(path)).is_err());
 }
@@ -142,7 +142,7 @@ fn a_kernel_makes_no_system_call() {
     system_calls_of_the_busy_loop(&["--kernel", path.to_str().unwrap()]);
 }
 
-/// How a server ends that is not to start, and what it says.
+/// The reason why a server does not start.
 fn refused(sandbox: &Sandbox, robot: &str, path: &Path) -> String {
     let flags = ["--kernel", path.to_str().unwrap()];
     let output = sandbox.command(robot, "never", &flags).output().unwrap();
@@ -151,7 +151,7 @@ fn refused(sandbox: &Sandbox, robot: &str, path: &Path) -> String {
 }
 
 #[test]
-fn a_file_that_is_no_kernel_of_the_robot_starts_no_server_and_the_reason_is_said() {
+fn a_file_that_is_no_kernel_of_the_robot_starts_no_server_and_the_reason_is_printed() {
     let Some(path) = object("lambda") else { return };
     let sandbox = Sandbox::new();
     let words = refused(&sandbox, "torso", &path);
@@ -190,7 +190,7 @@ fn a_kernel_that_goes_bad_after_the_first_start_is_done_without() {
     assert_eq!((asker.bits(), by_kernel(&asker)), (bits, 0));
     server.wait_for_line("no kernel of this version of sarrus");
     fs::remove_file(&file).unwrap();
-    assert!(server.stop("-TERM").success());
+    assert!(server.stop().success());
 }
 
 /// A server that makes kernels, with its cache in a folder.
@@ -211,20 +211,20 @@ fn kernels_are_made_beside_the_answers_and_kept_for_the_next_server() {
     for words in ["made in", "kept from before"] {
         let server = auto(&sandbox, "lambda", &cache, None);
         let mut generic = Asker::new(local("lambda"));
-        // whoever registers waits for no compiler
+        // registering waits for no compiler
         let start = Instant::now();
         let mut served = Asker::new(sandbox.connect("auto", Transport::Lane).unwrap());
         assert_eq!(served.ask().unwrap().status, Status::Ok);
         println!("{words}: answered after {:?}", start.elapsed());
         server.wait_for_line(words);
-        // from before to after it is swapped in, the bits are the same
+        // the bits are the same before and after the kernel is swapped in
         compare(&mut generic, &mut served);
         // with one that was swapped in
         let by_kernel = |served: &Asker| served.robot.statistics().unwrap().counts.by_kernel;
         while by_kernel(&served) == 0 {
             compare(&mut generic, &mut served);
         }
-        assert!(server.stop("-TERM").success());
+        assert!(server.stop().success());
     }
     fs::remove_dir_all(&cache).unwrap();
 }
@@ -248,7 +248,7 @@ fn without_a_compiler_or_a_straight_line_the_generic_kernels_answer_and_that_is_
         assert!(line.contains(words) && line.ends_with("; the generic ones answer"), "{line}");
         let mut numbers = vec![0.0; served.plan(plan).unwrap().want().len()];
         assert_eq!(served.ask(plan, &[0.1], &mut numbers).unwrap().status, Status::Ok);
-        assert!(server.stop("-TERM").success());
+        assert!(server.stop().success());
     }
     assert!(!cache.exists());
 }

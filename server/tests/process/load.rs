@@ -1,5 +1,4 @@
-//! What the answering thread does under load: fairly, without the system's allocator and without
-//! system calls.
+//! The answering thread under load: fair, without the system's allocator and system calls.
 
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -7,16 +6,15 @@ use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use sarrus_client::{Options, QueryOptions, Robot, Source, Status, Transport};
-use sarrus_proto::PROTOCOL_VERSION;
 use sarrus_proto::board::ClaimedLane;
 use sarrus_proto::message::RequestHead;
 use sarrus_proto::service::OpenedService;
 use sarrus_server::pool;
 
 use sarrus_torture::patience::LIMIT;
+use sarrus_torture::raw::Raw;
 
 use crate::batches::Rows;
-use crate::lies::Liar;
 use crate::support::{Asker, ROBOT, STATE, Sandbox, published};
 
 #[test]
@@ -127,7 +125,7 @@ pub(crate) fn system_calls_of_the_busy_loop(flags: &[&str]) {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    // it says so once it looks at all threads; its pipe stays open as long as it runs
+    // strace prints this once it traces all threads; its pipe stays open as long as it runs
     let mut words = BufReader::new(strace.stderr.take().unwrap()).lines();
     if !words.any(|line| line.unwrap().contains(" attached")) {
         let status = strace.wait().unwrap();
@@ -205,23 +203,17 @@ fn no_client_starves_another() {
     let numbers = asker.input.clone();
 
     // three clients of the service and two lanes, all backlogged, driven by one thread
-    let liars: Vec<Liar<'_>> = (0..5).map(|_| Liar::new(&sandbox, "fair")).collect();
+    let liars: Vec<Raw> = (0..5).map(|_| sandbox.raw("fair")).collect();
     let mut nodes = Vec::new();
-    let head = RequestHead {
-        version: PROTOCOL_VERSION,
-        plan: 0,
-        fingerprint: liars[0].fingerprint,
-        sequence: 1,
-        ..RequestHead::default()
-    };
+    let head = liars[0].head(0, 1);
     let mut pushers: Vec<Pusher> = Vec::new();
     for liar in &liars[..3] {
-        let (node, client) = liar.service();
+        let (node, client) = liar.take_service().unwrap();
         nodes.push(node);
         pushers.push(Pusher::Requests(client, false));
     }
     for liar in &liars[3..] {
-        let (node, mut lane) = liar.lane([numbers.len(), asker.output.len()]);
+        let (node, mut lane) = liar.take_lane([numbers.len(), asker.output.len()]).unwrap();
         nodes.push(node);
         lane.outbox.numbers()[..numbers.len()].copy_from_slice(&numbers);
         lane.outbox.publish(head);
@@ -235,6 +227,7 @@ fn no_client_starves_another() {
             *answered += pusher.push(&head, &numbers);
         }
     }
-    let (least, most) = (answered.iter().min().unwrap(), answered.iter().max().unwrap());
+    let least = answered.iter().min().unwrap();
+    let most = answered.iter().max().unwrap();
     assert!(*least > 10 && most < &(2 * least), "{answered:?}");
 }

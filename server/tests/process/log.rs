@@ -1,4 +1,4 @@
-//! What `serve` logs, at which level, and that nobody has to read it.
+//! The log of `serve`: its levels, and a log that is not read.
 
 use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader, Read};
@@ -11,8 +11,8 @@ use crate::support::{Asker, ROBOT, STATE, Sandbox, options};
 /// Answers that are late by the client's deadline.
 const LATE: u64 = 3;
 
-/// One client with late answers, one that is refused; what a server with these flags logs of them,
-/// `awaited` what it does in its own time: that answers were `late`, that both have `detached`.
+/// The log of a server with these flags: one client has late answers, another one is refused.
+/// `awaited` are events that it logs in its own time: answers were `late`, both have `detached`.
 fn logged(flags: &[&str], variable: Option<&str>, awaited: &[&str]) -> String {
     let sandbox = Sandbox::new();
     let mut command = sandbox.command(ROBOT, "talker", &[&["--lanes", "1"], flags].concat());
@@ -28,7 +28,8 @@ fn logged(flags: &[&str], variable: Option<&str>, awaited: &[&str]) -> String {
     }
     let refused = sandbox.connect("talker", Transport::Lane).err().unwrap();
     assert!(matches!(refused, ConnectError::NoFreeSlot { .. }), "{refused}");
-    let (mut late, mut detached) = (0, 0);
+    let mut late = 0;
+    let mut detached = 0;
     let mut log = Vec::new();
     let mut wait = |what: &str, log: &mut Vec<String>| {
         let mut last = |line: &str| {
@@ -120,7 +121,7 @@ fn a_log_that_nobody_reads_keeps_no_client_from_attaching() {
     let mut command = sandbox.command(ROBOT, "unread", &["--log", "debug"]);
     let (_server, stderr) = sandbox.start_unread(&mut command);
     let mut stderr = BufReader::new(stderr);
-    // several times what a pipe holds
+    // several times the size of a pipe
     let mut robot = sandbox.connect("unread", Transport::Lane).unwrap();
     let plan = robot.prepare(&STATE).unwrap();
     let other = STATE.with_options(QueryOptions::TIMES);
@@ -129,7 +130,7 @@ fn a_log_that_nobody_reads_keeps_no_client_from_attaching() {
         robot.release(other).unwrap();
     }
     assert!(robot.plan(plan).is_some());
-    // what was lost is counted in the first line that there is room for
+    // the first line with room has the number of lost lines
     let mut text = vec![0; 16 << 10];
     stderr.read_exact(&mut text).unwrap();
     let _robot = sandbox.connect("unread", Transport::Lane).unwrap();

@@ -1,6 +1,6 @@
 //! The server as its users meet it: as a process, among clients that crash, crowd, lie and vanish.
 //! One test at a time.
-// lint: helpers of tests say what they expect, as tests do
+// lint: helpers of tests panic, as tests do
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 mod batches;
@@ -32,7 +32,7 @@ use sarrus_torture::patience::LIMIT;
 
 use support::{Asker, ROBOT, STATE, Sandbox, options};
 
-/// Counts what a thread takes from an allocator while it is adopted.
+/// Counts the blocks that an adopted thread takes from an allocator.
 #[global_allocator]
 static POOL: sarrus_server::pool::Pool = sarrus_server::pool::Pool;
 
@@ -135,7 +135,7 @@ fn no_server_is_reported_before_the_time_out() {
     let start = Instant::now();
     let error = sandbox.connect("nobody", Transport::Lane).err().unwrap();
     assert!(matches!(error, ConnectError::NoServer { .. }), "{error}");
-    let root = sandbox.domain.root().display();
+    let root = sandbox.domain().root().display();
     assert_eq!(
         error.to_string(),
         format!(
@@ -166,7 +166,7 @@ fn a_second_server_of_the_name_is_refused() {
         Asker::new(sandbox.connect("twice", Transport::Lane).unwrap()).ask().unwrap().status,
         Status::Ok
     );
-    assert!(server.stop("-TERM").success());
+    assert!(server.stop().success());
 }
 
 #[test]

@@ -38,7 +38,7 @@ fn main_thread(server: &Server) -> std::path::PathBuf {
     format!("/proc/{0}/task/{0}", server.id()).into()
 }
 
-/// Whether a program can be run here, with what it says where it cannot.
+/// Whether a program can be run here; prints the reason where it cannot.
 fn works(program: &str, arguments: &[&str]) -> bool {
     let outcome = Command::new(program).args(arguments).output();
     let works = outcome.as_ref().is_ok_and(|output| output.status.success());
@@ -53,7 +53,7 @@ fn by(sandbox: &Sandbox, program: &[&str], flags: &[&str]) -> Command {
     let inner = sandbox.command(ROBOT, "placed", flags);
     let mut command = Command::new(program[0]);
     command.args(&program[1..]).arg(inner.get_program()).args(inner.get_args());
-    command.env("SARRUS_ROOT", sandbox.domain.root());
+    command.env("SARRUS_ROOT", sandbox.domain().root());
     command
 }
 
@@ -94,7 +94,7 @@ fn only_the_answering_thread_keeps_an_inherited_real_time_policy() {
     assert_eq!((policy(&hot), policy(&main_thread(&server))), ((1, 1), (0, 0)));
     let mut asker = Asker::new(sandbox.connect("placed", Transport::Lane).unwrap());
     assert_eq!(asker.ask().unwrap().status, Status::Ok);
-    assert!(server.stop("-TERM").success());
+    assert!(server.stop().success());
 }
 
 #[test]
@@ -111,13 +111,13 @@ fn the_answering_thread_alone_has_the_processor_and_the_priority() {
         let rest = processors(&main_thread(&server));
         assert!(!rest.split([',', '-']).any(|one| one == cpu), "{rest} and {cpu} of {own}");
     }
-    assert!(server.stop("-TERM").success());
+    assert!(server.stop().success());
 
     if works("chrt", &["-f", "7", "true"]) {
         let server = sandbox.serve("placed", &["--wait", "sleep", "--priority", "7"]);
         let hot = answering_thread(server.id()).unwrap();
         assert_eq!((policy(&hot), policy(&main_thread(&server))), ((1, 7), (0, 0)));
-        assert!(server.stop("-TERM").success());
+        assert!(server.stop().success());
     }
     let output = sandbox.command(ROBOT, "placed", &["--cpu", "1000"]).output().unwrap();
     refused(&output, &["processor 1000 cannot be had", "choose one of them with --cpu"]);
@@ -164,7 +164,7 @@ fn with_locked_memory_the_answering_thread_meets_no_page_fault() {
         }
         found.push(faults(&hot) - before);
         drop(askers);
-        assert!(server.stop("-TERM").success());
+        assert!(server.stop().success());
     }
     println!("page faults of the answering thread, memory locked and not: {found:?}");
     assert_eq!(found[0], 0);

@@ -1,5 +1,5 @@
-//! Plans as their clients hold them: each is one robot's, comes free when nobody holds it any more,
-//! and leaves no number behind that means another plan.
+//! Plans of clients: each belongs to one robot and comes free without holders; its number never
+//! stands for another plan.
 
 use std::time::Instant;
 
@@ -7,13 +7,11 @@ use sarrus_client::{
     Error, Field, FieldSet, Options, PlanId, Query, Request, Robot, Source, Status, Transport,
     Warnings,
 };
-use sarrus_proto::PROTOCOL_VERSION;
 use sarrus_proto::control::{Call, Grant};
-use sarrus_proto::message::{MAX_PLANS, PlanNumber, RequestHead};
+use sarrus_proto::message::{MAX_PLANS, PlanNumber};
 
 use sarrus_torture::patience::LIMIT;
 
-use crate::lies::Liar;
 use crate::support::{Asker, ROBOT, Sandbox, options, wait_until};
 
 /// More queries than a server holds, each another one.
@@ -124,7 +122,7 @@ fn plans_that_are_released_make_room_for_thousands() {
     wait_for_plans(&robot, 1);
     other.ask().unwrap().ok().unwrap();
     assert_eq!(other.bits(), bits);
-    assert!(server.stop("-TERM").success());
+    assert!(server.stop().success());
 }
 
 #[test]
@@ -135,7 +133,7 @@ fn plans_of_clients_that_leave_or_are_killed_come_free() {
     asker.ask().unwrap().ok().unwrap();
     let bits = asker.bits();
 
-    // the table is full, and that is an error that says what to do
+    // a full table is an error with a remedy
     let mut greedy = sandbox.connect("heirs", Transport::Service).unwrap();
     let mut plans = Vec::new();
     let error = loop {
@@ -150,14 +148,14 @@ fn plans_of_clients_that_leave_or_are_killed_come_free() {
     wait_for_plans(&asker.robot, MAX_PLANS as u64);
     assert_eq!(status(&mut greedy, plans[1000]), Status::Ok);
 
-    // who leaves makes room at once
+    // a client that leaves makes room at once
     drop(greedy);
     let mut next = sandbox.connect("heirs", Transport::Lane).unwrap();
     let plan = next.prepare(&distinct(2000)).unwrap();
     assert_eq!(status(&mut next, plan), Status::Ok);
     wait_for_plans(&asker.robot, 2);
 
-    // and so does who is killed
+    // and so does a killed one
     for transport in [Transport::Lane, Transport::Service] {
         let client = sandbox.client_with("heirs", transport, Some(3000));
         wait_for_plans(&asker.robot, 3);
@@ -172,22 +170,15 @@ fn plans_of_clients_that_leave_or_are_killed_come_free() {
 fn the_number_of_a_released_plan_is_never_another_plans() {
     let sandbox = Sandbox::new();
     let _server = sandbox.serve("stale", &[]);
-    let liar = Liar::new(&sandbox, "stale");
-    let (_node, mut client) = liar.service();
+    let liar = sandbox.raw("stale");
+    let (_node, mut client) = liar.take_service().unwrap();
     let release = |plan| match liar.call(Call::Release { plan }) {
         Ok(Grant::Released { had }) => had,
         other => panic!("{other:?}"),
     };
     let mut ask = |plan: PlanNumber| {
-        let head = RequestHead {
-            version: PROTOCOL_VERSION,
-            plan: plan.0,
-            fingerprint: liar.fingerprint,
-            sequence: 1,
-            ..RequestHead::default()
-        };
         client.cancel();
-        assert!(client.send(&head, &[0.0; 256]));
+        assert!(client.send(&liar.head(plan.0, 1), &[0.0; 256]));
         let start = Instant::now();
         loop {
             if let Some((answer, _)) = client.poll().unwrap() {
@@ -200,19 +191,19 @@ fn the_number_of_a_released_plan_is_never_another_plans() {
     let mut seen = Vec::new();
     // more than there are places
     for number in 0..MAX_PLANS + 100 {
-        let registered = liar.plan(distinct(number)).unwrap();
+        let registered = PlanNumber(liar.plan(&distinct(number)).unwrap().0);
         assert_eq!(ask(registered), Status::Ok);
         assert!(!seen.contains(&registered), "{registered:?} twice");
         seen.push(registered);
         assert_eq!((release(registered), release(registered)), (true, false));
     }
-    // what others hold cannot be released
+    // plans of other clients cannot be released
     let mut other = sandbox.connect("stale", Transport::Lane).unwrap();
     let held = other.prepare(&distinct(1)).unwrap();
     let start = Instant::now();
     for stale in [seen[0], seen[1], seen[MAX_PLANS], PlanNumber(u32::MAX)] {
         assert!(!release(stale));
-        // given back at the next look at the orders
+        // the server releases it when it handles its orders
         while ask(stale) == Status::Ok {
             assert!(start.elapsed() < LIMIT, "{stale:?} still answers");
         }
@@ -229,7 +220,7 @@ fn a_new_server_of_the_same_model_knows_the_plans_that_are_held() {
     let plans = [1, 2, 3].map(|number| robot.prepare(&distinct(number)).unwrap());
     robot.release(plans[1]).unwrap();
     server.kill();
-    // released while nobody is there to hear it
+    // released without a server
     robot.release(plans[0]).unwrap();
     let _server = sandbox.serve("heir", &[]);
     assert_eq!(status(&mut robot, plans[2]), Status::Ok);
@@ -273,11 +264,12 @@ fn all_unknown_names_of_a_query_are_reported_at_once() {
 #[test]
 fn a_tolerance_of_a_query_decides_what_is_a_projection() {
     let mut robot = local();
-    let (n_y, n_q) = (robot.model().independent_q.len(), robot.model().tree_q.len());
+    let n_y = robot.model().independent_q.len();
+    let n_q = robot.model().tree_q.len();
     let pose = robot.query(Request::Kinematics).given(["y"]).want(["q"]).prepare().unwrap();
     let mut q = vec![0.0; n_q];
     robot.ask(pose, &vec![0.1; n_y], &mut q).unwrap().ok().unwrap();
-    // what no loop lets the measured coordinates be
+    // measured coordinates that close no loop
     q.iter_mut().for_each(|x| *x += 1e-3 * x.sin());
     let mut y = vec![0.0; n_y];
     for (tolerance, is_projected) in [(0.0, true), (1.0, false)] {

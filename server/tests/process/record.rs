@@ -1,4 +1,4 @@
-//! What a server leaves on record when it is killed, and what comes of it.
+//! Recordings of killed servers, and their replay.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -63,7 +63,8 @@ fn ask(robot: &mut Robot, n: usize, seed: u64) -> [usize; 2] {
         let prepared = robot.plan(plan).unwrap();
         (plan, prepared.given().len(), prepared.want().len())
     });
-    let (mut state, mut counts) = (seed, [0; 2]);
+    let mut state = seed;
+    let mut counts = [0; 2];
     let mut random = || {
         // Knuth's MMIX
         state =
@@ -83,7 +84,7 @@ fn ask(robot: &mut Robot, n: usize, seed: u64) -> [usize; 2] {
     counts
 }
 
-/// Waits until the recorder has written what was answered, and statistics say so.
+/// Waits until the recorder has written the answered requests and statistics count them.
 fn settle() {
     std::thread::sleep(Duration::from_millis(300));
 }
@@ -91,7 +92,8 @@ fn settle() {
 #[test]
 fn what_was_answered_before_a_kill_is_on_record_and_comes_out_the_same() {
     const N: usize = 4000;
-    let (sandbox, folder) = (Sandbox::new(), Folder::new("record-kill"));
+    let sandbox = Sandbox::new();
+    let folder = Folder::new("record-kill");
     let file = folder.file("box");
     let flags = ["--record", &file, "--record-seconds", "20", "--lanes", "2"];
     let server = sandbox.serve("box", &flags);
@@ -126,7 +128,8 @@ fn what_was_answered_before_a_kill_is_on_record_and_comes_out_the_same() {
 #[test]
 fn rows_of_a_batch_are_on_record_like_single_requests() {
     const N: usize = 3000;
-    let (sandbox, folder) = (Sandbox::new(), Folder::new("record-rows"));
+    let sandbox = Sandbox::new();
+    let folder = Folder::new("record-rows");
     let file = folder.file("box");
     let server = sandbox.serve("box", &["--record", &file, "--record-seconds", "20"]);
     let mut asker = Asker::new(sandbox.connect("box", Transport::Lane).unwrap());
@@ -145,9 +148,10 @@ fn rows_of_a_batch_are_on_record_like_single_requests() {
 
 #[test]
 fn a_server_that_is_killed_while_it_answers_leaves_all_but_the_last_moment() {
-    let (sandbox, folder) = (Sandbox::new(), Folder::new("record-busy"));
+    let sandbox = Sandbox::new();
+    let folder = Folder::new("record-busy");
     let file = folder.file("box");
-    // room for whatever one lane can ask in that time
+    // room for all requests of one lane in that time
     let server = sandbox.serve("box", &["--record", &file, "--record-seconds", "20"]);
     let mut robot = sandbox.attach_briefly("box", Transport::Lane).robot;
     let mut asked = 0_u64;
@@ -176,23 +180,24 @@ fn a_server_that_is_killed_while_it_answers_leaves_all_but_the_last_moment() {
 
 #[test]
 fn a_clean_stop_leaves_everything_and_the_next_run_keeps_it() {
-    let (sandbox, folder) = (Sandbox::new(), Folder::new("record-next"));
+    let sandbox = Sandbox::new();
+    let folder = Folder::new("record-next");
     let file = folder.file("box");
     let flags = ["--record", &file, "--record-seconds", "1", "--lanes", "1"];
     for run in 1..=3 {
         let server = sandbox.serve("box", &flags);
-        // nobody else may write there
+        // other users cannot write there
         let second = sandbox.command(ROBOT, "other", &flags).output().unwrap();
         let words = String::from_utf8(second.stderr).unwrap();
         assert_eq!(second.status.code(), Some(2));
         assert!(words.contains("another server records to"), "{words}");
         let mut robot = sandbox.connect("box", Transport::Lane).unwrap();
-        // nothing is asked the second time: what was kept stays
+        // the second run has no requests: the recording stays
         if run != 2 {
             let _ = ask(&mut robot, 100 * run, 7);
         }
         drop(robot);
-        assert!(server.stop("-TERM").success());
+        assert!(server.stop().success());
         assert_eq!(replay(&file, &[]).1["requests"], if run == 2 { 0 } else { 100 * run });
         let kept = Path::new(&format!("{file}.1")).exists();
         assert_eq!(kept, run > 1);
@@ -204,7 +209,8 @@ fn a_clean_stop_leaves_everything_and_the_next_run_keeps_it() {
 
 #[test]
 fn a_changed_bit_is_found() {
-    let (sandbox, folder) = (Sandbox::new(), Folder::new("record-bit"));
+    let sandbox = Sandbox::new();
+    let folder = Folder::new("record-bit");
     let file = folder.file("box");
     let flags = ["--record", &file, "--record-seconds", "1", "--lanes", "1"];
     let server = sandbox.serve_robot("lambda", "box", &flags);
@@ -234,10 +240,12 @@ fn a_changed_bit_is_found() {
 
 #[test]
 fn what_is_no_recording_is_refused_with_the_reason() {
-    let (sandbox, folder) = (Sandbox::new(), Folder::new("record-refused"));
-    let (file, text) = (folder.file("box"), folder.file("text"));
+    let sandbox = Sandbox::new();
+    let folder = Folder::new("record-refused");
+    let file = folder.file("box");
+    let text = folder.file("text");
     let flags = ["--record", &file, "--record-seconds", "1", "--lanes", "1"];
-    assert!(sandbox.serve_robot("lambda", "box", &flags).stop("-TERM").success());
+    assert!(sandbox.serve_robot("lambda", "box", &flags).stop().success());
     fs::write(&text, "a text that somebody needs").unwrap();
     let cut = folder.file("cut");
     fs::write(&cut, &fs::read(&file).unwrap()[..100_000]).unwrap();
@@ -271,7 +279,8 @@ fn what_is_no_recording_is_refused_with_the_reason() {
 
 #[test]
 fn a_robot_from_files_is_in_its_recording_with_what_was_held_of_it() {
-    let (sandbox, folder) = (Sandbox::new(), Folder::new("record-files"));
+    let sandbox = Sandbox::new();
+    let folder = Folder::new("record-files");
     let (urdf, yaml) = sarrus_models::bundled_text("torso").unwrap();
     let mut sizes = Vec::new();
     for (name, held) in [("whole", &[][..]), ("held", &["--lock", "BodyRoll=-0.1"])] {

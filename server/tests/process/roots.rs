@@ -3,7 +3,6 @@
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::PathBuf;
-use std::process::Command;
 use std::time::Duration;
 
 use sarrus_client::{ConnectError, Status, Transport};
@@ -16,12 +15,10 @@ fn askers(sandbox: &Sandbox) -> [Asker; 2] {
         .map(|transport| Asker::new(sandbox.connect("twin", transport).unwrap()))
 }
 
-/// What another domain's command says.
+/// The exit code and the texts of a command in a domain.
 fn sarrus(sandbox: &Sandbox, arguments: &[&str]) -> (Option<i32>, String) {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
-    let output = command.args(arguments).env("SARRUS_ROOT", sandbox.domain.root()).output();
-    let output = output.unwrap();
-    (output.status.code(), String::from_utf8([output.stdout, output.stderr].concat()).unwrap())
+    let (code, results, reasons) = sandbox.sarrus(arguments);
+    (code, results + &reasons)
 }
 
 #[test]
@@ -35,7 +32,7 @@ fn servers_of_one_name_in_two_domains_do_not_meet() {
         assert_eq!(asker.ask().unwrap().status, Status::Ok);
         bits.push(asker.bits());
     }
-    // the smaller lane that it had before its plan is on its way back
+    // until its first, smaller lane is given back
     while honest[0].robot.statistics().unwrap().lanes_taken > 1 {
         std::thread::sleep(Duration::from_millis(1));
     }
@@ -54,7 +51,7 @@ fn servers_of_one_name_in_two_domains_do_not_meet() {
         assert_eq!(honest[0].robot.statistics().unwrap().process, u64::from(server.id()));
         // stopped, and killed with and without its clients, after which it is tidied away
         match round {
-            0 => assert!(twin.stop("-TERM").success()),
+            0 => assert!(twin.stop().success()),
             1 => twin.kill(),
             _ => {
                 drop(clients);
@@ -70,16 +67,16 @@ fn servers_of_one_name_in_two_domains_do_not_meet() {
     }
     assert_eq!(there.leftovers(), Vec::<PathBuf>::new());
     drop(honest);
-    assert!(server.stop("-TERM").success());
+    assert!(server.stop().success());
 }
 
 #[test]
 fn a_folder_that_the_user_made_stays_as_it_was() {
     let here = Sandbox::new();
-    let root = here.domain.root();
+    let root = here.domain().root();
     fs::create_dir(root).unwrap();
     fs::set_permissions(root, fs::Permissions::from_mode(0o2770)).unwrap();
-    assert!(here.serve("guest", &[]).stop("-TERM").success());
+    assert!(here.serve("guest", &[]).stop().success());
     assert_eq!(here.leftovers(), [root.to_owned()]);
     here.serve("guest", &[]).kill();
     assert_eq!(sarrus(&here, &["tidy"]).0, Some(0));
@@ -92,7 +89,7 @@ fn a_client_in_the_wrong_domain_hears_where_it_looked() {
     let here = Sandbox::new();
     let _server = here.serve("lost", &[]);
     let there = here.another();
-    let root = there.domain.root().display().to_string();
+    let root = there.domain().root().display().to_string();
     let missing = there.connect("lost", Transport::Lane).err().unwrap();
     assert!(matches!(missing, ConnectError::NoServer { .. }), "{missing}");
     let said = format!(
@@ -105,5 +102,5 @@ fn a_client_in_the_wrong_domain_hears_where_it_looked() {
         assert_eq!(code, Some(2), "{words}");
         assert!(words.contains(&said), "{words}");
     }
-    assert!(!fs::exists(there.domain.root()).unwrap(), "looking makes nothing");
+    assert!(!fs::exists(there.domain().root()).unwrap(), "looking makes nothing");
 }

@@ -5,10 +5,12 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use rustix::process::Signal;
 use sarrus_client::{Status, Transport};
 use sarrus_proto::{ServerName, supervision};
 
 use sarrus_torture::patience::LIMIT;
+use sarrus_torture::process::send_signal;
 
 use crate::support::{Asker, ROBOT, Sandbox, Server};
 
@@ -23,7 +25,7 @@ pub(crate) fn until<T>(what: &str, mut probe: impl FnMut() -> Option<T>) -> T {
     panic!("{what}: not within {LIMIT:?}");
 }
 
-/// The processes whose parent this is, dead ones that nobody waited for left out.
+/// The child processes of a process, without zombies.
 fn children(parent: u32) -> Vec<u32> {
     let is_child = |process: &u32| {
         let stat = fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
@@ -51,8 +53,7 @@ pub(crate) fn serving(supervisor: u32) -> u32 {
 }
 
 pub(crate) fn kill(process: u32) {
-    let id = process.to_string();
-    assert!(Command::new("kill").args(["-KILL", &id]).status().unwrap().success());
+    send_signal(process, Signal::KILL);
 }
 
 /// The process that serves after another one, once clients can attach.
@@ -73,7 +74,7 @@ pub(crate) fn supervised(sandbox: &Sandbox, name: &str, flags: &[&str]) -> Serve
 }
 
 #[test]
-fn ready_is_said_once_however_often_the_server_dies() {
+fn ready_is_printed_once_for_all_servers_of_a_supervisor() {
     let sandbox = Sandbox::new();
     let mut command = sandbox.command(ROBOT, "once", &["--supervise", "--short-life", "0"]);
     let child = command.spawn().unwrap();
@@ -83,15 +84,13 @@ fn ready_is_said_once_however_often_the_server_dies() {
         kill(process);
     }
     next_server(&sandbox, "once", process);
-    assert!(
-        Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success()
-    );
+    send_signal(child.id(), Signal::INT);
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{output:?}");
     let words = String::from_utf8(output.stdout).unwrap();
     assert_eq!(words.lines().count(), 1, "{words}");
     assert!(words.starts_with("ready once "), "{words}");
-    // each death is a line that says how and how long it lived
+    // a line for each death, with its cause and the lifetime
     let words = String::from_utf8(output.stderr).unwrap();
     let deaths = words.lines().filter(|line| line.contains("was killed by signal 9 after "));
     assert_eq!(deaths.count(), 3, "{words}");
@@ -120,7 +119,7 @@ fn clients_go_on_when_the_server_is_killed() {
         gaps.sort();
         println!("{transport:?}: from the kill to the next answer, sorted: {gaps:.1?}");
     }
-    assert!(server.stop("-TERM").success());
+    assert!(server.stop().success());
 }
 
 /// A pendulum of this mass.
@@ -154,19 +153,19 @@ fn only_the_robot_that_was_announced_is_served_again() {
     assert!(reason_of_clients.contains(reason), "{reason_of_clients}");
     fs::remove_file(&urdf).unwrap();
     drop(server);
-    assert!(sandbox.serve("filed", &[]).stop("-TERM").success());
+    assert!(sandbox.serve("filed", &[]).stop().success());
 }
 
 #[test]
 fn a_stop_of_the_supervisor_leaves_nothing() {
-    for signal in ["-TERM", "-INT"] {
+    for signal in [Signal::TERM, Signal::INT] {
         let sandbox = Sandbox::new();
         let server = supervised(&sandbox, "stop", &[]);
         let mut asker = Asker::new(sandbox.connect("stop", Transport::Lane).unwrap());
         assert_eq!(asker.ask().unwrap().status, Status::Ok);
         let processes = children(server.id());
         drop(asker);
-        assert!(server.stop(signal).success());
+        assert!(server.stop_by(signal).success());
         for process in processes {
             assert!(!fs::exists(format!("/proc/{process}")).unwrap(), "{process}");
         }
@@ -189,7 +188,7 @@ fn the_server_dies_with_its_supervisor() {
         processes.iter().all(ended).then_some(())
     });
     // and the name is free
-    assert!(sandbox.serve("orphan", &[]).stop("-TERM").success());
+    assert!(sandbox.serve("orphan", &[]).stop().success());
 }
 
 #[test]
@@ -215,7 +214,7 @@ fn a_bad_model_is_given_up_with_its_first_fault() {
     assert!(reason.contains("bad.urdf:1:"), "{reason}");
     assert!(words.contains(&format!("given up: {reason}")), "{words}");
     // the next start that succeeds takes it back
-    assert!(sandbox.serve("bad", &[]).stop("-TERM").success());
+    assert!(sandbox.serve("bad", &[]).stop().success());
     assert_eq!(supervision::given_up(&root, &name("bad")), None);
     assert_eq!(sandbox.leftovers(), Vec::<PathBuf>::new());
 }
@@ -228,8 +227,8 @@ fn a_name_that_is_taken_is_refused_and_not_given_up() {
     let words = String::from_utf8(second.stderr).unwrap();
     assert_eq!((second.status.code(), second.stdout.len()), (Some(2), 0), "{words}");
     assert!(words.contains("a server named `taken` is running already"), "{words}");
-    assert_eq!(supervision::given_up(sandbox.domain.root(), &name("taken")), None);
-    assert!(first.stop("-TERM").success());
+    assert_eq!(supervision::given_up(sandbox.domain().root(), &name("taken")), None);
+    assert!(first.stop().success());
 }
 
 #[test]
@@ -245,9 +244,9 @@ fn five_deaths_soon_after_a_start_are_given_up() {
     let output = child.wait_with_output().unwrap();
     let words = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(2), "{words}");
-    let reason = supervision::given_up(sandbox.domain.root(), &name("frail")).unwrap();
+    let reason = supervision::given_up(sandbox.domain().root(), &name("frail")).unwrap();
     assert!(reason.starts_with("five times within a minute"), "{reason}");
     assert!(reason.ends_with("was killed by signal 9"), "{reason}");
-    assert!(sandbox.serve("frail", &[]).stop("-TERM").success());
-    assert_eq!(supervision::given_up(sandbox.domain.root(), &name("frail")), None);
+    assert!(sandbox.serve("frail", &[]).stop().success());
+    assert_eq!(supervision::given_up(sandbox.domain().root(), &name("frail")), None);
 }

@@ -2,12 +2,12 @@
 
 use std::fs;
 use std::io::{BufRead, BufReader};
-use std::path::PathBuf;
-use std::process::{Child, ChildStderr, Command, ExitStatus, Stdio};
-use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::path::{Path, PathBuf};
+use std::process::{ChildStderr, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Mutex, MutexGuard};
 
+use rustix::process::Signal;
 use sarrus_client::{
     ConnectError, ConnectOptions, Field, FieldSet, PlanId, Query, Request, Robot, Statistics,
     Status, Transport, WaitStrategy,
@@ -15,9 +15,10 @@ use sarrus_client::{
 use sarrus_proto::Domain;
 use sarrus_server::pool;
 use sarrus_torture::patience::{LIMIT, holds, poll};
-use sarrus_torture::process::{files_of, remove_files_of};
+use sarrus_torture::process::{Process, TemporaryDomain, files_of, serve_command, start_server};
+use sarrus_torture::raw::Raw;
 
-/// What every test asks: all of the robot's state.
+/// The query of every test: the whole state of the robot.
 pub(crate) const STATE: Query = Query::new(
     Request::Kinematics,
     FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]),
@@ -28,11 +29,10 @@ pub(crate) const STATE: Query = Query::new(
 pub(crate) const ROBOT: &str = "rh5v2_upper_body";
 
 static ALONE: Mutex<()> = Mutex::new(());
-static DOMAINS: AtomicU32 = AtomicU32::new(0);
 
 /// A domain of one test; tests run one at a time as long as they hold it.
 pub(crate) struct Sandbox {
-    pub(crate) domain: Domain,
+    home: TemporaryDomain,
     _alone: Option<MutexGuard<'static, ()>>,
 }
 
@@ -48,17 +48,16 @@ impl Sandbox {
     }
 
     fn make(alone: Option<MutexGuard<'static, ()>>) -> Sandbox {
-        let number = DOMAINS.fetch_add(1, Relaxed);
-        let domain = Domain::at(
-            &std::env::temp_dir().join(format!("sarrus-test-{}-{number}", std::process::id())),
-        )
-        .unwrap();
-        Sandbox { domain, _alone: alone }
+        Sandbox { home: TemporaryDomain::new().unwrap(), _alone: alone }
+    }
+
+    pub(crate) fn domain(&self) -> &Domain {
+        &self.home.0
     }
 
     /// The root, as the first server or client makes it.
     pub(crate) fn make_root(&self) -> PathBuf {
-        let root = self.domain.root().to_owned();
+        let root = self.domain().root().to_owned();
         fs::create_dir(&root).unwrap();
         fs::write(root.join("made"), "").unwrap();
         root
@@ -66,7 +65,7 @@ impl Sandbox {
 
     /// The files of the domain.
     pub(crate) fn leftovers(&self) -> Vec<PathBuf> {
-        files_of(&self.domain).into_iter().collect()
+        files_of(self.domain()).into_iter().collect()
     }
 
     pub(crate) fn serve(&self, name: &str, flags: &[&str]) -> Server {
@@ -87,28 +86,34 @@ impl Sandbox {
         server
     }
 
-    /// The same, and its stderr, which nobody reads.
+    /// A server by its command line, and its stderr.
     pub(crate) fn start_unread(&self, command: &mut Command) -> (Server, ChildStderr) {
-        command.env("SARRUS_ROOT", self.domain.root());
+        command.env("SARRUS_ROOT", self.domain().root());
         command.stdout(Stdio::piped()).stderr(Stdio::piped()).stdin(Stdio::null());
-        let mut child = command.spawn().unwrap();
-        let mut ready = String::new();
-        BufReader::new(child.stdout.take().unwrap()).read_line(&mut ready).unwrap();
-        if ready.is_empty() {
-            panic!("the server did not start: {:?}", child.wait_with_output());
-        }
-        let stderr = child.stderr.take().unwrap();
-        (Server { child, ready, lines: channel().1 }, stderr)
+        let (mut process, ready) = start_server(command).unwrap();
+        let stderr = process.0.stderr.take().unwrap();
+        (Server { process, ready, lines: channel().1 }, stderr)
     }
 
     pub(crate) fn command(&self, robot: &str, name: &str, flags: &[&str]) -> Command {
+        let sarrus = Path::new(env!("CARGO_BIN_EXE_sarrus"));
+        let mut command = serve_command(sarrus, self.domain(), robot, name);
+        command.args(flags).stderr(Stdio::piped());
+        command
+    }
+
+    /// Runs another command in the domain; exit code, stdout and stderr.
+    pub(crate) fn sarrus(&self, arguments: &[&str]) -> (Option<i32>, String, String) {
         let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
-        command
-            .args(["serve", "--robot", robot, "--name", name])
-            .args(flags)
-            .env("SARRUS_ROOT", self.domain.root());
-        command.stdout(Stdio::piped()).stderr(Stdio::piped()).stdin(Stdio::null());
-        command
+        command.args(arguments).env("SARRUS_ROOT", self.domain().root());
+        let output = command.output().unwrap();
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        (output.status.code(), text(output.stdout), text(output.stderr))
+    }
+
+    /// A client made of protocol steps, which has greeted the server.
+    pub(crate) fn raw(&self, name: &str) -> Raw {
+        Raw::greet(self.domain(), name).unwrap()
     }
 
     pub(crate) fn connect(&self, name: &str, transport: Transport) -> Result<Robot, ConnectError> {
@@ -120,7 +125,7 @@ impl Sandbox {
         name: &str,
         options: ConnectOptions,
     ) -> Result<Robot, ConnectError> {
-        Robot::connect_in(self.domain.clone(), name, options)
+        Robot::connect_in(self.domain().clone(), name, options)
     }
 
     /// A client that reports a lost server after one second instead of [`LIMIT`]; it connects again
@@ -143,22 +148,22 @@ impl Sandbox {
 
     /// Another process that connects, prepares and asks until it is killed; returns once it was
     /// answered.
-    pub(crate) fn client(&self, name: &str, transport: Transport) -> Client {
+    pub(crate) fn client(&self, name: &str, transport: Transport) -> Process {
         self.client_with(name, transport, None)
     }
 
-    /// The same, with batch after batch.
-    pub(crate) fn flooding(&self, name: &str, transport: Transport) -> Client {
+    /// As [`Sandbox::client`], with batch after batch.
+    pub(crate) fn flooding(&self, name: &str, transport: Transport) -> Process {
         self.other_process(name, transport, Some(("SARRUS_TEST_BATCHES", "1".to_owned())))
     }
 
-    /// The same, with a plan of its own beside that of the state.
+    /// As [`Sandbox::client`], with a plan of its own beside that of the state.
     pub(crate) fn client_with(
         &self,
         name: &str,
         transport: Transport,
         query: Option<usize>,
-    ) -> Client {
+    ) -> Process {
         let query = query.map(|number| ("SARRUS_TEST_QUERY", number.to_string()));
         self.other_process(name, transport, query)
     }
@@ -168,31 +173,24 @@ impl Sandbox {
         name: &str,
         transport: Transport,
         variable: Option<(&str, String)>,
-    ) -> Client {
+    ) -> Process {
         let mut command = Command::new(std::env::current_exe().unwrap());
         command
             .args(["the_other_process", "--exact", "--nocapture"])
             .stdout(Stdio::piped())
             .stderr(Stdio::null());
         command
-            .env("SARRUS_ROOT", self.domain.root())
+            .env("SARRUS_ROOT", self.domain().root())
             .env("SARRUS_TEST_SERVER", name)
             .env("SARRUS_TEST_TRANSPORT", format!("{transport:?}"))
             .envs(variable);
-        let mut child = command.spawn().unwrap();
-        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let mut client = Process(command.spawn().unwrap());
+        let mut lines = BufReader::new(client.0.stdout.take().unwrap()).lines();
         assert!(
             lines.any(|line| line.is_ok_and(|line| line.contains("answered"))),
             "the other client was not answered"
         );
-        Client { child }
-    }
-}
-
-impl Drop for Sandbox {
-    fn drop(&mut self) {
-        // a test that fails or kills leaves files
-        remove_files_of(&self.domain);
+        client
     }
 }
 
@@ -202,8 +200,8 @@ pub(crate) fn options() -> ConnectOptions {
 }
 
 /// Waits until a condition holds.
-pub(crate) fn wait_until(what: &str, condition: impl FnMut() -> bool) {
-    assert!(holds(condition), "not within {LIMIT:?}: {what}");
+pub(crate) fn wait_until(state: &str, condition: impl FnMut() -> bool) {
+    assert!(holds(condition), "not within {LIMIT:?}: {state}");
 }
 
 /// The server's statistics once they satisfy a condition; it publishes them now and then.
@@ -214,7 +212,7 @@ pub(crate) fn published(robot: &Robot, condition: impl Fn(&Statistics) -> bool) 
 
 /// A served robot in another process; killed when dropped.
 pub(crate) struct Server {
-    child: Child,
+    process: Process,
     pub(crate) ready: String,
     /// Its stderr.
     lines: Receiver<String>,
@@ -222,7 +220,7 @@ pub(crate) struct Server {
 
 impl Server {
     pub(crate) fn id(&self) -> u32 {
-        self.child.id()
+        self.process.id()
     }
 
     /// Waits for a line on stderr that has this text.
@@ -230,7 +228,7 @@ impl Server {
         self.lines_to(text, |line| line.contains(text)).pop().unwrap()
     }
 
-    /// What comes on stderr up to a line that is waited for.
+    /// The lines on stderr up to an awaited one.
     pub(crate) fn lines_to(&self, what: &str, mut last: impl FnMut(&str) -> bool) -> Vec<String> {
         let mut lines = Vec::new();
         loop {
@@ -244,54 +242,24 @@ impl Server {
         }
     }
 
-    pub(crate) fn kill(mut self) {
-        self.child.kill().unwrap();
-        self.child.wait().unwrap();
+    pub(crate) fn kill(self) {
+        self.process.kill();
     }
 
-    /// What it has written to stderr, after a clean stop.
+    /// Its remaining lines on stderr after a clean stop.
     pub(crate) fn errors(mut self) -> String {
         let lines = std::mem::replace(&mut self.lines, channel().1);
-        assert!(self.stop("-TERM").success());
+        assert!(self.stop().success());
         lines.iter().map(|line| line + "\n").collect()
     }
 
-    pub(crate) fn stop(mut self, signal: &str) -> ExitStatus {
-        assert!(
-            Command::new("kill")
-                .args([signal, &self.child.id().to_string()])
-                .status()
-                .unwrap()
-                .success()
-        );
-        poll(|| self.child.try_wait().unwrap())
-            .unwrap_or_else(|| panic!("the server does not stop"))
+    /// Ends it in order.
+    pub(crate) fn stop(self) -> ExitStatus {
+        self.stop_by(Signal::TERM)
     }
-}
 
-impl Drop for Server {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
-/// A client in another process; killed when dropped.
-pub(crate) struct Client {
-    child: Child,
-}
-
-impl Client {
-    pub(crate) fn kill(mut self) {
-        self.child.kill().unwrap();
-        self.child.wait().unwrap();
-    }
-}
-
-impl Drop for Client {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+    pub(crate) fn stop_by(self, signal: Signal) -> ExitStatus {
+        self.process.stop(signal).unwrap_or_else(|| panic!("the server does not stop"))
     }
 }
 

@@ -1,9 +1,9 @@
-//! Damaged and hostile inputs for everything of sarrus that reads: files, lines, messages.
+//! Damaged and hostile inputs for every reader of the project: files, lines, messages.
 //!
-//! A target ([`Target`]) is a reader with the laws that hold for every input: it reads or it says
-//! what is wrong and where, the same each time, and what it writes it reads again. Inputs are its
-//! seeds with random changes ([`mutate`]); one whose outcome is new becomes a seed itself
-//! ([`run()`]). The same seed number gives the same inputs.
+//! A target ([`Target`]) is a reader with the laws that hold for every input: it accepts the input
+//! or reports the fault and its place, it gives the same outcome each time, and it reads back
+//! everything that it writes. Inputs are the target's seeds with random changes ([`mutate`]); an
+//! input with a new outcome becomes a seed itself ([`run()`]). A seed number fixes all inputs.
 
 pub mod mutate;
 mod run;

@@ -14,32 +14,32 @@ use clap::Parser;
 use clap::builder::PossibleValuesParser;
 use sarrus_fuzz::{Limits, TARGETS, Target, hash, replay, run};
 
-/// Damaged and hostile inputs for everything of sarrus that reads.
+/// Damaged and hostile inputs for every reader of sarrus.
 ///
-/// Ends with 0 when every input kept the laws, 1 when one did not: it is made small and written to
-/// a file, and the command that tries it again is printed. 2 is for what cannot start.
+/// Exits with 0 when every input kept the laws, with 1 when one did not (a reduced input is written
+/// to a file, and the command that replays it is printed), and with 2 when the target cannot start.
 #[derive(Parser)]
 #[command(name = "sarrus-fuzz")]
 struct Arguments {
-    /// What reads.
+    /// Reader to test.
     #[arg(value_parser = PossibleValuesParser::new(TARGETS.iter().map(|target| target.name)))]
     target: String,
-    /// How many inputs.
+    /// Number of inputs.
     #[arg(long, default_value_t = 1_000_000)]
     inputs: u64,
-    /// For how long at most.
+    /// Longest duration `[min]`.
     #[arg(long)]
     minutes: Option<f64>,
-    /// Number of the stream of inputs.
+    /// Seed of the random changes.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Try this input only.
+    /// Try only this input.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["inputs", "minutes", "seed"])]
     replay: Option<PathBuf>,
-    /// Keep the slowest input when it takes longer than this `[ms]` of processor time.
+    /// Keep the slowest input when it takes more processor time than this `[ms]`.
     #[arg(long, value_name = "MS", default_value_t = 200)]
     slow: u64,
-    /// Where inputs are written.
+    /// Folder for kept inputs.
     #[arg(long, default_value = "target/fuzz")]
     folder: PathBuf,
 }
@@ -79,7 +79,7 @@ fn search(target: &Target, arguments: &Arguments) -> Result<ExitCode, String> {
     };
     println!("{}: seed {}", target.name, limits.seed);
 
-    // one line that is written over on a terminal, one every ten seconds elsewhere
+    // one line, overwritten, on a terminal; one line every ten seconds elsewhere
     let is_terminal = std::io::stderr().is_terminal();
     let (pause, end) = if is_terminal { (0.2, "\r") } else { (10.0, "\n") };
     let mut next = pause;
@@ -88,7 +88,8 @@ fn search(target: &Target, arguments: &Arguments) -> Result<ExitCode, String> {
         if seconds >= next {
             next = seconds + pause;
             let rate = progress.inputs as f64 / seconds;
-            let (inputs, kinds) = (progress.inputs, progress.kinds);
+            let inputs = progress.inputs;
+            let kinds = progress.kinds;
             eprint!("{inputs} inputs, {rate:.0} a second, {kinds} kinds of outcomes{end}");
             let _ = std::io::stderr().flush();
         }
@@ -106,13 +107,14 @@ fn search(target: &Target, arguments: &Arguments) -> Result<ExitCode, String> {
     Ok(ExitCode::from(1))
 }
 
-/// Writes an input and prints how it is tried again.
+/// Writes an input to a file and prints the command that replays it.
 fn keep(target: &Target, input: &[u8], folder: &Path) -> Result<(), String> {
     let file = folder.join(format!("{}-{:016x}", target.name, hash(input)));
     std::fs::create_dir_all(folder)
         .and_then(|()| std::fs::write(&file, input))
         .map_err(|error| format!("{}: {error}", file.display()))?;
-    let (name, file) = (target.name, file.display());
+    let name = target.name;
+    let file = file.display();
     println!("cargo run --release -p sarrus-fuzz -- {name} --replay {file}");
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Random changes of inputs: of bits and bytes, and of what texts are made of.
+//! Random changes of inputs: bits, bytes, words, lines, nesting.
 
 use std::ops::Range;
 
@@ -7,7 +7,7 @@ use fastrand::Rng;
 /// The longest input `[byte]`.
 pub const LONGEST: usize = 1 << 16;
 
-/// Numbers at the edges of what a reader of numbers takes.
+/// Numbers at the limits of number parsers.
 const NUMBERS: [&str; 34] = [
     "",
     "0",
@@ -45,17 +45,17 @@ const NUMBERS: [&str; 34] = [
     "18446744073709551616",
 ];
 
-/// What opens something in some language.
+/// Opening brackets and tags of the file formats.
 const OPENERS: [&str; 10] = ["[", "{", "(", "<", "\"", "- ", "{a: ", "<link>", "[[", "{\"a\":"];
 
-/// A stream of changed inputs.
+/// A stream of mutated inputs.
 pub struct Mutator {
     random: Rng,
     tokens: &'static [&'static str],
 }
 
 impl Mutator {
-    /// The stream of a seed number, with the words of a language.
+    /// The stream of a seed number; `tokens` are words of the target's language.
     pub fn new(seed: u64, tokens: &'static [&'static str]) -> Mutator {
         Mutator { random: Rng::with_seed(seed), tokens }
     }
@@ -143,7 +143,7 @@ impl Mutator {
         if all.is_empty() { None } else { all.get(self.random.usize(..all.len())) }
     }
 
-    /// Some bytes in a row, more often few than many.
+    /// A random range of bytes, more often short than long.
     fn part(&mut self, len: usize) -> Range<usize> {
         let start = self.random.usize(..=len);
         let longest = 1 << self.random.usize(..10);

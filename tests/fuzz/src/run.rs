@@ -1,4 +1,4 @@
-//! A run: inputs one after the other, panics caught, time watched, failures made small.
+//! A run: one input after the other, with panics caught, time measured and failures reduced.
 
 use std::cell::RefCell;
 use std::collections::HashSet;
@@ -12,59 +12,59 @@ use crate::Target;
 use crate::mutate::Mutator;
 use crate::targets::Check;
 
-/// Seeds that are kept: those of the target, and inputs whose outcome was new.
+/// Largest number of seeds: those of the target and inputs with a new outcome.
 const MOST_SEEDS: usize = 4000;
-/// Tries to make a failing input smaller.
+/// Largest number of attempts to reduce a failing input.
 const MOST_CUTS: usize = 2000;
 
-/// How long a run is.
+/// Limits of a run.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
     /// Number of the stream of inputs.
     pub seed: u64,
-    /// Inputs at most.
+    /// Largest number of inputs.
     pub inputs: u64,
-    /// Time at most.
+    /// Longest duration.
     pub time: Option<Duration>,
 }
 
-/// How far a run is.
+/// Progress of a run.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress {
     /// Inputs so far.
     pub inputs: u64,
     /// Kinds of outcomes so far.
     pub kinds: usize,
-    /// Since the start.
+    /// Time since the start.
     pub elapsed: Duration,
 }
 
 /// An input that breaks a law.
 #[derive(Clone, Debug)]
 pub struct Failure {
-    /// The input, made small.
+    /// The reduced input.
     pub input: Vec<u8>,
-    /// What is wrong.
+    /// The broken law, or the panic's message.
     pub words: String,
 }
 
-/// What came of a run.
+/// Result of a run.
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// Inputs that were tried.
+    /// Number of inputs tried.
     pub inputs: u64,
-    /// Kinds of outcomes.
+    /// Number of kinds of outcomes.
     pub kinds: usize,
-    /// The input that took the most processor time of this thread.
+    /// The input that took the most processor time, and that time.
     pub slowest: (Duration, Vec<u8>),
-    /// The first failure; it ends a run.
+    /// The first failure, which ends the run.
     pub failure: Option<Failure>,
 }
 
-/// Tries every seed of a target, then changed ones; `watch` hears after each input.
+/// Tries every seed of a target, then mutated ones, and calls `watch` after each input.
 ///
 /// # Errors
-/// Why the target cannot start.
+/// The reason why the target cannot start.
 pub fn run(
     target: &Target,
     limits: Limits,
@@ -73,7 +73,8 @@ pub fn run(
     let mut check = (target.start)()?;
     let mut seeds = (target.seeds)();
     let mut mutator = Mutator::new(limits.seed, target.tokens);
-    let (start, mut kinds) = (Instant::now(), HashSet::new());
+    let start = Instant::now();
+    let mut kinds = HashSet::new();
     let mut outcome =
         Outcome { inputs: 0, kinds: 0, slowest: (Duration::ZERO, Vec::new()), failure: None };
     let n_given = seeds.len() as u64;
@@ -112,22 +113,23 @@ pub fn run(
 /// Tries one input.
 ///
 /// # Errors
-/// Why the target cannot start, or what is wrong.
+/// The reason why the target cannot start, or the broken law.
 pub fn replay(target: &Target, input: &[u8]) -> Result<(), String> {
     guarded(&mut (target.start)()?, input).map(|_| ())
 }
 
-/// A name for an input (Fowler, Noll, Vo: FNV-1a of 64 bits).
+/// Name of an input (Fowler, Noll, Vo: FNV-1a of 64 bits).
 pub fn hash(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
         (hash ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3)
     })
 }
 
-/// Leaves parts out as long as it still fails in some way.
+/// Removes parts of the input for as long as it still fails.
 fn smaller(target: &Target, mut failure: Failure) -> Result<Failure, String> {
     let mut check = (target.start)()?;
-    let (mut size, mut tries) = (failure.input.len() / 2, 0);
+    let mut size = failure.input.len() / 2;
+    let mut tries = 0;
     while size > 0 && tries < MOST_CUTS {
         let mut at = 0;
         while at < failure.input.len() && tries < MOST_CUTS {
@@ -138,7 +140,7 @@ fn smaller(target: &Target, mut failure: Failure) -> Result<Failure, String> {
                 Ok(_) => at += size,
                 Err(words) => {
                     failure = Failure { input, words };
-                    // a state that a panic left is not used again
+                    // the state after a panic is not used again
                     check = (target.start)()?;
                 }
             }
@@ -149,11 +151,11 @@ fn smaller(target: &Target, mut failure: Failure) -> Result<Failure, String> {
 }
 
 thread_local! {
-    /// Words of a panic while an input is tried on this thread.
+    /// Message of a panic while this thread tries an input.
     static PANIC: RefCell<Option<Option<String>>> = const { RefCell::new(None) };
 }
 
-/// A panic is a failure with its place.
+/// Turns a panic into a failure with its place.
 fn guarded(check: &mut Check, input: &[u8]) -> Result<u64, String> {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {
@@ -177,7 +179,7 @@ fn guarded(check: &mut Check, input: &[u8]) -> Result<u64, String> {
     result.unwrap_or_else(|_| Err(words.unwrap_or_else(|| "a panic without words".to_owned())))
 }
 
-/// Of this thread: a busy machine changes it little.
+/// Processor time of this thread, which a busy machine changes little.
 fn processor_time() -> Duration {
     let time = clock_gettime(ClockId::ThreadCPUTime);
     Duration::new(time.tv_sec as u64, time.tv_nsec as u32)

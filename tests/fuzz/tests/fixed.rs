@@ -1,4 +1,4 @@
-//! A fixed number of inputs for every target, the same each time.
+//! A fixed number of inputs for every target, from a fixed seed.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests")]
 
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use sarrus_fuzz::{Limits, TARGETS, hash, run};
 
 const SEED: u64 = 0x5a44;
 
-/// Tries a target; a failure is written to a file and said with the command that tries it again.
+/// Runs a target; a failing input is written to a file and reported with the command to replay it.
 fn keeps_its_laws(name: &str, inputs: u64) {
     let target = TARGETS.iter().find(|target| target.name == name).unwrap();
     let limits = Limits { seed: SEED, inputs, time: None };
@@ -19,7 +19,8 @@ fn keeps_its_laws(name: &str, inputs: u64) {
     let Some(failure) = outcome.failure else { return };
     let file = folder().join(format!("{name}-{:016x}", hash(&failure.input)));
     std::fs::write(&file, &failure.input).unwrap();
-    let (file, words) = (file.display(), failure.words);
+    let file = file.display();
+    let words = failure.words;
     panic!("{words}\ncargo run --release -p sarrus-fuzz -- {name} --replay {file}");
 }
 
@@ -61,7 +62,7 @@ fn lines_of_serial_adapters_are_read_and_written_alike() {
 
 #[test]
 fn lines_of_ask_are_answered_one_for_one() {
-    // built with the tests of the whole workspace, else here
+    // a build of the whole workspace has the program; otherwise it is built here
     let program = folder().join("sarrus");
     if !program.exists() {
         let mut build = Command::new(env!("CARGO"));
@@ -85,7 +86,7 @@ fn a_server_answers_whatever_a_client_says() {
     keeps_its_laws("server", 1_500);
 }
 
-/// The search can fail: a law that does not hold for one byte is found, and the input made small.
+/// The search finds failures: a law that fails for one byte is found and the input reduced.
 #[test]
 fn a_broken_law_is_found_and_its_input_made_small() {
     let target = sarrus_fuzz::Target {

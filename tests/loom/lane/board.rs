@@ -66,8 +66,8 @@ impl Cell for Words {
     }
 }
 
-/// A value that nobody may touch while it is read; loom sees who does. The number beside it is what
-/// was written.
+/// A value that must not be written while it is read; loom reports such accesses. The number beside
+/// the cell is the value.
 pub(crate) struct Whole(UnsafeCell<()>, AtomicU64);
 
 impl Cell for Whole {
@@ -132,8 +132,8 @@ impl Default for Writer {
 }
 
 impl Writer {
-    /// Writes in place, then publishes. The fence is that of `proto/src/lane.rs`; what it is there
-    /// for, a store that overtakes the increment, loom does not do, so it is done here by hand.
+    /// Writes in place, then publishes. The fence is that of `proto/src/lane.rs`: it keeps the next
+    /// store behind the increment. loom never moves a store forward, so this is done by hand here.
     pub(crate) fn publish<C: Cell>(&mut self, board: &Board<C>, value: u64) {
         board.cells[self.write_cell as usize % 2].write(value);
         if !board.orderings.holds_back {
@@ -151,14 +151,14 @@ pub(crate) struct Reader {
 }
 
 impl Default for Reader {
-    /// What is written already counts as read.
+    /// Starts with the value already in the board marked as read.
     fn default() -> Reader {
         Reader { generation: 1 }
     }
 }
 
 impl Reader {
-    /// The value when it was written since the last call; may give one twice, never loses one.
+    /// The value if it was written since the last call. May return a value twice; never loses one.
     pub(crate) fn poll<C: Cell>(&mut self, board: &Board<C>) -> Option<u64> {
         if board.write_cell.load(Relaxed) == self.generation {
             return None;

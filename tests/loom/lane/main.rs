@@ -6,11 +6,11 @@
 //! `server/src/answering/thread.rs`: the client publishes a request and polls for its answer, the
 //! server polls and publishes; each side writes in place into the cell that is not published.
 //!
-//! What this shows: values are whole and in order, none is lost, and a client that waits for its
-//! answers never has a cell written while it reads it. What it cannot show: loom does not move a
-//! store before an earlier read-modify-write, which `Release` alone allows and ARM does. Where a
-//! client gives a request up and writes again, the reader's check leans on the fence between them
-//! (none is needed on x86-64); a variant that moves the store by hand shows why it is there.
+//! The model shows that values are whole and in order, that none is lost, and that no cell is
+//! written while a client that waits for its answers reads it. It has a limit: loom does not move a
+//! store before an earlier read-modify-write, which `Release` alone allows and ARM does. When a
+//! client gives up a request and writes again, the reader's check relies on the fence between them
+//! (x86-64 needs none); a variant that moves the store by hand shows that the fence is needed.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails panics")]
 
@@ -28,7 +28,7 @@ fn every_interleaving(check: impl Fn() + Sync + Send + 'static) {
     builder.check(check);
 }
 
-/// A writer that waits for nobody, as when a client gives up and asks again.
+/// A writer that does not wait for the reader, as when a client gives up and asks again.
 fn overwritten(orderings: Orderings) {
     every_interleaving(move || {
         let board = Arc::new(Board::<Words>::new(orderings));
@@ -39,7 +39,8 @@ fn overwritten(orderings: Orderings) {
                 (1..=3).for_each(|value| writer.publish(&board, value));
             })
         };
-        let (mut reader, mut last) = (Reader::default(), 0);
+        let mut reader = Reader::default();
+        let mut last = 0;
         for _ in 0..2 {
             if let Some(value) = reader.poll(&board) {
                 assert!(value >= last, "an older value after a newer one");
@@ -66,16 +67,19 @@ fn asked_and_answered(orderings: Orderings) {
         };
         const ROUNDS: u64 = 3;
         let server = {
-            let (requests, answers) = (Arc::clone(&requests), Arc::clone(&answers));
+            let requests = Arc::clone(&requests);
+            let answers = Arc::clone(&answers);
             thread::spawn(move || {
-                let (mut reader, mut writer) = (Reader::default(), Writer::default());
+                let mut reader = Reader::default();
+                let mut writer = Writer::default();
                 for _ in 0..ROUNDS {
                     let sequence = wait(&mut reader, &requests);
                     writer.publish(&answers, sequence);
                 }
             })
         };
-        let (mut reader, mut writer) = (Reader::default(), Writer::default());
+        let mut reader = Reader::default();
+        let mut writer = Writer::default();
         for sequence in 1..=ROUNDS {
             writer.publish(&requests, sequence);
             assert_eq!(wait(&mut reader, &answers), sequence, "the answer of another request");

@@ -2,9 +2,9 @@
 //! loom: every interleaving of a few calls (to five preemptions), every value that a weak memory
 //! may show.
 //!
-//! A block's memory is a cell that only records who touches it: two owners at a time, or an owner
-//! to whom the one before is not known to have finished, end the test. That the check can fail is
-//! shown on the same file with atomics that are too weak.
+//! A block's memory is a cell that only records its accesses: the test ends when two owners access
+//! it at a time, or when an owner does so without the release of the one before. The same file with
+//! weaker atomics shows that the check can fail.
 
 #![allow(clippy::duplicate_mod, reason = "the same file is checked with other atomics")]
 
@@ -18,7 +18,7 @@ use loom::sync::Arc;
 use loom::sync::atomic::AtomicU32;
 use loom::thread;
 
-/// What the threads share: a list, its numbers, and the memory of its blocks.
+/// State that the threads share: a list, its numbers, and the memory of its blocks.
 struct Blocks<L> {
     list: L,
     next: [AtomicU32; 2],
@@ -72,8 +72,8 @@ macro_rules! blocks_go_from_hand_to_hand {
     };
 }
 
-/// One thread takes twice while the other takes twice and gives the first back: what was on top is
-/// on top again, with another one below.
+/// One thread takes twice while the other takes twice and gives the first back, so that the same
+/// block is on top again with another one below it.
 macro_rules! a_block_comes_back_on_top {
     ($atomics:ident) => {
         every_interleaving(|| {

@@ -32,7 +32,8 @@ fn the_controller_in_cpp_commands_1000_times_a_second_what_carries_the_robot() {
             ..ActuatorState::default()
         };
         state.position[..n_u].fill(0.0);
-        let (mut last, mut taken) = (None, 0);
+        let mut last = None;
+        let mut taken = 0;
         let start = Instant::now();
         let ended = loop {
             state.sequence += 1;

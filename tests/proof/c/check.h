@@ -1,4 +1,4 @@
-/* What must hold, or the program says where it does not and ends. */
+/* A condition that must hold; otherwise the program prints its place and exits. */
 #include <stdio.h>
 
 #include <sarrus.h>

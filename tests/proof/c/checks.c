@@ -1,4 +1,4 @@
-/* What a program in C may do wrong, and what it is answered: checks [SERVER]. */
+/* Mistakes of programs in C, and the errors that they get: checks [SERVER]. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -11,7 +11,7 @@
 
 static int says(const char *part) { return strstr(sarrus_last_error(), part) != NULL; }
 
-/* NULL instead of anything is an answer. */
+/* NULL in place of any argument is an error and no crash. */
 static int nothing(void) {
     double x[1] = {0.0};
     sarrus_robot *robot = NULL;
@@ -51,7 +51,7 @@ static int nothing(void) {
     return 0;
 }
 
-/* What cannot be loaded or found. */
+/* Robots that cannot be loaded or found. */
 static int absent(void) {
     sarrus_robot *robot = NULL;
     sarrus_controller *controller = NULL;
@@ -214,7 +214,7 @@ static int plans(void) {
     return 0;
 }
 
-/* A server that dies between two questions: a line asks for it, and a line says that it did. */
+/* A server that dies between two calls: a line on stdout asks for it, one on stdin confirms it. */
 static int dead_server(const char *name) {
     sarrus_robot *robot = NULL;
     double y = 0.2, yd = 1.0, ydd = 0.0, tau_u = 0.0;
@@ -237,7 +237,7 @@ static int dead_server(const char *name) {
     CHECK(getchar() == '\n');
     IS(sarrus_robot_inverse_dynamics(robot, &y, 1, &yd, &ydd, 1, &tau_u, 1, NULL), "server_gone");
     CHECK(isnan(tau_u) && says(name));
-    /* rows that nobody answered say why */
+    /* rows without an answer have the reason as their status */
     double rows[2] = {0.1, 0.2}, forces[2] = {0.0, 0.0};
     int32_t statuses[2] = {0, 0};
     IS(sarrus_robot_batch(robot, plan, 1, 2, rows, 2, forces, 2, statuses, NULL), "server_gone");

@@ -1,4 +1,4 @@
-//! The header is the library's: what cbindgen writes, and what the library exports.
+//! The header agrees with cbindgen's output and with the exports of the library.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -6,14 +6,14 @@ use std::process::Command;
 
 use super::{folder, libraries, soname};
 
-/// The version whose output is committed.
+/// Version of cbindgen that writes the committed header.
 const CBINDGEN: &str = "0.29.4";
 
 fn header() -> String {
     std::fs::read_to_string(folder().join("include/sarrus.h")).unwrap()
 }
 
-/// The functions that a text declares, with `(` behind the name.
+/// Functions declared in the header.
 fn declared() -> BTreeSet<String> {
     let header = header();
     let code = header.lines().filter(|line| !line.starts_with(" *"));
@@ -25,7 +25,7 @@ fn declared() -> BTreeSet<String> {
     code.filter_map(name).collect()
 }
 
-/// The functions with a name to link in the sources.
+/// Exported functions in the sources.
 fn defined() -> BTreeSet<String> {
     let mut found = BTreeSet::new();
     for entry in std::fs::read_dir(folder().join("src")).unwrap() {
@@ -40,7 +40,8 @@ fn defined() -> BTreeSet<String> {
 
 #[test]
 fn the_header_declares_what_the_library_exports_and_nothing_else() {
-    let (declared, defined) = (declared(), defined());
+    let declared = declared();
+    let defined = defined();
     assert!(declared.len() > 40, "{declared:?}");
     assert_eq!(declared, defined);
     let library = libraries().join("libsarrus.so");
@@ -72,7 +73,7 @@ fn the_soname_is_the_version_of_the_interface() {
 }
 
 /// cbindgen of the right version: `SARRUS_CBINDGEN`, the one on PATH, or the one that `.ci/run
-/// prepare` has built beside this build.
+/// prepare` builds beside this build.
 fn cbindgen() -> Option<PathBuf> {
     let is_right = |path: &PathBuf| {
         let output = Command::new(path).arg("--version").output();

@@ -1,11 +1,11 @@
-//! install.sh: any prefix that a folder can have, packages, and what it refuses.
+//! install.sh: prefixes with any valid name, packages, and refusals.
 
 use std::path::Path;
 use std::process::{Command, Output};
 
 use super::{CPP, folder, fresh_folder, libraries, present, soname};
 
-/// install.sh, run in a folder.
+/// install.sh in a folder.
 fn install(place: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(folder().join("install.sh"));
     command.args(arguments).current_dir(place).env_remove("DESTDIR").env_remove("LIBDIR");
@@ -16,14 +16,14 @@ fn words(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// The program of the page in C++, compiled in a shell with what pkg-config prints, and run.
+/// Compiles the page's program in C++ in a shell with the flags of pkg-config, and runs it.
 fn compiles(place: &Path, prefix: &Path, libdir: &str) {
     let tools = Command::new("pkg-config").arg("--version").output();
     let Some(compiler) = tools.ok().and(present(&CPP).into_iter().next()) else {
         return println!("not run: no pkg-config or compiler");
     };
     std::fs::write(place.join("first.cpp"), &super::page::blocks("cpp")[0]).unwrap();
-    // a shell reads pkg-config's escapes again
+    // a shell must evaluate pkg-config's escapes once more
     let script = "eval $COMPILER -std=c++20 first.cpp -o first $(pkg-config --cflags --libs sarrus) \
                   && ./first";
     let library = prefix.join(libdir);
@@ -39,7 +39,7 @@ fn compiles(place: &Path, prefix: &Path, libdir: &str) {
 fn a_prefix_may_have_spaces_and_be_relative() {
     let place = fresh_folder();
     let built = libraries();
-    // twice: a library that is there is replaced
+    // twice, since the second run replaces a library
     for _ in 0..2 {
         let output = install(&place, &["a place/of mine", built.to_str().unwrap()]).output();
         let output = output.unwrap();
@@ -86,7 +86,7 @@ fn what_cannot_be_installed_is_said_before_anything_is_built() {
         (&["--portable", "here", empty], "lib", "--portable is how it is built", 2),
         (&["a\"b"], "lib", "pkg-config cannot name ", 2),
         (&["here"], "../lib", "LIBDIR is a folder below PREFIX", 2),
-        // nobody can write there, not even root
+        // not even root can write there
         (&["/proc/sarrus"], "lib", "cannot be written: choose another PREFIX", 1),
         (&["here", empty], "lib", "has no libsarrus.so and libsarrus.a", 1),
     ] {

@@ -12,7 +12,7 @@
 
 enum { ROWS = 4000000 };
 
-/* So much more memory and no more; 0 where that worked. */
+/* Limits the memory to its present size and this many bytes more; returns 0 on success. */
 static int leave(size_t bytes) {
     unsigned long pages = 0;
     FILE *file = fopen("/proc/self/statm", "r");
@@ -48,7 +48,7 @@ int main(void) {
     CHECK(strcmp(sarrus_status_name(status), "no_memory") == 0);
     CHECK(isnan(tau_u[0]) && isnan(tau_u[ROWS - 1]));
     CHECK(statuses[0] == status && statuses[ROWS - 1] == status);
-    /* and the robot goes on */
+    /* the robot still works */
     CHECK(sarrus_robot_batch(robot, plan, 1, 8, y, 8, tau_u, 8, statuses, NULL) == 0);
     CHECK(isfinite(tau_u[7]) && statuses[7] == 0);
     sarrus_plan_free(plan);

@@ -1,7 +1,7 @@
-//! libsarrus as programs in C and C++ use it: compiled here by the compilers that are there.
+//! libsarrus in programs in C and C++, compiled here with every installed compiler.
 //!
 //! Cargo builds the library before these tests run, since this crate depends on it without linking
-//! it. A compiler that is absent is said to be "not run".
+//! it. A missing compiler is reported as "not run".
 
 mod bridge;
 mod header;
@@ -26,7 +26,7 @@ fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../client/c")
 }
 
-/// Where this build has libsarrus.
+/// Folder of this build's libsarrus.
 fn libraries() -> PathBuf {
     // target/PROFILE/deps/proof-…
     let test = std::env::current_exe().unwrap();
@@ -36,15 +36,15 @@ fn libraries() -> PathBuf {
     folders.into_iter().find(has).expect("cargo has not built libsarrus.so").to_owned()
 }
 
-/// The file name that programs look for, which the library has as its soname.
+/// The library's soname, which is the file name that programs load.
 fn soname() -> String {
     let header = std::fs::read_to_string(folder().join("include/sarrus.h")).unwrap();
     let line = header.lines().find_map(|line| line.strip_prefix("#define SARRUS_ABI_VERSION "));
     format!("libsarrus.so.{}", line.unwrap())
 }
 
-/// The compilers of a list that are there and have what sanitized programs are linked with, which
-/// some systems have in a package apart.
+/// The installed compilers of a list that can link sanitized programs; some systems have the
+/// sanitizers in a separate package.
 fn with_sanitizers(compilers: &[&'static str]) -> Vec<&'static str> {
     let folder = fresh_folder();
     let source = folder.join("empty.c");
@@ -64,7 +64,7 @@ fn with_sanitizers(compilers: &[&'static str]) -> Vec<&'static str> {
     found
 }
 
-/// The compilers of a list that are there.
+/// The installed compilers of a list.
 fn present(compilers: &[&'static str]) -> Vec<&'static str> {
     let is_there = |compiler: &&str| {
         let found = Command::new(compiler).arg("--version").output().is_ok();
@@ -84,7 +84,7 @@ fn fresh_folder() -> PathBuf {
     folder
 }
 
-/// A program, and the folder that goes with it.
+/// A program and its folder.
 struct Program {
     path: PathBuf,
     folder: PathBuf,
@@ -97,12 +97,12 @@ impl Drop for Program {
 }
 
 impl Program {
-    /// Compiles a source, without a warning, and links it with libsarrus.
+    /// Compiles a source without warnings and links it with libsarrus.
     fn compile(compiler: &str, source: &Path, flags: &[&str]) -> Program {
         let folder = fresh_folder();
         let path = folder.join("program");
         let is_c = source.extension().is_some_and(|ending| ending == "c");
-        // under the name that is looked for
+        // under its soname
         let library = libraries().join("libsarrus.so");
         std::os::unix::fs::symlink(&library, folder.join(soname())).unwrap();
         let mut command = Command::new(compiler);
@@ -123,7 +123,7 @@ impl Program {
         command
     }
 
-    /// What it prints; it must end well.
+    /// Runs the program, which must succeed, and returns its stdout.
     fn run(&self, arguments: &[&str]) -> String {
         let output = self.command(arguments).output().unwrap();
         let errors = String::from_utf8_lossy(&output.stderr);
@@ -132,11 +132,12 @@ impl Program {
         String::from_utf8(output.stdout).unwrap()
     }
 
-    /// The program as a process with which one can talk.
+    /// Starts the program with pipes for stdin and stdout.
     fn talk(&self, arguments: &[&str]) -> Talk {
         let mut command = self.command(arguments);
         let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
-        let (stdin, stdout) = (child.stdin.take(), BufReader::new(child.stdout.take().unwrap()));
+        let stdin = child.stdin.take();
+        let stdout = BufReader::new(child.stdout.take().unwrap());
         Talk { child, stdin, stdout }
     }
 }

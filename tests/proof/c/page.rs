@@ -1,11 +1,11 @@
-//! What the page says works: installed, found by pkg-config and CMake, its programs run.
+//! The page's instructions work: install, find by pkg-config and CMake, run its programs.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use super::{C, CPP, folder, libraries, present};
 
-/// The blocks of the page in one language.
+/// The page's blocks in one language.
 pub(super) fn blocks(language: &str) -> Vec<String> {
     let page = std::fs::read_to_string(folder().join("README.md")).unwrap();
     let blocks = page.split("```").skip(1).step_by(2);
@@ -64,7 +64,8 @@ fn the_programs_of_the_page_run_with_the_installed_library() {
                 let mut flags = Command::new("pkg-config");
                 flags.args(["--cflags", "--libs", "sarrus"]);
                 let flags = run(flags.env("PKG_CONFIG_PATH", library.join("pkgconfig")));
-                let (mut compile, path) = (Command::new(compiler), prefix.path().join("program"));
+                let mut compile = Command::new(compiler);
+                let path = prefix.path().join("program");
                 if name.ends_with("cpp") {
                     compile.arg("-std=c++20");
                 }
@@ -76,7 +77,7 @@ fn the_programs_of_the_page_run_with_the_installed_library() {
         }
     }
 
-    // C++ before C++20 gets an error that names what it lacks
+    // before C++20 the compiler's error names the missing standard
     let source = prefix.path().join("first.cpp");
     for compiler in present(&CPP[..]) {
         let mut compile = Command::new(compiler);
@@ -86,7 +87,7 @@ fn the_programs_of_the_page_run_with_the_installed_library() {
         assert!(!output.status.success() && errors.contains("-std=c++20"), "{errors}");
     }
 
-    // both libraries by CMake
+    // both libraries with CMake
     if is_there("cmake") {
         let text = format!(
             "cmake_minimum_required(VERSION 3.16)\nproject(page C CXX)\n\

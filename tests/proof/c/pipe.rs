@@ -1,4 +1,4 @@
-//! The page of any language: its programs talk to `sarrus ask`, and how long an answer takes.
+//! The page for any language: its programs talk to `sarrus ask`; the time of an answer is printed.
 
 use std::path::Path;
 use std::process::Command;
@@ -6,10 +6,10 @@ use std::time::Instant;
 
 use super::{CPP, Program, fresh_folder, present};
 
-/// Pairs of states of the longer run.
+/// Pairs of states in the longer run.
 const PAIRS: usize = 2000;
 
-/// The first block of the page in a language.
+/// The page's first block in a language.
 fn block(language: &str) -> String {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../client/README.md");
     let page = std::fs::read_to_string(page).unwrap();
@@ -17,13 +17,13 @@ fn block(language: &str) -> String {
     rest.split("```").next().unwrap().to_owned()
 }
 
-/// The program with its two states again and again.
+/// The program with its two states repeated.
 fn repeated(text: &str, states: &str, again: &str) -> String {
     assert_eq!(text.matches(states).count(), 1, "{text}");
     text.replace(states, again)
 }
 
-/// What a program prints, line by line, and how long it ran `[s]`.
+/// Output lines of a program, and its run time `[s]`.
 fn run(command: &mut Command) -> (Vec<String>, f64) {
     let programs = crate::examples::folder();
     let path = std::env::var("PATH").unwrap_or_default();
@@ -35,7 +35,7 @@ fn run(command: &mut Command) -> (Vec<String>, f64) {
     (text.lines().map(str::to_owned).collect(), took)
 }
 
-/// Both runs of a program give the same forces, which are right; how long an answer takes.
+/// Checks the forces of both runs of a program and prints the time of an answer.
 fn compare(language: &str, [short, long]: [&mut Command; 2], mut force: impl FnMut(&str) -> f64) {
     let ((two, before), (many, after)) = (run(short), run(long));
     let two: Vec<f64> = two.iter().map(|line| force(line)).collect();

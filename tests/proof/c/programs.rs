@@ -8,7 +8,7 @@ use crate::examples::Server;
 use sarrus_dynamics::{Field, Request};
 use std::path::{Path, PathBuf};
 
-/// Calls of each kind; 10^6 in a longer run.
+/// Calls of each kind; a longer run has 10^6.
 const CALLS: &str = "20000";
 
 fn source(name: &str) -> PathBuf {
@@ -19,7 +19,7 @@ fn calls() -> String {
     std::env::var("SARRUS_C_CALLS").unwrap_or_else(|_| CALLS.to_owned())
 }
 
-/// The forces of the example's motion, computed without it.
+/// Forces of the example's motion, computed in Rust.
 fn expected(name: &str) -> Vec<(String, f64)> {
     let loaded = load(&Source::Bundled(name.into()), &Options::default()).unwrap();
     let model = loaded.compiled.model;
@@ -28,7 +28,9 @@ fn expected(name: &str) -> Vec<(String, f64)> {
         let n = model.sizes().n_vy;
         (0..n).map(|k| scale * (k + 1) as f64).collect::<Vec<_>>()
     };
-    let (y, yd, ydd) = (scaled(0.01), scaled(0.1), scaled(-0.2));
+    let y = scaled(0.01);
+    let yd = scaled(0.1);
+    let ydd = scaled(-0.2);
     let given = [(Field::Y, &y[..]), (Field::Yd, &yd), (Field::Ydd, &ydd)];
     let answer = Robot::new(model).ask(Request::InverseDynamics, &given, &[Field::TauU]).ok();
     names.into_iter().zip(answer.get(Field::TauU).to_vec()).collect()
@@ -49,7 +51,8 @@ fn the_example_in_c_has_the_bits_of_rust_in_process_and_connected() {
     for compiler in present(&C) {
         let program = Program::compile(compiler, &path, &[]);
         for robot in ["lambda", "torso", "ankle", "stewart", "wrist", "rh5v2_upper_body"] {
-            let (found, expected) = (printed(&program.run(&[robot])), expected(robot));
+            let found = printed(&program.run(&[robot]));
+            let expected = expected(robot);
             assert_eq!(found, expected, "{robot}");
         }
         let server = format!("c-{compiler}");
@@ -59,7 +62,7 @@ fn the_example_in_c_has_the_bits_of_rust_in_process_and_connected() {
         if !sanitized.contains(&compiler) {
             continue;
         }
-        // and nothing leaks, or is undefined
+        // the sanitizers find no leak and no undefined behaviour
         let program = Program::compile(compiler, &path, SANITIZERS);
         assert_eq!(program.run(&["--connect", &server]), connected);
         assert_eq!(printed(&program.run(&["torso"])), expected("torso"));
@@ -71,7 +74,7 @@ fn what_a_program_does_wrong_is_a_status_and_never_the_end_of_it() {
     for compiler in with_sanitizers(&C) {
         Program::compile(compiler, &source("checks.c"), SANITIZERS).run(&[]);
     }
-    // the header and its users are C++ as well
+    // header and programs are valid C++ too
     for compiler in present(&CPP) {
         Program::compile(compiler, &source("calls.cpp"), &["-fno-exceptions"]);
     }
@@ -106,14 +109,14 @@ fn nothing_allocates_after_set_up_and_memory_does_not_grow() {
         };
         assert!(number("set-up ") > 100, "the counter does not count: {output}");
         assert_eq!(number("after "), 0, "{output}");
-        // pages of the program itself that are touched for the first time
+        // pages of the program that are touched for the first time
         assert!(number("pages ") < 256, "{output}");
     }
 }
 
 #[test]
 fn a_batch_without_memory_is_a_status() {
-    // a sanitizer takes more memory than is left here
+    // without a sanitizer, which would need more memory than the limit leaves
     for compiler in present(&C) {
         Program::compile(compiler, &source("memory.c"), &["-D_GNU_SOURCE"]).run(&[]);
     }
@@ -130,7 +133,7 @@ fn calls_leak_nothing() {
             let _answer = talk.line();
             talk.tell(&calls());
             let _nanoseconds = talk.line();
-            // the sanitizer counts what is left and makes it the program's exit code
+            // the sanitizer turns a leak into the program's exit code
             talk.end();
             println!("{compiler} {arguments:?}: {} calls, no leak", calls());
         }

@@ -94,7 +94,7 @@ int main(int argc, char **argv) {
             fprintf(stderr, "%s\n", sarrus_last_error());
             return 1;
         }
-        /* what fails allocates no more: a wrong size, and no answer */
+        /* failures do not allocate either: a wrong size, and no answer */
         if (sarrus_robot_ask(robot, plan, input, 1, output, 2, NULL) != SARRUS_STATUS_WRONG_SIZE ||
             sarrus_robot_ask(robot, NULL, input, 2, output, 2, NULL) !=
                 SARRUS_STATUS_NULL_POINTER) {

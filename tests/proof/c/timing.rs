@@ -1,5 +1,5 @@
-//! A call from C and from C++ beside one from Rust, in process and through a lane: in one run, a
-//! block of calls of each after the other.
+//! A call from C and C++ beside one from Rust, in process and through a lane, in one run with
+//! alternating blocks of calls.
 
 use std::path::Path;
 use std::time::Instant;
@@ -13,12 +13,12 @@ const BLOCKS: usize = 200;
 const CALLS: u32 = 100;
 const INPUT: [f64; 3] = [0.2, 1.0, 0.0];
 
-/// The fastest block: what others on the machine take is in all slower ones.
+/// The fastest block; other load on the machine only slows blocks down.
 fn fastest(times: &[f64]) -> f64 {
     times.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
-/// The fastest blocks `[ns]`: of Rust, then of each program.
+/// Fastest block of Rust and of each program `[ns]`.
 fn measure(mut robot: Robot, mut programs: Vec<Talk>) -> Vec<f64> {
     let query = robot.query(Request::InverseDynamics).given(["y", "yd", "ydd"]).want(["tau_u"]);
     let plan = query.prepare().unwrap();

@@ -1,4 +1,4 @@
-"""Give bridges of the package what logs say, call by call, and write what they made of it.
+"""Replays logs on bridges of the package, call by call, and writes their frames and faults.
 
 `attacks.py FOLDER N`: reads `0.yml` and `0.jsonl` … in the folder, and writes `0.frames` and
 `0.faults.json` beside them.

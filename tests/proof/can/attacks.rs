@@ -1,7 +1,7 @@
-//! Every attack on every protocol that the attack table has a drive for, in all frontends: the core
-//! here, the replay of the program, and a bridge of the Python package that is given the same as
-//! objects. The same bytes, the same reason, the same time until there is no torque. The table is
-//! printed.
+//! Every attack on every protocol with a drive in the attack table, in all frontends: in the core
+//! here, in the program's replay, and in a bridge of the Python package with the same input as
+//! objects. All have the same bytes, the same reason, and the same time until the torque is gone.
+//! The table is printed.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -16,15 +16,15 @@ use super::attack_table::{ATTACKS, Outcome, bound, drives, has_whole_logs, is_po
 use super::harness::sarrus_can;
 use super::world::World;
 
-/// What a frontend made of a record.
+/// Output of a frontend for a record.
 #[derive(Debug, Default, PartialEq)]
 struct Result {
     frames: String,
-    /// The fault's time and actuator, and its reason, as the frontend says it.
+    /// Time and actuator of each fault, and its reason in the frontend's words.
     faults: Vec<String>,
 }
 
-/// An attack on a drive, as it was in the core.
+/// An attack on a drive, with its outcome in the core.
 struct Case {
     attack: &'static str,
     drive: &'static str,
@@ -74,7 +74,7 @@ fn program(files: &[PathBuf; 2]) -> Result {
     }
 }
 
-/// The files that a bridge of the package wrote on the faults of a case, the oldest first.
+/// Files that a bridge of the package wrote at the faults of a case, the oldest first.
 fn fault_files(folder: &Path, place: usize) -> Vec<PathBuf> {
     let prefix = format!("case{place}-");
     let files =
@@ -145,7 +145,7 @@ fn every_attack_ends_alike_in_the_core_the_program_and_the_python_package() {
                 reason.name(),
             );
         }
-        // what the package wrote on the last fault brings it in the program
+        // the program replays the package's file of the last fault to the same fault
         let newest = fault_files(&folder, place).pop().unwrap_or_else(|| panic!("{name}: no file"));
         if has_whole_logs(case.drive) {
             let again = program(&[case.files[0].clone(), newest]);

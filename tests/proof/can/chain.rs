@@ -11,7 +11,7 @@ use super::harness::{BUSES, Frontend, N_U, Process, Stage, sarrus_can, wait_for}
 #[test]
 fn motors_go_safe_when_the_server_is_stopped_or_killed() {
     for signal in ["-STOP", "-KILL"] {
-        // both frontends at once, each in a world of its own
+        // both frontends at once, each in a domain of its own
         let stage = Stage::new();
         let other = stage.beside();
         std::thread::scope(|scope| {
@@ -56,7 +56,7 @@ fn run_chain(frontend: Frontend, stage: &Stage, signal: &str) {
         let report = motors.report();
         report.iter().all(|motor| motor["power"] == false).then_some(report)
     });
-    // the bridge took it, before the motors' own watchdogs did
+    // the bridge took the power, before the motors' own watchdogs did
     let took = |motor: &Value| {
         motor["tripped"] == false && motor["frame"].as_str().unwrap().ends_with("#FFFFFFFFFFFFFFFD")
     };

@@ -1,8 +1,7 @@
-"""A controller of a test: commands the same target at 250 Hz, and does on stdin's lines what
-controllers must not do.
+"""A controller of a test: commands one target at 250 Hz; lines on stdin make it misbehave.
 
-`arm`, `disarm`, `reset` | `target NUMBER` (of all actuators, from where they were at the start) |
-`nan PLACE`, `old`, `quiet`, `good`: commands with a NaN, commands of before, no commands, good ones
+`arm`, `disarm`, `reset` | `target NUMBER` (of all actuators, from their start positions) |
+`nan PLACE`, `old`, `quiet`, `good`: commands with a NaN, old commands, no commands, valid ones
 again | `state`: prints the bridge's newest state.
 """
 

@@ -1,5 +1,5 @@
-//! End to end: 13 simulated motors on three buses, a bridge and a controller, each a process of
-//! its own. What counts is what the motors say: what they were told last, and when they went safe.
+//! End to end: 13 simulated motors on three buses, a bridge and a controller, each a separate
+//! process. The tests judge the motors' reports: the last command, and the time of the safe state.
 
 use std::time::{Duration, Instant};
 
@@ -52,13 +52,13 @@ impl System {
         panic!("the bridge is not {expected}: {state}");
     }
 
-    /// All motors, in the order of u.
+    /// Reports of all motors, in the order of u.
     fn report(&mut self) -> Vec<Value> {
         self.motors.iter_mut().flat_map(Process::report).collect()
     }
 
-    /// Waits until no motor has power; how long each was without its set-points by its own clock is
-    /// what `check` sees.
+    /// Waits until no motor has power. `check` judges the time that each motor went without
+    /// set-points, by the motor's own clock.
     fn safe(&mut self) -> Vec<Value> {
         wait_for("motors without power", || {
             let report = self.report();
@@ -66,7 +66,7 @@ impl System {
         })
     }
 
-    /// No motor gets power for longer than every time-out.
+    /// Checks that no motor gets power for longer than every time-out.
     fn stays_safe(&mut self) {
         let end = Instant::now() + Duration::from_millis(2 * self.stage.times[1]);
         while Instant::now() < end {
@@ -79,7 +79,7 @@ fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
 }
 
-/// A frame of a motor that takes its power.
+/// True if the motor's last frame takes its power away.
 fn takes_power(motor: &Value) -> bool {
     motor["frame"].as_str().is_some_and(|frame| frame.ends_with("#FFFFFFFFFFFFFFFD"))
 }
@@ -88,7 +88,7 @@ fn takes_power(motor: &Value) -> bool {
 fn motors_get_power_only_when_armed_and_first_where_they_are() {
     for frontend in FRONTENDS {
         let mut system = System::new(frontend);
-        // commands alone give no power
+        // commands alone do not switch the power on
         system.controller_sees("disabled");
         system.stays_safe();
         for motors in &system.motors {
@@ -97,8 +97,8 @@ fn motors_get_power_only_when_armed_and_first_where_they_are() {
         system.controller.tell("target 0.02");
         system.controller.tell("arm");
         system.controller_sees("enabled");
-        // no motor jumps: the way from where it is and the gains grow together, so that a motor
-        // that is busy when power comes sees the same share
+        // no motor jumps: the way from its position and the gains grow together, so that a motor
+        // that is busy when power comes sees both at the same share
         let mut place = 0;
         for (motors, (bus, actuators)) in system.motors.iter().zip(BUSES) {
             for actuator in actuators {
@@ -127,8 +127,8 @@ fn motors_follow_the_commands_of_the_actuators() {
         let mut system = System::armed(frontend);
         for target in [0.03, -0.02] {
             system.controller.tell(&format!("target {target}"));
-            // gear, sign and codec say the same on both sides: what motors are told is the command
-            // within half a step of the codec, and another half for the start that was measured
+            // gear, sign and codec agree on both sides: a motor's set-point is the command within
+            // half a step of the codec, and half a step more for the measured start
             let actuators: Vec<&str> =
                 BUSES.iter().flat_map(|(_, actuators)| actuators.iter().copied()).collect();
             wait_for("motors at the target", || {
@@ -143,7 +143,7 @@ fn motors_follow_the_commands_of_the_actuators() {
                 };
                 report.iter().enumerate().all(good).then_some(())
             });
-            // and the controller sees what the motors did
+            // the controller receives the motors' positions
             let state = system.controller.state();
             for place in 0..N_U {
                 assert!(
@@ -161,7 +161,7 @@ fn commands_that_are_none_bring_damping_then_no_power_and_never_reach_a_motor() 
         for order in ["nan 7", "old", "quiet"] {
             let mut system = System::armed(frontend);
             system.controller.tell(order);
-            // on the way every motor is damped: no stiffness, some damping
+            // in between every motor is damped: no stiffness, some damping
             let report = wait_for("damping", || {
                 let report = system.report();
                 report
@@ -186,13 +186,13 @@ fn commands_that_are_none_bring_damping_then_no_power_and_never_reach_a_motor() 
                     );
                 }
             }
-            // the bridge did it, by its frames: no watchdog had to
+            // the bridge's frames did it, and no watchdog had to
             let report = system.safe();
             assert!(
                 report.iter().all(|motor| motor["tripped"] == false && takes_power(motor)),
                 "{frontend:?} {order}: {report:?}"
             );
-            // good commands give no power back
+            // valid commands do not restore the power
             system.controller.tell("good");
             system.stays_safe();
             system.controller_sees("disabled");
@@ -221,7 +221,7 @@ fn motors_go_safe_when_the_controller_is_stopped_or_killed() {
             report.iter().all(|motor| motor["tripped"] == false && takes_power(motor)),
             "{frontend:?}: {report:?}"
         );
-        // another controller may take its place, and an operator may arm again
+        // another controller may connect, and an operator may arm again
         system.controller = system.stage.controller();
         system.stays_safe();
         system.arm();
@@ -266,7 +266,7 @@ fn the_bridge_takes_the_power_on_every_way_out() {
             };
             assert!(report.iter().all(taken), "{frontend:?} {signal}: {report:?}");
         }
-        // the parent's death: a shell that started it is killed
+        // the parent dies: kills the shell that started the bridge
         let stage = Stage::new();
         let motors: Vec<Process> = BUSES.iter().map(|(bus, _)| stage.motors(bus)).collect();
         let inner = stage.bridge_command(frontend);
@@ -318,7 +318,7 @@ fn motors_of_other_buses_go_on_when_those_of_one_bus_are_stopped_or_killed() {
                 });
             }
             if signal == "-STOP" {
-                // what comes back has tripped its watchdog meanwhile, and gets no power
+                // meanwhile the torso's motors have tripped their watchdogs, and they get no power
                 system.motors[torso].signal("-CONT");
                 let end = Instant::now() + Duration::from_millis(2 * system.stage.times[1]);
                 wait_for("the torso without power", || {

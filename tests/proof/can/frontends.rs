@@ -1,4 +1,4 @@
-//! One input log, the same bytes: the library in this process, and the replay of both frontends.
+//! One input log gives the same bytes in this process and in the replays of both frontends.
 
 use std::process::{Command, Output};
 
@@ -79,7 +79,7 @@ fn a_line_that_is_none_is_told_by_both_frontends_in_the_same_words() {
         );
         assert_eq!(text(&python), format!("sarrus.can: {rust}"), "{line}");
     }
-    // lists that are not given are zeros
+    // missing lists are zeros
     let line = r#"{"t": 1, "command": {"sequence": 1, "stamp_ns": 1}}"#;
     std::fs::write(&log, format!("{line}\n{}\n", r#"{"t": 2, "cycle": true}"#)).unwrap();
     let mut program = Command::new(sarrus_can());
@@ -87,7 +87,7 @@ fn a_line_that_is_none_is_told_by_both_frontends_in_the_same_words() {
     let frames = replay(program);
     assert!(!frames.is_empty());
     assert_eq!(replay(environment().can(&["replay", &stage.configuration, path])), frames);
-    // what is no text cannot be read
+    // a file that is not text is refused
     std::fs::write(&log, b"\xFF\xFE\n").unwrap();
     let python = environment().can(&["replay", &stage.configuration, path]).output().unwrap();
     let rust =
@@ -99,8 +99,10 @@ fn a_line_that_is_none_is_told_by_both_frontends_in_the_same_words() {
 fn a_run_that_was_logged_sends_the_same_frames_when_it_is_replayed() {
     let stage = Stage::new();
     let mut motors: Vec<Process> = BUSES.iter().map(|(bus, _)| stage.motors(bus)).collect();
-    let (log, recording) = (stage.folder.join("run.jsonl"), stage.folder.join("run.log"));
-    let (log, recording) = (log.to_str().unwrap(), recording.to_str().unwrap());
+    let log = stage.folder.join("run.jsonl");
+    let recording = stage.folder.join("run.log");
+    let log = log.to_str().unwrap();
+    let recording = recording.to_str().unwrap();
     let mut command = stage.bridge_command(Frontend::Python);
     command.args(["--log", log, "--record", recording]);
     let mut bridge = Process::start("bridge", command);
@@ -136,7 +138,7 @@ fn a_run_that_was_logged_sends_the_same_frames_when_it_is_replayed() {
     );
     let sent = std::fs::read_to_string(recording).unwrap();
     for (bus, actuators) in BUSES {
-        // `(time) bus frame`, and in a recording whether it came or went
+        // `(time) bus frame`, and in a recording also the direction
         let of_bus = |line: &str| line.split(' ').skip(1).map(str::to_owned).collect::<Vec<_>>();
         let frames = |text: &str, goes: bool| -> Vec<String> {
             let lines = text.lines().map(of_bus).filter(|line| line[0] == bus);
@@ -145,10 +147,11 @@ fn a_run_that_was_logged_sends_the_same_frames_when_it_is_replayed() {
                 .map(|mut line| line.swap_remove(1))
                 .collect()
         };
-        let (replayed, sent) = (frames(&replayed, true), frames(&sent, true));
+        let replayed = frames(&replayed, true);
+        let sent = frames(&sent, true);
         assert!(replayed.len() > 100 * actuators.len(), "{bus}: {} frames", replayed.len());
         assert_eq!(sent[..replayed.len()], replayed[..], "{bus}");
-        // only the shutdown frames come after the last cycle
+        // only shutdown frames follow the last cycle
         assert!(
             sent.len() > replayed.len()
                 && sent[replayed.len()..].iter().all(|frame| frame.ends_with("#FFFFFFFFFFFFFFFD")),

@@ -1,5 +1,5 @@
-//! Processes of the end-to-end tests: motors of each bus, a bridge, a controller. One test at a
-//! time.
+//! Processes of the end-to-end tests: the motors of each bus, a bridge, a controller. Tests run one
+//! at a time.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -23,17 +23,17 @@ pub(super) const BUSES: [(&str, &[&str]); 3] = [
 ];
 /// Actuators of the upper body.
 pub(super) const N_U: usize = 13;
-/// T1, T2 and the motors' watchdog `[ms]` on a computer with nothing else at work; on others they
-/// are as much longer as it is late, up to the longest that a configuration may have.
+/// T1, T2 and the motors' watchdog `[ms]` on an idle computer; on a busy one they grow with its
+/// delays, up to the longest times that a configuration may have.
 const TIMES: [u64; 3] = [200, 800, 2000];
 const LONGEST: f64 = 5.0;
 
-/// Motor's turn for the actuator's: rad/m for the linear ones, rad/rad for the others.
+/// Motor turn per actuator motion: rad/m for the linear ones, rad/rad for the others.
 pub(super) fn gear(actuator: &str) -> f64 {
     if actuator.contains("Act") { 100.0 } else { 6.0 }
 }
 
-/// Every second actuator goes against its motor.
+/// Sign of an actuator; every second one moves against its motor.
 pub(super) fn sign(place: usize) -> f64 {
     if place.is_multiple_of(2) { 1.0 } else { -1.0 }
 }
@@ -46,7 +46,7 @@ pub(super) fn sarrus_can() -> &'static Path {
         let test = std::env::current_exe().unwrap();
         let folder = test.parent().and_then(Path::parent).unwrap();
         let path = folder.join("sarrus-can");
-        // of the whole workspace, so that nothing is compiled a second time with other features
+        // of the whole workspace, so that features match and nothing is compiled twice
         let mut build = Command::new(env!("CARGO"));
         build
             .args([
@@ -73,7 +73,7 @@ pub(super) fn sarrus_can() -> &'static Path {
     })
 }
 
-/// Which program bridges.
+/// Program of a bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Frontend {
     /// `python -m sarrus.can run`.
@@ -82,10 +82,10 @@ pub(super) enum Frontend {
     Rust,
 }
 
-/// All of them.
+/// All frontends.
 pub(super) const FRONTENDS: [Frontend; 2] = [Frontend::Rust, Frontend::Python];
 
-/// A folder, a domain and a configuration of one test; no other end-to-end test runs meanwhile.
+/// A folder, a domain and a configuration of one test; end-to-end tests do not overlap.
 pub(super) struct Stage {
     pub(super) folder: PathBuf,
     pub(super) configuration: String,
@@ -100,7 +100,7 @@ impl Stage {
         Stage::with(Some(alone), slowness().min(LONGEST))
     }
 
-    /// A stage with the longest times, for what is not judged by them.
+    /// A stage with the longest times, for tests that do not judge times.
     pub(super) fn of_long_times() -> Stage {
         Stage::with(Some(Stage::alone()), LONGEST)
     }
@@ -110,12 +110,12 @@ impl Stage {
         ALONE.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
-    /// A stage for simulated time, which no machine is too slow for.
+    /// A stage for simulated time, which is never late.
     pub(super) fn of_simulated_time() -> Stage {
         Stage::with(None, 1.0)
     }
 
-    /// Another stage of the same test; it has nothing in common with this one.
+    /// Another, separate stage of the same test.
     pub(super) fn beside(&self) -> Stage {
         Stage::with(None, slowness().min(LONGEST))
     }
@@ -135,12 +135,12 @@ impl Stage {
         Stage { configuration, folder, times, _alone: alone }
     }
 
-    /// Where its shared memory is named.
+    /// Root of the stage's domain.
     pub(super) fn root(&self) -> PathBuf {
         self.folder.join("domain")
     }
 
-    /// A command whose shared memory and logs of faults are this stage's.
+    /// A command with the shared memory and fault logs of this stage.
     pub(super) fn at_home(&self, mut command: Command) -> Command {
         command.env("SARRUS_ROOT", self.root());
         command.env("XDG_STATE_HOME", self.folder.join("state"));
@@ -157,7 +157,7 @@ impl Stage {
         motors
     }
 
-    /// The command that runs a bridge.
+    /// The command of a bridge.
     pub(super) fn bridge_command(&self, frontend: Frontend) -> Command {
         self.at_home(match frontend {
             Frontend::Python => environment().can(&[
@@ -183,7 +183,7 @@ impl Stage {
         bridge
     }
 
-    /// A controller that commands.
+    /// A controller that sends commands.
     pub(super) fn controller(&self) -> Process {
         let actuators = || BUSES.iter().flat_map(|(_, actuators)| *actuators);
         let numbers = |linear: f64, turning: f64| {
@@ -236,7 +236,9 @@ fn upper_body(folder: &Path, times: [u64; 3]) -> String {
         .flat_map(|(bus, actuators)| actuators.iter().map(move |name| (bus, name)))
         .enumerate()
     {
-        let (id, sign, gear) = (place + 1, sign(place), gear(actuator));
+        let id = place + 1;
+        let sign = sign(place);
+        let gear = gear(actuator);
         text += &format!(
             "- actuator: {actuator}\n  bus: {bus}\n  drive: {{protocol: mit, variant: damiao, id: \
                 {id}, reply_id: {}, position_range: 12.5, \
@@ -249,7 +251,7 @@ fn upper_body(folder: &Path, times: [u64; 3]) -> String {
     text
 }
 
-/// A process whose lines are read all the time; killed when dropped.
+/// A process with a thread that reads its lines; killed when dropped.
 pub(super) struct Process {
     name: String,
     child: Child,
@@ -282,7 +284,7 @@ impl Process {
         next(&self.lines, &format!("line of {}", self.name))
     }
 
-    /// Its next line as JSON that a reader wants; others are passed over.
+    /// The next line that fits, as JSON; other lines are skipped.
     pub(super) fn until(&self, desired: impl Fn(&Value) -> bool) -> Value {
         let mut allowance = Allowance::new();
         while allowance.is_left() {
@@ -296,7 +298,7 @@ impl Process {
         panic!("{} does not say it", self.name)
     }
 
-    /// All lines that are already there, as JSON.
+    /// All lines that have arrived, as JSON.
     pub(super) fn said(&self) -> Vec<Value> {
         self.lines.try_iter().map(|line| serde_json::from_str(&line).unwrap()).collect()
     }
@@ -306,13 +308,13 @@ impl Process {
             .unwrap_or_else(|error| panic!("{}: {error}", self.name));
     }
 
-    /// The motors of a simulated bus, each as it is.
+    /// Reports of the motors of a simulated bus.
     pub(super) fn report(&mut self) -> Vec<Value> {
         self.tell("report");
         self.until(|value| value["event"] == "report")["motors"].as_array().unwrap().clone()
     }
 
-    /// The state of the bridge, as the controller sees it.
+    /// State of the bridge as the controller receives it.
     pub(super) fn state(&mut self) -> Value {
         self.tell("state");
         self.until(|value| value["states"].is_array())

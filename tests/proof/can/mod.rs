@@ -1,7 +1,7 @@
 //! The CAN bridge as a whole: processes, peers from PyPI, the Python package, SocketCAN of a real
 //! kernel.
 
-// the attacks and the motors under them are those of the core's table
+// the attacks and their motors are those of the core's table
 #[path = "../../../client/can/sim/tests/suite/attack_table.rs"]
 #[allow(dead_code, reason = "the suite of the simulated motors uses all of it")]
 mod attack_table;
@@ -12,7 +12,7 @@ mod frontends;
 mod harness;
 mod kernel;
 mod owners;
-// the one place for the time that processes may take
+// the one source of time limits for processes
 #[path = "../../../client/can/cli/tests/program/allowance.rs"]
 mod allowance;
 mod peers;

@@ -1,4 +1,4 @@
-//! What there is one of: who comes second reads whose it is.
+//! Names and controllers are exclusive: the error for the second one names the owner.
 
 use std::process::Command;
 

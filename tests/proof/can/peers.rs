@@ -1,5 +1,5 @@
-//! The protocols against programs of others: what `moteus`, `canopen` and `cantools` from PyPI make
-//! of the bridge's frames, and the bridge of theirs. The script `peers/peers.py` answers JSON
+//! The protocols against other implementations: `moteus`, `canopen` and `cantools` from PyPI read
+//! the bridge's frames, and the bridge reads theirs. The script `peers/peers.py` answers JSON
 //! lines.
 
 use std::io::{BufRead, BufReader, Write};
@@ -10,9 +10,10 @@ use sarrus_can_core::frame::{Frame, FrameQueue, Id};
 use sarrus_can_core::protocol::{Common, Settings, protocol};
 use sarrus_models::{Diagnostics, yaml};
 use sarrus_tests::python::environment;
+use sarrus_tests::seed::Seeded;
 use serde_json::{Value, json};
 
-/// Values in each exchange.
+/// Values of each exchange.
 const ROUNDS: usize = 2_000;
 
 /// The script in its own process.
@@ -31,8 +32,8 @@ impl Peers {
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
-        let (questions, answers) =
-            (child.stdin.take().unwrap(), BufReader::new(child.stdout.take().unwrap()));
+        let questions = child.stdin.take().unwrap();
+        let answers = BufReader::new(child.stdout.take().unwrap());
         Peers { child, questions, answers }
     }
 
@@ -40,7 +41,7 @@ impl Peers {
         writeln!(self.questions, "{question}").unwrap();
         let mut line = String::new();
         self.answers.read_line(&mut line).unwrap();
-        // Python writes numbers that are none, JSON has none
+        // Python writes NaN, which JSON lacks
         serde_json::from_str(&line.replace("NaN", "null"))
             .unwrap_or_else(|error| panic!("{question}: {error}: {line}"))
     }
@@ -95,23 +96,12 @@ fn encode(drive: &dyn Drive, setpoint: Setpoint) -> Vec<Frame> {
     queue.frames().to_vec()
 }
 
-/// Numbers of [-1, 1) from a fixed seed.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> f64 {
-        self.0 =
-            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-    }
-
-    /// Within ± the largest position, velocity and torque, and up to the largest stiffness and
-    /// damping.
-    fn setpoint(&mut self, largest: [f64; 5]) -> Setpoint {
-        let [position, velocity, torque, stiffness, damping] =
-            largest.map(|largest| largest * self.next());
-        Setpoint { position, velocity, torque, stiffness: stiffness.abs(), damping: damping.abs() }
-    }
+/// A set-point within ± the largest position, velocity and torque, and up to the largest stiffness
+/// and damping.
+fn random_setpoint(seeded: &mut Seeded, largest: [f64; 5]) -> Setpoint {
+    let [position, velocity, torque, stiffness, damping] =
+        largest.map(|largest| seeded.within(-largest, largest));
+    Setpoint { position, velocity, torque, stiffness: stiffness.abs(), damping: damping.abs() }
 }
 
 fn near(found: &Value, setpoint: f64, by: f64, what: &str) {
@@ -122,7 +112,7 @@ fn near(found: &Value, setpoint: f64, by: f64, what: &str) {
     );
 }
 
-/// Torques and gains are rounded towards zero; beside zero a range has codes of half a step.
+/// Torques and gains are rounded towards zero; next to zero a range has codes of half a step.
 fn toward_zero(found: &Value, setpoint: f64, step: f64, what: &str) {
     near(found, setpoint, step * (1.0 + 1e-5), what);
     let size = found.as_f64().unwrap().abs();
@@ -133,7 +123,7 @@ fn toward_zero(found: &Value, setpoint: f64, step: f64, what: &str) {
 #[test]
 fn cantools_reads_mit_cybergear_and_odrive_commands() {
     let mut peers = Peers::new();
-    let mut random = Random(1);
+    let mut seeded = Seeded::new(1);
     let ranges = "position_range: 12.5, velocity_range: 45, torque_range: 18, stiffness_range: \
         500, damping_range: 5";
     let mit = drive(
@@ -144,20 +134,20 @@ fn cantools_reads_mit_cybergear_and_odrive_commands() {
     let cybergear = drive("cybergear", "{id: 1, position_range: 12.5}", Mode::Impedance);
     let odrive = drive("odrive", "{node: 1}", Mode::Position);
     for _ in 0..ROUNDS {
-        let setpoint = random.setpoint([12.5, 45.0, 18.0, 500.0, 5.0]);
+        let setpoint = random_setpoint(&mut seeded, [12.5, 45.0, 18.0, 500.0, 5.0]);
         let read = peers.decode("mit", &encode(&*mit, setpoint)[0]);
         near(&read["position"], setpoint.position, 12.5 / 65535.0, "MIT position");
         near(&read["velocity"], setpoint.velocity, 45.0 / 4095.0, "MIT velocity");
         toward_zero(&read["torque"], setpoint.torque, 36.0 / 4095.0, "MIT torque");
         toward_zero(&read["stiffness"], setpoint.stiffness, 500.0 / 4095.0, "MIT stiffness");
         toward_zero(&read["damping"], setpoint.damping, 5.0 / 4095.0, "MIT damping");
-        let setpoint = random.setpoint([12.5, 30.0, 12.0, 500.0, 5.0]);
+        let setpoint = random_setpoint(&mut seeded, [12.5, 30.0, 12.0, 500.0, 5.0]);
         let read = peers.decode("cybergear", &encode(&*cybergear, setpoint)[0]);
         near(&read["position"], setpoint.position, 12.5 / 65535.0, "CyberGear position");
         near(&read["velocity"], setpoint.velocity, 30.0 / 65535.0, "CyberGear velocity");
         toward_zero(&read["stiffness"], setpoint.stiffness, 500.0 / 65535.0, "CyberGear stiffness");
         toward_zero(&read["damping"], setpoint.damping, 5.0 / 65535.0, "CyberGear damping");
-        let setpoint = random.setpoint([100.0, 200.0, 30.0, 0.0, 0.0]);
+        let setpoint = random_setpoint(&mut seeded, [100.0, 200.0, 30.0, 0.0, 0.0]);
         let read = peers.decode("odrive", &encode(&*odrive, setpoint)[0]);
         near(&read["position"], setpoint.position / std::f64::consts::TAU, 0.0, "ODrive position");
         near(
@@ -173,14 +163,17 @@ fn cantools_reads_mit_cybergear_and_odrive_commands() {
 #[test]
 fn the_moteus_client_reads_commands_and_replies_as_the_bridge_does() {
     let mut peers = Peers::new();
-    let mut random = Random(2);
+    let mut seeded = Seeded::new(2);
     let tau = std::f64::consts::TAU;
     let mut moteus = drive("moteus", "{id: 1, kp: 4.0, kd: 0.05}", Mode::Impedance);
     for _ in 0..ROUNDS {
-        let stiffness = 4.0 / tau * random.next().abs();
-        let damping = 0.05 / 4.0 * stiffness * random.next().abs();
-        let setpoint =
-            Setpoint { stiffness, damping, ..random.setpoint([50.0, 100.0, 300.0, 0.0, 0.0]) };
+        let stiffness = 4.0 / tau * seeded.within(0.0, 1.0);
+        let damping = 0.05 / 4.0 * stiffness * seeded.within(0.0, 1.0);
+        let setpoint = Setpoint {
+            stiffness,
+            damping,
+            ..random_setpoint(&mut seeded, [50.0, 100.0, 300.0, 0.0, 0.0])
+        };
         let frame = encode(&*moteus, setpoint)[0];
         let read = peers.decode("moteus", &frame);
         assert_eq!(read["0"], 10);
@@ -196,7 +189,7 @@ fn the_moteus_client_reads_commands_and_replies_as_the_bridge_does() {
         near(&read["41"], -0.05, 1e-9, "acceleration limit");
         near(&read["43"], 0.0, 1e-9, "scale of the integrator's limit");
 
-        let kind = (random.next().abs() * 3.0) as usize;
+        let kind = seeded.below(3);
         let (head, len) = [(0x20_u8, 1), (0x24, 2), (0x28, 4)][kind];
         let mut bytes = vec![head, 4, 0];
         bytes.extend((0..4 * len).map(|i| {
@@ -205,7 +198,7 @@ fn the_moteus_client_reads_commands_and_replies_as_the_bridge_does() {
             } else if i < len {
                 0
             } else {
-                (random.next() * 100.0) as i8 as u8
+                seeded.within(-100.0, 100.0) as i8 as u8
             }
         }));
         let padded = [8, 12, 20][kind];
@@ -230,7 +223,8 @@ fn canopen_takes_every_request_of_the_set_up() {
         drive.cycle(0, sarrus_can_core::drive::DriveCommand::Off, &mut queue);
         for frame in queue.frames().iter().filter(|frame| frame.id == Id::Standard(0x605)) {
             let bytes = frame.exactly::<8>().unwrap();
-            let (index, sub) = (u16::from_le_bytes([bytes[1], bytes[2]]), bytes[3]);
+            let index = u16::from_le_bytes([bytes[1], bytes[2]]);
+            let sub = bytes[3];
             let answer = match bytes[0] {
                 0x40 => {
                     let value = if index == 0x6076 { 2000_u16 } else { 8 }.to_le_bytes();
@@ -260,7 +254,7 @@ fn canopen_takes_every_request_of_the_set_up() {
         "{written:X?}"
     );
 
-    // then the steps of the state machine: the same control words for the states that canopen sees
+    // the steps of the state machine: canopen gives the same control words for each state
     let commands = peers.ask(&json!({"ask": "control402"}))["commands"].clone();
     let steps = [
         (0x0250_u16, "SWITCH ON DISABLED", "READY TO SWITCH ON"),
@@ -303,7 +297,7 @@ fn decode_dbc(peers: &mut Peers, file: &str, frames: &[Frame]) -> Vec<Value> {
             .clone()
     };
     let mut read: Vec<Value> = frames.iter().map(ask).collect();
-    // power comes last
+    // the frame with the power is sent last
     read.sort_by_key(|values| values["Mux"].as_u64());
     read
 }
@@ -311,13 +305,13 @@ fn decode_dbc(peers: &mut Peers, file: &str, frames: &[Frame]) -> Vec<Value> {
 #[test]
 fn cantools_reads_what_is_sent_by_a_dbc_file() {
     let mut peers = Peers::new();
-    let mut random = Random(4);
+    let mut seeded = Seeded::new(4);
     let text = "{file: motor.dbc, enable: Command.Enable, torque: Command.Torque, position: \
         Command.Position, velocity: Command.Velocity, \
                 measured_position: Command.Position}";
     let drive = drive("dbc", text, Mode::Torque);
     for _ in 0..ROUNDS {
-        let setpoint = random.setpoint([2000.0, 190.0, 327.0, 0.0, 0.0]);
+        let setpoint = random_setpoint(&mut seeded, [2000.0, 190.0, 327.0, 0.0, 0.0]);
         let read = decode_dbc(&mut peers, DBC, &encode(&*drive, setpoint));
         assert_eq!(
             (&read[0]["Mux"], &read[0]["Enable"], &read[1]["Mux"]),
@@ -327,13 +321,13 @@ fn cantools_reads_what_is_sent_by_a_dbc_file() {
         near(&read[1]["Position"], setpoint.position, 0.001, "position");
         near(&read[1]["Velocity"], setpoint.velocity, 0.025, "velocity");
     }
-    // power whatever the switch says: it is in both frames
+    // an Enable signal without a multiplexer switch is in both frames
     let file = DBC.replace("Enable m1", "Enable");
     let drive = drive_of("dbc", text, Mode::Torque, &file);
     let read = decode_dbc(
         &mut peers,
         &file,
-        &encode(&*drive, random.setpoint([2000.0, 190.0, 327.0, 0.0, 0.0])),
+        &encode(&*drive, random_setpoint(&mut seeded, [2000.0, 190.0, 327.0, 0.0, 0.0])),
     );
     assert_eq!((read.len(), &read[0]["Enable"], &read[1]["Enable"]), (2, &json!(1), &json!(1)));
 }

@@ -1,4 +1,4 @@
-//! The Python package by its own tests, and what it says of itself.
+//! The Python package by its own tests, and by its commands and pages.
 
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -76,7 +76,7 @@ fn commissioning_finds_reads_zeroes_and_moves_one_motor() {
     assert_eq!((code, err.as_str()), (Some(0), ""), "{out}");
     let offset: f64 = out.strip_prefix("offset: ").unwrap().trim().parse().unwrap();
     assert!((offset - 0.05).abs() < 1e-4, "{out}");
-    // nobody said yes: nothing moves
+    // without confirmation nothing moves
     let motion = [
         "direction",
         "ALElbowAct",
@@ -141,7 +141,7 @@ fn motors_that_no_configuration_knows_are_found_and_get_another_identifier() {
     assert!(out.contains("no answer") && out.contains(&stranger(7)), "{out}{err}");
     assert_eq!(out.matches("replies on").count(), 1, "{out}");
     assert!(err.contains("left: mit damiao: 2046 of 2046"), "{err}");
-    // nobody said yes; somebody has it; and it can be changed
+    // refused without confirmation, then because the number is taken; then changed
     let (code, _, err) = can(&stage.configuration, &["set-id", "ALElbowAct", "0x17"]);
     assert!(code == Some(1) && err.contains("not confirmed"), "{err}");
     let (code, _, err) = can(&stage.configuration, &["set-id", "ALElbowAct", "8", "--yes"]);
@@ -152,7 +152,7 @@ fn motors_that_no_configuration_knows_are_found_and_get_another_identifier() {
     assert!(out.contains("no answer") && out.contains(&stranger(23)), "{out}{err}");
     assert!(motors.report().iter().all(|motor| motor["power"] == false));
     assert!(motors.said().iter().all(|event| event["event"] != "power"));
-    // what cannot be
+    // a protocol that cannot be scanned, and an unknown variant
     let (code, _, err) =
         can(&stage.configuration, &["scan", "ALElbowAct", "--all", "--protocol", "dbc"]);
     assert!(code == Some(2) && err.contains("cannot be asked"), "{err}");
@@ -211,7 +211,7 @@ fn a_limit_that_stops_a_motion_is_named_and_not_the_motor_and_so_are_malformed_a
     let err = move_by("0.04", "100000", "2");
     assert!(err.contains("beyond its limit of effort, 500"), "{err}");
     assert!(motors.said().iter().all(|event| event["event"] != "power"));
-    // a motor that speaks otherwise than configured
+    // a motor with another protocol than the configured one
     drop(motors);
     let short = text.replace("variant: damiao", "variant: mini_cheetah");
     std::fs::write(&stage.configuration, short).unwrap();
@@ -245,7 +245,7 @@ fn the_controller_of_the_readme_holds_the_robot_where_it_is() {
     }
 }
 
-/// Moves the elbow there and back for this time, without asking.
+/// Moves the elbow there and back for this time, without confirmation.
 fn direction(stage: &Stage, seconds: &str) -> Command {
     let mut command = environment().can(&[
         "direction",
@@ -260,7 +260,7 @@ fn direction(stage: &Stage, seconds: &str) -> Command {
     command
 }
 
-/// The elbow among the motors of its bus.
+/// The elbow's report among the motors of its bus.
 fn elbow(motors: &mut Process) -> Value {
     motors.report().remove(3)
 }
@@ -279,7 +279,7 @@ fn a_motor_is_not_moved_before_its_own_watchdog_is_known_to_be_on() {
     assert_eq!(output.status.code(), Some(1), "{reported}");
     assert!(reported.contains("ALElbowAct gets no power: watchdog_unknown"), "{reported}");
     assert!(motors.said().iter().all(|event| event["event"] != "power"));
-    // its owner set it by other means and says so
+    // its owner has set it by other means and declares so
     std::fs::write(
         &stage.configuration,
         text.replace("  damping: 1\n", "  damping: 1\n  watchdog: believed\n"),
@@ -302,7 +302,7 @@ fn a_motor_that_is_moved_loses_its_power_on_every_way_out() {
         let elbow = elbow(&mut motors);
         assert!(elbow["power"] == false && elbow["tripped"] == false, "{signals:?}: {elbow}");
     }
-    // the end of its parent
+    // its parent ends
     let inner = direction(&stage, "30");
     let mut shell = Command::new("sh");
     shell.args(["-c", "\"$@\" & wait", "sh"]).arg(inner.get_program()).args(inner.get_args());

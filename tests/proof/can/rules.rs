@@ -1,5 +1,5 @@
 //! The rules with every protocol that has a simulated motor, in this process: nothing allocates,
-//! and power is the same on both sides.
+//! and both sides of the mapping have the same power.
 
 use sarrus_can_core::bridge::{Bridge, CommandVerdict};
 use sarrus_can_core::config::{Configuration, Surroundings};
@@ -84,10 +84,12 @@ fn a_cycle_allocates_nothing_whatever_the_protocol_and_whatever_happens() {
     let mut command = ActuatorCommand { n_u: n_u as u64, ..ActuatorCommand::default() };
     command.effort[..n_u].fill(0.05);
     command.damping[..n_u].fill(0.1);
-    let (mut now_ns, mut calls_of_bridge, mut seen) = (10 * MS, 0, Vec::new());
+    let mut now_ns = 10 * MS;
+    let mut calls_of_bridge = 0;
+    let mut seen = Vec::new();
     for step in 0..3000_u64 {
         now_ns += 2 * MS;
-        // armed, late, lost and stopped, armed again, a number that is none, a fault
+        // armed, late, lost and stopped, armed again, a NaN, a fault
         match step {
             200 | 1600 => bridge.operate(now_ns, Operation::Arm),
             2500 => motors[0].fault(0xA),
@@ -145,20 +147,23 @@ fn a_cycle_with_the_model_of_a_robot_allocates_nothing() {
             (motor.bus, made)
         })
         .collect();
-    let (n_u, fingerprint) = (config.actuators.len(), config.fingerprint);
+    let n_u = config.actuators.len();
+    let fingerprint = config.fingerprint;
     let mut bridge = Bridge::new(config);
     let mut out = FrameQueue::new(64);
     let mut command =
         ActuatorCommand { n_u: n_u as u64, fingerprint, ..ActuatorCommand::default() };
     command.stiffness[..n_u].fill(10.0);
     command.damping[..n_u].fill(1.0);
-    let (mut now_ns, mut calls_of_bridge, mut seen) = (10 * MS, 0, Vec::new());
+    let mut now_ns = 10 * MS;
+    let mut calls_of_bridge = 0;
+    let mut seen = Vec::new();
     for step in 0..2000_u64 {
         now_ns += 2 * MS;
         if step == 50 {
             bridge.operate(now_ns, Operation::Arm);
         }
-        // positions that no pose of the torso has
+        // positions without a pose of the torso
         if step == 1000 {
             command.position[..2].fill(0.09);
             command.stiffness[..2].fill(20_000.0);
@@ -207,11 +212,12 @@ fn power_and_stiffness_are_the_same_on_both_sides_of_the_mapping() {
         let near = |a: f64, b: f64, size: f64| {
             assert!((a - b).abs() <= 1e-12 * size, "{a} {b} {mapping:?}")
         };
-        // the true torque is the constant times what the protocol says
+        // the true torque is the constant times the protocol's torque
         let power = motor.torque * mapping.torque_constant * motor.velocity;
         near(power, at.effort * at.velocity, at.effort.abs() * at.velocity.abs());
-        // a spring stores the same energy on both sides, a damper takes the same power
-        let (way, turn) = (0.3, 0.3 * mapping.gear);
+        // a spring stores the same energy on both sides, a damper dissipates the same power
+        let way = 0.3;
+        let turn = 0.3 * mapping.gear;
         near(
             motor.stiffness * mapping.torque_constant * turn * turn,
             at.stiffness * way * way,
@@ -222,7 +228,7 @@ fn power_and_stiffness_are_the_same_on_both_sides_of_the_mapping() {
             at.damping * way * way,
             at.damping,
         );
-        // there and back
+        // mapped to the motor and back
         let measured = Measurement {
             position: motor.position,
             velocity: motor.velocity,

@@ -1,4 +1,4 @@
-//! A session of a bridge on simulated time, with everything that can happen.
+//! A session of a bridge on simulated time with every kind of event.
 
 use std::fmt::Write;
 
@@ -12,7 +12,7 @@ use serde_json::json;
 
 const PERIOD_NS: u64 = 4_000_000;
 
-/// A session with simulated motors in this process: what went into the bridge, and what came out.
+/// A session with simulated motors in this process, with the bridge's input and output.
 pub(super) struct Session {
     pub(super) log: String,
     pub(super) frames: String,
@@ -37,7 +37,8 @@ impl Session {
             )
         };
         let motors = configuration.motors.iter().map(simulated).collect();
-        let (log, frames) = (String::new(), String::new());
+        let log = String::new();
+        let frames = String::new();
         let bridge = Bridge::new(load());
         Session {
             log,
@@ -67,7 +68,7 @@ impl Session {
         self.command_with(|_| {});
     }
 
-    /// A command of random numbers, changed.
+    /// A random command after a change.
     fn command_with(&mut self, change: impl FnOnce(&mut ActuatorCommand)) -> CommandVerdict {
         self.sequence += 1;
         let n_u = self.configuration.actuators.len();
@@ -81,14 +82,14 @@ impl Session {
         let mut random = |into: &mut [f64; MAX_ACTUATORS], from: f64, to: f64| {
             into.iter_mut().take(n_u).for_each(|number| *number = self.seeded.within(from, to));
         };
-        // within what no monitor stops
+        // within the limits of every monitor
         random(&mut command.position, -0.005, 0.005);
         random(&mut command.velocity, -0.05, 0.05);
         random(&mut command.effort, -1.0, 1.0);
         random(&mut command.stiffness, 0.0, 100.0);
         random(&mut command.damping, 0.0, 10.0);
         change(&mut command);
-        // a number that is none becomes null
+        // JSON has null for a NaN
         let of = |numbers: &[f64; MAX_ACTUATORS]| numbers[..n_u].to_vec();
         let mut line = json!({"t": self.now_ns, "command": {
             "sequence": command.sequence, "stamp_ns": command.stamp_ns,
@@ -96,7 +97,7 @@ impl Session {
             "effort": of(&command.effort), "stiffness": of(&command.stiffness),
             "damping": of(&command.damping),
         }});
-        // what is the configuration's need not be said
+        // omitted where it equals the configuration's
         if command.fingerprint != self.configuration.fingerprint {
             line["command"]["fingerprint"] = command.fingerprint.into();
         }
@@ -107,9 +108,10 @@ impl Session {
         self.bridge.command(self.now_ns, &command)
     }
 
-    /// Commands that are refused.
+    /// Sends commands that are refused.
     fn bad_commands(&mut self) {
-        let (now_ns, sequence) = (self.now_ns, self.sequence);
+        let now_ns = self.now_ns;
+        let sequence = self.sequence;
         assert_eq!(
             self.command_with(|command| command.position[3] = f64::NAN),
             CommandVerdict::NotFinite
@@ -138,7 +140,7 @@ impl Session {
         assert_eq!(self.command_with(|command| command.n_u -= 1), CommandVerdict::WrongSize);
     }
 
-    /// Frames that no motor sends: cut short, too long for what they say, of others.
+    /// Sends invalid frames: short ones, ones with a wrong length, frames of other devices.
     fn bad_frames(&mut self) {
         let before = self.bridge.bus_counters(0).unwrap().1.counts;
         for text in [
@@ -158,11 +160,12 @@ impl Session {
         assert!(after.malformed > before.malformed && after.unknown > before.unknown);
     }
 
-    /// A cycle, and what the motors answer before the next one.
+    /// One cycle and the motors' answers to it.
     fn cycle(&mut self) {
         writeln!(self.log, "{}", json!({"t": self.now_ns, "cycle": true})).unwrap();
         self.bridge.cycle(self.now_ns);
-        let (seconds, micros) = (self.now_ns / 1_000_000_000, self.now_ns / 1000 % 1_000_000);
+        let seconds = self.now_ns / 1_000_000_000;
+        let micros = self.now_ns / 1000 % 1_000_000;
         let mut out = FrameQueue::new(64);
         for (bus, config) in self.configuration.buses.iter().enumerate() {
             for frame in self.bridge.frames(bus) {
@@ -198,7 +201,7 @@ impl Session {
         }
     }
 
-    /// Everything that can happen, in one session.
+    /// Plays every kind of event in one session.
     pub(super) fn play(&mut self) {
         self.cycles(40, true);
         self.operate(Operation::Arm);
@@ -212,7 +215,7 @@ impl Session {
         self.event(0, "backlog", BusEvent::Backlog(2), 2);
         self.cycles(5, true);
         self.event(0, "backlog", BusEvent::Backlog(0), 0);
-        // late, and in time again
+        // late, then in time again
         self.cycles(80, false);
         self.cycles(60, true);
         // lost, and stopped
@@ -241,7 +244,7 @@ impl Session {
         self.operate(Operation::Disarm);
         self.cycles(10, true);
         self.demand("disabled");
-        // a motor's fault, and the way back
+        // a fault of a motor, and its reset
         self.operate(Operation::Arm);
         self.cycles(120, true);
         self.demand("enabled");
@@ -254,12 +257,12 @@ impl Session {
         self.operate(Operation::Arm);
         self.cycles(120, true);
         self.demand("enabled");
-        // commands stay away for good
+        // commands end
         self.cycles(450, false);
         self.demand("disabled");
     }
 
-    /// The worst mechanism is in this state.
+    /// Checks the state of the worst mechanism.
     fn demand(&self, expected: &str) {
         let state = self.bridge.state();
         let [name, why] = [

@@ -1,4 +1,4 @@
-//! What `sarrus-can top` shows of a running bridge, whichever program it is.
+//! The output of `sarrus-can top` on a running bridge of either frontend.
 
 use std::process::{Command, Output};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -17,17 +17,17 @@ fn top(stage: &Stage, format: &str) -> Output {
     stage.at_home(top).output().unwrap()
 }
 
-/// One look at the bridge.
+/// One report of the bridge.
 fn look(stage: &Stage, format: &str) -> String {
     let output = top(stage, format);
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// Looks until something is seen.
+/// Repeats the report until a condition holds.
 fn until(stage: &Stage, what: &str, is_seen: impl Fn(&Value) -> bool) -> Value {
     wait_for(what, || {
-        // on a busy computer the first words may come too late for one look
+        // on a busy computer the first state may come too late for one report
         let output = Some(top(stage, "json")).filter(|output| output.status.success())?;
         Some(serde_json::from_slice(&output.stdout).unwrap()).filter(&is_seen)
     })
@@ -51,7 +51,7 @@ fn cycles_buses_and_distributions_of_both_fronts_are_seen() {
         let first =
             until(&stage, "commands with NaN", |seen| count(&seen["commands"]["not_finite"]) > 0);
         controller.tell("good");
-        // the controller sends for each state that it sees, about as often as there are cycles
+        // the controller answers each state that it receives, about one per cycle
         let accepted = count(&first["commands"]["accepted"]) + 50;
         let seen = until(&stage, "accepted commands", |seen| {
             count(&seen["commands"]["accepted"]) > accepted
@@ -83,8 +83,8 @@ fn cycles_buses_and_distributions_of_both_fronts_are_seen() {
                 (&name.into(), &"active".into()),
                 "{frontend:?}"
             );
-            // each motor has a frame in each cycle but for the pause that shows whether answers are
-            // late, and answers what it hears
+            // each motor gets a frame in each cycle, except in the pause that shows whether answers
+            // are late, and answers every frame that arrives
             let [sent, received, dropped] =
                 ["sent", "received", "dropped"].map(|key| count(&bus[key]));
             let all = (cycles - PAUSE) * actuators.len() as u64;
@@ -126,7 +126,7 @@ fn cycles_buses_and_distributions_of_both_fronts_are_seen() {
             assert!(text.contains(word), "{frontend:?}: no `{word}` in\n{text}");
         }
 
-        // what cannot be sent any more does not count as sent
+        // frames that cannot be sent any more are not counted as sent
         drop(motors.remove(0));
         let off = until(&stage, "a bus that is off", |seen| seen["buses"][0]["state"] == "off");
         until(&stage, "frames that were dropped and not sent", |seen| {

@@ -1,5 +1,5 @@
-//! Wrists of cranks and rods: tilted, mirrored, of any size, the rod's universal joint on the crank
-//! or on the hand, cranks with a lambda or a motor of their own.
+//! Wrists of cranks and rods: tilted, mirrored, of any size, with the rod's universal joint on the
+//! crank or on the hand, and cranks driven by a lambda or directly.
 
 use sarrus_dynamics::description::SubmechanismKind as Kind;
 use sarrus_dynamics::scalar::{Dd, Real};
@@ -13,14 +13,14 @@ use sarrus_tests::seed::Seeded;
 use super::{X, Y_AXIS, Z, agrees, compile, numerical};
 use Field::*;
 
-/// What a wrist has that the closed form assumes or not.
+/// Deviations of a wrist from the closed form's assumptions.
 #[derive(Clone, Copy, Default)]
 struct Shape {
-    /// By how much the axes of the rods' universal joints pass each other.
+    /// Distance between the axes of the rods' universal joints.
     gap: f64,
-    /// The rods have universal joints at both ends, so that two joints of each are idle.
+    /// The rods have universal joints at both ends, so that each has two idle joints.
     idle: bool,
-    /// Lambdas alone, as the type counts its joints.
+    /// Cranks are driven by lambdas only, with the joint count of the type.
     driven: bool,
 }
 
@@ -30,12 +30,14 @@ fn wrist(seed: u64, straight: bool, shape: Shape) -> Draft {
     let tilt = |seeded: &mut Seeded, v: Vector| {
         if straight { v } else { unit(add(v, 0.3, seeded.direction())) }
     };
-    let (first, second) = (tilt(&mut draft.seeded, X), tilt(&mut draft.seeded, Y_AXIS));
+    let first = tilt(&mut draft.seeded, X);
+    let second = tilt(&mut draft.seeded, Y_AXIS);
     let offset =
         if straight || draft.seeded.chance(0.5) { [0.0; 3] } else { draft.seeded.vector(0.05) };
     let (roll, roll_link) = draft.turn(0, [0.0; 3], first);
     let (pitch, hand) = draft.turn(roll_link, offset, second);
-    let (mirrored, on_crank) = (draft.seeded.chance(0.5), draft.seeded.chance(0.5));
+    let mirrored = draft.seeded.chance(0.5);
+    let on_crank = draft.seeded.chance(0.5);
     let with_lambda = shape.driven || draft.seeded.chance(0.75);
     let mut drawn = [0.0; 12];
     let mut active = Vec::new();
@@ -51,7 +53,7 @@ fn wrist(seed: u64, straight: bool, shape: Shape) -> Draft {
         }
         let mirror = |v: Vector| [v[0], side * v[1], v[2]];
         let far = |x: f64, k: usize| x + 0.125 * drawn[k];
-        // the crank, and the rod from its end to the pin on the hand
+        // the crank, and the rod from the crank's end to the pin on the hand
         let pivot = mirror([far(0.125, 0), far(0.5, 1), far(-1.25, 2)]);
         let n = if straight { Y_AXIS } else { unit(mirror([0.2 * drawn[3], 1.0, 0.2 * drawn[4]])) };
         let e1 = if straight { X } else { unit(cross(n, Z)) };
@@ -80,7 +82,7 @@ fn wrist(seed: u64, straight: bool, shape: Shape) -> Draft {
         let (p, s) = if draft.seeded.chance(0.5) { (rod_link, other) } else { (other, rod_link) };
         draft.cut(p, s, ball, &[], &[X, Y_AXIS, Z]);
 
-        // what moves the crank
+        // drive of the crank
         if !with_lambda {
             active.push(crank);
             continue;
@@ -109,7 +111,7 @@ fn wrist(seed: u64, straight: bool, shape: Shape) -> Draft {
     draft.shuffled()
 }
 
-/// States to ask of a draft: y and ẏ.
+/// Random y and ẏ of a draft.
 fn state(draft: &Draft, seeded: &mut Seeded) -> (Vec<f64>, Vec<f64>) {
     let mut of = |size: f64| -> Vec<f64> {
         draft.reach.iter().map(|reach| size * reach * seeded.within(-1.0, 1.0)).collect()
@@ -119,7 +121,7 @@ fn state(draft: &Draft, seeded: &mut Seeded) -> (Vec<f64>, Vec<f64>) {
 
 const STATE: [Field; 7] = [Q, Qd, Qdd, G, GBias, CondKd, Iterations];
 
-/// A state by Newton's method from the zero pose, or without a guess.
+/// The state by Newton's method, from the zero pose or without a guess.
 fn asked<T: PlanScalar>(
     robot: &mut Robot<T>,
     y: &[f64],
@@ -127,7 +129,8 @@ fn asked<T: PlanScalar>(
     guess: bool,
 ) -> Option<Fields<T>> {
     let of = |x: &[f64]| x.iter().map(|x| T::from_f64(*x)).collect::<Vec<T>>();
-    let (y, yd) = (of(y), of(yd));
+    let y = of(y);
+    let yd = of(yd);
     let zero = vec![T::ZERO; robot.model.sizes().n_q];
     let mut given: Vec<(Field, &[T])> = vec![(Y, &y), (Yd, &yd), (Ydd, &yd)];
     if guess {
@@ -137,7 +140,7 @@ fn asked<T: PlanScalar>(
     (x.answer.status == Status::Ok).then_some(x)
 }
 
-/// Largest share of 1e-13 of each size, times what the loops' condition makes of it.
+/// Largest error as a share of its bound: 1e-13 of each size times the loops' condition number.
 fn share(mine: &Fields<Dd>, reference: &Fields<Dd>, misfit: f64) -> f64 {
     let cond = reference.get(CondKd)[0].to_f64();
     let velocity = largest(reference.get(Qd));
@@ -168,11 +171,14 @@ fn wrists_of_cranks_and_rods_close_in_closed_form() {
 
 #[test]
 fn two_hundred_and_forty_wrists_are_where_newtons_method_has_them() {
-    let (mut worst, mut count, mut direct) = ([0.0_f64; 3], 0, 0);
+    let mut worst = [0.0_f64; 3];
+    let mut count = 0;
+    let mut direct = 0;
     for seed in 0..240 {
         let draft = wrist(seed, seed % 8 == 0, Shape { idle: seed % 5 == 0, ..Shape::default() });
         let description = draft.description();
-        let (form, newton) = (compile(&description), numerical(&description));
+        let form = compile(&description);
+        let newton = numerical(&description);
         assert_eq!(
             (kind(&form), kind(&newton)),
             (ClosureKind::Analytic, ClosureKind::Numerical),
@@ -187,7 +193,7 @@ fn two_hundred_and_forty_wrists_are_where_newtons_method_has_them() {
         for k in 0..4 {
             let (y, yd) = state(&draft, &mut seeded);
             let [form, newton] = &mut robots;
-            // by type; by Newton's method without and with a guess; and that with more digits
+            // by the type, then by Newton's method without and with a guess and with more digits
             let Some(newtons) = asked(newton, &y, &yd, true) else { continue };
             let mine = asked(form, &y, &yd, false).unwrap_or_else(|| panic!("seed {seed} {y:?}"));
             let cold = asked(newton, &y, &yd, false).unwrap_or_else(|| panic!("seed {seed} {y:?}"));
@@ -227,7 +233,7 @@ fn a_wrist_that_is_not_of_the_type_is_closed_by_newtons_method() {
             assert!(x.get(Iterations)[0] > 0.0, "seed {seed}");
         }
 
-        // a little off starts Newton's method on the true rows
+        // a small gap makes Newton's method refine the result on the true rows
         let polished = compile(&wrist(seed, straight, Shape { gap: 1e-5, ..shape }).description());
         assert_eq!(kind(&polished), ClosureKind::Analytic, "seed {seed}");
         let mut robot = Robot::new(polished.model.clone());

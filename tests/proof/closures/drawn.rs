@@ -11,8 +11,8 @@ use sarrus_tests::seed::Seeded;
 use super::{X, Y_AXIS, Z, agrees, compile};
 use Field::*;
 
-/// Points of a crank-rocker: crank pivot, crank pin, coupler pin, rocker pivot, out of the plane by
-/// up to `lift` where that does not matter.
+/// Points of a crank-rocker: crank pivot, crank pin, coupler pin, rocker pivot; out of the plane by
+/// up to `lift`, which must not matter.
 fn crank_rocker(seeded: &mut Seeded, straight: bool) -> [Vector; 4] {
     if straight {
         return [
@@ -24,7 +24,8 @@ fn crank_rocker(seeded: &mut Seeded, straight: bool) -> [Vector; 4] {
     }
     let angle = seeded.sign() * seeded.within(0.8, 2.2);
     let lengths = [seeded.within(0.3, 0.5), seeded.within(0.8, 1.0), seeded.within(0.7, 0.9)];
-    let (a, o) = ([lengths[0] * angle.cos(), lengths[0] * angle.sin(), 0.0], [1.0, 0.0, 0.0]);
+    let a = [lengths[0] * angle.cos(), lengths[0] * angle.sin(), 0.0];
+    let o = [1.0, 0.0, 0.0];
     let span = add(o, -1.0, a);
     let d = norm(span);
     let along = (d * d + lengths[1].powi(2) - lengths[2].powi(2)) / (2.0 * d);
@@ -33,8 +34,8 @@ fn crank_rocker(seeded: &mut Seeded, straight: bool) -> [Vector; 4] {
     [[0.0; 3], a, b, o]
 }
 
-/// A ring of four joints: three of the tree in three shapes, the last cut; any of the three
-/// independent.
+/// A ring of four joints: three in the tree in one of three shapes, the last one cut; any of the
+/// three is independent.
 fn ring(
     seed: u64,
     kind: Kind,
@@ -51,9 +52,10 @@ fn ring(
         Some((place, along)) if place == k => draft.slide(link, at(k), along),
         _ => draft.turn(link, at(k), Z),
     };
-    // from the base along one end, then along the other, the cut between them
+    // part of the chain starts at one end of the base, part at the other, with the cut between
     let on_first = 1 + draft.seeded.below(3);
-    let (mut link, mut other) = (0, 0);
+    let mut link = 0;
+    let mut other = 0;
     let mut joints = Vec::new();
     for k in 0..on_first {
         let made = joint(&mut draft, k, link);
@@ -66,7 +68,7 @@ fn ring(
         other = made.1;
     }
     if slider.is_some_and(|(place, _)| place == on_first) {
-        // a slider is no pin: another seed
+        // a slider cannot be a pin: draws again with another seed
         return ring(seed + 1000, kind, straight, points, slider);
     }
     let (predecessor, successor) =
@@ -80,7 +82,7 @@ fn ring(
     let independent = draft.seeded.below(3);
     let slides = draft.kinds[joints[independent]] == JointKind::Prismatic;
     let reach = if slides { 0.1 * draft.scale } else { 0.2 };
-    // an actuator that hardly moves would make forces of any size
+    // an actuator that hardly moves would need forces of any size
     let active = joints[independent];
     draft.roles(&[(joints[independent], reach)], &[active]);
     draft.shuffled()
@@ -154,7 +156,8 @@ fn ankle(seed: u64, straight: bool, arms: bool) -> Draft {
     let tilt = |seeded: &mut Seeded, v: Vector| {
         if straight { v } else { unit(add(v, 0.3, seeded.direction())) }
     };
-    let (first, second) = (tilt(seeded, X), tilt(seeded, Y_AXIS));
+    let first = tilt(seeded, X);
+    let second = tilt(seeded, Y_AXIS);
     let offset = if straight || seeded.chance(0.5) { [0.0; 3] } else { seeded.vector(0.05) };
     let (roll, roll_link) = draft.turn(0, [0.0; 3], first);
     let (pitch, foot) = draft.turn(roll_link, offset, second);
@@ -176,7 +179,7 @@ fn ankle(seed: u64, straight: bool, arms: bool) -> Draft {
         let far = |x: f64, k: usize| x + 0.125 * shape[k];
         let base = mirror([far(-0.25, 0), far(0.375, 1), far(1.25, 2)]);
         let pivot = mirror([far(-0.625, 3), far(0.5, 4), 0.0]);
-        // the arm's axis, and the arm towards the base's point and perpendicular to the axis
+        // the arm's axis, and the arm towards the base point and perpendicular to the axis
         let n = if straight { X } else { unit(mirror([1.0, 0.2 * shape[5], 0.2 * shape[6]])) };
         let to_base = add(base, -1.0, pivot);
         let radial = add(to_base, -dot(n, to_base), n);
@@ -187,7 +190,7 @@ fn ankle(seed: u64, straight: bool, arms: bool) -> Draft {
         };
         let pin = if arms { add(pivot, 1.0, arm) } else { pivot };
         let leg = unit(add(pin, -1.0, base));
-        // second axis of the leg perpendicular to the rod, the first to the second
+        // the leg's second axis is perpendicular to the rod, the first to the second
         let y = if straight { Y_AXIS } else { unit(cross(leg, tilt(&mut draft.seeded, X))) };
         let x = if straight { X } else { unit(cross(y, tilt(&mut draft.seeded, Z))) };
         let common = cross(x, y);
@@ -241,7 +244,7 @@ fn ankles_with_arms_on_the_foot_close_in_closed_form() {
 #[test]
 fn an_ankle_with_arms_defines_its_loops_by_its_type() {
     for seed in 0..20 {
-        // slider's origin for pin, listed as roll, pitch, arms, then leg by leg
+        // slider origin as pin, listed as roll, pitch, arms, then leg by leg
         let mut description = ankle(seed, false, true).description();
         let part = &mut description.submechanisms[0];
         part.loops.clear();
@@ -257,7 +260,7 @@ fn an_ankle_with_arms_defines_its_loops_by_its_type() {
         let y = [seeded.within(-0.1, 0.1), seeded.within(-0.1, 0.1)];
         let x = robot.ask(Request::Kinematics, &[(Y, &y)], &[Q, G, Residual]).ok();
         assert!(x.get(Residual)[0] < 1e-12, "{:?}", x.get(Residual));
-        // every row of G is filled
+        // no row of G vanishes
         for row in x.get(G).chunks(2) {
             assert!(row.iter().any(|x| x.abs() > 1e-6), "{row:?}");
         }

@@ -1,5 +1,5 @@
-//! Mechanisms whose answers are known: parallelograms, couplings, the lambda's table, poses that
-//! cannot be reached or determine nothing.
+//! Mechanisms with known answers: parallelograms, couplings, the lambda's table, poses that are
+//! unreachable or indeterminate.
 
 use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
 use sarrus_dynamics::{ClosureKind, Compiled, Field, Model, Request, Status};
@@ -11,10 +11,12 @@ use sarrus_tests::run::Robot;
 use super::{X, Y_AXIS, Z, answers, compile, numerical};
 use Field::*;
 
-/// One or two parallelograms one on the other; `off` spoils the first.
+/// One parallelogram or two on each other; `off` is the error of the first one's shape.
 fn parallelograms(seed: u64, straight: bool, off: f64) -> Draft {
     let mut draft = Draft::new(seed, Kind::ParallelogramChain, straight);
-    let (mut base, mut at, mut independent) = (0, [0.0; 3], Vec::new());
+    let mut base = 0;
+    let mut at = [0.0; 3];
+    let mut independent = Vec::new();
     for k in 0..2 {
         let side = if straight {
             [0.25, 1.0, 0.0]
@@ -56,18 +58,20 @@ fn parallelograms(seed: u64, straight: bool, off: f64) -> Draft {
 fn parallelograms_are_linear_and_only_parallelograms_are() {
     for seed in 0..20 {
         let draft = parallelograms(seed, seed % 4 == 0, 0.0);
-        let (form, newton) = (compile(&draft.description()), numerical(&draft.description()));
+        let form = compile(&draft.description());
+        let newton = numerical(&draft.description());
         assert_eq!(form.model.closures()[0].kind, ClosureKind::Analytic);
-        let (y, yd) = ([0.4, -0.3], [1.0, -2.0]);
-        let (mine, reference) =
-            (answers(&form.model, &y, &yd).unwrap(), answers(&newton.model, &y, &yd).unwrap());
+        let y = [0.4, -0.3];
+        let yd = [1.0, -2.0];
+        let mine = answers(&form.model, &y, &yd).unwrap();
+        let reference = answers(&newton.model, &y, &yd).unwrap();
         assert!(mine.0.get(GBias).iter().all(|x| *x == 0.0));
         assert!(
             mine.0.get(G).iter().all(|x| x.abs() < 1e-15 || (x.abs() - 1.0).abs() < 1e-15),
             "{:?}",
             mine.0.get(G)
         );
-        // a cut of five rows has redundant ones, whose forces are a choice
+        // a cut of five rows has redundant ones, whose forces are arbitrary
         for field in [Q, G, GBias, K] {
             let error = error_by_size(mine.0.get(field), reference.0.get(field), 1.0);
             assert!(
@@ -75,7 +79,7 @@ fn parallelograms_are_linear_and_only_parallelograms_are() {
                 "seed {seed} {field:?}: {error:.1e}"
             );
         }
-        // a little off starts Newton's method, more is closed by it and reported
+        // a small error is corrected by Newton's method, a larger one also reported
         let polished = compile(&parallelograms(seed, seed % 4 == 0, 1e-5).description());
         assert_eq!(polished.model.closures()[0].kind, ClosureKind::Analytic);
         let state = answers(&polished.model, &y, &yd).unwrap();
@@ -110,7 +114,8 @@ fn geared(
         draft.robot.couple(draft.moved_by(*j), masters, *offset);
     }
     let links = |joints: &[usize]| joints.iter().map(|j| draft.moved_by(*j)).collect::<Vec<_>>();
-    let (independent, active) = (links(independent), links(active));
+    let independent = links(independent);
+    let active = links(active);
     draft.robot.independent(independent).active(active);
     draft.description()
 }
@@ -122,13 +127,13 @@ fn couplings_hold_in_any_order_and_all_at_once() {
         assert_eq!(model.closures()[0].kind, ClosureKind::Analytic);
         let mut robot = Robot::new(model);
         let x = robot.ask(Request::Kinematics, &[(Y, &y)], &[Q, G, U]).ok();
-        // the actuators alone tell the same pose
+        // the actuators alone give the same pose
         let back = robot.ask(Request::Kinematics, &[(U, x.get(U))], &[Y]).ok();
         assert!(error_by_size(back.get(Y), &y, 1.0) < 1e-15);
         (x.get(Q).to_vec(), x.get(G).to_vec())
     };
-    // a head: left = roll + pitch, right = roll − pitch; and the same differential written from its
-    // wheels, where no row has one unknown
+    // a differential head: left = roll + pitch, right = roll − pitch; and the same one with its
+    // wheels as independents, where no row has a single unknown
     let head = geared(
         4,
         &[(2, &[(0, 1.0), (1, 1.0)], 0.0), (3, &[(0, 1.0), (1, -1.0)], 0.0)],
@@ -146,18 +151,18 @@ fn couplings_hold_in_any_order_and_all_at_once() {
         assert_eq!(q, [0.5, 0.125, 0.625, 0.375]);
         assert_eq!(jacobian, [1.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, -1.0]);
     }
-    // both descriptions at once say the same twice: cage and wheels
+    // both sets of couplings at once are redundant: cage and wheels
     let mut both = head.clone();
     both.joints[1].coupling = wheels.joints[1].coupling.clone();
     assert_eq!(ask(&both, [0.5, 0.125]).0, [0.5, 0.125, 0.625, 0.375]);
-    // a chain with offsets, backwards
+    // a chain with offsets, in reverse order
     let chain = geared(4, &[(0, &[(1, 2.0)], 0.5), (1, &[(2, -0.5)], 0.25)], &[2, 3], &[0, 3]);
     assert_eq!(ask(&chain, [1.0, 0.0]).0, [0.0, -0.25, 1.0, 0.0]);
 }
 
 #[test]
 fn couplings_that_determine_nothing_or_contradict_each_other_are_faults() {
-    // two joints that follow each other stand anywhere
+    // two joints that follow only each other are indeterminate
     let idle = geared(3, &[(1, &[(2, 1.0)], 0.0), (2, &[(1, 1.0)], 0.0)], &[0], &[0]);
     assert!(Model::compile(&idle).is_err());
     let contradicting = geared(
@@ -173,11 +178,12 @@ fn couplings_that_determine_nothing_or_contradict_each_other_are_faults() {
     );
 }
 
-/// A lambda in the plane x, y whose slider turns about the pin on the arm and is cut at the base;
-/// the arm stands at a right angle to the base line at zero.
+/// A lambda in the plane x, y with the slider turning about the arm's pin, cut at the base; at zero
+/// the arm is perpendicular to the base line.
 fn table_lambda(arm: f64, base: f64, out_of_plane: f64) -> Compiled {
     let mut draft = Draft::new(1, Kind::Rrpr, true);
-    let (pin, pivot) = ([0.0, arm, 0.0], [base, 0.0, out_of_plane]);
+    let pin = [0.0, arm, 0.0];
+    let pivot = [base, 0.0, out_of_plane];
     let along = [base, -arm, 0.0];
     let (rocker, rocker_link) = draft.turn(0, [0.0; 3], Z);
     let (_, stator_link) = draft.turn(rocker_link, pin, Z);
@@ -223,18 +229,19 @@ fn the_lambda_has_the_lengths_and_rates_of_its_closed_form() {
             0.018807304726899158,
         ],
     ];
-    let (arm, base) = (0.11402f64, 0.36497f64);
+    let arm = 0.11402f64;
+    let base = 0.36497f64;
     let mut robot = Robot::new(table_lambda(arm, base, 0.0).model);
     let length0 = arm.hypot(base);
     let q20 = TABLE[1][1];
-    // both sides of the slider's length at the URDF's zero of RH5's elbow, where another program
-    // turns the sign
+    // on both sides of the slider's length at the URDF's zero of RH5's elbow, where another program
+    // flips the sign
     for [y, q2, q3, G2, G3, g2, g3] in TABLE {
-        // at zero the arm stands at a right angle to the base line
+        // at zero the arm is perpendicular to the base line
         let at = y - std::f64::consts::FRAC_PI_2;
         let x = robot.ask(Request::Kinematics, &[(Y, &[at]), (Yd, &[1.0])], &[Q, G, GBias]).ok();
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-15, "y {y}: {a} instead of {b}");
-        // a coordinate of a turning dependent lies in (−π, π]
+        // the coordinate of a dependent turn lies in (−π, π]
         let turned = q2 - q20;
         near(
             x.get(Q)[1],
@@ -250,7 +257,7 @@ fn the_lambda_has_the_lengths_and_rates_of_its_closed_form() {
 
 #[test]
 fn a_slider_keeps_its_sign_through_every_length() {
-    // 0.2974 m is where another program changes the sign of q2
+    // another program flips the sign of q2 at 0.2974 m
     let mut robot = Robot::new(table_lambda(0.11402, 0.36497, 0.0).model);
     let mut last: Option<Vec<f64>> = None;
     for k in 0..2000 {
@@ -275,12 +282,12 @@ fn a_pin_out_of_the_plane_changes_no_length() {
                 .get(Q)
                 .to_vec()
         };
-        // the distance in space, which another program takes, would be wrong by 4.5e-6 m
+        // with the spatial distance, as in another program, the error would be 4.5e-6 m
         assert!(error_by_size(&q(&lifted), &q(&flat), 1.0) < 1e-15);
     }
 }
 
-/// A four-bar by its points, crank, coupler and rocker, the crank independent.
+/// A four-bar by its points, with crank, coupler and rocker; the crank is independent.
 fn four_bar(points: [Vector; 4]) -> Draft {
     let mut draft = Draft::new(3, Kind::FourBar, true);
     let (crank, crank_link) = draft.turn(0, points[0], Z);
@@ -305,13 +312,13 @@ fn what_a_plane_loop_cannot_reach_or_determine_is_told() {
         );
         x.answer.status
     };
-    // a crank of 2 on a base of 1 with short links: 3 is farther than they reach
+    // a crank of 2 on a base of 1 with short links, which cannot reach a distance of 3
     let bar = compile(
         &four_bar([[0.0; 3], [1.5, 1.0, 0.0], [1.75, 0.0, 0.0], [1.0, 0.0, 0.0]]).description(),
     );
     assert_eq!(status(&bar, 0.0), Status::Ok);
     assert_eq!(status(&bar, 2.0), Status::Unreachable);
-    // a slider moves J1 onto the line of both links, exactly: 0.6 + 0.8 in quarter steps
+    // a slider moves J1 onto the line of both links exactly: 0.6 + 0.8 in quarter steps
     let mut draft = Draft::new(4, Kind::SliderCrank, true);
     let (slider, block) = draft.slide(0, [0.0; 3], X);
     let (_, first) = draft.turn(block, [0.0; 3], Z);
@@ -323,10 +330,10 @@ fn what_a_plane_loop_cannot_reach_or_determine_is_told() {
     let toggle = compile(&description);
     assert_eq!(status(&toggle, 0.25), Status::Ok);
     assert_eq!(status(&toggle, -2.0), Status::Unreachable);
-    // both links along each other: the first joint meets the second's, and the links may turn
+    // the aligned links coincide: the first joint meets the second one's, and the links may turn
     // freely
     assert_eq!(status(&toggle, 1.0), Status::SingularClosure);
-    // a slider-crank whose rod stands across its line: the slider does not follow
+    // a slider-crank whose rod is perpendicular to its line, where the slider cannot follow
     let mut draft = Draft::new(4, Kind::SliderCrank, true);
     let (crank, crank_link) = draft.turn(0, [0.0; 3], Z);
     let (_, rod) = draft.turn(crank_link, [3.0, 0.0, 0.0], Z);

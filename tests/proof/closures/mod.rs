@@ -1,5 +1,5 @@
-//! Each closed form against Newton's method on the same mechanism, in both scalars, on geometries
-//! anyhow.
+//! Each closed form against Newton's method on the same mechanism, in both scalars, on random
+//! geometries.
 
 mod cranks;
 mod drawn;
@@ -24,7 +24,7 @@ fn compile(description: &Description) -> Compiled {
     Model::compile(description).unwrap_or_else(|error| panic!("{}: {error:?}", description.name))
 }
 
-/// The same robot by Newton's method.
+/// The robot with every mechanism closed by Newton's method.
 fn numerical(description: &Description) -> Compiled {
     let mut description = description.clone();
     description.submechanisms[0].kind = Kind::Numerical;
@@ -39,7 +39,8 @@ fn answers<T: PlanScalar>(
     yd: &[f64],
 ) -> Option<(Fields<T>, Fields<T>)> {
     let of = |x: &[f64]| x.iter().map(|x| T::from_f64(*x)).collect::<Vec<T>>();
-    let (y, yd) = (of(y), of(yd));
+    let y = of(y);
+    let yd = of(yd);
     let ydd = yd.clone();
     let motion: [(Field, &[T]); 3] = [(Y, &y), (Yd, &yd), (Ydd, &ydd)];
     let mut robot = Robot::new(model.clone());
@@ -48,8 +49,8 @@ fn answers<T: PlanScalar>(
     (state.answer.status == Status::Ok).then(|| (state, forces.ok()))
 }
 
-/// Largest share of what is allowed: 64 ε cond × size, the square of cond at the acceleration
-/// level, and what the misfit leaves.
+/// Largest error as a share of its bound: 64 ε cond × size, with the square of cond for
+/// accelerations, plus the effect of the misfit.
 fn share<T: PlanScalar>(
     mine: &(Fields<T>, Fields<T>),
     reference: &(Fields<T>, Fields<T>),
@@ -57,7 +58,8 @@ fn share<T: PlanScalar>(
     length: f64,
 ) -> f64 {
     let cond = reference.0.get(CondKd)[0].to_f64();
-    let (velocity, K_size) = (largest(reference.0.get(Qd)), largest(reference.0.get(K)));
+    let velocity = largest(reference.0.get(Qd));
+    let K_size = largest(reference.0.get(K));
     let square = velocity * velocity;
     let force = largest(reference.1.get(TauQ));
     let allowed = 64.0 * T::EPSILON + 100.0 * misfit;
@@ -78,7 +80,7 @@ fn share<T: PlanScalar>(
         }
         worst = worst.max(share);
     }
-    // moments make forces over the mechanism's length
+    // a force is a moment over the mechanism's length
     for (field, least) in [(TauQ, force), (TauY, force), (Lambda, force / length.min(1.0))] {
         let share = error_by_size(mine.1.get(field), reference.1.get(field), least)
             / (allowed * cond * cond);
@@ -92,15 +94,17 @@ fn share<T: PlanScalar>(
     worst
 }
 
-/// A closed form on many drafts against Newton's method, double and double-double, and double
-/// against double-double.
+/// Checks a closed form on many drafts: against Newton's method, double and double-double, and
+/// double against double-double.
 fn agrees(draft: impl Fn(u64, bool) -> Draft) {
-    let (mut worst, mut count) = ([0.0f64; 3], 0);
+    let mut worst = [0.0f64; 3];
+    let mut count = 0;
     for seed in 0..40 {
         let straight = seed % 4 == 0;
         let draft = draft(seed, straight);
         let description = &draft.description();
-        let (form, newton) = (compile(description), numerical(description));
+        let form = compile(description);
+        let newton = numerical(description);
         let info = &form.model.closures()[0];
         assert!(form.warnings.is_empty(), "seed {seed}: {:?}", form.warnings);
         assert_eq!(
@@ -118,7 +122,7 @@ fn agrees(draft: impl Fn(u64, bool) -> Draft) {
                 draft.reach.iter().map(|reach| reach * seeded.within(-1.0, 1.0)).collect();
             let yd: Vec<f64> =
                 draft.reach.iter().map(|reach| 3.0 * reach * seeded.within(-1.0, 1.0)).collect();
-            // what one cannot reach, the other cannot
+            // both methods reach the same targets
             let (mine, newtons) =
                 match (answers(&form.model, &y, &yd), answers(&newton.model, &y, &yd)) {
                     (Some(mine), Some(newtons)) => (mine, newtons),

@@ -1,4 +1,4 @@
-//! What goes out: keys, order, shapes, numbers.
+//! Answers of `ask`: keys, order, shapes, numbers.
 
 use sarrus_tests::reference::numbers;
 use serde_json::{Value, json};
@@ -9,7 +9,7 @@ fn keys(value: &Value) -> Vec<&str> {
     value.as_object().unwrap().keys().map(String::as_str).collect()
 }
 
-/// The one answer to one line.
+/// The answer to one line.
 fn one(request: &str, robot: &str, line: &str) -> Value {
     let answer = ask(request, robot, &[line]);
     assert_eq!(answer.code, Some(0), "{answer:?}");
@@ -58,7 +58,7 @@ fn fields_come_in_the_order_in_which_they_are_wanted() {
     );
 }
 
-/// Some moving link of the torso.
+/// A moving link of the torso.
 fn torso_link() -> String {
     let urdf = sarrus_models::bundled_text("torso").unwrap().0;
     let child = urdf.split("<child link=\"").nth(1).unwrap();
@@ -96,7 +96,7 @@ fn every_field_has_its_shape() {
         assert!(answer[name].is_f64(), "{name}");
     }
     assert!(answer["iterations"].is_u64(), "a count is a whole number");
-    // a matrix of one number is still a list of rows
+    // a matrix with one number is still a list of rows
     assert_eq!(
         shape(&one("inverse-dynamics", "lambda", r#"{"y":[0],"want":["M_y"]}"#)["M_y"]),
         (1, 1)
@@ -127,7 +127,8 @@ fn frames_come_by_link_in_the_order_asked_without_being_wanted() {
         let quat = numbers(&frame["quat"]);
         assert!((quat.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-14);
     }
-    let (p, zero) = ([0.0; 3], [0.0; 6]);
+    let p = [0.0; 3];
+    let zero = [0.0; 6];
     let still = json!({"p": p, "quat": [0.0, 0.0, 0.0, 1.0], "twist": zero, "acc": zero});
     assert_eq!(answer["frames"]["base_link"], still);
     assert_eq!(one("kinematics", "lambda", r#"{"y":[0.3],"frames":[]}"#)["frames"], json!({}));
@@ -172,7 +173,7 @@ fn actuators_that_do_not_tell_the_motion_leave_everything_else() {
     let answer = ask("map", r#"{"u":[0.5],"want":["y","iterations"]}"#);
     assert_eq!((answer.code, answer.statuses()), (Some(0), vec!["singular_actuation".to_owned()]));
     assert_eq!(answer.json()[0]["y"], Value::Null);
-    // a quaternion far from unit length is no state
+    // a quaternion far from unit length is a bad request
     let answer = ask("kinematics", r#"{"y":[0,0,0,0,0,0,2,0.5]}"#);
     assert_eq!((answer.code, answer.statuses()), (Some(1), vec!["bad_request".to_owned()]));
     assert_eq!(answer.json()[0]["column"], 2);
@@ -215,7 +216,7 @@ fn numbers_survive_the_journey_bit_by_bit() {
         );
         assert_eq!(answer["yd"][0].as_f64().unwrap().to_bits(), number.to_bits(), "{number:?}");
     }
-    // more digits than a double holds are read to the nearest one
+    // more digits than a double holds are rounded to the nearest one
     let answer = one(
         "kinematics",
         "lambda",

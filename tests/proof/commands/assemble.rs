@@ -12,7 +12,7 @@ fn assemble(arguments: &[&str]) -> (Option<i32>, Value) {
     (run.code, run.json().remove(0))
 }
 
-/// The lambda elbow with a cut that is placed by hand, a little off.
+/// The lambda elbow with a cut that is placed by hand, with a small error.
 fn open_files(folder: &Folder) -> (String, String) {
     let (urdf, yaml) = bundled_text("lambda").unwrap();
     let placed = "    predecessor_placement: {xyz: [0, 0.26, 0.01], rpy: [0, 0, 0]}\n    \
@@ -38,7 +38,7 @@ fn every_bundled_robot_is_closed_where_it_is() {
             "{name}"
         );
         assert!(assembled["residual"].as_f64().unwrap() < 1e-12);
-        // without the flag there is no such key
+        // the key is absent without the flag
         assert!(
             run(&["check", "--format", "json", "--robot", name], b"").json()[0]
                 .get("assembled")
@@ -57,7 +57,7 @@ fn a_pose_near_a_given_one_is_closed_and_may_be_given_back() {
         of["residual_before"].as_f64().unwrap() > 0.1 && of["residual"].as_f64().unwrap() < 1e-12
     );
     assert!(of["distance"].as_f64().unwrap() > 0.01 && of["iterations"].as_u64().unwrap() > 0);
-    // by name, as a list, as a file, as the answer itself
+    // by name, as a list, as a file, as the report itself
     let list = folder.file("list.json", "[0.3, 0.1, 0]");
     let named = folder.file("named.json", r#"{"ElbowB11": 0.1, "Elbow": 0.3}"#);
     for near in ["Elbow=0.3,ElbowB11=0.1", "0.3,0.1,0", &list, &named] {
@@ -66,7 +66,7 @@ fn a_pose_near_a_given_one_is_closed_and_may_be_given_back() {
     let (_, again) =
         assemble(&["--robot", "lambda", "--near", &folder.file("report.json", report.to_string())]);
     assert!(again["assembled"]["distance"].as_f64().unwrap() < 1e-12);
-    // and it is a state of the robot: its slider is where the closed form has it
+    // the pose is a state of the robot: the closed form gives the same slider position
     let q = &of["q"];
     let line = json!({"y": [q["Elbow"]], "want": ["q"]}).to_string();
     let answer = ask("kinematics", "lambda", &[&line]).json().remove(0);
@@ -76,11 +76,11 @@ fn a_pose_near_a_given_one_is_closed_and_may_be_given_back() {
             "{name}"
         );
     }
-    // a weight keeps a joint
+    // an infinite weight keeps a joint
     let kept =
         assemble(&["--robot", "lambda", "--near", "q=0.3,0.1,0", "--weights", "ElbowB11=inf"]).1;
     assert_eq!(kept["assembled"]["q"]["ElbowB11"], json!(0.1));
-    // as text the same numbers
+    // the text has the same numbers
     let text = run(&["check", "--robot", "lambda", "--assemble", "--near", "q=0.3,0.1,0"], b"");
     assert_eq!((text.code, text.err.as_str()), (Some(0), ""));
     for name in ["Elbow", "ElbowB11", "ElbowAct"] {
@@ -134,7 +134,7 @@ fn wrong_poses_and_weights_are_wrong_flags() {
     for text in ["[1, 2]", "not json", "{\"Elbo\": 1}", "[1, 2, \"x\"]"] {
         assert_eq!(code(&["--near", &folder.file("bad.json", text)]).code, Some(1), "{text}");
     }
-    // they belong to an assembly
+    // `--near` needs an assembly
     assert_eq!(run(&["check", "--robot", "lambda", "--near", "q=0,0,0"], b"").code, Some(2));
 }
 
@@ -165,7 +165,7 @@ fn files_that_are_open_at_zero_are_faulty_until_they_are_assembled() {
         text.out
     );
 
-    // the placements that it prints close the zero pose as it is
+    // the printed placements close the zero pose
     let at = &of["at_zero"]["successors"]["Lambda/ElbowAct"];
     let fixed = std::fs::read_to_string(&yaml).unwrap().replace(
         "successor_placement: {xyz: [0, 0, 0], rpy: [0, 0, 0]}",
@@ -175,7 +175,7 @@ fn files_that_are_open_at_zero_are_faulty_until_they_are_assembled() {
         run(&["check", "--urdf", &urdf, "--submechanisms", &folder.file("fixed.yml", fixed)], b"");
     assert!(!fixed.out.contains("open by"), "{}", fixed.out);
 
-    // and so do the origins
+    // and so do the printed origins
     let mut written = std::fs::read_to_string(&urdf).unwrap();
     for (joint, origin) in of["new_zero"]["origins"].as_object().unwrap() {
         let list = |key: &str| {
@@ -211,7 +211,7 @@ fn an_assembly_is_written_and_the_file_is_closed() {
     assert_eq!((code, &report["assembled"]["written"]), (Some(0), &json!([out])));
     let closed = run(&["check", &out, &yaml], b"");
     assert_eq!((closed.code, closed.err.as_str()), (Some(0), ""), "{}", closed.out);
-    // it belongs to an assembly, and needs a place
+    // `--write` needs an assembly and an existing folder
     assert_eq!(run(&["check", &urdf, &yaml, "--write", &out], b"").code, Some(2));
     let nowhere = ["--assemble", "--write", "/no/such/folder/out.urdf"];
     assert_eq!(run(&[&["check", &urdf, &yaml], &nowhere[..]].concat(), b"").code, Some(2));
@@ -239,7 +239,7 @@ fn branch_reactions_and_good_independents_have_plain_forms() {
     let good = answer["good_independents"].as_array().unwrap();
     assert!(good.len() == 1 && good[0].as_str().unwrap().starts_with("Elbow"), "{answer}");
     assert_eq!(answer["uncontrolled"].as_array().unwrap().len(), 1);
-    // one sign for each mechanism that can be assembled in two ways
+    // one sign for each mechanism with two assemblies
     let full = ask(
         "kinematics",
         "rh5v2_upper_body",

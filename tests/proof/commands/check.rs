@@ -1,4 +1,4 @@
-//! `check`, `robots`, and what shells and `man` are given.
+//! `check`, `robots`, and completions and pages for shells and `man`.
 
 use sarrus_tests::reference::{ROBOTS, vectors};
 use serde_json::{Value, json};
@@ -84,7 +84,7 @@ fn every_fault_of_the_files_is_told_at_once_and_ends_with_1() {
         let keys: Vec<&str> = error.as_object().unwrap().keys().map(String::as_str).collect();
         assert_eq!(keys, ["file", "line", "column", "found", "expected", "help"]);
     }
-    // as text: one line each, the place first, on stdout
+    // text: one line for each message, with its place first, on stdout
     let text = run(&["check", "--urdf", &urdf], b"");
     assert_eq!((text.code, text.err.as_str(), text.out.lines().count()), (Some(1), "", 2));
     for (line, error) in text.out.lines().zip(errors) {
@@ -93,7 +93,7 @@ fn every_fault_of_the_files_is_told_at_once_and_ends_with_1() {
             "{line}"
         );
     }
-    // the same report stands in the way of everybody else, on stderr
+    // other commands print the same report on stderr
     for command in [&["ask", "kinematics", "--urdf", &urdf][..], &["serve", "--urdf", &urdf]] {
         let refused = run(command, b"{\"y\":[0]}");
         assert_eq!(
@@ -138,7 +138,7 @@ fn content_that_is_no_text_is_a_fault_and_a_missing_file_is_not() {
 #[test]
 fn warnings_leave_a_robot_valid() {
     let folder = Folder::new("warnings");
-    // no body has such moments
+    // no body has such principal moments
     let urdf = folder.file("a.urdf", FLOATING.replacen("ixx=\"1\"", "ixx=\"5\"", 1));
     assert_eq!(report(&["--urdf", &urdf]).0, Some(1));
     let (code, lenient) = report(&["--urdf", &urdf, "--lenient"]);
@@ -177,7 +177,8 @@ fn a_valid_robot_in_words_names_closures_and_sizes() {
 fn files_are_taken_with_and_without_flags() {
     let folder = Folder::new("positional");
     let (urdf, yaml) = sarrus_models::bundled_text("lambda").unwrap();
-    let (urdf, yaml) = (folder.file("a.urdf", urdf), folder.file("a.yml", yaml));
+    let urdf = folder.file("a.urdf", urdf);
+    let yaml = folder.file("a.yml", yaml);
     let flags = report(&["--urdf", &urdf, "--submechanisms", &yaml]);
     assert_eq!(flags.0, Some(0));
     assert_eq!(report(&[&urdf, &yaml]), flags);
@@ -250,7 +251,7 @@ fn help_and_version_are_results() {
 
 #[test]
 fn a_floating_base_is_six_coordinates_more_wherever_a_robot_is_chosen() {
-    // bundled, its root has mass
+    // the bundled robot has a root with mass
     let (code, fixed) = report(&["--robot", "stewart"]);
     assert_eq!(code, Some(0));
     let (code, floating) = report(&["--robot", "stewart", "--floating-base"]);
@@ -266,7 +267,7 @@ fn a_floating_base_is_six_coordinates_more_wherever_a_robot_is_chosen() {
     let asked =
         run(&["ask", "kinematics", "--robot", "stewart", "--floating-base"], line.as_bytes());
     assert_eq!((asked.code, asked.statuses()), (Some(0), vec!["ok".to_owned()]), "{asked:?}");
-    // a running server has its robot
+    // a running server's robot cannot be changed
     let connected = ["ask", "map", "--connect", "none", "--floating-base"];
     assert_eq!(run(&connected, b"").code, Some(2));
 }
@@ -295,7 +296,7 @@ fn what_a_scene_holds_still_or_leaves_out_is_no_part_of_the_robot_wherever_one_i
     assert!(!names(&hand, "tree").iter().any(is_other));
     assert!(names(&hand, "tree").iter().any(|name| name == "BodyActL"));
 
-    // the same robot for whoever asks it
+    // `ask` computes with the same robot
     let line = json!({"y": vec![0.0; names(&held, "independent").len()], "want": ["tau_u"]});
     let asked =
         run(&[&["ask", "inverse-dynamics"][..], &arms].concat(), line.to_string().as_bytes());
@@ -325,11 +326,11 @@ fn locks_that_mean_nothing_are_faults_that_name_what_would() {
     let (code, wrist) = report(&["--robot", "wrist", "--lock", "WristRoll=2"]);
     assert_eq!(code, Some(1));
     assert!(wrist["errors"][0]["found"].as_str().unwrap().contains("WristRoll at 2"), "{wrist}");
-    // beyond its limits
+    // beyond the joint's limits
     let (code, text) = said(&["--lock", "BodyPitch=1.6"]);
     assert_eq!(code, Some(0));
     assert!(text.contains("the joint BodyPitch held at 1.6"), "{text}");
-    // redundant actuators are said, and no fault
+    // redundant actuators are a warning and no error
     let (code, text) = said(&["--lock", "BodyRoll"]);
     assert_eq!(code, Some(0), "{text}");
     assert!(text.contains("least norm"), "{text}");
@@ -338,7 +339,7 @@ fn locks_that_mean_nothing_are_faults_that_name_what_would() {
     }
 }
 
-/// The exit code of `check` with these flags on the torso.
+/// Exit code of `check` with these flags on the torso.
 fn said_code(flags: &[&str]) -> Option<i32> {
     run(&[&["check", "--robot", "torso"][..], flags].concat(), b"").code
 }
@@ -361,7 +362,7 @@ fn an_exported_robot_is_the_bundled_one_and_no_file_is_written_over() {
     };
     assert_eq!(fingerprint(&files), fingerprint(&["--robot", "torso"]));
 
-    // the second file is there already: the first one is not left behind
+    // the second file exists, so the first one must not remain
     std::fs::remove_file(files[0]).unwrap();
     std::fs::write(files[1], "somebody's").unwrap();
     let refused = export("torso");

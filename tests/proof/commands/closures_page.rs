@@ -1,4 +1,4 @@
-//! The page of closures in the documentation says what `sarrus check` prints.
+//! The documentation's page of closures matches the output of `sarrus check`.
 //!
 //! After a change: `SARRUS_UPDATE=1 cargo test --release -p sarrus-tests --test proof
 //! closures_page`.
@@ -12,19 +12,18 @@ const PATH: &str = "../models/src/closures.md";
 const HEAD: &str = "\
 # Closures
 
-How the loops of each bundled robot are closed. The tables are what `sarrus check --robot NAME`
-prints, and a test compares them.
+How the loops of each bundled robot are closed. `sarrus check --robot NAME` prints these tables, and
+a test compares them.
 
 - `closure`: `analytic` by a closed form, `numerical` by Newton's method on the rows, `serial`
   without loops.
-- `rows` are the constraint rows, `rank` says how many of them are independent; `redundant` ones say
-  nothing new and are left out.
-- `idle` joints turn a rod between its ball joints and nothing else; they keep the value that they
-  start with.
+- `rows` is the number of constraint rows, `rank` the number of independent ones; the `redundant`
+  ones follow from them and are left out.
+- `idle` joints turn a rod between its ball joints and nothing else; they keep their first value.
 - `branch` is the sign of det K_d at the zero pose, one for each cluster that can be assembled in
   two ways, 0 where the pose is singular.
-- `misfit` is how far the geometry is from what the closed form assumes, relative to the mechanism's
-  size.
+- `misfit` is the distance of the geometry from the one that the closed form assumes, relative to
+  the mechanism's size.
 - `sigma` and `cond` are the least singular value and the condition number of the scaled K_d at the
   zero pose.
 - `starts without a guess` is the table of closed poses, made at load, from which Newton's method
@@ -34,7 +33,7 @@ prints, and a test compares them.
 
 ";
 
-/// The table of one robot and the lines under it.
+/// The table of one robot and its lines below.
 fn printed(robot: &str) -> String {
     let run = run(&["check", "--robot", robot], b"");
     assert_eq!(run.code, Some(0), "{robot} {run:?}");
@@ -62,7 +61,8 @@ fn types() -> String {
             if of["rows"] == 0 || known.contains(&kind) {
                 continue;
             }
-            let (branches, singular) = (["none", "±"][count("branch").min(1)], word("singular"));
+            let branches = ["none", "±"][count("branch").min(1)];
+            let singular = word("singular");
             let singular = if singular.is_empty() { "no general rule" } else { &singular };
             let numbers = format!(
                 "{} | {} | {} | {}",

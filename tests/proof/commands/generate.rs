@@ -6,7 +6,7 @@ use super::{Folder, run};
 
 const LINE: &str = r#"{"request": "inverse-dynamics", "y": [0], "yd": [0], "want": ["tau_u"]}"#;
 
-/// Exit code, results and words of `generate` on a robot, into a new folder.
+/// Exit code, results and stderr of `generate` on a robot, into a new folder.
 fn generate(robot: &str, line: &str, folder: &Folder) -> (Option<i32>, String, String) {
     let out = folder.0.display().to_string();
     let arguments =
@@ -22,7 +22,7 @@ fn one_query_becomes_c_that_passes_its_own_test() {
     assert_eq!((code, err.as_str()), (Some(0), ""));
     let results: serde_json::Value = serde_json::from_str(&out).unwrap();
     assert!(results["operations"].as_u64().unwrap() > 20);
-    // whether it was built depends on the machine
+    // the build depends on the machine's compiler
     let built = results["compiler"] != json!("not built");
     assert_eq!(results["files"].as_array().unwrap().len(), if built { 5 } else { 3 });
     for file in results["files"].as_array().unwrap() {

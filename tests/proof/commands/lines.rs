@@ -1,4 +1,4 @@
-//! What comes in: lines that are no requests, lines that cannot be answered, lines of any length.
+//! Input of `ask`: invalid lines, requests without an answer, lines of any length.
 
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Command, Stdio};
@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use super::{Run, ask, run, sarrus, subset};
 
-/// The column of the one bad line.
+/// The column of the only invalid line.
 fn refused(request: &str, robot: &str, line: &[u8]) -> (u64, String) {
     let answer = run(&["ask", request, "--robot", robot], line);
     assert_eq!(
@@ -170,7 +170,7 @@ fn every_answer_comes_before_the_next_question() {
         let mut child = command.spawn().unwrap();
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
         let mut stdin = child.stdin.take().unwrap();
-        // two together, and the beginning of a third, which holds up nobody
+        // two complete lines are answered before the rest of a third one arrives
         for k in 0..3 {
             write!(stdin, "{{\"y\":[0.{k}]}}\n{{\"y\":[0.1{k}]}}\n\n{{\"y\":").unwrap();
             for _ in 0..2 {
@@ -186,7 +186,7 @@ fn every_answer_comes_before_the_next_question() {
 
 #[test]
 fn answers_of_a_batch_are_those_of_lines_one_by_one() {
-    // questions that alternate, fail, ask what may fail alone, and are none
+    // alternating questions, failures, wants that may fail alone, invalid lines
     let frames = "\"frames\":[\"Elbow_Link\"],\"want\":[\"jacobians\",\"q\"]";
     let mut text = String::new();
     for k in 0..100 {

@@ -1,8 +1,8 @@
-//! What is remarkable about the files of a robot, on stderr of the commands that compute with it.
+//! Warnings about a robot's files on stderr of the commands that compute with it.
 
 use super::{FLOATING, Folder, ask, run};
 
-/// No body has such moments.
+/// A robot with impossible principal moments.
 fn odd(folder: &Folder) -> String {
     folder.file("a.urdf", FLOATING.replacen("ixx=\"1\"", "ixx=\"5\"", 1))
 }
@@ -23,7 +23,7 @@ fn warnings_of_load_reach_stderr_of_ask_and_simulate() {
         assert_eq!(answered.code, Some(0), "{}", answered.err);
         assert_eq!(answered.err.lines().collect::<Vec<_>>(), warnings, "{command:?}");
     }
-    // without a warning nothing is said
+    // a robot without warnings prints nothing
     assert_eq!(ask("kinematics", "lambda", &[r#"{"y":[0.1]}"#]).err, "");
 }
 

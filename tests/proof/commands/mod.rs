@@ -1,4 +1,4 @@
-//! The binary `sarrus` as scripts meet it.
+//! The program `sarrus` as scripts use it.
 
 mod answers;
 mod assemble;
@@ -21,7 +21,7 @@ use std::sync::OnceLock;
 
 use serde_json::Value;
 
-/// The binary that belongs to this test: in the same target folder, built if it is missing.
+/// The program of this build, which is built if it is missing.
 fn sarrus() -> &'static Path {
     static PATH: OnceLock<PathBuf> = OnceLock::new();
     PATH.get_or_init(|| {
@@ -43,7 +43,7 @@ fn sarrus() -> &'static Path {
     })
 }
 
-/// How a command ended and what it wrote.
+/// Exit code and output of a command.
 #[derive(Debug)]
 struct Run {
     code: Option<i32>,
@@ -60,8 +60,9 @@ impl Run {
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
-        let (mut stdin, input) = (child.stdin.take().unwrap(), input.to_owned());
-        // a command that ends early closes its end
+        let mut stdin = child.stdin.take().unwrap();
+        let input = input.to_owned();
+        // a command that exits early closes its stdin
         let writer = std::thread::spawn(move || drop(stdin.write_all(&input)));
         let output = child.wait_with_output().unwrap();
         writer.join().unwrap();
@@ -91,12 +92,12 @@ fn run(arguments: &[&str], input: &[u8]) -> Run {
     Run::of(Command::new(sarrus()).args(arguments), input)
 }
 
-/// Asks a bundled robot line by line.
+/// Asks a bundled robot with several lines.
 fn ask(request: &str, robot: &str, lines: &[&str]) -> Run {
     run(&["ask", request, "--robot", robot], lines.join("\n").as_bytes())
 }
 
-/// A line of kinematics that wants the k-th of 2048 sets of fields.
+/// A kinematics line with the k-th of 2048 sets of wanted fields.
 fn subset(k: usize) -> String {
     let names = ["y", "yd", "ydd", "q", "qd", "qdd", "u", "ud", "udd", "G", "K"];
     let want: Vec<&str> = names
@@ -108,7 +109,7 @@ fn subset(k: usize) -> String {
     serde_json::json!({"y": [0.1], "want": want}).to_string()
 }
 
-/// A folder of files of one test; removed when dropped.
+/// A test's folder of files; removed when dropped.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -120,7 +121,7 @@ impl Folder {
         folder
     }
 
-    /// Writes a file and gives its path.
+    /// Writes a file and returns its path.
     fn file(&self, name: &str, text: impl AsRef<[u8]>) -> String {
         let path = self.0.join(name);
         std::fs::write(&path, text).unwrap();
@@ -134,8 +135,7 @@ impl Drop for Folder {
     }
 }
 
-/// A body that floats with a joint on it: a quaternion, and fewer actuators than degrees of
-/// freedom.
+/// A floating body with a joint: a quaternion, and fewer actuators than degrees of freedom.
 const FLOATING: &str = r#"<robot name="floating">
 <link name="world"/>
 <link name="body"><inertial><origin xyz="0 0 1"/><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>

@@ -1,4 +1,4 @@
-//! What is asked in part: `joints` in a line of `ask`, and `check --plan`.
+//! Partial requests: `joints` in a line of `ask`, and `check --plan`.
 
 use serde_json::{Value, json};
 
@@ -73,7 +73,7 @@ fn a_plan_says_what_it_does_and_leaves_out() {
     let want = ["q", "qd", "qdd", "u"];
     let state = json!({ "request": "kinematics", "y": y, "yd": y, "ydd": y, "want": want });
     let state = plan(&state).1.unwrap();
-    // the torso's platform stays open: its two joints are given
+    // the loop of the torso's platform is not closed: its two joints are given
     assert_eq!(count(&pose, "closed_loops"), 0);
     assert_eq!(count(&state, "closed_loops"), count(&state, "closed_loops_of_robot"));
     assert!(count(&pose, "bodies") < 4 && count(&pose, "bodies_of_robot") > 40);
@@ -84,7 +84,7 @@ fn a_plan_says_what_it_does_and_leaves_out() {
         pose["steps"].as_array().unwrap().iter().map(|step| step.as_str().unwrap()).collect();
     assert_eq!(steps, ["poses of bodies", "frames in the root"]);
 
-    // gravity alone does less than inverse dynamics
+    // gravity alone needs fewer operations than inverse dynamics
     let of = |line: Value| count(&plan(&line).1.unwrap(), "operations");
     let gravity = of(json!({ "request": "inverse-dynamics", "y": y }));
     let moving = of(json!({ "request": "inverse-dynamics", "y": y, "yd": y, "ydd": y }));

@@ -1,4 +1,4 @@
-//! `sarrus report`: what scripts rely on, without long measurements.
+//! `sarrus report`: the contract for scripts, without long measurements.
 
 use std::fs;
 
@@ -29,7 +29,7 @@ fn stress_cases_are_a_section_by_both_of_their_names() {
     let folder = Folder::new("report-names");
     let out = format!("{}/report", folder.file("file", ""));
     for name in ["stress", "extremes"] {
-        // the name is taken; then the folder is refused before anything is measured
+        // the name is accepted; the folder is refused before any measurement
         let run = run(&["report", "--section", name, "--out", &out], b"");
         assert!(run.code == Some(2) && run.err.contains("cannot be written"), "{name}: {run:?}");
     }

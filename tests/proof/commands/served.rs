@@ -1,4 +1,4 @@
-//! `ask --connect` and `demo`: other processes, and what they leave. One test at a time.
+//! `ask --connect` and `demo`: other processes, and the files they leave. Tests run one at a time.
 
 use std::io::{BufRead, BufReader, Lines, Write};
 use std::path::PathBuf;
@@ -13,7 +13,7 @@ use sarrus_tests::reference::vectors;
 use super::vectors::lines;
 use super::{Run, run, sarrus, subset};
 
-/// A domain of one test.
+/// A test's domain.
 struct Place {
     root: PathBuf,
     prefix: String,
@@ -74,7 +74,7 @@ impl Drop for Place {
     }
 }
 
-/// A process that is spoken to; killed when dropped.
+/// A process with pipes; killed when dropped.
 struct Process {
     child: Child,
     stdin: Option<ChildStdin>,
@@ -155,7 +155,7 @@ fn through_a_server_the_text_is_the_same() {
             assert_eq!(here.code, there.code);
             assert_eq!(here.out, there.out, "{robot} {request}");
             assert_eq!((here.err.as_str(), there.err.as_str()), ("", ""));
-            // several lines together
+            // several lines at a time
             for flags in [["--robot", robot], ["--connect", "same"]] {
                 let command = [&["ask", request, "--batch", "50"][..], &flags].concat();
                 let together = Run::of(&mut place.command(&command), text.as_bytes());
@@ -170,7 +170,7 @@ fn through_a_server_the_text_is_the_same() {
     assert_eq!(place.leftovers(), Vec::<PathBuf>::new());
 }
 
-/// Some moving link.
+/// A moving link.
 fn link(robot: &str) -> &'static str {
     let urdf = sarrus_models::bundled_text(robot).unwrap().0;
     urdf.split("<child link=\"").nth(1).and_then(|rest| rest.split('"').next()).unwrap()
@@ -292,7 +292,7 @@ fn an_interrupted_demo_leaves_nothing_behind() {
     let place = Place::new();
     for signal in ["-INT", "-TERM", "-HUP"] {
         let mut demo = Process::start(&mut place.command(&["demo"]));
-        // its server is there, or will be in a moment
+        // the server exists or will start soon
         let start = Instant::now();
         while !processes().iter().any(|line| line.contains(&format!("demo-{}", demo.child.id()))) {
             assert!(

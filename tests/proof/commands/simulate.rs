@@ -1,4 +1,4 @@
-//! `sarrus simulate` as scripts meet it.
+//! `sarrus simulate` as scripts use it.
 
 use std::process::Command;
 
@@ -50,7 +50,7 @@ fn the_squeezer_arrives_from_the_command_line() {
         answer["drift"].as_f64().unwrap() < 1e-8 && answer["residual"].as_f64().unwrap() < 1e-12,
         "{answer}"
     );
-    // four rows under a head, and a page that needs nothing else
+    // four rows under a header, and a page without other files
     let table = std::fs::read_to_string(folder("squeezer").join("motion.csv")).unwrap();
     let lines: Vec<&str> = table.lines().collect();
     assert!(
@@ -92,7 +92,7 @@ fn joints_that_are_held_are_no_columns_of_the_motion() {
     assert!(!table.contains("BodyRoll") && table.lines().count() == 4, "{table}");
     std::fs::remove_dir_all(folder("held")).unwrap();
 
-    // nothing is left that moves
+    // no joint is free to move
     for method in ["euler", "radau5"] {
         let rigid = ["--robot", "lambda", "--lock", "Elbow", "--duration", "1", "--method", method];
         let run = simulate("rigid", &rigid);
@@ -135,7 +135,7 @@ fn a_name_with_a_comma_is_one_column_of_the_motion_and_of_the_forces() {
     let name = "y.left, \"motor\"";
     let column = rows[0].cells.iter().position(|cell| cell == name).unwrap();
     assert!(rows.iter().all(|row| row.cells.len() == rows[0].cells.len()));
-    // the last row is the answer, bit for bit
+    // the last row equals the answer bit by bit
     let last: f64 = rows.last().unwrap().cells[column].parse().unwrap();
     let same = answer["y"]["left, \"motor\""].as_f64().unwrap();
     assert!(last.to_bits() == same.to_bits() && last != 0.0, "{last:e} and {same:e}");
@@ -167,7 +167,7 @@ fn forces_come_from_a_file() {
             ],
         )
     };
-    // the order of columns is free, and a joint without one feels nothing
+    // columns may have any order, and a joint without one has no force
     let [a, b] =
         ["time,right_motor,left_motor\n0,0,1\n0.1,0,2\n", "time,left_motor\n0,1\n\n0.1,2\n"]
             .map(ask);
@@ -233,7 +233,7 @@ fn exit_codes_say_whether_it_ran_ended_early_or_was_refused() {
 
 #[test]
 fn a_stop_half_way_is_told_with_its_status_and_leaves_the_rows_up_to_there() {
-    // both motors against each other, until the elbows are in line
+    // both motors work against each other until the elbows are aligned
     let run = simulate(
         "early",
         &[

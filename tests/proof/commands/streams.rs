@@ -1,4 +1,4 @@
-//! What a command does where its streams or its files are not as usual.
+//! Commands with unusual streams or files.
 
 use std::io::Write;
 use std::os::fd::OwnedFd;
@@ -15,7 +15,7 @@ const ASK: [&str; 4] = ["ask", "kinematics", "--robot", "lambda"];
 
 #[test]
 fn answers_that_go_nowhere_are_an_error() {
-    // for reading only, full
+    // opened only for reading, and a full device
     for stdout in ["1</dev/null", ">/dev/full"] {
         let mut shell = Command::new("sh");
         shell.args(["-c", &format!("exec \"$0\" \"$@\" {stdout}")]).arg(sarrus());
@@ -23,7 +23,7 @@ fn answers_that_go_nowhere_are_an_error() {
         assert_eq!(asked.code, Some(2), "{stdout}: {asked:?}");
         assert!(asked.err.contains("the answers cannot be written"), "{stdout}: {asked:?}");
     }
-    // who wants no answers gets none
+    // answers may be discarded
     let mut shell = Command::new("sh");
     shell.args(["-c", "exec \"$0\" \"$@\" >/dev/null"]).arg(sarrus());
     assert_eq!(Run::of(shell.args(ASK), LINE).code, Some(0));
@@ -36,7 +36,7 @@ fn a_stdin_that_does_not_wait_is_waited_for() {
     let mut command = Command::new(sarrus());
     command.args(ASK).stdin(OwnedFd::from(here)).stdout(Stdio::piped()).stderr(Stdio::piped());
     let child = command.spawn().unwrap();
-    // the command's copy only
+    // keeps only the command's copy
     drop(command);
     for half in LINE.chunks(12) {
         std::thread::sleep(Duration::from_millis(50));
@@ -64,7 +64,7 @@ fn pages_of_the_manual_are_written_over_nothing() {
     std::fs::create_dir(&pages).unwrap();
     let files = || std::fs::read_dir(&pages).unwrap().count();
     let man = || run(&["man", pages.to_str().unwrap()], b"");
-    // not through a link either, and nothing is left of the others
+    // not through a link either, and no other page remains
     let elsewhere = folder.0.join("elsewhere");
     symlink(&elsewhere, pages.join("sarrus-tidy.1")).unwrap();
     let refused = man();
@@ -76,7 +76,8 @@ fn pages_of_the_manual_are_written_over_nothing() {
     let done = man();
     assert_eq!((done.code, done.out.lines().count()), (Some(0), files()), "{done:?}");
     assert!(done.out.lines().all(|page| Path::new(page).exists()));
-    let (page, all) = (pages.join("sarrus.1"), files());
+    let page = pages.join("sarrus.1");
+    let all = files();
     std::fs::write(&page, "somebody's").unwrap();
     assert_eq!((man().code, files()), (Some(2), all));
     assert_eq!(std::fs::read_to_string(page).unwrap(), "somebody's");
@@ -101,7 +102,7 @@ fn shells_offer_the_bundled_robots() {
     for robot in ["lambda", "rh5v2_full"] {
         assert!(offered.split([' ', '"']).any(|name| name == robot), "{offered}");
     }
-    // another name is still the loader's to refuse
+    // the loader refuses other names
     let unknown = run(&["check", "--robot", "lamda"], b"");
     assert!(unknown.err.contains("did you mean `lambda`"), "{unknown:?}");
 }
@@ -111,7 +112,7 @@ fn the_first_page_can_be_pasted_as_one_block() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../README.md");
     let page = std::fs::read_to_string(path).unwrap();
     let (_, after) = page.split_once("sarrus robots --export").unwrap();
-    // what follows takes long
+    // the rest of the block takes long
     let (block, _) = after.split_once("sarrus simulate").unwrap();
     assert!(block.contains("--connect elbow"), "{block}");
     let folder = Folder::new("first-page");

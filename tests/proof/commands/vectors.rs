@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::run;
 
-/// The lines that ask everything about the cases of a file, with one kind of request.
+/// Lines that ask for every field of a file's cases, with one kind of request.
 pub(super) fn lines(file: &Value, request: &str) -> String {
     let line = |case: &Value| match request {
         "kinematics" => json!({"y": case["y"], "yd": case["yd"], "ydd": case["ydd"],
@@ -21,7 +21,7 @@ pub(super) fn lines(file: &Value, request: &str) -> String {
     cases(file).iter().map(|case| line(case).to_string() + "\n").collect()
 }
 
-/// Answers as numbers: what each field is called in the file, and its least size.
+/// Compares answers with the file: each field by its key in the file and its least size.
 fn check(name: &str, file: &Value, request: &str, answers: &[Value]) {
     assert_eq!(answers.len(), cases(file).len());
     for (k, (case, answer)) in cases(file).iter().zip(answers).enumerate() {
@@ -60,7 +60,7 @@ fn check(name: &str, file: &Value, request: &str, answers: &[Value]) {
             );
         }
         if request == "kinematics" {
-            // the file has +K̇ q̇
+            // the file's k has the opposite sign
             let k_bias: Vec<f64> = numbers(&case["k"]).into_iter().map(|x| -x).collect();
             let size = largest(&numbers(&case["K"])) * square;
             assert_close(

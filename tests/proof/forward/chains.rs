@@ -1,4 +1,4 @@
-//! Loops in a row, from one to a thousand, and spherical joints beside them.
+//! Loops in a row, from one to a thousand, and spherical joints between them.
 
 use super::*;
 use sarrus_dynamics::PlanScalar;
@@ -14,7 +14,9 @@ fn the_methods_agree_on_chains_of_loops() {
             let mut random = |size: f64| -> Vec<T> {
                 seeded.numbers(n, size).into_iter().map(T::from_f64).collect()
             };
-            let (y, yd, tau) = (random(0.2), random(1.0), random(10.0));
+            let y = random(0.2);
+            let yd = random(1.0);
+            let tau = random(10.0);
             let inverse = Robot::new(model.clone())
                 .ask(Request::InverseDynamics, &[(Y, &y), (Yd, &yd)], &[MY, CY])
                 .ok();
@@ -36,7 +38,9 @@ fn a_chain_of_a_thousand_loops_is_solved_and_gives_its_forces_back() {
     let model = Model::compile(&lambdas(1000)).unwrap_or_else(|error| panic!("{error}")).model;
     let n = 1000;
     let mut seeded = Seeded::new(5);
-    let (y, yd, tau) = (seeded.numbers(n, 0.02), seeded.numbers(n, 0.1), seeded.numbers(n, 10.0));
+    let y = seeded.numbers(n, 0.02);
+    let yd = seeded.numbers(n, 0.1);
+    let tau = seeded.numbers(n, 10.0);
     let (status, x) =
         forward(&model, Method::Recursion, &[(Y, &y), (Yd, &yd), (TauY, &tau)], &[Ydd]);
     assert_eq!(status, Status::Ok);
@@ -44,7 +48,7 @@ fn a_chain_of_a_thousand_loops_is_solved_and_gives_its_forces_back() {
         .ask(Request::InverseDynamics, &[(Y, &y), (Yd, &yd), (Ydd, &x[0])], &[TauY, MY, CY])
         .ok();
     let error = backward_error(inverse.get(MY), inverse.get(CY), &tau, &x[0]);
-    // what inverse dynamics gives back, by the same size
+    // residual of inverse dynamics, relative to the same size
     let M = inverse.get(MY);
     let size = M.chunks_exact(n).map(|row| row.iter().map(|x| x.abs()).sum()).fold(0.0, f64::max)
         * largest(&x[0]);
@@ -53,16 +57,16 @@ fn a_chain_of_a_thousand_loops_is_solved_and_gives_its_forces_back() {
     assert!(error <= 1e-12 && back <= 1e-12, "{error:.2e} {back:.2e}");
 }
 
-/// Spherical joints in a row, and one that a loop's cluster has as parent.
+/// Spherical joints in a row, one of them the parent of a loop's cluster.
 #[test]
 fn the_methods_agree_on_spherical_joints() {
-    let (mut robot, sliders) = lambdas_under_way(2);
+    let (mut robot, sliders) = lambdas_in_a_row(2, true);
     let inertial = Inertial {
         origin: Placement { xyz: [0.1, 0.2, -0.1], rpy: [0.3, 0.2, 0.1] },
         mass: 1.5,
         inertia: [0.02, 0.001, 0.0, 0.03, 0.0, 0.04],
     };
-    // on the slider of the first lambda, then on itself
+    // on the slider of the first lambda, then each on the one before
     let mut on = sliders[0];
     for k in 0..2 {
         robot.submechanism(format!("ball{k}"), SubmechanismKind::Serial);
@@ -79,7 +83,8 @@ fn the_methods_agree_on_spherical_joints() {
         let mut random = |size: f64| -> Vec<T> {
             seeded.numbers(n, size).into_iter().map(T::from_f64).collect()
         };
-        let (yd, tau) = (random(1.0), random(5.0));
+        let yd = random(1.0);
+        let tau = random(5.0);
         let inverse = Robot::new(model.clone())
             .ask(Request::InverseDynamics, &[(Y, &y), (Yd, &yd)], &[MY, CY])
             .ok();

@@ -1,5 +1,5 @@
-//! Forward dynamics three ways: they agree with each other, with inverse dynamics and with what
-//! others computed.
+//! Forward dynamics by three methods, which agree with each other, with inverse dynamics and with
+//! other engines.
 
 mod chains;
 mod terms;
@@ -12,6 +12,7 @@ use sarrus_dynamics::{
     Compiled, DescriptionBuilder, Field, FieldSet, LinkId, Method, Model, Plan, PlanScalar, Query,
     Request, Status, Workspace,
 };
+use sarrus_report::robots::chain::lambdas_in_a_row;
 use sarrus_tests::cases::{Case, Ledger, State, robots};
 use sarrus_tests::compare::{assert_close, largest};
 use sarrus_tests::reference::{ROBOTS, cases, numbers, vectors};
@@ -24,7 +25,7 @@ use Field::*;
 /// States of each robot.
 const STATES: u64 = 2;
 
-/// What one method answers; the fields one after the other.
+/// Answer of one method, with its fields in a row.
 fn forward<T: PlanScalar>(
     model: &Model<T>,
     method: Method,
@@ -73,11 +74,9 @@ fn methods_agree<T: PlanScalar>(
     let inverse = Robot::new(model.clone())
         .ask(Request::InverseDynamics, &motion, &[TauY, TauQ, MY, CY, CondMy, CondKd, Lambda])
         .ok();
-    let (M, C, cond) = (
-        inverse.get(MY),
-        inverse.get(CY),
-        inverse.get(CondMy)[0].to_f64() * inverse.get(CondKd)[0].to_f64(),
-    );
+    let M = inverse.get(MY);
+    let C = inverse.get(CY);
+    let cond = inverse.get(CondMy)[0].to_f64() * inverse.get(CondKd)[0].to_f64();
     // forces that cancel along the loops leave their rounding
     let cond = cond
         * (1.0
@@ -89,7 +88,7 @@ fn methods_agree<T: PlanScalar>(
     let mut lambdas = Vec::new();
     for method in Method::ALL {
         let name = method.name();
-        // oracle and closed forms differ by how far loops contradict each other
+        // oracle and closed forms differ by the contradiction of the loops
         let allowed = if method == Method::Kkt { allowed + loops } else { allowed };
         for (what, tau) in [("of the motion", inverse.get(TauY)), ("at random", &forces)] {
             let (status, x) =
@@ -144,8 +143,9 @@ fn every_method_agrees_with_an_independent_engine() {
     for name in ROBOTS {
         let model = Case::bundled(name).compiled.model;
         for (k, case) in cases(&vectors(name)).iter().enumerate() {
-            let (y, yd, tau) =
-                (numbers(&case["y"]), numbers(&case["yd"]), numbers(&case["tau_fd"]));
+            let y = numbers(&case["y"]);
+            let yd = numbers(&case["yd"]);
+            let tau = numbers(&case["tau_fd"]);
             for method in Method::ALL {
                 let (status, x) = forward(
                     &model,
@@ -170,14 +170,15 @@ fn every_method_agrees_with_an_independent_engine() {
 
 #[test]
 fn the_model_chooses_one_of_the_fast_methods() {
-    let (mut seen, mut dearer) = (Vec::new(), 0);
+    let mut seen = Vec::new();
+    let mut dearer = 0;
     for case in robots() {
         let model = &case.compiled.model;
         let chosen = model.forward_method();
         let costs = [Method::Recursion, Method::Projection]
             .map(|method| model.predicted_cost(method).unwrap());
         let cheaper = if costs[0] < costs[1] { Method::Recursion } else { Method::Projection };
-        // the cheaper one, unless it loses digits: on random robots of unlike masses
+        // the cheaper method, unless it loses digits, as on random robots with unequal masses
         let is_bundled = ROBOTS.contains(&model.name());
         assert!(chosen == cheaper || !is_bundled, "{}", model.name());
         dearer += usize::from(chosen != cheaper);
@@ -239,35 +240,7 @@ fn a_workspace_without_room_is_refused() {
     assert_eq!([&recursion, &projection, &kkt].map(|plan| status(&mut all, plan)), [Status::Ok; 3]);
 }
 
-/// Lambdas in a row, every second one on the slider of the one before, the others on its rocker.
+/// Lambdas in a row: every second one on the slider of the one before, the others on its rocker.
 fn lambdas(n: usize) -> Description {
-    lambdas_under_way(n).0.build().unwrap()
-}
-
-/// The same before it is built, and its sliders.
-fn lambdas_under_way(n: usize) -> (DescriptionBuilder, Vec<LinkId>) {
-    let inertial = |y: f64, mass: f64| {
-        Inertial::new(mass, [0.0, y, 0.01], [0.004, 0.0, 0.0, 0.002, 0.0, 0.005])
-    };
-    let (x, y) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
-    let (sine, cosine) = f64::sin_cos(0.3);
-    let mut robot = DescriptionBuilder::new("lambdas");
-    let (mut on, mut sliders) = (LinkId::BASE, Vec::new());
-    for k in 0..n {
-        let from = if k == 0 { [0.0; 3] } else { [0.1, 0.2, 0.05] };
-        let pivot = [from[0] - 0.114 * sine, from[1] + 0.114 * cosine, from[2]];
-        robot.submechanism(format!("lambda{k}"), SubmechanismKind::Rrpr);
-        let rocker = robot.revolute(format!("rocker{k}"), on, x).origin(from).rpy([0.8, 0.0, 0.3]);
-        let rocker = rocker.inertial(inertial(0.1, 1.2)).link();
-        let stator = robot.revolute(format!("stator{k}"), on, x).origin(pivot);
-        let stator = stator.rpy([1.08, 0.0, 0.3]).inertial(inertial(0.1, 0.5)).link();
-        let slider = robot.prismatic(format!("slider{k}"), stator, y).origin([0.0, 0.3, 0.0]);
-        let slider = slider.inertial(inertial(-0.1, 0.4)).link();
-        let pin = robot.cut(format!("pin{k}"), rocker, slider).at_frame_of(slider);
-        pin.row("y", [0.0, 0.0, 0.0, 0.0, 1.0, 0.0]).row("z", [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
-        robot.independent([rocker]).active([slider]);
-        sliders.push(slider);
-        on = if k % 2 == 0 { rocker } else { slider };
-    }
-    (robot, sliders)
+    lambdas_in_a_row(n, true).0.build().unwrap()
 }

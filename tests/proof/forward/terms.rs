@@ -1,13 +1,12 @@
-//! Springs, dampers and rotors on mechanisms whose equations fit in a line, and a mass that is not
-//! positive.
+//! Springs, dampers and rotors on mechanisms with equations of one line, and a mass matrix that is
+//! not positive definite.
 
 use sarrus_dynamics::PlanScalar;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::*;
 
-/// A rod of point masses on revolute joints about y, each in the direction z of its link turned by
-/// an angle at zero.
+/// A rod of point masses on revolute joints about y, each along z of its link, with a bend at zero.
 fn rods(bends: &[f64], terms: &[Terms]) -> Description {
     let mut robot = DescriptionBuilder::new("rods");
     robot.default_inertial(Inertial::point(1.0, [0.0, 0.0, 1.0]));
@@ -25,7 +24,9 @@ fn a_pendulum_feels_its_spring_damper_and_rotor() {
     let terms =
         Terms { damping: 0.7, stiffness: 3.0, rest: 0.4, rotor_inertia: 2e-4, gear_ratio: 50.0 };
     let model = Model::compile(&rods(&[0.0], &[terms])).unwrap().model;
-    let (q, qd, qdd) = (0.9_f64, -1.3, 2.1);
+    let q = 0.9_f64;
+    let qd = -1.3;
+    let qdd = 2.1;
     // upright at zero: gravity pulls by −g sin q
     let inertia = 1.0 + 50.0 * 50.0 * 2e-4;
     let bias = 0.7 * qd + 3.0 * (q - 0.4) - 9.81 * q.sin();
@@ -44,8 +45,8 @@ fn a_pendulum_feels_its_spring_damper_and_rotor() {
     }
 }
 
-/// With and without terms on dependent joints the forces differ by what virtual work says: Gᵀ (N² I
-/// (G ÿ + g) + d q̇ + k (q − rest)).
+/// Terms on dependent joints change the forces by their virtual work: Gᵀ (N² I (G ÿ + g) + d q̇ + k
+/// (q − rest)).
 #[test]
 fn terms_of_dependent_joints_act_through_the_loop() {
     let plain = lambdas(3);
@@ -63,15 +64,19 @@ fn terms_of_dependent_joints_act_through_the_loop() {
     fn check<T: PlanScalar>(plain: &Model<T>, loaded: &Model<T>, allowed: f64) {
         let number = T::from_f64;
         let of = |x: [f64; 3]| x.map(number);
-        let (y, yd, ydd) = (of([0.1, -0.2, 0.15]), of([0.5, 1.0, -0.8]), of([2.0, -1.0, 3.0]));
+        let y = of([0.1, -0.2, 0.15]);
+        let yd = of([0.5, 1.0, -0.8]);
+        let ydd = of([2.0, -1.0, 3.0]);
         let motion: [(Field, &[T]); 3] = [(Y, &y), (Yd, &yd), (Ydd, &ydd)];
         let state =
             Robot::new(plain.clone()).ask(Request::Kinematics, &motion, &[Q, Qd, Qdd, G]).ok();
         let [before, after] = [plain, loaded].map(|model| {
             Robot::new(model.clone()).ask(Request::InverseDynamics, &motion, &[TauY, MY, CY]).ok()
         });
-        let (n, jacobian) = (state.get(Q).len(), state.get(G));
-        let (mut tau, mut M) = (before.get(TauY).to_vec(), before.get(MY).to_vec());
+        let n = state.get(Q).len();
+        let jacobian = state.get(G);
+        let mut tau = before.get(TauY).to_vec();
+        let mut M = before.get(MY).to_vec();
         for j in 0..n {
             let x = 1.0 + j as f64;
             let inertia = number(1e-3 * x) * number(81.0);
@@ -108,7 +113,8 @@ fn terms_of_dependent_joints_act_through_the_loop() {
             assert_close(&format!("λ, {}", method.name()), &x[1], &mine[0], 0.0, 1e3 * allowed);
         }
     }
-    let (plain, loaded) = (Model::compile(&plain).unwrap(), Model::compile(&loaded).unwrap());
+    let plain = Model::compile(&plain).unwrap();
+    let loaded = Model::compile(&loaded).unwrap();
     check(&plain.model, &loaded.model, 1e-13);
     check(&plain.exact, &loaded.exact, 1e-27);
 }
@@ -126,7 +132,7 @@ fn terms_of_a_joint_of_several_freedoms_are_a_fault() {
     }
 }
 
-/// At rest but for its rotation a damped ball needs the moment d ω more than one without damping.
+/// A damped ball at rest except for its rotation needs an additional moment of d ω.
 #[test]
 fn a_ball_joint_is_damped_in_each_direction() {
     let ball = |damping| {
@@ -135,19 +141,21 @@ fn a_ball_joint_is_damped_in_each_direction() {
         robot.submechanisms[0].active.clear();
         Model::compile(&robot).unwrap().model
     };
-    let (q, omega) = ([0.1, -0.2, 0.3, 0.92736184954957], [1.0, -2.0, 0.5]);
+    let q = [0.1, -0.2, 0.3, 0.92736184954957];
+    let omega = [1.0, -2.0, 0.5];
     let force = |model: Model<f64>| {
         let given = [(Y, &q[..]), (Yd, &omega[..]), (Ydd, &[0.0; 3][..])];
         Robot::new(model).ask(Request::InverseDynamics, &given, &[TauY]).ok().get(TauY).to_vec()
     };
-    let (damped, free) = (force(ball(0.75)), force(ball(0.0)));
+    let damped = force(ball(0.75));
+    let free = force(ball(0.0));
     for k in 0..3 {
         assert!((damped[k] - free[k] - 0.75 * omega[k]).abs() < 1e-14);
     }
 }
 
-/// A rotor of negative inertia stands for whatever takes inertia away: beside the second joint the
-/// first has 2 − 3/2 when bent by a right angle, and 1 − 3/2 when straight.
+/// A rotor of negative inertia reduces the mass matrix: beside the second joint the first has 2 −
+/// 3/2 when bent by a right angle, and 1 − 3/2 when straight.
 #[test]
 fn a_mass_that_is_not_positive_has_a_status_by_every_method() {
     let none = Terms::default();

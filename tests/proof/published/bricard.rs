@@ -26,9 +26,9 @@ fn bricards_mechanism_moves_and_falls_as_published() {
         let query = Query::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(&[FramePose]))
             .with_frames(&p3);
         let state = robot.ask_for(query, &[(Y, &[motion.y]), (QGuess, &motion.q)]).ok();
-        // published with y up
+        // published with y upwards
         let [x, north, up] = [0, 1, 2].map(|i| state.get(FramePose)[i]);
-        // twelve decimals were published
+        // published with twelve decimals
         assert_close(&format!("P3({seconds})"), &[x, up, -north], &published, 1.0, 1e-12);
     }
 }

@@ -1,12 +1,12 @@
-//! Cut joints by name leave the motions of their joint.
+//! Each kind of cut joint leaves the motions of its joint free.
 
 use sarrus_tests::compare::assert_close;
 use sarrus_tests::seed::Seeded;
 
 use super::*;
 
-/// A body on six joints, with a seventh above them for the weld, and one cut of this kind between
-/// it and the base.
+/// A body on six joints, with a seventh above them for the weld, and one cut of the given kind
+/// between the body and the base.
 fn cut_body(cut: &str, independent: &str) -> Source {
     const BODY: &str = "<inertial><mass value=\"1\"/><inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" \
         iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial>";
@@ -20,8 +20,9 @@ fn cut_body(cut: &str, independent: &str) -> Source {
         ("rz", "0 0 1"),
     ];
     let skipped = usize::from(!cut.contains("weld"));
-    let (mut urdf, mut parent, mut names) =
-        ("<robot name=\"r\"><link name=\"base\"/>\n".to_owned(), "base".to_owned(), Vec::new());
+    let mut urdf = "<robot name=\"r\"><link name=\"base\"/>\n".to_owned();
+    let mut parent = "base".to_owned();
+    let mut names = Vec::new();
     for (name, axis) in &joints[skipped..] {
         let child = if *name == "rz" { "body".to_owned() } else { format!("{name}_link") };
         let kind = if name.len() == 1 && *name != "s" { "prismatic" } else { "revolute" };
@@ -66,8 +67,8 @@ fn cut_frame(x: [f64; 3], inverse: bool) -> [f64; 3] {
 fn a_cut_by_name_leaves_exactly_the_motions_of_its_joint_at_finite_angles() {
     let one = format!("\n    axis: {AXIS:?}");
     let two = format!("{one}\n    axis2: {AXIS2:?}");
-    // what stays where it was: the origin in all directions or across the axis, all turns or the
-    // axis, the two axes of a universal joint
+    // the cut's invariants: the origin in all directions or across the axis, all rotations or the
+    // axis, both axes of a universal joint
     for (kind, axes, independent, point, line, turn, axis, cross) in [
         ("spherical", "", "rx, ry, rz", true, true, false, false, false),
         ("planar_revolute", &one, "z, rx, ry, rz", false, true, false, false, false),
@@ -82,7 +83,7 @@ fn a_cut_by_name_leaves_exactly_the_motions_of_its_joint_at_finite_angles() {
         for k in 0..20 {
             let y = Seeded::new(k).numbers(robot.model.sizes().n_vy, 0.7);
             let body = pose(&mut robot, "body", &y);
-            // the motion of the successor's cut frame, seen from the predecessor's
+            // the motion of the successor's cut frame relative to the predecessor's
             let moved = |x: [f64; 3]| {
                 let out = cut_frame(x, false);
                 let there = point_of(&body, std::array::from_fn(|i| out[i] + [0.3, -0.2, 0.4][i]));

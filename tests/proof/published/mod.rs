@@ -1,5 +1,5 @@
-//! Mechanisms with published numbers or with a closed form that is written here by itself: closures
-//! at 1e-14 by size, accelerations at 1e-11.
+//! Mechanisms with published numbers or with a closed form that is implemented here independently:
+//! closures to 1e-14 by size, accelerations to 1e-11.
 
 #![allow(clippy::excessive_precision, reason = "published numbers stand as they were published")]
 
@@ -28,7 +28,7 @@ fn link(robot: &Robot<f64>, name: &str) -> u16 {
     robot.model.link_names().iter().position(|link| link == name).unwrap() as u16
 }
 
-/// Position of the origin of a link, and its orientation x, y, z, w, at y.
+/// Position of a link's origin and its orientation x, y, z, w at y.
 fn pose(robot: &mut Robot<f64>, name: &str, y: &[f64]) -> [f64; 7] {
     let query = Query::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(&[FramePose]))
         .with_frames(&[link(robot, name)]);
@@ -36,7 +36,7 @@ fn pose(robot: &mut Robot<f64>, name: &str, y: &[f64]) -> [f64; 7] {
     std::array::from_fn(|i| answer.get(FramePose)[i])
 }
 
-/// A point of a frame, from position and quaternion.
+/// A point of a frame that is given by position and quaternion.
 fn point_of(frame: &[f64; 7], x: [f64; 3]) -> [f64; 3] {
     let [px, py, pz, qx, qy, qz, w] = *frame;
     let v = [qx, qy, qz];
@@ -49,7 +49,7 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// A robot of one degree of freedom under way: y, ẏ and its tree coordinates.
+/// A moving robot of one degree of freedom: y, ẏ and its tree coordinates.
 #[derive(Default)]
 struct Motion {
     y: f64,
@@ -58,7 +58,7 @@ struct Motion {
 }
 
 impl Motion {
-    /// One step of Runge and Kutta's method; `force` gives ÿ from y, ẏ and a guess of q.
+    /// One Runge-Kutta step; `force` computes ÿ from y, ẏ and a guess of q.
     fn step(
         &mut self,
         robot: &mut Robot<f64>,
@@ -66,7 +66,8 @@ impl Motion {
         force: impl Fn(&mut Robot<f64>, f64, f64, &[f64]) -> f64,
     ) {
         let mut rate = |y: f64, yd: f64| (yd, force(robot, y, yd, &self.q));
-        let (y, yd) = (self.y, self.yd);
+        let y = self.y;
+        let yd = self.yd;
         let a = rate(y, yd);
         let b = rate(y + 0.5 * step * a.0, yd + 0.5 * step * a.1);
         let c = rate(y + 0.5 * step * b.0, yd + 0.5 * step * b.1);
@@ -77,7 +78,7 @@ impl Motion {
     }
 }
 
-/// q at y on the branch of a guess.
+/// q at y on the guess's branch.
 fn closed(robot: &mut Robot<f64>, y: f64, guess: &[f64]) -> Vec<f64> {
     robot.ask(Request::Kinematics, &[(Y, &[y]), (QGuess, guess)], &[Q]).ok().get(Q).to_vec()
 }

@@ -42,7 +42,7 @@ const LAMBDA: [[f64; 7]; 3] = [
 
 #[test]
 fn the_lambda_stands_where_its_table_says() {
-    // the table measures from the base line, the robot from its zero pose
+    // the table measures angles from the base line, the robot from its zero pose
     let zero = [0.803719823174243, 1.0833785823281756, 0.29739].map(Dd::from_f64);
     let compiled = bundled("lambda");
     for row in LAMBDA {
@@ -77,7 +77,7 @@ fn the_lambda_stands_where_its_table_says() {
 
 #[test]
 fn four_bars_in_a_row_fall_as_one_pendulum() {
-    // the longer the row, the farther from the flat pose does double precision close it
+    // double precision closes longer rows only at larger distances from the flat pose
     for (n, reach, source) in [
         (2, 1.5, Source::Bundled("four_bars_2".into())),
         (2, 1.5, four_bars(2)),
@@ -91,7 +91,7 @@ fn four_bars_in_a_row_fall_as_one_pendulum() {
             .filter(|(y, _)| f64::abs(*y) <= reach)
         {
             let q = robot.ask(Request::Kinematics, &[(Y, &[y])], &[Q]).ok();
-            // every crank turns as the first, every coupler stays level
+            // every crank turns by the first one's angle, every coupler keeps its direction
             let expected: Vec<f64> =
                 (0..2 * n + 1).map(|k| if k % 2 == 0 { y } else { -y }).collect();
             assert_close(&format!("{n} four-bars, q at {y}"), q.get(Q), &expected, 1.0, 1e-14);
@@ -120,19 +120,20 @@ fn the_five_bar_stands_where_two_circles_meet() {
         let y = Seeded::new(k).numbers(2, 0.4);
         let left = pose(&mut robot, "left_rod", &y);
         let state = robot.ask(Request::Kinematics, &[(Y, &y)], &[Q]).ok();
-        // the cranks at zero stand 3 to 4 outwards
+        // at zero the cranks point 3 to 4 outwards
         let elbow = |side: f64, y: f64| {
             let (s, c) = y.sin_cos();
             let [x, z] = [side * 0.09, -0.12];
             [side * 0.08 + c * x + s * z, c * z - s * x]
         };
-        let (a, b) = (elbow(-1.0, y[0]), elbow(1.0, y[1]));
+        let a = elbow(-1.0, y[0]);
+        let b = elbow(1.0, y[1]);
         assert_close("elbow", &[left[0], left[2]], &a, 1.0, 1e-14);
         let [dx, dz] = [b[0] - a[0], b[1] - a[1]];
         let square = dx * dx + dz * dz;
         let height = (0.0625 / square - 0.25).sqrt();
         let pin = [a[0] + 0.5 * dx + height * dz, a[1] + 0.5 * dz - height * dx];
-        // the left rod's turn in all is that of its crank and its own
+        // the left rod turns by its crank's angle plus its own
         let turn = state.get(Q)[0]
             + state.get(Q)[1]
             + 0.17_f64.atan2(-(0.25_f64 * 0.25 - 0.17 * 0.17).sqrt());

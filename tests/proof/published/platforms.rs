@@ -14,10 +14,11 @@ fn the_delta_stands_where_three_spheres_meet() {
     for k in 0..20 {
         let y = Seeded::new(k).numbers(3, 0.5);
         let state = robot.ask(Request::Kinematics, &[(Y, &y)], &[Q]).ok();
-        // the elbows, moved inwards by the platform's radius, are the centres of spheres of the
-        // rods' length
+        // the elbows, moved inwards by the platform's radius, are the centres of spheres with the
+        // rods' length as radius
         let centre = |leg: usize| {
-            let (s, c) = (leg as f64 * std::f64::consts::TAU / 3.0).sin_cos();
+            let angle = leg as f64 * std::f64::consts::TAU / 3.0;
+            let (s, c) = angle.sin_cos();
             let out = 0.15 + 0.2 * y[leg].cos() - 0.05;
             [out * c, out * s, -0.2 * y[leg].sin()]
         };
@@ -39,7 +40,8 @@ fn the_delta_stands_where_three_spheres_meet() {
 fn lower_meeting(c: [[f64; 3]; 3], radius: f64) -> [f64; 3] {
     let minus = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| a[i] - b[i]) };
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    let (a, b) = (minus(c[1], c[0]), minus(c[2], c[0]));
+    let a = minus(c[1], c[0]);
+    let b = minus(c[2], c[0]);
     let n = cross(a, b);
     // the centre of the circle through the three, from the first of them
     let along = minus(b.map(|x| x * dot(a, a)), a.map(|x| x * dot(b, b)));
@@ -64,18 +66,18 @@ fn the_rods_of_the_active_ankle_keep_their_length_and_it_turns_almost_about_a_po
                 assert_close(&format!("rod of {name} at {y:?}"), &[length], &[0.12], 0.12, 1e-14);
             }
         }
-        // it moves by the second order of the turn
+        // the foot moves by the second order of the turn
         let moved = foot[..3].iter().map(|x| x * x).sum::<f64>().sqrt();
         let size = y.iter().map(|x| x * x).sum::<f64>();
         assert!(moved < 0.12 * size, "the foot moves {moved} m at {y:?}");
     }
 }
 
-/// A platform on six joints and one that floats move alike and need the same forces.
+/// A platform on six joints and a floating one move alike and need the same forces.
 #[test]
 fn a_floating_platform_needs_the_forces_of_the_one_on_six_joints() {
     let (urdf, submechanisms) = bundled_text("stewart").unwrap();
-    // the bodies between the six joints weigh nothing, as those that are not there
+    // the bodies between the six joints become massless: the floating platform has none
     let weight = "<mass value=\"0.001\"/><inertia ixx=\"1e-06\" ixy=\"0\" ixz=\"0\" iyy=\"1e-06\" \
         iyz=\"0\" izz=\"1e-06\"/>";
     let nothing =
@@ -85,8 +87,8 @@ fn a_floating_platform_needs_the_forces_of_the_one_on_six_joints() {
         urdf: urdf.replace(weight, nothing).into(),
         submechanisms: Some(submechanisms.into()),
     };
-    let (mut six, mut one) =
-        (Robot::new(compiled(&source).model), Robot::new(bundled("stewart_floating").model));
+    let mut six = Robot::new(compiled(&source).model);
+    let mut one = Robot::new(bundled("stewart_floating").model);
     let sizes = one.model.sizes();
     assert_eq!(
         (sizes.n_q, sizes.n_v, sizes.n_qy, sizes.n_vy, sizes.n_u, sizes.n_c),
@@ -97,7 +99,8 @@ fn a_floating_platform_needs_the_forces_of_the_one_on_six_joints() {
         let mut seeded = Seeded::new(k);
         let y: Vec<f64> =
             (0..6).map(|i| seeded.within(-1.0, 1.0) * if i < 3 { 0.05 } else { 0.2 }).collect();
-        let (yd, ydd) = (seeded.numbers(6, 1.0), seeded.numbers(6, 5.0));
+        let yd = seeded.numbers(6, 1.0);
+        let ydd = seeded.numbers(6, 5.0);
         let motion: [(Field, &[f64]); 3] = [(Y, &y), (Yd, &yd), (Ydd, &ydd)];
         let query = FieldSet::of(&[U, Ud, Udd, FramePose, FrameTwist, FrameAcc]);
         let state = six
@@ -112,9 +115,12 @@ fn a_floating_platform_needs_the_forces_of_the_one_on_six_joints() {
         let pose: [f64; 7] = std::array::from_fn(|i| state.get(FramePose)[i]);
         let back = [0.0, 0.0, 0.0, -pose[3], -pose[4], -pose[5], pose[6]];
         let body = |x: &[f64]| point_of(&back, [x[0], x[1], x[2]]);
-        let (twist, acc) = (state.get(FrameTwist), state.get(FrameAcc));
-        let (w, v, alpha, a) =
-            (body(&twist[..3]), body(&twist[3..]), body(&acc[..3]), body(&acc[3..]));
+        let twist = state.get(FrameTwist);
+        let acc = state.get(FrameAcc);
+        let w = body(&twist[..3]);
+        let v = body(&twist[3..]);
+        let alpha = body(&acc[..3]);
+        let a = body(&acc[3..]);
         let wv = cross(w, v);
         let at = [pose[0], pose[1], pose[2] - 0.45, pose[3], pose[4], pose[5], pose[6]];
         let rate = [w, v].concat();

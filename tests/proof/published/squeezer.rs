@@ -1,4 +1,4 @@
-//! Andrews' squeezing mechanism (IVP test set), its spring as a wrench.
+//! Andrews' squeezing mechanism (IVP test set), with its spring as a wrench.
 
 use sarrus_tests::compare::assert_close;
 use sarrus_tests::seed::Seeded;
@@ -16,7 +16,7 @@ pub(crate) const SQUEEZER: [f64; 7] = [
     1.23054744454982119,
 ];
 
-/// How far the six published equations are from zero.
+/// Residuals of the six published equations.
 fn squeezer_gaps(q: &[f64]) -> [f64; 6] {
     let a: [f64; 7] = std::array::from_fn(|i| q[i] + SQUEEZER[i]);
     let [beta, theta, gamma, phi, delta, omega, epsilon] = a;
@@ -36,7 +36,8 @@ fn squeezer_gaps(q: &[f64]) -> [f64; 6] {
 
 /// The spring's wrench on K3 at the origin of K3 {world axes}, at q.
 fn squeezer_spring(q: &[f64]) -> [f64; 6] {
-    let (s, c) = (q[2] + SQUEEZER[2]).sin_cos();
+    let angle = q[2] + SQUEEZER[2];
+    let (s, c) = angle.sin_cos();
     let [xb, yb, xc, yc, sc, sd] = [-0.03635, 0.03273, 0.014, 0.072, 0.018, 0.02];
     let arm = [sd * c + sc * s, sd * s - sc * c];
     let out = [xb + arm[0] - xc, yb + arm[1] - yc];
@@ -53,7 +54,7 @@ fn the_squeezer_closes_and_starts_as_published() {
     for k in 0..20 {
         let y = 0.6 * Seeded::new(k).numbers(1, 1.0)[0];
         let at = robot.ask(Request::Kinematics, &[(Y, &[y])], &[Q]).ok();
-        // the mechanism is a few centimetres large
+        // the mechanism measures a few centimetres
         assert_close(
             &format!("loops at β − β0 = {y}"),
             &squeezer_gaps(at.get(Q)),
@@ -67,7 +68,7 @@ fn the_squeezer_closes_and_starts_as_published() {
     let given: [(Field, &[f64]); 4] =
         [(Y, &[0.0]), (Yd, &[0.0]), (TauU, &[0.033]), (Wrenches, &squeezer_spring(&[0.0; 7]))];
     let start = robot.ask_for(query, &given).ok();
-    // the loops' own rounding, 1e-17 m, is 1e-15 of the smallest crank
+    // the loops' rounding, 1e-17 m, is 1e-15 of the shortest crank
     let published = [14222.4439199541387, -10666.8329399655854, 0.0, 0.0, 0.0, 0.0, 0.0];
     assert_close("q̈(0)", start.get(Qdd), &published, 1.0, 1e-11);
 }
@@ -102,7 +103,7 @@ fn the_squeezer_arrives_as_published() {
         0.5347301163226948,
         1.048080741042263,
     ];
-    // the published solution is good to 1e-9
+    // the published solution has nine digits
     assert_close("q(0.03)", &q, &published, 1.0, 1e-9);
     assert_close("v(0.03)", &[motion.yd], &[1139.920302151208], 1.0, 1e-9);
 }

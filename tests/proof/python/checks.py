@@ -1,8 +1,8 @@
-"""What several programs of these tests check alike."""
+"""Checks that several programs of these tests share."""
 
 
 def raises(error, words, f, *args, **keywords):
-    """What is called raises this, with these words."""
+    """Checks that a call raises an error with these words."""
     try:
         f(*args, **keywords)
     except error as found:

@@ -106,7 +106,7 @@ def whole(client, robot, rows):
 
 
 def faults(client, robot, rows):
-    """What does not fit is refused here, what a worker finds wrong is raised here."""
+    """Invalid calls are refused here, and errors of a worker are raised here."""
     ask = sarrus.distributed.map
     raises(sarrus.QueryError, "nonsense", ask, robot, {"y": rows["y"], "nonsense": [[1.0]]}, client)
     raises(ValueError, "expected rows of states", ask, robot, {"y": [0.1, 0.2]}, client)
@@ -117,7 +117,7 @@ def faults(client, robot, rows):
     raises(ValueError, "`y` has masked elements", ask, robot, {**rows, "y": masked}, client)
     raises(ValueError, "`rows_of_a_block` is 0", ask, robot, rows, client, rows_of_a_block=0)
     raises(TypeError, "expected a `dask.distributed.Client`", ask, robot, rows, "tcp://there")
-    # files that were changed make another robot, which no worker takes for this one
+    # changed files make another robot, which a worker must not mistake for this one
     with tempfile.TemporaryDirectory() as folder:
         urdf, submechanisms, _ = robot.origin.contents()
         paths = Path(folder, "robot.urdf"), Path(folder, "robot.yml")
@@ -126,14 +126,14 @@ def faults(client, robot, rows):
         changed = sarrus.Robot.load(*paths, gravity=(0, 0, -1))
         paths[0].write_bytes(urdf.replace(b'mass value="', b'mass value="1'))
         raises(sarrus.LoadError, f"expected {changed.fingerprint:016x}", ask, changed, rows, client)
-    # another sarrus may have other bits
+    # another version of sarrus may have other bits
     client.run(call_yourself, "0.0.1")
     raises(sarrus.Error, "this worker has sarrus 0.0.1", ask, robot, rows, client)
     client.run(call_yourself, sarrus.__version__)
 
 
 def ended(client, robot, rows):
-    """An exception of `progress` ends it, and what no worker has begun is withdrawn."""
+    """An exception of `progress` ends the map, and blocks that have not begun are withdrawn."""
 
     def stop(done, total):
         raise TimeoutError(f"{done} of {total}")
@@ -144,13 +144,13 @@ def ended(client, robot, rows):
         assert str(error) == f"{BLOCK} of {ROWS}", error
     else:
         raise AssertionError("it went on")
-    # blocks that were begun end by themselves
+    # blocks in progress run to their end
     while client.run_on_scheduler(lambda dask_scheduler: len(dask_scheduler.tasks)):
         time.sleep(0.05)
 
 
 def late():
-    """Without a worker it waits, and one that comes later answers all."""
+    """Without a worker the map waits, and a later one computes all rows."""
     robot = sarrus.Robot.bundled("lambda")
     rows = {"y": np.full((3_000, 1), 0.1)}
     cluster = LocalCluster(n_workers=0, threads_per_worker=1, dashboard_address=None)

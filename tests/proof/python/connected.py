@@ -1,4 +1,4 @@
-"""A connected robot beside the same one in this process; stdout asks for what is to be done."""
+"""A connected robot beside the same one in this process; stdout asks the test for actions."""
 
 import _thread
 import contextlib
@@ -117,8 +117,8 @@ there.inverse_dynamics(y, yd, ydd, progress=lambda *state: seen.append(state))
 assert seen[-1] == (300, 300), seen
 raises(ZeroDivisionError, "", there.inverse_dynamics, y, yd, ydd, progress=lambda *_: 1 / 0)
 
-# queries that are dropped wait for no server, and for no thread that asks it: a wait with Python's
-# lock held would be for ever, since the server goes on only after it
+# dropping a query waits neither for the server nor for a thread that asks it: a wait with Python's
+# lock held would never end, since the server continues only after it
 patient = sarrus.Robot.connect(name, timeout=600.0, wait="polite")
 fields = ("q", "u", "G", "qd", "ud")
 queries = [patient.query("kinematics", ["y", "yd"], [field]) for field in fields]
@@ -191,7 +191,7 @@ np.testing.assert_array_equal(stuck.mass_matrix([0.1]), here.mass_matrix([0.1]))
 resume.join()
 assert len(others) == 1 and "this robot is being asked" in refused[0], refused
 
-# what a connection cannot do
+# calls that a connection refuses
 raises(TypeError, "connect anew", pickle.dumps, there)
 raises(sarrus.QueryError, "a server does not simulate", there.simulate, 1.0, [0.1])
 raises(sarrus.ConnectError, "expected", sarrus.Robot.connect, name, fingerprint=1)

@@ -1,5 +1,5 @@
-"""Executes a notebook, `notebook.py FILE [EXECUTED]`: what is stored has no outputs, cells raise
-nothing, and they show a table and pictures. EXECUTED gets the notebook with its outputs.
+"""Executes a notebook, `notebook.py FILE [EXECUTED]`: the file has no outputs, no cell raises, and
+the outputs have a table and pictures. EXECUTED gets the notebook with its outputs.
 """
 
 import os
@@ -12,7 +12,7 @@ from nbclient import NotebookClient
 
 
 def main():
-    # what Jupyter and matplotlib keep is nobody's home's
+    # keeps the files of Jupyter and matplotlib out of the user's home
     folder = tempfile.TemporaryDirectory()
     for name in ("JUPYTER_RUNTIME_DIR", "JUPYTER_CONFIG_DIR", "IPYTHONDIR", "MPLCONFIGDIR"):
         os.environ[name] = folder.name
@@ -23,7 +23,7 @@ def main():
     for cell in code:
         assert not cell.outputs and cell.execution_count is None, f"{path}: outputs in `{cell.id}`"
 
-    # an exception of a cell is one of this
+    # an exception of a cell is raised here
     where = {"metadata": {"path": str(path.parent)}}
     client = NotebookClient(notebook, timeout=None, startup_timeout=600, resources=where)
     client.execute()

@@ -1,4 +1,4 @@
-//! Which joints are held, on which robots.
+//! Choices of locked joints and robots.
 
 use std::collections::BTreeSet;
 
@@ -15,14 +15,16 @@ use Field::*;
 
 #[test]
 fn each_independent_joint_held_in_turn_leaves_the_answers_of_the_whole_robot() {
-    let (mut tried, mut compared) = (0, 0);
+    let mut tried = 0;
+    let mut compared = 0;
     Ledger::over(robots(), |case, ledger| {
         let mut seeded = Seeded::new(case.seed + 17);
         for name in independents(case) {
             let held = [(name.clone(), position(case, &name, &mut seeded))];
             let reduced = Pair::locked(case, &held);
             let mut pair = Pair::new(case, &reduced, &held);
-            let (small, whole) = (sizes(&pair.small.model), sizes(&case.compiled.model));
+            let small = sizes(&pair.small.model);
+            let whole = sizes(&case.compiled.model);
             assert!(small[0] < whole[0] && small[1] + 1 == whole[1], "{}: {name}", case.name);
             assert!(small[2] <= whole[2]);
             pair.compare(ledger, 2);
@@ -71,7 +73,7 @@ fn a_humanoid_with_legs_and_torso_held_has_the_bodies_of_its_arms_and_head() {
     assert!(model.tree_names().iter().all(|name| arms(name)), "{:?}", model.tree_names());
     assert!(model.active_names().iter().all(|name| arms(name)));
     assert_eq!(model.link_names(), case.compiled.model.link_names());
-    // every closed form of the arms stays
+    // the arms keep every closed form
     let kinds = |of: &[sarrus_dynamics::ClosureInfo]| -> Vec<_> {
         of.iter().filter(|of| arms(&of.name)).map(|of| (of.name.clone(), of.kind)).collect()
     };
@@ -92,16 +94,17 @@ fn a_robot_without_the_other_branches_has_the_motion_of_the_whole_and_forces_of_
     let names = pair.small.model.tree_names().to_vec();
     assert!(names.iter().all(|name| name.starts_with("AL") || name.starts_with("Body")));
     assert!(names.iter().any(|name| name.starts_with("AL")));
-    // the path is whole: the torso's legs close its loops
+    // the path is complete: the torso's legs close its loops
     assert!(names.iter().any(|name| name == "BodyActR"));
-    let (small, whole) = (&reduced.description, &case.description);
+    let small = &reduced.description;
+    let whole = &case.description;
     assert!(small.links.len() < whole.links.len());
     let mass = |of: &sarrus_dynamics::description::Description| -> f64 {
         of.links.iter().filter_map(|link| link.inertial).map(|of| of.mass).sum()
     };
     assert!(mass(small) < mass(whole));
 
-    // and it is the whole robot whose other branches weigh nothing
+    // and equals the whole robot with massless other branches
     let kept: BTreeSet<usize> = reduced.links.iter().copied().collect();
     let mut light = case.description.clone();
     for (l, link) in light.links.iter_mut().enumerate() {
@@ -115,7 +118,7 @@ fn a_robot_without_the_other_branches_has_the_motion_of_the_whole_and_forces_of_
     ledger.finish();
 }
 
-/// The robot with a joint inside a loop held where it is at a state of the whole robot.
+/// A robot with a joint inside a loop locked at its value in a state of the whole robot.
 fn held_inside(robot: &str, name: &str, seed: u64) -> (Case, Reduced, Fields<f64>) {
     let case = Case::bundled(robot);
     let state = case.state::<f64>(seed);
@@ -155,30 +158,34 @@ fn a_joint_inside_a_loop_of_several_freedoms_takes_one_of_its_independents() {
         ("torso", "BodyActL"),
         ("ankle", "AnkleActR"),
         ("wrist", "WristLAct"),
-        // a motor that is one independent at the zero pose, and a joint that hardly moves
+        // a motor that is an independent at the zero pose, and a joint that hardly moves
         ("active_ankle", "motor_x"),
         ("wrist", "WristLActB"),
         ("five_bar", "right_elbow"),
         ("delta", "rod1a_u1"),
     ] {
         let (case, reduced, _) = held_inside(robot, name, 3);
-        let (small, whole) =
-            (Model::compile(&reduced.description).unwrap().model, &case.compiled.model);
+        let small = Model::compile(&reduced.description).unwrap().model;
+        let whole = &case.compiled.model;
         assert_eq!(small.sizes().n_vy + 1, whole.sizes().n_vy, "{robot}");
         let warned = |what: &str| reduced.warnings.iter().any(|of| of.found.contains(what));
         assert!(warned("is no independent joint any more"), "{robot}: {:?}", reduced.warnings);
 
-        // the whole robot where the reduced one is, moving as it does
+        // the whole robot at the pose and motion of the reduced one
         let state = case.state::<f64>(5);
         let at = places(small.independent_names(), whole.independent_names());
         let pick = |of: &[f64]| -> Vec<f64> { at.iter().map(|i| of[*i]).collect() };
-        let (y, yd, ydd) = (pick(&state.y), pick(&state.yd), pick(&state.ydd));
+        let y = pick(&state.y);
+        let yd = pick(&state.yd);
+        let ydd = pick(&state.ydd);
         let given = [(Y, y.as_slice()), (Yd, &yd), (Ydd, &ydd)];
         let mut robot_of = Robot::new(small.clone());
         let mine = robot_of.ask(Request::Kinematics, &given, &[Q, Qd, Qdd, G, U]).ok();
         let back = places(whole.independent_names(), small.tree_names());
         let all = |field| -> Vec<f64> { back.iter().map(|i| mine.get(field)[*i]).collect() };
-        let (y, yd, ydd) = (all(Q), all(Qd), all(Qdd));
+        let y = all(Q);
+        let yd = all(Qd);
+        let ydd = all(Qdd);
         let moved = [(Y, y.as_slice()), (Yd, &yd), (Ydd, &ydd)];
         let mut whole_robot = Robot::new(whole.clone());
         let reference = whole_robot.ask(Request::Kinematics, &moved, &[Q, Qd, Qdd, U]).ok();
@@ -187,12 +194,12 @@ fn a_joint_inside_a_loop_of_several_freedoms_takes_one_of_its_independents() {
             let reference: Vec<f64> = tree.iter().map(|i| reference.get(field)[*i]).collect();
             assert_close(robot, mine.get(field), &reference, 1.0, allowed);
         }
-        // and the joint stands still
+        // and the locked joint does not move
         let held = whole.tree_names().iter().position(|other| other == name).unwrap();
         assert!(reference.get(Qd)[held].abs() < 1e-11, "{robot}");
         assert!(reference.get(Qdd)[held].abs() < 1e-9, "{robot}");
 
-        // forces do the same work
+        // equal work of the forces
         let forces = robot_of.ask(Request::InverseDynamics, &given, &[TauY]).ok();
         let reference = whole_robot.ask(Request::InverseDynamics, &moved, &[TauY]).ok();
         let n = small.sizes().n_vy;
@@ -209,7 +216,7 @@ fn every_joint_that_moves_can_be_held_where_it_is_at_the_zero_pose() {
     for (robot, _) in sarrus_models::bundled().filter(|(robot, _)| *robot != "rh5v2_full") {
         let case = Case::bundled(robot);
         let model = &case.compiled.model;
-        // beside an independent joint of several degrees of freedom none of its loop is held
+        // no joint of a loop with an independent of several degrees of freedom can be locked
         if model.independent_names().iter().any(|name| name.contains('/')) {
             continue;
         }
@@ -217,10 +224,11 @@ fn every_joint_that_moves_can_be_held_where_it_is_at_the_zero_pose() {
         let mut gains = |y: &[f64]| whole.ask(Request::Kinematics, &[(Y, y)], &[G]).ok();
         let state = case.state::<f64>(1).y;
         let zero = vec![0.0; state.len()];
-        let (moved, at_zero) = (gains(&state), gains(&zero));
+        let moved = gains(&state);
+        let at_zero = gains(&zero);
         let n_vy = model.sizes().n_vy;
         for (v, name) in model.tree_names().iter().enumerate() {
-            // a part of a joint of several degrees of freedom
+            // a part of a joint with several degrees of freedom
             if name.contains('/') {
                 continue;
             }
@@ -238,7 +246,7 @@ fn every_joint_that_moves_can_be_held_where_it_is_at_the_zero_pose() {
                 Err(error) => {
                     let said: Vec<&str> = error.errors.iter().map(|of| &*of.found).collect();
                     let said = said.join("; ");
-                    // what only moves elsewhere does not hold anything at the zero pose
+                    // a joint that moves only elsewhere has a dead point at the zero pose
                     let expected = if moves { "dead point" } else { "which never moves" };
                     assert!(!moves || !moves_in(at_zero.get(G)), "{robot} {name}: {said}");
                     assert!(said.contains(expected), "{robot} {name}: {said}");

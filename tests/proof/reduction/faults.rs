@@ -1,11 +1,11 @@
-//! What cannot be held, and what is said of it.
+//! Locks that are refused, and their errors.
 
 use sarrus_dynamics::{Lock, Model, locked};
 use sarrus_tests::cases::Case;
 
 use super::joint;
 
-/// What is said of locks by name.
+/// Errors of locks by joint name.
 fn fault(case: &Case, locks: &[(&str, Option<f64>)]) -> String {
     let lock = |(name, position): &(&str, Option<f64>)| Lock {
         joint: joint(case, name),
@@ -38,7 +38,7 @@ fn joints_that_others_hold_already_cannot_be_held_elsewhere() {
     let both = [("BodyPitch", Some(0.1)), ("BodyRoll", Some(0.0)), ("BodyActL", Some(0.3))];
     let said = fault(&case, &both);
     assert!(said.contains("BodyActL locked at 0.3, where its loop is open"), "{said}");
-    // where the others hold it, it is held
+    // locked at the values that the other locks give
     let three = [("BodyActL", None), ("BodyActR", None), ("BodyBL1", None)];
     let three = three.map(|(name, position)| Lock { joint: joint(&case, name), position });
     let reduced = locked(&case.description, &three).unwrap();

@@ -1,6 +1,6 @@
-//! A robot with joints held still, or without some branches, against the whole robot that is held
-//! there: the state, frames and Jacobians, inverse dynamics, and forward dynamics by the inverse
-//! dynamics of the whole robot at the accelerations that come out.
+//! A robot with locked joints or without some branches, against the whole robot at the same pose
+//! and motion: state, frames, Jacobians and inverse dynamics; forward dynamics through the inverse
+//! dynamics of the whole robot at the resulting accelerations.
 
 mod cases;
 mod faults;
@@ -14,13 +14,12 @@ use sarrus_tests::seed::Seeded;
 
 use Field::*;
 
-/// Links whose frames are compared, and on which wrenches act.
+/// Links with compared frames and with wrenches.
 const LINKS: usize = 4;
-/// What is allowed at condition 1: rounding, of the whole robot's double-double answer the smallest
-/// part.
+/// Bound at condition 1: rounding; the whole robot's double-double answer contributes the least.
 const SHARE: f64 = 64.0 * f64::EPSILON;
 
-/// Where each name of a list stands in another; all of them must.
+/// Index in `within` of each name of `of`.
 fn places(of: &[String], within: &[String]) -> Vec<usize> {
     let place = |name: &String| within.iter().position(|other| other == name);
     of.iter().map(|name| place(name).unwrap_or_else(|| panic!("no {name}"))).collect()
@@ -31,31 +30,31 @@ fn joint(case: &Case, name: &str) -> usize {
     case.description.joints.iter().position(|joint| joint.name == name).unwrap()
 }
 
-/// A random position within the reach of an independent joint of one freedom.
+/// A random position within the reach of an independent joint of one degree of freedom.
 fn position(case: &Case, name: &str, seeded: &mut Seeded) -> f64 {
     let at = case.compiled.model.independent_names().iter().position(|other| other == name);
     at.map_or(0.0, |at| seeded.within(-1.0, 1.0) * case.reach[at])
 }
 
-/// Independent joints of one freedom, by name.
+/// Names of the independent joints of one degree of freedom.
 fn independents(case: &Case) -> Vec<String> {
     let names = case.compiled.model.independent_names().iter();
     names.filter(|name| !name.contains("/r") && !name.contains("/t")).cloned().collect()
 }
 
-/// The reduced robot, and its y among that of the whole one with what the others are held at.
+/// The reduced robot, the whole one, and the values of the locked joints.
 struct Pair<'a> {
     case: &'a Case,
     whole: Robot<Dd>,
     small: Robot<f64>,
     reduced: &'a Reduced,
     held: Vec<(String, f64)>,
-    /// States that were compared.
+    /// Number of compared states.
     compared: u64,
 }
 
 impl<'a> Pair<'a> {
-    /// Compiles what is left.
+    /// Compiles the reduced robot.
     fn new(case: &'a Case, reduced: &'a Reduced, held: &[(String, f64)]) -> Pair<'a> {
         let small = Model::compile(&reduced.description)
             .unwrap_or_else(|error| panic!("{} with {held:?}: {error}", case.name));
@@ -81,10 +80,11 @@ impl<'a> Pair<'a> {
             .unwrap_or_else(|error| panic!("{} with {held:?}: {error}", case.name))
     }
 
-    /// A state of the whole robot with the joints held, and that of the reduced one.
+    /// A state of the whole robot at the locked values, and the one of the reduced robot.
     fn states(&self, k: u64) -> (State<Dd>, State<f64>) {
         let mut whole = self.case.state::<f64>(k);
-        let (model, small) = (&self.whole.model, &self.small.model);
+        let model = &self.whole.model;
+        let small = &self.small.model;
         let mut kept = vec![false; whole.yd.len()];
         places(small.independent_names(), model.independent_names())
             .into_iter()
@@ -132,9 +132,10 @@ impl<'a> Pair<'a> {
         let some: Vec<usize> = (0..LINKS).map(|_| seeded.below(n_links)).collect();
         let links: Vec<u16> = some.iter().map(|l| *l as u16).collect();
         let there: Vec<u16> = some.iter().map(|l| self.reduced.links[*l] as u16).collect();
-        let (small, whole) = (&mut self.small, &mut self.whole);
+        let small = &mut self.small;
+        let whole = &mut self.whole;
 
-        // the state
+        // state
         let want =
             [Q, Qd, Qdd, U, Ud, Udd, FramePose, FrameTwist, FrameAcc, JacobianIndependent, CondKd];
         let query = Query::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(&want));
@@ -142,7 +143,7 @@ impl<'a> Pair<'a> {
         let small_given = [(Y, small_at.y.as_slice()), (Yd, &small_at.yd), (Ydd, &small_at.ydd)];
         let reference = whole.ask_for(query.with_frames(&there), &given);
         let mine = small.ask_for(query.with_frames(&links), &small_given);
-        // a state that the whole robot does not reach says nothing
+        // a state that the whole robot does not reach is skipped
         if reference.answer.status != sarrus_dynamics::Status::Ok {
             return;
         }
@@ -177,7 +178,7 @@ impl<'a> Pair<'a> {
         let error = error_by_size(mine.get(JacobianIndependent), &columns, 1.0);
         ledger.note("jacobian_independent", case, error, share * K_d);
 
-        // inverse dynamics with wrenches, forces of the independents that are left
+        // inverse dynamics with wrenches; forces of the remaining independents
         let query = Query::new(
             Request::InverseDynamics,
             FieldSet::EMPTY,
@@ -203,7 +204,7 @@ impl<'a> Pair<'a> {
         let error = error_by_size(mine.get(TauY), &forces, force);
         ledger.note("tau_y", case, error, share * K_d * K_d);
 
-        // forward dynamics: these accelerations take the whole robot the forces that were given
+        // forward dynamics: the whole robot needs the given forces for these accelerations
         let tau = seeded.numbers(vy.len(), force);
         let forward = small.ask(
             Request::ForwardDynamics,
@@ -232,7 +233,7 @@ fn pick(of: &[Dd], at: &[usize]) -> Vec<f64> {
     at.iter().map(|i| of[*i].to_f64()).collect()
 }
 
-/// Poses whose quaternions have the sign of the reference's.
+/// Poses with quaternions of the reference's sign.
 fn one_sense(field: Field, mine: &[f64], reference: &[f64]) -> Vec<f64> {
     let mut mine = mine.to_vec();
     if field == FramePose {
@@ -244,7 +245,7 @@ fn one_sense(field: Field, mine: &[f64], reference: &[f64]) -> Vec<f64> {
     mine
 }
 
-/// What is there to be left, for messages.
+/// Sizes for messages.
 fn sizes(fields: &Model<f64>) -> [usize; 3] {
     let sizes = fields.sizes();
     [sizes.n_v, sizes.n_vy, sizes.n_c]

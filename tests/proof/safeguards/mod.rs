@@ -1,13 +1,20 @@
 //! Numerical closures never fail silently: ranks, idle degrees of freedom, reactions, singular
-//! poses and targets out of reach.
+//! poses, unreachable targets.
 
 mod mechanisms;
 
 use std::f64::consts::FRAC_PI_6;
 
 use faer::Mat;
+use sarrus_dynamics::description::SubmechanismKind::Numerical;
 use sarrus_dynamics::scalar::Dd;
-use sarrus_dynamics::{Compiled, Field, FieldSet, Model, Plan, Query, Request, Status, Workspace};
+use sarrus_dynamics::{
+    Compiled, Field, FieldSet, LinkId, Model, Plan, Query, Request, Status, Workspace,
+};
+use sarrus_report::robots::small::{
+    LOOSE, RHOMBUS, Slide, Turn, X as X_AXIS, Y as Y_AXIS, Z as Z_AXIS, cut, joint, mechanism,
+    reach_of_lambda, toggle,
+};
 use sarrus_tests::cases::Case;
 use sarrus_tests::compare::{error_by_size, largest};
 use sarrus_tests::run::{Fields, Robot};
@@ -15,10 +22,9 @@ use sarrus_tests::seed::Seeded;
 use sarrus_tests::small::{matrix_product, product, transposed};
 
 use Field::*;
-use mechanisms::{
-    LOOSE, Mechanism, Slide, Turn, X as X_AXIS, Y as Y_AXIS, Z as Z_AXIS, bricard, door, four_bar,
-    lambda, loop_in_space, rows,
-};
+use mechanisms::{bricard, door, four_bar, lambda, lambda_of_size, loop_in_space};
+
+const BASE: LinkId = LinkId::BASE;
 
 fn robot(compiled: &Compiled) -> Robot<f64> {
     Robot::new(compiled.model.clone())
@@ -51,7 +57,7 @@ fn a_planar_four_bar_closes_alike_with_two_three_and_six_rows() {
             );
             x.ok()
         });
-        // both ends of the chain turn as the crank and the coupler do
+        // both ends of the chain turn like the crank and the coupler
         for field in [Q, Qd, Qdd] {
             assert!(
                 error_by_size(&b.get(field)[..3], &a.get(field)[..3], 1.0) < 1e-13,
@@ -88,13 +94,15 @@ fn bricards_linkage_moves_with_its_redundant_row_whole_or_cut() {
     }
 }
 
-/// The scaled K_d, its left null space (columns) and the row units, from what is asked; every joint
-/// but the first depends.
+/// K_d with scaled rows, its left null space (columns) and the row units, for a robot in which
+/// every joint but the first depends.
 fn scaled_rows(compiled: &Compiled, rows_K: &[f64], units: &[f64]) -> (Mat<f64>, Mat<f64>) {
-    let (n, rows) = (compiled.model.sizes().n_v, units.len());
+    let n = compiled.model.sizes().n_v;
+    let rows = units.len();
     let K_d = Mat::from_fn(rows, n - 1, |r, a| rows_K[r * n + a + 1] * units[r]);
     let svd = K_d.svd().unwrap();
-    let (S, left) = (svd.S().column_vector(), svd.U());
+    let S = svd.S().column_vector();
+    let left = svd.U();
     let rank = (0..S.nrows()).filter(|i| S[*i] > 1e-9 * S[0]).count();
     let null = Mat::from_fn(rows, rows - rank, |r, a| left[(r, rank + a)]);
     (K_d, null)
@@ -102,16 +110,20 @@ fn scaled_rows(compiled: &Compiled, rows_K: &[f64], units: &[f64]) -> (Mat<f64>,
 
 #[test]
 fn reactions_have_the_least_norm_and_the_determinate_ones_are_told() {
-    let (planar, whole) = (four_bar(LOOSE, "xyz"), four_bar(LOOSE, "xyzabc"));
+    let planar = four_bar(LOOSE, "xyz");
+    let whole = four_bar(LOOSE, "xyzabc");
     let mut counts = (0, 0);
     for (compiled, angular) in [(planar, 0), (whole, 3), (bricard(false), 3), (bricard(true), 2)] {
-        let (n, rows) = (compiled.model.sizes().n_v, compiled.model.sizes().n_c);
+        let n = compiled.model.sizes().n_v;
+        let rows = compiled.model.sizes().n_c;
         let length = compiled.model.closures()[0].length;
         let units: Vec<f64> =
             (0..rows).map(|r| if r < rows - angular { 1.0 / length } else { 1.0 }).collect();
         let mut robot = robot(&compiled);
         for k in 0..10 {
-            let (y, yd, ydd) = ([0.05 * f64::from(k) - 0.31], [0.8], [-0.4]);
+            let y = [0.05 * f64::from(k) - 0.31];
+            let yd = [0.8];
+            let ydd = [-0.4];
             let x = robot
                 .ask(
                     Request::InverseDynamics,
@@ -119,13 +131,14 @@ fn reactions_have_the_least_norm_and_the_determinate_ones_are_told() {
                     &[K, Lambda, LambdaDeterminate, TauQ, TauU],
                 )
                 .ok();
-            let (lambda, reported) = (x.get(Lambda), x.get(LambdaDeterminate));
-            // the loops supply what the actuator does not
+            let lambda = x.get(Lambda);
+            let reported = x.get(LambdaDeterminate);
+            // the loops supply the part of the force that the actuator does not
             let mut rest = x.get(TauQ).to_vec();
             rest[0] -= x.get(TauU)[0];
             let given = transposed(x.get(K), lambda, n);
             assert!(error_by_size(&given, &rest, 0.0) < 1e-11, "Kᵀ λ = τ: {given:?} {rest:?}");
-            // least norm: nothing of it in the null space, by another decomposition
+            // least norm: no component in the null space, by another decomposition
             let (K_d, null) = scaled_rows(&compiled, x.get(K), &units);
             let scaled: Vec<f64> = lambda.iter().zip(&units).map(|(x, unit)| x / unit).collect();
             for a in 0..null.ncols() {
@@ -134,8 +147,7 @@ fn reactions_have_the_least_norm_and_the_determinate_ones_are_told() {
                     along.abs() < 1e-11 * largest(&scaled),
                     "{along} along a null vector of {scaled:?}"
                 );
-                // and a null vector changes exactly the reactions that are not reported to be
-                // determinate
+                // a null vector changes exactly the reactions reported as indeterminate
                 let unseen: f64 = (0..n - 1)
                     .map(|j| (0..rows).map(|r| K_d[(r, j)] * null[(r, a)]).sum::<f64>().abs())
                     .sum();
@@ -163,7 +175,8 @@ fn reactions_have_the_least_norm_and_the_determinate_ones_are_told() {
 
 #[test]
 fn a_rod_that_may_spin_is_locked_by_name_and_changes_nothing_else() {
-    let (spinning, plain) = (door(true), door(false));
+    let spinning = door(true);
+    let plain = door(false);
     assert!(warned(&spinning).contains("idle joints"), "{}", warned(&spinning));
     assert_eq!(spinning.model.closures()[0].idle.len(), 1);
     let locked = spinning
@@ -174,7 +187,8 @@ fn a_rod_that_may_spin_is_locked_by_name_and_changes_nothing_else() {
         .unwrap();
     assert!((1..=3).contains(&locked), "one of the three turns of the ball");
     assert_eq!(warned(&plain), "");
-    let (mut a, mut b) = (robot(&spinning), robot(&plain));
+    let mut a = robot(&spinning);
+    let mut b = robot(&plain);
     for k in 0..20 {
         let y = [0.05 * f64::from(k) - 0.5];
         let [x, z] = [&mut a, &mut b].map(|robot| {
@@ -197,7 +211,7 @@ fn a_rod_that_may_spin_is_locked_by_name_and_changes_nothing_else() {
             (0.0, 0.0, 0.0, 0.0)
         );
     }
-    // it keeps the guess
+    // the answer keeps the guess
     let mut guess = at(&mut a, &[0.1], &[Q]).ok().get(Q).to_vec();
     let slider = at(&mut a, &[0.12], &[U]).ok().get(U)[0];
     guess[locked] += 0.2;
@@ -208,37 +222,38 @@ fn a_rod_that_may_spin_is_locked_by_name_and_changes_nothing_else() {
 
 #[test]
 fn a_freedom_that_does_something_is_an_error_of_mobility() {
-    // a five-bar in the plane, and one whose axes meet in a point
+    // a planar five-bar, and a spherical one
     let flat = {
-        let mut of = Mechanism::new();
-        let a = of.joint(0, Turn, [0.0, 0.0, 0.0], Z_AXIS);
-        let b = of.joint(a, Turn, [-0.3, 0.8, 0.0], Z_AXIS);
-        let c = of.joint(0, Turn, [1.0, 0.0, 0.0], Z_AXIS);
-        let d = of.joint(c, Turn, [1.2, 0.9, 0.0], Z_AXIS);
-        of.cut(b, d, [0.6, 1.5, 0.0], &rows("xy"));
-        of.compile(&[0], &[0])
+        let mut of = mechanism(Numerical);
+        let a = joint(&mut of, BASE, Turn, [0.0, 0.0, 0.0], Z_AXIS);
+        let b = joint(&mut of, a, Turn, [-0.3, 0.8, 0.0], Z_AXIS);
+        let c = joint(&mut of, BASE, Turn, [1.0, 0.0, 0.0], Z_AXIS);
+        let d = joint(&mut of, c, Turn, [1.2, 0.9, 0.0], Z_AXIS);
+        cut(&mut of, b, d, [0.6, 1.5, 0.0], "xy");
+        of.independent([a]).active([a]).compile()
     };
     let round = {
-        let mut of = Mechanism::new();
+        let mut of = mechanism(Numerical);
         let centre = [0.0; 3];
-        let a = of.joint(0, Turn, centre, Z_AXIS);
-        let b = of.joint(a, Turn, centre, [0.3, 0.1, 1.0]);
-        let c = of.joint(0, Turn, centre, X_AXIS);
-        let d = of.joint(c, Turn, centre, [1.0, 0.4, 0.2]);
-        of.cut(b, d, centre, &rows("bc"));
-        of.compile(&[0], &[0])
+        let a = joint(&mut of, BASE, Turn, centre, Z_AXIS);
+        let b = joint(&mut of, a, Turn, centre, [0.3, 0.1, 1.0]);
+        let c = joint(&mut of, BASE, Turn, centre, X_AXIS);
+        let d = joint(&mut of, c, Turn, centre, [1.0, 0.4, 0.2]);
+        cut(&mut of, b, d, centre, "bc");
+        of.independent([a]).active([a]).compile()
     };
     // a sleeve that slides loose along its rod
     let sleeve = {
-        let mut of = Mechanism::new();
-        let door = of.joint(0, Turn, [1.0, 0.0, 0.0], Z_AXIS);
-        let head = [1.1, 1.0, 0.5];
-        let mut rod = of.joint(0, Turn, [-0.6, 0.3, 0.2], X_AXIS);
-        rod = of.joint(rod, Turn, [-0.6, 0.3, 0.2], Y_AXIS);
-        rod = of.joint(rod, Slide, [-0.6, 0.3, 0.2], [1.7, 0.7, 0.3]);
-        rod = of.joint(rod, Slide, [-0.2, 0.3, 0.2], [1.7, 0.7, 0.3]);
-        of.cut(door, rod, head, &rows("xyz"));
-        of.compile(&[0], &[])
+        let mut of = mechanism(Numerical);
+        let door = joint(&mut of, BASE, Turn, [1.0, 0.0, 0.0], Z_AXIS);
+        let foot = [-0.6, 0.3, 0.2];
+        let along = [1.7, 0.7, 0.3];
+        let mut rod = joint(&mut of, BASE, Turn, foot, X_AXIS);
+        rod = joint(&mut of, rod, Turn, foot, Y_AXIS);
+        rod = joint(&mut of, rod, Slide, foot, along);
+        rod = joint(&mut of, rod, Slide, [-0.2, 0.3, 0.2], along);
+        cut(&mut of, door, rod, [1.1, 1.0, 0.5], "xyz");
+        of.independent([door]).compile()
     };
     for (what, found) in
         [("a five-bar", flat), ("a spherical five-bar", round), ("a loose sleeve", sleeve)]
@@ -293,18 +308,6 @@ fn every_kind_of_cut_is_found_independent_at_every_scale() {
     }
 }
 
-/// The crank's angle at which coupler and rocker of a four-bar lie in one line, from its lengths.
-fn toggle() -> (f64, f64) {
-    let far = |a: [f64; 2], b: [f64; 2]| f64::hypot(b[0] - a[0], b[1] - a[1]);
-    let [a, b, c, d] = LOOSE;
-    let (crank, coupler, rocker, ground) = (far(a, b), far(b, c), far(c, d), far(d, a));
-    let angle = |reach: f64| {
-        f64::acos((crank * crank + ground * ground - reach * reach) / (2.0 * crank * ground))
-    };
-    let (heading, base) = (f64::atan2(b[1], b[0]), f64::atan2(d[1], d[0]));
-    (base + angle(coupler + rocker) - heading, base + angle((coupler - rocker).abs()) - heading)
-}
-
 #[test]
 fn beyond_its_reach_a_loop_says_so_with_the_nearest_y() {
     let mut counts = [0; Status::ALL.len()];
@@ -319,16 +322,16 @@ fn beyond_its_reach_a_loop_says_so_with_the_nearest_y() {
             reported - reach
         );
         assert!(x.get(SigmaMin)[0] < 1e-2, "{name}: {:?}", x.get(SigmaMin));
-        // the crank is no good independent there, some dependent is
+        // the crank is a bad independent there, some dependent a good one
         assert_eq!(x.get(GoodIndependents)[0], 0.0, "{name} {beyond:.1e} beyond");
         assert_eq!(x.get(GoodIndependents).iter().sum::<f64>(), 1.0);
         x.answer.status
     };
-    let (out, _) = toggle();
+    let out = toggle();
     let mut bar = robot(&four_bar(LOOSE, "xy"));
     let mut whole = robot(&four_bar(LOOSE, "xyzabc"));
-    let meet = f64::acos((0.81 + 1.0 - 0.09) / 1.8) - std::f64::consts::FRAC_PI_2;
-    let mut lambdas = [1e-3, 1.0, 1e3].map(|scale| robot(&lambda(scale)));
+    let meet = reach_of_lambda();
+    let mut lambdas = [1e-3, 1.0, 1e3].map(|scale| robot(&lambda_of_size(scale)));
     let mut unnamed = 0;
     for beyond in [0.5, 0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7] {
         let mut seen = vec![
@@ -348,7 +351,7 @@ fn beyond_its_reach_a_loop_says_so_with_the_nearest_y() {
 
 #[test]
 fn at_a_toggle_the_independents_are_singular_and_a_good_one_is_named() {
-    let (out, _) = toggle();
+    let out = toggle();
     let mut bar = robot(&four_bar(LOOSE, "xy"));
     for beyond in [0.0, 1e-13, -1e-13] {
         let x = at(&mut bar, &[out + beyond], &[Q, Qd, G, SigmaMin, GoodIndependents]);
@@ -361,8 +364,8 @@ fn at_a_toggle_the_independents_are_singular_and_a_good_one_is_named() {
         assert_eq!(x.get(GoodIndependents)[0], 0.0);
         assert!(x.get(SigmaMin)[0] < 1e-4, "{:?}", x.get(SigmaMin));
     }
-    // a rhombus folded flat loses rank of K itself
-    let flat = four_bar([[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]], "xy");
+    // a rhombus folded flat has a K of lower rank
+    let flat = four_bar(RHOMBUS, "xy");
     let x = at(
         &mut robot(&flat),
         &[std::f64::consts::FRAC_PI_2],
@@ -384,7 +387,7 @@ fn a_platform_that_its_legs_cannot_hold_names_the_motion_that_none_controls() {
     let mut robot = Robot::new(model.clone());
     let matrix = |robot: &mut Robot<f64>, y: &[f64]| at(robot, y, &[GU]).ok().get(GU).to_vec();
     let det = |of: &[f64]| Mat::from_fn(n, n, |i, j| of[i * n + j]).determinant();
-    // along turns about each axis until the determinant changes its sign
+    // turns about each axis until the determinant changes its sign
     let mut found = 0;
     for axis in 3..6 {
         let pose = |turn: f64| {
@@ -399,7 +402,8 @@ fn a_platform_that_its_legs_cannot_hold_names_the_motion_that_none_controls() {
         }) else {
             continue;
         };
-        let (mut low, mut high) = (0.03 * f64::from(k - 1), 0.03 * f64::from(k));
+        let mut low = 0.03 * f64::from(k - 1);
+        let mut high = 0.03 * f64::from(k);
         for _ in 0..60 {
             let middle = 0.5 * (low + high);
             if det(&matrix(&mut robot, &pose(middle))) * first < 0.0 {
@@ -425,22 +429,24 @@ fn a_platform_that_its_legs_cannot_hold_names_the_motion_that_none_controls() {
 
 #[test]
 fn near_singular_poses_every_answer_is_right_or_has_a_name() {
-    let (out, _) = toggle();
+    let out = toggle();
     let meet = f64::acos((0.81 + 1.0 - 0.09) / 1.8) - std::f64::consts::FRAC_PI_2;
     let mut silent = 0;
     for (name, compiled, reach) in [
         ("four-bar", four_bar(LOOSE, "xy"), out),
         ("six rows", four_bar(LOOSE, "xyzabc"), out),
-        ("lambda", lambda(1.0), meet),
+        ("lambda", lambda(), meet),
         ("Bricard", bricard(false), -FRAC_PI_6),
         ("Bricard, open", bricard(true), -FRAC_PI_6),
     ] {
         let mut seeded = Seeded::new(5);
-        let (mut robot, mut exact) = (robot(&compiled), Robot::new(compiled.exact.clone()));
+        let mut robot = robot(&compiled);
+        let mut exact = Robot::new(compiled.exact.clone());
         let branch = at(&mut robot, &[0.0], &[Branch]).ok().get(Branch).to_vec();
-        let (mut counts, mut closest) = ([0; Status::ALL.len()], f64::INFINITY);
+        let mut counts = [0; Status::ALL.len()];
+        let mut closest = f64::INFINITY;
         for _ in 0..400 {
-            // as near as rounding on either side
+            // within rounding on either side
             let y = reach + seeded.sign() * 10f64.powf(seeded.within(-15.0, 0.0));
             let x = at(&mut robot, &[y], &[Q, G, Branch, Residual, CondKd]);
             counts[x.answer.status as usize] += 1;
@@ -482,7 +488,7 @@ fn nothing_allocates_whatever_fails() {
     let want = [Q, Residual, SigmaMin, NearestY, GoodIndependents, Uncontrolled, Branch];
     let mut seen = Vec::new();
     for compiled in
-        [four_bar(LOOSE, "xyz"), four_bar(LOOSE, "xyzabc"), bricard(false), door(true), lambda(1.0)]
+        [four_bar(LOOSE, "xyz"), four_bar(LOOSE, "xyzabc"), bricard(false), door(true), lambda()]
     {
         let model = &compiled.model;
         let state = Query::new(Request::Kinematics, FieldSet::of(&[Y]), FieldSet::of(&want));

@@ -1,4 +1,4 @@
-//! What cannot be simulated, and how that is reported.
+//! Refused simulations and their errors.
 
 use sarrus_dynamics::Status;
 use sarrus_simulation::{End, EventKind, Run, SimulationError, Source, Space};
@@ -95,7 +95,7 @@ fn every_fault_of_start_settings_inputs_and_springs_is_named() {
 #[test]
 fn a_start_that_no_pose_has_is_refused_with_its_status() {
     let robot = super::switching::slider_crank("NUMERICAL", "slide");
-    // a metre beyond its reach
+    // a metre beyond the slider's reach
     let error = refused(&robot, &from(&[1.0], &[0.0]), &fixed(Method::RungeKutta, 1e-3, 0.1));
     assert!(matches!(error, SimulationError::Start { status: Status::Unreachable, .. }), "{error}");
 }
@@ -110,7 +110,8 @@ fn an_open_start_is_closed_and_told_and_a_closed_one_left_alone() {
     assert!(again.correction[0] < 1e-14 && again.correction[1] < 1e-13, "{:?}", again.correction);
     assert_eq!(again.samples[0].y, first.y);
     // one dependent is off by a hundredth, one rate by a tenth
-    let (mut q, mut qd) = (first.q.clone(), first.qd.clone());
+    let mut q = first.q.clone();
+    let mut qd = first.qd.clone();
     q[1] += 0.01;
     qd[3] -= 0.1;
     let projected = robot.run(&Start::Tree { q, qd }, &settings);
@@ -123,7 +124,7 @@ fn an_open_start_is_closed_and_told_and_a_closed_one_left_alone() {
     assert!(projected.residual() < 1e-14);
 }
 
-/// The five-bar pushed out of its reach.
+/// A simulation of the five-bar pushed out of its reach.
 fn pushed(settings: &Settings) -> Run {
     let mut robot = Robot::bundled("five_bar");
     robot
@@ -156,7 +157,7 @@ fn no_step_is_swallowed_where_the_right_hand_side_has_no_answer() {
         if let End::Failed(status) = run.end {
             assert!(status != Status::Ok && run.counts.failed > 0);
         }
-        // what was computed is kept, and all of it is good
+        // the samples before the failure are kept and valid
         assert!(run.samples.len() > 3 && run.time > 0.0 && run.last().unwrap().time == run.time);
         for sample in &run.samples {
             assert!(

@@ -1,4 +1,4 @@
-//! Robots whose independents are quaternions.
+//! Robots with quaternions among their independents.
 
 use sarrus_dynamics::{Field, FieldSet, Query, Request};
 use sarrus_tests::compare::assert_close;
@@ -41,7 +41,7 @@ fn satellite(gravity: f64) -> Robot {
     )
 }
 
-/// Momentum, and moment of momentum about the root.
+/// Linear momentum, and angular momentum about the root.
 fn momentum(robot: &Robot, sample: &sarrus_simulation::Sample) -> [f64; 6] {
     let links: Vec<u16> = (0..robot.loaded.description.links.len() as u16).collect();
     let query = Query::new(
@@ -65,7 +65,7 @@ fn momentum(robot: &Robot, sample: &sarrus_simulation::Sample) -> [f64; 6] {
         let spin = cross(w, arm);
         let force: [f64; 3] = std::array::from_fn(|k| inertial.mass * (twist[3 + k] + spin[k]));
         let at: [f64; 3] = std::array::from_fn(|k| pose[k] + arm[k]);
-        // I ω in the axes of the inertia and back
+        // I ω in the axes of the inertia, rotated back
         let R = sarrus_tests::rigid::Pose::from_rpy(inertial.origin.rpy, [0.0; 3]).R;
         let back = [-quaternion[0], -quaternion[1], -quaternion[2], quaternion[3]];
         let in_link = crate::derivatives::turned(&back, &w);
@@ -84,7 +84,7 @@ fn momentum(robot: &Robot, sample: &sarrus_simulation::Sample) -> [f64; 6] {
     sum
 }
 
-/// Everything turns and moves.
+/// A start in which everything turns and moves.
 fn spinning(robot: &Robot) -> Start {
     let names = robot.loaded.compiled.model.independent_names();
     assert_eq!(names.len(), 11, "{names:?}");

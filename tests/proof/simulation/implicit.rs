@@ -1,4 +1,4 @@
-//! The implicit form in all tree coordinates, which is there to compare with.
+//! The implicit form in all tree coordinates, which serves as a comparison.
 
 use sarrus_simulation::{Source, Space};
 use sarrus_tests::compare::{assert_close, largest};
@@ -59,11 +59,9 @@ fn loops_drift_apart_without_care_less_with_stabilisation_and_not_with_projectio
         arrived(&run);
         run.residual()
     };
-    let (nothing, stabilised, projected) = (
-        open(Method::Baumgarte, Some(0.0)),
-        open(Method::Baumgarte, Some(20.0)),
-        open(Method::Projection, None),
-    );
+    let nothing = open(Method::Baumgarte, Some(0.0));
+    let stabilised = open(Method::Baumgarte, Some(20.0));
+    let projected = open(Method::Projection, None);
     println!("{nothing:e} {stabilised:e} {projected:e}");
     assert!(
         stabilised < 0.3 * nothing && projected < 1e-13 && nothing > 1e-9,

@@ -1,5 +1,5 @@
-//! Robots in time: references, orders of convergence, energy and momentum, other independents under
-//! way, what cannot be simulated.
+//! Robots over time: references, orders of convergence, energy and momentum, a change of
+//! independents, refused simulations.
 
 mod failures;
 mod floating;
@@ -11,7 +11,7 @@ mod switching;
 use sarrus_models::{Loaded, Options, Source, load};
 use sarrus_simulation::{Input, Method, Point, Run, Settings, Setup, Spring, Start, simulate};
 
-/// A robot with what acts on it.
+/// A robot with its springs, forces and dampers.
 struct Robot {
     loaded: Loaded,
     springs: Vec<Spring>,
@@ -37,7 +37,7 @@ impl Robot {
         )
     }
 
-    /// Hangs a spring between points of two links.
+    /// Adds a spring between points of two links.
     fn spring(
         &mut self,
         from: (&str, [f64; 3]),
@@ -67,12 +67,12 @@ impl Robot {
     }
 }
 
-/// From independents without a guess.
+/// A start from independents without a guess.
 fn from(y: &[f64], yd: &[f64]) -> Start {
     Start::Independent { y: y.to_vec(), yd: yd.to_vec(), guess: None }
 }
 
-/// By a method with its own step, to the end.
+/// Settings of a method with adaptive step, to the end.
 fn adaptive(method: Method, tolerance: f64, duration: f64) -> Settings {
     Settings {
         rtol: tolerance,
@@ -82,12 +82,12 @@ fn adaptive(method: Method, tolerance: f64, duration: f64) -> Settings {
     }
 }
 
-/// By a method of fixed step.
+/// Settings of a method with fixed step.
 fn fixed(method: Method, step: f64, duration: f64) -> Settings {
     Settings { step: Some(step), every: Some(duration), ..Settings::new(method, duration) }
 }
 
-/// The state at the end of a run that got there.
+/// The last state of a run that reached its end.
 fn arrived(run: &Run) -> &sarrus_simulation::Sample {
     assert!(run.end.is_finished(), "{:?} at {} after {:?}", run.end, run.time, run.counts);
     run.last().unwrap()

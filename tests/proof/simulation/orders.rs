@@ -1,4 +1,4 @@
-//! Orders of convergence, and what becomes of energy over time.
+//! Orders of convergence, and the drift of energy over time.
 
 use sarrus_simulation::{Source, Space};
 use sarrus_tests::compare::largest;
@@ -6,7 +6,7 @@ use sarrus_tests::small::minus;
 
 use super::*;
 
-/// Order of a method of fixed step between two steps, against the finest of them.
+/// Order of a fixed-step method between two steps, against the finest one.
 pub(super) fn order(
     robot: &Robot,
     start: &Start,
@@ -83,10 +83,11 @@ fn the_estimate_of_the_error_is_of_its_size() {
 
 #[test]
 fn energy_less_work_stays_where_it_was() {
-    // forces, springs, dampers and joint springs at once
+    // forces, springs, dampers and joint springs together
     let mut robot = Robot::bundled("torso");
     let links = robot.loaded.compiled.model.link_names().to_vec();
-    let (base, last) = (links[0].as_str(), links[links.len() - 1].as_str());
+    let base = links[0].as_str();
+    let last = links[links.len() - 1].as_str();
     robot.spring((base, [0.1, 0.0, 0.3]), (last, [0.0, 0.05, 0.1]), [500.0, 5.0, 0.2]);
     let actuators = robot.loaded.compiled.model.sizes().n_u;
     let gains =
@@ -120,7 +121,7 @@ fn energy_less_work_stays_where_it_was() {
 
 #[test]
 fn the_semi_implicit_method_neither_gains_nor_loses_energy_over_ten_thousand_swings_of_a_step() {
-    // ten times the steps would drift ten times as far if it did
+    // a drift would grow tenfold over ten times the steps
     let robot = Robot::bundled("lambda");
     let drift = [2_000.0, 20_000.0].map(|steps| {
         let run = robot.run(

@@ -48,7 +48,7 @@ fn the_squeezer_arrives_as_published_by_an_implicit_and_an_explicit_method() {
         let end = arrived(&run);
         let at: Vec<f64> = end.q.iter().zip(SQUEEZER).map(|(q, start)| q + start).collect();
         println!("{} {:?} drift {:e}", method.name(), run.counts, run.drift());
-        // as good as was published; E − E₀ − mom (β − β₀) = 0
+        // to the published digits; E − E₀ − mom (β − β₀) = 0
         assert_close(&format!("q by {}", method.name()), &at, &q, 1.0, 1e-9);
         assert_close(&format!("v by {}", method.name()), &end.qd, &v, 1.0, 1e-8);
         assert!(run.drift() < 1e-9, "drift {:e}", run.drift());
@@ -120,7 +120,7 @@ fn bricards_mechanism_falls_as_published() {
                 Query::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(&[Field::FramePose]))
                     .with_frames(&[p3]);
             let pose = asked.ask_for(query, &[(Field::Y, &end.y), (Field::QGuess, &end.q)]).ok();
-            // published with y up
+            // published with y upwards
             let [x, north, up] = [0, 1, 2].map(|i| pose.get(Field::FramePose)[i]);
             assert_close(
                 &format!("P3({seconds}) by {}", method.name()),
@@ -149,7 +149,8 @@ fn the_flyball_governor_is_stiff_and_an_implicit_method_takes_long_steps() {
     let start = from(&[0.0; 4], &[2.0 * PI, 0.0, 0.0, 0.0]);
     let implicit = robot.run(&start, &adaptive(Method::Radau5, 1e-9, 0.5));
     let explicit = robot.run(&start, &adaptive(Method::Dop853, 1e-11, 0.5));
-    let (a, b) = (arrived(&implicit), arrived(&explicit));
+    let a = arrived(&implicit);
+    let b = arrived(&explicit);
     println!(
         "radau5 {:?} drift {:e}\ndop853 {:?} drift {:e}",
         implicit.counts,
@@ -165,7 +166,7 @@ fn the_flyball_governor_is_stiff_and_an_implicit_method_takes_long_steps() {
         implicit.counts.steps,
         explicit.counts.steps
     );
-    // what the dampers took is accounted for
+    // the work of the dampers is accounted for
     assert!(
         a.work < -1e-3 && implicit.drift() < 1e-8 && explicit.drift() < 1e-8,
         "work {:e}",

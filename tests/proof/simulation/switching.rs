@@ -1,12 +1,12 @@
-//! Other independents under way.
+//! A change of independents during a simulation.
 
 use sarrus_dynamics::Status;
 use sarrus_simulation::{End, EventKind, Source, Space};
 
 use super::*;
 
-/// A crank of 0.1 m with a heavy wheel, a rod of 0.3 m, a slider; any of its joints may be the
-/// independent one.
+/// A crank of 0.1 m with a heavy wheel, a rod of 0.3 m and a slider; any of the joints may be
+/// independent.
 pub(super) fn slider_crank(kind: &str, independent: &str) -> Robot {
     let link = |name: &str, mass: f64, at: f64, inertia: f64| {
         format!(
@@ -22,7 +22,7 @@ pub(super) fn slider_crank(kind: &str, independent: &str) -> Robot {
              upper=\"9\" effort=\"1\" velocity=\"9\"/></joint>"
         )
     };
-    // the crank stands upright, the rod comes down to the line of the slider
+    // the crank is vertical, the rod ends on the line of the slider
     let tilt = (0.1_f64 / 0.3).asin();
     let reach = 0.3 * tilt.cos();
     let urdf = [
@@ -94,7 +94,7 @@ fn a_slider_crank_driven_by_its_slider_goes_round_by_another_independent() {
             .zip(&arrived(&reference).q)
             .fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs()));
         assert!(gap < 1e-7, "{} ends {gap:e} away", settings.method.name());
-        // y stays what was declared
+        // y keeps its declared meaning
         assert_eq!(end.y, [end.q[2]]);
     }
 }
@@ -125,11 +125,11 @@ fn without_switching_it_ends_at_the_dead_centre_and_says_why() {
             "{:?}",
             run.end
         );
-        // the dead centre is where crank and rod lie in line: x = 0.2 or 0.4
+        // crank and rod are aligned at a dead centre: x = 0.2 or 0.4
         let end = run.last().unwrap();
         let at = 0.3 * (0.1_f64 / 0.3).asin().cos() + end.q[2];
         assert!((at - 0.4).abs().min((at - 0.2).abs()) < 1e-2, "ends at {at}");
-        // nothing turned back on the way
+        // the motion never reverses
         assert!(run.samples.iter().all(|sample| sample.qd[0] > 3.0), "{:?}", run.last());
         assert!(
             run.samples.len() > 10
@@ -157,7 +157,7 @@ fn closed_forms_are_left_for_others_where_they_have_to_be() {
 
 #[test]
 fn an_input_on_the_declared_independents_stays_with_its_joint() {
-    // the same force on the slider, whatever is independent
+    // a force on the slider has the same effect with any independent
     let mut wrong = slider_crank("NUMERICAL", "slide");
     wrong.inputs.push(Input { space: Space::Independent, source: Source::Constant(vec![0.5]) });
     let right = slider_crank("NUMERICAL", "turn");

@@ -1,5 +1,5 @@
-//! The mechanisms that random robots are made of. Each is drawn in a frame of its own, x, y, z,
-//! that is put anywhere on a link.
+//! The mechanisms of random robots. Each is drawn in a frame of its own, x, y, z, which is placed
+//! anywhere on a link.
 
 use super::writer::{Entry, Kind, Link, Writer};
 use super::{BALLS, SPINNING};
@@ -19,16 +19,16 @@ pub(super) fn scaled(v: Vector, s: f64) -> Vector {
 }
 
 impl Writer {
-    /// One mechanism of any kind on any link.
+    /// Adds one mechanism of any kind on any link.
     pub(super) fn mechanism(&mut self) {
         let last = self.links.len() - 1;
-        // what hangs beside a floating base could not be coupled to what it carries
+        // a mechanism beside the floating base could not be coupled to one that the base carries
         let first = usize::from(self.floats);
         let on =
             if self.seeded.chance(0.5) { last } else { self.seeded.below(last + 1).max(first) };
         let at = self.links[on].1.then(&self.seeded.pose(self.scale));
         let number = self.seeded.below(40);
-        // loops with more rows than they need contradict themselves in rounded files
+        // redundant rows contradict each other in files with rounded numbers
         let number = if self.rounded && matches!(number, 26..30) { 0 } else { number };
         match number {
             0..6 => self.serial(on, at),
@@ -52,11 +52,14 @@ impl Writer {
         }
     }
 
-    /// A chain of free joints, now and then one without an actuator.
+    /// A chain of free joints, sometimes one without an actuator.
     fn serial(&mut self, on: Link, at: Pose) {
         let n = 1 + self.seeded.below(4);
-        let (mut tree, mut link, mut origin) = (Vec::new(), on, at.p);
-        let (mut revolutes, mut balls) = (true, Vec::new());
+        let mut tree = Vec::new();
+        let mut link = on;
+        let mut origin = at.p;
+        let mut revolutes = true;
+        let mut balls = Vec::new();
         for _ in 0..n {
             let kind = if self.seeded.chance(0.25) { Kind::Slide } else { Kind::Turn };
             let axis = if self.seeded.chance(0.4) {
@@ -97,7 +100,7 @@ impl Writer {
         );
     }
 
-    /// A chain in which joints follow others, also one after the other, or a joint of another
+    /// A chain in which joints follow others, some of them in a row, or a joint of another
     /// mechanism.
     fn coupled(&mut self, on: Link, at: Pose) {
         let n = 2 + self.seeded.below(3);
@@ -106,9 +109,11 @@ impl Writer {
         } else {
             None
         };
-        let (mut tree, mut independent): (Vec<String>, Vec<(String, f64)>) =
-            (Vec::new(), Vec::new());
-        let (mut link, mut origin, mut last) = (on, at.p, None);
+        let mut tree: Vec<String> = Vec::new();
+        let mut independent: Vec<(String, f64)> = Vec::new();
+        let mut link = on;
+        let mut origin = at.p;
+        let mut last = None;
         for k in 0..n {
             let axis = self.seeded.direction();
             let (name, child) = self.joint(Kind::Turn, link, origin, axis);
@@ -117,7 +122,7 @@ impl Writer {
             {
                 independent.push((name.clone(), 1.0));
             } else {
-                // a loop that also holds a coupling is closed at zero only without an offset
+                // a loop that also holds a coupling closes at zero only without an offset
                 let offset = if far.is_none() { self.seeded.within(-0.5, 0.5) } else { 0.0 };
                 let master = if k == 0 {
                     far.clone().unwrap_or_default()
@@ -132,7 +137,7 @@ impl Writer {
             link = child;
             origin = add(origin, 1.0, self.seeded.vector(self.scale));
         }
-        // the actuator of the first independent may sit on a joint that follows it
+        // the actuator of the first independent joint may sit on a joint that follows it
         let mut active: Vec<String> = independent.iter().map(|x| x.0.clone()).collect();
         if let (Some(last), [only], None) = (last, active.as_mut_slice(), &far)
             && self.seeded.chance(0.5)

@@ -1,4 +1,5 @@
-//! Random robots as text, from a seed: what they are made of, and how far they can move.
+//! Random robots as text, drawn from a seed, with the mechanisms that they contain and the reach of
+//! their independent joints.
 
 mod mechanisms;
 mod planar;
@@ -11,56 +12,58 @@ use sarrus_models::{LoadError, Loaded, Options, Source, load};
 use crate::seed::Seeded;
 use writer::Writer;
 
-/// Four-bars, slider-cranks and legs on arms are declared by their own types, else NUMERICAL.
+/// Four-bars, slider-cranks and legs on arms are declared by their own types; otherwise NUMERICAL.
 pub const NEW_TYPES: bool = true;
-/// Couplers may hang between two ball joints.
+/// A coupler may hang between two ball joints.
 pub const SPINNING: bool = false;
-/// Joints have damping, springs and rotors now and then.
+/// Some joints have damping, springs and rotors.
 pub const TERMS: bool = true;
-/// Chains hold ball joints now and then.
+/// Some chains hold ball joints.
 pub const BALLS: bool = true;
 
-/// A robot as its files hold it.
+/// A robot in the text of its files.
 #[derive(Clone, Debug)]
 pub struct Text {
     /// URDF.
     pub urdf: String,
     /// Submechanism YAML.
     pub yaml: String,
-    /// What the robot holds.
+    /// The mechanisms that the robot contains.
     pub holds: String,
-    /// How far each independent joint may be moved from zero without nearing a singularity, by
-    /// name.
+    /// Largest distance of each independent joint from zero, by name, that stays clear of
+    /// singularities.
     pub reach: Vec<(String, f64)>,
     /// Each mechanism has as many actuators as independent joints.
     pub square: bool,
-    /// Numbers stand to six decimals, as in files that people write.
+    /// Numbers have six decimals, as in files written by hand.
     pub rounded: bool,
-    /// The unit in which its lengths are of the order of 1 `[m]`.
+    /// Unit of length in which the robot's lengths are about 1 `[m]`.
     pub scale: f64,
 }
 
 impl Text {
-    /// Files that someone wrote.
+    /// A robot of given files.
     pub fn of(urdf: &str, yaml: &str) -> Text {
-        let (urdf, yaml, holds) = (urdf.to_owned(), yaml.to_owned(), "files".to_owned());
+        let urdf = urdf.to_owned();
+        let yaml = yaml.to_owned();
+        let holds = "files".to_owned();
         Text { urdf, yaml, holds, reach: Vec::new(), square: true, rounded: false, scale: 0.3 }
     }
 
-    /// Reads and compiles it.
+    /// Reads and compiles the robot.
     pub fn load(&self, options: &Options) -> Result<Loaded, LoadError> {
-        let (urdf, submechanisms) =
-            (self.urdf.clone().into_bytes(), Some(self.yaml.clone().into_bytes()));
+        let urdf = self.urdf.clone().into_bytes();
+        let submechanisms = Some(self.yaml.clone().into_bytes());
         load(&Source::Text { urdf, submechanisms }, options)
     }
 }
 
-/// The robot of a seed.
+/// Draws the robot of a seed.
 pub fn random_robot(seed: u64) -> Text {
     write(seed, false)
 }
 
-/// The same robot with every closed form declared NUMERICAL; `None` where it has none.
+/// [`random_robot`] with every closed form declared NUMERICAL; `None` if it has none.
 pub fn random_robot_numerical(seed: u64) -> Option<Text> {
     let text = write(seed, true);
     (text.yaml != write(seed, false).yaml).then_some(text)

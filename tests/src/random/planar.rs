@@ -6,7 +6,7 @@ use super::writer::{Entry, Kind, Link, Loop, Writer};
 use crate::rigid::{Pose, Vector, add, cross, norm, unit};
 
 impl Writer {
-    /// Rocker, stator, slider: eccentric or not, pins out of the plane, every sense.
+    /// Rocker, stator, slider: eccentric or not, pins out of the plane, every orientation.
     pub(super) fn lambda(&mut self, on: Link, at: Pose) {
         let size = self.scale;
         let base = size * self.seeded.within(0.4, 1.0);
@@ -18,7 +18,8 @@ impl Writer {
             };
         let angle = self.seeded.sign() * self.seeded.within(1.1, 2.0);
         let lifts = if self.seeded.chance(0.5) { [0.0; 3] } else { self.seeded.vector(0.2 * size) };
-        let (rocker_at, stator_at) = ([0.0, 0.0, lifts[0]], [base, 0.0, lifts[1]]);
+        let rocker_at = [0.0, 0.0, lifts[0]];
+        let stator_at = [base, 0.0, lifts[1]];
         let pin = [arm * angle.cos(), arm * angle.sin(), lifts[2]];
         let span = [pin[0] - base, pin[1], 0.0];
         let tilt = if self.seeded.chance(0.5) { 0.0 } else { self.seeded.within(-0.2, 0.2) };
@@ -33,7 +34,7 @@ impl Writer {
             self.joint(Kind::Turn, on, to_root(rocker_at), at.direction(rocker_axis));
         let (stator, stator_link) =
             self.joint(Kind::Turn, on, to_root(stator_at), at.direction(stator_axis));
-        // without loops of its own the type takes the slider's origin for the pin
+        // without loops of its own the type takes the slider's origin as the pin
         let by_type = self.seeded.chance(0.3);
         let origin = if by_type || self.seeded.chance(0.5) {
             pin
@@ -80,16 +81,17 @@ impl Writer {
     }
 
     /// Points of a planar four-bar of any lengths: crank pivot, crank pin, coupler pin, follower
-    /// pivot; coupler and follower stand apart.
+    /// pivot; coupler and follower are not aligned.
     fn any_four_bar(&mut self) -> [Vector; 4] {
         let size = self.scale;
         let flat = |v: Vector| [v[0], v[1], 0.0];
         loop {
             let [a, b, f] = [(); 3].map(|()| flat(self.seeded.vector(size)));
-            let (coupler, follower) = (add(b, -1.0, a), add(b, -1.0, f));
+            let coupler = add(b, -1.0, a);
+            let follower = add(b, -1.0, f);
             let lengths = [norm(a), norm(coupler), norm(follower), norm(f)];
             let apart = cross(coupler, follower)[2].abs() / (norm(coupler) * norm(follower));
-            // where the crank has turned by its reach the others still stand apart
+            // coupler and follower must stay unaligned over the crank's reach
             if lengths.iter().all(|x| *x > 0.25 * size)
                 && apart > 0.6
                 && norm(coupler).min(norm(follower)) > norm(a)
@@ -99,8 +101,8 @@ impl Writer {
         }
     }
 
-    /// Crank, coupler and follower; cut at the coupler's far pin by two rows, or by the five of a
-    /// revolute joint. Any actuation.
+    /// Crank, coupler and follower, cut at the coupler's far pin by two rows or by the five rows of
+    /// a revolute joint, with any actuation.
     pub(super) fn four_bar(&mut self, on: Link, at: Pose) {
         let [o, a, b, f] = self.any_four_bar();
         let z = |writer: &mut Writer| at.direction(scaled(Z, writer.seeded.sign()));
@@ -136,7 +138,8 @@ impl Writer {
     /// of them redundant.
     pub(super) fn welded_four_bar(&mut self, on: Link, at: Pose) {
         let points = self.any_four_bar();
-        let (mut link, mut tree) = (on, Vec::new());
+        let mut link = on;
+        let mut tree = Vec::new();
         for p in points {
             let axis = scaled(Z, self.seeded.sign());
             let (name, child) = self.joint(Kind::Turn, link, at.point(p), at.direction(axis));
@@ -147,7 +150,8 @@ impl Writer {
         let cut = self.mark(on, frame);
         let loops =
             vec![Loop { cut, predecessor: on, successor: link, rows: rows(&[0, 1, 2, 3, 4, 5]) }];
-        let (independent, active) = (vec![(tree[0].clone(), 0.2)], vec![tree[3].clone()]);
+        let independent = vec![(tree[0].clone(), 0.2)];
+        let active = vec![tree[3].clone()];
         self.submechanism(
             "welded four-bar",
             Entry { type_name: "NUMERICAL", tree, independent, active, loops },
@@ -159,14 +163,15 @@ impl Writer {
         let size = self.scale;
         let angle = self.seeded.within(-3.0, 3.0);
         let crank_pin = scaled([angle.cos(), angle.sin(), 0.0], 0.3 * size);
-        let (coupler, lean) = (self.seeded.within(0.8, 1.5) * size, self.seeded.within(-0.7, 0.7));
+        let coupler = self.seeded.within(0.8, 1.5) * size;
+        let lean = self.seeded.within(-0.7, 0.7);
         let pin = add(crank_pin, coupler, [lean.cos(), lean.sin(), 0.0]);
         let z = |writer: &mut Writer| at.direction(scaled(Z, writer.seeded.sign()));
         let axis = z(self);
         let (crank, crank_link) = self.joint(Kind::Turn, on, at.p, axis);
         let axis = z(self);
         let (coupler, coupler_link) = self.joint(Kind::Turn, crank_link, at.point(crank_pin), axis);
-        // the slider moves anywhere on its line, in the plane's x
+        // the slider may start anywhere on its line, which is the plane's x
         let origin = add(pin, self.seeded.within(-0.3, 0.3) * size, X);
         let along = at.direction(scaled(X, self.seeded.sign()));
         let (slider, slider_link) = self.joint(Kind::Slide, on, at.point(origin), along);
@@ -182,7 +187,7 @@ impl Writer {
         let active = vec![if self.seeded.chance(0.5) { slider.clone() } else { crank.clone() }];
         let type_name = if NEW_TYPES && !self.numerical { "SLIDERCRANK" } else { "NUMERICAL" };
         let tree = vec![crank.clone(), coupler, slider];
-        // where the slider drives, crank and coupler must not stand in one line
+        // where the slider drives, crank and coupler must not be aligned
         let along_coupler = add(pin, -1.0, crank_pin);
         let apart =
             cross(crank_pin, along_coupler)[2].abs() / (norm(crank_pin) * norm(along_coupler));
@@ -193,15 +198,13 @@ impl Writer {
         );
     }
 
-    /// A parallelogram, by its loop or by joints that follow the crank; its links lie in planes of
-    /// their own.
+    /// A parallelogram by its loop or by joints that follow the crank; each link lies in a plane of
+    /// its own.
     pub(super) fn parallelogram(&mut self, on: Link, at: Pose) {
         let size = self.scale;
         let angle = self.seeded.sign() * self.seeded.within(1.0, 2.0);
-        let (arm, base) = (
-            scaled([angle.cos(), angle.sin(), 0.0], self.seeded.within(0.3, 0.8) * size),
-            [size, 0.0, 0.0],
-        );
+        let arm = scaled([angle.cos(), angle.sin(), 0.0], self.seeded.within(0.3, 0.8) * size);
+        let base = [size, 0.0, 0.0];
         let lift =
             |writer: &mut Writer, p: Vector| add(p, writer.seeded.within(-0.1, 0.1) * size, Z);
         let signs = [(); 3].map(|()| self.seeded.sign());
@@ -248,10 +251,11 @@ impl Writer {
         let (crank, crank_link) = self.joint(Kind::Turn, on, at.point(o), z);
         let (coupler, coupler_link) = self.joint(Kind::Turn, crank_link, at.point(a), z);
         let (follower, follower_link) = self.joint(Kind::Turn, on, at.point(f), z);
-        // the second loop's coupler hangs on the first follower, its own follower on the base
+        // the second coupler hangs on the first follower, its own follower on the base
         let (c, d, g) = loop {
             let [c, d, g] = [(); 3].map(|()| self.seeded.vector(size)).map(|v| [v[0], v[1], 0.0]);
-            let (coupler, follower) = (add(d, -1.0, c), add(d, -1.0, g));
+            let coupler = add(d, -1.0, c);
+            let follower = add(d, -1.0, g);
             let apart = cross(coupler, follower)[2].abs() / (norm(coupler) * norm(follower));
             if apart > 0.6
                 && norm(coupler).min(norm(follower)) > 2.0 * norm(add(c, -1.0, f)).max(0.1 * size)
@@ -270,7 +274,8 @@ impl Writer {
             loops.push(Loop { cut, predecessor, successor, rows: rows(&[3, 4]) });
         }
         let tree = vec![crank.clone(), coupler, follower, second, last];
-        let (independent, active) = (vec![(crank.clone(), 0.12)], vec![crank]);
+        let independent = vec![(crank.clone(), 0.12)];
+        let active = vec![crank];
         self.submechanism(
             "two loops",
             Entry { type_name: "NUMERICAL", tree, independent, active, loops },

@@ -6,8 +6,8 @@ use super::writer::{Entry, Kind, Link, Loop, Writer};
 use crate::rigid::{Pose, Vector, add, cross, dot, unit};
 
 impl Writer {
-    /// A universal joint with two sliding legs, its axes and those of the legs tilted, legs
-    /// mirrored or not.
+    /// A universal joint with two sliding legs, mirrored or not; its axes and those of the legs are
+    /// tilted.
     pub(super) fn two_legs(&mut self, on: Link, at: Pose) {
         let size = self.scale;
         let height = size * self.seeded.within(0.3, 0.6);
@@ -32,13 +32,11 @@ impl Writer {
                 shape = self.leg_shape(height);
             }
             let mirror = |v: Vector| [v[0], side * v[1], v[2]];
-            let (base, pin, x, y, along) = (
-                mirror(shape[0]),
-                mirror(shape[1]),
-                mirror(shape[2]),
-                mirror(shape[3]),
-                mirror(shape[4]),
-            );
+            let base = mirror(shape[0]);
+            let pin = mirror(shape[1]);
+            let x = mirror(shape[2]);
+            let y = mirror(shape[3]);
+            let along = mirror(shape[4]);
             let heavy = self.seeded.chance(0.8);
             let (a, a_link) =
                 self.joint_with(Kind::Turn, on, at.point(base), at.direction(x), heavy);
@@ -82,7 +80,7 @@ impl Writer {
         self.submechanism(what, entry);
     }
 
-    /// Base point, pin, first and second axis, slider of the leg at positive y.
+    /// Base point, pin, first and second axis, and slider direction of the leg at positive y.
     fn leg_shape(&mut self, height: f64) -> [Vector; 5] {
         let near = |writer: &mut Writer, v: Vector| add(v, 0.1 * height, writer.seeded.vector(1.0));
         let pin = near(self, [-0.7 * height, 0.8 * height, 0.6 * height]);
@@ -90,13 +88,13 @@ impl Writer {
         self.leg_between(base, pin)
     }
 
-    /// The same for given points.
+    /// The leg between two given points, in the order of [`Self::leg_shape`].
     fn leg_between(&mut self, base: Vector, pin: Vector) -> [Vector; 5] {
         let leg = unit(add(pin, -1.0, base));
         let guide = self.seeded.direction();
         let x = unit(add(cross(leg, guide), 0.2, self.seeded.vector(1.0)));
         let y = unit(cross(leg, x));
-        // perpendicular to x, whatever the leg's direction
+        // perpendicular to x for any direction of the leg
         let y = unit(add(y, -dot(x, y), x));
         let along = if self.seeded.chance(0.5) {
             leg
@@ -109,10 +107,12 @@ impl Writer {
     /// A platform that slides along and turns about three axes each, on six legs.
     pub(super) fn six_legs(&mut self, on: Link, at: Pose) {
         let size = 0.5 * self.scale;
-        let (mut tree, mut link, mut independent) = (Vec::new(), on, Vec::new());
+        let mut tree = Vec::new();
+        let mut link = on;
+        let mut independent = Vec::new();
         for (kind, reach) in [(Kind::Slide, 0.08 * size), (Kind::Turn, 0.12)] {
             for axis in [X, Y, Z] {
-                // the slides carry the frames of the turns, which meet in one point
+                // the slides carry the frames of the turns, whose axes meet in one point
                 let (name, child) = self.joint(kind, link, at.p, at.direction(axis));
                 tree.push(name.clone());
                 independent.push((name, reach));
@@ -120,7 +120,8 @@ impl Writer {
             }
         }
         let by_type = self.seeded.chance(0.3);
-        let (mut loops, mut active) = (Vec::new(), Vec::new());
+        let mut loops = Vec::new();
+        let mut active = Vec::new();
         for k in 0..6 {
             let around = |angle: f64, radius: f64, z: f64| {
                 scaled([radius * angle.cos(), radius * angle.sin(), z], size)
@@ -164,7 +165,8 @@ impl Writer {
         let (one, one_link) = self.joint(Kind::Turn, on, at.p, at.direction(first));
         let (two, platform) = self.joint(Kind::Turn, one_link, at.p, at.direction(second));
         let mut tree = vec![one.clone(), two.clone()];
-        let (mut loops, mut active) = (Vec::new(), Vec::new());
+        let mut loops = Vec::new();
+        let mut active = Vec::new();
         for side in [1.0, -1.0] {
             let near =
                 |writer: &mut Writer, v: Vector| add(v, 0.05 * height, writer.seeded.vector(1.0));
@@ -195,17 +197,19 @@ impl Writer {
         self.submechanism("2SPRR+1U", Entry { type_name, tree, independent, active, loops });
     }
 
-    /// A universal joint with two sliding legs that end on arms, each arm turning on the platform;
-    /// its axis, its tip and the leg's base lie in a plane at zero, and the leg's base stays in the
-    /// plane of the axis and the tip.
+    /// A universal joint with two sliding legs that end on arms, each arm turning on the platform.
+    /// At zero the arm's axis, its tip and the leg's base lie in a plane, and the leg's base stays
+    /// in the plane of the axis and the tip.
     pub(super) fn two_legs_on_arms(&mut self, on: Link, at: Pose) {
         let height = self.scale * self.seeded.within(0.3, 0.6);
         let first = unit(add(Y, 0.2, self.seeded.vector(1.0)));
         let second = unit(add(cross(Z, first), 0.2, self.seeded.vector(1.0)));
         let (one, one_link) = self.joint(Kind::Turn, on, at.p, at.direction(first));
         let (two, platform) = self.joint(Kind::Turn, one_link, at.p, at.direction(second));
-        let (mut arms, mut legs, mut loops, mut active) =
-            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let mut arms = Vec::new();
+        let mut legs = Vec::new();
+        let mut loops = Vec::new();
+        let mut active = Vec::new();
         for side in [1.0, -1.0] {
             let near =
                 |writer: &mut Writer, v: Vector| add(v, 0.05 * height, writer.seeded.vector(1.0));
@@ -232,7 +236,7 @@ impl Writer {
                 successor: arm_link,
                 rows: rows(&[3, 4, 5]),
             });
-            // x of this frame is across the plane
+            // x of this frame is normal to the plane
             let across = at.direction(cross(n, radial));
             let plane = Pose::from_columns(
                 across,

@@ -1,4 +1,4 @@
-//! Spatial loops of revolute joints, overconstrained ones too.
+//! Spatial loops of revolute joints, overconstrained ones included.
 
 use super::mechanisms::{X, Y, Z, rows, scaled};
 use super::writer::{Entry, Kind, Link, Loop, Writer};
@@ -9,8 +9,10 @@ impl Writer {
     pub(super) fn rusr(&mut self, on: Link, at: Pose) {
         let size = self.scale;
         let draw = loop {
-            let (a, b) = (scaled(self.seeded.direction(), 0.3 * size), self.seeded.vector(size));
-            let (crank, rocker) = (self.seeded.direction(), self.seeded.direction());
+            let a = scaled(self.seeded.direction(), 0.3 * size);
+            let b = self.seeded.vector(size);
+            let crank = self.seeded.direction();
+            let rocker = self.seeded.direction();
             let foot = add(b, 0.6 * size, self.seeded.direction());
             let span = add(b, -1.0, a);
             let coupler = unit(span);
@@ -40,24 +42,27 @@ impl Writer {
             rows: rows(&[3, 4, 5]),
         }];
         let tree = vec![crank.clone(), first, second, rocker];
-        let (independent, active) = (vec![(crank.clone(), 0.15)], vec![crank]);
+        let independent = vec![(crank.clone(), 0.15)];
+        let active = vec![crank];
         self.submechanism(
             "RUSR",
             Entry { type_name: "NUMERICAL", tree, independent, active, loops },
         );
     }
 
-    /// A spatial four-bar whose coupler has ball joints at both ends and spins about itself as it
-    /// likes.
+    /// A spatial four-bar whose coupler has ball joints at both ends, so that it spins freely about
+    /// its own axis.
     pub(super) fn rssr(&mut self, on: Link, at: Pose) {
         let size = self.scale;
         let (a, b, crank_axis, rocker_axis, foot) = loop {
-            let (a, b) = (scaled(self.seeded.direction(), 0.3 * size), self.seeded.vector(size));
-            let (crank, rocker) = (self.seeded.direction(), self.seeded.direction());
+            let a = scaled(self.seeded.direction(), 0.3 * size);
+            let b = self.seeded.vector(size);
+            let crank = self.seeded.direction();
+            let rocker = self.seeded.direction();
             let foot = add(b, 0.6 * size, self.seeded.direction());
             let span = add(b, -1.0, a);
             let moves = cross(rocker, add(b, -1.0, foot));
-            // the rocker moves its end along the coupler
+            // the rocker must move its end along the coupler
             if norm(span) > 0.6 * size
                 && dot(moves, span).abs() > 0.5 * norm(moves) * norm(span)
                 && norm(moves) > 0.3 * size
@@ -78,7 +83,8 @@ impl Writer {
             rows: rows(&[3, 4, 5]),
         }];
         let tree = vec![crank.clone(), ball, rocker];
-        let (independent, active) = (vec![(crank.clone(), 0.15)], vec![crank]);
+        let independent = vec![(crank.clone(), 0.15)];
+        let active = vec![crank];
         self.submechanism(
             "RSSR",
             Entry { type_name: "NUMERICAL", tree, independent, active, loops },
@@ -103,14 +109,15 @@ impl Writer {
                 break (points, axes, free);
             }
         };
-        let (mut link, mut tree) = (on, Vec::new());
+        let mut link = on;
+        let mut tree = Vec::new();
         for k in 0..if at_revolute { 6 } else { 7 } {
             let (name, child) =
                 self.joint(Kind::Turn, link, at.point(points[k]), at.direction(axes[k]));
             tree.push(name);
             link = child;
         }
-        // z of the cut frame along the axis that is cut
+        // z of the cut frame lies along the axis of the cut joint
         let z = at.direction(axes[6]);
         let x = unit(cross(z, self.seeded.direction()));
         let frame = Pose::from_columns(x, cross(z, x), z, at.point(points[6]));
@@ -120,7 +127,8 @@ impl Writer {
         let (predecessor, successor) =
             if self.seeded.chance(0.5) { (on, link) } else { (link, on) };
         let loops = vec![Loop { cut, predecessor, successor, rows: of }];
-        let (independent, active) = (vec![(tree[free].clone(), 0.12)], vec![tree[free].clone()]);
+        let independent = vec![(tree[free].clone(), 0.12)];
+        let active = vec![tree[free].clone()];
         let what = if at_revolute { "6R cut at a revolute joint" } else { "7R welded" };
         self.submechanism(what, Entry { type_name: "NUMERICAL", tree, independent, active, loops });
     }
@@ -135,7 +143,8 @@ impl Writer {
             [0.0, -1.0, 1.0],
             [0.0, 0.0, 1.0],
         ];
-        let (mut link, mut tree) = (on, Vec::new());
+        let mut link = on;
+        let mut tree = Vec::new();
         for (p, axis) in POINTS.into_iter().zip([Y, Z, X, Y, Z, X]) {
             let (name, child) =
                 self.joint(Kind::Turn, link, at.point(scaled(p, self.scale)), at.direction(axis));
@@ -146,7 +155,8 @@ impl Writer {
         let cut = self.mark(link, frame);
         let loops =
             vec![Loop { cut, predecessor: on, successor: link, rows: rows(&[0, 1, 2, 3, 4, 5]) }];
-        let (independent, active) = (vec![(tree[0].clone(), 0.3)], vec![tree[0].clone()]);
+        let independent = vec![(tree[0].clone(), 0.3)];
+        let active = vec![tree[0].clone()];
         self.submechanism(
             "Bricard",
             Entry { type_name: "NUMERICAL", tree, independent, active, loops },
@@ -187,7 +197,8 @@ impl Writer {
             successor: rocker_link,
             rows: rows(&[0, 1, 3, 4, 5]),
         }];
-        let (tree, active) = (vec![crank.clone(), coupler, rocker], vec![crank.clone()]);
+        let tree = vec![crank.clone(), coupler, rocker];
+        let active = vec![crank.clone()];
         self.submechanism(
             "spherical four-bar",
             Entry { type_name: "NUMERICAL", tree, independent: vec![(crank, 0.15)], active, loops },
@@ -197,9 +208,10 @@ impl Writer {
     /// Bennett's mechanism: four revolutes, opposite links of equal length and twist, sin α / a =
     /// sin β / b; welded: six rows of rank three.
     pub(super) fn bennett(&mut self, on: Link, at: Pose) {
-        let (alpha, beta): (f64, f64) =
-            (self.seeded.within(0.5, 1.0), self.seeded.within(1.3, 2.0));
-        let (a, b) = (self.scale * alpha.sin(), self.scale * beta.sin());
+        let alpha: f64 = self.seeded.within(0.5, 1.0);
+        let beta: f64 = self.seeded.within(1.3, 2.0);
+        let a = self.scale * alpha.sin();
+        let b = self.scale * beta.sin();
         // tan ½θ tan ½ψ = sin ½(β + α) / sin ½(β − α)
         let theta = self.seeded.sign() * self.seeded.within(1.2, 2.0);
         let ratio = (0.5 * (beta + alpha)).sin() / (0.5 * (beta - alpha)).sin();
@@ -215,7 +227,8 @@ impl Writer {
         }
         let gap = norm(add(frame.p, -1.0, at.p));
         assert!(gap < 1e-12 * self.scale, "Bennett's mechanism is open by {gap:e}");
-        let (mut last, mut tree) = (on, Vec::new());
+        let mut last = on;
+        let mut tree = Vec::new();
         for frame in frames {
             let (name, child) = self.joint(Kind::Turn, last, frame.p, frame.direction(Z));
             tree.push(name);
@@ -225,7 +238,8 @@ impl Writer {
         let cut = self.mark(last, frame);
         let loops =
             vec![Loop { cut, predecessor: on, successor: last, rows: rows(&[0, 1, 2, 3, 4, 5]) }];
-        let (independent, active) = (vec![(tree[0].clone(), 0.25)], vec![tree[0].clone()]);
+        let independent = vec![(tree[0].clone(), 0.25)];
+        let active = vec![tree[0].clone()];
         self.submechanism(
             "Bennett",
             Entry { type_name: "NUMERICAL", tree, independent, active, loops },
@@ -238,7 +252,8 @@ fn least_pivot(mut columns: Vec<[f64; 6]>) -> f64 {
     let mut least = f64::INFINITY;
     let mut rows: Vec<usize> = (0..6).collect();
     while !columns.is_empty() {
-        let (mut c, mut r) = (0, 0);
+        let mut c = 0;
+        let mut r = 0;
         for a in 0..columns.len() {
             for b in 0..rows.len() {
                 if columns[a][rows[b]].abs() > columns[c][rows[r]].abs() {
@@ -246,7 +261,8 @@ fn least_pivot(mut columns: Vec<[f64; 6]>) -> f64 {
                 }
             }
         }
-        let (column, row) = (columns.swap_remove(c), rows.swap_remove(r));
+        let column = columns.swap_remove(c);
+        let row = rows.swap_remove(r);
         least = least.min(column[row].abs());
         for other in &mut columns {
             let factor = other[row] / column[row];

@@ -1,4 +1,4 @@
-//! Links, joints and submechanisms as text; every pose is kept in root axes at zero.
+//! Links, joints and submechanisms as text; every pose is kept in root axes at the zero pose.
 
 use std::fmt::Write as _;
 
@@ -6,17 +6,17 @@ use super::{TERMS, Text};
 use crate::rigid::{Pose, Vector, add, norm};
 use crate::seed::Seeded;
 
-/// A link by its place in the robot.
+/// Index of a link in the robot.
 pub(super) type Link = usize;
 
-/// What a joint allows.
+/// Kind of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Turn,
     Slide,
 }
 
-/// A robot under way.
+/// A robot under construction.
 pub(super) struct Writer {
     pub(super) seeded: Seeded,
     pub(super) scale: f64,
@@ -36,7 +36,7 @@ pub(super) struct Writer {
     count: usize,
 }
 
-/// A submechanism for the YAML.
+/// A submechanism of the YAML file.
 pub(super) struct Entry<'a> {
     pub(super) type_name: &'a str,
     pub(super) tree: Vec<String>,
@@ -45,7 +45,7 @@ pub(super) struct Entry<'a> {
     pub(super) loops: Vec<Loop>,
 }
 
-/// A loop for the YAML.
+/// A loop of the YAML file.
 pub(super) struct Loop {
     pub(super) cut: String,
     pub(super) predecessor: Link,
@@ -75,7 +75,7 @@ impl Writer {
         writer
     }
 
-    /// A number of the file's precision; `unit` is what 1 means there.
+    /// A number in the file's precision, which is relative to `unit`.
     fn number(&self, x: f64, unit: f64) -> String {
         if self.rounded {
             format!("{:?}", (x / unit * 1e6).round() * 1e-6 * unit)
@@ -93,14 +93,14 @@ impl Writer {
         format!("{what}{}", self.count)
     }
 
-    /// A link at a pose in the root; with inertia unless it is to be massless.
+    /// Adds a link at a pose in the root; it has inertia unless it is to be massless.
     fn link(&mut self, at: Pose, with_inertia: bool) -> Link {
         let name = self.name("link");
         let size = self.scale;
         let mut inertial = String::new();
         if with_inertia {
             let mass = 20.0 * size.powi(3) * self.seeded.within(0.2, 2.0);
-            // principal moments of a body with these square radii
+            // principal moments of a body with these squared radii
             let [a, b, c] = [(); 3].map(|()| mass * (size * self.seeded.within(0.05, 0.3)).powi(2));
             let [x, y, z] = [b + c, a + c, a + b];
             let R = self.seeded.pose(0.0).R;
@@ -108,7 +108,8 @@ impl Writer {
                 R[i][0] * x * R[j][0] + R[i][1] * y * R[j][1] + R[i][2] * z * R[j][2]
             };
             let origin = self.seeded.pose(0.3 * size);
-            let (xyz, rpy) = (self.vector(origin.p, size), self.vector(origin.rpy(), 1.0));
+            let xyz = self.vector(origin.p, size);
+            let rpy = self.vector(origin.rpy(), 1.0);
             let _ = write!(
                 inertial,
                 "<inertial><origin xyz=\"{xyz}\" rpy=\"{rpy}\"/><mass value=\"{mass:?}\"/><inertia \
@@ -127,7 +128,7 @@ impl Writer {
         self.links.len() - 1
     }
 
-    /// A joint of any type with its child link at a pose in the root.
+    /// Adds a joint of any type with its child link at a pose in the root.
     fn place(
         &mut self,
         type_name: &str,
@@ -139,7 +140,8 @@ impl Writer {
         let child = self.link(at, with_inertia);
         let name = self.name("joint");
         let origin = self.links[parent].1.inverse().then(&at);
-        let (xyz, rpy) = (self.vector(origin.p, self.scale), self.vector(origin.rpy(), 1.0));
+        let xyz = self.vector(origin.p, self.scale);
+        let rpy = self.vector(origin.rpy(), 1.0);
         let axis_is_given = axis.is_some();
         let axis = axis
             .map_or(String::new(), |axis| format!("<axis xyz=\"{}\"/>", self.vector(axis, 1.0)));
@@ -153,7 +155,8 @@ impl Writer {
         } else {
             String::new()
         };
-        let (parent, child_name) = (&self.links[parent].0, &self.links[child].0);
+        let parent = &self.links[parent].0;
+        let child_name = &self.links[child].0;
         let _ = writeln!(
             self.urdf,
             "  <joint name=\"{name}\" type=\"{type_name}\"><parent link=\"{parent}\"/><child \
@@ -166,15 +169,13 @@ impl Writer {
     /// Damping, a spring and a rotor, each now and then.
     fn terms(&mut self, slides: bool) -> String {
         let arm = if slides { 1.0 } else { self.scale };
-        // the mass of a body here, and with the square of an arm its inertia
+        // the mass of a typical body, times the square of an arm for a turning joint
         let inertia = 20.0 * self.scale.powi(3) * arm * arm;
         let mut number =
             |size: f64| if self.seeded.chance(0.6) { self.seeded.within(0.0, size) } else { 0.0 };
-        let (damping, stiffness, rotor) = (
-            number(0.5 * inertia),
-            number(5.0 * inertia),
-            number(2e-3 * inertia * (self.scale / arm).powi(2)),
-        );
+        let damping = number(0.5 * inertia);
+        let stiffness = number(5.0 * inertia);
+        let rotor = number(2e-3 * inertia * (self.scale / arm).powi(2));
         let rest = self.seeded.within(-0.5, 0.5) * self.scale / arm;
         let ratio = self.seeded.within(1.0, 10.0) * self.seeded.sign() * arm / self.scale;
         format!(
@@ -183,8 +184,8 @@ impl Writer {
         )
     }
 
-    /// A joint through a point along an axis, both in the root; its frame lies anyhow. Sometimes a
-    /// fixed joint comes before it.
+    /// A joint through a point along an axis, both in the root, with an arbitrary joint frame and
+    /// sometimes a fixed joint before it.
     pub(super) fn joint(
         &mut self,
         kind: Kind,
@@ -195,7 +196,7 @@ impl Writer {
         self.joint_with(kind, parent, origin, axis, true)
     }
 
-    /// The same, with or without mass.
+    /// [`Self::joint`] with or without mass on the child link.
     pub(super) fn joint_with(
         &mut self,
         kind: Kind,
@@ -253,7 +254,7 @@ impl Writer {
         );
     }
 
-    /// Follows another joint; must come right after the joint.
+    /// Makes the joint written last follow another joint.
     pub(super) fn mimic(&mut self, master: &str, multiplier: f64, offset: f64) {
         let end = self.urdf.rfind("</joint>").unwrap_or(0);
         self.urdf.insert_str(
@@ -264,7 +265,7 @@ impl Writer {
         );
     }
 
-    /// A submechanism.
+    /// Adds a submechanism to the YAML file.
     pub(super) fn submechanism(&mut self, what: &str, entry: Entry<'_>) {
         let list = |names: &[String]| names.join(", ");
         let name = self.name("part");
@@ -282,7 +283,8 @@ impl Writer {
             self.yaml.push_str("  loop_constraints:\n");
         }
         for of in entry.loops {
-            let (p, s) = (&self.links[of.predecessor].0, &self.links[of.successor].0);
+            let p = &self.links[of.predecessor].0;
+            let s = &self.links[of.successor].0;
             let _ = writeln!(
                 self.yaml,
                 "  - cut_joint: {}\n    predecessor_body: {p}\n    successor_body: {s}\n    \
@@ -295,14 +297,15 @@ impl Writer {
             }
         }
         self.square &= entry.active.len() == entry.independent.len();
-        // a ball joint cannot lead others, and a slider would turn them by its length in metres
+        // a ball joint cannot be followed, and a slider would be followed by an angle of its length
+        // in m
         let leads = |x: &&(String, f64)| x.1 > 0.0 && !self.slides.contains(&x.0);
         self.masters.extend(entry.independent.iter().filter(leads).map(|x| x.0.clone()));
         self.holds.push(what.into());
         self.reach.extend(entry.independent);
     }
 
-    /// Both files.
+    /// Returns the text of both files.
     pub(super) fn finish(self, seed: u64) -> Text {
         let rounded = if self.rounded { ", rounded" } else { "" };
         Text {

@@ -32,22 +32,22 @@ pub(crate) struct Honest {
     pub(crate) counts: Counts,
 }
 
-/// What such a client counts.
+/// Counts of honest clients.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Counts {
     /// Answers that were compared.
     pub(crate) answers: u64,
-    /// Those with another status, other warnings or other bits.
+    /// Answers with another status, other warnings or other bits.
     pub(crate) wrong: u64,
-    /// Requests that nobody computed, and were said so.
+    /// Requests that were refused by a status.
     pub(crate) refused: u64,
     /// Requests that ended with an error.
     pub(crate) lost: u64,
-    /// Answers that took long.
+    /// Answers after more than [`LATE`].
     pub(crate) late: u64,
     /// The slowest answer.
     pub(crate) slowest: Duration,
-    /// The first answer that was wrong, and the first error.
+    /// The first wrong answer, and the first error.
     pub(crate) first_wrong: Option<String>,
     pub(crate) first_error: Option<String>,
 }
@@ -66,7 +66,8 @@ impl Honest {
         let mut robot = Robot::connect_in(domain.clone(), NAME, options)?;
         let plans = oracle.queries.iter().map(|query| robot.prepare(query));
         let plans = plans.collect::<Result<Vec<_>, _>>()?;
-        let (oracle, random) = (oracle.clone(), Rng::with_seed(seed));
+        let oracle = oracle.clone();
+        let random = Rng::with_seed(seed);
         Ok(Honest { robot, plans, oracle, output: Vec::new(), random, counts: Counts::default() })
     }
 
@@ -78,7 +79,8 @@ impl Honest {
         self.output.resize(question.output.len(), 0.0);
         let start = Instant::now();
         let outcome = self.robot.ask(*plan, &question.input, &mut self.output);
-        let (took, counts) = (start.elapsed(), &mut self.counts);
+        let took = start.elapsed();
+        let counts = &mut self.counts;
         let answer = match outcome {
             Ok(answer) => answer,
             Err(error) => {
@@ -87,18 +89,18 @@ impl Honest {
                 return Err(error);
             }
         };
-        let (status, warnings) = (answer.status as u32, answer.warnings.0);
+        let status = answer.status as u32;
         if is_refusal(status) {
             counts.refused += 1;
             return Ok(());
         }
         counts.late += u64::from(took > LATE);
         counts.slowest = counts.slowest.max(took);
-        counts.compare(question, status, warnings, &self.output);
+        counts.compare(question, status, answer.warnings.0, &self.output);
         Ok(())
     }
 
-    /// Asks for up to so many rows of one query together, compares each and counts.
+    /// Asks for up to `most` rows of one query together, compares each and counts.
     pub(crate) fn ask_rows(&mut self, most: usize) -> Result<(), Error> {
         let Some(query) = self.oracle.any(&mut self.random).map(|one| one.query) else {
             return Ok(());
@@ -111,11 +113,13 @@ impl Honest {
         let input: Vec<f64> = questions.iter().flat_map(|one| one.input.clone()).collect();
         let n_out = questions.first().map_or(0, |one| one.output.len());
         let unknown = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
-        let (mut output, mut answers) = (vec![0.0; rows * n_out], vec![unknown; rows]);
+        let mut output = vec![0.0; rows * n_out];
+        let mut answers = vec![unknown; rows];
         let start = Instant::now();
         let outcome =
             self.robot.batch(*plan, NonZero::<usize>::MIN, &input, &mut output, &mut answers);
-        let (took, counts) = (start.elapsed(), &mut self.counts);
+        let took = start.elapsed();
+        let counts = &mut self.counts;
         if let Err(error) = outcome {
             counts.lost += 1;
             counts.first_error.get_or_insert_with(|| error.to_string());
@@ -126,10 +130,10 @@ impl Honest {
         for (question, (answer, output)) in
             questions.iter().zip(answers.iter().zip(output.chunks(n_out.max(1))))
         {
-            let (status, warnings) = (answer.status as u32, answer.warnings.0);
+            let status = answer.status as u32;
             match is_refusal(status) {
                 true => counts.refused += 1,
-                false => counts.compare(question, status, warnings, output),
+                false => counts.compare(question, status, answer.warnings.0, output),
             }
         }
         Ok(())
@@ -163,7 +167,7 @@ impl Counts {
         self.first_error = self.first_error.take().or(other.first_error);
     }
 
-    /// Counts for a report; wrong answers are faults, and lost ones where nothing excuses them.
+    /// Adds the counts to a report; wrong answers are faults, and lost ones unless `may_lose`.
     pub(crate) fn report(&self, report: &mut Report, who: &str, may_lose: bool) {
         report.count(format!(
             "{who}: {} answers, {} wrong, {} lost, {} refused, {} late, slowest {:.1} ms",
@@ -192,7 +196,7 @@ pub(crate) struct Askers {
 }
 
 impl Askers {
-    /// So many clients through each transport; they ask until [`Askers::finish`].
+    /// `n` clients through each transport, which ask until [`Askers::finish`].
     pub(crate) fn start(
         domain: &Domain,
         oracle: &Arc<Oracle>,
@@ -205,7 +209,7 @@ impl Askers {
         })
     }
 
-    /// The same with something else to do than ask.
+    /// `n` clients through each transport, which call `ask` until [`Askers::finish`].
     pub(crate) fn start_with(
         domain: &Domain,
         oracle: &Arc<Oracle>,
@@ -228,7 +232,8 @@ impl Askers {
                     Err(error) => return Err(format!("an honest client cannot attach: {error}")),
                 }
             };
-            let (stop, mut ask) = (stop.clone(), ask.clone());
+            let stop = stop.clone();
+            let mut ask = ask.clone();
             askers.threads.push(std::thread::spawn(move || {
                 while !stop.load(Relaxed) {
                     ask(&mut honest, number);
@@ -241,7 +246,7 @@ impl Askers {
         Ok(askers)
     }
 
-    /// What all of them counted.
+    /// Ends the clients; the sum of their counts.
     pub(crate) fn finish(mut self) -> Counts {
         self.stop.store(true, Relaxed);
         let mut counts = Counts::default();
@@ -261,7 +266,7 @@ impl Drop for Askers {
     }
 }
 
-/// True where an error says clearly that there is no room for another client.
+/// True of the error that there is no room for another client.
 pub(crate) fn is_full(error: &Error) -> bool {
     matches!(error, Error::Connect(ConnectError::NoFreeSlot { .. }))
 }

@@ -1,12 +1,12 @@
-//! Questions with the answers that a robot in this process gives.
+//! Questions with the answers of a robot in this process.
 
 use fastrand::Rng;
 use sarrus_client::{Options, Query, Request, Robot, Source, Status};
 
 use crate::sandbox::words;
 
-/// What is asked: request, given and wanted fields. The last two have equal sizes where there are
-/// as many actuators as coordinates, so that an answer to the other would look right.
+/// Request, given and wanted fields of the queries. The last two have equal sizes on robots with as
+/// many actuators as coordinates, so that an answer to the other query would fit.
 const QUERIES: [(Request, &[&str], &[&str]); 3] = [
     (Request::Kinematics, &["y", "yd"], &["q", "qd", "u"]),
     (Request::InverseDynamics, &["y", "yd", "ydd"], &["tau_u"]),
@@ -15,7 +15,7 @@ const QUERIES: [(Request, &[&str], &[&str]); 3] = [
 
 /// A question and its answer.
 pub(crate) struct Question {
-    /// Which of the queries.
+    /// The index of the query.
     pub(crate) query: usize,
     pub(crate) input: Vec<f64>,
     pub(crate) status: u32,
@@ -30,7 +30,7 @@ pub(crate) struct Oracle {
 }
 
 impl Oracle {
-    /// So many questions about a bundled robot; every eighth has no answer, or none that is likely.
+    /// `n` questions about a bundled robot; about every eighth is far beyond its reach.
     pub(crate) fn new(robot: &str, seed: u64, n: usize) -> Result<Oracle, String> {
         let source = Source::Bundled(robot.to_owned());
         let mut robot = Robot::load(&source, &Options::default()).map_err(words)?;
@@ -45,7 +45,8 @@ impl Oracle {
             let query = k % plans.len();
             let plan = plans[query];
             let Some(prepared) = robot.plan(plan) else { continue };
-            let (n_in, n_out) = (prepared.given().len(), prepared.want().len());
+            let n_in = prepared.given().len();
+            let n_out = prepared.want().len();
             let scale = if random.u8(..8) == 0 { 100.0 } else { 0.3 };
             let mut input: Vec<f64> =
                 (0..n_in).map(|_| scale * (2.0 * random.f64() - 1.0)).collect();
@@ -56,7 +57,8 @@ impl Oracle {
             }
             let mut output = vec![0.0; n_out];
             let answer = robot.ask(plan, &input, &mut output).map_err(words)?;
-            let (status, warnings) = (answer.status as u32, answer.warnings.0);
+            let status = answer.status as u32;
+            let warnings = answer.warnings.0;
             questions.push(Question { query, input, status, warnings, output });
         }
         let queries = plans.iter().filter_map(|plan| robot.plan(*plan)).map(|one| *one.query());
@@ -79,7 +81,7 @@ impl Question {
     }
 }
 
-/// True for a status by which a server or client says that nobody computed anything.
+/// True of a status without computation: the server or client refused the request.
 pub(crate) fn is_refusal(status: u32) -> bool {
     status == Status::Overloaded as u32 || status == Status::ShuttingDown as u32
 }

@@ -1,14 +1,96 @@
-//! Files, descriptors and state of other processes, as seen from outside.
+//! Child processes and temporary domains; files, descriptors and state of other processes.
 
 use std::collections::BTreeSet;
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use rustix::process::{Pid, Signal, kill_process};
 use sarrus_proto::Domain;
 
+use crate::patience::poll;
+
 /// The kernel's folder of named shared memory.
 pub const SHARED_MEMORY: &str = "/dev/shm";
+
+static DOMAINS: AtomicU32 = AtomicU32::new(0);
+
+/// A domain in the folder of temporary files; its files are removed when this is dropped.
+pub struct TemporaryDomain(pub Domain);
+
+impl TemporaryDomain {
+    /// A new domain, whose folder does not exist yet.
+    pub fn new() -> Result<TemporaryDomain, String> {
+        let number = DOMAINS.fetch_add(1, Relaxed);
+        let root = format!("sarrus-test-{}-{number}", std::process::id());
+        let domain = Domain::at(&std::env::temp_dir().join(root));
+        domain.map(TemporaryDomain).map_err(|error| error.to_string())
+    }
+}
+
+impl Drop for TemporaryDomain {
+    fn drop(&mut self) {
+        for path in files_of(&self.0).into_iter().rev() {
+            let _ = if path.is_dir() { fs::remove_dir(&path) } else { fs::remove_file(&path) };
+        }
+    }
+}
+
+/// A child process; killed when dropped.
+pub struct Process(pub Child);
+
+impl Process {
+    /// Its number.
+    pub fn id(&self) -> u32 {
+        self.0.id()
+    }
+
+    /// Its exit status, if it has ended.
+    pub fn ended(&mut self) -> Option<ExitStatus> {
+        self.0.try_wait().ok().flatten()
+    }
+
+    /// Sends a signal and waits for the end; `None` beyond the time limit.
+    pub fn stop(mut self, signal: Signal) -> Option<ExitStatus> {
+        send_signal(self.id(), signal);
+        poll(|| self.ended())
+    }
+
+    /// Kills it and waits for its end.
+    pub fn kill(self) {
+        drop(self);
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// The command by which the program `sarrus` at a path serves a bundled robot in a domain.
+pub fn serve_command(sarrus: &Path, domain: &Domain, robot: &str, name: &str) -> Command {
+    let mut command = Command::new(sarrus);
+    command.args(["serve", "--robot", robot, "--name", name]);
+    command.env("SARRUS_ROOT", domain.root()).stdin(Stdio::null()).stdout(Stdio::piped());
+    command
+}
+
+/// Starts a server; returns with its line `ready NAME FINGERPRINT`.
+pub fn start_server(command: &mut Command) -> Result<(Process, String), String> {
+    let mut child = command.spawn().map_err(|error| error.to_string())?;
+    let mut ready = String::new();
+    if let Some(stdout) = child.stdout.take() {
+        BufReader::new(stdout).read_line(&mut ready).map_err(|error| error.to_string())?;
+    }
+    match ready.starts_with("ready ") {
+        true => Ok((Process(child), ready)),
+        false => Err(format!("the server did not start: {:?}", child.wait_with_output())),
+    }
+}
 
 /// Sends a signal to a process.
 pub fn send_signal(process: u32, signal: Signal) {
@@ -58,11 +140,4 @@ pub fn files_of(domain: &Domain) -> BTreeSet<PathBuf> {
     walk(root, &mut found);
     found.extend(shared_files(&domain.prefix()));
     found
-}
-
-/// Removes the files of a domain.
-pub fn remove_files_of(domain: &Domain) {
-    for path in files_of(domain).into_iter().rev() {
-        let _ = if path.is_dir() { fs::remove_dir(&path) } else { fs::remove_file(&path) };
-    }
 }

@@ -1,4 +1,4 @@
-//! What an attack found, and how it says so.
+//! The results of an attack.
 
 use std::fmt::Display;
 use std::io::{IsTerminal, Write};
@@ -6,10 +6,10 @@ use std::time::{Duration, Instant};
 
 use crate::Settings;
 
-/// How an attack ended.
+/// The end of an attack.
 pub(crate) enum Verdict {
     Done(Report),
-    /// This machine does not allow it; why.
+    /// The reason why this machine does not allow it.
     NotRun(String),
 }
 
@@ -26,17 +26,17 @@ impl Report {
         Report { strict: settings.strict, ..Report::default() }
     }
 
-    /// A line of what was counted.
+    /// Adds a line of counts.
     pub(crate) fn count(&mut self, line: impl Into<String>) {
         self.counts.push(line.into());
     }
 
-    /// Something that must not happen.
+    /// Adds a fault.
     pub(crate) fn fault(&mut self, line: impl Into<String>) {
         self.faults.push(line.into());
     }
 
-    /// The same, where this does not hold.
+    /// Adds a fault unless a condition holds.
     pub(crate) fn require(&mut self, holds: bool, line: impl FnOnce() -> String) {
         if !holds {
             self.fault(line());
@@ -44,18 +44,18 @@ impl Report {
     }
 
     /// Times of something, which should take at most `aim` in 99 of 100 cases.
-    pub(crate) fn times(&mut self, what: &str, times: &mut [Duration], aim: Option<Duration>) {
+    pub(crate) fn times(&mut self, label: &str, times: &mut [Duration], aim: Option<Duration>) {
         let [p50, p99, worst] = percentiles(times);
         let ms = |span: Duration| format!("{:.3}", 1e3 * span.as_secs_f64());
         let n = times.len();
         self.count(format!(
-            "{what}: {n} times, p50 {} ms, p99 {} ms, worst {} ms",
+            "{label}: {n} times, p50 {} ms, p99 {} ms, worst {} ms",
             ms(p50),
             ms(p99),
             ms(worst)
         ));
         if let Some(aim) = aim.filter(|aim| p99 > *aim) {
-            let line = format!("{what}: p99 {} ms is over the aim of {} ms", ms(p99), ms(aim));
+            let line = format!("{label}: p99 {} ms is over the aim of {} ms", ms(p99), ms(aim));
             match self.strict {
                 true => self.fault(line),
                 false => self.count(line),
@@ -106,7 +106,8 @@ impl Clock {
         if self.on_terminal && (over || now - self.shown > Duration::from_millis(200)) {
             self.shown = now;
             let mut out = std::io::stderr().lock();
-            let (at, of) = (elapsed.as_secs_f64(), self.length.as_secs_f64());
+            let at = elapsed.as_secs_f64();
+            let of = self.length.as_secs_f64();
             let end = if over { "\r\x1b[K" } else { "" };
             let name = self.name;
             let _ = write!(out, "\r\x1b[K{name}  {at:.0} of {of:.0} s  {}{end}", state())

@@ -18,12 +18,12 @@ use crate::sandbox::words;
 
 pub(crate) use victim::Stage;
 
-/// What a process does.
+/// The role of a process.
 #[derive(Subcommand)]
 pub(crate) enum Role {
     /// Attaches and is killed on the way.
     Victim(victim::Victim),
-    /// Asks, compares and says what it counted.
+    /// Asks, compares and prints its counts.
     Asker(asker::Asker),
     /// Writes random bytes into shared memory.
     Scribbler(scribbler::Scribbler),
@@ -37,7 +37,7 @@ pub(crate) enum Role {
     Intruder(uid::Intruder),
 }
 
-/// What most roles take.
+/// Flags of most roles.
 #[derive(Args)]
 pub(crate) struct Target {
     /// Root of the domain.

@@ -1,4 +1,4 @@
-//! `sarrus-can check`: what is in a configuration, and everything that is wrong with it.
+//! `sarrus-can check`: the content of a configuration, and all its faults.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;

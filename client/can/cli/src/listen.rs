@@ -1,4 +1,4 @@
-//! `sarrus-can listen`: what is said on a bus. For wiring: nothing is sent.
+//! `sarrus-can listen`: the frames on a bus, for wiring. It sends nothing.
 
 use std::io::{self, Write};
 use std::process::ExitCode;
@@ -21,8 +21,8 @@ pub(crate) struct Listen {
     /// Network interface or serial port
     #[arg(long)]
     channel: String,
-    /// Bit rate [bit/s]; slcan takes 1000000 without it, and an interface of socketcan must have it
-    /// if it is said
+    /// Bit rate [bit/s]; slcan takes 1000000 without it; an interface of socketcan must have the
+    /// given one
     #[arg(long)]
     bitrate: Option<u32>,
     /// Data bit rate of CAN FD [bit/s]
@@ -40,13 +40,7 @@ pub(crate) fn run(arguments: &Listen) -> ExitCode {
         eprintln!("sarrus-can listen: signals: {error}");
         return ExitCode::from(2);
     }
-    match listen(arguments, &stop) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("sarrus-can listen: {error}");
-            ExitCode::from(2)
-        }
-    }
+    crate::ended("listen", listen(arguments, &stop))
 }
 
 fn listen(arguments: &Listen, stop: &AtomicBool) -> Result<(), BusError> {
@@ -65,7 +59,8 @@ fn listen(arguments: &Listen, stop: &AtomicBool) -> Result<(), BusError> {
         bus::wait_for_bus(&bus, Duration::from_millis(100))?;
         while let Some(heard) = bus.next()? {
             let now_ns = now_ns();
-            let (seconds, micros) = (now_ns / 1_000_000_000, now_ns / 1000 % 1_000_000);
+            let seconds = now_ns / 1_000_000_000;
+            let micros = now_ns / 1000 % 1_000_000;
             match heard {
                 Heard::Frame(frame) => {
                     let mut out = io::stdout().lock();
@@ -73,7 +68,7 @@ fn listen(arguments: &Listen, stop: &AtomicBool) -> Result<(), BusError> {
                         .and_then(|()| out.flush())
                         .is_err()
                     {
-                        // nobody reads any more
+                        // the reader has gone
                         return Ok(());
                     }
                 }

@@ -1,4 +1,4 @@
-//! `sarrus-can`: the CAN bridge as a program, and what a robot's owner needs around it.
+//! `sarrus-can`: the CAN bridge as a program, with the tools of a robot's owner around it.
 
 #![forbid(unsafe_code)]
 
@@ -28,41 +28,41 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Read a configuration: every fault of it, or its motors, the loads of its buses and the
+    /// Check a configuration: print every fault, or its motors, the loads of its buses and the
     /// frames of a command of zeros.
     ///
     /// Each fault is one line, FILE:LINE:COLUMN first. Ends with 0 for a valid configuration, 1 for
     /// a faulty one, 2 for a file that cannot be opened and wrong flags.
     Check(check::Check),
-    /// What of this computer, its buses and a configuration stands in the way, and what to do.
+    /// Find obstacles in this computer, its buses and a configuration, with their remedies.
     ///
     /// One line a finding: bit rates, queues and states of the buses, real-time rights, locked
-    /// memory, watchdogs, and what `check` warns of. Ends with 0 for none, 1 for a finding or a
+    /// memory, watchdogs, and the warnings of `check`. Ends with 0 for none, 1 for a finding or a
     /// faulty configuration, 2 for a file that cannot be opened and wrong flags.
     Doctor(doctor::Doctor),
     /// Run the bridge between controllers and motors.
     ///
     /// Prints `ready NAME FINGERPRINT` when controllers can connect. The motors have no power until
-    /// somebody arms, and lose it when commands stay away, when a motor fails, and on every way out
-    /// of this program. SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGTSTP and the other signals that would
-    /// end or stop it are a clean end, with 0.
+    /// an operator arms, and lose it when commands stop, when a motor fails, and at every end of
+    /// this program. SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGTSTP and the other signals that would end
+    /// or stop it are a clean end, with 0.
     Run(run::Run),
     /// Give the motors power, as soon as everything is in order and a controller commands.
     Arm(operate::Operate),
     /// Take the motors' power away.
     Disarm(operate::Operate),
-    /// Forget faults, after somebody looked at what caused them.
+    /// Clear faults, once an operator has found their cause.
     Reset(operate::Operate),
-    /// Bring what is outside its limits back inside, slowly and without a controller; the motors
-    /// have no power before and after it.
+    /// Move actuators that are outside their limits back inside, slowly and without a controller;
+    /// the motors have no power before and after it.
     Return(operate::Operate),
     /// Watch a running bridge: states, times, counts.
     Top(top::Top),
     /// Run the rules on a recorded input, without buses.
     Replay(replay::Replay),
-    /// What is said on a bus, as `candump -L` prints it; nothing is sent.
+    /// Print the frames on a bus, as `candump -L` does; nothing is sent.
     Listen(listen::Listen),
-    /// Motors without motors: the motors of a configuration on pseudo-terminals or on its buses.
+    /// Simulate the motors of a configuration, on pseudo-terminals or on its buses.
     Simulate(simulate::Simulate),
 }
 
@@ -75,18 +75,30 @@ fn main() -> ExitCode {
         );
         return ExitCode::from(2);
     }
-    match Arguments::parse().command {
-        Command::Check(check) => check.run(),
+    let code = match Arguments::parse().command {
+        Command::Check(check) => Ok(check.run()),
         Command::Doctor(doctor) => doctor.run(),
         Command::Run(run) => run.run(),
-        Command::Arm(operate) => operate.run(Operation::Arm),
-        Command::Disarm(operate) => operate.run(Operation::Disarm),
-        Command::Reset(operate) => operate.run(Operation::Reset),
-        Command::Return(operate) => operate.run(Operation::Return),
-        Command::Top(top) => top.run(),
+        Command::Arm(operate) => Ok(operate.run(Operation::Arm)),
+        Command::Disarm(operate) => Ok(operate.run(Operation::Disarm)),
+        Command::Reset(operate) => Ok(operate.run(Operation::Reset)),
+        Command::Return(operate) => Ok(operate.run(Operation::Return)),
+        Command::Top(top) => Ok(top.run()),
         Command::Replay(replay) => replay.run(),
-        Command::Listen(listen) => listen::run(&listen),
+        Command::Listen(listen) => Ok(listen::run(&listen)),
         Command::Simulate(simulate) => simulate::run(&simulate),
+    };
+    code.unwrap_or_else(|code| code)
+}
+
+/// The code of a command that fails at start-up only: 0, or 2 with the reason.
+fn ended<E: std::fmt::Display>(command: &str, result: Result<(), E>) -> ExitCode {
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("sarrus-can {command}: {error}");
+            ExitCode::from(2)
+        }
     }
 }
 

@@ -1,4 +1,4 @@
-//! `sarrus-can arm`, `disarm`, `reset` and `return`: what an operator tells a running bridge.
+//! `sarrus-can arm`, `disarm`, `reset` and `return`: an operator's requests to a running bridge.
 
 use std::io::{self, Write};
 use std::process::ExitCode;
@@ -59,7 +59,7 @@ impl Operate {
         };
         match self.ask(&observer, operation, actuator) {
             Ok(()) => {
-                // whoever asked may not want to know
+                // a closed stdout is no failure
                 let _ = writeln!(io::stdout(), "{}", goal(operation));
                 ExitCode::SUCCESS
             }
@@ -88,8 +88,11 @@ impl Operate {
         });
         let timeout = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
         let begin = Instant::now();
-        let (mut asked, mut begun, mut repeated) = (operate(operation), false, begin);
-        let (mut before, mut last) = (None, None::<StateCounts>);
+        let mut asked = operate(operation);
+        let mut repeated = begin;
+        let mut begun = false;
+        let mut before = None;
+        let mut last: Option<StateCounts> = None;
         let is_stopping = |last: Option<StateCounts>| last.is_some_and(|last| last.stopping > 0);
         while begin.elapsed() < timeout || self.timeout.is_none() && is_stopping(last) {
             thread::sleep(Duration::from_millis(5));
@@ -98,7 +101,7 @@ impl Operate {
             let before = *before.get_or_insert(now);
             last = Some(now);
             if state.stamp_ns > asked {
-                // a stop that somebody saw begin is not asked for twice: that would cut it short
+                // a stop that has begun is not requested again: that would cut it short
                 begun |= now != before || now.stopping > 0 || begin.elapsed() > REFUSED;
                 match operation {
                     Operation::Disarm if now.enabled + now.arming + now.stopping == 0 => {
@@ -121,7 +124,7 @@ impl Operate {
         }
         let Some(last) = last else { return Err("the bridge is silent".to_owned()) };
         if operation == Operation::Arm && last.enabled == 0 && last.arming > 0 {
-            // power that comes when nobody waits for it any more would be a surprise
+            // power must not come after this program has ended
             operate(Operation::Disarm);
             thread::sleep(AGAIN);
             return Err(format!("{last}; given up after {seconds} s and disarmed"));
@@ -130,10 +133,11 @@ impl Operate {
     }
 }
 
-/// Who has no power where all were to get it, and what is known of single actuators beyond their
+/// Prints the actuators that did not get power, and details of single actuators beyond their
 /// reasons; names come twice a second.
 fn tell_meanings(observer: &Observer, operation: Operation) {
-    let (mut state, mut statistics) = (None, None);
+    let mut state = None;
+    let mut statistics = None;
     for _ in 0..60 {
         thread::sleep(Duration::from_millis(10));
         state = observer.state().or(state);
@@ -183,7 +187,7 @@ fn in_words(state: u32, reason: u32) -> String {
     }
 }
 
-/// The place in u of an actuator, by the names that the bridge tells twice a second.
+/// The place in u of an actuator, by the names that the bridge sends twice a second.
 fn place(observer: &Observer, name: &str) -> Result<usize, String> {
     let begin = Instant::now();
     while begin.elapsed() < NAMES {
@@ -204,7 +208,7 @@ fn of_actuator(codes: &[u32], place: usize) -> u32 {
     codes.get(place).copied().unwrap_or(u32::MAX)
 }
 
-/// What people read when all went well.
+/// Message after success.
 fn goal(operation: Operation) -> &'static str {
     match operation {
         Operation::Arm => "enabled",

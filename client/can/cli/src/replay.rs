@@ -20,22 +20,16 @@ pub(crate) struct Replay {
 }
 
 impl Replay {
-    /// 0; 1 for a faulty configuration or line, 2 for what cannot be opened.
-    pub(crate) fn run(&self) -> ExitCode {
-        let configuration = match crate::configuration(&self.config) {
-            Ok(configuration) => configuration,
-            Err(code) => return code,
-        };
-        let log = match std::fs::File::open(&self.log) {
-            Ok(log) => log,
-            Err(error) => {
-                eprintln!(
-                    "sarrus-can replay: cannot open {}: {error}; give the path of a readable file",
-                    self.log.display()
-                );
-                return ExitCode::from(2);
-            }
-        };
+    /// 0; 1 for a faulty configuration or line, 2 for a file that cannot be opened.
+    pub(crate) fn run(&self) -> Result<ExitCode, ExitCode> {
+        let configuration = crate::configuration(&self.config)?;
+        let log = std::fs::File::open(&self.log).map_err(|error| {
+            eprintln!(
+                "sarrus-can replay: cannot open {}: {error}; give the path of a readable file",
+                self.log.display()
+            );
+            ExitCode::from(2)
+        })?;
         let mut out = BufWriter::new(io::stdout().lock());
         let mut bridge = Bridge::new(configuration);
         let lines = BufReader::new(log).lines().enumerate();
@@ -53,23 +47,23 @@ impl Replay {
             Err((_, Fault::Output(error))) => Err(error),
             Err((number, Fault::Line(fault))) => {
                 eprintln!("{}:{}:1: {fault}", self.log.display(), number + 1);
-                return ExitCode::from(1);
+                return Err(ExitCode::from(1));
             }
             Err((_, Fault::Read(error))) => {
                 eprintln!(
                     "sarrus-can replay: cannot read {}: {error}; give the path of a text file",
                     self.log.display()
                 );
-                return ExitCode::from(2);
+                return Err(ExitCode::from(2));
             }
         };
         match written {
             // a reader that has gone away wants no more
             Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
                 eprintln!("sarrus-can replay: stdout: {error}");
-                ExitCode::from(2)
+                Err(ExitCode::from(2))
             }
-            _ => ExitCode::SUCCESS,
+            _ => Ok(ExitCode::SUCCESS),
         }
     }
 }
@@ -81,7 +75,7 @@ enum Fault {
     Output(io::Error),
 }
 
-/// Does what one line says; the frames of a cycle are written.
+/// Applies one line; the frames of a cycle are written.
 fn step(bridge: &mut Bridge, text: &str, out: &mut impl Write) -> Result<(), Fault> {
     let line = Line::read(text, bridge.configuration()).map_err(Fault::Line)?;
     let (faults, _) = bridge.faults();

@@ -50,23 +50,20 @@ pub(crate) struct Run {
     /// Priority of the threads under SCHED_FIFO, where that is permitted
     #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u8).range(1..=98))]
     priority: u8,
-    /// Folder for what led to each fault, which `replay` reads; without it `sarrus/faults` where
+    /// Folder for the log of each fault, which `replay` reads; without it `sarrus/faults` where
     /// programs keep their state
     #[arg(long, value_name = "FOLDER")]
     fault_log: Option<PathBuf>,
-    /// Log everything that the bridge is given, as JSON lines for `replay`
+    /// Log all inputs of the bridge, as JSON lines for `replay`
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
 }
 
 impl Run {
-    /// Runs until a signal ends it: 0; 1 for a faulty configuration, 2 for what cannot be opened.
-    pub(crate) fn run(self) -> ExitCode {
+    /// Runs until a signal ends it: 0; 1 for a faulty configuration, 2 for failures at start-up.
+    pub(crate) fn run(self) -> Result<ExitCode, ExitCode> {
         let parent = if self.outlive_parent { None } else { getppid() };
-        let configuration = match crate::configuration(&self.config) {
-            Ok(configuration) => configuration,
-            Err(code) => return code,
-        };
+        let configuration = crate::configuration(&self.config)?;
         stderr::never_wait("sarrus-can");
         configuration.warnings.iter().for_each(|warning| say(format_args!("warning: {warning}")));
         let code = match self.bridge(configuration, parent) {
@@ -77,7 +74,7 @@ impl Run {
             }
         };
         stderr::finish();
-        code
+        Ok(code)
     }
 
     fn bridge(

@@ -36,19 +36,14 @@ pub(crate) struct Top {
 impl Top {
     /// 0, or 2 where there is no bridge.
     pub(crate) fn run(&self) -> ExitCode {
-        match self.watch() {
-            Ok(()) => ExitCode::SUCCESS,
-            Err(error) => {
-                eprintln!("sarrus-can top: {error}");
-                ExitCode::from(2)
-            }
-        }
+        crate::ended("top", self.watch())
     }
 
     fn watch(&self) -> Result<(), Box<dyn std::error::Error>> {
         let observer = Observer::connect(&self.name)?;
         let is_live = !self.once && std::io::stdout().is_terminal();
-        let (mut state, mut statistics) = (None, None);
+        let mut state = None;
+        let mut statistics = None;
         let begin = Instant::now();
         let mut heard = begin;
         loop {
@@ -84,7 +79,7 @@ fn reason(code: u32) -> &'static str {
     Reason::from_code(code).map_or("unknown", Reason::name)
 }
 
-/// A motor's own code as a number, and what this side found in words.
+/// A motor's own code as a number, a fault found by its drive in words.
 fn fault_words(code: u32) -> String {
     fault::describe(code).map_or_else(|| format!("{code:#x}"), str::to_owned)
 }

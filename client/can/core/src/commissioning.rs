@@ -56,7 +56,7 @@ pub fn identifiers(protocol: &'static Protocol, variant: &str) -> Option<(i64, i
     let mut out = FrameQueue::new(32);
     Candidate::new(protocol, variant, least)?.probe(&mut out);
     let first = out.frames().first()?;
-    // a question on the motor's own short identifier is a frame of somebody else's to others
+    // a question on the motor's own short identifier may be another device's frame
     let is_own = |id: Id| matches!(id, Id::Standard(number) if i64::from(number) == least);
     Some((least, if is_own(first.id) { most.min(LAST_SHORT) } else { most }))
 }

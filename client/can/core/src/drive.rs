@@ -8,9 +8,9 @@ use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 
 /// Set-point of a motor, on the motor's side of gear and sign.
 ///
-/// All numbers are finite: the bridge has rejected others. A drive uses what its mode knows:
-/// `Impedance` all of them, the others the one that they are named after, with those below it as
-/// feed-forward where the protocol has room for them.
+/// All numbers are finite: the bridge has rejected others. `Impedance` uses all of them; every
+/// other mode uses the number that it is named after, with those below it as feed-forward where the
+/// protocol has room for them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Setpoint {
     /// Position `[rad]`.
@@ -47,6 +47,11 @@ impl Mode {
             Mode::Velocity => "velocity",
             Mode::Torque => "torque",
         }
+    }
+
+    /// Whether loops of the motor make the torque, within a limit of its own.
+    pub const fn has_own_loops(self) -> bool {
+        matches!(self, Mode::Position | Mode::Velocity)
     }
 }
 
@@ -91,6 +96,13 @@ pub enum Watchdog {
     Set(u32),
     /// This protocol cannot read it.
     Unreadable,
+}
+
+impl Watchdog {
+    /// A watchdog of this time `[ms]` in a motor where 0 is off.
+    pub(crate) fn of_counts(counts: u32, per_ms: u32) -> Watchdog {
+        if counts == 0 { Watchdog::Off } else { Watchdog::Set((counts / per_ms).max(1)) }
+    }
 }
 
 /// State of a motor, as its drive has seen it.
@@ -163,6 +175,13 @@ pub struct Reply {
     pub len: usize,
 }
 
+impl Reply {
+    /// A classic frame.
+    pub(crate) fn classic(id: Id, len: usize) -> Reply {
+        Reply { id, kind: FrameKind::Classic, len }
+    }
+}
+
 /// An identifier that several motors of a bus may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shared {
@@ -208,9 +227,9 @@ pub trait Drive: Send + core::fmt::Debug {
     /// State of the motor.
     fn state(&self) -> DriveState;
 
-    /// Called when an operator arms, and before the motor gets power: what the motor must have
-    /// been given is set and read back anew, since a motor whose supply was away has lost it.
-    /// Nothing where nothing can be set or read.
+    /// Called when an operator arms, and before the motor gets power: the motor's settings are
+    /// written and read back anew, since a motor whose supply was away has lost them. Does nothing
+    /// if the protocol has no such settings.
     fn prepare(&mut self) {}
 
     /// Forgets the state of the motor: it may have been off the bus, or without supply.
@@ -221,7 +240,7 @@ pub trait Drive: Send + core::fmt::Debug {
     fn identifiers(&self) -> Vec<Id>;
 
     /// Identifiers that several motors of a bus may use, distinguished by their data; none of them
-    /// may be in anyone's [`identifiers`](Drive::identifiers).
+    /// may be in the [`identifiers`](Drive::identifiers) of a drive.
     fn shared_identifiers(&self) -> Vec<Shared> {
         Vec::new()
     }
@@ -284,8 +303,8 @@ pub trait Drive: Send + core::fmt::Debug {
         false
     }
 
-    /// Gives the motor another identifier and stores it; what answers afterwards is another drive's
-    /// motor. False where the protocol has no such command, or no such identifier.
+    /// Gives the motor another identifier and stores it; from then on it is another drive's motor.
+    /// False where the protocol has no such command, or no such identifier.
     fn set_id(&mut self, id: u32, out: &mut FrameQueue) -> bool {
         let _ = (id, out);
         false

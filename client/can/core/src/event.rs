@@ -1,4 +1,4 @@
-//! Events of a bus.
+//! Events and states of a bus.
 
 /// News of a bus from its adapter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,6 +20,31 @@ pub enum BusEvent {
     Backlog(u32),
     /// Frames that were received and lost because no reader took them in time.
     Overrun(u32),
+}
+
+/// How a bus is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BusState {
+    /// No trouble.
+    Active,
+    /// Many errors.
+    Warning,
+    /// Error-passive: nothing is armed.
+    Passive,
+    /// Off the bus: its mechanisms are in fault.
+    Off,
+}
+
+impl BusState {
+    /// The name that people see.
+    pub const fn name(self) -> &'static str {
+        match self {
+            BusState::Active => "active",
+            BusState::Warning => "warning",
+            BusState::Passive => "passive",
+            BusState::Off => "off",
+        }
+    }
 }
 
 impl BusEvent {

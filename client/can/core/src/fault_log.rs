@@ -53,7 +53,7 @@ struct Kept {
 }
 
 /// The lines that are kept.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct FaultLog {
     /// Lines of arming, with `resume` where something was left out.
     arming: Vec<Line>,
@@ -69,21 +69,6 @@ pub struct FaultLog {
     arming_ns: Option<u64>,
     /// Nothing has power any more: all that follows begins anew.
     is_over: bool,
-}
-
-impl Default for FaultLog {
-    fn default() -> FaultLog {
-        FaultLog {
-            arming: Vec::new(),
-            recent: VecDeque::new(),
-            left_out: None,
-            has_gap: false,
-            bookmark: Bookmark::default(),
-            progress: Progress::Idle,
-            arming_ns: None,
-            is_over: false,
-        }
-    }
 }
 
 impl FaultLog {

@@ -1,5 +1,5 @@
-//! Logs of what a bridge was given: JSON lines, one for each thing. The same log gives the same
-//! frames, in every frontend.
+//! Logs of a bridge's inputs, one JSON line for each. The same log gives the same frames, in every
+//! frontend.
 //!
 //! ```json
 //! {"t": 2000000, "frame": "123#0011AA", "bus": "left_arm"}
@@ -11,12 +11,12 @@
 //! {"t": 9000000000, "resume": true, "live": ["ALElbowAct"], "fault": [], "in_time": []}
 //! ```
 //!
-//! `t` is the monotonic clock `[ns]`; frames are as `candump -L` writes them. Of a command, what is
-//! not given is zero (`fingerprint` and `n_u`: the configuration's), and `null` is NaN, for which
-//! JSON has no word. Where something is left out, `resume` names whose mechanisms arm or have
-//! power, whose are in fault, and who answers in time ([`Bookmark`]); without lists all go on.
+//! `t` is the monotonic clock `[ns]`; frames are as `candump -L` writes them. Fields that a command
+//! lacks are zero (`fingerprint` and `n_u`: those of the configuration); `null` is NaN, for which
+//! JSON has no word. After a gap `resume` names the actuators whose mechanisms arm or have power,
+//! those in fault, and those that answer in time ([`Bookmark`]); without lists all go on.
 
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use crate::bridge::{Bookmark, Bridge, BusEvent};
 use crate::config::{Configuration, MAX_ACTUATORS};
@@ -90,13 +90,7 @@ impl Line {
                 Operation::ALL.iter().find(|operation| Some(operation.name()) == name.as_str());
             let operation = *operation
                 .ok_or("there is no such operation, expected arm, disarm, reset or return")?;
-            let actuator = line.get("actuator").map(|name| {
-                let place = configuration
-                    .actuators
-                    .iter()
-                    .position(|known| Some(known.as_str()) == name.as_str());
-                place.ok_or(format!("there is no actuator {name} in the configuration"))
-            });
+            let actuator = line.get("actuator").map(|name| actuator(name, configuration));
             What::Operate(operation, actuator.transpose()?)
         } else if let Some(fields) = line.get("command") {
             What::Command(Box::new(command(fields, configuration)?))
@@ -150,36 +144,18 @@ impl Line {
                 }
             }
             What::Command(command) => {
-                let ActuatorCommand {
-                    sequence,
-                    stamp_ns,
-                    fingerprint,
-                    n_u: of,
-                    position,
-                    velocity,
-                    effort,
-                    stiffness,
-                    damping,
-                } = &**command;
-                let mut fields = Map::new();
-                for (key, whole) in [
-                    ("sequence", sequence),
-                    ("stamp_ns", stamp_ns),
-                    ("fingerprint", fingerprint),
-                    ("n_u", of),
-                ] {
-                    fields.insert(key.to_owned(), json!(whole));
-                }
-                for (key, numbers) in [
-                    ("position", position),
-                    ("velocity", velocity),
-                    ("effort", effort),
-                    ("stiffness", stiffness),
-                    ("damping", damping),
-                ] {
-                    fields.insert(key.to_owned(), json!(numbers.get(..n_u)));
-                }
-                json!({"t": t, "command": fields})
+                let command = json!({
+                    "sequence": command.sequence,
+                    "stamp_ns": command.stamp_ns,
+                    "fingerprint": command.fingerprint,
+                    "n_u": command.n_u,
+                    "position": command.position.get(..n_u),
+                    "velocity": command.velocity.get(..n_u),
+                    "effort": command.effort.get(..n_u),
+                    "stiffness": command.stiffness.get(..n_u),
+                    "damping": command.damping.get(..n_u),
+                });
+                json!({"t": t, "command": command})
             }
             What::Cycle => json!({"t": t, "cycle": true}),
             What::Resume(Bookmark { live, fault, in_time }) => {
@@ -223,17 +199,20 @@ fn names(bits: u64, configuration: &Configuration) -> Vec<&str> {
     actuators.filter(|(place, _)| bits >> place & 1 == 1).map(|(_, name)| name.as_str()).collect()
 }
 
+/// Place of an actuator by its name.
+fn actuator(name: &Value, configuration: &Configuration) -> Result<usize, String> {
+    let place = name.as_str().and_then(|name| configuration.actuator(name));
+    place.ok_or(format!("there is no actuator {name} in the configuration"))
+}
+
 /// The lists of a line that goes over a gap.
 fn bookmark(line: &Value, configuration: &Configuration) -> Result<Bookmark, String> {
     let bits = |key: &str, otherwise: u64| {
         let Some(given) = line.get(key) else { return Ok(otherwise) };
         let given = given.as_array().ok_or(format!("`{key}` is no list of actuators"))?;
-        given.iter().try_fold(0, |bits, name| {
-            let mut known = configuration.actuators.iter();
-            let place = known.position(|known| Some(known.as_str()) == name.as_str());
-            let place = place.ok_or(format!("there is no actuator {name} in the configuration"))?;
-            Ok::<u64, String>(bits | 1 << place)
-        })
+        given
+            .iter()
+            .try_fold(0, |bits, name| Ok::<u64, String>(bits | 1 << actuator(name, configuration)?))
     };
     let Bookmark { live, fault, in_time } = Bookmark::default();
     Ok(Bookmark {

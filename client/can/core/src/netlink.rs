@@ -137,8 +137,8 @@ impl Interface {
         let list = message.get(HEAD + INFO..).filter(|_| kind == NEW_LINK).ok_or(Garbled)?;
         let mtu = find(list, MTU).and_then(|bytes| word(bytes, 0)).ok_or(Garbled)?;
         let data = find(list, LINK_INFO).and_then(|info| find(info, DATA)).unwrap_or_default();
-        // the bit rate is the first number of `can_bittiming`; a rate that nobody has set, or that
-        // only the adapter knows, is 0 or −1
+        // the bit rate is the first number of `can_bittiming`; a rate that is
+        // not set, or known to the adapter only, is 0 or −1
         let rate = |kind: u16| {
             find(data, kind)
                 .and_then(|timing| word(timing, 0))

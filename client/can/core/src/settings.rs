@@ -12,8 +12,8 @@ pub struct Key {
     pub name: &'static str,
     /// Kind of its value.
     pub kind: KeyKind,
-    /// What stands there when nobody wrote it, as it would be written; empty for nothing at all,
-    /// and `None` for settings that must be there.
+    /// Its text if the configuration omits it; empty for an optional setting without a value,
+    /// `None` for a required one.
     pub default: Option<&'static str>,
     /// One line for people, with the unit.
     pub about: &'static str,
@@ -55,8 +55,8 @@ pub struct Settings {
 
 impl Settings {
     /// Reads the settings `keys` from a mapping, in messages `of`, whose other keys are `others`;
-    /// every fault is reported. `file` gives the content of a file that a setting names, or says
-    /// why it cannot.
+    /// every fault is reported. `file` gives the content of a file that a setting names, or the
+    /// reason of a failure.
     pub fn read(
         node: &Node,
         of: &str,
@@ -147,6 +147,11 @@ impl Settings {
             Some((Setting::Integer(number), _)) => *number as f64,
             _ => f64::NAN,
         }
+    }
+
+    /// A number that may be absent, or this one.
+    pub fn number_or(&self, key: &str, otherwise: f64) -> f64 {
+        if self.has(key) { self.number(key) } else { otherwise }
     }
 
     /// A setting declared as a whole number; 0 for any other name.

@@ -6,14 +6,14 @@
 //! (`O`, `L` listen only) and closes (`C`) the channel, sets bit rates (`S0` to `S8`, `Y2`, `Y5`),
 //! and asks for version, serial number and status (`V`, `N`, `F`). The adapter answers a line that
 //! it took with carriage return, perhaps after `z` or `Z`, and one that it refuses with bell. An
-//! adapter that watches its bus says `sXRRRTTT`: state active, warning, passive or bus-off with its
-//! error counters.
+//! adapter that watches its bus sends `sXRRRTTT`: state active, warning, passive or bus-off with
+//! its error counters.
 //!
 //! Source: LAWICEL, *CANUSB manual* (2007), for the classic lines; the firmware of CANable 2.0 for
 //! FD; the driver `slcan` of Linux for `s`.
 
-use crate::event::BusEvent;
-use crate::frame::{Frame, FrameKind, Id};
+use crate::event::{BusEvent, BusState};
+use crate::frame::{FD_LENGTHS, Frame, FrameKind, Id};
 
 /// Most bytes of a line with its end: an extended FD frame of 64 bytes.
 pub const MAX_LINE: usize = 1 + 8 + 1 + 128 + 1;
@@ -24,22 +24,6 @@ pub const BITRATES: [u32; 9] =
 
 /// Data bit rates `[bit/s]` with the number after `Y`.
 pub const DATA_BITRATES: [(u8, u32); 2] = [(2, 2_000_000), (5, 5_000_000)];
-
-/// Data bytes of the sixteen length codes of FD.
-const LENGTHS: [u8; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
-
-/// State of an adapter on its bus, with the counters of receive and transmit errors.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BusState {
-    /// Takes part fully.
-    Active,
-    /// 96 errors or more.
-    Warning,
-    /// 128 errors or more: it may not signal errors any more.
-    Passive,
-    /// More than 255 transmit errors: it is off the bus.
-    Off,
-}
 
 /// Content of a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,8 +69,8 @@ pub enum Line {
 }
 
 impl Line {
-    /// What a line of an adapter says of its bus; a refusal is a frame that was dropped, and a line
-    /// that is none one that came and is lost.
+    /// Event of the bus in a line of the adapter; a refusal is a dropped frame, an unreadable line
+    /// a lost one.
     pub fn event(&self) -> Option<BusEvent> {
         match self {
             Line::State(BusState::Active) => Some(BusEvent::ErrorActive),
@@ -118,8 +102,10 @@ pub fn write(frame: &Frame, line: &mut [u8; MAX_LINE]) -> usize {
         (FrameKind::Fd { bit_rate_switch: true }, true) => b'B',
     };
     let digits = if extended { 8 } else { 3 };
-    let code =
-        LENGTHS.iter().position(|&length| usize::from(length) == frame.data().len()).unwrap_or(0);
+    let code = FD_LENGTHS
+        .iter()
+        .position(|&length| usize::from(length) == frame.data().len())
+        .unwrap_or(0);
     let id = (0..digits).rev().map(|place| digit((frame.id.number() >> (4 * place)) as u8 & 0xF));
     let data = frame.data().iter().flat_map(|byte| [digit(byte >> 4), digit(byte & 0xF)]);
     let bytes =
@@ -175,7 +161,7 @@ fn frame(rest: &[u8], digits: usize, kind: FrameKind) -> Line {
         let id = id.iter().try_fold(0u32, |id, &byte| Some(id << 4 | u32::from(value(byte)?)))?;
         let id = if digits == 3 { Id::standard(id)? } else { Id::extended(id)? };
         let (&code, rest) = rest.split_first()?;
-        let length = usize::from(*LENGTHS.get(usize::from(value(code)?))?);
+        let length = usize::from(*FD_LENGTHS.get(usize::from(value(code)?))?);
         let (text, stamp) = rest.split_at_checked(2 * length)?;
         if !(stamp.is_empty() || stamp.len() == 4 && stamp.iter().all(u8::is_ascii_hexdigit)) {
             return None;
@@ -277,7 +263,7 @@ mod tests {
         let bytes: Vec<u8> = (0..64u8).map(|byte| byte.wrapping_mul(37)).collect();
         let mut lines = Lines::default();
         for id in ids {
-            for length in LENGTHS {
+            for length in FD_LENGTHS {
                 let data = &bytes[..usize::from(length)];
                 let frames = [
                     Frame::classic(id, data),

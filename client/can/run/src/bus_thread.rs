@@ -1,4 +1,4 @@
-//! The thread of one bus: sends what the rules hand over, hears what comes, and has the last word.
+//! The thread of one bus: sends the rules' frames, receives, and sends the last frames of all.
 
 use std::os::fd::{AsFd, OwnedFd};
 use std::sync::Arc;
@@ -22,10 +22,10 @@ const AT_ONCE: usize = 256;
 const UNTOLD: usize = 16;
 /// How often the shutdown frames are sent, and the time between.
 const SHUTDOWN: (usize, Duration) = (5, Duration::from_millis(5));
-/// A bus whose rules say nothing for this time looks whether they are still there.
+/// A bus without orders for this time checks whether the rules still run.
 const TIMEOUT: Duration = Duration::from_millis(50);
 
-/// What a bus heard, and when `[ns]`.
+/// Input of a bus, and its time `[ns]`.
 pub(crate) type Stamped = (u64, Heard);
 
 /// The thread's side.
@@ -37,7 +37,7 @@ pub(crate) struct BusThread {
     shutdown_frames: Vec<Frame>,
 }
 
-/// What goes between the rules and a bus.
+/// Queues between the rules and a bus.
 struct Queues {
     /// Frames with the number of their cycle.
     to_send: Consumer<(u64, Frame)>,
@@ -59,7 +59,7 @@ pub(crate) struct BusEnd {
 }
 
 impl BusEnd {
-    /// What was heard until now; what comes meanwhile is for the next cycle.
+    /// Input until now; later input belongs to the next cycle.
     pub(crate) fn heard(&mut self) -> impl Iterator<Item = Stamped> {
         let waiting = self.heard.slots();
         std::iter::from_fn(|| self.heard.pop().ok()).take(waiting)
@@ -71,7 +71,7 @@ impl BusEnd {
         for frame in frames {
             dropped += u32::from(self.to_send.push((cycle, *frame)).is_err());
         }
-        // the counter of a bell that nobody hears cannot overflow in a lifetime
+        // the counter of the bell cannot overflow in a lifetime
         let _ = rustix::io::write(&*self.bell, &1_u64.to_ne_bytes());
         dropped
     }
@@ -177,7 +177,7 @@ impl Queues {
         if dropped > 0 {
             self.tell(Heard::Event(BusEvent::Dropped(dropped)));
         }
-        // frames of this cycle are on their way; what of it still waits at the next is old
+        // frames of this cycle are on their way; those that still wait at the next are old
         let backlog = port.backlog().saturating_sub(slots as u32);
         if backlog != self.backlog && self.tell(Heard::Event(BusEvent::Backlog(backlog))) {
             self.backlog = backlog;

@@ -1,4 +1,4 @@
-//! What the system permits of real time, and what is said where it does not.
+//! Real-time rights of this process, and the warnings where they are missing.
 
 use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::process::{Resource, getrlimit};
@@ -10,10 +10,10 @@ use thread_priority::{ThreadPriority, ThreadPriorityValue};
 
 use crate::stderr::say;
 
-/// Keeps all memory in memory; says why where it does not.
+/// Locks present and future memory; the result is the reason of a failure.
 ///
-/// Locking what is still to come under a limit would make later allocations fail, so the limit is
-/// looked at first.
+/// Under a limit, locking future memory would make later allocations fail, so the limit is checked
+/// first.
 pub fn lock_memory() -> Option<String> {
     let limit = getrlimit(Resource::Memlock).current;
     let is_root = rustix::process::geteuid().is_root();
@@ -41,8 +41,8 @@ fn set_priority(priority: u8) -> bool {
     matches!(set, Ok(Ok(())))
 }
 
-/// Puts this thread under SCHED_FIFO where a priority is given and permitted, and says so where it
-/// is not.
+/// Puts this thread under SCHED_FIFO if a priority is given, with a warning if that is not
+/// permitted.
 pub fn be_first(priority: Option<u8>) {
     let Some(priority) = priority else { return };
     if !set_priority(priority) {

@@ -1,7 +1,7 @@
-//! What is said to people on stderr.
+//! Messages on stderr.
 //!
-//! While motors run nobody may wait for whoever reads it: a terminal that is stopped takes no
-//! lines. Then a thread of its own says them.
+//! While motors run no thread of theirs may wait for the reader of stderr: a stopped terminal takes
+//! no lines. A thread of its own then writes them.
 
 use std::fmt::Arguments;
 use std::io::Write;
@@ -11,9 +11,9 @@ use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread;
 use std::time::Duration;
 
-/// Lines that may wait to be said; more are lost.
+/// Lines that may wait; more are lost.
 const ROOM: usize = 64;
-/// Longest time that the end of the program waits for lines to be said, and the time between two
+/// Longest time that the end of the program waits for lines to be written, and the time between two
 /// looks.
 const LAST: (Duration, Duration) = (Duration::from_millis(200), Duration::from_millis(5));
 
@@ -27,7 +27,7 @@ pub fn never_wait(program: &'static str) {
     let (lines, said) = sync_channel::<String>(ROOM);
     let teller = thread::Builder::new().name("say".to_owned()).spawn(move || {
         for line in said {
-            // nobody may be there to read it
+            // the reader may have gone
             let _ = writeln!(std::io::stderr(), "{line}");
             WAITING.fetch_sub(1, Ordering::Relaxed);
         }
@@ -50,7 +50,7 @@ pub fn say(what: Arguments<'_>) {
     }
 }
 
-/// Gives the last lines a little time to be said.
+/// Gives the last lines a little time to be written.
 pub fn finish() {
     let (longest, pause) = LAST;
     let mut waited = Duration::ZERO;

@@ -40,13 +40,7 @@ impl AkServo {
 }
 
 impl Firmware for AkServo {
-    fn receive(
-        &mut self,
-        now_ns: u64,
-        frame: &Frame,
-        plant: &mut Plant,
-        _out: &mut FrameQueue,
-    ) -> bool {
+    fn receive(&mut self, frame: &Frame, plant: &mut Plant, _out: &mut FrameQueue) -> bool {
         let Id::Extended(id) = frame.id else { return false };
         if id & 0xFF != self.id {
             return false;
@@ -54,13 +48,13 @@ impl Firmware for AkServo {
         let number = frame.data().first_chunk::<4>().map_or(0, |bytes| i32::from_be_bytes(*bytes));
         match id >> 8 {
             1 if number == 0 => {
-                plant.feed(now_ns);
+                plant.feed();
                 plant.stop();
             }
             1 => {
-                plant.start(now_ns);
+                plant.start();
                 let torque = f64::from(number) * 1e-3 * self.constant;
-                plant.follow(now_ns, Setpoint { torque, ..Setpoint::default() });
+                plant.follow(Setpoint { torque, ..Setpoint::default() });
             }
             5 => plant.zero = plant.position,
             _ => return false,
@@ -68,14 +62,14 @@ impl Firmware for AkServo {
         true
     }
 
-    fn step(&mut self, now_ns: u64, plant: &mut Plant, out: &mut FrameQueue) {
-        if plant.trips(now_ns) {
+    fn step(&mut self, plant: &mut Plant, out: &mut FrameQueue) {
+        if plant.trips() {
             plant.stop();
         }
-        if now_ns < self.upload_ns {
+        if plant.now_ns < self.upload_ns {
             return;
         }
-        self.upload_ns = now_ns + UPLOAD_NS;
+        self.upload_ns = plant.now_ns + UPLOAD_NS;
         let [p, q] = ((plant.measured().to_degrees() * 10.0) as i16).to_be_bytes();
         let rpm = plant.velocity * 60.0 / TAU * self.electrical;
         let [v, w] = ((rpm / 10.0) as i16).to_be_bytes();

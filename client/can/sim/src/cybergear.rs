@@ -47,7 +47,7 @@ const OWN_GAINS: [f64; 2] = [30.0, 1.0];
 #[derive(Debug)]
 pub(super) struct CyberGear {
     id: u8,
-    /// Who hears the answers to set-points: whoever spoke last.
+    /// Receiver of the answers to set-points: the last sender.
     host: u8,
     /// Position, velocity, torque, stiffness, damping.
     ranges: [f64; 5],
@@ -76,6 +76,11 @@ impl CyberGear {
 
     fn is_watchdog(&self, index: u16) -> bool {
         index != 0 && index == self.watchdog_index || matches!(index, 0x7028 | 0x200C)
+    }
+
+    /// The answer of type 0.
+    fn presence(&self) -> Option<Frame> {
+        extended(u32::from(self.id) << 8 | 0xFE, &[self.id, 1, 2, 3, 4, 5, 6, 7])
     }
 
     /// Type 2.
@@ -116,7 +121,7 @@ impl CyberGear {
         out.push_some(extended(id, &[low, high, 0, 0, a, b, c, d]));
     }
 
-    fn write(&mut self, now_ns: u64, index: u16, value: [u8; 4], plant: &mut Plant) {
+    fn write(&mut self, index: u16, value: [u8; 4], plant: &mut Plant) {
         let number = f64::from(f32::from_le_bytes(value));
         let [stiffness, damping] = OWN_GAINS;
         let law = match (index, self.run_mode) {
@@ -143,18 +148,12 @@ impl CyberGear {
             (0x7016, 1) => Setpoint { position: number, stiffness, damping, ..Setpoint::default() },
             _ => return,
         };
-        plant.follow(now_ns, law);
+        plant.follow(law);
     }
 }
 
 impl Firmware for CyberGear {
-    fn receive(
-        &mut self,
-        now_ns: u64,
-        frame: &Frame,
-        plant: &mut Plant,
-        out: &mut FrameQueue,
-    ) -> bool {
+    fn receive(&mut self, frame: &Frame, plant: &mut Plant, out: &mut FrameQueue) -> bool {
         let Id::Extended(id) = frame.id else { return false };
         let [kind, high, host, receiver] = id.to_be_bytes();
         if receiver != self.id {
@@ -167,27 +166,22 @@ impl Firmware for CyberGear {
             self.host = host;
         }
         match kind {
-            0 => out.push_some(extended(
-                u32::from(self.id) << 8 | 0xFE,
-                &[self.id, 1, 2, 3, 4, 5, 6, 7],
-            )),
+            0 => out.push_some(self.presence()),
             1 => {
                 // in this type the whole content is the torque, and the host goes without a number
                 let [p, v, t, k, s] = self.ranges;
                 let torque = value([high, host], t);
-                let (position, velocity) = (value([a, b], p), value([c, d], v));
-                let (stiffness, damping) =
-                    ((value([e, f], k) + k) / 2.0, (value([g, h], s) + s) / 2.0);
+                let position = value([a, b], p);
+                let velocity = value([c, d], v);
+                let stiffness = (value([e, f], k) + k) / 2.0;
+                let damping = (value([g, h], s) + s) / 2.0;
                 if self.run_mode == 0 {
-                    plant.follow(
-                        now_ns,
-                        Setpoint { position, velocity, torque, stiffness, damping },
-                    );
+                    plant.follow(Setpoint { position, velocity, torque, stiffness, damping });
                 }
                 self.tell(self.host, plant, out);
             }
             3 => {
-                plant.start(now_ns);
+                plant.start();
                 self.tell(host, plant, out);
             }
             4 => {
@@ -207,26 +201,17 @@ impl Firmware for CyberGear {
             7 => {
                 // the upper half of the content is the new number, the lower one the host's
                 self.id = high;
-                out.push_some(extended(
-                    u32::from(self.id) << 8 | 0xFE,
-                    &[self.id, 1, 2, 3, 4, 5, 6, 7],
-                ));
+                out.push_some(self.presence());
             }
             22 => self.tell(host, plant, out),
             17 => self.read(host, index, plant, out),
             18 => {
-                self.write(now_ns, index, [e, f, g, h], plant);
+                self.write(index, [e, f, g, h], plant);
                 self.tell(host, plant, out);
             }
             _ => return false,
         }
         true
-    }
-
-    fn step(&mut self, now_ns: u64, plant: &mut Plant, _out: &mut FrameQueue) {
-        if plant.trips(now_ns) {
-            plant.stop();
-        }
     }
 }
 

@@ -5,8 +5,7 @@
 //! follows them in its mode, with gains of its own where the mode takes none. Power comes when
 //! `enable` changes to `enable_value` and goes when it has another one. Each message with `enable`
 //! is answered by all messages that hold something measured, once for each value of a switch; their
-//! other signals are raw 0. A DBC file says nothing of a watchdog: it is taken to be set with the
-//! maker's tool.
+//! other signals are raw 0. A DBC file has no watchdog: it counts as set with the maker's tool.
 //!
 //! Of the file it reads `BO_` (identifier with bit 31 for an extended one, name, length), `SG_`
 //! (start, length, order 1 Intel or 0 Motorola, sign, factor, offset) and `SIG_VALTYPE_` (1 single,
@@ -29,7 +28,7 @@ const DESIRED: [(&str, &str); 5] = [
     ("stiffness", "stiffness_unit"),
     ("damping", "damping_unit"),
 ];
-/// What is reported, in the order of [`Dbc::measures`].
+/// Reported signals and their units, in the order of [`Dbc::measures`].
 const REPORTED: [(&str, &str); 6] = [
     ("measured_position", "position_unit"),
     ("measured_velocity", "velocity_unit"),
@@ -66,10 +65,10 @@ struct Bits {
 struct Signal {
     id: Id,
     len: usize,
-    /// The switch and what it is while this signal is there.
+    /// The switch, and its value while this signal is there.
     switch: Option<(Bits, u64)>,
     bits: Bits,
-    /// What 1 of the file is in SI units.
+    /// SI units for 1 of the file.
     unit: f64,
 }
 
@@ -86,7 +85,7 @@ pub(super) struct Dbc {
 }
 
 impl Dbc {
-    /// `None` where the file has not what the settings name.
+    /// `None` where the file lacks a signal of the settings.
     pub(super) fn new(settings: &Settings, common: Common, plant: &mut Plant) -> Option<Dbc> {
         let text = settings.text("file");
         let signal = |(key, unit): (&str, &str)| {
@@ -126,7 +125,7 @@ impl Dbc {
         }
     }
 
-    /// What the signals of [`REPORTED`] hold now.
+    /// Present values of [`REPORTED`].
     fn measures(&self, plant: &Plant) -> [f64; 6] {
         let otherwise = if self.enabled_value == 0.0 { 1.0 } else { 0.0 };
         let enabled = if plant.power { self.enabled_value } else { otherwise };
@@ -163,13 +162,7 @@ impl Dbc {
 }
 
 impl Firmware for Dbc {
-    fn receive(
-        &mut self,
-        now_ns: u64,
-        frame: &Frame,
-        plant: &mut Plant,
-        out: &mut FrameQueue,
-    ) -> bool {
+    fn receive(&mut self, frame: &Frame, plant: &mut Plant, out: &mut FrameQueue) -> bool {
         let desired = || self.desired.iter().flatten().chain([&self.enable]);
         if !desired().any(|signal| signal.id == frame.id) {
             return false;
@@ -184,23 +177,17 @@ impl Firmware for Dbc {
         if let Some(value) = enable {
             let is_asked = (value - self.enable_value).abs() < 0.5 * self.enable.bits.factor.abs();
             match (self.is_asked, is_asked) {
-                (false, true) => plant.start(now_ns),
+                (false, true) => plant.start(),
                 (_, false) => plant.stop(),
                 _ => {}
             }
             self.is_asked = is_asked;
         }
-        plant.follow(now_ns, self.law());
+        plant.follow(self.law());
         if enable.is_some() {
             self.answer(plant, out);
         }
         true
-    }
-
-    fn step(&mut self, now_ns: u64, plant: &mut Plant, _out: &mut FrameQueue) {
-        if plant.trips(now_ns) {
-            plant.stop();
-        }
     }
 }
 
@@ -276,9 +263,11 @@ fn describe(line: &str) -> Option<(&str, &str, Bits)> {
     };
     let (mark, start) =
         if next.starts_with(['m', 'M']) { (next, words.next()?) } else { ("", next) };
-    let (start, length): (u32, u32) = (start.parse().ok()?, words.next()?.parse().ok()?);
+    let start: u32 = start.parse().ok()?;
+    let length: u32 = words.next()?.parse().ok()?;
     let order = words.next()?;
-    let (factor, offset) = (words.next()?.parse().ok()?, words.next()?.parse().ok()?);
+    let factor = words.next()?.parse().ok()?;
+    let offset = words.next()?.parse().ok()?;
     let is_intel = order.starts_with('1');
     // of a Motorola signal the start is the highest bit, counted from the lowest one of its byte
     let before = if is_intel { start } else { start / 8 * 8 + 7 - start % 8 };

@@ -1,5 +1,5 @@
-//! Motors from their own side: what they do with frames, and how their shafts turn. For tests and
-//! end-to-end runs.
+//! Motors from their own side: their answers to frames, and the motion of their shafts. For tests
+//! and end-to-end runs.
 //!
 //! Everything here is written from the makers' manuals and not from the drives of
 //! [`sarrus_can_core::protocol`]: the two are a check of each other. No I/O and no clock; frames
@@ -25,19 +25,18 @@ use sarrus_can_core::frame::{Frame, FrameQueue, Id};
 use sarrus_can_core::protocol::Common;
 use sarrus_can_core::protocol::Settings;
 
-/// What a motor's firmware does. Nothing is checked here that firmware does not check.
+/// A motor's firmware. Nothing is checked here that the real one does not check.
 trait Firmware: Send + core::fmt::Debug {
     /// Reads a frame; whether it was for this motor.
-    fn receive(
-        &mut self,
-        now_ns: u64,
-        frame: &Frame,
-        plant: &mut Plant,
-        out: &mut FrameQueue,
-    ) -> bool;
+    fn receive(&mut self, frame: &Frame, plant: &mut Plant, out: &mut FrameQueue) -> bool;
 
-    /// Time goes by: watchdogs, and frames that the motor sends by itself.
-    fn step(&mut self, now_ns: u64, plant: &mut Plant, out: &mut FrameQueue);
+    /// Time goes by: watchdogs, which take the power unless the firmware has another reaction, and
+    /// frames that the motor sends by itself.
+    fn step(&mut self, plant: &mut Plant, _out: &mut FrameQueue) {
+        if plant.trips() {
+            plant.stop();
+        }
+    }
 }
 
 /// A simulated motor.
@@ -66,18 +65,16 @@ impl Simulated {
     ) -> Option<Simulated> {
         let mut plant = Plant::new(physics);
         let firmware = firmware(protocol, settings, common, &mut plant)?;
-        let (made_of, replies) =
-            ((protocol.to_owned(), settings.clone(), common, physics), FrameQueue::new(16));
         Some(Simulated {
             plant,
-            made_of,
+            made_of: (protocol.to_owned(), settings.clone(), common, physics),
             firmware,
             stepped_ns: None,
             heard: None,
             n_heard: 0,
             silent: false,
             wrong_id: false,
-            replies,
+            replies: FrameQueue::new(16),
         })
     }
 
@@ -102,7 +99,8 @@ impl Simulated {
     /// Gives a frame of the bus to the motor; its answers go to `out`. Whether it was for this
     /// motor.
     pub fn receive(&mut self, now_ns: u64, frame: &Frame, out: &mut FrameQueue) -> bool {
-        let mine = self.firmware.receive(now_ns, frame, &mut self.plant, &mut self.replies);
+        self.plant.now_ns = now_ns;
+        let mine = self.firmware.receive(frame, &mut self.plant, &mut self.replies);
         if mine {
             self.heard = Some((now_ns, *frame));
             self.n_heard += 1;
@@ -119,10 +117,11 @@ impl Simulated {
         self.tick(now_ns, out);
     }
 
-    /// As [`Simulated::step`] for a shaft that somebody else turns, by [`Plant::carry`].
+    /// As [`Simulated::step`] for a shaft that [`Plant::carry`] turns.
     pub fn tick(&mut self, now_ns: u64, out: &mut FrameQueue) {
         self.stepped_ns = Some(now_ns);
-        self.firmware.step(now_ns, &mut self.plant, &mut self.replies);
+        self.plant.now_ns = now_ns;
+        self.firmware.step(&mut self.plant, &mut self.replies);
         self.send(out);
     }
 
@@ -136,7 +135,7 @@ impl Simulated {
         self.n_heard
     }
 
-    /// What it follows, while it has power.
+    /// Its set-point, while it has power.
     pub fn follows(&self) -> Option<&Setpoint> {
         self.plant.power.then_some(&self.plant.law)
     }
@@ -155,7 +154,7 @@ impl Simulated {
         self.silent = silent;
     }
 
-    /// Answers under an identifier that nobody expects.
+    /// Answers under an unexpected identifier.
     pub fn answer_wrongly(&mut self, wrong: bool) {
         self.wrong_id = wrong;
     }

@@ -34,8 +34,8 @@ use sarrus_can_core::protocol::Settings;
 const REGISTERS: u16 = 0x7FF;
 /// Nanoseconds of one count of a Damiao's watchdog.
 const COUNT_NS: u64 = 50_000;
-/// What turns the torque of a Damiao off `[V]`, the version of its firmware, and the reduction of
-/// its gear, as those of a DM-J4310 are.
+/// Voltage that turns the torque of a Damiao off `[V]`, the version of its firmware and the
+/// reduction of its gear, of a DM-J4310.
 const UNDER_VOLTAGE: f32 = 15.0;
 const SOFTWARE: u32 = 5013;
 const REDUCTION: f32 = 10.0;
@@ -114,9 +114,9 @@ impl Mit {
         ([a, b, c, d, e, f] == [0xFF; 6] && known).then_some((last, full))
     }
 
-    fn obey(&mut self, now_ns: u64, command: (u8, bool), plant: &mut Plant, out: &mut FrameQueue) {
+    fn obey(&mut self, command: (u8, bool), plant: &mut Plant, out: &mut FrameQueue) {
         match command {
-            (0xFC, true) => plant.start(now_ns),
+            (0xFC, true) => plant.start(),
             (0xFD, true) => plant.stop(),
             (0xFE, true) => {
                 plant.zero = plant.position;
@@ -211,13 +211,7 @@ impl Mit {
 }
 
 impl Firmware for Mit {
-    fn receive(
-        &mut self,
-        now_ns: u64,
-        frame: &Frame,
-        plant: &mut Plant,
-        out: &mut FrameQueue,
-    ) -> bool {
+    fn receive(&mut self, frame: &Frame, plant: &mut Plant, out: &mut FrameQueue) -> bool {
         if self.variant == Variant::Damiao && frame.id == Id::Standard(REGISTERS) {
             return self.register(frame.data(), plant, out);
         }
@@ -226,17 +220,17 @@ impl Firmware for Mit {
         }
         let Some(bytes) = frame.exactly::<8>() else { return true };
         match self.special(bytes) {
-            Some(command) => self.obey(now_ns, command, plant, out),
+            Some(command) => self.obey(command, plant, out),
             None => {
-                plant.follow(now_ns, self.setpoint(u64::from_be_bytes(bytes)));
+                plant.follow(self.setpoint(u64::from_be_bytes(bytes)));
                 self.reply(plant, out);
             }
         }
         true
     }
 
-    fn step(&mut self, now_ns: u64, plant: &mut Plant, _out: &mut FrameQueue) {
-        if plant.trips(now_ns) {
+    fn step(&mut self, plant: &mut Plant, _out: &mut FrameQueue) {
+        if plant.trips() {
             match self.variant {
                 Variant::MiniCheetah | Variant::TMotor => plant.law = Setpoint::default(),
                 Variant::Damiao => {

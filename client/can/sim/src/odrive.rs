@@ -40,7 +40,7 @@ const FEEDBACK_NS: u64 = 2_000_000;
 const WATCHDOG_EXPIRED: u32 = 0x0100_0000;
 const IDLE: u8 = 1;
 const CLOSED_LOOP: u8 = 8;
-/// What its limit of current as delivered comes to `[N m]`.
+/// Torque at its limit of current as delivered `[N m]`.
 const OWN_LIMIT: f64 = 20.0;
 /// Gains of its own loops: torque for position `[N m/rad]`, for velocity `[N m s/rad]`.
 const OWN_GAINS: [f64; 2] = [40.0, 2.0];
@@ -52,7 +52,7 @@ pub(super) struct Odrive {
     velocity_scale: f64,
     torque_scale: f64,
     torque_constant: f64,
-    /// What the current may make `[N m]`; the ODrive's own is 20.
+    /// Torque at the limit of current `[N m]`.
     torque_limit: f64,
     physical_limit: f64,
     tells_torque: bool,
@@ -126,13 +126,7 @@ impl Odrive {
 }
 
 impl Firmware for Odrive {
-    fn receive(
-        &mut self,
-        now_ns: u64,
-        frame: &Frame,
-        plant: &mut Plant,
-        out: &mut FrameQueue,
-    ) -> bool {
+    fn receive(&mut self, frame: &Frame, plant: &mut Plant, out: &mut FrameQueue) -> bool {
         let Id::Standard(id) = frame.id else { return false };
         if id >> 5 != self.node {
             return false;
@@ -140,7 +134,8 @@ impl Firmware for Odrive {
         let mut bytes = [0; 8];
         bytes.iter_mut().zip(frame.data()).for_each(|(byte, given)| *byte = *given);
         let [a, b, c, d, e, f, g, h] = bytes;
-        let (first, second) = (f32::from_le_bytes([a, b, c, d]), f32::from_le_bytes([e, f, g, h]));
+        let first = f32::from_le_bytes([a, b, c, d]);
+        let second = f32::from_le_bytes([e, f, g, h]);
         let fine = |low, high| f64::from(i16::from_le_bytes([low, high]));
         let [stiffness, damping] = OWN_GAINS;
         let law = match (id & 0x1F, frame.data().len()) {
@@ -154,7 +149,7 @@ impl Firmware for Odrive {
             }
             (0x07, 4 | 8) => {
                 match a {
-                    CLOSED_LOOP => plant.start(now_ns),
+                    CLOSED_LOOP => plant.start(),
                     IDLE => plant.stop(),
                     _ => {}
                 }
@@ -194,25 +189,25 @@ impl Firmware for Odrive {
             }
             (0x0C..=0x0E, _) => {
                 // set-points of another mode feed the watchdog and drive nothing
-                plant.feed(now_ns);
+                plant.feed();
                 return true;
             }
             (0x01 | 0x03 | 0x05 | 0x09 | 0x15 | 0x1C, _) => return false,
             _ => return true,
         };
         plant.physics.torque_limit = self.physical_limit.min(self.torque_limit);
-        plant.follow(now_ns, law);
+        plant.follow(law);
         true
     }
 
-    fn step(&mut self, now_ns: u64, plant: &mut Plant, out: &mut FrameQueue) {
-        if plant.trips(now_ns) {
+    fn step(&mut self, plant: &mut Plant, out: &mut FrameQueue) {
+        if plant.trips() {
             plant.fault = WATCHDOG_EXPIRED;
             plant.stop();
         }
         let float = |number: f64| (number as f32).to_le_bytes();
-        if now_ns >= self.heartbeat_ns {
-            self.heartbeat_ns = now_ns + HEARTBEAT_NS;
+        if plant.now_ns >= self.heartbeat_ns {
+            self.heartbeat_ns = plant.now_ns + HEARTBEAT_NS;
             self.tell(
                 0x01,
                 [
@@ -223,8 +218,8 @@ impl Firmware for Odrive {
             );
             self.tell(0x15, [float(plant.temperature), float(plant.temperature)], out);
         }
-        if now_ns >= self.feedback_ns {
-            self.feedback_ns = now_ns + FEEDBACK_NS;
+        if plant.now_ns >= self.feedback_ns {
+            self.feedback_ns = plant.now_ns + FEEDBACK_NS;
             self.tell(0x09, [float(plant.measured() / TAU), float(plant.velocity / TAU)], out);
             if self.tells_torque {
                 self.tell(0x1C, [float(plant.law.torque), float(plant.torque)], out);

@@ -4,10 +4,11 @@ use sarrus_can_core::drive::Setpoint;
 
 /// Longest step of the integration `[s]`.
 const STEP: f64 = 0.5e-3;
-/// A gap longer than this is not made up for: the program was stopped, and so was the world `[s]`.
+/// Longest gap that is integrated; during a longer one the program was stopped, and with it the
+/// world `[s]`.
 const LONGEST: f64 = 0.1;
 
-/// What turns, at the motor's output shaft.
+/// Mechanics at the motor's output shaft.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Physics {
     /// Inertia of rotor and load `[kg m²]`.
@@ -22,7 +23,7 @@ pub struct Physics {
 /// it has power.
 #[derive(Clone, Debug)]
 pub struct Plant {
-    /// What turns.
+    /// Inertia, friction and limit of the torque.
     pub physics: Physics,
     /// Position of the shaft `[rad]`.
     pub position: f64,
@@ -32,11 +33,11 @@ pub struct Plant {
     pub torque: f64,
     /// Temperature `[°C]`.
     pub temperature: f64,
-    /// Position where the motor says 0 `[rad]`.
+    /// Position where the motor reports 0 `[rad]`.
     pub zero: f64,
     /// It follows `law`.
     pub power: bool,
-    /// What it follows, in its own coordinate. Drives that have gains of their own put them here.
+    /// The law that it follows, in its own coordinate, with the gains of its own loops.
     pub law: Setpoint,
     /// Its fault in its own code; 0 without one.
     pub fault: u32,
@@ -46,6 +47,8 @@ pub struct Plant {
     pub watchdog_ns: u64,
     /// When its watchdog last turned the torque off `[ns]`, until it gets power again.
     pub tripped_ns: Option<u64>,
+    /// The time of the present frame or step `[ns]`.
+    pub(super) now_ns: u64,
     fed_ns: u64,
 }
 
@@ -65,23 +68,24 @@ impl Plant {
             n_setpoints: 0,
             watchdog_ns: 0,
             tripped_ns: None,
+            now_ns: 0,
             fed_ns: 0,
         }
     }
 
-    /// Position as the motor tells it `[rad]`.
+    /// Position as the motor reports it `[rad]`.
     pub fn measured(&self) -> f64 {
         self.position - self.zero
     }
 
     /// Gets power, holding nothing until a set-point comes; not with a fault.
-    pub(super) fn start(&mut self, now_ns: u64) {
+    pub(super) fn start(&mut self) {
         if self.fault == 0 && !self.power {
             self.power = true;
             self.n_setpoints = 0;
             self.law = Setpoint::default();
             self.tripped_ns = None;
-            self.fed_ns = now_ns;
+            self.feed();
         }
     }
 
@@ -92,27 +96,26 @@ impl Plant {
     }
 
     /// Takes a set-point, which feeds the watchdog. Without power it changes nothing.
-    pub(super) fn follow(&mut self, now_ns: u64, law: Setpoint) {
-        self.feed(now_ns);
+    pub(super) fn follow(&mut self, law: Setpoint) {
+        self.feed();
         if self.power {
             self.law = law;
             self.n_setpoints += 1;
         }
     }
 
-    /// Somebody is there.
-    pub(super) fn feed(&mut self, now_ns: u64) {
-        self.fed_ns = now_ns;
+    /// Feeds the watchdog.
+    pub(super) fn feed(&mut self) {
+        self.fed_ns = self.now_ns;
     }
 
-    /// Whether the watchdog turns the torque off just now; what that means is the firmware's
-    /// business.
-    pub(super) fn trips(&mut self, now_ns: u64) -> bool {
-        let late = now_ns.saturating_sub(self.fed_ns) > self.watchdog_ns;
+    /// Whether the watchdog expires now; the reaction is the firmware's.
+    pub(super) fn trips(&mut self) -> bool {
+        let late = self.now_ns.saturating_sub(self.fed_ns) > self.watchdog_ns;
         let again = self.tripped_ns.is_none_or(|tripped_ns| self.fed_ns > tripped_ns);
         let trips = self.power && self.watchdog_ns > 0 && late && again;
         if trips {
-            self.tripped_ns = Some(now_ns);
+            self.tripped_ns = Some(self.now_ns);
         }
         trips
     }
@@ -129,7 +132,7 @@ impl Plant {
         torque.clamp(-self.physics.torque_limit, self.physics.torque_limit)
     }
 
-    /// The shaft has come to this position and velocity, as somebody else reckoned.
+    /// Sets position and velocity of the shaft, integrated elsewhere.
     pub fn carry(&mut self, position: f64, velocity: f64) {
         (self.position, self.velocity) = (position, velocity);
         self.torque = self.drive_torque();
@@ -172,8 +175,8 @@ mod tests {
 
     fn powered(law: Setpoint) -> Plant {
         let mut plant = Plant::new(PHYSICS);
-        plant.start(0);
-        plant.follow(0, law);
+        plant.start();
+        plant.follow(law);
         plant
     }
 
@@ -220,14 +223,20 @@ mod tests {
     fn the_watchdog_trips_once_until_it_is_fed_and_only_with_power() {
         let mut plant = powered(Setpoint::default());
         plant.watchdog_ns = 100;
-        assert!(!plant.trips(100));
-        assert!(plant.trips(101));
-        assert!(!plant.trips(500));
+        let trips = |plant: &mut Plant, now_ns: u64| {
+            plant.now_ns = now_ns;
+            plant.trips()
+        };
+        assert!(!trips(&mut plant, 100));
+        assert!(trips(&mut plant, 101));
+        assert!(!trips(&mut plant, 500));
         assert_eq!(plant.tripped_ns, Some(101));
-        plant.follow(600, Setpoint::default());
-        assert!(plant.trips(701));
+        plant.now_ns = 600;
+        plant.follow(Setpoint::default());
+        assert!(trips(&mut plant, 701));
         plant.stop();
-        plant.feed(800);
-        assert!(!plant.trips(2000));
+        plant.now_ns = 800;
+        plant.feed();
+        assert!(!trips(&mut plant, 2000));
     }
 }

@@ -16,7 +16,7 @@
 //! A1 does not open the brake, and with a closed one nothing turns: here the torque is none then.
 //! Without commands for the time of B3 the output is cut off and the brake closes; the first A1
 //! after that is answered by the same bytes and not followed. Source: MyActuator, *Motor Motion
-//! Protocol V4.2*; what follows a timeout is from users' reports.
+//! Protocol V4.2*; the behaviour after a timeout is from users' reports.
 
 use super::{Firmware, Plant, standard};
 use sarrus_can_core::drive::Setpoint;
@@ -51,20 +51,14 @@ impl Rmd {
 }
 
 impl Firmware for Rmd {
-    fn receive(
-        &mut self,
-        now_ns: u64,
-        frame: &Frame,
-        plant: &mut Plant,
-        out: &mut FrameQueue,
-    ) -> bool {
+    fn receive(&mut self, frame: &Frame, plant: &mut Plant, out: &mut FrameQueue) -> bool {
         if frame.id != Id::Standard(0x140 + self.id) {
             return false;
         }
         let Some(bytes) = frame.exactly::<8>() else { return true };
         let [what, _, _, _, a, b, c, d] = bytes;
         let was_late = std::mem::take(&mut self.has_timed_out);
-        plant.feed(now_ns);
+        plant.feed();
         let answer = match what {
             0x80 | 0x81 => {
                 plant.stop();
@@ -92,10 +86,10 @@ impl Firmware for Rmd {
             0xA1 if was_late => bytes,
             0xA1 => {
                 if plant.fault == 0 && self.is_brake_open {
-                    plant.start(now_ns);
+                    plant.start();
                     let current = f64::from(i16::from_le_bytes([a, b])) * 0.01;
                     let torque = current * self.constant;
-                    plant.follow(now_ns, Setpoint { torque, ..Setpoint::default() });
+                    plant.follow(Setpoint { torque, ..Setpoint::default() });
                 }
                 self.state(what, plant)
             }
@@ -109,8 +103,8 @@ impl Firmware for Rmd {
         true
     }
 
-    fn step(&mut self, now_ns: u64, plant: &mut Plant, _out: &mut FrameQueue) {
-        if plant.trips(now_ns) {
+    fn step(&mut self, plant: &mut Plant, _out: &mut FrameQueue) {
+        if plant.trips() {
             (self.is_brake_open, self.has_timed_out) = (false, true);
             plant.stop();
         }

@@ -47,13 +47,7 @@ impl Vesc {
 }
 
 impl Firmware for Vesc {
-    fn receive(
-        &mut self,
-        now_ns: u64,
-        frame: &Frame,
-        plant: &mut Plant,
-        _out: &mut FrameQueue,
-    ) -> bool {
+    fn receive(&mut self, frame: &Frame, plant: &mut Plant, _out: &mut FrameQueue) -> bool {
         let Id::Extended(id) = frame.id else { return false };
         if id & 0xFF != self.id {
             return false;
@@ -65,7 +59,7 @@ impl Firmware for Vesc {
         let [stiffness, damping] = OWN_GAINS;
         let law = match id >> 8 {
             1 if number(0) == 0.0 => {
-                plant.feed(now_ns);
+                plant.feed();
                 plant.stop();
                 return true;
             }
@@ -90,19 +84,19 @@ impl Firmware for Vesc {
             }
             _ => return false,
         };
-        plant.start(now_ns);
-        plant.follow(now_ns, law);
+        plant.start();
+        plant.follow(law);
         true
     }
 
-    fn step(&mut self, now_ns: u64, plant: &mut Plant, out: &mut FrameQueue) {
-        if plant.trips(now_ns) {
+    fn step(&mut self, plant: &mut Plant, out: &mut FrameQueue) {
+        if plant.trips() {
             plant.stop();
         }
-        if now_ns < self.status_ns {
+        if plant.now_ns < self.status_ns {
             return;
         }
-        self.status_ns = now_ns + STATUS_NS;
+        self.status_ns = plant.now_ns + STATUS_NS;
         let rpm = plant.velocity * 60.0 / TAU * self.pole_pairs;
         let [a, b, c, d] = (rpm as i32).to_be_bytes();
         let [e, f] = ((plant.torque / self.constant * 10.0) as i16).to_be_bytes();

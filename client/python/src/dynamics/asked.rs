@@ -1,7 +1,7 @@
 //! A prepared plan with its robot, asked with numpy's arrays.
 
 use std::num::NonZero;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
@@ -15,6 +15,7 @@ use super::batch::{self, Engine, Rows};
 use super::errors::QueryError;
 use super::shared::Shared;
 use super::signals::is_main;
+use crate::locked;
 
 /// How a batch is to be answered.
 pub(super) struct BatchOptions {
@@ -255,13 +256,9 @@ impl Asked {
         batch::run(py, numbers, vec![engine], progress)
     }
 
-    fn kept(&self) -> MutexGuard<'_, Vec<Batch>> {
-        self.batches.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Keeps engines for the next batch, at most one for each processor.
     fn keep(&self, mut batches: Vec<Batch>) {
-        let mut kept = self.kept();
+        let mut kept = locked(&self.batches);
         let excess =
             batches.split_off(batch::processors().saturating_sub(kept.len()).min(batches.len()));
         kept.append(&mut batches);
@@ -271,7 +268,7 @@ impl Asked {
 
     /// Engines for this number of threads: the kept ones and clones of them.
     fn batches(&self, model: &Arc<Model<f64>>, threads: usize) -> PyResult<Vec<Batch>> {
-        let mut kept = self.kept();
+        let mut kept = locked(&self.batches);
         let free = kept.len().min(threads);
         let mut batches: Vec<Batch> = kept.drain(..free).collect();
         drop(kept);

@@ -41,13 +41,9 @@ pub(super) fn load_error(py: Python<'_>, error: NotLoaded) -> PyErr {
     match error {
         NotLoaded::Open { file, reason } => not_opened(file, &reason, words),
         NotLoaded::Faults(report) => {
-            let faults: PyResult<Vec<_>> =
-                report.errors.iter().map(|fault| diagnostic(py, fault)).collect();
-            match faults {
-                Ok(faults) => LoadError::new_err((
-                    words,
-                    faults.into_iter().map(Bound::unbind).collect::<Vec<_>>(),
-                )),
+            let faults = report.errors.iter().map(|fault| diagnostic(py, fault).map(Bound::unbind));
+            match faults.collect::<PyResult<Vec<_>>>() {
+                Ok(faults) => LoadError::new_err((words, faults)),
                 Err(error) => error,
             }
         }
@@ -67,12 +63,5 @@ fn not_opened(file: String, reason: &str, words: String) -> PyErr {
 
 /// A fault with the keys of `sarrus check`.
 fn diagnostic<'py>(py: Python<'py>, fault: &Diagnostic) -> PyResult<Bound<'py, PyDict>> {
-    let dict = PyDict::new(py);
-    dict.set_item("file", &fault.file)?;
-    dict.set_item("line", fault.line)?;
-    dict.set_item("column", fault.column)?;
-    dict.set_item("found", &fault.found)?;
-    dict.set_item("expected", &fault.expected)?;
-    dict.set_item("help", &fault.help)?;
-    Ok(dict)
+    Ok(fields!(py, fault => file, line, column, found, expected, help))
 }

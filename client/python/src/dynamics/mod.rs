@@ -18,7 +18,8 @@ mod signals;
 mod simulation;
 
 pub(crate) use arrays::refuse_masked;
+pub(crate) use batch::forked;
 pub(crate) use origin::{PyOrigin, bundled_names};
 pub(crate) use query::PyQuery;
 pub(crate) use robot::PyRobot;
-pub(crate) use shared::{forked, status_help, statuses, warning_bits};
+pub(crate) use shared::{status_help, statuses, warning_bits};

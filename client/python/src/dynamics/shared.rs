@@ -6,30 +6,15 @@
 //! they are refused it.
 
 use std::num::NonZero;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use pyo3::prelude::*;
 use sarrus_client::{Answer, Error, FailedState, Model, PlanId, Robot, Status, Warnings};
 
-use super::batch;
+use super::batch::forks;
 use super::errors::{ConnectError, robot_error};
 use super::signals::{hold, is_main, waiting};
-
-/// How often this process was forked from another since it began.
-static FORKS: AtomicU64 = AtomicU64::new(0);
-
-/// Counts a fork: Python calls it in the child.
-#[pyfunction]
-pub(crate) fn forked() {
-    FORKS.fetch_add(1, Relaxed);
-    batch::forked();
-}
-
-/// How many forks there were.
-pub(super) fn forks() -> u64 {
-    FORKS.load(Relaxed)
-}
+use crate::locked;
 
 /// The words of all statuses, by number.
 #[pyfunction]
@@ -94,7 +79,7 @@ impl Shared {
             None => Err(Error::UnknownPlan),
         };
         if self.model.is_some() {
-            return of(&mut lock(&self.robot)).map_err(robot_error);
+            return of(&mut locked(&self.robot)).map_err(robot_error);
         }
         let is_main = is_main(py)?;
         let detached = || {
@@ -112,7 +97,7 @@ impl Shared {
     ) -> PyResult<T> {
         self.with(py, |robot| {
             // taken in a statement of its own: a thread that drops a plan meanwhile must not wait
-            let released = std::mem::take(&mut *lock(&self.released));
+            let released = std::mem::take(&mut *locked(&self.released));
             for plan in released {
                 // a server that is gone took the plan with it
                 let _ = robot.release(plan);
@@ -157,8 +142,8 @@ impl Shared {
             return;
         }
         if self.model.is_none() {
-            lock(&self.released).push(plan);
-        } else if let Some(robot) = lock(&self.robot).as_mut() {
+            locked(&self.released).push(plan);
+        } else if let Some(robot) = locked(&self.robot).as_mut() {
             let _ = robot.release(plan);
         }
     }
@@ -172,8 +157,4 @@ impl Drop for Shared {
             std::mem::forget(robot.take());
         }
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -9,8 +9,9 @@ use pyo3::intern;
 use pyo3::prelude::*;
 use sarrus_client::interruptible;
 
+use super::batch::forks;
 use super::errors::ConnectError;
-use super::shared::forks;
+use crate::locked;
 
 /// Between two looks for signals.
 const LOOK: Duration = Duration::from_millis(50);
@@ -93,7 +94,7 @@ pub(super) fn hold<T>(is_main: bool, mutex: &Mutex<T>) -> PyResult<Held<'_, T>> 
                 ));
             }
             Err(TryLockError::WouldBlock) if !is_main => {
-                break mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+                break locked(mutex);
             }
             Err(TryLockError::WouldBlock) => {}
         }

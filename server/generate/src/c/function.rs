@@ -11,7 +11,7 @@ use crate::c::elementary::elementary;
 use crate::c::parts::Statements;
 use crate::c::rows::rows;
 use crate::c::table::{Table, Value};
-use crate::c::{arithmetic, compared, fused, term};
+use crate::c::{FLAGS, arithmetic, fused, term};
 use crate::graph::{Operation, Term};
 use crate::pair::{Pairs, Step};
 use crate::row::Measure;
@@ -25,7 +25,7 @@ const WORTH: usize = 3;
 /// The function of a kernel.
 pub(super) fn function(kernel: &Kernel, name: &str) -> String {
     let mut text =
-        include_str!("head.c").replace("@NAME@", name).replace("@FLAGS@", &crate::FLAGS.join(" "));
+        include_str!("head.c").replace("@NAME@", name).replace("@FLAGS@", &FLAGS.join(" "));
     text += include_str!("elementary.c");
     text += &elementary(kernel, false);
     let pairs = Pairs::new(kernel);
@@ -266,9 +266,7 @@ impl Body<'_> {
             Root(x) => format!("sqrt({})", n(x)),
             Absolute(x) => format!("fabs({})", n(x)),
             Angle(y, x) => format!("sarrus_atan2({}, {})", n(y), n(x)),
-            Select(comparison, a, b) => {
-                format!("{} ? {} : {}", compared(comparison, n), n(a), n(b))
-            }
+            Select(x, y, a, b) => format!("{} < {} ? {} : {}", n(x), n(y), n(a), n(b)),
             Add(..) | Multiply(..) | Divide(..) => arithmetic(&operation, n).unwrap_or_default(),
             Sine(_) | Cosine(_) => return,
         };

@@ -13,7 +13,7 @@ use sarrus_dynamics::Model;
 use sarrus_proto::fnv1a_64;
 
 use crate::Kernel;
-use crate::graph::{Comparison, Operation, Term};
+use crate::graph::{Operation, Term};
 
 /// The three files of a kernel.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -41,6 +41,27 @@ impl Source {
         }
     }
 }
+
+/// Whether this build of sarrus needs a processor with FMA and AVX2; compiled code may then need it
+/// too.
+const HAS_BASELINE: bool =
+    cfg!(all(target_arch = "x86_64", target_feature = "fma", target_feature = "avx2"));
+
+/// The flags that keep the bits: no contraction, and no call in place of an instruction. Statements
+/// are not vectorised either: there gcc fuses multiplications even without contraction
+/// (`vfmaddsub`). A build with a baseline passes it on, so that `fma` is an instruction; a portable
+/// build compiles for every processor, and `fma` is a call there.
+pub const FLAGS: &[&str] = if HAS_BASELINE { &ALL } else { ALL.split_at(ALL.len() - 1).0 };
+
+const ALL: [&str; 7] = [
+    "-std=c11",
+    "-O2",
+    "-ffp-contract=off",
+    "-fno-tree-slp-vectorize",
+    "-fno-math-errno",
+    "-fno-trapping-math",
+    "-march=x86-64-v3",
+];
 
 /// Names are not longer: file systems take 255 bytes with an ending, and C some more.
 const LONGEST: usize = 100;
@@ -79,6 +100,14 @@ fn term(x: Term, name: &str) -> String {
     }
 }
 
+/// A number of each row, or the same constant for all.
+fn number_of_rows(x: Term) -> String {
+    match x.at() {
+        Some(at) => term(x, &format!("v{at}")),
+        None => format!("sarrus_same({})", term(x, "")),
+    }
+}
+
 /// A sum, a product or a quotient, which look alike for one number and for several.
 fn arithmetic(operation: &Operation, n: impl Fn(Term) -> String) -> Option<String> {
     Some(match *operation {
@@ -88,14 +117,6 @@ fn arithmetic(operation: &Operation, n: impl Fn(Term) -> String) -> Option<Strin
         Operation::Divide(a, b) => format!("{} / {}", n(a), n(b)),
         _ => return None,
     })
-}
-
-/// A comparison, of one number or of several.
-fn compared(comparison: Comparison, n: impl Fn(Term) -> String) -> String {
-    match comparison {
-        Comparison::Less(a, b) => format!("{} < {}", n(a), n(b)),
-        Comparison::Equal(a, b) => format!("{} == {}", n(a), n(b)),
-    }
 }
 
 /// The fused multiply-add with the signs of its product and of its addend.

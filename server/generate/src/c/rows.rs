@@ -9,7 +9,7 @@ use crate::Kernel;
 use crate::c::elementary::elementary;
 use crate::c::parts::Statements;
 use crate::c::watches::Watches;
-use crate::c::{arithmetic, compared, fused, term};
+use crate::c::{arithmetic, fused, number_of_rows};
 use crate::graph::{Operation, Term};
 
 /// The function for rows with its helpers, where the compiler has vectors and rows are requested.
@@ -57,11 +57,11 @@ impl Body<'_> {
         watches.lines.into_iter().for_each(|(terms, line)| after(terms, line));
         let apart = self.kernel.outputs.len();
         for (k, some) in self.kernel.outputs.chunks(2).enumerate() {
-            let to = format!("out + {}, {apart}, {}", 2 * k, number(some[0]));
+            let to = format!("out + {}, {apart}, {}", 2 * k, number_of_rows(some[0]));
             match some.get(1) {
                 Some(x) => after(
                     [Some(some[0]), Some(*x)],
-                    format!("sarrus_put_both({to}, {});", number(*x)),
+                    format!("sarrus_put_both({to}, {});", number_of_rows(*x)),
                 ),
                 None => after([Some(some[0]), None], format!("sarrus_put({to});")),
             }
@@ -79,7 +79,7 @@ impl Body<'_> {
 
     fn operation(&mut self, at: usize, operation: &Operation) -> Vec<String> {
         use Operation::*;
-        let n = number;
+        let n = number_of_rows;
         let mut lines = Vec::new();
         let value = match *operation {
             Input(k) => return self.input(k),
@@ -101,9 +101,8 @@ impl Body<'_> {
                 format!("{name}{of}")
             }
             Angle(y, x) => format!("sarrus_atan2_rows({}, {})", n(y), n(x)),
-            Select(comparison, a, b) => {
-                let is_first = compared(comparison, n);
-                format!("sarrus_choose_rows({is_first}, {}, {})", n(a), n(b))
+            Select(x, y, a, b) => {
+                format!("sarrus_choose_rows({} < {}, {}, {})", n(x), n(y), n(a), n(b))
             }
         };
         lines.push(format!("const sarrus_rows v{at} = {value};"));
@@ -124,13 +123,5 @@ impl Body<'_> {
             }
             [None, None] => Vec::new(),
         }
-    }
-}
-
-/// A number of each row, or the same constant for all.
-pub(super) fn number(x: Term) -> String {
-    match x.at() {
-        Some(at) => term(x, &format!("v{at}")),
-        None => format!("sarrus_same({})", term(x, "")),
     }
 }

@@ -20,12 +20,9 @@ pub(super) enum Value {
     Filling,
 }
 
-/// Bounds of inputs or of computed numbers.
+/// Lower and upper bounds of inputs or of computed numbers.
 #[derive(Debug, Default)]
-struct Bounds {
-    lower: Vec<f64>,
-    upper: Vec<f64>,
-}
+struct Bounds(Vec<[f64; 2]>);
 
 /// The checks (`seen`) and limits (`limited`) of computed numbers, and of inputs.
 pub(super) struct Table {
@@ -54,9 +51,10 @@ impl Table {
             let mut inputs = Bounds::default();
             for row in of_inputs {
                 let k = input(&row).unwrap_or_default();
-                inputs.grow(inputs.lower.len().max(k + 1));
-                inputs.lower[k] = inputs.lower[k].max(row.lower);
-                inputs.upper[k] = inputs.upper[k].min(row.upper);
+                inputs.grow(inputs.0.len().max(k + 1));
+                let [lower, upper] = &mut inputs.0[k];
+                *lower = lower.max(row.lower);
+                *upper = upper.min(row.upper);
             }
             (inputs, arranged(others, pairs, array, &mut stores))
         };
@@ -74,8 +72,8 @@ impl Table {
     /// The arrays.
     pub(super) fn arrays(&self) -> Vec<String> {
         let all = [("seen", &self.seen), ("limited", &self.limited)];
-        let used = all.into_iter().filter(|(_, bounds)| !bounds.lower.is_empty());
-        used.map(|(name, bounds)| format!("double {name}[{}];", bounds.lower.len())).collect()
+        let used = all.into_iter().filter(|(_, bounds)| !bounds.0.is_empty());
+        used.map(|(name, bounds)| format!("double {name}[{}];", bounds.0.len())).collect()
     }
 
     /// Statements on inputs.
@@ -116,35 +114,26 @@ fn arranged(
     };
     let mut bounds = Bounds::default();
     for row in &rows {
-        match two(row.measure) {
+        let (value, rows) = match two(row.measure) {
             Some((x, is_absolute, true, first, second)) => {
-                stores.push((array, bounds.lower.len(), Value::Pair(x, is_absolute)));
-                bounds.push(&first);
-                bounds.push(&second);
+                (Value::Pair(x, is_absolute), vec![first, second])
             }
-            Some(_) => {}
-            None => {
-                stores.push((array, bounds.lower.len(), Value::One(row.measure)));
-                bounds.push(row);
-            }
-        }
+            Some(_) => continue,
+            None => (Value::One(row.measure), vec![*row]),
+        };
+        stores.push((array, bounds.0.len(), value));
+        bounds.0.extend(rows.iter().map(|row| [row.lower, row.upper]));
     }
-    let full = bounds.lower.len().div_ceil(LANES) * LANES;
-    stores.extend((bounds.lower.len()..full).map(|k| (array, k, Value::Filling)));
+    let full = bounds.0.len().div_ceil(LANES) * LANES;
+    stores.extend((bounds.0.len()..full).map(|k| (array, k, Value::Filling)));
     bounds.grow(full);
     bounds
 }
 
 impl Bounds {
-    fn push(&mut self, row: &Row) {
-        self.lower.push(row.lower);
-        self.upper.push(row.upper);
-    }
-
     /// Up to `len` numbers without bounds.
     fn grow(&mut self, len: usize) {
-        self.lower.resize(len, f64::NEG_INFINITY);
-        self.upper.resize(len, f64::INFINITY);
+        self.0.resize(len, [f64::NEG_INFINITY, f64::INFINITY]);
     }
 
     /// Where a number of `array` is out of its bounds, a mask of all bits in `mask`.
@@ -154,13 +143,13 @@ impl Bounds {
             "over" => format!("({x} < {lower}) | ({x} > {upper})"),
             _ => format!("!(({x} >= {lower}) & ({x} <= {upper}))"),
         };
-        let count = self.lower.len() / LANES * LANES;
+        let count = self.0.len() / LANES * LANES;
         let mut lines = Vec::new();
         if count > 0 {
-            for (name, bounds) in [("lower", &self.lower), ("upper", &self.upper)] {
+            for (side, name) in ["lower", "upper"].into_iter().enumerate() {
                 lines.push(format!("static const double {table}_{name}[{count}] = {{"));
-                for row in bounds[..count].chunks(LANES) {
-                    let row: Vec<String> = row.iter().map(|x| literal(*x)).collect();
+                for row in self.0[..count].chunks(LANES) {
+                    let row: Vec<String> = row.iter().map(|bounds| literal(bounds[side])).collect();
                     lines.push(format!("    {},", row.join(", ")));
                 }
                 lines.push("};".to_owned());
@@ -170,9 +159,8 @@ impl Bounds {
                 .map(|name| format!("{name}[k]"));
             lines.push(format!("    {mask} |= sarrus_mask({});", outside(&x, &lower, &upper)));
         }
-        for k in count..self.lower.len() {
-            let lower = literal(self.lower[k]);
-            let upper = literal(self.upper[k]);
+        for (k, bounds) in self.0.iter().enumerate().skip(count) {
+            let [lower, upper] = bounds.map(literal);
             let outside = outside(&format!("{array}[{k}]"), &lower, &upper);
             lines.push(format!("{mask} |= sarrus_mask({outside});"));
         }

@@ -5,8 +5,7 @@
 //! and limits by the extremes.
 
 use crate::Kernel;
-use crate::c::literal;
-use crate::c::rows::number;
+use crate::c::{literal, number_of_rows};
 use crate::graph::Term;
 use crate::row::{Measure, Row};
 
@@ -114,12 +113,14 @@ fn inside(row: &Row) -> String {
 
 fn measured(measure: Measure) -> String {
     match measure {
-        Measure::Plain(a) => number(a),
-        Measure::Absolute(a) => format!("sarrus_absolute({})", number(a)),
-        Measure::Difference(a, b) => format!("({} - {})", number(a), number(b)),
-        Measure::Distance(a, b) => format!("sarrus_absolute({} - {})", number(a), number(b)),
+        Measure::Plain(a) => number_of_rows(a),
+        Measure::Absolute(a) => format!("sarrus_absolute({})", number_of_rows(a)),
+        Measure::Difference(a, b) => format!("({} - {})", number_of_rows(a), number_of_rows(b)),
+        Measure::Distance(a, b) => {
+            format!("sarrus_absolute({} - {})", number_of_rows(a), number_of_rows(b))
+        }
         Measure::Larger(a, b) => {
-            format!("sarrus_larger(sarrus_absolute({}), {})", number(a), number(b))
+            format!("sarrus_larger(sarrus_absolute({}), {})", number_of_rows(a), number_of_rows(b))
         }
     }
 }

@@ -1,43 +1,111 @@
-//! A loaded kernel against the generic ones, bit by bit.
+//! Kernels are loaded here, and compared with the generic ones bit by bit before they are used.
+
+use std::path::Path;
 
 use sarrus_dynamics::{Answer, Model, Plan, Workspace};
 
-use super::NativeKernel;
+use super::object::Object;
+use super::{LoadError, NativeKernel, ObjectFile};
 use crate::RandomInputs;
+use crate::manifest::bare_query;
 
-/// States that are compared.
-pub(super) const STATES: u64 = 4096;
 /// First of the states; no tracer has seen it.
 const FRESH: u64 = 9_000_000;
 
-/// Counts of a kernel's answers, all equal to the plan's.
-pub(super) struct Compared {
-    /// How many states.
-    pub(super) answered: u64,
-    /// Number of rows that the function for rows left to the plan, as its combined checks allow.
-    left: u64,
-}
+impl NativeKernel {
+    /// How many states a kernel is compared with its plan on before it is used.
+    pub const STATES: u64 = 4096;
 
-impl Compared {
-    /// Whether the function for rows is worth its calls.
-    pub(super) fn has_rows(&self) -> bool {
-        self.left * 8 <= self.answered
+    /// Reads, checks and loads the shared object of a plan on the model that it was made for, and
+    /// compares its answers with the plan's on thousands of states, in a thread of its own: changes
+    /// of the floating-point environment at loading end with that thread. Allocates.
+    ///
+    /// # Errors
+    /// [`LoadError`] with the reason; nothing of it stays loaded.
+    pub fn open(path: &Path, model: &Model<f64>, plan: &Plan) -> Result<NativeKernel, LoadError> {
+        NativeKernel::load(&ObjectFile::read(path)?, model, plan)
+    }
+
+    /// As [`NativeKernel::open`], for the plan that the file itself names. Allocates.
+    ///
+    /// # Errors
+    /// As [`NativeKernel::open`].
+    pub fn of_file(path: &Path, model: &Model<f64>) -> Result<NativeKernel, LoadError> {
+        let file = ObjectFile::read(path)?;
+        let plan = file.plan(model)?;
+        NativeKernel::load(&file, model, &plan)
+    }
+
+    /// As [`NativeKernel::open`], of a file that was read.
+    ///
+    /// # Errors
+    /// As [`NativeKernel::open`].
+    pub fn load(
+        file: &ObjectFile,
+        model: &Model<f64>,
+        plan: &Plan,
+    ) -> Result<NativeKernel, LoadError> {
+        let path = || file.path().to_owned();
+        let manifest = file.manifest();
+        file.plan(model)?;
+        let sizes = [plan.given().len() + plan.closed_len(), plan.want().len()];
+        if manifest.query != bare_query(plan.query())
+            || [manifest.inputs, manifest.outputs] != sizes
+        {
+            return Err(LoadError::WrongQuery(path()));
+        }
+        let missing = manifest.missing_instructions();
+        if !missing.is_empty() {
+            return Err(LoadError::Processor { path: path(), missing: missing.join(" and ") });
+        }
+        let load = || NativeKernel::loaded(file, model, plan);
+        std::thread::scope(|scope| {
+            // functions of many numbers have large frames
+            let builder = std::thread::Builder::new().stack_size(16 << 20);
+            let loader = builder.spawn_scoped(scope, load);
+            let loader = loader.map_err(|error| LoadError::Io { path: path(), error })?;
+            loader.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        })
+    }
+
+    /// Loads and compares, on a thread whose floating-point mode may be lost.
+    fn loaded(
+        file: &ObjectFile,
+        model: &Model<f64>,
+        plan: &Plan,
+    ) -> Result<NativeKernel, LoadError> {
+        let path = || file.path().to_owned();
+        let manifest = file.manifest().clone();
+        let states = NativeKernel::STATES;
+        let mut kernel = NativeKernel { object: Object::load(file)?, manifest };
+        let differs = |(state, what)| LoadError::Differs { path: path(), state, states, what };
+        let [answered, left] = compare(&kernel, model, plan).map_err(differs)?;
+        if answered == 0 {
+            return Err(LoadError::Unserved { path: path(), states });
+        }
+        // otherwise the function for rows is not worth its calls
+        if left * 8 > answered {
+            kernel.object.leave_rows();
+        }
+        Ok(kernel)
     }
 }
 
-/// The counts of the kernel's answers; or the first state with another answer, and the difference.
-pub(super) fn compare(
+/// How many states the kernel answers, all as the plan does, and how many of those the function for
+/// rows leaves to the plan, as its combined checks allow; or the first state with another answer,
+/// and the difference.
+fn compare(
     kernel: &NativeKernel,
     model: &Model<f64>,
     plan: &Plan,
-) -> Result<Compared, (u64, String)> {
+) -> Result<[u64; 2], (u64, String)> {
     let mut workspace = Workspace::for_plans(model, [plan]);
     let [mut expected, mut output] = [(); 2].map(|()| vec![0.0; plan.want().len()]);
     let mut inputs = RandomInputs::new(model, plan);
     let mut group = Group::default();
     let mut answered = 0;
     let mut left = 0;
-    for k in 0..STATES {
+    for k in 0..NativeKernel::STATES {
         let mut input = inputs.input(FRESH + k);
         disturb(&mut input, k);
         let closed = match plan.closes_apart() {
@@ -53,7 +121,7 @@ pub(super) fn compare(
         same((answer, &output), (right, &expected)).map_err(|what| (k, what))?;
         answered += 1;
     }
-    Ok(Compared { answered, left })
+    Ok([answered, left])
 }
 
 /// The difference between two answers.

@@ -1,15 +1,9 @@
 //! A kernel in the code of this computer.
 
-use std::path::Path;
-
 use sarrus_dynamics::{Answer, BatchWorkspace, Model, Plan, Status, Warnings, Workspace};
 
-use super::LoadError;
-use super::check::{self, STATES};
-use super::file::ObjectFile;
 use super::object::Object;
 use crate::Manifest;
-use crate::manifest::bare_query;
 
 /// Return values of generated functions.
 const OK: i32 = 0;
@@ -34,91 +28,11 @@ impl RowBits {
 /// A kernel that was loaded and found to have the bits of the generic ones.
 #[derive(Debug)]
 pub struct NativeKernel {
-    object: Object,
-    manifest: Manifest,
+    pub(super) object: Object,
+    pub(super) manifest: Manifest,
 }
 
 impl NativeKernel {
-    /// How many states a kernel is compared with its plan on before it is used.
-    pub const STATES: u64 = STATES;
-
-    /// Reads, checks and loads the shared object of a plan on the model that it was made for, and
-    /// compares its answers with the plan's on thousands of states, in a thread of its own: changes
-    /// of the floating-point environment at loading end with that thread. Allocates.
-    ///
-    /// # Errors
-    /// [`LoadError`] with the reason; nothing of it stays loaded.
-    pub fn open(path: &Path, model: &Model<f64>, plan: &Plan) -> Result<NativeKernel, LoadError> {
-        NativeKernel::load(&ObjectFile::read(path)?, model, plan)
-    }
-
-    /// As [`NativeKernel::open`], for the plan that the file itself names. Allocates.
-    ///
-    /// # Errors
-    /// As [`NativeKernel::open`].
-    pub fn of_file(path: &Path, model: &Model<f64>) -> Result<NativeKernel, LoadError> {
-        let file = ObjectFile::read(path)?;
-        let plan = file.plan(model)?;
-        NativeKernel::load(&file, model, &plan)
-    }
-
-    /// As [`NativeKernel::open`], of a file that was read.
-    ///
-    /// # Errors
-    /// As [`NativeKernel::open`].
-    pub fn load(
-        file: &ObjectFile,
-        model: &Model<f64>,
-        plan: &Plan,
-    ) -> Result<NativeKernel, LoadError> {
-        let path = || file.path().to_owned();
-        let manifest = file.manifest();
-        file.plan(model)?;
-        let sizes = [plan.given().len() + plan.closed_len(), plan.want().len()];
-        if manifest.query != bare_query(plan.query())
-            || [manifest.inputs, manifest.outputs] != sizes
-        {
-            return Err(LoadError::WrongQuery(path()));
-        }
-        let missing = manifest.missing_instructions();
-        if !missing.is_empty() {
-            return Err(LoadError::Processor { path: path(), missing: missing.join(" and ") });
-        }
-        let load = || NativeKernel::loaded(file, model, plan);
-        std::thread::scope(|scope| {
-            // functions of many numbers have large frames
-            let builder = std::thread::Builder::new().stack_size(16 << 20);
-            let loader = builder.spawn_scoped(scope, load);
-            let loader = loader.map_err(|error| LoadError::Io { path: path(), error })?;
-            loader.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-        })
-    }
-
-    /// Loads and compares, on a thread whose floating-point mode may be lost.
-    fn loaded(
-        file: &ObjectFile,
-        model: &Model<f64>,
-        plan: &Plan,
-    ) -> Result<NativeKernel, LoadError> {
-        let path = || file.path().to_owned();
-        let manifest = file.manifest().clone();
-        let mut kernel = NativeKernel { object: Object::load(file)?, manifest };
-        match check::compare(&kernel, model, plan) {
-            Ok(compared) if compared.answered == 0 => {
-                Err(LoadError::Unserved { path: path(), states: STATES })
-            }
-            Ok(compared) => {
-                if !compared.has_rows() {
-                    kernel.object.leave_rows();
-                }
-                Ok(kernel)
-            }
-            Err((state, what)) => {
-                Err(LoadError::Differs { path: path(), state, states: STATES, what })
-            }
-        }
-    }
-
     /// The plan's answer, to the bit, or `None` where the plan has to be run: `output` is then
     /// undefined. `model` and `plan` must be those that the kernel was loaded with, whose numbers
     /// it holds. The plan closes loops by Newton's method. Never allocates, locks, or calls the

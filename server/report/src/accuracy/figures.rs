@@ -5,7 +5,7 @@ use super::{id, runner, title};
 use crate::Outcome;
 use crate::page::{Axis, Figure, Point, Series};
 use crate::peer;
-use crate::reference::{References, layout, only_q};
+use crate::reference::References;
 use crate::robots::{Question, Robot, Start, Subject};
 
 /// The series that a peer adds to a figure; of a state it computes q alone.
@@ -20,31 +20,9 @@ pub(super) fn of_peer(
     } else {
         Start::None
     };
-    let want = if question == Question::State { only_q(robot) } else { layout(robot, question) };
-    let mut errors: Vec<Vec<f64>> = Vec::new();
-    for run in runs {
-        let mut of_run = Vec::new();
-        for (state, answer) in run.answers.iter().enumerate().filter(|_| run.question == question) {
-            let fits = answer.len() == want.len();
-            of_run.push(if fits {
-                references.error((question, 0, start), &want, state, answer)?
-            } else {
-                f64::NAN
-            });
-        }
-        errors.push(of_run);
-    }
-    // one run at a time: its answers have their errors beside them
-    let mut all: Vec<Series> = Vec::new();
-    for (run, errors) in runs.iter().zip(&errors) {
-        for series in peer::series(std::slice::from_ref(run), question, |state, _| errors[state]) {
-            match all.iter_mut().find(|of| of.name == series.name) {
-                Some(of) => of.points.extend(series.points),
-                None => all.push(series),
-            }
-        }
-    }
-    Ok(all)
+    peer::series(runs, question, &mut |state, answer| {
+        references.of_peer((question, start), state, answer)
+    })
 }
 
 pub(super) fn figure<'a>(

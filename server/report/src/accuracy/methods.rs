@@ -1,15 +1,15 @@
-//! Every method that is measured on a robot: how loops are closed and how well, in which scalar,
-//! how forward dynamics go.
+//! Every method that is measured on a robot: how loops are closed and how well, and how forward
+//! dynamics go.
 
-use sarrus_dynamics::{Method as Forward, Model, Plan, PlanScalar};
+use sarrus_dynamics::{Method as Forward, Model, Plan};
 
 use super::runner::{Implicit, Planned, Runner, with_start};
 use crate::Outcome;
 use crate::robots::Robot;
 use crate::robots::{Question, Start, Subject, Variant};
 
-/// Ends of Newton's method where only it is question, and where dynamics follow; a tolerance of the
-/// last step each.
+/// Tolerances of the last step of Newton's method where the state alone is asked, and where
+/// dynamics follow.
 const TOLERANCES: [f64; 13] =
     [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14, 1e-15];
 const FEW_TOLERANCES: [f64; 5] = [1e-3, 1e-6, 1e-9, 1e-12, 1e-15];
@@ -41,6 +41,50 @@ struct Closing<'a> {
     name: &'static str,
     start: Start,
     default: bool,
+}
+
+impl Closing<'_> {
+    fn model(&self) -> &Model {
+        &self.variant.compiled.model
+    }
+
+    /// True where dense systems are measured.
+    fn is_small(&self) -> bool {
+        self.model().sizes().n_v <= LARGEST_SQUARE
+    }
+}
+
+/// Where Newton's method ends.
+#[derive(Clone, Copy)]
+enum End {
+    /// As the model has it, with the label of the setting.
+    Usual(&'static str),
+    /// At this tolerance.
+    Tolerance(f64),
+    /// After this many steps at most, at any misfit.
+    Steps(u32),
+}
+
+impl End {
+    fn model(self, model: &Model) -> Model {
+        match self {
+            End::Usual(_) => model.clone(),
+            End::Tolerance(tolerance) => model.with_tolerance(tolerance, 10),
+            End::Steps(steps) => model.with_tolerance(0.0, steps),
+        }
+    }
+
+    fn label(self) -> String {
+        match self {
+            End::Usual(label) => label.to_owned(),
+            End::Tolerance(tolerance) => format!("tolerance {tolerance:.0e}"),
+            End::Steps(steps) => format!("at most {steps} steps"),
+        }
+    }
+
+    fn series(self) -> &'static str {
+        if matches!(self, End::Steps(_)) { "double, bounded steps" } else { "double" }
+    }
 }
 
 /// The methods collected so far.
@@ -82,165 +126,100 @@ pub(super) fn of_robot(robot: &Robot) -> Outcome<Vec<Method>> {
 }
 
 impl Methods<'_> {
-    /// Closed forms, or the closures of the robot's file.
+    /// Loops that are closed as the robot is given.
     fn given(&mut self, closing: Closing<'_>) -> Outcome {
-        let model = &closing.variant.compiled.model;
-        for question in [Question::State, Question::InverseDynamics] {
-            self.ask(&closing, model, question, "double", "", closing.default)?;
-        }
-        self.forward(&closing, model, "", closing.default)?;
-        if model.sizes().n_v <= LARGEST_SQUARE {
-            self.implicit(&closing, model, "")?;
-        }
-        Ok(())
+        let end = End::Usual("usual");
+        self.ask(&closing, Question::State, end)?;
+        self.ask(&closing, Question::InverseDynamics, end)?;
+        self.forward(&closing, end)?;
+        if closing.is_small() { self.implicit(&closing, end) } else { Ok(()) }
     }
 
-    /// Newton's method from a closed pose nearby, ended everywhere.
+    /// Newton's method from a closed pose near by, ended sooner or later.
     fn newton(&mut self, closing: Closing<'_>) -> Outcome {
-        let model = &closing.variant.compiled.model;
-        let small = model.sizes().n_v <= LARGEST_SQUARE;
+        let forward = Question::Forced(closing.model().forward_method());
         for tolerance in TOLERANCES {
-            let (looser, label) =
-                (model.with_tolerance(tolerance, 10), format!("tolerance {tolerance:.0e}"));
-            self.ask(&closing, &looser, Question::State, "double", &label, false)?;
+            let end = End::Tolerance(tolerance);
+            self.ask(&closing, Question::State, end)?;
             if FEW_TOLERANCES.contains(&tolerance) {
-                self.ask(&closing, &looser, Question::InverseDynamics, "double", &label, false)?;
-                self.ask(
-                    &closing,
-                    &looser,
-                    Question::Forced(model.forward_method()),
-                    "double",
-                    &label,
-                    false,
-                )?;
-                if small {
-                    self.implicit(&closing, &looser, &label)?;
+                self.ask(&closing, Question::InverseDynamics, end)?;
+                self.ask(&closing, forward, end)?;
+                if closing.is_small() {
+                    self.implicit(&closing, end)?;
                 }
             }
         }
-        for question in [Question::State, Question::InverseDynamics] {
-            self.ask(&closing, model, question, "double", "usual end", closing.default)?;
-        }
-        self.forward(&closing, model, "usual end", closing.default)?;
+        let end = End::Usual("usual end");
+        self.ask(&closing, Question::State, end)?;
+        self.ask(&closing, Question::InverseDynamics, end)?;
+        self.forward(&closing, end)?;
         for steps in STEPS {
-            let (bounded, label) =
-                (model.with_tolerance(0.0, steps), format!("at most {steps} steps"));
-            self.ask(&closing, &bounded, Question::State, "double, bounded steps", &label, false)?;
+            self.ask(&closing, Question::State, End::Steps(steps))?;
             if steps <= 3 {
-                self.ask(
-                    &closing,
-                    &bounded,
-                    Question::InverseDynamics,
-                    "double, bounded steps",
-                    &label,
-                    false,
-                )?;
+                self.ask(&closing, Question::InverseDynamics, End::Steps(steps))?;
             }
         }
         Ok(())
     }
 
-    /// Newton's method from the closed pose at zero: more steps, so that more of them can be left
-    /// out.
+    /// Newton's method without a guess, ended sooner or later.
     fn cold(&mut self, closing: Closing<'_>) -> Outcome {
-        let model = &closing.variant.compiled.model;
         for tolerance in FEW_TOLERANCES {
-            let label = format!("tolerance {tolerance:.0e}");
-            self.ask(
-                &closing,
-                &model.with_tolerance(tolerance, 10),
-                Question::State,
-                "double",
-                &label,
-                false,
-            )?;
+            self.ask(&closing, Question::State, End::Tolerance(tolerance))?;
         }
-        self.ask(&closing, model, Question::State, "double", "usual end", false)?;
+        self.ask(&closing, Question::State, End::Usual("usual end"))?;
         for steps in STEPS_FROM_ZERO {
-            let label = format!("at most {steps} steps");
-            self.ask(
-                &closing,
-                &model.with_tolerance(0.0, steps),
-                Question::State,
-                "double, bounded steps",
-                &label,
-                false,
-            )?;
+            self.ask(&closing, Question::State, End::Steps(steps))?;
         }
         Ok(())
     }
 
     /// Forward dynamics by every method that fits.
-    fn forward(
-        &mut self,
-        closing: &Closing<'_>,
-        model: &Model,
-        label: &str,
-        default: bool,
-    ) -> Outcome {
-        let small = model.sizes().n_v <= LARGEST_SQUARE;
+    fn forward(&mut self, closing: &Closing<'_>, end: End) -> Outcome {
         for method in Forward::ALL {
-            if small || method != Forward::Kkt {
-                self.ask(
-                    closing,
-                    model,
-                    Question::Forced(method),
-                    "double",
-                    label,
-                    default && method == model.forward_method(),
-                )?;
+            if closing.is_small() || method != Forward::Kkt {
+                self.ask(closing, Question::Forced(method), end)?;
             }
         }
         Ok(())
     }
 
-    fn ask<T: PlanScalar>(
-        &mut self,
-        closing: &Closing<'_>,
-        model: &Model<T>,
-        question: Question,
-        scalar: &str,
-        label: &str,
-        default: bool,
-    ) -> Outcome {
+    /// A default is the usual end of a default closing, with the model's own forward dynamics.
+    fn ask(&mut self, closing: &Closing<'_>, question: Question, end: End) -> Outcome {
+        let model = end.model(closing.model());
         let query = with_start(question.query(), closing.start);
-        let (plan, before) = match question {
-            Question::Forced(method) => {
-                (Plan::with_method(model, &query, method)?, format!("{}, ", method.name()))
-            }
-            _ => (Plan::new(model, &query)?, String::new()),
+        let mut series = format!("{}, {}", closing.name, end.series());
+        let mut default = closing.default && matches!(end, End::Usual(_));
+        let plan = if let Question::Forced(method) = question {
+            series = format!("{}, {series}", method.name());
+            default &= method == model.forward_method();
+            Plan::with_method(&model, &query, method)?
+        } else {
+            Plan::new(&model, &query)?
         };
-        let runner = Box::new(Planned::new(model.clone(), plan, self.robot, closing.place));
-        let series = format!("{before}{}, {scalar}", closing.name);
+        let runner = Box::new(Planned::new(model, plan, self.robot, closing.place));
         let question = if question.is_forward() { Question::ForwardDynamics } else { question };
-        let label = if label.is_empty() { "usual" } else { label }.to_owned();
-        self.all.push(Method {
-            question,
-            series,
-            label,
-            default,
-            place: closing.place,
-            start: closing.start,
-            runner,
-        });
+        self.add(closing, question, (series, end, default), runner);
         Ok(())
     }
 
-    fn implicit(&mut self, closing: &Closing<'_>, model: &Model, label: &str) -> Outcome {
-        let runner = Box::new(Implicit::new(model, self.robot, closing.place, closing.start)?);
-        let label = if label.is_empty() { "usual" } else { label }.to_owned();
+    fn implicit(&mut self, closing: &Closing<'_>, end: End) -> Outcome {
+        let model = end.model(closing.model());
+        let runner = Box::new(Implicit::new(&model, self.robot, closing.place, closing.start)?);
         let series = format!("implicit form with Baumgarte, {}, double", closing.name);
-        let question = Question::ForwardDynamics;
-        let default = false;
-        self.all.push(Method {
-            question,
-            series,
-            label,
-            default,
-            place: closing.place,
-            start: closing.start,
-            runner,
-        });
+        self.add(closing, Question::ForwardDynamics, (series, end, false), runner);
         Ok(())
+    }
+
+    fn add(
+        &mut self,
+        closing: &Closing<'_>,
+        question: Question,
+        (series, end, default): (String, End, bool),
+        runner: Box<dyn Runner>,
+    ) {
+        let Closing { place, start, .. } = *closing;
+        let label = end.label();
+        self.all.push(Method { question, series, label, default, place, start, runner });
     }
 }

@@ -19,7 +19,7 @@ use self::measure::{Measured, measure};
 use crate::Outcome;
 use crate::measure::Effort;
 use crate::measure::progress::Progress;
-use crate::page::{Figure, Section, Table, exponent};
+use crate::page::{Figure, Section, Table, columns, exponent};
 use crate::peer::{self, Peer};
 use crate::reference::{References, worse};
 use crate::robots::catalogue::{numerical, variants};
@@ -97,9 +97,7 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
         caption: "Time and error of the default methods, and the time against the fastest method \
             of the figure that is no less exact."
             .into(),
-        columns: ["robot", "asked", "method", "ns per call", "error", "loop residual", "place"]
-            .map(str::to_owned)
-            .into(),
+        columns: columns("robot | asked | method | ns per call | error | loop residual | place"),
         rows,
     });
     Ok(section)

@@ -1,10 +1,9 @@
-//! The timed calls: a plan over any scalar, or the implicit form after a closing.
+//! The timed calls: a plan, or the implicit form after a closing.
 
 use std::hint::black_box;
 
 use sarrus_dynamics::{
-    Field, FieldSet, ImplicitForm, Layout, Model, Plan, PlanScalar, Query, Request, Status,
-    Workspace,
+    Field, FieldSet, ImplicitForm, Layout, Model, Plan, Query, Request, Status, Workspace,
 };
 
 use crate::Outcome;
@@ -23,13 +22,13 @@ pub(super) trait Runner {
     fn answer(&self) -> Vec<f64>;
 }
 
-/// A plan with its inputs in the scalar of the model.
-pub(super) struct Planned<T: PlanScalar> {
-    model: Model<T>,
+/// A plan with its inputs.
+pub(super) struct Planned {
+    model: Model,
     plan: Plan,
-    workspace: Workspace<T>,
-    inputs: Vec<Vec<T>>,
-    output: Vec<T>,
+    workspace: Workspace<f64>,
+    inputs: Vec<Vec<f64>>,
+    output: Vec<f64>,
 }
 
 /// The query, with the guess that a warm start has.
@@ -40,45 +39,40 @@ pub(super) fn with_start(mut query: Query, start: Start) -> Query {
     query
 }
 
-impl<T: PlanScalar> Planned<T> {
+impl Planned {
     /// On the states of a robot, with the guesses of the variant at this place.
-    pub(super) fn new(model: Model<T>, plan: Plan, robot: &Robot, place: usize) -> Planned<T> {
-        let input = |state| packed(&plan, state, place).into_iter().map(T::from_f64).collect();
+    pub(super) fn new(model: Model, plan: Plan, robot: &Robot, place: usize) -> Planned {
         Planned {
             workspace: Workspace::for_plans(&model, [&plan]),
-            inputs: robot.states.iter().map(input).collect(),
-            output: vec![T::ZERO; plan.want().len()],
+            inputs: robot.states.iter().map(|state| packed(&plan, state, place)).collect(),
+            output: vec![0.0; plan.want().len()],
             model,
             plan,
         }
     }
 }
 
-impl<T: PlanScalar> Runner for Planned<T> {
+impl Runner for Planned {
     fn states(&self) -> usize {
         self.inputs.len()
     }
 
     #[inline]
     fn call(&mut self, state: usize) -> Status {
-        let answer = self.plan.run(
-            &self.model,
-            &mut self.workspace,
-            black_box(&self.inputs[state]),
-            &mut self.output,
-        );
+        let input = black_box(&self.inputs[state]);
+        let answer = self.plan.run(&self.model, &mut self.workspace, input, &mut self.output);
         black_box(&self.output);
         answer.status
     }
 
     fn answer(&self) -> Vec<f64> {
-        self.output.iter().map(|x| x.to_f64()).collect()
+        self.output.clone()
     }
 }
 
 /// Closing first, then q̈ of the whole tree under its loops.
 pub(super) struct Implicit {
-    closing: Planned<f64>,
+    closing: Planned,
     form: ImplicitForm<f64>,
     /// Forces on the tree, for each state.
     tau: Vec<Vec<f64>>,
@@ -101,12 +95,10 @@ impl Implicit {
             FieldSet::of(&[Field::Q, Field::Qd]),
         );
         let plan = Plan::new(model, &with_start(query, start))?;
+        let names = model.tree_names();
         let at = |name: &String| {
-            model
-                .tree_names()
-                .iter()
-                .position(|x| x == name)
-                .ok_or_else(|| format!("no velocity {name}"))
+            let place = names.iter().position(|other| other == name);
+            place.ok_or_else(|| format!("no velocity {name}"))
         };
         let active = model.active_names().iter().map(at).collect::<Result<Vec<usize>, String>>()?;
         let tau = robot.states.iter().map(|state| {
@@ -141,15 +133,9 @@ impl Runner for Implicit {
         }
         let Planned { model, plan, output, .. } = &self.closing;
         let [q, qd] = [Field::Q, Field::Qd].map(|of| field(plan.want(), of, output));
-        let status = self.form.accelerations(
-            model,
-            q,
-            qd,
-            &self.tau[state],
-            &[],
-            (STABILISATION, STABILISATION),
-            &mut self.qdd,
-        );
+        let gains = (STABILISATION, STABILISATION);
+        let tau = &self.tau[state];
+        let status = self.form.accelerations(model, q, qd, tau, &[], gains, &mut self.qdd);
         black_box(&self.qdd);
         status
     }

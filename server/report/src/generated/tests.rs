@@ -53,6 +53,6 @@ fn a_peer_that_is_less_exact_does_not_count() {
         answers: vec![case.output.iter().map(|x| x * (1.0 + off)).collect()],
     };
     let runs = [run(10.0, 1e-6), run(30.0, 0.0), run(20.0, 1e-15)];
-    let found = fastest(&robot, &mut references, (asked, Start::None), &runs, EQUAL);
+    let found = fastest(&mut references, (asked, Start::None), &runs, EQUAL);
     assert_eq!(found.unwrap(), Some(20.0));
 }

@@ -16,7 +16,7 @@ use self::problems::Problem;
 use crate::Outcome;
 use crate::measure::Effort;
 use crate::measure::progress::Progress;
-use crate::page::{Axis, Figure, Point, Section, Series, Table, exponent};
+use crate::page::{Axis, Figure, Point, Section, Series, Table, columns, exponent};
 
 /// Tolerance of the two runs whose agreement measures the quality of the reference.
 const TIGHT: [(Method, f64); 2] = [(Method::Dop853, 1e-13), (Method::Radau5, 1e-12)];
@@ -48,17 +48,10 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
             "The reference is DOP853 at a tolerance of 1e-13; Radau's method at 1e-12 and what is \
             known from elsewhere stand beside it. Errors are of y and ẏ at the end, by size."
                 .into(),
-        columns: [
-            "problem",
-            "Radau5 against DOP853",
-            "known from",
-            "DOP853 against it",
-            "least \
-            error reached",
-            "by",
-        ]
-        .map(str::to_owned)
-        .to_vec(),
+        columns: columns(
+            "problem | Radau5 against DOP853 | known from | DOP853 against it | least error \
+            reached | by",
+        ),
         rows: rows.into_iter().map(|row| row.cells).collect(),
     });
     Ok(section)

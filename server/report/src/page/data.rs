@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::figure::{Axis, Figure, Point};
-use super::section::{Case, Report, Section, Table};
+use super::section::{Case, Report, Section, Table, columns};
 use crate::Outcome;
 use crate::csv_rows::{LineEnd, write};
 
@@ -113,19 +113,9 @@ pub(super) fn result_table(section: &Section) -> Table {
     };
     Table {
         id: format!("{}-cases", section.name),
-        columns: [
-            "family",
-            "robot",
-            "parameter",
-            "value",
-            "method",
-            "error",
-            "status",
-            "told",
-            "verdict",
-        ]
-        .map(str::to_owned)
-        .into(),
+        columns: columns(
+            "family | robot | parameter | value | method | error | status | told | verdict",
+        ),
         rows: section.cases.iter().map(row).collect(),
         ..Table::default()
     }

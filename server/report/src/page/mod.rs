@@ -16,5 +16,5 @@ mod tests;
 
 pub use self::figure::{Axis, DRAWN_FOR_ZERO, Figure, Pictures, Point, Series};
 pub(crate) use self::pareto::{PINOCCHIO, exponent, pareto_front};
-pub(crate) use self::section::command;
 pub use self::section::{Assessment, Case, Report, Section, Table};
+pub(crate) use self::section::{columns, command};

@@ -111,6 +111,11 @@ pub struct Table {
     pub rows: Vec<Vec<String>>,
 }
 
+/// The names of columns, which bars separate.
+pub(crate) fn columns(names: &str) -> Vec<String> {
+    names.split(" | ").map(str::to_owned).collect()
+}
+
 /// How a stress case ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Assessment {

@@ -106,12 +106,14 @@ pub fn pinocchio(
 pub fn series(
     runs: &[Run],
     question: Question,
-    error: impl Fn(usize, &[f64]) -> f64,
-) -> Vec<Series> {
+    error: &mut dyn FnMut(usize, &[f64]) -> Outcome<f64>,
+) -> Outcome<Vec<Series>> {
     let mut all: Vec<Series> = Vec::new();
     for run in runs.iter().filter(|run| run.question == question) {
-        let errors = run.answers.iter().enumerate().map(|(state, answer)| error(state, answer));
-        let worst = errors.fold(0.0, worse);
+        let mut worst = 0.0;
+        for (state, answer) in run.answers.iter().enumerate() {
+            worst = worse(worst, error(state, answer)?);
+        }
         let point = Point { x: run.ns, y: worst, label: run.setting.clone() };
         match all.iter_mut().find(|series| series.name == run.name) {
             Some(series) => series.points.push(point),
@@ -123,7 +125,7 @@ pub fn series(
             }),
         }
     }
-    all
+    Ok(all)
 }
 
 /// The program in the folder that this one was built into, or in the usual one.
@@ -257,11 +259,14 @@ mod tests {
         );
         assert_eq!((run.ns, run.answers[1].as_slice()), (123.5, &[2.0, 3.0][..]));
         assert!(run.answers[0][1].is_nan());
-        let drawn =
-            series(&runs, Question::ForwardDynamics, |state, answer| answer[0] - state as f64);
+        let drawn = series(&runs, Question::ForwardDynamics, &mut |state, answer| {
+            Ok(answer[0] - state as f64)
+        })
+        .unwrap();
         assert_eq!((drawn.len(), drawn[0].points[0].x, drawn[0].points[0].y), (1, 123.5, 1.0));
         assert!(
-            series(&runs, Question::ForwardDynamics, |_, answer| answer[1..].iter().sum())
+            series(&runs, Question::ForwardDynamics, &mut |_, answer| Ok(answer[1..].iter().sum()))
+                .unwrap()
                 .iter()
                 .all(|series| series.points[0].y.is_nan())
         );

@@ -1,9 +1,10 @@
 //! The robots of the report, their questions and their states.
 
 pub mod catalogue;
-pub(crate) mod chain;
+pub mod chain;
 pub mod question;
-pub(crate) mod random;
+pub mod random;
+pub mod small;
 pub mod states;
 mod texts;
 

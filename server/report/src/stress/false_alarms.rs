@@ -3,7 +3,7 @@
 use sarrus_dynamics::{Plan, Status, Workspace};
 
 use crate::Outcome;
-use crate::page::Table;
+use crate::page::{Table, columns};
 use crate::reference::Reference;
 use crate::robots::catalogue::BUNDLED;
 use crate::robots::random::Random;
@@ -137,15 +137,15 @@ pub(crate) fn table(counts: &[(&'static str, Count)]) -> Table {
         let numbers = [answers, good, alarms, bad, silent].map(|n| n.to_string());
         [vec![(*name).to_owned()], numbers.to_vec()].concat()
     };
-    let columns =
-        ["robot", "answers", "eleven digits", "of these warn", "below nine", "of these silent"];
     Table {
         id: "extremes-false-alarms".into(),
         title: "Warnings of good answers".into(),
         caption: "State, inverse and forward dynamics of the bundled robots at random states, \
             closed in each of their ways, against double-double; warnings are ill_conditioned."
             .into(),
-        columns: columns.map(str::to_owned).into(),
+        columns: columns(
+            "robot | answers | eleven digits | of these warn | below nine | of these silent",
+        ),
         rows: counts.iter().map(row).collect(),
     }
 }

@@ -2,7 +2,7 @@
 
 use super::harness::assess::HELD;
 use super::harness::case::Case;
-use crate::page::{self, Assessment, Axis, Figure, Point, Section, Series, Table};
+use crate::page::{self, Assessment, Axis, Figure, Point, Section, Series, Table, columns};
 
 /// Values of a parameter that a picture shows; the others stand in its table.
 const DRAWN: std::ops::RangeInclusive<f64> = 1e-20..=1e20;
@@ -136,22 +136,16 @@ fn extremity(case: &Case) -> f64 {
 
 fn overview(families: &[&[Case]]) -> Table {
     let row = |family: &&[Case]| {
-        let first = &family[0];
-        let held = family
-            .iter()
-            .filter(|case| case.assessment == Assessment::Held)
-            .filter_map(|case| case.error)
-            .reduce(f64::max);
-        let mut row = vec![
-            first.family.to_owned(),
-            first.parameter.to_owned(),
+        let held = family.iter().filter(|case| case.assessment == Assessment::Held);
+        let worst = held.filter_map(|case| case.error).reduce(f64::max);
+        vec![
+            family[0].family.to_owned(),
+            family[0].parameter.to_owned(),
             range(family),
             family.len().to_string(),
-        ];
-        row.push(held.map_or("-".into(), |error| format!("{error:.1e}")));
-        row
+            worst.map_or("-".into(), |error| format!("{error:.1e}")),
+        ]
     };
-    let columns = ["family", "parameter", "from … to", "cases", "worst error of those that held"];
     Table {
         id: "extremes-families".into(),
         title: "Every family".into(),
@@ -161,7 +155,7 @@ fn overview(families: &[&[Case]]) -> Table {
             inverse dynamics in double-double: the condition of their mass matrix grows with the \
             fourth power of their length."
             .into(),
-        columns: columns.map(str::to_owned).into(),
+        columns: columns("family | parameter | from … to | cases | worst error of those that held"),
         rows: families.iter().map(row).collect(),
     }
 }
@@ -199,15 +193,15 @@ fn table(family: &[Case]) -> Table {
         });
         row
     };
-    let mut columns =
-        vec![if BY_ROBOT.contains(&family[0].family) { "robot" } else { "method" }.to_owned()];
-    columns.extend(Assessment::ALL.map(|assessment| assessment.name().to_owned()));
-    columns.extend(["first breaks at", "robot", "how it is reported"].map(str::to_owned));
+    let key = if BY_ROBOT.contains(&family[0].family) { "robot" } else { "method" };
+    let names = Assessment::ALL.map(Assessment::name).join(" | ");
     Table {
         id: format!("{}-verdicts", id(family[0].family)),
         title: format!("{}: what held", capital(family[0].family)),
         caption: format!("Swept: {}.", family[0].parameter),
-        columns,
+        columns: columns(&format!(
+            "{key} | {names} | first breaks at | robot | how it is reported"
+        )),
         rows: groups(family).into_iter().map(row).collect(),
     }
 }

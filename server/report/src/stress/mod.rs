@@ -1,57 +1,80 @@
 //! Section `extremes`: stress cases. Each case held, degraded with a warning, or failed with a
 //! status; none may fail silently.
 //!
-//! `harness/` asks, compares and assesses; `mechanisms/` are the robots; a file of `families/` is
-//! one family of cases, swept over a parameter; `figures.rs` draws them.
+//! `harness/` asks, compares and assesses; `mechanisms/` are the robots; `sweep.rs` is a family as
+//! data, a parameter and its robots; `families/` holds all of them; `figures.rs` draws them.
 
 mod false_alarms;
 mod families;
 mod figures;
 mod harness;
 mod mechanisms;
+mod sweep;
 
+use self::families::{
+    chains, change_points, changed_robots, changed_states, cranks_that_turn, dead_points_in_series,
+    faulty_files, idle_freedoms, inconsistent_input, invalid_numbers, light_behind_heavy,
+    loops_that_cannot_close, open_loops, poses, simulated,
+};
 use self::harness::case::Cases;
+use self::sweep::Sweep;
 use crate::Outcome;
 use crate::measure::Effort;
 use crate::measure::progress::Progress;
 use crate::page::Section;
 
-/// Fills a family's cases.
-type Family = fn(&mut Cases, &Effort) -> Outcome;
+use Family::Own;
+
+/// A family of cases.
+enum Family {
+    Sweep(&'static Sweep),
+    /// One that does more than sweep a parameter.
+    Own(fn(&mut Cases, &Effort) -> Outcome),
+}
+
+impl Family {
+    /// Fills in the family's cases.
+    fn run(&self, cases: &mut Cases, effort: &Effort) -> Outcome {
+        match self {
+            Family::Sweep(sweep) => sweep.run(cases, effort),
+            Family::Own(run) => run(cases, effort),
+        }
+    }
+}
 
 /// Families in the order of the page, by their parameters.
 const FAMILIES: [(&str, Family); 31] = [
-    ("mass ratios", families::mass_ratios::run),
-    ("massless links", families::massless_links::run),
-    ("lengths and masses", families::sizes::run),
-    ("velocities", families::velocities::run),
-    ("wrenches", families::wrenches::run),
-    ("gravity", families::gravity::run),
-    ("chains", families::chains::run),
-    ("singular poses", families::singular_poses::run),
-    ("targets out of reach", families::unreachable_targets::run),
-    ("big jumps", families::big_jumps::run),
-    ("many turns", families::many_turns::run),
-    ("inconsistent starts", families::inconsistent_starts::run),
-    ("quaternions", families::quaternions::run),
-    ("what is no number", families::invalid_numbers::run),
-    ("faulty files", families::faulty_files::run),
-    ("redundant rows", families::redundant_rows::run),
-    ("idle freedoms", families::idle_freedoms::run),
-    ("loops in one subtree", families::loops_in_one_subtree::run),
-    ("terms of joints", families::joint_terms::run),
-    ("stiff simulations", families::stiff_simulations::run),
-    ("steps and tolerances", families::steps_and_tolerances::run),
-    ("conservation", families::conservation::run),
-    ("starts of simulations", families::simulation_starts::run),
-    ("projection", families::projection::run),
-    ("stabilisation", families::stabilisation::run),
-    ("dead points in series", families::dead_points_in_series::run),
-    ("loops that cannot close", families::loops_that_cannot_close::run),
-    ("inconsistent input", families::inconsistent_input::run),
-    ("cranks that turn", families::cranks_that_turn::run),
-    ("light behind heavy", families::light_behind_heavy::run),
-    ("change points", families::change_points::run),
+    ("mass ratios", Own(changed_robots::mass_ratios)),
+    ("massless links", Family::Sweep(&changed_robots::MASSLESS_LINKS)),
+    ("lengths and masses", Own(changed_robots::sizes)),
+    ("velocities", Family::Sweep(&changed_states::VELOCITIES)),
+    ("wrenches", Family::Sweep(&changed_states::WRENCHES)),
+    ("gravity", Family::Sweep(&changed_robots::GRAVITY)),
+    ("chains", Own(chains::run)),
+    ("singular poses", Own(poses::singular_poses)),
+    ("targets out of reach", Own(poses::unreachable_targets)),
+    ("big jumps", Family::Sweep(&poses::BIG_JUMPS)),
+    ("many turns", Family::Sweep(&changed_states::MANY_TURNS)),
+    ("inconsistent starts", Family::Sweep(&poses::INCONSISTENT_STARTS)),
+    ("quaternions", Family::Sweep(&changed_states::QUATERNIONS)),
+    ("what is no number", Own(invalid_numbers::run)),
+    ("faulty files", Own(faulty_files::run)),
+    ("redundant rows", Own(changed_robots::redundant_rows)),
+    ("idle freedoms", Own(idle_freedoms::run)),
+    ("loops in one subtree", Family::Sweep(&changed_robots::LOOPS_IN_ONE_SUBTREE)),
+    ("terms of joints", Own(changed_robots::joint_terms)),
+    ("stiff simulations", Own(simulated::stiff)),
+    ("steps and tolerances", Own(simulated::steps_and_tolerances)),
+    ("conservation", Own(simulated::conservation)),
+    ("starts of simulations", Own(simulated::starts)),
+    ("projection", Family::Sweep(&open_loops::PROJECTION)),
+    ("stabilisation", Family::Sweep(&open_loops::STABILISATION)),
+    ("dead points in series", Own(dead_points_in_series::run)),
+    ("loops that cannot close", Own(loops_that_cannot_close::run)),
+    ("inconsistent input", Own(inconsistent_input::run)),
+    ("cranks that turn", Own(cranks_that_turn::run)),
+    ("light behind heavy", Own(light_behind_heavy::run)),
+    ("change points", Own(change_points::run)),
 ];
 
 /// States of each bundled robot at which warnings of good answers are counted.
@@ -69,7 +92,7 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
     let mut cases = Cases::default();
     for (k, (name, family)) in FAMILIES.iter().enumerate() {
         progress.show(name, k as f64 / FAMILIES.len() as f64);
-        family(&mut cases, effort)?;
+        family.run(&mut cases, effort)?;
     }
     progress.show("warnings of good answers", 1.0);
     let alarms = false_alarms::count(generic_states(effort))?;
@@ -131,7 +154,7 @@ mod tests {
         for (name, family) in FAMILIES {
             let start = std::time::Instant::now();
             let before = cases.all.len();
-            family(&mut cases, effort).unwrap_or_else(|error| panic!("{name}: {error}"));
+            family.run(&mut cases, effort).unwrap_or_else(|error| panic!("{name}: {error}"));
             println!(
                 "{name}: {} cases in {} ms",
                 cases.all.len() - before,
@@ -160,11 +183,11 @@ mod tests {
     fn seeds_that_once_failed_silently_do_so_no_more() {
         type One = fn(&mut Cases, u64) -> Outcome;
         let worst: [(One, &[u64]); 5] = [
-            (families::dead_points_in_series::one, &[2046, 2388]),
-            (families::light_behind_heavy::one, &[1860, 1350]),
-            (families::change_points::one, &[297, 101, 342, 5, 233, 384, 184]),
-            (families::loops_that_cannot_close::one, &[469, 1450]),
-            (families::inconsistent_input::by_seed, &[786_436, 327_681]),
+            (dead_points_in_series::one, &[2046, 2388]),
+            (light_behind_heavy::one, &[1860, 1350]),
+            (change_points::one, &[297, 101, 342, 5, 233, 384, 184]),
+            (loops_that_cannot_close::one, &[469, 1450]),
+            (inconsistent_input::by_seed, &[786_436, 327_681]),
         ];
         let mut cases = Cases::default();
         for (one, seeds) in worst {
@@ -181,7 +204,7 @@ mod tests {
         for (name, family) in FAMILIES {
             let start = std::time::Instant::now();
             let mut cases = Cases::default();
-            family(&mut cases, effort).unwrap_or_else(|error| panic!("{name}: {error}"));
+            family.run(&mut cases, effort).unwrap_or_else(|error| panic!("{name}: {error}"));
             assert!(cases.all.len() > cases.not_judged.len(), "{name}: hardly a case is judged");
             println!("{name}: {} {} ms", line(&cases), start.elapsed().as_millis());
             let good = cases.all.iter().filter(|case| case.error.is_some_and(|x| x <= 1e-11));

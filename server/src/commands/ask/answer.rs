@@ -6,7 +6,10 @@ use serde::Serialize;
 
 use super::request::{Asked, Output};
 
-/// Why there are no numbers, in words, and at which column if one is to blame.
+/// The Jacobian of the actuators in the object of a link.
+const ACTUATOR: &str = "actuator";
+
+/// The reason why there are no numbers, and the column of the fault if it has one.
 pub(super) struct Remark {
     pub(super) column: Option<usize>,
     pub(super) words: String,
@@ -18,8 +21,7 @@ pub(super) fn bad_request(out: &mut Vec<u8>, remark: &Remark) {
     foot(out, Some(remark));
 }
 
-/// The answer to a request: `numbers` are packed as `layout` says, wanted fields that are not in it
-/// are null.
+/// The answer to a request: `numbers` have the given layout; wanted fields outside of it are null.
 pub(super) fn answer(
     out: &mut Vec<u8>,
     asked: &Asked,
@@ -31,58 +33,44 @@ pub(super) fn answer(
 ) {
     let names: Vec<&str> = answer.warnings.names().collect();
     head(out, answer.status, &names);
-    let of = |field| {
+    let part = |field| {
         let slot = layout.slot(field)?;
         let numbers = numbers.get(slot.range())?;
-        // a failed answer has numbers only where they survived
-        let there = answer.status == Status::Ok
+        // few fields of a failed answer are valid
+        let is_valid = answer.status == Status::Ok
             || field.survives_failure() && numbers.iter().all(|number| number.is_finite());
-        there.then_some((slot, numbers))
+        is_valid.then_some((slot, numbers))
     };
     for output in &asked.outputs {
         key(out, output.name(), false);
         match output {
-            Output::Field(field) => match of(*field) {
-                Some((slot, numbers)) => {
-                    value(out, slot, numbers, model, &asked.query);
-                }
+            Output::Field(field) => match part(*field) {
+                Some((slot, numbers)) => value(out, slot, numbers, model, &asked.query),
                 None => null(out),
             },
             Output::Frames => {
-                let parts = [("p", Field::FramePose, 0..3), ("quat", Field::FramePose, 3..7)];
-                let parts = parts
-                    .into_iter()
-                    .chain([("twist", Field::FrameTwist, 0..6), ("acc", Field::FrameAcc, 0..6)]);
-                let parts: Option<Vec<_>> =
-                    parts.map(|(name, field, range)| Some((name, of(field)?, range))).collect();
-                by_link(out, asked, parts.as_deref(), |out, k, (slot, numbers), range| {
-                    list(
-                        out,
-                        numbers.iter().skip(k * slot.columns + range.start).take(range.len()),
-                        number,
-                    );
+                let parts = [
+                    ("p", Field::FramePose, 0..3),
+                    ("quat", Field::FramePose, 3..7),
+                    ("twist", Field::FrameTwist, 0..6),
+                    ("acc", Field::FrameAcc, 0..6),
+                ];
+                let parts = parts.map(|(name, field, range)| (name, part(field), range));
+                by_link(out, asked, &parts, |out, k, (slot, numbers), range| {
+                    let numbers = numbers.iter().skip(k * slot.columns + range.start);
+                    list(out, numbers.take(range.len()), number);
                 });
             }
             Output::Jacobians => {
-                let parts =
-                    [("tree", Field::JacobianTree), ("independent", Field::JacobianIndependent)];
-                let parts: Option<Vec<_>> = parts
-                    .into_iter()
-                    .map(|(name, field)| Some((name, Some(of(field)?), ())))
-                    .collect();
-                // the actuators may not determine the motion although everything else does
-                let parts = parts.map(|mut parts| {
-                    parts.push(("actuator", of(Field::JacobianActuator), ()));
-                    parts
-                });
-                by_link(out, asked, parts.as_deref(), |out, k, jacobian, ()| match jacobian {
-                    Some((slot, numbers)) => rows(
-                        out,
-                        6,
-                        slot.columns,
-                        numbers.get(6 * k * slot.columns..).unwrap_or_default(),
-                    ),
-                    None => null(out),
+                let parts = [
+                    ("tree", Field::JacobianTree),
+                    ("independent", Field::JacobianIndependent),
+                    (ACTUATOR, Field::JacobianActuator),
+                ];
+                let parts = parts.map(|(name, field)| (name, part(field), ()));
+                by_link(out, asked, &parts, |out, k, (slot, numbers), ()| {
+                    let numbers = numbers.get(6 * k * slot.columns..).unwrap_or_default();
+                    rows(out, 6, slot.columns, numbers);
                 });
             }
         }
@@ -110,21 +98,27 @@ fn foot(out: &mut Vec<u8>, remark: Option<&Remark>) {
     out.extend_from_slice(b"}\n");
 }
 
-/// An object with one object for each asked link; null without parts.
+/// An object with one object for each asked link; null if a part has no numbers, unless it is that
+/// of the actuators, which is null alone: they may not determine the motion.
 fn by_link<P: Copy, R: Clone>(
     out: &mut Vec<u8>,
     asked: &Asked,
-    parts: Option<&[(&str, P, R)]>,
+    parts: &[(&str, Option<P>, R)],
     mut write_part: impl FnMut(&mut Vec<u8>, usize, P, R),
 ) {
-    let Some(parts) = parts else { return null(out) };
+    if parts.iter().any(|(name, part, _)| part.is_none() && *name != ACTUATOR) {
+        return null(out);
+    }
     out.push(b'{');
     for (k, link) in asked.frames.iter().enumerate() {
         key(out, link, k == 0);
         out.push(b'{');
         for (i, (name, part, rest)) in parts.iter().enumerate() {
             key(out, name, i == 0);
-            write_part(out, k, *part, rest.clone());
+            match part {
+                Some(part) => write_part(out, k, *part, rest.clone()),
+                None => null(out),
+            }
         }
         out.push(b'}');
     }
@@ -142,7 +136,7 @@ fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], model: &ModelInfo, que
         | Field::Projection => {
             numbers.iter().for_each(|x| number(out, x));
         }
-        // a count: it is far below the largest whole number of a double
+        // a count, exact in a double
         Field::Iterations => numbers.iter().for_each(|x| write(out, &(*x as u64))),
         // a sign
         Field::Branch => list(out, numbers.iter(), |out, x| write(out, &(*x as i64))),
@@ -154,7 +148,7 @@ fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], model: &ModelInfo, que
     }
 }
 
-/// A limit that is exceeded.
+/// An exceeded limit.
 #[derive(Serialize)]
 struct Exceeded<'a> {
     name: &'a str,
@@ -164,7 +158,7 @@ struct Exceeded<'a> {
     upper: Option<f64>,
 }
 
-/// The limits that are exceeded, from how far each of them is.
+/// The exceeded limits; `numbers` holds the excess over each one, 0 within it.
 fn exceeded<'a>(numbers: &[f64], model: &'a ModelInfo, velocities: &[usize]) -> Vec<Exceeded<'a>> {
     let mut found = Vec::new();
     for (v, excess) in velocities.iter().zip(numbers.chunks_exact(3)) {
@@ -181,7 +175,7 @@ fn exceeded<'a>(numbers: &[f64], model: &'a ModelInfo, velocities: &[usize]) -> 
     found
 }
 
-/// The names at which 1 stands.
+/// The names whose number is 1.
 fn chosen<'a>(numbers: &[f64], names: &'a [String]) -> impl Iterator<Item = &'a String> {
     let chosen: Vec<bool> = numbers.iter().map(|x| *x == 1.0).collect();
     names.iter().zip(chosen).filter(|(_, chosen)| *chosen).map(|(name, _)| name)
@@ -215,7 +209,7 @@ fn key(out: &mut Vec<u8>, name: &str, first: bool) {
     out.push(b':');
 }
 
-/// The shortest digits that give the same number again; null for what JSON has no word for.
+/// The shortest digits that are read back as the same number; null for NaN and infinities.
 fn number(out: &mut Vec<u8>, number: &f64) {
     write(out, number);
 }
@@ -224,7 +218,7 @@ fn null(out: &mut Vec<u8>) {
     out.extend_from_slice(b"null");
 }
 
-/// Text and numbers into memory: nothing that could fail.
+/// Appends a value; text and numbers always serialise.
 fn write<T: Serialize + ?Sized>(out: &mut Vec<u8>, value: &T) {
     let _ = serde_json::to_writer(out, value);
 }

@@ -1,4 +1,4 @@
-//! Who answers: the model in this process, or a server.
+//! The robot that answers: in this process, or of a server.
 
 use std::num::NonZeroUsize;
 use std::time::{Duration, Instant};
@@ -8,24 +8,24 @@ use sarrus_client::{
 };
 use sarrus_proto::ServerName;
 
-/// Plans that are kept: scripts use few, and one that uses a new one for each line must fill
-/// neither the memory nor a server's table.
+/// Most plans that are kept: a script with a new query in each line must not fill the memory or a
+/// server's table.
 const PLANS: usize = 64;
-/// How long a server that is gone is not looked for again.
+/// Time between two attempts to reach a lost server.
 const PAUSE: Duration = Duration::from_secs(1);
 
-/// What came of a request; with words where nobody computed anything.
+/// The answer to a request; with a reason where nothing was computed.
 #[derive(Clone, Debug)]
 pub(super) struct Reply {
     pub(super) answer: Answer,
     pub(super) words: Option<String>,
 }
 
-/// A robot, here or connected, with the plans of the lines so far.
+/// A robot in this process or a connected one, with the plans of earlier lines.
 pub(super) struct Engine {
     robot: Robot,
     plans: Vec<(Query, PlanId)>,
-    /// When and how the server was found to be gone.
+    /// The time, status and reason of the last failed attempt to reach the server.
     lost: Option<(Instant, Status, String)>,
     was_lost: bool,
 }
@@ -37,7 +37,7 @@ impl Engine {
 
     /// Connects through a lane, or through the service when all lanes are taken.
     pub(super) fn connect(name: &str) -> Result<Engine, ConnectError> {
-        // a bad name is reported before anything is made
+        // a bad name is reported before files are made
         ServerName::new(name)?;
         let robot = match Robot::connect(name) {
             Err(ConnectError::NoFreeSlot { .. }) => Robot::connect_with(
@@ -53,12 +53,12 @@ impl Engine {
         &self.robot
     }
 
-    /// True when the server was gone at some time.
+    /// True if the server was lost at some time.
     pub(super) fn was_lost(&self) -> bool {
         self.was_lost
     }
 
-    /// Asks for so many states of one query: rows in, rows out, packed as it says.
+    /// Answers `rows` states of one query; `input` and `output` hold one packed row each.
     pub(super) fn ask(
         &mut self,
         query: &Query,
@@ -66,8 +66,7 @@ impl Engine {
         input: &[f64],
         output: &mut [f64],
     ) -> Vec<Reply> {
-        // each look for a lost server takes a second: the lines between two looks are answered at
-        // once
+        // an attempt to reach a lost server takes a second: lines between two attempts fail at once
         if let Some((since, status, words)) = &self.lost
             && since.elapsed() < PAUSE
         {
@@ -105,7 +104,7 @@ impl Engine {
         }
         self.was_lost = true;
         self.lost = Some((Instant::now(), status, words.clone()));
-        // those before the server went have their answers
+        // rows answered before the loss keep their answers
         let reply = |answer: Answer| match answer.status {
             Status::UnknownRequest => Reply::failed(status, words.clone()),
             _ => Reply { answer, words: None },
@@ -113,7 +112,7 @@ impl Engine {
         answers.into_iter().map(reply).collect()
     }
 
-    /// The plan of a query; where too many are kept, they are released first.
+    /// The plan of a query; a full table is released first.
     fn plan(&mut self, query: &Query) -> Result<PlanId, Error> {
         if let Some((_, plan)) = self.plans.iter().find(|(known, _)| known == query) {
             return Ok(*plan);

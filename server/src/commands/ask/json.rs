@@ -1,4 +1,4 @@
-//! JSON that knows where on the line it stands.
+//! JSON values with their positions on a line.
 
 use std::fmt;
 
@@ -6,15 +6,14 @@ use serde::Deserializer;
 use serde::de::{MapAccess, SeqAccess, Visitor};
 use serde_json::value::RawValue;
 
-/// What is wrong and at which byte.
+/// A fault and its byte.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Fault {
     pub(super) offset: usize,
     pub(super) words: String,
 }
 
-/// A value, as it was written. Nothing in it is decoded before somebody asks, so depth and length
-/// cost nothing.
+/// A value as it was written. Its parts are decoded on demand, so depth and length cost nothing.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Value<'a> {
     text: &'a str,
@@ -28,10 +27,10 @@ impl<'a> Value<'a> {
         match serde_json::from_str::<&RawValue>(line) {
             Ok(raw) => Ok(Value { text: line, offset: 0 }.inner(raw)),
             Err(error) => {
-                let (words, column) = (error.to_string(), error.column());
-                let words =
-                    words.rsplit_once(" at line ").map_or(words.as_str(), |(words, _)| words);
-                Err(Fault { offset: column.saturating_sub(1), words: format!("not JSON: {words}") })
+                let words = error.to_string();
+                let words = words.split(" at line ").next().unwrap_or_default();
+                let offset = error.column().saturating_sub(1);
+                Err(Fault { offset, words: format!("not JSON: {words}") })
             }
         }
     }
@@ -45,15 +44,14 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// Keys and values of an object, up to `most`; what follows was checked but is not needed by
-    /// anybody.
+    /// Keys and values of an object; members beyond the first `most` are checked and dropped.
     pub(super) fn members(&self, most: usize) -> Option<Vec<(Value<'a>, Value<'a>)>> {
         let members =
             serde_json::Deserializer::from_str(self.text).deserialize_map(Members { most }).ok()?;
         Some(members.into_iter().map(|(key, value)| (self.inner(key), self.inner(value))).collect())
     }
 
-    /// The values of a list: each one goes to `take`, which says whether it wants more.
+    /// Passes the values of a list to `take` until it returns false.
     pub(super) fn items(&self, take: impl FnMut(Value<'a>) -> bool) -> Option<()> {
         serde_json::Deserializer::from_str(self.text)
             .deserialize_seq(Items { list: *self, take })
@@ -71,7 +69,7 @@ impl<'a> Value<'a> {
         if first.is_ascii_digit() || *first == b'-' { self.text.parse().ok() } else { None }
     }
 
-    /// What kind of value it is, in words.
+    /// The name of its kind.
     pub(super) fn kind(&self) -> &'static str {
         match self.text.as_bytes().first() {
             Some(b'{') => "an object",
@@ -102,7 +100,7 @@ impl<'de> Visitor<'de> for Members {
         {
             members.push(member);
         }
-        // raw: even a key with half a surrogate was checked as far as it counts
+        // raw: a key may hold half a surrogate
         while map.next_entry::<&RawValue, &RawValue>()?.is_some() {}
         Ok(members)
     }

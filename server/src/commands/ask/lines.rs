@@ -1,4 +1,4 @@
-//! Lines of any length and content, bounded.
+//! Lines of any content and bounded length.
 
 use std::io::{self, BufRead, BufReader, ErrorKind, Read};
 use std::os::fd::AsFd;
@@ -9,16 +9,16 @@ use crate::commands::output::wait_for;
 
 /// The longest line that is read.
 pub(super) const LONGEST: usize = 64 << 20;
-/// What is kept for the next line.
+/// Bytes of the buffer that are kept for the next line.
 const USUAL: usize = 1 << 20;
 
-/// What is read at once.
+/// Bytes of one read.
 const AT_ONCE: usize = 64 << 10;
 
-/// What some editors write before the first line.
+/// The mark that some editors put before the first line.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
-/// A stream that is waited for, also where it was opened not to wait.
+/// A stream whose reads block, also where it was opened not to block.
 pub(super) struct Patient<R>(pub(super) R);
 
 impl<R: Read + AsFd> Read for Patient<R> {
@@ -44,9 +44,9 @@ pub(super) struct Lines<R> {
     is_first: bool,
 }
 
-/// What came.
+/// The next line, or its absence.
 pub(super) enum Line<'a> {
-    /// A line with something on it.
+    /// A line that is not blank.
     Text(&'a [u8]),
     /// A line that is longer than [`LONGEST`]; it was skipped.
     TooLong,
@@ -84,15 +84,15 @@ impl<R: Read> Lines<R> {
         Ok(Line::Text(self.line.trim_ascii_end()))
     }
 
-    /// True where the next line that is not blank is not there yet, so that [`Lines::next`] would
-    /// wait for it; `has_more` says whether the source has bytes, or has ended.
+    /// True where [`Lines::next`] would wait for the rest of a line; `has_more` reports whether the
+    /// source has bytes or has ended.
     pub(super) fn would_wait(&mut self, has_more: impl Fn() -> bool) -> io::Result<bool> {
         self.begin();
         loop {
             let buffer = self.source.buffer();
             let end = buffer.iter().position(|byte| *byte == b'\n');
             if self.line.len() > LONGEST {
-                // the rest of it is skipped when it is there
+                // its end is skipped as soon as it arrives
                 return Ok(end.is_none());
             }
             let n = end.map_or(buffer.len(), |end| end + 1);
@@ -118,7 +118,7 @@ impl<R: Read> Lines<R> {
         }
     }
 
-    /// What is kept is the beginning of the next line.
+    /// Empties the buffer, unless it holds the beginning of the next line.
     fn begin(&mut self) {
         if !self.is_begun {
             self.line.clear();
@@ -145,7 +145,8 @@ mod tests {
     #[test]
     fn a_byte_order_mark_is_skipped_once_and_only_at_the_start() {
         let all = |text: &[u8]| {
-            let (mut lines, mut found) = (Lines::new(text), Vec::new());
+            let mut lines = Lines::new(text);
+            let mut found = Vec::new();
             while let Line::Text(line) = lines.next().unwrap() {
                 found.push(line.to_owned());
             }

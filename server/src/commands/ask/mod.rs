@@ -2,10 +2,9 @@
 //!
 //! A line that is no valid request gets `bad_request` with a column and a reason, and the command
 //! ends with 1. A list of the wrong length (`wrong_size`) or a number beyond the range of a double
-//! (`non_finite_input`) is a failed state of a request that is otherwise a good one: its wanted
-//! fields are null, column and reason follow them. When a server goes away, the lines that it
-//! leaves get `shutting_down` (`wrong_model` when another robot came back instead) until it is
-//! back; the command ends with 2.
+//! (`non_finite_input`) is a failed state of a valid request: its wanted fields are null, column
+//! and reason follow them. While a server is lost, lines get `shutting_down` (`wrong_model` if
+//! another robot took its place); the command ends with 2.
 
 mod answer;
 mod engine;
@@ -17,7 +16,6 @@ mod request;
 
 use std::io::{self, ErrorKind};
 use std::num::NonZeroUsize;
-use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -27,8 +25,8 @@ use sarrus_client::{
 use sarrus_proto::Tolerance;
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT};
 
-use super::output::{finish, print};
-use super::robot::{RobotFlags, refuse};
+use super::output::{Failure, Outcome, Results, print};
+use super::robot::RobotFlags;
 use answer::Remark;
 use engine::{Engine, Reply};
 use lines::{LONGEST, Line, Lines, Patient};
@@ -38,7 +36,7 @@ use request::{Asked, Problem};
 #[derive(Args)]
 #[command(after_long_help = fields::table_in_words())]
 pub(crate) struct Ask {
-    /// The request that every line makes.
+    /// The request of every line.
     #[arg(value_enum, value_name = "REQUEST", required_unless_present = "fields")]
     request: Option<RequestFlag>,
     /// Prints the table of the fields of requests and answers: name, shape, unit, meaning.
@@ -64,15 +62,15 @@ pub(crate) struct Ask {
     #[arg(long, value_name = "X", default_value_t = USUAL, value_parser = tolerance)]
     projection_tolerance: f64,
     /// Answers up to N lines together: same lines, same order, written when N are there or the
-    /// input pauses. Lines that ask the same of other states share their computation.
+    /// input pauses. Lines with the same query share their computation.
     #[arg(long, value_name = "N", default_value_t = NonZeroUsize::MIN)]
     batch: NonZeroUsize,
 }
 
-/// Bytes of lines and answers from which on they are written, however many lines may go together.
+/// Bytes of lines and answers from which on they are written, for any `--batch`.
 const MOST_UNWRITTEN: usize = 1 << 20;
 
-/// The tolerance of a query that names none.
+/// The tolerance of a query without one.
 const USUAL: f64 = Tolerance::USUAL.bound();
 
 /// A number from 0 on.
@@ -107,73 +105,65 @@ impl RequestFlag {
 }
 
 impl Ask {
-    pub(crate) fn run(self) -> ExitCode {
+    pub(crate) fn run(self) -> Outcome {
         let Some(request) = self.request else {
-            return finish("ask", &fields::table_in_words(), 0);
+            return Ok(Results { text: fields::table_in_words(), code: 0 });
         };
         let request = request.request();
         let tolerances = [self.loop_tolerance, self.projection_tolerance].map(Tolerance::new);
         let engine = match &self.connect {
-            Some(name) => match Engine::connect(name) {
-                Ok(engine) => engine,
-                Err(error) => {
-                    eprintln!("sarrus ask: {error}");
-                    return ExitCode::from(2);
-                }
-            },
-            None => match self.robot.load_and_warn() {
-                Ok(loaded) => Engine::new(Robot::from_model(loaded.compiled)),
-                Err(error) => return refuse("ask", &error),
-            },
+            Some(name) => Engine::connect(name).map_err(Failure::start)?,
+            None => Engine::new(Robot::from_model(self.robot.load_and_warn()?.compiled)),
         };
         let model = engine.robot().model().clone();
-        Session { request, tolerances, model, engine }.run(self.batch.get())
+        let code = Session { request, tolerances, model, engine }.run(self.batch.get())?;
+        Ok(Results { text: String::new(), code })
     }
 }
 
-/// A model that is asked line by line.
+/// A model that answers line by line.
 struct Session {
     request: Request,
-    /// Of loops and of the given state, where a line has none.
+    /// Of loops and of projection, for lines without their own.
     tolerances: [Tolerance; 2],
     model: ModelInfo,
     engine: Engine,
 }
 
-/// A line that was read, on its way to its answer.
+/// A line that was read and has no printed answer yet.
 enum Item {
-    /// Answered before anybody computes.
+    /// Answered without computation.
     Answered(Status, Vec<u8>),
     Asked(Box<Question>),
 }
 
-/// What a line asks, and what came of it.
+/// The request of a line and its reply.
 struct Question {
     asked: Asked,
-    /// The column of its positions.
+    /// The column of the given positions.
     column: usize,
     input: Vec<f64>,
     want: Layout,
-    /// As `want` says.
+    /// Packed in the layout `want`.
     numbers: Vec<f64>,
     reply: Option<Reply>,
 }
 
 impl Session {
-    fn run(mut self, batch: usize) -> ExitCode {
+    /// Answers stdin to its end; the exit code.
+    fn run(mut self, batch: usize) -> Result<u8, Failure> {
         let mut lines = Lines::new(Patient(io::stdin().lock()));
-        // the lines that are not answered yet, and the bytes that they take
-        let (mut items, mut bytes) = (Vec::new(), 0);
+        // lines without an answer, and the bytes that they take
+        let mut items = Vec::new();
+        let mut bytes = 0;
         let mut every_line_good = true;
         loop {
             let line = match lines.next() {
                 Ok(line) => line,
                 Err(error) => {
-                    // what was asked is answered
                     let (text, _) = self.answer(&mut items);
                     let _ = print(&text);
-                    eprintln!("sarrus ask: stdin cannot be read: {error}");
-                    return ExitCode::from(2);
+                    return Err(Failure::start(format!("stdin cannot be read: {error}")));
                 }
             };
             let is_end = matches!(line, Line::End);
@@ -186,66 +176,57 @@ impl Session {
                 }
             }
             bytes += items.last().map_or(0, Item::bytes);
-            // what cannot be read is said when it is the next line
+            // an error of the input is reported when its line is next
             let goes_on = items.len() < batch && bytes < MOST_UNWRITTEN && !is_end;
             if goes_on && !lines.would_wait(has_input).unwrap_or(true) {
                 continue;
             }
             let (text, all_good) = self.answer(&mut items);
-            (every_line_good, bytes) = (every_line_good && all_good, 0);
+            every_line_good &= all_good;
+            bytes = 0;
             match print(&text) {
                 Ok(()) if is_end => break,
                 Ok(()) => {}
-                // nobody listens any more
                 Err(error) if error.kind() == ErrorKind::BrokenPipe => break,
                 Err(error) => {
-                    eprintln!("sarrus ask: the answers cannot be written: {error}");
-                    return ExitCode::from(2);
+                    return Err(Failure::start(format!("the answers cannot be written: {error}")));
                 }
             }
         }
-        match (self.engine.was_lost(), every_line_good) {
-            (true, _) => ExitCode::from(2),
-            (false, false) => ExitCode::from(1),
-            (false, true) => ExitCode::SUCCESS,
-        }
+        Ok(if self.engine.was_lost() { 2 } else { u8::from(!every_line_good) })
     }
 
     /// Reads a line.
     fn read(&self, line: &[u8]) -> Item {
-        let valid = std::str::from_utf8(line);
-        let text = match valid {
+        let text = match std::str::from_utf8(line) {
             Ok(text) => text,
-            Err(error) => std::str::from_utf8(line.get(..error.valid_up_to()).unwrap_or_default())
-                .unwrap_or_default(),
+            Err(error) => {
+                let valid =
+                    line.get(..error.valid_up_to()).and_then(|part| str::from_utf8(part).ok());
+                let column = Some(column(valid.unwrap_or_default(), line.len()));
+                return Item::bad(&Remark { column, words: "a byte that is no UTF-8".to_owned() });
+            }
         };
         let remark = |Problem { offset, words, .. }: Problem| Remark {
             column: Some(column(text, offset)),
             words,
         };
-        let asked = match valid {
-            Ok(text) => read::read(Some(self.request), self.tolerances, &self.model, text),
-            Err(_) => Err(Problem {
-                status: Status::BadRequest,
-                offset: line.len(),
-                words: "a byte that is no UTF-8".to_owned(),
-            }),
-        };
-        let mut asked = match asked {
+        let read = read::read(Some(self.request), self.tolerances, &self.model, text);
+        let mut asked = match read {
             Ok(asked) => asked,
             Err(problem) => return Item::bad(&remark(problem)),
         };
 
-        // a state that fails before anybody computes
+        // a state that fails without computation
         if let Some(problem) = asked.doubt.take() {
             let failed = Answer { status: problem.status, warnings: Warnings::NONE };
             let nothing = Layout::of_want(
                 &Query::new(self.request, FieldSet::EMPTY, FieldSet::EMPTY),
                 &self.model,
             );
-            let (mut out, remark) = (Vec::new(), remark(problem));
-            let remark = Some(&remark);
-            answer::answer(&mut out, &asked, &self.model, failed, &nothing, &[], remark);
+            let mut out = Vec::new();
+            let remark = remark(problem);
+            answer::answer(&mut out, &asked, &self.model, failed, &nothing, &[], Some(&remark));
             return Item::Answered(failed.status, out);
         }
 
@@ -261,10 +242,12 @@ impl Session {
             reply: None,
             asked,
         };
-        let (n_in, n_out) = (given.len(), question.want.len());
+        let n_in = given.len();
+        let n_out = question.want.len();
         if n_in > MAX_NUMBERS_IN || n_out > MAX_NUMBERS_OUT {
-            // in process it could be answered; the same line gets the same answer everywhere
-            let (max_in, max_out) = (MAX_NUMBERS_IN, MAX_NUMBERS_OUT);
+            // the bounds of a server hold in process too, so that a line has one answer
+            let max_in = MAX_NUMBERS_IN;
+            let max_out = MAX_NUMBERS_OUT;
             let error = Error::TooLarge { n_in, n_out, max_in, max_out };
             question.reply = Some(Reply::failed(Status::BadRequest, error.to_string()));
         } else {
@@ -273,10 +256,11 @@ impl Session {
         Item::Asked(Box::new(question))
     }
 
-    /// Answers lines and forgets them: their answers, and whether each was a valid request.
+    /// Takes all lines; their answers, and whether each line was a valid request.
     fn answer(&mut self, items: &mut Vec<Item>) -> (Vec<u8>, bool) {
         self.ask(items);
-        let (mut text, mut all_good) = (Vec::new(), true);
+        let mut text = Vec::new();
+        let mut all_good = true;
         for item in items.drain(..) {
             let status = match item {
                 Item::Answered(status, answer) => {
@@ -290,8 +274,8 @@ impl Session {
         (text, all_good)
     }
 
-    /// Asks, those with the same query together, and asks again without the one output that may
-    /// fail alone.
+    /// Asks, lines with the same query together, and once more without the actuators' Jacobian
+    /// where it alone fails.
     fn ask(&mut self, items: &mut [Item]) {
         let mut open: Vec<&mut Question> = items
             .iter_mut()
@@ -326,12 +310,12 @@ impl Session {
         }
     }
 
-    /// Writes the answer to a line and says how it ended.
+    /// Writes the answer to a line; its status.
     fn write(&self, question: Question, out: &mut Vec<u8>) -> Status {
         let Question { asked, column, want, numbers, reply, .. } = question;
         let Some(Reply { answer, words }) = reply else { return Status::Ok };
         if answer.status == Status::BadRequest {
-            // numbers that are no state
+            // sizes and finite numbers were checked before
             let words = words.unwrap_or_else(|| {
                 "a quaternion is not of unit length, expected one within 1e-6 of it".to_owned()
             });
@@ -352,7 +336,7 @@ impl Item {
         Item::Answered(Status::BadRequest, out)
     }
 
-    /// About what it takes.
+    /// Approximate memory of the line and its answer.
     fn bytes(&self) -> usize {
         match self {
             Item::Answered(_, text) => text.len(),
@@ -368,12 +352,12 @@ impl Item {
 fn has_input() -> bool {
     let stdin = io::stdin();
     let mut polled = [PollFd::new(&stdin, PollFlags::IN)];
-    // where that cannot be known, answers do not wait
+    // if poll fails, answers do not wait for more lines
     poll(&mut polled, Some(&Timespec::default())).is_ok_and(|ready| ready > 0)
 }
 
-/// The query of a line that names its request, and the numbers that it gives; in words what is
-/// wrong with it.
+/// The query of a line that names its request, and its packed inputs; the error names the fault
+/// and its column.
 pub(super) fn read_plan(model: &ModelInfo, line: &str) -> Result<(Query, Vec<f64>), String> {
     let words =
         |problem: Problem| format!("{} at column {}", problem.words, column(line, problem.offset));
@@ -382,7 +366,7 @@ pub(super) fn read_plan(model: &ModelInfo, line: &str) -> Result<(Query, Vec<f64
     asked.doubt.map_or(Ok((asked.query, input)), |problem| Err(words(problem)))
 }
 
-/// What a line gives, as a plan takes it.
+/// The inputs of a line, packed for a plan.
 fn packed(asked: &Asked, given: &Layout) -> Vec<f64> {
     let mut input = vec![0.0; given.len()];
     for field in &asked.given {

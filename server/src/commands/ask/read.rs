@@ -1,4 +1,4 @@
-//! One line in: what it gives and what it wants, or why it is no request.
+//! Reads a line: its inputs and its wanted outputs, or the reason why it is no request.
 
 use sarrus_client::{Field, FieldSet, ModelInfo, Query, QueryError, Request, Status};
 use sarrus_models::{matching_joints, nearest_first};
@@ -8,7 +8,7 @@ use sarrus_proto::Tolerance;
 use super::json::{Fault, Value};
 use super::request::{Asked, Given, INPUTS, Output, Problem};
 
-/// There are not so many different keys, nor so many different things to want.
+/// More than there are keys of a line or names of outputs.
 const MOST: usize = 64;
 
 /// Reads a line for one kind of request on one model; without one the line names its own.
@@ -54,7 +54,7 @@ struct Reader<'a> {
     keys: Vec<(String, usize)>,
     want: Option<Vec<(Output, usize)>>,
     frames: Option<Vec<(String, u16)>>,
-    /// The tree velocities whose rows are asked, ascending; none for all.
+    /// The tree velocities of the wanted rows, ascending; empty for all.
     joints: Vec<u16>,
     wrenches: Vec<(u16, Vec<f64>)>,
     tolerances: [Tolerance; 2],
@@ -100,38 +100,20 @@ impl Reader<'_> {
     }
 
     /// A list of `n` finite numbers; another count or a number that is not finite is a doubt.
-    fn numbers(&mut self, what: &str, value: Value<'_>, n: usize) -> Result<Vec<f64>, Problem> {
-        let (mut numbers, mut count, mut other) = (Vec::new(), 0, None);
-        let is_list = value.items(|item| {
-            match item.number() {
-                Some(number) if count < n => {
-                    if !number.is_finite() {
-                        self.doubt(Status::NonFiniteInput, item.offset, || {
-                            format!("{what} has a number beyond the range of a double")
-                        });
-                    }
-                    numbers.push(number);
-                }
-                Some(_) => {}
-                None => other = Some(item),
-            }
-            count += 1;
-            other.is_none()
-        });
-        match (is_list, other) {
-            (Some(()), None) => {}
-            (_, item) => {
-                return Err(item
-                    .unwrap_or(value)
-                    .is_no(&format!("{what} as a list of {n} numbers")));
-            }
+    fn numbers(&mut self, name: &str, value: Value<'_>, n: usize) -> Result<Vec<f64>, Problem> {
+        let expected = format!("{name} as a list of {n} numbers");
+        let (numbers, count) = list(value, n, Value::number, &expected)?;
+        if let Some((_, item)) = numbers.iter().find(|(number, _)| !number.is_finite()) {
+            self.doubt(Status::NonFiniteInput, item.offset, || {
+                format!("{name} has a number beyond the range of a double")
+            });
         }
         if count != n {
             self.doubt(Status::WrongSize, value.offset, || {
-                format!("{what} has {count} numbers, expected {n}")
+                format!("{name} has {count} numbers, expected {n}")
             });
         }
-        Ok(numbers)
+        Ok(numbers.into_iter().map(|(number, _)| number).collect())
     }
 
     /// Keeps the first doubt; a wrong size comes before a number that is not finite.
@@ -144,7 +126,9 @@ impl Reader<'_> {
 
     fn links(&self, value: Value<'_>) -> Result<Vec<(String, u16)>, Problem> {
         let mut links: Vec<(String, u16)> = Vec::new();
-        for (name, item) in names(value, self.model.links.len() + 1, "frames as a list of links")? {
+        let most = self.model.links.len() + 1;
+        let (listed, _) = list(value, most, Value::string, "frames as a list of links")?;
+        for (name, item) in listed {
             let link = self.link(&name, item)?;
             if links.iter().any(|(_, known)| *known == link) {
                 return Err(item.fault(format!("`{name}` stands here twice")));
@@ -158,8 +142,9 @@ impl Reader<'_> {
     fn read_joints(&self, value: Value<'_>) -> Result<Vec<u16>, Problem> {
         let mut velocities = Vec::new();
         let most = self.model.tree.len().max(MOST);
-        let listed = names(value, most + 1, "joints as a list such as [\"AL*\"]")?;
-        if listed.len() > most {
+        let expected = "joints as a list such as [\"AL*\"]";
+        let (listed, count) = list(value, most, Value::string, expected)?;
+        if count > most {
             return Err(value.fault(format!("more than {most} names of joints stand here")));
         }
         for (name, item) in listed {
@@ -197,7 +182,7 @@ impl Reader<'_> {
             }
             wrenches.push((link, self.numbers(&format!("the wrench on `{name}`"), value, 6)?));
         }
-        // an object has no order: its links get one
+        // members of an object have no order; plans take ascending links
         wrenches.sort_by_key(|(link, _)| *link);
         Ok(wrenches)
     }
@@ -218,7 +203,7 @@ impl Reader<'_> {
         let request = self.request.ok_or_else(|| {
             root.fault(format!("it names no request, expected \"request\": {}", requests()))
         })?;
-        // what the answer holds
+        // the members of the answer
         let mut outputs = match self.want {
             Some(want) => want,
             None => request
@@ -245,7 +230,7 @@ impl Reader<'_> {
             _ => {}
         }
 
-        // what the plan is made for
+        // the query
         let given = self.given.iter().fold(FieldSet::EMPTY, |set, given| set.with(given.field));
         let want = outputs
             .iter()
@@ -301,7 +286,7 @@ fn named_request(value: Value<'_>) -> Result<Request, Problem> {
     })
 }
 
-/// The names of the requests.
+/// The names of all requests.
 fn requests() -> String {
     let names: Vec<String> =
         Request::ALL.iter().map(|request| format!("\"{}\"", request.name())).collect();
@@ -310,7 +295,8 @@ fn requests() -> String {
 
 fn wants(value: Value<'_>) -> Result<Vec<(Output, usize)>, Problem> {
     let mut wants: Vec<(Output, usize)> = Vec::new();
-    for (name, item) in names(value, MOST, "want as a list of names")? {
+    let (listed, _) = list(value, MOST, Value::string, "want as a list of names")?;
+    for (name, item) in listed {
         let output = Output::from_name(&name).ok_or_else(|| {
             let known: Vec<&str> = Field::ALL
                 .iter()
@@ -331,22 +317,27 @@ fn wants(value: Value<'_>) -> Result<Vec<(Output, usize)>, Problem> {
     Ok(wants)
 }
 
-/// A list of strings and where each stands; up to `most`.
-fn names<'a>(
+/// The first `most` items of a list with their values, and the number of all items.
+fn list<'a, T>(
     value: Value<'a>,
     most: usize,
+    read: impl Fn(&Value<'a>) -> Option<T>,
     expected: &str,
-) -> Result<Vec<(String, Value<'a>)>, Problem> {
-    let (mut names, mut other) = (Vec::new(), None);
+) -> Result<(Vec<(T, Value<'a>)>, usize), Problem> {
+    let mut items = Vec::new();
+    let mut count = 0;
+    let mut other = None;
     let is_list = value.items(|item| {
-        match item.string() {
-            Some(name) => names.push((name, item)),
+        count += 1;
+        match read(&item) {
+            Some(read) if items.len() < most => items.push((read, item)),
+            Some(_) => {}
             None => other = Some(item),
         }
-        other.is_none() && names.len() < most
+        other.is_none()
     });
     match (is_list, other) {
-        (Some(()), None) => Ok(names),
+        (Some(()), None) => Ok((items, count)),
         (_, item) => Err(item.unwrap_or(value).is_no(expected)),
     }
 }

@@ -1,19 +1,19 @@
-//! What a line asks: the names that scripts use, and what they stand for.
+//! The parts of a request line and the names of its fields.
 
 use sarrus_client::{Field, FieldSet, Query, Status};
 
 use super::json::Fault;
 
-/// What one line asks.
+/// The request of one line.
 #[derive(Debug)]
 pub(super) struct Asked {
     pub(super) query: Query,
-    /// What the answer holds, in its order.
+    /// The members of the answer in their order.
     pub(super) outputs: Vec<Output>,
-    /// Names of the links in `wanted.frames`.
+    /// Names of the links whose frames are wanted.
     pub(super) frames: Vec<String>,
     pub(super) given: Vec<Given>,
-    /// Why there can be no answer to a request that is otherwise a good one.
+    /// The fault that fails the state of a valid request.
     pub(super) doubt: Option<Problem>,
 }
 
@@ -33,7 +33,7 @@ pub(super) enum Output {
     Jacobians,
 }
 
-/// Why a line has no numbers for an answer.
+/// The status and the reason of a line whose answer has no numbers.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Problem {
     pub(super) status: Status,
@@ -47,7 +47,7 @@ impl From<Fault> for Problem {
     }
 }
 
-/// What a request can give, besides wrenches.
+/// The inputs of a request besides wrenches.
 pub(super) const INPUTS: [Field; 14] = [
     Field::Y,
     Field::Yd,
@@ -69,7 +69,7 @@ const JACOBIANS: [Field; 3] =
     [Field::JacobianTree, Field::JacobianIndependent, Field::JacobianActuator];
 
 impl Output {
-    /// The name that scripts see.
+    /// Its name in a line.
     pub(super) fn name(self) -> &'static str {
         match self {
             Output::Field(field) => field.name(),
@@ -83,14 +83,14 @@ impl Output {
         match name {
             "frames" => Some(Output::Frames),
             "jacobians" => Some(Output::Jacobians),
-            // frames come by link
+            // fields of frames come by link, under the two names above
             _ => Field::from_name(name)
                 .filter(|field| !FRAMES.contains(field) && !JACOBIANS.contains(field))
                 .map(Output::Field),
         }
     }
 
-    /// What a plan computes for it.
+    /// The fields that a plan computes for it.
     pub(super) fn fields(self) -> FieldSet {
         match self {
             Output::Field(field) => FieldSet::of(&[field]),

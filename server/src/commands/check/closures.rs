@@ -4,6 +4,20 @@ use sarrus_models::ClosureReport;
 
 use crate::commands::output::table;
 
+const HEADS: [&str; 11] = [
+    "submechanism",
+    "type",
+    "closure",
+    "rows",
+    "rank",
+    "redundant",
+    "idle",
+    "branch",
+    "misfit",
+    "sigma",
+    "cond",
+];
+
 /// The meaning of the columns.
 pub(super) const LEGEND: &str = "\
 rows       constraint rows; rank: the number of independent rows; redundant: rows left out
@@ -14,27 +28,14 @@ sigma      least singular value of the scaled K_d at the zero pose; 0: singular
 cond       condition number of the scaled K_d at the zero pose
 ";
 
-/// One row for each submechanism, then what has names: redundant rows, idle joints, singular poses.
+/// One row for each submechanism, then redundant rows, idle joints and singular poses by name.
 pub(super) fn in_words(closures: &[ClosureReport]) -> String {
-    let heads = [
-        "submechanism",
-        "type",
-        "closure",
-        "rows",
-        "rank",
-        "redundant",
-        "idle",
-        "branch",
-        "misfit",
-        "sigma",
-        "cond",
-    ];
     let rows: Vec<Vec<String>> = closures.iter().map(row).collect();
-    let mut text = table(&heads, &rows);
+    let mut text = table(&HEADS, &rows);
     for report in closures {
         let closure = &report.closure;
         let mut line =
-            |what: &str, words: &str| text += &format!("{}: {what}: {words}\n", closure.name);
+            |label: &str, words: &str| text += &format!("{}: {label}: {words}\n", closure.name);
         if !report.redundant.is_empty() {
             line("redundant rows", &report.redundant.join(", "));
         }
@@ -73,7 +74,7 @@ fn row(report: &ClosureReport) -> Vec<String> {
         closure.rank.to_string(),
         report.redundant.len().to_string(),
         closure.idle.len().to_string(),
-        // the sign of det K_d at the zero pose; couplings have one pose only
+        // couplings have no branches
         if branch.is_empty() { "-".to_owned() } else { branch },
         if closure.misfit == 0.0 { "0".to_owned() } else { format!("{:.1e}", closure.misfit) },
         with_loops(format!("{:.2e}", report.sigma_min)),

@@ -6,13 +6,12 @@ mod plan;
 mod pose;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use clap::Args;
-use sarrus_models::{CheckReport, Suggestion};
+use sarrus_models::{CheckReport, Suggestion, assemble, suggest};
 
-use super::output::{Format, FormatFlag, finish, json_line};
-use super::robot::{RobotFlags, diagnostics, refuse};
+use super::output::{Failure, FormatFlag, Outcome, Results};
+use super::robot::{RobotFlags, diagnostics};
 use pose::Numbers;
 
 /// Flags of `check`.
@@ -37,7 +36,7 @@ pub(crate) struct Check {
     /// list, an object by name, or one with a `q`. Default: the zero pose.
     #[arg(long, value_name = "FILE|q=…", requires = "assemble", allow_hyphen_values = true)]
     near: Option<Numbers>,
-    /// What each joint's way costs: NAME=W,… (1 elsewhere), W,W,… in the order of `tree`, or a JSON
+    /// Cost of each joint's motion: NAME=W,… (1 elsewhere), W,W,… in the order of `tree`, or a JSON
     /// file. 0: free, inf: kept fixed.
     #[arg(long, value_name = "FILE|NAME=W,…", requires = "assemble", allow_hyphen_values = true)]
     weights: Option<Numbers>,
@@ -45,7 +44,7 @@ pub(crate) struct Check {
     /// whose closed forms fit; also for files whose independents or types are wrong or missing.
     #[arg(long, conflicts_with_all = ["assemble", "lock", "only"])]
     suggest: bool,
-    /// Print what the plan of a request does and leaves out: steps, bodies, clusters, operations,
+    /// Print the plan of a request: steps, bodies and clusters out of the robot's, operations,
     /// nanoseconds, bytes. LINE is one of `ask` with its request:
     /// '{"request": "kinematics", "y": […], "want": ["q"]}'.
     #[arg(long, value_name = "LINE", conflicts_with_all = ["assemble", "suggest"])]
@@ -57,7 +56,7 @@ pub(crate) struct Check {
 }
 
 impl Check {
-    pub(crate) fn run(mut self) -> ExitCode {
+    pub(crate) fn run(mut self) -> Outcome {
         self.robot.add_files(self.urdf_file.take(), self.submechanisms_file.take());
         if self.suggest {
             return self.suggestion();
@@ -65,50 +64,36 @@ impl Check {
         if let Some(line) = &self.plan {
             return self.plan_report(line);
         }
-        let report = if self.assemble {
-            self.assembled()
-        } else {
-            CheckReport::new(&self.robot.load()).map_err(|error| refuse("check", &error))
+        let mut report = match self.assemble {
+            true => self.assembled()?,
+            false => CheckReport::new(&self.robot.load())?,
         };
-        let mut report = match report {
-            Ok(report) => report,
-            Err(code) => return code,
-        };
-        if let Err(error) = self.write_files(&mut report) {
-            eprintln!("sarrus check: {error}");
-            return ExitCode::from(2);
-        }
-        let failure = report.assembled.as_ref().and_then(|of| of.error.as_ref());
+        self.write_files(&mut report).map_err(Failure::start)?;
+        let failure = report.assembled.as_ref().and_then(|assembly| assembly.error.as_ref());
         if let Some(failure) = failure {
             eprintln!("sarrus check: {failure}");
         }
-        let code = if report.errors.is_empty() && failure.is_none() { 0 } else { 1 };
-        let results = match self.format.format {
-            Format::Json => json_line(&report),
-            Format::Text if report.errors.is_empty() => in_words(&report),
-            Format::Text => {
-                diagnostics(&report.errors, &report.warnings)
+        let code = u8::from(!report.errors.is_empty() || failure.is_some());
+        let text = self.format.render(&report, |report| match report.errors.as_slice() {
+            [] => in_words(report),
+            errors => {
+                diagnostics(errors, &report.warnings)
                     + &report.assembled.as_ref().map(assembled::in_words).unwrap_or_default()
             }
-        };
-        finish("check", &results, code)
+        });
+        Ok(Results { text, code })
     }
 
-    /// A submechanism file on stdout, and what is still wrong with it on stderr.
-    fn suggestion(&self) -> ExitCode {
-        let Suggestion { yaml, report, .. } = match self.robot.suggest() {
-            Ok(suggestion) => suggestion,
-            Err(error) => return refuse("check", &error),
-        };
+    /// A submechanism file on stdout, and its remaining faults on stderr.
+    fn suggestion(&self) -> Outcome {
+        let Suggestion { yaml, report, .. } = suggest(&self.robot.source(), &self.robot.options())?;
         eprint!("{}", diagnostics(&report.errors, &report.warnings));
-        let results = match self.format.format {
-            Format::Json => json_line(&serde_json::json!({ "suggestion": yaml })),
-            Format::Text => yaml,
-        };
-        finish("check", &results, u8::from(!report.errors.is_empty()))
+        let value = serde_json::json!({ "suggestion": yaml });
+        let text = self.format.render(&value, |_| yaml);
+        Ok(Results { text, code: u8::from(!report.errors.is_empty()) })
     }
 
-    /// Writes the files of a pose that was found; what cannot be written, in words.
+    /// Writes the files of the assembled pose, where `--write` asks for them.
     fn write_files(&self, report: &mut CheckReport) -> Result<(), String> {
         let Some(assembled) = report.assembled.as_mut().filter(|_| report.errors.is_empty()) else {
             return Ok(());
@@ -116,9 +101,8 @@ impl Check {
         let Some((out, zero)) = self.write.as_ref().zip(assembled.zero.as_ref()) else {
             return Ok(());
         };
-        let files = self
-            .robot
-            .rewritten(zero)
+        let files = zero
+            .write(&self.robot.source(), &self.robot.options())
             .map_err(|error| error.to_string())?
             .map_err(|why| format!("{why}; write the origins and placements by hand"))?;
         let beside = files.submechanisms.map(|text| (out.with_extension("yml"), text));
@@ -130,39 +114,28 @@ impl Check {
         Ok(())
     }
 
-    /// The report with an assembly, or the code of what stands in its way.
-    fn assembled(&self) -> Result<CheckReport, ExitCode> {
-        let near = |names: &[String], zero: Vec<f64>| {
-            self.near.as_ref().map_or(Ok(zero.clone()), |near| near.resolve(names, zero))
+    /// The report with an assembly.
+    fn assembled(&self) -> Result<CheckReport, Failure> {
+        let near = |names: &[String], zero: Vec<f64>| match &self.near {
+            Some(near) => near.resolve(names, zero),
+            None => Ok(zero),
         };
         let weights = |names: &[String]| {
             let ones = vec![1.0; names.len()];
-            let weights = self
-                .weights
-                .as_ref()
-                .map_or(Ok(ones.clone()), |weights| weights.resolve(names, ones))?;
+            let Some(flag) = &self.weights else { return Ok(ones) };
+            let weights = flag.resolve(names, ones)?;
             match weights.iter().zip(names).find(|(weight, _)| **weight < 0.0) {
-                Some((weight, name)) => Err(self
-                    .weights
-                    .as_ref()
-                    .map(|of| of.fault(&format!("weight {weight} of {name}, expected 0 or more")))),
+                Some((weight, name)) => {
+                    Err(flag.fault(&format!("weight {weight} of {name}, expected 0 or more")))
+                }
                 None => Ok(weights),
             }
         };
-        match self.robot.assemble(near, weights) {
-            Ok(Ok(report)) => Ok(report),
-            Ok(Err(fault)) => {
-                let fault = fault.unwrap_or_default();
-                eprintln!("sarrus check: {}", fault.words);
-                Err(ExitCode::from(fault.code))
-            }
-            Err(error) => Err(refuse("check", &error)),
-        }
+        assemble(&self.robot.source(), &self.robot.options(), near, weights)?
     }
 }
 
-/// A valid robot: what it is called, what it has and in which order, how it is closed, what is
-/// remarkable.
+/// A valid robot: its name, its coordinates in their order, its closures and its warnings.
 fn in_words(report: &CheckReport) -> String {
     let mut text = format!("robot        {}\n", report.robot.as_deref().unwrap_or_default());
     text += &format!(
@@ -198,10 +171,10 @@ fn in_words(report: &CheckReport) -> String {
     text + &diagnostics(&[], &report.warnings)
 }
 
-/// A count and the names that are counted, in lines of about a hundred letters.
-fn names(what: &str, names: &[String]) -> String {
+/// The number of names and the names, in lines of at most a hundred letters.
+fn names(label: &str, names: &[String]) -> String {
     const WIDTH: usize = 84;
-    let mut text = format!("{what:<11}  {:>4} ", names.len());
+    let mut text = format!("{label:<11}  {:>4} ", names.len());
     let mut width = 0;
     for name in names {
         let length = name.chars().count() + 1;

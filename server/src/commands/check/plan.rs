@@ -1,7 +1,6 @@
-//! `sarrus check --plan`: what the plan of a line does and leaves out, and what it costs.
+//! `sarrus check --plan`: the steps of a line's plan, the parts of the robot it needs, its cost.
 
 use std::hint::black_box;
-use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use sarrus_client::{Status, describe};
@@ -11,17 +10,16 @@ use serde::Serialize;
 
 use super::Check;
 use crate::commands::ask::read_plan;
-use crate::commands::output::{Format, finish, json_line};
-use crate::commands::robot::refuse;
+use crate::commands::output::{Failure, Outcome, Results, labelled};
 
-/// How long the plan is timed, in batches of this length.
+/// Duration of the measurement, and of each of its batches.
 const TIMED: Duration = Duration::from_millis(100);
 const BATCH: Duration = Duration::from_micros(50);
 
-/// What a plan does.
+/// The steps and the cost of a plan.
 #[derive(Serialize)]
 struct PlanReport {
-    /// How the request of the line ends.
+    /// The status of the answer to the line.
     status: &'static str,
     steps: Vec<&'static str>,
     bodies: usize,
@@ -38,24 +36,12 @@ struct PlanReport {
 }
 
 impl Check {
-    /// Prints what the plan of a line does.
-    pub(super) fn plan_report(&self, line: &str) -> ExitCode {
-        let loaded = match self.robot.load_and_warn() {
-            Ok(loaded) => loaded,
-            Err(error) => return refuse("check", &error),
-        };
-        let report = match of_line(&loaded, line) {
-            Ok(report) => report,
-            Err(words) => {
-                eprintln!("sarrus check: --plan: {words}");
-                return ExitCode::from(2);
-            }
-        };
-        let results = match self.format.format {
-            Format::Json => json_line(&report),
-            Format::Text => in_words(&report),
-        };
-        finish("check", &results, 0)
+    /// The plan of a line.
+    pub(super) fn plan_report(&self, line: &str) -> Outcome {
+        let loaded = self.robot.load_and_warn()?;
+        let report =
+            of_line(&loaded, line).map_err(|reason| Failure::start(format!("--plan: {reason}")))?;
+        Ok(Results { text: self.format.render(&report, in_words), code: 0 })
     }
 }
 
@@ -98,7 +84,8 @@ fn median_ns(call: &mut impl FnMut()) -> f64 {
         call();
         calls += 1;
     }
-    let (start, mut batches) = (Instant::now(), Vec::new());
+    let start = Instant::now();
+    let mut batches = Vec::new();
     while start.elapsed() < TIMED {
         let batch = Instant::now();
         (0..calls).for_each(|_| call());
@@ -112,18 +99,18 @@ fn median_ns(call: &mut impl FnMut()) -> f64 {
 fn in_words(report: &PlanReport) -> String {
     let mut text = String::new();
     for (k, step) in report.steps.iter().enumerate() {
-        text += &format!("{:<12} {step}\n", if k == 0 { "steps" } else { "" });
+        text += &labelled(if k == 0 { "steps" } else { "" }, step);
     }
     let rows = [
         ("bodies", report.bodies, report.bodies_of_robot),
         ("clusters", report.clusters, report.clusters_of_robot),
         ("closed loops", report.closed_loops, report.closed_loops_of_robot),
     ];
-    for (what, computed, all) in rows {
-        text += &format!("{what:<12} {computed} of {all}\n");
+    for (label, computed, all) in rows {
+        text += &labelled(label, format!("{computed} of {all}"));
     }
-    text += &format!("{:<12} {}\n", "operations", report.operations);
-    text += &format!("{:<12} {} ns\n", "time", report.ns);
-    text += &format!("{:<12} {} in, {} out\n", "bytes", report.bytes_in, report.bytes_out);
-    text + &format!("{:<12} {}\n", "status", report.status)
+    text += &labelled("operations", report.operations);
+    text += &labelled("time", format!("{} ns", report.ns));
+    text += &labelled("bytes", format!("{} in, {} out", report.bytes_in, report.bytes_out));
+    text + &labelled("status", report.status)
 }

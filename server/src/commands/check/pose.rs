@@ -6,18 +6,13 @@ use std::str::FromStr;
 
 use serde_json::Value;
 
-/// As the flag has them.
+use crate::commands::output::Failure;
+
+/// The text of a flag: numbers, or the path of a file with numbers.
 #[derive(Clone)]
 pub(super) struct Numbers(String);
 
-/// Why there are no numbers, and the exit code that goes with it.
-#[derive(Debug, Default, PartialEq, Eq)]
-pub(super) struct Fault {
-    pub(super) code: u8,
-    pub(super) words: String,
-}
-
-/// What was written, before the robot is known.
+/// Numbers in the order of the joints or by their names.
 enum Written {
     List(Vec<f64>),
     Named(Vec<(String, f64)>),
@@ -32,12 +27,8 @@ impl FromStr for Numbers {
 }
 
 impl Numbers {
-    /// One number for each name; those that are not named stay as in `rest`.
-    pub(super) fn resolve(
-        &self,
-        names: &[String],
-        rest: Vec<f64>,
-    ) -> Result<Vec<f64>, Option<Fault>> {
+    /// One number for each name; names that are not listed keep their number in `rest`.
+    pub(super) fn resolve(&self, names: &[String], rest: Vec<f64>) -> Result<Vec<f64>, Failure> {
         let written = match self.in_flag() {
             Some(written) => written,
             None => self.in_file()?,
@@ -46,24 +37,17 @@ impl Numbers {
         match written {
             Written::List(list) if list.len() == names.len() => numbers = list,
             Written::List(list) => {
-                return Err(Some(self.fault(&format!(
-                    "{} numbers, expected {}",
-                    list.len(),
-                    names.len()
-                ))));
+                let n = list.len();
+                return Err(self.fault(&format!("{n} numbers, expected {}", names.len())));
             }
             Written::Named(named) => {
                 for (name, number) in named {
-                    match names.iter().position(|of| *of == name).and_then(|at| numbers.get_mut(at))
-                    {
-                        Some(to) => *to = number,
-                        None => {
-                            return Err(Some(self.fault(&format!(
-                                "no joint `{name}`, expected one of {}",
-                                names.join(", ")
-                            ))));
-                        }
-                    }
+                    let place = names.iter().position(|known| *known == name);
+                    let place = place.and_then(|k| numbers.get_mut(k)).ok_or_else(|| {
+                        let names = names.join(", ");
+                        self.fault(&format!("no joint `{name}`, expected one of {names}"))
+                    })?;
+                    *place = number;
                 }
             }
         }
@@ -71,10 +55,11 @@ impl Numbers {
     }
 
     /// A fault of the numbers: wrong flags end with 2, the content of files with 1.
-    pub(super) fn fault(&self, words: &str) -> Fault {
-        Fault {
-            code: if self.in_flag().is_some() { 2 } else { 1 },
-            words: format!("{}: {words}", self.0),
+    pub(super) fn fault(&self, words: &str) -> Failure {
+        let reason = format!("{}: {words}", self.0);
+        match self.in_flag() {
+            Some(_) => Failure::start(reason),
+            None => Failure::finding(reason),
         }
     }
 
@@ -93,17 +78,17 @@ impl Numbers {
         self.0.split(',').map(pair).collect::<Option<_>>().map(Written::Named)
     }
 
-    fn in_file(&self) -> Result<Written, Option<Fault>> {
+    fn in_file(&self) -> Result<Written, Failure> {
         let text = std::fs::read_to_string(&self.0).map_err(|error| {
-            Some(Fault {
-                code: 2,
-                words: format!("cannot read {}: {error}; give numbers or a readable file", self.0),
-            })
+            Failure::start(format!(
+                "cannot read {}: {error}; give numbers or a readable file",
+                self.0
+            ))
         })?;
         let value: Value = serde_json::from_str(&text)
-            .map_err(|error| Some(self.fault(&format!("not JSON: {error}"))))?;
+            .map_err(|error| self.fault(&format!("not JSON: {error}")))?;
         let value = value.get("assembled").unwrap_or(&value);
-        // an answer, or what an assembly printed
+        // an answer of `ask`, or the report of an assembly
         let value = value.get("q").filter(|q| q.is_array() || q.is_object()).unwrap_or(value);
         let written = match value {
             Value::Array(list) => list.iter().map(number).collect::<Option<_>>().map(Written::List),
@@ -114,7 +99,7 @@ impl Numbers {
                 .map(Written::Named),
             _ => None,
         };
-        written.ok_or_else(|| Some(self.fault("expected a list of numbers or numbers by name")))
+        written.ok_or_else(|| self.fault("expected a list of numbers or numbers by name"))
     }
 }
 
@@ -140,7 +125,7 @@ mod tests {
 
     fn resolve(text: &str) -> Result<Vec<f64>, u8> {
         let names = ["a", "b", "c"].map(str::to_owned);
-        Numbers(text.to_owned()).resolve(&names, vec![1.0; 3]).map_err(|fault| fault.unwrap().code)
+        Numbers(text.to_owned()).resolve(&names, vec![1.0; 3]).map_err(|failure| failure.code)
     }
 
     #[test]
@@ -151,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_for_this_robot_is_a_wrong_flag() {
+    fn numbers_that_do_not_fit_the_robot_are_a_wrong_flag() {
         for text in ["q=1,2", "d=1", "1,nan,2", "a=nan", "no/such.json", ""] {
             assert_eq!(resolve(text), Err(2), "{text}");
         }

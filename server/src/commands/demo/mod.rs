@@ -5,7 +5,6 @@ mod processors;
 mod report;
 mod trajectory;
 
-use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
@@ -21,7 +20,7 @@ use sarrus_models::{bundled, load};
 use sarrus_server::Wait;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-use super::output::{Format, FormatFlag, finish, json_line};
+use super::output::{Failure, FormatFlag, Outcome, Results};
 use super::progress::Progress;
 use process::ServerProcess;
 use processors::Processors;
@@ -29,12 +28,12 @@ use report::{Report, Way};
 use trajectory::{QUERY, Reference, SAMPLES, Trajectory, counts};
 
 const ROBOT: &str = "rh5v2_upper_body";
-/// How long each way is asked, at least one whole movement.
+/// Time of the requests through each transport, at least one whole movement.
 const LONG: Duration = Duration::from_millis(1200);
-/// The server beside the controller is what the demo is about.
+/// Time of the requests without a server.
 const SHORT: Duration = Duration::from_millis(400);
 
-/// A busy computer may keep everybody waiting.
+/// Longest wait for an answer, for busy computers.
 const TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Flags of `demo`.
@@ -44,7 +43,7 @@ pub(crate) struct Demo {
     format: FormatFlag,
 }
 
-/// Why there is no report.
+/// The reason why there is no report.
 #[derive(Debug, thiserror::Error)]
 enum DemoError {
     #[error("stopped")]
@@ -64,27 +63,17 @@ enum DemoError {
 }
 
 impl Demo {
-    pub(crate) fn run(self) -> ExitCode {
+    pub(crate) fn run(self) -> Outcome {
         let stop = Arc::new(AtomicBool::new(false));
-        let report = match demo(&stop) {
-            _ if stop.load(Relaxed) => {
-                eprintln!("sarrus demo: {}", DemoError::Stopped);
-                // as a shell says it of an interrupt
-                return ExitCode::from(130);
-            }
-            Ok(report) => report,
-            Err(error) => {
-                eprintln!("sarrus demo: {error}");
-                return ExitCode::from(2);
-            }
-        };
-        let results = match self.format.format {
-            Format::Json => json_line(&report),
-            Format::Text => report.in_words(
-                bundled().find(|(name, _)| *name == ROBOT).map_or("", |(_, about)| about),
-            ),
-        };
-        finish("demo", &results, if report.good { 0 } else { 1 })
+        let report = demo(&stop);
+        if stop.load(Relaxed) {
+            // the exit code that shells give an interrupted program
+            return Err(Failure { code: 130, ..Failure::start(DemoError::Stopped) });
+        }
+        let report = report.map_err(Failure::start)?;
+        let about = bundled().find(|(name, _)| *name == ROBOT).map_or("", |(_, about)| about);
+        let text = self.format.render(&report, |report| report.in_words(about));
+        Ok(Results { text, code: u8::from(!report.good) })
     }
 }
 
@@ -94,12 +83,12 @@ fn demo(stop: &Arc<AtomicBool>) -> Result<Report, DemoError> {
             .map_err(|source| DemoError::Signal { signal, source })?;
     }
     let mut progress = Progress::new();
-    let mut go_on = |what: &str, done: f64| {
-        progress.show(what, done);
+    let mut go_on = |step: &str, done: f64| {
+        progress.show(step, done);
         !stop.load(Relaxed)
     };
 
-    // the reference, before anybody is timed
+    // the reference, before any measurement
     let loaded = load(&Source::Bundled(ROBOT.to_owned()), &Options::default())?;
     let info = describe(&loaded);
     let trajectory = Trajectory::new(&info);
@@ -109,7 +98,7 @@ fn demo(stop: &Arc<AtomicBool>) -> Result<Report, DemoError> {
     let reference = reference.ok_or(DemoError::Stopped)?;
     let course = Course { trajectory, reference, counts: counts(&info) };
 
-    // the mathematics alone
+    // the computation without a server
     let model = loaded.compiled.model;
     let plan = Plan::new(&model, &QUERY).map_err(Error::Query)?;
     let mut workspace = Workspace::new(&model);
@@ -121,8 +110,9 @@ fn demo(stop: &Arc<AtomicBool>) -> Result<Report, DemoError> {
 
     // the server, through both transports
     let name = format!("demo-{}", std::process::id());
-    // decided by all processors, not by the part that each of them gets
-    let (wait, wait_strategy) = (Wait::auto(), WaitStrategy::auto());
+    // chosen before the processors are split: the choice depends on their number
+    let wait = Wait::auto();
+    let wait_strategy = WaitStrategy::auto();
     let processors = Processors::split();
     processors.iter().try_for_each(Processors::take_servers).map_err(DemoError::Server)?;
     let _server = ServerProcess::start(ROBOT, &name, wait).map_err(DemoError::Server)?;
@@ -149,7 +139,7 @@ fn demo(stop: &Arc<AtomicBool>) -> Result<Report, DemoError> {
     Ok(Report::new(&info, course.counts, course.reference.failed == 0, ways))
 }
 
-/// What is followed, over and over.
+/// The repeated movement and its reference.
 struct Course {
     trajectory: Trajectory,
     reference: Reference,
@@ -157,7 +147,7 @@ struct Course {
 }
 
 impl Course {
-    /// Follows it one way for some time, and checks every answer.
+    /// Follows the movement for some time and checks every answer.
     fn ask(
         &self,
         way: &'static str,
@@ -165,11 +155,13 @@ impl Course {
         mut ask: impl FnMut(&[f64], &mut [f64]) -> Result<Answer, Error>,
         mut go_on: impl FnMut(f64) -> bool,
     ) -> Result<Way, DemoError> {
-        let (mut input, mut output) = (vec![0.0; self.counts.0], vec![0.0; self.counts.1]);
-        // up to an hour, to a thousandth
+        let mut input = vec![0.0; self.counts.0];
+        let mut output = vec![0.0; self.counts.1];
+        // up to an hour, three digits
         let mut times = Histogram::<u64>::new_with_bounds(1, 3_600_000_000_000, 3)
             .map_err(|_| DemoError::Histogram)?;
-        let (mut failed, mut worst) = (0, 0.0_f64);
+        let mut failed = 0;
+        let mut worst = 0.0_f64;
         let begin = Instant::now();
         let mut passes = 0;
         while passes == 0 || begin.elapsed() < time {

@@ -1,4 +1,4 @@
-//! The demo's server: a process of its own that does not outlive the demo.
+//! The demo's server process, which ends with the demo.
 
 use std::io::{self, BufRead, BufReader};
 use std::os::unix::process::CommandExt;
@@ -9,13 +9,13 @@ use rustix::process::{Pid, Signal, kill_process};
 use sarrus_client::Domain;
 use sarrus_server::Wait;
 
-/// How long a server has for a clean stop.
+/// Time for a clean stop.
 const STOP: Duration = Duration::from_secs(3);
 
 /// A running server; stopped when dropped.
 pub(super) struct ServerProcess {
     child: Child,
-    /// Open, so that the server's one line finds a reader.
+    /// Kept open: the server writes its line to it.
     _stdout: BufReader<ChildStdout>,
 }
 
@@ -31,7 +31,7 @@ impl ServerProcess {
             .args(["serve", "--robot", robot, "--name", name, "--wait", wait])
             .stdin(Stdio::null())
             .stdout(Stdio::piped());
-        // Ctrl-C goes to the demo alone, which stops the server in order
+        // Ctrl-C reaches the demo alone, which stops the server
         command.process_group(0);
         let mut child = command.spawn()?;
         let Some(stdout) = child.stdout.take() else {
@@ -58,7 +58,7 @@ impl Drop for ServerProcess {
             }
             std::thread::sleep(Duration::from_millis(2));
         }
-        // what a killed server leaves is cleared here
+        // a killed server leaves files
         let _ = self.child.kill();
         let _ = self.child.wait();
         if let Ok(domain) = Domain::of_user() {

@@ -1,4 +1,4 @@
-//! Processors for the controller and its server: neighbours on one of them would only wait for each
+//! Separate processors for the controller and its server: on a shared one each would wait for the
 //! other.
 
 use std::io;
@@ -12,8 +12,7 @@ pub(super) struct Processors {
 }
 
 impl Processors {
-    /// The last processor for the controller, the others for the server; `None` where there is one
-    /// only.
+    /// The last processor for the controller, the others for the server; `None` of a single one.
     pub(super) fn split() -> Option<Processors> {
         let mut server = sched_getaffinity(None).ok()?;
         let last = (0..CpuSet::MAX_CPU).rev().find(|processor| server.is_set(*processor))?;
@@ -23,12 +22,12 @@ impl Processors {
         (server.count() > 0).then_some(Processors { server, controller })
     }
 
-    /// From now on this thread, and processes that it starts, run on the server's part.
+    /// Moves this thread, and processes that it starts, to the server's part.
     pub(super) fn take_servers(&self) -> io::Result<()> {
         Ok(sched_setaffinity(None, &self.server)?)
     }
 
-    /// From now on this thread runs on the controller's part.
+    /// Moves this thread to the controller's part.
     pub(super) fn take_controllers(&self) -> io::Result<()> {
         Ok(sched_setaffinity(None, &self.controller)?)
     }

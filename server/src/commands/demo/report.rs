@@ -1,4 +1,4 @@
-//! What the demo found out.
+//! The results of the demo.
 
 use hdrhistogram::Histogram;
 use sarrus_client::ModelInfo;
@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::trajectory::{DURATION, REACH, SAMPLES};
 use crate::commands::output::table;
 
-/// Errors by size from here on are a failure.
+/// Least relative error that is a failure.
 pub(super) const LIMIT: f64 = 1e-12;
 
 /// Everything that is printed.
@@ -29,7 +29,7 @@ pub(super) struct Report {
     pub(super) good: bool,
 }
 
-/// One way to ask, in both directions in microseconds.
+/// Round-trip times of one way to ask.
 #[derive(Serialize)]
 pub(super) struct Way {
     pub(super) way: &'static str,
@@ -51,15 +51,15 @@ impl Way {
         failed: u64,
         worst_error: f64,
     ) -> Way {
-        let at = |quantile| times_ns.value_at_quantile(quantile) as f64 / 1e3;
+        let us = |quantile| times_ns.value_at_quantile(quantile) as f64 / 1e3;
         Way {
             way,
             requests: times_ns.len(),
             failed,
-            p50_us: at(0.5),
-            p90_us: at(0.9),
-            p99_us: at(0.99),
-            p999_us: at(0.999),
+            p50_us: us(0.5),
+            p90_us: us(0.9),
+            p99_us: us(0.99),
+            p999_us: us(0.999),
             max_us: times_ns.max() as f64 / 1e3,
             worst_error,
         }

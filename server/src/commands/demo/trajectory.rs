@@ -1,4 +1,4 @@
-//! What the demo's controller follows, and the forces in double-double.
+//! The movement of the demo's controller, and its forces in double-double.
 
 use sarrus_client::{Field, FieldSet, Layout, ModelInfo, Query, Request, Status};
 use sarrus_dynamics::scalar::Dd;
@@ -9,8 +9,8 @@ pub(super) const DURATION: f64 = 5.0;
 /// Requests that a controller of 1 kHz makes in that time.
 pub(super) const SAMPLES: usize = 5001;
 
-/// How much of its range a joint moves through, around the middle: farther out the linear actuators
-/// reach their ends.
+/// The part of its range that a joint moves through, around the middle: farther out the linear
+/// actuators reach their ends.
 pub(super) const REACH: f64 = 0.3;
 
 /// Motion in, actuator forces out.
@@ -56,7 +56,8 @@ impl Trajectory {
     pub(super) fn sample(&self, k: usize, input: &mut [f64]) {
         let rate = 2.0 * std::f64::consts::PI / DURATION;
         let t = k as f64 * DURATION / (SAMPLES - 1) as f64;
-        let (sin, cos) = (rate * t).sin_cos();
+        let angle = rate * t;
+        let (sin, cos) = angle.sin_cos();
         let (y, rest) = input.split_at_mut(self.lower.len().min(input.len()));
         let (yd, ydd) = rest.split_at_mut(self.lower.len().min(rest.len()));
         for (i, (lower, range)) in self.lower.iter().zip(&self.range).enumerate() {
@@ -74,12 +75,12 @@ impl Trajectory {
 pub(super) struct Reference {
     n: usize,
     forces: Vec<Dd>,
-    /// Samples without an answer even there.
+    /// Samples without an answer in double-double.
     pub(super) failed: usize,
 }
 
 impl Reference {
-    /// Computes it; `go_on` learns how far it is and says whether to go on.
+    /// Computes it; `go_on` gets the part that is done and returns false to stop.
     pub(super) fn compute(
         exact: &Model<Dd>,
         trajectory: &Trajectory,
@@ -124,7 +125,7 @@ impl Reference {
     }
 }
 
-/// How many numbers go in and come out.
+/// The lengths of input and output.
 pub(super) fn counts(model: &ModelInfo) -> (usize, usize) {
     (Layout::of_given(&QUERY, &model.sizes).len(), Layout::of_want(&QUERY, model).len())
 }
@@ -141,12 +142,13 @@ mod tests {
             trajectory.sample(k, &mut input);
             input
         };
-        let (first, last) = (at(0), at(SAMPLES - 1));
+        let first = at(0);
+        let last = at(SAMPLES - 1);
         assert_eq!(first, [-0.5, 1.0, 0.0, 0.0, 0.0, 0.0]);
         for (found, expected) in last.iter().zip([1.5, 1.5, 0.0, 0.0, 0.0, 0.0]) {
             assert!((found - expected).abs() < 1e-14);
         }
-        let (before, now, after) = (at(1700), at(1701), at(1702));
+        let [before, now, after] = [1700, 1701, 1702].map(at);
         let step = 2.0 * DURATION / (SAMPLES - 1) as f64;
         for i in 0..4 {
             assert!(((after[i] - before[i]) / step - now[i + 2]).abs() < 1e-6);

@@ -1,4 +1,4 @@
-//! Texts of the kernel and of the administrator, below a folder.
+//! Files of the kernel and of the administrator, below a folder.
 
 use std::fs::{self, Metadata};
 use std::io::Read;
@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 
 use super::Finding;
 
-/// No text that is looked at is longer.
+/// Bytes of a file that are read.
 const LONGEST: u64 = 4 << 20;
 
-/// The folder.
+/// The folder that stands for the root.
 pub(super) struct Files {
     root: PathBuf,
 }
@@ -19,12 +19,12 @@ impl Files {
         Files { root: root.to_owned() }
     }
 
-    /// Where a path is, which is given from the root without its first `/`.
+    /// The place of a path, which is given from the root without its first `/`.
     pub(super) fn path(&self, path: &str) -> PathBuf {
         self.root.join(path)
     }
 
-    /// A text without space around it; none where there is no such file or it cannot be read.
+    /// The trimmed text of a file; none of a file that cannot be read.
     pub(super) fn text(&self, path: &str) -> Option<String> {
         let bytes = self.bytes(path)?;
         Some(String::from_utf8_lossy(&bytes).trim().to_owned())
@@ -55,7 +55,7 @@ impl Files {
     }
 }
 
-/// A list of processors such as `0-3,5`; none for what is no such list.
+/// The numbers of a list of processors such as `0-3,5`.
 pub(super) fn processors(text: &str) -> Option<Vec<usize>> {
     let mut found = Vec::new();
     for part in text.split(',').map(str::trim).filter(|part| !part.is_empty()) {
@@ -69,7 +69,7 @@ pub(super) fn processors(text: &str) -> Option<Vec<usize>> {
     Some(found)
 }
 
-/// A finding of a text that is not what the kernel writes.
+/// The finding for a text that no known kernel writes.
 pub(super) fn unreadable(check: &'static str, path: &str, text: &str, expected: &str) -> Finding {
     let shown: String = text.chars().filter(|letter| !letter.is_control()).take(40).collect();
     Finding::new(
@@ -81,31 +81,8 @@ pub(super) fn unreadable(check: &'static str, path: &str, text: &str, expected: 
 }
 
 #[cfg(test)]
-pub(super) mod tests {
-    use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
-
+mod tests {
     use super::*;
-
-    static FOLDERS: AtomicU32 = AtomicU32::new(0);
-
-    /// Judges a folder with these files; a check's findings as lines.
-    pub(in super::super) fn judge(
-        check: super::super::Check,
-        files: &[(&str, &str)],
-    ) -> Vec<String> {
-        let number = FOLDERS.fetch_add(1, Relaxed);
-        let root =
-            std::env::temp_dir().join(format!("sarrus-doctor-{}-{number}", std::process::id()));
-        fs::create_dir(&root).unwrap();
-        for (path, text) in files {
-            let path = root.join(path);
-            fs::create_dir_all(path.parent().unwrap()).unwrap();
-            fs::write(path, text).unwrap();
-        }
-        let found = check(&Files::below(&root)).iter().map(super::super::line).collect();
-        fs::remove_dir_all(&root).unwrap();
-        found
-    }
 
     #[test]
     fn lists_of_processors_are_read() {

@@ -1,7 +1,10 @@
-//! Where shared memory and sockets live: room, owners, and who clears them away.
+//! The folders of shared memory, sockets and locks: file system, room, owner.
 
+use std::fs;
+use std::io::{self, Write};
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
+use std::time::{Duration, Instant};
 
 use sarrus_proto::Domain;
 
@@ -10,39 +13,58 @@ use super::files::{Files, unreadable};
 
 /// Room in bytes that a server with some clients needs.
 const ROOM: u64 = 64 << 20;
-/// The write bit of everybody else, and the bit that keeps files their owners'.
+/// Mode of a folder in which every user makes files and removes only their own.
 const SHARED_BY_OWNERS: u32 = 0o1777;
+const MOUNTS: &str = "proc/self/mounts";
+const SHARED_MEMORY: &str = "/dev/shm";
+/// Files that a trial makes.
+const TRIALS: usize = 16;
+/// File systems behind a network or another program, beside those whose name begins with `fuse`.
+const REMOTE: [&str; 11] =
+    ["9p", "afs", "ceph", "cifs", "gfs2", "lustre", "nfs", "nfs4", "ocfs2", "smb3", "vboxsf"];
 
-/// The options of a mounted folder, its kind first.
-fn mount(mounts: &str, folder: &str) -> Option<String> {
-    // the last one covers the others
-    mounts.lines().rev().find_map(|line| {
+/// A line of `/proc/self/mounts`.
+struct Mount<'a> {
+    folder: &'a str,
+    file_system: &'a str,
+    options: &'a str,
+}
+
+impl Mount<'_> {
+    fn read(line: &str) -> Option<Mount<'_>> {
         let mut words = line.split_whitespace().skip(1);
-        (words.next()? == folder).then(|| words.take(2).collect::<Vec<_>>().join(","))
-    })
+        let [folder, file_system, options] = [words.next()?, words.next()?, words.next()?];
+        Some(Mount { folder, file_system, options })
+    }
+
+    /// The mount of a path: the deepest one above it, of several in one folder the last.
+    fn of<'a>(mounts: &'a str, path: &Path) -> Option<Mount<'a>> {
+        let mounts = mounts.lines().filter_map(Mount::read);
+        let above = mounts.filter(|mount| path.starts_with(mount.folder));
+        above.max_by_key(|mount| mount.folder.len())
+    }
 }
 
 pub(super) fn shared_memory(files: &Files) -> Vec<Finding> {
     let check = "shared memory";
-    let path = "proc/self/mounts";
-    let Some(mounts) = files.text(path) else { return Vec::new() };
-    if mounts.lines().any(|line| line.split_whitespace().count() < 4) {
-        return vec![unreadable(check, path, &mounts, "a mounted folder in each line")];
+    let Some(mounts) = files.text(MOUNTS) else { return Vec::new() };
+    if mounts.lines().any(|line| Mount::read(line).is_none()) {
+        return vec![unreadable(check, MOUNTS, &mounts, "a mounted folder in each line")];
     }
     let mut findings = Vec::new();
-    match mount(&mounts, "/dev/shm") {
+    let mount = Mount::of(&mounts, Path::new(SHARED_MEMORY));
+    match mount.filter(|mount| mount.folder == SHARED_MEMORY) {
         None => findings.push(Finding::new(
             check,
             "nothing is mounted at /dev/shm",
             "a tmpfs",
             "`mount -t tmpfs -o mode=1777 tmpfs /dev/shm`",
         )),
-        Some(options) => {
-            let has = |option| options.split(',').any(|one| one == option);
-            if !has("tmpfs") || has("ro") {
+        Some(Mount { file_system, options, .. }) => {
+            if file_system != "tmpfs" || options.split(',').any(|option| option == "ro") {
                 findings.push(Finding::new(
                     check,
-                    format!("/dev/shm is mounted as {options}"),
+                    format!("/dev/shm is mounted as {file_system},{options}"),
                     "a tmpfs that can be written",
                     "`mount -o remount,rw /dev/shm`, or a tmpfs in its place",
                 ));
@@ -50,7 +72,8 @@ pub(super) fn shared_memory(files: &Files) -> Vec<Finding> {
         }
     }
     if let Some(folder) = files.metadata("dev/shm") {
-        let (owner, mode) = (folder.uid(), folder.mode() & 0o7777);
+        let owner = folder.uid();
+        let mode = folder.mode() & 0o7777;
         if owner != 0 || mode != SHARED_BY_OWNERS {
             findings.push(Finding::new(
                 check,
@@ -94,14 +117,10 @@ pub(super) fn runtime_folder(files: &Files) -> Vec<Finding> {
         }
     };
     let user = rustix::process::geteuid().as_raw();
-    let folder = std::fs::symlink_metadata(domain.root());
-    let findings = folder.map_or_else(
+    fs::symlink_metadata(domain.root()).map_or_else(
         |_| Vec::new(),
         |folder| judge_folder(domain.root(), folder.uid(), folder.mode() & 0o7777, user),
-    );
-    // looking leaves nothing
-    domain.tidy();
-    findings
+    )
 }
 
 fn judge_folder(path: &Path, owner: u32, mode: u32, user: u32) -> Vec<Finding> {
@@ -117,68 +136,67 @@ fn judge_folder(path: &Path, owner: u32, mode: u32, user: u32) -> Vec<Finding> {
     )]
 }
 
-pub(super) fn cleaner(files: &Files) -> Vec<Finding> {
-    let root = match Domain::of_user() {
-        Ok(domain) => {
-            domain.tidy();
-            domain.root().to_owned()
-        }
-        Err(_) => return Vec::new(),
-    };
-    // a file of the administrator's takes the place of the system's with the same name
-    let folders = ["etc/tmpfiles.d", "run/tmpfiles.d", "usr/lib/tmpfiles.d"];
-    let mut texts: Vec<(String, String)> = Vec::new();
-    for folder in folders {
-        for name in files.names(folder).into_iter().filter(|name| name.ends_with(".conf")) {
-            if texts.iter().all(|(known, _)| *known != name) {
-                let text = files.text(&format!("{folder}/{name}")).unwrap_or_default();
-                texts.push((name, text));
-            }
-        }
-    }
-    let texts: Vec<String> = texts.into_iter().map(|(_, text)| text).collect();
-    judge_cleaner(&root, &texts)
-}
-
-/// Whether a line of systemd-tmpfiles clears a folder below which the root is, by age.
-fn judge_cleaner(root: &Path, texts: &[String]) -> Vec<Finding> {
-    let lines = || {
-        texts.iter().flat_map(|text| text.lines()).filter_map(|line| {
-            let words: Vec<&str> = line.split_whitespace().collect();
-            let (kind, path) = (words.first()?, words.get(1)?);
-            (!kind.starts_with('#')).then(|| (kind.chars().next(), *path, words.get(5).copied()))
-        })
-    };
-    let root_text = root.to_string_lossy();
-    let is_spared = lines().any(|(kind, path, _)| {
-        matches!(kind, Some('x' | 'X'))
-            && match path.strip_suffix('*') {
-                Some(start) => root_text.starts_with(start),
-                None => root_text == path,
-            }
-    });
-    let clears = |(kind, path, age): (Option<char>, &str, Option<&str>)| {
-        let is_folder = matches!(kind, Some('d' | 'D' | 'e' | 'q' | 'Q' | 'v'));
-        let age = age.filter(|age| is_folder && *age != "-" && *age != "0")?;
-        (path != "/" && root.starts_with(path)).then(|| (path.to_owned(), age.to_owned()))
-    };
-    let Some((path, age)) = lines().find_map(clears).filter(|_| !is_spared) else {
+/// The file system of the domain's folder, or of the folder in which it would be made.
+pub(super) fn file_system(files: &Files) -> Vec<Finding> {
+    let domain = files.is_machine().then(Domain::of_user).and_then(Result::ok);
+    let Some((domain, mounts)) = domain.zip(files.text(MOUNTS)) else { return Vec::new() };
+    let made = domain.root().ancestors().find(|folder| folder.is_dir());
+    let Some(folder) = made.and_then(|folder| folder.canonicalize().ok()) else {
         return Vec::new();
     };
+    let Some(mount) = Mount::of(&mounts, &folder) else { return Vec::new() };
+    judge_file_system(domain.root(), mount.file_system, || trial(&folder).ok())
+}
+
+fn judge_file_system(
+    root: &Path,
+    name: &str,
+    trial: impl FnOnce() -> Option<[Duration; 2]>,
+) -> Vec<Finding> {
+    let help = match name {
+        "tmpfs" | "ramfs" => return Vec::new(),
+        "overlay" | "aufs" => {
+            "an image's layers are slow; in a container `--tmpfs /run/sarrus` is another"
+        }
+        name if name.starts_with("fuse") || REMOTE.contains(&name) => {
+            "sockets and locks may not work there at all"
+        }
+        _ => "a client that attaches waits for some ten such files",
+    };
+    let took = trial().map_or_else(String::new, |[median, worst]| {
+        format!(", where a small file is made and synced in {median:.0?}, at worst {worst:.0?}")
+    });
+    let user = rustix::process::geteuid().as_raw();
     vec![Finding::new(
-        "cleaner",
-        format!("systemd-tmpfiles removes from {path} what is older than {age}"),
-        format!("{root_text} left alone"),
+        "file system",
+        format!("{} lies on {name}{took}", root.display()),
+        "memory (tmpfs)",
         format!(
-            "a line `x {root_text}*` in /etc/tmpfiles.d/sarrus.conf, or a folder elsewhere in \
-             SARRUS_ROOT"
+            "a folder in memory for server and clients, SARRUS_ROOT=/dev/shm/sarrus-{user}: {help}"
         ),
     )]
 }
 
+/// Median and longest time in which a small file is made, synced and removed.
+fn trial(folder: &Path) -> io::Result<[Duration; 2]> {
+    let path = folder.join(format!("sarrus-doctor-{}", std::process::id()));
+    let mut times = [Duration::ZERO; TRIALS];
+    for time in &mut times {
+        let start = Instant::now();
+        let mut file = fs::File::create_new(&path)?;
+        // as the transport writes its files
+        let written = file.write_all(&[0; 64]).and_then(|()| file.sync_all());
+        fs::remove_file(&path)?;
+        written?;
+        *time = start.elapsed();
+    }
+    times.sort_unstable();
+    Ok([times[TRIALS / 2], times[TRIALS - 1]])
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::files::tests::judge;
+    use super::super::tests::judge;
     use super::*;
 
     #[test]
@@ -217,26 +235,43 @@ mod tests {
     }
 
     #[test]
-    fn a_cleaner_of_a_folder_above_is_found_unless_it_spares_ours() {
-        let judge = |root: &str, texts: &[&str]| {
-            let texts: Vec<String> = texts.iter().map(|text| (*text).to_owned()).collect();
-            judge_cleaner(Path::new(root), &texts)
-        };
-        let system = "# comment\nq /tmp 1777 root root 10d\nq /var/tmp 1777 root root 30d\n";
-        let found = judge("/tmp/sarrus-7", &[system]);
-        assert_eq!(found[0].found, "systemd-tmpfiles removes from /tmp what is older than 10d");
-        assert_eq!(judge("/tmp/sarrus-7", &[system, "x /tmp/sarrus-*\n"]), []);
-        assert_eq!(judge("/run/user/7/sarrus", &[system]), []);
-        assert_eq!(judge("/tmp/sarrus-7", &["D /tmp 1777 root root -\n"]), []);
-        assert_eq!(judge("/tmp/sarrus-7", &["q /tmp", "", "\u{0}\n1 2 3 4 5 6 7"]), []);
+    fn the_deepest_mount_above_a_path_is_its_own() {
+        // a container may mount its root after the folders in it
+        let mounts = "p /proc proc rw 0 0\nb /run tmpfs rw 0 0\nc /run/user/7 fuse rw 0 0\n\
+            a / ext4 rw 0 0\nd / xfs rw 0 0\n";
+        let name = |path: &str| Mount::of(mounts, Path::new(path)).unwrap().file_system;
+        assert_eq!(["/proc/x", "/run/x", "/run/user/7/x"].map(name), ["proc", "tmpfs", "fuse"]);
+        assert_eq!(name("/tmp"), "xfs");
     }
 
     #[test]
-    fn the_administrators_file_takes_the_place_of_the_systems() {
-        let files = [
-            ("usr/lib/tmpfiles.d/tmp.conf", "q /tmp 1777 root root 10d\nq / 0755 - - 1d\n"),
-            ("etc/tmpfiles.d/tmp.conf", "q /tmp 1777 root root -\n"),
-        ];
-        assert_eq!(judge(cleaner, &files), [""; 0]);
+    fn a_file_system_outside_of_memory_is_named_with_its_time_and_the_remedy() {
+        let judge = |name| {
+            let times = [Duration::from_micros(31), Duration::from_millis(4)];
+            let found = judge_file_system(Path::new("/tmp/sarrus-7"), name, || Some(times));
+            found.iter().map(super::super::line).collect::<String>()
+        };
+        assert_eq!([judge("tmpfs"), judge("ramfs")], ["", ""]);
+        let disk = judge("ext4");
+        assert!(disk.starts_with(
+            "file system: /tmp/sarrus-7 lies on ext4, where a small file is made and synced in \
+             31µs, at worst 4ms, expected memory (tmpfs); a folder in memory for server and clients"
+        ));
+        assert!(disk.contains("SARRUS_ROOT=/dev/shm/sarrus-"), "{disk}");
+        assert!(judge("nfs").contains("on nfs") && judge("nfs").contains("locks may not work"));
+        assert!(judge("overlay").contains("`--tmpfs /run/sarrus`"));
+        assert!(judge("fuse.sshfs").contains("locks may not work"));
+    }
+
+    #[test]
+    fn a_trial_leaves_nothing() {
+        let folder = std::env::temp_dir().join(format!("sarrus-trial-{}", std::process::id()));
+        fs::create_dir(&folder).unwrap();
+        let [middle, worst] = trial(&folder).unwrap();
+        assert!(middle > Duration::ZERO && middle <= worst);
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
+        fs::remove_dir(&folder).unwrap();
+        // where nothing can be made there is no time
+        assert!(trial(&folder).is_err());
     }
 }

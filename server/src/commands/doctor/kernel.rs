@@ -1,4 +1,4 @@
-//! The kernel: how it preempts, what it leaves to real-time threads, how large its pages are.
+//! The kernel: preemption, the share of real-time threads, huge pages.
 
 use super::Finding;
 use super::files::{Files, unreadable};
@@ -19,7 +19,7 @@ pub(super) fn preemption(files: &Files) -> Vec<Finding> {
     )]
 }
 
-/// Whether a release such as `6.12.3-rt` is at least this one; none for no such text.
+/// Whether a release such as `6.12.3-rt` is at least the wanted one; none for another text.
 fn at_least(release: &str, wanted: (u32, u32)) -> Option<bool> {
     let mut parts = release.split(['.', '-', '+']);
     let major = parts.next()?.parse().ok()?;
@@ -35,7 +35,7 @@ pub(super) fn realtime_share(files: &Files) -> Vec<Finding> {
     let Ok(runtime) = text.parse::<i64>() else {
         return vec![unreadable("real-time share", &path, &text, "a number of µs, or -1")];
     };
-    // from 6.12 on others get a share only where they would have none
+    // from 6.12 on the limit applies only where other threads would starve
     let release = files.text(&format!("{folder}/osrelease")).unwrap_or_default();
     let is_new = at_least(&release, (6, 12)).unwrap_or(false);
     if runtime < 0 || runtime >= period || is_new && runtime > 0 {
@@ -67,11 +67,11 @@ pub(super) fn huge_pages(files: &Files) -> Vec<Finding> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::files::tests::judge;
+    use super::super::tests::judge;
     use super::*;
 
     #[test]
-    fn a_kernel_says_whether_it_is_for_real_time() {
+    fn a_kernel_without_preempt_rt_is_a_finding() {
         let version = |text| judge(preemption, &[("proc/version", text)]);
         assert_eq!(version("Linux version 6.12.9 #1 SMP PREEMPT_RT Mon"), [""; 0]);
         assert_eq!(version("Linux version 6.1 #1 SMP PREEMPT_DYNAMIC").len(), 1);

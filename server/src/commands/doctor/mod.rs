@@ -1,21 +1,23 @@
-//! `sarrus doctor`: what on this machine costs time or stands in the way, and what to do about it.
+//! `sarrus doctor`: settings of this machine that slow or hinder a server, with their remedies.
 //!
-//! Each check is a function of texts that the kernel writes, below a folder that tests replace.
+//! Each check is a function of the kernel's files below a folder, which tests replace. There is
+//! none of the processor's instructions: without them the program ends before any command.
 
-mod file_system;
+mod cleaner;
 mod files;
 mod folders;
 mod kernel;
-mod permissions;
+mod limits;
 mod processors;
+#[cfg(test)]
+mod tests;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use clap::Args;
 use serde::Serialize;
 
-use super::output::{Format, FormatFlag, finish, json_line};
+use super::output::{self, FormatFlag, Outcome};
 use files::Files;
 
 /// Flags of `doctor`.
@@ -28,14 +30,14 @@ pub(crate) struct Doctor {
     root: PathBuf,
 }
 
-/// Something that is not as a real-time server wants it.
+/// A setting that is wrong for a real-time server.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub(crate) struct Finding {
-    /// What was looked at.
+    /// The name of the check.
     check: &'static str,
     found: String,
     expected: String,
-    /// What to do.
+    /// The remedy.
     help: String,
 }
 
@@ -59,36 +61,32 @@ struct Results {
 /// A check; one that cannot be made on this machine finds nothing.
 type Check = fn(&Files) -> Vec<Finding>;
 
-const CHECKS: [Check; 16] = [
+const CHECKS: [Check; 15] = [
     processors::count,
-    processors::instructions,
     processors::governor,
     processors::idle_states,
     processors::isolated,
     kernel::preemption,
     kernel::realtime_share,
     kernel::huge_pages,
-    permissions::realtime,
-    permissions::locked_memory,
-    permissions::open_files,
+    |files| limits::judge(files, &limits::REALTIME),
+    |files| limits::judge(files, &limits::LOCKED_MEMORY),
+    |files| limits::judge(files, &limits::OPEN_FILES),
     folders::shared_memory,
     folders::free_space,
     folders::runtime_folder,
-    folders::cleaner,
-    file_system::file_system,
+    folders::file_system,
+    cleaner::cleaner,
 ];
 
 impl Doctor {
-    /// 0 when all is well, 1 for a finding.
-    pub(crate) fn run(self) -> ExitCode {
+    /// The findings; 1 where there is one.
+    pub(crate) fn run(self) -> Outcome {
         let files = Files::below(&self.root);
         let findings: Vec<Finding> = CHECKS.iter().flat_map(|check| check(&files)).collect();
-        let code = u8::from(!findings.is_empty());
-        let results = match self.format.format {
-            Format::Json => json_line(&Results { checks: CHECKS.len(), findings }),
-            Format::Text => findings.iter().map(line).collect(),
-        };
-        finish("doctor", &results, code)
+        let results = Results { checks: CHECKS.len(), findings };
+        let text = self.format.render(&results, |all| all.findings.iter().map(line).collect());
+        Ok(output::Results { text, code: u8::from(!results.findings.is_empty()) })
     }
 }
 

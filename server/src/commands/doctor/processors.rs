@@ -1,13 +1,15 @@
-//! Processors: how many, how fast, how deep they sleep, and whose they are.
+//! Processors: number, governor, idle states, isolation.
+
+use std::collections::BTreeMap;
 
 use super::Finding;
 use super::files::{Files, processors, unreadable};
 
 const CPU: &str = "sys/devices/system/cpu";
-/// Waking takes no longer in µs where idle states are restrained.
+/// Longest wake-up of restrained idle states `[µs]`.
 const WAKE_US: u64 = 10;
 
-/// The processors that run, where the kernel says so.
+/// The numbers of the running processors.
 fn online(files: &Files) -> Option<Vec<usize>> {
     processors(&files.text(&format!("{CPU}/online"))?)
 }
@@ -27,39 +29,17 @@ pub(super) fn count(files: &Files) -> Vec<Finding> {
     }
 }
 
-pub(super) fn instructions(files: &Files) -> Vec<Finding> {
-    let path = "proc/cpuinfo";
-    let Some(text) = files.text(path) else { return Vec::new() };
-    // other processors than x86-64 have no such line and need none
-    let Some(flags) = text.lines().find(|line| line.starts_with("flags")) else {
-        return Vec::new();
-    };
-    let has = |name: &str| flags.split_whitespace().any(|flag| flag == name);
-    let missing: Vec<&str> = ["fma", "avx2"].into_iter().filter(|name| !has(name)).collect();
-    if missing.is_empty() {
-        return Vec::new();
-    }
-    vec![Finding::new(
-        "instructions",
-        format!("no {}", missing.join(" and no ")),
-        "fma and avx2",
-        "a processor from 2015 on, or in a virtual machine the host's model (`-cpu host`)",
-    )]
-}
-
-/// Processors grouped by what was found of them, for lines such as `cpu0 to cpu7`.
+/// One `(cpu0 … 7, text)` for each text of several processors.
 fn grouped(found: Vec<(usize, String)>) -> Vec<(String, String)> {
-    let mut groups: Vec<(String, Vec<usize>)> = Vec::new();
+    let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
     for (cpu, text) in found {
-        match groups.iter_mut().find(|(known, _)| *known == text) {
-            Some((_, cpus)) => cpus.push(cpu),
-            None => groups.push((text, vec![cpu])),
-        }
+        groups.entry(text).or_default().push(cpu);
     }
     let named = |(text, cpus): (String, Vec<usize>)| {
-        let (first, last) = (cpus[0], cpus[cpus.len() - 1]);
-        let names =
-            if first == last { format!("cpu{first}") } else { format!("cpu{first} … {last}") };
+        let names = match cpus.as_slice() {
+            [first, .., last] => format!("cpu{first} … {last}"),
+            only => format!("cpu{}", only[0]),
+        };
         (names, text)
     };
     groups.into_iter().map(named).collect()
@@ -88,14 +68,15 @@ pub(super) fn governor(files: &Files) -> Vec<Finding> {
 }
 
 pub(super) fn idle_states(files: &Files) -> Vec<Finding> {
-    // a process that holds /dev/cpu_dma_latency restrains them all
+    // a process that holds /dev/cpu_dma_latency restrains all processors
     if let Some(bytes) = files.bytes("dev/cpu_dma_latency")
         && let Ok(latency) = <[u8; 4]>::try_from(bytes.as_slice()).map(i32::from_ne_bytes)
         && (0..=WAKE_US as i32).contains(&latency)
     {
         return Vec::new();
     }
-    let (mut deep, mut findings) = (Vec::new(), Vec::new());
+    let mut deep = Vec::new();
+    let mut findings = Vec::new();
     for cpu in online(files).unwrap_or_default() {
         let folder = format!("{CPU}/cpu{cpu}/cpuidle");
         let mut deepest: Option<(u64, String)> = None;
@@ -130,7 +111,7 @@ pub(super) fn idle_states(files: &Files) -> Vec<Finding> {
 }
 
 pub(super) fn isolated(files: &Files) -> Vec<Finding> {
-    // of two processors none can be spared
+    // neither of two processors can be isolated
     let Some(last) = online(files).filter(|online| online.len() >= 3).and_then(|mut all| all.pop())
     else {
         return Vec::new();
@@ -139,7 +120,7 @@ pub(super) fn isolated(files: &Files) -> Vec<Finding> {
     for (check, name) in [("isolated processors", "isolated"), ("ticks", "nohz_full")] {
         let path = format!("{CPU}/{name}");
         let Some(text) = files.text(&path) else { return Vec::new() };
-        // a kernel without the option, or without the boot parameter, says this
+        // the text of a kernel without the option or its boot parameter
         let text = if text == "(null)" { String::new() } else { text };
         match processors(&text) {
             Some(list) => lists.push(list),
@@ -170,7 +151,7 @@ pub(super) fn isolated(files: &Files) -> Vec<Finding> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::files::tests::judge;
+    use super::super::tests::judge;
     use super::*;
 
     const ONLINE: (&str, &str) = ("sys/devices/system/cpu/online", "0-3\n");
@@ -187,15 +168,6 @@ mod tests {
         assert!(count("0-1")[0].starts_with("processors: 2, expected 3 or more; one each"));
         assert!(count("mostly")[0].starts_with("processors: /sys/devices/system/cpu/online reads"));
         assert_eq!(judge(super::count, &[]), [""; 0]);
-    }
-
-    #[test]
-    fn missing_instructions_are_named() {
-        let judge = |text| judge(instructions, &[("proc/cpuinfo", text)]);
-        assert_eq!(judge("processor: 0\nflags\t\t: sse fma avx avx2\n"), [""; 0]);
-        assert!(judge("flags : sse avx2\n")[0].starts_with("instructions: no fma, expected"));
-        assert!(judge("flags : sse\n")[0].starts_with("instructions: no fma and no avx2,"));
-        assert_eq!(judge("Features : asimd\n"), [""; 0]);
     }
 
     #[test]
@@ -229,7 +201,8 @@ mod tests {
 
     #[test]
     fn of_three_processors_one_can_be_isolated() {
-        let (isolated_path, quiet_path) = (cpu("isolated"), cpu("nohz_full"));
+        let isolated_path = cpu("isolated");
+        let quiet_path = cpu("nohz_full");
         let judge = |online, list, quiet| {
             let files = [(&*cpu("online"), online), (&*isolated_path, list), (&*quiet_path, quiet)];
             judge(isolated, &files)
@@ -239,6 +212,6 @@ mod tests {
         assert_eq!(judge("0-3", "3", "3"), [""; 0]);
         assert_eq!(judge("0-1", "", ""), [""; 0]);
         assert!(judge("0-3", "none", "")[0].contains("reads `none`"));
-        assert_eq!(super::super::files::tests::judge(isolated, &[ONLINE]), [""; 0]);
+        assert_eq!(super::super::tests::judge(isolated, &[ONLINE]), [""; 0]);
     }
 }

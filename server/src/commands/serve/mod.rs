@@ -5,7 +5,6 @@ mod log;
 mod supervise;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -20,7 +19,8 @@ use sarrus_server::{Kernels, ServeError, ServeOptions, Wait, serve};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use super::kernel::KernelFlag;
-use super::robot::{RobotFlags, refuse};
+use super::output::{self, Outcome, Results};
+use super::robot::RobotFlags;
 use log::LogFlags;
 use supervise::{Failure, print_line};
 
@@ -89,41 +89,28 @@ enum WaitFlag {
     Sleep,
 }
 
-/// Why the command serves nothing.
+/// The reason why the command cannot serve.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
 enum ServeFailure {
-    Load(LoadError),
-    Serve(ServeError),
+    Load(#[from] LoadError),
+    Serve(#[from] ServeError),
+    #[error("{0}")]
     Other(String),
 }
 
-impl From<LoadError> for ServeFailure {
-    fn from(error: LoadError) -> ServeFailure {
-        ServeFailure::Load(error)
-    }
-}
-
-impl From<ServeError> for ServeFailure {
-    fn from(error: ServeError) -> ServeFailure {
-        ServeFailure::Serve(error)
-    }
-}
-
 impl Serve {
-    pub(crate) fn run(self) -> ExitCode {
-        if let Err(reason) = self.log.start() {
-            eprintln!("sarrus serve: {reason}");
-            return ExitCode::from(2);
-        }
-        if self.supervise {
-            return supervise::run(&self.name, Duration::from_secs(self.short_life));
-        }
-        if self.supervisor.is_some_and(|supervisor| !supervise::die_with(supervisor)) {
-            return ExitCode::from(2);
-        }
-        match self.serve() {
-            Ok(()) => ExitCode::SUCCESS,
-            Err(failure) => self.report(&failure),
-        }
+    pub(crate) fn run(self) -> Outcome {
+        self.log.start().map_err(output::Failure::start)?;
+        let code = if self.supervise {
+            supervise::run(&self.name, Duration::from_secs(self.short_life))?
+        } else if self.supervisor.is_some_and(|supervisor| !supervise::die_with(supervisor)) {
+            2
+        } else {
+            self.serve().map_err(|failure| self.report(failure))?;
+            0
+        };
+        Ok(Results { text: String::new(), code })
     }
 
     /// Loads the robot and serves it until a signal.
@@ -173,25 +160,22 @@ impl Serve {
         info.warnings.iter().for_each(|warning| eprintln!("sarrus serve: warning: {warning}"));
     }
 
-    /// Reports a failure on stderr, and to the supervisor where there is one; the exit code.
-    fn report(&self, failure: &ServeFailure) -> ExitCode {
-        let line = match failure {
+    /// Reports a failure to the supervisor, where there is one.
+    fn report(&self, failure: ServeFailure) -> output::Failure {
+        let line = match &failure {
             ServeFailure::Load(error) => Failure::Other(first_line(error)),
             ServeFailure::Serve(error @ ServeError::NameTaken { .. }) => {
                 Failure::NameTaken(error.to_string())
             }
-            ServeFailure::Serve(error) => Failure::Other(error.to_string()),
-            ServeFailure::Other(reason) => Failure::Other(reason.clone()),
+            other => Failure::Other(other.to_string()),
         };
         if self.supervisor.is_some() {
             print_line(&line.to_string());
         }
         match failure {
-            ServeFailure::Load(error) => return refuse("serve", error),
-            ServeFailure::Serve(error) => eprintln!("sarrus serve: {error}"),
-            ServeFailure::Other(reason) => eprintln!("sarrus serve: {reason}"),
+            ServeFailure::Load(error) => error.into(),
+            other => output::Failure::start(other),
         }
-        ExitCode::from(2)
     }
 
     fn options(&self) -> ServeOptions {
@@ -226,7 +210,7 @@ impl Serve {
     /// The recording, with the robot's files in it; `None` without `--record`.
     fn record(&self) -> Result<Option<RecordOptions>, LoadError> {
         let Some(file) = self.record.clone() else { return Ok(None) };
-        let robot = self.robot.recorded()?;
+        let robot = RecordedRobot::new(&self.robot.source(), &self.robot.options())?;
         Ok(Some(RecordOptions { file, seconds: self.record_seconds, robot }))
     }
 }
@@ -247,6 +231,7 @@ fn is_whole(robot: &RecordedRobot, fingerprint: u64) -> bool {
     robot.load().is_ok_and(|loaded| loaded.compiled.model.fingerprint() == fingerprint)
 }
 
+/// The first fault of a robot, and the number of the others.
 fn first_line(error: &LoadError) -> String {
     match error {
         LoadError::Faults(report) => {

@@ -7,18 +7,19 @@
 use std::ffi::OsString;
 use std::fmt;
 use std::io::{self, BufRead, BufReader, Read, Write};
-use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
-use std::process::{Child, ChildStdout, Command, ExitCode, ExitStatus, Stdio};
+use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, Signal, getppid, kill_process, set_parent_process_death_signal};
 use sarrus_proto::{Domain, ServerName, supervision};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use super::backoff::{Backoff, Next};
+use crate::commands::output;
 
 /// Time that a server has for a clean stop.
 const STOP: Duration = Duration::from_secs(5);
@@ -62,18 +63,15 @@ pub(super) fn die_with(supervisor: i32) -> bool {
 
 /// Supervises until a signal arrives (exit code 0) or the server is given up (1 for a bad model,
 /// else 2).
-pub(super) fn run(name: &str, short_life: Duration) -> ExitCode {
-    let signals = match signals() {
-        Ok(signals) => signals,
-        Err(error) => {
-            eprintln!("sarrus serve: signals cannot be caught: {error}");
-            return ExitCode::from(2);
-        }
-    };
+pub(super) fn run(name: &str, short_life: Duration) -> Result<u8, output::Failure> {
+    let (sender, events) = channel();
+    send_signals(sender.clone())
+        .map_err(|error| output::Failure::start(format!("signals cannot be caught: {error}")))?;
     let arguments = std::env::args_os().skip(1).filter(|argument| argument != "--supervise");
     let mut supervisor = Supervisor {
         arguments: arguments.collect(),
-        signals,
+        events,
+        sender,
         since: Instant::now(),
         backoff: Backoff::new(short_life),
         fingerprint: None,
@@ -84,11 +82,9 @@ pub(super) fn run(name: &str, short_life: Duration) -> ExitCode {
             break end;
         }
     };
-    if let Some((words, _)) = supervisor.death {
-        eprintln!("{words}");
-    }
+    supervisor.report_death();
     match end {
-        End::Stopped(code) => code,
+        End::Stopped(code) => Ok(code),
         End::GivenUp { reason, code, is_public } => {
             // first for clients: an operator who reads the line may connect at once
             let left = if is_public { leave_reason(name, &reason) } else { Ok(()) };
@@ -96,24 +92,38 @@ pub(super) fn run(name: &str, short_life: Duration) -> ExitCode {
             if let Err(error) = left {
                 eprintln!("sarrus serve: clients cannot read the reason: {error}");
             }
-            ExitCode::from(code)
+            Ok(code)
         }
     }
 }
 
-/// A stream that becomes readable when SIGTERM or SIGINT arrives.
-fn signals() -> io::Result<UnixStream> {
-    let (signals, written) = UnixStream::pair()?;
+/// Sends [`Event::Signal`] at SIGTERM and SIGINT.
+fn send_signals(events: Sender<Event>) -> io::Result<()> {
+    let (mut signals, written) = UnixStream::pair()?;
     for signal in [SIGTERM, SIGINT] {
         signal_hook::low_level::pipe::register(signal, written.try_clone()?)?;
     }
-    Ok(signals)
+    thread::Builder::new().spawn(move || {
+        while signals.read_exact(&mut [0]).is_ok() && events.send(Event::Signal).is_ok() {}
+    })?;
+    Ok(())
+}
+
+/// Sends the lines of a process, then [`Event::Closed`].
+fn send_lines(output: ChildStdout, events: Sender<Event>) -> io::Result<()> {
+    let mut lines = BufReader::new(output).split(b'\n').map_while(Result::ok);
+    thread::Builder::new().spawn(move || {
+        let text = |line: Vec<u8>| String::from_utf8_lossy(&line).trim_end().to_owned();
+        let _ = lines.try_for_each(|line| events.send(Event::Line(text(line))));
+        let _ = events.send(Event::Closed);
+    })?;
+    Ok(())
 }
 
 /// The end of supervision.
 enum End {
     /// By a signal.
-    Stopped(ExitCode),
+    Stopped(u8),
     /// The server cannot be kept alive.
     GivenUp {
         reason: String,
@@ -129,12 +139,13 @@ enum Event {
     Line(String),
     /// The process closed its output.
     Closed,
-    Timeout,
 }
 
 struct Supervisor {
     arguments: Vec<OsString>,
-    signals: UnixStream,
+    events: Receiver<Event>,
+    /// For the threads that send events.
+    sender: Sender<Event>,
     since: Instant,
     backoff: Backoff,
     /// The fingerprint of the first server.
@@ -146,27 +157,21 @@ struct Supervisor {
 impl Supervisor {
     /// Runs one server process to its end and waits until the next may start.
     fn supervise_one(&mut self) -> Result<(), End> {
-        let (mut process, output) = match self.start() {
-            Ok(started) => started,
+        let mut process = match self.start() {
+            Ok(process) => process,
             Err(error) => return self.delay(None, &format!("cannot be started: {error}")),
         };
-        let mut output = BufReader::new(output);
         let mut ready: Option<Instant> = None;
         let mut failure = None;
         loop {
-            match self.wait(Some(&mut output), None) {
-                Ok(Event::Signal) => return Err(self.stop(process, output)),
+            match self.events.recv() {
+                Ok(Event::Signal) => return Err(self.stop(process)),
                 Ok(Event::Line(line)) if line.starts_with("ready ") => {
                     ready = Some(Instant::now());
                     self.announce(&line, process.id());
                 }
                 Ok(Event::Line(line)) => failure = Failure::read(&line).or(failure),
-                Ok(Event::Closed) => break,
-                Ok(Event::Timeout) => {}
-                Err(error) => {
-                    let _ = end(&mut process);
-                    return Err(given_up(format!("poll: {error}"), 2));
-                }
+                Ok(Event::Closed) | Err(_) => break,
             }
         }
         let died = Instant::now();
@@ -199,15 +204,13 @@ impl Supervisor {
             Some(Failure::NameTaken(reason) | Failure::Other(reason)) => format!("{how}: {reason}"),
             None => how,
         };
-        if let Some((words, _)) = self.death.take() {
-            eprintln!("{words}");
-        }
+        self.report_death();
         eprintln!("sarrus serve: the server (process {id}) {how}, before it was ready");
         self.delay(None, &how)
     }
 
     /// Starts this program, also where its file has been replaced, as a server process.
-    fn start(&self) -> io::Result<(Child, ChildStdout)> {
+    fn start(&self) -> io::Result<Child> {
         let mut command = Command::new("/proc/self/exe");
         command.arg0("sarrus").args(&self.arguments);
         command.arg("--supervisor").arg(std::process::id().to_string());
@@ -217,10 +220,10 @@ impl Supervisor {
         // Ctrl-C reaches the supervisor alone, which stops the process in order
         command.process_group(0).stdin(Stdio::null()).stdout(Stdio::piped());
         let mut process = command.spawn()?;
-        match process.stdout.take() {
-            Some(output) => Ok((process, output)),
-            None => Err(io::Error::other("a process without output")),
-        }
+        let output = process.stdout.take();
+        let output = output.ok_or_else(|| io::Error::other("a process without output"));
+        let sends = output.and_then(|output| send_lines(output, self.sender.clone()));
+        sends.inspect_err(|_| _ = end(&mut process)).map(|()| process)
     }
 
     /// Clients can attach: passes the first such line on, reports the death before later ones.
@@ -235,6 +238,13 @@ impl Supervisor {
         }
     }
 
+    /// Reports a death without a later server.
+    fn report_death(&mut self) {
+        if let Some((words, _)) = self.death.take() {
+            eprintln!("{words}");
+        }
+    }
+
     /// Counts a death and waits until the next start is due.
     fn delay(&mut self, life: Option<Duration>, how: &str) -> Result<(), End> {
         let delay = match self.backoff.died(self.since.elapsed(), life) {
@@ -244,67 +254,34 @@ impl Supervisor {
                     "five times within a minute the server died soon after its start; the last \
                      {how}"
                 );
-                return Err(given_up(reason, 2));
+                return Err(End::GivenUp { reason, code: 2, is_public: true });
             }
         };
-        let due = Instant::now() + delay;
-        loop {
-            let left = due.saturating_duration_since(Instant::now());
-            match self.wait(None, Some(left)) {
-                Ok(Event::Signal) => return Err(End::Stopped(ExitCode::SUCCESS)),
-                Ok(_) if !left.is_zero() => {}
-                Ok(_) => return Ok(()),
-                Err(error) => return Err(given_up(format!("poll: {error}"), 2)),
-            }
+        match self.events.recv_timeout(delay) {
+            Ok(Event::Signal) => Err(End::Stopped(0)),
+            _ => Ok(()),
         }
     }
 
     /// Stops a server process after a signal.
-    fn stop(&mut self, mut process: Child, mut output: BufReader<ChildStdout>) -> End {
+    fn stop(&mut self, mut process: Child) -> End {
         let _ = kill_process(Pid::from_child(&process), Signal::TERM);
         let due = Instant::now() + STOP;
         loop {
-            let left = due.saturating_duration_since(Instant::now());
-            if left.is_zero() {
-                let _ = end(&mut process);
-                let id = process.id();
-                eprintln!("sarrus serve: the server (process {id}) did not stop: killed");
-                return End::Stopped(ExitCode::from(2));
+            match self.events.recv_timeout(due.saturating_duration_since(Instant::now())) {
+                Ok(Event::Closed) => {
+                    let is_clean = end(&mut process).is_ok_and(|status| status.success());
+                    return End::Stopped(if is_clean { 0 } else { 2 });
+                }
+                // further signals change nothing
+                Ok(_) => {}
+                Err(_) => {
+                    let _ = end(&mut process);
+                    let id = process.id();
+                    eprintln!("sarrus serve: the server (process {id}) did not stop: killed");
+                    return End::Stopped(2);
+                }
             }
-            // further signals change nothing
-            if let Ok(Event::Closed) = self.wait(Some(&mut output), Some(left)) {
-                let is_clean = end(&mut process).is_ok_and(|status| status.success());
-                return End::Stopped(ExitCode::from(if is_clean { 0 } else { 2 }));
-            }
-        }
-    }
-
-    /// Waits for the next event, at most for `span`.
-    fn wait(
-        &mut self,
-        output: Option<&mut BufReader<ChildStdout>>,
-        span: Option<Duration>,
-    ) -> io::Result<Event> {
-        let timeout = span.and_then(|span| Timespec::try_from(span).ok());
-        let mut sources = vec![PollFd::new(&self.signals, PollFlags::IN)];
-        let pipe = output.as_ref().map(|output| output.get_ref().as_fd());
-        sources.extend(pipe.map(|pipe| PollFd::from_borrowed_fd(pipe, PollFlags::IN)));
-        match poll(&mut sources, timeout.as_ref()) {
-            Ok(_) => {}
-            Err(rustix::io::Errno::INTR) => return Ok(Event::Timeout),
-            Err(error) => return Err(error.into()),
-        }
-        let mut readable = sources.iter().map(|source| !source.revents().is_empty());
-        let has_signal = readable.next() == Some(true);
-        let has_output = readable.next() == Some(true);
-        if has_signal && matches!(self.signals.read(&mut [0; 64]), Ok(1..)) {
-            return Ok(Event::Signal);
-        }
-        let Some(output) = output.filter(|_| has_output) else { return Ok(Event::Timeout) };
-        let mut line = Vec::new();
-        match output.read_until(b'\n', &mut line) {
-            Ok(1..) => Ok(Event::Line(String::from_utf8_lossy(&line).trim_end().to_owned())),
-            _ => Ok(Event::Closed),
         }
     }
 }
@@ -325,10 +302,6 @@ fn describe(status: &io::Result<ExitStatus>) -> String {
             (None, None) => "ended".to_owned(),
         },
     }
-}
-
-fn given_up(reason: String, code: u8) -> End {
-    End::GivenUp { reason, code, is_public: true }
 }
 
 /// Leaves the reason where clients read it.

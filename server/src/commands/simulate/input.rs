@@ -1,7 +1,8 @@
-//! What acts on the robot: lists of numbers, tables of forces, gains, springs.
+//! Forces on the robot: lists of numbers, tables over time, gains, springs.
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 use sarrus_dynamics::Model;
@@ -13,41 +14,43 @@ use sarrus_simulation::{Input, Point, Source, Space, Spring};
 #[derive(Clone, Debug)]
 pub(super) struct Numbers(pub(super) Vec<f64>);
 
-/// Reads a list of numbers.
-pub(super) fn numbers(text: &str) -> Result<Numbers, String> {
-    let number = |part: &str| {
-        part.trim().parse::<f64>().map_err(|_| {
-            format!("`{}` is no number, expected numbers separated by commas", part.trim())
-        })
-    };
-    if text.trim().is_empty() {
-        Ok(Numbers(Vec::new()))
-    } else {
+impl FromStr for Numbers {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Numbers, String> {
+        if text.trim().is_empty() {
+            return Ok(Numbers(Vec::new()));
+        }
+        let number = |part: &str| {
+            part.trim().parse().map_err(|_| {
+                format!("`{}` is no number, expected numbers separated by commas", part.trim())
+            })
+        };
         text.split(',').map(number).collect::<Result<_, _>>().map(Numbers)
     }
 }
 
-/// Flags of what acts on the robot.
+/// Flags of the forces on the robot.
 #[derive(Args)]
 pub(super) struct ForceFlags {
     /// Constant actuator forces.
-    #[arg(long, value_name = "LIST", value_parser = numbers, allow_hyphen_values = true)]
+    #[arg(long, value_name = "LIST", allow_hyphen_values = true)]
     tau_u: Option<Numbers>,
     /// Constant forces on the independents.
-    #[arg(long, value_name = "LIST", value_parser = numbers, allow_hyphen_values = true)]
+    #[arg(long, value_name = "LIST", allow_hyphen_values = true)]
     tau_y: Option<Numbers>,
     /// Forces over time: a first line `time,NAME,...` of actuators or independents, then a row for
     /// each time, with straight lines between.
     #[arg(long, value_name = "FILE.csv")]
     input: Option<PathBuf>,
     /// Stiffness towards the target: one number, or one for each joint.
-    #[arg(long, value_name = "LIST", value_parser = numbers, allow_hyphen_values = true)]
+    #[arg(long, value_name = "LIST", allow_hyphen_values = true)]
     kp: Option<Numbers>,
     /// Damping: one number, or one for each joint.
-    #[arg(long, value_name = "LIST", value_parser = numbers, allow_hyphen_values = true)]
+    #[arg(long, value_name = "LIST", allow_hyphen_values = true)]
     kd: Option<Numbers>,
-    /// Where kp pulls: one number, or one for each joint; zero without it.
-    #[arg(long, value_name = "LIST", value_parser = numbers, allow_hyphen_values = true)]
+    /// The position that kp pulls to: one number, or one for each joint; zero without it.
+    #[arg(long, value_name = "LIST", allow_hyphen_values = true)]
     target: Option<Numbers>,
     /// Which joints kp and kd act on.
     #[arg(long, value_enum, value_name = "SPACE", default_value = "y")]
@@ -85,29 +88,21 @@ impl ForceFlags {
     pub(super) fn inputs(&self, model: &Model<f64>) -> Result<Vec<Input>, String> {
         let mut inputs = Vec::new();
         for (space, forces) in [(Space::Actuator, &self.tau_u), (Space::Independent, &self.tau_y)] {
-            inputs.extend(
-                forces
-                    .as_ref()
-                    .map(|forces| Input { space, source: Source::Constant(forces.0.clone()) }),
-            );
+            if let Some(Numbers(forces)) = forces {
+                inputs.push(Input { space, source: Source::Constant(forces.clone()) });
+            }
         }
         if let Some(path) = &self.input {
             inputs.push(table(path, model)?);
         }
         if self.kp.is_some() || self.kd.is_some() || self.target.is_some() {
             let space = self.control.space();
-            let n = match space {
-                Space::Independent => model.independent_names().len(),
-                Space::Actuator => model.active_names().len(),
-            };
+            let n = names_of(model, space).len();
             // one number stands for all
-            let spread = |numbers: &Option<Numbers>| match numbers
-                .as_ref()
-                .map(|numbers| numbers.0.as_slice())
-            {
+            let spread = |numbers: &Option<Numbers>| match numbers {
                 None => vec![0.0; n],
-                Some([one]) => vec![*one; n],
-                Some(each) => each.to_vec(),
+                Some(Numbers(numbers)) if numbers.len() == 1 => vec![numbers[0]; n],
+                Some(Numbers(numbers)) => numbers.clone(),
             };
             let source = Source::Gains {
                 stiffness: spread(&self.kp),
@@ -125,7 +120,7 @@ impl ForceFlags {
             let [from, to, constants] = words else {
                 return Err("--spring takes two points and three constants".to_owned());
             };
-            match numbers(constants)?.0.as_slice() {
+            match constants.parse::<Numbers>()?.0.as_slice() {
                 [stiffness, damping, rest] => Ok(Spring {
                     from: point(from, model)?,
                     to: point(to, model)?,
@@ -144,6 +139,14 @@ impl ForceFlags {
     }
 }
 
+/// The names of a space's joints.
+fn names_of(model: &Model<f64>, space: Space) -> &[String] {
+    match space {
+        Space::Independent => model.independent_names(),
+        Space::Actuator => model.active_names(),
+    }
+}
+
 /// A link with or without a point on it.
 fn point(text: &str, model: &Model<f64>) -> Result<Point, String> {
     let index = |name: &str| model.link_names().iter().position(|link| link == name);
@@ -158,7 +161,7 @@ fn point(text: &str, model: &Model<f64>) -> Result<Point, String> {
             nearest_first(name, model.link_names().iter().map(String::as_str), 250)
         ));
     };
-    let at = numbers(at).map_err(|words| format!("--spring {text}: {words}"))?.0;
+    let Numbers(at) = at.parse().map_err(|words| format!("--spring {text}: {words}"))?;
     let found = at.len();
     let at = at
         .try_into()
@@ -174,33 +177,30 @@ fn table(path: &Path, model: &Model<f64>) -> Result<Input, String> {
     })?;
     let mut rows = csv_rows::read(&text).map_err(|error| format!("{file}: {error}"))?.into_iter();
     let heads = rows.next().map(|row| row.cells).unwrap_or_default();
-    let Some((first, names)) = heads.split_first().filter(|(first, _)| first.as_str() == "time")
-    else {
+    let Some((_, names)) = heads.split_first().filter(|(first, _)| *first == "time") else {
         return Err(format!(
             "{file}:1: found {:?}, expected a first line `time,NAME,...`",
             heads.join(",")
         ));
     };
-    debug_assert_eq!(first, "time");
-    // all of one space
-    let of = |space: Space| match space {
-        Space::Independent => model.independent_names(),
-        Space::Actuator => model.active_names(),
-    };
-    let fits = |space: &Space| names.iter().all(|name| of(*space).contains(name));
-    let Some(space) = [Space::Actuator, Space::Independent].into_iter().find(fits) else {
-        let unknown = names.iter().find(|name| {
-            !of(Space::Actuator).contains(name) && !of(Space::Independent).contains(name)
-        });
+    // all names are of one space
+    let spaces = [Space::Actuator, Space::Independent];
+    let [actuators, independents] = spaces.map(|space| names_of(model, space));
+    let fits = |space: &Space| names.iter().all(|name| names_of(model, *space).contains(name));
+    let Some(space) = spaces.into_iter().find(fits) else {
+        let is_unknown = |name: &&String| !actuators.contains(name) && !independents.contains(name);
+        let unknown = names.iter().find(is_unknown);
         let found = unknown.map_or("names of actuators and of independents".to_owned(), |name| {
             format!("the name `{name}`")
         });
-        let (u, y) = (of(Space::Actuator).join(", "), of(Space::Independent).join(", "));
         return Err(format!(
-            "{file}:1: found {found}, expected actuators ({u}) or independents ({y})"
+            "{file}:1: found {found}, expected actuators ({}) or independents ({})",
+            actuators.join(", "),
+            independents.join(", ")
         ));
     };
-    let (mut times, mut forces) = (Vec::new(), Vec::new());
+    let mut times = Vec::new();
+    let mut forces = Vec::new();
     for Row { line, cells: row } in rows {
         let at = |column: usize| format!("{file}:{line}:{}", column + 1);
         if row.len() != heads.len() {
@@ -222,11 +222,11 @@ fn table(path: &Path, model: &Model<f64>) -> Result<Input, String> {
                 )
             })?);
         }
-        // joints without a column feel nothing
+        // joints without a column get no force
         let of_joint = |name: &String| {
-            names.iter().position(|of| of == name).map_or(0.0, |column| numbers[column + 1])
+            names.iter().position(|head| head == name).map_or(0.0, |column| numbers[column + 1])
         };
-        forces.push(of(space).iter().map(of_joint).collect());
+        forces.push(names_of(model, space).iter().map(of_joint).collect());
         times.push(numbers[0]);
     }
     Ok(Input { space, source: Source::Table { times, forces } })

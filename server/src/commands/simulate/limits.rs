@@ -1,10 +1,10 @@
-//! Limits that a motion does not keep: a simulation knows no stops.
+//! Limits that a motion exceeds: a simulation has no stops.
 
 use sarrus_models::Loaded;
 use sarrus_simulation::{Run, Sample};
 use serde::Serialize;
 
-/// A limit that samples exceed, at the one that does so the most.
+/// An exceeded limit, at the sample with the largest excess.
 #[derive(Debug, Serialize)]
 pub(super) struct Exceeded {
     pub(super) name: String,
@@ -18,7 +18,7 @@ pub(super) struct Exceeded {
 }
 
 impl Exceeded {
-    /// By how much.
+    /// The excess.
     fn by(&self) -> f64 {
         let below = self.lower.map_or(0.0, |lower| lower - self.value);
         let above = self.upper.map_or(0.0, |upper| self.value - upper);

@@ -1,22 +1,21 @@
-//! `sarrus simulate`: a robot in time.
+//! `sarrus simulate`: a robot integrated in time.
 
 mod input;
 mod limits;
 mod output;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
 use sarrus_models::Loaded;
 use sarrus_report::measure::progress::Progress;
 use sarrus_simulation::{Method, Run, Settings, Setup, SimulationError, Start, simulate};
 
-use super::output::{Format, FormatFlag, finish, json_line};
-use super::robot::{RobotFlags, refuse};
+use super::output::{Failure, FormatFlag, Outcome, Results};
+use super::robot::RobotFlags;
 use input::{ForceFlags, Numbers};
 
-/// Samples of a run where nobody says how many.
+/// Samples of a run without `--every`.
 const SAMPLES: f64 = 500.0;
 
 /// Flags of `simulate`.
@@ -27,7 +26,7 @@ pub(crate) struct Simulate {
     /// Method of integration.
     #[arg(long, value_enum, value_name = "METHOD", default_value = "dop853")]
     method: MethodFlag,
-    /// How long, s.
+    /// Duration, s.
     #[arg(long, value_name = "SECONDS", default_value_t = 1.0, allow_hyphen_values = true)]
     duration: f64,
     /// Length of a fixed step, or the first step of a method that finds its own, s.
@@ -65,48 +64,24 @@ pub(crate) struct Simulate {
     format: FormatFlag,
 }
 
-/// Where it starts.
+/// The initial state.
 #[derive(Args)]
 struct StartFlags {
     /// Independent coordinates, separated by commas; the zero pose without them.
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_parser = input::numbers,
-        allow_hyphen_values = true,
-        conflicts_with_all = ["q", "qd"]
-    )]
+    #[arg(long, value_name = "LIST", allow_hyphen_values = true, conflicts_with_all = ["q", "qd"])]
     y: Option<Numbers>,
     /// Independent velocities; at rest without them.
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_parser = input::numbers,
-        allow_hyphen_values = true,
-        conflicts_with_all = ["q", "qd"]
-    )]
+    #[arg(long, value_name = "LIST", allow_hyphen_values = true, conflicts_with_all = ["q", "qd"])]
     yd: Option<Numbers>,
     /// Tree coordinates; a pose whose loops are open is closed, and how far it was moved is
     /// printed.
-    #[arg(long, value_name = "LIST", value_parser = input::numbers, allow_hyphen_values = true)]
+    #[arg(long, value_name = "LIST", allow_hyphen_values = true)]
     q: Option<Numbers>,
     /// Tree velocities.
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_parser = input::numbers,
-        allow_hyphen_values = true,
-        requires = "q"
-    )]
+    #[arg(long, value_name = "LIST", allow_hyphen_values = true, requires = "q")]
     qd: Option<Numbers>,
     /// A closed pose near y from which numerical closures continue.
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_parser = input::numbers,
-        allow_hyphen_values = true,
-        conflicts_with = "q"
-    )]
+    #[arg(long, value_name = "LIST", allow_hyphen_values = true, conflicts_with = "q")]
     q_guess: Option<Numbers>,
 }
 
@@ -140,31 +115,13 @@ impl MethodFlag {
 }
 
 impl Simulate {
-    pub(crate) fn run(self) -> ExitCode {
-        let loaded = match self.robot.load_and_warn() {
-            Ok(loaded) => loaded,
-            Err(error) => return refuse("simulate", &error),
-        };
-        let outcome = self.simulate(&loaded).and_then(|run| {
-            output::write(&self.out, &loaded, &run, self.settings().method)
-                .map(|files| (run, files))
-        });
-        match outcome {
-            Ok((run, files)) => {
-                let code = u8::from(!run.end.is_finished());
-                let results = match self.format.format {
-                    Format::Text => output::summary(&loaded, &run, self.settings().method, &files),
-                    Format::Json => {
-                        json_line(&output::value(&loaded, &run, self.settings().method, &files))
-                    }
-                };
-                finish("simulate", &results, code)
-            }
-            Err(words) => {
-                eprintln!("sarrus simulate: {words}");
-                ExitCode::from(2)
-            }
-        }
+    pub(crate) fn run(self) -> Outcome {
+        let loaded = self.robot.load_and_warn()?;
+        let run = self.simulate(&loaded).map_err(Failure::start)?;
+        let report = output::Report { loaded: &loaded, run: &run, method: self.method.method() };
+        let files = report.write(&self.out).map_err(Failure::start)?;
+        let text = self.format.render(&report.value(&files), |_| report.summary(&files));
+        Ok(Results { text, code: u8::from(!run.end.is_finished()) })
     }
 
     fn simulate(&self, loaded: &Loaded) -> Result<Run, String> {
@@ -188,7 +145,7 @@ impl Simulate {
 
     fn settings(&self) -> Settings {
         let method = self.method.method();
-        // rows meet fixed steps
+        // rows of the result fall on fixed steps
         let sparse = self.duration / SAMPLES;
         let every = match self.step {
             Some(step) if method.is_fixed() && step > 0.0 => step * (sparse / step).ceil().max(1.0),

@@ -1,4 +1,4 @@
-//! What a simulation leaves: a table, pictures, a summary.
+//! The results of a simulation: a table, pictures, a summary.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -15,30 +15,136 @@ use super::limits;
 /// Curves in one picture.
 const CURVES: usize = 8;
 
-/// Writes motion.csv and motion.html; returns their paths.
-pub(super) fn write(
-    folder: &Path,
-    loaded: &Loaded,
-    run: &Run,
-    method: Method,
-) -> Result<Vec<String>, String> {
-    fs::create_dir_all(folder)
-        .map_err(|error| format!("cannot make the folder {}: {error}", folder.display()))?;
-    let table = folder.join("motion.csv");
-    fs::write(&table, csv(loaded, run)?)
-        .map_err(|error| format!("cannot write {}: {error}", table.display()))?;
-    let pictures = Pictures {
-        title: format!("{}, {}, {} s", loaded.description.name, method.name(), run.time),
-        lines: summary(loaded, run, method, &[]).lines().map(str::to_owned).collect(),
-        figures: figures(loaded, run),
-    };
-    let page = folder.join("motion.html");
-    let text = pictures.page().map_err(|error| error.to_string())?;
-    fs::write(&page, text).map_err(|error| format!("cannot write {}: {error}", page.display()))?;
-    Ok([table, page].iter().map(|path| path.display().to_string()).collect())
+/// A simulation and its robot.
+pub(super) struct Report<'a> {
+    pub(super) loaded: &'a Loaded,
+    pub(super) run: &'a Run,
+    pub(super) method: Method,
 }
 
-/// Names and values of a column of every sample.
+impl Report<'_> {
+    /// Writes motion.csv and motion.html; returns their paths.
+    pub(super) fn write(&self, folder: &Path) -> Result<Vec<String>, String> {
+        let Report { loaded, run, method } = self;
+        fs::create_dir_all(folder)
+            .map_err(|error| format!("cannot make the folder {}: {error}", folder.display()))?;
+        let pictures = Pictures {
+            title: format!("{}, {}, {} s", loaded.description.name, method.name(), run.time),
+            lines: self.summary(&[]).lines().map(str::to_owned).collect(),
+            figures: figures(loaded, run),
+        };
+        let page = pictures.page().map_err(|error| error.to_string())?;
+        let files = [("motion.csv", csv(loaded, run)?), ("motion.html", page)];
+        let write = |(name, text): (&str, String)| {
+            let path = folder.join(name);
+            let written = fs::write(&path, text);
+            written.map_err(|error| format!("cannot write {}: {error}", path.display()))?;
+            Ok(path.display().to_string())
+        };
+        files.into_iter().map(write).collect()
+    }
+
+    /// For people.
+    pub(super) fn summary(&self, files: &[String]) -> String {
+        let Report { loaded, run, method } = self;
+        let counts = &run.counts;
+        let mut text = String::new();
+        let mut line = |words: String| {
+            let _ = writeln!(text, "{words}");
+        };
+        line(format!(
+            "{}, {}: {} at {} s",
+            loaded.description.name,
+            method.name(),
+            run.end.name(),
+            run.time
+        ));
+        line(format!(
+            "steps {}, rejected {}, without an answer {}, evaluations {} ({} in double-double), \
+             Jacobians {}, factorisations {}",
+            counts.steps,
+            counts.rejected,
+            counts.failed,
+            counts.evaluations,
+            counts.precise,
+            counts.jacobians,
+            counts.factorisations
+        ));
+        line(format!(
+            "energy drift {:.2e} of the largest energy, loop residual {:.2e}",
+            run.drift(),
+            run.residual()
+        ));
+        if let Some([y, yd]) = run.error_estimate {
+            line(format!("estimated error y {y:.2e}, yd {yd:.2e}"));
+        }
+        if run.correction.iter().any(|x| *x != 0.0) {
+            line(format!(
+                "the start was moved by {:.2e} in q and {:.2e} in qd to close the loops",
+                run.correction[0], run.correction[1]
+            ));
+        }
+        for limit in limits::exceeded(loaded, run) {
+            line(limit.words());
+        }
+        for event in &run.events {
+            line(format!("at {} s: {}", event.time, words(&event.kind)));
+        }
+        if let Some(last) = run.last() {
+            let list = |x: &[f64]| x.iter().map(|x| format!("{x:?}")).collect::<Vec<_>>().join(",");
+            line(format!("y  = {}", list(&last.y)));
+            line(format!("yd = {}", list(&last.yd)));
+        }
+        files.iter().for_each(|file| line(file.clone()));
+        text
+    }
+
+    /// For scripts.
+    pub(super) fn value(&self, files: &[String]) -> Value {
+        let Report { loaded, run, method } = self;
+        let counts = &run.counts;
+        let events: Vec<Value> = run
+            .events
+            .iter()
+            .map(|event| json!({"time": event.time, "event": words(&event.kind)}))
+            .collect();
+        let named = |names: &[String], list: fn(&Sample) -> &[f64]| -> Value {
+            let numbers = run.last().map_or(&[] as &[f64], list);
+            names
+                .iter()
+                .zip(numbers)
+                .map(|(name, x)| (name.clone(), json!(x)))
+                .collect::<serde_json::Map<_, _>>()
+                .into()
+        };
+        let model = &loaded.compiled.model;
+        json!({
+            "robot": loaded.description.name,
+            "method": method.name(),
+            "status": run.end.name(),
+            "time": run.time,
+            "steps": counts.steps,
+            "rejected": counts.rejected,
+            "failed": counts.failed,
+            "evaluations": counts.evaluations,
+            "precise": counts.precise,
+            "jacobians": counts.jacobians,
+            "factorisations": counts.factorisations,
+            "drift": run.drift(),
+            "residual": run.residual(),
+            "correction": run.correction,
+            "error_estimate": run.error_estimate,
+            "independents": run.independents,
+            "events": events,
+            "limits": limits::exceeded(loaded, run),
+            "y": named(model.independent_q_names(), |sample| &sample.y),
+            "yd": named(model.independent_names(), |sample| &sample.yd),
+            "files": files,
+        })
+    }
+}
+
+/// The name of a column and its value in a sample.
 type Column<'a> = (String, Box<dyn Fn(&Sample) -> f64 + 'a>);
 
 fn columns<'a>(loaded: &'a Loaded) -> Vec<Column<'a>> {
@@ -50,10 +156,10 @@ fn columns<'a>(loaded: &'a Loaded) -> Vec<Column<'a>> {
         ("q", model.tree_q_names(), |sample| &sample.q),
         ("qd", model.tree_names(), |sample| &sample.qd),
     ];
-    for (what, names, list) in lists {
+    for (symbol, names, list) in lists {
         for (k, name) in names.iter().enumerate() {
             columns.push((
-                format!("{what}.{name}"),
+                format!("{symbol}.{name}"),
                 Box::new(move |sample| list(sample).get(k).copied().unwrap_or(f64::NAN)),
             ));
         }
@@ -79,7 +185,7 @@ fn csv(loaded: &Loaded, run: &Run) -> Result<String, String> {
     csv_rows::write(&rows, LineEnd::Lf).map_err(|error| error.to_string())
 }
 
-/// Motion, velocity, energies, and what should stay constant or zero.
+/// Motion, velocity, energies, and the residuals that should be zero.
 fn figures(loaded: &Loaded, run: &Run) -> Vec<Figure> {
     let model = &loaded.compiled.model;
     let axis = |label: &str, log: bool| Axis { label: label.to_owned(), log };
@@ -143,60 +249,6 @@ fn figures(loaded: &Loaded, run: &Run) -> Vec<Figure> {
     ]
 }
 
-/// For people.
-pub(super) fn summary(loaded: &Loaded, run: &Run, method: Method, files: &[String]) -> String {
-    let counts = &run.counts;
-    let mut text = String::new();
-    let mut line = |words: String| {
-        let _ = writeln!(text, "{words}");
-    };
-    line(format!(
-        "{}, {}: {} at {} s",
-        loaded.description.name,
-        method.name(),
-        run.end.name(),
-        run.time
-    ));
-    line(format!(
-        "steps {}, rejected {}, without an answer {}, evaluations {} ({} in double-double), \
-         Jacobians {}, factorisations {}",
-        counts.steps,
-        counts.rejected,
-        counts.failed,
-        counts.evaluations,
-        counts.precise,
-        counts.jacobians,
-        counts.factorisations
-    ));
-    line(format!(
-        "energy drift {:.2e} of the largest energy, loop residual {:.2e}",
-        run.drift(),
-        run.residual()
-    ));
-    if let Some([y, yd]) = run.error_estimate {
-        line(format!("estimated error y {y:.2e}, yd {yd:.2e}"));
-    }
-    if run.correction.iter().any(|x| *x != 0.0) {
-        line(format!(
-            "the start was moved by {:.2e} in q and {:.2e} in qd to close the loops",
-            run.correction[0], run.correction[1]
-        ));
-    }
-    for limit in limits::exceeded(loaded, run) {
-        line(limit.words());
-    }
-    for event in &run.events {
-        line(format!("at {} s: {}", event.time, words(&event.kind)));
-    }
-    if let Some(last) = run.last() {
-        let list = |x: &[f64]| x.iter().map(|x| format!("{x:?}")).collect::<Vec<_>>().join(",");
-        line(format!("y  = {}", list(&last.y)));
-        line(format!("yd = {}", list(&last.yd)));
-    }
-    files.iter().for_each(|file| line(file.clone()));
-    text
-}
-
 fn words(kind: &EventKind) -> String {
     match kind {
         EventKind::Switched { from, to, before, after } => format!(
@@ -215,47 +267,4 @@ fn words(kind: &EventKind) -> String {
         EventKind::Stiff => "stiff for an explicit method; radau5 takes longer steps".to_owned(),
         other => format!("{other:?}"),
     }
-}
-
-/// For scripts.
-pub(super) fn value(loaded: &Loaded, run: &Run, method: Method, files: &[String]) -> Value {
-    let counts = &run.counts;
-    let events: Vec<Value> = run
-        .events
-        .iter()
-        .map(|event| json!({"time": event.time, "event": words(&event.kind)}))
-        .collect();
-    let named = |names: &[String], list: fn(&Sample) -> &[f64]| -> Value {
-        let numbers = run.last().map_or(&[] as &[f64], list);
-        names
-            .iter()
-            .zip(numbers)
-            .map(|(name, x)| (name.clone(), json!(x)))
-            .collect::<serde_json::Map<_, _>>()
-            .into()
-    };
-    let model = &loaded.compiled.model;
-    json!({
-        "robot": loaded.description.name,
-        "method": method.name(),
-        "status": run.end.name(),
-        "time": run.time,
-        "steps": counts.steps,
-        "rejected": counts.rejected,
-        "failed": counts.failed,
-        "evaluations": counts.evaluations,
-        "precise": counts.precise,
-        "jacobians": counts.jacobians,
-        "factorisations": counts.factorisations,
-        "drift": run.drift(),
-        "residual": run.residual(),
-        "correction": run.correction,
-        "error_estimate": run.error_estimate,
-        "independents": run.independents,
-        "events": events,
-        "limits": limits::exceeded(loaded, run),
-        "y": named(model.independent_q_names(), |sample| &sample.y),
-        "yd": named(model.independent_names(), |sample| &sample.yd),
-        "files": files,
-    })
 }

@@ -1,4 +1,4 @@
-//! Lines of `sarrus ask`, through the program itself: what scripts meet.
+//! Lines of `sarrus ask`, sent to the program itself as a script would send them.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::{Check, Target, corpus, kind, law};
 
-/// What is asked of which robot; the line says which of them.
+/// Request and robot of each session; an input selects one of them.
 const SESSIONS: [[&str; 2]; 4] = [
     ["kinematics", "stewart_floating"],
     ["inverse-dynamics", "lambda"],
@@ -73,7 +73,7 @@ pub(super) const ASK: Target = Target {
     },
 };
 
-/// The program that was built with this one: in the same folder, or above it for tests.
+/// The program of this build: in the folder of this executable, or above it for tests.
 fn program() -> Result<PathBuf, String> {
     let here = std::env::current_exe().map_err(|error| error.to_string())?;
     here.ancestors()
@@ -107,7 +107,8 @@ impl Session {
             .stderr(Stdio::null())
             .spawn()
             .map_err(|error| format!("{}: {error}", program.display()))?;
-        let (input, output) = (child.stdin.take(), child.stdout.take());
+        let input = child.stdin.take();
+        let output = child.stdout.take();
         let (Some(input), Some(output)) = (input, output) else {
             return Err("a process without pipes".to_owned());
         };
@@ -132,7 +133,7 @@ impl Session {
         let again = self.ask(line)?;
         law(answer == again, || about("two answers to one line"))?;
 
-        // one object, with a status that there is
+        // one object with a known status
         let members: Value =
             serde_json::from_str(&answer).map_err(|error| about(&error.to_string()))?;
         let members = members.as_object().ok_or_else(|| about("an answer that is no object"))?;
@@ -141,7 +142,7 @@ impl Session {
         let status = *status.ok_or_else(|| about("no status"))?;
         let error = members.get("error").and_then(Value::as_str);
 
-        // why there is no answer, and where
+        // a bad request has a reason and a place
         if status == Status::BadRequest {
             law(error.is_some_and(|words| !words.is_empty()), || about("no reason"))?;
             let text = String::from_utf8_lossy(line);
@@ -151,7 +152,7 @@ impl Session {
             return Ok(kind(error.unwrap_or_default()));
         }
 
-        // numbers for what is well, none for what failed but where they survive
+        // numbers on success; no numbers on failure, but for the fields that survive one
         for (key, value) in members {
             let Some(field) = Field::from_name(key) else { continue };
             let survives = status == Status::Ok || field.survives_failure();
@@ -163,7 +164,7 @@ impl Session {
         Ok(status as u64 ^ (members.len() as u64) << 8)
     }
 
-    /// A y that was given and is wanted comes back to the last bit.
+    /// A wanted y that was given comes back with its bits.
     fn numbers_come_back(
         &self,
         line: &[u8],
@@ -176,7 +177,7 @@ impl Session {
         let numbers = |value: &Value| -> Vec<Option<f64>> {
             value.as_array().into_iter().flatten().map(Value::as_f64).collect()
         };
-        // a quaternion is made a unit one
+        // quaternions are normalised
         let is_rotation = numbers(given).len() > 6;
         let [given, answered] = [numbers(given), numbers(answered)];
         law(is_rotation || given == answered, || format!("{given:?} comes back as {answered:?}"))

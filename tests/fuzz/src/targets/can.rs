@@ -12,7 +12,7 @@ use super::{BETWEEN, Check, Target, corpus, diagnostics, kind, law, parts};
 
 /// A configuration with a motor of every protocol.
 const EVERY: &str = include_str!("../../corpus/configuration/every.yml");
-/// The configuration of one motor that a DBC file describes, and such a file.
+/// The configuration of one motor of a DBC file, and such a file.
 const DBC_YAML: &str = include_str!("../../corpus/configuration/dbc.yml");
 const DBC_FILE: &str = include_str!("../../corpus/dbc/motor.dbc");
 
@@ -177,7 +177,7 @@ pub(super) const LOG: Target = Target {
     },
 };
 
-/// A text of any bytes, as files are read: in Latin-1 where it is no UTF-8.
+/// Bytes as text, the way the bridge reads files: in Latin-1 where they are not UTF-8.
 fn latin(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec())
         .unwrap_or_else(|_| bytes.iter().copied().map(char::from).collect())
@@ -198,7 +198,7 @@ fn read(yaml: &[u8], dbc: &str) -> Result<Configuration, Report> {
     Configuration::read("can.yml", yaml.to_vec(), &surroundings)
 }
 
-/// A configuration read twice, and the kind of its outcome.
+/// Reads a configuration twice and returns the kind of its outcome.
 fn configured(
     yaml: &[u8],
     dbc: &str,
@@ -228,7 +228,7 @@ fn configured(
     }
 }
 
-/// Two bridges of one configuration that are given the same send the same.
+/// Two bridges of one configuration send the same frames for the same input.
 fn alike(mut one: Bridge, mut two: Bridge, frames: &[Frame]) -> Result<(), String> {
     let n_buses = one.configuration().buses.len();
     for (k, t) in (0..40).map(|k| (k, 1 + k as u64 * 2_000_000)) {
@@ -250,7 +250,7 @@ fn alike(mut one: Bridge, mut two: Bridge, frames: &[Frame]) -> Result<(), Strin
     Ok(())
 }
 
-/// Frames that are sent are frames in the notation of recordings.
+/// Frames that are sent are valid in the notation of recordings.
 fn comes_back(sent: &[String]) -> Result<(), String> {
     for line in sent {
         let text = line.rsplit(' ').next().unwrap_or_default();
@@ -260,12 +260,13 @@ fn comes_back(sent: &[String]) -> Result<(), String> {
     Ok(())
 }
 
-/// Lines are read or told; what is read is written and read again; two replays send the same.
+/// A log is read or reported; a log that was read is written and read again; two replays agree.
 fn log(input: &[u8]) -> Result<u64, String> {
     let (Some((one, two)), _) = configured(EVERY.as_bytes(), DBC_FILE)? else {
         return Err("every.yml is refused".to_owned());
     };
-    let (mut one, mut two) = (Bridge::new(one), Bridge::new(two));
+    let mut one = Bridge::new(one);
+    let mut two = Bridge::new(two);
     let mut kinds = 0;
     for text in latin(input).lines().take(64) {
         let line = match Line::read(text, one.configuration()) {

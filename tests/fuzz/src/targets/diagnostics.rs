@@ -1,5 +1,5 @@
-//! What holds for every report: each line of it is one line, of a bounded length, and its place is
-//! in the file that it names.
+//! Laws of every report: each message is one line of bounded length, and its place lies in the file
+//! that it names.
 
 use sarrus_models::{Diagnostic, Report};
 
@@ -8,12 +8,12 @@ use super::{kind, law};
 /// The longest line of a report, in characters.
 const LONGEST: usize = 400;
 
-/// Checks a report on files by name; the kind of its outcome.
+/// Checks a report about the named files and returns the kind of its outcome.
 pub(super) fn check(report: &Report, files: &[(&str, &[u8])]) -> Result<u64, String> {
     let mut kinds = 0_u64;
     for diagnostic in report.errors.iter().chain(&report.warnings) {
         check_one(diagnostic, files)?;
-        // the order does not count, nor how often
+        // order and repetitions do not count
         kinds |= 1 << (kind(&diagnostic.found) % 64);
     }
     Ok(kinds ^ (report.errors.len().min(3) as u64) << 62)

@@ -1,4 +1,4 @@
-//! What reads, and what holds for every input of it.
+//! The readers under test and the laws that hold for every input of each.
 
 mod ask;
 mod can;
@@ -7,22 +7,22 @@ mod robot;
 mod slcan;
 mod wire;
 
-/// Tries an input: a number for the kind of outcome, or what is wrong.
+/// Tries an input and returns the number of its kind of outcome, or the broken law.
 pub type Check = Box<dyn FnMut(&[u8]) -> Result<u64, String>>;
 
-/// Something that reads.
+/// A reader under test.
 pub struct Target {
     /// Its name on the command line.
     pub name: &'static str,
-    /// Good inputs, and bad ones that once mattered.
+    /// Valid inputs, and faulty ones that once found a bug.
     pub seeds: fn() -> Vec<Vec<u8>>,
     /// Words of its language.
     pub tokens: &'static [&'static str],
-    /// Makes ready to try inputs.
+    /// Prepares the target.
     pub start: fn() -> Result<Check, String>,
 }
 
-/// All of them.
+/// All targets.
 pub const TARGETS: &[Target] = &[
     robot::URDF,
     robot::SUBMECHANISMS,
@@ -35,10 +35,10 @@ pub const TARGETS: &[Target] = &[
     wire::SERVER,
 ];
 
-/// Parts of an input stand one after the other with this line between them.
+/// Line between the parts of an input.
 const BETWEEN: &str = "\n=====\n";
 
-/// The parts of an input, as many as asked; those that are missing are empty.
+/// The first N parts of an input; missing parts are empty.
 fn parts<const N: usize>(input: &[u8]) -> [&[u8]; N] {
     let mut rest = Some(input);
     std::array::from_fn(|_| {
@@ -54,12 +54,12 @@ fn parts<const N: usize>(input: &[u8]) -> [&[u8]; N] {
     })
 }
 
-/// A law: what is wrong where it does not hold.
+/// Returns the message where a law does not hold.
 fn law(holds: bool, words: impl FnOnce() -> String) -> Result<(), String> {
     if holds { Ok(()) } else { Err(words()) }
 }
 
-/// A number for a kind of outcome: the words of a message without names and digits.
+/// Number of a kind of outcome: hash of a message without names and digits.
 fn kind(words: &str) -> u64 {
     let mut is_name = false;
     let plain: Vec<u8> = words
@@ -72,7 +72,7 @@ fn kind(words: &str) -> u64 {
     crate::hash(&plain)
 }
 
-/// The files of a folder of `corpus/`, in order of their names.
+/// The files of a folder of `corpus/`, sorted by name.
 macro_rules! corpus {
     ($($file:literal),* $(,)?) => {
         || vec![$(include_bytes!(concat!("../../corpus/", $file)).to_vec()),*]

@@ -1,11 +1,11 @@
-//! Robot files: URDF alone, and a submechanism file with the URDF that it is about.
+//! Robot files: URDF alone, and a submechanism file with its URDF.
 
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Status, Workspace};
 use sarrus_models::{LoadError, Loaded, Options, Source, bundled, bundled_text, load};
 
 use super::{BETWEEN, Check, Target, corpus, diagnostics, law, parts};
 
-/// The longest URDF of a bundled robot that is a seed `[byte]`: larger ones are slow.
+/// The longest bundled URDF that serves as a seed `[byte]`; larger ones are slow.
 const LARGE: usize = 9000;
 
 pub(super) const URDF: Target = Target {
@@ -145,7 +145,7 @@ pub(super) const SUBMECHANISMS: Target = Target {
     },
 };
 
-/// The bundled robots that are small.
+/// The small bundled robots.
 fn robots() -> impl Iterator<Item = (&'static str, &'static str)> {
     bundled().filter_map(|(name, _)| bundled_text(name)).filter(|(urdf, _)| urdf.len() < LARGE)
 }
@@ -160,7 +160,7 @@ fn check(urdf: &[u8], yaml: Option<&[u8]>) -> Result<u64, String> {
         Err(other) => Err(format!("texts that cannot be opened: {other}")),
     };
 
-    // reading is repeatable
+    // reading twice gives the same outcome
     let outcome = load(&source, &Options::default());
     let report = report_of(&outcome)?;
     let again = load(&source, &Options::default());
@@ -176,7 +176,7 @@ fn check(urdf: &[u8], yaml: Option<&[u8]>) -> Result<u64, String> {
         }
         _ => {
             law(!report.errors.is_empty(), || "refused without an error".to_owned())?;
-            // lenient: what is loaded then can be asked too
+            // lenient: a model that loads can be asked
             let outcome = load(&source, &lenient);
             diagnostics::check(&report_of(&outcome)?, &files)?;
             if let Ok(loaded) = outcome {
@@ -187,13 +187,13 @@ fn check(urdf: &[u8], yaml: Option<&[u8]>) -> Result<u64, String> {
     }
 }
 
-/// What compiles can be asked: an answer is numbers, or a status without them.
+/// A compiled model answers with numbers, or with a status and no numbers.
 fn moves(model: &Model<f64>) -> Result<u64, String> {
     let given = FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]);
     let want = FieldSet::of(&[Field::Q, Field::TauY, Field::TauQ]);
     let plan = Plan::new(model, &Query::new(Request::InverseDynamics, given, want))
         .map_err(|error| format!("a model that cannot be asked: {error}"))?;
-    // quaternions are of no length here: that is a bad request and no more
+    // these quaternions have no unit length: a bad request and nothing worse
     let input: Vec<f64> = (0..plan.given().len()).map(|k| 1e-3 * (k % 7) as f64).collect();
     let mut output = vec![0.0; plan.want().len()];
     let answer = plan.run(model, &mut Workspace::new(model), &input, &mut output);

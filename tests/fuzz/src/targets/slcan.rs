@@ -55,7 +55,7 @@ fn check(input: &[u8]) -> Result<u64, String> {
         }
     }
 
-    // a line by itself is the line in the stream
+    // each line alone gives the result that it has in the stream
     for line in input.split(|byte| *byte == b'\r') {
         let is_plain = line.len() < MAX_LINE && !line.iter().any(|byte| b"\x07\n".contains(byte));
         if is_plain {
@@ -65,7 +65,7 @@ fn check(input: &[u8]) -> Result<u64, String> {
         }
     }
 
-    // whatever came before, the next line is read
+    // the reader recovers: the next line is read after any input
     lines.take(b'\r');
     lines.take(b'O');
     let open = lines.take(b'\r');

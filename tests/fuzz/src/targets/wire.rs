@@ -1,4 +1,4 @@
-//! Messages of a client that may say anything: queries as the server plans them, and calls, requests
+//! Arbitrary messages of a client: queries, which the server's planner takes, and calls, requests
 //! and batches to a server in this process.
 
 use std::sync::Arc;
@@ -27,9 +27,9 @@ use sarrus_server::{ServeOptions, Wait, serve};
 
 use super::{Check, Target, law};
 
-/// The robot that is asked.
+/// The robot of the server.
 const ROBOT: &str = "r3_lambda_r";
-/// How long an answer may take.
+/// Longest time to an answer.
 const PATIENT: Duration = Duration::from_secs(20);
 
 pub(super) const QUERY: Target = Target {
@@ -85,7 +85,7 @@ fn seeds() -> Vec<Vec<u8>> {
     seeds
 }
 
-/// Bytes as what they are read for; zeros follow.
+/// A reader of input bytes, with zeros after the end.
 struct Bytes<'a>(&'a [u8]);
 
 impl Bytes<'_> {
@@ -103,12 +103,12 @@ impl Bytes<'_> {
         u64::from_le_bytes([(); 8].map(|()| self.u8()))
     }
 
-    /// A value that is right more often than not.
+    /// A value, which is usually `right`.
     fn or(&mut self, right: u64) -> u64 {
         if self.u8() < 224 { right } else { self.u64() }
     }
 
-    /// A query whose parts are mostly within what there is.
+    /// A query with mostly valid parts.
     fn query(&mut self) -> Query {
         let request = self.u8();
         let request = if request < 250 { u32::from(request % 5) } else { self.u64() as u32 };
@@ -134,7 +134,7 @@ impl Bytes<'_> {
         query
     }
 
-    /// Numbers, mostly small ones.
+    /// Numbers, most of them small.
     fn numbers(&mut self, n: usize) -> Vec<f64> {
         (0..n)
             .map(|_| match self.u8() {
@@ -151,7 +151,7 @@ fn model() -> Result<Model<f64>, String> {
         .map_err(|error| error.to_string())
 }
 
-/// A query is refused by its check or planned; a plan takes any numbers.
+/// A query is refused by its check or planned; a plan accepts any numbers.
 fn planned(
     model: &Model<f64>,
     workspace: &mut Workspace<f64>,
@@ -173,7 +173,7 @@ fn planned(
     let answer = plan.run(model, workspace, &input, &mut output);
     kept(plan.want(), answer.status, &output)?;
 
-    // what was asked before does not matter
+    // an answer does not depend on the request before it
     let mut again = vec![0.0; output.len()];
     let same = plan.run(model, workspace, &input, &mut again);
     let alike = output.iter().zip(&again).all(|(a, b)| a.to_bits() == b.to_bits());
@@ -183,7 +183,7 @@ fn planned(
     Ok(answer.status as u64 ^ u64::from(query.request) << 8)
 }
 
-/// Numbers for what is well; NaN for what failed, but where numbers survive.
+/// On failure every number is NaN, except in fields that survive one.
 fn kept(layout: &sarrus_dynamics::Layout, status: Status, output: &[f64]) -> Result<(), String> {
     if status == Status::Ok {
         return Ok(());
@@ -226,7 +226,8 @@ impl Served {
         let name = format!("fuzz-{}-{count}", std::process::id());
         let loaded = load(&Source::Bundled(ROBOT.to_owned()), &Options::default())
             .map_err(|error| error.to_string())?;
-        let (info, served) = (describe(&loaded), Arc::new(loaded.compiled.model));
+        let info = describe(&loaded);
+        let served = Arc::new(loaded.compiled.model);
         let options = ServeOptions {
             name: name.clone(),
             wait: Wait::Sleep,
@@ -279,7 +280,7 @@ impl Served {
         })
     }
 
-    /// A call is granted or refused for the first reason that there is.
+    /// A call is granted, or refused for the first reason that applies.
     fn call(&mut self, bytes: &mut Bytes<'_>) -> Result<u64, String> {
         let kind = bytes.u8() % 5;
         let [first, second] = [bytes.or(1), bytes.or(20)].map(|number| number as usize);
@@ -287,9 +288,9 @@ impl Served {
             0 => Call::Hello,
             1 => Call::Model { page: first },
             2 => Call::Plan { query: Box::new(bytes.query()) },
-            // the area that is there already
+            // the existing batch area
             3 => Call::Batch,
-            // lanes and services take the place of the one that requests go through
+            // a granted lane or service would replace the one that requests go through
             _ if class_of(first).and(class_of(second)).is_some() => Call::Statistics,
             _ => Call::Lane { n_in: first, n_out: second },
         };
@@ -299,12 +300,12 @@ impl Served {
         let response = ask(&self.control, &request)?;
         let about = |words: &str| format!("{words}: {:?} for {request:?}", response.outcome);
 
-        // the head is that of this server, whatever was asked
+        // the head of a response is that of this server for every call
         let found = (response.version, response.fingerprint, response.instance);
         let right = (PROTOCOL_VERSION, self.model.fingerprint(), self.instance);
         law(found == right, || about("another head"))?;
 
-        // the gate
+        // version and fingerprint are checked first
         let gate = if head.version != PROTOCOL_VERSION {
             Some(Refusal::WrongVersion)
         } else if ![0, self.model.fingerprint()].contains(&fingerprint) {
@@ -329,7 +330,7 @@ impl Served {
         Ok(u64::from(kind) << 8 | u64::from(response.outcome.is_err()))
     }
 
-    /// A garbled message is answered, and is no call.
+    /// A garbled message is answered and has no effect.
     fn garbage(&mut self, bytes: &mut Bytes<'_>) -> Result<u64, String> {
         let call = if bytes.u8().is_multiple_of(2) { Call::Statistics } else { Call::Batch };
         let mut message = ControlRequest::to_bytes(&request_of(call));
@@ -354,7 +355,7 @@ impl Served {
         Ok(2)
     }
 
-    /// A query is registered as it is planned, and the same one has the same number.
+    /// A query is registered with the sizes of its plan, and an equal query gets the same number.
     fn check_plan(
         &mut self,
         query: &Query,
@@ -385,7 +386,7 @@ impl Served {
         }
     }
 
-    /// A request through the service is answered with its own number and a status that fits.
+    /// A request through the service is answered with its own number and the right status.
     fn request(&mut self, bytes: &mut Bytes<'_>) -> Result<u64, String> {
         self.sequence += 1;
         let plan = bytes.u8() as usize % (self.plans.len() + 1);
@@ -431,8 +432,8 @@ impl Served {
         }
     }
 
-    /// A batch is answered with its own number: by the reason why nobody computes it, or row by row
-    /// as here.
+    /// A batch is answered with its own number: with the reason why it is refused, or with the rows
+    /// that the kernels compute here.
     fn batch(&mut self, bytes: &mut Bytes<'_>) -> Result<u64, String> {
         self.sequence += 1;
         let plan = bytes.u8() as usize % (self.plans.len() + 1);
@@ -472,7 +473,8 @@ impl Served {
         if let (Some(plan), Some(shape), Status::Ok) = (&plan, shape, expected) {
             let failed = Answer { status: Status::UnknownStatus, warnings: Warnings::NONE };
             let mut answers = vec![failed; shape.rows()];
-            let (mut output, mut here) = (vec![0.0; shape.rows() * n_out], vec![0.0; n_out]);
+            let mut output = vec![0.0; shape.rows() * n_out];
+            let mut here = vec![0.0; n_out];
             self.area.read(&shape, &mut answers, &mut output);
             for (row, answer) in answers.iter().enumerate() {
                 let input = &input[row * n_in..][..n_in];
@@ -493,7 +495,7 @@ fn request_of(call: Call) -> ControlRequest {
     ControlRequest { head, fingerprint: 0, call }
 }
 
-/// The answer to a call.
+/// Sends a call and returns the answer.
 fn ask(socket: &ControlSocket, request: &ControlRequest) -> Result<ControlResponse, String> {
     let response = exchange(socket, request, Instant::now() + PATIENT);
     response.map(|(response, _)| response).map_err(|error| format!("{error:?} to {request:?}"))

@@ -1,13 +1,13 @@
-# The bridge itself: power and its end, a bus that goes away and comes back, bit rates.
-# Motors are asked through orders on 3.
+# The bridge: power on and off, a bus that goes away and comes back, bit rates.
+# Motors take orders on descriptor 3.
 MOTORS=none
-# what the motors say of themselves now
+# writes the motors' current reports
 report() {
     n=$(($($B grep -c '"report"' $MOTORS) + 1))
     echo report >&3; wait_for $MOTORS '"report"' $n
     $B grep '"report"' $MOTORS | $B tail -n 1 > /run/report
 }
-# asks until all motors have power, or none has
+# asks until all motors have power, or none of them
 until_power() {
     tries=0
     while report; $B grep -q "\"power\":$2" /run/report; do

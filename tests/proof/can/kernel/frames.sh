@@ -45,8 +45,8 @@ MOTOR=$!
 exec 4> /run/orders2
 wait_for /run/full "ready arm"
 cansend slcan0 003#FFFFFFFFFFFFFFFD; $B sleep 0.5
-# the adapter stops, and the queue fills while the motor sleeps; what was sent is heard on this
-# computer all the same, and its answers find no room
+# the adapter stops, and the queue fills while the motor sleeps; the local echo of frames goes on,
+# and the answers find no room
 $B kill -STOP $ADAPTER $MOTOR
 cangen slcan0 -g 0 -i -n 6000 -I 003 -L 8
 $B kill -CONT $MOTOR; $B sleep 0.5

@@ -1,10 +1,10 @@
-//! SocketCAN of a real kernel: Linux in a process of its own (user-mode Linux), which sees this
-//! computer's files and has the modules of CAN.
+//! SocketCAN of a real kernel: Linux in a process of its own (user-mode Linux), which reads this
+//! computer's files and has the CAN modules.
 //!
-//! Not run, and told so, where `linux.uml`, `busybox`, `cansend`, `candump`, `cangen`, `slcand`,
-//! `ip` or `cc` are missing: on Debian `apt-get install user-mode-linux busybox-static can-utils
-//! iproute2 gcc`. Its clock counts hundredths of seconds: these tests are about what is right and
-//! never about time.
+//! The tests are skipped with a message where `linux.uml`, `busybox`, `cansend`, `candump`,
+//! `cangen`, `slcand`, `ip` or `cc` are missing: on Debian `apt-get install user-mode-linux
+//! busybox-static can-utils iproute2 gcc`. The clock has a resolution of 10 ms, so the tests check
+//! results and never times.
 
 use std::os::unix::process::CommandExt;
 use std::process::{Command, Stdio};
@@ -14,9 +14,9 @@ use serde_json::Value;
 
 use super::harness::{Allowance, FRONTENDS, Frontend, Stage, sarrus_can};
 
-/// Completes the state of a processor for a kernel that is older than it.
+/// Completes the processor state for a kernel older than the processor.
 const WHOLE_STATE: &str = include_str!("whole_state.c");
-/// The first process of the virtual machine begins with this.
+/// Start of the virtual machine's first process.
 const START: &str = include_str!("start.sh");
 
 const TOOLS: [&str; 8] =
@@ -29,9 +29,9 @@ const MIT: &str = "offset: 0, limits: {effort: 10, velocity: 5}, watchdog_ms: WA
     damping_range: 5}";
 const MOTEUS: &str = "offset: 0, limits: {effort: 1, velocity: 5}, watchdog_ms: 1000, drive: \
     {protocol: moteus, id: 1}";
-/// What is done with a bridge on a bus that goes away.
+/// Script of a bridge on a bus that goes away.
 const BRIDGE: &str = include_str!("bridge.sh");
-/// What a RobStride takes its power away for.
+/// Frame that takes the power of a RobStride away.
 const DISABLE: &str = "003#FFFFFFFFFFFFFFFD";
 
 #[test]
@@ -50,7 +50,7 @@ fn frames_states_and_full_queues_of_a_real_kernel() {
     ] {
         assert!(step("heard").contains(expected), "{expected}:\n{said}");
     }
-    // what cannot be is said
+    // a classic bus refuses FD and a missing interface cannot be opened
     assert!(
         step("classic").contains("carries no CAN FD")
             && step("classic").contains("none cannot be opened"),
@@ -61,7 +61,7 @@ fn frames_states_and_full_queues_of_a_real_kernel() {
     for state in ["ErrorWarning", "ErrorPassive", "ErrorActive", "BusOff"] {
         assert!(step("states").contains(state), "{state}:\n{said}");
     }
-    // a queue that nobody empties drops frames and does not stop the sender
+    // a full queue drops frames and does not stop the sender
     let report = reports(step("full")).pop().unwrap_or_else(|| panic!("{said}"));
     let bus = &report["buses"][0];
     assert!(bus["sent"].as_u64().unwrap() > 0 && bus["lost"].as_u64().unwrap() > 4, "{said}");
@@ -86,7 +86,7 @@ fn the_bridge_outlives_a_bus_that_goes_away_and_arms_only_when_it_is_told() {
                 .all(|report| report["motors"][0]["tripped"] == false),
             "{frontend:?} {text}"
         );
-        // down and up; removed and added; what error frames tell
+        // down and up, removed and added, bus-off by error frames
         for (gone, back, again) in
             [("down", "up", "reset"), ("removed", "removed", "added"), ("told", "told", "told")]
         {
@@ -117,8 +117,7 @@ fn bit_rates_and_states_of_a_controller_are_compared_before_the_bridge_begins() 
             return;
         };
         let said = Said(said);
-        // a bit rate of the kernel's is compared, and nothing begins on a bus that is down, off or
-        // passive
+        // compares the kernel's bit rate, and refuses a bus that is down, off or passive
         said.has(
             "rate",
             "slcan0 is down: `ip link set slcan0 up type can bitrate 1000000`\ncode 2",
@@ -135,7 +134,7 @@ fn bit_rates_and_states_of_a_controller_are_compared_before_the_bridge_begins() 
         );
         said.has("same", "enabled\ncode 0");
         said.powers("same", true);
-        // the kernel's own bus-off, after which the motors' watchdogs are left
+        // the kernel's own bus-off, after which only the motors' watchdogs remain
         said.refused("off", "bus_off");
         said.has("off", "slcan0 is bus-off");
         said.has("off", "code 2");
@@ -153,7 +152,7 @@ fn bit_rates_and_states_of_a_controller_are_compared_before_the_bridge_begins() 
     }
 }
 
-/// What a kernel said, by steps.
+/// Output of a kernel, split by steps.
 struct Said(String);
 
 impl Said {
@@ -167,8 +166,8 @@ impl Said {
         self.has(name, "code 1");
     }
 
-    /// What the motors last said in a step: all with power, or all without it since the bridge took
-    /// it.
+    /// Checks the last report of a step: all motors have power, or all are without it since the
+    /// bridge's frame.
     fn powers(&self, name: &str, power: bool) {
         let said = &self.0;
         let report = reports(step(said, name))
@@ -183,7 +182,7 @@ impl Said {
     }
 }
 
-/// What a step gave.
+/// Output of one step.
 fn step<'a>(said: &'a str, name: &str) -> &'a str {
     let from = said
         .split(&format!("step {name}\n"))
@@ -192,7 +191,7 @@ fn step<'a>(said: &'a str, name: &str) -> &'a str {
     from.split("step ").next().unwrap_or_default()
 }
 
-/// The reports of simulated motors among lines.
+/// Reports of simulated motors among lines.
 fn reports(lines: &str) -> Vec<Value> {
     lines
         .lines()
@@ -207,7 +206,7 @@ fn find(tool: &str) -> Option<std::path::PathBuf> {
     folders.map(|folder| folder.join(tool)).find(|path| path.exists())
 }
 
-/// A command as a shell takes it, with its environment.
+/// A command with its environment as text for a shell.
 fn words(command: &Command) -> String {
     let word = |text: &std::ffi::OsStr| format!("'{}'", text.to_string_lossy());
     let set = command
@@ -217,7 +216,7 @@ fn words(command: &Command) -> String {
     std::iter::once("env".to_owned()).chain(set).chain(arguments).collect::<Vec<_>>().join(" ")
 }
 
-/// Boots a kernel, which runs a script and ends; all that it said. Nothing where it cannot be.
+/// Boots a kernel that runs a script and ends, and returns its output; `None` if tools are missing.
 fn boot(frontend: Frontend, script: &str) -> Option<String> {
     let missing: Vec<&str> = TOOLS.into_iter().filter(|tool| find(tool).is_none()).collect();
     if !missing.is_empty() {
@@ -240,7 +239,7 @@ fn boot(frontend: Frontend, script: &str) -> Option<String> {
     };
     let motor =
         |actuator: &str, text: &str| format!("- {{actuator: {actuator}, bus: arm, {text}}}\n");
-    // a bridge that lost its bus is to find the motors with power; on the bus that is off their
+    // a bridge that loses its bus leaves the motors with power; on the bus that is off their
     // watchdogs take it away
     let [slow, quick] =
         ["10000", "1000"].map(|watchdog| motor("elbow", &MIT.replace("WATCHDOG", watchdog)));
@@ -291,7 +290,7 @@ fn boot(frontend: Frontend, script: &str) -> Option<String> {
     if std::path::Path::new("/dev/shm").is_dir() {
         kernel.env("TMPDIR", "/dev/shm");
     }
-    // into a file: a kernel that is killed leaves processes behind that keep a pipe open
+    // into a file: a killed kernel leaves processes behind that keep a pipe open
     let said = std::fs::File::create(path("said")).unwrap();
     let mut child = kernel
         .stdin(Stdio::null())
@@ -300,7 +299,7 @@ fn boot(frontend: Frontend, script: &str) -> Option<String> {
         .process_group(0)
         .spawn()
         .unwrap();
-    // a kernel that hangs is ended, and what it said tells where
+    // ends a kernel that hangs, whose output then names the place
     for _ in 0..16 {
         let mut allowance = Allowance::new();
         while child.try_wait().unwrap().is_none() && allowance.pause() {}

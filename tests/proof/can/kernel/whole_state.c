@@ -1,6 +1,6 @@
 /*
- * Lets user-mode Linux run on processors whose extended state is larger than it knows (AMX): Linux
- * takes a state only whole, so what is missing at its end is completed with what the process has.
+ * Lets user-mode Linux run on processors with a larger extended state than it supports (AMX). Linux
+ * accepts only a complete state, so the missing end is copied from the state of the process.
  * Preloaded into linux.uml by the test of SocketCAN.
  */
 #define _GNU_SOURCE

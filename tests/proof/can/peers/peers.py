@@ -1,4 +1,4 @@
-"""What moteus, canopen and cantools make of our frames, and frames of theirs.
+"""Decodes our frames with moteus, canopen and cantools, and encodes frames of theirs.
 
 JSON lines in, JSON lines out, one for one.
 """

@@ -15,17 +15,17 @@ use crate::Settings;
 use crate::honest::{Askers, TRANSPORTS};
 use crate::oracle::Oracle;
 use crate::patience::{LIMIT, holds};
-use crate::process::batch_areas;
+use crate::process::{Process, batch_areas};
 use crate::raw::Raw;
 use crate::report::{Clock, Report, Verdict};
 use crate::roles::transport_flags;
-use crate::sandbox::{Process, Sandbox, Server, words};
+use crate::sandbox::{NAME, Sandbox, Server, words};
 
 /// Attackers at one time; every other one floods.
 const ATTACKERS: usize = 4;
 /// The most rows that an honest client asks for together.
 const ROWS: usize = 1500;
-/// What lies are answered.
+/// The statuses with which lies are answered.
 const REFUSALS: [Status; 5] = [
     Status::BadRequest,
     Status::WrongModel,
@@ -42,7 +42,7 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
     let oracle = Arc::new(Oracle::new(robot, settings.seed, 1024)?);
     let sandbox = Sandbox::new(settings)?;
     let mut server = sandbox.serve(robot, &[])?;
-    let mut observer = Raw::greet(&sandbox.domain)?;
+    let observer = Raw::greet(sandbox.domain(), NAME)?;
     // everything that takes memory for good has happened once
     let mut attackers = Attackers { sandbox: &sandbox, random: Rng::with_seed(settings.seed) };
     attackers.run(Clock::new("batches", 0.2), &mut server)?;
@@ -63,7 +63,7 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
             times.push(start.elapsed());
         }
     };
-    let askers = Askers::start_with(&sandbox.domain, &oracle, 2, timeout, settings.seed, ask)?;
+    let askers = Askers::start_with(sandbox.domain(), &oracle, 2, timeout, settings.seed, ask)?;
     std::thread::sleep(Duration::from_secs_f64(settings.seconds.min(10.0) / 8.0));
     let mut take = |what: &str, aim: Option<Duration>| {
         if let Ok(mut times) = times.lock() {
@@ -100,7 +100,7 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
             batch_areas(server.id())
         )
     });
-    keep(&sandbox.domain, (20.0 * settings.seconds).clamp(20.0, 200.0) as usize, &mut report)?;
+    keep(sandbox.domain(), (20.0 * settings.seconds).clamp(20.0, 200.0) as usize, &mut report)?;
     if let Some(status) = server.ended() {
         report.fault(format!("the server ended with {status}"));
         return Ok(Verdict::Done(report));
@@ -118,7 +118,7 @@ struct Attackers<'a> {
 }
 
 impl Attackers<'_> {
-    /// How many were killed.
+    /// Attacks for a time; the number of attackers.
     fn run(&mut self, mut clock: Clock, server: &mut Server) -> Result<u64, String> {
         let mut running: Vec<(Process, Instant)> = Vec::new();
         let mut made = 0_u64;
@@ -144,11 +144,11 @@ impl Attackers<'_> {
 fn keep(domain: &Domain, n: usize, report: &mut Report) -> Result<(), String> {
     let before = shared_memory();
     let mut kept = Vec::new();
-    let mut raw = Raw::greet(domain)?;
+    let mut raw = Raw::greet(domain, NAME)?;
     for k in 0..n {
         // sometimes by a new connection
         if k % 8 == 7 {
-            raw = Raw::greet(domain)?;
+            raw = Raw::greet(domain, NAME)?;
         }
         raw.lane([1, 1])?;
         let (_, memory) = raw.batches()?;

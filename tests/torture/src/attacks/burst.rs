@@ -1,4 +1,4 @@
-//! Hundreds of clients come at once: each is served or told clearly that there is no room.
+//! Hundreds of clients attach at once: each is served or gets an error that names the missing room.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
@@ -11,10 +11,11 @@ use sarrus_proto::control::{Call, Grant};
 
 use crate::Settings;
 use crate::patience::holds;
+use crate::process::Process;
 use crate::raw::Raw;
 use crate::report::{Report, Verdict};
 use crate::roles::transport_flags;
-use crate::sandbox::{Process, Sandbox, words};
+use crate::sandbox::{NAME, Sandbox, words};
 
 #[derive(Args)]
 pub(crate) struct Burst {
@@ -32,13 +33,14 @@ impl Default for Burst {
 impl Burst {
     pub(crate) fn run(&self, settings: &Settings) -> Result<Verdict, String> {
         let mut report = Report::new(settings);
-        let (start, mut rounds) = (Instant::now(), 0_u64);
+        let start = Instant::now();
+        let mut rounds = 0_u64;
         loop {
             for (lanes, transport, n) in [
                 (256, Transport::Lane, self.clients),
                 (16, Transport::Lane, self.clients),
                 (16, Transport::Service, self.clients / 5),
-                // more than are heard
+                // more than may connect
                 (1, Transport::Lane, self.clients + self.clients / 2),
             ] {
                 burst(settings, lanes, transport, n, &mut report)?;
@@ -63,7 +65,7 @@ fn burst(
     let robot = settings.robot.as_deref().unwrap_or("lambda");
     let sandbox = Sandbox::new(settings)?;
     let mut server = sandbox.serve(robot, &["--lanes", &lanes.to_string()])?;
-    let mut observer = Raw::greet(&sandbox.domain)?;
+    let observer = Raw::greet(sandbox.domain(), NAME)?;
     let room = match transport {
         Transport::Lane => lanes,
         Transport::Service => 32,
@@ -94,7 +96,7 @@ fn burst(
         format!("{who}: {served} served instead of {}", room.min(n))
     });
     for (text, count) in &said {
-        // every refusal names what there is too little of
+        // every refusal names the missing resource
         report.require(text.starts_with("error all ") && text.contains(" are taken; "), || {
             format!("{who}: {count} were told {text:?}")
         });

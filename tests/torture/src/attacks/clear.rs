@@ -23,19 +23,19 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
     let sandbox = Sandbox::new(settings)?;
     let mut server = sandbox.serve(robot, &[])?;
     let timeout = LIMIT;
-    let askers = Askers::start(&sandbox.domain, &oracle, 1, timeout, settings.seed)?;
+    let askers = Askers::start(sandbox.domain(), &oracle, 1, timeout, settings.seed)?;
     let mut random = Rng::with_seed(settings.seed);
 
     let mut found = Vec::new();
     let mut clock = Clock::new("clear", settings.seconds);
     while clock.runs(|| format!("{} times cleared", found.len())) {
         std::thread::sleep(Duration::from_millis(random.u64(..300)));
-        let _ = fs::remove_dir_all(sandbox.domain.root());
+        let _ = fs::remove_dir_all(sandbox.domain().root());
         let start = Instant::now();
         let transport = TRANSPORTS[found.len() % 2];
         loop {
             let attached =
-                Honest::connect(&sandbox.domain, transport, timeout, &oracle, settings.seed);
+                Honest::connect(sandbox.domain(), transport, timeout, &oracle, settings.seed);
             match attached {
                 Ok(mut honest) => {
                     let answered = honest.ask();

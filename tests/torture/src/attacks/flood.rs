@@ -7,8 +7,9 @@ use crate::Settings;
 use crate::honest::{Askers, Honest, TRANSPORTS, is_full};
 use crate::oracle::Oracle;
 use crate::patience::LIMIT;
+use crate::process::Process;
 use crate::report::{Clock, Report, Verdict};
-use crate::sandbox::{Process, Sandbox, words};
+use crate::sandbox::{Sandbox, words};
 
 /// Clients that flood.
 const FLOODERS: u64 = 4;
@@ -24,7 +25,7 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
     let sandbox = Sandbox::new(settings)?;
     let mut server = sandbox.serve(robot, &["--lanes", "64"])?;
     let timeout = LIMIT;
-    let askers = Askers::start(&sandbox.domain, &oracle, 1, timeout, settings.seed)?;
+    let askers = Askers::start(sandbox.domain(), &oracle, 1, timeout, settings.seed)?;
     let mut flooders = Vec::new();
     for number in 0..FLOODERS {
         let seed = settings.seed.wrapping_add(number).to_string();
@@ -32,19 +33,20 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
         flooders.push(Process(command.map_err(words)?));
     }
 
-    let (mut attached, mut full) = (Vec::new(), 0_u64);
+    let mut attached = Vec::new();
+    let mut full = 0_u64;
     let mut clock = Clock::new("flood", settings.seconds);
     while clock.runs(|| format!("{} attached", attached.len())) {
         let transport = TRANSPORTS[attached.len() % 2];
         let start = Instant::now();
-        match Honest::connect(&sandbox.domain, transport, timeout, &oracle, settings.seed) {
+        match Honest::connect(sandbox.domain(), transport, timeout, &oracle, settings.seed) {
             Ok(mut honest) => {
                 attached.push(start.elapsed());
                 honest.ask().map_err(words)?;
                 report.require(honest.counts.wrong == 0, || "a wrong answer".to_owned());
             }
             Err(error) if is_full(&error) => full += 1,
-            // on a busy machine the queue of those who come is full of those who flood
+            // on a busy machine flooders may fill the queue of connections
             Err(error) if !settings.strict && start.elapsed() >= timeout / 2 => {
                 report.count(format!("late: {error}"));
             }

@@ -21,16 +21,16 @@ use crate::Settings;
 use crate::honest::{Askers, TRANSPORTS};
 use crate::oracle::Oracle;
 use crate::patience::LIMIT;
-use crate::process::SHARED_MEMORY;
+use crate::process::{Process, SHARED_MEMORY};
 use crate::report::{Clock, Report, Verdict};
 use crate::roles::transport_flags;
-use crate::sandbox::{Process, Sandbox, program, words};
+use crate::sandbox::{Sandbox, program, words};
 
-/// What is left of the shared memory while newcomers try `[kB]`.
+/// Free shared memory while newcomers try `[kB]`.
 const LEFT: [u64; 8] = [0, 4, 16, 32, 64, 256, 1024, 4096];
 /// SIGBUS.
 const BUS: i32 = 7;
-/// The size of the whole.
+/// The size of the shared memory.
 const SIZE: &str = "32m";
 
 /// The process in the namespace.
@@ -103,13 +103,13 @@ impl Filler {
     }
 }
 
-/// What newcomers met.
+/// The outcomes of newcomers.
 #[derive(Default)]
 struct Newcomers {
     served: u64,
     refused: u64,
-    /// Ended by the kernel while they opened a service: the transport touches what it makes there
-    /// before anybody can reserve it. A limit that SECURITY.md names.
+    /// Ended by the kernel while they opened a service: the transport touches its new files before
+    /// their memory can be reserved. A limit that SECURITY.md names.
     ended: u64,
 }
 
@@ -121,7 +121,7 @@ fn attack(settings: &Settings) -> Result<Report, String> {
     let sandbox = Sandbox::new(settings)?;
     let mut server = sandbox.serve(robot, &["--lanes", "64"])?;
     let timeout = LIMIT;
-    let askers = Askers::start(&sandbox.domain, &oracle, 1, timeout, settings.seed)?;
+    let askers = Askers::start(sandbox.domain(), &oracle, 1, timeout, settings.seed)?;
 
     // nearly full
     let start = Instant::now();
@@ -188,7 +188,7 @@ fn attack(settings: &Settings) -> Result<Report, String> {
     Ok(report)
 }
 
-/// A client that comes now: served with right answers, or told what is missing.
+/// A client that attaches now: its answers are right, or its error names the missing memory.
 fn try_newcomer(
     sandbox: &Sandbox,
     robot: &str,

@@ -16,15 +16,15 @@ use crate::Settings;
 use crate::honest::{Askers, TRANSPORTS};
 use crate::oracle::Oracle;
 use crate::patience::LIMIT;
-use crate::process::send_signal;
+use crate::process::{Process, send_signal};
 use crate::raw::Raw;
 use crate::report::{Clock, Report, Verdict};
 use crate::roles::{Stage, transport_flags};
-use crate::sandbox::{Process, Sandbox, Server};
+use crate::sandbox::{NAME, Sandbox, Server};
 
 /// A lane of a dead client should serve the next one within this.
 const FREE: Duration = Duration::from_millis(10);
-/// Memory that a server may hold more afterwards `[kB]`: what its allocator keeps.
+/// Growth of a server's memory that its allocator may keep `[kB]`.
 const SLACK: u64 = 4096;
 
 #[derive(Args)]
@@ -40,7 +40,7 @@ impl Default for KillClients {
     }
 }
 
-/// What must be afterwards as it was before.
+/// Resources of the server, which must not grow.
 #[derive(Debug, PartialEq, Eq)]
 struct Holdings {
     descriptors: usize,
@@ -67,19 +67,19 @@ impl KillClients {
         let sandbox = Sandbox::new(settings)?;
         let mut server = sandbox.serve(robot, &[])?;
         let timeout = LIMIT;
-        let askers = Askers::start(&sandbox.domain, &oracle, 1, timeout, settings.seed)?;
-        let mut observer = Raw::greet(&sandbox.domain)?;
+        let askers = Askers::start(sandbox.domain(), &oracle, 1, timeout, settings.seed)?;
+        let observer = Raw::greet(sandbox.domain(), NAME)?;
 
-        // what a first round takes for good is no leak
+        // resources that a first round takes for good are no leak
         let mut random = Rng::with_seed(settings.seed);
         let warm = settings.seconds.min(2.0) / 4.0;
         self.kill(&sandbox, &mut random, Clock::new("kill-clients", warm))?;
-        let before = settle(&sandbox, &server, &mut observer, None)?;
+        let before = settle(&sandbox, &server, &observer, None)?;
         let memory = server.memory();
 
         let clock = Clock::new("kill-clients", 0.75 * settings.seconds);
         let kills = self.kill(&sandbox, &mut random, clock)?;
-        let after = settle(&sandbox, &server, &mut observer, Some(&before))?;
+        let after = settle(&sandbox, &server, &observer, Some(&before))?;
         let counts = askers.finish();
 
         let by_stage: Vec<String> =
@@ -148,11 +148,11 @@ impl KillClients {
     }
 }
 
-/// What is held once nobody is on the way any more: as `expected`, or when it stays the same.
+/// The resources when they are at most `expected`, or no longer change.
 fn settle(
     sandbox: &Sandbox,
     server: &Server,
-    observer: &mut Raw,
+    observer: &Raw,
     expected: Option<&Holdings>,
 ) -> Result<Holdings, String> {
     let start = Instant::now();
@@ -170,7 +170,7 @@ fn settle(
     Ok(last)
 }
 
-fn look(sandbox: &Sandbox, server: &Server, observer: &mut Raw) -> Result<Holdings, String> {
+fn look(sandbox: &Sandbox, server: &Server, observer: &Raw) -> Result<Holdings, String> {
     let Grant::Statistics(statistics) = observer.call(Call::Statistics)? else {
         return Err("no statistics".to_owned());
     };
@@ -178,15 +178,16 @@ fn look(sandbox: &Sandbox, server: &Server, observer: &mut Raw) -> Result<Holdin
     if process != u64::from(server.id()) {
         return Err(format!("process {process} answers instead of {}", server.id()));
     }
-    let (descriptors, files) = (server.descriptors(), sandbox.files().len());
-    Ok(Holdings { descriptors, files, lanes: lanes_taken, plans })
+    let files = sandbox.files().len();
+    Ok(Holdings { descriptors: server.descriptors(), files, lanes: lanes_taken, plans })
 }
 
-/// How long after a kill the only lane of a server is granted to the next client.
+/// Measures the time from a kill until the only lane of a server is granted to the next client.
 fn free_again(settings: &Settings, robot: &str, report: &mut Report) -> Result<(), String> {
     let sandbox = Sandbox::new(settings)?;
     let server = sandbox.serve(robot, &["--lanes", "1"])?;
-    let (mut since_kill, mut since_death) = (Vec::new(), Vec::new());
+    let mut since_kill = Vec::new();
+    let mut since_death = Vec::new();
     let mut clock = Clock::new("kill-clients", 0.25 * settings.seconds);
     while clock.runs(|| format!("{} lanes granted again", since_kill.len())) {
         let flags = ["--stage", "never", "--tell"].map(str::to_owned);
@@ -201,7 +202,7 @@ fn free_again(settings: &Settings, robot: &str, report: &mut Report) -> Result<(
         if line != "answered\n" {
             return Err(format!("the holder of the lane was not answered: {line}"));
         }
-        let mut next = Raw::greet(&sandbox.domain)?;
+        let next = Raw::greet(sandbox.domain(), NAME)?;
         if !matches!(next.try_call(Call::Lane { n_in: 1, n_out: 1 })?, Err(Refusal::NoLane { .. }))
         {
             report.fault("the only lane was granted twice");

@@ -43,7 +43,8 @@ impl KillServers {
         // a request that a kill fell into, or the first one after it, is answered after a gap
         let kills = Arc::new(AtomicU64::new(0));
         let gaps = Arc::new(Mutex::new(Vec::new()));
-        let (seen, all_gaps) = (kills.clone(), gaps.clone());
+        let seen = kills.clone();
+        let all_gaps = gaps.clone();
         let mut last = [0_u64; 8];
         let timeout = LIMIT;
         let ask = move |honest: &mut crate::honest::Honest, number: usize| {
@@ -58,10 +59,11 @@ impl KillServers {
                 }
             }
         };
-        let askers = Askers::start_with(&sandbox.domain, &oracle, 2, timeout, settings.seed, ask)?;
+        let askers = Askers::start_with(sandbox.domain(), &oracle, 2, timeout, settings.seed, ask)?;
 
         let mut random = Rng::with_seed(settings.seed);
-        let (mut starts_killed, mut gone_by_itself) = (0_u64, 0_u64);
+        let mut starts_killed = 0_u64;
+        let mut gone_by_itself = 0_u64;
         let mut clock = Clock::new("kill-servers", settings.seconds);
         while clock.runs(|| format!("{} kills", kills.load(Relaxed))) {
             if self.supervise {

@@ -1,5 +1,5 @@
 //! Clients write random bytes into shared memory and cut its files short: the numbers of their own
-//! lanes, or with flags what the transport trusts, and what is others'.
+//! lanes, or with flags the transport's own records and the memory of other clients.
 
 use std::collections::BTreeMap;
 use std::os::unix::process::ExitStatusExt;
@@ -13,19 +13,20 @@ use crate::Settings;
 use crate::honest::{Askers, TRANSPORTS};
 use crate::oracle::Oracle;
 use crate::patience::LIMIT;
+use crate::process::Process;
 use crate::report::{Clock, Report, Verdict};
 use crate::roles::transport_flags;
-use crate::sandbox::{Process, Sandbox, words};
+use crate::sandbox::{Sandbox, words};
 
-/// How the names of files end that hold numbers of lanes and nothing that the transport trusts.
+/// The ending of the files that hold numbers of lanes and no records of the transport.
 const NUMBERS: &str = ".blackboard_data";
 /// Scribblers at one time.
 const SCRIBBLERS: usize = 3;
 
 #[derive(Args, Default)]
 pub(crate) struct Scribble {
-    /// Scribble over the transport's own records as well, and cut them short. The server may end of
-    /// it: SECURITY.md says so; what happens is counted, and is no fault.
+    /// Scribble over the transport's own records as well, and cut them short. The server may end, a
+    /// limit that SECURITY.md names: ends are counted, and are no fault.
     #[arg(long)]
     records: bool,
     /// Scribble over the memory of all clients, with the same limit.
@@ -49,14 +50,15 @@ impl Scribble {
         let is_limit = self.records || self.others;
         let only = self.only.clone().or((!self.records).then(|| NUMBERS.to_owned()));
         let mut clock = Clock::new("scribble", settings.seconds);
-        let (mut scribblers_made, mut deaths) = (0_u64, BTreeMap::<String, u64>::new());
+        let mut scribblers_made = 0_u64;
+        let mut deaths = BTreeMap::<String, u64>::new();
         let mut total = crate::honest::Counts::default();
         let mut over = false;
         while !over {
             let mut server = sandbox.serve(robot, &[])?;
             // a damaged server may never answer
             let timeout = if is_limit { Duration::from_secs(2) } else { LIMIT };
-            let askers = Askers::start(&sandbox.domain, &oracle, 1, timeout, settings.seed)?;
+            let askers = Askers::start(sandbox.domain(), &oracle, 1, timeout, settings.seed)?;
             let mut scribblers: Vec<(Process, Instant, String)> = Vec::new();
             let mut recent = Vec::new();
             loop {

@@ -10,7 +10,6 @@ use fastrand::Rng;
 use sarrus_client::Status;
 use sarrus_proto::Node;
 use sarrus_proto::board::ClaimedLane;
-use sarrus_proto::control::Call;
 use sarrus_proto::message::{RequestHead, ResponseHead};
 use sarrus_proto::service::OpenedService;
 
@@ -20,7 +19,7 @@ use crate::oracle::{Oracle, Question};
 use crate::patience::{LIMIT, holds};
 use crate::raw::Raw;
 use crate::report::{Clock, Report, Verdict};
-use crate::sandbox::Sandbox;
+use crate::sandbox::{NAME, Sandbox};
 
 /// Questions, each asked again and again.
 const QUESTIONS: usize = 4096;
@@ -50,7 +49,7 @@ impl Default for Soak {
     }
 }
 
-/// What the threads that ask count.
+/// Counts of the asking threads.
 #[derive(Default)]
 struct Tally {
     answers: u64,
@@ -70,7 +69,8 @@ impl Soak {
         // a server that polls answers more, unless something else was asked for
         let wait: &[&str] = if settings.wait.is_some() { &[] } else { &["--wait", "busy"] };
         let mut server = sandbox.serve(robot, &[&["--lanes", &lanes], wait].concat())?;
-        let (descriptors, memory) = (server.descriptors(), server.memory());
+        let descriptors = server.descriptors();
+        let memory = server.memory();
 
         let stop = Arc::new(AtomicBool::new(false));
         let done = Arc::new(AtomicU64::new(0));
@@ -86,13 +86,15 @@ impl Soak {
             .collect();
         // clients as programs are: a false "gone" would show here
         let timeout = LIMIT;
-        let askers = Askers::start(&sandbox.domain, &oracle, 1, timeout, settings.seed)?;
+        let askers = Askers::start(sandbox.domain(), &oracle, 1, timeout, settings.seed)?;
         let mut threads = Vec::new();
         for number in 0..self.threads.max(1) {
             let share =
                 |n: usize| n / self.threads.max(1) + usize::from(n % self.threads.max(1) > number);
             let ends = attach(&sandbox, &oracle, share(self.lanes), share(self.services))?;
-            let (oracle, stop, done) = (oracle.clone(), stop.clone(), done.clone());
+            let oracle = oracle.clone();
+            let stop = stop.clone();
+            let done = done.clone();
             let seed = settings.seed.wrapping_add(number as u64);
             threads.push(std::thread::spawn(move || soak(ends, &oracle, seed, &stop, &done)));
         }
@@ -148,7 +150,7 @@ impl Soak {
     }
 }
 
-/// A client's end, with what it waits for.
+/// A client's end and its request under way.
 struct End {
     way: Way,
     raw: Raw,
@@ -172,22 +174,20 @@ fn attach(
 ) -> Result<Vec<End>, String> {
     let mut ends = Vec::new();
     for number in 0..lanes + services {
-        let mut raw = Raw::greet(&sandbox.domain)?;
-        let (mut plans, mut needs) = (Vec::new(), [0; 2]);
+        let raw = Raw::greet(sandbox.domain(), NAME)?;
+        let mut plans = Vec::new();
+        let mut needs = [0; 2];
         for query in &oracle.queries {
             let (plan, sizes) = raw.plan(query)?;
             plans.push(plan);
             needs = [needs[0].max(sizes[0]), needs[1].max(sizes[1])];
         }
         let way = if number < lanes {
-            let (link, classes) = raw.lane(needs)?;
-            let (lane, node) = raw.claim(link, classes)?;
-            Way::Lane { lane, _node: node }
+            let (_node, lane) = raw.take_lane(needs)?;
+            Way::Lane { lane, _node }
         } else {
-            let link = raw.service()?;
-            let (client, node) = raw.open(link)?;
-            raw.call(Call::Serve)?;
-            Way::Service { client, _node: node }
+            let (_node, client) = raw.take_service()?;
+            Way::Service { client, _node }
         };
         ends.push(End { way, raw, plans, sequence: 0, asked: None });
     }

@@ -1,4 +1,4 @@
-//! Server and clients are stopped and continued; errors say what is true, and nothing leaks.
+//! Server and clients are stopped and continued; errors are true, and nothing leaks.
 
 use std::io::Read;
 use std::process::Stdio;
@@ -17,13 +17,13 @@ use crate::Settings;
 use crate::honest::{Askers, Honest, TRANSPORTS};
 use crate::oracle::Oracle;
 use crate::patience::holds;
-use crate::process::{send_signal, state_of};
+use crate::process::{Process, send_signal, state_of};
 use crate::raw::Raw;
 use crate::report::{Clock, Report, Verdict};
 use crate::roles::transport_flags;
-use crate::sandbox::{Process, Sandbox, words};
+use crate::sandbox::{NAME, Sandbox, words};
 
-/// How long a client waits: shorter than most stops.
+/// A client's time-out, shorter than most stops.
 const TIMEOUT: Duration = Duration::from_millis(100);
 /// Connections that come and go while the server is stopped: more than may wait to be accepted.
 const PASSERS: usize = 300;
@@ -39,7 +39,7 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
     let oracle = Arc::new(Oracle::new(robot, settings.seed, 256)?);
     let sandbox = Sandbox::new(settings)?;
     let mut server = sandbox.serve(robot, &[])?;
-    let mut observer = Raw::greet(&sandbox.domain)?;
+    let observer = Raw::greet(sandbox.domain(), NAME)?;
     let mut random = Rng::with_seed(settings.seed);
 
     // clients in other processes, which are stopped in turn and check their own answers
@@ -54,8 +54,11 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
 
     // clients that give up
     let phase = Arc::new(AtomicU64::new(0));
-    let (lies, true_words) = (Arc::new(Mutex::new(Vec::new())), Arc::new(AtomicU64::new(0)));
-    let (now, false_words, said) = (phase.clone(), lies.clone(), true_words.clone());
+    let lies = Arc::new(Mutex::new(Vec::new()));
+    let true_words = Arc::new(AtomicU64::new(0));
+    let now = phase.clone();
+    let false_words = lies.clone();
+    let said = true_words.clone();
     let ask = move |honest: &mut Honest, _| {
         let before = now.load(Relaxed);
         let Err(error) = honest.ask() else { return };
@@ -64,7 +67,7 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
         }
         let text = error.to_string();
         let is_true = match before % PHASES {
-            // where too many wait nobody learns whose process it is
+            // with a full queue the server's process is unknown
             STOPPED => text.contains("is stopped by a signal") || text.contains("is not known; "),
             // on a busy machine it may be late, but neither stopped nor dead nor gone
             0 => text.contains("gave no answer") && text.contains(" lives"),
@@ -79,9 +82,11 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
             }
         }
     };
-    let askers = Askers::start_with(&sandbox.domain, &oracle, 2, TIMEOUT, settings.seed, ask)?;
+    let askers = Askers::start_with(sandbox.domain(), &oracle, 2, TIMEOUT, settings.seed, ask)?;
 
-    let (mut stops, mut client_stops, mut before) = (0_u64, 0_u64, None);
+    let mut stops = 0_u64;
+    let mut client_stops = 0_u64;
+    let mut before = None;
     let mut clock = Clock::new("stop", settings.seconds);
     while clock.runs(|| format!("{stops} stops of the server, {client_stops} of clients")) {
         // a client; the others go on
@@ -104,7 +109,7 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
         drop(leaving);
         if stops % 4 == 1 {
             // those that find no room are part of it
-            (0..PASSERS).for_each(|_| drop(Raw::connect(&sandbox.domain)));
+            (0..PASSERS).for_each(|_| drop(Raw::connect(sandbox.domain(), NAME)));
         }
         std::thread::sleep(Duration::from_millis(random.u64(1..500)));
         phase.fetch_add(1, Relaxed);
@@ -165,18 +170,15 @@ enum LeavingEnd {
 fn leave_open(sandbox: &Sandbox, oracle: &Oracle) -> Result<Vec<Leaving>, String> {
     let mut leaving = Vec::new();
     for number in 0..6 {
-        let mut raw = Raw::greet(&sandbox.domain)?;
+        let raw = Raw::greet(sandbox.domain(), NAME)?;
         let query = oracle.queries.first().ok_or("no query")?;
         let (_, sizes) = raw.plan(query)?;
         let end = if number % 2 == 0 {
-            let (link, classes) = raw.lane(sizes)?;
-            let (lane, node) = raw.claim(link, classes)?;
-            LeavingEnd::Lane { lane, _node: node }
+            let (_node, lane) = raw.take_lane(sizes)?;
+            LeavingEnd::Lane { lane, _node }
         } else {
-            let link = raw.service()?;
-            let (client, node) = raw.open(link)?;
-            raw.call(Call::Serve)?;
-            LeavingEnd::Service { client, _node: node }
+            let (_node, client) = raw.take_service()?;
+            LeavingEnd::Service { client, _node }
         };
         leaving.push(Leaving { end, raw });
     }
@@ -196,7 +198,7 @@ impl Leaving {
     }
 }
 
-/// Ends a client in another process; what it counted.
+/// Ends a client in another process and reports its counts.
 pub(crate) fn finish(mut client: Process, who: &str, report: &mut Report) {
     drop(client.0.stdin.take());
     let mut text = String::new();

@@ -15,10 +15,10 @@ use sarrus_proto::socket::ControlSocket;
 
 use crate::Settings;
 use crate::honest::TRANSPORTS;
-use crate::process::{SHARED_MEMORY, send_signal, shared_files};
+use crate::process::{Process, SHARED_MEMORY, send_signal, shared_files};
 use crate::report::{Clock, Report, Verdict};
 use crate::roles::transport_flags;
-use crate::sandbox::{NAME, Process, Sandbox, words};
+use crate::sandbox::{NAME, Sandbox, words};
 
 /// The user that serves, and the one that looks for a way in.
 const USERS: [u32; 2] = [65533, 65534];
@@ -48,7 +48,7 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
     let robot = settings.robot.as_deref().unwrap_or("lambda");
     // programs where both users can read them
     let sandbox = Sandbox::new(settings)?;
-    let root = sandbox.domain.root().to_owned();
+    let root = sandbox.domain().root().to_owned();
     let folder = root.with_extension("programs");
     fs::create_dir(&folder).map_err(words)?;
     let outcome = attack(settings, &sandbox, &folder, robot, &mut report);
@@ -64,7 +64,7 @@ fn attack(
     robot: &str,
     report: &mut Report,
 ) -> Result<(), String> {
-    let root = sandbox.domain.root().to_owned();
+    let root = sandbox.domain().root().to_owned();
     let [sarrus, torture] = ["sarrus", "torture"].map(|name| folder.join(name));
     fs::copy(crate::sandbox::program(settings)?, &sarrus).map_err(words)?;
     fs::copy(std::env::current_exe().map_err(words)?, &torture).map_err(words)?;
@@ -85,7 +85,7 @@ fn attack(
         command
     };
 
-    // the folder is somebody else's
+    // the folder belongs to another user
     fs::create_dir(&root).map_err(words)?;
     chown(&root, Some(USERS[1]), None).map_err(words)?;
     let refused = server().stderr(Stdio::piped()).output().map_err(words)?;
@@ -101,7 +101,7 @@ fn attack(
     let intruder = || {
         let mut command = user(&torture, USERS[1]);
         command.args(["role", "intruder", "--root"]).arg(&root);
-        command.args(["--prefix", &sandbox.domain.prefix(), "--bait"]).arg(&bait);
+        command.args(["--prefix", &sandbox.domain().prefix(), "--bait"]).arg(&bait);
         command
     };
     let mut ways_in = Vec::new();
@@ -115,7 +115,8 @@ fn attack(
 
     // and while it runs
     let mut clock = Clock::new("uid", settings.seconds);
-    let (mut rounds, mut served) = (0_u64, 0_u64);
+    let mut rounds = 0_u64;
+    let mut served = 0_u64;
     while clock.runs(|| format!("{served} clients served")) {
         let mut holders = Vec::new();
         for transport in [Transport::Lane, Transport::Service, Transport::Lane] {
@@ -132,8 +133,8 @@ fn attack(
         }
         rounds += 1;
         if rounds == 1 {
-            // what the other user made does not pile up
-            report.count(format!("{} names taken", shared_files(&sandbox.domain.prefix()).len()));
+            // the other user's files of later rounds are the same
+            report.count(format!("{} names taken", shared_files(&sandbox.domain().prefix()).len()));
         }
     }
     report.count(format!("{rounds} rounds, {served} clients served"));
@@ -149,7 +150,7 @@ fn attack(
     Ok(())
 }
 
-/// A client of the user that serves: what it was told, and its process.
+/// A client of the serving user: its process and its first line.
 fn newcomer(
     command: &mut Command,
     root: &Path,

@@ -21,13 +21,14 @@ pub(crate) struct Asker {
     /// The longest wait of a call `[ms]`.
     #[arg(long, default_value_t = LIMIT.as_millis() as u64)]
     timeout: u64,
-    /// Asks once and says `ok` or `error` and why, then stays until its input ends.
+    /// Asks once and prints `ok` or `error` with the reason, then stays until its input ends.
     #[arg(long)]
     once: bool,
 }
 
 impl Asker {
-    /// Without `once`: asks until its input ends, then says answers, wrong and lost ones.
+    /// Without `once`: asks until its input ends, then prints the numbers of answers, of wrong and
+    /// of lost ones.
     pub(crate) fn run(self, settings: &Settings) -> Result<(), String> {
         let robot = settings.robot.as_deref().unwrap_or("lambda");
         let oracle = Arc::new(Oracle::new(robot, settings.seed, if self.once { 6 } else { 256 })?);
@@ -38,7 +39,8 @@ impl Asker {
             ended.store(true, Relaxed);
         });
         let timeout = Duration::from_millis(self.timeout);
-        let (domain, transport) = (self.target.domain()?, self.target.transport());
+        let domain = self.target.domain()?;
+        let transport = self.target.transport();
         let mut honest =
             Honest::connect(&domain, transport, timeout, &oracle, settings.seed).map_err(words)?;
         if self.once {

@@ -10,6 +10,7 @@ use sarrus_proto::socket::MAX_MESSAGE;
 use super::Target;
 use crate::Settings;
 use crate::raw::Raw;
+use crate::sandbox::NAME;
 
 #[derive(Args)]
 pub(crate) struct Flooder {
@@ -33,9 +34,9 @@ impl Flooder {
 
 /// One connection's worth.
 fn flood(domain: &Domain, random: &mut Rng) -> Result<(), String> {
-    let mut raw = Raw::connect(domain)?;
+    let raw = Raw::connect(domain, NAME)?;
     let mut buffer = vec![0_u8; MAX_MESSAGE + 1];
-    // some never read what they are answered
+    // some never read an answer
     let reads = random.bool();
     for _ in 0..random.u32(1..2000) {
         let call = match random.u8(..12) {
@@ -45,7 +46,8 @@ fn flood(domain: &Domain, random: &mut Rng) -> Result<(), String> {
             3 => Call::Model { page: random.usize(..4) },
             4 => Call::Release { plan: PlanNumber(random.u32(..)) },
             5 | 6 => {
-                let (given, want) = (FieldSet::of(&[Field::Y]), FieldSet(random.u64(..)));
+                let given = FieldSet::of(&[Field::Y]);
+                let want = FieldSet(random.u64(..));
                 Call::Plan { query: Box::new(Query::new(Request::Kinematics, given, want)) }
             }
             7 => Call::Hello,

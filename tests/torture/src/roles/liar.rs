@@ -14,6 +14,7 @@ use sarrus_proto::message::PlanNumber;
 use super::Target;
 use crate::Settings;
 use crate::raw::Raw;
+use crate::sandbox::NAME;
 
 const STATE: Query =
     Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q]));
@@ -25,7 +26,7 @@ const RELEASED: Query =
 pub(crate) struct Liar {
     #[command(flatten)]
     target: Target,
-    /// Tells the truth: asks for as many rows as there is room for, again and again.
+    /// Sends correct batches of the most rows without end.
     #[arg(long)]
     flood: bool,
 }
@@ -45,7 +46,7 @@ struct Lies<'a> {
 }
 
 impl Liar {
-    /// Goes on until it is killed.
+    /// Runs until it is killed.
     pub(crate) fn run(self, settings: &Settings) -> Result<(), String> {
         let mut random = Rng::with_seed(settings.seed);
         let domain = self.target.domain()?;
@@ -58,7 +59,7 @@ impl Liar {
     }
 
     fn connect(&self, domain: &Domain, random: &mut Rng) -> Result<(), String> {
-        let mut raw = Raw::greet(domain)?;
+        let raw = Raw::greet(domain, NAME)?;
         let (released, _) = raw.plan(&RELEASED)?;
         let (plan, sizes) = raw.plan(&STATE)?;
         raw.call(Call::Release { plan: PlanNumber(released) })?;
@@ -67,19 +68,15 @@ impl Liar {
                 raw.lane(sizes)?;
                 None
             }
-            Transport::Service => {
-                let link = raw.service()?;
-                let client = raw.open(link)?;
-                raw.call(Call::Serve)?;
-                Some(client)
-            }
+            Transport::Service => Some(raw.take_service()?),
         };
         let (area, memory) = raw.batches()?;
         let [n_in, n_out] = sizes;
         let most = BatchShape::most_rows(n_in, n_out);
         let rows = if self.flood { most } else { random.usize(1..=most) };
         let shape = BatchShape::new(rows as u64, n_in, n_out).ok_or("no room for a row")?;
-        let (memory, input) = (File::from(memory), vec![0.1; rows * n_in]);
+        let memory = File::from(memory);
+        let input = vec![0.1; rows * n_in];
         let mut lies =
             Lies { raw, random, area, memory, shape, input, plan, released, sequence: 0 };
         match self.flood {
@@ -107,7 +104,7 @@ impl Lies<'_> {
         self.area.send(&head, &self.shape, &self.input);
     }
 
-    /// Looks for an answer, not for ever: some of what was asked has none.
+    /// Waits for an answer for a bounded time: some lies have none.
     fn wait(&self) {
         for _ in 0..2000 {
             if self.area.answer(self.sequence).is_some() {
@@ -120,14 +117,15 @@ impl Lies<'_> {
     fn lie(&mut self) -> Result<(), String> {
         for _ in 0..self.random.u32(1..300) {
             self.sequence = self.sequence.wrapping_add(1);
-            let (released, last) = (self.released, self.sequence);
+            let released = self.released;
+            let last = self.sequence;
             self.send(|head, random| match random.u8(..20) {
                 0 => head.rows = 0,
                 1 => head.rows = u64::MAX,
                 2 => head.rows = MAX_BATCH_ROWS as u64 + random.u64(..2),
                 3 => head.rows = random.u64(..) >> random.u32(..64),
                 4 => head.plan = released,
-                // of others, some of them
+                // plans of other clients
                 5 => head.plan = random.u32(..4),
                 6 => head.plan = random.u32(..),
                 7 => head.version = random.u32(..),
@@ -142,14 +140,14 @@ impl Lies<'_> {
                 break;
             }
         }
-        // goes with a batch under way
+        // leaves with a batch under way
         self.sequence = self.sequence.wrapping_add(1);
         self.send(|_, _| ());
         match self.random.u8(..4) {
             0 => {
                 self.raw.call(Call::Leave)?;
             }
-            // something else takes the place of what it has; the area is asked on
+            // another lane or service replaces the first, and the area is used on
             1 => {
                 self.raw.lane([1000, 1000])?;
             }
@@ -163,13 +161,13 @@ impl Lies<'_> {
         Ok(())
     }
 
-    /// What it does while its batch is answered; true where it goes.
+    /// Disturbs the answer to its batch; true where it leaves.
     fn before_the_answer(&mut self) -> Result<bool, String> {
         let bytes = 8 * BATCH_WORDS as u64;
         match self.random.u8(..10) {
-            // asks over it
+            // sends the next batch at once
             0 => {}
-            // the head is another one all the time
+            // changes the head
             1 => {
                 for _ in 0..self.random.u32(..500) {
                     let number = self.random.u64(..) >> self.random.u32(..64);
@@ -177,9 +175,10 @@ impl Lies<'_> {
                     self.write(place, &number.to_ne_bytes());
                 }
             }
-            // and what the server writes
+            // overwrites the server's words
             2 => {
-                let (place, number) = (8 * self.random.u64(8..24), self.random.u64(..));
+                let place = 8 * self.random.u64(8..24);
+                let number = self.random.u64(..);
                 self.write(place, &number.to_ne_bytes());
             }
             3 => {
@@ -196,10 +195,11 @@ impl Lies<'_> {
             5 => {
                 let _ = self.memory.set_len(self.random.u64(..2 * bytes));
             }
-            // the same area once more, now and then with its descriptor dropped first
+            // a second area replaces the first
             6 => {
                 let (area, memory) = self.raw.batches()?;
-                (self.area, self.memory) = (area, File::from(memory));
+                self.area = area;
+                self.memory = File::from(memory);
             }
             7 => return Ok(self.random.u8(..16) == 0),
             _ => self.wait(),

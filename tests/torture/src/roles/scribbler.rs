@@ -13,6 +13,7 @@ use super::Target;
 use crate::Settings;
 use crate::process::shared_files;
 use crate::raw::Raw;
+use crate::sandbox::NAME;
 
 const STATE: Query =
     Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q]));
@@ -37,7 +38,7 @@ impl Scribbler {
     pub(crate) fn run(self, settings: &Settings) -> Result<(), String> {
         let mut random = Rng::with_seed(settings.seed);
         let domain = self.target.domain()?;
-        let mut raw = Raw::greet(&domain)?;
+        let raw = Raw::greet(&domain, NAME)?;
         let (plan, sizes) = raw.plan(&STATE)?;
         let numbers = vec![0.1; sizes[0]];
         let scribble = |random: &mut Rng, prefix: &str| {
@@ -97,7 +98,7 @@ fn damage(path: &Path, random: &mut Rng, truncate: bool) -> std::io::Result<()> 
     if truncate {
         return file.set_len(random.u64(..=size));
     }
-    // most of what matters lies at the front
+    // most records lie at the front
     let reach = if random.bool() { size.min(512) } else { size };
     let place = random.u64(..reach.max(1)) & !7;
     let mut bytes = [0_u8; 64];

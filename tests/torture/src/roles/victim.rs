@@ -12,6 +12,7 @@ use sarrus_proto::control::Call;
 use super::Target;
 use crate::process::send_signal;
 use crate::raw::Raw;
+use crate::sandbox::NAME;
 
 const STATE: Query = Query::new(
     Request::Kinematics,
@@ -19,14 +20,14 @@ const STATE: Query = Query::new(
     FieldSet::of(&[Field::Q, Field::Qd, Field::Qdd, Field::U]),
 );
 
-/// After what a client is killed.
+/// The stage after which a client is killed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
 pub(crate) enum Stage {
     /// The process runs.
     Start,
     /// It is connected.
     Connected,
-    /// The server knows it.
+    /// The server has answered its greeting.
     Greeted,
     /// It has a plan.
     Planned,
@@ -92,14 +93,14 @@ pub(crate) struct Victim {
     /// So long after it `[µs]`; 0 is at once.
     #[arg(long, default_value_t = 0)]
     delay: u64,
-    /// Says when it was answered.
+    /// Prints a line when it was answered.
     #[arg(long)]
     tell: bool,
 }
 
 impl Victim {
     pub(crate) fn run(self) -> Result<(), String> {
-        // the thread that kills while this one goes on
+        // a thread that kills the process while this one goes on
         let (reached, wait) = sync_channel::<()>(1);
         let delay = Duration::from_micros(self.delay);
         std::thread::spawn(move || {
@@ -111,7 +112,7 @@ impl Victim {
         let at = |stage: Stage| reach(&self, stage, &reached);
 
         at(Stage::Start);
-        let mut raw = Raw::connect(&self.target.domain()?)?;
+        let mut raw = Raw::connect(&self.target.domain()?, NAME)?;
         at(Stage::Connected);
         raw.hello()?;
         at(Stage::Greeted);

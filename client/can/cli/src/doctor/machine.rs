@@ -1,4 +1,4 @@
-//! What this computer permits: real-time priorities, processor time for them, locked memory.
+//! Rights on this computer: real-time priorities, processor time for them, locked memory.
 
 use super::Finding;
 use sarrus_can_run::realtime::{lock_memory, permits_priority};
@@ -6,7 +6,7 @@ use sarrus_can_run::realtime::{lock_memory, permits_priority};
 /// Part of the time that real-time threads should have at least.
 const LEAST_SHARE: f64 = 0.9;
 
-/// What the kernel's files and the system say.
+/// Settings of the kernel and limits of this process.
 pub(super) struct Machine {
     /// `Max realtime priority` of `/proc/self/limits`.
     pub(super) priority: Option<String>,

@@ -1,6 +1,6 @@
-//! `sarrus-can doctor`: what of this computer, its buses and a configuration stands in the way of a
-//! robot, a line each with what to do. Nothing is changed; with `--motors` they are asked, and get
-//! no power.
+//! `sarrus-can doctor`: obstacles to running a robot in this computer, its buses and a
+//! configuration, one line and remedy each. It changes nothing; with `--motors` it asks the motors,
+//! without giving them power.
 
 mod machine;
 mod motors;
@@ -23,8 +23,8 @@ use sarrus_can_run::bus::interface;
 pub(crate) struct Doctor {
     /// The configuration of the robot's buses and motors
     config: PathBuf,
-    /// Also ask every motor whether it answers, and for its firmware where it tells it; no bridge
-    /// may run on the buses meanwhile
+    /// Also ask every motor for an answer and for its firmware; no bridge may run on the buses
+    /// meanwhile
     #[arg(long)]
     motors: bool,
     /// As text or as one JSON object
@@ -35,9 +35,9 @@ pub(crate) struct Doctor {
 /// Something that is not as it should be.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Finding {
-    /// What was looked at.
+    /// The checked item.
     check: String,
-    /// What there is, what was expected and what to do.
+    /// The fault, the expected state and the remedy.
     text: String,
 }
 
@@ -49,11 +49,8 @@ impl Finding {
 
 impl Doctor {
     /// 0 when all is well, 1 for a finding, 2 for a file that cannot be opened.
-    pub(crate) fn run(&self) -> ExitCode {
-        let mut configuration = match crate::configuration(&self.config) {
-            Ok(configuration) => configuration,
-            Err(code) => return code,
-        };
+    pub(crate) fn run(&self) -> Result<ExitCode, ExitCode> {
+        let mut configuration = crate::configuration(&self.config)?;
         let mut findings: Vec<Finding> = configuration
             .warnings
             .iter()
@@ -85,7 +82,7 @@ impl Doctor {
             }
             Format::Json => println!("{}", object(&findings, &firmware)),
         }
-        ExitCode::from(u8::from(!findings.is_empty()))
+        Ok(ExitCode::from(u8::from(!findings.is_empty())))
     }
 }
 
@@ -105,7 +102,7 @@ fn name(configuration: &Configuration, actuator: usize) -> &str {
     configuration.actuators.get(actuator).map_or("", String::as_str)
 }
 
-/// What the system says of a bus: whether it is there, its bit rates, its state, its queue.
+/// Findings about a bus: whether the interface exists, its bit rates, state and queue.
 fn bus(bus: &BusConfig) -> Vec<Finding> {
     let check = format!("bus {}", bus.name);
     let one = |text: String| vec![Finding::new(&check, text)];
@@ -170,7 +167,7 @@ fn is_pseudo_terminal(path: &Path) -> bool {
     std::fs::canonicalize(path).is_ok_and(|path| path.starts_with("/dev/pts"))
 }
 
-/// A watchdog that nobody can read is believed: somebody should have seen it work.
+/// A watchdog that cannot be read is believed: an operator should have seen it work.
 fn believed(motor: &MotorConfig, name: &str) -> Option<Finding> {
     let is_unreadable = motor.drive.state().watchdog == Watchdog::Unreadable;
     (is_unreadable && motor.watchdog_believed).then(|| {

@@ -14,9 +14,10 @@ use sarrus_can_run::bus::{self, Address, Bus, BusError, Heard, own};
 const TIMEOUT: Duration = Duration::from_secs(1);
 const AGAIN: Duration = Duration::from_millis(20);
 
-/// Findings, and the firmware of motors that tell it.
+/// Findings, and the firmware of motors that report it.
 pub(super) fn ask(configuration: &mut Configuration) -> (Vec<Finding>, Vec<(String, String)>) {
-    let (mut findings, mut firmware) = (Vec::new(), Vec::new());
+    let mut findings = Vec::new();
+    let mut firmware = Vec::new();
     let mut motors = std::mem::take(&mut configuration.motors);
     for (number, of_bus) in configuration.buses.iter().enumerate() {
         let address = Address::of(of_bus);
@@ -56,7 +57,7 @@ fn silence(is_malformed: bool) -> &'static str {
     }
 }
 
-/// What came of a motor.
+/// Answer of a motor.
 #[derive(Default)]
 struct Answer {
     heard: bool,
@@ -66,7 +67,8 @@ struct Answer {
 
 fn one(port: &mut dyn Bus, motor: &mut MotorConfig) -> Result<Answer, BusError> {
     let version = motor.drive.parameters().iter().position(|parameter| parameter.is_version());
-    let (begin, mut answer) = (Instant::now(), Answer::default());
+    let begin = Instant::now();
+    let mut answer = Answer::default();
     let mut out = FrameQueue::new(32);
     while begin.elapsed() < TIMEOUT && !(answer.heard && version.is_none()) {
         out.clear();

@@ -1,4 +1,4 @@
-//! Lines on stdin: what tests ask and what they break.
+//! Orders on stdin: reports and faults.
 //!
 //! `report` | `fault MOTOR CODE` (0 removes it) | `reboot MOTOR` | `silence MOTOR on|off` |
 //! `wrong_id MOTOR on|off` | `loss PART` | `delay MS` | `warning` | `passive` | `busoff` | `active`
@@ -26,13 +26,11 @@ pub(super) enum Order {
     State(BusEvent, Option<String>),
 }
 
-/// Reads a line, or says what is expected.
+/// Reads a line; the error is the expectation.
 pub(super) fn read(line: &str) -> Result<Order, String> {
     let words: Vec<&str> = line.split_whitespace().collect();
-    let (bus, state) = (
-        |bus: &[&str]| bus.first().map(|bus| (*bus).to_owned()),
-        |event, bus: Option<String>| Ok(Order::State(event, bus)),
-    );
+    let bus = |bus: &[&str]| bus.first().map(|bus| (*bus).to_owned());
+    let state = |event, bus: Option<String>| Ok(Order::State(event, bus));
     match words.as_slice() {
         ["report"] => Ok(Order::Report),
         ["fault", motor, code] => {
@@ -71,7 +69,7 @@ pub(super) fn read(line: &str) -> Result<Order, String> {
     }
 }
 
-/// Does what a line says; what cannot be done is said on stderr.
+/// Obeys an order; failures are reported on stderr.
 pub(super) fn obey(
     order: &Order,
     now_ns: u64,

@@ -1,4 +1,4 @@
-//! One bus of the simulation, with what may go wrong on it: loss and delay.
+//! One bus of the simulation, with loss and delay of frames.
 
 use std::collections::VecDeque;
 
@@ -82,7 +82,7 @@ impl Line {
         Ok(())
     }
 
-    /// Sends what is due.
+    /// Sends the frames that are due.
     pub(super) fn send(&mut self, now_ns: u64) -> Result<(), BusError> {
         while let Some(&(due_ns, frame)) = self.waiting.front() {
             if due_ns > now_ns {

@@ -1,9 +1,9 @@
 //! `sarrus-can simulate`: the motors of a configuration from their own side, one process for each
 //! bus or for all.
 //!
-//! Prints `ready BUS CHANNEL` for each bus, then what happens as JSON lines: power, faults, tripped
-//! watchdogs, the first set-point. Lines on stdin ask for a report or do mischief, see [`console`].
-//! Times are CLOCK_MONOTONIC in nanoseconds, so that tests can compare processes.
+//! Prints `ready BUS CHANNEL` for each bus, then events as JSON lines: power, faults, tripped
+//! watchdogs, the first set-point. Lines on stdin request a report or inject faults, see
+//! [`console`]. Times are CLOCK_MONOTONIC in nanoseconds, so that tests can compare processes.
 
 mod console;
 mod line;
@@ -55,7 +55,7 @@ pub(crate) struct Simulate {
     /// Make the link here instead, for one bus
     #[arg(long, value_name = "PATH", requires = "pty", requires = "bus")]
     link: Option<PathBuf>,
-    /// What turns behind the motors
+    /// Mechanics behind the motors
     #[arg(long, value_enum, default_value_t = Dynamics::Motor)]
     dynamics: Dynamics,
     /// Inertia of each motor, at its output [kg m²]: without it 0.01, which counts the load, and
@@ -69,12 +69,12 @@ pub(crate) struct Simulate {
     /// A line as on stdin, done at the start; may be repeated
     #[arg(long, value_name = "LINE")]
     fault: Vec<String>,
-    /// Seed of what is lost
+    /// Seed of the losses
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }
 
-/// What turns behind the motors.
+/// Mechanics behind the motors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Dynamics {
     /// Each motor turns an inertia of its own
@@ -83,19 +83,11 @@ pub(crate) enum Dynamics {
     Robot,
 }
 
-/// Runs until it is asked to stop: 0; 1 for a faulty configuration, 2 for what cannot be opened.
-pub(crate) fn run(arguments: &Simulate) -> ExitCode {
-    let configuration = match crate::configuration(&arguments.config) {
-        Ok(configuration) => configuration,
-        Err(code) => return code,
-    };
-    match prepare(arguments, &configuration).and_then(|mut simulation| simulation.run()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(reason) => {
-            eprintln!("sarrus-can simulate: {reason}");
-            ExitCode::from(2)
-        }
-    }
+/// Runs until a signal ends it: 0; 1 for a faulty configuration, 2 for failures at start-up.
+pub(crate) fn run(arguments: &Simulate) -> Result<ExitCode, ExitCode> {
+    let configuration = crate::configuration(&arguments.config)?;
+    let result = prepare(arguments, &configuration).and_then(|mut simulation| simulation.run());
+    Ok(crate::ended("simulate", result))
 }
 
 struct Simulation {
@@ -136,7 +128,8 @@ fn prepare(arguments: &Simulate, configuration: &Configuration) -> Result<Simula
         [arguments.inertia, arguments.friction].map(|given| given.unwrap_or(usual));
     let physics = Physics { inertia, friction, torque_limit: f64::INFINITY };
     let motors = Motors::new(configuration, &chosen, physics, arguments.dynamics)?;
-    let (mut lines, mut links) = (Vec::new(), Vec::new());
+    let mut lines = Vec::new();
+    let mut links = Vec::new();
     for &place in &chosen {
         let Some(config) = configuration.buses.get(place) else { continue };
         let (bus, channel): (Box<dyn Bus>, String) =
@@ -186,8 +179,8 @@ fn listen(first: &[String]) -> Result<mpsc::Receiver<Order>, String> {
     Ok(receiver)
 }
 
-/// Where stdin is a terminal, waits until it has a line for this process. In the background nothing
-/// may be read from it: the system stops whoever tries, motors and all.
+/// Where stdin is a terminal, waits until it has a line for this process. A read in the background
+/// would stop the process, motors and all.
 fn wait_for_terminal() {
     const LOOK: Duration = Duration::from_millis(100);
     let stdin = io::stdin();
@@ -202,7 +195,7 @@ fn wait_for_terminal() {
 
 impl Simulation {
     fn run(&mut self) -> Result<(), String> {
-        // what holds from the start does so before a frame is heard
+        // orders of `--fault` take effect before the first frame
         self.obey(now_ns()).map_err(|error| error.to_string())?;
         while !self.stop.load(Ordering::Relaxed) {
             self.cycle().map_err(|error| error.to_string())?;

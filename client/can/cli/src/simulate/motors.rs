@@ -1,4 +1,4 @@
-//! The motors of all simulated buses, and what they move.
+//! The motors of all simulated buses, and their load.
 
 use sarrus_can_core::config::Configuration;
 use sarrus_can_core::frame::{Frame, FrameQueue};
@@ -33,7 +33,7 @@ struct Motor {
     reported: Reported,
 }
 
-/// What was reported of a motor last.
+/// State of a motor as last reported.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Reported {
     power: bool,
@@ -58,14 +58,13 @@ impl Motors {
                     .ok_or_else(|| {
                         format!("{name}: the protocol {} is not simulated", config.protocol.name)
                     })?;
-            let (mapping, unasked) = (config.mapping, FrameQueue::new(16));
             motors.push(Motor {
                 name,
                 actuator: config.actuator,
                 bus: config.bus,
-                mapping,
+                mapping: config.mapping,
                 simulated,
-                unasked,
+                unasked: FrameQueue::new(16),
                 reported: Reported::default(),
             });
         }
@@ -141,7 +140,7 @@ impl Motors {
         found.map(|motor| act(&mut motor.simulated)).is_some()
     }
 
-    /// What happened since the last time, as JSON lines.
+    /// Events since the last call, as JSON lines.
     pub(super) fn news(&mut self, now_ns: u64) -> Vec<String> {
         let mut news = Vec::new();
         for motor in &mut self.motors {
@@ -215,7 +214,7 @@ impl Motor {
     }
 }
 
-/// What a motor follows; nothing without power.
+/// Set-point that a motor follows; `None` without power.
 fn setpoint(motor: &Simulated) -> Option<Value> {
     let law = motor.follows()?;
     Some(json!({

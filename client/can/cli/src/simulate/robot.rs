@@ -9,8 +9,7 @@
 //!
 //! where u̇ = G ẏ, R are the rotors' inertias and D, K the motors' damping and stiffness as the
 //! actuators feel them, and c is the bias with gravity. A motor without power is limp: its actuator
-//! falls with the robot. Only until it first gets power it stands as if on a stand, where somebody
-//! has put the robot.
+//! falls with the robot. Until it first gets power it is held as by a stand.
 
 // the symbols of the equation
 #![allow(non_snake_case)]
@@ -39,7 +38,7 @@ pub(super) struct Moving {
     stuck: bool,
 }
 
-/// What acts on an actuator: f − k (u − u*) − d u̇, with the inertia of the rotor.
+/// Force on an actuator: f − k (u − u*) − d u̇, with the inertia of the rotor.
 #[derive(Clone, Copy, Debug)]
 struct Law {
     force: f64,
@@ -58,7 +57,8 @@ impl Moving {
             .ok_or("--dynamics robot needs a configuration with `robot` or `urdf`")?;
         let mut robot =
             Robot::load(source, &Options::default()).map_err(|error| error.to_string())?;
-        let (n_y, n_u) = (robot.model().sizes.n_vy, configuration.actuators.len());
+        let n_y = robot.model().sizes.n_vy;
+        let n_u = configuration.actuators.len();
         if robot.model().sizes.n_qy != n_y {
             return Err("--dynamics robot needs a robot whose base is fixed".to_owned());
         }
@@ -73,15 +73,14 @@ impl Moving {
             inertia: physics.inertia,
         };
         let output = vec![0.0; 2 * n_u + n_u * n_y + n_y * n_y + n_y];
-        let (y, yd, input) = (vec![0.0; n_y], vec![0.0; n_y], vec![0.0; 3 * n_y]);
         let mut moving = Moving {
             robot,
             plan,
-            y,
-            yd,
+            y: vec![0.0; n_y],
+            yd: vec![0.0; n_y],
             n_u,
             physics,
-            input,
+            input: vec![0.0; 3 * n_y],
             output,
             laws: vec![still; n_u],
             on_stand: vec![true; n_u],
@@ -97,7 +96,7 @@ impl Moving {
         (number(actuator), number(self.n_u + actuator))
     }
 
-    /// What a motor does to its actuator until the next step.
+    /// Sets the law by which a motor drives its actuator until the next step.
     pub(super) fn drive(&mut self, actuator: usize, mapping: &Mapping, plant: &Plant) {
         let Mapping { sign, gear, offset, torque_constant } = *mapping;
         let (u, _) = self.actuator(actuator);
@@ -109,7 +108,8 @@ impl Moving {
             return;
         };
         *on_stand &= !plant.power;
-        let (friction, inertia) = (self.physics.friction * square, self.physics.inertia * square);
+        let friction = self.physics.friction * square;
+        let inertia = self.physics.inertia * square;
         // where the actuator is when the motor's coordinate is that of the set-point
         let target = sign * (law.position + plant.zero) / gear + offset;
         let held = plant.drive_torque().abs() >= plant.physics.torque_limit;
@@ -134,17 +134,16 @@ impl Moving {
             }
         } else {
             let force = sign * gear * torque_constant * (law.torque + law.damping * law.velocity);
-            let (stiffness, damping) = (
-                square * torque_constant * law.stiffness,
-                square * torque_constant * law.damping + friction,
-            );
+            let stiffness = square * torque_constant * law.stiffness;
+            let damping = square * torque_constant * law.damping + friction;
             Law { force, stiffness, target, damping, inertia }
         };
     }
 
-    /// Goes on by `h` seconds. A robot that cannot go on stands still, and says so once.
+    /// Integrates `h` seconds. A robot whose step fails stands still, which is reported once.
     pub(super) fn step(&mut self, h: f64) {
-        let (n_y, n_u) = (self.y.len(), self.n_u);
+        let n_y = self.y.len();
+        let n_u = self.n_u;
         let (heads, rest) = self.output.split_at(2 * n_u);
         let (u, ud) = heads.split_at(n_u);
         let (G, rest) = rest.split_at(n_u * n_y);
@@ -163,7 +162,8 @@ impl Moving {
             .collect();
         for (actuator, law) in self.laws.iter().enumerate() {
             let weight = law.inertia + h * law.damping + h * h * law.stiffness;
-            let (u, ud) = (u.get(actuator).unwrap_or(&0.0), ud.get(actuator).unwrap_or(&0.0));
+            let u = u.get(actuator).unwrap_or(&0.0);
+            let ud = ud.get(actuator).unwrap_or(&0.0);
             let push = law.inertia * ud + h * (law.force - law.stiffness * (u - law.target));
             for i in 0..n_y {
                 let left = at(G, actuator, i);

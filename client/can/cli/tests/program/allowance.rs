@@ -1,5 +1,5 @@
 //! Waiting for processes: an allowance that grows with the lateness of the machine, which is
-//! measured. What judges times runs on simulated time and needs none of this.
+//! measured. Tests of times run on simulated time and need none of this.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
@@ -49,7 +49,7 @@ fn waiting_share() -> Option<f64> {
     (run > 0.0).then(|| (run + wait) / run)
 }
 
-/// What is left of the time that something may take.
+/// Rest of a time limit.
 #[derive(Debug)]
 pub(crate) struct Allowance {
     left: f64,
@@ -65,8 +65,8 @@ impl Allowance {
         Allowance { left: ALONE.as_secs_f64(), slowness: 1.0, measured: now, looked: now }
     }
 
-    /// Whether there is any left. What went by since the last time counts as much less as the
-    /// machine is slower.
+    /// Whether there is any left. The time since the last call counts as much less as the machine
+    /// is slower.
     pub(crate) fn is_left(&mut self) -> bool {
         if self.measured.elapsed() > MEASURED {
             self.slowness = slowness();
@@ -95,7 +95,7 @@ pub(crate) fn wait_for<T>(what: &str, mut there: impl FnMut() -> Option<T>) -> T
     }
 }
 
-/// What comes next from a process.
+/// The next value from a process.
 pub(crate) fn next<T>(from: &Receiver<T>, what: &str) -> T {
     let mut allowance = Allowance::new();
     loop {

@@ -80,7 +80,8 @@ impl Program {
         let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus-can"));
         let mut child =
             command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
-        let (stdin, stdout) = (child.stdin.take().unwrap(), child.stdout.take().unwrap());
+        let stdin = child.stdin.take().unwrap();
+        let stdout = child.stdout.take().unwrap();
         let (sender, lines) = channel();
         std::thread::spawn(move || {
             BufReader::new(stdout)
@@ -177,7 +178,7 @@ impl Host {
         }
     }
 
-    /// What a line is answered with.
+    /// The answer to a line.
     fn ask(&mut self, line: &str) -> String {
         self.write(&format!("{line}\r"));
         self.line()

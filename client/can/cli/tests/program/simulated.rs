@@ -18,7 +18,7 @@ const POWER_OFF: &str = "t0038FFFFFFFFFFFFFFFD";
 /// Position 2 rad (code 38010), velocity 0, stiffness 50 (code 409), damping 1 (code 819), torque
 /// 0.
 const HOLD_2_RAD: &str = "t0038947A7FF199333800";
-/// The same with damping 5.
+/// `HOLD_2_RAD` with damping 5.
 const HOLD_2_RAD_DAMPED: &str = "t0038947A7FF199FFF800";
 
 fn simulate(folder: &Folder, motors: &[&str], more: &[&str]) -> Program {
@@ -187,7 +187,8 @@ fn a_robot_moves_behind_its_motors() {
         host.ask(HOLD_2_RAD_DAMPED);
         let report = motors.report();
         let number = |key: &str| report[key].as_f64().unwrap();
-        let (position, velocity) = (number("actuator_position"), number("actuator_velocity"));
+        let position = number("actuator_position");
+        let velocity = number("actuator_velocity");
         let balance = 50.0 * (2.0 - position) + 9.81 * position.cos();
         let is_balanced = (position - 2.0).abs() > 0.02 && balance.abs() < 0.2;
         (is_balanced && velocity.abs() < 1e-3).then_some(())

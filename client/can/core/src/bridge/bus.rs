@@ -1,6 +1,7 @@
 //! One bus: the frames of a cycle, and the bus's state.
 
-use super::counters::{BusCounters, BusState};
+use super::counters::BusCounters;
+use crate::event::BusState;
 use crate::frame::{Frame, FrameQueue};
 
 /// Room for frames of one motor in one cycle.

@@ -4,35 +4,11 @@ use sarrus_proto::counts::{BusCounts, CommandCounts};
 
 use crate::event::BusEvent;
 
-/// How a bus is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BusState {
-    /// No trouble.
-    Active,
-    /// Many errors.
-    Warning,
-    /// Error-passive: nothing is armed.
-    Passive,
-    /// Off the bus: its mechanisms are in fault.
-    Off,
-}
-
-impl BusState {
-    /// The name that people see.
-    pub const fn name(self) -> &'static str {
-        match self {
-            BusState::Active => "active",
-            BusState::Warning => "warning",
-            BusState::Passive => "passive",
-            BusState::Off => "off",
-        }
-    }
-}
-
 /// How far a bridge is, after a cycle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Progress {
     /// No mechanism has power or is on the way to it.
+    #[default]
     Idle,
     /// Some mechanism arms.
     Arming,

@@ -29,10 +29,10 @@ mod tests;
 mod transitions;
 mod verdict;
 
-pub use counters::{Bookmark, BusCounters, BusState, Counters, Progress};
+pub use counters::{Bookmark, BusCounters, Counters, Progress};
 pub use sarrus_proto::counts::CommandVerdict;
 
-pub use crate::event::BusEvent;
+pub use crate::event::{BusEvent, BusState};
 
 use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, MechanismState, Reason};
 

@@ -3,11 +3,11 @@
 use sarrus_proto::actuators::Reason;
 
 use super::chatter::Chatter;
-use super::counters::BusState;
 use super::course::Reference;
 use super::monitors::Monitors;
 use crate::config::MotorConfig;
 use crate::drive::{DriveState, Measurement, Mode, Watchdog};
+use crate::event::BusState;
 use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint, Mapping};
 use crate::protocol::fault;
 
@@ -24,8 +24,7 @@ pub(super) struct Motor {
     /// It has not measured for so long that it counts as silent in this cycle.
     pub(super) is_silent: bool,
     pub(super) measured: ActuatorMeasurement,
-    /// Its velocity: measured, or of the last two positions where it does not tell it `[rad/s,
-    /// m/s]`.
+    /// Its velocity: reported, or of the last two positions `[rad/s, m/s]`.
     pub(super) velocity: f64,
     /// When it last measured `[ns]`.
     pub(super) measured_ns: Option<u64>,

@@ -12,9 +12,9 @@ const OPERATION_NS: u64 = 1_000_000_000;
 const REPEATED_NS: u64 = 100_000_000;
 
 impl Bridge {
-    /// Takes a request of an operator. Power is given for requests of now only, and not for those
-    /// before the last one to disarm, in whatever order they come. One to disarm is no second one
-    /// where it is repeated at once, as clients do until they see it done.
+    /// Takes a request of an operator. Only recent requests give power, and none that was made
+    /// before the last one to disarm, in any order of arrival. A request to disarm that is repeated
+    /// at once, as clients do until they see it done, does not count as a second one.
     pub fn request(&mut self, now_ns: u64, request: &OperatorRequest) -> Option<Operation> {
         let operation = Operation::from_code(request.operation)?;
         let actuator = request.actuator.checked_sub(1).map(|actuator| actuator as usize);

@@ -21,8 +21,8 @@ impl Reaction {
             Reason::Disarmed | Reason::OtherMechanism => Reaction::Ramp,
             // it was damped for T2 - T1; the remaining speed may be that of a falling load
             Reason::CommandLost => Reaction::Brake,
-            // the robot is where or as fast as it must not be, or behind what it is asked for, and
-            // its motors measure and follow
+            // position, speed or following error is beyond its limit, and the motors measure and
+            // follow
             Reason::PositionLimit
             | Reason::VelocityLimit
             | Reason::FollowingError
@@ -41,9 +41,9 @@ impl Reaction {
             | Reason::SecondAnswer
             | Reason::LoopResidual
             | Reason::Unreachable => Reaction::TorqueOff,
-            // the motor does not do what it is asked for, or not only what this side asks for;
-            // braking with the others of its mechanism would load the loop on one side. A second
-            // master can bring no torque back but by giving power
+            // the motor does not follow, or follows others too; braking with the other motors of
+            // its mechanism would load the loop on one side. A second master can bring no torque
+            // back but by giving power
             Reason::MotorFault
             | Reason::PowerLost
             | Reason::EffortMismatch

@@ -161,8 +161,8 @@ impl Motor {
         ActuatorSetpoint { velocity: 0.0, effort, stiffness: 0.0, damping, ..setpoint }
     }
 
-    /// Spring, damper and effort together stay within a part of the limit, as far as the last
-    /// measurement tells. All three shrink alike, so that none is left alone where the motor itself
+    /// Spring, damper and effort together stay within a part of the limit, by the last
+    /// measurement. All three shrink alike, so that none is left alone where the motor itself
     /// saturates another.
     fn within_effort(
         &mut self,

@@ -10,9 +10,9 @@
 //! which is a servo of the velocity whose integral is the spring: a load beside gravity g is
 //! held after a tenth of a second or two. Where nothing is wrong and the motor stands still, the
 //! last effort takes the place of a g that no model knows. p* stays within the limits of the
-//! position, and no farther from p than where the spring has what the damper leaves of the greatest
-//! effort, so that a load which that effort cannot stop at once is not thrown back. Against an
-//! inertia J the servo does not swing where d ≥ 40/s · J.
+//! position, and so near to p that spring and damper together do not exceed the greatest effort: a
+//! load that this effort cannot stop at once is not thrown back. Against an inertia J the servo
+//! does not swing where d ≥ 40/s · J.
 //!
 //! A heavier load swings. So where the speed is above a line from its first value to zero after
 //! half of the stop's time, the damping, and the spring with it, grow: they double every 20 ms, as
@@ -20,15 +20,13 @@
 //! in half of that time next to nothing moves when it is over, as long as J ≤ d · 0.4 s.
 //!
 //! Lowering has no spring, and v* = −g/d, no faster than the speed that it may have: τ = g −
-//! clamp(g, ±d v) − d v. It comes to rest where gravity has no more hold on it, or on whatever it
-//! lies on.
+//! clamp(g, ±d v) − d v. The load comes to rest at its equilibrium or on its support.
 //!
 //! A motor that follows torques gets the sum at the bridge's rate, with a cycle of delay, Δt: the
 //! speed goes on as v₊ = v − a v₋ with a = d Δt / J, which is stable for a < 1 (with two cycles of
 //! delay for a < 0.61). J is unknown, so [`Chatter`](super::chatter::Chatter) halves spring and
-//! damper as often as it has
-//! to. Where the greatest effort turns the motor round in one cycle nothing helps, and it is found
-//! to run away.
+//! damper as long as the speed alternates. Where the greatest effort reverses the motor within one
+//! cycle nothing helps, and the monitors find a runaway.
 
 use super::course::{RETURN_EFFORT, Reference};
 use super::motor::Motor;

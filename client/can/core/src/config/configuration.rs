@@ -201,6 +201,11 @@ impl Configuration {
         self.buses.iter().position(|bus| bus.name == name)
     }
 
+    /// Place of the actuator of a name.
+    pub fn actuator(&self, name: &str) -> Option<usize> {
+        self.actuators.iter().position(|known| known == name)
+    }
+
     /// Time between two cycles `[ns]`.
     pub fn period_ns(&self) -> u64 {
         (1e9 / self.rate_hz) as u64

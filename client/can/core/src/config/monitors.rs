@@ -22,7 +22,7 @@ impl Reader<'_, '_> {
                 );
             }
         }
-        let number = |key: &str, usual: f64| if read.has(key) { read.number(key) } else { usual };
+        let number = |key: &str, usual: f64| read.number_or(key, usual);
         let word = |key: &str, usual: bool| if read.has(key) { !is_off(&read, key) } else { usual };
         let bounds = MonitorBounds {
             position: number("position", usual.position),

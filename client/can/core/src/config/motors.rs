@@ -50,17 +50,13 @@ impl Reader<'_, '_> {
                 mapping: Mapping {
                     sign: read.number("sign"),
                     gear: read.number("gear"),
-                    offset: if read.has("offset") { read.number("offset") } else { 0.0 },
+                    offset: read.number_or("offset", 0.0),
                     torque_constant: read.number("torque_constant"),
                 },
                 is_calibrated: read.has("offset"),
                 watchdog_believed: read.text("watchdog") == "believed",
                 limits,
-                damping: if read.has("damping") {
-                    read.number("damping")
-                } else {
-                    limits.damping()
-                },
+                damping: read.number_or("damping", limits.damping()),
                 monitors,
             };
             motors.push((name, Read { motor, place: node.span }));
@@ -133,9 +129,7 @@ impl Reader<'_, '_> {
             ("effort", &mut limits.effort),
             ("effort_rate", &mut limits.effort_rate),
         ] {
-            if written.has(key) {
-                *limit = written.number(key);
-            }
+            *limit = written.number_or(key, *limit);
         }
         if limits.effort == f64::INFINITY {
             self.diagnostics.error(

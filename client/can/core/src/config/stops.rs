@@ -67,16 +67,15 @@ impl Reader<'_, '_> {
         has_model: bool,
     ) -> MechanismStop {
         let of = |key: &str| entry.filter(|entry| entry.has(key)).unwrap_or(top);
-        let ms = |key: &str, otherwise: f64| {
-            nanoseconds(entry.filter(|entry| entry.has(key)).map_or(otherwise, |e| e.number(key)))
+        let number = |key: &str, otherwise: f64| {
+            entry.map_or(otherwise, |entry| entry.number_or(key, otherwise))
         };
+        let ms = |key: &str, otherwise: f64| nanoseconds(number(key, otherwise));
         let function = StopFunction::named(of("stop_function").text("stop_function"));
         let place = of("stop_function").place("stop_function");
         let slowest = members.iter().map(|read| read.motor.limits.velocity);
         let slowest = LOWER * slowest.fold(f64::INFINITY, f64::min);
-        let lower_velocity = entry
-            .filter(|entry| entry.has("lower_velocity"))
-            .map_or(slowest, |entry| entry.number("lower_velocity"));
+        let lower_velocity = number("lower_velocity", slowest);
         let mut refuse = |found: String, expected: &str, help: &str| {
             self.diagnostics.error(place, found, expected, help);
         };

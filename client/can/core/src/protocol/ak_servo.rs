@@ -8,21 +8,21 @@
 //!   the output], speed i16 [10 electrical rpm], current i16 [.01 A], temperature i8, fault u8.
 //!
 //! The torque is `motor_torque_constant` N m/A at the output; `pole_pairs` × `reduction` electrical
-//! turns are one of the output. A current of zero takes the power; that it was taken no message
-//! tells. The motor's own loops of speed and position (3, 4, 6) are left out: the protocol has no
-//! limit of torque for them. Beyond ± 3200° the motor tells no position. Nothing reads or sets its
+//! turns are one of the output. A current of zero takes the power, which no message reports.
+//! The motor's own loops of speed and position (3, 4, 6) are left out: the protocol has no limit of
+//! torque for them. Beyond ± 3200° the motor reports no position. Nothing reads or sets its
 //! timeout.
 
 use std::f64::consts::TAU;
 
 use super::keys::{POLE_PAIRS, id, motor_torque_constant};
 use super::number::{limited, steps_toward_zero};
-use super::power_up::{Action, PowerUp, Stage};
+use super::power_up::{Action, PowerUp};
 use super::{Common, Key, Protocol, Settings, fault};
 use crate::drive::{
-    Drive, DriveCommand, DriveState, Measurement, Mode, Power, Receipt, Reply, Setpoint, Watchdog,
+    Drive, DriveCommand, DriveState, Measurement, Mode, Receipt, Reply, Setpoint, Watchdog,
 };
-use crate::frame::{Frame, FrameKind, FrameQueue, Id};
+use crate::frame::{Frame, FrameQueue, Id};
 use sarrus_models::Diagnostics;
 
 /// T-Motor AK in servo mode.
@@ -154,12 +154,7 @@ impl Drive for AkServo {
     }
 
     fn state(&self) -> DriveState {
-        let power = match self.power_up.stage() {
-            _ if !self.is_known => Power::Unknown,
-            Stage::On => Power::On,
-            Stage::Primed | Stage::Asked(_) => Power::Starting,
-            Stage::Off | Stage::Lost => Power::Off,
-        };
+        let power = self.power_up.power(self.is_known);
         let fault = match self.fault {
             0 if self.is_outside => fault::OUT_OF_RANGE,
             fault => fault,
@@ -186,8 +181,7 @@ impl Drive for AkServo {
     }
 
     fn replies(&self) -> Vec<Reply> {
-        let id = Id::Extended(self.upload << 8 | self.id);
-        vec![Reply { id, kind: FrameKind::Classic, len: 8 }]
+        vec![Reply::classic(Id::Extended(self.upload << 8 | self.id), 8)]
     }
 
     /// Nothing: the state comes by itself.

@@ -4,8 +4,7 @@
 /// The motor's ranges, read back, are not those of the configuration: every number would be scaled
 /// wrongly.
 pub const RANGES_DIFFER: u32 = 0x8000_0001;
-/// The motor is outside its protocol's range of positions, where position set-points cannot be
-/// said.
+/// The motor is outside its protocol's range of positions, where position set-points have no code.
 pub const OUT_OF_RANGE: u32 = 0x8000_0002;
 /// The motor lost its power without a command.
 pub const POWER_LOST: u32 = 0x8000_0003;

@@ -52,8 +52,8 @@ pub struct Protocol {
     pub fd: bool,
     /// Settings besides the common ones.
     pub keys: &'static [Key],
-    /// Makes a drive from checked settings. What they say that cannot be goes to the diagnostics,
-    /// and then there is no drive.
+    /// Makes a drive from checked settings. Contradictions among them are reported to the
+    /// diagnostics, and the result is `None`.
     pub make: fn(&Settings, Common, &mut Diagnostics) -> Option<Box<dyn Drive>>,
 }
 

@@ -1,5 +1,5 @@
-//! The way to power, the same for every protocol: what is to be said in a cycle. How it is said,
-//! and what the motor answers, is the protocol's.
+//! The way to power, the same for every protocol: the action of each cycle. Its frames and the
+//! motor's answers are the protocol's.
 //!
 //! ```text
 //! Off ── ready ──→ Primed ── next cycle ──→ Asked ── the motor has power ──→ On
@@ -10,7 +10,7 @@
 //! `DriveCommand::Off` and `Reset` lead from everywhere to `Off`, and nothing else leads out of
 //! `Lost`. Where a set-point asks for power by itself `Primed` is left out.
 
-use crate::drive::{DriveCommand, Setpoint};
+use crate::drive::{DriveCommand, Power, Setpoint};
 
 /// How far it is; each stage waits for the motor's reply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,10 +27,10 @@ pub(super) enum Stage {
     Lost,
 }
 
-/// What a drive sends in a cycle.
+/// Action of a drive in a cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Action {
-    /// What keeps the motor off, and what is to be set and read; the number of the cycle since the
+    /// Keep the motor off, write and read its settings; with the number of the cycle since the
     /// motor was last on its way to power, from 1.
     Idle(u64),
     /// Frames that keep the motor off and clear a latched fault.
@@ -147,6 +147,16 @@ impl PowerUp {
     /// Back to the beginning.
     pub(super) fn forget(&mut self) {
         (self.stage, self.n_idle) = (Stage::Off, 0);
+    }
+
+    /// Power of a motor that does not report it; `is_known` once it has answered.
+    pub(super) fn power(&self, is_known: bool) -> Power {
+        match self.stage {
+            _ if !is_known => Power::Unknown,
+            Stage::On => Power::On,
+            Stage::Primed | Stage::Asked(_) => Power::Starting,
+            Stage::Off | Stage::Lost => Power::Off,
+        }
     }
 
     fn idle(&mut self) -> Action {

@@ -2,7 +2,7 @@
 //!
 //! Source: MyActuator, *Motor Motion Protocol V4.2*.
 //!
-//! - Sent on 140 + id, answered on 240 + id; 8 bytes, the first one says what, numbers are
+//! - Sent on 140 + id, answered on 240 + id; 8 bytes, the first one is the command, numbers are
 //!   little-endian. A1 torque: current i16 at 4 [.01 A]. 80 output off. 77 and 78 the holding brake
 //!   is opened, is closed. 92 angle at the output. 9A and 9C states. B3 time without commands u32
 //!   at 4 [ms] after which the drive turns its output off; 0 none.
@@ -13,20 +13,20 @@
 //!
 //! The torque is `motor_torque_constant` N m/A at the output. A position comes with each 92; the
 //! speed and the torque beside it are those of the answer before. Faults are asked for all the
-//! time. Nothing tells whether the drive has power: two answers to torques count as having it. B3
+//! time. Power is not reported: two answers to torques count as having it. B3
 //! is kept in the drive's ROM: it is written until it is answered, at most three times, and again
 //! only after a silence. The drive's own loops of speed and position (A2, A4) are left out: the
 //! protocol has no limit of torque for them.
 
 use super::keys::{id, motor_torque_constant};
 use super::number::{limited, steps_toward_zero};
-use super::power_up::{Action, PowerUp, Stage};
+use super::power_up::{Action, PowerUp};
 use super::{Common, Protocol, Settings};
 use crate::drive::{
-    Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
+    Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Receipt, Reply, Setpoint,
     Watchdog,
 };
-use crate::frame::{Frame, FrameKind, FrameQueue, Id};
+use crate::frame::{Frame, FrameQueue, Id};
 use sarrus_models::Diagnostics;
 
 /// MyActuator RMD.
@@ -239,12 +239,7 @@ impl Drive for Rmd {
     }
 
     fn state(&self) -> DriveState {
-        let power = match self.power_up.stage() {
-            _ if !self.is_known => Power::Unknown,
-            Stage::On => Power::On,
-            Stage::Primed | Stage::Asked(_) => Power::Starting,
-            Stage::Off | Stage::Lost => Power::Off,
-        };
+        let power = self.power_up.power(self.is_known);
         DriveState { power, fault: self.fault, watchdog: self.watchdog }
     }
 
@@ -269,8 +264,7 @@ impl Drive for Rmd {
     }
 
     fn replies(&self) -> Vec<Reply> {
-        let id = Id::Standard(0x240 + self.id);
-        vec![Reply { id, kind: FrameKind::Classic, len: 8 }; 2]
+        vec![Reply::classic(Id::Standard(0x240 + self.id), 8); 2]
     }
 
     fn heartbeat(&self) -> Option<(Frame, u64)> {

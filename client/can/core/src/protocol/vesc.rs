@@ -11,21 +11,21 @@
 //!
 //! Status 1 and 4 are to come in each cycle of the bridge. Everything is the rotor's: `pole_pairs`
 //! electrical turns are one of it, and the position is followed over the ends of its one turn. A
-//! current of zero takes the power; that it was taken, and faults, no message tells. In the modes
-//! velocity and position the limit of current is the VESC's: it is said all the time without power
-//! and once more before power, and nothing answers it. The timeout is an application setting that
-//! no single frame reads or sets.
+//! current of zero takes the power; no message reports this, nor faults. In the modes velocity and
+//! position the limit of current is the VESC's: it has no answer, so it is repeated without power
+//! and sent once more before power. The timeout is an application setting that no single frame
+//! reads or sets.
 
 use std::f64::consts::TAU;
 
 use super::keys::{POLE_PAIRS, id, motor_torque_constant};
 use super::number::{limited, steps, steps_toward_zero};
-use super::power_up::{Action, PowerUp, Stage};
+use super::power_up::{Action, PowerUp};
 use super::{Common, Protocol, Settings};
 use crate::drive::{
-    Drive, DriveCommand, DriveState, Measurement, Mode, Power, Receipt, Reply, Setpoint, Watchdog,
+    Drive, DriveCommand, DriveState, Measurement, Mode, Receipt, Reply, Setpoint, Watchdog,
 };
-use crate::frame::{Frame, FrameKind, FrameQueue, Id};
+use crate::frame::{Frame, FrameQueue, Id};
 use sarrus_models::Diagnostics;
 
 /// VESC.
@@ -124,8 +124,7 @@ impl Vesc {
 
     /// The limit of current for its own loops.
     fn limits(&self) -> Option<Frame> {
-        let has_own_loops = matches!(self.mode, Mode::Velocity | Mode::Position);
-        if !has_own_loops || self.torque_limit.is_infinite() {
+        if !self.mode.has_own_loops() || self.torque_limit.is_infinite() {
             return None;
         }
         let most = self.current(self.torque_limit);
@@ -218,12 +217,7 @@ impl Drive for Vesc {
     }
 
     fn state(&self) -> DriveState {
-        let power = match self.power_up.stage() {
-            _ if self.counted.is_none() => Power::Unknown,
-            Stage::On => Power::On,
-            Stage::Primed | Stage::Asked(_) => Power::Starting,
-            Stage::Off | Stage::Lost => Power::Off,
-        };
+        let power = self.power_up.power(self.counted.is_some());
         DriveState { power, fault: 0, watchdog: Watchdog::Unreadable }
     }
 
@@ -250,11 +244,7 @@ impl Drive for Vesc {
 
     fn replies(&self) -> Vec<Reply> {
         [STATUS_1, STATUS_4]
-            .map(|status| Reply {
-                id: Id::Extended(status << 8 | self.id),
-                kind: FrameKind::Classic,
-                len: 8,
-            })
+            .map(|status| Reply::classic(Id::Extended(status << 8 | self.id), 8))
             .to_vec()
     }
 

@@ -1,6 +1,7 @@
-//! T-Motor AK in servo mode. Commands and states in these tests are what `comm_can_set_current`,
-//! `comm_can_set_origin` and `parse_servo_message` of TMotorCANControl 1.2.6 (PyPI) send and read;
-//! the fields are those of CubeMars, *AK series actuator driver manual* V1.0.8, 5.1.2 and 5.2.1.
+//! T-Motor AK in servo mode. Commands and states in these tests are those of
+//! `comm_can_set_current`, `comm_can_set_origin` and `parse_servo_message` of TMotorCANControl
+//! 1.2.6 (PyPI); the fields are those of CubeMars, *AK series actuator driver manual* V1.0.8, 5.1.2
+//! and 5.2.1.
 
 use std::f64::consts::TAU;
 

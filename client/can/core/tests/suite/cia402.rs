@@ -11,7 +11,7 @@ use sarrus_can_core::frame::{Frame, FrameQueue};
 use sarrus_can_core::protocol::{Common, fault};
 
 const YAML: &str = "{node: 5, rated_torque: 2.0, counts_per_turn: 65536, torque_offset: true}";
-/// What is assessed: heartbeat of node 127 after 50 ms, no voltage without it, 2000 mN m.
+/// Assessed settings: heartbeat of node 127 after 50 ms, no voltage without it, 2000 mN m.
 const HEARTBEAT_OF: &str = "585#4316100132007F00";
 const WITHOUT_IT: &str = "585#4B07600002000000";
 const RATED: &str = "585#43766000D0070000";
@@ -26,7 +26,7 @@ fn set_up(drive: &mut dyn Drive, mode: u8) -> Vec<String> {
     set_up_but(drive, mode, "585#0000000000000000")
 }
 
-/// The same with one answer in the place of that for its object.
+/// As [`set_up`], with one answer in the place of that for its object.
 fn set_up_but(drive: &mut dyn Drive, mode: u8, other: &str) -> Vec<String> {
     let mut requests = Vec::new();
     for _ in 0..60 {
@@ -145,7 +145,7 @@ fn a_drive_with_another_rated_torque_or_mode_or_without_them_gets_no_power() {
 
 #[test]
 fn a_drive_that_shows_its_mode_later_is_asked_again() {
-    // what it shows first, and until when; from 2 s on it is to have power, and has it
+    // the mode that it shows first, and until when; from 2 s on it is to have power, and has it
     let shown = |first: &str, since_ms: u64| {
         let mut drive = cia402(Mode::Torque);
         let mut started_ms = None;

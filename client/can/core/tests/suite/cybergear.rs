@@ -218,7 +218,7 @@ fn a_robstride_has_its_own_ranges_and_another_watchdog() {
     survives_hostile_frames(&mut *drive, 2);
 }
 
-/// The frames that a drive has for a new identifier and for storing what it was given.
+/// The frames of a drive for a new identifier and for storing a zero.
 fn renumbered(settings: &str, id: u32) -> (Vec<String>, Vec<String>) {
     let mut drive = drive("cybergear", settings, COMMON);
     let mut renumber = FrameQueue::new(8);

@@ -165,7 +165,7 @@ fn what_only_a_host_sends_is_foreign() {
     assert_eq!(receive(&mut *drive, "101#A1FF6A0000000000"), Receipt::Foreign);
 }
 
-/// Power and set-point in messages of their own, as many drives have them; what is measured is in
+/// Power and set-point in messages of their own, as many drives have them; measurements are in
 /// three messages.
 const APART: &str = r#"VERSION ""
 BO_ 16 Power: 1 Host

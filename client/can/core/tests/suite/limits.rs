@@ -1,4 +1,4 @@
-//! What a configuration says of limits, as far as protocols are concerned.
+//! Limits in a configuration, as far as protocols are concerned.
 
 use sarrus_can_core::config::{Configuration, Surroundings};
 

@@ -51,7 +51,7 @@ pub(crate) fn enabled(variant: &str, common: Common) -> Box<dyn Drive> {
     receive(&mut *drive, off);
     assert_eq!(cycle(&mut *drive, DriveCommand::On(MOST)), ["001#FFFFFFFFFFFFFFFC"]);
     assert_eq!(drive.state().power, Power::Starting);
-    // a motor that does not tell its state may still answer what was said before
+    // a motor that does not report its state may still answer earlier commands
     for _ in 1..if variant == "damiao" { 1 } else { 4 } {
         receive(&mut *drive, on);
         assert_eq!(drive.state().power, Power::Starting, "{variant}");

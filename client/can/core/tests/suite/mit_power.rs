@@ -1,4 +1,4 @@
-//! MIT mode: what is set before power, and how power and faults are seen.
+//! MIT mode: settings before power, and how power and faults are seen.
 
 use crate::mit::{MOST, RANGES, enabled, mit};
 use crate::support::{COMMON, cycle, drive, receive};
@@ -116,8 +116,8 @@ fn a_damiao_gets_another_identifier_and_stores_by_the_frames_of_others() {
     let mut out = FrameQueue::new(8);
     assert!(drive.set_id(0x17, &mut out));
     let sent: Vec<String> = out.frames().iter().map(ToString::to_string).collect();
-    // write_register(8, 0x17) and store_parameters() of PyPI's damiao-motor 1.0.6, and what the
-    // latter is once the motor has its new identifier; the register is written alike by pydamiao
-    // 0.1.4, whose frame to store has 0 in byte 3
+    // write_register(8, 0x17) and store_parameters() of PyPI's damiao-motor 1.0.6, the latter also
+    // with the motor's new identifier; the register is written alike by pydamiao 0.1.4, whose frame
+    // to store has 0 in byte 3
     assert_eq!(sent, ["7FF#0100550817000000", "7FF#0100AA0100000000", "7FF#1700AA0100000000"]);
 }

@@ -1,4 +1,4 @@
-//! Drives from a few lines of YAML, random numbers with a fixed seed, and what several tests ask.
+//! Drives from a few lines of YAML, random numbers with a fixed seed, shared checks.
 
 use sarrus_can_core::drive::{Drive, DriveCommand, Mode, Receipt, Setpoint};
 use sarrus_can_core::frame::{Frame, FrameQueue, Id};
@@ -14,7 +14,7 @@ pub(crate) const COMMON: Common = Common {
     period_ns: 0,
 };
 
-/// A drive of a protocol from the text of its settings, or the report of what is wrong with them.
+/// A drive of a protocol from the text of its settings, or the report of their faults.
 pub(crate) fn try_drive(
     name: &str,
     yaml: &str,
@@ -76,7 +76,7 @@ pub(crate) fn frame(text: &str) -> Frame {
     .expect("a frame")
 }
 
-/// What a drive makes of a frame.
+/// Gives a frame to a drive.
 pub(crate) fn receive(drive: &mut dyn Drive, text: &str) -> Receipt {
     drive.receive(0, &frame(text))
 }

@@ -78,7 +78,7 @@ fn status_messages_are_read_and_the_position_goes_on_over_its_turn() {
     assert!((measured.torque + 0.32).abs() < 1e-12);
     assert_eq!(measured.temperature, 30.0);
     assert_eq!(receive(&mut *drive, "00001B17#0000000000F00000"), Receipt::Noted);
-    // what status 1 said long ago is not believed
+    // a status 1 of long ago is not used
     let late = drive.receive(300_000_000, &crate::support::frame(STATUS_4));
     assert!(matches!(late, Receipt::Measured(measured) if measured.velocity.is_nan()));
 }

@@ -1,4 +1,4 @@
-//! Buses: what sends and receives frames, by python-can's names of interfaces.
+//! Buses, which send and receive frames, by python-can's names of interfaces.
 
 mod lines;
 mod pseudo;
@@ -34,7 +34,7 @@ pub trait Bus: Send {
     /// The next frame or event that is already there.
     fn next(&mut self) -> Result<Option<Heard>, BusError>;
 
-    /// Frames that were taken and are not on the wire yet, as far as the adapter tells.
+    /// Frames that were taken and are not on the wire yet, as far as the adapter reports them.
     fn backlog(&self) -> u32;
 
     /// The descriptor that becomes readable when something arrives, for [`wait_for`]. A bus
@@ -49,7 +49,7 @@ pub trait Bus: Send {
     }
 }
 
-/// What became of a frame.
+/// Result of sending a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sent {
     /// The adapter took it.
@@ -58,7 +58,7 @@ pub enum Sent {
     Dropped,
 }
 
-/// What a bus gives.
+/// Input from a bus.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Heard {
     /// A frame of another node.

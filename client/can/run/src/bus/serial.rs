@@ -12,7 +12,7 @@ use sarrus_can_core::slcan::{BITRATES, DATA_BITRATES, Line};
 use super::lines::LinePort;
 use super::{Address, Bus, BusError, Heard, Sent};
 
-/// Speed of a serial port when none is said, as in python-can `[bit/s]`.
+/// Default speed of a serial port, as in python-can `[bit/s]`.
 const SPEED: u32 = 115_200;
 
 /// A serial adapter. The channel is open from [`Serial::open`] until it is dropped.
@@ -61,7 +61,7 @@ impl Serial {
         tcflush(&fd, QueueSelector::IFlush).map_err(failed)?;
 
         let mut serial = Serial { name: path.to_owned(), port: LinePort::new(fd) };
-        // an empty line first: it ends whatever the adapter has half read
+        // an empty line first: it ends a command that the adapter has half read
         serial.tell("\rC\r")?;
         serial.tell(&format!("S{code}\r"))?;
         if let Some(code) = data_code {

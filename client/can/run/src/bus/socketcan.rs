@@ -1,7 +1,8 @@
 //! SocketCAN: the network interfaces of Linux for CAN.
 //!
 //! Frames travel as the structures `can_frame` (16 bytes) and `canfd_frame` (72 bytes); the socket
-//! echoes each frame of ours when the controller has sent it, which tells how many still wait.
+//! echoes each frame of ours when the controller has sent it, which gives the number of those that
+//! still wait.
 //! Source: Linux, *Documentation/networking/can.rst*, `linux/can.h`, `linux/can/error.h`.
 
 use std::io::{self, IoSliceMut};
@@ -52,7 +53,7 @@ impl SocketCan {
         let socket = CanFdSocket::open(name).map_err(failed)?;
         socket.set_error_filter_accept_all().map_err(failed)?;
         socket.set_recv_own_msgs(true).map_err(failed)?;
-        // the kernel may allow less; what is lost is counted
+        // the kernel may allow less; lost frames are counted
         let _ = set_socket_recv_buffer_size(&socket, RECEIVE_BUFFER);
         // after the filter, so that no change of the state is missed
         let interface = interface(name).map_err(failed)?;
@@ -148,7 +149,7 @@ impl Bus for SocketCan {
                 Decoded::Frame(frame) => return Ok(Some(Heard::Frame(frame))),
                 Decoded::Errors(events) => {
                     if matches!(events, [Some(BusEvent::BusOff | BusEvent::Restarted), ..]) {
-                        // the kernel has thrown away what waited, and no echo of it comes
+                        // the kernel has discarded waiting frames, which get no echo
                         self.waiting = 0;
                     }
                     self.events = events;
@@ -167,7 +168,7 @@ impl Bus for SocketCan {
     }
 }
 
-/// What the bytes of a frame are.
+/// Content of the bytes of a frame.
 #[derive(Debug, PartialEq)]
 enum Decoded {
     Frame(Frame),

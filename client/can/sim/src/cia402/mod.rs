@@ -1,6 +1,6 @@
 //! A CANopen drive of the profile CiA 402 as it sees itself.
 //!
-//! | identifier | what |
+//! | identifier | object |
 //! |---|---|
 //! | 000 | NMT: command (1 start, 2 stop, 80 pre-operational, 81 and 82 reset), node or 0 for all |
 //! | 080 | SYNC |
@@ -12,9 +12,8 @@
 //!
 //! The state machine of CiA 402 is in [`states`], the objects and the mappings of the PDOs in
 //! [`objects`]. A PDO works in the state operational only. When the master's heartbeat (object
-//! 1016) is late, EMCY 8130 comes, the drive does what object 6007 says and goes to
-//! pre-operational, as object 1029 has it by default; it stays there, and the next heartbeat brings
-//! EMCY 0000.
+//! 1016) is late, EMCY 8130 comes, the drive reacts by object 6007 and goes to pre-operational, the
+//! default of object 1029; it stays there, and the next heartbeat brings EMCY 0000.
 //!
 //! Sources: CiA 301, *CANopen application layer*; CiA 402-2 and -3, *CANopen device profile for
 //! drives and motion control*.
@@ -96,25 +95,26 @@ impl Cia402 {
     /// All objects that show how the motor is.
     fn measure(&mut self, plant: &Plant) {
         let per_rad = self.counts_per_turn / TAU;
-        self.objects.position = (plant.measured() * per_rad).round() as i32;
-        self.objects.velocity =
-            (plant.velocity * self.velocity_counts_per_turn / TAU).round() as i32;
-        self.objects.torque = (plant.torque / self.rated_torque * 1000.0).round() as i16;
-        self.objects.status = self.drive.status_word();
-        self.objects.error_code = plant.fault as u16;
+        let velocity = (plant.velocity * self.velocity_counts_per_turn / TAU).round() as i32;
+        let torque = (plant.torque / self.rated_torque * 1000.0).round() as i16;
+        self.objects.set(Object::Position, (plant.measured() * per_rad).round() as i32);
+        self.objects.set(Object::Velocity, velocity);
+        self.objects.set(Object::Torque, i32::from(torque));
+        self.objects.set(Object::Status, i32::from(self.drive.status_word()));
+        self.objects.set(Object::ErrorCode, plant.fault as i32);
     }
 
     /// Follows the control word, the mode and the targets.
-    fn control(&mut self, now_ns: u64, plant: &mut Plant) {
-        if self.drive.control(self.objects.control) {
+    fn control(&mut self, plant: &mut Plant) {
+        if self.drive.control(self.objects.get(Object::Control) as u16) {
             plant.fault = 0;
         }
         match self.drive.state {
-            State::OperationEnabled => plant.start(now_ns),
+            State::OperationEnabled => plant.start(),
             // 605A is 2: the speed goes to zero, then the power
             State::QuickStop if plant.power && plant.velocity.abs() > STILL => {
                 let [_, damping] = OWN_GAINS;
-                plant.follow(now_ns, Setpoint { damping, ..Setpoint::default() });
+                plant.follow(Setpoint { damping, ..Setpoint::default() });
                 return;
             }
             State::QuickStop => {
@@ -129,24 +129,25 @@ impl Cia402 {
             f64::from(self.objects.max_torque) / 1000.0 * self.rated_torque;
         let per_mille = self.rated_torque / 1000.0;
         let [stiffness, damping] = OWN_GAINS;
-        let torque = f64::from(self.objects.torque_offset) * per_mille;
-        let velocity = f64::from(self.objects.velocity_offset) * rad_per_second;
+        let number = |object| f64::from(self.objects.get(object));
+        let torque = number(Object::TorqueOffset) * per_mille;
+        let velocity = number(Object::VelocityOffset) * rad_per_second;
         let law = match self.objects.mode() {
             Some(Mode::Position) => {
-                let position = f64::from(self.objects.target_position) * rad;
+                let position = number(Object::TargetPosition) * rad;
                 Setpoint { position, velocity, torque, stiffness, damping }
             }
             Some(Mode::Velocity) => {
-                let velocity = f64::from(self.objects.target_velocity) * rad_per_second + velocity;
+                let velocity = number(Object::TargetVelocity) * rad_per_second + velocity;
                 Setpoint { velocity, torque, damping, ..Setpoint::default() }
             }
             Some(Mode::Torque) => Setpoint {
-                torque: f64::from(self.objects.target_torque) * per_mille + torque,
+                torque: number(Object::TargetTorque) * per_mille + torque,
                 ..Setpoint::default()
             },
             _ => Setpoint::default(),
         };
-        plant.follow(now_ns, law);
+        plant.follow(law);
     }
 
     fn network(&mut self, command: u8, plant: &mut Plant, out: &mut FrameQueue) {
@@ -170,7 +171,7 @@ impl Cia402 {
             self.waiting = [None; 4];
         }
         if self.network == Network::Stopped {
-            // what stops the talk stops the motor
+            // a state without PDOs stops the motor
             self.drive.disable();
             plant.stop();
         }
@@ -194,7 +195,7 @@ impl Cia402 {
     }
 
     /// Takes the content of a receive PDO.
-    fn take(&mut self, now_ns: u64, place: usize, frame: &Frame, plant: &mut Plant) {
+    fn take(&mut self, place: usize, frame: &Frame, plant: &mut Plant) {
         let Some(pdo) = self.objects.receive.get(place).copied() else { return };
         let mut bytes = [0; 8];
         bytes.iter_mut().zip(frame.data()).for_each(|(byte, given)| *byte = *given);
@@ -204,18 +205,18 @@ impl Cia402 {
         }
         for object in pdo.mapped() {
             let value = bits & object.mask();
-            self.objects.set(object, value as u32);
+            self.objects.set(object, value as i32);
             bits = bits.checked_shr(object.bits()).unwrap_or(0);
         }
-        self.control(now_ns, plant);
+        self.control(plant);
     }
 
     fn give(&self, pdo: &Pdo, out: &mut FrameQueue) {
-        let (mut content, mut used) = (0u64, 0);
+        let mut content = 0u64;
+        let mut used = 0;
         for object in pdo.mapped() {
-            content |= (u64::from(self.objects.get(object)) & object.mask())
-                .checked_shl(used)
-                .unwrap_or(0);
+            content |=
+                (self.objects.get(object) as u64 & object.mask()).checked_shl(used).unwrap_or(0);
             used += object.bits();
         }
         let bytes = content.to_le_bytes();
@@ -225,14 +226,14 @@ impl Cia402 {
         ));
     }
 
-    fn sync(&mut self, now_ns: u64, plant: &mut Plant, out: &mut FrameQueue) {
+    fn sync(&mut self, plant: &mut Plant, out: &mut FrameQueue) {
         if self.network != Network::Operational {
             return;
         }
         self.syncs += 1;
         for place in 0..self.waiting.len() {
             if let Some(frame) = self.waiting.get_mut(place).and_then(Option::take) {
-                self.take(now_ns, place, &frame, plant);
+                self.take(place, &frame, plant);
             }
         }
         self.measure(plant);
@@ -245,7 +246,7 @@ impl Cia402 {
     }
 
     /// The master is silent.
-    fn lose_heartbeat(&mut self, now_ns: u64, plant: &mut Plant, out: &mut FrameQueue) {
+    fn lose_heartbeat(&mut self, plant: &mut Plant, out: &mut FrameQueue) {
         (self.master_ns, self.alone) = (None, true);
         if self.network == Network::Operational {
             self.network = Network::PreOperational;
@@ -253,7 +254,7 @@ impl Cia402 {
         }
         out.push_some(standard(u32::from(0x80 + self.node), &emergency(HEARTBEAT_LOST, 0x10)));
         if plant.power {
-            plant.tripped_ns = Some(now_ns);
+            plant.tripped_ns = Some(plant.now_ns);
         }
         match self.objects.abort_option {
             1 => {
@@ -272,17 +273,11 @@ impl Cia402 {
 }
 
 impl Firmware for Cia402 {
-    fn receive(
-        &mut self,
-        now_ns: u64,
-        frame: &Frame,
-        plant: &mut Plant,
-        out: &mut FrameQueue,
-    ) -> bool {
+    fn receive(&mut self, frame: &Frame, plant: &mut Plant, out: &mut FrameQueue) -> bool {
         let Id::Standard(id) = frame.id else { return false };
         let (master, master_ms) = self.objects.consumer();
         if id == 0x700 + master && master_ms > 0 {
-            self.master_ns = Some(now_ns);
+            self.master_ns = Some(plant.now_ns);
             if core::mem::take(&mut self.alone) && plant.fault == 0 {
                 out.push_some(standard(u32::from(0x80 + self.node), &emergency(0, 0)));
             }
@@ -297,7 +292,7 @@ impl Firmware for Cia402 {
             return mine;
         }
         if id == 0x080 {
-            self.sync(now_ns, plant, out);
+            self.sync(plant, out);
             // not for this motor alone, and no command
             return false;
         }
@@ -305,7 +300,7 @@ impl Firmware for Cia402 {
             if self.network != Network::Stopped {
                 self.measure(plant);
                 sdo::answer(&mut self.objects, 0x580 + u32::from(self.node), frame, out);
-                self.control_by_sdo(now_ns, plant);
+                self.control_by_sdo(plant);
             }
             return true;
         }
@@ -319,17 +314,17 @@ impl Firmware for Cia402 {
             let is_synchronous = self.objects.receive.get(place).is_some_and(|pdo| pdo.kind <= 240);
             match self.waiting.get_mut(place) {
                 Some(waiting) if is_synchronous => *waiting = Some(*frame),
-                _ => self.take(now_ns, place, frame, plant),
+                _ => self.take(place, frame, plant),
             }
         }
         true
     }
 
-    fn step(&mut self, now_ns: u64, plant: &mut Plant, out: &mut FrameQueue) {
+    fn step(&mut self, plant: &mut Plant, out: &mut FrameQueue) {
         self.boot(out);
         let period_ns = u64::from(self.objects.producer_ms) * 1_000_000;
-        if period_ns > 0 && now_ns >= self.heartbeat_ns {
-            self.heartbeat_ns = now_ns + period_ns;
+        if period_ns > 0 && plant.now_ns >= self.heartbeat_ns {
+            self.heartbeat_ns = plant.now_ns + period_ns;
             self.heartbeat(out);
         }
         let (_, master_ms) = self.objects.consumer();
@@ -337,10 +332,10 @@ impl Firmware for Cia402 {
         // it is watched from its first heartbeat on
         if self
             .master_ns
-            .is_some_and(|master_ns| now_ns.saturating_sub(master_ns) > plant.watchdog_ns)
+            .is_some_and(|master_ns| plant.now_ns.saturating_sub(master_ns) > plant.watchdog_ns)
             && master_ms > 0
         {
-            self.lose_heartbeat(now_ns, plant, out);
+            self.lose_heartbeat(plant, out);
         }
         if plant.fault != self.reported_fault {
             self.reported_fault = plant.fault;
@@ -354,9 +349,9 @@ impl Firmware for Cia402 {
                 &emergency(code, u8::from(code != 0)),
             ));
         }
-        let status = self.objects.status;
+        let status = self.objects.get(Object::Status);
         self.measure(plant);
-        if self.network == Network::Operational && status != self.objects.status {
+        if self.network == Network::Operational && status != self.objects.get(Object::Status) {
             let asynchronous =
                 self.objects.transmit.into_iter().filter(|pdo| pdo.is_valid() && pdo.kind >= 254);
             asynchronous.for_each(|pdo| self.give(&pdo, out));
@@ -366,9 +361,9 @@ impl Firmware for Cia402 {
 
 impl Cia402 {
     /// Control words work over SDO too, which is how commissioning tools use them.
-    fn control_by_sdo(&mut self, now_ns: u64, plant: &mut Plant) {
+    fn control_by_sdo(&mut self, plant: &mut Plant) {
         if core::mem::take(&mut self.objects.written) == Some(Object::Control) {
-            self.control(now_ns, plant);
+            self.control(plant);
         }
     }
 }

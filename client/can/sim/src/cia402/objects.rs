@@ -20,7 +20,7 @@ pub(super) enum Object {
     ErrorCode,
 }
 
-/// Index, bits, and whether a receive PDO may hold it.
+/// Index, bits, and whether a receive PDO may hold it; in the order of [`Object`].
 const MAPPABLE: [(Object, u16, u32, bool); 13] = [
     (Object::Control, 0x6040, 16, true),
     (Object::Status, 0x6041, 16, false),
@@ -103,18 +103,8 @@ pub(super) const NOT_NOW: Abort = 0x0800_0022;
 /// All objects.
 #[derive(Debug)]
 pub(super) struct Objects {
-    pub(super) control: u16,
-    pub(super) status: u16,
-    pub(super) modes: i8,
-    pub(super) target_position: i32,
-    pub(super) target_velocity: i32,
-    pub(super) target_torque: i16,
-    pub(super) velocity_offset: i32,
-    pub(super) torque_offset: i16,
-    pub(super) position: i32,
-    pub(super) velocity: i32,
-    pub(super) torque: i16,
-    pub(super) error_code: u16,
+    /// Values of [`MAPPABLE`], in its order.
+    values: [i32; MAPPABLE.len()],
     /// 6076 in mN m.
     pub(super) rated_torque: u32,
     /// 6007: 0 nothing, 1 fault, 2 disable voltage, 3 quick stop.
@@ -128,7 +118,7 @@ pub(super) struct Objects {
     pub(super) max_torque: u16,
     pub(super) receive: [Pdo; 4],
     pub(super) transmit: [Pdo; 4],
-    /// What the last SDO wrote.
+    /// Object that the last SDO wrote.
     pub(super) written: Option<Object>,
 }
 
@@ -149,18 +139,7 @@ impl Objects {
             Pdo::new(at(0x8000_0480), 255, &[Object::Status, Object::Velocity]),
         ];
         Objects {
-            control: 0,
-            status: 0,
-            modes: 0,
-            target_position: 0,
-            target_velocity: 0,
-            target_torque: 0,
-            velocity_offset: 0,
-            torque_offset: 0,
-            position: 0,
-            velocity: 0,
-            torque: 0,
-            error_code: 0,
+            values: [0; MAPPABLE.len()],
             rated_torque: 0,
             abort_option: 1,
             consumer: 0,
@@ -175,7 +154,7 @@ impl Objects {
 
     /// The mode that 6060 says, if the drive has it.
     pub(super) fn mode(&self) -> Option<Mode> {
-        match self.modes {
+        match self.get(Object::Modes) {
             8 => Some(Mode::Position),
             9 => Some(Mode::Velocity),
             10 => Some(Mode::Torque),
@@ -188,52 +167,32 @@ impl Objects {
         ((self.consumer >> 16 & 0x7F) as u16, self.consumer & 0xFFFF)
     }
 
-    pub(super) fn get(&self, object: Object) -> u32 {
+    /// A mappable object; its sign is extended beyond its own bits.
+    pub(super) fn get(&self, object: Object) -> i32 {
         match object {
-            Object::Control => u32::from(self.control),
-            Object::Status => u32::from(self.status),
-            Object::Modes => self.modes as u32,
-            Object::ModesDisplay => {
-                if self.mode().is_some() {
-                    self.modes as u32
-                } else {
-                    0
-                }
-            }
-            Object::TargetPosition => self.target_position as u32,
-            Object::TargetVelocity => self.target_velocity as u32,
-            Object::TargetTorque => self.target_torque as u32,
-            Object::VelocityOffset => self.velocity_offset as u32,
-            Object::TorqueOffset => self.torque_offset as u32,
-            Object::Position => self.position as u32,
-            Object::Velocity => self.velocity as u32,
-            Object::Torque => self.torque as u32,
-            Object::ErrorCode => u32::from(self.error_code),
+            Object::ModesDisplay if self.mode().is_none() => 0,
+            Object::ModesDisplay => self.get(Object::Modes),
+            _ => self.values.get(object as usize).copied().unwrap_or_default(),
         }
     }
 
-    pub(super) fn set(&mut self, object: Object, value: u32) {
-        match object {
-            Object::Control => self.control = value as u16,
-            Object::Modes => self.modes = value as i8,
-            Object::TargetPosition => self.target_position = value as i32,
-            Object::TargetVelocity => self.target_velocity = value as i32,
-            Object::TargetTorque => self.target_torque = value as i16,
-            Object::VelocityOffset => self.velocity_offset = value as i32,
-            Object::TorqueOffset => self.torque_offset = value as i16,
-            _ => {}
+    /// Sets a mappable object to the lower bits of a number, as many as the object has.
+    pub(super) fn set(&mut self, object: Object, value: i32) {
+        let unused = 32 - object.bits();
+        if let Some(place) = self.values.get_mut(object as usize) {
+            *place = value << unused >> unused;
         }
     }
 
     /// Reads by SDO: the value and its bytes.
     pub(super) fn upload(&self, index: u16, sub: u8) -> Result<(u32, usize), Abort> {
         if let (Some((object, _)), 0) = (Object::at(index), sub) {
-            return Ok((self.get(object), object.bits() as usize / 8));
+            return Ok((self.get(object) as u32, object.bits() as usize / 8));
         }
         let pdo = |pdos: &[Pdo; 4]| pdos.get(usize::from(index & 0xFF)).copied().ok_or(NO_OBJECT);
         match (index, sub) {
             (0x1000, 0) => Ok((0x0002_0192, 4)),
-            (0x1001, 0) => Ok((u32::from(self.error_code != 0), 1)),
+            (0x1001, 0) => Ok((u32::from(self.get(Object::ErrorCode) != 0), 1)),
             (0x1016, 0) => Ok((1, 1)),
             (0x1016, 1) => Ok((self.consumer, 4)),
             (0x1017, 0) => Ok((u32::from(self.producer_ms), 2)),
@@ -268,7 +227,7 @@ impl Objects {
         }
         match (index, sub, Object::at(index)) {
             (_, 0, Some((object, true))) => {
-                self.set(object, value);
+                self.set(object, value as i32);
                 self.written = Some(object);
                 return Ok(());
             }

@@ -1,6 +1,6 @@
 //! SDO from the server's side: expedited transfers, which hold every object of this drive.
 //!
-//! | first byte | what |
+//! | first byte | meaning |
 //! |---|---|
 //! | 40 | read; the answer is 4F, 4B, 47, 43 for one to four bytes |
 //! | 2F, 2B, 27, 23 (22: length not said) | write of one to four bytes; the answer is 60 |
@@ -10,7 +10,7 @@ use super::objects::{Abort, Objects};
 use crate::standard;
 use sarrus_can_core::frame::{Frame, FrameQueue};
 
-/// What it does not understand.
+/// Abort code of an unknown command.
 const UNKNOWN: Abort = 0x0504_0001;
 
 pub(super) fn answer(objects: &mut Objects, id: u32, frame: &Frame, out: &mut FrameQueue) {

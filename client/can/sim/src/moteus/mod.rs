@@ -1,10 +1,10 @@
 //! moteus as the motor sees it: registers, read and written in sub-frames of CAN FD.
 //!
 //! Identifier: source 8 bits (highest bit: wants an answer), destination 8 bits; the answer goes
-//! back with both exchanged. A sub-frame is one byte of what and how many, the first register, and
-//! values for that and the following ones:
+//! back with both exchanged. A sub-frame is one byte of operation and count, the first register,
+//! and values for that and the following ones:
 //!
-//! | byte | what |
+//! | byte | operation |
 //! |---|---|
 //! | 00, 04, 08, 0C | write int8, int16, int32, f32; the lower two bits are how many, 0: a byte with it follows |
 //! | 10, 14, 18, 1C | read in these types; answered by 20, 24, 28, 2C |
@@ -45,8 +45,8 @@ const DEFAULT_TIMEOUT: f64 = 0.1;
 const DEFAULT_ACCELERATION: f64 = 50.0;
 /// Damping of the timeout and of the brake `[N m s/rad]`.
 const HOLD: f64 = 0.5;
-/// Stiffness and damping at scale 1, `servo.pid_position`, unless the settings say `[N m/turn, N m
-/// s/turn]`.
+/// Stiffness and damping at scale 1, `servo.pid_position`, unless the settings have them
+/// `[N m/turn, N m s/turn]`.
 const GAINS: [f64; 2] = [4.0, 0.05];
 
 #[derive(Debug)]
@@ -80,7 +80,7 @@ struct Command {
 }
 
 impl Command {
-    /// What the registers are at the begin of each frame that sets the mode.
+    /// The registers at the start of each frame that sets the mode.
     const NEW: Command = Command {
         mode: STOPPED,
         position: 0.0,
@@ -94,6 +94,23 @@ impl Command {
         acceleration_limit: f64::NAN,
         ilimit_scale: 1.0,
     };
+
+    /// The register of a field.
+    fn field(&mut self, register: u32) -> Option<&mut f64> {
+        Some(match register {
+            0x020 => &mut self.position,
+            0x021 => &mut self.velocity,
+            0x022 => &mut self.torque,
+            0x023 => &mut self.stiffness_scale,
+            0x024 => &mut self.damping_scale,
+            0x025 => &mut self.max_torque,
+            0x027 => &mut self.timeout,
+            0x028 => &mut self.velocity_limit,
+            0x029 => &mut self.acceleration_limit,
+            0x02B => &mut self.ilimit_scale,
+            _ => return None,
+        })
+    }
 }
 
 impl Moteus {
@@ -115,7 +132,7 @@ impl Moteus {
     }
 
     /// All sub-frames of a frame; nothing more after one that makes no sense, as in the firmware.
-    fn sub_frames(&mut self, now_ns: u64, mut rest: &[u8], plant: &mut Plant, answer: &mut Answer) {
+    fn sub_frames(&mut self, mut rest: &[u8], plant: &mut Plant, answer: &mut Answer) {
         let mut commanded = false;
         while let Some(what) = chunk::<1>(&mut rest).map(|[what]| what) {
             if what == 0x50 {
@@ -145,27 +162,21 @@ impl Moteus {
             }
         }
         if commanded {
-            self.act(now_ns, plant);
+            self.act(plant);
         }
     }
 
     /// Writes a register; whether it makes a command of the frame.
     fn write(&mut self, register: u32, value: f64, plant: &mut Plant, answer: &mut Answer) -> bool {
+        if let Some(field) = self.command.field(register) {
+            *field = value;
+            return false;
+        }
         match register {
             0x000 => {
                 self.command = Command { mode: value as u8, ..Command::NEW };
                 return true;
             }
-            0x020 => self.command.position = value,
-            0x021 => self.command.velocity = value,
-            0x022 => self.command.torque = value,
-            0x023 => self.command.stiffness_scale = value,
-            0x024 => self.command.damping_scale = value,
-            0x025 => self.command.max_torque = value,
-            0x027 => self.command.timeout = value,
-            0x028 => self.command.velocity_limit = value,
-            0x029 => self.command.acceleration_limit = value,
-            0x02B => self.command.ilimit_scale = value,
             0x026 | 0x02A | 0x02C..=0x02F => {}
             0x130 => {
                 // the whole turn nearest to the value stays
@@ -183,7 +194,7 @@ impl Moteus {
     }
 
     /// Takes a whole command.
-    fn act(&mut self, now_ns: u64, plant: &mut Plant) {
+    fn act(&mut self, plant: &mut Plant) {
         match self.command.mode {
             STOPPED => {
                 self.mode = STOPPED;
@@ -201,13 +212,13 @@ impl Moteus {
                 };
                 plant.watchdog_ns = (timeout * 1e9) as u64;
                 let law = self.law(plant);
-                plant.follow(now_ns, law);
+                plant.follow(law);
             }
             _ => {}
         }
     }
 
-    /// What the command is to the motor.
+    /// The law of the command.
     fn law(&mut self, plant: &mut Plant) -> Setpoint {
         let command = self.command;
         let or = |number: f64, usual: f64| if number.is_nan() { usual } else { number };
@@ -291,16 +302,6 @@ impl Moteus {
             0x00A | 0x00E => plant.temperature,
             0x00D => 24.0,
             0x00F => f64::from(plant.fault),
-            0x020 => self.command.position,
-            0x021 => self.command.velocity,
-            0x022 => self.command.torque,
-            0x023 => self.command.stiffness_scale,
-            0x024 => self.command.damping_scale,
-            0x025 => self.command.max_torque,
-            0x027 => self.command.timeout,
-            0x028 => self.command.velocity_limit,
-            0x029 => self.command.acceleration_limit,
-            0x02B => self.command.ilimit_scale,
             0x038 => {
                 if plant.power {
                     plant.law.position / TAU
@@ -308,19 +309,16 @@ impl Moteus {
                     f64::NAN
                 }
             }
-            _ => 0.0,
+            _ => {
+                let mut command = self.command;
+                command.field(register).map_or(0.0, |field| *field)
+            }
         }
     }
 }
 
 impl Firmware for Moteus {
-    fn receive(
-        &mut self,
-        now_ns: u64,
-        frame: &Frame,
-        plant: &mut Plant,
-        out: &mut FrameQueue,
-    ) -> bool {
+    fn receive(&mut self, frame: &Frame, plant: &mut Plant, out: &mut FrameQueue) -> bool {
         let [_, _, source, destination] = frame.id.number().to_be_bytes();
         if frame.id.number() >> 16 != 0 || destination & 0x7F != self.id {
             return false;
@@ -329,7 +327,7 @@ impl Firmware for Moteus {
             self.mode = FAULT;
         }
         let mut answer = Answer { bytes: [0; MAX_DATA], used: 0 };
-        self.sub_frames(now_ns, frame.data(), plant, &mut answer);
+        self.sub_frames(frame.data(), plant, &mut answer);
         if source & 0x80 != 0 {
             let id = u32::from(self.id) << 8 | u32::from(source & 0x7F);
             let id = Id::standard(id).or(Id::extended(id));
@@ -338,18 +336,18 @@ impl Firmware for Moteus {
         true
     }
 
-    fn step(&mut self, now_ns: u64, plant: &mut Plant, _out: &mut FrameQueue) {
-        let elapsed = now_ns.saturating_sub(self.stepped_ns) as f64 * 1e-9;
-        self.stepped_ns = now_ns;
+    fn step(&mut self, plant: &mut Plant, _out: &mut FrameQueue) {
+        let elapsed = plant.now_ns.saturating_sub(self.stepped_ns) as f64 * 1e-9;
+        self.stepped_ns = plant.now_ns;
         if self.mode == STARTING {
             (self.mode, self.way) = (self.command.mode, None);
-            plant.start(now_ns);
+            plant.start();
         }
         if plant.power && self.mode == POSITION && elapsed > 0.0 {
             self.advance(elapsed, plant);
             plant.law = self.law(plant);
         }
-        if plant.trips(now_ns) {
+        if plant.trips() {
             self.mode = TIMEOUT;
             plant.law = Setpoint { damping: HOLD, ..Setpoint::default() };
         }

@@ -1,5 +1,5 @@
-//! What runs away, drops or lies, on each protocol and mode, and how long it takes until the bridge
-//! no longer follows commands, and until the motor has no torque: the attacks, for every frontend.
+//! Motors that run away, drop or lie, on each protocol and mode, with the times until the bridge no
+//! longer follows commands and until the motor has no torque: the attacks, for every frontend.
 
 use sarrus_can_core::bridge::BusEvent;
 use sarrus_can_core::drive::Setpoint;
@@ -44,7 +44,8 @@ pub(crate) fn swing(world: &mut World, seconds: f64) {
     let begin_ns = world.now_ns;
     while world.now_ns < begin_ns + (seconds * 1e9) as u64 {
         let t = (world.now_ns - begin_ns) as f64 * 1e-9;
-        let (sin, cos) = (2.0 * t).sin_cos();
+        let phase = 2.0 * t;
+        let (sin, cos) = phase.sin_cos();
         let setpoint = Setpoint {
             position: sin,
             velocity: 2.0 * cos,
@@ -57,7 +58,7 @@ pub(crate) fn swing(world: &mut World, seconds: f64) {
     }
 }
 
-/// What came of an attack.
+/// Outcome of an attack.
 pub(crate) struct Outcome {
     /// Time until commands were not followed any more; `None` where they always were `[ms]`.
     pub(crate) ms: Option<f64>,
@@ -73,8 +74,8 @@ pub(crate) struct Outcome {
 /// A stop takes no longer `[ns]`.
 const STOP_NS: u64 = 1_000 * MS;
 
-/// Cycles until it does not follow any more, from a beginning that is seen in the world, and then
-/// until its motor has no torque; what it did meanwhile. `each` comes before each cycle.
+/// Runs the world from the begin of an attack until the bridge no longer follows commands, and then
+/// until the motor has no torque. `each` comes before each cycle.
 fn watch_with(
     world: &mut World,
     seconds: f64,
@@ -82,8 +83,9 @@ fn watch_with(
     each: impl Fn(&mut World),
 ) -> Outcome {
     let mut end_ns = world.now_ns + (seconds * 1e9) as u64;
-    let (mut begun_ns, mut found) = (None, None);
-    let (mut position, mut velocity, mut torque) = (0_f64, 0_f64, 0_f64);
+    let mut begun_ns = None;
+    let mut found = None;
+    let [mut position, mut velocity, mut torque] = [0_f64; 3];
     let mut safe_ns = None;
     while world.now_ns < end_ns {
         if begun_ns.is_none() && has_begun(world) {
@@ -126,7 +128,7 @@ pub(crate) fn watch(
     watch_with(world, seconds, has_begun, |_| ())
 }
 
-/// The motor has this torque whatever its set-point is.
+/// The motor has this torque with any set-point.
 fn stuck(world: &mut World, torque: f64) -> Outcome {
     watch_with(world, 1.0, always, |world| {
         let follows = world.state(0).0 == MechanismState::Enabled;
@@ -152,7 +154,7 @@ fn prepared(mut world: World, drive: &str) -> World {
     world
 }
 
-/// An effort of 75 % of the limit, with what a mode without efforts is given instead.
+/// An effort of 75 % of the limit; position and velocity for modes without efforts.
 const PUSH: Setpoint =
     Setpoint { position: 50.0, velocity: 0.0, torque: 1.5, stiffness: 0.0, damping: 0.0 };
 
@@ -238,9 +240,9 @@ pub(crate) const ATTACKS: &[(&str, Attack)] = &[
     }),
 ];
 
-/// What a protocol cannot show: ODrive says its temperature, CiA 402 none; without gains in the
-/// motor and at their own rate nothing of an effort is known; a motor that is not asked answers as
-/// often as it likes.
+/// Whether a protocol can show an attack. CiA 402 reports no temperature; without gains in the
+/// motor and at their own rate the expected effort is unknown; a motor that is not asked answers at
+/// any rate.
 pub(crate) fn is_possible(attack: &str, drive: &str) -> bool {
     let is_position = drive.contains("position");
     match attack {

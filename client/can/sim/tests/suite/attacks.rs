@@ -43,8 +43,8 @@ fn nothing_is_armed_whose_feedback_is_old_from_the_beginning() {
         world.shafts[0].delay_ns = 200 * MS;
         let armed = world.arm();
         println!("{name:20} {armed:?} {}", world.state(0).1.name());
-        // what measures without being asked cannot be paired without a question that is answered,
-        // but does not move as it is asked to
+        // measurements that come unasked cannot be paired without a question that is answered, but
+        // contradict the commanded motion
         if drive.contains("odrive") && !drive.contains("endpoint") {
             swing(&mut world, 2.0);
             println!("{name:20} in motion: {}", world.state(0).1.name());

@@ -20,7 +20,7 @@ fn motor(protocol: &str, yaml: &str, mode: Mode) -> Simulated {
     Simulated::new(protocol, &settings, common, physics).unwrap()
 }
 
-/// What a motor answers to a frame.
+/// Answers of a motor to a frame.
 fn answers(motor: &mut Simulated, text: &str) -> Vec<String> {
     let mut out = FrameQueue::new(8);
     assert!(motor.receive(0, &frame(text), &mut out), "{text} is for this motor");
@@ -38,7 +38,7 @@ fn near(law: &Setpoint, expected: [f64; 5]) {
 fn the_mini_cheetahs_motor_does_what_its_authors_c_code_does() {
     // B. Katz, motorcontrol (2023-07-02): float_to_uint, uint_to_float and pack_reply, compiled.
     // A command of 0.1 rad, -0.5 rad/s, 20 N m/rad, 0.5 N m s/rad, 1 N m over P 12.5, V 45, Kp 500,
-    // Kd 5, T 18, and what unpack_cmd makes of it
+    // Kd 5, T 18, and the numbers that unpack_cmd reads from it
     let yaml = "{variant: mini_cheetah, id: 4, reply_id: 0, position_range: 12.5, velocity_range: \
         45, torque_range: 18, stiffness_range: 500, damping_range: 5}";
     let mut motor = motor("mit", yaml, Mode::Impedance);
@@ -101,7 +101,7 @@ fn a_vesc_takes_the_example_of_its_documentation() {
 #[test]
 fn an_ak_in_servo_mode_takes_and_tells_what_its_counterpart_sends_and_reads() {
     // PyPI TMotorCANControl 1.2.6: comm_can_set_current(104, -7.1234); parse_servo_message reads
-    // 12.3°, -450 electrical rpm, 3.21 A, 35 °C, no fault from what is told here
+    // 12.3°, -450 electrical rpm, 3.21 A, 35 °C, no fault from the state sent here
     let yaml = "{id: 104, motor_torque_constant: 1.0, pole_pairs: 21, reduction: 9}";
     let mut motor = motor("ak_servo", yaml, Mode::Torque);
     answers(&mut motor, "00000168#FFFFE42D");

@@ -1,6 +1,5 @@
-//! Commands, shafts and faults by chance: whatever happens, a motor with power is not beyond its
-//! limits for longer than it takes to find that and to stop, and nothing is enabled with a motor
-//! that is limp.
+//! Commands, shafts and faults by chance: a motor with power is beyond its limits no longer than
+//! detection and stop take, and nothing is enabled with a motor that is limp.
 //!
 //! Some hundred runs; `SARRUS_CHANCE_RUNS=10000` makes more of them, `SARRUS_CHANCE_SEED` begins
 //! elsewhere. A run that fails prints its seed.
@@ -26,7 +25,8 @@ fn whatever_happens_limits_hold_and_nothing_limp_is_enabled() {
     let first = number("SARRUS_CHANCE_SEED", 1);
     let n_runs = number("SARRUS_CHANCE_RUNS", 200);
     let drives = drives();
-    let (mut n_ended, mut n_failed) = (0, Vec::new());
+    let mut n_ended = 0;
+    let mut n_failed = Vec::new();
     println!("{n_runs} runs from seed {first}");
     for seed in first..first + n_runs {
         match run(seed, &drives) {
@@ -97,7 +97,7 @@ fn run(seed: u64, drives: &[(&'static str, String)]) -> Result<bool, String> {
         let shaft = &world.shafts[0];
         let is_enabled = world.state(0).0 == MechanismState::Enabled;
         let has_power = shaft.motor.plant.power;
-        // what it has of efforts while it does what it is told
+        // its effort while it follows its set-point
         let effort = if shaft.stuck.is_some() { 0.0 } else { shaft.torque };
         let beyond = [
             (shaft.position.abs(), 3.0, FOUND_NS + STOP_NS),

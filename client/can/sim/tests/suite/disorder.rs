@@ -1,6 +1,5 @@
 //! Disorder around motors that are all right: strangers on the bus, operators in a hurry, clocks
-//! that jump, configurations at the ends of what they may say; and a motor with its neighbour's
-//! name.
+//! that jump, configurations at the ends of their ranges; and a motor with its neighbour's name.
 
 use sarrus_can_core::drive::Setpoint;
 use sarrus_can_core::frame::{Frame, Id};
@@ -100,7 +99,8 @@ fn a_limit_on_one_side_holds_and_the_other_side_is_free() {
                 ..Setpoint::default()
             });
             world.cycles(500);
-            let (position, state) = (world.shafts[0].position, world.state(0));
+            let position = world.shafts[0].position;
+            let state = world.state(0);
             match side > 0.0 {
                 // efforts outwards end there, or it is stopped
                 true => assert!(position < 1.3, "{name}: {position} {state:?}"),

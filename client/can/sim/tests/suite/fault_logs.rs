@@ -1,5 +1,5 @@
-//! The log of a fault brings the same fault in a new bridge, on each protocol and whatever was
-//! before: mechanisms that had power, lost it and were armed again, others that failed meanwhile.
+//! The log of a fault brings the same fault in a new bridge, on each protocol and after any past:
+//! mechanisms that had power, lost it and were armed again, others that failed meanwhile.
 
 use std::f64::consts::PI;
 
@@ -11,12 +11,13 @@ use sarrus_proto::actuators::{MechanismState, Operation, Reason};
 use crate::attack_table::{drives, has_whole_logs, recorded, swing};
 use crate::world::{Encoder, Record, World};
 
-/// What failed: when `[ns]`, the mechanism, and why.
+/// A fault: its time `[ns]`, mechanism and reason.
 type Fault = (u64, usize, Reason);
 
 /// The faults of a bridge that is given these lines, each with the log that would be written.
 fn faults(text: &str, lines: &[Line]) -> Vec<(Fault, Vec<Line>)> {
-    let (mut bridge, mut log) = (World::read(text.to_owned()).bridge, FaultLog::default());
+    let mut bridge = World::read(text.to_owned()).bridge;
+    let mut log = FaultLog::default();
     let configuration = bridge.configuration().without_motors();
     let mut found = Vec::new();
     for line in lines {
@@ -24,7 +25,8 @@ fn faults(text: &str, lines: &[Line]) -> Vec<(Fault, Vec<Line>)> {
         let line = Line::read(&line.text(&configuration), &configuration).unwrap();
         let (before, _) = bridge.faults();
         line.apply(&mut bridge);
-        let (t, is_cycle) = (line.t, line.what == What::Cycle);
+        let t = line.t;
+        let is_cycle = line.what == What::Cycle;
         log.push(line);
         if is_cycle {
             log.after(After::cycle_of(&bridge));
@@ -45,7 +47,7 @@ fn checked(name: &str, text: &str, world: &World) -> Vec<Fault> {
     for (fault, log) in &all {
         let again: Vec<Fault> = faults(text, log).into_iter().map(|(fault, _)| fault).collect();
         assert_eq!(again.last(), Some(fault), "{name}: {again:?}");
-        // what failed before may be there too, and nothing else
+        // earlier faults may be there too, and nothing else
         let is_known = |(_, of, why): &Fault| {
             all.iter().any(|((_, known, reason), _)| (known, reason) == (of, why))
         };

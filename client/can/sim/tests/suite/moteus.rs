@@ -16,7 +16,7 @@ fn a_position_is_followed_at_once_whatever_limits_are_configured() {
     assert!((law.position - 1.0).abs() < 1e-6, "the motor has a way of its own: {law:?}");
 }
 
-/// A position command and what is read of register 027, from a host that is not ours.
+/// Register 027 after a position command, from a host that is not ours.
 fn commanded(bench: &mut Bench, timeout: u8) -> f64 {
     let mut sent = FrameQueue::new(1);
     sent.push(frame(&format!("00008001##101000A0127{timeout:02X}1D27")));

@@ -148,8 +148,15 @@ impl Pair {
         let drive = drive.unwrap_or_else(|| panic!("{}", diagnostics.into_report()));
         let physics = Physics { inertia: 0.01, friction: 0.01, torque_limit: f64::INFINITY };
         let motor = Simulated::new(case.protocol, &settings.unwrap(), common, physics).unwrap();
-        let (out, back) = (FrameQueue::new(64), FrameQueue::new(64));
-        Pair { drive, motor, now_ns: 1_000 * MS, out, back, measured: None, malformed: 0 }
+        Pair {
+            drive,
+            motor,
+            now_ns: 1_000 * MS,
+            out: FrameQueue::new(64),
+            back: FrameQueue::new(64),
+            measured: None,
+            malformed: 0,
+        }
     }
 
     /// Two milliseconds in which the drive commands something; nothing where it is silent.
@@ -216,7 +223,7 @@ fn every_motor_gets_power_only_when_it_shall_and_follows() {
         };
         let [p, v, t] = case.step;
         let follows = match case.mode {
-            // its damping cannot be scaled above its stiffness: what is left of it comes as torque
+            // its damping cannot be scaled above its stiffness: the rest of it comes as torque
             Mode::Impedance if case.protocol == "moteus" => {
                 near(law.position, 0.5, p)
                     && near(law.stiffness, 20.0, 0.01)

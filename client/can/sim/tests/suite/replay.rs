@@ -1,4 +1,4 @@
-//! What a bridge with the robot's model was given gives the same again: frames, and the fault.
+//! Recorded input of a bridge with the robot's model gives the same frames and the same fault.
 
 use sarrus_can_core::bridge::Bridge;
 use sarrus_can_core::fault_log::{After, FaultLog};
@@ -38,7 +38,8 @@ fn a_fault_that_the_model_found_replays_to_the_byte() {
         let actuators = &world.bridge.configuration().actuators;
         actuators.iter().position(|known| known == name).unwrap()
     };
-    let (left, right) = (of("BodyActL"), of("BodyActR"));
+    let left = of("BodyActL");
+    let right = of("BodyActR");
     while world.state(left).1 == Reason::None {
         for actuator in [left, right] {
             world.command.position[actuator] += 0.045 * world.period_ns as f64 * 1e-9;

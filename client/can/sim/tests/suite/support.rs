@@ -6,7 +6,7 @@ use sarrus_can_core::protocol::{Common, Settings, protocol};
 use sarrus_models::{Diagnostics, yaml};
 
 /// A drive of a protocol from the text of its settings, and the settings, of which its motor is
-/// made; or the report of what is wrong with them.
+/// made; or the report of their faults.
 pub(crate) fn settled(
     name: &str,
     yaml: &str,

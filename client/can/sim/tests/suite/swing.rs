@@ -21,8 +21,10 @@ pub(crate) fn upper_body() -> Configuration {
 pub(crate) fn world(configuration: Configuration) -> World {
     let mut world = World::new(configuration, 15);
     for shaft in &mut world.shafts {
-        let (gear, limits) = (shaft.mapping.gear, shaft.limits);
-        let (effort, velocity) = (limits.effort / gear, limits.velocity * gear);
+        let gear = shaft.mapping.gear;
+        let limits = shaft.limits;
+        let effort = limits.effort / gear;
+        let velocity = limits.velocity * gear;
         // its greatest effort brings it to its greatest speed in a fifth of a second
         shaft.inertia = 0.2 * effort / velocity;
         shaft.friction = 0.02 * effort / velocity;

@@ -38,7 +38,7 @@ impl Chance {
     }
 }
 
-/// What an encoder says instead of the truth.
+/// False report of an encoder.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Encoder {
     True,
@@ -68,10 +68,10 @@ pub(crate) struct Shaft {
     pub(crate) friction: f64,
     pub(crate) load: f64,
     pub(crate) is_blocked: bool,
-    /// The motor's torque, whatever it is told.
+    /// The motor's torque with any set-point.
     pub(crate) stuck: Option<f64>,
     pub(crate) encoder: Encoder,
-    /// What it says of its own velocity is 0.
+    /// It reports a velocity of 0.
     pub(crate) hides_velocity: bool,
     pub(crate) temperature: f64,
     /// Each answer comes twice.
@@ -106,7 +106,7 @@ impl Shaft {
         self.position += seconds * self.velocity;
     }
 
-    /// What the motor is about to say: with noise of so many codes on each number.
+    /// Alters the next report of the motor: noise of so many codes on each number.
     fn say(&mut self, noise: f64, chance: &mut Chance) {
         let (position, velocity) = self.sensed();
         let mut off = |step: f64| {
@@ -121,7 +121,7 @@ impl Shaft {
     }
 }
 
-/// What a bridge was given, and what it sent, as [`log`] writes both.
+/// Input and frames of a bridge, as [`log`] writes both.
 #[derive(Debug, Default)]
 pub(crate) struct Record {
     pub(crate) lines: Vec<Line>,
@@ -239,7 +239,7 @@ impl World {
         World::new(read.unwrap_or_else(|report| panic!("{report}")), 1)
     }
 
-    /// One cycle: a command, what the bridge says, and the time until the next one.
+    /// One cycle: a command, the frames of the bridge, and the time until the next one.
     pub(crate) fn cycle(&mut self) {
         let [late_ns, back_ns] = self.jitter_ns;
         let later = |chance: &mut Chance, most: u64| chance.within(0.0, most as f64) as u64;
@@ -368,7 +368,7 @@ impl World {
         None
     }
 
-    /// The same command for all.
+    /// Commands all actuators alike.
     pub(crate) fn give(&mut self, setpoint: Setpoint) {
         self.command.position = [setpoint.position; MAX_ACTUATORS];
         self.command.velocity = [setpoint.velocity; MAX_ACTUATORS];

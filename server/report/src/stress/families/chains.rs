@@ -6,7 +6,6 @@ use sarrus_dynamics::{Field, Method, Status};
 use crate::Outcome;
 use crate::measure::Effort;
 use crate::robots::chain::chain_of_lambdas;
-use crate::stress::harness::assess::assess;
 use crate::stress::harness::case::{At, Case, Cases, Reference};
 use crate::stress::harness::question::{Question, State, backward_error};
 use crate::stress::harness::robot::Robot;
@@ -59,21 +58,12 @@ fn one(cases: &mut Cases, robot: &Robot, n: usize, state: &State) -> Outcome {
         };
         // assessed by the backward error: the condition of M_y grows like n⁴, so that no method can
         // do better forwards
-        let assessment = assess(
-            answer.status(),
-            answer.warnings(),
-            backward.unwrap_or(f64::INFINITY),
-            answer.is_empty(),
-        );
+        let at = At { value, method: method.name() };
         let case = Case {
-            status: answer.status().name().to_owned(),
-            warnings: answer.warnings().names().map(str::to_owned).collect(),
-            error: backward,
             reference: "ID∘FD in double-double",
             backward,
-            assessment,
             nanoseconds: Some(answer.nanoseconds(&robot.compiled.model, 5)),
-            ..cases.blank(&robot.name, At { value, method: method.name() }, "FD")
+            ..cases.answered(robot, at, "FD", &answer, backward)
         };
         cases.all.push(case);
     }

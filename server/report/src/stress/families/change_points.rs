@@ -20,7 +20,7 @@ use crate::stress::mechanisms::trains::begun;
 
 use Field::*;
 
-type Point = [f64; 2];
+pub(crate) type Point = [f64; 2];
 
 /// Step of the path that answers are compared with, in radians of the crank.
 const FINE: f64 = 1e-4;
@@ -170,14 +170,14 @@ fn sequence(
 
 /// Crank, coupler, rocker, and the ground along x; the crank's angle and the side of the pin at
 /// zero.
-struct Bars {
-    name: &'static str,
-    crank: f64,
-    coupler: f64,
-    rocker: f64,
-    ground: f64,
-    zero: f64,
-    pin: Point,
+pub(crate) struct Bars {
+    pub(crate) name: &'static str,
+    pub(crate) crank: f64,
+    pub(crate) coupler: f64,
+    pub(crate) rocker: f64,
+    pub(crate) ground: f64,
+    pub(crate) zero: f64,
+    pub(crate) pin: Point,
 }
 
 impl Bars {
@@ -219,7 +219,7 @@ impl Bars {
     }
 
     /// Both pins between coupler and rocker.
-    fn pins(&self, y: f64) -> Option<[Point; 2]> {
+    pub(crate) fn pins(&self, y: f64) -> Option<[Point; 2]> {
         let a = self.tip(y);
         let d = distance(self.tip(y), [self.ground, 0.0]);
         let x = (d * d + self.coupler * self.coupler - self.rocker * self.rocker) / (2.0 * d);
@@ -238,7 +238,7 @@ impl Bars {
         [self.ground + c * x - s * y, s * x + c * y]
     }
 
-    fn robot(&self, random: &mut Random, kind: Kind) -> Outcome<Description> {
+    pub(crate) fn robot(&self, random: &mut Random, kind: Kind) -> Outcome<Description> {
         let [a, b, c, d] =
             [[0.0; 2], self.tip(0.0), self.pin, [self.ground, 0.0]].map(|[x, y]| [x, y, 0.0]);
         let mut of = begun(random, kind);

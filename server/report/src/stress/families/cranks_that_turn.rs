@@ -10,13 +10,13 @@ use sarrus_dynamics::{Field, Request, Status};
 use crate::Outcome;
 use crate::measure::Effort;
 use crate::robots::random::Random;
+use crate::stress::families::change_points::Bars;
 use crate::stress::harness::case::{At, Cases, Reference};
 use crate::stress::harness::question::{Question, State};
-use crate::stress::harness::robot::{Robot, Turn, Z, cut, finish, joint};
+use crate::stress::harness::robot::Robot;
 use crate::stress::harness::seeds;
-use crate::stress::mechanisms::BASE;
 use crate::stress::mechanisms::approach::followed;
-use crate::stress::mechanisms::trains::{Draw, begun, leg, train};
+use crate::stress::mechanisms::trains::{Draw, leg, train};
 
 use Field::*;
 
@@ -73,22 +73,13 @@ pub(crate) fn crank(cases: &mut Cases, seed: u64) -> Outcome {
 /// Bars of Grashof's kind, the crank the shortest.
 fn crank_rocker(random: &mut Random) -> Outcome<Description> {
     let crank = random.between(0.15, 0.35);
-    let ground = 1.0;
     let [coupler, rocker] = [(); 2].map(|()| random.between(0.75, 1.05));
-    let (s, c) = random.between(0.0, TAU).sin_cos();
-    let tip = [crank * c, crank * s];
-    let d = f64::hypot(ground - tip[0], tip[1]);
-    let x = (d * d + coupler * coupler - rocker * rocker) / (2.0 * d);
-    let h = (coupler * coupler - x * x).sqrt() * if random.coin() { 1.0 } else { -1.0 };
-    let ux = (ground - tip[0]) / d;
-    let uy = -tip[1] / d;
-    let pin = [tip[0] + x * ux - h * uy, tip[1] + x * uy + h * ux, 0.0];
-    let mut of = begun(random, Kind::Numerical);
-    let crank = joint(&mut of, BASE, Turn, [0.0; 3], Z);
-    let coupler = joint(&mut of, crank, Turn, [tip[0], tip[1], 0.0], Z);
-    let rocker = joint(&mut of, BASE, Turn, [ground, 0.0, 0.0], Z);
-    cut(&mut of, coupler, rocker, pin, "xy");
-    finish(of, &[crank], &[crank])
+    let zero = random.between(0.0, TAU);
+    let pin = [0.0; 2];
+    let mut bars = Bars { name: "crank-rocker", crank, coupler, rocker, ground: 1.0, zero, pin };
+    let [left, right] = bars.pins(0.0).ok_or("bars that do not meet")?;
+    bars.pin = if random.coin() { left } else { right };
+    bars.robot(random, Kind::Numerical)
 }
 
 /// A train or a leg at a pose that small steps from zero reach.

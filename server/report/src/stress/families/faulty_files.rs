@@ -5,7 +5,6 @@ use sarrus_models::{Options, Source, bundled_text, load};
 
 use crate::Outcome;
 use crate::measure::Effort;
-use crate::page::Assessment;
 use crate::stress::harness::case::{At, Case, Cases};
 
 /// Bundled files with one faulty number, joint or link each: refused, with the position.
@@ -35,25 +34,21 @@ pub(crate) fn run(cases: &mut Cases, _: &Effort) -> Outcome {
             urdf: replaced(urdf).into(),
             submechanisms: Some(replaced(yaml).into()),
         };
-        let blank = cases.blank("lambda", At { value: k as f64, method: "file" }, name);
-        let case = match load(&source, &Options::default()) {
+        let at = At { value: k as f64, method: "file" };
+        match load(&source, &Options::default()) {
             Err(error) => {
                 let reported = error.to_string().lines().next().unwrap_or_default().to_owned();
-                Case {
-                    status: "refused at load".into(),
-                    reported,
-                    assessment: Assessment::Failed,
-                    reference: "-",
-                    ..blank
-                }
+                cases.refused("lambda", at, name, "refused at load", reported);
             }
-            Ok(loaded) => Case {
-                status: Status::Ok.name().into(),
-                reported: format!("{} warnings", loaded.report.warnings.len()),
-                ..blank
-            },
-        };
-        cases.all.push(case);
+            Ok(loaded) => {
+                let case = Case {
+                    status: Status::Ok.name().into(),
+                    reported: format!("{} warnings", loaded.report.warnings.len()),
+                    ..cases.blank("lambda", at, name)
+                };
+                cases.all.push(case);
+            }
+        }
     }
     Ok(())
 }

@@ -16,20 +16,14 @@ use Field::{TauU, TauY};
 /// than declared is refused.
 pub(crate) fn run(cases: &mut Cases, _: &Effort) -> Outcome {
     cases.family("idle freedoms", "y, rad");
-    let (spinning, plain) =
-        (Robot::new("rod that may spin", door(true)?)?, Robot::new("rod", door(false)?)?);
+    let spinning = Robot::new("rod that may spin", door(true)?)?;
+    let plain = Robot::new("rod", door(false)?)?;
     for value in [0.4, 0.2, -0.2, -0.4] {
         let state = State { y: vec![value], ..State::of(&plain, 0.2)? };
-        let ask = Question::inverse(&state, &[TauY, TauU]);
-        cases.ask(&spinning, At { value, method: "numerical" }, "ID", &ask, &Reference::Same)?;
-        let forward = Question::forward(&state, None);
-        cases.ask(
-            &spinning,
-            At { value, method: "numerical" },
-            "FD",
-            &forward,
-            &Reference::Same,
-        )?;
+        let at = At { value, method: "numerical" };
+        let inverse = Question::inverse(&state, &[TauY, TauU]);
+        cases.ask(&spinning, at, "ID", &inverse, &Reference::Same)?;
+        cases.ask(&spinning, at, "FD", &Question::forward(&state, None), &Reference::Same)?;
     }
     // a five-bar with one independent, a four-bar with two rows too many about skew axes, a loose
     // sleeve

@@ -11,10 +11,12 @@ use crate::robots::random::Random;
 use crate::stress::harness::assess::warned;
 use crate::stress::harness::case::{At, Case, Cases};
 use crate::stress::harness::question::{Question, State};
-use crate::stress::harness::robot::{Robot, bundled, numerical};
+use crate::stress::harness::robot::Robot;
 use crate::stress::harness::seeds;
-use crate::stress::mechanisms::{GRASHOF, LOOSE, bricard, door, four_bar};
+use crate::stress::mechanisms::{GRASHOF, LOOSE, bricard, door};
+use crate::stress::sweep::{Design, Subject};
 
+use Design::{Bundled, FourBar, Made, Numerical};
 use Field::*;
 
 /// Radians, radians per second or parts of the length from which on a replaced input is named.
@@ -22,12 +24,30 @@ const NAMED: f64 = 1e-6;
 /// Within this factor of the threshold both outcomes are right: lengths are typical ones.
 const NEAR: f64 = 4.0;
 
+const ROBOTS: [Subject; 14] = [
+    Subject::plain("lambda", Bundled("lambda")),
+    Subject::plain("wrist", Bundled("wrist")),
+    Subject::plain("torso", Bundled("torso")),
+    Subject::plain("five_bar", Bundled("five_bar")),
+    Subject::plain("delta", Bundled("delta")),
+    Subject::plain("stewart", Bundled("stewart")),
+    Subject::plain("rh5v2_upper_body", Bundled("rh5v2_upper_body")),
+    Subject::plain("lambda", Numerical("lambda")),
+    Subject::plain("torso", Numerical("torso")),
+    Subject::plain("four-bar", FourBar(LOOSE, Kind::FourBar, "xy")),
+    Subject::plain("four-bar", FourBar(GRASHOF, Kind::Numerical, "xy")),
+    Subject::plain("four-bar of five rows", FourBar(LOOSE, Kind::Numerical, "xyzab")),
+    Subject::plain("Bricard", Made(|| bricard(false))),
+    Subject::plain("door", Made(|| door(false))),
+];
+
 /// Closed states of robots, off their loops in one joint or in all.
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     cases.family("inconsistent input", "q or qd off its loops, rad or parts of the length");
-    for (k, robot) in robots()?.iter().enumerate() {
+    for (k, subject) in ROBOTS.iter().enumerate() {
+        let robot = subject.robot()?;
         for seed in seeds(effort, [12, 200], &[]) {
-            one(cases, robot, (k as u64) << 16 | seed)?;
+            one(cases, &robot, (k as u64) << 16 | seed)?;
         }
     }
     Ok(())
@@ -36,26 +56,7 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
 /// The case of a printed seed, which encodes the robot too.
 #[cfg(test)]
 pub(crate) fn by_seed(cases: &mut Cases, seed: u64) -> Outcome {
-    one(cases, &robots()?[(seed >> 16) as usize], seed)
-}
-
-fn robots() -> Outcome<Vec<Robot>> {
-    let mut robots = Vec::new();
-    for name in ["lambda", "wrist", "torso", "five_bar", "delta", "stewart", "rh5v2_upper_body"] {
-        robots.push(Robot::new(name, bundled(name)?)?);
-    }
-    for (name, of) in [
-        ("lambda", numerical(bundled("lambda")?)),
-        ("torso", numerical(bundled("torso")?)),
-        ("four-bar", four_bar(LOOSE, Kind::FourBar, "xy")?),
-        ("four-bar", four_bar(GRASHOF, Kind::Numerical, "xy")?),
-        ("four-bar of five rows", four_bar(LOOSE, Kind::Numerical, "xyzab")?),
-        ("Bricard", bricard(false)?),
-        ("door", door(false)?),
-    ] {
-        robots.push(Robot::new(name, of)?);
-    }
-    Ok(robots)
+    one(cases, &ROBOTS[(seed >> 16) as usize].robot()?, seed)
 }
 
 /// A closed state, moved off its loops, given whole.
@@ -118,14 +119,13 @@ fn one(cases: &mut Cases, robot: &Robot, seed: u64) -> Outcome {
     };
     let figure = projection.and_then(|field| answer.get(field).first().copied());
     let figure = figure.map_or(String::new(), |x| format!(", projection {x:.1e}"));
+    let error = (ok && assessment != Assessment::Held).then_some(moved);
+    let at = At::of(robot, size);
     let case = Case {
-        status: answer.status().name().to_owned(),
-        warnings: answer.warnings().names().map(str::to_owned).collect(),
-        error: (ok && assessment != Assessment::Held).then_some(moved),
         reference: "what was given",
         reported: format!("q moved by {of_q:.1e}, qd by {of_qd:.1e}{figure}, seed {seed}"),
         assessment,
-        ..cases.blank(&robot.name, At { value: size, method: robot.closures() }, ask.name())
+        ..cases.answered(robot, at, ask.name(), &answer, error)
     };
     cases.all.push(case);
     Ok(())

@@ -20,45 +20,25 @@ pub(crate) fn run(cases: &mut Cases, _: &Effort) -> Outcome {
         let pose = Question::kinematics(&state).run(&robot.compiled.model)?;
         let field = |field: Field| (field, pose.get(field).to_vec());
         let link = robot.description.links.len() as u16 - 1;
-        let given = |of: &[(Field, &[f64])]| {
-            of.iter().map(|(field, x)| (*field, x.to_vec())).collect::<Vec<_>>()
+        let [y, yd, ydd] = [(Y, &state.y), (Yd, &state.yd), (Ydd, &state.ydd)]
+            .map(|(field, numbers)| (field, numbers.clone()));
+        let given_y = vec![y.clone(), yd.clone(), ydd.clone()];
+        let with_guess = vec![y.clone(), yd.clone(), ydd, (QGuess, pose.get(Q).to_vec())];
+        let given_q = vec![field(Q), field(Qd), field(Qdd)];
+        let given_u = vec![field(U), field(Ud), field(Udd), (QGuess, pose.get(Q).to_vec())];
+        let forces = |field: Field, numbers: Vec<f64>| {
+            let given = vec![y.clone(), yd.clone(), (field, numbers)];
+            Question::new(Request::ForwardDynamics, given, &[Ydd, Qdd])
         };
-        let n_u = vec![1.0; sizes.n_u];
-        let n_v = vec![1.0; sizes.n_v];
-        let motion = given(&[(Y, &state.y), (Yd, &state.yd), (Ydd, &state.ydd)]);
         let asks = [
-            Question::new(
-                Request::Kinematics,
-                [motion.clone(), vec![(QGuess, field(Q).1)]].concat(),
-                &[Q, Qdd, U],
-            ),
-            Question::new(
-                Request::Kinematics,
-                vec![field(Q), field(Qd), field(Qdd)],
-                &[Q, Yd, Ydd],
-            ),
-            Question::new(
-                Request::Kinematics,
-                vec![field(U), field(Ud), field(Udd), (QGuess, pose.get(Q).to_vec())],
-                &[Q, Yd, Ydd],
-            ),
-            Question::new(Request::InverseDynamics, motion, &[TauY, TauU])
+            Question::new(Request::Kinematics, with_guess, &[Q, Qdd, U]),
+            Question::new(Request::Kinematics, given_q, &[Q, Yd, Ydd]),
+            Question::new(Request::Kinematics, given_u, &[Q, Yd, Ydd]),
+            Question::new(Request::InverseDynamics, given_y, &[TauY, TauU])
                 .pushed(&[link], vec![1.0; 6]),
-            Question::new(
-                Request::ForwardDynamics,
-                given(&[(Y, &state.y), (Yd, &state.yd), (TauY, &state.tau_y)]),
-                &[Ydd, Qdd],
-            ),
-            Question::new(
-                Request::ForwardDynamics,
-                given(&[(Y, &state.y), (Yd, &state.yd), (TauU, &n_u)]),
-                &[Ydd, Qdd],
-            ),
-            Question::new(
-                Request::ForwardDynamics,
-                given(&[(Y, &state.y), (Yd, &state.yd), (TauQ, &n_v)]),
-                &[Ydd, Qdd],
-            ),
+            forces(TauY, state.tau_y.clone()),
+            forces(TauU, vec![1.0; sizes.n_u]),
+            forces(TauQ, vec![1.0; sizes.n_v]),
         ];
         for ask in &asks {
             for (k, (field, numbers)) in ask.given.iter().enumerate() {

@@ -64,14 +64,12 @@ pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
             Some(_) if warned(answer.warnings(), "loop_open") => Assessment::Degraded,
             Some(_) => Assessment::FailedSilently,
         };
+        let error = open.filter(|_| assessment != Assessment::Held);
         let case = Case {
-            status: answer.status().name().to_owned(),
-            warnings: answer.warnings().names().map(str::to_owned).collect(),
-            error: open.filter(|_| assessment != Assessment::Held),
             reference: "all rows of the cuts",
             reported: open.map_or(String::new(), |open| format!("open by {open:.1e}")),
             assessment,
-            ..cases.blank(&robot.name, at, ask.name())
+            ..cases.answered(&robot, at, ask.name(), &answer, error)
         };
         cases.all.push(case);
     }

@@ -1,33 +1,18 @@
-//! Families of stress cases, one a file: each sweeps a parameter and collects its cases.
+//! Families of stress cases: those that sweep a parameter over robots, by the place where it acts,
+//! and one a file those that do more.
 
-pub(super) mod big_jumps;
 pub(super) mod chains;
 pub(super) mod change_points;
-pub(super) mod conservation;
+pub(super) mod changed_robots;
+pub(super) mod changed_states;
 pub(super) mod cranks_that_turn;
 pub(super) mod dead_points_in_series;
 pub(super) mod faulty_files;
-pub(super) mod gravity;
 pub(super) mod idle_freedoms;
 pub(super) mod inconsistent_input;
-pub(super) mod inconsistent_starts;
 pub(super) mod invalid_numbers;
-pub(super) mod joint_terms;
 pub(super) mod light_behind_heavy;
-pub(super) mod loops_in_one_subtree;
 pub(super) mod loops_that_cannot_close;
-pub(super) mod many_turns;
-pub(super) mod mass_ratios;
-pub(super) mod massless_links;
-pub(super) mod projection;
-pub(super) mod quaternions;
-pub(super) mod redundant_rows;
-pub(super) mod simulation_starts;
-pub(super) mod singular_poses;
-pub(super) mod sizes;
-pub(super) mod stabilisation;
-pub(super) mod steps_and_tolerances;
-pub(super) mod stiff_simulations;
-pub(super) mod unreachable_targets;
-pub(super) mod velocities;
-pub(super) mod wrenches;
+pub(super) mod open_loops;
+pub(super) mod poses;
+pub(super) mod simulated;

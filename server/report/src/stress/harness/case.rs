@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use sarrus_dynamics::scalar::Dd;
-use sarrus_dynamics::{Field, Method, Request, Status};
+use sarrus_dynamics::{Field, Method, Request, Status, Warnings};
 
 use super::assess::{HELD, assess};
 use super::question::{Answered, Question, State, backward_error, error};
@@ -73,6 +73,13 @@ pub(crate) struct At<'a> {
     pub(crate) method: &'a str,
 }
 
+impl At<'_> {
+    /// At a value, by the way in which the robot's loops are closed.
+    pub(crate) fn of(robot: &Robot, value: f64) -> At<'static> {
+        At { value, method: robot.closures() }
+    }
+}
+
 impl Cases {
     /// The cases that follow are of this family.
     pub(crate) fn family(&mut self, family: &'static str, parameter: &'static str) {
@@ -104,25 +111,67 @@ impl Cases {
         }
     }
 
+    /// A case with a status, its error where it is ok, and whether a failed answer is NaN wherever
+    /// it must be; without warnings.
+    pub(crate) fn ended(
+        &self,
+        mechanism: &str,
+        at: At<'_>,
+        asked: &str,
+        (status, error, empty): (Status, Option<f64>, bool),
+    ) -> Case {
+        Case {
+            status: status.name().to_owned(),
+            error,
+            assessment: assess(status, Warnings::NONE, error.unwrap_or(f64::INFINITY), empty),
+            ..self.blank(mechanism, at, asked)
+        }
+    }
+
+    /// A case with the status, the warnings and the assessment of an answer with this error.
+    pub(crate) fn answered(
+        &self,
+        robot: &Robot,
+        at: At<'_>,
+        asked: &str,
+        answer: &Answered<f64>,
+        error: Option<f64>,
+    ) -> Case {
+        let status = answer.status();
+        let warnings = answer.warnings();
+        let size = error.unwrap_or(f64::INFINITY);
+        Case {
+            warnings: warnings.names().map(str::to_owned).collect(),
+            assessment: assess(status, warnings, size, answer.is_empty()),
+            ..self.ended(&robot.name, at, asked, (status, error, false))
+        }
+    }
+
+    /// Adds a case that ended before there was anything to ask.
+    pub(crate) fn refused(
+        &mut self,
+        mechanism: &str,
+        at: At<'_>,
+        asked: &str,
+        status: &str,
+        reported: String,
+    ) {
+        let case = Case {
+            status: status.to_owned(),
+            reported,
+            assessment: Assessment::Failed,
+            reference: "-",
+            ..self.blank(mechanism, at, asked)
+        };
+        self.all.push(case);
+    }
+
     /// Loads a robot at a value of the parameter; a refused one is a case of its own that reports
     /// the error.
     pub(crate) fn load(&mut self, name: &str, at: At<'_>, robot: Outcome<Robot>) -> Option<Robot> {
-        match robot {
-            Ok(robot) => Some(robot),
-            Err(error) => {
-                let (status, reported, assessment) =
-                    ("refused at load".to_owned(), error.to_string(), Assessment::Failed);
-                let case = Case {
-                    status,
-                    reported,
-                    assessment,
-                    reference: "-",
-                    ..self.blank(name, at, "load")
-                };
-                self.all.push(case);
-                None
-            }
-        }
+        robot
+            .map_err(|error| self.refused(name, at, "load", "refused at load", error.to_string()))
+            .ok()
     }
 
     /// Asks, compares, assesses.
@@ -149,9 +198,6 @@ impl Cases {
             None
         };
         let case = Case {
-            status: answer.status().name().to_owned(),
-            warnings: answer.warnings().names().map(str::to_owned).collect(),
-            error,
             reference: source,
             backward,
             reported: if error.is_some_and(|error| error > HELD) {
@@ -159,13 +205,7 @@ impl Cases {
             } else {
                 reported(robot, ask, &answer)?
             },
-            assessment: assess(
-                answer.status(),
-                answer.warnings(),
-                error.unwrap_or(f64::INFINITY),
-                answer.is_empty(),
-            ),
-            ..self.blank(&robot.name, at, asked)
+            ..self.answered(robot, at, asked, &answer, error)
         };
         self.all.push(case);
         self.all.last_mut().ok_or_else(|| "no case".into())
@@ -186,32 +226,19 @@ impl Cases {
         if kinematics {
             self.ask(robot, at, "kinematics", &Question::kinematics(state), &Reference::Same)?;
         }
-        self.ask(
-            robot,
-            at,
-            "ID",
-            &Question::inverse(state, &[Field::TauY, Field::TauU]),
-            &Reference::Same,
-        )?;
+        let inverse = Question::inverse(state, &[Field::TauY, Field::TauU]);
+        self.ask(robot, at, "ID", &inverse, &Reference::Same)?;
         for method in methods {
             let name = format!("{closures}, {}", method.name());
             let ask = Question::forward(state, Some(*method));
             // the oracle in double-double would cost more and agree
             let exact = Question { method: Some(Method::Recursion), ..ask.clone() };
-            let case =
-                self.ask(robot, At { value, method: &name }, "FD", &ask, &Reference::Of(&exact))?;
+            let at = At { value, method: &name };
+            let case = self.ask(robot, at, "FD", &ask, &Reference::Of(&exact))?;
             if case.status == Status::Ok.name() {
                 let answer = ask.run(&robot.compiled.model)?;
                 case.backward = Some(backward_error(robot, &ask, &answer)?);
             }
-        }
-        Ok(())
-    }
-
-    /// Inverse dynamics and forward dynamics by every method, where the robot loads.
-    pub(crate) fn dynamics(&mut self, name: &str, value: f64, robot: Outcome<Robot>) -> Outcome {
-        if let Some(robot) = self.load(name, At { value, method: "-" }, robot) {
-            self.questions(&robot, value, &State::of(&robot, 0.25)?, false, &Method::ALL)?;
         }
         Ok(())
     }

@@ -3,9 +3,9 @@
 use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Field, Method, Request, Status};
 
-use super::assess::{HELD, assess};
+use super::assess::HELD;
 use super::case::{At, Case, Cases};
-use super::question::{Answered, Question};
+use super::question::{Answered, Question, by_size};
 use super::robot::Robot;
 use crate::Outcome;
 
@@ -61,20 +61,8 @@ impl Cases {
                 reported = format!("double-double: {}", exact.status().name());
             }
         }
-        let assessment = assess(
-            answer.status(),
-            answer.warnings(),
-            worst.unwrap_or(f64::INFINITY),
-            answer.is_empty(),
-        );
-        let case = Case {
-            status: answer.status().name().to_owned(),
-            warnings: answer.warnings().names().map(str::to_owned).collect(),
-            error: ok.then_some(worst.unwrap_or(f64::INFINITY)),
-            reported,
-            assessment,
-            ..self.blank(&robot.name, at, asked)
-        };
+        let error = ok.then_some(worst.unwrap_or(f64::INFINITY));
+        let case = Case { reported, ..self.answered(robot, at, asked, &answer, error) };
         self.all.push(case);
         Ok(())
     }
@@ -89,7 +77,7 @@ fn second_reference(robot: &Robot, ask: &Question) -> Outcome<Answered<Dd>> {
         _ => Method::Recursion,
     };
     let method = (ask.request == Request::ForwardDynamics).then_some(other);
-    Question { method, ..ask.clone() }.run_with(exact, |k, x| {
+    Question { method, ..ask.clone() }.run_with(exact, &|k, x| {
         let sign = if k % 2 == 0 { CHANGE } else { -CHANGE };
         Dd::from(x) + Dd::from(x * sign)
     })
@@ -98,7 +86,7 @@ fn second_reference(robot: &Robot, ask: &Question) -> Outcome<Answered<Dd>> {
 /// The change of the exact answer where each input is off by half an ulp or less, which no
 /// computation in doubles can avoid.
 fn moved(robot: &Robot, ask: &Question, exact: &Answered<Dd>) -> Outcome<f64> {
-    let near = ask.run_with(&robot.compiled.exact, |k, x| {
+    let near = ask.run_with(&robot.compiled.exact, &|k, x| {
         let sign = if k % 2 == 0 { ULP } else { -ULP };
         Dd::from(x) + Dd::from(x * sign)
     })?;
@@ -130,14 +118,10 @@ fn error<T: Real>(
 ) -> f64 {
     let exact = exact.get(field);
     let units = units(robot, field, exact.len());
-    let mut worst: f64 = 0.0;
-    let mut size: f64 = natural(ask, field);
-    for ((x, exact), unit) in answer.get(field).iter().zip(exact).zip(&units) {
-        let off = unit * (double_double(*x) - *exact).to_f64().abs();
-        worst = if off.is_nan() { f64::INFINITY } else { worst.max(off) };
-        size = size.max(unit * exact.to_f64().abs());
-    }
-    if worst == 0.0 { 0.0 } else { worst / size.max(f64::MIN_POSITIVE) }
+    let mut pairs = answer.get(field).iter().zip(exact).zip(&units).map(|((x, exact), unit)| {
+        (unit * (double_double(*x) - *exact).to_f64(), unit * exact.to_f64())
+    });
+    by_size(&mut pairs, natural(ask, field))
 }
 
 /// A number of any scalar with all digits that double-double has.
@@ -206,7 +190,7 @@ mod tests {
         let second = second_reference(&robot, &ask).expect("a plan");
         let apart = largest(&robot, &ask, &second, &exact).1;
         assert!(apart > 0.0 && apart < 1e-20, "{apart}");
-        let other = ask.run_with(&robot.compiled.exact, |_, x| Dd::from(x) + Dd::from(1e-9 * x));
+        let other = ask.run_with(&robot.compiled.exact, &|_, x| Dd::from(x) + Dd::from(1e-9 * x));
         assert!(largest(&robot, &ask, &other.expect("a plan"), &exact).1 > CERTAIN);
     }
 }

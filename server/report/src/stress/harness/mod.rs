@@ -14,9 +14,14 @@ pub(super) mod runs;
 pub(super) mod simulations;
 
 /// Powers of ten from 10^from to 10^to: every one, or with little effort this many steps.
-pub(super) fn sweep(effort: &Effort, from: i32, to: i32, steps: i32) -> Vec<f64> {
+pub(super) fn powers(effort: &Effort, from: i32, to: i32, steps: i32) -> Vec<f64> {
     let steps = if effort.quick { steps } else { to - from };
     (0..=steps).map(|k| 10f64.powi(from + (to - from) * k / steps)).collect()
+}
+
+/// Values, and then others.
+pub(super) fn with(values: &[f64], others: &[f64]) -> Vec<f64> {
+    [values, others].concat()
 }
 
 /// Seeds from 0 on, few with little effort and more else, and then these that stand beyond the few.

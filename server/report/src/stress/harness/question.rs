@@ -143,7 +143,7 @@ impl Question {
 
     /// The answer of a model.
     pub(crate) fn run<T: PlanScalar>(&self, model: &Model<T>) -> Outcome<Answered<T>> {
-        self.run_with(model, |_, x| T::from_f64(x))
+        self.run_with(model, &|_, x| T::from_f64(x))
     }
 
     /// The answer of a model, with each given number converted by `number` from its index and
@@ -151,7 +151,7 @@ impl Question {
     pub(crate) fn run_with<T: PlanScalar>(
         &self,
         model: &Model<T>,
-        number: impl Fn(usize, f64) -> T,
+        number: &dyn Fn(usize, f64) -> T,
     ) -> Outcome<Answered<T>> {
         let given = self.given.iter().fold(FieldSet::EMPTY, |set, (field, _)| set.with(*field));
         let query = Query::new(self.request, given, FieldSet::of(&self.want));
@@ -233,19 +233,35 @@ impl<T: PlanScalar> Answered<T> {
     }
 }
 
+/// The largest of some errors by the size of the largest of their references, or by `least` where
+/// that is larger; pairs of error and reference. An error that is no number is infinite.
+pub(crate) fn by_size(pairs: &mut dyn Iterator<Item = (f64, f64)>, least: f64) -> f64 {
+    let mut worst: f64 = 0.0;
+    let mut size = least.max(f64::MIN_POSITIVE);
+    for (error, reference) in pairs {
+        worst = if error.is_nan() { f64::INFINITY } else { worst.max(error.abs()) };
+        size = size.max(reference.abs());
+    }
+    if worst == 0.0 { 0.0 } else { worst / size }
+}
+
+/// Errors and references of numbers, each times its unit.
+pub(crate) fn errors<'a>(
+    numbers: &'a [f64],
+    reference: &'a [Dd],
+    units: &'a [f64],
+) -> impl Iterator<Item = (f64, f64)> + 'a {
+    numbers.iter().zip(reference).zip(units).map(|((x, reference), unit)| {
+        (unit * (Dd::from(*x) - *reference).to_f64(), unit * reference.to_f64())
+    })
+}
+
 /// The largest error of an answer by size, over the fields that the reference has: max |x −
 /// reference| / max |reference|, lengths in those of the robot.
 pub(crate) fn error(robot: &Robot, answer: &Answered<f64>, reference: &[(Field, Vec<Dd>)]) -> f64 {
     let of_field = |(field, reference): &(Field, Vec<Dd>)| {
         let units = robot.units(*field).unwrap_or_else(|| vec![1.0; reference.len()]);
-        let mut worst: f64 = 0.0;
-        let mut size: f64 = f64::MIN_POSITIVE;
-        for ((x, reference), unit) in answer.get(*field).iter().zip(reference).zip(&units) {
-            let off = unit * (Dd::from(*x) - *reference).to_f64().abs();
-            worst = if off.is_nan() { f64::INFINITY } else { worst.max(off) };
-            size = size.max(unit * reference.to_f64().abs());
-        }
-        if worst == 0.0 { 0.0 } else { worst / size }
+        by_size(&mut errors(answer.get(*field), reference, &units), 0.0)
     };
     reference.iter().map(of_field).fold(0.0, f64::max)
 }

@@ -2,20 +2,14 @@
 
 use std::collections::HashSet;
 
-use sarrus_dynamics::description::{
-    Cut, Description, Inertial, JointKind, Placement, SubmechanismKind as Kind,
-};
-use sarrus_dynamics::{Compiled, DescriptionBuilder, Field, LinkId, Model};
+use sarrus_dynamics::description::{Cut, Description, Placement};
+use sarrus_dynamics::{Compiled, Field, Method, Model};
 use sarrus_models::{Options, Source, load};
 
 use crate::Outcome;
 
-pub(crate) const X: [f64; 3] = [1.0, 0.0, 0.0];
-pub(crate) const Y: [f64; 3] = [0.0, 1.0, 0.0];
-pub(crate) const Z: [f64; 3] = [0.0, 0.0, 1.0];
-pub(crate) use JointKind::{Prismatic as Slide, Revolute as Turn};
-
 pub(crate) use crate::robots::catalogue::numerical;
+pub(crate) use crate::robots::small::{Slide, Turn, X, Y, Z, cut, finish, joint, mechanism};
 
 /// A robot ready to be asked.
 pub(crate) struct Robot {
@@ -57,6 +51,19 @@ impl Robot {
     /// A length that is typical of it `[m]`.
     pub(crate) fn length(&self) -> f64 {
         self.length
+    }
+
+    /// The method by which its forward dynamics go unless another is asked.
+    pub(crate) fn own_method(&self) -> [Method; 1] {
+        [self.compiled.model.forward_method()]
+    }
+
+    /// The independent ones of all coordinates.
+    pub(crate) fn independents(&self, q: &[f64]) -> Vec<f64> {
+        let names = self.compiled.model.tree_q_names();
+        let place = |name: &String| names.iter().position(|other| other == name);
+        let independent = self.compiled.model.independent_q_names();
+        independent.iter().filter_map(place).map(|place| q[place]).collect()
     }
 
     /// How its loops are closed, in a word.
@@ -105,23 +112,18 @@ pub(crate) fn bundled(name: &str) -> Outcome<Description> {
 }
 
 /// Mass and inertia of the links that `which` names times a factor.
-pub(crate) fn heavier(
-    mut of: Description,
-    which: impl Fn(&str) -> bool,
-    factor: f64,
-) -> Description {
+pub(crate) fn heavier(of: &mut Description, which: &dyn Fn(&str) -> bool, factor: f64) {
     for link in of.links.iter_mut().filter(|link| which(&link.name)) {
         if let Some(inertial) = &mut link.inertial {
             inertial.mass *= factor;
             inertial.inertia = inertial.inertia.map(|x| x * factor);
         }
     }
-    of
 }
 
 /// Every length times `lengths` and every mass times `masses`; times stay, so gravity goes with the
 /// lengths.
-pub(crate) fn scaled(mut of: Description, lengths: f64, masses: f64) -> Description {
+pub(crate) fn scaled(of: &mut Description, lengths: f64, masses: f64) {
     let place = |x: &mut Placement| x.xyz = x.xyz.map(|x| lengths * x);
     of.gravity = of.gravity.map(|x| lengths * x);
     for inertial in of.links.iter_mut().filter_map(|link| link.inertial.as_mut()) {
@@ -136,50 +138,4 @@ pub(crate) fn scaled(mut of: Description, lengths: f64, masses: f64) -> Descript
             place(successor);
         }
     }
-    of
-}
-
-/// A mechanism under way, every link of 1 kg.
-pub(crate) fn mechanism(kind: Kind) -> DescriptionBuilder {
-    let mut of = DescriptionBuilder::new("mechanism");
-    let inertia = [0.2, 0.01, 0.02, 0.3, 0.0, 0.25];
-    of.gravity([0.3, -9.7, 1.1]).default_inertial(Inertial::new(1.0, [0.1, 0.2, -0.1], inertia));
-    of.submechanism("loop", kind);
-    of
-}
-
-/// Joint k, at a point and along an axis of the root; returns its link, k + 1.
-pub(crate) fn joint(
-    of: &mut DescriptionBuilder,
-    parent: LinkId,
-    kind: JointKind,
-    at: [f64; 3],
-    axis: [f64; 3],
-) -> LinkId {
-    let k = of.n_joints();
-    let joint = of.joint(format!("j{k}"), kind, parent).link_name(format!("link{}", k + 1));
-    joint.at(at).axis(axis).link()
-}
-
-/// A cut at a point of the root with these rows: `xyz` along, `abc` about the axes of the root.
-pub(crate) fn cut(
-    of: &mut DescriptionBuilder,
-    predecessor: LinkId,
-    successor: LinkId,
-    at: [f64; 3],
-    which: &str,
-) {
-    let row = |c: char| std::array::from_fn(|k| f64::from("abcxyz".find(c) == Some(k)));
-    let cut = of.cut("cut0", predecessor, successor).at(at);
-    which.chars().fold(cut, |cut, c| cut.row(c, row(c)));
-}
-
-/// The description, with its independent and its active joints.
-pub(crate) fn finish(
-    mut of: DescriptionBuilder,
-    independent: &[LinkId],
-    active: &[LinkId],
-) -> Outcome<Description> {
-    of.independent(independent.iter().copied()).active(active.iter().copied());
-    Ok(of.build()?)
 }

@@ -1,9 +1,10 @@
 //! One simulation as a case.
 
-use sarrus_simulation::{EventKind, Run, Settings, Setup, Start, simulate};
+use sarrus_simulation::{EventKind, Input, Run, Settings, Setup, Start, simulate};
 
 use super::assess::HELD;
 use super::case::{At, Case, Cases};
+use super::question::by_size;
 use super::robot::Robot;
 use crate::Outcome;
 use crate::page::Assessment;
@@ -11,65 +12,51 @@ use crate::page::Assessment;
 /// Least ratio of estimate to error at which an estimate counts as a report of the error.
 const TELLS: f64 = 0.1;
 
-/// The reference of a simulation.
-pub(crate) struct Comparison<'a> {
+/// A robot to simulate from a start, and its reference.
+pub(crate) struct Trial<'a> {
+    pub(crate) robot: &'a Robot,
+    pub(crate) inputs: &'a [Input],
+    pub(crate) start: Start,
     /// The largest error by size over all samples.
     pub(crate) error: &'a dyn Fn(&Run) -> Outcome<f64>,
     /// Where the reference comes from.
     pub(crate) reference: &'static str,
 }
 
-/// A robot with nothing on it but its own springs and dampers.
-pub(crate) fn setup(robot: &Robot) -> Setup<'_> {
-    Setup { description: &robot.description, compiled: &robot.compiled, springs: &[], inputs: &[] }
+/// A robot with these inputs, and its own springs and dampers.
+pub(crate) fn setup<'a>(robot: &'a Robot, inputs: &'a [Input]) -> Setup<'a> {
+    Setup { description: &robot.description, compiled: &robot.compiled, springs: &[], inputs }
 }
 
 /// The largest difference of y over the samples of two runs that sample at the same times, by size.
 pub(crate) fn apart(run: &Run, reference: &Run) -> f64 {
-    let mut worst: f64 = 0.0;
-    let mut size: f64 = f64::MIN_POSITIVE;
-    for (a, b) in run.samples.iter().zip(&reference.samples) {
-        for (x, reference) in a.y.iter().zip(&b.y) {
-            let off = (x - reference).abs();
-            worst = if off.is_nan() { f64::INFINITY } else { worst.max(off) };
-            size = size.max(reference.abs());
-        }
+    if run.samples.len() < reference.samples.len() {
+        return f64::INFINITY;
     }
-    if run.samples.len() < reference.samples.len() { f64::INFINITY } else { worst / size }
+    let samples = run.samples.iter().zip(&reference.samples);
+    let mut pairs = samples.flat_map(|(run, reference)| {
+        run.y.iter().zip(&reference.y).map(|(x, reference)| (x - reference, *reference))
+    });
+    by_size(&mut pairs, 0.0)
 }
 
-impl Cases {
+impl Trial<'_> {
     /// Simulates with an estimate of the error and assesses. Held: like any answer. Degraded,
     /// reported: the run's own estimate or its energy has the size of the error. Failed, reported:
     /// the run stops with a status or does not start.
-    pub(crate) fn simulation(
-        &mut self,
-        name: &str,
-        at: At<'_>,
-        setup: &Setup<'_>,
-        start: &Start,
-        settings: &Settings,
-        by: &Comparison<'_>,
-    ) -> Outcome {
+    pub(crate) fn run(&self, cases: &mut Cases, at: At<'_>, settings: &Settings) -> Outcome {
         let settings = Settings { estimate: true, ..*settings };
-        let run = match simulate(setup, start, &settings, &mut |_| ()) {
+        let setup = setup(self.robot, self.inputs);
+        let run = match simulate(&setup, &self.start, &settings, &mut |_| ()) {
             Ok(run) => run,
             Err(error) => {
-                let status = "refused at start".to_owned();
-                let reported = error.to_string();
-                let case = Case {
-                    status,
-                    reported,
-                    assessment: Assessment::Failed,
-                    reference: "-",
-                    ..self.blank(name, at, "simulation")
-                };
-                self.all.push(case);
+                let error = error.to_string();
+                cases.refused(&self.robot.name, at, "simulation", "refused at start", error);
                 return Ok(());
             }
         };
         let finished = run.end.is_finished();
-        let error = if finished { Some((by.error)(&run)?) } else { None };
+        let error = if finished { Some((self.error)(&run)?) } else { None };
         let size = run
             .samples
             .iter()
@@ -88,24 +75,21 @@ impl Cases {
         if run.correction[0] > 0.0 {
             reported.push(format!("start moved by {:.1e}", run.correction[0]));
         }
-        reported.extend(
-            run.events
-                .iter()
-                .any(|event| event.kind == EventKind::Stiff)
-                .then(|| "the problem is stiff for this method".to_owned()),
-        );
+        if run.events.iter().any(|event| event.kind == EventKind::Stiff) {
+            reported.push("the problem is stiff for this method".to_owned());
+        }
         if !finished {
             reported.push(format!("at {:.3e} of {:.3e} s", run.time, settings.duration));
         }
         let case = Case {
             status: run.end.name().to_owned(),
             error,
-            reference: by.reference,
+            reference: self.reference,
             reported: reported.join(", "),
             assessment,
-            ..self.blank(name, at, "simulation")
+            ..cases.blank(&self.robot.name, at, "simulation")
         };
-        self.all.push(case);
+        cases.all.push(case);
         Ok(())
     }
 }

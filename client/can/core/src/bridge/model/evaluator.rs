@@ -32,7 +32,8 @@ impl Prepared {
         let query = Query::new(request, FieldSet::of(given), FieldSet::of(want));
         let plan: Result<Plan, QueryError> = Plan::new(model, &query);
         let plan = plan.ok()?;
-        let (input, output) = (vec![0.0; plan.given().len()], vec![0.0; plan.want().len()]);
+        let input = vec![0.0; plan.given().len()];
+        let output = vec![0.0; plan.want().len()];
         Some(Prepared { plan, input, output })
     }
 

@@ -5,9 +5,9 @@
 //!
 //! ```text
 //! N = G_uᵀ W G_u
-//! δy = N⁻¹ G_uᵀ W δu                what a change of the actuators is in independents
+//! δy = N⁻¹ G_uᵀ W δu                change of the independents for one of the actuators
 //! τ_u = W G_u N⁻¹ τ_y               forces of the actuators, of least weighted norm
-//! B = G_r N⁻¹ G_uᵀ W                how far the joints go for the actuators
+//! B = G_r N⁻¹ G_uᵀ W                change of the joints for one of the actuators
 //! ```
 //!
 //! ‖B‖ grows without bound towards a pose where the actuators lose control of the mechanism: a

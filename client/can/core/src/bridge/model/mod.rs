@@ -1,10 +1,10 @@
 //! The robot's model in the bridge: each closed mechanism assessed as one.
 //!
-//! From the measured actuators u the model finds y, G and the forces. Every second cycle it follows
-//! what was measured, in the cycles between in turn what is commanded and what gravity asks for. A
-//! mechanism is assessed when all its actuators are measured and determine its pose, its forces
-//! when this holds of all mechanisms that carry it or that it carries. Limits are ratchets: what is
-//! beyond one when it gets power may come back, and may then not go out again.
+//! From the measured actuators u the model finds y, G and the forces. Every second cycle it solves
+//! the measured pose; the cycles between alternate between the commanded pose and the forces of
+//! gravity. A mechanism is assessed once all its actuators are measured and determine its pose, its
+//! forces once this also holds for every mechanism that carries it or that it carries. Limits are
+//! ratchets: a joint beyond its limit at power-up may move inwards, and then not out again.
 
 mod assessed;
 mod cholesky;

@@ -187,7 +187,8 @@ fn coupled(
     let query =
         Query::new(Request::InverseDynamics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::MY]));
     let plan = Plan::new(model, &query).ok()?;
-    let (mut workspace, mut matrix) = (Workspace::new(model), vec![0.0; plan.want().len()]);
+    let mut workspace = Workspace::new(model);
+    let mut matrix = vec![0.0; plan.want().len()];
     plan.run(model, &mut workspace, &zero.y, &mut matrix).ok().ok()?;
     let n = owners.len();
     let depends = |i: usize, j: usize| matrix[i * n + j] != 0.0;

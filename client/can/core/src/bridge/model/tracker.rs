@@ -1,9 +1,9 @@
 //! The pose of one closed mechanism from its actuators: Newton's method with halved steps, a few
 //! evaluations a cycle, from the pose of the last one.
 //!
-//! A pose counts as found when the actuators of the model are within a margin of those that were
-//! aimed at. Near the border of what the mechanism can reach noise leads beyond it by less than
-//! that; where no step brings the actuators nearer, no pose has them.
+//! A pose counts as found when the actuators of the model are within a margin of the given ones.
+//! The margin exceeds the noise, which near the border of the workspace leads beyond it. If no step
+//! brings the actuators nearer, no pose has them.
 
 use super::evaluator::Pose;
 use super::linkage::{Linkage, Rows};

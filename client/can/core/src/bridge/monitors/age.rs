@@ -1,18 +1,17 @@
 //! How old a measurement is: requests and answers, paired by pauses.
 //!
-//! A motor whose replies wait in some queue answers once a cycle like any other. So the bridge
-//! stops asking and listens: a motor in time is silent soon, a late one goes on answering what was
-//! asked before, and an answer that comes later than `late_ms` after the last request is at least
-//! that old. Where nothing is lost open requests bound the age, so there is a pause when answers
-//! begin to come, without power, and then only when more requests are open than that time holds.
-//! With power the pause begins in a cycle whose request was answered, and one cycle without an
-//! answer ends it: what is open is forgiven then, as lost. A motor is armed after such a pause
-//! alone.
+//! A motor whose replies wait in a queue answers once a cycle like any other. The bridge therefore
+//! pauses its requests and listens: a motor in time falls silent, a late one goes on answering
+//! earlier requests, and an answer later than `late_ms` after the last request is at least that
+//! old. Without losses the open requests bound the age, so a pause is made when answers begin,
+//! without power, and afterwards only when more requests are open than `late_ms` holds. With power
+//! the pause begins in a cycle whose request was answered; one cycle without an answer ends it, and
+//! open requests count as lost. A motor is armed only after such a pause.
 //!
-//! It does not see the age of measurements that the motor itself gives out late. Of motors that
-//! measure without being asked it sees nothing, but where a drive has another question that is
-//! answered (`Drive::round_trip_ns`) that answer must be in time before there is power; else, and
-//! with power, efforts and positions contradict what is asked (`effort`, `frozen`).
+//! The monitor cannot see the age of measurements that the motor itself sends late, nor that of
+//! motors that measure without being asked. If a drive has another question that is answered
+//! (`Drive::round_trip_ns`), that answer must be in time before power; in all other cases a delay
+//! shows as a contradiction of the set-points (`effort`, `frozen`).
 
 use super::answers::Answers;
 

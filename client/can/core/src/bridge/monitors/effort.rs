@@ -1,10 +1,11 @@
-//! An effort that is not the one that was asked for: a limp motor, a stuck one, a second master.
+//! A reported effort that differs from the commanded one: a limp motor, a stuck one, a second
+//! master.
 //!
-//! With gains in the motor what it is asked for depends on what it measures, and a reply shows the
-//! effort of some set-points ago. So the last two set-points are laid on the newest measurement,
-//! and the range of what they make is remembered for about 8 ms. The report may be outside by a
-//! part of the limit, by the noise of its own codes, and by what gains and noise of position and
-//! velocity make. A motor that reports next to nothing while all of the range is beyond 5 % of the
+//! With gains in the motor the commanded effort depends on the motor's own measurement, and a reply
+//! shows the effort of some set-points ago. So the last two set-points are applied to the newest
+//! measurement, and the range of their efforts is kept for about 8 ms. The report may lie outside
+//! by a part of the limit, by the noise of its own codes, and by the noise of position and velocity
+//! times the gains. A motor that reports next to nothing while all of the range exceeds 5 % of the
 //! limit is limp, however small the difference. Motors that follow positions or velocities by
 //! themselves may use all of the limit, and not more.
 

@@ -2,7 +2,7 @@
 //!
 //! With stiffness k and effort limit f the spring alone saturates from f / k on: an actuator that
 //! is farther behind, at least 5 % and at most 25 % of the range between its limits, for the time
-//! `following_ms`, does not follow. Too soft a spring, below 20 % of f, follows nobody. A motor
+//! `following_ms`, does not follow. A spring below 20 % of f is too soft to judge. A motor
 //! that follows positions by itself may be 5 % of its range behind, one that follows velocities a
 //! quarter of the limit.
 

@@ -1,7 +1,7 @@
 //! A second master: a frame with an identifier that only this bridge sends on came from the bus.
 //!
-//! One is enough. An adapter that gives back what it sent itself is not meant: the bridge takes
-//! frames for its own that are bit for bit those of its last two cycles.
+//! One is enough. Some adapters return the frames that they sent: a frame equal bit for bit to one
+//! of the last two cycles counts as the bridge's own.
 
 /// Time for which a foreign frame keeps a motor from being armed `[ns]`.
 const HEARD_NS: u64 = 1_000_000_000;

@@ -8,7 +8,7 @@
 //!   eight codes.
 //!
 //! A joint that stands in balance repeats its code for hours under a constant effort, and that is
-//! none: without noise nothing tells it from an encoder that froze there.
+//! no alarm: without noise it looks like an encoder that froze there.
 
 use sarrus_proto::actuators::Reason;
 

@@ -1,8 +1,8 @@
 //! A position that changed by more than the speed allows.
 //!
-//! |Δq| > v (Δt + T) + noise, where v is the limit of the speed by `jump`, or what both reported
-//! speeds explain, 2 max|q̇| and a quarter of the limit, whichever is less. A cycle T is added, as
-//! replies come when they like within it. Where neither is known, nothing can be judged.
+//! |Δq| > v (Δt + T) + noise, where v is the smaller of `jump` × the limit of the speed and of
+//! 2 max|q̇| + a quarter of the limit, from both reported speeds. A cycle T is added, as a reply
+//! comes at any time within it. Without a limit and a speed there is no verdict.
 
 use sarrus_proto::actuators::Reason;
 

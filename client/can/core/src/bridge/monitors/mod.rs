@@ -18,14 +18,14 @@ mod watch;
 
 use sarrus_proto::actuators::Reason;
 
-use super::counters::BusState;
 use crate::config::{Limits, MonitorBounds, MotorConfig};
 use crate::drive::Mode;
+use crate::event::BusState;
 use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint};
 
 /// Codes by which two numbers may differ that are the same, with two codes of noise on each.
 const NOISE: f64 = 4.5;
-/// Codes of protocols that say numbers exactly: those of an encoder of 14 bits, and of a speed that
+/// Codes of protocols with exact numbers: those of an encoder of 14 bits, and of a speed that
 /// is derived from it `[rad, rad/s]`.
 const EXACT: [f64; 2] = [3.8e-4, 0.015];
 /// Step of an exact effort, as part of its limit.

@@ -1,8 +1,8 @@
 //! A speed beyond its limit, by the reports and by the positions.
 //!
-//! Reported: |q̇| > (1 + margin) v in three measurements that follow each other. By positions: what
-//! they went beyond the limit is summed up, s ← max(0, s ± Δq − (1 + margin) v Δt), which neither
-//! lost frames nor times that jitter enlarge, and compared with half a cycle at the limit.
+//! Reported: |q̇| > (1 + margin) v in three consecutive measurements. By positions: the excess is
+//! summed up, s ← max(0, s ± Δq − (1 + margin) v Δt), which neither lost frames nor jitter enlarge,
+//! and compared with half a cycle at the limit.
 
 use sarrus_proto::actuators::Reason;
 

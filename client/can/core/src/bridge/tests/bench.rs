@@ -17,7 +17,7 @@ use sarrus_proto::actuators::MechanismState;
 
 pub(super) const MS: u64 = 1_000_000;
 
-/// What a motor was given.
+/// Commands that a motor was given.
 pub(super) type Given = std::sync::Arc<std::sync::Mutex<Vec<DriveCommand>>>;
 
 /// A motor as simple as can be: one byte says off, on with a position of that many hundredths, or a
@@ -162,16 +162,16 @@ pub(super) struct Bench {
     pub(super) given: Vec<Given>,
     pub(super) now_ns: u64,
     pub(super) sequence: u64,
-    /// What each motor answers: fault code, and whether at all.
+    /// Fault code in each motor's answers.
     pub(super) fault: [u8; 3],
     pub(super) answers: [bool; 3],
     pub(super) position: u8,
     /// Shafts that the motors turn, instead of the position of all.
     pub(super) shafts: Option<[Shaft; 3]>,
-    /// What each motor's watchdog is when it is read `[ms]`.
+    /// Watchdog that each motor reports `[ms]`.
     pub(super) watchdog_ms: [std::sync::Arc<AtomicU32>; 3],
     pub(super) commands: bool,
-    /// What is commanded.
+    /// Commanded set-point.
     pub(super) target: Setpoint,
 }
 
@@ -289,7 +289,7 @@ impl Bench {
         }
     }
 
-    /// What the motors answer to the frames of the last cycle, with their buses.
+    /// Answers of the motors to the frames of the last cycle, with their buses.
     pub(super) fn replies(&mut self) -> Vec<(usize, Frame)> {
         let mut replies = Vec::new();
         for i in 0..3_usize {
@@ -319,7 +319,7 @@ impl Bench {
         replies
     }
 
-    /// The same happens on both buses.
+    /// Reports an event of both buses.
     pub(super) fn each_bus(&mut self, event: BusEvent) {
         (0..2).for_each(|bus| self.bridge.bus_event(0, bus, event));
     }

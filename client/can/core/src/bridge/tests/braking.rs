@@ -11,7 +11,7 @@ fn turning(mode: Mode, inertia: f64) -> Bench {
     stopping(mode, inertia, MechanismStop::default())
 }
 
-/// The same with another stop.
+/// As [`turning`], with a stop.
 fn stopping(mode: Mode, inertia: f64, stop: MechanismStop) -> Bench {
     let mut bench = Bench::new(|configuration| {
         configuration.stops = vec![stop; 2];

@@ -1,4 +1,4 @@
-//! What led to a fault gives the fault again.
+//! The log of a fault gives the fault again.
 
 use super::bench::{Bench, MS};
 use super::*;

@@ -1,4 +1,4 @@
-//! Limits, ramps and rates of what is sent.
+//! Limits, ramps and rates of set-points.
 
 use super::bench::Bench;
 use super::*;

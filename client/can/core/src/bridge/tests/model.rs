@@ -170,7 +170,7 @@ fn efforts_that_contradict_the_model_stop_the_mechanism() {
     bench.until_it_stops("ALElbowAct", 2 * SOON);
     assert_eq!(bench.state("ALElbowAct"), (MechanismState::Stopping, Reason::ModelEffort));
 
-    // what one of the torso's twins gives does not arrive, and the other carries it
+    // the effort of one of the torso's twins does not arrive, and the other carries the load
     let mut bench = RobotBench::new(as_it_is, "model: {effort: 0.1}");
     bench.arm();
     let pitch = bench.independent("BodyPitch");

@@ -37,8 +37,15 @@ impl Line {
                 (motor.limits, motor.monitors) = (limits, MonitorBounds::USUAL);
             }
         });
-        let (asked, mode) = ([NOTHING; 2], Mode::Impedance);
-        Line { bench, limits, mode, asked, stiffness: 0.0, before: STILL, has_seen: false }
+        Line {
+            bench,
+            limits,
+            mode: Mode::Impedance,
+            asked: [NOTHING; 2],
+            stiffness: 0.0,
+            before: STILL,
+            has_seen: false,
+        }
     }
 
     fn ask(&mut self, asked: ActuatorSetpoint) {
@@ -62,7 +69,8 @@ impl Line {
         found
     }
 
-    /// Sees what a function of the number makes until something is found: after how many, what.
+    /// Feeds measurements, a function of their number, until a reason is found: after how many,
+    /// which one.
     fn run(
         &mut self,
         n: usize,

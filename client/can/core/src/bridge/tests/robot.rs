@@ -19,10 +19,10 @@ use crate::mapping::Mapping;
 const PERIOD: u64 = 2 * MS;
 /// Steps of the plant in one cycle.
 const STEPS: usize = 20;
-/// What a rotor adds to its actuator: friction of a screw `[N s/m]` and of a joint `[N m s/rad]`.
+/// Friction that a rotor adds to its actuator: of a screw `[N s/m]`, of a joint `[N m s/rad]`.
 const FRICTION: [f64; 2] = [40.0, 0.05];
 
-/// What a motor and its drive share.
+/// State that a motor and its drive share.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shaft {
     pub(super) setpoint: Option<Setpoint>,
@@ -31,7 +31,7 @@ pub(super) struct Shaft {
     pub(super) effort: f64,
     /// It has power and says that it gives efforts, but none comes through.
     pub(super) is_limp: bool,
-    /// What its encoder is wrong by.
+    /// Error of its encoder.
     pub(super) slip: f64,
 }
 
@@ -87,7 +87,7 @@ struct Plant {
     pose: Plan,
     y: Vec<f64>,
     yd: Vec<f64>,
-    /// What pushes on the independents from outside.
+    /// External forces on the independents.
     push: Vec<f64>,
     /// Independents that a brake holds.
     held: Vec<bool>,
@@ -189,7 +189,7 @@ impl RobotBench {
         RobotBench::with(urdf, as_it_is, keys, "")
     }
 
-    /// The same with a motor on the left elbow itself, beside that of its screw: two actuators of
+    /// A bench with a motor on the left elbow itself, beside that of its screw: two actuators of
     /// one degree of freedom.
     pub(super) fn redundant() -> RobotBench {
         let active = |submechanisms: &str| {
@@ -336,7 +336,8 @@ impl RobotBench {
         self.report_encoder();
 
         // the robot under its motors, each with its own law
-        let (mut efforts, mut reported) = (vec![0.0; n_u], vec![0.0; n_u]);
+        let mut efforts = vec![0.0; n_u];
+        let mut reported = vec![0.0; n_u];
         let mut limits = vec![0.0; n_u];
         for motor in &self.bridge.motors {
             limits[motor.config.actuator] = motor.config.limits.effort;
@@ -383,7 +384,7 @@ impl RobotBench {
         }
     }
 
-    /// What the encoder of the left elbow says, in steps of 0.1 mrad on bus 1.
+    /// Sends the frame of the left elbow's encoder, in steps of 0.1 mrad, on bus 1.
     fn report_encoder(&mut self) {
         if let Some(wrong) = self.encoder {
             let number = ((self.y("ALElbow") + wrong) * 1e4).round() as i16;

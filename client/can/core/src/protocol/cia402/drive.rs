@@ -10,7 +10,7 @@ use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
     Shared,
 };
-use crate::frame::{Frame, FrameKind, FrameQueue, Id};
+use crate::frame::{Frame, FrameQueue, Id};
 use crate::protocol::fault;
 use crate::protocol::number::{limited, steps, steps_toward_zero};
 use crate::protocol::power_up::{Action, PowerUp, Stage};
@@ -142,8 +142,8 @@ impl Cia402 {
         whole as f64 * TAU / self.counts
     }
 
-    /// What only a master says: set-points, requests by SDO, NMT commands, and the heartbeat that
-    /// this side sends.
+    /// Whether only a master sends it: a set-point, a request by SDO, an NMT command, the heartbeat
+    /// of this side.
     fn is_command(&self, id: u16, bytes: &[u8]) -> bool {
         let is_network = id == 0
             && matches!(bytes, [_, node, ..] if *node == 0 || u16::from(*node) == self.node);
@@ -325,11 +325,7 @@ impl Drive for Cia402 {
     }
 
     fn replies(&self) -> Vec<Reply> {
-        let reply = |base: u16, len| Reply {
-            id: Id::Standard(base + self.node),
-            kind: FrameKind::Classic,
-            len,
-        };
+        let reply = |base: u16, len| Reply::classic(Id::Standard(base + self.node), len);
         if self.velocity_feedback {
             vec![reply(0x180, 8), reply(0x280, 4)]
         } else {

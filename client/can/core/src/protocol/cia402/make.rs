@@ -26,11 +26,7 @@ pub(super) fn make(
     }
     let counts = settings.number("counts_per_turn");
     let rated_torque = settings.number("rated_torque");
-    let velocity_counts = if settings.has("velocity_counts_per_turn") {
-        settings.number("velocity_counts_per_turn")
-    } else {
-        counts
-    };
+    let velocity_counts = settings.number_or("velocity_counts_per_turn", counts);
     let torque_offset = settings.flag("torque_offset") && common.mode != Mode::Torque;
     let velocity_feedback = settings.flag("velocity_feedback");
     let setup = Setup::new(setup::Desired {

@@ -68,7 +68,7 @@ enum Step {
     Network(u8),
     /// Index, subindex, bytes, value; the drive has to take it.
     Write(u16, u8, u8, u32),
-    /// The same, for objects that not all drives have.
+    /// Writes an object that not all drives have.
     Offer(u16, u8, u8, u32),
     /// An object that is assessed when it was read.
     Read(u16, u8),
@@ -176,13 +176,13 @@ impl Setup {
             );
         }
         steps.push(Step::Write(0x6060, 0, 1, u32::from(mode_of(desired.mode))));
-        if desired.period_ns > 0 && matches!(desired.mode, Mode::Position | Mode::Velocity) {
+        let has_own_loops = desired.mode.has_own_loops();
+        if desired.period_ns > 0 && has_own_loops {
             let (value, exponent) = interpolation(desired.period_ns);
             steps.push(Step::Offer(0x60C2, 2, 1, u32::from(exponent as u8)));
             steps.push(Step::Offer(0x60C2, 1, 1, u32::from(value)));
         }
         // in the mode torque the targets themselves are within the limit
-        let has_own_loops = matches!(desired.mode, Mode::Position | Mode::Velocity);
         let limit = desired.most_torque();
         match (limit, has_own_loops) {
             (Some(limit), true) => steps.push(Step::Write(0x6072, 0, 2, limit)),
@@ -362,8 +362,7 @@ impl Setup {
                 };
             }
             (0x1016, None) => self.watchdog = Watchdog::Unreadable,
-            // when the heartbeat is late: nothing; fault, no voltage or quick stop; what only the
-            // maker knows
+            // reaction to a late heartbeat: none; fault, no voltage or quick stop; the maker's own
             (0x6007, Some(0)) => self.watchdog = Watchdog::Off,
             (0x6007, Some(1..=3)) => {}
             (0x6007, _) if matches!(self.watchdog, Watchdog::Set(_)) => {

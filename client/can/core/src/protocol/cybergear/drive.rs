@@ -8,7 +8,7 @@ use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
     Watchdog,
 };
-use crate::frame::{Frame, FrameKind, FrameQueue, Id};
+use crate::frame::{Frame, FrameQueue, Id};
 use crate::protocol::codes::Codes;
 use crate::protocol::fault;
 use crate::protocol::power_up::{Action, PowerUp, Stage};
@@ -156,11 +156,7 @@ impl CyberGear {
         }
         if index == self.watchdog_index && index != 0 {
             if self.step == Step::ReadTimeout {
-                self.watchdog = if number == 0 {
-                    Watchdog::Off
-                } else {
-                    Watchdog::Set((number / TIMEOUT_PER_MS).max(1))
-                };
+                self.watchdog = Watchdog::of_counts(number, TIMEOUT_PER_MS);
                 let is_desired = self.watchdog_ms == 0 || number == self.timeout();
                 self.step = if is_desired { Step::Done } else { Step::WriteTimeout };
             }
@@ -317,11 +313,7 @@ impl Drive for CyberGear {
     }
 
     fn replies(&self) -> Vec<Reply> {
-        vec![Reply {
-            id: Id::Extended(FEEDBACK << 24 | self.id << 8 | self.host),
-            kind: FrameKind::Classic,
-            len: 8,
-        }]
+        vec![Reply::classic(Id::Extended(FEEDBACK << 24 | self.id << 8 | self.host), 8)]
     }
 
     fn probe(&mut self, out: &mut FrameQueue) {

@@ -13,7 +13,7 @@
 //!   little-endian. There the identifier's data is the host.
 //! - 2 feedback to the host: data = mode (2 bits: 0 reset, 1 calibration, 2 runs), faults (6 bits),
 //!   motor (8 bits); bytes position, velocity, torque, temperature × 10, big-endian. 17 answers a
-//!   read, 21 tells faults u32 and warnings u32, 0 answers who is there.
+//!   read, 21 reports faults u32 and warnings u32, 0 answers a search.
 //!
 //! The largest torque is the parameter limit_torque: it is set and read back before power.
 //!

@@ -4,7 +4,7 @@ use super::signals::{Named, Reported, Role, Sent, value};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Power, Receipt, Reply, Setpoint, Watchdog,
 };
-use crate::frame::{Frame, FrameKind, FrameQueue, Id};
+use crate::frame::{Frame, FrameQueue, Id};
 use crate::protocol::fault;
 use crate::protocol::number::limited;
 use crate::protocol::power_up::{Action, PowerUp, Stage};
@@ -227,7 +227,7 @@ impl Drive for Dbc {
         for reported in self.reported() {
             let Named { id, len, .. } = reported.named;
             if !replies.iter().any(|reply| reply.id == id) {
-                replies.push(Reply { id, kind: FrameKind::Classic, len });
+                replies.push(Reply::classic(id, len));
             }
         }
         replies

@@ -123,8 +123,8 @@ fn check_mode(finder: &mut Finder<'_>, common: Common) {
             finder.wrong(key, found, "the signal that takes it", "add it, or choose another mode");
         }
     }
-    let has_own_loops = matches!(common.mode, Mode::Position | Mode::Velocity);
-    if has_own_loops && common.torque_limit.is_finite() && !finder.settings.has("torque_limit") {
+    let needs_limit = common.mode.has_own_loops() && common.torque_limit.is_finite();
+    if needs_limit && !finder.settings.has("torque_limit") {
         let found =
             format!("nothing limits the torque of the motor in the mode {}", common.mode.name());
         finder.wrong(

@@ -1,5 +1,5 @@
-//! The signals that settings name: those that are sent, frame by frame, and those that the motor
-//! tells, with when it told them.
+//! The signals that settings name: those that are sent, frame by frame, and the motor's reports
+//! with their times.
 
 use super::super::Settings;
 use super::file::{Kind, Message, Multiplexing, Signal};
@@ -72,8 +72,8 @@ impl Sent {
 }
 
 /// The frames that hold all these signals: one for each value of a message's switch that they need.
-/// What is in the message whatever its switch says goes into each of them. The name of a signal
-/// that is a message's switch and cannot have a value of its own is the error.
+/// Signals that do not depend on the switch go into each of them. The error is the name of a signal
+/// that is a message's switch and cannot have a value of its own.
 pub(super) fn frames(desired: Vec<(Named, Role)>) -> Result<Vec<Sent>, String> {
     let switched: Vec<Id> = desired
         .iter()

@@ -167,11 +167,7 @@ impl Registers {
                 Step::ReadTimeout
             }
             (Step::ReadTimeout, READ, TIMEOUT) => {
-                self.watchdog = if number == 0 {
-                    Watchdog::Off
-                } else {
-                    Watchdog::Set((number / TIMEOUT_PER_MS).max(1))
-                };
+                self.watchdog = Watchdog::of_counts(number, TIMEOUT_PER_MS);
                 Step::ReadMode
             }
             (Step::ReadMode, READ, CONTROL_MODE) => {

@@ -39,7 +39,7 @@ use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
     Shared, Watchdog,
 };
-use crate::frame::{Frame, FrameKind, FrameQueue, Id};
+use crate::frame::{Frame, FrameQueue, Id};
 use damiao::Registers;
 use keys::KEYS;
 use robstride::Question;
@@ -363,7 +363,7 @@ impl Drive for Mit {
 
     fn replies(&self) -> Vec<Reply> {
         let len = if self.variant == Variant::MiniCheetah { 7 } else { 8 };
-        vec![Reply { id: Id::Standard(self.reply_id), kind: FrameKind::Classic, len }]
+        vec![Reply::classic(Id::Standard(self.reply_id), len)]
     }
 
     fn heartbeat(&self) -> Option<(Frame, u64)> {

@@ -2,9 +2,9 @@
 //!
 //! Source: RobStride 00 manual, "MIT protocol", command 5. FF ×6, any byte but FF, FB asks; the
 //! answer has the identifier of feedback: the motor's id and 32 bits, of which one end is always 0.
-//! While an answer is awaited, what could be one is taken for it: four bytes of 0, or 0 at one end
-//! and behind. Feedback of these bytes would be that of a motor at 0.0 °C at the lower end of its
-//! position, or of its velocity and torque, and there nobody is by chance.
+//! While an answer is awaited, a reply with four bytes of 0, or with 0 at one end and behind, is
+//! taken for it. Feedback with these bytes would come from a motor at 0.0 °C at the lower end of
+//! its position, or of its velocity and torque, which does not happen by chance.
 
 use crate::frame::{Frame, Id};
 

@@ -7,7 +7,7 @@
 //!   answer has source and destination exchanged. FD with its bit rate switch, filled up with 50.
 //! - Sub-frames: write 00, read 10, answer 20, each + 0 int8, 4 int16, 8 int32, C single, + a count
 //!   of 1 to 3 (0: the count follows); then the first register and, but for reads, the values,
-//!   little-endian. 30, 31 tell errors.
+//!   little-endian. 30, 31 report errors.
 //! - Registers: 000 mode (0 stopped, 1 fault, 2 … 4 starts, 10 position, 11 timeout), 001 position,
 //!   002 velocity, 003 torque, 00E temperature, 00F fault, 020 position, 021 velocity, 022 torque,
 //!   023 and 024 scales of the motor's own gains, 025 largest torque, 027 watchdog (0: its own
@@ -18,9 +18,9 @@
 //! A command takes 37 bytes, which FD sends as 48: mode int8, position and velocity single, torque
 //! and largest torque int16 in .01 N m, scales int16 in 1/32767, watchdog int8 in .01 s, and both
 //! limits int8 below 0: with a limit, its own or servo.default_accel_limit, a motor would follow a
-//! way to the position and not the position. Where the motor's own integrator has no part in what
-//! it shall do, in the modes torque and impedance, its limit is scaled to 0. In the mode torque
-//! there is no position, and it takes 27, sent as 32. Torques and scales are rounded towards zero,
+//! way to the position and not the position. The modes torque and impedance have no integrator, so
+//! its limit is scaled to 0. In the mode torque there is no position, and a command takes 27 bytes,
+//! sent as 32. Torques and scales are rounded towards zero,
 //! and the motor holds the largest torque over all of its loops. A motor with
 //! servo.bemf_feedforward answers a command without such a limit by a fault. The answer
 //! takes 24: mode, position, velocity, torque single, voltage, temperature, fault int8. The motor
@@ -42,7 +42,7 @@ use crate::drive::{
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 use keys::KEYS;
 use sarrus_models::Diagnostics;
-use subframes::{EMPTY, Payload, Register, TEMPERATURE, value, varuint};
+use subframes::{EMPTY, OUTPUT_EXACT, Payload, Register, TEMPERATURE, value, varuint};
 
 /// moteus.
 pub(super) const MOTEUS: Protocol = Protocol {
@@ -394,8 +394,7 @@ impl Drive for Moteus {
     }
 
     fn set_zero(&mut self, out: &mut FrameQueue) -> bool {
-        // set output exact, register 131
-        out.push_some(self.frame(&EMPTY.add(&[0x0D, 0xB1, 0x02, 0, 0, 0, 0])));
+        out.push_some(self.frame(&EMPTY.write_single(OUTPUT_EXACT, 0.0)));
         true
     }
 
@@ -405,9 +404,6 @@ impl Drive for Moteus {
 
     fn read_parameter(&mut self, parameter: usize, out: &mut FrameQueue) {
         let Some(register) = READABLE.get(parameter) else { return };
-        let [low, high] = [(register & 0x7F) as u8, (register >> 7) as u8];
-        let payload =
-            if high == 0 { EMPTY.add(&[0x1D, low]) } else { EMPTY.add(&[0x1D, low | 0x80, high]) };
-        out.push_some(self.frame(&payload));
+        out.push_some(self.frame(&EMPTY.read_single(*register)));
     }
 }

@@ -1,5 +1,7 @@
 //! Sub-frames: building a frame's bytes, and the values of registers in their types.
 
+use crate::frame::FD_LENGTHS;
+
 /// Register of the board's temperature.
 pub(super) const TEMPERATURE: u32 = 0x00E;
 
@@ -25,6 +27,9 @@ pub(super) enum Register {
     Watchdog = 0x27,
     IntegratorScale = 0x2B,
 }
+
+/// Register whose value becomes the present position.
+pub(super) const OUTPUT_EXACT: u32 = 0x131;
 
 const WRITE: u8 = 0x00;
 const READ: u8 = 0x10;
@@ -68,7 +73,23 @@ impl Payload {
         payload.add(&[first as u8])
     }
 
-    pub(super) fn add(mut self, bytes: &[u8]) -> Payload {
+    /// Writes a single to any register.
+    pub(super) fn write_single(self, register: u32, value: f32) -> Payload {
+        self.add(&[WRITE | SINGLE | 1]).varuint(register).add(&value.to_le_bytes())
+    }
+
+    /// Reads any register as a single.
+    pub(super) fn read_single(self, register: u32) -> Payload {
+        self.add(&[READ | SINGLE | 1]).varuint(register)
+    }
+
+    /// A register of two bytes at most, seven bits in each.
+    fn varuint(self, register: u32) -> Payload {
+        let [low, high] = [(register & 0x7F) as u8, (register >> 7) as u8];
+        if high == 0 { self.add(&[low]) } else { self.add(&[low | 0x80, high]) }
+    }
+
+    fn add(mut self, bytes: &[u8]) -> Payload {
         if let Some(room) = self.bytes.get_mut(self.len..self.len + bytes.len()) {
             room.copy_from_slice(bytes);
             self.len += bytes.len();
@@ -78,8 +99,8 @@ impl Payload {
 
     /// The bytes up to a length that FD has.
     pub(super) fn padded(&self) -> &[u8] {
-        let lens = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
-        let len = lens.into_iter().find(|len| *len >= self.len).unwrap_or(64);
+        let mut lengths = FD_LENGTHS.iter().map(|len| usize::from(*len));
+        let len = lengths.find(|len| *len >= self.len).unwrap_or(64);
         self.bytes.get(..len).unwrap_or_default()
     }
 }

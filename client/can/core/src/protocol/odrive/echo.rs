@@ -1,11 +1,11 @@
 //! How long an ODrive takes to answer, before it gets power.
 //!
-//! Heartbeats and estimates come by themselves, and nothing in them says when they were made. A
-//! read endpoint is answered at once: while the motor has no power both endpoints of the watchdog
-//! are read in turn, one question at a time. An answer names its endpoint, so one that comes after
-//! the next question is not taken for the answer to it. A question without an answer gives the next
-//! one twice the time, and what counts is the longer one of both endpoints' times since then: so no
-//! delay is taken for a shorter one.
+//! Heartbeats and estimates come by themselves, without a time stamp. A read endpoint is answered
+//! at once: while the motor has no power both endpoints of the watchdog are read in turn, one
+//! question at a time. An answer names its endpoint, so one that comes after the next question is
+//! not taken for the answer to it. After a question without an answer the next one waits twice as
+//! long, and the round trip is the longer one of both endpoints since then, so that no delay is
+//! taken for a shorter one.
 
 /// Time for the first answer, after which it counts as lost `[ns]`.
 const LOST_NS: u64 = 300_000_000;

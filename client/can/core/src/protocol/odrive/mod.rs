@@ -13,12 +13,12 @@
 //!   fall u32; 05 endpoint: 0, endpoint u16, 0, value; 09 position f32, velocity f32; 15
 //!   temperatures of bridge and motor f32 f32; 1C desired and estimated torque f32 f32.
 //!
-//! In the modes position and velocity the ODrive's own loops make the torque. What they may make is
-//! its limit of current, `limits.effort` / `motor_torque_constant`; with it goes the largest
-//! velocity. Nothing answers either, so they are said again and again while the motor has no power,
-//! and once more before it gets power. Without all three numbers these modes are refused.
+//! In the modes position and velocity the ODrive's own loops make the torque, within its limit of
+//! current, `limits.effort` / `motor_torque_constant`, which is sent with the largest velocity. The
+//! frame has no answer, so it is repeated while the motor has no power, and sent once more before
+//! it gets power. Without all three numbers these modes are refused.
 //!
-//! An ODrive tells its position by itself: set `encoder_msg_rate_ms` (and `torques_msg_rate_ms` if
+//! An ODrive sends its position by itself: set `encoder_msg_rate_ms` (and `torques_msg_rate_ms` if
 //! needed) to the bridge's cycle. The velocity beside a position saturates at ± 32767 steps (32.8
 //! turns/s) where other masters overflow. The endpoints of its watchdog have other numbers in each
 //! firmware (`flat_endpoints.json`): with both of them the watchdog is set and read back.
@@ -35,7 +35,7 @@ use super::{Common, Protocol, Settings, fault};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
 };
-use crate::frame::{Frame, FrameKind, FrameQueue, Id};
+use crate::frame::{Frame, FrameQueue, Id};
 use echo::Echo;
 use keys::KEYS;
 use sarrus_models::Diagnostics;
@@ -123,8 +123,7 @@ fn make(
         [common.velocity_limit / TAU, current]
     });
     let limits = limits.filter(|limits| limits.iter().all(|limit| limit.is_finite()));
-    let has_own_loops = matches!(common.mode, Mode::Position | Mode::Velocity);
-    if has_own_loops && common.torque_limit.is_finite() && limits.is_none() {
+    if common.mode.has_own_loops() && common.torque_limit.is_finite() && limits.is_none() {
         diagnostics.error(
             settings.place("motor_torque_constant"),
             format!("nothing limits the torque of the ODrive's mode {}", common.mode.name()),
@@ -208,8 +207,8 @@ impl ODrive {
         self.frame(LIMITS, &[a, b, c, d, e, f, g, h])
     }
 
-    /// Nothing but idling: the set-point that feeds the watchdog, the request to idle, and what is
-    /// to be set and read, in turn.
+    /// Cycle `n` without power: in turn the set-point that feeds the watchdog, the request to idle,
+    /// and the settings to be written and read.
     fn idle(&mut self, now_ns: u64, n: u64, out: &mut FrameQueue) {
         let frame = match n % 3 {
             1 => self.state_request(IDLE),
@@ -388,11 +387,7 @@ impl Drive for ODrive {
     }
 
     fn replies(&self) -> Vec<Reply> {
-        let reply = |command| Reply {
-            id: Id::Standard(self.node << 5 | command),
-            kind: FrameKind::Classic,
-            len: 8,
-        };
+        let reply = |command| Reply::classic(Id::Standard(self.node << 5 | command), 8);
         if self.torque_feedback {
             vec![reply(ESTIMATES), reply(TORQUES)]
         } else {

@@ -1,0 +1,233 @@
+//! Families of simulations: stiff ones, steps and tolerances, energy that stays, starts that do not
+//! fit.
+
+use sarrus_dynamics::description::{Description, SubmechanismKind as Kind, Terms};
+use sarrus_dynamics::scalar::Real;
+use sarrus_dynamics::{Field, LinkId, Request};
+use sarrus_simulation::{Input, Method, Run, Settings, Source, Space, Start};
+
+use crate::Outcome;
+use crate::measure::Effort;
+use crate::stress::harness::case::{At, Cases};
+use crate::stress::harness::powers;
+use crate::stress::harness::question::{Question, State};
+use crate::stress::harness::robot::{Robot, X, bundled, mechanism};
+use crate::stress::harness::runs::{Trial, apart};
+use crate::stress::harness::simulations::{from, reference_run, settings};
+use crate::stress::mechanisms::open_loops::offsets;
+use crate::stress::mechanisms::rods;
+
+/// Springs, dampers and gains that get stiffer: explicit methods have to report their failure, the
+/// implicit one holds.
+pub(crate) fn stiff(cases: &mut Cases, effort: &Effort) -> Outcome {
+    let values = powers(effort, 0, 9, 3);
+    cases.family("simulated spring", "stiffness, N/m");
+    for &value in &values {
+        oscillation(cases, value, [value, value.sqrt()])?;
+    }
+    cases.family("simulated damper", "damping, N s/m");
+    for &value in &values {
+        oscillation(cases, value, [1.0, value])?;
+    }
+    cases.family("simulated stiff joint", "stiffness, N m/rad");
+    for &value in &values {
+        let mut of = rods(2)?;
+        of.joints[1].terms = Terms { stiffness: value, damping: value.sqrt(), ..Terms::default() };
+        against_reference(cases, "2 rods", value, of, &[])?;
+    }
+    cases.family("simulated gains", "kp of all actuators, kd its root");
+    for name in ["lambda", "torso"] {
+        let of = bundled(name)?;
+        let n_u = Robot::new(name, of.clone())?.compiled.model.sizes().n_u;
+        for &value in &values {
+            let source = Source::Gains {
+                stiffness: vec![value; n_u],
+                damping: vec![value.sqrt(); n_u],
+                target: vec![0.01; n_u],
+            };
+            let input = Input { space: Space::Actuator, source };
+            against_reference(cases, name, value, of.clone(), &[input])?;
+        }
+    }
+    Ok(())
+}
+
+/// A mass of 1 kg on a slider, with a spring and a damper, that starts at 1 from rest.
+fn oscillation(cases: &mut Cases, value: f64, [stiffness, damping]: [f64; 2]) -> Outcome {
+    let mut of = mechanism(Kind::Serial);
+    of.gravity([0.0; 3])
+        .prismatic("slider", LinkId::BASE, X)
+        .spring(stiffness, 0.0)
+        .damping(damping);
+    let robot = Robot::new("mass on a spring", of.build()?)?;
+    let error = |run: &Run| {
+        let off = |y: f64, time: f64| (y - swung(stiffness, damping, time)).abs();
+        Ok(run.samples.iter().fold(0.0, |e: f64, at| e.max(off(at.y[0], at.time))))
+    };
+    let start = from(&[1.0], &[0.0]);
+    let trial =
+        Trial { robot: &robot, inputs: &[], start, error: &error, reference: "closed form" };
+    trial.every_method(cases, value)
+}
+
+/// Where it is after t when it starts at 1 from rest.
+fn swung(stiffness: f64, damping: f64, t: f64) -> f64 {
+    let decay = 0.5 * damping;
+    let square = 0.25 * damping * damping - stiffness;
+    if square < 0.0 {
+        let (sine, cosine) = ((-square).sqrt() * t).sin_cos();
+        return (-decay * t).exp() * (cosine + decay / (-square).sqrt() * sine);
+    }
+    // the slow root from the product of both, which are k
+    let fast = -decay - square.sqrt();
+    let slow = stiffness / fast;
+    (fast * (slow * t).exp() - slow * (fast * t).exp()) / (fast - slow)
+}
+
+/// Every method against the implicit one at its least tolerance.
+fn against_reference(
+    cases: &mut Cases,
+    name: &str,
+    value: f64,
+    of: Description,
+    inputs: &[Input],
+) -> Outcome {
+    let robot = Robot::new(name, of)?;
+    let state = State::of(&robot, 0.1)?;
+    let start = from(&state.y, &vec![0.0; state.yd.len()]);
+    let exact = reference_run(&robot, inputs, &start, settings(Method::Radau5, 1.0))?;
+    let error = |run: &Run| Ok(apart(run, &exact));
+    let trial = Trial { robot: &robot, inputs, start, error: &error, reference: RADAU };
+    trial.every_method(cases, value)
+}
+
+/// The reference of the implicit method.
+const RADAU: &str = "Radau at 1e-13";
+
+/// Fixed steps from too long to short, tolerances from none to all.
+pub(crate) fn steps_and_tolerances(cases: &mut Cases, effort: &Effort) -> Outcome {
+    let steps = powers(effort, -4, 0, 4);
+    let tolerances = powers(effort, -13, -1, 4);
+    for name in ["pendulum", "lambda", "four_bars_2"] {
+        let robot = Robot::new(name, if name == "pendulum" { rods(1)? } else { bundled(name)? })?;
+        let start = from(&[0.3], &[1.0]);
+        // compared at the end alone: samples on the way would shorten the steps
+        let at_end = |method| Settings { every: Some(1.0), ..settings(method, 1.0) };
+        let exact = reference_run(&robot, &[], &start, at_end(Method::Radau5))?;
+        let error = |run: &Run| Ok(apart(run, &exact));
+        let trial = Trial { robot: &robot, inputs: &[], start, error: &error, reference: RADAU };
+        cases.family("step", "s");
+        for method in [Method::Euler, Method::RungeKutta] {
+            for &value in &steps {
+                let step = Some(value);
+                let settings = Settings { step, most_steps: 20_000, ..at_end(method) };
+                trial.run(cases, At { value, method: method.name() }, &settings)?;
+            }
+        }
+        cases.family("tolerance", "relative and absolute tolerance");
+        for method in [Method::Dop853, Method::Radau5] {
+            for &value in &tolerances {
+                let settings = Settings { rtol: value, atol: value, ..at_end(method) };
+                trial.run(cases, At { value, method: method.name() }, &settings)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Without gravity and damping the energy stays, and the angular momentum about the first axis:
+/// (M_y ẏ) of the first joint.
+pub(crate) fn conservation(cases: &mut Cases, effort: &Effort) -> Outcome {
+    cases.family("conservation", "s simulated without gravity, damping and forces");
+    let mut of = rods(3)?;
+    of.gravity = [0.0; 3];
+    let robot = Robot::new("3 rods", of)?;
+    let state = State::of(&robot, 0.5)?;
+    let momentum = |y: &[f64], yd: &[f64]| -> Outcome<f64> {
+        let given = vec![(Field::Y, y.to_vec())];
+        let mass = Question::new(Request::InverseDynamics, given, &[Field::MY])
+            .run(&robot.compiled.exact)?;
+        Ok(mass.get(Field::MY).iter().zip(yd).map(|(m, v)| m.to_f64() * v).sum())
+    };
+    let error = |run: &Run| -> Outcome<f64> {
+        let first = momentum(&run.samples[0].y, &run.samples[0].yd)?;
+        let mut worst = run.drift();
+        for sample in &run.samples {
+            worst = worst.max(((momentum(&sample.y, &sample.yd)? - first) / first).abs());
+        }
+        Ok(worst)
+    };
+    let start = from(&state.y, &state.yd);
+    let reference = "energy and momentum";
+    let trial = Trial { robot: &robot, inputs: &[], start, error: &error, reference };
+    for value in powers(effort, -1, if effort.quick { 1 } else { 2 }, 2) {
+        for method in Method::ALL {
+            let step = method.is_fixed().then_some(1e-3);
+            let settings = Settings { step, most_steps: 400_000, ..settings(method, value) };
+            trial.run(cases, At { value, method: method.name() }, &settings)?;
+        }
+    }
+    Ok(())
+}
+
+/// Starts off their loops are put on them, and how far is reported; numbers that are none are
+/// refused.
+pub(crate) fn starts(cases: &mut Cases, effort: &Effort) -> Outcome {
+    cases.family("simulation off its loops", "rad or tenths of the length");
+    for name in ["lambda", "wrist", "four_bars_2"] {
+        off_loops(cases, &Robot::new(name, bundled(name)?)?, &powers(effort, -15, -1, 4))?;
+    }
+    cases.family("simulation of nothing", "what is wrong: 1 NaN, 2 ∞, 3 zero, 4 negative, 5 1e300");
+    of_nothing(cases)
+}
+
+fn off_loops(cases: &mut Cases, robot: &Robot, values: &[f64]) -> Outcome {
+    let model = &robot.compiled.model;
+    let closed = Question::kinematics(&State::of(robot, 0.1)?).run(model)?;
+    let q = closed.get(Field::Q);
+    let start = |q: Vec<f64>| Start::Tree { q, qd: closed.get(Field::Qd).to_vec() };
+    let radau = settings(Method::Radau5, 0.1);
+    let exact = reference_run(robot, &[], &start(q.to_vec()), radau)?;
+    let error = |run: &Run| Ok(apart(run, &exact));
+    let independent = model.independent_q_names();
+    for &value in values {
+        let mut moved = q.to_vec();
+        for (k, off) in offsets(robot, value, 0).into_iter().enumerate() {
+            if !independent.contains(&model.tree_q_names()[k]) {
+                moved[k] += off;
+            }
+        }
+        let start = start(moved);
+        let reference = "from the closed pose";
+        let trial = Trial { robot, inputs: &[], start, error: &error, reference };
+        trial.run(cases, At { value, method: "dop853" }, &settings(Method::Dop853, 0.1))?;
+    }
+    Ok(())
+}
+
+fn of_nothing(cases: &mut Cases) -> Outcome {
+    let robot = Robot::new("lambda", bundled("lambda")?)?;
+    let at_end = |method| Settings { every: Some(0.1), ..settings(method, 0.1) };
+    let exact = reference_run(&robot, &[], &from(&[0.1], &[0.0]), at_end(Method::Radau5))?;
+    // a step that is longer than the whole is the whole
+    let error = |run: &Run| Ok(if run.time == 0.1 { apart(run, &exact) } else { f64::INFINITY });
+    let plain = at_end(Method::RungeKutta);
+    for (value, bad) in
+        [(1.0, f64::NAN), (2.0, f64::INFINITY), (3.0, 0.0), (4.0, -1.0), (5.0, 1e300)]
+    {
+        let mut trials = vec![
+            ("step", [0.1, 0.0], Settings { step: Some(bad), ..plain }),
+            ("duration", [0.1, 0.0], Settings { duration: bad, ..plain }),
+        ];
+        if bad != 0.0 && bad != -1.0 {
+            trials.extend([("y", [bad, 0.0], plain), ("ẏ", [0.1, bad], plain)]);
+        }
+        for (method, [y, yd], settings) in trials {
+            let start = from(&[y], &[yd]);
+            let trial =
+                Trial { robot: &robot, inputs: &[], start, error: &error, reference: RADAU };
+            trial.run(cases, At { value, method }, &settings)?;
+        }
+    }
+    Ok(())
+}

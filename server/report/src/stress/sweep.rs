@@ -1,0 +1,128 @@
+//! A family as data: robots, each asked at every value of one parameter.
+
+use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
+
+use super::harness::case::{At, Cases};
+use super::harness::robot::{Robot, bundled, heavier, numerical};
+use super::mechanisms::{four_bar, rods};
+use crate::Outcome;
+use crate::measure::Effort;
+
+/// A family of cases: robots, values of a parameter, and the questions at each.
+#[derive(Clone, Copy)]
+pub(crate) struct Sweep {
+    pub(crate) family: &'static str,
+    /// The parameter with its unit.
+    pub(crate) parameter: &'static str,
+    pub(crate) values: fn(&Effort) -> Vec<f64>,
+    pub(crate) robots: &'static [Subject],
+    pub(crate) ask: Ask,
+}
+
+/// Asks a robot at a value of the parameter.
+pub(crate) type Ask = fn(&mut Cases, &Robot, f64) -> Outcome;
+
+/// A robot of a sweep.
+#[derive(Clone, Copy)]
+pub(crate) struct Subject {
+    pub(crate) name: &'static str,
+    pub(crate) design: Design,
+    pub(crate) change: Change,
+}
+
+/// Where a description comes from.
+#[derive(Clone, Copy)]
+pub(crate) enum Design {
+    Bundled(&'static str),
+    /// A bundled robot with every loop closed by Newton's method.
+    Numerical(&'static str),
+    /// Its points, its kind and the rows of its cut.
+    FourBar([[f64; 2]; 4], Kind, &'static str),
+    Rods(usize),
+    Made(fn() -> Outcome<Description>),
+}
+
+/// How a value of the parameter changes a description.
+#[derive(Clone, Copy)]
+pub(crate) enum Change {
+    /// Not at all: it changes the state or the question.
+    Nothing,
+    /// It multiplies mass and inertia of the links whose names end so.
+    Masses(&'static [&'static str]),
+    By(fn(&mut Description, f64)),
+}
+
+impl Sweep {
+    /// Asks every robot at every value.
+    pub(crate) fn run(&self, cases: &mut Cases, effort: &Effort) -> Outcome {
+        cases.family(self.family, self.parameter);
+        let values = (self.values)(effort);
+        for subject in self.robots {
+            subject.ask(cases, &values, self.ask)?;
+        }
+        Ok(())
+    }
+}
+
+impl Subject {
+    pub(crate) const fn new(name: &'static str, design: Design, change: Change) -> Subject {
+        Subject { name, design, change }
+    }
+
+    /// A robot that no value changes.
+    pub(crate) const fn plain(name: &'static str, design: Design) -> Subject {
+        Subject::new(name, design, Change::Nothing)
+    }
+
+    /// A bundled robot under its own name.
+    pub(crate) const fn bundled(name: &'static str, change: Change) -> Subject {
+        Subject::new(name, Design::Bundled(name), change)
+    }
+
+    /// The robot as it is designed.
+    pub(crate) fn robot(&self) -> Outcome<Robot> {
+        Robot::new(self.name, self.design.description()?)
+    }
+
+    /// Asks the robot at each value; one that is refused at a value is a case of its own.
+    pub(crate) fn ask(&self, cases: &mut Cases, values: &[f64], ask: Ask) -> Outcome {
+        if let Change::Nothing = self.change {
+            let robot = self.robot()?;
+            return values.iter().try_for_each(|value| ask(cases, &robot, *value));
+        }
+        let plain = self.design.description()?;
+        for &value in values {
+            let mut of = plain.clone();
+            self.change.apply(&mut of, value);
+            let at = At { value, method: "-" };
+            if let Some(robot) = cases.load(self.name, at, Robot::new(self.name, of)) {
+                ask(cases, &robot, value)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Design {
+    pub(crate) fn description(self) -> Outcome<Description> {
+        match self {
+            Design::Bundled(name) => bundled(name),
+            Design::Numerical(name) => Ok(numerical(bundled(name)?)),
+            Design::FourBar(points, kind, rows) => four_bar(points, kind, rows),
+            Design::Rods(n) => rods(n),
+            Design::Made(make) => make(),
+        }
+    }
+}
+
+impl Change {
+    fn apply(self, of: &mut Description, value: f64) {
+        match self {
+            Change::Nothing => {}
+            Change::Masses(ends) => {
+                heavier(of, &|link| ends.iter().any(|end| link.ends_with(end)), value);
+            }
+            Change::By(change) => change(of, value),
+        }
+    }
+}
