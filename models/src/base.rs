@@ -7,7 +7,7 @@ use sarrus_dynamics::description::{
 };
 
 use crate::build::Spans;
-use crate::nearest::there_is;
+use crate::names::there_is;
 use crate::report::{Diagnostics, quoted};
 
 /// Name of the free joint of a floating base and of its submechanism.

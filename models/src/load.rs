@@ -10,7 +10,7 @@ use crate::base::{self, Base};
 use crate::build::{self, Spans};
 use crate::contents::{Contents, file};
 use crate::error::LoadError;
-use crate::nearest::nearest;
+use crate::names::nearest;
 use crate::report::{Diagnostics, Report};
 use crate::scene::{self, Lock};
 use crate::submechanisms::{self, Entry, Submechanisms};

@@ -5,7 +5,9 @@ use core::fmt;
 
 use serde::Serialize;
 
-use crate::nearest::{nearest, nearest_first};
+use crate::names::{nearest, nearest_first, visible};
+
+pub use crate::names::quoted;
 
 /// Faults of one severity that a report holds; a hostile file could have millions.
 const MOST: usize = 1000;
@@ -282,18 +284,6 @@ impl Pile {
     }
 }
 
-/// A name for a message: in backticks, shortened when long, control characters made visible.
-pub fn quoted(name: &str) -> String {
-    const LONGEST: usize = 60;
-    let start: String = name.chars().take(LONGEST).collect();
-    let mut shown = format!("`{}", visible(&start));
-    if name.chars().nth(LONGEST).is_some() {
-        shown.push('…');
-    }
-    shown.push('`');
-    shown
-}
-
 /// The parts of a message on one line of at most so many characters: control characters are made
 /// visible, and the longest part is cut where all are too long together.
 fn bounded(parts: [String; 3], most: usize) -> [String; 3] {
@@ -309,19 +299,6 @@ fn bounded(parts: [String; 3], most: usize) -> [String; 3] {
         let kept = length(part).saturating_sub(excess + 1).max(most / 3 - 1);
         *part = part.chars().take(kept).chain(['…']).collect();
     }
-}
-
-/// A text for a message, on one line: control characters made visible.
-fn visible(text: &str) -> String {
-    let mut shown = String::with_capacity(text.len());
-    for character in text.chars() {
-        if character.is_control() {
-            shown.extend(character.escape_default());
-        } else {
-            shown.push(character);
-        }
-    }
-    shown
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use sarrus_dynamics::{CompileError, Reduced, Site, locked, restricted};
 use serde::{Deserialize, Serialize};
 
 use crate::build::Spans;
-use crate::nearest::{nearest_first, there_is};
+use crate::names::{nearest_first, there_is};
 use crate::pattern::{fits, is_pattern};
 use crate::report::{Diagnostics, quoted};
 

@@ -1,11 +1,34 @@
-//! The known name that a misspelt one most likely means.
-
-use crate::report::quoted;
+//! Names in messages: quoted, and the known name that a misspelt one most likely means.
 
 /// Longest name that is compared, and most names that are compared with one: a hostile file must
 /// not cost seconds.
 const LONGEST: usize = 64;
 const MOST: usize = 4096;
+
+/// A name for a message: in backticks, shortened when long, control characters made visible.
+pub fn quoted(name: &str) -> String {
+    const LONGEST: usize = 60;
+    let start: String = name.chars().take(LONGEST).collect();
+    let mut shown = format!("`{}", visible(&start));
+    if name.chars().nth(LONGEST).is_some() {
+        shown.push('…');
+    }
+    shown.push('`');
+    shown
+}
+
+/// A text for a message, on one line: control characters made visible.
+pub(crate) fn visible(text: &str) -> String {
+    let mut shown = String::with_capacity(text.len());
+    for character in text.chars() {
+        if character.is_control() {
+            shown.extend(character.escape_default());
+        } else {
+            shown.push(character);
+        }
+    }
+    shown
+}
 
 /// The known name with the least edit distance to `name`, letter case ignored; `None` when all are
 /// far.
