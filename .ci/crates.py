@@ -56,7 +56,7 @@ def name(unit):
     """A library, for the build itself or for the product; nothing else is shared."""
     kinds = unit["target"]["kind"]
     is_library = unit["mode"] == "build" and "bin" not in kinds and "custom-build" not in kinds
-    return (unit["pkg_id"], unit["profile"]["opt_level"], *kinds) if is_library else None
+    return (unit["pkg_id"], repr(unit["profile"]), *kinds) if is_library else None
 
 
 def main():
