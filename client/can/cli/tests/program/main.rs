@@ -18,11 +18,12 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, channel};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use allowance::next;
+use allowance::{next, wait_for};
 
 /// `O_NOCTTY`: the terminal of a bus is nobody's console.
 const NO_CONSOLE: i32 = 0o400;
@@ -137,6 +138,7 @@ impl Drop for Program {
 struct Host {
     file: File,
     bytes: Receiver<u8>,
+    reader: JoinHandle<()>,
 }
 
 impl Host {
@@ -145,11 +147,11 @@ impl Host {
             OpenOptions::new().read(true).write(true).custom_flags(NO_CONSOLE).open(path).unwrap();
         let mut reader = file.try_clone().unwrap();
         let (sender, bytes) = channel();
-        std::thread::spawn(move || {
+        let reader = std::thread::spawn(move || {
             let mut byte = [0];
             while reader.read(&mut byte).is_ok_and(|n| n == 1) && sender.send(byte[0]).is_ok() {}
         });
-        Host { file, bytes }
+        Host { file, bytes, reader }
     }
 
     /// Opens the channel, and waits until that is done.
@@ -194,5 +196,16 @@ impl Host {
             }
         }
         true
+    }
+}
+
+impl Drop for Host {
+    /// Ends the reader. Left blocked, it would take the first byte of the next host.
+    fn drop(&mut self) {
+        self.bytes = channel().1;
+        let _ = self.file.write_all(b"V\r");
+        if !std::thread::panicking() {
+            wait_for("the end of the reader", || self.reader.is_finished().then_some(()));
+        }
     }
 }
