@@ -1,13 +1,17 @@
 #!/usr/bin/env python3
-"""Fails where cargo would compile a crate twice.
+"""Fails where cargo would compile a crate twice; `.ci/crates.py FILE` prints times of compilation.
 
 After `cargo run --release -- demo`, the tests and every program of the workspace find the libraries
 that they share compiled. Cargo's own plan of each build (its unit graph) shows it without compiling
 anything. Prints the number of crates that the first build compiles, which has a bound too.
+
+FILE is a page that `cargo build --timings` wrote: every unit that took longer than ten seconds is
+printed. The machine decides on these, so nothing is compared with them.
 """
 
 import json
 import os
+import re
 import subprocess
 import sys
 
@@ -59,7 +63,19 @@ def name(unit):
     return (unit["pkg_id"], repr(unit["profile"]), *kinds) if is_library else None
 
 
+def print_seconds(page):
+    """The units of a page of timings that took longer than ten seconds, the longest first."""
+    with open(page, encoding="utf-8") as file:
+        units = json.loads(re.search(r"UNIT_DATA = (\[.*?\]);", file.read(), re.S).group(1))
+    for unit in sorted(units, key=lambda unit: -unit["duration"]):
+        if unit["duration"] > 10:
+            print(f"{unit['duration']:7.1f} s  {unit['name']}{unit['target']}")
+
+
 def main():
+    if len(sys.argv) > 1:
+        print_seconds(sys.argv[1])
+        return 0
     demo = units(DEMO)
     compiled = {name(unit) for unit in demo.values()} - {None}
     compilations = sum(unit["mode"] == "build" for unit in demo.values())
