@@ -79,9 +79,11 @@ fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
 }
 
-/// True if the motor's last frame takes its power away.
+/// True if the motor's last frame takes its power away, or sets a parameter, which the bridge does
+/// without power only.
 fn takes_power(motor: &Value) -> bool {
-    motor["frame"].as_str().is_some_and(|frame| frame.ends_with("#FFFFFFFFFFFFFFFD"))
+    let takes = |frame: &str| frame.ends_with("#FFFFFFFFFFFFFFFD") || frame.starts_with("7FF#");
+    motor["frame"].as_str().is_some_and(takes)
 }
 
 #[test]

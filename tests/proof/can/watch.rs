@@ -37,7 +37,7 @@ fn count(value: &Value) -> u64 {
     value.as_u64().unwrap_or_else(|| panic!("{value} is no count"))
 }
 
-/// Cycles in which a motor may go without a request.
+/// Cycles in which a motor may go without a request: those of the set-up.
 const PAUSE: u64 = 8;
 
 #[test]
@@ -83,8 +83,8 @@ fn cycles_buses_and_distributions_of_both_fronts_are_seen() {
                 (&name.into(), &"active".into()),
                 "{frontend:?}"
             );
-            // each motor gets a frame in each cycle, except in the pause that shows whether answers
-            // are late, and answers every frame that arrives
+            // each motor gets a frame in each cycle after the set-up, and answers every one that
+            // arrives
             let [sent, received, dropped] =
                 ["sent", "received", "dropped"].map(|key| count(&bus[key]));
             let all = (cycles - PAUSE) * actuators.len() as u64;

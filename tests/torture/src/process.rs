@@ -6,6 +6,8 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::thread;
+use std::time::Duration;
 
 use rustix::process::{Pid, Signal, kill_process};
 use sarrus_proto::Domain;
@@ -92,16 +94,31 @@ pub fn start_server(command: &mut Command) -> Result<(Process, String), String> 
     }
 }
 
-/// Sends a signal to a process.
+/// Sends a signal to a process; one that it stops has stopped on return.
 pub fn send_signal(process: u32, signal: Signal) {
     if let Some(pid) = i32::try_from(process).ok().and_then(Pid::from_raw) {
         let _ = kill_process(pid, signal);
     }
+    while signal == Signal::STOP && !has_stopped(process) {
+        thread::sleep(Duration::from_millis(1));
+    }
 }
 
-/// The letter for the state of a process in `/proc/ID/stat`.
+/// True where every thread of the process is stopped, or none is left.
+fn has_stopped(process: u32) -> bool {
+    let threads = fs::read_dir(format!("/proc/{process}/task")).into_iter().flatten().flatten();
+    let mut states = threads.filter_map(|thread| state_in(&thread.path()));
+    states.all(|state| matches!(state, 'T' | 'Z' | 'X'))
+}
+
+/// The letter for the state of a process.
 pub fn state_of(process: u32) -> Option<char> {
-    let text = fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
+    state_in(Path::new(&format!("/proc/{process}")))
+}
+
+/// The letter in the file `stat` of this folder.
+fn state_in(folder: &Path) -> Option<char> {
+    let text = fs::read_to_string(folder.join("stat")).ok()?;
     text.rsplit(')').next()?.trim_start().chars().next()
 }
 
