@@ -4,6 +4,7 @@
 use std::hint::black_box;
 use std::time::Duration;
 
+use sarrus_counting::operations;
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Status, Workspace};
 
 use crate::Outcome;
@@ -100,8 +101,8 @@ fn of_robot(robot: &Robot, rounds: Duration) -> Outcome<Vec<(Vec<String>, f64)>>
                 pair.words.clone(),
                 format!("{} of {}", outline.bodies, outline.bodies_of_robot),
                 format!("{} of {}", outline.closed, outline.closed_of_robot),
-                part.plan.operations(model, &part.inputs[0]).to_string(),
-                whole.plan.operations(model, &whole.inputs[0]).to_string(),
+                operations(&part.plan, model, &part.inputs[0]).to_string(),
+                operations(&whole.plan, model, &whole.inputs[0]).to_string(),
                 format!("{ns:.0}"),
                 format!("{ns_of_whole:.0}"),
                 format!("{:.2}", ns / ns_of_whole),

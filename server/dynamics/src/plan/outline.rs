@@ -5,8 +5,6 @@ use sarrus_proto::Request;
 use crate::closure::Level;
 use crate::model::{Method, Model};
 use crate::plan::Plan;
-use crate::scalar::Counted;
-use crate::workspace::Workspace;
 
 /// Steps of a plan: see [`Plan::outline`].
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -85,17 +83,5 @@ impl Plan {
     /// Bodies of the clusters that are closed or read.
     fn bodies_of_clusters<C>(&self, model: &Model<C>) -> usize {
         self.needed.coordinates.iter().map(|c| model.clusters[*c].n).sum()
-    }
-
-    /// Operations on numbers in the answer to this input, as [`Counted`] counts them; those of a
-    /// second run that counts digits are not among them. Allocates a model and a workspace.
-    pub fn operations(&self, model: &Model<f64>, input: &[f64]) -> u64 {
-        let counted = model.convert(Counted);
-        let mut workspace = Workspace::for_plans(&counted, [self]);
-        let input: Vec<Counted> = input.iter().map(|x| Counted(*x)).collect();
-        let mut output = vec![Counted(0.0); self.want.len()];
-        Counted::take();
-        let _ = self.run(&counted, &mut workspace, &input, &mut output);
-        Counted::take()
     }
 }

@@ -7,7 +7,7 @@ use crate::mechanism::{Motion, turn};
 use crate::model::Model;
 use crate::plan::diagnostics::digits::Doubt;
 use crate::plan::{Answer, Plan, Space};
-use crate::scalar::{Counted, Dd, Dual, Real, Stochastic, all_finite};
+use crate::scalar::{Dd, Dual, Real, all_finite};
 use crate::workspace::Workspace;
 
 /// Results of a run beside the numbers in the workspace.
@@ -93,7 +93,7 @@ macro_rules! compiled_here {
     )*};
 }
 
-compiled_here!(f64, Dd, Counted, Stochastic);
+compiled_here!(f64, Dd);
 impl<S: Real> PlanScalar for Dual<S> {}
 
 impl Plan {

@@ -2,26 +2,22 @@
 
 mod branch_value;
 mod constants;
-mod counted;
 mod double_double;
 mod dual;
 mod elementary;
 mod lanes;
 mod noise;
 mod packet;
-mod stochastic;
 mod triple;
 
 pub use branch_value::{BranchValue, DOUBTFUL};
 pub(crate) use constants::{Each, constants};
-pub use counted::Counted;
 pub use double_double::Dd;
 pub use dual::Dual;
 pub(crate) use lanes::FUSED;
 pub(crate) use noise::noise;
 pub use packet::LANES;
 pub(crate) use packet::{Divergence, Packet};
-pub(crate) use stochastic::Stochastic;
 pub use triple::{Plain, Six, Symmetric, Triple};
 
 use core::array;
@@ -30,8 +26,8 @@ use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 use wide::f64x4;
 
-/// A real number as kernels see it: `f64` and its packet of several states, double-double, dual,
-/// counting and stochastic numbers.
+/// A real number as kernels see it: `f64` and its packet of several states, double-double, dual
+/// and counting numbers.
 ///
 /// Kernels choose between numbers by [`Real::select`] and [`Real::select_lt`]. They branch on a
 /// comparison only where all states of a packet have to take the same branch, or be answered one by
@@ -66,8 +62,7 @@ pub trait Real:
     const EPSILON: f64;
     /// Whether several angles cost less together than one by one.
     const TOGETHER: bool = false;
-    /// Whether doubtful answers are computed again to count their digits; elsewhere the doubt alone
-    /// decides.
+    /// Whether doubtful answers are compared with double-double; elsewhere the doubt alone decides.
     const PROBED: bool = false;
     /// Whether one run stands for others, so that rows change places by [`Real::select`] and not by
     /// a branch.

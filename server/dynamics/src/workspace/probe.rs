@@ -3,7 +3,7 @@
 use sarrus_proto::{Field, MAX_WRENCHES};
 
 use crate::model::Model;
-use crate::scalar::{Real, Stochastic};
+use crate::scalar::{Dd, Real};
 use crate::workspace::{Needs, Workspace};
 
 /// Longest output that a workspace for any plan has room for.
@@ -11,13 +11,13 @@ const LONGEST: usize = 1 << 16;
 /// Frames that it has room for.
 const FRAMES: usize = 4;
 
-/// A model, a workspace and the numbers of one request over [`Stochastic`].
+/// A model, a workspace and the numbers of one request over [`Dd`].
 #[derive(Clone, Debug)]
 pub(crate) struct Probe {
-    pub(crate) model: Model<Stochastic>,
-    pub(crate) workspace: Workspace<Stochastic>,
-    pub(crate) input: Vec<Stochastic>,
-    pub(crate) output: Vec<Stochastic>,
+    pub(crate) model: Model<Dd>,
+    pub(crate) workspace: Workspace<Dd>,
+    pub(crate) input: Vec<Dd>,
+    pub(crate) output: Vec<Dd>,
 }
 
 impl Probe {
@@ -37,15 +37,29 @@ impl Probe {
         output: usize,
     ) -> Option<Box<Probe>> {
         T::PROBED.then(|| {
-            let model = model.map(|c| Stochastic::constant(c.to_f64()));
+            let model = model.map(|c| moved(c.to_f64()));
             Box::new(Probe {
                 workspace: Workspace::sized(&model, needs),
                 model,
-                input: vec![Stochastic::ZERO; input],
-                output: vec![Stochastic::ZERO; output],
+                input: vec![Dd::ZERO; input],
+                output: vec![Dd::ZERO; output],
             })
         })
     }
+}
+
+/// A constant of the model, moved by one or two units of its last place: it was rounded when the
+/// model was made, and an answer that depends on that rounding has lost the same digits. Whole
+/// numbers were not rounded. The direction follows from the bits.
+fn moved(x: f64) -> Dd {
+    if x.fract() == 0.0 || !x.is_finite() {
+        return Dd::from(x);
+    }
+    let bits = x.to_bits();
+    let hash = bits.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 62;
+    // −2, −1, 1, 2
+    let step = hash as i64 - 2 + (hash as i64 >> 1);
+    Dd::from(f64::from_bits(bits.wrapping_add_signed(step)))
 }
 
 /// More numbers than any plan is given.

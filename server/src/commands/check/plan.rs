@@ -69,7 +69,7 @@ fn of_line(loaded: &Loaded, line: &str) -> Result<PlanReport, String> {
         clusters_of_robot: outline.clusters_of_robot,
         closed_loops: outline.closed,
         closed_loops_of_robot: outline.closed_of_robot,
-        operations: plan.operations(model, &input),
+        operations: sarrus_counting::operations(&plan, model, &input),
         ns: median_ns(&mut call),
         bytes_in: outline.bytes_in,
         bytes_out: outline.bytes_out,

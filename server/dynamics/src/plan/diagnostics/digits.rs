@@ -3,19 +3,19 @@
 //! While a request is computed its doubt is kept: a bound, up to a constant, of the factor by which
 //! its roundings grow. It is the gain of the closures ([`crate::closure::Outcome::gain`]), times
 //! the cancellation of forces, divided by nearly vanishing actuators or inertias.
-//! A bound is always too large; so an answer with a large one is computed twice again with every
-//! rounding moved ([`crate::scalar::Stochastic`]), and it is the difference that is reported.
+//! A bound is always too large; so an answer with a large one is computed again in double-double on
+//! moved constants ([`crate::workspace::Probe`]), and the difference decides.
 
 use sarrus_proto::Field;
 
 use crate::closure::Level;
 use crate::plan::Plan;
 use crate::plan::run::RunReport;
-use crate::scalar::{BranchValue, DOUBTFUL, Real, Stochastic};
+use crate::scalar::{BranchValue, DOUBTFUL, Dd, Real};
 use crate::workspace::Workspace;
 
-/// Difference of the runs, against the largest number of a field, at which it keeps nine digits for
-/// sure: roundings are moved by about four times their own size.
+/// Difference from double-double, against the largest number of a field, at which it keeps nine
+/// digits with a margin: another state nearby may lose more than this one.
 const KEPT: f64 = 5e-11;
 /// Part of the largest term of a force below which the sum counts as zero.
 pub(in crate::plan) const ZERO: f64 = 1e-4;
@@ -85,23 +85,21 @@ impl Plan {
     ) -> bool {
         let Some(mut probe) = ws.probe.take() else { return false };
         let fits = probe.input.len() >= input.len() && probe.output.len() >= output.len();
-        let keeps = fits
-            && (1..=2).all(|run: u64| {
-                let (given, found) =
-                    (&mut probe.input[..input.len()], &mut probe.output[..output.len()]);
-                let key = run.wrapping_mul(0x5851_f42d_4c95_7f2d);
-                for (to, x) in given.iter_mut().zip(input) {
-                    *to = Stochastic::input(x.to_f64(), key);
-                }
-                let answer = self.run(&probe.model, &mut probe.workspace, given, found);
-                answer.status == sarrus_proto::Status::Ok && self.agree(output, found, report)
-            });
+        let keeps = fits && {
+            let given = &mut probe.input[..input.len()];
+            let found = &mut probe.output[..output.len()];
+            for (to, x) in given.iter_mut().zip(input) {
+                *to = Dd::from(x.to_f64());
+            }
+            let answer = self.run(&probe.model, &mut probe.workspace, given, found);
+            answer.status == sarrus_proto::Status::Ok && self.agree(output, found, report)
+        };
         ws.probe = Some(probe);
         keeps
     }
 
     /// True where no field differs in its first nine digits.
-    fn agree<T: Real>(&self, output: &[T], found: &[Stochastic], report: &RunReport<T>) -> bool {
+    fn agree<T: Real>(&self, output: &[T], found: &[Dd], report: &RunReport<T>) -> bool {
         use Field::*;
         self.want().slots().iter().all(|slot| {
             let (least, part) = match slot.field {

@@ -224,11 +224,13 @@ impl Symmetric<f64> for Upper {
 mod tests {
     use super::super::super::double_double::reference::Random;
     use super::*;
-    use crate::scalar::{Counted, Plain, Real, Six};
+    use crate::scalar::{Dual, Plain, Real, Six};
 
     const SEED: u64 = 20_261_123;
 
-    type Pair = (Packed, Plain<Counted>);
+    /// Values of duals are computed as plain doubles beside each other.
+    type Alone = Dual<f64>;
+    type Pair = (Packed, Plain<Alone>);
 
     /// True for the same bits, and for two that are no numbers.
     fn alike(a: f64, b: f64) -> bool {
@@ -237,16 +239,16 @@ mod tests {
 
     /// Every number of both, to the bit.
     fn same((a, b): Pair) {
-        (0..3).for_each(|k| assert!(alike(a[k], b[k].0), "{a:?} {b:?}"));
+        (0..3).for_each(|k| assert!(alike(a[k], b[k].re), "{a:?} {b:?}"));
     }
 
     /// Compares the upper triangles.
-    fn same_matrix(a: &Upper, b: &Six<Counted>) {
+    fn same_matrix(a: &Upper, b: &Six<Alone>) {
         (0..3).for_each(|k| same((a.column(k), b.column(k))));
     }
 
     fn pair(x: [f64; 3]) -> Pair {
-        let [a, b, c] = x.map(Counted);
+        let [a, b, c] = x.map(Alone::constant);
         (Packed::new(x[0], x[1], x[2]), Plain::new(a, b, c))
     }
 
@@ -277,7 +279,7 @@ mod tests {
             same((a.0 - b.0, a.1 - b.1));
             same((-a.0, -a.1));
             same((a.0.times(b.0), a.1.times(b.1)));
-            same((a.0.times(Packed::splat(x)), a.1.times(Plain::splat(Counted(x)))));
+            same((a.0.times(Packed::splat(x)), a.1.times(Plain::splat(Alone::constant(x)))));
             same((a.0.mul_add(b.0, c.0), a.1.mul_add(b.1, c.1)));
             same((a.0.mul_sub(b.0, c.0), a.1.mul_sub(b.1, c.1)));
             same((a.0.neg_mul_add(b.0, c.0), a.1.neg_mul_add(b.1, c.1)));
@@ -289,7 +291,7 @@ mod tests {
             rows.for_each(same);
             let numbers = [(); 9].map(|()| next());
             let columns = Packed::columns_from(numbers).into_iter();
-            columns.zip(Plain::columns_from(numbers.map(Counted))).for_each(same);
+            columns.zip(Plain::columns_from(numbers.map(Alone::constant))).for_each(same);
         }
     }
 
@@ -304,7 +306,7 @@ mod tests {
             let in_one = [a.0, b.0, c.0];
             let alone = [a.1, b.1, c.1];
             let mut A = Upper::new(six);
-            let mut B = Six::<Counted>::new(six.map(Counted));
+            let mut B = Six::<Alone>::new(six.map(Alone::constant));
             same_matrix(&A, &B);
             same_matrix(&A.rotate(&in_one), &B.rotate(&alone));
             same_matrix(&A.parallel_axis(&a.0, &b.0), &B.parallel_axis(&a.1, &b.1));
@@ -313,7 +315,7 @@ mod tests {
             A.add_upper(&in_one);
             B.add_upper(&alone);
             A.add_to_diagonal(six[0]);
-            B.add_to_diagonal(Counted(six[0]));
+            B.add_to_diagonal(Alone::constant(six[0]));
             same_matrix(&A, &B);
             let other = A.rotate(&in_one);
             let of_other = B.rotate(&alone);

@@ -1,27 +1,38 @@
-//! Doubles that count their operations.
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
 
 use core::cell::Cell;
 use core::cmp::Ordering;
 use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use crate::scalar::{Plain, Real, Six};
+use sarrus_dynamics::scalar::{Plain, Real, Six};
+use sarrus_dynamics::{Model, Plan, PlanScalar, Workspace};
+
+/// Operations on numbers in the answer of `plan` to this input; those of the comparison with
+/// double-double that a doubtful answer causes are not among them. Allocates a model and a
+/// workspace.
+pub fn operations(plan: &Plan, model: &Model<f64>, input: &[f64]) -> u64 {
+    let counted = model.convert(Counted);
+    let mut workspace = Workspace::for_plans(&counted, [plan]);
+    let input: Vec<Counted> = input.iter().map(|x| Counted(*x)).collect();
+    let mut output = vec![Counted(0.0); plan.want().len()];
+    Counted::take();
+    let _ = plan.run(&counted, &mut workspace, &input, &mut output);
+    Counted::take()
+}
 
 std::thread_local! {
     /// Operations of this thread since the last [`Counted::take`].
     static OPERATIONS: Cell<u64> = const { Cell::new(0) };
 }
 
-/// A double whose arithmetic is counted, on each thread by itself: sums, products, quotients, fused
-/// multiply-adds and roots are one operation each, and so is an angle from a point or a pair of
-/// sine and cosine. Signs, comparisons and choices are none.
-///
-/// A model over it is made by [`crate::Model::convert`].
+/// A double that counts its operations, on each thread by itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Counted(pub f64);
+struct Counted(f64);
 
 impl Counted {
     /// The operations of this thread since the last call, which starts from zero again.
-    pub fn take() -> u64 {
+    fn take() -> u64 {
         OPERATIONS.replace(0)
     }
 
@@ -90,6 +101,8 @@ impl MulAssign for Counted {
     }
 }
 
+impl PlanScalar for Counted {}
+
 impl Real for Counted {
     type Triple = Plain<Counted>;
     type Symmetric = Six<Counted>;
@@ -141,7 +154,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_computed_is_counted_and_nothing_else() {
+    fn arithmetic_is_counted_and_nothing_else() {
         let a = Counted(0.3);
         let b = Counted(-2.0);
         Counted::take();
