@@ -231,7 +231,7 @@ fn of_robot(
             let case = &mut cases[3 * k];
             case.answer(state).ok()?;
             let key = (question, 0, Start::None);
-            error = worse(error, references.error(key, &want, state, &case.output)?);
+            error = worse(error, references.error(key, &want, state, &case.planned.output)?);
         }
         let least = EQUAL.max(error);
         rows.push(Row {

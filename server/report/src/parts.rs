@@ -1,10 +1,9 @@
 //! Section `parts`: times of questions that need only a part of the robot, beside those of the
 //! whole question.
 
-use std::hint::black_box;
 use std::time::Duration;
 
-use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Status, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request};
 
 use crate::Outcome;
 use crate::measure::Effort;
@@ -12,7 +11,7 @@ use crate::measure::progress::Progress;
 use crate::measure::timing::{Timed, interleaved};
 use crate::page::{Section, Table, columns};
 use crate::robots::catalogue::BUNDLED;
-use crate::robots::{Question, Robot, State, Subject, packed};
+use crate::robots::{Planned, Question, Robot, State, Subject};
 
 /// A partial question: the words of the table, the question and its part.
 struct Pair {
@@ -78,9 +77,14 @@ fn of_robot(robot: &Robot, rounds: Duration) -> Outcome<Vec<(Vec<String>, f64)>>
     let model = &robot.variants.first().ok_or("no variant")?.compiled.model;
     let pairs = pairs(model)?;
     let mut runs = Vec::new();
+    let still = |rates: &[f64]| vec![0.0; rates.len()];
+    let at_rest =
+        |state: &State| State { yd: still(&state.yd), ydd: still(&state.ydd), ..state.clone() };
+    let at_rest: Vec<State> = robot.states.iter().map(at_rest).collect();
     for pair in &pairs {
-        runs.push(Run::new(model, &pair.part, &robot.states, false)?);
-        runs.push(Run::new(model, &pair.whole, &robot.states, pair.rest)?);
+        let states = if pair.rest { &at_rest } else { &robot.states };
+        runs.push(Planned::new(model, Plan::new(model, &pair.part)?, &robot.states, 0));
+        runs.push(Planned::new(model, Plan::new(model, &pair.whole)?, states, 0));
     }
     let mut same = Vec::new();
     for (pair, runs) in pairs.iter().zip(runs.chunks_exact_mut(2)) {
@@ -154,77 +158,25 @@ fn pairs(model: &Model) -> Outcome<Vec<Pair>> {
     Ok(pairs)
 }
 
-/// A plan on the states of its robot.
-struct Run<'a> {
-    model: &'a Model,
-    plan: Plan,
-    workspace: Workspace<f64>,
-    inputs: Vec<Vec<f64>>,
-    output: Vec<f64>,
-}
-
-impl<'a> Run<'a> {
-    fn new(model: &'a Model, query: &Query, states: &[State], rest: bool) -> Outcome<Run<'a>> {
-        let plan = Plan::new(model, query)?;
-        let input = |state: &State| {
-            let still = |rates: &[f64]| vec![0.0; rates.len()];
-            if rest {
-                let yd = still(&state.yd);
-                let ydd = still(&state.ydd);
-                packed(&plan, &State { yd, ydd, ..state.clone() }, 0)
-            } else {
-                packed(&plan, state, 0)
-            }
-        };
-        Ok(Run {
-            inputs: states.iter().map(input).collect(),
-            output: vec![0.0; plan.want().len()],
-            workspace: Workspace::for_plans(model, [&plan]),
-            plan,
-            model,
-        })
-    }
-}
-
-impl Timed for Run<'_> {
-    fn name(&self) -> String {
-        format!("{}: {}", self.model.name(), self.plan.query().want)
-    }
-
-    fn states(&self) -> usize {
-        self.inputs.len()
-    }
-
-    #[inline]
-    fn call(&mut self, state: usize) -> Status {
-        let input = black_box(self.inputs[state].as_slice());
-        let answer = self.plan.run(self.model, &mut self.workspace, input, &mut self.output);
-        black_box(&self.output);
-        answer.status
-    }
-}
-
 /// True where every number of the part stands in the whole answer, bit for bit.
-fn has_same_bits(pair: &Pair, runs: &mut [Run<'_>]) -> bool {
+fn has_same_bits(pair: &Pair, runs: &mut [Planned]) -> bool {
     let [part, whole] = runs else { return false };
     (0..part.states()).all(|state| {
         part.call(state);
         whole.call(state);
-        let rows = |run: &Run<'_>, field| {
-            let slot = run.plan.want().slot(field).copied();
-            slot.map(|slot| run.output[slot.range()].iter().map(|x| x.to_bits()).collect())
+        let rows = |run: &Planned, field| -> Vec<u64> {
+            let slot = run.plan.want().slot(field);
+            let numbers = slot.map_or(&[][..], |slot| &run.output[slot.range()]);
+            numbers.iter().map(|x| x.to_bits()).collect()
         };
         if pair.same.is_empty() {
             // one row: the joint that stands last in the whole answer
-            let (one, all): (Option<Vec<u64>>, Option<Vec<u64>>) =
-                (rows(part, Field::TauU), rows(whole, Field::TauU));
-            return one.is_some()
-                && one.and_then(|x| x.last().copied()) == all.and_then(|x| x.last().copied());
+            let [one, all] = [&*part, &*whole].map(|run| rows(run, Field::TauU).last().copied());
+            return one.is_some() && one == all;
         }
         pair.same.iter().all(|field| {
-            let (a, b): (Option<Vec<u64>>, Option<Vec<u64>>) =
-                (rows(part, field), rows(whole, field));
-            a.is_some() && a == b
+            let numbers = rows(part, field);
+            !numbers.is_empty() && numbers == rows(whole, field)
         })
     })
 }

@@ -28,21 +28,18 @@ pub(super) struct Measured {
     pub(super) fault: Option<String>,
 }
 
-/// A method as the timing sees it.
-struct Run<'a>(&'a mut Method);
-
-impl Timed for Run<'_> {
+impl Timed for &mut Method {
     fn name(&self) -> String {
-        format!("{}, {}", self.0.series, self.0.label)
+        format!("{}, {}", self.series, self.label)
     }
 
     fn states(&self) -> usize {
-        self.0.runner.states()
+        self.runner.states()
     }
 
     #[inline]
     fn call(&mut self, state: usize) -> Status {
-        self.0.runner.call(state)
+        self.runner.call(state)
     }
 }
 
@@ -60,12 +57,8 @@ pub(super) fn measure(
     }
     // a method that does not answer is not timed
     let fine = |of: &Measured| of.fault.is_none();
-    let mut runs: Vec<Run<'_>> = methods
-        .iter_mut()
-        .zip(&measured)
-        .filter(|(_, of)| fine(of))
-        .map(|(method, _)| Run(method))
-        .collect();
+    let timed = methods.iter_mut().zip(&measured).filter(|(_, of)| fine(of));
+    let mut runs: Vec<&mut Method> = timed.map(|(method, _)| method).collect();
     let times = interleaved(&mut runs, rounds, shown)?;
     for (of, samples) in measured.iter_mut().filter(|of| fine(of)).zip(times) {
         of.ns = samples.median();

@@ -3,10 +3,9 @@
 
 use sarrus_dynamics::{Method as Forward, Model, Plan};
 
-use super::runner::{Implicit, Planned, Runner, with_start};
+use super::runner::{Implicit, Runner, with_start};
 use crate::Outcome;
-use crate::robots::Robot;
-use crate::robots::{Question, Start, Subject, Variant};
+use crate::robots::{Planned, Question, Robot, Start, Subject, Variant};
 
 /// Tolerances of the last step of Newton's method where the state alone is asked, and where
 /// dynamics follow.
@@ -197,7 +196,7 @@ impl Methods<'_> {
         } else {
             Plan::new(&model, &query)?
         };
-        let runner = Box::new(Planned::new(model, plan, self.robot, closing.place));
+        let runner = Box::new(Planned::new(&model, plan, &self.robot.states, closing.place));
         let question = if question.is_forward() { Question::ForwardDynamics } else { question };
         self.add(closing, question, (series, end, default), runner);
         Ok(())

@@ -50,7 +50,7 @@ fn a_peer_that_is_less_exact_does_not_count() {
         name: "Pinocchio".into(),
         setting: String::new(),
         ns,
-        answers: vec![case.output.iter().map(|x| x * (1.0 + off)).collect()],
+        answers: vec![case.planned.output.iter().map(|x| x * (1.0 + off)).collect()],
     };
     let runs = [run(10.0, 1e-6), run(30.0, 0.0), run(20.0, 1e-15)];
     let found = fastest(&mut references, (asked, Start::None), &runs, EQUAL);

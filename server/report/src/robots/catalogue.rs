@@ -1,11 +1,11 @@
 //! The robots that are measured, and the ways in which their loops are closed.
 
-use sarrus_dynamics::description::{Description, SubmechanismKind};
+use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
 use sarrus_dynamics::{ClosureKind, Compiled, Model};
-use sarrus_models::{Options, Source, bundled_text, load};
+use sarrus_models::{Options, Source, load};
 
 use super::chain::chain_of_lambdas;
-use super::texts::TEXTS;
+use super::rare::RARE;
 use crate::Outcome;
 
 /// The bundled robots: all of them.
@@ -36,7 +36,7 @@ pub enum Subject {
     /// By name.
     Bundled(&'static str),
     /// One of the small ones, by its place.
-    Text(usize),
+    Rare(usize),
     /// A row of lambdas, by its place.
     Chain(usize),
 }
@@ -44,11 +44,11 @@ pub enum Subject {
 impl Subject {
     /// Every robot that is measured.
     pub fn all() -> impl Iterator<Item = Subject> {
-        let texts = (0..TEXTS.len()).map(Subject::Text);
+        let rare = (0..RARE.len()).map(Subject::Rare);
         BUNDLED
             .into_iter()
             .map(Subject::Bundled)
-            .chain(texts)
+            .chain(rare)
             .chain((0..CHAINS.len()).map(Subject::Chain))
     }
 
@@ -56,8 +56,16 @@ impl Subject {
     pub fn name(self) -> &'static str {
         match self {
             Subject::Bundled(name) => name,
-            Subject::Text(k) => TEXTS[k].name,
+            Subject::Rare(k) => RARE[k].0,
             Subject::Chain(_) => "chain",
+        }
+    }
+
+    fn description(self) -> Outcome<Description> {
+        match self {
+            Subject::Bundled(name) => bundled(name),
+            Subject::Rare(k) => RARE[k].1(),
+            Subject::Chain(k) => Ok(chain_of_lambdas(CHAINS[k].1)?),
         }
     }
 
@@ -92,11 +100,11 @@ pub struct Variant {
 }
 
 /// A way to close loops: its name and the types that are made `NUMERICAL`.
-type Closing = (&'static str, fn(&str) -> bool);
+type Closing = (&'static str, fn(Kind) -> bool);
 
 const NUMERICAL: Closing = ("numerical", |_| true);
-const CLOSINGS_OF_UPPER_BODY: [Closing; 2] =
-    [("hybrid-torso", |kind| kind == "2SPU+1U"), ("hybrid-elbows", |kind| kind == "RRPR")];
+const HYBRIDS_OF_UPPER_BODY: [Closing; 2] =
+    [("hybrid-torso", |kind| kind == Kind::Spu2U1), ("hybrid-elbows", |kind| kind == Kind::Rrpr)];
 
 /// The robot as it is given, then with closed forms replaced by Newton's method. `query` skips
 /// variants that need not be loaded.
@@ -104,78 +112,63 @@ pub fn variants(
     subject: Subject,
     query: impl Fn(&str) -> bool,
 ) -> Outcome<(Description, Vec<Variant>)> {
-    let (urdf, submechanisms) = match subject {
-        Subject::Bundled(name) => {
-            let (urdf, submechanisms) = bundled_text(name).ok_or("no such robot")?;
-            (urdf.to_owned(), submechanisms)
-        }
-        Subject::Text(k) => (TEXTS[k].urdf(), TEXTS[k].submechanisms),
-        Subject::Chain(k) => {
-            let (closures, n) = CHAINS[k];
-            let description = chain_of_lambdas(n)?;
-            let compiled = if query(closures) {
-                vec![Variant { closures, compiled: Model::compile(&description)? }]
-            } else {
-                vec![]
-            };
-            return Ok((description, compiled));
-        }
-    };
-    let read = |submechanisms: String| {
-        let source =
-            Source::Text { urdf: urdf.clone().into(), submechanisms: Some(submechanisms.into()) };
-        load(&source, &Options::default())
-    };
-    let given = read(submechanisms.to_owned())?;
+    let description = subject.description()?;
     let mut kept = Vec::new();
-    let has = |kind: ClosureKind| {
-        given.compiled.model.closures().iter().any(|closure| closure.kind == kind)
-    };
-    let closures = match (has(ClosureKind::Analytic), has(ClosureKind::Numerical)) {
-        (true, true) => "hybrid",
-        (false, true) => "numerical",
-        _ => "analytic",
-    };
-    if query(closures) {
-        kept.push(Variant { closures, compiled: given.compiled });
+    if let Subject::Chain(k) = subject {
+        let (closures, _) = CHAINS[k];
+        if query(closures) {
+            kept.push(Variant { closures, compiled: Model::compile(&description)? });
+        }
+        return Ok((description, kept));
     }
-
-    let closings = if subject == Subject::Bundled("rh5v2_upper_body") {
-        &CLOSINGS_OF_UPPER_BODY[..]
+    let compiled = Model::compile(&description)?;
+    let given = closures(&compiled.model).unwrap_or("analytic");
+    if query(given) {
+        kept.push(Variant { closures: given, compiled });
+    }
+    let hybrids = if subject == Subject::Bundled("rh5v2_upper_body") {
+        &HYBRIDS_OF_UPPER_BODY[..]
     } else {
         &[]
     };
     // couplings without loops have no other way
-    let loops = submechanisms.contains("loop_constraints");
-    for &(name, changes) in closings.iter().chain(std::iter::once(&NUMERICAL)) {
-        if name == closures || !query(name) || !loops {
-            continue;
+    let has_loops = description.submechanisms.iter().any(|part| !part.loops.is_empty());
+    for &(closures, which) in hybrids.iter().chain([&NUMERICAL]) {
+        if has_loops && closures != given && query(closures) {
+            let compiled = Model::compile(&by_newton(description.clone(), which))?;
+            kept.push(Variant { closures, compiled });
         }
-        kept.push(Variant {
-            closures: name,
-            compiled: read(made_numerical(submechanisms, changes))?.compiled,
-        });
     }
-    Ok((given.description, kept))
+    Ok((description, kept))
+}
+
+/// How the loops of a model are closed, in a word; none without loops.
+pub(crate) fn closures(model: &Model) -> Option<&'static str> {
+    let has = |kind| model.closures().iter().any(|closure| closure.kind == kind);
+    match (has(ClosureKind::Analytic), has(ClosureKind::Numerical)) {
+        (true, true) => Some("hybrid"),
+        (true, false) => Some("analytic"),
+        (false, true) => Some("numerical"),
+        (false, false) => None,
+    }
+}
+
+/// The description of a bundled robot.
+pub(crate) fn bundled(name: &str) -> Outcome<Description> {
+    Ok(load(&Source::Bundled(name.to_owned()), &Options::default())?.description)
 }
 
 /// The robot with every loop closed by Newton's method.
-pub(crate) fn numerical(mut robot: Description) -> Description {
-    for part in robot.submechanisms.iter_mut().filter(|part| !part.loops.is_empty()) {
-        part.kind = SubmechanismKind::Numerical;
-    }
-    robot
+pub(crate) fn numerical(robot: Description) -> Description {
+    by_newton(robot, |_| true)
 }
 
-/// The submechanism file with `type: NUMERICAL` for every closed loop that `changes` names.
-fn made_numerical(submechanisms: &str, changes: fn(&str) -> bool) -> String {
-    let line = |line: &str| match line.split_once("type: ") {
-        Some((before, kind))
-            if before.trim_matches([' ', '-']).is_empty() && kind != "SERIAL" && changes(kind) =>
-        {
-            format!("{before}type: NUMERICAL\n")
+/// The robot with the loops of some types closed by Newton's method.
+fn by_newton(mut robot: Description, which: fn(Kind) -> bool) -> Description {
+    for part in robot.submechanisms.iter_mut() {
+        if !part.loops.is_empty() && which(part.kind) {
+            part.kind = Kind::Numerical;
         }
-        _ => format!("{line}\n"),
-    };
-    submechanisms.lines().map(line).collect()
+    }
+    robot
 }

@@ -4,11 +4,11 @@ use std::collections::HashSet;
 
 use sarrus_dynamics::description::{Cut, Description, Placement};
 use sarrus_dynamics::{Compiled, Field, Method, Model};
-use sarrus_models::{Options, Source, load};
 
 use crate::Outcome;
 
-pub(crate) use crate::robots::catalogue::numerical;
+pub(crate) use crate::robots::catalogue::{bundled, numerical};
+use crate::robots::catalogue::closures;
 pub(crate) use crate::robots::small::{Slide, Turn, X, Y, Z, cut, finish, joint, mechanism};
 
 /// A robot ready to be asked.
@@ -68,14 +68,7 @@ impl Robot {
 
     /// How its loops are closed, in a word.
     pub(crate) fn closures(&self) -> &'static str {
-        use sarrus_dynamics::ClosureKind::{Analytic, Numerical};
-        let has = |kind| self.compiled.model.closures().iter().any(|closure| closure.kind == kind);
-        match (has(Analytic), has(Numerical)) {
-            (true, true) => "hybrid",
-            (true, false) => "analytic",
-            (false, true) => "numerical",
-            (false, false) => "no loops",
-        }
+        closures(&self.compiled.model).unwrap_or("no loops")
     }
 
     /// The factor that makes each number of a field one of radians and moments; `None` where a
@@ -104,11 +97,6 @@ impl Robot {
         };
         Some(names.iter().map(unit).collect())
     }
-}
-
-/// The description of a bundled robot.
-pub(crate) fn bundled(name: &str) -> Outcome<Description> {
-    Ok(load(&Source::Bundled(name.to_owned()), &Options::default())?.description)
 }
 
 /// Mass and inertia of the links that `which` names times a factor.
