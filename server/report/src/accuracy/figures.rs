@@ -34,16 +34,6 @@ pub(super) fn figure<'a>(
     let chain_forward =
         matches!(robot.subject, Subject::Chain(_)) && question == Question::ForwardDynamics;
     let mut series: Vec<Series> = Vec::new();
-    let mut add = |name: String, competes: bool, point: Point| match series
-        .iter_mut()
-        .find(|of| of.name == name)
-    {
-        Some(of) => {
-            of.line = true;
-            of.points.push(point);
-        }
-        None => series.push(Series { name, line: false, competes, points: vec![point] }),
-    };
     let mut residuals = Vec::new();
     for of in measured {
         let fault = of.fault.as_ref().map_or(String::new(), |fault| format!(": {fault}"));
@@ -56,9 +46,13 @@ pub(super) fn figure<'a>(
                 Point { x: of.ns, y: residual, label: label.clone() },
             ));
         }
-        add(of.series.clone(), true, Point { x: of.ns, y: of.error, label });
+        let point = Point { x: of.ns, y: of.error, label };
+        Series::add(&mut series, of.series.clone(), point).competes = true;
     }
-    residuals.into_iter().for_each(|(name, point)| add(name, false, point));
+    for (name, point) in residuals {
+        Series::add(&mut series, name, point);
+    }
+    series.iter_mut().for_each(|of| of.line = of.points.len() > 1);
     let what = match question {
         Question::State => "q, q̇, q̈, u, u̇, ü from y, ẏ, ÿ; a peer finds q alone",
         Question::InverseDynamics => "τ_u from y, ẏ, ÿ",
@@ -83,12 +77,8 @@ pub(super) fn figure<'a>(
             precision takes its inputs rounded.{implicit} An error of zero is drawn at 1e-17.",
             robot.states.len()
         ),
-        command: String::new(),
-        x: Axis { label: "time of a call in ns".into(), log: true },
-        y: Axis {
-            label: if chain_forward { "backward error" } else { "error by size" }.into(),
-            log: true,
-        },
+        x: Axis::log("time of a call in ns"),
+        y: Axis::log(if chain_forward { "backward error" } else { "error by size" }),
         series,
     }
 }

@@ -2,9 +2,7 @@
 
 use std::hint::black_box;
 
-use sarrus_dynamics::{
-    Field, FieldSet, ImplicitForm, Layout, Model, Plan, Query, Request, Status,
-};
+use sarrus_dynamics::{Field, FieldSet, ImplicitForm, Layout, Model, Plan, Query, Request, Status};
 
 use crate::Outcome;
 use crate::measure::timing::Timed;

@@ -52,9 +52,8 @@ impl Case {
     pub(super) fn answer(&mut self, state: usize) -> Answer {
         let Planned { model, plan, workspace, inputs, output } = &mut self.planned;
         let input = black_box(inputs[state].as_slice());
-        let by_code = |kernel: &Arc<NativeKernel>| {
-            kernel.answer((&*model, &*plan), workspace, input, output)
-        };
+        let by_code =
+            |kernel: &Arc<NativeKernel>| kernel.answer((&*model, &*plan), workspace, input, output);
         self.kernel.as_ref().and_then(by_code).unwrap_or_else(|| self.planned.answer(state))
     }
 }

@@ -61,9 +61,8 @@ pub(super) fn energy(effort: &Effort) -> Outcome<(Figure, String)> {
             The methods with their own step have a tolerance of 1e-11. A change of exactly zero is \
             drawn at 1e-17."
             .into(),
-        command: String::new(),
-        x: Axis { label: "time simulated, s".into(), log: true },
-        y: Axis { label: "relative change of energy".into(), log: true },
+        x: Axis::log("time simulated, s"),
+        y: Axis::log("relative change of energy"),
         series,
     };
     Ok((

@@ -155,9 +155,8 @@ fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Ro
             {longest} s.",
             exponent(known_to)
         ),
-        command: String::new(),
-        x: Axis { label: "time of one simulation, s".into(), log: true },
-        y: Axis { label: "error at the end".into(), log: true },
+        x: Axis::log("time of one simulation, s"),
+        y: Axis::log("error at the end"),
         series,
     };
     Ok((figure, Row { cells, title: problem.title, least }))

@@ -53,7 +53,7 @@ fn figure_value(report: &Report, section: &Section, figure: &Figure) -> Value {
         "id": figure.id,
         "title": figure.title,
         "caption": figure.caption,
-        "command": report.command_of(section, figure),
+        "command": report.command_of(section),
         "x": axis(&figure.x), "y": axis(&figure.y),
         "series": figure.series.iter().map(|series| json!({
             "name": series.name, "line": series.line, "front": series.competes,

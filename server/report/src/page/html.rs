@@ -6,7 +6,7 @@ use super::data::{figure_table, result_table};
 use super::figure::Figure;
 use super::pareto::{ROUNDING, exponent, summaries};
 use super::picture::{NARROW, WIDE, colours, picture, points, sign};
-use super::section::{Assessment, Case, Report, Section, Table};
+use super::section::{Report, Section, Table};
 use crate::Outcome;
 
 /// The content security policy: nothing is loaded from anywhere.
@@ -151,7 +151,7 @@ fn one(report: &Report, section: &Section) -> Outcome<Markup> {
         section id=(section.name) {
             h2 { (section.title) }
             @if nothing { p.empty { "Nothing was measured in this section." } }
-            @if !section.cases.is_empty() { (assessments(section)) }
+            @if !section.cases.is_empty() { (cases(section)) }
             div.figures { @for figure in &figures { (figure) } }
             @for table in &section.tables {
                 div.table id=(table.id) {
@@ -201,7 +201,7 @@ fn drawn(figure: &Figure, origin: Option<(&Report, &Section)>) -> Outcome<Markup
                 @if left_out > 0 { p { (left_out) " of " (all) " points have no number; they stand \
                     in the table." } }
                 @if let Some((report, section)) = origin {
-                    p.from { code { (report.command_of(section, figure)) } " on " (report.machine) }
+                    p.from { code { (report.command_of(section)) } " on " (report.machine) }
                 }
             }
             details {
@@ -213,47 +213,9 @@ fn drawn(figure: &Figure, origin: Option<(&Report, &Section)>) -> Outcome<Markup
     })
 }
 
-/// How many cases of each family ended how, and every case.
-fn assessments(section: &Section) -> Markup {
-    let mut families: Vec<&str> = Vec::new();
-    for case in &section.cases {
-        if !families.contains(&case.family.as_str()) {
-            families.push(&case.family);
-        }
-    }
-    let count = |family: Option<&str>, assessment: Option<Assessment>| {
-        let is = |case: &&Case| {
-            family.is_none_or(|family| case.family == family)
-                && assessment.is_none_or(|assessment| case.assessment == assessment)
-        };
-        section.cases.iter().filter(is).count()
-    };
-    let rows = families.iter().map(|family| Some(*family)).chain([None]);
+/// Every case of a section.
+fn cases(section: &Section) -> Markup {
     html! {
-        div.scroll {
-            table {
-                thead {
-                    tr {
-                        th { "family" }
-                        @for assessment in Assessment::ALL { th { (assessment.name()) } }
-                        th { "cases" }
-                    }
-                }
-                tbody {
-                    @for family in rows {
-                        tr {
-                            td { (family.unwrap_or("all")) }
-                            @for assessment in Assessment::ALL {
-                                @let n = count(family, Some(assessment));
-                                @let bad = assessment == Assessment::FailedSilently && n > 0;
-                                td.number.bad[bad] { (n) }
-                            }
-                            td.number { (count(family, None)) }
-                        }
-                    }
-                }
-            }
-        }
         details {
             summary { "Every case: " (section.cases.len()) }
             p { a href={ (section.name) "-cases.csv" } { (section.name) "-cases.csv" } }

@@ -58,13 +58,9 @@ impl Report {
         self.sections.iter().flat_map(|section| &section.cases)
     }
 
-    /// The command that draws a figure again.
-    pub(super) fn command_of(&self, section: &Section, figure: &Figure) -> String {
-        if figure.command.is_empty() {
-            command(self.quick, std::iter::once(section.name))
-        } else {
-            figure.command.clone()
-        }
+    /// The command that measures a section again.
+    pub(super) fn command_of(&self, section: &Section) -> String {
+        command(self.quick, std::iter::once(section.name))
     }
 }
 

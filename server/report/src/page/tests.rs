@@ -24,7 +24,6 @@ fn report() -> Report {
         id: id.into(),
         title: "lambda <script>alert(1)</script>".into(),
         caption: "a & b".into(),
-        command: String::new(),
         x: log("time, ns"),
         y: log("error"),
         series,

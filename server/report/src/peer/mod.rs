@@ -115,15 +115,7 @@ pub fn series(
             worst = worse(worst, error(state, answer)?);
         }
         let point = Point { x: run.ns, y: worst, label: run.setting.clone() };
-        match all.iter_mut().find(|series| series.name == run.name) {
-            Some(series) => series.points.push(point),
-            None => all.push(Series {
-                name: run.name.clone(),
-                line: false,
-                competes: true,
-                points: vec![point],
-            }),
-        }
+        Series::add(&mut all, run.name.clone(), point).competes = true;
     }
     Ok(all)
 }
