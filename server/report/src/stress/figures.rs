@@ -17,17 +17,6 @@ const NO_PICTURE: [&str; 5] =
 /// Fills the section.
 pub(crate) fn section(cases: &[Case]) -> Section {
     let mut section = Section::new("extremes", "Stress cases");
-    // families whose robots take turns come together
-    let names: Vec<&str> =
-        cases.iter().map(|case| case.family).fold(Vec::new(), |mut names, name| {
-            if !names.contains(&name) {
-                names.push(name);
-            }
-            names
-        });
-    let mut cases = cases.to_vec();
-    cases.sort_by_key(|case| names.iter().position(|name| *name == case.family));
-    let cases = cases.as_slice();
     let families: Vec<&[Case]> = cases.chunk_by(|a, b| a.family == b.family).collect();
     section.summary = summary(cases, families.len());
     section.worst_error = cases
@@ -138,14 +127,13 @@ fn overview(families: &[&[Case]]) -> Table {
     let row = |family: &&[Case]| {
         let held = family.iter().filter(|case| case.assessment == Assessment::Held);
         let worst = held.filter_map(|case| case.error).reduce(f64::max);
-        vec![
-            family[0].family.to_owned(),
-            family[0].parameter.to_owned(),
-            range(family),
-            family.len().to_string(),
-            worst.map_or("-".into(), |error| format!("{error:.1e}")),
-        ]
+        let mut row = vec![family[0].family.to_owned(), family[0].parameter.to_owned()];
+        row.extend([range(family), family.len().to_string()]);
+        row.extend(Assessment::ALL.map(|assessment| count(family, assessment).to_string()));
+        row.push(worst.map_or("-".into(), |error| format!("{error:.1e}")));
+        row
     };
+    let names = Assessment::ALL.map(Assessment::name).join(" | ");
     Table {
         id: "extremes-families".into(),
         title: "Every family".into(),
@@ -155,7 +143,9 @@ fn overview(families: &[&[Case]]) -> Table {
             inverse dynamics in double-double: the condition of their mass matrix grows with the \
             fourth power of their length."
             .into(),
-        columns: columns("family | parameter | from … to | cases | worst error of those that held"),
+        columns: columns(&format!(
+            "family | parameter | from … to | cases | {names} | worst error of those that held"
+        )),
         rows: families.iter().map(row).collect(),
     }
 }
@@ -262,17 +252,12 @@ fn errors(family: &[Case]) -> Option<Figure> {
             if BY_ROBOT.contains(&name) { "all that is asked" } else { "all robots" },
             family.len()
         ),
-        command: String::new(),
-        x: Axis { label: family[0].parameter.to_owned(), log: true },
-        y: Axis {
-            label: if name == "chain" {
-                "backward error of FD, error of ID"
-            } else {
-                "error by size"
-            }
-            .into(),
-            log: true,
-        },
+        x: Axis::log(family[0].parameter),
+        y: Axis::log(if name == "chain" {
+            "backward error of FD, error of ID"
+        } else {
+            "error by size"
+        }),
         series: groups(family)
             .into_iter()
             .map(series)
@@ -292,10 +277,7 @@ fn times(cases: &[Case]) -> Option<Figure> {
             y: nanoseconds / case.value,
             label: format!("{nanoseconds:.0} ns in all"),
         };
-        match series.iter_mut().find(|series| series.name == name) {
-            Some(series) => series.points.push(point),
-            None => series.push(Series { name, line: true, competes: false, points: vec![point] }),
-        }
+        Series::add(&mut series, name, point).line = true;
     }
     (!series.is_empty()).then(|| Figure {
         id: "extremes-chain-time".into(),
@@ -303,9 +285,8 @@ fn times(cases: &[Case]) -> Option<Figure> {
         caption: "The shortest of five calls over the number of bodies, or of loops of three \
             bodies each; level where the cost is O(n)."
             .into(),
-        command: String::new(),
-        x: Axis { label: "bodies or loops in a row".into(), log: true },
-        y: Axis { label: "ns per body or loop".into(), log: true },
+        x: Axis::log("bodies or loops in a row"),
+        y: Axis::log("ns per body or loop"),
         series,
     })
 }

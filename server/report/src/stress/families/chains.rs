@@ -15,7 +15,6 @@ use crate::stress::mechanisms::rods;
 const LARGEST_SQUARE: usize = 100;
 
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
-    cases.family("chain", "bodies or loops in a row");
     let lengths: &[usize] =
         if effort.quick { &[10, 100, 1000] } else { &[10, 30, 100, 300, 1000, 3000, 10_000] };
     for &n in lengths {
@@ -24,10 +23,9 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
             if lambdas && n > 3000 {
                 continue;
             }
-            let robot = Robot::new(name, if lambdas { chain_of_lambdas(n)? } else { rods(n)? });
-            let Some(robot) = cases.load(name, At { value: n as f64, method: "-" }, robot) else {
-                continue;
-            };
+            let of = if lambdas { chain_of_lambdas(n)? } else { rods(n)? };
+            let at = At { value: n as f64, method: "-" };
+            let Some(robot) = cases.load(name, at, of) else { continue };
             // a long chain that curls up in itself is no robot
             let mut state = State::of(&robot, 0.2 / (n as f64).sqrt())?;
             state.yd.iter_mut().for_each(|x| *x *= 0.2 / (n as f64).sqrt());

@@ -7,14 +7,12 @@ use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
 use sarrus_dynamics::{Field, Request, Status};
 
 use crate::Outcome;
-use crate::measure::Effort;
 use crate::page::Assessment;
 use crate::robots::random::Random;
 use crate::stress::harness::assess::warned;
 use crate::stress::harness::case::{At, Case, Cases};
 use crate::stress::harness::question::Question;
 use crate::stress::harness::robot::{Robot, Turn, Z, cut, finish, joint};
-use crate::stress::harness::seeds;
 use crate::stress::mechanisms::BASE;
 use crate::stress::mechanisms::trains::begun;
 
@@ -28,15 +26,6 @@ const FINE: f64 = 1e-4;
 const OTHER: f64 = 0.1;
 /// Rates of the path that its differences show.
 const SLOW: f64 = 20.0;
-
-/// Parallelograms, kites and other four-bars that fold flat, through and near their flat poses.
-pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
-    cases.family("change points", "rad of a step");
-    for seed in seeds(effort, [40, 400], &[]) {
-        one(cases, seed)?;
-    }
-    Ok(())
-}
 
 /// How a sequence asks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,8 +75,8 @@ pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
         let mut random = Random(seed_of_robot.0);
         let name = format!("{}, {word}, seed {seed}", bars.name);
         let at = At { value: step, method: word };
-        let robot = Robot::new(&name, bars.robot(&mut random, kind)?);
-        let Some(robot) = cases.load(&name, at, robot) else { continue };
+        let of = bars.robot(&mut random, kind)?;
+        let Some(robot) = cases.load(&name, at, of) else { continue };
         for from in [From::Zero, From::Last, From::Along] {
             sequence(cases, &robot, &bars, at, direction, from)?;
         }

@@ -19,8 +19,6 @@ use Field::{Lambda, TauU, TauY};
 
 /// Velocities from creeping to absurd; none whose square overflows has an answer.
 pub(crate) const VELOCITIES: Sweep = Sweep {
-    family: "velocity",
-    parameter: "ẏ, rad/s",
     values: |effort| with(&powers(effort, -6, 4, 5), &[1e-160, 1e8, 1e100, 1e160, 1e300]),
     robots: &[
         Subject::plain("lambda", Bundled("lambda")),
@@ -39,8 +37,6 @@ pub(crate) const VELOCITIES: Sweep = Sweep {
 
 /// A wrench on the last link, from a breath to the weight of a mountain.
 pub(crate) const WRENCHES: Sweep = Sweep {
-    family: "wrench",
-    parameter: "N and N m on the last link",
     values: |effort| with(&powers(effort, -6, 12, 6), &[1e30, 1e200, 1e308]),
     robots: &[
         Subject::plain("lambda", Bundled("lambda")),
@@ -66,8 +62,6 @@ fn wrench(cases: &mut Cases, robot: &Robot, value: f64) -> Outcome {
 
 /// Quaternions slightly, and then badly, off unit length.
 pub(crate) const QUATERNIONS: Sweep = Sweep {
-    family: "quaternion off unit length",
-    parameter: "|length − 1|",
     values: |effort| powers(effort, -16, 2, 9),
     robots: &[Subject::plain("floating Stewart", Bundled("stewart_floating"))],
     ask: quaternion,
@@ -91,8 +85,6 @@ fn quaternion(cases: &mut Cases, robot: &Robot, value: f64) -> Outcome {
 
 /// Angles of many turns.
 pub(crate) const MANY_TURNS: Sweep = Sweep {
-    family: "many turns",
-    parameter: "y, rad",
     values: |effort| with(&powers(effort, 0, 6, 3), &[1e9, 1e13, 1e15, 1e18, 1e100]),
     robots: &[
         Subject::plain("lambda", Bundled("lambda")),

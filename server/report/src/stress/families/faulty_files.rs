@@ -9,7 +9,6 @@ use crate::stress::harness::case::{At, Case, Cases};
 
 /// Bundled files with one faulty number, joint or link each: refused, with the position.
 pub(crate) fn run(cases: &mut Cases, _: &Effort) -> Outcome {
-    cases.family("faulty file", "fault, by its number");
     let (urdf, yaml) = bundled_text("lambda").ok_or("no lambda")?;
     let faults: [(&str, &str, &str); 15] = [
         ("mass NaN", "<mass value=\"1.2\"/>", "<mass value=\"NaN\"/>"),

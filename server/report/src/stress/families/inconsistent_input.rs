@@ -43,7 +43,6 @@ const ROBOTS: [Subject; 14] = [
 
 /// Closed states of robots, off their loops in one joint or in all.
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
-    cases.family("inconsistent input", "q or qd off its loops, rad or parts of the length");
     for (k, subject) in ROBOTS.iter().enumerate() {
         let robot = subject.robot()?;
         for seed in seeds(effort, [12, 200], &[]) {

@@ -24,18 +24,11 @@ const ROBOTS: [Subject; 5] = [
 
 /// Poses off their loops are moved onto them; how far they were is reported, and how far they then
 /// are is measured in double-double.
-pub(crate) const PROJECTION: Sweep = Sweep {
-    family: "projection",
-    parameter: "q off its loops, rad or tenths of the length",
-    values: |effort| powers(effort, -15, 0, 5),
-    robots: &ROBOTS,
-    ask: project,
-};
+pub(crate) const PROJECTION: Sweep =
+    Sweep { values: |effort| powers(effort, -15, 0, 5), robots: &ROBOTS, ask: project };
 
 /// Stabilisation from none to stiff on loops that are open by a millionth.
 pub(crate) const STABILISATION: Sweep = Sweep {
-    family: "Baumgarte",
-    parameter: "α = β, 1/s, at loops open by 1e-6",
     values: |effort| with(&[0.0], &powers(effort, 0, 9, 3)),
     robots: &ROBOTS,
     ask: stabilise,

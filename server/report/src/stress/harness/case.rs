@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use sarrus_dynamics::description::Description;
 use sarrus_dynamics::scalar::Dd;
 use sarrus_dynamics::{Field, Method, Request, Status, Warnings};
 
@@ -168,8 +169,8 @@ impl Cases {
 
     /// Loads a robot at a value of the parameter; a refused one is a case of its own that reports
     /// the error.
-    pub(crate) fn load(&mut self, name: &str, at: At<'_>, robot: Outcome<Robot>) -> Option<Robot> {
-        robot
+    pub(crate) fn load(&mut self, name: &str, at: At<'_>, of: Description) -> Option<Robot> {
+        Robot::new(name, of)
             .map_err(|error| self.refused(name, at, "load", "refused at load", error.to_string()))
             .ok()
     }

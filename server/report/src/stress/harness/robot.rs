@@ -7,8 +7,8 @@ use sarrus_dynamics::{Compiled, Field, Method, Model};
 
 use crate::Outcome;
 
-pub(crate) use crate::robots::catalogue::{bundled, numerical};
 use crate::robots::catalogue::closures;
+pub(crate) use crate::robots::catalogue::{bundled, numerical};
 pub(crate) use crate::robots::small::{Slide, Turn, X, Y, Z, cut, finish, joint, mechanism};
 
 /// A robot ready to be asked.
