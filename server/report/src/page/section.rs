@@ -141,31 +141,51 @@ impl Assessment {
     }
 }
 
-/// A stress case: one value of a parameter, one method.
+/// A stress case: a robot, a parameter at a value, a question, and the result.
 #[derive(Clone, Debug)]
 pub struct Case {
     /// The family, such as `mass ratio`.
-    pub family: String,
+    pub family: &'static str,
     /// The robot.
     pub robot: String,
     /// The swept parameter, with its unit.
-    pub parameter: String,
+    pub parameter: &'static str,
     /// Its value.
     pub value: f64,
-    /// The question and the method.
+    /// The question.
+    pub asked: String,
+    /// How it was answered: how loops are closed, and by which method forward dynamics went.
     pub method: String,
     /// By size; none without an answer.
     pub error: Option<f64>,
     /// Forward dynamics: the backward error.
     pub backward: Option<f64>,
+    /// Time of a call in nanoseconds, where it was taken.
+    pub nanoseconds: Option<f64>,
     /// The reference of the comparison.
-    pub reference: String,
+    pub reference: &'static str,
     /// The status, as `sarrus ask` prints it, or why it did not load.
     pub status: String,
-    /// Reports beside the status: warnings, fields, messages.
+    /// Warnings of the answer.
+    pub warnings: Vec<String>,
+    /// Reports beside status and warnings: fields, messages.
     pub reported: String,
     /// By the one rule for all.
     pub assessment: Assessment,
+}
+
+impl Case {
+    /// The question and the method.
+    pub(super) fn way(&self) -> String {
+        format!("{}, {}", self.asked, self.method)
+    }
+
+    /// Warnings and further reports.
+    pub(crate) fn told(&self) -> String {
+        let mut told = self.warnings.clone();
+        told.extend((!self.reported.is_empty()).then(|| self.reported.clone()));
+        told.join("; ")
+    }
 }
 
 /// The command that measures these sections again.

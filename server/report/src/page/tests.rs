@@ -29,15 +29,18 @@ fn report() -> Report {
         series,
     };
     let case = |assessment: Assessment, value: f64| Case {
-        family: "mass ratio".into(),
+        family: "mass ratio",
         robot: "lambda".into(),
-        parameter: "ratio".into(),
+        parameter: "ratio",
         value,
-        method: "ID".into(),
+        asked: "ID".into(),
+        method: "analytic".into(),
         error: Some(1e-12),
         backward: None,
-        reference: "double-double".into(),
+        nanoseconds: None,
+        reference: "double-double",
         status: "ok".into(),
+        warnings: vec![],
         reported: String::new(),
         assessment,
     };

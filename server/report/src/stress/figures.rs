@@ -2,7 +2,7 @@
 
 use super::harness::assess::HELD;
 use super::harness::case::Case;
-use crate::page::{self, Assessment, Axis, Figure, Point, Section, Series, Table, columns};
+use crate::page::{Assessment, Axis, Figure, Point, Section, Series, Table, columns};
 
 /// Values of a parameter that a picture shows; the others stand in its table.
 const DRAWN: std::ops::RangeInclusive<f64> = 1e-20..=1e20;
@@ -15,10 +15,10 @@ const NO_PICTURE: [&str; 5] =
     ["not a number", "faulty file", "unreachable y", "simulation of nothing", "change points"];
 
 /// Fills the section.
-pub(crate) fn section(cases: &[Case]) -> Section {
+pub(crate) fn section(cases: Vec<Case>) -> Section {
     let mut section = Section::new("extremes", "Stress cases");
     let families: Vec<&[Case]> = cases.chunk_by(|a, b| a.family == b.family).collect();
-    section.summary = summary(cases, families.len());
+    section.summary = summary(&cases, families.len());
     section.worst_error = cases
         .iter()
         .filter(|case| case.assessment == Assessment::Held)
@@ -29,8 +29,8 @@ pub(crate) fn section(cases: &[Case]) -> Section {
         section.tables.push(table(family));
         section.figures.extend(errors(family));
     }
-    section.figures.extend(times(cases));
-    section.cases = cases.iter().map(reported).collect();
+    section.figures.extend(times(&cases));
+    section.cases = cases;
     section
 }
 
@@ -67,7 +67,7 @@ fn summary(cases: &[Case], families: usize) -> Vec<String> {
         let error = case.error.unwrap_or(f64::NAN);
         lines.push(format!(
             "The largest error that an answer warns of: {error:.1e}, {} at {} {:.0e}.",
-            case.mechanism, case.family, case.value
+            case.robot, case.family, case.value
         ));
     }
     lines.extend(
@@ -76,7 +76,7 @@ fn summary(cases: &[Case], families: usize) -> Vec<String> {
                 let error = case.error.map_or("-".to_owned(), |error| format!("{error:.1e}"));
                 format!(
                     "Failed silently: {}, {}, {} at {:e}, {}: error {error}.",
-                    case.family, case.mechanism, case.asked, case.value, case.method
+                    case.family, case.robot, case.asked, case.value, case.method
                 )
             },
         ),
@@ -95,7 +95,7 @@ fn key(case: &Case) -> String {
     if BY_ROBOT.contains(&case.family) {
         return format!(
             "{}, {}",
-            case.mechanism,
+            case.robot,
             case.method.split(", ").next().unwrap_or_default()
         );
     }
@@ -178,7 +178,7 @@ fn table(family: &[Case]) -> Table {
                 } else {
                     case.method.clone()
                 };
-                [at, case.mechanism.clone(), how(case)]
+                [at, case.robot.clone(), how(case)]
             }
         });
         row
@@ -198,12 +198,9 @@ fn table(family: &[Case]) -> Table {
 
 /// Status, warnings and further reports.
 fn how(case: &Case) -> String {
-    let mut parts = vec![case.status.clone()];
-    parts.extend(case.warnings.iter().cloned());
-    parts.extend((!case.reported.is_empty()).then(|| case.reported.clone()));
-    parts
-        .extend(case.error.filter(|error| *error > HELD).map(|error| format!("error {error:.1e}")));
-    parts.join("; ")
+    let error = case.error.filter(|error| *error > HELD);
+    let parts = [case.status.clone(), case.told()].into_iter().filter(|part| !part.is_empty());
+    parts.chain(error.map(|error| format!("error {error:.1e}"))).collect::<Vec<_>>().join("; ")
 }
 
 fn capital(text: &str) -> String {
@@ -229,7 +226,7 @@ fn errors(family: &[Case]) -> Option<Figure> {
                 format!(", {}", case.assessment.name())
             };
             let point =
-                Point { x: case.value, y: error, label: format!("{}{mark}", case.mechanism) };
+                Point { x: case.value, y: error, label: format!("{}{mark}", case.robot) };
             match points.iter_mut().find(|at| at.x == case.value) {
                 Some(at) if at.y < error => *at = point,
                 Some(_) => {}
@@ -271,7 +268,7 @@ fn times(cases: &[Case]) -> Option<Figure> {
     let mut series: Vec<Series> = Vec::new();
     for case in cases.iter().filter(|case| case.error.is_some()) {
         let Some(nanoseconds) = case.nanoseconds else { continue };
-        let name = format!("{}, {}, {}", case.mechanism, case.asked, case.method);
+        let name = format!("{}, {}, {}", case.robot, case.asked, case.method);
         let point = Point {
             x: case.value,
             y: nanoseconds / case.value,
@@ -289,23 +286,4 @@ fn times(cases: &[Case]) -> Option<Figure> {
         y: Axis::log("ns per body or loop"),
         series,
     })
-}
-
-/// A case as the report keeps it.
-fn reported(case: &Case) -> page::Case {
-    let mut reported = case.warnings.clone();
-    reported.extend((!case.reported.is_empty()).then(|| case.reported.clone()));
-    page::Case {
-        family: case.family.to_owned(),
-        robot: case.mechanism.clone(),
-        parameter: case.parameter.to_owned(),
-        value: case.value,
-        method: format!("{}, {}", case.asked, case.method),
-        error: case.error.filter(|error| error.is_finite()),
-        backward: case.backward,
-        reference: case.reference.to_owned(),
-        status: case.status.clone(),
-        reported: reported.join("; "),
-        assessment: case.assessment,
-    }
 }

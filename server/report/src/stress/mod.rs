@@ -168,9 +168,10 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
     let alarms = false_alarms::count(generic_states(effort))?;
     let fields = false_alarms::fields(states_of_fields(effort))?;
 
-    let mut section = figures::section(&cases.all);
-    section.summary.extend((!cases.not_judged.is_empty()).then(|| {
-        format!("Not judged, as their reference moves: {} cases more.", cases.not_judged.len())
+    let not_judged = cases.not_judged.len();
+    let mut section = figures::section(cases.all);
+    section.summary.extend((not_judged > 0).then(|| {
+        format!("Not judged, as their reference moves: {not_judged} cases more.")
     }));
     section.summary.push(false_alarms::sum(&alarms).sentence("usual fields"));
     section.summary.push(false_alarms::of_cases(&fields).sentence("every field"));
@@ -203,10 +204,10 @@ mod tests {
 
     /// A case in a line, with the seed by which it can be asked again.
     fn in_a_line(case: &Case) -> String {
-        let Case { family, mechanism, asked, value, method, status, reported, .. } = case;
+        let Case { family, robot, asked, value, method, status, reported, .. } = case;
         let error = error(case);
         format!(
-            "{error:.1e} {family}, {mechanism}, {asked}, {value:e}, {method}, {status}; {reported}"
+            "{error:.1e} {family}, {robot}, {asked}, {value:e}, {method}, {status}; {reported}"
         )
     }
 

@@ -69,7 +69,7 @@ fn one(cases: &mut Cases, robot: &Robot, seed: u64) -> Outcome {
     let mut qd = closed.get(Qd).to_vec();
     let size = random.scale(1e-12, 0.3);
     let velocity = random.coin();
-    let units = robot.units(if velocity { Qd } else { Q }).unwrap_or_default();
+    let units = robot.units(if velocity { Qd } else { Q });
     let one = random.coin().then(|| random.below(units.len()));
     let off = if velocity { &mut qd } else { &mut q };
     for (k, x) in off.iter_mut().enumerate() {
@@ -103,8 +103,8 @@ fn one(cases: &mut Cases, robot: &Robot, seed: u64) -> Outcome {
                 if a.is_nan() { f64::INFINITY } else { moved.max(unit * (a - b).abs()) }
             })
         };
-    let of_q = moved(Q, &q, &robot.units(Q).unwrap_or_default());
-    let of_qd = moved(Qd, &qd, &robot.units(Qd).unwrap_or_default());
+    let of_q = moved(Q, &q, &robot.units(Q));
+    let of_qd = moved(Qd, &qd, &robot.units(Qd));
     let moved = of_q.max(of_qd);
     if ok && moved > NAMED / NEAR && moved < NAMED * NEAR {
         return Ok(());

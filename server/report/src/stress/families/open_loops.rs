@@ -5,7 +5,7 @@ use sarrus_dynamics::{Field, ImplicitForm, Status};
 
 use crate::Outcome;
 use crate::stress::harness::case::{At, Case, Cases};
-use crate::stress::harness::question::{Question, State, by_size, errors};
+use crate::stress::harness::question::{Question, State, error};
 use crate::stress::harness::robot::Robot;
 use crate::stress::harness::{powers, with};
 use crate::stress::mechanisms::bricard;
@@ -61,8 +61,7 @@ fn open(robot: &Robot, q: &[f64]) -> Outcome<f64> {
     if closed.status() != Status::Ok {
         return Ok(f64::INFINITY);
     }
-    let units = robot.units(Field::Q).unwrap_or_default();
-    Ok(by_size(&mut errors(q, closed.get(Field::Q), &units), 0.0))
+    Ok(error(robot, Field::Q, q, closed.get(Field::Q), 0.0))
 }
 
 fn stabilise(cases: &mut Cases, robot: &Robot, value: f64) -> Outcome {
@@ -80,10 +79,7 @@ fn stabilise(cases: &mut Cases, robot: &Robot, value: f64) -> Outcome {
     let same =
         ImplicitForm::new(exact).accelerations(exact, &q, &qd, &tau, &[], gains, &mut reference);
     let error = match (status, same) {
-        (Status::Ok, Status::Ok) => {
-            let units = robot.units(Field::Qdd).unwrap_or_default();
-            Some(by_size(&mut errors(&qdd, &reference, &units), 0.0))
-        }
+        (Status::Ok, Status::Ok) => Some(error(robot, Field::Qdd, &qdd, &reference, 0.0)),
         (Status::Ok, _) => Some(f64::INFINITY),
         _ => None,
     };

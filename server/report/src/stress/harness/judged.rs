@@ -5,7 +5,7 @@ use sarrus_dynamics::{Field, Method, Request, Status};
 
 use super::assess::HELD;
 use super::case::{At, Case, Cases};
-use super::question::{Answered, Question, by_size};
+use super::question::{Answered, Question, error};
 use super::robot::Robot;
 use crate::Outcome;
 
@@ -103,47 +103,11 @@ fn largest<T: Real>(
 ) -> (Option<Field>, f64) {
     ask.want
         .iter()
-        .map(|field| (Some(*field), error(robot, ask, *field, answer, exact)))
+        .map(|&field| {
+            let least = natural(ask, field);
+            (Some(field), error(robot, field, answer.get(field), exact.get(field), least))
+        })
         .fold((None, 0.0), |worst, next| if next.1 > worst.1 { next } else { worst })
-}
-
-/// max |x − exact| / max |exact| of a field, lengths in those of the robot; infinite where there is
-/// no number.
-fn error<T: Real>(
-    robot: &Robot,
-    ask: &Question,
-    field: Field,
-    answer: &Answered<T>,
-    exact: &Answered<Dd>,
-) -> f64 {
-    let exact = exact.get(field);
-    let units = units(robot, field, exact.len());
-    let mut pairs = answer.get(field).iter().zip(exact).zip(&units).map(|((x, exact), unit)| {
-        (unit * (double_double(*x) - *exact).to_f64(), unit * exact.to_f64())
-    });
-    by_size(&mut pairs, natural(ask, field))
-}
-
-/// A number of any scalar with all digits that double-double has.
-fn double_double<T: Real>(x: T) -> Dd {
-    let hi = x.to_f64();
-    Dd::from(hi) + Dd::from((x - T::from_f64(hi)).to_f64())
-}
-
-/// Factors that convert the numbers of a field into radians and moments.
-fn units(robot: &Robot, field: Field, n: usize) -> Vec<f64> {
-    let of = |field| robot.units(field).unwrap_or_default();
-    let outer = |rows: Vec<f64>, columns: Vec<f64>| -> Vec<f64> {
-        rows.iter().flat_map(|row| columns.iter().map(move |column| row / column)).collect()
-    };
-    let units = match field {
-        G => outer(of(Qd), of(Yd)),
-        GU => outer(of(Ud), of(Yd)),
-        MY => outer(of(TauY), of(Yd)),
-        GUBias => of(Udd),
-        _ => of(field),
-    };
-    if units.len() == n { units } else { vec![1.0; n] }
 }
 
 /// The size below which a field is nothing, from a radian, the speed given, its square and the

@@ -48,7 +48,7 @@ impl State {
     /// slides; forces of the size of its own.
     pub(crate) fn of(robot: &Robot, reach: f64) -> Outcome<State> {
         let model = &robot.compiled.model;
-        let units = |field| robot.units(field).unwrap_or_default();
+        let units = |field| robot.units(field);
         let names = model.independent_q_names();
         let of_v = units(Yd);
         let unit_of: HashMap<&String, f64> = model.tree_q_names().iter().zip(units(Q)).collect();
@@ -245,25 +245,26 @@ pub(crate) fn by_size(pairs: &mut dyn Iterator<Item = (f64, f64)>, least: f64) -
     if worst == 0.0 { 0.0 } else { worst / size }
 }
 
-/// Errors and references of numbers, each times its unit.
-pub(crate) fn errors<'a>(
-    numbers: &'a [f64],
-    reference: &'a [Dd],
-    units: &'a [f64],
-) -> impl Iterator<Item = (f64, f64)> + 'a {
-    numbers.iter().zip(reference).zip(units).map(|((x, reference), unit)| {
-        (unit * (Dd::from(*x) - *reference).to_f64(), unit * reference.to_f64())
-    })
+/// max |x − exact| / max(|exact|, least) of a field, lengths in those of the robot; infinite where
+/// there is no number.
+pub(crate) fn error<T: Real>(
+    robot: &Robot,
+    field: Field,
+    numbers: &[T],
+    exact: &[Dd],
+    least: f64,
+) -> f64 {
+    let units = robot.units_of(field, exact.len());
+    let mut pairs = numbers.iter().zip(exact).zip(units).map(|((x, exact), unit)| {
+        (unit * (double_double(*x) - *exact).to_f64(), unit * exact.to_f64())
+    });
+    by_size(&mut pairs, least)
 }
 
-/// The largest error of an answer by size, over the fields that the reference has: max |x −
-/// reference| / max |reference|, lengths in those of the robot.
-pub(crate) fn error(robot: &Robot, answer: &Answered<f64>, reference: &[(Field, Vec<Dd>)]) -> f64 {
-    let of_field = |(field, reference): &(Field, Vec<Dd>)| {
-        let units = robot.units(*field).unwrap_or_else(|| vec![1.0; reference.len()]);
-        by_size(&mut errors(answer.get(*field), reference, &units), 0.0)
-    };
-    reference.iter().map(of_field).fold(0.0, f64::max)
+/// A number of any scalar with all digits that double-double has.
+fn double_double<T: Real>(x: T) -> Dd {
+    let hi = x.to_f64();
+    Dd::from(hi) + Dd::from((x - T::from_f64(hi)).to_f64())
 }
 
 /// ‖M_y ÿ + C_y − τ_y‖ / (‖M_y‖‖ÿ‖ + ‖C_y‖ + ‖τ_y‖) of an answer to forward dynamics, by inverse
@@ -294,7 +295,7 @@ pub(crate) fn backward_error(
     let (back, bias, ones) =
         (inverse(ydd.to_vec())?, inverse(vec![0.0; n])?, inverse(vec![1.0; n])?);
     let tau = ask.given.iter().find(|(field, _)| *field == TauY).map_or(&[][..], |(_, tau)| tau);
-    let units = robot.units(TauY).unwrap_or_default();
+    let units = robot.units(TauY);
     let largest = |x: &mut dyn Iterator<Item = f64>| {
         x.fold(0.0, |size: f64, x| if x.is_nan() { f64::INFINITY } else { size.max(x.abs()) })
     };

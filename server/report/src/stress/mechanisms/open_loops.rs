@@ -9,7 +9,7 @@ use crate::stress::harness::robot::Robot;
 /// By how much to move each tree coordinate so that loops open: up to `size` radians, or tenths of
 /// the robot's length. `first` numbers the first coordinate.
 pub(crate) fn offsets(robot: &Robot, size: f64, first: usize) -> Vec<f64> {
-    let units = robot.units(Field::Q).unwrap_or_default();
+    let units = robot.units(Field::Q);
     let off = |(k, unit): (usize, &f64)| {
         let share = if *unit == 1.0 { 1.0 } else { 0.1 };
         size * (2.4 * (k + first) as f64).sin() / unit * share
