@@ -1,6 +1,7 @@
 //! Links: their names, masses and inertias.
 
 use roxmltree::Node;
+use sarrus_dynamics::description::Inertial;
 
 use super::xml::{Reader, Shape};
 use crate::inertia::{self, InertiaFault};
@@ -45,7 +46,7 @@ pub(crate) enum Weight {
     /// Something of it is malformed, which has been reported.
     Malformed,
     /// Both can be read.
-    Given { span: Span, mass: f64, inertia: [f64; 6] },
+    Given { span: Span, inertial: Inertial },
 }
 
 pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> LinkEntry {
@@ -66,9 +67,7 @@ fn weight<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Weight {
     let span = reader.span(node);
     let children = reader.children(node, &INERTIAL);
     let find = |name: &str| children.iter().copied().find(|child| child.has_tag_name(name));
-    if let Some(origin) = find("origin") {
-        super::joint::origin(reader, origin);
-    }
+    let origin = find("origin").map(|node| super::joint::origin(reader, node)).unwrap_or_default();
     let mass = find("mass").map(|mass| {
         reader.children(mass, &MASS);
         reader.required_number(mass, "value")
@@ -90,7 +89,9 @@ fn weight<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Weight {
         }
     }
     match (mass.flatten(), inertia.flatten()) {
-        (Some(mass), Some(inertia)) => Weight::Given { span, mass, inertia },
+        (Some(mass), Some(inertia)) => {
+            Weight::Given { span, inertial: Inertial { origin, mass, inertia } }
+        }
         _ => Weight::Malformed,
     }
 }
@@ -110,7 +111,7 @@ pub(super) fn check(reader: &mut Reader<'_, '_>, link: &LinkEntry, is_root: bool
                 "add them if it has any",
             );
         }
-        Weight::Given { span, mass, inertia } => {
+        Weight::Given { span, inertial: Inertial { mass, inertia, .. } } => {
             let no_inertia = inertia == [0.0; 6];
             if mass < 0.0 {
                 diagnostics.inertia(
