@@ -93,11 +93,7 @@ fn id(family: &str) -> String {
 /// The label of a line of a picture or a row of a table.
 fn key(case: &Case) -> String {
     if BY_ROBOT.contains(&case.family) {
-        return format!(
-            "{}, {}",
-            case.robot,
-            case.method.split(", ").next().unwrap_or_default()
-        );
+        return format!("{}, {}", case.robot, case.method.split(", ").next().unwrap_or_default());
     }
     match case.method.rsplit_once(", ") {
         Some((_, method)) => format!("{}, {method}", case.asked),
@@ -225,8 +221,7 @@ fn errors(family: &[Case]) -> Option<Figure> {
             } else {
                 format!(", {}", case.assessment.name())
             };
-            let point =
-                Point { x: case.value, y: error, label: format!("{}{mark}", case.robot) };
+            let point = Point { x: case.value, y: error, label: format!("{}{mark}", case.robot) };
             match points.iter_mut().find(|at| at.x == case.value) {
                 Some(at) if at.y < error => *at = point,
                 Some(_) => {}

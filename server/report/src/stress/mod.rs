@@ -170,9 +170,10 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
 
     let not_judged = cases.not_judged.len();
     let mut section = figures::section(cases.all);
-    section.summary.extend((not_judged > 0).then(|| {
-        format!("Not judged, as their reference moves: {not_judged} cases more.")
-    }));
+    section.summary.extend(
+        (not_judged > 0)
+            .then(|| format!("Not judged, as their reference moves: {not_judged} cases more.")),
+    );
     section.summary.push(false_alarms::sum(&alarms).sentence("usual fields"));
     section.summary.push(false_alarms::of_cases(&fields).sentence("every field"));
     section.tables.insert(1, false_alarms::table(&alarms));
@@ -206,9 +207,7 @@ mod tests {
     fn in_a_line(case: &Case) -> String {
         let Case { family, robot, asked, value, method, status, reported, .. } = case;
         let error = error(case);
-        format!(
-            "{error:.1e} {family}, {robot}, {asked}, {value:e}, {method}, {status}; {reported}"
-        )
+        format!("{error:.1e} {family}, {robot}, {asked}, {value:e}, {method}, {status}; {reported}")
     }
 
     fn nothing_is_silent(cases: &Cases) {

@@ -14,11 +14,10 @@ use crate::stress::harness::case::{At, Case, Cases};
 use crate::stress::harness::question::Question;
 use crate::stress::harness::robot::{Robot, Turn, Z, cut, finish, joint};
 use crate::stress::mechanisms::BASE;
+use crate::stress::mechanisms::plane::{Point, about, along, distance, intersections};
 use crate::stress::mechanisms::trains::begun;
 
 use Field::*;
-
-pub(crate) type Point = [f64; 2];
 
 /// Step of the path that answers are compared with, in radians of the crank.
 const FINE: f64 = 1e-4;
@@ -203,28 +202,19 @@ impl Bars {
     }
 
     fn tip(&self, y: f64) -> Point {
-        let (s, c) = (self.zero + y).sin_cos();
-        [self.crank * c, self.crank * s]
+        along([0.0; 2], self.zero + y, self.crank)
     }
 
     /// Both pins between coupler and rocker.
     pub(crate) fn pins(&self, y: f64) -> Option<[Point; 2]> {
-        let a = self.tip(y);
-        let d = distance(self.tip(y), [self.ground, 0.0]);
-        let x = (d * d + self.coupler * self.coupler - self.rocker * self.rocker) / (2.0 * d);
-        let square = self.coupler * self.coupler - x * x;
         // flat is in reach
-        let h = if square < -1e-9 { return None } else { square.max(0.0).sqrt() };
-        let ux = (self.ground - a[0]) / d;
-        let uy = -a[1] / d;
-        Some([h, -h].map(|h| [a[0] + x * ux - h * uy, a[1] + x * uy + h * ux]))
+        let pivot = [self.ground, 0.0];
+        intersections((self.tip(y), self.coupler), (pivot, self.rocker), -1e-9)
     }
 
     /// The pin at an angle of the rocker.
     fn pin(&self, turn: f64) -> Point {
-        let (s, c) = turn.sin_cos();
-        let [x, y] = [self.pin[0] - self.ground, self.pin[1]];
-        [self.ground + c * x - s * y, s * x + c * y]
+        about([self.ground, 0.0], self.pin, turn)
     }
 
     pub(crate) fn robot(&self, random: &mut Random, kind: Kind) -> Outcome<Description> {
@@ -279,10 +269,6 @@ impl Path {
         let turn = heading(self.pin) - heading(self.before);
         (turn - (turn / (2.0 * PI)).round() * 2.0 * PI) / self.step
     }
-}
-
-fn distance(a: Point, b: Point) -> f64 {
-    f64::hypot(b[0] - a[0], b[1] - a[1])
 }
 
 #[cfg(test)]

@@ -4,13 +4,14 @@
 use std::f64::consts::TAU;
 
 use sarrus_dynamics::description::SubmechanismKind as Kind;
-use sarrus_dynamics::{Field, Method, Status};
+use sarrus_dynamics::{Field, Method};
 
 use crate::Outcome;
 use crate::stress::harness::case::{At, Cases, Reference};
 use crate::stress::harness::question::{Question, State};
 use crate::stress::harness::robot::Robot;
 use crate::stress::harness::{powers, with};
+use crate::stress::mechanisms::approach::posed;
 use crate::stress::mechanisms::{GRASHOF, RHOMBUS, bricard};
 use crate::stress::sweep::{Design, Subject, Sweep};
 
@@ -121,10 +122,9 @@ fn turned(cases: &mut Cases, robot: &Robot, value: f64) -> Outcome {
 /// of y; none where the crank has no full turn.
 fn wound(robot: &Robot, y: f64) -> Outcome<Option<Vec<f64>>> {
     let turns = ((y - 0.01) / TAU).floor();
-    let mut guess: Option<Vec<f64>> = None;
-    let mut first: Vec<f64> = Vec::new();
-    let mut last = Vec::new();
     let goal = y - 0.01 - turns * TAU;
+    let mut first: Vec<f64> = Vec::new();
+    let mut q = None;
     // to the goal, then once round, which gives the turn of each joint
     for k in 0..=160 {
         let at = if k <= 80 {
@@ -132,18 +132,12 @@ fn wound(robot: &Robot, y: f64) -> Outcome<Option<Vec<f64>>> {
         } else {
             goal + TAU * f64::from(k - 80) / 80.0
         };
-        let answer =
-            Question::pose(&State { y: vec![at], guess: guess.take(), ..State::default() })
-                .run(&robot.compiled.model)?;
-        if answer.status() != Status::Ok {
-            return Ok(None);
-        }
-        let q = answer.get(Field::Q).to_vec();
+        q = posed(&robot.compiled.model, vec![at], q)?;
+        let Some(q) = &q else { break };
         if k == 80 {
-            first.clone_from(&q);
+            first.clone_from(q);
         }
-        last.clone_from(&q);
-        guess = Some(q);
     }
-    Ok(Some(first.iter().zip(&last).map(|(first, last)| first + turns * (last - first)).collect()))
+    let wound = |(first, last): (&f64, f64)| first + turns * (last - first);
+    Ok(q.map(|last| first.iter().zip(last).map(wound).collect()))
 }

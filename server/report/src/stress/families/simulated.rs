@@ -12,8 +12,7 @@ use crate::stress::harness::case::{At, Cases};
 use crate::stress::harness::powers;
 use crate::stress::harness::question::{Question, State};
 use crate::stress::harness::robot::{Robot, X, bundled, mechanism};
-use crate::stress::harness::runs::{Trial, apart};
-use crate::stress::harness::simulations::{from, reference_run, settings};
+use crate::stress::harness::runs::{Trial, apart, from, reference_run, settings};
 use crate::stress::mechanisms::open_loops::offsets;
 use crate::stress::mechanisms::rods;
 

@@ -10,8 +10,8 @@ use super::assess::{HELD, assess};
 use super::question::{Answered, Question, State, backward_error, error};
 use super::robot::Robot;
 use crate::Outcome;
-pub(crate) use crate::page::Case;
 use crate::page::Assessment;
+pub(crate) use crate::page::Case;
 
 /// The reference of an answer.
 pub(crate) enum Reference<'a> {

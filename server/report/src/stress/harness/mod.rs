@@ -1,7 +1,6 @@
 //! The harness of stress cases: a robot, a question, a reference, an assessment.
 //!
-//! Each file knows those before it: `robot`, `question`, `assess`, `case`, `judged`,
-//! `runs`, `simulations`.
+//! Each file knows those before it: `robot`, `question`, `assess`, `case`, `judged`, `runs`.
 
 use crate::measure::Effort;
 
@@ -11,7 +10,6 @@ pub(super) mod judged;
 pub(super) mod question;
 pub(super) mod robot;
 pub(super) mod runs;
-pub(super) mod simulations;
 
 /// Powers of ten from 10^from to 10^to: every one, or with little effort this many steps.
 pub(super) fn powers(effort: &Effort, from: i32, to: i32, steps: i32) -> Vec<f64> {

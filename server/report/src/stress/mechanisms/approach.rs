@@ -79,13 +79,12 @@ pub(crate) fn searched() -> Outcome<Vec<Approach>> {
         let mut guess = None;
         while low + step > low && low < 3.1 {
             let y = direction.iter().map(|x| (low + step) * x).collect();
-            let answer = Question::pose(&State { y, guess: guess.clone(), ..State::default() })
-                .run(&robot.compiled.exact)?;
-            if answer.status() == Status::Ok {
-                low += step;
-                guess = Some(answer.get(Field::Q).iter().map(|q| q.hi()).collect());
-            } else {
-                step *= 0.5;
+            match posed(&robot.compiled.exact, y, guess.clone())? {
+                Some(q) => {
+                    low += step;
+                    guess = Some(q.iter().map(|q| q.hi()).collect());
+                }
+                None => step *= 0.5,
             }
         }
         if low < 3.1 {
@@ -159,22 +158,24 @@ fn determinant(mut a: Vec<Dd>, n: usize) -> f64 {
 /// where the way ends.
 pub(crate) fn followed<T: PlanScalar>(model: &Model<T>, y: &[f64]) -> Outcome<Option<Vec<T>>> {
     const STEPS: u32 = 200;
-    let mut guess: Option<Vec<f64>> = None;
+    let mut q: Option<Vec<T>> = None;
     for k in 1..=STEPS {
         let share = f64::from(k) / f64::from(STEPS);
-        let state = State {
-            y: y.iter().map(|y| y * share).collect(),
-            guess: guess.take(),
-            ..State::default()
-        };
-        let answer = Question::pose(&state).run(model)?;
-        if answer.status() != Status::Ok {
-            return Ok(None);
+        let guess = q.map(|q| q.iter().map(|q| q.to_f64()).collect());
+        q = posed(model, y.iter().map(|y| y * share).collect(), guess)?;
+        if q.is_none() {
+            break;
         }
-        if k == STEPS {
-            return Ok(Some(answer.get(Field::Q).to_vec()));
-        }
-        guess = Some(answer.get(Field::Q).iter().map(|q| q.to_f64()).collect());
     }
-    Ok(None)
+    Ok(q)
+}
+
+/// The closed pose, near a guess; none without an answer.
+pub(crate) fn posed<T: PlanScalar>(
+    model: &Model<T>,
+    y: Vec<f64>,
+    guess: Option<Vec<f64>>,
+) -> Outcome<Option<Vec<T>>> {
+    let answer = Question::pose(&State { y, guess, ..State::default() }).run(model)?;
+    Ok((answer.status() == Status::Ok).then(|| answer.get(Field::Q).to_vec()))
 }

@@ -3,6 +3,7 @@
 
 pub(super) mod approach;
 pub(super) mod open_loops;
+pub(super) mod plane;
 pub(super) mod poses;
 pub(super) mod trains;
 pub(super) mod weights;
@@ -12,7 +13,8 @@ use sarrus_dynamics::description::{Description, Inertial, SubmechanismKind as Ki
 
 use crate::Outcome;
 pub(crate) use crate::robots::small::{
-    LOOSE, RHOMBUS, bricard, door, four_bar, lambda, reach_of_lambda, toggle,
+    ARM_OF_LAMBDA, LOOSE, RHOMBUS, bricard, door, four_bar, lambda, reach_of_lambda, toggle,
+    way_of_lambda,
 };
 use crate::stress::harness::robot::{Turn, Z, joint, mechanism};
 
