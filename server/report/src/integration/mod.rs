@@ -165,15 +165,13 @@ fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Ro
 /// Steps or tolerances of a method, from coarse to fine, with their labels.
 fn settings_of(problem: &Problem, method: Method) -> Vec<(String, Settings)> {
     if method.is_fixed() {
-        (0..8)
-            .map(|k| problem.step * 0.5_f64.powi(k))
-            .map(|step| (format!("step {step:.1e} s"), problem.fixed(method, step)))
-            .collect()
+        let steps = (0..8).map(|k| problem.step * 0.5_f64.powi(k));
+        let fixed = |step| Settings { step: Some(step), ..problem.settings(method) };
+        steps.map(|step| (format!("step {step:.1e} s"), fixed(step))).collect()
     } else {
-        (3..=12)
-            .map(|k| 10f64.powi(-k))
-            .map(|tol| (format!("tolerance {tol:.0e}"), problem.adaptive(method, tol)))
-            .collect()
+        let tolerances = (3..=12).map(|k| 10f64.powi(-k));
+        let adaptive = |tol| (format!("tolerance {tol:.0e}"), problem.adaptive(method, tol));
+        tolerances.map(adaptive).collect()
     }
 }
 

@@ -6,7 +6,7 @@ use super::data::{figure_table, result_table};
 use super::figure::Figure;
 use super::pareto::{ROUNDING, exponent, summaries};
 use super::picture::{NARROW, WIDE, colours, picture, points, sign};
-use super::section::{Report, Section, Table};
+use super::section::{Report, Section, Table, columns};
 use crate::Outcome;
 
 /// The content security policy: nothing is loaded from anywhere.
@@ -70,6 +70,11 @@ fn document(title: &str, body: &Markup) -> String {
 fn top(report: &Report) -> Markup {
     let summaries = summaries(&report.sections);
     let silent = report.silent_failures();
+    let places = Table {
+        columns: columns("figure | on the front, ours of all | fastest | most exact | peers"),
+        rows: summaries.iter().map(|summary| summary.cells.clone()).collect(),
+        ..Table::default()
+    };
     let against = summaries.iter().filter(|summary| summary.with_peer);
     let (front, ours) =
         against.fold((0, 0), |(front, ours), summary| (front + summary.front, ours + summary.ours));
@@ -97,30 +102,7 @@ fn top(report: &Report) -> Markup {
                     the least time factor at which one of ours makes no larger error; errors up \
                     to " (exponent(ROUNDING)) " are rounding and count as equal there."
                 }
-                div.scroll {
-                    table.summaries {
-                        thead {
-                            tr {
-                                th { "figure" }
-                                th { "on the front, ours of all" }
-                                th { "fastest" }
-                                th { "most exact" }
-                                th { "peers" }
-                            }
-                        }
-                        tbody {
-                            @for summary in &summaries {
-                                tr {
-                                    td { a href={ "#" (summary.figure) } { (summary.title) } }
-                                    td.number { (summary.ours) " of " (summary.front) }
-                                    td { (summary.fastest) }
-                                    td { (summary.most_exact) }
-                                    td { (summary.peers) }
-                                }
-                            }
-                        }
-                    }
-                }
+                div.scroll { (cells(&places)) }
             }
         }
         nav {

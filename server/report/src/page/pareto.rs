@@ -54,20 +54,16 @@ pub(crate) fn pareto_front(figure: &Figure) -> Vec<Competitor<'_>> {
     points
 }
 
-/// How a figure ends for the one who asks which method to take.
+/// A figure's front and its ends.
 #[derive(Clone, Debug)]
 pub(super) struct FrontSummary {
-    pub(super) figure: String,
-    pub(super) title: String,
     /// How many points are on the front, and how many of them are not a peer's.
     pub(super) front: usize,
     pub(super) ours: usize,
     /// Whether a peer competes at all.
     pub(super) with_peer: bool,
-    /// The ends of the front.
-    pub(super) fastest: String,
-    pub(super) most_exact: String,
-    pub(super) peers: String,
+    /// Title of the figure, share of the front, both ends, peers.
+    pub(super) cells: Vec<String>,
 }
 
 /// The place in every figure that has a front.
@@ -82,15 +78,18 @@ fn summary(figure: &Figure) -> Option<FrontSummary> {
     let words = |point: &Competitor<'_>| {
         format!("{} ({}; {})", point.series, short(point.x), exponent(point.y))
     };
+    let ours = front.iter().filter(|point| !is_peer(point.series)).count();
     Some(FrontSummary {
-        figure: figure.id.clone(),
-        title: figure.title.clone(),
         front: front.len(),
+        ours,
         with_peer: figure.series.iter().any(|series| series.competes && is_peer(&series.name)),
-        ours: front.iter().filter(|point| !is_peer(point.series)).count(),
-        fastest: words(fastest),
-        most_exact: words(most_exact),
-        peers: peers(figure),
+        cells: vec![
+            figure.title.clone(),
+            format!("{ours} of {}", front.len()),
+            words(fastest),
+            words(most_exact),
+            peers(figure),
+        ],
     })
 }
 

@@ -1,7 +1,7 @@
 //! A robot and its states as the peers' programs read them: see the head of
 //! `benches/peers/pinocchio.cpp`.
 
-use core::fmt::Write;
+use core::fmt::Display;
 
 use sarrus_dynamics::description::{Cut, Description, JointKind, Placement};
 
@@ -116,25 +116,23 @@ impl Text {
         Ok(())
     }
 
+    /// A line of a name and values.
+    fn line<T: Display>(&mut self, name: &str, values: impl IntoIterator<Item = T>) {
+        self.0 += name;
+        values.into_iter().for_each(|x| self.0 += &format!(" {x}"));
+        self.0 += "\n";
+    }
+
     fn count(&mut self, name: &str, n: usize) {
-        // writing to a string cannot fail
-        let _ = writeln!(self.0, "{name} {n}");
+        self.line(name, [n]);
     }
 
     fn numbers(&mut self, name: &str, numbers: &[f64]) {
-        self.0 += name;
-        for x in numbers {
-            let _ = write!(self.0, " {x:e}");
-        }
-        self.0 += "\n";
+        self.line(name, numbers.iter().map(|x| format!("{x:e}")));
     }
 
     fn list(&mut self, name: &str, list: &[usize]) {
-        let _ = write!(self.0, "{name} {}", list.len());
-        for x in list {
-            let _ = write!(self.0, " {x}");
-        }
-        self.0 += "\n";
+        self.line(name, [list.len()].iter().chain(list));
     }
 
     fn placement(&mut self, placement: &Placement) {
