@@ -132,15 +132,12 @@ impl<'a> References<'a> {
     ) -> Outcome<f64> {
         // a cold start has to find the pose that a warm one leads to
         let key = (question, place, start != Start::None);
-        if !self.kept.iter().any(|(of, _)| *of == key) {
+        let kept = self.kept.iter().position(|(of, _)| *of == key);
+        if kept.is_none() {
             self.kept.push((key, Reference::new(self.robot, place, question, start)?));
         }
-        let reference = self
-            .kept
-            .iter_mut()
-            .find(|(of, _)| *of == key)
-            .map(|(_, reference)| reference)
-            .ok_or("no exact answers")?;
+        let kept = kept.unwrap_or(self.kept.len() - 1);
+        let reference = &mut self.kept[kept].1;
         for before in 0..=state {
             reference.compute(self.robot, before)?;
         }
@@ -160,11 +157,11 @@ impl<'a> References<'a> {
         state: usize,
         answer: &[f64],
     ) -> Outcome<f64> {
-        let want = if question == Question::State {
-            only_q(self.robot)
-        } else {
-            layout(self.robot, question)
-        };
+        let mut query = question.query();
+        if question == Question::State {
+            query.want = FieldSet::of(&[Field::Q]);
+        }
+        let want = Layout::of_want(&query, self.robot.variants[0].compiled.model.info());
         if answer.len() != want.len() {
             return Ok(f64::NAN);
         }
@@ -175,13 +172,6 @@ impl<'a> References<'a> {
 /// The numbers of a question to this robot.
 pub(crate) fn layout(robot: &Robot, question: Question) -> Layout {
     Layout::of_want(&question.query(), robot.variants[0].compiled.model.info())
-}
-
-/// The numbers of an answer that is q alone.
-fn only_q(robot: &Robot) -> Layout {
-    let mut query = Question::State.query();
-    query.want = FieldSet::of(&[Field::Q]);
-    Layout::of_want(&query, robot.variants[0].compiled.model.info())
 }
 
 impl ExactField<'_> {

@@ -95,31 +95,21 @@ struct Methods<'a> {
 /// All of a robot.
 pub(super) fn of_robot(robot: &Robot) -> Outcome<Vec<Method>> {
     let mut methods = Methods { robot, all: Vec::new() };
-    let given = robot.variants.first().ok_or("no variant")?;
+    let given = robot.variants.first().ok_or("no variant")?.closures;
     let numerical = robot.variants.iter().position(|variant| variant.closures == "numerical");
     let chain = matches!(robot.subject, Subject::Chain(_));
-    let closed_form = chain || given.closures == "analytic";
-    if given.closures != "numerical" {
-        let (name, start) =
-            if closed_form { ("closed form", Start::None) } else { ("as given", Start::Warm) };
-        methods.given(Closing { place: 0, variant: given, name, start, default: true })?;
+    let closing = |place, name, start, default| {
+        let variant = &robot.variants[place];
+        Closing { place, variant, name, start, default }
+    };
+    if chain || given == "analytic" {
+        methods.given(closing(0, "closed form", Start::None, true))?;
+    } else if given != "numerical" {
+        methods.given(closing(0, "as given", Start::Warm, true))?;
     }
     if let Some(place) = numerical {
-        let variant = &robot.variants[place];
-        methods.newton(Closing {
-            place,
-            variant,
-            name: "Newton, warm",
-            start: Start::Warm,
-            default: place == 0,
-        })?;
-        methods.cold(Closing {
-            place,
-            variant,
-            name: "Newton, cold",
-            start: Start::Cold,
-            default: false,
-        })?;
+        methods.newton(closing(place, "Newton, warm", Start::Warm, place == 0))?;
+        methods.cold(closing(place, "Newton, cold", Start::Cold, false))?;
     }
     Ok(methods.all)
 }

@@ -17,7 +17,7 @@ use self::defaults::{DefaultRow, row, sentence};
 use self::figures::{figure, of_peer};
 use self::measure::{Measured, measure};
 use crate::Outcome;
-use crate::measure::Effort;
+use crate::measure::{Amount, Effort};
 use crate::measure::progress::Progress;
 use crate::page::{Figure, Section, Table, columns, exponent};
 use crate::peer::{self, Peer};
@@ -43,24 +43,12 @@ const QUESTIONS: [(Question, &str, &str); 3] = [
     (Question::ForwardDynamics, "forward dynamics", "fd"),
 ];
 
-/// How much is measured.
-#[derive(Clone, Copy)]
-struct Amount {
-    states: usize,
-    /// How long the batches of one robot take turns.
-    rounds: Duration,
-    /// How long a peer times each of its methods, in seconds.
-    of_peer: f64,
-}
-
-impl Amount {
-    const QUICK: Amount = Amount { states: 16, rounds: Duration::from_millis(2000), of_peer: 0.02 };
-    const FULL: Amount = Amount { states: 128, rounds: Duration::from_secs(20), of_peer: 0.3 };
-}
+const QUICK: Amount = Amount { states: 16, rounds: Duration::from_millis(2000), of_peer: 0.02 };
+const FULL: Amount = Amount { states: 128, rounds: Duration::from_secs(20), of_peer: 0.3 };
 
 /// Fills the section.
 pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
-    let amount = if effort.quick { Amount::QUICK } else { Amount::FULL };
+    let amount = if effort.quick { QUICK } else { FULL };
     let mut section = Section::new("accuracy", "Error against run time");
     let mut rows = Vec::new();
     let mut places = Vec::new();

@@ -9,7 +9,7 @@ use super::*;
 fn code_of_a_robot_is_measured_and_what_has_none_says_why() {
     let Some(compiler) = Compiler::found() else { return println!("not run: no C compiler") };
     let fails = Compiler::named("true", &Cancel::default()).unwrap();
-    let amount = Amount { rounds: Duration::from_millis(50), of_peer: 0.001, ..Amount::QUICK };
+    let amount = Amount { rounds: Duration::from_millis(50), of_peer: 0.001, ..FEW };
     for (compiler, coded) in [(compiler, true), (fails, false)] {
         let mut rows = Vec::new();
         let mut refused = Vec::new();

@@ -26,38 +26,12 @@ const OTHER: f64 = 0.1;
 /// Rates of the path that its differences show.
 const SLOW: f64 = 20.0;
 
-/// How a sequence asks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum From {
-    /// From zero each time.
-    Zero,
-    /// From the last answer.
-    Last,
-    /// From the last answer along its velocity.
-    Along,
-}
-
-impl From {
-    fn name(self) -> &'static str {
-        match self {
-            From::Zero => "turn, from zero",
-            From::Last => "turn, from the last",
-            From::Along => "turn, along the last",
-        }
-    }
-
-    /// The question at y, with the guess that this way of asking takes from the last answer.
-    fn question(self, y: f64, yd: f64, last: Option<&(Vec<f64>, Vec<f64>)>) -> Question {
-        let mut given = vec![(Y, vec![y]), (Yd, vec![yd])];
-        if let Some((q, qd)) = last.filter(|_| self != From::Zero) {
-            given.push((QGuess, q.clone()));
-            if self == From::Along {
-                given.push((QdGuess, qd.clone()));
-            }
-        }
-        Question::new(Request::Kinematics, given, &[Q, Qd])
-    }
-}
+/// How a sequence asks, and the guesses that it takes from the last answer.
+const WAYS: [(&str, &[Field]); 3] = [
+    ("turn, from zero", &[]),
+    ("turn, from the last", &[QGuess]),
+    ("turn, along the last", &[QGuess, QdGuess]),
+];
 
 /// The four-bar of this seed, turned through its change points in every way.
 pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
@@ -76,8 +50,8 @@ pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
         let at = At { value: step, method: word };
         let of = bars.robot(&mut random, kind)?;
         let Some(robot) = cases.load(&name, at, of) else { continue };
-        for from in [From::Zero, From::Last, From::Along] {
-            sequence(cases, &robot, &bars, at, direction, from)?;
+        for way in WAYS {
+            sequence(cases, &robot, &bars, at, direction, way)?;
         }
     }
     Ok(())
@@ -90,11 +64,11 @@ fn sequence(
     bars: &Bars,
     at: At<'_>,
     direction: f64,
-    from: From,
+    (asked, guesses): (&str, &[Field]),
 ) -> Outcome {
     let mut y = 0.0;
     let mut path = Path::of(bars);
-    let mut last: Option<(Vec<f64>, Vec<f64>)> = None;
+    let mut last: Option<[Vec<f64>; 2]> = None;
     let mut ok = 0;
     let mut refused = String::new();
     let mut jump = None;
@@ -103,7 +77,10 @@ fn sequence(
         if path.go(bars, y).is_none() {
             break;
         }
-        let answer = from.question(y, direction, last.as_ref()).run(&robot.compiled.model)?;
+        let mut given = vec![(Y, vec![y]), (Yd, vec![direction])];
+        given.extend(last.iter().flat_map(|last| guesses.iter().copied().zip(last.clone())));
+        let ask = Question::new(Request::Kinematics, given, &[Q, Qd]);
+        let answer = ask.run(&robot.compiled.model)?;
         if answer.status() != Status::Ok {
             if refused.is_empty() {
                 refused = format!("{} at y = {y:.6}", answer.status().name());
@@ -131,7 +108,7 @@ fn sequence(
             jump = Some((y, off, "rate"));
             break;
         }
-        last = Some((q, qd));
+        last = Some([q, qd]);
     }
     let assessment = match (jump, refused.is_empty()) {
         (Some(_), _) => Assessment::FailedSilently,
@@ -150,7 +127,7 @@ fn sequence(
         reference: "the path in small steps",
         reported,
         assessment,
-        ..cases.blank(&robot.name, at, from.name())
+        ..cases.blank(&robot.name, at, asked)
     };
     cases.all.push(case);
     Ok(())
