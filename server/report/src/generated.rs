@@ -14,13 +14,13 @@ use sarrus_generate::{Compiler, Kernel, NativeKernel, Source};
 
 use self::case::Case;
 use crate::Outcome;
-use crate::measure::{Amount, Effort};
 use crate::measure::progress::Progress;
 use crate::measure::timing::interleaved;
+use crate::measure::{Amount, Effort};
 use crate::page::{Section, Table, columns, exponent};
 use crate::peer::{Peer, Run, pinocchio};
 use crate::reference::{References, layout, worse};
-use crate::robots::catalogue::BUNDLED;
+use crate::robots::catalogue::bundled_names;
 use crate::robots::{Question, Robot, Start, Subject};
 
 /// Robots of a quick report.
@@ -40,7 +40,8 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
         section.summary.push("Straight-line code: not measured, there is no C compiler.".into());
         return Ok(section);
     };
-    let (robots, amount) = if effort.quick { (&QUICK[..], FEW) } else { (&BUNDLED[..], FULL) };
+    let (robots, amount) =
+        if effort.quick { (QUICK.to_vec(), FEW) } else { (bundled_names(), FULL) };
     let mut rows = Vec::new();
     let mut refused = Vec::new();
     for (k, name) in robots.iter().enumerate() {

@@ -10,7 +10,7 @@ use crate::measure::Effort;
 use crate::measure::progress::Progress;
 use crate::measure::timing::{Timed, interleaved};
 use crate::page::{Section, Table, columns};
-use crate::robots::catalogue::BUNDLED;
+use crate::robots::catalogue::bundled_names;
 use crate::robots::{Planned, Question, Robot, State, Subject};
 
 /// A partial question: the words of the table, the question and its part.
@@ -37,8 +37,9 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
     let mut section = Section::new("parts", "What a question does not need");
     let mut rows = Vec::new();
     let mut least = (f64::INFINITY, String::new());
-    for (k, name) in BUNDLED.into_iter().enumerate() {
-        progress.show(name, k as f64 / BUNDLED.len() as f64);
+    let names = bundled_names();
+    for (k, name) in names.iter().enumerate() {
+        progress.show(name, k as f64 / names.len() as f64);
         let robot = Robot::load(Subject::Bundled(name), n_states)?;
         for (row, ratio) in of_robot(&robot, Duration::from_millis(rounds))? {
             if ratio < least.0 {

@@ -175,15 +175,9 @@ pub(crate) fn layout(robot: &Robot, question: Question) -> Layout {
 }
 
 impl ExactField<'_> {
-    /// ‖a − b‖∞ / max(‖b‖∞, least); NaN where there is no number.
     fn error(&self, answer: &[f64]) -> f64 {
-        if answer[self.range.clone()].iter().any(|x| x.is_nan()) {
-            return f64::NAN;
-        }
         let pairs = answer[self.range.clone()].iter().zip(self.numbers);
-        let worst =
-            pairs.fold(0.0, |worst: f64, (a, b)| worst.max((Dd::from(*a) - *b).to_f64().abs()));
-        if worst == 0.0 { 0.0 } else { worst / largest(self.numbers).max(self.least) }
+        by_size(pairs.map(|(a, b)| ((Dd::from(*a) - *b).to_f64(), b.to_f64())), self.least)
     }
 }
 
@@ -208,6 +202,18 @@ impl Exact<'_> {
         let size = ydd.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
         residual / (norm_m * size + largest(self.c_y) + largest(self.tau_y))
     }
+}
+
+/// The largest of some errors by the size of the largest of their references, or by `least` where
+/// that is larger; pairs of error and reference. An error that is no number is infinite.
+pub(crate) fn by_size(pairs: impl IntoIterator<Item = (f64, f64)>, least: f64) -> f64 {
+    let mut worst: f64 = 0.0;
+    let mut size = least.max(f64::MIN_POSITIVE);
+    for (error, reference) in pairs {
+        worst = if error.is_nan() { f64::INFINITY } else { worst.max(error.abs()) };
+        size = size.max(reference.abs());
+    }
+    if worst == 0.0 { 0.0 } else { worst / size }
 }
 
 /// The larger of two errors; NaN where one is.

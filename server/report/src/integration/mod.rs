@@ -17,6 +17,7 @@ use crate::Outcome;
 use crate::measure::Effort;
 use crate::measure::progress::Progress;
 use crate::page::{Axis, Figure, Point, Section, Series, Table, columns, exponent};
+use crate::reference::{by_size, worse};
 
 /// Tolerance of the two runs whose agreement measures the quality of the reference.
 const TIGHT: [(Method, f64); 2] = [(Method::Dop853, 1e-13), (Method::Radau5, 1e-12)];
@@ -100,7 +101,7 @@ fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Ro
 
     // a value published to more digits is the reference
     let (reference, known_to) = match &problem.known {
-        Some(known) if known.to < agreement => ([known.y.clone(), known.yd.clone()], known.to),
+        Some(known) if known.to < agreement => (known.end.clone(), known.to),
         _ => (found.clone(), agreement),
     };
     let longest = LONGEST_RUN[usize::from(effort.quick)];
@@ -135,7 +136,7 @@ fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Ro
         .find(|series| reached(series) == least)
         .map_or("-", |series| series.name.as_str());
     let (from, difference) = match &problem.known {
-        Some(known) => (known.from, exponent(off(&found, &[known.y.clone(), known.yd.clone()]))),
+        Some(known) => (known.from, exponent(off(&found, &known.end))),
         None => ("-", "-".to_owned()),
     };
     let cells = vec![
@@ -177,11 +178,9 @@ fn settings_of(problem: &Problem, method: Method) -> Vec<(String, Settings)> {
 
 /// The larger of both differences by size.
 fn off(found: &[Vec<f64>; 2], reference: &[Vec<f64>; 2]) -> f64 {
-    let by_size = |a: &[f64], b: &[f64]| {
-        let size = b.iter().fold(1e-9, |size: f64, x| size.max(x.abs()));
-        a.iter().zip(b).fold(0.0, |worst: f64, (a, b)| {
-            if (a - b).is_nan() { f64::NAN } else { worst.max((a - b).abs()) }
-        }) / size
+    let difference = |k: usize| {
+        let pairs = found[k].iter().zip(&reference[k]);
+        by_size(pairs.map(|(a, b)| (a - b, *b)), 1e-9)
     };
-    f64::max(by_size(&found[0], &reference[0]), by_size(&found[1], &reference[1]))
+    worse(difference(0), difference(1))
 }

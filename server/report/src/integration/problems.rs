@@ -29,8 +29,8 @@ pub(super) struct Problem {
 
 /// The end of a motion.
 pub(super) struct Known {
-    pub(super) y: Vec<f64>,
-    pub(super) yd: Vec<f64>,
+    /// y and ẏ.
+    pub(super) end: [Vec<f64>; 2],
     pub(super) from: &'static str,
     /// How closely, by size.
     pub(super) to: f64,
@@ -153,8 +153,7 @@ fn squeezer() -> Outcome<Problem> {
         source: sarrus_simulation::Source::Constant(vec![0.033]),
     });
     squeezer.known = Some(Known {
-        y: vec![15.81077119629904 + 0.061713890014276454],
-        yd: vec![1139.920302151208],
+        end: [vec![15.81077119629904 + 0.061713890014276454], vec![1139.920302151208]],
         from: "the IVP test set",
         to: 1e-9,
     });
@@ -167,8 +166,7 @@ fn row(id: &'static str, title: &'static str, n: usize, duration: f64) -> Outcom
     row.yd[0] = -1.0;
     let [angle, rate] = pendulum(n as f64, [0.5 * PI, -1.0], duration);
     row.known = Some(Known {
-        y: vec![angle - 0.5 * PI],
-        yd: vec![rate],
+        end: [vec![angle - 0.5 * PI], vec![rate]],
         from: "the parallelogram branch as one pendulum",
         to: 1e-12,
     });

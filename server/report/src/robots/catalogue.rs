@@ -8,27 +8,14 @@ use super::chain::chain_of_lambdas;
 use super::rare::RARE;
 use crate::Outcome;
 
-/// The bundled robots: all of them.
-pub(crate) const BUNDLED: [&str; 16] = [
-    "lambda",
-    "torso",
-    "ankle",
-    "parallelogram",
-    "wrist",
-    "stewart",
-    "stewart_floating",
-    "r3_lambda_r",
-    "five_bar",
-    "four_bars_2",
-    "delta",
-    "active_ankle",
-    "bricard",
-    "squeezer",
-    "rh5v2_upper_body",
-    "rh5v2_full",
-];
-/// Lambdas in a chain, by the name that stands for how its loops are closed.
-const CHAINS: [(&str, usize); 3] = [("10", 10), ("100", 100), ("1000", 1000)];
+/// The names of the bundled robots.
+pub(crate) fn bundled_names() -> Vec<&'static str> {
+    sarrus_models::bundled().map(|(name, _)| name).collect()
+}
+
+/// Lambdas in a chain, by the name that stands for how its loops are closed, and
+/// and the most states that it takes: long ones take milliseconds.
+const CHAINS: [(&str, usize, usize); 3] = [("10", 10, 64), ("100", 100, 16), ("1000", 1000, 4)];
 
 /// A robot that is loaded once: its variants share their states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,7 +32,7 @@ impl Subject {
     /// Every robot that is measured.
     pub fn all() -> impl Iterator<Item = Subject> {
         let rare = (0..RARE.len()).map(Subject::Rare);
-        BUNDLED
+        bundled_names()
             .into_iter()
             .map(Subject::Bundled)
             .chain(rare)
@@ -81,10 +68,10 @@ impl Subject {
         !names_one || only.starts_with(&format!("{prefix}/")) || prefix.starts_with(only)
     }
 
-    /// How many of the states of a run it takes: long chains take milliseconds.
+    /// How many of the states of a run it takes.
     pub fn states(self, all: usize) -> usize {
         match self {
-            Subject::Chain(k) => all.min([64, 16, 4][k]),
+            Subject::Chain(k) => all.min(CHAINS[k].2),
             _ => all,
         }
     }
@@ -115,7 +102,7 @@ pub fn variants(
     let description = subject.description()?;
     let mut kept = Vec::new();
     if let Subject::Chain(k) = subject {
-        let (closures, _) = CHAINS[k];
+        let closures = CHAINS[k].0;
         if query(closures) {
             kept.push(Variant { closures, compiled: Model::compile(&description)? });
         }

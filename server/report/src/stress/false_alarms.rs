@@ -5,7 +5,7 @@ use sarrus_dynamics::{Plan, Status, Workspace};
 use crate::Outcome;
 use crate::page::{Table, columns};
 use crate::reference::Reference;
-use crate::robots::catalogue::BUNDLED;
+use crate::robots::catalogue::bundled_names;
 use crate::robots::random::Random;
 use crate::robots::{Question, Robot, Start, Subject, packed};
 
@@ -63,13 +63,13 @@ impl Count {
 /// The counts of every bundled robot, closed in each of its ways, at this many states: state,
 /// inverse and forward dynamics.
 pub(crate) fn count(states: usize) -> Outcome<Vec<(&'static str, Count)>> {
-    BUNDLED.into_iter().map(|name| Ok((name, of_robot(name, states)?))).collect()
+    bundled_names().into_iter().map(|name| Ok((name, of_robot(name, states)?))).collect()
 }
 
 /// Counts by every question of the families, each field judged by itself, at this many states.
 pub(crate) fn fields(states: u64) -> Outcome<Cases> {
     let mut cases = Cases::default();
-    for name in BUNDLED {
+    for name in bundled_names() {
         for of in [bundled(name)?, numerical(bundled(name)?)] {
             let robot = harness::robot::Robot::new(name, of)?;
             for seed in 0..states {

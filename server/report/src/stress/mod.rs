@@ -12,9 +12,8 @@ mod mechanisms;
 mod sweep;
 
 use self::families::{
-    chains, change_points, changed_robots, changed_states, cranks_that_turn, dead_points_in_series,
-    faulty_files, idle_freedoms, inconsistent_input, invalid_numbers, light_behind_heavy,
-    loops_that_cannot_close, open_loops, poses, simulated,
+    chains, change_points, cranks_that_turn, dead_points_in_series, faulty_files, idle_freedoms,
+    inconsistent_input, invalid_numbers, light_behind_heavy, loops_that_cannot_close, simulated,
 };
 use self::harness::case::Cases;
 use self::sweep::Family;
@@ -23,38 +22,35 @@ use crate::measure::Effort;
 use crate::measure::progress::Progress;
 use crate::page::Section;
 
-use self::families::changed_robots::{DAMPER, LENGTHS, MASSES, ROTOR, SPRING, joint_terms, sizes};
-use self::families::simulated::oscillations;
-use self::sweep::Fill::{Drawn, Own, Swept};
+use self::families::changed_robots::{
+    DAMPER, GRAVITY, LENGTHS, LOOPS_IN_ONE_SUBTREE, MASS_RATIOS, MASSES, MASSLESS_LINKS, ROTOR,
+    SPRING, joint_terms, redundant_rows, sizes,
+};
+use self::families::changed_states::{MANY_TURNS, QUATERNIONS, VELOCITIES, WRENCHES};
+use self::families::open_loops::{PROJECTION, STABILISATION};
+use self::families::poses::{BIG_JUMPS, INCONSISTENT_STARTS, singular_poses, unreachable_targets};
+use self::sweep::Fill::{Changed, Drawn, Own, Swept};
 
 /// Families in the order of the page: their names, and their parameters with the units.
 const FAMILIES: [Family; 40] = [
-    Family("mass ratio", "heavy mass over light mass", Swept(&changed_robots::MASS_RATIOS)),
-    Family(
-        "massless links",
-        "share of the mass that is left",
-        Swept(&changed_robots::MASSLESS_LINKS),
-    ),
-    Family(
-        "length scale",
-        "factor of all lengths",
-        Own(|cases, effort| sizes(cases, effort, LENGTHS)),
-    ),
-    Family("mass scale", "factor of all masses", Own(|cases, effort| sizes(cases, effort, MASSES))),
-    Family("velocity", "ẏ, rad/s", Swept(&changed_states::VELOCITIES)),
-    Family("wrench", "N and N m on the last link", Swept(&changed_states::WRENCHES)),
-    Family("gravity", "m/s²", Swept(&changed_robots::GRAVITY)),
+    Family("mass ratio", "heavy mass over light mass", Swept(&MASS_RATIOS)),
+    Family("massless links", "share of the mass that is left", Swept(&MASSLESS_LINKS)),
+    Family("length scale", "factor of all lengths", Changed(sizes, LENGTHS)),
+    Family("mass scale", "factor of all masses", Changed(sizes, MASSES)),
+    Family("velocity", "ẏ, rad/s", Swept(&VELOCITIES)),
+    Family("wrench", "N and N m on the last link", Swept(&WRENCHES)),
+    Family("gravity", "m/s²", Swept(&GRAVITY)),
     Family("chain", "bodies or loops in a row", Own(chains::run)),
-    Family("distance to a singularity", "rad from the singular pose", Own(poses::singular_poses)),
-    Family("unreachable y", "rad beyond the reach", Own(poses::unreachable_targets)),
-    Family("big jump", "rad from the guess to the target", Swept(&poses::BIG_JUMPS)),
-    Family("many turns", "y, rad", Swept(&changed_states::MANY_TURNS)),
+    Family("distance to a singularity", "rad from the singular pose", Own(singular_poses)),
+    Family("unreachable y", "rad beyond the reach", Own(unreachable_targets)),
+    Family("big jump", "rad from the guess to the target", Swept(&BIG_JUMPS)),
+    Family("many turns", "y, rad", Swept(&MANY_TURNS)),
     Family(
         "inconsistent start",
         "q_guess off its loops, rad or tenths of the length",
-        Swept(&poses::INCONSISTENT_STARTS),
+        Swept(&INCONSISTENT_STARTS),
     ),
-    Family("quaternion off unit length", "|length − 1|", Swept(&changed_states::QUATERNIONS)),
+    Family("quaternion off unit length", "|length − 1|", Swept(&QUATERNIONS)),
     Family(
         "not a number",
         "what stands in the field: 1 NaN, 2 +∞, 3 −∞, 4 1e305",
@@ -64,39 +60,19 @@ const FAMILIES: [Family; 40] = [
     Family(
         "redundant rows",
         "m by which redundant rows contradict each other",
-        Own(changed_robots::redundant_rows),
+        Own(redundant_rows),
     ),
     Family("idle freedoms", "y, rad", Own(idle_freedoms::run)),
     Family(
         "loop in one subtree",
         "m from the cut to the centres of mass",
-        Swept(&changed_robots::LOOPS_IN_ONE_SUBTREE),
+        Swept(&LOOPS_IN_ONE_SUBTREE),
     ),
-    Family(
-        "spring stiffness",
-        "N m/rad or N/m",
-        Own(|cases, effort| joint_terms(cases, effort, SPRING)),
-    ),
-    Family(
-        "joint damping",
-        "N m s/rad or N s/m",
-        Own(|cases, effort| joint_terms(cases, effort, DAMPER)),
-    ),
-    Family(
-        "reflected rotor",
-        "kg m² about the joint",
-        Own(|cases, effort| joint_terms(cases, effort, ROTOR)),
-    ),
-    Family(
-        "simulated spring",
-        "stiffness, N/m",
-        Own(|cases, effort| oscillations(cases, effort, |k| [k, k.sqrt()])),
-    ),
-    Family(
-        "simulated damper",
-        "damping, N s/m",
-        Own(|cases, effort| oscillations(cases, effort, |d| [1.0, d])),
-    ),
+    Family("spring stiffness", "N m/rad or N/m", Changed(joint_terms, SPRING)),
+    Family("joint damping", "N m s/rad or N s/m", Changed(joint_terms, DAMPER)),
+    Family("reflected rotor", "kg m² about the joint", Changed(joint_terms, ROTOR)),
+    Family("simulated spring", "stiffness, N/m", Own(simulated::springs)),
+    Family("simulated damper", "damping, N s/m", Own(simulated::dampers)),
     Family("simulated stiff joint", "stiffness, N m/rad", Own(simulated::stiff_joints)),
     Family("simulated gains", "kp of all actuators, kd its root", Own(simulated::gains)),
     Family("step", "s", Own(simulated::steps)),
@@ -112,12 +88,8 @@ const FAMILIES: [Family; 40] = [
         "what is wrong: 1 NaN, 2 ∞, 3 zero, 4 negative, 5 1e300",
         Own(simulated::of_nothing),
     ),
-    Family(
-        "projection",
-        "q off its loops, rad or tenths of the length",
-        Swept(&open_loops::PROJECTION),
-    ),
-    Family("Baumgarte", "α = β, 1/s, at loops open by 1e-6", Swept(&open_loops::STABILISATION)),
+    Family("projection", "q off its loops, rad or tenths of the length", Swept(&PROJECTION)),
+    Family("Baumgarte", "α = β, 1/s, at loops open by 1e-6", Swept(&STABILISATION)),
     Family(
         "dead points in series",
         "product of the sines",

@@ -18,6 +18,8 @@ pub(crate) enum Fill {
     /// By one function from seeds: those below the first number with little effort, below the
     /// second with all, and these in either case.
     Drawn([u64; 2], &'static [u64], fn(&mut Cases, u64) -> Outcome),
+    /// Robots under a change.
+    Changed(fn(&mut Cases, &Effort, Change) -> Outcome, Change),
     Own(fn(&mut Cases, &Effort) -> Outcome),
 }
 
@@ -75,6 +77,7 @@ impl Family {
             Fill::Drawn(counts, also, one) => {
                 seeds(effort, *counts, also).into_iter().try_for_each(|seed| one(cases, seed))
             }
+            Fill::Changed(run, change) => run(cases, effort, *change),
             Fill::Own(run) => run(cases, effort),
         }
     }

@@ -16,31 +16,33 @@ use crate::stress::harness::runs::{Trial, apart, from, reference_run, settings};
 use crate::stress::mechanisms::open_loops::offsets;
 use crate::stress::mechanisms::rods;
 
-/// A mass of 1 kg on a slider that starts at 1 from rest, with a spring and a damper that get
-/// stiffer: explicit methods have to report their failure, the implicit one holds.
-pub(crate) fn oscillations(
-    cases: &mut Cases,
-    effort: &Effort,
-    terms: fn(f64) -> [f64; 2],
-) -> Outcome {
-    for value in stiff(effort) {
-        let [stiffness, damping] = terms(value);
-        let mut of = mechanism(Kind::Serial);
-        of.gravity([0.0; 3])
-            .prismatic("slider", LinkId::BASE, X)
-            .spring(stiffness, 0.0)
-            .damping(damping);
-        let robot = Robot::new("mass on a spring", of.build()?)?;
-        let error = |run: &Run| {
-            let off = |y: f64, time: f64| (y - swung(stiffness, damping, time)).abs();
-            Ok(run.samples.iter().fold(0.0, |e: f64, at| e.max(off(at.y[0], at.time))))
-        };
-        let start = from(&[1.0], &[0.0]);
-        let reference = "closed form";
-        let trial = Trial { robot: &robot, inputs: &[], start, error: &error, reference };
-        trial.every_method(cases, value)?;
-    }
-    Ok(())
+/// A spring and its damper that get stiffer: explicit methods have to report their failure, the
+/// implicit one holds.
+pub(crate) fn springs(cases: &mut Cases, effort: &Effort) -> Outcome {
+    stiff(effort).into_iter().try_for_each(|k| oscillation(cases, k, [k, k.sqrt()]))
+}
+
+/// A damper that gets stiffer.
+pub(crate) fn dampers(cases: &mut Cases, effort: &Effort) -> Outcome {
+    stiff(effort).into_iter().try_for_each(|d| oscillation(cases, d, [1.0, d]))
+}
+
+/// A mass of 1 kg on a slider, with a spring and a damper, that starts at 1 from rest.
+fn oscillation(cases: &mut Cases, value: f64, [stiffness, damping]: [f64; 2]) -> Outcome {
+    let mut of = mechanism(Kind::Serial);
+    of.gravity([0.0; 3])
+        .prismatic("slider", LinkId::BASE, X)
+        .spring(stiffness, 0.0)
+        .damping(damping);
+    let robot = Robot::new("mass on a spring", of.build()?)?;
+    let error = |run: &Run| {
+        let off = |y: f64, time: f64| (y - swung(stiffness, damping, time)).abs();
+        Ok(run.samples.iter().fold(0.0, |e: f64, at| e.max(off(at.y[0], at.time))))
+    };
+    let start = from(&[1.0], &[0.0]);
+    let reference = "closed form";
+    let trial = Trial { robot: &robot, inputs: &[], start, error: &error, reference };
+    trial.every_method(cases, value)
 }
 
 /// Stiffness, damping and gains.

@@ -10,6 +10,7 @@ use sarrus_dynamics::{
 
 use super::robot::Robot;
 use crate::Outcome;
+use crate::reference::by_size;
 
 use Field::*;
 
@@ -233,18 +234,6 @@ impl<T: PlanScalar> Answered<T> {
     }
 }
 
-/// The largest of some errors by the size of the largest of their references, or by `least` where
-/// that is larger; pairs of error and reference. An error that is no number is infinite.
-pub(crate) fn by_size(pairs: &mut dyn Iterator<Item = (f64, f64)>, least: f64) -> f64 {
-    let mut worst: f64 = 0.0;
-    let mut size = least.max(f64::MIN_POSITIVE);
-    for (error, reference) in pairs {
-        worst = if error.is_nan() { f64::INFINITY } else { worst.max(error.abs()) };
-        size = size.max(reference.abs());
-    }
-    if worst == 0.0 { 0.0 } else { worst / size }
-}
-
 /// max |x − exact| / max(|exact|, least) of a field, lengths in those of the robot; infinite where
 /// there is no number.
 pub(crate) fn error<T: Real>(
@@ -255,10 +244,10 @@ pub(crate) fn error<T: Real>(
     least: f64,
 ) -> f64 {
     let units = robot.units_of(field, exact.len());
-    let mut pairs = numbers.iter().zip(exact).zip(units).map(|((x, exact), unit)| {
+    let pairs = numbers.iter().zip(exact).zip(units).map(|((x, exact), unit)| {
         (unit * (double_double(*x) - *exact).to_f64(), unit * exact.to_f64())
     });
-    by_size(&mut pairs, least)
+    by_size(pairs, least)
 }
 
 /// A number of any scalar with all digits that double-double has.

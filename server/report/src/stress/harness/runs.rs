@@ -4,10 +4,10 @@ use sarrus_simulation::{EventKind, Input, Method, Run, Settings, Setup, Start, s
 
 use super::assess::HELD;
 use super::case::{At, Case, Cases};
-use super::question::by_size;
 use super::robot::Robot;
 use crate::Outcome;
 use crate::page::Assessment;
+use crate::reference::by_size;
 
 /// Samples of a run.
 pub(crate) const SAMPLES: f64 = 100.0;
@@ -71,10 +71,10 @@ pub(crate) fn apart(run: &Run, reference: &Run) -> f64 {
         return f64::INFINITY;
     }
     let samples = run.samples.iter().zip(&reference.samples);
-    let mut pairs = samples.flat_map(|(run, reference)| {
+    let pairs = samples.flat_map(|(run, reference)| {
         run.y.iter().zip(&reference.y).map(|(x, reference)| (x - reference, *reference))
     });
-    by_size(&mut pairs, 0.0)
+    by_size(pairs, 0.0)
 }
 
 impl Trial<'_> {
