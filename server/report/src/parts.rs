@@ -78,18 +78,19 @@ fn of_robot(robot: &Robot, rounds: Duration) -> Outcome<Vec<(Vec<String>, f64)>>
     let model = &robot.variants.first().ok_or("no variant")?.compiled.model;
     let pairs = pairs(model)?;
     let mut runs = Vec::new();
+    let mut same = Vec::new();
     let still = |rates: &[f64]| vec![0.0; rates.len()];
     let at_rest =
         |state: &State| State { yd: still(&state.yd), ydd: still(&state.ydd), ..state.clone() };
     let at_rest: Vec<State> = robot.states.iter().map(at_rest).collect();
     for pair in &pairs {
         let states = if pair.rest { &at_rest } else { &robot.states };
-        runs.push(Planned::new(model, Plan::new(model, &pair.part)?, &robot.states, 0));
-        runs.push(Planned::new(model, Plan::new(model, &pair.whole)?, states, 0));
-    }
-    let mut same = Vec::new();
-    for (pair, runs) in pairs.iter().zip(runs.chunks_exact_mut(2)) {
-        same.push(has_same_bits(pair, runs));
+        let mut both = [
+            Planned::new(model, Plan::new(model, &pair.part)?, &robot.states, 0),
+            Planned::new(model, Plan::new(model, &pair.whole)?, states, 0),
+        ];
+        same.push(has_same_bits(pair, &mut both));
+        runs.extend(both);
     }
     let times = interleaved(&mut runs, rounds, |_| {})?;
     let mut rows = Vec::new();
@@ -160,8 +161,7 @@ fn pairs(model: &Model) -> Outcome<Vec<Pair>> {
 }
 
 /// True where every number of the part stands in the whole answer, bit for bit.
-fn has_same_bits(pair: &Pair, runs: &mut [Planned]) -> bool {
-    let [part, whole] = runs else { return false };
+fn has_same_bits(pair: &Pair, [part, whole]: &mut [Planned; 2]) -> bool {
     (0..part.states()).all(|state| {
         part.call(state);
         whole.call(state);

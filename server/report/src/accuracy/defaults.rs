@@ -1,6 +1,6 @@
 //! Where the methods that are used without asking stand in their figures.
 
-use super::measure::Measured;
+use super::methods::Method;
 use super::{QUESTIONS, title};
 use crate::page::{Figure, exponent, pareto_front};
 use crate::robots::{Robot, Subject};
@@ -18,7 +18,7 @@ pub(super) struct DefaultRow {
     pub(super) cells: Vec<String>,
 }
 
-pub(super) fn row(robot: &Robot, figure: &Figure, of: &Measured) -> DefaultRow {
+pub(super) fn row(robot: &Robot, figure: &Figure, of: &Method) -> DefaultRow {
     let question = QUESTIONS
         .iter()
         .find(|(known, ..)| *known == of.question)

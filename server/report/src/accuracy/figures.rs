@@ -1,6 +1,6 @@
 //! The figures of one robot: error over time, a series for each method and peer.
 
-use super::measure::Measured;
+use super::methods::Method;
 use super::{id, runner, title};
 use crate::Outcome;
 use crate::page::{Axis, Figure, Point, Series};
@@ -29,7 +29,7 @@ pub(super) fn figure<'a>(
     robot: &Robot,
     question: Question,
     name: &str,
-    measured: impl Iterator<Item = &'a Measured>,
+    measured: impl Iterator<Item = &'a Method>,
 ) -> Figure {
     let chain_forward =
         matches!(robot.subject, Subject::Chain(_)) && question == Question::ForwardDynamics;

@@ -18,7 +18,7 @@ const STEPS_FROM_ZERO: [u32; 6] = [1, 2, 3, 4, 6, 8];
 /// Tree velocities up to which dense systems are measured.
 const LARGEST_SQUARE: usize = 100;
 
-/// A method with one setting.
+/// A method with one setting, and its time and error once they are measured.
 pub(super) struct Method {
     pub(super) question: Question,
     /// Its name in the legend and its setting.
@@ -30,6 +30,14 @@ pub(super) struct Method {
     pub(super) place: usize,
     pub(super) start: Start,
     pub(super) runner: Box<dyn Runner>,
+    /// Median of a call.
+    pub(super) ns: f64,
+    /// The worst of all states; NaN where some state has no answer.
+    pub(super) error: f64,
+    /// The largest |φ| of q, where q was asked.
+    pub(super) residual: Option<f64>,
+    /// Why there is no answer.
+    pub(super) fault: Option<String>,
 }
 
 /// A way to close loops: the variant, its name, where Newton's method starts.
@@ -208,7 +216,18 @@ impl Methods<'_> {
         runner: Box<dyn Runner>,
     ) {
         let Closing { place, start, .. } = *closing;
-        let label = end.label();
-        self.all.push(Method { question, series, label, default, place, start, runner });
+        self.all.push(Method {
+            question,
+            series,
+            label: end.label(),
+            default,
+            place,
+            start,
+            runner,
+            ns: f64::NAN,
+            error: f64::NAN,
+            residual: None,
+            fault: None,
+        });
     }
 }

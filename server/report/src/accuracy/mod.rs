@@ -15,7 +15,8 @@ use sarrus_dynamics::Model;
 
 use self::defaults::{DefaultRow, row, sentence};
 use self::figures::{figure, of_peer};
-use self::measure::{Measured, measure};
+use self::measure::measure;
+use self::methods::Method;
 use crate::Outcome;
 use crate::measure::progress::Progress;
 use crate::measure::{Amount, Effort};
@@ -59,7 +60,7 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
         let robot = load(subject, amount.states)?;
         let (figures, measured, peer) =
             robot_figures(&robot, amount, |done| progress.show(&title(subject), share(done)))?;
-        let place = |(figure, of): (&Figure, &Measured)| row(&robot, figure, of);
+        let place = |(figure, of): (&Figure, &Method)| row(&robot, figure, of);
         let defaults = measured.iter().filter(|of| of.default);
         let with_figure = defaults.filter_map(|of| {
             Some((figures.iter().find(|figure| figure.id == id(subject, of.question))?, of))
@@ -122,10 +123,10 @@ fn robot_figures(
     robot: &Robot,
     amount: Amount,
     shown: impl Fn(f64),
-) -> Outcome<(Vec<Figure>, Vec<Measured>, Option<String>)> {
+) -> Outcome<(Vec<Figure>, Vec<Method>, Option<String>)> {
     let mut methods = methods::of_robot(robot)?;
     let mut references = References::new(robot);
-    let measured = measure(robot, &mut methods, &mut references, amount.rounds, shown)?;
+    measure(robot, &mut methods, &mut references, amount.rounds, shown)?;
     let (runs, missing) =
         match peer::pinocchio(&robot.description, &robot.states, 0, amount.of_peer)? {
             Peer::Measured { runs, .. } => (runs, None),
@@ -133,15 +134,15 @@ fn robot_figures(
         };
     let mut figures = Vec::new();
     for (question, name, _) in QUESTIONS {
-        let mut figure =
-            figure(robot, question, name, measured.iter().filter(|of| of.question == question));
+        let of = methods.iter().filter(|of| of.question == question);
+        let mut figure = figure(robot, question, name, of);
         figure.series.extend(of_peer(robot, &mut references, &runs, question)?);
         if let (Some(why), true) = (&missing, robot.subject != Subject::Chain(1)) {
             figure.caption += &format!(" {why}");
         }
         figures.push(figure);
     }
-    Ok((figures, measured, missing.filter(|_| robot.subject == ROBOTS[0])))
+    Ok((figures, methods, missing.filter(|_| robot.subject == ROBOTS[0])))
 }
 
 #[cfg(test)]
@@ -152,7 +153,7 @@ mod tests {
 
     const SMALL: Amount = Amount { states: 6, rounds: Duration::from_millis(150), of_peer: 0.001 };
 
-    fn figures(subject: Subject) -> (Vec<Figure>, Vec<Measured>) {
+    fn figures(subject: Subject) -> (Vec<Figure>, Vec<Method>) {
         let robot = load(subject, SMALL.states).unwrap();
         let (figures, measured, _) = robot_figures(&robot, SMALL, |_| {}).unwrap();
         (figures, measured)
@@ -173,7 +174,7 @@ mod tests {
             let (figures, measured) = figures(subject);
             assert_eq!(figures.len(), 3);
             for of in &measured {
-                let Measured { series, label, error, ns, fault, .. } = of;
+                let Method { series, label, error, ns, fault, .. } = of;
                 assert!(
                     fault.is_none() && error.is_finite() && *ns > 0.0,
                     "{series}, {label}: {error:e} {fault:?}"
@@ -255,8 +256,8 @@ mod tests {
             assert_eq!(unique.len(), figure.series.len());
         }
         let robot = load(subject, 2).unwrap();
-        let defaults: Vec<&Measured> = measured.iter().filter(|of| of.default).collect();
-        assert_eq!(defaults.len(), 3, "{defaults:?}");
+        let defaults: Vec<&Method> = measured.iter().filter(|of| of.default).collect();
+        assert_eq!(defaults.len(), 3);
         for of in defaults {
             let figure =
                 figures.iter().find(|figure| figure.id == id(subject, of.question)).unwrap();

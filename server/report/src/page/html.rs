@@ -14,10 +14,8 @@ const POLICY: &str = include_str!("policy.txt");
 
 /// The whole page.
 pub(super) fn page(report: &Report) -> Outcome<String> {
-    let mut sections = Vec::new();
-    for section in &report.sections {
-        sections.push(one(report, section)?);
-    }
+    let sections = report.sections.iter().map(|section| one(report, section));
+    let sections = sections.collect::<Outcome<Vec<_>>>()?;
     let body = html! {
         (top(report))
         @for section in &sections { (section) }
@@ -27,16 +25,13 @@ pub(super) fn page(report: &Report) -> Outcome<String> {
 
 /// A page of figures alone, below some lines.
 pub(super) fn pictures(title: &str, lines: &[String], figures: &[Figure]) -> Outcome<String> {
-    let mut drawn = Vec::new();
-    for figure in figures {
-        drawn.push(self::drawn(figure, None)?);
-    }
+    let figures = figures.iter().map(|figure| drawn(figure, None)).collect::<Outcome<Vec<_>>>()?;
     let body = html! {
         header {
             h1 { (title) }
             @for line in lines { p { (line) } }
         }
-        section { div.figures { @for figure in &drawn { (figure) } } }
+        section { div.figures { @for figure in &figures { (figure) } } }
     };
     Ok(document(title, &body))
 }
@@ -123,17 +118,21 @@ fn top(report: &Report) -> Markup {
 }
 
 fn one(report: &Report, section: &Section) -> Outcome<Markup> {
-    let mut figures = Vec::new();
-    for figure in &section.figures {
-        figures.push(drawn(figure, Some((report, section)))?);
-    }
+    let figures = section.figures.iter().map(|figure| drawn(figure, Some((report, section))));
+    let figures = figures.collect::<Outcome<Vec<_>>>()?;
     let nothing =
         section.figures.is_empty() && section.tables.is_empty() && section.cases.is_empty();
     Ok(html! {
         section id=(section.name) {
             h2 { (section.title) }
             @if nothing { p.empty { "Nothing was measured in this section." } }
-            @if !section.cases.is_empty() { (cases(section)) }
+            @if !section.cases.is_empty() {
+                details {
+                    summary { "Every case: " (section.cases.len()) }
+                    p { a href={ (section.name) "-cases.csv" } { (section.name) "-cases.csv" } }
+                    div.tall { (cells(&result_table(section))) }
+                }
+            }
             div.figures { @for figure in &figures { (figure) } }
             @for table in &section.tables {
                 div.table id=(table.id) {
@@ -193,17 +192,6 @@ fn drawn(figure: &Figure, origin: Option<(&Report, &Section)>) -> Outcome<Markup
             }
         }
     })
-}
-
-/// Every case of a section.
-fn cases(section: &Section) -> Markup {
-    html! {
-        details {
-            summary { "Every case: " (section.cases.len()) }
-            p { a href={ (section.name) "-cases.csv" } { (section.name) "-cases.csv" } }
-            div.tall { (cells(&result_table(section))) }
-        }
-    }
 }
 
 /// Numbers to the right, words to the left.

@@ -84,10 +84,8 @@ fn summary(cases: &[Case], families: usize) -> Vec<String> {
     lines
 }
 
-/// A name that files can have.
 fn id(family: &str) -> String {
-    let letter = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' };
-    format!("extremes-{}", family.chars().map(letter).collect::<String>())
+    format!("extremes-{family}")
 }
 
 /// The label of a line of a picture or a row of a table.

@@ -24,7 +24,7 @@ const NAMED: f64 = 1e-6;
 /// Within this factor of the threshold both outcomes are right: lengths are typical ones.
 const NEAR: f64 = 4.0;
 
-const ROBOTS: [Subject; 14] = [
+pub(crate) const ROBOTS: [Subject; 14] = [
     Subject::plain("lambda", Bundled("lambda")),
     Subject::plain("wrist", Bundled("wrist")),
     Subject::plain("torso", Bundled("torso")),
@@ -52,14 +52,8 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     Ok(())
 }
 
-/// The case of a printed seed, which encodes the robot too.
-#[cfg(test)]
-pub(crate) fn by_seed(cases: &mut Cases, seed: u64) -> Outcome {
-    one(cases, &ROBOTS[(seed >> 16) as usize].robot()?, seed)
-}
-
 /// A closed state, moved off its loops, given whole.
-fn one(cases: &mut Cases, robot: &Robot, seed: u64) -> Outcome {
+pub(crate) fn one(cases: &mut Cases, robot: &Robot, seed: u64) -> Outcome {
     let mut random = Random(3 << 32 | seed);
     let model = &robot.compiled.model;
     let mut state = State::of(robot, 0.1)?;

@@ -77,8 +77,14 @@ fn second_reference(robot: &Robot, ask: &Question) -> Outcome<Answered<Dd>> {
         _ => Method::Recursion,
     };
     let method = (ask.request == Request::ForwardDynamics).then_some(other);
-    Question { method, ..ask.clone() }.run_with(exact, &|k, x| {
-        let sign = if k % 2 == 0 { CHANGE } else { -CHANGE };
+    nudged(robot, &Question { method, ..ask.clone() }, CHANGE)
+}
+
+/// The answer in double-double to inputs that are changed by this much of themselves, by turns up
+/// and down.
+fn nudged(robot: &Robot, ask: &Question, size: f64) -> Outcome<Answered<Dd>> {
+    ask.run_with(&robot.compiled.exact, &|k, x| {
+        let sign = if k % 2 == 0 { size } else { -size };
         Dd::from(x) + Dd::from(x * sign)
     })
 }
@@ -86,10 +92,7 @@ fn second_reference(robot: &Robot, ask: &Question) -> Outcome<Answered<Dd>> {
 /// The change of the exact answer where each input is off by half an ulp or less, which no
 /// computation in doubles can avoid.
 fn moved(robot: &Robot, ask: &Question, exact: &Answered<Dd>) -> Outcome<f64> {
-    let near = ask.run_with(&robot.compiled.exact, &|k, x| {
-        let sign = if k % 2 == 0 { ULP } else { -ULP };
-        Dd::from(x) + Dd::from(x * sign)
-    })?;
+    let near = nudged(robot, ask, ULP)?;
     let ok = near.status() == Status::Ok;
     Ok(if ok { largest(robot, ask, &near, exact).1 } else { f64::INFINITY })
 }

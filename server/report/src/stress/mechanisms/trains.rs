@@ -6,7 +6,7 @@ use sarrus_dynamics::{CutJoint, DescriptionBuilder, LinkId};
 
 use crate::Outcome;
 use crate::robots::random::Random;
-use crate::stress::harness::robot::{Slide, Turn, joint};
+use crate::stress::harness::robot::{Slide, Turn, finish, joint};
 use crate::stress::mechanisms::plane::{Point, about, along, cross, distance, intersections};
 use crate::stress::mechanisms::{ARM_OF_LAMBDA, BASE, reach_of_lambda, way_of_lambda};
 
@@ -174,8 +174,7 @@ fn built(random: &mut Random, stages: &[Stage], axes: [[f64; 3]; 2]) -> Outcome<
         on = rocker;
     }
     let active = if random.coin() { crank } else { on };
-    of.independent([crank]).active([active]);
-    Ok(of.build()?)
+    finish(of, &[crank], &[active])
 }
 
 /// Four-bars and lambdas, each closed by itself, most by their closed forms and on the rocker of
@@ -298,8 +297,7 @@ pub(crate) fn leg(random: &mut Random) -> Outcome<Description> {
             on = last;
         }
     }
-    of.independent(independent.iter().copied()).active(independent);
-    Ok(of.build()?)
+    finish(of, &independent, &independent)
 }
 
 fn cross_product(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
