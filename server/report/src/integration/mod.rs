@@ -122,19 +122,12 @@ fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Ro
         }
         series.push(Series { name: method.name().into(), line: true, competes: true, points });
     }
-    let reached = |series: &Series| {
-        series
-            .points
-            .iter()
-            .map(|point| point.y)
-            .filter(|y| y.is_finite())
-            .fold(f64::INFINITY, f64::min)
-    };
-    let least = series.iter().map(reached).fold(f64::INFINITY, f64::min);
-    let by = series
-        .iter()
-        .find(|series| reached(series) == least)
-        .map_or("-", |series| series.name.as_str());
+    let ends =
+        series.iter().flat_map(|of| of.points.iter().map(|point| (point.y, of.name.as_str())));
+    let (least, by) = ends
+        .filter(|(y, _)| y.is_finite())
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .unwrap_or((f64::INFINITY, "-"));
     let (from, difference) = match &problem.known {
         Some(known) => (known.from, exponent(off(&found, &known.end))),
         None => ("-", "-".to_owned()),

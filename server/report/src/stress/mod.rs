@@ -119,16 +119,6 @@ const FAMILIES: [Family; 40] = [
     Family("change points", "rad of a step", Drawn([40, 400], &[], change_points::one)),
 ];
 
-/// States of each bundled robot at which warnings of good answers are counted.
-fn generic_states(effort: &Effort) -> usize {
-    if effort.quick { 20 } else { 1400 }
-}
-
-/// Number of states at which every field is judged.
-fn states_of_fields(effort: &Effort) -> u64 {
-    if effort.quick { 2 } else { 30 }
-}
-
 /// Fills the section.
 pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
     let mut cases = Cases::default();
@@ -137,8 +127,10 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
         family.run(&mut cases, effort)?;
     }
     progress.show("warnings of good answers", 1.0);
-    let alarms = false_alarms::count(generic_states(effort))?;
-    let fields = false_alarms::fields(states_of_fields(effort))?;
+    // states of each bundled robot, and those at which every field is judged
+    let (generic, of_fields) = if effort.quick { (20, 2) } else { (1400, 30) };
+    let alarms = false_alarms::count(generic)?;
+    let fields = false_alarms::fields(of_fields)?;
 
     let not_judged = cases.not_judged.len();
     let mut section = figures::section(cases.all);

@@ -169,13 +169,10 @@ impl Question {
             let slot = plan.given().slot(*field).ok_or("a field that is not packed")?;
             let place = &mut input[slot.range()];
             if place.len() != numbers.len() {
-                return Err(format!(
-                    "{} numbers for {}, which has {}",
-                    numbers.len(),
-                    field.name(),
-                    place.len()
-                )
-                .into());
+                let counts = [numbers.len(), place.len()];
+                return Err(
+                    format!("{}: given and expected numbers {counts:?}", field.name()).into()
+                );
             }
             let numbers = numbers.iter().enumerate();
             place.iter_mut().zip(numbers).for_each(|(to, (k, x))| *to = number(k, *x));
@@ -266,34 +263,27 @@ pub(crate) fn backward_error(
 ) -> Outcome<f64> {
     let exact = &robot.compiled.exact;
     let inverse = |ydd: Vec<f64>| {
-        let given = ask
-            .given
-            .iter()
-            .filter(|(field, _)| *field != TauY)
-            .cloned()
-            .chain([(Ydd, ydd)])
-            .collect();
-        Question {
-            wrenches: ask.wrenches.clone(),
-            ..Question::new(Request::InverseDynamics, given, &[TauY])
-        }
-        .run(exact)
+        let given = ask.given.iter().filter(|(field, _)| *field != TauY).cloned();
+        let given = given.chain([(Ydd, ydd)]).collect();
+        let inverse = Question::new(Request::InverseDynamics, given, &[TauY]);
+        Question { wrenches: ask.wrenches.clone(), ..inverse }.run(exact)
     };
     let ydd = answer.get(Ydd);
-    let n = answer.get(Ydd).len();
-    let (back, bias, ones) =
-        (inverse(ydd.to_vec())?, inverse(vec![0.0; n])?, inverse(vec![1.0; n])?);
+    let n = ydd.len();
+    let back = inverse(ydd.to_vec())?;
+    let bias = inverse(vec![0.0; n])?;
+    let ones = inverse(vec![1.0; n])?;
+    let [back, bias, ones] = [&back, &bias, &ones].map(|of| of.get(TauY));
     let tau = ask.given.iter().find(|(field, _)| *field == TauY).map_or(&[][..], |(_, tau)| tau);
     let units = robot.units(TauY);
-    let largest = |x: &mut dyn Iterator<Item = f64>| {
-        x.fold(0.0, |size: f64, x| if x.is_nan() { f64::INFINITY } else { size.max(x.abs()) })
+    let largest = |x: &dyn Fn(usize) -> f64| {
+        (0..n)
+            .map(x)
+            .fold(0.0, |size: f64, x| if x.is_nan() { f64::INFINITY } else { size.max(x.abs()) })
     };
-    let residual =
-        largest(&mut (0..n).map(|i| units[i] * (back.get(TauY)[i] - Dd::from(tau[i])).to_f64()));
-    let sums =
-        largest(&mut (0..n).map(|i| units[i] * (ones.get(TauY)[i] - bias.get(TauY)[i]).to_f64()));
-    let size = sums * largest(&mut ydd.iter().copied())
-        + largest(&mut (0..n).map(|i| units[i] * bias.get(TauY)[i].to_f64()))
-        + largest(&mut (0..n).map(|i| units[i] * tau[i]));
+    let residual = largest(&|i| units[i] * (back[i] - Dd::from(tau[i])).to_f64());
+    let size = largest(&|i| units[i] * (ones[i] - bias[i]).to_f64()) * largest(&|i| ydd[i])
+        + largest(&|i| units[i] * bias[i].to_f64())
+        + largest(&|i| units[i] * tau[i]);
     Ok(if residual == 0.0 { 0.0 } else { residual / size })
 }
