@@ -16,22 +16,6 @@ pub struct Reference {
     outputs: Vec<Vec<Dd>>,
 }
 
-/// The exact answer on one state.
-pub struct Exact<'a> {
-    fields: Vec<ExactField<'a>>,
-    m_y: &'a [Dd],
-    c_y: &'a [Dd],
-    tau_y: &'a [Dd],
-}
-
-/// A field of the answer: its range in the case's output, its exact numbers, and the least size
-/// that errors are relative to.
-struct ExactField<'a> {
-    range: std::ops::Range<usize>,
-    numbers: &'a [Dd],
-    least: f64,
-}
-
 impl Reference {
     /// For a question to a variant of a robot.
     pub fn new(
@@ -63,50 +47,61 @@ impl Reference {
         })
     }
 
-    /// Answers on this state, where that was not done before; the states come in their order.
+    /// Answers on all states up to this one, where that was not done before.
     pub fn compute(&mut self, robot: &Robot, state: usize) -> Outcome {
-        if state < self.outputs.len() {
-            return Ok(());
+        let model = &robot.variants[self.place].compiled.exact;
+        for state in self.outputs.len()..=state {
+            let input = packed(&self.plan, &robot.states[state], self.place);
+            let input: Vec<Dd> = input.into_iter().map(Dd::from).collect();
+            let mut output = vec![Dd::from(0.0); self.plan.want().len()];
+            let answer = self.plan.run(model, &mut self.workspace, &input, &mut output);
+            if answer.status != Status::Ok {
+                let Robot { name, .. } = robot;
+                let status = answer.status;
+                return Err(format!("{name}, state {state}: {status} in double-double").into());
+            }
+            self.outputs.push(output);
         }
-        let input = packed(&self.plan, &robot.states[state], self.place);
-        let input: Vec<Dd> = input.into_iter().map(Dd::from).collect();
-        let mut output = vec![Dd::from(0.0); self.plan.want().len()];
-        let status = self
-            .plan
-            .run(
-                &robot.variants[self.place].compiled.exact,
-                &mut self.workspace,
-                &input,
-                &mut output,
-            )
-            .status;
-        if status != Status::Ok {
-            return Err(format!("{}, state {state}: {status} in double-double", robot.name).into());
-        }
-        self.outputs.push(output);
         Ok(())
     }
 
-    /// The exact numbers of these fields at this state.
-    pub fn exact(&self, want: &Layout, state: usize) -> Exact<'_> {
-        let output = &self.outputs[state];
-        let numbers =
-            |field| self.plan.want().slot(field).map_or(&[][..], |slot| &output[slot.range()]);
-        let speed = largest(numbers(Field::Qd));
-        let fields = want.slots().iter().map(|slot| {
+    /// The exact numbers of a field at a state.
+    fn numbers(&self, state: usize, field: Field) -> &[Dd] {
+        let slot = self.plan.want().slot(field);
+        slot.map_or(&[], |slot| &self.outputs[state][slot.range()])
+    }
+
+    /// The largest error by size of all fields of an answer at a state.
+    pub fn error(&self, want: &Layout, state: usize, answer: &[f64]) -> f64 {
+        let speed = largest(self.numbers(state, Field::Qd));
+        let errors = want.slots().iter().map(|slot| {
             let least = match slot.field {
                 Field::Q | Field::U => 1.0,
                 Field::Qdd | Field::Udd => speed * speed,
                 _ => 0.0,
             };
-            ExactField { range: slot.range(), numbers: numbers(slot.field), least }
+            let pairs = answer[slot.range()].iter().zip(self.numbers(state, slot.field));
+            by_size(pairs.map(|(a, b)| ((Dd::from(*a) - *b).to_f64(), b.to_f64())), least)
         });
-        Exact {
-            fields: fields.collect(),
-            m_y: numbers(Field::MY),
-            c_y: numbers(Field::CY),
-            tau_y: numbers(Field::TauY),
+        errors.fold(0.0, worse)
+    }
+
+    /// The change of the forces that would make ÿ at a state exact, relative to the terms of the
+    /// equation.
+    pub fn backward_error(&self, state: usize, ydd: &[f64]) -> f64 {
+        let [m_y, c_y, tau_y] =
+            [Field::MY, Field::CY, Field::TauY].map(|field| self.numbers(state, field));
+        let n = ydd.len();
+        let mut residual: f64 = 0.0;
+        let mut norm_m: f64 = 0.0;
+        for i in 0..n {
+            let row = &m_y[i * n..(i + 1) * n];
+            let product = row.iter().zip(ydd).fold(Dd::from(0.0), |sum, (m, x)| sum + *m * *x);
+            residual = residual.max((product + c_y[i] - tau_y[i]).to_f64().abs());
+            norm_m = norm_m.max(row.iter().map(|m| m.to_f64().abs()).sum());
         }
+        let size = ydd.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
+        residual / (norm_m * size + largest(c_y) + largest(tau_y))
     }
 }
 
@@ -138,15 +133,12 @@ impl<'a> References<'a> {
         }
         let kept = kept.unwrap_or(self.kept.len() - 1);
         let reference = &mut self.kept[kept].1;
-        for before in 0..=state {
-            reference.compute(self.robot, before)?;
-        }
-        let exact = reference.exact(want, state);
+        reference.compute(self.robot, state)?;
         let chain = matches!(self.robot.subject, Subject::Chain(_));
         Ok(if chain && question == Question::ForwardDynamics {
-            exact.backward_error(answer)
+            reference.backward_error(state, answer)
         } else {
-            exact.error(answer)
+            reference.error(want, state, answer)
         })
     }
 
@@ -172,36 +164,6 @@ impl<'a> References<'a> {
 /// The numbers of a question to this robot.
 pub(crate) fn layout(robot: &Robot, question: Question) -> Layout {
     Layout::of_want(&question.query(), robot.variants[0].compiled.model.info())
-}
-
-impl ExactField<'_> {
-    fn error(&self, answer: &[f64]) -> f64 {
-        let pairs = answer[self.range.clone()].iter().zip(self.numbers);
-        by_size(pairs.map(|(a, b)| ((Dd::from(*a) - *b).to_f64(), b.to_f64())), self.least)
-    }
-}
-
-impl Exact<'_> {
-    /// The largest error of all fields by size.
-    pub fn error(&self, answer: &[f64]) -> f64 {
-        let errors = self.fields.iter().map(|field| field.error(answer));
-        errors.fold(0.0, worse)
-    }
-
-    /// The change of the forces that would make ÿ exact, relative to the terms of the equation.
-    pub fn backward_error(&self, ydd: &[f64]) -> f64 {
-        let n = ydd.len();
-        let mut residual: f64 = 0.0;
-        let mut norm_m: f64 = 0.0;
-        for i in 0..n {
-            let row = &self.m_y[i * n..(i + 1) * n];
-            let product = row.iter().zip(ydd).fold(Dd::from(0.0), |sum, (m, x)| sum + *m * *x);
-            residual = residual.max((product + self.c_y[i] - self.tau_y[i]).to_f64().abs());
-            norm_m = norm_m.max(row.iter().map(|m| m.to_f64().abs()).sum());
-        }
-        let size = ydd.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
-        residual / (norm_m * size + largest(self.c_y) + largest(self.tau_y))
-    }
 }
 
 /// The largest of some errors by the size of the largest of their references, or by `least` where

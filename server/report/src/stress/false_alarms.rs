@@ -1,13 +1,13 @@
 //! Warnings without a reason: how many good answers of bundled robots carry one.
 
-use sarrus_dynamics::{Plan, Status, Workspace};
+use sarrus_dynamics::{Plan, Status};
 
 use crate::Outcome;
 use crate::page::{Table, columns};
 use crate::reference::Reference;
 use crate::robots::catalogue::bundled_names;
 use crate::robots::random::Random;
-use crate::robots::{Question, Robot, Start, Subject, packed};
+use crate::robots::{Planned, Question, Robot, Start, Subject};
 
 use super::families::dead_points_in_series::everything;
 use super::harness;
@@ -114,14 +114,12 @@ fn of_robot(name: &'static str, states: usize) -> Outcome<Count> {
         for question in Question::CHOSEN {
             let mut reference = Reference::new(&robot, place, question, Start::None)?;
             let plan = Plan::new(model, &question.query())?;
-            let mut workspace = Workspace::for_plans(model, [&plan]);
-            let mut output = vec![0.0; plan.want().len()];
-            for (k, state) in robot.states.iter().enumerate() {
-                reference.compute(&robot, k)?;
-                let input = packed(&plan, state, place);
-                let answer = plan.run(model, &mut workspace, &input, &mut output);
+            let mut planned = Planned::new(model, plan, &robot.states, place);
+            for state in 0..robot.states.len() {
+                reference.compute(&robot, state)?;
+                let answer = planned.answer(state);
                 if answer.status == Status::Ok {
-                    let error = reference.exact(plan.want(), k).error(&output);
+                    let error = reference.error(planned.plan.want(), state, &planned.output);
                     count.answer(error, warned(answer.warnings, "ill_conditioned"));
                 }
             }

@@ -23,6 +23,11 @@ pub(crate) struct Approach {
 }
 
 impl Approach {
+    /// From zero.
+    fn new(robot: Robot, to: Vec<f64>, guessed: bool) -> Approach {
+        Approach { robot, from: vec![0.0; to.len()], to, guessed }
+    }
+
     /// The y at a distance from the singular pose, along the way.
     pub(crate) fn at(&self, distance: f64) -> Vec<f64> {
         let size = self.to.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -51,14 +56,7 @@ pub(crate) fn known() -> Outcome<Vec<Approach>> {
         ("Bricard cut at a revolute", bricard(true)?, -FRAC_PI_6),
     ];
     list.into_iter()
-        .map(|(name, of, reach)| {
-            Ok(Approach {
-                robot: Robot::new(name, of)?,
-                from: vec![0.0],
-                to: vec![reach],
-                guessed: false,
-            })
-        })
+        .map(|(name, of, reach)| Ok(Approach::new(Robot::new(name, of)?, vec![reach], false)))
         .collect()
 }
 
@@ -88,12 +86,8 @@ pub(crate) fn searched() -> Outcome<Vec<Approach>> {
             }
         }
         if low < 3.1 {
-            approaches.push(Approach {
-                robot,
-                from: vec![0.0; direction.len()],
-                to: direction.iter().map(|x| low * x).collect(),
-                guessed: true,
-            });
+            let to = direction.iter().map(|x| low * x).collect();
+            approaches.push(Approach::new(robot, to, true));
         }
     }
     Ok(approaches)
