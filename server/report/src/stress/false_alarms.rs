@@ -11,10 +11,7 @@ use crate::robots::{Planned, Question, Robot, Start, Subject};
 
 use super::families::dead_points_in_series::everything;
 use super::harness;
-use super::harness::assess::{HELD, warned};
-use super::harness::case::Cases;
-use super::harness::question::State;
-use super::harness::robot::{bundled, numerical};
+use super::harness::{Cases, HELD, State, bundled, numerical, warned};
 
 /// Error by size up to which an answer keeps eleven digits.
 const GOOD: f64 = 1e-11;
@@ -71,7 +68,7 @@ pub(crate) fn fields(states: u64) -> Outcome<Cases> {
     let mut cases = Cases::default();
     for name in bundled_names() {
         for of in [bundled(name)?, numerical(bundled(name)?)] {
-            let robot = harness::robot::Robot::new(name, of)?;
+            let robot = harness::Robot::new(name, of)?;
             for seed in 0..states {
                 let mut random = Random(7 << 32 | seed);
                 let mut state = State::of(&robot, random.between(0.05, 0.25))?;

@@ -1,7 +1,6 @@
 //! The cases as pictures and tables.
 
-use super::harness::assess::HELD;
-use super::harness::case::Case;
+use super::harness::{Case, HELD};
 use crate::page::{Assessment, Axis, Figure, Point, Section, Series, Table, columns};
 
 /// Values of a parameter that a picture shows; the others stand in its table.

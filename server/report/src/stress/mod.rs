@@ -15,7 +15,7 @@ use self::families::{
     chains, change_points, cranks_that_turn, dead_points_in_series, faulty_files, idle_freedoms,
     inconsistent_input, invalid_numbers, light_behind_heavy, loops_that_cannot_close, simulated,
 };
-use self::harness::case::Cases;
+use self::harness::Cases;
 use self::sweep::Family;
 use crate::Outcome;
 use crate::measure::Effort;
@@ -146,7 +146,7 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
 
 #[cfg(test)]
 mod tests {
-    use super::harness::case::Case;
+    use super::harness::Case;
     use super::*;
     use crate::page::Assessment;
 

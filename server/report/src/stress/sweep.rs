@@ -2,9 +2,7 @@
 
 use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
 
-use super::harness::case::{At, Cases};
-use super::harness::robot::{Robot, bundled, heavier, numerical};
-use super::harness::seeds;
+use super::harness::{At, Cases, Robot, bundled, heavier, numerical, seeds};
 use super::mechanisms::{four_bar, rods};
 use crate::Outcome;
 use crate::measure::Effort;

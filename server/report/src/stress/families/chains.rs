@@ -6,9 +6,7 @@ use sarrus_dynamics::{Field, Method, Status};
 use crate::Outcome;
 use crate::measure::Effort;
 use crate::robots::chain::chain_of_lambdas;
-use crate::stress::harness::case::{At, Case, Cases, Reference};
-use crate::stress::harness::question::{Question, State, backward_error};
-use crate::stress::harness::robot::Robot;
+use crate::stress::harness::{At, Case, Cases, Question, Reference, Robot, State, backward_error};
 use crate::stress::mechanisms::rods;
 
 /// Velocities up to which methods with square matrices are asked.

@@ -9,10 +9,9 @@ use sarrus_dynamics::{Field, Request, Status};
 use crate::Outcome;
 use crate::page::Assessment;
 use crate::robots::random::Random;
-use crate::stress::harness::assess::warned;
-use crate::stress::harness::case::{At, Case, Cases};
-use crate::stress::harness::question::Question;
-use crate::stress::harness::robot::{Robot, Turn, Z, cut, finish, joint};
+use crate::stress::harness::{
+    At, Case, Cases, Question, Robot, Turn, Z, cut, finish, joint, warned,
+};
 use crate::stress::mechanisms::BASE;
 use crate::stress::mechanisms::plane::{Point, about, along, distance, intersections};
 use crate::stress::mechanisms::trains::begun;

@@ -6,12 +6,10 @@ use sarrus_dynamics::{Field, Method};
 
 use crate::Outcome;
 use crate::measure::Effort;
-use crate::stress::harness::case::{At, Cases, Reference};
-use crate::stress::harness::question::{Question, State};
-use crate::stress::harness::robot::{
-    Robot, Turn, Z, cut, finish, heavier, joint, mechanism, scaled,
+use crate::stress::harness::{
+    At, Cases, Question, Reference, Robot, State, Turn, Z, cut, finish, heavier, joint, mechanism,
+    powers, scaled, with,
 };
-use crate::stress::harness::{powers, with};
 use crate::stress::mechanisms::{BASE, GRASHOF, LOOSE, RHOMBUS, bricard, four_bar};
 use crate::stress::sweep::{Ask, Change, Design, Subject, Sweep};
 

@@ -7,10 +7,7 @@ use sarrus_dynamics::description::SubmechanismKind as Kind;
 use sarrus_dynamics::{Field, Method};
 
 use crate::Outcome;
-use crate::stress::harness::case::{At, Cases, Reference};
-use crate::stress::harness::question::{Question, State};
-use crate::stress::harness::robot::Robot;
-use crate::stress::harness::{powers, with};
+use crate::stress::harness::{At, Cases, Question, Reference, Robot, State, powers, with};
 use crate::stress::mechanisms::approach::posed;
 use crate::stress::mechanisms::{GRASHOF, RHOMBUS, bricard};
 use crate::stress::sweep::{Design, Subject, Sweep};

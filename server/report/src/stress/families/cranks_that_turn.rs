@@ -10,8 +10,7 @@ use sarrus_dynamics::{Field, Request, Status};
 use crate::Outcome;
 use crate::robots::random::Random;
 use crate::stress::families::change_points::Bars;
-use crate::stress::harness::case::{At, Cases, Reference};
-use crate::stress::harness::question::{Question, State};
+use crate::stress::harness::{At, Cases, Question, Reference, State};
 use crate::stress::mechanisms::approach::followed;
 use crate::stress::mechanisms::trains::{Draw, leg, train};
 

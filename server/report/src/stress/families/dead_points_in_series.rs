@@ -4,9 +4,7 @@ use sarrus_dynamics::{Field, Request};
 
 use crate::Outcome;
 use crate::robots::random::Random;
-use crate::stress::harness::case::{At, Cases};
-use crate::stress::harness::question::{Question, State};
-use crate::stress::harness::robot::Robot;
+use crate::stress::harness::{At, Cases, Question, Robot, State};
 use crate::stress::mechanisms::trains::{Draw, closed_forms, spatial, train};
 
 use Field::*;

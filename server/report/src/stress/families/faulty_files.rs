@@ -5,7 +5,7 @@ use sarrus_models::{Options, Source, bundled_text, load};
 
 use crate::Outcome;
 use crate::measure::Effort;
-use crate::stress::harness::case::{At, Case, Cases};
+use crate::stress::harness::{At, Case, Cases};
 
 /// Bundled files with one faulty number, joint or link each: refused, with the position.
 pub(crate) fn run(cases: &mut Cases, _: &Effort) -> Outcome {

@@ -5,9 +5,9 @@ use sarrus_dynamics::description::SubmechanismKind as Kind;
 
 use crate::Outcome;
 use crate::measure::Effort;
-use crate::stress::harness::case::{At, Cases, Reference};
-use crate::stress::harness::question::{Question, State};
-use crate::stress::harness::robot::{Robot, Turn, X, Y, Z, cut, finish, joint, mechanism};
+use crate::stress::harness::{
+    At, Cases, Question, Reference, Robot, State, Turn, X, Y, Z, cut, finish, joint, mechanism,
+};
 use crate::stress::mechanisms::{BASE, door};
 
 use Field::{TauU, TauY};

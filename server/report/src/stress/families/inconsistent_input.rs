@@ -8,11 +8,7 @@ use crate::Outcome;
 use crate::measure::Effort;
 use crate::page::Assessment;
 use crate::robots::random::Random;
-use crate::stress::harness::assess::warned;
-use crate::stress::harness::case::{At, Case, Cases};
-use crate::stress::harness::question::{Question, State};
-use crate::stress::harness::robot::Robot;
-use crate::stress::harness::seeds;
+use crate::stress::harness::{At, Case, Cases, Question, Robot, State, seeds, warned};
 use crate::stress::mechanisms::{GRASHOF, LOOSE, bricard, door};
 use crate::stress::sweep::{Design, Subject};
 

@@ -4,9 +4,7 @@ use sarrus_dynamics::{Field, Request};
 
 use crate::Outcome;
 use crate::measure::Effort;
-use crate::stress::harness::case::{At, Cases, Reference};
-use crate::stress::harness::question::{Question, State};
-use crate::stress::harness::robot::{Robot, bundled};
+use crate::stress::harness::{At, Cases, Question, Reference, Robot, State, bundled};
 
 use Field::*;
 

@@ -3,8 +3,7 @@
 use crate::Outcome;
 use crate::robots::random::Random;
 use crate::stress::families::dead_points_in_series::everything;
-use crate::stress::harness::case::{At, Cases};
-use crate::stress::harness::question::State;
+use crate::stress::harness::{At, Cases, State};
 use crate::stress::mechanisms::weights::{planar_loops, planar_platform, row, tree};
 
 /// Seeds beyond the first ones that once failed silently.

@@ -4,10 +4,7 @@ use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Field, ImplicitForm, Status};
 
 use crate::Outcome;
-use crate::stress::harness::case::{At, Case, Cases};
-use crate::stress::harness::question::{Question, State, error};
-use crate::stress::harness::robot::Robot;
-use crate::stress::harness::{powers, with};
+use crate::stress::harness::{At, Case, Cases, Question, Robot, State, error, powers, with};
 use crate::stress::mechanisms::bricard;
 use crate::stress::mechanisms::open_loops::off_loops;
 use crate::stress::sweep::{Design, Subject, Sweep};

@@ -5,10 +5,7 @@ use sarrus_dynamics::{Field, Request};
 
 use crate::Outcome;
 use crate::measure::Effort;
-use crate::stress::harness::case::{At, Cases, Reference};
-use crate::stress::harness::powers;
-use crate::stress::harness::question::{Question, State};
-use crate::stress::harness::robot::Robot;
+use crate::stress::harness::{At, Cases, Question, Reference, Robot, State, powers};
 use crate::stress::mechanisms::approach::{Approach, TYPE_II, followed, known, platform, searched};
 use crate::stress::mechanisms::open_loops::offsets;
 use crate::stress::mechanisms::{GRASHOF, LOOSE, bricard};

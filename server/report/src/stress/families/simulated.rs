@@ -8,11 +8,10 @@ use sarrus_simulation::{Input, Method, Run, Settings, Source, Space, Start};
 
 use crate::Outcome;
 use crate::measure::Effort;
-use crate::stress::harness::case::{At, Cases};
-use crate::stress::harness::powers;
-use crate::stress::harness::question::{Question, State};
-use crate::stress::harness::robot::{Robot, X, bundled, mechanism};
-use crate::stress::harness::runs::{Trial, apart, from, reference_run, settings};
+use crate::stress::harness::{
+    At, Cases, Question, Robot, State, Trial, X, apart, bundled, from, mechanism, powers,
+    reference_run, settings,
+};
 use crate::stress::mechanisms::open_loops::offsets;
 use crate::stress::mechanisms::rods;
 

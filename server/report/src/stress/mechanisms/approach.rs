@@ -7,8 +7,7 @@ use sarrus_dynamics::scalar::Dd;
 use sarrus_dynamics::{Field, Model, PlanScalar, Request, Status};
 
 use crate::Outcome;
-use crate::stress::harness::question::{Question, State};
-use crate::stress::harness::robot::{Robot, bundled, numerical};
+use crate::stress::harness::{Question, Robot, State, bundled, numerical};
 use crate::stress::mechanisms::{
     LOOSE, RHOMBUS, bricard, four_bar, lambda, reach_of_lambda, toggle,
 };

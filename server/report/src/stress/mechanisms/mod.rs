@@ -16,7 +16,7 @@ pub(crate) use crate::robots::small::{
     ARM_OF_LAMBDA, LOOSE, RHOMBUS, bricard, door, four_bar, lambda, reach_of_lambda, toggle,
     way_of_lambda,
 };
-use crate::stress::harness::robot::{Turn, Z, joint, mechanism};
+use crate::stress::harness::{Turn, Z, joint, mechanism};
 
 pub(crate) const BASE: LinkId = LinkId::BASE;
 

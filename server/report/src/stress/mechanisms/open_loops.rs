@@ -3,8 +3,7 @@
 use sarrus_dynamics::Field;
 
 use crate::Outcome;
-use crate::stress::harness::question::{Question, State};
-use crate::stress::harness::robot::Robot;
+use crate::stress::harness::{Question, Robot, State};
 
 /// By how much to move each tree coordinate so that loops open: up to `size` radians, or tenths of
 /// the robot's length. `first` numbers the first coordinate.

@@ -128,8 +128,7 @@ mod tests {
     use sarrus_dynamics::{Field, Status};
 
     use super::*;
-    use crate::stress::harness::question::{Question, State};
-    use crate::stress::harness::robot::{Robot, bundled, numerical};
+    use crate::stress::harness::{Question, Robot, State, bundled, numerical};
     use crate::stress::mechanisms::{LOOSE, bricard, four_bar};
 
     #[test]

@@ -6,7 +6,7 @@ use sarrus_dynamics::{CutJoint, DescriptionBuilder, LinkId};
 
 use crate::Outcome;
 use crate::robots::random::Random;
-use crate::stress::harness::robot::{Slide, Turn, finish, joint};
+use crate::stress::harness::{Slide, Turn, finish, joint};
 use crate::stress::mechanisms::plane::{Point, about, along, cross, distance, intersections};
 use crate::stress::mechanisms::{ARM_OF_LAMBDA, BASE, reach_of_lambda, way_of_lambda};
 

@@ -5,7 +5,7 @@ use sarrus_dynamics::{CutJoint, LinkId};
 
 use crate::Outcome;
 use crate::robots::random::Random;
-use crate::stress::harness::robot::{Turn, Z, finish, joint};
+use crate::stress::harness::{Turn, Z, finish, joint};
 use crate::stress::mechanisms::BASE;
 use crate::stress::mechanisms::trains::{begun, rotation};
 
