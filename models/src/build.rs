@@ -130,9 +130,6 @@ pub(crate) fn description(
         },
     });
     let joints = urdf.joints.iter().map(|entry| {
-        let end = |end: &Option<(String, Span)>| {
-            end.as_ref().and_then(|(name, _)| urdf.link_index.get(name).copied())
-        };
         let terms = entry
             .masters
             .iter()
@@ -142,8 +139,8 @@ pub(crate) fn description(
         Some(Joint {
             name: entry.name.clone(),
             kind: entry.kind?,
-            parent: end(&entry.parent)?,
-            child: end(&entry.child)?,
+            parent: urdf.link_at(&entry.parent)?,
+            child: urdf.link_at(&entry.child)?,
             origin: entry.origin,
             axis: entry.axis,
             limits: entry.limits(),

@@ -8,7 +8,7 @@ use sarrus_dynamics::{Compiled, Model};
 
 use crate::base::{self, Base};
 use crate::build::{self, Spans};
-use crate::contents::{Contents, file};
+use crate::contents::Contents;
 use crate::error::LoadError;
 use crate::names::nearest;
 use crate::report::{Diagnostics, Report};
@@ -111,12 +111,21 @@ pub fn load(source: &Source, options: &Options) -> Result<Loaded, LoadError> {
     let mut robot = None;
     let loaded = contents(source, &mut diagnostics)?
         .and_then(|contents| read(contents, options, &mut diagnostics, &mut robot));
-    let report = Report { robot, ..diagnostics.into_report() };
-    match loaded {
-        Some((description, compiled)) if report.errors.is_empty() => {
-            Ok(Loaded { description, compiled, report })
+    Loaded::new(loaded, Report { robot, ..diagnostics.into_report() })
+}
+
+impl Loaded {
+    /// A robot without a fault.
+    pub(crate) fn new(
+        robot: Option<(Description, Compiled)>,
+        report: Report,
+    ) -> Result<Loaded, LoadError> {
+        match robot {
+            Some((description, compiled)) if report.errors.is_empty() => {
+                Ok(Loaded { description, compiled, report })
+            }
+            _ => Err(LoadError::Faults(report)),
         }
-        _ => Err(LoadError::Faults(report)),
     }
 }
 
@@ -146,8 +155,8 @@ pub(crate) fn contents(
         }
         Source::Files { urdf, submechanisms } => {
             let folder = submechanisms.as_deref().and_then(Path::parent).map(Path::to_owned);
-            let submechanisms = submechanisms.as_deref().map(file).transpose()?;
-            Ok(Some(Contents { urdf: file(urdf)?, submechanisms, folder }))
+            let submechanisms = submechanisms.as_deref().map(text::read).transpose()?;
+            Ok(Some(Contents { urdf: text::read(urdf)?, submechanisms, folder }))
         }
         Source::Text { urdf, submechanisms } => Ok(Some(Contents {
             urdf: ("robot.urdf".to_owned(), urdf.clone()),
@@ -254,8 +263,8 @@ fn transmissions(urdf: &mut Urdf, entries: &[Entry], folder: &Path, diagnostics:
             continue;
         };
         // a file that is not there leaves the couplings missing, and that is reported
-        let Ok(bytes) = text::read_named(&path) else { continue };
-        if let Some(text) = Text::new(&path.display().to_string(), bytes, diagnostics) {
+        let Ok((name, bytes)) = text::read_named(&path) else { continue };
+        if let Some(text) = Text::new(&name, bytes, diagnostics) {
             urdf.couple_from(&text, &joints, diagnostics);
         }
     }

@@ -14,7 +14,7 @@ pub(crate) use walk::{Entry, LoopEntry, walk};
 use crate::report::{Diagnostics, Span, quoted};
 use crate::urdf::Urdf;
 use crate::yaml::Named;
-use kind::{KNOWN, Letters, letters};
+use kind::{KNOWN, Letters, freedoms, letters};
 
 /// Most rows of all loops together: their matrices are dense.
 pub(crate) const MOST_ROWS: usize = 1024;
@@ -326,15 +326,10 @@ impl<'a> Check<'a, '_> {
         }
     }
 
-    /// How many freedoms these joints have; a joint that is not known counts one.
+    /// How many freedoms these joints have.
     fn dofs(&self, names: &[Named]) -> usize {
         let kind = |name: &String| self.urdf.and_then(|urdf| urdf.joint(name)?.kind);
-        let of = |(name, _): &Named| match kind(name) {
-            Some(JointKind::Spherical) => 3,
-            Some(JointKind::Floating) => 6,
-            _ => 1,
-        };
-        names.iter().map(of).sum()
+        names.iter().map(|(name, _)| freedoms(kind(name))).sum()
     }
 
     /// How many of these joints follow others.

@@ -117,12 +117,12 @@ impl Urdf {
         urdf.index_names(reader.diagnostics);
         urdf.couple(dependences, reader.diagnostics);
         urdf.mesh(&couplings, reader.diagnostics);
-        urdf.add_rotors(&rotors, &mut reader);
+        urdf.add_rotors(&rotors, reader.diagnostics);
         urdf.check_size(reader.diagnostics);
         let is_root = topology::check(&urdf, reader.diagnostics);
         urdf.root = is_root.iter().position(|is_root| *is_root);
         for (link, is_root) in urdf.links.iter().zip(is_root) {
-            link::check(&mut reader, link, is_root);
+            link::check(link, is_root, reader.diagnostics);
         }
         Some(urdf)
     }
