@@ -1,7 +1,7 @@
 //! Where the methods that are used without asking stand in their figures.
 
 use super::methods::Method;
-use super::{QUESTIONS, title};
+use super::{title, words};
 use crate::page::{Figure, exponent, pareto_front};
 use crate::robots::{Robot, Subject};
 
@@ -19,10 +19,7 @@ pub(super) struct DefaultRow {
 }
 
 pub(super) fn row(robot: &Robot, figure: &Figure, of: &Method) -> DefaultRow {
-    let question = QUESTIONS
-        .iter()
-        .find(|(known, ..)| *known == of.question)
-        .map_or("", |(_, name, ..)| *name);
+    let [question, _] = words(of.question);
     let points =
         figure.series.iter().filter(|series| series.competes).flat_map(|series| &series.points);
     let fastest = points

@@ -29,28 +29,24 @@ pub(super) fn figure<'a>(
     robot: &Robot,
     question: Question,
     name: &str,
-    measured: impl Iterator<Item = &'a Method>,
+    measured: impl Iterator<Item = &'a Method> + Clone,
 ) -> Figure {
     let chain_forward =
         matches!(robot.subject, Subject::Chain(_)) && question == Question::ForwardDynamics;
     let mut series: Vec<Series> = Vec::new();
-    let mut residuals = Vec::new();
-    for of in measured {
+    let point = |of: &Method, y: f64| {
         let fault = of.fault.as_ref().map_or(String::new(), |fault| format!(": {fault}"));
-        let label = format!("{}{fault}", of.label);
-        if let Some(residual) =
-            of.residual.filter(|_| !of.series.contains("bounded") && !of.series.contains("cold"))
-        {
-            residuals.push((
-                format!("loop residual of {}", of.series),
-                Point { x: of.ns, y: residual, label: label.clone() },
-            ));
-        }
-        let point = Point { x: of.ns, y: of.error, label };
-        Series::add(&mut series, of.series.clone(), point).competes = true;
+        Point { x: of.ns, y, label: format!("{}{fault}", of.label) }
+    };
+    for of in measured.clone() {
+        Series::add(&mut series, of.series.clone(), point(of, of.error)).competes = true;
     }
-    for (name, point) in residuals {
-        Series::add(&mut series, name, point);
+    for of in measured.filter(|of| !["bounded", "cold"].iter().any(|word| of.series.contains(word)))
+    {
+        if let Some(residual) = of.residual {
+            let name = format!("loop residual of {}", of.series);
+            Series::add(&mut series, name, point(of, residual));
+        }
     }
     series.iter_mut().for_each(|of| of.line = of.points.len() > 1);
     let what = match question {

@@ -126,9 +126,7 @@ impl Methods<'_> {
     /// Loops that are closed as the robot is given.
     fn given(&mut self, closing: Closing<'_>) -> Outcome {
         let end = End::Usual("usual");
-        self.ask(&closing, Question::State, end)?;
-        self.ask(&closing, Question::InverseDynamics, end)?;
-        self.forward(&closing, end)?;
+        self.everything(&closing, end)?;
         if closing.is_small() { self.implicit(&closing, end) } else { Ok(()) }
     }
 
@@ -146,10 +144,7 @@ impl Methods<'_> {
                 }
             }
         }
-        let end = End::Usual("usual end");
-        self.ask(&closing, Question::State, end)?;
-        self.ask(&closing, Question::InverseDynamics, end)?;
-        self.forward(&closing, end)?;
+        self.everything(&closing, End::Usual("usual end"))?;
         for steps in STEPS {
             self.ask(&closing, Question::State, End::Steps(steps))?;
             if steps <= 3 {
@@ -171,8 +166,10 @@ impl Methods<'_> {
         Ok(())
     }
 
-    /// Forward dynamics by every method that fits.
-    fn forward(&mut self, closing: &Closing<'_>, end: End) -> Outcome {
+    /// Every question, forward dynamics by every method that fits.
+    fn everything(&mut self, closing: &Closing<'_>, end: End) -> Outcome {
+        self.ask(closing, Question::State, end)?;
+        self.ask(closing, Question::InverseDynamics, end)?;
         for method in Forward::ALL {
             if closing.is_small() || method != Forward::Kkt {
                 self.ask(closing, Question::Forced(method), end)?;

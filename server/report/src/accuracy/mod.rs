@@ -114,8 +114,13 @@ fn title(subject: Subject) -> String {
 }
 
 fn id(subject: Subject, question: Question) -> String {
-    let of = QUESTIONS.iter().find(|(of, ..)| *of == question).map_or("", |(_, _, id)| *id);
-    format!("accuracy-{}-{of}", subject.name())
+    format!("accuracy-{}-{}", subject.name(), words(question)[1])
+}
+
+/// A question, as the page and the files call it.
+fn words(question: Question) -> [&'static str; 2] {
+    let words = QUESTIONS.iter().find(|(of, ..)| *of == question);
+    words.map_or([""; 2], |(_, name, id)| [*name, *id])
 }
 
 /// The figures of one robot, their contents, and why a peer is missing.

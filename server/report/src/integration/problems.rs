@@ -37,7 +37,7 @@ pub(super) struct Known {
 }
 
 impl Problem {
-    fn new(
+    pub(super) fn new(
         id: &'static str,
         title: &'static str,
         source: &Source,
@@ -136,7 +136,8 @@ pub(super) fn all(quick: bool) -> Outcome<Vec<Problem>> {
     Ok(problems)
 }
 
-fn own(name: &str) -> Source {
+/// A bundled robot.
+pub(super) fn own(name: &str) -> Source {
     Source::Bundled(name.to_owned())
 }
 

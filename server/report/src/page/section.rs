@@ -44,12 +44,8 @@ impl Report {
         )];
         for section in &self.sections {
             lines.extend(section.summary.iter().cloned());
-            lines.extend(
-                section
-                    .failure
-                    .iter()
-                    .map(|failure| format!("{}: not finished. {failure}", section.title)),
-            );
+            let failed = |failure: &String| format!("{}: not finished. {failure}", section.title);
+            lines.extend(section.failure.iter().map(failed));
         }
         lines
     }

@@ -101,15 +101,11 @@ pub fn variants(
 ) -> Outcome<(Description, Vec<Variant>)> {
     let description = subject.description()?;
     let mut kept = Vec::new();
-    if let Subject::Chain(k) = subject {
-        let closures = CHAINS[k].0;
-        if query(closures) {
-            kept.push(Variant { closures, compiled: Model::compile(&description)? });
-        }
-        return Ok((description, kept));
-    }
     let compiled = Model::compile(&description)?;
-    let given = closures(&compiled.model).unwrap_or("analytic");
+    let given = match subject {
+        Subject::Chain(k) => CHAINS[k].0,
+        _ => closures(&compiled.model).unwrap_or("analytic"),
+    };
     if query(given) {
         kept.push(Variant { closures: given, compiled });
     }
@@ -118,8 +114,9 @@ pub fn variants(
     } else {
         &[]
     };
-    // couplings without loops have no other way
-    let has_loops = description.submechanisms.iter().any(|part| !part.loops.is_empty());
+    // couplings without loops have no other way, and chains are for their lengths
+    let has_loops = !matches!(subject, Subject::Chain(_))
+        && description.submechanisms.iter().any(|part| !part.loops.is_empty());
     for &(closures, which) in hybrids.iter().chain([&NUMERICAL]) {
         if has_loops && closures != given && query(closures) {
             let compiled = Model::compile(&by_newton(description.clone(), which))?;

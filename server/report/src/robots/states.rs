@@ -109,11 +109,8 @@ impl Robot {
         while robot.states.len() < n_states {
             let mut state = drawn(&dofs, robot.reach, model.sizes(), &mut random);
             let earlier = earlier(&dofs, &state);
-            let mut fits = true;
-            for (k, check) in checks.iter_mut().enumerate() {
-                fits = fits && check.fits(k, &earlier, &mut state);
-            }
-            if fits {
+            let mut all = checks.iter_mut().enumerate();
+            if all.all(|(k, check)| check.fits(k, &earlier, &mut state)) {
                 robot.states.push(state);
             } else {
                 robot.left_out += 1;
@@ -261,14 +258,12 @@ impl<'a> Check<'a> {
     fn fits(&mut self, variant: usize, earlier: &[f64], state: &mut State) -> bool {
         let Check { model, plans: [close, dynamics @ ..], workspace } = self;
         let mut q = vec![0.0; model.sizes().n_q];
-        let mut fits = close.run(model, workspace, earlier, &mut q).status == Status::Ok;
+        let closed = close.run(model, workspace, earlier, &mut q);
         state.guesses.push(q);
-        for plan in dynamics {
+        let mut status = |plan: &Plan| {
             let mut output = vec![0.0; plan.want().len()];
-            fits = fits
-                && plan.run(model, workspace, &packed(plan, state, variant), &mut output).status
-                    == Status::Ok;
-        }
-        fits
+            plan.run(model, workspace, &packed(plan, state, variant), &mut output).status
+        };
+        closed.status == Status::Ok && dynamics.iter().all(|plan| status(plan) == Status::Ok)
     }
 }

@@ -33,8 +33,8 @@ pub(crate) fn section(cases: Vec<Case>) -> Section {
     section
 }
 
-fn count(cases: &[Case], assessment: Assessment) -> usize {
-    cases.iter().filter(|case| case.assessment == assessment).count()
+fn count<'a>(cases: impl IntoIterator<Item = &'a Case>, assessment: Assessment) -> usize {
+    cases.into_iter().filter(|case| case.assessment == assessment).count()
 }
 
 fn summary(cases: &[Case], families: usize) -> Vec<String> {
@@ -122,7 +122,7 @@ fn overview(families: &[&[Case]]) -> Table {
         let worst = held.filter_map(|case| case.error).reduce(f64::max);
         let mut row = vec![family[0].family.to_owned(), family[0].parameter.to_owned()];
         row.extend([range(family), family.len().to_string()]);
-        row.extend(Assessment::ALL.map(|assessment| count(family, assessment).to_string()));
+        row.extend(Assessment::ALL.map(|assessment| count(*family, assessment).to_string()));
         row.push(worst.map_or("-".into(), |error| format!("{error:.1e}")));
         row
     };
@@ -154,10 +154,8 @@ fn range(family: &[Case]) -> String {
 /// By method or robot: assessments, where it first does not hold, and how that is reported.
 fn table(family: &[Case]) -> Table {
     let row = |(key, cases): (String, Vec<&Case>)| {
-        let of = |assessment| {
-            cases.iter().filter(|case| case.assessment == assessment).count().to_string()
-        };
         let mut row = vec![key];
+        let of = |assessment| count(cases.iter().copied(), assessment).to_string();
         row.extend(Assessment::ALL.map(of));
         let broken = cases
             .iter()
@@ -210,22 +208,19 @@ fn errors(family: &[Case]) -> Option<Figure> {
         return None;
     }
     let series = |(key, cases): (String, Vec<&Case>)| {
-        let mut points: Vec<Point> = Vec::new();
-        for case in cases.iter().filter(|case| DRAWN.contains(&case.value)) {
-            let Some(error) = case.error else { continue };
-            let mark = if case.assessment == Assessment::Held {
-                String::new()
+        let point = |case: &Case| {
+            let label = if case.assessment == Assessment::Held {
+                case.robot.clone()
             } else {
-                format!(", {}", case.assessment.name())
+                format!("{}, {}", case.robot, case.assessment.name())
             };
-            let point = Point { x: case.value, y: error, label: format!("{}{mark}", case.robot) };
-            match points.iter_mut().find(|at| at.x == case.value) {
-                Some(at) if at.y < error => *at = point,
-                Some(_) => {}
-                None => points.push(point),
-            }
-        }
-        points.sort_by(|a, b| f64::total_cmp(&a.x, &b.x));
+            Some(Point { x: case.value, y: case.error?, label })
+        };
+        let cases = cases.into_iter().filter(|case| DRAWN.contains(&case.value));
+        let mut points: Vec<Point> = cases.filter_map(point).collect();
+        // of the points of a value the highest
+        points.sort_by(|a, b| a.x.total_cmp(&b.x).then(b.y.total_cmp(&a.y)));
+        points.dedup_by(|next, kept| next.x == kept.x);
         Series { name: key, line: true, competes: false, points }
     };
     let silent = count(family, Assessment::FailedSilently);

@@ -13,7 +13,7 @@ mod sweep;
 
 use self::families::{
     chains, change_points, cranks_that_turn, dead_points_in_series, faulty_files, idle_freedoms,
-    inconsistent_input, invalid_numbers, light_behind_heavy, loops_that_cannot_close, simulated,
+    inconsistent_input, invalid_numbers, light_behind_heavy, loops_that_cannot_close,
 };
 use self::harness::Cases;
 use self::sweep::Family;
@@ -23,12 +23,15 @@ use crate::measure::progress::Progress;
 use crate::page::Section;
 
 use self::families::changed_robots::{
-    DAMPER, GRAVITY, LENGTHS, LOOPS_IN_ONE_SUBTREE, MASS_RATIOS, MASSES, MASSLESS_LINKS, ROTOR,
-    SPRING, joint_terms, redundant_rows, sizes,
+    DAMPER, GRAVITY, LENGTHS, MASS_RATIOS, MASSES, MASSLESS_LINKS, ONE_SUBTREE, ROTOR, SPRING,
+    joint_terms, redundant, sizes,
 };
 use self::families::changed_states::{MANY_TURNS, QUATERNIONS, VELOCITIES, WRENCHES};
 use self::families::open_loops::{PROJECTION, STABILISATION};
 use self::families::poses::{BIG_JUMPS, INCONSISTENT_STARTS, singular_poses, unreachable_targets};
+use self::families::simulated::{
+    conservation, dampers, gains, of_nothing, off_loops, springs, steps, stiff_joints, tolerances,
+};
 use self::sweep::Fill::{Changed, Drawn, Own, Swept};
 
 /// Families in the order of the page: their names, and their parameters with the units.
@@ -54,39 +57,27 @@ const FAMILIES: [Family; 40] = [
     Family(
         "not a number",
         "what stands in the field: 1 NaN, 2 +∞, 3 −∞, 4 1e305",
-        Own(invalid_numbers::run),
+        Own(invalid_numbers::all),
     ),
     Family("faulty file", "fault, by its number", Own(faulty_files::run)),
-    Family(
-        "redundant rows",
-        "m by which redundant rows contradict each other",
-        Own(redundant_rows),
-    ),
+    Family("redundant rows", "m by which redundant rows contradict each other", Own(redundant)),
     Family("idle freedoms", "y, rad", Own(idle_freedoms::run)),
-    Family(
-        "loop in one subtree",
-        "m from the cut to the centres of mass",
-        Swept(&LOOPS_IN_ONE_SUBTREE),
-    ),
+    Family("loop in one subtree", "m from the cut to the centres of mass", Swept(&ONE_SUBTREE)),
     Family("spring stiffness", "N m/rad or N/m", Changed(joint_terms, SPRING)),
     Family("joint damping", "N m s/rad or N s/m", Changed(joint_terms, DAMPER)),
     Family("reflected rotor", "kg m² about the joint", Changed(joint_terms, ROTOR)),
-    Family("simulated spring", "stiffness, N/m", Own(simulated::springs)),
-    Family("simulated damper", "damping, N s/m", Own(simulated::dampers)),
-    Family("simulated stiff joint", "stiffness, N m/rad", Own(simulated::stiff_joints)),
-    Family("simulated gains", "kp of all actuators, kd its root", Own(simulated::gains)),
-    Family("step", "s", Own(simulated::steps)),
-    Family("tolerance", "relative and absolute tolerance", Own(simulated::tolerances)),
-    Family(
-        "conservation",
-        "s simulated without gravity, damping and forces",
-        Own(simulated::conservation),
-    ),
-    Family("simulation off its loops", "rad or tenths of the length", Own(simulated::off_loops)),
+    Family("simulated spring", "stiffness, N/m", Own(springs)),
+    Family("simulated damper", "damping, N s/m", Own(dampers)),
+    Family("simulated stiff joint", "stiffness, N m/rad", Own(stiff_joints)),
+    Family("simulated gains", "kp of all actuators, kd its root", Own(gains)),
+    Family("step", "s", Own(steps)),
+    Family("tolerance", "relative and absolute tolerance", Own(tolerances)),
+    Family("conservation", "s simulated without gravity, damping and forces", Own(conservation)),
+    Family("simulation off its loops", "rad or tenths of the length", Own(off_loops)),
     Family(
         "simulation of nothing",
         "what is wrong: 1 NaN, 2 ∞, 3 zero, 4 negative, 5 1e300",
-        Own(simulated::of_nothing),
+        Own(of_nothing),
     ),
     Family("projection", "q off its loops, rad or tenths of the length", Swept(&PROJECTION)),
     Family("Baumgarte", "α = β, 1/s, at loops open by 1e-6", Swept(&STABILISATION)),

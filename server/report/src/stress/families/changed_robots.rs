@@ -169,7 +169,7 @@ fn set_terms(of: &mut Description, terms: Terms) {
 
 /// A four-bar on a moving base, so that both ends of its loop are in one subtree, with centres of
 /// mass farther and farther off its cut.
-pub(crate) const LOOPS_IN_ONE_SUBTREE: Sweep = Sweep {
+pub(crate) const ONE_SUBTREE: Sweep = Sweep {
     values: |effort| powers(effort, -3, 6, 5),
     robots: &[
         Subject::new(ON_ARM, Made(|| four_bar_on_arm(Kind::FourBar)), By(far_centres)),
@@ -199,7 +199,7 @@ fn far_centres(of: &mut Description, distance: f64) {
 
 /// Redundant rows, moved apart as a rounded file does: reported at load where it matters, refused
 /// where the gap exceeds rounding.
-pub(crate) fn redundant_rows(cases: &mut Cases, effort: &Effort) -> Outcome {
+pub(crate) fn redundant(cases: &mut Cases, effort: &Effort) -> Outcome {
     for (name, plain) in [
         ("four-bar of three rows", four_bar(LOOSE, Kind::Numerical, "xyz")?),
         ("four-bar of six rows", four_bar(LOOSE, Kind::Numerical, "xyzabc")?),

@@ -9,7 +9,7 @@ use crate::stress::harness::{At, Cases, Question, Reference, Robot, State, bundl
 use Field::*;
 
 /// NaN, infinities and numbers beyond all squares in every field of every request.
-pub(crate) fn run(cases: &mut Cases, _: &Effort) -> Outcome {
+pub(crate) fn all(cases: &mut Cases, _: &Effort) -> Outcome {
     for name in ["lambda", "stewart_floating", "rh5v2_full"] {
         let robot = Robot::new(name, bundled(name)?)?;
         let sizes = robot.compiled.model.sizes();
