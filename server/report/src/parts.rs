@@ -36,25 +36,22 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
     let (n_states, rounds) = if effort.quick { (16, 250) } else { (64, 2500) };
     let mut section = Section::new("parts", "What a question does not need");
     let mut rows = Vec::new();
-    let mut least = (f64::INFINITY, String::new());
     let names = bundled_names();
     for (k, name) in names.iter().enumerate() {
         progress.show(name, k as f64 / names.len() as f64);
         let robot = Robot::load(Subject::Bundled(name), n_states)?;
-        for (row, ratio) in of_robot(&robot, Duration::from_millis(rounds))? {
-            if ratio < least.0 {
-                least = (ratio, format!("{} of {name}", row[1]));
-            }
-            rows.push(row);
-        }
+        rows.extend(of_robot(&robot, Duration::from_millis(rounds))?);
     }
+    let least = rows.iter().min_by(|a, b| a.1.total_cmp(&b.1));
+    let least = least.map_or("-".to_owned(), |(cells, ratio)| {
+        format!("{ratio:.2} ({} of {})", cells[1], cells[0])
+    });
+    let rows: Vec<Vec<String>> = rows.into_iter().map(|(cells, _)| cells).collect();
     section.summary.push(format!(
         "Questions that need a part of a robot: same bits as in the whole answer at {} of {} \
-            pairs; least time against the whole {:.2} ({})",
+            pairs; least time against the whole {least}",
         rows.iter().filter(|row| row.last().is_some_and(|cell| cell == "yes")).count(),
-        rows.len(),
-        least.0,
-        least.1
+        rows.len()
     ));
     section.tables.push(Table {
         id: "parts-pairs".into(),

@@ -91,11 +91,6 @@ impl Subject {
         Subject::new(name, design, Change::Nothing)
     }
 
-    /// A bundled robot under its own name.
-    pub(crate) const fn bundled(name: &'static str, change: Change) -> Subject {
-        Subject::new(name, Design::Bundled(name), change)
-    }
-
     /// The robot as it is designed.
     pub(crate) fn robot(&self) -> Outcome<Robot> {
         Robot::new(self.name, self.design.description()?)

@@ -120,17 +120,19 @@ fn bundled_robots(
     values: &[f64],
     ask: Ask,
 ) -> Outcome {
-    names.iter().try_for_each(|name| Subject::bundled(name, change).ask(cases, values, ask))
+    names
+        .iter()
+        .try_for_each(|name| Subject::new(name, Bundled(name), change).ask(cases, values, ask))
 }
 
 /// Gravity from none to that of a neutron star; at rest without it no force at all is needed.
 pub(crate) const GRAVITY: Sweep = Sweep {
     values: |effort| with(&[0.0], &powers(effort, -9, 12, 7)),
     robots: &[
-        Subject::bundled("lambda", FALL),
+        Subject::new("lambda", Bundled("lambda"), FALL),
         Subject::new("lambda numerical", Numerical("lambda"), FALL),
-        Subject::bundled("wrist", FALL),
-        Subject::bundled("rh5v2_upper_body", FALL),
+        Subject::new("wrist", Bundled("wrist"), FALL),
+        Subject::new("rh5v2_upper_body", Bundled("rh5v2_upper_body"), FALL),
         Subject::new("rh5v2_upper_body numerical", Numerical("rh5v2_upper_body"), FALL),
     ],
     ask: |cases, robot, value| {

@@ -4,9 +4,10 @@ use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Field, ImplicitForm, Status};
 
 use crate::Outcome;
-use crate::stress::harness::{At, Case, Cases, Question, Robot, State, error, powers, with};
+use crate::stress::harness::{
+    At, Case, Cases, Question, Robot, State, error, off_loops, powers, with,
+};
 use crate::stress::mechanisms::bricard;
-use crate::stress::mechanisms::open_loops::off_loops;
 use crate::stress::sweep::{Design, Subject, Sweep};
 
 use Design::{Bundled, Made};

@@ -5,9 +5,8 @@ use sarrus_dynamics::{Field, Request};
 
 use crate::Outcome;
 use crate::measure::Effort;
-use crate::stress::harness::{At, Cases, Question, Reference, Robot, State, powers};
+use crate::stress::harness::{At, Cases, Question, Reference, Robot, State, offsets, powers};
 use crate::stress::mechanisms::approach::{Approach, TYPE_II, followed, known, platform, searched};
-use crate::stress::mechanisms::open_loops::offsets;
 use crate::stress::mechanisms::{GRASHOF, LOOSE, bricard};
 use crate::stress::sweep::{Design, Subject, Sweep};
 

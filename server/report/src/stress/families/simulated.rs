@@ -9,10 +9,9 @@ use sarrus_simulation::{Input, Method, Run, Settings, Source, Space, Start};
 use crate::Outcome;
 use crate::measure::Effort;
 use crate::stress::harness::{
-    At, Cases, Question, Robot, State, Trial, X, apart, bundled, from, mechanism, powers,
+    At, Cases, Question, Robot, State, Trial, X, apart, bundled, from, mechanism, offsets, powers,
     reference_run, settings,
 };
-use crate::stress::mechanisms::open_loops::offsets;
 use crate::stress::mechanisms::rods;
 
 /// A spring and its damper that get stiffer: explicit methods have to report their failure, the

@@ -13,7 +13,7 @@ mod runs;
 
 pub(super) use self::assess::{HELD, warned};
 pub(super) use self::case::{At, Case, Cases, Reference};
-pub(super) use self::question::{Question, State, backward_error, error};
+pub(super) use self::question::{Question, State, backward_error, error, off_loops, offsets};
 pub(super) use self::robot::{
     Robot, Slide, Turn, X, Y, Z, bundled, cut, finish, heavier, joint, mechanism, numerical, scaled,
 };

@@ -105,7 +105,8 @@ pub(crate) fn platform() -> Outcome<Approach> {
         y[axis] = turn;
         let answer = Question::new(Request::Kinematics, vec![(Field::Y, y)], &[Field::GU])
             .run(&robot.compiled.exact)?;
-        Ok(determinant(answer.get(Field::GU).to_vec(), 6) > 0.0)
+        let rows: Vec<Vec<Dd>> = answer.get(Field::GU).chunks(6).map(<[Dd]>::to_vec).collect();
+        Ok(determinant(&rows).hi() > 0.0)
     };
     let first = sign(0.0)?;
     let mut step = 0;
@@ -123,26 +124,15 @@ pub(crate) fn platform() -> Outcome<Approach> {
     Ok(Approach { robot, from: start.to_vec(), to, guessed: false })
 }
 
-/// Determinant by elimination with pivots.
-fn determinant(mut a: Vec<Dd>, n: usize) -> f64 {
-    let mut det = 1.0;
-    for k in 0..n {
-        let Some(pivot) = (k..n)
-            .max_by(|i, j| f64::total_cmp(&a[i * n + k].hi().abs(), &a[j * n + k].hi().abs()))
-        else {
-            return 0.0;
-        };
-        if pivot != k {
-            (0..n).for_each(|j| a.swap(k * n + j, pivot * n + j));
-            det = -det;
-        }
-        det *= a[k * n + k].hi();
-        for i in k + 1..n {
-            let factor = a[i * n + k] / a[k * n + k];
-            for j in k..n {
-                a[i * n + j] = a[i * n + j] - factor * a[k * n + j];
-            }
-        }
+/// Determinant by expansion along the first row.
+fn determinant(rows: &[Vec<Dd>]) -> Dd {
+    let Some((first, rest)) = rows.split_first() else { return Dd::from(1.0) };
+    let mut det = Dd::from(0.0);
+    for (j, x) in first.iter().enumerate() {
+        let without = |row: &Vec<Dd>| [&row[..j], &row[j + 1..]].concat();
+        let minor: Vec<Vec<Dd>> = rest.iter().map(without).collect();
+        let term = *x * determinant(&minor);
+        det = if j % 2 == 0 { det + term } else { det - term };
     }
     det
 }

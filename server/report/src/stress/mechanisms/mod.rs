@@ -1,8 +1,6 @@
-//! Small mechanisms that several families share; straight approaches to singular poses; states off
-//! their loops.
+//! Small mechanisms that several families share; straight approaches to singular poses.
 
 pub(super) mod approach;
-pub(super) mod open_loops;
 pub(super) mod plane;
 pub(super) mod poses;
 pub(super) mod trains;
