@@ -109,7 +109,7 @@ pub(crate) fn columns(names: &str) -> Vec<String> {
 }
 
 /// How a stress case ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Assessment {
     /// A good answer.
     Held,
@@ -117,7 +117,8 @@ pub enum Assessment {
     Degraded,
     /// No answer, and a reason.
     Failed,
-    /// A bad answer that looks like a good one.
+    /// A bad answer that looks like a good one; also a case that is not assessed.
+    #[default]
     FailedSilently,
 }
 
@@ -138,7 +139,7 @@ impl Assessment {
 }
 
 /// A stress case: a robot, a parameter at a value, a question, and the result.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Case {
     /// The family, such as `mass ratio`.
     pub family: &'static str,

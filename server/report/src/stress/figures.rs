@@ -18,11 +18,7 @@ pub(crate) fn section(cases: Vec<Case>) -> Section {
     let mut section = Section::new("extremes", "Stress cases");
     let families: Vec<&[Case]> = cases.chunk_by(|a, b| a.family == b.family).collect();
     section.summary = summary(&cases, families.len());
-    section.worst_error = cases
-        .iter()
-        .filter(|case| case.assessment == Assessment::Held)
-        .filter_map(|case| case.error)
-        .reduce(f64::max);
+    section.worst_error = worst_held(&cases);
     section.tables.push(overview(&families));
     for family in &families {
         section.tables.push(table(family));
@@ -35,6 +31,12 @@ pub(crate) fn section(cases: Vec<Case>) -> Section {
 
 fn count<'a>(cases: impl IntoIterator<Item = &'a Case>, assessment: Assessment) -> usize {
     cases.into_iter().filter(|case| case.assessment == assessment).count()
+}
+
+/// The largest error of the cases that held.
+fn worst_held(cases: &[Case]) -> Option<f64> {
+    let held = cases.iter().filter(|case| case.assessment == Assessment::Held);
+    held.filter_map(|case| case.error).reduce(f64::max)
 }
 
 fn summary(cases: &[Case], families: usize) -> Vec<String> {
@@ -69,17 +71,14 @@ fn summary(cases: &[Case], families: usize) -> Vec<String> {
             case.robot, case.family, case.value
         ));
     }
-    lines.extend(
-        cases.iter().filter(|case| case.assessment == Assessment::FailedSilently).take(20).map(
-            |case| {
-                let error = case.error.map_or("-".to_owned(), |error| format!("{error:.1e}"));
-                format!(
-                    "Failed silently: {}, {}, {} at {:e}, {}: error {error}.",
-                    case.family, case.robot, case.asked, case.value, case.method
-                )
-            },
-        ),
-    );
+    let silent = cases.iter().filter(|case| case.assessment == Assessment::FailedSilently);
+    lines.extend(silent.take(20).map(|case| {
+        let error = case.error.map_or("-".to_owned(), |error| format!("{error:.1e}"));
+        format!(
+            "Failed silently: {}, {}, {} at {:e}, {}: error {error}.",
+            case.family, case.robot, case.asked, case.value, case.method
+        )
+    }));
     lines
 }
 
@@ -118,12 +117,10 @@ fn extremity(case: &Case) -> f64 {
 
 fn overview(families: &[&[Case]]) -> Table {
     let row = |family: &&[Case]| {
-        let held = family.iter().filter(|case| case.assessment == Assessment::Held);
-        let worst = held.filter_map(|case| case.error).reduce(f64::max);
         let mut row = vec![family[0].family.to_owned(), family[0].parameter.to_owned()];
         row.extend([range(family), family.len().to_string()]);
         row.extend(Assessment::ALL.map(|assessment| count(*family, assessment).to_string()));
-        row.push(worst.map_or("-".into(), |error| format!("{error:.1e}")));
+        row.push(worst_held(family).map_or("-".into(), |error| format!("{error:.1e}")));
         row
     };
     let names = Assessment::ALL.map(Assessment::name).join(" | ");

@@ -69,14 +69,8 @@ impl Cases {
             value: at.value,
             method: at.method.to_owned(),
             asked: asked.to_owned(),
-            status: String::new(),
-            warnings: vec![],
-            error: None,
             reference: "double-double",
-            backward: None,
-            nanoseconds: None,
-            reported: String::new(),
-            assessment: Assessment::FailedSilently,
+            ..Case::default()
         }
     }
 
