@@ -29,7 +29,7 @@ pub(super) fn row(robot: &Robot, figure: &Figure, of: &Method) -> DefaultRow {
     let factor = of.ns / fastest;
     let on_front = pareto_front(figure)
         .iter()
-        .any(|point| point.series == of.series && point.label == of.label);
+        .any(|(series, point)| series.name == of.series && point.label == of.label);
     let place = if on_front {
         "on the front".to_owned()
     } else {

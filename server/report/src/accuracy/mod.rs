@@ -60,12 +60,11 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
         let robot = load(subject, amount.states)?;
         let (figures, measured, peer) =
             robot_figures(&robot, amount, |done| progress.show(&title(subject), share(done)))?;
-        let place = |(figure, of): (&Figure, &Method)| row(&robot, figure, of);
-        let defaults = measured.iter().filter(|of| of.default);
-        let with_figure = defaults.filter_map(|of| {
-            Some((figures.iter().find(|figure| figure.id == id(subject, of.question))?, of))
+        let defaults = measured.iter().filter(|of| of.default).filter_map(|of| {
+            let figure = figures.iter().find(|figure| figure.id == id(subject, of.question))?;
+            Some(row(&robot, figure, of))
         });
-        let of_robot: Vec<DefaultRow> = with_figure.map(place).collect();
+        let of_robot: Vec<DefaultRow> = defaults.collect();
         places.push(sentence(subject, &of_robot));
         for of in &of_robot {
             section.worst_error = Some(worse(section.worst_error.unwrap_or(0.0), of.error));
@@ -241,7 +240,7 @@ mod tests {
                     .filter(|series| series.competes)
                     .flat_map(|series| &series.points)
             };
-            for of in &best {
+            for (_, of) in &best {
                 assert!(
                     !points().any(|point| point.x < of.x && point.y < of.y),
                     "{}: {of:?}",
@@ -251,7 +250,7 @@ mod tests {
             // points off the front are beaten or equalled
             for point in points().filter(|point| point.x.is_finite() && point.y.is_finite()) {
                 assert!(
-                    best.iter().any(|of| of.x <= point.x && of.y <= point.y),
+                    best.iter().any(|(_, of)| of.x <= point.x && of.y <= point.y),
                     "{}: {point:?}",
                     figure.title
                 );

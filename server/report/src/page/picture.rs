@@ -124,7 +124,7 @@ fn draw(figure: &Figure, size: Size, x: &Scale, y: &Scale, area: &Area<'_>) -> D
 /// The front: up to each of its points everything is beaten by the one before.
 fn stairs(figure: &Figure, x: &Scale, y: &Scale, chart: &mut Chart<'_, '_>) -> Drawn {
     let mut steps: Vec<(f64, f64)> = Vec::new();
-    for point in pareto_front(figure) {
+    for (_, point) in pareto_front(figure) {
         let place = (x.place(point.x), y.place(point.y));
         steps.extend(steps.last().map(|last| (place.0, last.1)));
         steps.push(place);
