@@ -163,9 +163,7 @@ fn has_same_bits(pair: &Pair, [part, whole]: &mut [Planned; 2]) -> bool {
         part.call(state);
         whole.call(state);
         let rows = |run: &Planned, field| -> Vec<u64> {
-            let slot = run.plan.want().slot(field);
-            let numbers = slot.map_or(&[][..], |slot| &run.output[slot.range()]);
-            numbers.iter().map(|x| x.to_bits()).collect()
+            run.get(field).iter().map(|x| x.to_bits()).collect()
         };
         if pair.same.is_empty() {
             // one row: the joint that stands last in the whole answer

@@ -2,7 +2,7 @@
 
 use std::hint::black_box;
 
-use sarrus_dynamics::{Field, FieldSet, ImplicitForm, Layout, Model, Plan, Query, Request, Status};
+use sarrus_dynamics::{Field, FieldSet, ImplicitForm, Model, Plan, Query, Request, Status};
 
 use crate::Outcome;
 use crate::measure::timing::Timed;
@@ -77,11 +77,6 @@ impl Implicit {
     }
 }
 
-/// A field of packed numbers.
-fn field<'a>(layout: &Layout, field: Field, numbers: &'a [f64]) -> &'a [f64] {
-    layout.slot(field).map_or(&[], |slot| &numbers[slot.range()])
-}
-
 impl Timed for Implicit {
     fn name(&self) -> String {
         format!("{}: implicit form", self.closing.model.name())
@@ -96,8 +91,8 @@ impl Timed for Implicit {
         if status != Status::Ok {
             return status;
         }
-        let Planned { model, plan, output, .. } = &self.closing;
-        let [q, qd] = [Field::Q, Field::Qd].map(|of| field(plan.want(), of, output));
+        let model = &self.closing.model;
+        let [q, qd] = [Field::Q, Field::Qd].map(|field| self.closing.get(field));
         let gains = (STABILISATION, STABILISATION);
         let tau = &self.tau[state];
         let status = self.form.accelerations(model, q, qd, tau, &[], gains, &mut self.qdd);

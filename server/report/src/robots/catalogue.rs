@@ -32,11 +32,8 @@ impl Subject {
     /// Every robot that is measured.
     pub fn all() -> impl Iterator<Item = Subject> {
         let rare = (0..RARE.len()).map(Subject::Rare);
-        bundled_names()
-            .into_iter()
-            .map(Subject::Bundled)
-            .chain(rare)
-            .chain((0..CHAINS.len()).map(Subject::Chain))
+        let chains = (0..CHAINS.len()).map(Subject::Chain);
+        bundled_names().into_iter().map(Subject::Bundled).chain(rare).chain(chains)
     }
 
     /// The first part of the cases' names.

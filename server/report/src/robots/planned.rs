@@ -2,7 +2,7 @@
 
 use std::hint::black_box;
 
-use sarrus_dynamics::{Answer, Model, Plan, Status, Workspace};
+use sarrus_dynamics::{Answer, Field, Model, Plan, Status, Workspace};
 
 use super::states::{State, packed};
 use crate::measure::timing::Timed;
@@ -26,6 +26,12 @@ impl Planned {
             model: model.clone(),
             plan,
         }
+    }
+
+    /// The numbers of a field in the last answer; none where it was not asked.
+    pub(crate) fn get(&self, field: Field) -> &[f64] {
+        let slot = self.plan.want().slot(field);
+        slot.map_or(&[], |slot| &self.output[slot.range()])
     }
 
     /// The answer of the plan on the state of this number.

@@ -99,11 +99,8 @@ impl Robot {
         let Some(Variant { compiled, .. }) = robot.variants.first() else { return Ok(robot) };
         let model = &compiled.model;
         let dofs = dofs(model, &robot.description);
-        let mut checks = robot
-            .variants
-            .iter()
-            .map(|variant| Check::new(&variant.compiled.model))
-            .collect::<Outcome<Vec<_>>>()?;
+        let models = robot.variants.iter().map(|variant| &variant.compiled.model);
+        let mut checks = models.map(Check::new).collect::<Outcome<Vec<_>>>()?;
 
         let mut random = Random(0);
         while robot.states.len() < n_states {

@@ -123,7 +123,7 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
     let alarms = false_alarms::count(generic)?;
     let fields = false_alarms::fields(of_fields)?;
 
-    let not_judged = cases.not_judged.len();
+    let not_judged = cases.not_judged;
     let mut section = figures::section(cases.all);
     section.summary.extend(
         (not_judged > 0)
@@ -146,7 +146,7 @@ mod tests {
         let of = |assessment| cases.all.iter().filter(|case| case.assessment == assessment).count();
         let counts = Assessment::ALL.map(|of_all| format!("{} {}", of(of_all), of_all.name()));
         let n = cases.all.len();
-        let not_judged = cases.not_judged.len();
+        let not_judged = cases.not_judged;
         format!("{n} cases, {}, {not_judged} more not judged.", counts.join(", "))
     }
 
@@ -239,7 +239,7 @@ mod tests {
             let start = std::time::Instant::now();
             let mut cases = Cases::default();
             family.run(&mut cases, effort).unwrap_or_else(|error| panic!("{name}: {error}"));
-            assert!(cases.all.len() > cases.not_judged.len(), "{name}: hardly a case is judged");
+            assert!(cases.all.len() > cases.not_judged, "{name}: hardly a case is judged");
             println!("{name}: {} {} ms", line(&cases), start.elapsed().as_millis());
             let good = cases.all.iter().filter(|case| case.error.is_some_and(|x| x <= 1e-11));
             let warns = good

@@ -29,8 +29,8 @@ pub(crate) enum Reference<'a> {
 #[derive(Default)]
 pub(crate) struct Cases {
     pub(crate) all: Vec<Case>,
-    /// Family and robot of the cases whose reference is no truth.
-    pub(crate) not_judged: Vec<(&'static str, String)>,
+    /// How many cases have a reference that is no truth.
+    pub(crate) not_judged: usize,
     family: &'static str,
     parameter: &'static str,
 }
@@ -53,11 +53,6 @@ impl Cases {
     /// The cases that follow are of this family.
     pub(crate) fn family(&mut self, family: &'static str, parameter: &'static str) {
         (self.family, self.parameter) = (family, parameter);
-    }
-
-    /// The family of the cases that follow.
-    pub(crate) fn family_name(&self) -> &'static str {
-        self.family
     }
 
     /// A case with nothing but its place.

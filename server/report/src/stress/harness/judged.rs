@@ -47,7 +47,7 @@ impl Cases {
                 let second = second_reference(robot, ask)?;
                 if second.status() != Status::Ok || largest(robot, ask, &second, &exact).1 > CERTAIN
                 {
-                    self.not_judged.push((self.family_name(), robot.name.clone()));
+                    self.not_judged += 1;
                     return Ok(());
                 }
                 let (field, error) = largest(robot, ask, &answer, &exact);
