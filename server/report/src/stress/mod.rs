@@ -2,7 +2,8 @@
 //! status; none may fail silently.
 //!
 //! `harness/` asks, compares and assesses; `mechanisms/` are the robots; `sweep.rs` is a family as
-//! data, and `families/` holds the parts of all of them; `figures.rs` draws them.
+//! data; `families/` holds values, robots and questions of the families, which the table below
+//! lists; `figures.rs` draws them.
 
 mod false_alarms;
 mod families;
@@ -10,17 +11,6 @@ mod figures;
 mod harness;
 mod mechanisms;
 mod sweep;
-
-use self::families::{
-    chains, change_points, cranks_that_turn, dead_points_in_series, faulty_files, idle_freedoms,
-    inconsistent_input, invalid_numbers, light_behind_heavy, loops_that_cannot_close,
-};
-use self::harness::Cases;
-use self::sweep::Family;
-use crate::Outcome;
-use crate::measure::Effort;
-use crate::measure::progress::Progress;
-use crate::page::Section;
 
 use self::families::changed_robots::{
     DAMPER, GRAVITY, LENGTHS, MASS_RATIOS, MASSES, MASSLESS_LINKS, ONE_SUBTREE, ROTOR, SPRING,
@@ -32,7 +22,17 @@ use self::families::poses::{BIG_JUMPS, INCONSISTENT_STARTS, singular_poses, unre
 use self::families::simulated::{
     conservation, dampers, gains, of_nothing, off_loops, springs, steps, stiff_joints, tolerances,
 };
+use self::families::{
+    chains, change_points, cranks_that_turn, dead_points_in_series, faulty_files, idle_freedoms,
+    inconsistent_input, invalid_numbers, light_behind_heavy, loops_that_cannot_close,
+};
+use self::harness::Cases;
+use self::sweep::Family;
 use self::sweep::Fill::{Changed, Drawn, Own, Swept};
+use crate::Outcome;
+use crate::measure::Effort;
+use crate::measure::progress::Progress;
+use crate::page::Section;
 
 /// Families in the order of the page: their names, and their parameters with the units.
 const FAMILIES: [Family; 40] = [

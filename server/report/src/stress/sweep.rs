@@ -1,4 +1,4 @@
-//! A family as data: robots, each asked at every value of one parameter.
+//! Families as data: their names, parameters, robots and values.
 
 use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
 
@@ -12,12 +12,14 @@ pub(crate) struct Family(pub(crate) &'static str, pub(crate) &'static str, pub(c
 
 /// How the cases of a family come about.
 pub(crate) enum Fill {
+    /// Robots at values of the parameter.
     Swept(&'static Sweep),
     /// By one function from seeds: those below the first number with little effort, below the
     /// second with all, and these in either case.
     Drawn([u64; 2], &'static [u64], fn(&mut Cases, u64) -> Outcome),
     /// Robots under a change.
     Changed(fn(&mut Cases, &Effort, Change) -> Outcome, Change),
+    /// By a function of its own.
     Own(fn(&mut Cases, &Effort) -> Outcome),
 }
 
