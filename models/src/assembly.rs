@@ -30,13 +30,16 @@ pub fn assemble<E>(
     near: impl FnOnce(&[String], Vec<f64>) -> Result<Vec<f64>, E>,
     weights: impl FnOnce(&[String]) -> Result<Vec<f64>, E>,
 ) -> Result<Result<CheckReport, E>, LoadError> {
+    let given = |coordinates: &[String], zero: Vec<f64>, velocities: &[String]| {
+        let near = near(coordinates, zero)?;
+        Ok((near, weights(velocities)?))
+    };
     let loaded = load(source, options);
     let mut report = CheckReport::new(&loaded)?;
     let Err(LoadError::Faults(_)) = loaded else {
         let Ok(loaded) = loaded else { return Ok(Ok(report)) };
         let model = &loaded.compiled.model;
-        let given = near(model.tree_q_names(), model.tree_zero())
-            .and_then(|near| Ok((near, weights(model.tree_names())?)));
+        let given = given(model.tree_q_names(), model.tree_zero(), model.tree_names());
         let (near, weights) = match given {
             Ok(given) => given,
             Err(error) => return Ok(Err(error)),
@@ -57,8 +60,7 @@ pub fn assemble<E>(
     // open loops at zero may be the only fault of the files
     let Ok(opened) = load_open(source, options) else { return Ok(Ok(report)) };
     let model = &opened.model;
-    let given = near(model.tree_q_names(), model.tree_zero())
-        .and_then(|near| Ok((near, weights(model.tree_names())?)));
+    let given = given(model.tree_q_names(), model.tree_zero(), model.tree_names());
     let (near, weights) = match given {
         Ok(given) => given,
         Err(error) => return Ok(Err(error)),

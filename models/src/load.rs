@@ -8,14 +8,14 @@ use sarrus_dynamics::{Compiled, Model};
 
 use crate::base::{self, Base};
 use crate::build::{self, Spans};
-use crate::contents::{Contents, file};
+use crate::contents::Contents;
 use crate::error::LoadError;
 use crate::names::nearest;
 use crate::report::{Diagnostics, Report};
 use crate::scene::{self, Lock};
 use crate::submechanisms::{self, Entry, Submechanisms};
 use crate::text::{self, Text};
-use crate::urdf::{self, Urdf};
+use crate::urdf::Urdf;
 use crate::{bundled, smurf, units, unlisted, yaml};
 
 /// Where a robot comes from.
@@ -111,12 +111,21 @@ pub fn load(source: &Source, options: &Options) -> Result<Loaded, LoadError> {
     let mut robot = None;
     let loaded = contents(source, &mut diagnostics)?
         .and_then(|contents| read(contents, options, &mut diagnostics, &mut robot));
-    let report = Report { robot, ..diagnostics.into_report() };
-    match loaded {
-        Some((description, compiled)) if report.errors.is_empty() => {
-            Ok(Loaded { description, compiled, report })
+    Loaded::new(loaded, Report { robot, ..diagnostics.into_report() })
+}
+
+impl Loaded {
+    /// A robot without a fault.
+    pub(crate) fn new(
+        robot: Option<(Description, Compiled)>,
+        report: Report,
+    ) -> Result<Loaded, LoadError> {
+        match robot {
+            Some((description, compiled)) if report.errors.is_empty() => {
+                Ok(Loaded { description, compiled, report })
+            }
+            _ => Err(LoadError::Faults(report)),
         }
-        _ => Err(LoadError::Faults(report)),
     }
 }
 
@@ -146,8 +155,8 @@ pub(crate) fn contents(
         }
         Source::Files { urdf, submechanisms } => {
             let folder = submechanisms.as_deref().and_then(Path::parent).map(Path::to_owned);
-            let submechanisms = submechanisms.as_deref().map(file).transpose()?;
-            Ok(Some(Contents { urdf: file(urdf)?, submechanisms, folder }))
+            let submechanisms = submechanisms.as_deref().map(text::read).transpose()?;
+            Ok(Some(Contents { urdf: text::read(urdf)?, submechanisms, folder }))
         }
         Source::Text { urdf, submechanisms } => Ok(Some(Contents {
             urdf: ("robot.urdf".to_owned(), urdf.clone()),
@@ -186,14 +195,12 @@ pub(crate) fn describe(
     if let Some(text) = &mut urdf_text {
         text.join_stray_prefix("drake", diagnostics);
     }
-    let mut urdf = urdf_text.as_ref().and_then(|text| Urdf::read(text, diagnostics));
+    let mut urdf = urdf_text.and_then(|text| Urdf::read(&text, diagnostics));
     *robot = urdf.as_ref().map(|urdf| urdf.name.clone());
     let with_submechanisms = contents.submechanisms.is_some();
-    let submechanism_text =
-        contents.submechanisms.and_then(|(name, bytes)| Text::new(&name, bytes, diagnostics));
-    let root = submechanism_text
-        .as_ref()
-        .and_then(|text| yaml::parse(text, yaml::SUBMECHANISMS, diagnostics));
+    let root = contents
+        .submechanisms
+        .and_then(|(name, bytes)| yaml::read(&name, bytes, yaml::SUBMECHANISMS, diagnostics));
     let entries = root.as_ref().map(|root| submechanisms::walk(root, diagnostics));
     if let (Some(urdf), Some(entries), Some(folder)) = (&mut urdf, &entries, &contents.folder) {
         transmissions(urdf, entries, folder, diagnostics);
@@ -208,23 +215,10 @@ pub(crate) fn describe(
         return None;
     }
 
-    // the values
     let urdf = urdf?;
-    let values = urdf::values(&urdf_text?, &urdf, diagnostics)?;
-    let entries = match &submechanism_text {
-        Some(text) => Some(submechanisms::values(text, diagnostics)?),
-        None => None,
-    };
-    let has_file = entries.is_some();
-    let Some(mut description) = build::description(&urdf, values, entries, options.gravity) else {
-        let found = "two readers of these files see different names";
-        let help = "use letters, digits, _ and / in names";
-        diagnostics.error(urdf.span, found, "plain names", help);
-        return None;
-    };
-
+    let mut description = build::description(&urdf, submechanisms.as_ref(), options.gravity)?;
     let mut spans = Spans::new(&urdf, submechanisms.as_ref());
-    unlisted::complete(&urdf, has_file, &mut description, &mut spans, diagnostics);
+    unlisted::complete(&urdf, with_submechanisms, &mut description, &mut spans, diagnostics);
     base::put(&options.base, &mut description, &mut spans, diagnostics);
     if diagnostics.has_errors() {
         return None;
@@ -269,8 +263,8 @@ fn transmissions(urdf: &mut Urdf, entries: &[Entry], folder: &Path, diagnostics:
             continue;
         };
         // a file that is not there leaves the couplings missing, and that is reported
-        let Ok(bytes) = text::read_named(&path) else { continue };
-        if let Some(text) = Text::new(&path.display().to_string(), bytes, diagnostics) {
+        let Ok((name, bytes)) = text::read_named(&path) else { continue };
+        if let Some(text) = Text::new(&name, bytes, diagnostics) {
             urdf.couple_from(&text, &joints, diagnostics);
         }
     }

@@ -50,12 +50,7 @@ impl Opened {
     pub fn compile(&self, description: Description) -> Result<Loaded, LoadError> {
         let mut diagnostics = self.diagnostics.clone();
         let compiled = compile(&description, &self.spans, &mut diagnostics);
-        let report = Report { robot: self.robot.clone(), ..diagnostics.into_report() };
-        match compiled {
-            Some(compiled) if report.errors.is_empty() => {
-                Ok(Loaded { description, compiled, report })
-            }
-            _ => Err(LoadError::Faults(report)),
-        }
+        let robot = compiled.map(|compiled| (description, compiled));
+        Loaded::new(robot, Report { robot: self.robot.clone(), ..diagnostics.into_report() })
     }
 }

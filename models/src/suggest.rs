@@ -13,8 +13,7 @@ use crate::error::LoadError;
 use crate::load::{Options, Source, load, texts};
 use crate::open::load_open;
 use crate::report::{Diagnostics, Report};
-use crate::submechanisms::kind::{KNOWN, Known};
-use crate::text::Text;
+use crate::submechanisms::kind::{KNOWN, Known, freedoms};
 use crate::yaml::{self, Node, Value};
 
 /// A submechanism file, and the faults that the robot still has with it.
@@ -111,8 +110,8 @@ fn compiles(description: &Description) -> bool {
 /// The submechanisms of a file, as far as they can be read.
 fn drafts(bytes: &[u8], robot: &Description) -> Result<Vec<Draft>, LoadError> {
     let mut diagnostics = Diagnostics::new(false);
-    let root = Text::new("submechanisms.yml", bytes.to_vec(), &mut diagnostics)
-        .and_then(|text| yaml::parse(&text, yaml::SUBMECHANISMS, &mut diagnostics));
+    let name = "submechanisms.yml";
+    let root = yaml::read(name, bytes.to_vec(), yaml::SUBMECHANISMS, &mut diagnostics);
     let Some(root) = root.filter(|_| !diagnostics.has_errors()) else {
         return Err(LoadError::Faults(diagnostics.into_report()));
     };
@@ -122,10 +121,11 @@ fn drafts(bytes: &[u8], robot: &Description) -> Result<Vec<Draft>, LoadError> {
     let mut seen = BTreeSet::new();
     let items = root.get("submechanisms").map_or(&[][..], Node::items);
     let of = |(k, node): (usize, &Node)| {
-        let word = |key: &str| node.get(key).and_then(text_of);
+        let text = |node: &Node| node.text().map(str::to_owned);
+        let word = |key: &str| node.get(key).and_then(text);
         let words = |key: &str| -> Vec<String> {
             let items = node.get(key).map_or(&[][..], Node::items);
-            items.iter().filter_map(text_of).filter(moves).collect()
+            items.iter().filter_map(text).filter(moves).collect()
         };
         let listed = [words("jointnames_spanningtree"), words("jointnames")];
         let tree = listed.into_iter().find(|list| !list.is_empty()).unwrap_or_default();
@@ -280,14 +280,7 @@ fn fitting(
         return None;
     }
     let joints = &given.submechanisms[s].spanning_tree;
-    let dofs: usize = joints
-        .iter()
-        .map(|j| match given.joints[*j].kind {
-            JointKind::Spherical => 3,
-            JointKind::Floating => 6,
-            _ => 1,
-        })
-        .sum();
+    let dofs: usize = joints.iter().map(|j| freedoms(Some(given.joints[*j].kind))).sum();
     let orders: Vec<Vec<usize>> = match joints[..] {
         [a, b, c] => [[a, b, c], [a, c, b], [b, a, c], [b, c, a], [c, a, b], [c, b, a]]
             .map(|order| order.to_vec())
@@ -363,13 +356,6 @@ fn flow(node: &Node) -> String {
             let pair = |(key, value): &(Node, Node)| format!("{}: {}", flow(key), flow(value));
             format!("{{{}}}", entries.iter().map(pair).collect::<Vec<_>>().join(", "))
         }
-    }
-}
-
-fn text_of(node: &Node) -> Option<String> {
-    match &node.value {
-        Value::Scalar { text, .. } => Some(text.clone()),
-        _ => None,
     }
 }
 

@@ -41,16 +41,11 @@ impl Text {
             );
             return None;
         }
-        let (content, fault) = match String::from_utf8(bytes) {
-            Ok(content) => (content, None),
-            Err(error) => {
-                let good = error.utf8_error().valid_up_to();
-                let mut bytes = error.into_bytes();
-                let bad = bytes.get(good).copied().unwrap_or_default();
-                bytes.truncate(good);
-                (String::from_utf8(bytes).unwrap_or_default(), Some(bad))
-            }
-        };
+        let mut bytes = bytes;
+        let good = str::from_utf8(&bytes).map_or_else(|error| error.valid_up_to(), str::len);
+        let fault = bytes.get(good).copied();
+        bytes.truncate(good);
+        let content = String::from_utf8(bytes).unwrap_or_default();
         let content = content.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(content);
         let text = Text {
             file,
@@ -122,21 +117,20 @@ impl Text {
     }
 }
 
-/// The bytes of a file, at most one more than [`LARGEST`].
-pub(crate) fn read(path: &Path) -> Result<Vec<u8>, LoadError> {
-    let unreadable = |error: std::io::Error| LoadError::Open {
-        file: path.display().to_string(),
-        reason: error.to_string(),
-    };
+/// A file's name for messages and its bytes, at most one more than [`LARGEST`].
+pub(crate) fn read(path: &Path) -> Result<(String, Vec<u8>), LoadError> {
+    let name = path.display().to_string();
+    let unreadable =
+        |error: std::io::Error| LoadError::Open { file: name.clone(), reason: error.to_string() };
     let file = File::open(path).map_err(unreadable)?;
     let mut bytes = Vec::new();
     file.take(LARGEST as u64 + 1).read_to_end(&mut bytes).map_err(unreadable)?;
-    Ok(bytes)
+    Ok((name, bytes))
 }
 
 /// As [`read`], of a file that another file names: it must be an ordinary one, because reading a
 /// device or a pipe may block.
-pub(crate) fn read_named(path: &Path) -> Result<Vec<u8>, LoadError> {
+pub(crate) fn read_named(path: &Path) -> Result<(String, Vec<u8>), LoadError> {
     match path.metadata() {
         Ok(metadata) if !metadata.is_file() => Err(LoadError::Open {
             file: path.display().to_string(),

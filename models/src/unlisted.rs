@@ -15,10 +15,10 @@ use crate::urdf::{Closing, Place, Urdf};
 /// The submechanism of the joints that a submechanism file does not list.
 const UNLISTED: &str = "unlisted";
 
-/// Joints that loops of the URDF tie together.
-struct Group {
+/// Joints that loops of the URDF tie together, with the cuts of these loops.
+struct Group<'a> {
     joints: BTreeSet<usize>,
-    closings: Vec<usize>,
+    cuts: Vec<(&'a Closing, Loop)>,
 }
 
 /// Puts the loops of the URDF into the submechanisms that own their joints, or into one of their
@@ -34,13 +34,14 @@ pub(crate) fn complete(
     for (s, part) in description.submechanisms.iter().enumerate() {
         part.spanning_tree.iter().for_each(|j| owner[*j] = Some(s));
     }
-    let mut groups: Vec<Group> = Vec::new();
-    let above = above(description);
+    let mut groups: Vec<Group<'_>> = Vec::new();
+    let above = urdf.above();
     // the submechanism and loop of each closing that lies on its predecessor alone
     let mut open: Vec<(usize, usize, Place)> = Vec::new();
-    for (c, closing) in urdf.closings.iter().enumerate() {
-        let Some([a, b]) = ends(urdf, closing, diagnostics) else { continue };
-        let path = path(description, &above, a, b);
+    for closing in &urdf.closings {
+        let Some(ends) = ends(urdf, closing, diagnostics) else { continue };
+        let path = urdf.paths(&above, ends).concat();
+        let cut = cut(closing, ends);
         if path.is_empty() {
             let found = format!(
                 "the loop {} lies between links that do not move against each other",
@@ -50,19 +51,19 @@ pub(crate) fn complete(
             diagnostics.warning(closing.span, found, "links with a joint between them", help);
         } else if let Some(s) = path.iter().find_map(|j| owner[*j]) {
             let part = &mut description.submechanisms[s];
-            if let Some(l) = attach(closing, [a, b], part, diagnostics) {
+            if let Some(l) = attach(closing, cut, part, diagnostics) {
                 spans.add_loop(s, closing.span, part.loops[l].rows.len());
                 open.push((s, l, closing.place));
             }
         } else {
-            let mut group = Group { joints: path.into_iter().collect(), closings: Vec::new() };
-            let (joined, others): (Vec<Group>, Vec<Group>) =
+            let mut group = Group { joints: path.into_iter().collect(), cuts: Vec::new() };
+            let (joined, others): (Vec<Group<'_>>, Vec<Group<'_>>) =
                 groups.into_iter().partition(|other| !other.joints.is_disjoint(&group.joints));
             for other in joined {
                 group.joints.extend(other.joints);
-                group.closings.extend(other.closings);
+                group.cuts.extend(other.cuts);
             }
-            group.closings.push(c);
+            group.cuts.push((closing, cut));
             groups = others;
             groups.push(group);
         }
@@ -70,11 +71,9 @@ pub(crate) fn complete(
     for group in groups {
         let s = description.submechanisms.len();
         let Some(part) = tied(urdf, &group, description, diagnostics) else { continue };
-        let first = group.closings.first().and_then(|c| urdf.closings.get(*c));
-        spans.add(first.map_or(urdf.span, |closing| closing.span));
-        for (l, c) in group.closings.iter().enumerate() {
-            let closing = &urdf.closings[*c];
-            spans.add_loop(s, closing.span, part.loops[l].rows.len());
+        spans.add(group.cuts.first().map_or(urdf.span, |(closing, _)| closing.span));
+        for (l, (closing, cut)) in group.cuts.iter().enumerate() {
+            spans.add_loop(s, closing.span, cut.rows.len());
             open.push((s, l, closing.place));
         }
         description.submechanisms.push(part);
@@ -125,50 +124,16 @@ fn ends(urdf: &Urdf, closing: &Closing, diagnostics: &mut Diagnostics) -> Option
     (a != b).then_some([a, b])
 }
 
-/// The joint above each link.
-fn above(description: &Description) -> Vec<Option<usize>> {
-    let mut above = vec![None; description.links.len()];
-    for (j, joint) in description.joints.iter().enumerate() {
-        if let Some(slot) = above.get_mut(joint.child) {
-            *slot = Some(j);
-        }
-    }
-    above
-}
-
-/// The moving joints between two links.
-fn path(description: &Description, above: &[Option<usize>], a: usize, b: usize) -> Vec<usize> {
-    let joints = &description.joints;
-    let chain = |mut link: usize| {
-        let mut chain = Vec::new();
-        while let Some(j) =
-            above.get(link).copied().flatten().filter(|_| chain.len() < joints.len())
-        {
-            chain.push(j);
-            link = joints[j].parent;
-        }
-        chain
-    };
-    let mut a = chain(a);
-    let mut b = chain(b);
-    while a.last().is_some() && a.last() == b.last() {
-        a.pop();
-        b.pop();
-    }
-    a.extend(b);
-    a.retain(|j| joints[*j].kind != JointKind::Fixed);
-    a
-}
-
 /// Puts a loop into a submechanism that a file lists; its index there.
 fn attach(
     closing: &Closing,
-    [a, b]: [usize; 2],
+    cut: Loop,
     part: &mut Submechanism,
     diagnostics: &mut Diagnostics,
 ) -> Option<usize> {
     let name = quoted(&closing.name);
-    let same = |cut: &&Loop| [[a, b], [b, a]].contains(&[cut.predecessor, cut.successor]);
+    let [a, b] = [cut.predecessor, cut.successor];
+    let same = |known: &&Loop| [[a, b], [b, a]].contains(&[known.predecessor, known.successor]);
     if let Some(known) = part.loops.iter().find(same) {
         let found = format!("the loop {name} of the URDF is that of {}", quoted(&known.name));
         let help = "remove one of them; that of the submechanism file is read";
@@ -185,7 +150,7 @@ fn attach(
         diagnostics.error(closing.span, found, "a type with loops", help);
         return None;
     }
-    part.loops.push(cut(closing, [a, b]));
+    part.loops.push(cut);
     Some(part.loops.len() - 1)
 }
 
@@ -193,13 +158,11 @@ fn attach(
 /// them are independent, which is reported with the lines to write.
 fn tied(
     urdf: &Urdf,
-    group: &Group,
+    group: &Group<'_>,
     description: &Description,
     diagnostics: &mut Diagnostics,
 ) -> Option<Submechanism> {
-    let closings: Vec<&Closing> =
-        group.closings.iter().filter_map(|c| urdf.closings.get(*c)).collect();
-    let first = closings.first()?;
+    let (first, _) = group.cuts.first()?;
     let tree: Vec<usize> = group.joints.iter().copied().collect();
     let joint = |j: &usize| urdf.joints.get(*j);
     let free = |j: &&usize| joint(j).is_some_and(|joint| joint.masters.is_empty());
@@ -234,17 +197,11 @@ fn tied(
             return None;
         }
     };
-    let loops = closings.iter().filter_map(|closing| {
-        let [a, b] = closing.links.each_ref().map(|(name, _)| {
-            urdf.link_index.get(name).copied().or(urdf.root.filter(|_| name == "world"))
-        });
-        Some(cut(closing, [a?, b?]))
-    });
     Some(Submechanism {
         name: unique(&first.name, &description.submechanisms),
         kind: SubmechanismKind::Numerical,
         type_name: "NUMERICAL".to_owned(),
-        loops: loops.collect(),
+        loops: group.cuts.iter().map(|(_, cut)| cut.clone()).collect(),
         spanning_tree: tree,
         independent,
         active,

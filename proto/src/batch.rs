@@ -28,6 +28,7 @@ use std::sync::atomic::{
 use rustix::fs::{SealFlags, fcntl_add_seals};
 
 use crate::mapping::Mapping;
+use crate::message::{halves, pair};
 use crate::{Answer, Status, Warnings};
 
 /// The most rows of one batch.
@@ -119,14 +120,9 @@ impl ServedBatch {
     /// The head of the batch of this sequence.
     pub fn head(&self, sequence: u64) -> BatchHead {
         let words = self.0.words();
-        let version_plan = words[VERSION_PLAN].load(Relaxed);
-        BatchHead {
-            version: version_plan as u32,
-            plan: (version_plan >> 32) as u32,
-            fingerprint: words[FINGERPRINT].load(Relaxed),
-            sequence,
-            rows: words[ROWS].load(Relaxed),
-        }
+        let [version, plan] = halves(words[VERSION_PLAN].load(Relaxed));
+        let [fingerprint, rows] = [FINGERPRINT, ROWS].map(|word| words[word].load(Relaxed));
+        BatchHead { version, plan, fingerprint, sequence, rows }
     }
 
     /// Reads rows from this one on, as many numbers as `numbers` holds. Allocates never.
@@ -137,9 +133,7 @@ impl ServedBatch {
     /// Writes answers and numbers of rows from this one on. Allocates never.
     pub fn write(&self, shape: &BatchShape, first: usize, answers: &[Answer], numbers: &[f64]) {
         let words = self.0.words();
-        let outcomes = answers
-            .iter()
-            .map(|answer| u64::from(answer.status as u32) | u64::from(answer.warnings.0) << 32);
+        let outcomes = answers.iter().map(|answer| pair(answer.status as u32, answer.warnings.0));
         let room = words.get(FIRST + first..).unwrap_or_default();
         room.iter().zip(outcomes).for_each(|(word, outcome)| word.store(outcome, Relaxed));
         write(words, shape.output(first), numbers);
@@ -181,8 +175,7 @@ impl ClaimedBatch {
     /// Asks for rows. Allocates never.
     pub fn send(&self, head: &BatchHead, shape: &BatchShape, input: &[f64]) {
         let words = self.0.words();
-        let version_plan = u64::from(head.version) | u64::from(head.plan) << 32;
-        words[VERSION_PLAN].store(version_plan, Relaxed);
+        words[VERSION_PLAN].store(pair(head.version, head.plan), Relaxed);
         words[FINGERPRINT].store(head.fingerprint, Relaxed);
         words[ROWS].store(head.rows, Relaxed);
         write(words, shape.input(0), input);
@@ -219,9 +212,9 @@ impl ClaimedBatch {
         read(words, shape.output(0), output);
         let outcomes = words.get(FIRST..).unwrap_or_default();
         for (row, (answer, word)) in answers.iter_mut().zip(outcomes).enumerate() {
-            let outcome = word.load(Relaxed);
-            let status = Status::of_answer(outcome as u32);
-            *answer = Answer { status, warnings: Warnings((outcome >> 32) as u32) };
+            let [status, warnings] = halves(word.load(Relaxed));
+            let status = Status::of_answer(status);
+            *answer = Answer { status, warnings: Warnings(warnings) };
             if status == Status::UnknownStatus {
                 let numbers = output.get_mut(row * shape.n_out..(row + 1) * shape.n_out);
                 numbers.unwrap_or_default().fill(f64::NAN);

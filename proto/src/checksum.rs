@@ -10,25 +10,21 @@
 //! of its request and with it the plan, the model and the numbers that were asked: the answer to
 //! another question fails.
 
-use crate::message::{RequestHead, ResponseHead};
+use crate::message::{HEAD, RequestHead, ResponseHead, pair};
 
 /// The first key and the step between the keys of two pairs: digits of π and the golden ratio.
 const KEY: u64 = 0x243f_6a88_85a3_08d3;
 const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 /// Sums that the processor forms side by side.
 const CHAINS: usize = 4;
-/// Words of a head, with the count of the numbers.
-const HEAD: usize = 6;
 /// In the place of a request's last word: an answer is never taken for a request.
 const ANSWER: u64 = u64::MAX;
 
 /// The checksum of a request with these numbers. Never allocates.
 #[inline]
 pub fn of_request(head: &RequestHead, numbers: &[f64]) -> u64 {
-    let RequestHead { version, plan, fingerprint, sequence, stamp_ns, deadline_ns, checksum: _ } =
-        *head;
-    let count = numbers.len() as u64;
-    sum([pair(version, plan), fingerprint, sequence, stamp_ns, deadline_ns, count], numbers)
+    // the count in the place of the checksum
+    sum(RequestHead { checksum: numbers.len() as u64, ..*head }.words(), numbers)
 }
 
 /// The checksum of an answer with these numbers to the request that has the checksum `request`.
@@ -59,11 +55,6 @@ impl ResponseHead {
         self.sequence == request.sequence
             && self.checksum == of_answer(self, request.checksum, numbers)
     }
-}
-
-#[inline]
-fn pair(low: u32, high: u32) -> u64 {
-    u64::from(low) | u64::from(high) << 32
 }
 
 fn sum(head: [u64; HEAD], numbers: &[f64]) -> u64 {

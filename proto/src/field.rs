@@ -1,7 +1,7 @@
 //! The named blocks of numbers that requests give and answers hold.
 
 use core::fmt;
-use core::ops::{BitOr, BitOrAssign, Sub, SubAssign};
+use core::ops::{BitOr, BitOrAssign, Sub};
 
 use crate::Sizes;
 use crate::wire_enum::wire_enum;
@@ -131,8 +131,10 @@ impl Field {
         match self {
             Y | NearestY => (p.n_qy, 1),
             Yd | Ydd | TauY | TauUnactuated | CY => (p.n_vy, 1),
-            Q | QGuess => (p.n_q, 1),
-            Qd | Qdd | QdGuess | TauQ | GBias => (p.n_v, 1),
+            Q => (p.n_q, 1),
+            Qd | Qdd | TauQ | GBias => (p.n_v, 1),
+            QGuess => (s.n_q, 1),
+            QdGuess => (s.n_v, 1),
             U | Ud | Udd | TauU | GUBias => (p.n_u, 1),
             Wrenches => (n_wrenches, 6),
             G => (p.n_v, s.n_vy),
@@ -154,31 +156,10 @@ impl Field {
     }
 
     /// True for fields with a row for each joint that [`crate::Query::joints`] picks.
-    pub const fn has_joint_rows(self) -> bool {
-        use Field::*;
-        matches!(
-            self,
-            Y | NearestY
-                | Yd
-                | Ydd
-                | Q
-                | Qd
-                | Qdd
-                | U
-                | Ud
-                | Udd
-                | TauQ
-                | TauY
-                | TauU
-                | TauUnactuated
-                | G
-                | GBias
-                | GU
-                | GUBias
-                | MY
-                | CY
-                | Limits
-        )
+    pub fn has_joint_rows(self) -> bool {
+        let none = Sizes::default();
+        let one = Sizes { n_q: 1, n_v: 1, n_qy: 1, n_vy: 1, n_u: 1, ..none };
+        self.shape_of_rows(&none, &one, 0, 0).0 > self.shape(&none, 0, 0).0
     }
 
     /// The field of a name, as scripts write it.
@@ -254,6 +235,12 @@ impl FieldSet {
         FieldSet(self.0 | 1 << field as u8)
     }
 
+    /// The fields of the set that are not in the other.
+    #[must_use]
+    pub const fn without(self, other: FieldSet) -> FieldSet {
+        FieldSet(self.0 & !other.0)
+    }
+
     /// The fields of the set, in packing order.
     pub fn iter(self) -> impl Iterator<Item = Field> {
         Field::ALL.iter().copied().filter(move |field| self.has(*field))
@@ -299,13 +286,7 @@ impl<S: Into<FieldSet>> Sub<S> for FieldSet {
 
     /// The fields of the first that are not in the second.
     fn sub(self, other: S) -> FieldSet {
-        FieldSet(self.0 & !other.into().0)
-    }
-}
-
-impl<S: Into<FieldSet>> SubAssign<S> for FieldSet {
-    fn sub_assign(&mut self, other: S) {
-        *self = *self - other;
+        self.without(other.into())
     }
 }
 

@@ -91,8 +91,6 @@ pub trait Inbox<H>: Send {
     /// concurrent write changes nothing. Makes no system call, takes no lock, never
     /// allocates.
     fn poll(&mut self) -> Option<(H, &[f64])>;
-    /// True when `poll` would give the entry.
-    fn has_news(&self) -> bool;
 }
 
 /// The writing end of a board.
@@ -130,10 +128,6 @@ impl<H: Copy + Send + 'static, const N: usize> Inbox<H> for Reading<H, N> {
         // SYNC POINT: lane entry (the other end is `publish`)
         self.last = self.entry.get();
         Some((self.last.head, &self.last.numbers))
-    }
-
-    fn has_news(&self) -> bool {
-        !self.entry.is_up_to_date(&self.last)
     }
 }
 

@@ -63,6 +63,31 @@ pub struct RequestHead {
     pub checksum: u64,
 }
 
+/// Words of a [`RequestHead`].
+pub(crate) const HEAD: usize = 6;
+
+impl RequestHead {
+    /// The head as words in the order of its bytes.
+    #[inline]
+    pub(crate) fn words(&self) -> [u64; HEAD] {
+        let RequestHead { version, plan, fingerprint, sequence, stamp_ns, deadline_ns, checksum } =
+            *self;
+        [pair(version, plan), fingerprint, sequence, stamp_ns, deadline_ns, checksum]
+    }
+}
+
+/// One word of two numbers.
+#[inline]
+pub(crate) fn pair(low: u32, high: u32) -> u64 {
+    u64::from(low) | u64::from(high) << 32
+}
+
+/// The two numbers of one word.
+#[inline]
+pub(crate) fn halves(word: u64) -> [u32; 2] {
+    [word as u32, (word >> 32) as u32]
+}
+
 /// The head of every answer, through either transport.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C)]
@@ -108,36 +133,20 @@ pub struct Entry<H, const N: usize> {
     pub numbers: [f64; N],
 }
 
-/// A client's entry of a lane.
-pub type LaneRequest<const N: usize> = Entry<RequestHead, N>;
-/// The server's entry of a lane.
-pub type LaneResponse<const N: usize> = Entry<ResponseHead, N>;
-
 /// A request through the service. The client may change it while the server reads, so its
 /// words are atomic and the server reads each of them once.
 #[derive(Debug)]
 #[repr(C)]
 pub struct ComputeRequest {
-    version_plan: AtomicU64,
-    fingerprint: AtomicU64,
-    sequence: AtomicU64,
-    stamp_ns: AtomicU64,
-    deadline_ns: AtomicU64,
-    checksum: AtomicU64,
+    head: [AtomicU64; HEAD],
     numbers: [AtomicU64; MAX_NUMBERS_IN],
 }
 
 impl Default for ComputeRequest {
     /// All zero.
     fn default() -> ComputeRequest {
-        let zero = || AtomicU64::new(0);
         ComputeRequest {
-            version_plan: zero(),
-            fingerprint: zero(),
-            sequence: zero(),
-            stamp_ns: zero(),
-            deadline_ns: zero(),
-            checksum: zero(),
+            head: [const { AtomicU64::new(0) }; HEAD],
             numbers: [const { AtomicU64::new(0) }; MAX_NUMBERS_IN],
         }
     }
@@ -147,12 +156,7 @@ impl ComputeRequest {
     /// Writes the head and the numbers; numbers beyond the payload are dropped, since the server
     /// refuses plans that need more.
     pub fn write(&self, head: &RequestHead, numbers: &[f64]) {
-        self.version_plan.store(u64::from(head.version) | u64::from(head.plan) << 32, Relaxed);
-        self.fingerprint.store(head.fingerprint, Relaxed);
-        self.sequence.store(head.sequence, Relaxed);
-        self.stamp_ns.store(head.stamp_ns, Relaxed);
-        self.deadline_ns.store(head.deadline_ns, Relaxed);
-        self.checksum.store(head.checksum, Relaxed);
+        self.head.iter().zip(head.words()).for_each(|(word, value)| word.store(value, Relaxed));
         self.numbers
             .iter()
             .zip(numbers)
@@ -161,16 +165,10 @@ impl ComputeRequest {
 
     /// Reads the head.
     pub fn head(&self) -> RequestHead {
-        let version_plan = self.version_plan.load(Relaxed);
-        RequestHead {
-            version: version_plan as u32,
-            plan: (version_plan >> 32) as u32,
-            fingerprint: self.fingerprint.load(Relaxed),
-            sequence: self.sequence.load(Relaxed),
-            stamp_ns: self.stamp_ns.load(Relaxed),
-            deadline_ns: self.deadline_ns.load(Relaxed),
-            checksum: self.checksum.load(Relaxed),
-        }
+        let words = self.head.each_ref().map(|word| word.load(Relaxed));
+        let [first, fingerprint, sequence, stamp_ns, deadline_ns, checksum] = words;
+        let [version, plan] = halves(first);
+        RequestHead { version, plan, fingerprint, sequence, stamp_ns, deadline_ns, checksum }
     }
 
     /// Reads as many numbers as `numbers` holds.
@@ -277,7 +275,7 @@ mod tests {
         assert_eq!(PROTOCOL_VERSION, 7);
         assert_eq!(size_of::<RequestHead>(), 48);
         assert_eq!(size_of::<ResponseHead>(), 32);
-        assert_eq!(size_of::<LaneRequest<16>>(), 48 + 8 * 16);
+        assert_eq!(size_of::<Entry<RequestHead, 16>>(), 48 + 8 * 16);
         assert_eq!(size_of::<ComputeRequest>(), 48 + 8 * MAX_NUMBERS_IN);
         assert_eq!(size_of::<ComputeResponse>(), 32 + 8 * MAX_NUMBERS_OUT);
         assert!(Status::ALL.len() < N_STATUSES);

@@ -53,46 +53,16 @@ impl Request {
     /// The fields that an answer to a request of this kind can hold.
     const fn outputs(self) -> FieldSet {
         use Field::*;
-        const STATE: FieldSet = FieldSet::of(&[
-            Y,
-            Yd,
-            Ydd,
-            Q,
-            Qd,
-            Qdd,
-            U,
-            Ud,
-            Udd,
-            G,
-            GBias,
-            GU,
-            GUBias,
-            K,
-            KBias,
-            Residual,
-            Iterations,
-            CondKd,
-            CondGu,
-            SigmaMin,
-            Branch,
-            GoodIndependents,
-            Uncontrolled,
-            NearestY,
-            FramePose,
-            FrameTwist,
-            FrameAcc,
-            JacobianTree,
-            JacobianIndependent,
-            JacobianActuator,
-            Projection,
-            Limits,
-        ]);
-        const DYNAMICS: FieldSet =
-            STATE.with(Lambda).with(LambdaDeterminate).with(MY).with(CY).with(CondMy).with(TauY);
+        // every field but those that are given only, and the forces and masses of some requests
+        const ANSWERS: FieldSet =
+            FieldSet::of(Field::ALL).without(FieldSet::of(&[QGuess, QdGuess, Wrenches]));
+        const FORCES: FieldSet = FieldSet::of(&[TauQ, TauY, TauU, TauUnactuated]);
+        const MASSES: FieldSet = FieldSet::of(&[Lambda, LambdaDeterminate, MY, CY, CondMy]);
+        const STATE: FieldSet = ANSWERS.without(FORCES).without(MASSES);
         match self {
             Request::Kinematics => STATE,
-            Request::InverseDynamics => DYNAMICS.with(TauU).with(TauUnactuated).with(TauQ),
-            Request::ForwardDynamics => DYNAMICS,
+            Request::InverseDynamics => ANSWERS,
+            Request::ForwardDynamics => ANSWERS.without(FORCES).with(TauY),
             Request::Map => STATE.with(TauY).with(TauU).with(TauUnactuated),
         }
     }

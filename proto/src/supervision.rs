@@ -26,7 +26,7 @@ struct State {
 
 /// Why the supervisor of a server has given it up; none where it has not.
 pub fn given_up(root: &Path, name: &ServerName) -> Option<String> {
-    let path = folder(root, name)?.join("state");
+    let path = folder(root, name).join("state");
     // neither a link nor a pipe, only a file of this user
     let mut options = OpenOptions::new();
     let flags = rustix::fs::OFlags::NOFOLLOW | rustix::fs::OFlags::NONBLOCK;
@@ -46,7 +46,7 @@ pub fn given_up(root: &Path, name: &ServerName) -> Option<String> {
 /// # Errors
 /// The folder or the file cannot be made.
 pub fn give_up(root: &Path, name: &ServerName, reason: &str, at_unix: u64) -> io::Result<()> {
-    let folder = folder(root, name).ok_or(io::ErrorKind::InvalidInput)?;
+    let folder = folder(root, name);
     make_root(root)?;
     make_folder(&folder)?;
     let reason = reason.chars().take(1000).collect();
@@ -73,16 +73,15 @@ pub fn give_up(root: &Path, name: &ServerName, reason: &str, at_unix: u64) -> io
 
 /// Takes it back: a server runs. Folders that are empty then go as well.
 pub fn clear(root: &Path, name: &ServerName) {
-    let Some(folder) = folder(root, name) else { return };
+    let folder = folder(root, name);
     if fs::remove_file(folder.join("state")).is_ok() {
         let _ = fs::remove_dir(&folder).and_then(|()| fs::remove_dir(root.join("server")));
     }
 }
 
-/// The folder of a server; none for names that are another folder's.
-fn folder(root: &Path, name: &ServerName) -> Option<PathBuf> {
-    let name = name.as_str();
-    (name != "." && name != "..").then(|| root.join("server").join(name))
+/// The folder of a server.
+fn folder(root: &Path, name: &ServerName) -> PathBuf {
+    root.join("server").join(name.as_str())
 }
 
 #[cfg(test)]

@@ -52,26 +52,22 @@ pub enum KernelError {
 
 /// Gives plans their kernels.
 #[derive(Default)]
-pub(crate) enum Source {
-    #[default]
-    None,
-    Kept,
-    Compiled,
-    One(PathBuf, Arc<NativeKernel>),
+pub(crate) struct Source {
+    kernels: Kernels,
+    /// That of [`Kernels::File`].
+    loaded: Option<Arc<NativeKernel>>,
 }
 
 impl Source {
     /// Loads and checks the existing kernels.
     pub(crate) fn new(kernels: Kernels, model: &Model<f64>) -> Result<Source, KernelError> {
-        Ok(match kernels {
-            Kernels::None => Source::None,
-            Kernels::Kept => Source::Kept,
-            Kernels::Compiled => Source::Compiled,
+        let loaded = match &kernels {
             Kernels::File(path) => {
-                let kernel = NativeKernel::of_file(&path, model).map_err(MakeError::from)?;
-                Source::One(path, Arc::new(kernel))
+                Some(Arc::new(NativeKernel::of_file(path, model).map_err(MakeError::from)?))
             }
-        })
+            _ => None,
+        };
+        Ok(Source { kernels, loaded })
     }
 
     /// The kernel of a plan; `None` where none is asked for.
@@ -81,18 +77,19 @@ impl Source {
         plan: &Plan,
     ) -> Option<Result<Arc<NativeKernel>, KernelError>> {
         let cache = || Cache::usual(|name| std::env::var_os(name)).map_err(MakeError::from);
-        Some(match self {
-            Source::None => return None,
-            Source::One(path, kernel) => {
+        Some(match &self.kernels {
+            Kernels::None => return None,
+            Kernels::File(path) => {
+                let kernel = self.loaded.as_ref()?;
                 match kernel.manifest().query == bare_query(plan.query()) {
                     true => Ok(Arc::clone(kernel)),
                     false => Err(KernelError::OtherQuery(path.clone())),
                 }
             }
-            Source::Kept => {
+            Kernels::Kept => {
                 cache().and_then(|cache| cache.find(model, plan)).map(Arc::new).map_err(Into::into)
             }
-            Source::Compiled => cache()
+            Kernels::Compiled => cache()
                 .and_then(|cache| {
                     let compiler = Compiler::found().ok_or(MakeError::NoCompiler)?;
                     cache.kernel(model, plan, &compiler, &Cancel::default())

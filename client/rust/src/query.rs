@@ -23,27 +23,15 @@ impl IntoField for Field {
     }
 }
 
-impl IntoField for &Field {
+impl<F: IntoField + Clone> IntoField for &F {
     fn into_field(self) -> Result<Field, String> {
-        Ok(*self)
+        self.clone().into_field()
     }
 }
 
 impl IntoField for &str {
     fn into_field(self) -> Result<Field, String> {
         Field::from_name(self).ok_or_else(|| self.to_owned())
-    }
-}
-
-impl IntoField for &&str {
-    fn into_field(self) -> Result<Field, String> {
-        (*self).into_field()
-    }
-}
-
-impl IntoField for &String {
-    fn into_field(self) -> Result<Field, String> {
-        self.as_str().into_field()
     }
 }
 
@@ -65,6 +53,24 @@ pub struct UnknownName {
     pub nearest: Option<String>,
     /// Where the known names are.
     pub help: String,
+}
+
+/// [`UnknownName::what`] of joints.
+const JOINT: &str = "joint of this robot";
+
+impl UnknownName {
+    /// A name that none of the known ones is; the help shows the first of these.
+    fn new(name: &str, what: &'static str, known: Vec<&str>) -> UnknownName {
+        const SHOWN: usize = 6;
+        let rest = if known.len() > SHOWN { ", …" } else { "" };
+        let first = known[..known.len().min(SHOWN)].join(", ");
+        UnknownName {
+            name: name.to_owned(),
+            what,
+            help: format!("it has {}: {first}{rest}", known.len()),
+            nearest: nearest(name, known).map(str::to_owned),
+        }
+    }
 }
 
 impl fmt::Display for UnknownName {
@@ -125,13 +131,8 @@ impl<'a> QueryBuilder<'a> {
             let pattern = pattern.as_ref();
             let matching = matching_joints(info, pattern);
             if matching.is_empty() {
-                self.unknown.push(UnknownName {
-                    name: pattern.to_owned(),
-                    what: "joint of this robot",
-                    nearest: nearest(pattern, info.joints().map(|joint| joint.name))
-                        .map(str::to_owned),
-                    help: format!("it has {}", some(info.joints().map(|joint| joint.name))),
-                });
+                let known = info.joints().map(|joint| joint.name).collect();
+                self.unknown.push(UnknownName::new(pattern, JOINT, known));
             }
             velocities.extend(matching);
         }
@@ -139,7 +140,7 @@ impl<'a> QueryBuilder<'a> {
         if velocities.is_empty() && self.unknown.is_empty() {
             self.unknown.push(UnknownName {
                 name: String::new(),
-                what: "joint of this robot",
+                what: JOINT,
                 nearest: None,
                 help: "name one, or leave `joints` out".to_owned(),
             });
@@ -234,13 +235,10 @@ impl<'a> QueryBuilder<'a> {
             let name = link.as_ref();
             match info.link(name) {
                 Some(link) => found.push(link),
-                None => self.unknown.push(UnknownName {
-                    name: name.to_owned(),
-                    what: "link of this robot",
-                    nearest: nearest(name, info.links.iter().map(String::as_str))
-                        .map(str::to_owned),
-                    help: format!("it has {}", some(info.links.iter().map(String::as_str))),
-                }),
+                None => {
+                    let known = info.links.iter().map(String::as_str).collect();
+                    self.unknown.push(UnknownName::new(name, "link of this robot", known));
+                }
             }
         }
         if found.len() > limit {
@@ -248,13 +246,4 @@ impl<'a> QueryBuilder<'a> {
         }
         found
     }
-}
-
-/// The first of some names, and how many there are.
-fn some<'a>(names: impl Iterator<Item = &'a str>) -> String {
-    const SHOWN: usize = 6;
-    let names: Vec<&str> = names.collect();
-    let rest = if names.len() > SHOWN { ", …" } else { "" };
-    let first: Vec<&str> = names.iter().copied().take(SHOWN).collect();
-    format!("{}: {}{rest}", names.len(), first.join(", "))
 }

@@ -10,7 +10,7 @@ use sarrus_proto::{Domain, ModelInfo, PROTOCOL_VERSION, ServerName};
 use crate::control::{Control, deadline_after};
 use crate::head::{Seen, Terms};
 use crate::plan::Plans;
-use crate::session::{Exchange, Session};
+use crate::session::{Session, Unanswered};
 use crate::{Answer, ConnectError, ConnectOptions, Error, interrupt};
 
 /// Between two attempts to attach again, at first and after a while.
@@ -106,14 +106,8 @@ impl Remote {
             let Attempt { session, plan, fingerprint, sequence, options, deadline } = attempt;
             *sequence += 1;
             let head = terms.head(plan, fingerprint, *sequence, input);
-            Ok(match session.exchange(&head, input, output, options, deadline) {
-                Exchange::Answered(answer) => {
-                    Exchange::Answered(terms.read(&head, &answer, output, seen))
-                }
-                Exchange::Lost => Exchange::Lost,
-                Exchange::TimedOut => Exchange::TimedOut,
-                Exchange::Interrupted => Exchange::Interrupted,
-            })
+            let answer = session.exchange(&head, input, output, options, deadline)?;
+            Ok(terms.read(&head, &answer, output, seen))
         })
     }
 
@@ -144,7 +138,7 @@ impl Remote {
         &mut self,
         prepared: &Plans,
         place: usize,
-        mut attempt: impl FnMut(Attempt<'_>) -> Result<Exchange<T>, Error>,
+        mut attempt: impl FnMut(Attempt<'_>) -> Result<T, Unanswered>,
     ) -> Result<T, Error> {
         // the clock is read only where something takes long
         let mut deadline = None;
@@ -161,13 +155,13 @@ impl Remote {
             let fingerprint = *fingerprint;
             let deadline = &mut deadline;
             match attempt(Attempt { session, plan, fingerprint, sequence, options, deadline }) {
-                Err(Error::Connect(ConnectError::Interrupted)) | Ok(Exchange::Interrupted) => {
+                Ok(answer) => return Ok(answer),
+                Err(Unanswered::Interrupted | Unanswered::Refused(ConnectError::Interrupted)) => {
                     return self.interrupted();
                 }
-                Err(error) => return Err(error),
-                Ok(Exchange::Answered(answer)) => return Ok(answer),
-                Ok(Exchange::Lost) => self.session = None,
-                Ok(Exchange::TimedOut) => {
+                Err(Unanswered::Refused(error)) => return Err(error.into()),
+                Err(Unanswered::Lost) => self.session = None,
+                Err(Unanswered::TimedOut) => {
                     let life = session.control.life();
                     // discard the session so that a late reply cannot be misread
                     self.session = None;

@@ -49,15 +49,16 @@ enum End {
     },
 }
 
-/// How an exchange with the server ended.
-pub(crate) enum Exchange<T> {
-    Answered(T),
+/// Why an exchange with the server has no answer.
+pub(crate) enum Unanswered {
     /// The server may be gone.
     Lost,
     /// The server lives.
     TimedOut,
     /// The caller does not wait any longer.
     Interrupted,
+    /// The server refuses it.
+    Refused(ConnectError),
 }
 
 impl Session {
@@ -116,68 +117,36 @@ impl Session {
         output: &mut [f64],
         options: &ConnectOptions,
         deadline: &mut Option<Instant>,
-    ) -> Exchange<ResponseHead> {
-        let mut waiter = Waiter::new(options.wait_strategy);
+    ) -> Result<ResponseHead, Unanswered> {
         let control = &self.control;
         match &mut self.end {
-            End::None => Exchange::Lost,
+            End::None => Err(Unanswered::Lost),
             End::Lane { lane, .. } => {
-                let Some(numbers) = lane.outbox.numbers().get_mut(..input.len()) else {
-                    return Exchange::Lost;
-                };
-                numbers.copy_from_slice(input);
+                let numbers = lane.outbox.numbers().get_mut(..input.len());
+                numbers.ok_or(Unanswered::Lost)?.copy_from_slice(input);
                 lane.outbox.publish(*head);
-                loop {
-                    if let Some((answer, numbers)) = lane.inbox.poll()
-                        && is_for(head, answer.sequence)
-                    {
-                        copy_or_nan(numbers, output);
-                        return Exchange::Answered(answer);
-                    }
-                    if let Some(waited) = waiter.pause()
-                        && let Some(end) = look(control, waited, options.timeout, deadline)
-                    {
-                        return end;
-                    }
-                }
+                wait(control, options, deadline, || Ok(take(head, lane.inbox.poll(), output)))
             }
             End::Requests { client, .. } => {
                 if !client.send(head, input) {
                     // the request was not taken: the server is gone, or busy with a request that
                     // this client gave up
                     output.fill(f64::NAN);
-                    return match control.is_over() {
-                        true => Exchange::Lost,
-                        false => {
-                            let status = Status::Overloaded;
-                            let answer = ResponseHead::new(status, Warnings::NONE, head.sequence);
-                            Exchange::Answered(answer.checked(head, &[]))
-                        }
-                    };
+                    let status = Status::Overloaded;
+                    let answer = ResponseHead::new(status, Warnings::NONE, head.sequence);
+                    let is_over = control.is_over();
+                    return (!is_over).then(|| answer.checked(head, &[])).ok_or(Unanswered::Lost);
                 }
-                let end = loop {
-                    match client.poll() {
-                        Ok(Some((answer, numbers))) if is_for(head, answer.sequence) => {
-                            copy_or_nan(numbers, output);
-                            break Exchange::Answered(answer);
-                        }
-                        Ok(_) => {}
-                        Err(_) => break Exchange::Lost,
-                    }
-                    if let Some(waited) = waiter.pause()
-                        && let Some(end) = look(control, waited, options.timeout, deadline)
-                    {
-                        break end;
-                    }
-                };
+                let end = wait(control, options, deadline, || {
+                    let found = client.poll().map_err(|_| Unanswered::Lost)?;
+                    Ok(take(head, found, output))
+                });
                 client.cancel();
                 end
             }
         }
     }
-}
 
-impl Session {
     /// Asks for rows that go together and waits for all of them; the status is that of the batch.
     /// The sequence is the area's own.
     pub(crate) fn exchange_batch(
@@ -187,16 +156,16 @@ impl Session {
         (input, output, answers): (&[f64], &mut [f64], &mut [Answer]),
         options: &ConnectOptions,
         deadline: &mut Option<Instant>,
-    ) -> Result<Exchange<Status>, Error> {
+    ) -> Result<Status, Unanswered> {
         let (area, sequence) = match &mut self.batch {
             Some(batch) => batch,
             none => {
                 let until = *deadline.get_or_insert_with(|| deadline_after(options.timeout));
-                match self.control.batch(until) {
-                    Ok(area) => none.insert((area, 0)),
-                    Err(error) if error.may_pass() => return Ok(Exchange::Lost),
-                    Err(error) => return Err(error.into()),
-                }
+                let area = self.control.batch(until).map_err(|error| match error.may_pass() {
+                    true => Unanswered::Lost,
+                    false => Unanswered::Refused(error),
+                })?;
+                none.insert((area, 0))
             }
         };
         *sequence += 1;
@@ -211,11 +180,8 @@ impl Session {
                     Status::Ok => area.read(shape, answers, output),
                     _ => answers.fill(Answer { status, warnings: Warnings::NONE }),
                 }
-                if !area.has_kept(head.sequence) {
-                    // the server took it back meanwhile
-                    return Ok(Exchange::Lost);
-                }
-                return Ok(Exchange::Answered(status));
+                // else the server took it back meanwhile
+                return area.has_kept(head.sequence).then_some(status).ok_or(Unanswered::Lost);
             }
             if let Some(waited) = waiter.pause() {
                 // as long as rows are answered the server is at it
@@ -223,9 +189,7 @@ impl Session {
                     done = area.done();
                     *deadline = Some(deadline_after(options.timeout));
                 }
-                if let Some(end) = look(&self.control, waited, options.timeout, deadline) {
-                    return Ok(end);
-                }
+                look(&self.control, waited, options.timeout, deadline)?;
             }
         }
     }
@@ -239,28 +203,55 @@ fn is_for(request: &RequestHead, sequence: u64) -> bool {
     sequence == request.sequence || request.checksum != 0 && !is_older
 }
 
-fn copy_or_nan(numbers: &[f64], output: &mut [f64]) {
+/// Copies the numbers of an answer that is taken for the request's.
+#[inline]
+fn take(
+    request: &RequestHead,
+    found: Option<(ResponseHead, &[f64])>,
+    output: &mut [f64],
+) -> Option<ResponseHead> {
+    let (answer, numbers) = found.filter(|(answer, _)| is_for(request, answer.sequence))?;
     match numbers.get(..output.len()) {
         Some(numbers) => output.copy_from_slice(numbers),
         None => output.fill(f64::NAN),
     }
+    Some(answer)
 }
 
-/// Whether to give a wait up, and why: the kernel reports at once when the server is gone, and as
-/// long as it does not, the server may only be late.
+/// Polls until there is an answer, or no longer a reason to wait for it.
+#[inline]
+fn wait(
+    control: &Control,
+    options: &ConnectOptions,
+    deadline: &mut Option<Instant>,
+    mut poll: impl FnMut() -> Result<Option<ResponseHead>, Unanswered>,
+) -> Result<ResponseHead, Unanswered> {
+    let mut waiter = Waiter::new(options.wait_strategy);
+    loop {
+        if let Some(answer) = poll()? {
+            return Ok(answer);
+        }
+        if let Some(waited) = waiter.pause() {
+            look(control, waited, options.timeout, deadline)?;
+        }
+    }
+}
+
+/// Whether to go on waiting: the kernel reports at once when the server is gone, and as long as it
+/// does not, the server may only be late.
 #[cold]
-fn look<T>(
+fn look(
     control: &Control,
     waited: Duration,
     timeout: Duration,
     deadline: &mut Option<Instant>,
-) -> Option<Exchange<T>> {
+) -> Result<(), Unanswered> {
     if control.is_over() {
-        return Some(Exchange::Lost);
+        return Err(Unanswered::Lost);
     }
     if interrupt::is_wanted() {
-        return Some(Exchange::Interrupted);
+        return Err(Unanswered::Interrupted);
     }
     let deadline = *deadline.get_or_insert_with(|| deadline_after(timeout.saturating_sub(waited)));
-    (Instant::now() >= deadline).then_some(Exchange::TimedOut)
+    if Instant::now() < deadline { Ok(()) } else { Err(Unanswered::TimedOut) }
 }

@@ -4,18 +4,18 @@ use roxmltree::{Document, Node};
 use sarrus_dynamics::description::Joint;
 
 use super::{Edit, NewZero, list, number};
+use crate::report::Diagnostics;
+use crate::text::Text;
 
 /// The replacements that make the new zero pose that of the URDF.
 pub(super) fn edits(text: &str, zero: &NewZero) -> Result<Vec<Edit>, String> {
-    // a prefix that nobody declared stands in the way of the parser, not of positions
-    let readable = if text.contains("xmlns:drake") {
-        text.to_owned()
-    } else {
-        text.replace("<drake:", "<drake_").replace("</drake:", "</drake_")
-    };
-    // a byte order mark is no part of the document
-    let mark = text.len() - text.trim_start_matches('\u{feff}').len();
-    let readable = readable.get(mark..).unwrap_or_default();
+    // without a byte order mark, which is no part of the document
+    let mut diagnostics = Diagnostics::new(false);
+    let read = Text::new("", text.as_bytes().to_vec(), &mut diagnostics);
+    let Some(mut read) = read else { return Err("a URDF file that is too large".to_owned()) };
+    read.join_stray_prefix("drake", &mut diagnostics);
+    let readable = read.content.as_str();
+    let mark = text.len() - readable.len();
     let document = Document::parse(readable).map_err(|error| format!("a URDF file: {error}"))?;
     let root = document.root_element();
     let mut edits = Vec::new();

@@ -5,7 +5,7 @@ use sarrus_dynamics::description::Placement;
 use super::{Edit, list};
 use crate::report::{Diagnostics, Span};
 use crate::text::Text;
-use crate::yaml::{self, Node, Value};
+use crate::yaml;
 
 /// The replacements that place cuts: lines of their own, or further keys within braces. `None`
 /// where there is no such loop.
@@ -22,7 +22,7 @@ pub(super) fn edits(
     let mut edits = Vec::new();
     for (s, l, predecessor, successor) in cuts {
         let entry = root.get("submechanisms")?.items().get(*s)?;
-        let (key, value) = pair(entry.get("loop_constraints")?.items().get(*l)?, "cut_joint")?;
+        let (key, value) = entry.get("loop_constraints")?.items().get(*l)?.entry("cut_joint")?;
         let placement = |key: &str, at: &Placement| {
             format!("{key}: {{xyz: [{}], rpy: [{}]}}", list(at.xyz, ", "), list(at.rpy, ", "))
         };
@@ -42,15 +42,6 @@ pub(super) fn edits(
         edits.push((at + mark..at + mark, new));
     }
     Some(edits)
-}
-
-/// A key of a mapping and its value.
-fn pair<'a>(node: &'a Node, name: &str) -> Option<(&'a Node, &'a Node)> {
-    let Value::Map(entries) = &node.value else { return None };
-    entries
-        .iter()
-        .find(|(key, _)| matches!(&key.value, Value::Scalar { text, .. } if text == name))
-        .map(|(key, value)| (key, value))
 }
 
 /// The length of the word, in quotes or not, that a text begins with.

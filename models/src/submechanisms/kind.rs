@@ -1,6 +1,6 @@
 //! The types of submechanisms: their names and how many joints they have.
 
-use sarrus_dynamics::description::SubmechanismKind as Kind;
+use sarrus_dynamics::description::{JointKind, SubmechanismKind as Kind};
 
 /// A known type.
 pub(crate) struct Known {
@@ -43,6 +43,15 @@ pub(crate) const KNOWN: [Known; 15] = [
     known("TRANSMISSION", Kind::Transmission, &[], None),
     known("NUMERICAL", Kind::Numerical, &[], None),
 ];
+
+/// How many freedoms a joint has; one that is not known counts one.
+pub(crate) fn freedoms(kind: Option<JointKind>) -> usize {
+    match kind {
+        Some(JointKind::Spherical) => 3,
+        Some(JointKind::Floating) => 6,
+        _ => 1,
+    }
+}
 
 /// How many joints of each sort a letter run as `3T+3R` or `RRP` promises.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

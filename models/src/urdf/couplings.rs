@@ -1,6 +1,6 @@
 //! Couplings and rotors, handed to the joints that they belong to, and checked.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use sarrus_dynamics::description::JointKind;
 
@@ -22,7 +22,7 @@ impl Urdf {
         diagnostics: &mut Diagnostics,
     ) {
         let Some(document) = xml::parse(text, diagnostics) else { return };
-        let mut reader = Reader::new(text, diagnostics, Version(1, 2));
+        let mut reader = Reader { text, diagnostics, version: Version(1, 2) };
         let mut dependences: Vec<Dependence> = Vec::new();
         for node in document.root_element().children() {
             if node.has_tag_name("transmission") {
@@ -40,15 +40,41 @@ impl Urdf {
     }
 
     /// The joint above each link.
-    fn above(&self) -> BTreeMap<&str, usize> {
-        let child = |(j, joint): (usize, &'_ JointEntry)| {
-            joint
-                .child
-                .as_ref()
-                .and_then(|(child, _)| self.link_index.get_key_value(child))
-                .map(|(child, _)| (child.as_str(), j))
-        };
-        self.joints.iter().enumerate().filter_map(child).collect()
+    pub(crate) fn above(&self) -> Vec<Option<usize>> {
+        let mut above = vec![None; self.links.len()];
+        for (j, joint) in self.joints.iter().enumerate() {
+            if let Some(link) = self.link_at(&joint.child) {
+                above[link] = Some(j);
+            }
+        }
+        above
+    }
+
+    /// The link at an end of a joint, if it is known.
+    pub(crate) fn link_at(&self, end: &Option<(String, Span)>) -> Option<usize> {
+        end.as_ref().and_then(|(name, _)| self.link_index.get(name)).copied()
+    }
+
+    /// The moving joints from each of two links up to the body that carries both, the nearest
+    /// first; `above` is that of [`Urdf::above`].
+    pub(crate) fn paths(&self, above: &[Option<usize>], links: [usize; 2]) -> [Vec<usize>; 2] {
+        let [mut a, mut b] = links.map(|link| {
+            let mut chain = Vec::new();
+            let mut link = Some(link);
+            // a cycle has been or will be reported
+            while let Some(j) = link.and_then(|link| above[link])
+                && chain.len() <= self.joints.len()
+            {
+                chain.push(j);
+                link = self.link_at(&self.joints[j].parent);
+            }
+            chain
+        });
+        while a.last().is_some() && a.last() == b.last() {
+            a.pop();
+            b.pop();
+        }
+        [a, b].map(|path| path.into_iter().filter(|j| self.moves(*j)).collect())
     }
 
     /// Whether a name is that of a joint of several axes, which couples nothing; reports it.
@@ -60,32 +86,39 @@ impl Urdf {
         true
     }
 
+    /// The joint of one axis that a transmission names; `None` after an error, which says what
+    /// names the joint.
+    fn named_joint(
+        &mut self,
+        name: &str,
+        span: Span,
+        what: &str,
+        diagnostics: &mut Diagnostics,
+    ) -> Option<&mut JointEntry> {
+        if self.is_compound(name, span, diagnostics) {
+            return None;
+        }
+        let Some(joint) = self.joint_index.get(name) else {
+            let found = format!("{what} the joint {}, which does not exist", quoted(name));
+            let expected = "a joint of this file";
+            let known = self.joint_names();
+            diagnostics.unknown(span, found, expected, name, known, "correct the name");
+            return None;
+        };
+        self.joints.get_mut(*joint)
+    }
+
     /// Hands the dependences of transmissions to their joints.
     pub(super) fn couple(&mut self, dependences: Vec<Dependence>, diagnostics: &mut Diagnostics) {
-        for dependence in dependences {
-            if self.is_compound(&dependence.joint, dependence.span, diagnostics) {
-                continue;
-            }
-            let joint = self.joint_index.get(&dependence.joint).copied();
-            match joint.and_then(|joint| self.joints.get_mut(joint)) {
-                None => {
-                    let found = format!(
-                        "the transmission names the joint {}, which does not exist",
-                        quoted(&dependence.joint)
-                    );
-                    let expected = "a joint of this file";
-                    let known = self.joint_names();
-                    let help = "correct the name";
-                    let span = dependence.span;
-                    diagnostics.unknown(span, found, expected, &dependence.joint, known, help);
-                }
-                Some(joint) if !joint.masters.is_empty() => {
-                    let found =
-                        format!("the joint {} is coupled a second time", quoted(&joint.name));
-                    let expected = "one mimic or one transmission";
-                    diagnostics.error(dependence.span, found, expected, "remove one of them");
-                }
-                Some(joint) => joint.masters = dependence.masters,
+        for Dependence { joint, span, masters } in dependences {
+            let what = "the transmission names";
+            let Some(joint) = self.named_joint(&joint, span, what, diagnostics) else { continue };
+            if joint.masters.is_empty() {
+                joint.masters = masters;
+            } else {
+                let found = format!("the joint {} is coupled a second time", quoted(&joint.name));
+                let expected = "one mimic or one transmission";
+                diagnostics.error(span, found, expected, "remove one of them");
             }
         }
     }
@@ -108,29 +141,19 @@ impl Urdf {
     }
 
     /// Hands the rotors of transmissions to their joints.
-    pub(super) fn add_rotors(&mut self, rotors: &[Rotor], reader: &mut Reader<'_, '_>) {
+    pub(super) fn add_rotors(&mut self, rotors: &[Rotor], diagnostics: &mut Diagnostics) {
         for rotor in rotors {
-            if self.is_compound(&rotor.joint, rotor.span, reader.diagnostics) {
-                continue;
-            }
-            let joint = self.joint_index.get(&rotor.joint).copied();
-            let Some(joint) = joint.and_then(|joint| self.joints.get_mut(joint)) else {
-                let found = format!(
-                    "the rotor belongs to the joint {}, which does not exist",
-                    quoted(&rotor.joint)
-                );
-                let expected = "a joint of this file";
-                let known = self.joint_names();
-                let help = "correct the name";
-                reader.diagnostics.unknown(rotor.span, found, expected, &rotor.joint, known, help);
+            let span = rotor.span;
+            let what = "the rotor belongs to";
+            let Some(joint) = self.named_joint(&rotor.joint, span, what, diagnostics) else {
                 continue;
             };
             let mut terms = joint.terms;
             if !rotor.join(&mut terms) {
                 let found = format!("the joint {} has a second rotor", quoted(&joint.name));
                 let help = "add both inertias up, each times its ratio squared";
-                reader.diagnostics.error(rotor.span, found, "one", help);
-            } else if dynamics::accepts(reader, rotor.span, joint.kind, &joint.name, &terms) {
+                diagnostics.error(span, found, "one", help);
+            } else if dynamics::accepts(joint.kind, &joint.name, &terms, span, diagnostics) {
                 joint.terms = terms;
             }
         }

@@ -5,7 +5,7 @@ use roxmltree::Node;
 use sarrus_dynamics::description::{JointKind, Terms};
 
 use super::xml::{Reader, Shape};
-use crate::report::{Span, quoted};
+use crate::report::{Diagnostics, Span, quoted};
 
 const DYNAMICS: Shape = Shape::of(&[
     "damping",
@@ -43,35 +43,27 @@ pub(super) fn read<'t>(
     joint: &str,
 ) -> Terms {
     reader.children(node, &DYNAMICS);
-    reader.unread.push(node.range());
-    let [damping, friction, stiffness, rotor_inertia] =
-        ["damping", "friction", "spring_stiffness", "rotor_inertia"]
-            .map(|name| reader.number(node, name).unwrap_or(0.0));
-    let rest = reader.number(node, "spring_reference").unwrap_or(0.0);
-    let ratio = reader.number(node, "gear_ratio").unwrap_or(1.0);
-    for (name, value) in [
-        ("damping", damping),
-        ("friction", friction),
-        ("spring_stiffness", stiffness),
-        ("rotor_inertia", rotor_inertia),
-    ] {
+    let names = ["damping", "friction", "spring_stiffness", "rotor_inertia"];
+    let [damping, friction, stiffness, rotor_inertia] = names.map(|name| {
+        let value = reader.number(node, name).unwrap_or(0.0);
         if value < 0.0 {
             let found = format!("`{name}` of `dynamics` is {value}");
             reader.diagnostics.error(reader.span(node), found, "zero or more", "correct the value");
         }
-    }
+        value
+    });
+    let rest = reader.number(node, "spring_reference").unwrap_or(0.0);
+    let ratio = reader.number(node, "gear_ratio").unwrap_or(1.0);
+    let span = reader.span(node);
     if friction > 0.0 {
         let found = format!("the joint {} has dry friction, which is not modelled", quoted(joint));
-        reader.diagnostics.warning(
-            reader.span(node),
-            found,
-            "`damping`",
-            "add it to the forces of the actuators, or remove it",
-        );
+        let help = "add it to the forces of the actuators, or remove it";
+        reader.diagnostics.warning(span, found, "`damping`", help);
     }
-    let rotor_inertia = rotor(reader, node, rotor_inertia, ratio);
+    check_ratio(rotor_inertia, ratio, span, reader.diagnostics);
     let terms = Terms { damping, stiffness, rest, rotor_inertia, gear_ratio: ratio };
-    if accepts(reader, reader.span(node), kind, joint, &terms) { terms } else { Terms::default() }
+    let is_accepted = accepts(kind, joint, &terms, span, reader.diagnostics);
+    if is_accepted { terms } else { Terms::default() }
 }
 
 /// The rotor of a transmission's actuator; most transmissions have none and are skipped.
@@ -90,12 +82,8 @@ pub(super) fn rotors<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec
                 actuators.len(),
                 joints.len()
             );
-            reader.diagnostics.error(
-                reader.span(*second),
-                found,
-                "one of each",
-                "write a transmission for each rotor",
-            );
+            let help = "write a transmission for each rotor";
+            reader.diagnostics.error(reader.span(*second), found, "one of each", help);
         }
         return Vec::new();
     };
@@ -116,24 +104,20 @@ pub(super) fn rotors<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec
     let name = reader.required(*joint, "name");
     let (Some((inertia, span)), Some((joint, _))) = (inertia, name) else { return Vec::new() };
     if inertia < 0.0 {
-        reader.diagnostics.error(
-            span,
-            format!("the rotor inertia is {inertia}"),
-            "zero or more",
-            "correct the value",
-        );
+        let found = format!("the rotor inertia is {inertia}");
+        reader.diagnostics.error(span, found, "zero or more", "correct the value");
     }
-    let inertia = rotor(reader, *actuator, inertia, ratio);
+    check_ratio(inertia, ratio, reader.span(*actuator), reader.diagnostics);
     Vec::from_iter((inertia > 0.0).then_some(Rotor { joint, span, inertia, ratio }))
 }
 
 /// Whether a joint of this kind can have these terms; reports it if not.
 pub(super) fn accepts(
-    reader: &mut Reader<'_, '_>,
-    span: Span,
     kind: Option<JointKind>,
     joint: &str,
     terms: &Terms,
+    span: Span,
+    diagnostics: &mut Diagnostics,
 ) -> bool {
     let is_empty = terms.damping == 0.0 && terms.stiffness == 0.0 && terms.rotor_inertia == 0.0;
     let help = "remove it, or change the type of the joint";
@@ -144,14 +128,14 @@ pub(super) fn accepts(
                 "the fixed joint {} has damping, a spring or a rotor, which is not read",
                 quoted(joint)
             );
-            reader.diagnostics.warning(span, found, "a joint that moves", help);
+            diagnostics.warning(span, found, "a joint that moves", help);
             false
         }
         // damping is the same in all directions; a spring has no angle to measure
         Some(JointKind::Spherical) if terms.stiffness == 0.0 && terms.rotor_inertia == 0.0 => true,
         Some(JointKind::Spherical) => {
             let found = format!("the ball joint {} has a spring or a rotor", quoted(joint));
-            reader.diagnostics.error(span, found, "damping, or a joint of one freedom", help);
+            diagnostics.error(span, found, "damping, or a joint of one freedom", help);
             false
         }
         Some(JointKind::Floating) => {
@@ -159,26 +143,21 @@ pub(super) fn accepts(
                 "the joint {} of several freedoms has damping, a spring or a rotor",
                 quoted(joint)
             );
-            reader.diagnostics.error(span, found, "a joint of one freedom", help);
+            diagnostics.error(span, found, "a joint of one freedom", help);
             false
         }
         _ => true,
     }
 }
 
-/// The inertia of a rotor whose ratio is good; its sign is that of the motor's coordinate and
-/// counts for nothing.
-fn rotor<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, inertia: f64, ratio: f64) -> f64 {
+/// Reports a rotor whose gear ratio is zero. A negative ratio is good: its sign is that of the
+/// motor's coordinate.
+fn check_ratio(inertia: f64, ratio: f64, span: Span, diagnostics: &mut Diagnostics) {
     if inertia > 0.0 && ratio == 0.0 {
+        let expected = "how often it turns while the joint turns once";
         let found = "the gear ratio of a rotor is zero";
-        reader.diagnostics.error(
-            reader.span(node),
-            found,
-            "how often it turns while the joint turns once",
-            "correct the value",
-        );
+        diagnostics.error(span, found, expected, "correct the value");
     }
-    inertia
 }
 
 /// An element by its name, with Drake's prefix, whether it is declared or not, or without.

@@ -1,10 +1,11 @@
 //! Links: their names, masses and inertias.
 
 use roxmltree::Node;
+use sarrus_dynamics::description::Inertial;
 
 use super::xml::{Reader, Shape};
 use crate::inertia::{self, InertiaFault};
-use crate::report::{Span, quoted};
+use crate::report::{Diagnostics, Span, quoted};
 
 const LINK: Shape = Shape {
     attributes: &["name", "type"],
@@ -45,7 +46,7 @@ pub(crate) enum Weight {
     /// Something of it is malformed, which has been reported.
     Malformed,
     /// Both can be read.
-    Given { span: Span, mass: f64, inertia: [f64; 6] },
+    Given { span: Span, inertial: Inertial },
 }
 
 pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> LinkEntry {
@@ -66,9 +67,7 @@ fn weight<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Weight {
     let span = reader.span(node);
     let children = reader.children(node, &INERTIAL);
     let find = |name: &str| children.iter().copied().find(|child| child.has_tag_name(name));
-    if let Some(origin) = find("origin") {
-        super::joint::origin(reader, origin);
-    }
+    let origin = find("origin").map(|node| super::joint::origin(reader, node)).unwrap_or_default();
     let mass = find("mass").map(|mass| {
         reader.children(mass, &MASS);
         reader.required_number(mass, "value")
@@ -90,84 +89,53 @@ fn weight<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Weight {
         }
     }
     match (mass.flatten(), inertia.flatten()) {
-        (Some(mass), Some(inertia)) => Weight::Given { span, mass, inertia },
+        (Some(mass), Some(inertia)) => {
+            Weight::Given { span, inertial: Inertial { origin, mass, inertia } }
+        }
         _ => Weight::Malformed,
     }
 }
 
 /// Reports masses and inertias that no body has; the root needs none.
-pub(super) fn check(reader: &mut Reader<'_, '_>, link: &LinkEntry, is_root: bool) {
+pub(super) fn check(link: &LinkEntry, is_root: bool, diagnostics: &mut Diagnostics) {
     let name = quoted(&link.name);
-    let diagnostics = &mut *reader.diagnostics;
-    match link.inertial {
-        Weight::Malformed => {}
-        Weight::Absent if is_root || !link.is_written => {}
-        Weight::Absent => {
-            diagnostics.warning(
-                link.span,
-                format!("link {name} has no inertial: a massless body"),
-                "mass and inertia",
-                "add them if it has any",
-            );
+    let massless = |span: Span, why: &str, diagnostics: &mut Diagnostics| {
+        let found = format!("link {name} has {why}: a massless body");
+        diagnostics.warning(span, found, "mass and inertia", "add them if it has any");
+    };
+    let (span, Inertial { mass, inertia, .. }) = match link.inertial {
+        Weight::Given { span, inertial } => (span, inertial),
+        Weight::Absent if !is_root && link.is_written => {
+            return massless(link.span, "no inertial", diagnostics);
         }
-        Weight::Given { span, mass, inertia } => {
-            let no_inertia = inertia == [0.0; 6];
-            if mass < 0.0 {
-                diagnostics.inertia(
-                    span,
-                    format!("the mass of link {name} is {mass}"),
-                    "zero or more",
-                    "correct the value",
-                );
-            } else if mass == 0.0 && !no_inertia {
-                let found = format!("link {name} has inertia but no mass");
-                diagnostics.inertia(
-                    span,
-                    found,
-                    "a mass, or zero inertia too",
-                    "correct one of them",
-                );
-            } else if mass == 0.0 && !is_root {
-                diagnostics.warning(
-                    span,
-                    format!("link {name} has zero mass: a massless body"),
-                    "mass and inertia",
-                    "add them if it has any",
-                );
-            } else if no_inertia && !is_root {
-                diagnostics.warning(
-                    span,
-                    format!("link {name} has zero inertia: a point mass"),
-                    "an inertia",
-                    "add it if it is known",
-                );
-            }
-            match inertia::check(&inertia) {
-                Ok(()) => {}
-                Err(InertiaFault::Negative { least }) => {
-                    let found = format!(
-                        "the inertia of link {name} has the negative principal moment {least:.6e}"
-                    );
-                    diagnostics.inertia(
-                        span,
-                        found,
-                        "moments of zero or more",
-                        "correct the inertia about the centre of mass",
-                    );
-                }
-                Err(InertiaFault::Triangle { moments: [a, b, c] }) => {
-                    let found = format!(
-                        "the principal moments of link {name}, {a:.6e}, {b:.6e} and {c:.6e}, \
-                         break the triangle inequality"
-                    );
-                    diagnostics.inertia(
-                        span,
-                        found,
-                        "none above the sum of the others",
-                        "correct the inertia about the centre of mass",
-                    );
-                }
-            }
-        }
+        Weight::Absent | Weight::Malformed => return,
+    };
+    let no_inertia = inertia == [0.0; 6];
+    if mass < 0.0 {
+        let found = format!("the mass of link {name} is {mass}");
+        diagnostics.inertia(span, found, "zero or more", "correct the value");
+    } else if mass == 0.0 && !no_inertia {
+        let found = format!("link {name} has inertia but no mass");
+        diagnostics.inertia(span, found, "a mass, or zero inertia too", "correct one of them");
+    } else if mass == 0.0 && !is_root {
+        massless(span, "zero mass", diagnostics);
+    } else if no_inertia && !is_root {
+        let found = format!("link {name} has zero inertia: a point mass");
+        diagnostics.warning(span, found, "an inertia", "add it if it is known");
     }
+    let (found, expected) = match inertia::check(&inertia) {
+        Ok(()) => return,
+        Err(InertiaFault::Negative { least }) => (
+            format!("the inertia of link {name} has the negative principal moment {least:.6e}"),
+            "moments of zero or more",
+        ),
+        Err(InertiaFault::Triangle { moments: [a, b, c] }) => (
+            format!(
+                "the principal moments of link {name}, {a:.6e}, {b:.6e} and {c:.6e}, break the \
+                 triangle inequality"
+            ),
+            "none above the sum of the others",
+        ),
+    };
+    diagnostics.inertia(span, found, expected, "correct the inertia about the centre of mass");
 }

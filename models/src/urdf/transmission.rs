@@ -1,8 +1,6 @@
 //! Linear couplings of several joints: `<transmission>` with `<depends_on>` children, HyRoDyn's
 //! extension of URDF, and `<coupling>`, that of URDF+.
 
-use std::collections::BTreeMap;
-
 use roxmltree::Node;
 
 use sarrus_dynamics::description::JointKind;
@@ -89,23 +87,19 @@ impl Gear {
     pub(super) fn terms(
         &self,
         urdf: &Urdf,
-        above: &BTreeMap<&str, usize>,
+        above: &[Option<usize>],
         diagnostics: &mut Diagnostics,
     ) -> Option<Vec<(usize, f64)>> {
         let ends = self.links.each_ref().map(|(name, span)| {
-            let known = urdf.link_index.contains_key(name);
-            if !known {
+            let known = urdf.link_index.get(name).copied();
+            if known.is_none() {
                 let found = format!("the coupling names the link {}", quoted(name));
                 let expected = diagnostics.one_of("a link of this file", name, urdf.link_names());
                 diagnostics.error(*span, found, expected, "correct the name");
             }
-            known.then(|| chain(urdf, above, name))
+            known
         });
-        let [Some(mut predecessor), Some(mut successor)] = ends else { return None };
-        while predecessor.last().is_some() && predecessor.last() == successor.last() {
-            predecessor.pop();
-            successor.pop();
-        }
+        let [predecessor, successor] = urdf.paths(above, [ends[0]?, ends[1]?]);
         let terms = predecessor.iter().map(|j| (*j, self.ratio));
         Some(terms.chain(successor.iter().map(|j| (*j, -1.0))).collect())
     }
@@ -144,22 +138,4 @@ impl Gear {
         });
         Some(Dependence { joint: name(*follower)?, span, masters: masters.collect() })
     }
-}
-
-/// The moving joints between a link and the root, the nearest first.
-fn chain(urdf: &Urdf, above: &BTreeMap<&str, usize>, link: &str) -> Vec<usize> {
-    let mut chain = Vec::new();
-    let mut link = link;
-    let mut steps = 0;
-    while let Some(j) = above.get(link).copied().filter(|_| steps <= urdf.joints.len()) {
-        if urdf.moves(j) {
-            chain.push(j);
-        }
-        steps += 1;
-        match urdf.joints.get(j).and_then(|joint| joint.parent.as_ref()) {
-            Some((parent, _)) => link = parent,
-            None => break,
-        }
-    }
-    chain
 }

@@ -53,11 +53,18 @@ impl Node {
 
     /// The value of a key of a mapping.
     pub fn get(&self, query: &str) -> Option<&Node> {
+        self.entry(query).map(|(_, value)| value)
+    }
+
+    /// A key of a mapping and its value.
+    pub(crate) fn entry(&self, query: &str) -> Option<&(Node, Node)> {
         let Value::Map(entries) = &self.value else { return None };
-        entries
-            .iter()
-            .find(|(key, _)| matches!(&key.value, Value::Scalar { text, .. } if text == query))
-            .map(|(_, value)| value)
+        entries.iter().find(|(key, _)| key.text() == Some(query))
+    }
+
+    /// The text of a word, if it is one.
+    pub(crate) fn text(&self) -> Option<&str> {
+        if let Value::Scalar { text, .. } = &self.value { Some(text) } else { None }
     }
 
     /// The items of a list.

@@ -4,7 +4,6 @@ use std::fs::File;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 #[cfg(feature = "load")]
@@ -12,6 +11,7 @@ use sarrus_dynamics::{Model, Plan};
 
 use crate::c::{FLAGS, Source};
 use crate::error::BuildError;
+use crate::manifest::DEFINITION;
 use crate::run::{Cancel, run};
 #[cfg(feature = "load")]
 use crate::{LoadError, NativeKernel, ObjectFile};
@@ -19,10 +19,10 @@ use crate::{LoadError, NativeKernel, ObjectFile};
 /// The longest time for which a compiler may print its version.
 const NAME: Duration = Duration::from_secs(10);
 /// The longest time for which a compiler, or the test of its output, may run.
-pub(crate) const COMPILE: Duration = Duration::from_secs(120);
+const COMPILE: Duration = Duration::from_secs(120);
 
 /// With this flag the function for rows is compiled too.
-pub(crate) const ROWS: &str = "-DSARRUS_ROWS";
+const ROWS: &str = "-DSARRUS_ROWS";
 
 /// A C compiler: `CC`, or `cc` where that is unset or empty. As for make it is a program with
 /// arguments: `ccache gcc`, `gcc -m64`.
@@ -42,26 +42,14 @@ pub struct Built {
 }
 
 impl Compiler {
-    /// The compiler of this machine, if there is one. Runs it the first time that it is asked
-    /// for, for at most 10 s.
+    /// The compiler of this machine, if there is one. Runs it for its version, for at most 10 s.
     pub fn found() -> Option<Compiler> {
         Compiler::found_unless(&Cancel::default())
     }
 
     /// As above, but gives no answer as soon as it is cancelled.
     pub fn found_unless(cancel: &Cancel) -> Option<Compiler> {
-        let command = command_of(std::env::var("CC").ok());
-        let mut asked = ASKED.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, found)) = asked.iter().find(|(of, _)| *of == command) {
-            return found.as_ref().ok().cloned();
-        }
-        let found = Compiler::named(&command, cancel);
-        if matches!(found, Err(BuildError::Cancelled)) {
-            return None;
-        }
-        let compiler = found.as_ref().ok().cloned();
-        asked.push((command, found.map_err(|error| error.to_string())));
-        compiler
+        Compiler::named(&usual(), cancel).ok()
     }
 
     /// The compiler that this command starts, once it has printed its version.
@@ -69,8 +57,7 @@ impl Compiler {
     /// # Errors
     /// [`BuildError`]: it cannot be started, fails, takes longer than 10 s, or was cancelled.
     pub fn named(command: &str, cancel: &Cancel) -> Result<Compiler, BuildError> {
-        let mut compiler =
-            Compiler { command: command_of(Some(command.to_owned())), name: String::new() };
+        let mut compiler = Compiler { command: command.to_owned(), name: String::new() };
         let ended = run(compiler.start().arg("--version"), &compiler.command, NAME, cancel)?;
         if !ended.is_success {
             let program = format!("{command} --version");
@@ -86,7 +73,7 @@ impl Compiler {
     }
 
     /// Its program, with its arguments.
-    pub(crate) fn start(&self) -> Command {
+    fn start(&self) -> Command {
         let mut words = self.command.split_whitespace();
         let mut command = Command::new(words.next().unwrap_or("cc"));
         command.args(words);
@@ -131,24 +118,32 @@ impl Compiler {
         flags: &[&str],
         cancel: &Cancel,
     ) -> Result<Built, BuildError> {
-        let file = |ending: &str| folder.join(format!("{}{ending}", source.name));
-        let library = file(".so");
-        let test = file("_test");
-        let run = |arguments: &[&Path]| {
-            let mut command = self.start();
-            command.args(FLAGS).arg(ROWS).args(flags).args(arguments);
-            finished(&mut command, &self.command, cancel)
-        };
-        // once for both: a function may take long
-        let object = file(".o");
-        let [fpic, only, shared, to, math] = ["-fPIC", "-c", "-shared", "-o", "-lm"].map(Path::new);
-        let named = format!("-D{}", crate::manifest::DEFINITION);
-        run(&[fpic, only, Path::new(&named), &file(".c"), to, &object])?;
-        run(&[shared, &object, to, &library, math])?;
-        run(&[&file("_test.c"), &object, to, &test, math])?;
-        std::fs::remove_file(&object)
-            .map_err(|error| BuildError::Io { path: object.clone(), error })?;
+        let library = self.library(source, folder, flags, cancel)?;
+        let [from, test] = ["_test.c", "_test"].map(|end| folder.join(source.name.clone() + end));
+        let mut command = self.start();
+        command.args(FLAGS).arg(ROWS).args(flags).arg(from).arg(&library);
+        // the test finds the shared object beside itself
+        command.args(["-Wl,-rpath,$ORIGIN", "-o"]).arg(&test).arg("-lm");
+        finished(&mut command, &self.command, cancel)?;
         Ok(Built { library, test })
+    }
+
+    /// Compiles the function of a source to a shared object; its path. All files of a compiler
+    /// that is ended are in the folder.
+    pub(crate) fn library(
+        &self,
+        source: &Source,
+        folder: &Path,
+        flags: &[&str],
+        cancel: &Cancel,
+    ) -> Result<PathBuf, BuildError> {
+        let [from, to] = [".c", ".so"].map(|end| folder.join(source.name.clone() + end));
+        let mut command = self.start();
+        command.args(FLAGS).arg(ROWS).arg(format!("-D{DEFINITION}")).args(flags);
+        command.args(["-fPIC", "-shared", "-o"]).arg(&to).arg(&from).arg("-lm");
+        command.env("TMPDIR", folder);
+        finished(&mut command, &self.command, cancel)?;
+        Ok(to)
     }
 }
 
@@ -178,23 +173,17 @@ fn first_line(words: &str) -> String {
     words.lines().next().unwrap_or_default().trim().to_owned()
 }
 
-/// The compiler found under each command, or the reason for none: each program is asked for its
-/// version once.
-static ASKED: Mutex<Vec<(String, Result<Compiler, String>)>> = Mutex::new(Vec::new());
-
-/// The command of a value of `CC`.
-fn command_of(value: Option<String>) -> String {
-    value.filter(|value| !value.trim().is_empty()).unwrap_or_else(|| "cc".to_owned())
+/// The command of the compiler: `CC`, or `cc` where that is unset or empty.
+fn usual() -> String {
+    let command = std::env::var("CC").ok().filter(|command| !command.trim().is_empty());
+    command.unwrap_or_else(|| "cc".to_owned())
 }
 
-/// Why there is no compiler, in brackets; empty where none was looked for.
+/// Why there is no compiler, in brackets; empty where there is one now.
 #[cfg(feature = "load")]
 pub(crate) fn why_not_found() -> String {
-    let command = command_of(std::env::var("CC").ok());
-    let asked = ASKED.lock().unwrap_or_else(PoisonError::into_inner);
-    let why =
-        asked.iter().find(|(of, _)| *of == command).and_then(|(_, found)| found.as_ref().err());
-    why.map_or_else(String::new, |why| format!(" (tried {why})"))
+    let found = Compiler::named(&usual(), &Cancel::default());
+    found.map_or_else(|why| format!(" (tried {why})"), |_| String::new())
 }
 
 /// The output of a program that ends well.
@@ -208,16 +197,6 @@ fn finished(command: &mut Command, name: &str, cancel: &Cancel) -> Result<String
 
 /// Writes a file in place of any existing one: writing to a pipe would wait for a reader.
 fn write_new(path: &Path, text: &str) -> io::Result<()> {
-    let mut new = path.as_os_str().to_owned();
-    new.push(format!(".{}", std::process::id()));
-    let new = PathBuf::from(new);
-    let _ = std::fs::remove_file(&new);
-    let written = File::options().write(true).create_new(true).open(&new);
-    let written = written
-        .and_then(|mut file| file.write_all(text.as_bytes()))
-        .and_then(|()| std::fs::rename(&new, path));
-    if written.is_err() {
-        let _ = std::fs::remove_file(&new);
-    }
-    written
+    let _ = std::fs::remove_file(path);
+    File::create_new(path)?.write_all(text.as_bytes())
 }

@@ -9,10 +9,8 @@ use crate::graph::{Check, Comparison, Graph, Operation, Term};
 pub(crate) enum Obstacle {
     /// More operations than allowed.
     TooLarge,
-    /// A number left the kernels in a way that is not known.
-    LeavesKernel,
-    /// A choice whose comparison is not known.
-    UnknownChoice,
+    /// A number left the kernels in a way that is not known, or a choice has no known comparison.
+    NotStraight,
 }
 
 /// A comparison that the kernel made.
@@ -114,7 +112,7 @@ impl Record {
         let last = self.last.and_then(|last| self.decisions.get_mut(last));
         let last = last.filter(|last| last.outcome == outcome);
         let Some(Decision { comparison: Comparison::Less(a, b), is_choice, .. }) = last else {
-            self.stop(Obstacle::UnknownChoice);
+            self.stop(Obstacle::NotStraight);
             return None;
         };
         *is_choice = true;

@@ -104,7 +104,7 @@ impl PartialEq for Traced {
 impl PartialOrd for Traced {
     /// Never asked: each comparison below is recorded as itself.
     fn partial_cmp(&self, other: &Traced) -> Option<Ordering> {
-        recorder::stop(Obstacle::LeavesKernel);
+        recorder::stop(Obstacle::NotStraight);
         self.value.partial_cmp(&other.value)
     }
     fn lt(&self, other: &Traced) -> bool {
@@ -357,7 +357,7 @@ impl Real for Traced {
     /// Only constants: values that leave the kernels otherwise are no longer recorded.
     fn to_f64(self) -> f64 {
         if self.known().is_none() {
-            recorder::stop(Obstacle::LeavesKernel);
+            recorder::stop(Obstacle::NotStraight);
         }
         self.value
     }

@@ -44,7 +44,7 @@ fn an_order_to_stop_ends_a_compiler_and_leaves_nothing() {
         let words = fs::read_to_string(&marker);
         cancel.cancel();
         let error = making.join().unwrap().unwrap_err();
-        assert!(matches!(error, MakeError::Cancelled), "{error}");
+        assert!(matches!(error, MakeError::Build(BuildError::Cancelled)), "{error}");
         words.unwrap()
     });
     let [compiler, sleeper, temporary] = *words.split_whitespace().collect::<Vec<_>>() else {

@@ -14,13 +14,13 @@ use sarrus_generate::{Compiler, Kernel, NativeKernel, Source};
 
 use self::case::Case;
 use crate::Outcome;
-use crate::measure::Effort;
 use crate::measure::progress::Progress;
 use crate::measure::timing::interleaved;
+use crate::measure::{Amount, Effort};
 use crate::page::{Section, Table, columns, exponent};
 use crate::peer::{Peer, Run, pinocchio};
 use crate::reference::{References, layout, worse};
-use crate::robots::catalogue::BUNDLED;
+use crate::robots::catalogue::bundled_names;
 use crate::robots::{Question, Robot, Start, Subject};
 
 /// Robots of a quick report.
@@ -30,22 +30,8 @@ const EQUAL: f64 = 1e-12;
 /// How often the programs of generated code time themselves, by turns.
 const TURNS: usize = 5;
 
-/// How much is measured.
-struct Amount {
-    robots: &'static [&'static str],
-    states: usize,
-    /// How long the batches of one robot take turns.
-    rounds: Duration,
-    /// How long a peer times each of its methods, in seconds.
-    of_peer: f64,
-}
-
-impl Amount {
-    const QUICK: Amount =
-        Amount { robots: &QUICK, states: 16, rounds: Duration::from_millis(250), of_peer: 0.02 };
-    const FULL: Amount =
-        Amount { robots: &BUNDLED, states: 64, rounds: Duration::from_secs(3), of_peer: 0.1 };
-}
+const FEW: Amount = Amount { states: 16, rounds: Duration::from_millis(250), of_peer: 0.02 };
+const FULL: Amount = Amount { states: 64, rounds: Duration::from_secs(3), of_peer: 0.1 };
 
 /// Fills the section.
 pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
@@ -54,11 +40,12 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
         section.summary.push("Straight-line code: not measured, there is no C compiler.".into());
         return Ok(section);
     };
-    let amount = if effort.quick { Amount::QUICK } else { Amount::FULL };
+    let (robots, amount) =
+        if effort.quick { (QUICK.to_vec(), FEW) } else { (bundled_names(), FULL) };
     let mut rows = Vec::new();
     let mut refused = Vec::new();
-    for (k, name) in amount.robots.iter().enumerate() {
-        progress.show(name, k as f64 / amount.robots.len() as f64);
+    for (k, name) in robots.iter().enumerate() {
+        progress.show(name, k as f64 / robots.len() as f64);
         let robot = Robot::load(Subject::Bundled(name), amount.states)?;
         of_robot(&robot, &amount, &compiler, &mut rows, &mut refused)?;
     }
@@ -231,7 +218,7 @@ fn of_robot(
             let case = &mut cases[3 * k];
             case.answer(state).ok()?;
             let key = (question, 0, Start::None);
-            error = worse(error, references.error(key, &want, state, &case.output)?);
+            error = worse(error, references.error(key, &want, state, &case.planned.output)?);
         }
         let least = EQUAL.max(error);
         rows.push(Row {

@@ -1,19 +1,18 @@
 //! Section `parts`: times of questions that need only a part of the robot, beside those of the
 //! whole question.
 
-use std::hint::black_box;
 use std::time::Duration;
 
 use sarrus_counting::operations;
-use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Status, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request};
 
 use crate::Outcome;
 use crate::measure::Effort;
 use crate::measure::progress::Progress;
 use crate::measure::timing::{Timed, interleaved};
 use crate::page::{Section, Table, columns};
-use crate::robots::catalogue::BUNDLED;
-use crate::robots::{Question, Robot, State, Subject, packed};
+use crate::robots::catalogue::bundled_names;
+use crate::robots::{Planned, Question, Robot, State, Subject};
 
 /// A partial question: the words of the table, the question and its part.
 struct Pair {
@@ -38,24 +37,22 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
     let (n_states, rounds) = if effort.quick { (16, 250) } else { (64, 2500) };
     let mut section = Section::new("parts", "What a question does not need");
     let mut rows = Vec::new();
-    let mut least = (f64::INFINITY, String::new());
-    for (k, name) in BUNDLED.into_iter().enumerate() {
-        progress.show(name, k as f64 / BUNDLED.len() as f64);
+    let names = bundled_names();
+    for (k, name) in names.iter().enumerate() {
+        progress.show(name, k as f64 / names.len() as f64);
         let robot = Robot::load(Subject::Bundled(name), n_states)?;
-        for (row, ratio) in of_robot(&robot, Duration::from_millis(rounds))? {
-            if ratio < least.0 {
-                least = (ratio, format!("{} of {name}", row[1]));
-            }
-            rows.push(row);
-        }
+        rows.extend(of_robot(&robot, Duration::from_millis(rounds))?);
     }
+    let least = rows.iter().min_by(|a, b| a.1.total_cmp(&b.1));
+    let least = least.map_or("-".to_owned(), |(cells, ratio)| {
+        format!("{ratio:.2} ({} of {})", cells[1], cells[0])
+    });
+    let rows: Vec<Vec<String>> = rows.into_iter().map(|(cells, _)| cells).collect();
     section.summary.push(format!(
         "Questions that need a part of a robot: same bits as in the whole answer at {} of {} \
-            pairs; least time against the whole {:.2} ({})",
+            pairs; least time against the whole {least}",
         rows.iter().filter(|row| row.last().is_some_and(|cell| cell == "yes")).count(),
-        rows.len(),
-        least.0,
-        least.1
+        rows.len()
     ));
     section.tables.push(Table {
         id: "parts-pairs".into(),
@@ -79,13 +76,19 @@ fn of_robot(robot: &Robot, rounds: Duration) -> Outcome<Vec<(Vec<String>, f64)>>
     let model = &robot.variants.first().ok_or("no variant")?.compiled.model;
     let pairs = pairs(model)?;
     let mut runs = Vec::new();
-    for pair in &pairs {
-        runs.push(Run::new(model, &pair.part, &robot.states, false)?);
-        runs.push(Run::new(model, &pair.whole, &robot.states, pair.rest)?);
-    }
     let mut same = Vec::new();
-    for (pair, runs) in pairs.iter().zip(runs.chunks_exact_mut(2)) {
-        same.push(has_same_bits(pair, runs));
+    let still = |rates: &[f64]| vec![0.0; rates.len()];
+    let at_rest =
+        |state: &State| State { yd: still(&state.yd), ydd: still(&state.ydd), ..state.clone() };
+    let at_rest: Vec<State> = robot.states.iter().map(at_rest).collect();
+    for pair in &pairs {
+        let states = if pair.rest { &at_rest } else { &robot.states };
+        let mut both = [
+            Planned::new(model, Plan::new(model, &pair.part)?, &robot.states, 0),
+            Planned::new(model, Plan::new(model, &pair.whole)?, states, 0),
+        ];
+        same.push(has_same_bits(pair, &mut both));
+        runs.extend(both);
     }
     let times = interleaved(&mut runs, rounds, |_| {})?;
     let mut rows = Vec::new();
@@ -155,77 +158,22 @@ fn pairs(model: &Model) -> Outcome<Vec<Pair>> {
     Ok(pairs)
 }
 
-/// A plan on the states of its robot.
-struct Run<'a> {
-    model: &'a Model,
-    plan: Plan,
-    workspace: Workspace<f64>,
-    inputs: Vec<Vec<f64>>,
-    output: Vec<f64>,
-}
-
-impl<'a> Run<'a> {
-    fn new(model: &'a Model, query: &Query, states: &[State], rest: bool) -> Outcome<Run<'a>> {
-        let plan = Plan::new(model, query)?;
-        let input = |state: &State| {
-            let still = |rates: &[f64]| vec![0.0; rates.len()];
-            if rest {
-                let yd = still(&state.yd);
-                let ydd = still(&state.ydd);
-                packed(&plan, &State { yd, ydd, ..state.clone() }, 0)
-            } else {
-                packed(&plan, state, 0)
-            }
-        };
-        Ok(Run {
-            inputs: states.iter().map(input).collect(),
-            output: vec![0.0; plan.want().len()],
-            workspace: Workspace::for_plans(model, [&plan]),
-            plan,
-            model,
-        })
-    }
-}
-
-impl Timed for Run<'_> {
-    fn name(&self) -> String {
-        format!("{}: {}", self.model.name(), self.plan.query().want)
-    }
-
-    fn states(&self) -> usize {
-        self.inputs.len()
-    }
-
-    #[inline]
-    fn call(&mut self, state: usize) -> Status {
-        let input = black_box(self.inputs[state].as_slice());
-        let answer = self.plan.run(self.model, &mut self.workspace, input, &mut self.output);
-        black_box(&self.output);
-        answer.status
-    }
-}
-
 /// True where every number of the part stands in the whole answer, bit for bit.
-fn has_same_bits(pair: &Pair, runs: &mut [Run<'_>]) -> bool {
-    let [part, whole] = runs else { return false };
+fn has_same_bits(pair: &Pair, [part, whole]: &mut [Planned; 2]) -> bool {
     (0..part.states()).all(|state| {
         part.call(state);
         whole.call(state);
-        let rows = |run: &Run<'_>, field| {
-            let slot = run.plan.want().slot(field).copied();
-            slot.map(|slot| run.output[slot.range()].iter().map(|x| x.to_bits()).collect())
+        let rows = |run: &Planned, field| -> Vec<u64> {
+            run.get(field).iter().map(|x| x.to_bits()).collect()
         };
         if pair.same.is_empty() {
             // one row: the joint that stands last in the whole answer
-            let (one, all): (Option<Vec<u64>>, Option<Vec<u64>>) =
-                (rows(part, Field::TauU), rows(whole, Field::TauU));
-            return one.is_some()
-                && one.and_then(|x| x.last().copied()) == all.and_then(|x| x.last().copied());
+            let [one, all] = [&*part, &*whole].map(|run| rows(run, Field::TauU).last().copied());
+            return one.is_some() && one == all;
         }
         pair.same.iter().all(|field| {
-            let (a, b): (Option<Vec<u64>>, Option<Vec<u64>>) =
-                (rows(part, field), rows(whole, field));
-            a.is_some() && a == b
+            let numbers = rows(part, field);
+            !numbers.is_empty() && numbers == rows(whole, field)
         })
     })
 }

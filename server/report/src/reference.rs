@@ -16,22 +16,6 @@ pub struct Reference {
     outputs: Vec<Vec<Dd>>,
 }
 
-/// The exact answer on one state.
-pub struct Exact<'a> {
-    fields: Vec<ExactField<'a>>,
-    m_y: &'a [Dd],
-    c_y: &'a [Dd],
-    tau_y: &'a [Dd],
-}
-
-/// A field of the answer: its range in the case's output, its exact numbers, and the least size
-/// that errors are relative to.
-struct ExactField<'a> {
-    range: std::ops::Range<usize>,
-    numbers: &'a [Dd],
-    least: f64,
-}
-
 impl Reference {
     /// For a question to a variant of a robot.
     pub fn new(
@@ -63,50 +47,61 @@ impl Reference {
         })
     }
 
-    /// Answers on this state, where that was not done before; the states come in their order.
+    /// Answers on all states up to this one, where that was not done before.
     pub fn compute(&mut self, robot: &Robot, state: usize) -> Outcome {
-        if state < self.outputs.len() {
-            return Ok(());
+        let model = &robot.variants[self.place].compiled.exact;
+        for state in self.outputs.len()..=state {
+            let input = packed(&self.plan, &robot.states[state], self.place);
+            let input: Vec<Dd> = input.into_iter().map(Dd::from).collect();
+            let mut output = vec![Dd::from(0.0); self.plan.want().len()];
+            let answer = self.plan.run(model, &mut self.workspace, &input, &mut output);
+            if answer.status != Status::Ok {
+                let Robot { name, .. } = robot;
+                let status = answer.status;
+                return Err(format!("{name}, state {state}: {status} in double-double").into());
+            }
+            self.outputs.push(output);
         }
-        let input = packed(&self.plan, &robot.states[state], self.place);
-        let input: Vec<Dd> = input.into_iter().map(Dd::from).collect();
-        let mut output = vec![Dd::from(0.0); self.plan.want().len()];
-        let status = self
-            .plan
-            .run(
-                &robot.variants[self.place].compiled.exact,
-                &mut self.workspace,
-                &input,
-                &mut output,
-            )
-            .status;
-        if status != Status::Ok {
-            return Err(format!("{}, state {state}: {status} in double-double", robot.name).into());
-        }
-        self.outputs.push(output);
         Ok(())
     }
 
-    /// The exact numbers of these fields at this state.
-    pub fn exact(&self, want: &Layout, state: usize) -> Exact<'_> {
-        let output = &self.outputs[state];
-        let numbers =
-            |field| self.plan.want().slot(field).map_or(&[][..], |slot| &output[slot.range()]);
-        let speed = largest(numbers(Field::Qd));
-        let fields = want.slots().iter().map(|slot| {
+    /// The exact numbers of a field at a state.
+    fn numbers(&self, state: usize, field: Field) -> &[Dd] {
+        let slot = self.plan.want().slot(field);
+        slot.map_or(&[], |slot| &self.outputs[state][slot.range()])
+    }
+
+    /// The largest error by size of all fields of an answer at a state.
+    pub fn error(&self, want: &Layout, state: usize, answer: &[f64]) -> f64 {
+        let speed = largest(self.numbers(state, Field::Qd));
+        let errors = want.slots().iter().map(|slot| {
             let least = match slot.field {
                 Field::Q | Field::U => 1.0,
                 Field::Qdd | Field::Udd => speed * speed,
                 _ => 0.0,
             };
-            ExactField { range: slot.range(), numbers: numbers(slot.field), least }
+            let pairs = answer[slot.range()].iter().zip(self.numbers(state, slot.field));
+            by_size(pairs.map(|(a, b)| ((Dd::from(*a) - *b).to_f64(), b.to_f64())), least)
         });
-        Exact {
-            fields: fields.collect(),
-            m_y: numbers(Field::MY),
-            c_y: numbers(Field::CY),
-            tau_y: numbers(Field::TauY),
+        errors.fold(0.0, worse)
+    }
+
+    /// The change of the forces that would make ÿ at a state exact, relative to the terms of the
+    /// equation.
+    pub fn backward_error(&self, state: usize, ydd: &[f64]) -> f64 {
+        let [m_y, c_y, tau_y] =
+            [Field::MY, Field::CY, Field::TauY].map(|field| self.numbers(state, field));
+        let n = ydd.len();
+        let mut residual: f64 = 0.0;
+        let mut norm_m: f64 = 0.0;
+        for i in 0..n {
+            let row = &m_y[i * n..(i + 1) * n];
+            let product = row.iter().zip(ydd).fold(Dd::from(0.0), |sum, (m, x)| sum + *m * *x);
+            residual = residual.max((product + c_y[i] - tau_y[i]).to_f64().abs());
+            norm_m = norm_m.max(row.iter().map(|m| m.to_f64().abs()).sum());
         }
+        let size = ydd.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
+        residual / (norm_m * size + largest(c_y) + largest(tau_y))
     }
 }
 
@@ -132,24 +127,18 @@ impl<'a> References<'a> {
     ) -> Outcome<f64> {
         // a cold start has to find the pose that a warm one leads to
         let key = (question, place, start != Start::None);
-        if !self.kept.iter().any(|(of, _)| *of == key) {
+        let kept = self.kept.iter().position(|(of, _)| *of == key);
+        if kept.is_none() {
             self.kept.push((key, Reference::new(self.robot, place, question, start)?));
         }
-        let reference = self
-            .kept
-            .iter_mut()
-            .find(|(of, _)| *of == key)
-            .map(|(_, reference)| reference)
-            .ok_or("no exact answers")?;
-        for before in 0..=state {
-            reference.compute(self.robot, before)?;
-        }
-        let exact = reference.exact(want, state);
+        let kept = kept.unwrap_or(self.kept.len() - 1);
+        let reference = &mut self.kept[kept].1;
+        reference.compute(self.robot, state)?;
         let chain = matches!(self.robot.subject, Subject::Chain(_));
         Ok(if chain && question == Question::ForwardDynamics {
-            exact.backward_error(answer)
+            reference.backward_error(state, answer)
         } else {
-            exact.error(answer)
+            reference.error(want, state, answer)
         })
     }
 
@@ -160,11 +149,11 @@ impl<'a> References<'a> {
         state: usize,
         answer: &[f64],
     ) -> Outcome<f64> {
-        let want = if question == Question::State {
-            only_q(self.robot)
-        } else {
-            layout(self.robot, question)
-        };
+        let mut query = question.query();
+        if question == Question::State {
+            query.want = FieldSet::of(&[Field::Q]);
+        }
+        let want = Layout::of_want(&query, self.robot.variants[0].compiled.model.info());
         if answer.len() != want.len() {
             return Ok(f64::NAN);
         }
@@ -177,47 +166,16 @@ pub(crate) fn layout(robot: &Robot, question: Question) -> Layout {
     Layout::of_want(&question.query(), robot.variants[0].compiled.model.info())
 }
 
-/// The numbers of an answer that is q alone.
-fn only_q(robot: &Robot) -> Layout {
-    let mut query = Question::State.query();
-    query.want = FieldSet::of(&[Field::Q]);
-    Layout::of_want(&query, robot.variants[0].compiled.model.info())
-}
-
-impl ExactField<'_> {
-    /// ‖a − b‖∞ / max(‖b‖∞, least); NaN where there is no number.
-    fn error(&self, answer: &[f64]) -> f64 {
-        if answer[self.range.clone()].iter().any(|x| x.is_nan()) {
-            return f64::NAN;
-        }
-        let pairs = answer[self.range.clone()].iter().zip(self.numbers);
-        let worst =
-            pairs.fold(0.0, |worst: f64, (a, b)| worst.max((Dd::from(*a) - *b).to_f64().abs()));
-        if worst == 0.0 { 0.0 } else { worst / largest(self.numbers).max(self.least) }
+/// The largest of some errors by the size of the largest of their references, or by `least` where
+/// that is larger; pairs of error and reference. An error that is no number is infinite.
+pub(crate) fn by_size(pairs: impl IntoIterator<Item = (f64, f64)>, least: f64) -> f64 {
+    let mut worst: f64 = 0.0;
+    let mut size = least.max(f64::MIN_POSITIVE);
+    for (error, reference) in pairs {
+        worst = if error.is_nan() { f64::INFINITY } else { worst.max(error.abs()) };
+        size = size.max(reference.abs());
     }
-}
-
-impl Exact<'_> {
-    /// The largest error of all fields by size.
-    pub fn error(&self, answer: &[f64]) -> f64 {
-        let errors = self.fields.iter().map(|field| field.error(answer));
-        errors.fold(0.0, worse)
-    }
-
-    /// The change of the forces that would make ÿ exact, relative to the terms of the equation.
-    pub fn backward_error(&self, ydd: &[f64]) -> f64 {
-        let n = ydd.len();
-        let mut residual: f64 = 0.0;
-        let mut norm_m: f64 = 0.0;
-        for i in 0..n {
-            let row = &self.m_y[i * n..(i + 1) * n];
-            let product = row.iter().zip(ydd).fold(Dd::from(0.0), |sum, (m, x)| sum + *m * *x);
-            residual = residual.max((product + self.c_y[i] - self.tau_y[i]).to_f64().abs());
-            norm_m = norm_m.max(row.iter().map(|m| m.to_f64().abs()).sum());
-        }
-        let size = ydd.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
-        residual / (norm_m * size + largest(self.c_y) + largest(self.tau_y))
-    }
+    if worst == 0.0 { 0.0 } else { worst / size }
 }
 
 /// The larger of two errors; NaN where one is.

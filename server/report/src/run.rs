@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::path::PathBuf;
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::UNIX_EPOCH;
 
 use crate::measure::Effort;
 use crate::measure::cores::Cores;
@@ -86,11 +86,7 @@ pub fn run(options: &Options) -> Outcome<Report> {
     let report = Report {
         command: command(options.effort.quick, options.sections.iter().map(String::as_str)),
         machine: machine(&Cores::choose()?),
-        date: date(
-            SystemTime::now()
-                .duration_since(UNIX_EPOCH)
-                .map_or(0, |since| since.as_secs() / 86_400),
-        ),
+        date: date(UNIX_EPOCH.elapsed().map_or(0, |since| since.as_secs() / 86_400)),
         quick: options.effort.quick,
         sections: with_names(sections),
     };
@@ -98,24 +94,18 @@ pub fn run(options: &Options) -> Outcome<Report> {
     Ok(report)
 }
 
-/// Year, month and day of a count of days since 1970.
+/// Year, month and day of a count of days since 1970, by years that begin in March.
 fn date(days: u64) -> String {
-    let leap = |year: u64| {
-        year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400))
-    };
-    let mut year = 1970;
-    let mut left = days;
-    while left >= 365 + u64::from(leap(year)) {
-        left -= 365 + u64::from(leap(year));
-        year += 1;
-    }
-    let mut month = 0;
-    let months = [31, 28 + u64::from(leap(year)), 31, 30, 31, 30, 31, 31, 30, 31, 30, 31];
-    while left >= months[month] {
-        left -= months[month];
-        month += 1;
-    }
-    format!("{year}-{:02}-{:02}", month + 1, left + 1)
+    // days since 1 March of the year 0, of which 400 years have 146,097
+    let days = days + 719_468;
+    let of_era = days % 146_097;
+    let year = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year + year / 4 - year / 100);
+    let month = (5 * of_year + 2) / 153;
+    let day = of_year - (153 * month + 2) / 5 + 1;
+    let month = if month < 10 { month + 3 } else { month - 9 };
+    let year = 400 * (days / 146_097) + year + u64::from(month <= 2);
+    format!("{year}-{month:02}-{day:02}")
 }
 
 #[cfg(test)]

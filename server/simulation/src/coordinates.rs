@@ -5,12 +5,13 @@
 
 use sarrus_dynamics::scalar::Real;
 
-/// One joint's coordinates: the first of each.
+/// Coordinates of a joint: the first of each. A floating joint is a place and a ball after it; its
+/// quaternion stands behind the position, its ω before the velocity of the place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Part {
     Single { q: usize, v: usize },
     Ball { q: usize, v: usize },
-    Floating { q: usize, v: usize },
+    Place { q: usize, v: usize },
 }
 
 /// The make-up of q or y.
@@ -19,6 +20,21 @@ pub(crate) struct Coordinates {
     parts: Vec<Part>,
     pub(crate) n_q: usize,
     pub(crate) n_v: usize,
+}
+
+/// Where names stand among others, each of which is there.
+pub(crate) fn places(names: &[String], among: &[String]) -> Vec<usize> {
+    names.iter().filter_map(|name| among.iter().position(|other| other == name)).collect()
+}
+
+/// The numbers at some places.
+pub(crate) fn pick(from: &[f64], places: &[usize]) -> Vec<f64> {
+    places.iter().map(|place| from[*place]).collect()
+}
+
+/// The largest absolute value.
+pub(crate) fn largest(numbers: impl IntoIterator<Item = f64>) -> f64 {
+    numbers.into_iter().fold(0.0, |largest: f64, x| largest.max(x.abs()))
 }
 
 const FLOATING: [&str; 7] = ["x", "y", "z", "qx", "qy", "qz", "qw"];
@@ -43,15 +59,16 @@ impl Coordinates {
                         .is_some_and(|names| names.iter().zip(parts).all(is))
                 })
             };
-            let (part, n_q, n_v) = if follows(&FLOATING) {
-                (Part::Floating { q, v }, 7, 6)
+            if follows(&FLOATING) {
+                parts.extend([Part::Place { q, v: v + 3 }, Part::Ball { q: q + 3, v }]);
+                (q, v) = (q + 7, v + 6);
             } else if follows(&FLOATING[3..]) {
-                (Part::Ball { q, v }, 4, 3)
+                parts.push(Part::Ball { q, v });
+                (q, v) = (q + 4, v + 3);
             } else {
-                (Part::Single { q, v }, 1, 1)
-            };
-            parts.push(part);
-            (q, v) = (q + n_q, v + n_v);
+                parts.push(Part::Single { q, v });
+                (q, v) = (q + 1, v + 1);
+            }
         }
         Coordinates { parts, n_q: q, n_v: v }
     }
@@ -80,9 +97,8 @@ impl Coordinates {
 
     fn quaternions(&self) -> impl Iterator<Item = usize> {
         self.parts.iter().filter_map(|part| match part {
-            Part::Single { .. } => None,
             Part::Ball { q, .. } => Some(*q),
-            Part::Floating { q, .. } => Some(q + 3),
+            _ => None,
         })
     }
 
@@ -103,12 +119,9 @@ impl Coordinates {
                 Part::Ball { q: i, v: k } => {
                     quaternion_rate(&raw[i..i + 4], &v[k..k + 3], &mut rate[i..i + 4])
                 }
-                Part::Floating { q: i, v: k } => {
-                    rate[i..i + 3].copy_from_slice(&turned(
-                        &unit[i + 3..i + 7],
-                        [v[k + 3], v[k + 4], v[k + 5]],
-                    ));
-                    quaternion_rate(&raw[i + 3..i + 7], &v[k..k + 3], &mut rate[i + 3..i + 7]);
+                Part::Place { q: i, v: k } => {
+                    let moved = turned(&unit[i + 3..i + 7], [v[k], v[k + 1], v[k + 2]]);
+                    rate[i..i + 3].copy_from_slice(&moved);
                 }
             }
         }
@@ -122,12 +135,10 @@ impl Coordinates {
                 Part::Ball { q: i, v: k } => {
                     turn(&mut q[i..i + 4], [0, 1, 2].map(|j| h * v[k + j]))
                 }
-                Part::Floating { q: i, v: k } => {
-                    let (w, step) =
-                        ([0, 1, 2].map(|j| h * v[k + j]), [3, 4, 5].map(|j| h * v[k + j]));
+                Part::Place { q: i, v: k } => {
+                    let [w, step] = [k - 3, k].map(|k| [0, 1, 2].map(|j| h * v[k + j]));
                     let moved = turned(&q[i + 3..i + 7], screw(w, step));
                     (0..3).for_each(|j| q[i + j] += moved[j]);
-                    turn(&mut q[i + 3..i + 7], w);
                 }
             }
         }
@@ -142,13 +153,10 @@ impl Coordinates {
                 Part::Ball { q: i, v: k } => {
                     v[k..k + 3].copy_from_slice(&between(&from[i..i + 4], &to[i..i + 4]))
                 }
-                Part::Floating { q: i, v: k } => {
-                    v[k..k + 3].copy_from_slice(&between(&from[i + 3..i + 7], &to[i + 3..i + 7]));
+                Part::Place { q: i, v: k } => {
                     let back = [-from[i + 3], -from[i + 4], -from[i + 5], from[i + 6]];
-                    v[k + 3..k + 6].copy_from_slice(&turned(
-                        &back,
-                        [0, 1, 2].map(|j| to[i + j] - from[i + j]),
-                    ));
+                    let moved = turned(&back, [0, 1, 2].map(|j| to[i + j] - from[i + j]));
+                    v[k..k + 3].copy_from_slice(&moved);
                 }
             }
         }

@@ -1,6 +1,6 @@
 //! Why a simulation cannot start.
 
-use sarrus_dynamics::{CompileError, QueryError, Status};
+use sarrus_dynamics::{QueryError, Status};
 
 /// Why a simulation cannot start.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -84,24 +84,12 @@ pub enum SimulationError {
     Rigid,
     /// The model does not support the question.
     #[error("{0}")]
-    Plan(QueryError),
-    /// The description cannot be compiled.
-    #[error("{0}")]
-    Compile(CompileError),
-    /// The method is not in this build.
-    #[error("the method {0} is not in this build; build with the feature `adaptive`")]
-    NotBuilt(&'static str),
+    Plan(#[from] QueryError),
 }
 
 /// How far the loops of a start are open, where it is known.
 fn open_by(residual: f64) -> String {
     if residual == 0.0 { String::new() } else { format!(" (loops open by {residual:e})") }
-}
-
-impl From<QueryError> for SimulationError {
-    fn from(error: QueryError) -> SimulationError {
-        SimulationError::Plan(error)
-    }
 }
 
 impl SimulationError {
@@ -112,13 +100,10 @@ impl SimulationError {
         names: &[String],
     ) -> Result<(), SimulationError> {
         if numbers.len() != names.len() {
-            let what = what.to_owned();
-            let found = numbers.len();
-            let expected = names.len();
             return Err(SimulationError::WrongCount {
-                what,
-                found,
-                expected,
+                what: what.to_owned(),
+                found: numbers.len(),
+                expected: names.len(),
                 names: names.join(", "),
             });
         }

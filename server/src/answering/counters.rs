@@ -1,8 +1,7 @@
-//! Counters of the answering thread, and the statistics computed from them beside it.
+//! Counters of the answering thread, and the percentiles of its latency.
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-use hdrhistogram::Histogram;
 use quanta::Clock;
 use sarrus_proto::message::Counts;
 use sarrus_proto::{Answer, Status};
@@ -96,6 +95,22 @@ impl Counters {
         self.late.get(place).map_or(0, |late| late.load(Relaxed))
     }
 
+    /// p50, p90, p99, p99.9 and the largest latency so far, to a sixteenth `[ns]`.
+    pub(crate) fn percentiles(&self, clock: &Clock) -> [u64; 5] {
+        let counts = self.buckets.each_ref().map(|bucket| bucket.load(Relaxed));
+        let total = counts.iter().sum::<u64>() as f64;
+        [0.5, 0.9, 0.99, 0.999, 1.0].map(|quantile: f64| {
+            let wanted = (quantile * total).ceil().max(1.0) as u64;
+            let mut seen = 0;
+            let is_there = |count: &u64| {
+                seen += count;
+                seen >= wanted
+            };
+            let bucket = counts.iter().position(is_there);
+            bucket.map_or(0, |bucket| clock.delta_as_nanos(0, middle_of(bucket)))
+        })
+    }
+
     /// The counters as they travel.
     pub(crate) fn counts(&self) -> Counts {
         self.counts.map(|counter| counter.load(Relaxed))
@@ -125,40 +140,6 @@ fn middle_of(bucket: usize) -> u64 {
     let exponent = bucket / 16 + 3;
     let part = (bucket % 16) as u64;
     ((16 + part) << (exponent - 4)) + (1_u64 << (exponent - 4)) / 2
-}
-
-/// Folds the answering thread's buckets into a histogram of nanoseconds.
-pub(crate) struct Latency {
-    clock: Clock,
-    histogram: Histogram<u64>,
-    seen: [u64; N_BUCKETS],
-}
-
-impl Latency {
-    /// `None` when the histogram's bounds are refused, which its constants rule out.
-    pub(crate) fn new(clock: Clock) -> Option<Latency> {
-        let histogram = Histogram::new_with_bounds(1, 60_000_000_000, 3).ok()?;
-        Some(Latency { clock, histogram, seen: [0; N_BUCKETS] })
-    }
-
-    /// Adds the counts since the last call.
-    pub(crate) fn fold(&mut self, counters: &Counters) {
-        for (bucket, seen) in self.seen.iter_mut().enumerate() {
-            let now = counters.buckets[bucket].load(Relaxed);
-            if now != *seen {
-                let ns = self.clock.delta_as_nanos(0, middle_of(bucket));
-                // a value beyond the bounds counts as the bound
-                self.histogram.saturating_record_n(ns, now.wrapping_sub(*seen));
-                *seen = now;
-            }
-        }
-    }
-
-    /// p50, p90, p99, p99.9 and the largest `[ns]`.
-    pub(crate) fn percentiles(&self) -> [u64; 5] {
-        let at = |quantile| self.histogram.value_at_quantile(quantile);
-        [at(0.5), at(0.9), at(0.99), at(0.999), self.histogram.max()]
-    }
 }
 
 #[cfg(test)]
@@ -193,7 +174,7 @@ mod tests {
     #[test]
     fn percentiles_come_from_the_counts() {
         let counters = Counters::new(0);
-        let mut latency = Latency::new(Clock::new()).unwrap();
+        assert_eq!(counters.percentiles(&Clock::new()), [0; 5]);
         (0..1000).for_each(|k| {
             counters.record(
                 if k % 2 == 0 { Transport::Lane } else { Transport::Service },
@@ -201,15 +182,12 @@ mod tests {
                 1 << 20,
             )
         });
-        latency.fold(&counters);
-        latency.fold(&counters);
         let counts = counters.counts();
         assert_eq!(
             (counts.lane_requests, counts.service_requests, counts.statuses[1]),
             (500, 500, 500)
         );
-        assert_eq!(latency.histogram.len(), 1000);
-        let [p50, .., max] = latency.percentiles();
+        let [p50, .., max] = counters.percentiles(&Clock::new());
         assert!(p50 > 0 && max >= p50 && max < 2 * p50);
     }
 }

@@ -1,5 +1,7 @@
 //! One file or folder for each command.
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+
 pub(crate) mod ask;
 pub(crate) mod check;
 pub(crate) mod completions;
@@ -7,7 +9,6 @@ pub(crate) mod demo;
 pub(crate) mod doctor;
 #[cfg(feature = "generate")]
 pub(crate) mod generate;
-pub(crate) mod kernel;
 pub(crate) mod man;
 pub(crate) mod output;
 pub(crate) mod progress;
@@ -21,3 +22,17 @@ pub(crate) mod serve;
 pub(crate) mod simulate;
 pub(crate) mod tidy;
 pub(crate) mod top;
+
+/// A flag's values with their names and help.
+pub(crate) type Choices<T, const N: usize> = [(T, &'static str, &'static str); N];
+
+/// Reads one of these values by its name.
+pub(crate) fn choice<T: Copy + Send + Sync + 'static, const N: usize>(
+    choices: &'static Choices<T, N>,
+) -> impl TypedValueParser<Value = T> {
+    let names = choices.iter().map(|(_, name, help)| PossibleValue::new(*name).help(*help));
+    PossibleValuesParser::new(names).try_map(|name| {
+        let chosen = choices.iter().find(|(_, known, _)| *known == name);
+        chosen.map(|(value, ..)| *value).ok_or("unknown")
+    })
+}

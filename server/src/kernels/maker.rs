@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 use rustix::process::setpriority_process;
 use sarrus_dynamics::{Model, Plan};
 use sarrus_generate::{
-    Cache, Cancel, Compiler, LoadError, MakeError, NativeKernel, Origin, bare_query,
+    BuildError, Cache, Cancel, Compiler, LoadError, MakeError, NativeKernel, Origin, bare_query,
 };
 use sarrus_proto::{FieldSet, Query, Request};
 
@@ -220,7 +220,7 @@ fn make(
             }
             Some(Arc::new(made.kernel))
         }
-        Err(MakeError::Cancelled) => None,
+        Err(MakeError::Build(BuildError::Cancelled)) => None,
         Err(error) => {
             line(format_args!(
                 "sarrus serve: no kernel for {what}: {error}; the generic ones answer"

@@ -23,6 +23,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use quanta::Clock;
 use sarrus_dynamics::Model;
 use sarrus_proto::{PROTOCOL_VERSION, Sizes};
+use tracing::{error, info};
 
 pub use error::{RecordError, RecordingError};
 pub use format::Client;
@@ -31,7 +32,6 @@ pub use replay::{Difference, Replayed, replay};
 pub(crate) use ring::Recorder;
 pub use robot::RecordedRobot;
 
-use crate::system::events;
 use file::RecordFile;
 use format::{checksum, words};
 use header::Header;
@@ -96,7 +96,7 @@ pub(crate) fn start(
             writer.run();
         })
         .map_err(|source| RecordError::Thread { source })?;
-    events::recording(&options.file);
+    info!(file = %options.file.display(), "recording");
     Ok((recorder, thread))
 }
 
@@ -117,7 +117,7 @@ impl Writer {
                 crate::system::stderr::line(format_args!(
                     "sarrus serve: warning: the recording ends here: {error}"
                 ));
-                events::recording_ended(&error);
+                error!(%error, "the recording ends");
                 return;
             }
             if is_last {

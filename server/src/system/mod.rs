@@ -1,7 +1,5 @@
-//! The operating system: processors and policies, limits, SIGBUS, stderr, the log's events.
+//! The operating system: processors, policies and limits, SIGBUS, stderr.
 
-pub(crate) mod events;
-pub mod limits;
 pub(crate) mod placement;
 pub(crate) mod sigbus;
 pub mod stderr;

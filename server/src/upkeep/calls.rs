@@ -11,10 +11,10 @@ use sarrus_proto::control::{
 };
 use sarrus_proto::message::Statistics;
 use sarrus_proto::run::Run;
+use tracing::{debug, info, warn};
 
-use crate::system::events;
 use crate::upkeep::connections::Connections;
-use crate::upkeep::plans::{Plans, Unplanned};
+use crate::upkeep::plans::{Plans, Registered};
 
 /// State behind the clients' calls.
 pub(crate) struct Calls {
@@ -92,7 +92,7 @@ impl Calls {
         };
         let sent =
             connection.map(|connection| connection.socket.send(&response.to_bytes(), descriptor));
-        events::answered(client, &response.outcome);
+        log(client, &response.outcome);
         let is_surplus = matches!(response.outcome, Err(Refusal::TooManyClients { .. }));
         if is_surplus || !matches!(sent, Some(Ok(()))) {
             self.end(client);
@@ -128,16 +128,11 @@ impl Calls {
                 let text = self.pages.get(page).cloned().ok_or(Refusal::NoSuchPage)?;
                 Ok(Grant::Page { text })
             }
-            Call::Plan { query } => match self.plans.register(&self.model, &query, client) {
-                Ok(plan) => {
-                    Ok(Grant::Plan { number: plan.number, n_in: plan.n_in, n_out: plan.n_out })
-                }
-                Err(Unplanned::Query(error)) => {
-                    Err(Refusal::BadQuery { reason: error.to_string() })
-                }
-                Err(Unplanned::TooLarge { n_in, n_out }) => Err(Refusal::TooLarge { n_in, n_out }),
-                Err(Unplanned::TooMany) => Err(Refusal::TooManyPlans),
-            },
+            Call::Plan { query } => {
+                let Registered { number, n_in, n_out } =
+                    self.plans.register(&self.model, &query, client)?;
+                Ok(Grant::Plan { number, n_in, n_out })
+            }
             Call::Release { plan } => Ok(Grant::Released { had: self.plans.release(plan, client) }),
             Call::Lane { n_in, n_out } => {
                 let (Some(class_in), Some(class_out)) = (class_of(n_in), class_of(n_out)) else {
@@ -163,6 +158,23 @@ impl Calls {
             }
             Call::Statistics => Ok(Grant::Statistics(Box::new(statistics(self)))),
         }
+    }
+}
+
+/// Logs the answer to a call.
+fn log(client: u64, outcome: &Result<Grant, Refusal>) {
+    match outcome {
+        Ok(Grant::Plan { number, n_in, n_out }) => {
+            info!(client, plan = number.0, n_in, n_out, "plan registered");
+        }
+        Ok(Grant::Released { had }) => debug!(client, had, "plan released"),
+        Ok(Grant::Lane { link, .. }) => debug!(client, link, "lane"),
+        Ok(Grant::Service { link }) => debug!(client, link, "service"),
+        Ok(Grant::Served) => debug!(client, "service is polled"),
+        Ok(Grant::Batch) => debug!(client, "batches are polled"),
+        Ok(Grant::Left) => debug!(client, "lane or service given back"),
+        Ok(Grant::Hello { .. } | Grant::Page { .. } | Grant::Statistics(_)) => {}
+        Err(reason) => warn!(client, ?reason, "refused"),
     }
 }
 

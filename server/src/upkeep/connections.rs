@@ -19,11 +19,11 @@ use sarrus_proto::message::{ClientStatistics, MAX_SERVICE_CLIENTS};
 use sarrus_proto::run::Run;
 use sarrus_proto::service::{ServedService, serve_compute};
 use sarrus_proto::socket::{ControlListener, ControlSocket, MAX_MESSAGE, timespec};
+use tracing::info;
 
 use crate::answering::batches::Batches;
 use crate::answering::thread::{End, Order, Retired};
 use crate::record::Client;
-use crate::system::events;
 use crate::upkeep::listener::Listener;
 use crate::upkeep::refusals::{failed, no_space, take_down};
 use crate::upkeep::segment::Segment;
@@ -175,7 +175,8 @@ impl Connections {
             for socket in self.listener.take(room) {
                 self.numbers += 1;
                 let is_surplus = self.clients.len() >= self.limit();
-                events::attached(self.numbers, socket.peer().map_or(0, |peer| peer.process));
+                let process = socket.peer().map_or(0, |peer| peer.process);
+                info!(client = self.numbers, process, "attached");
                 let client = Connection {
                     socket,
                     place: None,
@@ -207,7 +208,7 @@ impl Connections {
     pub(crate) fn close(&mut self, number: u64) {
         self.give_back(number);
         if self.clients.remove(&number).is_some() {
-            events::detached(number);
+            info!(client = number, "detached");
         }
     }
 

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use rtrb::{Consumer, Producer};
 use sarrus_dynamics::{Model, Plan};
+use sarrus_proto::control::Refusal;
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, PlanNumber};
 use sarrus_proto::{Query, QueryError, QueryOptions};
 
@@ -24,14 +25,6 @@ pub(crate) struct Registered {
     pub(crate) number: PlanNumber,
     pub(crate) n_in: usize,
     pub(crate) n_out: usize,
-}
-
-/// Why a query gets no plan.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Unplanned {
-    Query(QueryError),
-    TooLarge { n_in: usize, n_out: usize },
-    TooMany,
 }
 
 enum State {
@@ -80,7 +73,7 @@ impl Plans {
         model: &Model<f64>,
         query: &Query,
         holder: u64,
-    ) -> Result<Registered, Unplanned> {
+    ) -> Result<Registered, Refusal> {
         // one that others hold
         for slot in &mut self.slots {
             if let State::Held { query: known, registered, holders } = &mut slot.state
@@ -94,20 +87,21 @@ impl Plans {
         }
 
         // a new one
-        let plan = Plan::new(model, query).map_err(Unplanned::Query)?;
+        let bad = |error: QueryError| Refusal::BadQuery { reason: error.to_string() };
+        let plan = Plan::new(model, query).map_err(bad)?;
         let n_in = plan.given().len();
         let n_out = plan.want().len();
         if n_in > MAX_NUMBERS_IN || n_out > MAX_NUMBERS_OUT {
-            return Err(Unplanned::TooLarge { n_in, n_out });
+            return Err(Refusal::TooLarge { n_in, n_out });
         }
-        let index = self.free_slot().ok_or(Unplanned::TooMany)?;
+        let index = self.free_slot().ok_or(Refusal::TooManyPlans)?;
         let slot = &mut self.slots[index];
         let number = PlanNumber::new(index, slot.generation);
         let checks = query.options.contains(QueryOptions::CHECKSUM);
         let kernel = self.kernels.kernel_of(&plan);
         let order = PlanOrder::Serve(Box::new(ServedPlan { number, plan, kernel, checks }));
         // there is room: full means that the answering thread is gone
-        self.orders.push(order).map_err(|_| Unplanned::TooMany)?;
+        self.orders.push(order).map_err(|_| Refusal::TooManyPlans)?;
         slot.generation += 1;
         let registered = Registered { number, n_in, n_out };
         slot.state = State::Held { query: Box::new(*query), registered, holders: vec![holder] };

@@ -14,8 +14,9 @@ use sarrus_proto::heartbeat::HeartbeatWriter;
 use sarrus_proto::message::{MAX_PLANS, Statistics};
 use sarrus_proto::run::{Run, RunError};
 use sarrus_proto::{Domain, ModelInfo, ServerName};
+use tracing::{error, info, warn};
 
-use crate::answering::counters::{Counters, Latency};
+use crate::answering::counters::Counters;
 use crate::answering::engine::{Engine, MAX_PLAN_ORDERS, PlanOrder, ServedPlan};
 use crate::answering::thread::{self, AnsweringThread, Order, Retired, Shared};
 use crate::answering::wait::Wait;
@@ -23,7 +24,6 @@ use crate::error::{MAX_LANES, ServeError};
 use crate::kernels::{Kernels, Maker};
 use crate::pool;
 use crate::record::{self, RecordOptions};
-use crate::system::events;
 use crate::system::placement::{Flags, Placement};
 use crate::system::sigbus;
 use crate::upkeep::calls::{Calls, pages};
@@ -140,7 +140,6 @@ fn serve_in(
     // clients that connect before the first step of upkeep wait
     let socket = |source| ServeError::Socket { path: run.name_folder().to_owned(), source };
     let listener = run.listen().map_err(socket)?;
-    let latency = Latency::new(clock).ok_or(ServeError::Died)?;
     let thread = spawn(hot, placement.clone())?;
     if let Err(error) = placement.place_other() {
         shared.stopping.store(true, Relaxed);
@@ -162,10 +161,11 @@ fn serve_in(
     };
     let now = Instant::now();
     let watchdog = Watchdog::new(&calls.heartbeat).map_err(ServeError::Heartbeat)?;
-    let mut upkeep =
-        Upkeep { calls, latency, shared, watchdog, since: now, folded: now, checked: now, late: 0 };
+    let mut upkeep = Upkeep { calls, clock, shared, watchdog, since: now, checked: now, late: 0 };
     ready();
-    events::serving(name.as_str(), &info.robot, info.fingerprint, options.lanes);
+    let fingerprint = format_args!("{:016x}", info.fingerprint);
+    let robot = info.robot.as_str();
+    info!(name = name.as_str(), robot, %fingerprint, lanes = options.lanes, "serving");
     let ended = upkeep.run(&thread, stop, name.as_str()).and_then(|()| {
         let is_clean = thread.join().is_ok() && stop.load(Relaxed);
         if is_clean { Ok(()) } else { Err(ServeError::Died) }
@@ -273,11 +273,10 @@ fn spawn(mut hot: AnsweringThread, placement: Placement) -> Result<JoinHandle<()
 /// The work beside the answering thread.
 struct Upkeep {
     calls: Calls,
-    latency: Latency,
+    clock: Clock,
     shared: Arc<Shared>,
     watchdog: Watchdog,
     since: Instant,
-    folded: Instant,
     checked: Instant,
     /// Late answers logged so far.
     late: u64,
@@ -285,8 +284,6 @@ struct Upkeep {
 
 /// Longest wait for clients.
 const WAIT: Duration = Duration::from_millis(20);
-/// Interval between two readings of the latency counters.
-const FOLD: Duration = Duration::from_millis(50);
 /// Interval between two checks that clients can find the server.
 const CHECK: Duration = Duration::from_secs(1);
 
@@ -303,11 +300,11 @@ impl Upkeep {
             self.step(stop, false);
             if self.watchdog.is_lost() {
                 // a thread that hangs cannot be ended: the process ends, and its clients see it
-                events::hung(name);
+                error!(name, "the answering thread hangs");
                 return Err(hung());
             }
         }
-        events::stopping(name);
+        info!(name, "stopping");
         self.shared.stopping.store(true, Relaxed);
         while !thread.is_finished() {
             self.step(stop, true);
@@ -327,21 +324,15 @@ impl Upkeep {
             if stop.load(Relaxed) && !stopping {
                 return;
             }
-            let latency = &mut self.latency;
-            let shared = &self.shared;
+            let counters = &self.shared.counters;
+            let clock = &self.clock;
             let since = self.since;
-            self.calls.answer_call(client, stopping, |calls| {
-                latency.fold(&shared.counters);
-                statistics(calls, latency, shared, since)
-            });
+            let statistics = |calls: &Calls| statistics(calls, counters, clock, since);
+            self.calls.answer_call(client, stopping, statistics);
         }
         self.calls.connections.collect();
         self.calls.plans.upkeep();
         let now = Instant::now();
-        if now - self.folded > FOLD {
-            self.folded = now;
-            self.latency.fold(&self.shared.counters);
-        }
         if now - self.checked > CHECK {
             self.checked = now;
             self.restore();
@@ -353,7 +344,7 @@ impl Upkeep {
     fn log_late(&mut self) {
         let late = self.shared.counters.counts().late;
         if late > self.late {
-            events::late(late - self.late);
+            warn!(answers = late - self.late, "late");
             self.late = late;
         }
     }
@@ -371,13 +362,13 @@ impl Upkeep {
     }
 }
 
-fn statistics(calls: &Calls, latency: &Latency, shared: &Shared, since: Instant) -> Statistics {
+fn statistics(calls: &Calls, counters: &Counters, clock: &Clock, since: Instant) -> Statistics {
     let pool = pool::counts();
     let connections = &calls.connections;
     Statistics {
         uptime: since.elapsed().as_secs_f64(),
-        counts: shared.counters.counts(),
-        latency_ns: latency.percentiles(),
+        counts: counters.counts(),
+        latency_ns: counters.percentiles(clock),
         lanes_taken: connections.lanes_taken() as u64,
         lanes: connections.n_lanes() as u64,
         lanes_made: connections.lanes_made(),
@@ -386,6 +377,6 @@ fn statistics(calls: &Calls, latency: &Latency, shared: &Shared, since: Instant)
         pool_allocations: pool.pool,
         process: std::process::id().into(),
         clients: connections
-            .clients(|client| calls.plans.held(client), |place| shared.counters.late_of(place)),
+            .clients(|client| calls.plans.held(client), |place| counters.late_of(place)),
     }
 }

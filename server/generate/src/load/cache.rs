@@ -9,7 +9,7 @@ use std::collections::hash_map::RandomState;
 use std::ffi::OsString;
 use std::fs::{self, DirBuilder, File};
 use std::hash::{BuildHasher, Hasher};
-use std::io;
+use std::io::{self, Write};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
@@ -19,9 +19,8 @@ use sarrus_proto::fnv1a_64;
 
 use rustix::fs::{Access, FlockOperation, flock};
 
-use super::build::{library, seal};
+use super::file::sum;
 use super::{LoadError, NativeKernel, ObjectFile};
-use crate::compiler::COMPILE;
 use crate::manifest::{HEAD, bare_query, query_text};
 use crate::{BuildError, Cancel, Compiler, FLAGS, GenerateError, Kernel, Source};
 
@@ -71,18 +70,9 @@ pub enum MakeError {
     /// There is no compiler.
     #[error("no C compiler: set CC, or install cc{}", crate::compiler::why_not_found())]
     NoCompiler,
-    /// The compiler cannot be run, or fails.
+    /// The compiler cannot be run, fails, takes too long, or the caller cancelled it.
     #[error(transparent)]
-    Build(BuildError),
-    /// The compiler takes too long.
-    #[error("the compiler was ended after {seconds} s")]
-    TooSlow {
-        /// The bound `[s]`.
-        seconds: u64,
-    },
-    /// The caller cancelled it.
-    #[error("cancelled")]
-    Cancelled,
+    Build(#[from] BuildError),
     /// A new or a kept object is refused.
     #[error(transparent)]
     Load(#[from] LoadError),
@@ -92,16 +82,6 @@ pub enum MakeError {
     /// No object of this robot and query is kept.
     #[error("none is kept for this robot and query")]
     NotKept,
-}
-
-impl From<BuildError> for MakeError {
-    fn from(error: BuildError) -> MakeError {
-        match error {
-            BuildError::Cancelled => MakeError::Cancelled,
-            BuildError::TooSlow { seconds, .. } => MakeError::TooSlow { seconds },
-            error => MakeError::Build(error),
-        }
-    }
 }
 
 /// Where a kernel came from.
@@ -221,7 +201,7 @@ impl Cache {
         let start = Instant::now();
         let kernel = Kernel::trace(model, plan)?;
         if cancel.is_cancelled() {
-            return Err(MakeError::Cancelled);
+            return Err(BuildError::Cancelled.into());
         }
         let source = Source::new(&kernel, model, &function_name(model, plan));
         for folder in [&self.folder, &folder] {
@@ -231,8 +211,8 @@ impl Cache {
             self.check(folder)?;
         }
         let build = Build::new(&folder)?;
-        let name = &source.name;
-        let built = library(compiler, &source, name, &build.folder, COMPILE, cancel)?;
+        Compiler::write(&source, &build.folder)?;
+        let built = compiler.library(&source, &build.folder, &[], cancel)?;
         let file = finished(&built, &path).map_err(|error| io_error(&path, error))?;
         let loaded = NativeKernel::load(&file?, model, plan)?;
         // every reader gets either the old file or the new one
@@ -266,12 +246,16 @@ fn writable(folder: &Path) -> Result<(), CacheError> {
     access.map_err(|error| io_error(there, error.into()))
 }
 
-/// Seals and reads the compiler's file, whose mode depends on the user's mask; errors name the path
-/// under which it will be kept.
+/// Writes the compiler's file to the disk with its hash behind it, and reads it; its mode depended
+/// on the user's mask. Errors name the path under which it will be kept.
 fn finished(built: &Path, path: &Path) -> io::Result<Result<ObjectFile, LoadError>> {
     use std::os::unix::fs::PermissionsExt;
     fs::set_permissions(built, fs::Permissions::from_mode(0o600))?;
-    seal(built)?;
+    let sum = sum(&fs::read(built)?);
+    let mut file = File::options().append(true).open(built)?;
+    file.write_all(sum.as_bytes())?;
+    // a name that is on the disk before its bytes would name a part of them after a power cut
+    file.sync_all()?;
     Ok(ObjectFile::read_kept(built, path))
 }
 

@@ -5,7 +5,6 @@
 //! loader (`object.rs`, the only place that runs foreign code); its answers, bit by bit
 //! (`check.rs`). [`Cache`] keeps compiled kernels.
 
-mod build;
 mod cache;
 mod check;
 mod error;

@@ -1,7 +1,7 @@
 //! Where the methods that are used without asking stand in their figures.
 
-use super::measure::Measured;
-use super::{QUESTIONS, title};
+use super::methods::Method;
+use super::{title, words};
 use crate::page::{Figure, exponent, pareto_front};
 use crate::robots::{Robot, Subject};
 
@@ -18,11 +18,8 @@ pub(super) struct DefaultRow {
     pub(super) cells: Vec<String>,
 }
 
-pub(super) fn row(robot: &Robot, figure: &Figure, of: &Measured) -> DefaultRow {
-    let question = QUESTIONS
-        .iter()
-        .find(|(known, ..)| *known == of.question)
-        .map_or("", |(_, name, ..)| *name);
+pub(super) fn row(robot: &Robot, figure: &Figure, of: &Method) -> DefaultRow {
+    let [question, _] = words(of.question);
     let points =
         figure.series.iter().filter(|series| series.competes).flat_map(|series| &series.points);
     let fastest = points
@@ -32,7 +29,7 @@ pub(super) fn row(robot: &Robot, figure: &Figure, of: &Measured) -> DefaultRow {
     let factor = of.ns / fastest;
     let on_front = pareto_front(figure)
         .iter()
-        .any(|point| point.series == of.series && point.label == of.label);
+        .any(|(series, point)| series.name == of.series && point.label == of.label);
     let place = if on_front {
         "on the front".to_owned()
     } else {

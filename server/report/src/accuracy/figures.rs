@@ -1,6 +1,6 @@
 //! The figures of one robot: error over time, a series for each method and peer.
 
-use super::measure::Measured;
+use super::methods::Method;
 use super::{id, runner, title};
 use crate::Outcome;
 use crate::page::{Axis, Figure, Point, Series};
@@ -29,36 +29,26 @@ pub(super) fn figure<'a>(
     robot: &Robot,
     question: Question,
     name: &str,
-    measured: impl Iterator<Item = &'a Measured>,
+    measured: impl Iterator<Item = &'a Method> + Clone,
 ) -> Figure {
     let chain_forward =
         matches!(robot.subject, Subject::Chain(_)) && question == Question::ForwardDynamics;
     let mut series: Vec<Series> = Vec::new();
-    let mut add = |name: String, competes: bool, point: Point| match series
-        .iter_mut()
-        .find(|of| of.name == name)
-    {
-        Some(of) => {
-            of.line = true;
-            of.points.push(point);
-        }
-        None => series.push(Series { name, line: false, competes, points: vec![point] }),
-    };
-    let mut residuals = Vec::new();
-    for of in measured {
+    let point = |of: &Method, y: f64| {
         let fault = of.fault.as_ref().map_or(String::new(), |fault| format!(": {fault}"));
-        let label = format!("{}{fault}", of.label);
-        if let Some(residual) =
-            of.residual.filter(|_| !of.series.contains("bounded") && !of.series.contains("cold"))
-        {
-            residuals.push((
-                format!("loop residual of {}", of.series),
-                Point { x: of.ns, y: residual, label: label.clone() },
-            ));
-        }
-        add(of.series.clone(), true, Point { x: of.ns, y: of.error, label });
+        Point { x: of.ns, y, label: format!("{}{fault}", of.label) }
+    };
+    for of in measured.clone() {
+        Series::add(&mut series, of.series.clone(), point(of, of.error)).competes = true;
     }
-    residuals.into_iter().for_each(|(name, point)| add(name, false, point));
+    for of in measured.filter(|of| !["bounded", "cold"].iter().any(|word| of.series.contains(word)))
+    {
+        if let Some(residual) = of.residual {
+            let name = format!("loop residual of {}", of.series);
+            Series::add(&mut series, name, point(of, residual));
+        }
+    }
+    series.iter_mut().for_each(|of| of.line = of.points.len() > 1);
     let what = match question {
         Question::State => "q, q̇, q̈, u, u̇, ü from y, ẏ, ÿ; a peer finds q alone",
         Question::InverseDynamics => "τ_u from y, ẏ, ÿ",
@@ -83,12 +73,8 @@ pub(super) fn figure<'a>(
             precision takes its inputs rounded.{implicit} An error of zero is drawn at 1e-17.",
             robot.states.len()
         ),
-        command: String::new(),
-        x: Axis { label: "time of a call in ns".into(), log: true },
-        y: Axis {
-            label: if chain_forward { "backward error" } else { "error by size" }.into(),
-            log: true,
-        },
+        x: Axis::log("time of a call in ns"),
+        y: Axis::log(if chain_forward { "backward error" } else { "error by size" }),
         series,
     }
 }

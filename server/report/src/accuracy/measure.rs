@@ -11,38 +11,18 @@ use crate::measure::timing::{Timed, interleaved};
 use crate::reference::{References, layout, worse};
 use crate::robots::{Question, Robot};
 
-/// Time and error of a method with one setting.
-#[derive(Clone, Debug)]
-pub(super) struct Measured {
-    pub(super) question: Question,
-    pub(super) series: String,
-    pub(super) label: String,
-    pub(super) default: bool,
-    /// Median of a call.
-    pub(super) ns: f64,
-    /// The worst of all states; NaN where some state has no answer.
-    pub(super) error: f64,
-    /// The largest |φ| of q, where q was question.
-    pub(super) residual: Option<f64>,
-    /// Why there is no answer.
-    pub(super) fault: Option<String>,
-}
-
-/// A method as the timing sees it.
-struct Run<'a>(&'a mut Method);
-
-impl Timed for Run<'_> {
+impl Timed for &mut Method {
     fn name(&self) -> String {
-        format!("{}, {}", self.0.series, self.0.label)
+        format!("{}, {}", self.series, self.label)
     }
 
     fn states(&self) -> usize {
-        self.0.runner.states()
+        self.runner.states()
     }
 
     #[inline]
     fn call(&mut self, state: usize) -> Status {
-        self.0.runner.call(state)
+        self.runner.call(state)
     }
 }
 
@@ -53,43 +33,33 @@ pub(super) fn measure(
     references: &mut References<'_>,
     rounds: Duration,
     shown: impl Fn(f64),
-) -> Outcome<Vec<Measured>> {
-    let mut measured = Vec::new();
+) -> Outcome {
     for method in methods.iter_mut() {
-        measured.push(errors(robot, method, references)?);
+        errors(robot, method, references)?;
     }
     // a method that does not answer is not timed
-    let fine = |of: &Measured| of.fault.is_none();
-    let mut runs: Vec<Run<'_>> = methods
-        .iter_mut()
-        .zip(&measured)
-        .filter(|(_, of)| fine(of))
-        .map(|(method, _)| Run(method))
-        .collect();
-    let times = interleaved(&mut runs, rounds, shown)?;
-    for (of, samples) in measured.iter_mut().filter(|of| fine(of)).zip(times) {
-        of.ns = samples.median();
+    let mut fine: Vec<&mut Method> =
+        methods.iter_mut().filter(|method| method.fault.is_none()).collect();
+    let times = interleaved(&mut fine, rounds, shown)?;
+    for (method, samples) in fine.into_iter().zip(times) {
+        method.ns = samples.median();
     }
-    Ok(measured)
+    Ok(())
 }
 
-fn errors(
-    robot: &Robot,
-    method: &mut Method,
-    references: &mut References<'_>,
-) -> Outcome<Measured> {
+fn errors(robot: &Robot, method: &mut Method, references: &mut References<'_>) -> Outcome {
     let Method { question, place, start, .. } = *method;
     let want = layout(robot, question);
     let exact = &robot.variants[place].compiled.exact;
     let mut form = (question == Question::State).then(|| ImplicitForm::new(exact));
     let mut worst = 0.0_f64;
     let mut residual = 0.0_f64;
-    let mut fault = None;
     for state in 0..method.runner.states() {
         let status = method.runner.call(state);
         if status != Status::Ok {
-            fault = Some(format!("{status} at state {state}"));
-            break;
+            method.residual = form.is_some().then_some(f64::NAN);
+            method.fault = Some(format!("{status} at state {state}"));
+            return Ok(());
         }
         let answer = method.runner.answer();
         let error = references.error((question, place, start), &want, state, &answer)?;
@@ -100,15 +70,7 @@ fn errors(
             residual = residual.max(form.position_drift().hi());
         }
     }
-    let nan = |x: f64| if fault.is_some() { f64::NAN } else { x };
-    Ok(Measured {
-        question,
-        series: method.series.clone(),
-        label: method.label.clone(),
-        default: method.default,
-        ns: f64::NAN,
-        error: nan(worst),
-        residual: form.is_some().then(|| nan(residual)),
-        fault,
-    })
+    method.error = worst;
+    method.residual = form.map(|_| residual);
+    Ok(())
 }

@@ -3,10 +3,9 @@
 
 use sarrus_dynamics::{Method as Forward, Model, Plan};
 
-use super::runner::{Implicit, Planned, Runner, with_start};
+use super::runner::{Implicit, Runner, with_start};
 use crate::Outcome;
-use crate::robots::Robot;
-use crate::robots::{Question, Start, Subject, Variant};
+use crate::robots::{Planned, Question, Robot, Start, Subject, Variant};
 
 /// Tolerances of the last step of Newton's method where the state alone is asked, and where
 /// dynamics follow.
@@ -19,7 +18,7 @@ const STEPS_FROM_ZERO: [u32; 6] = [1, 2, 3, 4, 6, 8];
 /// Tree velocities up to which dense systems are measured.
 const LARGEST_SQUARE: usize = 100;
 
-/// A method with one setting.
+/// A method with one setting, and its time and error once they are measured.
 pub(super) struct Method {
     pub(super) question: Question,
     /// Its name in the legend and its setting.
@@ -31,6 +30,14 @@ pub(super) struct Method {
     pub(super) place: usize,
     pub(super) start: Start,
     pub(super) runner: Box<dyn Runner>,
+    /// Median of a call.
+    pub(super) ns: f64,
+    /// The worst of all states; NaN where some state has no answer.
+    pub(super) error: f64,
+    /// The largest |φ| of q, where q was asked.
+    pub(super) residual: Option<f64>,
+    /// Why there is no answer.
+    pub(super) fault: Option<String>,
 }
 
 /// A way to close loops: the variant, its name, where Newton's method starts.
@@ -96,31 +103,21 @@ struct Methods<'a> {
 /// All of a robot.
 pub(super) fn of_robot(robot: &Robot) -> Outcome<Vec<Method>> {
     let mut methods = Methods { robot, all: Vec::new() };
-    let given = robot.variants.first().ok_or("no variant")?;
+    let given = robot.variants.first().ok_or("no variant")?.closures;
     let numerical = robot.variants.iter().position(|variant| variant.closures == "numerical");
     let chain = matches!(robot.subject, Subject::Chain(_));
-    let closed_form = chain || given.closures == "analytic";
-    if given.closures != "numerical" {
-        let (name, start) =
-            if closed_form { ("closed form", Start::None) } else { ("as given", Start::Warm) };
-        methods.given(Closing { place: 0, variant: given, name, start, default: true })?;
+    let closing = |place, name, start, default| {
+        let variant = &robot.variants[place];
+        Closing { place, variant, name, start, default }
+    };
+    if chain || given == "analytic" {
+        methods.given(closing(0, "closed form", Start::None, true))?;
+    } else if given != "numerical" {
+        methods.given(closing(0, "as given", Start::Warm, true))?;
     }
     if let Some(place) = numerical {
-        let variant = &robot.variants[place];
-        methods.newton(Closing {
-            place,
-            variant,
-            name: "Newton, warm",
-            start: Start::Warm,
-            default: place == 0,
-        })?;
-        methods.cold(Closing {
-            place,
-            variant,
-            name: "Newton, cold",
-            start: Start::Cold,
-            default: false,
-        })?;
+        methods.newton(closing(place, "Newton, warm", Start::Warm, place == 0))?;
+        methods.cold(closing(place, "Newton, cold", Start::Cold, false))?;
     }
     Ok(methods.all)
 }
@@ -129,9 +126,7 @@ impl Methods<'_> {
     /// Loops that are closed as the robot is given.
     fn given(&mut self, closing: Closing<'_>) -> Outcome {
         let end = End::Usual("usual");
-        self.ask(&closing, Question::State, end)?;
-        self.ask(&closing, Question::InverseDynamics, end)?;
-        self.forward(&closing, end)?;
+        self.everything(&closing, end)?;
         if closing.is_small() { self.implicit(&closing, end) } else { Ok(()) }
     }
 
@@ -149,10 +144,7 @@ impl Methods<'_> {
                 }
             }
         }
-        let end = End::Usual("usual end");
-        self.ask(&closing, Question::State, end)?;
-        self.ask(&closing, Question::InverseDynamics, end)?;
-        self.forward(&closing, end)?;
+        self.everything(&closing, End::Usual("usual end"))?;
         for steps in STEPS {
             self.ask(&closing, Question::State, End::Steps(steps))?;
             if steps <= 3 {
@@ -174,8 +166,10 @@ impl Methods<'_> {
         Ok(())
     }
 
-    /// Forward dynamics by every method that fits.
-    fn forward(&mut self, closing: &Closing<'_>, end: End) -> Outcome {
+    /// Every question, forward dynamics by every method that fits.
+    fn everything(&mut self, closing: &Closing<'_>, end: End) -> Outcome {
+        self.ask(closing, Question::State, end)?;
+        self.ask(closing, Question::InverseDynamics, end)?;
         for method in Forward::ALL {
             if closing.is_small() || method != Forward::Kkt {
                 self.ask(closing, Question::Forced(method), end)?;
@@ -197,7 +191,7 @@ impl Methods<'_> {
         } else {
             Plan::new(&model, &query)?
         };
-        let runner = Box::new(Planned::new(model, plan, self.robot, closing.place));
+        let runner = Box::new(Planned::new(&model, plan, &self.robot.states, closing.place));
         let question = if question.is_forward() { Question::ForwardDynamics } else { question };
         self.add(closing, question, (series, end, default), runner);
         Ok(())
@@ -219,7 +213,18 @@ impl Methods<'_> {
         runner: Box<dyn Runner>,
     ) {
         let Closing { place, start, .. } = *closing;
-        let label = end.label();
-        self.all.push(Method { question, series, label, default, place, start, runner });
+        self.all.push(Method {
+            question,
+            series,
+            label: end.label(),
+            default,
+            place,
+            start,
+            runner,
+            ns: f64::NAN,
+            error: f64::NAN,
+            residual: None,
+            fault: None,
+        });
     }
 }

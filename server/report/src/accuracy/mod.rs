@@ -15,10 +15,11 @@ use sarrus_dynamics::Model;
 
 use self::defaults::{DefaultRow, row, sentence};
 use self::figures::{figure, of_peer};
-use self::measure::{Measured, measure};
+use self::measure::measure;
+use self::methods::Method;
 use crate::Outcome;
-use crate::measure::Effort;
 use crate::measure::progress::Progress;
+use crate::measure::{Amount, Effort};
 use crate::page::{Figure, Section, Table, columns, exponent};
 use crate::peer::{self, Peer};
 use crate::reference::{References, worse};
@@ -43,24 +44,12 @@ const QUESTIONS: [(Question, &str, &str); 3] = [
     (Question::ForwardDynamics, "forward dynamics", "fd"),
 ];
 
-/// How much is measured.
-#[derive(Clone, Copy)]
-struct Amount {
-    states: usize,
-    /// How long the batches of one robot take turns.
-    rounds: Duration,
-    /// How long a peer times each of its methods, in seconds.
-    of_peer: f64,
-}
-
-impl Amount {
-    const QUICK: Amount = Amount { states: 16, rounds: Duration::from_millis(2000), of_peer: 0.02 };
-    const FULL: Amount = Amount { states: 128, rounds: Duration::from_secs(20), of_peer: 0.3 };
-}
+const QUICK: Amount = Amount { states: 16, rounds: Duration::from_millis(2000), of_peer: 0.02 };
+const FULL: Amount = Amount { states: 128, rounds: Duration::from_secs(20), of_peer: 0.3 };
 
 /// Fills the section.
 pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
-    let amount = if effort.quick { Amount::QUICK } else { Amount::FULL };
+    let amount = if effort.quick { QUICK } else { FULL };
     let mut section = Section::new("accuracy", "Error against run time");
     let mut rows = Vec::new();
     let mut places = Vec::new();
@@ -71,12 +60,11 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
         let robot = load(subject, amount.states)?;
         let (figures, measured, peer) =
             robot_figures(&robot, amount, |done| progress.show(&title(subject), share(done)))?;
-        let place = |(figure, of): (&Figure, &Measured)| row(&robot, figure, of);
-        let defaults = measured.iter().filter(|of| of.default);
-        let with_figure = defaults.filter_map(|of| {
-            Some((figures.iter().find(|figure| figure.id == id(subject, of.question))?, of))
+        let defaults = measured.iter().filter(|of| of.default).filter_map(|of| {
+            let figure = figures.iter().find(|figure| figure.id == id(subject, of.question))?;
+            Some(row(&robot, figure, of))
         });
-        let of_robot: Vec<DefaultRow> = with_figure.map(place).collect();
+        let of_robot: Vec<DefaultRow> = defaults.collect();
         places.push(sentence(subject, &of_robot));
         for of in &of_robot {
             section.worst_error = Some(worse(section.worst_error.unwrap_or(0.0), of.error));
@@ -125,8 +113,13 @@ fn title(subject: Subject) -> String {
 }
 
 fn id(subject: Subject, question: Question) -> String {
-    let of = QUESTIONS.iter().find(|(of, ..)| *of == question).map_or("", |(_, _, id)| *id);
-    format!("accuracy-{}-{of}", subject.name())
+    format!("accuracy-{}-{}", subject.name(), words(question)[1])
+}
+
+/// A question, as the page and the files call it.
+fn words(question: Question) -> [&'static str; 2] {
+    let words = QUESTIONS.iter().find(|(of, ..)| *of == question);
+    words.map_or([""; 2], |(_, name, id)| [*name, *id])
 }
 
 /// The figures of one robot, their contents, and why a peer is missing.
@@ -134,10 +127,10 @@ fn robot_figures(
     robot: &Robot,
     amount: Amount,
     shown: impl Fn(f64),
-) -> Outcome<(Vec<Figure>, Vec<Measured>, Option<String>)> {
+) -> Outcome<(Vec<Figure>, Vec<Method>, Option<String>)> {
     let mut methods = methods::of_robot(robot)?;
     let mut references = References::new(robot);
-    let measured = measure(robot, &mut methods, &mut references, amount.rounds, shown)?;
+    measure(robot, &mut methods, &mut references, amount.rounds, shown)?;
     let (runs, missing) =
         match peer::pinocchio(&robot.description, &robot.states, 0, amount.of_peer)? {
             Peer::Measured { runs, .. } => (runs, None),
@@ -145,15 +138,15 @@ fn robot_figures(
         };
     let mut figures = Vec::new();
     for (question, name, _) in QUESTIONS {
-        let mut figure =
-            figure(robot, question, name, measured.iter().filter(|of| of.question == question));
+        let of = methods.iter().filter(|of| of.question == question);
+        let mut figure = figure(robot, question, name, of);
         figure.series.extend(of_peer(robot, &mut references, &runs, question)?);
         if let (Some(why), true) = (&missing, robot.subject != Subject::Chain(1)) {
             figure.caption += &format!(" {why}");
         }
         figures.push(figure);
     }
-    Ok((figures, measured, missing.filter(|_| robot.subject == ROBOTS[0])))
+    Ok((figures, methods, missing.filter(|_| robot.subject == ROBOTS[0])))
 }
 
 #[cfg(test)]
@@ -164,7 +157,7 @@ mod tests {
 
     const SMALL: Amount = Amount { states: 6, rounds: Duration::from_millis(150), of_peer: 0.001 };
 
-    fn figures(subject: Subject) -> (Vec<Figure>, Vec<Measured>) {
+    fn figures(subject: Subject) -> (Vec<Figure>, Vec<Method>) {
         let robot = load(subject, SMALL.states).unwrap();
         let (figures, measured, _) = robot_figures(&robot, SMALL, |_| {}).unwrap();
         (figures, measured)
@@ -185,7 +178,7 @@ mod tests {
             let (figures, measured) = figures(subject);
             assert_eq!(figures.len(), 3);
             for of in &measured {
-                let Measured { series, label, error, ns, fault, .. } = of;
+                let Method { series, label, error, ns, fault, .. } = of;
                 assert!(
                     fault.is_none() && error.is_finite() && *ns > 0.0,
                     "{series}, {label}: {error:e} {fault:?}"
@@ -247,7 +240,7 @@ mod tests {
                     .filter(|series| series.competes)
                     .flat_map(|series| &series.points)
             };
-            for of in &best {
+            for (_, of) in &best {
                 assert!(
                     !points().any(|point| point.x < of.x && point.y < of.y),
                     "{}: {of:?}",
@@ -257,7 +250,7 @@ mod tests {
             // points off the front are beaten or equalled
             for point in points().filter(|point| point.x.is_finite() && point.y.is_finite()) {
                 assert!(
-                    best.iter().any(|of| of.x <= point.x && of.y <= point.y),
+                    best.iter().any(|(_, of)| of.x <= point.x && of.y <= point.y),
                     "{}: {point:?}",
                     figure.title
                 );
@@ -267,8 +260,8 @@ mod tests {
             assert_eq!(unique.len(), figure.series.len());
         }
         let robot = load(subject, 2).unwrap();
-        let defaults: Vec<&Measured> = measured.iter().filter(|of| of.default).collect();
-        assert_eq!(defaults.len(), 3, "{defaults:?}");
+        let defaults: Vec<&Method> = measured.iter().filter(|of| of.default).collect();
+        assert_eq!(defaults.len(), 3);
         for of in defaults {
             let figure =
                 figures.iter().find(|figure| figure.id == id(subject, of.question)).unwrap();

@@ -2,33 +2,25 @@
 
 use std::hint::black_box;
 
-use sarrus_dynamics::{
-    Field, FieldSet, ImplicitForm, Layout, Model, Plan, Query, Request, Status, Workspace,
-};
+use sarrus_dynamics::{Field, FieldSet, ImplicitForm, Model, Plan, Query, Request, Status};
 
 use crate::Outcome;
-use crate::robots::Robot;
-use crate::robots::{Start, packed};
+use crate::measure::timing::Timed;
+use crate::robots::{Planned, Robot, Start};
 
 /// α = β of Baumgarte's stabilisation in 1/s: a drift falls by a digit in 39 ms.
 pub(super) const STABILISATION: f64 = 100.0;
 
 /// Something that answers a question on each state.
-pub(super) trait Runner {
-    fn states(&self) -> usize;
-    /// One call.
-    fn call(&mut self, state: usize) -> Status;
+pub(super) trait Runner: Timed {
     /// The numbers of the last answer, in the order of the question's fields.
     fn answer(&self) -> Vec<f64>;
 }
 
-/// A plan with its inputs.
-pub(super) struct Planned {
-    model: Model,
-    plan: Plan,
-    workspace: Workspace<f64>,
-    inputs: Vec<Vec<f64>>,
-    output: Vec<f64>,
+impl Runner for Planned {
+    fn answer(&self) -> Vec<f64> {
+        self.output.clone()
+    }
 }
 
 /// The query, with the guess that a warm start has.
@@ -37,37 +29,6 @@ pub(super) fn with_start(mut query: Query, start: Start) -> Query {
         query.given = query.given.with(Field::QGuess);
     }
     query
-}
-
-impl Planned {
-    /// On the states of a robot, with the guesses of the variant at this place.
-    pub(super) fn new(model: Model, plan: Plan, robot: &Robot, place: usize) -> Planned {
-        Planned {
-            workspace: Workspace::for_plans(&model, [&plan]),
-            inputs: robot.states.iter().map(|state| packed(&plan, state, place)).collect(),
-            output: vec![0.0; plan.want().len()],
-            model,
-            plan,
-        }
-    }
-}
-
-impl Runner for Planned {
-    fn states(&self) -> usize {
-        self.inputs.len()
-    }
-
-    #[inline]
-    fn call(&mut self, state: usize) -> Status {
-        let input = black_box(&self.inputs[state]);
-        let answer = self.plan.run(&self.model, &mut self.workspace, input, &mut self.output);
-        black_box(&self.output);
-        answer.status
-    }
-
-    fn answer(&self) -> Vec<f64> {
-        self.output.clone()
-    }
 }
 
 /// Closing first, then q̈ of the whole tree under its loops.
@@ -111,17 +72,16 @@ impl Implicit {
             qdd: vec![0.0; model.sizes().n_v],
             independent: model.independent_names().iter().map(at).collect::<Result<_, String>>()?,
             form: ImplicitForm::new(model),
-            closing: Planned::new(model.clone(), plan, robot, place),
+            closing: Planned::new(model, plan, &robot.states, place),
         })
     }
 }
 
-/// A field of packed numbers.
-fn field<'a>(layout: &Layout, field: Field, numbers: &'a [f64]) -> &'a [f64] {
-    layout.slot(field).map_or(&[], |slot| &numbers[slot.range()])
-}
+impl Timed for Implicit {
+    fn name(&self) -> String {
+        format!("{}: implicit form", self.closing.model.name())
+    }
 
-impl Runner for Implicit {
     fn states(&self) -> usize {
         self.tau.len()
     }
@@ -131,15 +91,17 @@ impl Runner for Implicit {
         if status != Status::Ok {
             return status;
         }
-        let Planned { model, plan, output, .. } = &self.closing;
-        let [q, qd] = [Field::Q, Field::Qd].map(|of| field(plan.want(), of, output));
+        let model = &self.closing.model;
+        let [q, qd] = [Field::Q, Field::Qd].map(|field| self.closing.get(field));
         let gains = (STABILISATION, STABILISATION);
         let tau = &self.tau[state];
         let status = self.form.accelerations(model, q, qd, tau, &[], gains, &mut self.qdd);
         black_box(&self.qdd);
         status
     }
+}
 
+impl Runner for Implicit {
     fn answer(&self) -> Vec<f64> {
         self.independent.iter().map(|v| self.qdd[*v]).collect()
     }

@@ -3,20 +3,16 @@
 use std::hint::black_box;
 use std::sync::Arc;
 
-use sarrus_dynamics::{Answer, Batch, Model, Plan, Status, Warnings, Workspace};
+use sarrus_dynamics::{Answer, Batch, Model, Plan, Status, Warnings};
 use sarrus_generate::NativeKernel;
 
 use crate::measure::timing::Timed;
-use crate::robots::{Robot, packed};
+use crate::robots::{Planned, Robot};
 
 /// A plan, alone or with its code.
-pub(super) struct Case<'a> {
-    model: &'a Model,
-    plan: Plan,
+pub(super) struct Case {
+    pub(super) planned: Planned,
     kernel: Option<Arc<NativeKernel>>,
-    workspace: Workspace<f64>,
-    inputs: Vec<Vec<f64>>,
-    pub(super) output: Vec<f64>,
     /// Where all states are asked at once.
     rows: Option<Rows>,
 }
@@ -29,57 +25,46 @@ struct Rows {
     answers: Vec<Answer>,
 }
 
-impl<'a> Case<'a> {
+impl Case {
     pub(super) fn new(
         robot: &Robot,
-        model: &'a Model,
+        model: &Model,
         plan: Plan,
         kernel: Option<Arc<NativeKernel>>,
-    ) -> Case<'a> {
-        Case {
-            model,
-            workspace: Workspace::for_plans(model, [&plan]),
-            inputs: robot.states.iter().map(|state| packed(&plan, state, 0)).collect(),
-            output: vec![0.0; plan.want().len()],
-            plan,
-            kernel,
-            rows: None,
-        }
+    ) -> Case {
+        Case { planned: Planned::new(model, plan, &robot.states, 0), kernel, rows: None }
     }
 
     /// The case that answers all states at once.
-    pub(super) fn in_rows(self, model: &Arc<Model>) -> Case<'a> {
+    pub(super) fn in_rows(self, model: &Arc<Model>) -> Case {
+        let Planned { plan, inputs, output, .. } = &self.planned;
         let unknown = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
         let rows = Rows {
-            batch: Batch::new(model, &self.plan),
-            input: self.inputs.concat(),
-            output: vec![0.0; self.inputs.len() * self.output.len()],
-            answers: vec![unknown; self.inputs.len()],
+            batch: Batch::new(model, plan),
+            input: inputs.concat(),
+            output: vec![0.0; inputs.len() * output.len()],
+            answers: vec![unknown; inputs.len()],
         };
         Case { rows: Some(rows), ..self }
     }
 
     #[inline]
     pub(super) fn answer(&mut self, state: usize) -> Answer {
-        let input = black_box(self.inputs[state].as_slice());
-        let of = (self.model, &self.plan);
-        let by_code = self
-            .kernel
-            .as_ref()
-            .and_then(|kernel| kernel.answer(of, &mut self.workspace, input, &mut self.output));
-        by_code.unwrap_or_else(|| {
-            self.plan.run(self.model, &mut self.workspace, input, &mut self.output)
-        })
+        let Planned { model, plan, workspace, inputs, output } = &mut self.planned;
+        let input = black_box(inputs[state].as_slice());
+        let by_code =
+            |kernel: &Arc<NativeKernel>| kernel.answer((&*model, &*plan), workspace, input, output);
+        self.kernel.as_ref().and_then(by_code).unwrap_or_else(|| self.planned.answer(state))
     }
 }
 
-impl Timed for Case<'_> {
+impl Timed for Case {
     fn name(&self) -> String {
-        format!("{}: {}", self.model.name(), self.plan.query().want)
+        self.planned.name()
     }
 
     fn states(&self) -> usize {
-        if self.rows.is_some() { 1 } else { self.inputs.len() }
+        if self.rows.is_some() { 1 } else { self.planned.states() }
     }
 
     #[inline]
@@ -93,7 +78,7 @@ impl Timed for Case<'_> {
             return statuses.find(|status| *status != Status::Ok).unwrap_or(Status::Ok);
         }
         let status = self.answer(state).status;
-        black_box(&self.output);
+        black_box(&self.planned.output);
         status
     }
 }

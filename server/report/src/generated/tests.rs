@@ -9,7 +9,7 @@ use super::*;
 fn code_of_a_robot_is_measured_and_what_has_none_says_why() {
     let Some(compiler) = Compiler::found() else { return println!("not run: no C compiler") };
     let fails = Compiler::named("true", &Cancel::default()).unwrap();
-    let amount = Amount { rounds: Duration::from_millis(50), of_peer: 0.001, ..Amount::QUICK };
+    let amount = Amount { rounds: Duration::from_millis(50), of_peer: 0.001, ..FEW };
     for (compiler, coded) in [(compiler, true), (fails, false)] {
         let mut rows = Vec::new();
         let mut refused = Vec::new();
@@ -50,7 +50,7 @@ fn a_peer_that_is_less_exact_does_not_count() {
         name: "Pinocchio".into(),
         setting: String::new(),
         ns,
-        answers: vec![case.output.iter().map(|x| x * (1.0 + off)).collect()],
+        answers: vec![case.planned.output.iter().map(|x| x * (1.0 + off)).collect()],
     };
     let runs = [run(10.0, 1e-6), run(30.0, 0.0), run(20.0, 1e-15)];
     let found = fastest(&mut references, (asked, Start::None), &runs, EQUAL);

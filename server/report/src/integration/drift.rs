@@ -1,8 +1,8 @@
 //! Energy over many steps.
 
-use sarrus_models::{Options, Source, load};
-use sarrus_simulation::{Method, Settings, Setup, Start, simulate};
+use sarrus_simulation::{Method, Settings};
 
+use super::problems::{Problem, own};
 use crate::Outcome;
 use crate::measure::Effort;
 use crate::page::{Axis, Figure, Point, Series, exponent};
@@ -16,24 +16,16 @@ const SAMPLES: u32 = 200;
 /// The lambda swings freely under gravity, without anything that takes energy: picture and
 /// sentence.
 pub(super) fn energy(effort: &Effort) -> Outcome<(Figure, String)> {
-    let loaded = load(&Source::Bundled("lambda".into()), &Options::default())?;
-    let setup = Setup {
-        description: &loaded.description,
-        compiled: &loaded.compiled,
-        springs: &[],
-        inputs: &[],
-    };
-    let start = Start::Independent { y: vec![0.3], yd: vec![0.0], guess: None };
     let steps = STEPS[usize::from(effort.quick)];
     let duration = f64::from(steps) * STEP;
+    let mut lambda = Problem::new("energy", "Energy", &own("lambda"), [duration, STEP])?;
+    lambda.y[0] = 0.3;
     let mut series = Vec::new();
     let mut reported = Vec::new();
     for method in Method::ALL.into_iter().filter(|method| !method.is_implicit_form()) {
         let step = method.is_fixed().then_some(STEP);
         let every = Some(duration / f64::from(SAMPLES));
-        let settings =
-            Settings { step, every, rtol: 1e-11, atol: 1e-11, ..Settings::new(method, duration) };
-        let run = simulate(&setup, &start, &settings, &mut |_| ())?;
+        let run = lambda.run(&Settings { step, every, ..lambda.adaptive(method, 1e-11) })?;
         let Some(first) = run.samples.first() else { continue };
         let size = run.samples.iter().map(|sample| sample.energy.kinetic).fold(0.0, f64::max);
         let points = run.samples.iter().skip(1).map(|sample| Point {
@@ -61,9 +53,8 @@ pub(super) fn energy(effort: &Effort) -> Outcome<(Figure, String)> {
             The methods with their own step have a tolerance of 1e-11. A change of exactly zero is \
             drawn at 1e-17."
             .into(),
-        command: String::new(),
-        x: Axis { label: "time simulated, s".into(), log: true },
-        y: Axis { label: "relative change of energy".into(), log: true },
+        x: Axis::log("time simulated, s"),
+        y: Axis::log("relative change of energy"),
         series,
     };
     Ok((

@@ -5,40 +5,35 @@ use sarrus_models::Source;
 /// N four-bars in a row, upright at zero: cranks A0 to AN on the ground and couplers B0 …, all rods
 /// of 1 m and 1 kg. A0 is independent.
 pub fn four_bars(n: usize) -> Source {
-    let inertial = |x: f64, z: f64| {
-        let [ixx, izz] = [z, x].map(|length| if length > 0.0 { 1.0 / 12.0 } else { 0.0 });
-        format!(
-            "<inertial><origin xyz=\"{x} 0 {z}\"/><mass value=\"1\"/><inertia ixx=\"{ixx}\" \
-            ixy=\"0\" ixz=\"0\" iyy=\"{}\" iyz=\"0\" izz=\"{izz}\"/></inertial>",
-            1.0 / 12.0
-        )
-    };
-    let joint = |name: &str, parent: &str, child: &str, x: usize, z: usize| {
-        format!(
-            "<joint name=\"{name}\" type=\"continuous\"><parent link=\"{parent}\"/><child \
-            link=\"{child}\"/><origin xyz=\"{x} 0 {z}\"/><axis xyz=\"0 -1 0\"/></joint>\n"
-        )
-    };
-    let (mut urdf, mut names, mut loops) =
-        ("<robot name=\"r\"><link name=\"ground\"/>\n".to_owned(), Vec::new(), String::new());
-    for i in 0..=n {
+    let mut urdf = "<robot name=\"r\"><link name=\"ground\"/>\n".to_owned();
+    let mut names = Vec::new();
+    // a rod on a hinge, from the hinge along x or z
+    let mut rod = |hinge: String, [parent, link]: [&str; 2], at: [usize; 2], middle: [f64; 2]| {
         urdf += &format!(
-            "<link name=\"crank{i}\">{}</link>{}",
-            inertial(0.0, 0.5),
-            joint(&format!("A{i}"), "ground", &format!("crank{i}"), i, 0)
+            r#"<link name="{link}"><inertial><origin xyz="{} 0 {}"/><mass value="1"/>
+<inertia ixx="{}" ixy="0" ixz="0" iyy="{}" iyz="0" izz="{}"/></inertial></link>
+<joint name="{hinge}" type="continuous"><parent link="{parent}"/><child link="{link}"/>
+<origin xyz="{} 0 {}"/><axis xyz="0 -1 0"/></joint>
+"#,
+            middle[0],
+            middle[1],
+            middle[1] / 6.0,
+            1.0 / 12.0,
+            middle[0] / 6.0,
+            at[0],
+            at[1]
         );
-        names.push(format!("A{i}"));
+        names.push(hinge);
+    };
+    let mut loops = String::new();
+    for i in 0..=n {
+        let crank = format!("crank{i}");
+        rod(format!("A{i}"), ["ground", &crank], [i, 0], [0.0, 0.5]);
         if i < n {
-            let parent = format!("crank{i}");
-            let child = format!("coupler{i}");
-            urdf += &format!(
-                "<link name=\"{child}\">{}</link>{}",
-                inertial(0.5, 0.0),
-                joint(&format!("B{i}"), &parent, &child, 0, 1)
-            );
-            names.push(format!("B{i}"));
+            let coupler = format!("coupler{i}");
+            rod(format!("B{i}"), [&crank, &coupler], [0, 1], [0.5, 0.0]);
             loops += &format!(
-                "  - {{cut_joint: C{i}, predecessor_body: {child}, successor_body: crank{}, \
+                "  - {{cut_joint: C{i}, predecessor_body: {coupler}, successor_body: crank{}, \
                 predecessor_placement: {{xyz: [1, 0, 0]}}, successor_placement: {{xyz: [0, 0, \
                 1]}}, cut_joint_type: planar_revolute, axis: [0, 1, 0]}}\n",
                 i + 1

@@ -17,6 +17,7 @@ use crate::Outcome;
 use crate::measure::Effort;
 use crate::measure::progress::Progress;
 use crate::page::{Axis, Figure, Point, Section, Series, Table, columns, exponent};
+use crate::reference::{by_size, worse};
 
 /// Tolerance of the two runs whose agreement measures the quality of the reference.
 const TIGHT: [(Method, f64); 2] = [(Method::Dop853, 1e-13), (Method::Radau5, 1e-12)];
@@ -100,7 +101,7 @@ fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Ro
 
     // a value published to more digits is the reference
     let (reference, known_to) = match &problem.known {
-        Some(known) if known.to < agreement => ([known.y.clone(), known.yd.clone()], known.to),
+        Some(known) if known.to < agreement => (known.end.clone(), known.to),
         _ => (found.clone(), agreement),
     };
     let longest = LONGEST_RUN[usize::from(effort.quick)];
@@ -121,21 +122,14 @@ fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Ro
         }
         series.push(Series { name: method.name().into(), line: true, competes: true, points });
     }
-    let reached = |series: &Series| {
-        series
-            .points
-            .iter()
-            .map(|point| point.y)
-            .filter(|y| y.is_finite())
-            .fold(f64::INFINITY, f64::min)
-    };
-    let least = series.iter().map(reached).fold(f64::INFINITY, f64::min);
-    let by = series
-        .iter()
-        .find(|series| reached(series) == least)
-        .map_or("-", |series| series.name.as_str());
+    let ends =
+        series.iter().flat_map(|of| of.points.iter().map(|point| (point.y, of.name.as_str())));
+    let (least, by) = ends
+        .filter(|(y, _)| y.is_finite())
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .unwrap_or((f64::INFINITY, "-"));
     let (from, difference) = match &problem.known {
-        Some(known) => (known.from, exponent(off(&found, &[known.y.clone(), known.yd.clone()]))),
+        Some(known) => (known.from, exponent(off(&found, &known.end))),
         None => ("-", "-".to_owned()),
     };
     let cells = vec![
@@ -155,9 +149,8 @@ fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Ro
             {longest} s.",
             exponent(known_to)
         ),
-        command: String::new(),
-        x: Axis { label: "time of one simulation, s".into(), log: true },
-        y: Axis { label: "error at the end".into(), log: true },
+        x: Axis::log("time of one simulation, s"),
+        y: Axis::log("error at the end"),
         series,
     };
     Ok((figure, Row { cells, title: problem.title, least }))
@@ -166,25 +159,21 @@ fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Ro
 /// Steps or tolerances of a method, from coarse to fine, with their labels.
 fn settings_of(problem: &Problem, method: Method) -> Vec<(String, Settings)> {
     if method.is_fixed() {
-        (0..8)
-            .map(|k| problem.step * 0.5_f64.powi(k))
-            .map(|step| (format!("step {step:.1e} s"), problem.fixed(method, step)))
-            .collect()
+        let steps = (0..8).map(|k| problem.step * 0.5_f64.powi(k));
+        let fixed = |step| Settings { step: Some(step), ..problem.settings(method) };
+        steps.map(|step| (format!("step {step:.1e} s"), fixed(step))).collect()
     } else {
-        (3..=12)
-            .map(|k| 10f64.powi(-k))
-            .map(|tol| (format!("tolerance {tol:.0e}"), problem.adaptive(method, tol)))
-            .collect()
+        let tolerances = (3..=12).map(|k| 10f64.powi(-k));
+        let adaptive = |tol| (format!("tolerance {tol:.0e}"), problem.adaptive(method, tol));
+        tolerances.map(adaptive).collect()
     }
 }
 
 /// The larger of both differences by size.
 fn off(found: &[Vec<f64>; 2], reference: &[Vec<f64>; 2]) -> f64 {
-    let by_size = |a: &[f64], b: &[f64]| {
-        let size = b.iter().fold(1e-9, |size: f64, x| size.max(x.abs()));
-        a.iter().zip(b).fold(0.0, |worst: f64, (a, b)| {
-            if (a - b).is_nan() { f64::NAN } else { worst.max((a - b).abs()) }
-        }) / size
+    let difference = |k: usize| {
+        let pairs = found[k].iter().zip(&reference[k]);
+        by_size(pairs.map(|(a, b)| (a - b, *b)), 1e-9)
     };
-    f64::max(by_size(&found[0], &reference[0]), by_size(&found[1], &reference[1]))
+    worse(difference(0), difference(1))
 }

@@ -29,47 +29,34 @@ pub(super) struct Problem {
 
 /// The end of a motion.
 pub(super) struct Known {
-    pub(super) y: Vec<f64>,
-    pub(super) yd: Vec<f64>,
+    /// y and ẏ.
+    pub(super) end: [Vec<f64>; 2],
     pub(super) from: &'static str,
     /// How closely, by size.
     pub(super) to: f64,
 }
 
 impl Problem {
-    fn new(
+    pub(super) fn new(
         id: &'static str,
         title: &'static str,
         source: &Source,
-        duration: f64,
-        step: f64,
+        [duration, step]: [f64; 2],
     ) -> Outcome<Problem> {
         let loaded = load(source, &Options::default())?;
         let sizes = loaded.compiled.model.sizes();
-        let y = vec![0.0; sizes.n_qy];
-        let yd = vec![0.0; sizes.n_vy];
         Ok(Problem {
             id,
             title,
-            loaded,
             springs: Vec::new(),
             inputs: Vec::new(),
-            y,
-            yd,
+            y: vec![0.0; sizes.n_qy],
+            yd: vec![0.0; sizes.n_vy],
+            loaded,
             duration,
             step,
             known: None,
         })
-    }
-
-    fn bundled(
-        id: &'static str,
-        title: &'static str,
-        name: &str,
-        duration: f64,
-        step: f64,
-    ) -> Outcome<Problem> {
-        Problem::new(id, title, &Source::Bundled(name.to_owned()), duration, step)
     }
 
     /// Adds a spring between points of two links: stiffness, damping, rest length.
@@ -105,21 +92,12 @@ impl Problem {
 
     /// By a method with its own step.
     pub(super) fn adaptive(&self, method: Method, tolerance: f64) -> Settings {
-        Settings {
-            rtol: tolerance,
-            atol: tolerance,
-            every: Some(self.duration),
-            ..Settings::new(method, self.duration)
-        }
+        Settings { rtol: tolerance, atol: tolerance, ..self.settings(method) }
     }
 
-    /// By a method of fixed step.
-    pub(super) fn fixed(&self, method: Method, step: f64) -> Settings {
-        Settings {
-            step: Some(step),
-            every: Some(self.duration),
-            ..Settings::new(method, self.duration)
-        }
+    /// By a method with a sample at the end alone.
+    pub(super) fn settings(&self, method: Method) -> Settings {
+        Settings { every: Some(self.duration), ..Settings::new(method, self.duration) }
     }
 }
 
@@ -129,20 +107,15 @@ pub(super) fn all(quick: bool) -> Outcome<Vec<Problem>> {
         let hand = format!("A{side}WristRoll_Link");
         problem.spring(("base_link", [0.3, 0.0, 0.3]), (&hand, [0.0; 3]), [200.0, 2.0, 0.3])
     };
-    let lambda = Problem::bundled("lambda", "Lambda on a spring to 2 s", "lambda", 2.0, 8e-3)?;
-    let torso = Problem::bundled("torso", "Torso on a spring to 1 s", "torso", 1.0, 4e-3)?;
-    let upper_body = Problem::bundled(
-        "upper_body",
-        "Upper body, both hands on springs, to 0.5 s",
-        "rh5v2_upper_body",
-        0.5,
-        2e-3,
-    )?;
+    let lambda = Problem::new("lambda", "Lambda on a spring to 2 s", &own("lambda"), [2.0, 8e-3])?;
+    let torso = Problem::new("torso", "Torso on a spring to 1 s", &own("torso"), [1.0, 4e-3])?;
+    let title = "Upper body, both hands on springs, to 0.5 s";
+    let upper_body = Problem::new("upper_body", title, &own("rh5v2_upper_body"), [0.5, 2e-3])?;
     let bricard = "Bricard's mechanism to 1 s, overconstrained";
     let mut problems = vec![
         squeezer()?,
         row("four_bars_2", "2 four-bars in a row to 10 s, through the flat pose", 2, 10.0)?,
-        Problem::bundled("bricard", bricard, "bricard", 1.0, 1e-2)?,
+        Problem::new("bricard", bricard, &own("bricard"), [1.0, 1e-2])?,
         governor()?,
         lambda.spring(
             ("base_link", [0.0; 3]),
@@ -163,9 +136,14 @@ pub(super) fn all(quick: bool) -> Outcome<Vec<Problem>> {
     Ok(problems)
 }
 
+/// A bundled robot.
+pub(super) fn own(name: &str) -> Source {
+    Source::Bundled(name.to_owned())
+}
+
 fn squeezer() -> Outcome<Problem> {
     let mut squeezer =
-        Problem::bundled("squeezer", "Andrews' squeezer to 0.03 s", "squeezer", 0.03, 1e-4)?
+        Problem::new("squeezer", "Andrews' squeezer to 0.03 s", &own("squeezer"), [0.03, 1e-4])?
             .spring(
                 ("ground", [0.014, 0.072, 0.0]),
                 ("K3", [0.02, -0.018, 0.0]),
@@ -176,8 +154,7 @@ fn squeezer() -> Outcome<Problem> {
         source: sarrus_simulation::Source::Constant(vec![0.033]),
     });
     squeezer.known = Some(Known {
-        y: vec![15.81077119629904 + 0.061713890014276454],
-        yd: vec![1139.920302151208],
+        end: [vec![15.81077119629904 + 0.061713890014276454], vec![1139.920302151208]],
         from: "the IVP test set",
         to: 1e-9,
     });
@@ -186,12 +163,11 @@ fn squeezer() -> Outcome<Problem> {
 
 /// Four-bars in a row, which move as one pendulum.
 fn row(id: &'static str, title: &'static str, n: usize, duration: f64) -> Outcome<Problem> {
-    let mut row = Problem::new(id, title, &four_bars(n), duration, 1e-2)?;
+    let mut row = Problem::new(id, title, &four_bars(n), [duration, 1e-2])?;
     row.yd[0] = -1.0;
     let [angle, rate] = pendulum(n as f64, [0.5 * PI, -1.0], duration);
     row.known = Some(Known {
-        y: vec![angle - 0.5 * PI],
-        yd: vec![rate],
+        end: [vec![angle - 0.5 * PI], vec![rate]],
         from: "the parallelogram branch as one pendulum",
         to: 1e-12,
     });
@@ -202,7 +178,7 @@ fn governor() -> Outcome<Problem> {
     let governor = include_str!("governor.urdf").as_bytes().to_vec();
     let governor = Source::Text { urdf: governor, submechanisms: None };
     let mut governor =
-        Problem::new("governor", "Flyball governor to 0.5 s, stiff", &governor, 0.5, 1e-4)?;
+        Problem::new("governor", "Flyball governor to 0.5 s, stiff", &governor, [0.5, 1e-4])?;
     for rod in ["right_rod", "left_rod"] {
         governor =
             governor.spring((rod, [0.5, 0.0, 0.0]), ("slider", [0.0; 3]), [8e5, 4e4, 0.5])?;

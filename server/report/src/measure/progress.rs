@@ -6,8 +6,6 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
-/// Least time between redraws: drawing is work beside the measurement.
-const PAUSE: Duration = Duration::from_millis(200);
 /// Time between two lines where no bar is shown.
 const LINES: Duration = Duration::from_secs(15);
 /// Steps of the bar.
@@ -21,7 +19,8 @@ pub struct Progress {
     bar: Option<ProgressBar>,
     lines: bool,
     start: Instant,
-    drawn: Cell<Option<Instant>>,
+    /// When the last line was written.
+    written: Cell<Instant>,
     /// The share of everything that is shown as 0 to 1.
     part: Cell<(f64, f64)>,
 }
@@ -61,7 +60,7 @@ impl Progress {
             bar,
             lines: lines && !terminal,
             start,
-            drawn: Cell::new(None),
+            written: Cell::new(start),
             part: Cell::new((0.0, 1.0)),
         }
     }
@@ -73,14 +72,6 @@ impl Progress {
 
     /// Shows the current task and its progress, 0 to 1.
     pub fn show(&self, what: &str, done: f64) {
-        let pause = if self.lines { LINES } else { PAUSE };
-        let drawn =
-            if self.lines { self.drawn.get().or(Some(self.start)) } else { self.drawn.get() };
-        if !(self.lines || self.bar.is_some()) || drawn.is_some_and(|drawn| drawn.elapsed() < pause)
-        {
-            return;
-        }
-        self.drawn.set(Some(Instant::now()));
         let (from, to) = self.part.get();
         let done = from + (to - from) * done.clamp(0.0, 1.0);
         match &self.bar {
@@ -88,9 +79,11 @@ impl Progress {
                 bar.set_message(what.to_owned());
                 bar.set_position((done * STEPS) as u64);
             }
-            None => {
-                eprintln!("{:3.0} %, {what}; {}", 100.0 * done, left(self.start.elapsed(), done))
+            None if self.lines && self.written.get().elapsed() >= LINES => {
+                self.written.set(Instant::now());
+                eprintln!("{:3.0} %, {what}; {}", 100.0 * done, left(self.start.elapsed(), done));
             }
+            None => {}
         }
     }
 

@@ -53,7 +53,7 @@ fn figure_value(report: &Report, section: &Section, figure: &Figure) -> Value {
         "id": figure.id,
         "title": figure.title,
         "caption": figure.caption,
-        "command": report.command_of(section, figure),
+        "command": report.command_of(section),
         "x": axis(&figure.x), "y": axis(&figure.y),
         "series": figure.series.iter().map(|series| json!({
             "name": series.name, "line": series.line, "front": series.competes,
@@ -68,12 +68,12 @@ fn case_value(case: &Case) -> Value {
         "robot": case.robot,
         "parameter": case.parameter,
         "value": case.value,
-        "method": case.method,
+        "method": case.way(),
         "error": case.error,
         "backward_error": case.backward,
         "truth": case.reference,
         "status": case.status,
-        "told": case.reported,
+        "told": case.told(),
         "verdict": case.assessment.name(),
     })
 }
@@ -98,18 +98,18 @@ pub(super) fn figure_table(figure: &Figure) -> Table {
 /// A section's cases.
 pub(super) fn result_table(section: &Section) -> Table {
     let row = |case: &Case| {
-        let error = case.error.map_or(String::new(), number);
-        let words = [&case.family, &case.robot, &case.parameter].map(String::clone);
-        let mut row: Vec<String> = words.into();
-        row.extend([
+        let error = case.error.filter(|error| error.is_finite());
+        vec![
+            case.family.to_owned(),
+            case.robot.clone(),
+            case.parameter.to_owned(),
             number(case.value),
-            case.method.clone(),
-            error,
+            case.way(),
+            error.map_or(String::new(), number),
             case.status.clone(),
-            case.reported.clone(),
+            case.told(),
             case.assessment.name().to_owned(),
-        ]);
-        row
+        ]
     };
     Table {
         id: format!("{}-cases", section.name),

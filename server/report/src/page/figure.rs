@@ -15,8 +15,6 @@ pub struct Figure {
     pub title: String,
     /// Notes for the reader.
     pub caption: String,
-    /// The command that draws it again; empty stands for this section's command.
-    pub command: String,
     /// To the right.
     pub x: Axis,
     /// Upwards.
@@ -34,6 +32,13 @@ pub struct Axis {
     pub log: bool,
 }
 
+impl Axis {
+    /// A logarithmic one.
+    pub(crate) fn log(label: impl Into<String>) -> Axis {
+        Axis { label: label.into(), log: true }
+    }
+}
+
 /// Points that belong together.
 #[derive(Clone, Debug, Default)]
 pub struct Series {
@@ -45,6 +50,18 @@ pub struct Series {
     pub competes: bool,
     /// Points; a value that is not finite is not drawn but stands in the table.
     pub points: Vec<Point>,
+}
+
+impl Series {
+    /// Adds a point to the series of this name, or begins it.
+    pub(crate) fn add(all: &mut Vec<Series>, name: String, point: Point) -> &mut Series {
+        let place = all.iter().position(|series| series.name == name).unwrap_or_else(|| {
+            all.push(Series { name, ..Series::default() });
+            all.len() - 1
+        });
+        all[place].points.push(point);
+        &mut all[place]
+    }
 }
 
 /// One measurement.

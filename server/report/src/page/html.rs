@@ -6,7 +6,7 @@ use super::data::{figure_table, result_table};
 use super::figure::Figure;
 use super::pareto::{ROUNDING, exponent, summaries};
 use super::picture::{NARROW, WIDE, colours, picture, points, sign};
-use super::section::{Assessment, Case, Report, Section, Table};
+use super::section::{Report, Section, Table, columns};
 use crate::Outcome;
 
 /// The content security policy: nothing is loaded from anywhere.
@@ -14,10 +14,8 @@ const POLICY: &str = include_str!("policy.txt");
 
 /// The whole page.
 pub(super) fn page(report: &Report) -> Outcome<String> {
-    let mut sections = Vec::new();
-    for section in &report.sections {
-        sections.push(one(report, section)?);
-    }
+    let sections = report.sections.iter().map(|section| one(report, section));
+    let sections = sections.collect::<Outcome<Vec<_>>>()?;
     let body = html! {
         (top(report))
         @for section in &sections { (section) }
@@ -27,16 +25,13 @@ pub(super) fn page(report: &Report) -> Outcome<String> {
 
 /// A page of figures alone, below some lines.
 pub(super) fn pictures(title: &str, lines: &[String], figures: &[Figure]) -> Outcome<String> {
-    let mut drawn = Vec::new();
-    for figure in figures {
-        drawn.push(self::drawn(figure, None)?);
-    }
+    let figures = figures.iter().map(|figure| drawn(figure, None)).collect::<Outcome<Vec<_>>>()?;
     let body = html! {
         header {
             h1 { (title) }
             @for line in lines { p { (line) } }
         }
-        section { div.figures { @for figure in &drawn { (figure) } } }
+        section { div.figures { @for figure in &figures { (figure) } } }
     };
     Ok(document(title, &body))
 }
@@ -70,6 +65,11 @@ fn document(title: &str, body: &Markup) -> String {
 fn top(report: &Report) -> Markup {
     let summaries = summaries(&report.sections);
     let silent = report.silent_failures();
+    let places = Table {
+        columns: columns("figure | on the front, ours of all | fastest | most exact | peers"),
+        rows: summaries.iter().map(|summary| summary.cells.clone()).collect(),
+        ..Table::default()
+    };
     let against = summaries.iter().filter(|summary| summary.with_peer);
     let (front, ours) =
         against.fold((0, 0), |(front, ours), summary| (front + summary.front, ours + summary.ours));
@@ -97,30 +97,7 @@ fn top(report: &Report) -> Markup {
                     the least time factor at which one of ours makes no larger error; errors up \
                     to " (exponent(ROUNDING)) " are rounding and count as equal there."
                 }
-                div.scroll {
-                    table.summaries {
-                        thead {
-                            tr {
-                                th { "figure" }
-                                th { "on the front, ours of all" }
-                                th { "fastest" }
-                                th { "most exact" }
-                                th { "peers" }
-                            }
-                        }
-                        tbody {
-                            @for summary in &summaries {
-                                tr {
-                                    td { a href={ "#" (summary.figure) } { (summary.title) } }
-                                    td.number { (summary.ours) " of " (summary.front) }
-                                    td { (summary.fastest) }
-                                    td { (summary.most_exact) }
-                                    td { (summary.peers) }
-                                }
-                            }
-                        }
-                    }
-                }
+                div.scroll { (cells(&places)) }
             }
         }
         nav {
@@ -141,17 +118,21 @@ fn top(report: &Report) -> Markup {
 }
 
 fn one(report: &Report, section: &Section) -> Outcome<Markup> {
-    let mut figures = Vec::new();
-    for figure in &section.figures {
-        figures.push(drawn(figure, Some((report, section)))?);
-    }
+    let figures = section.figures.iter().map(|figure| drawn(figure, Some((report, section))));
+    let figures = figures.collect::<Outcome<Vec<_>>>()?;
     let nothing =
         section.figures.is_empty() && section.tables.is_empty() && section.cases.is_empty();
     Ok(html! {
         section id=(section.name) {
             h2 { (section.title) }
             @if nothing { p.empty { "Nothing was measured in this section." } }
-            @if !section.cases.is_empty() { (assessments(section)) }
+            @if !section.cases.is_empty() {
+                details {
+                    summary { "Every case: " (section.cases.len()) }
+                    p { a href={ (section.name) "-cases.csv" } { (section.name) "-cases.csv" } }
+                    div.tall { (cells(&result_table(section))) }
+                }
+            }
             div.figures { @for figure in &figures { (figure) } }
             @for table in &section.tables {
                 div.table id=(table.id) {
@@ -201,7 +182,7 @@ fn drawn(figure: &Figure, origin: Option<(&Report, &Section)>) -> Outcome<Markup
                 @if left_out > 0 { p { (left_out) " of " (all) " points have no number; they stand \
                     in the table." } }
                 @if let Some((report, section)) = origin {
-                    p.from { code { (report.command_of(section, figure)) } " on " (report.machine) }
+                    p.from { code { (report.command_of(section)) } " on " (report.machine) }
                 }
             }
             details {
@@ -211,55 +192,6 @@ fn drawn(figure: &Figure, origin: Option<(&Report, &Section)>) -> Outcome<Markup
             }
         }
     })
-}
-
-/// How many cases of each family ended how, and every case.
-fn assessments(section: &Section) -> Markup {
-    let mut families: Vec<&str> = Vec::new();
-    for case in &section.cases {
-        if !families.contains(&case.family.as_str()) {
-            families.push(&case.family);
-        }
-    }
-    let count = |family: Option<&str>, assessment: Option<Assessment>| {
-        let is = |case: &&Case| {
-            family.is_none_or(|family| case.family == family)
-                && assessment.is_none_or(|assessment| case.assessment == assessment)
-        };
-        section.cases.iter().filter(is).count()
-    };
-    let rows = families.iter().map(|family| Some(*family)).chain([None]);
-    html! {
-        div.scroll {
-            table {
-                thead {
-                    tr {
-                        th { "family" }
-                        @for assessment in Assessment::ALL { th { (assessment.name()) } }
-                        th { "cases" }
-                    }
-                }
-                tbody {
-                    @for family in rows {
-                        tr {
-                            td { (family.unwrap_or("all")) }
-                            @for assessment in Assessment::ALL {
-                                @let n = count(family, Some(assessment));
-                                @let bad = assessment == Assessment::FailedSilently && n > 0;
-                                td.number.bad[bad] { (n) }
-                            }
-                            td.number { (count(family, None)) }
-                        }
-                    }
-                }
-            }
-        }
-        details {
-            summary { "Every case: " (section.cases.len()) }
-            p { a href={ (section.name) "-cases.csv" } { (section.name) "-cases.csv" } }
-            div.tall { (cells(&result_table(section))) }
-        }
-    }
 }
 
 /// Numbers to the right, words to the left.

@@ -1,6 +1,6 @@
 //! Pareto fronts: points that no other point beats on both axes.
 
-use super::figure::Figure;
+use super::figure::{Figure, Point, Series};
 use super::section::Section;
 
 /// Pinocchio, as the names of its series begin.
@@ -16,36 +16,19 @@ fn is_peer(name: &str) -> bool {
     PEERS.iter().any(|peer| name.starts_with(peer))
 }
 
-/// A point that competes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Competitor<'a> {
-    pub(crate) series: &'a str,
-    pub(crate) label: &'a str,
-    pub(crate) x: f64,
-    pub(crate) y: f64,
-}
-
-/// Every point of a figure that competes.
-fn competitors(figure: &Figure) -> Vec<Competitor<'_>> {
+/// Every point of a figure that competes, with its series.
+fn competitors(figure: &Figure) -> Vec<(&Series, &Point)> {
     let of = figure.series.iter().filter(|series| series.competes);
     let points = of.flat_map(|series| series.points.iter().map(move |point| (series, point)));
-    points
-        .map(|(series, point)| Competitor {
-            series: &series.name,
-            label: &point.label,
-            x: point.x,
-            y: point.y,
-        })
-        .filter(|point| point.x.is_finite() && point.y.is_finite())
-        .collect()
+    points.filter(|(_, point)| point.x.is_finite() && point.y.is_finite()).collect()
 }
 
 /// The front of a figure, from the left to the right; of equal points the first.
-pub(crate) fn pareto_front(figure: &Figure) -> Vec<Competitor<'_>> {
+pub(crate) fn pareto_front(figure: &Figure) -> Vec<(&Series, &Point)> {
     let mut points = competitors(figure);
-    points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+    points.sort_by(|(_, a), (_, b)| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
     let mut least = f64::INFINITY;
-    points.retain(|point| {
+    points.retain(|(_, point)| {
         point.y < least && {
             least = point.y;
             true
@@ -54,20 +37,16 @@ pub(crate) fn pareto_front(figure: &Figure) -> Vec<Competitor<'_>> {
     points
 }
 
-/// How a figure ends for the one who asks which method to take.
+/// A figure's front and its ends.
 #[derive(Clone, Debug)]
 pub(super) struct FrontSummary {
-    pub(super) figure: String,
-    pub(super) title: String,
     /// How many points are on the front, and how many of them are not a peer's.
     pub(super) front: usize,
     pub(super) ours: usize,
     /// Whether a peer competes at all.
     pub(super) with_peer: bool,
-    /// The ends of the front.
-    pub(super) fastest: String,
-    pub(super) most_exact: String,
-    pub(super) peers: String,
+    /// Title of the figure, share of the front, both ends, peers.
+    pub(super) cells: Vec<String>,
 }
 
 /// The place in every figure that has a front.
@@ -79,18 +58,21 @@ fn summary(figure: &Figure) -> Option<FrontSummary> {
     let front = pareto_front(figure);
     let fastest = front.first()?;
     let most_exact = front.last()?;
-    let words = |point: &Competitor<'_>| {
-        format!("{} ({}; {})", point.series, short(point.x), exponent(point.y))
+    let words = |(series, point): &(&Series, &Point)| {
+        format!("{} ({}; {})", series.name, short(point.x), exponent(point.y))
     };
+    let ours = front.iter().filter(|(series, _)| !is_peer(&series.name)).count();
     Some(FrontSummary {
-        figure: figure.id.clone(),
-        title: figure.title.clone(),
         front: front.len(),
+        ours,
         with_peer: figure.series.iter().any(|series| series.competes && is_peer(&series.name)),
-        ours: front.iter().filter(|point| !is_peer(point.series)).count(),
-        fastest: words(fastest),
-        most_exact: words(most_exact),
-        peers: peers(figure),
+        cells: vec![
+            figure.title.clone(),
+            format!("{ours} of {}", front.len()),
+            words(fastest),
+            words(most_exact),
+            peers(figure),
+        ],
     })
 }
 
@@ -100,13 +82,14 @@ fn peers(figure: &Figure) -> String {
     let mut sentences: Vec<String> = Vec::new();
     for series in figure.series.iter().filter(|series| series.competes && is_peer(&series.name)) {
         // the least factor by which one of ours that is no less exact is faster
-        let factor = |theirs: &Competitor<'_>| {
+        let factor = |theirs: &Point| {
             let ours = points
                 .iter()
-                .filter(|ours| !is_peer(ours.series) && ours.y <= theirs.y.max(ROUNDING));
-            ours.map(|ours| theirs.x / ours.x).fold(0.0, f64::max)
+                .filter(|(of, ours)| !is_peer(&of.name) && ours.y <= theirs.y.max(ROUNDING));
+            ours.map(|(_, ours)| theirs.x / ours.x).fold(0.0, f64::max)
         };
-        let factors = points.iter().filter(|point| point.series == series.name).map(factor);
+        let theirs = points.iter().filter(|(of, _)| of.name == series.name);
+        let factors = theirs.map(|(_, point)| factor(point));
         match factors.fold(f64::INFINITY, f64::min) {
             least if least.is_infinite() => sentences.push(format!("{}: no answer", series.name)),
             least if least > 0.0 => sentences
@@ -133,7 +116,6 @@ pub(crate) fn exponent(x: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::figure::{Point, Series};
     use super::*;
 
     fn series(name: &str, points: &[(f64, f64)]) -> Series {
@@ -156,7 +138,7 @@ mod tests {
             ..Figure::default()
         };
         let found: Vec<(f64, f64)> =
-            pareto_front(&figure).iter().map(|point| (point.x, point.y)).collect();
+            pareto_front(&figure).iter().map(|(_, point)| (point.x, point.y)).collect();
         assert_eq!(found, [(1.0, 9.0), (2.0, 4.0), (3.0, 1.0)]);
     }
 

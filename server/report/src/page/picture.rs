@@ -124,7 +124,7 @@ fn draw(figure: &Figure, size: Size, x: &Scale, y: &Scale, area: &Area<'_>) -> D
 /// The front: up to each of its points everything is beaten by the one before.
 fn stairs(figure: &Figure, x: &Scale, y: &Scale, chart: &mut Chart<'_, '_>) -> Drawn {
     let mut steps: Vec<(f64, f64)> = Vec::new();
-    for point in pareto_front(figure) {
+    for (_, point) in pareto_front(figure) {
         let place = (x.place(point.x), y.place(point.y));
         steps.extend(steps.last().map(|last| (place.0, last.1)));
         steps.push(place);
@@ -147,26 +147,17 @@ fn form(series: usize, r: i32) -> Vec<Vec<(i32, i32)>> {
     let s = r * 9 / 10;
     // arms of a cross
     let t = (r / 3).max(1);
-    let plus = vec![
-        (-t, -r),
-        (t, -r),
-        (t, -t),
-        (r, -t),
-        (r, t),
-        (t, t),
-        (t, r),
-        (-t, r),
-        (-t, t),
-        (-r, t),
-        (-r, -t),
-        (-t, -t),
-    ];
+    let quarter = [(-t, -r), (t, -r), (t, -t)];
+    let back = quarter.map(|(x, y)| (-x, -y));
+    let aside = |(x, y): (i32, i32)| (-y, x);
+    let plus = [quarter, quarter.map(aside), back, back.map(aside)].concat();
     let turned = |(x, y): &(i32, i32)| ((x - y) * 7 / 10, (x + y) * 7 / 10);
     match (series + 3 * (series / COLOURS.len())) % 8 {
         0 => vec![
             (0..16)
                 .map(|k| (f64::from(k) * core::f64::consts::PI / 8.0).sin_cos())
-                .map(|(a, b)| around(r, a, b))
+                .map(|(a, b)| [a, b].map(|x| (f64::from(r) * x).round() as i32))
+                .map(|[a, b]| (a, b))
                 .collect(),
         ],
         1 => vec![vec![(-s, -s), (s, -s), (s, s), (-s, s)]],
@@ -178,10 +169,6 @@ fn form(series: usize, r: i32) -> Vec<Vec<(i32, i32)>> {
         // an hourglass
         _ => vec![vec![(-r, -r), (r, -r), (0, 0)], vec![(-r, r), (r, r), (0, 0)]],
     }
-}
-
-fn around(r: i32, a: f64, b: f64) -> (i32, i32) {
-    ((f64::from(r) * a).round() as i32, (f64::from(r) * b).round() as i32)
 }
 
 /// The sign of a series in the legend, a front's without one.

@@ -140,14 +140,10 @@ fn power(part: i32, k: i32) -> String {
         0..=4 => (part * 10_i32.pow(k as u32)).to_string(),
         -2..0 => format!("{:.*}", -k as usize, f64::from(part) * 10f64.powi(k)),
         _ => {
-            let raised = |digit| {
-                if digit == '-' {
-                    '⁻'
-                } else {
-                    ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'][digit as usize - 48]
-                }
-            };
-            let raised: String = k.to_string().chars().map(raised).collect();
+            const RAISED: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
+            let raise =
+                |sign: char| sign.to_digit(10).map_or('⁻', |digit| RAISED[digit as usize]);
+            let raised: String = k.to_string().chars().map(raise).collect();
             if part == 1 { format!("10{raised}") } else { format!("{part}·10{raised}") }
         }
     }

@@ -44,12 +44,8 @@ impl Report {
         )];
         for section in &self.sections {
             lines.extend(section.summary.iter().cloned());
-            lines.extend(
-                section
-                    .failure
-                    .iter()
-                    .map(|failure| format!("{}: not finished. {failure}", section.title)),
-            );
+            let failed = |failure: &String| format!("{}: not finished. {failure}", section.title);
+            lines.extend(section.failure.iter().map(failed));
         }
         lines
     }
@@ -58,13 +54,9 @@ impl Report {
         self.sections.iter().flat_map(|section| &section.cases)
     }
 
-    /// The command that draws a figure again.
-    pub(super) fn command_of(&self, section: &Section, figure: &Figure) -> String {
-        if figure.command.is_empty() {
-            command(self.quick, std::iter::once(section.name))
-        } else {
-            figure.command.clone()
-        }
+    /// The command that measures a section again.
+    pub(super) fn command_of(&self, section: &Section) -> String {
+        command(self.quick, std::iter::once(section.name))
     }
 }
 
@@ -117,7 +109,7 @@ pub(crate) fn columns(names: &str) -> Vec<String> {
 }
 
 /// How a stress case ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Assessment {
     /// A good answer.
     Held,
@@ -125,7 +117,8 @@ pub enum Assessment {
     Degraded,
     /// No answer, and a reason.
     Failed,
-    /// A bad answer that looks like a good one.
+    /// A bad answer that looks like a good one; also a case that is not assessed.
+    #[default]
     FailedSilently,
 }
 
@@ -145,31 +138,51 @@ impl Assessment {
     }
 }
 
-/// A stress case: one value of a parameter, one method.
-#[derive(Clone, Debug)]
+/// A stress case: a robot, a parameter at a value, a question, and the result.
+#[derive(Clone, Debug, Default)]
 pub struct Case {
     /// The family, such as `mass ratio`.
-    pub family: String,
+    pub family: &'static str,
     /// The robot.
     pub robot: String,
     /// The swept parameter, with its unit.
-    pub parameter: String,
+    pub parameter: &'static str,
     /// Its value.
     pub value: f64,
-    /// The question and the method.
+    /// The question.
+    pub asked: String,
+    /// How it was answered: how loops are closed, and by which method forward dynamics went.
     pub method: String,
     /// By size; none without an answer.
     pub error: Option<f64>,
     /// Forward dynamics: the backward error.
     pub backward: Option<f64>,
+    /// Time of a call in nanoseconds, where it was taken.
+    pub nanoseconds: Option<f64>,
     /// The reference of the comparison.
-    pub reference: String,
+    pub reference: &'static str,
     /// The status, as `sarrus ask` prints it, or why it did not load.
     pub status: String,
-    /// Reports beside the status: warnings, fields, messages.
+    /// Warnings of the answer.
+    pub warnings: Vec<String>,
+    /// Reports beside status and warnings: fields, messages.
     pub reported: String,
     /// By the one rule for all.
     pub assessment: Assessment,
+}
+
+impl Case {
+    /// The question and the method.
+    pub(super) fn way(&self) -> String {
+        format!("{}, {}", self.asked, self.method)
+    }
+
+    /// Warnings and further reports.
+    pub(crate) fn told(&self) -> String {
+        let mut told = self.warnings.clone();
+        told.extend((!self.reported.is_empty()).then(|| self.reported.clone()));
+        told.join("; ")
+    }
 }
 
 /// The command that measures these sections again.

@@ -62,19 +62,14 @@ pub fn pinocchio(
     place: usize,
     seconds: f64,
 ) -> Outcome<Peer> {
+    let missing = |why: String| Ok(Peer::Missing(format!("{PINOCCHIO}: not measured{why}")));
+    let name = &description.name;
     let Some(program) = program() else {
-        return Ok(Peer::Missing(format!(
-            "{PINOCCHIO}: not measured, {PROGRAM} is not built; {BUILD} builds it."
-        )));
+        return missing(format!(", {PROGRAM} is not built; {BUILD} builds it."));
     };
     let text = match text::input(description, states, place, seconds) {
         Ok(text) => text,
-        Err(reason) => {
-            return Ok(Peer::Missing(format!(
-                "{PINOCCHIO}: not measured on {}, {reason}.",
-                description.name
-            )));
-        }
+        Err(reason) => return missing(format!(" on {name}, {reason}.")),
     };
     let fault = |error: std::io::Error| format!("{}: {error}", program.display());
     let mut child = Command::new(&program)
@@ -89,11 +84,8 @@ pub fn pinocchio(
     let written = input.map_or(Ok(()), |mut input| input.write_all(text.as_bytes()));
     let output = child.wait_with_output().map_err(fault)?;
     if !output.status.success() {
-        let why = String::from_utf8_lossy(&output.stderr).trim().to_owned();
-        return Ok(Peer::Missing(format!(
-            "{PINOCCHIO}: not measured on {}, it ends with {}: {why}",
-            description.name, output.status
-        )));
+        let why = String::from_utf8_lossy(&output.stderr);
+        return missing(format!(" on {name}, it ends with {}: {}", output.status, why.trim()));
     }
     written.map_err(fault)?;
     read(&String::from_utf8_lossy(&output.stdout), states.len())
@@ -115,15 +107,7 @@ pub fn series(
             worst = worse(worst, error(state, answer)?);
         }
         let point = Point { x: run.ns, y: worst, label: run.setting.clone() };
-        match all.iter_mut().find(|series| series.name == run.name) {
-            Some(series) => series.points.push(point),
-            None => all.push(Series {
-                name: run.name.clone(),
-                line: false,
-                competes: true,
-                points: vec![point],
-            }),
-        }
+        Series::add(&mut all, run.name.clone(), point).competes = true;
     }
     Ok(all)
 }

@@ -1,7 +1,7 @@
 //! A robot and its states as the peers' programs read them: see the head of
 //! `benches/peers/pinocchio.cpp`.
 
-use core::fmt::Write;
+use core::fmt::Display;
 
 use sarrus_dynamics::description::{Cut, Description, JointKind, Placement};
 
@@ -21,7 +21,7 @@ pub(super) fn input(
     text.joints(description)?;
     text.groups(description);
     text.loops(description)?;
-    text.count("states", states.len());
+    text.line("states", [states.len()]);
     for state in states {
         let guess = state.guesses.get(place).ok_or("a state has no guess")?;
         for numbers in [&state.y, &state.yd, &state.ydd, &state.tau_u, guess] {
@@ -37,7 +37,7 @@ struct Text(String);
 
 impl Text {
     fn links(&mut self, description: &Description) {
-        self.count("links", description.links.len());
+        self.line("links", [description.links.len()]);
         for link in &description.links {
             let inertial = link
                 .inertial
@@ -50,7 +50,7 @@ impl Text {
     }
 
     fn joints(&mut self, description: &Description) -> Result<(), String> {
-        self.count("joints", description.joints.len());
+        self.line("joints", [description.joints.len()]);
         for joint in &description.joints {
             let kind = match joint.kind {
                 JointKind::Fixed => "F",
@@ -81,13 +81,13 @@ impl Text {
         ] {
             self.list(name, &list);
         }
-        self.count("groups", parts.len());
+        self.line("groups", [parts.len()]);
         parts.iter().for_each(|part| self.list("", &part.spanning_tree));
     }
 
     fn loops(&mut self, description: &Description) -> Result<(), String> {
         let parts = &description.submechanisms;
-        self.count("loops", parts.iter().map(|part| part.loops.len()).sum());
+        self.line("loops", [parts.iter().map(|part| part.loops.len()).sum::<usize>()]);
         for (group, part) in parts.iter().enumerate() {
             if part.loops.is_empty() && part.spanning_tree.len() > part.independent.len() {
                 return Err(format!("the loops of {} are given by its type alone", part.name));
@@ -104,7 +104,7 @@ impl Text {
                     }
                     _ => return Err(format!("the cut {} is of another kind", each.name)),
                 }
-                self.count("", each.rows.len());
+                self.line("", [each.rows.len()]);
                 for row in &each.rows {
                     if row.axis[..3] != [0.0; 3] || row.against.is_some() {
                         return Err(format!("the loop {} holds an angle", each.name));
@@ -116,25 +116,19 @@ impl Text {
         Ok(())
     }
 
-    fn count(&mut self, name: &str, n: usize) {
-        // writing to a string cannot fail
-        let _ = writeln!(self.0, "{name} {n}");
+    /// A line of a name and values.
+    fn line<T: Display>(&mut self, name: &str, values: impl IntoIterator<Item = T>) {
+        self.0 += name;
+        values.into_iter().for_each(|x| self.0 += &format!(" {x}"));
+        self.0 += "\n";
     }
 
     fn numbers(&mut self, name: &str, numbers: &[f64]) {
-        self.0 += name;
-        for x in numbers {
-            let _ = write!(self.0, " {x:e}");
-        }
-        self.0 += "\n";
+        self.line(name, numbers.iter().map(|x| format!("{x:e}")));
     }
 
     fn list(&mut self, name: &str, list: &[usize]) {
-        let _ = write!(self.0, "{name} {}", list.len());
-        for x in list {
-            let _ = write!(self.0, " {x}");
-        }
-        self.0 += "\n";
+        self.line(name, [list.len()].iter().chain(list));
     }
 
     fn placement(&mut self, placement: &Placement) {

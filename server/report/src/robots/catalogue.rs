@@ -1,34 +1,21 @@
 //! The robots that are measured, and the ways in which their loops are closed.
 
-use sarrus_dynamics::description::{Description, SubmechanismKind};
+use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
 use sarrus_dynamics::{ClosureKind, Compiled, Model};
-use sarrus_models::{Options, Source, bundled_text, load};
+use sarrus_models::{Options, Source, load};
 
 use super::chain::chain_of_lambdas;
-use super::texts::TEXTS;
+use super::rare::RARE;
 use crate::Outcome;
 
-/// The bundled robots: all of them.
-pub(crate) const BUNDLED: [&str; 16] = [
-    "lambda",
-    "torso",
-    "ankle",
-    "parallelogram",
-    "wrist",
-    "stewart",
-    "stewart_floating",
-    "r3_lambda_r",
-    "five_bar",
-    "four_bars_2",
-    "delta",
-    "active_ankle",
-    "bricard",
-    "squeezer",
-    "rh5v2_upper_body",
-    "rh5v2_full",
-];
-/// Lambdas in a chain, by the name that stands for how its loops are closed.
-const CHAINS: [(&str, usize); 3] = [("10", 10), ("100", 100), ("1000", 1000)];
+/// The names of the bundled robots.
+pub(crate) fn bundled_names() -> Vec<&'static str> {
+    sarrus_models::bundled().map(|(name, _)| name).collect()
+}
+
+/// Lambdas in a chain, by the name that stands for how its loops are closed, and
+/// and the most states that it takes: long ones take milliseconds.
+const CHAINS: [(&str, usize, usize); 3] = [("10", 10, 64), ("100", 100, 16), ("1000", 1000, 4)];
 
 /// A robot that is loaded once: its variants share their states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,7 +23,7 @@ pub enum Subject {
     /// By name.
     Bundled(&'static str),
     /// One of the small ones, by its place.
-    Text(usize),
+    Rare(usize),
     /// A row of lambdas, by its place.
     Chain(usize),
 }
@@ -44,20 +31,25 @@ pub enum Subject {
 impl Subject {
     /// Every robot that is measured.
     pub fn all() -> impl Iterator<Item = Subject> {
-        let texts = (0..TEXTS.len()).map(Subject::Text);
-        BUNDLED
-            .into_iter()
-            .map(Subject::Bundled)
-            .chain(texts)
-            .chain((0..CHAINS.len()).map(Subject::Chain))
+        let rare = (0..RARE.len()).map(Subject::Rare);
+        let chains = (0..CHAINS.len()).map(Subject::Chain);
+        bundled_names().into_iter().map(Subject::Bundled).chain(rare).chain(chains)
     }
 
     /// The first part of the cases' names.
     pub fn name(self) -> &'static str {
         match self {
             Subject::Bundled(name) => name,
-            Subject::Text(k) => TEXTS[k].name,
+            Subject::Rare(k) => RARE[k].0,
             Subject::Chain(_) => "chain",
+        }
+    }
+
+    fn description(self) -> Outcome<Description> {
+        match self {
+            Subject::Bundled(name) => bundled(name),
+            Subject::Rare(k) => RARE[k].1(),
+            Subject::Chain(k) => Ok(chain_of_lambdas(CHAINS[k].1)?),
         }
     }
 
@@ -73,10 +65,10 @@ impl Subject {
         !names_one || only.starts_with(&format!("{prefix}/")) || prefix.starts_with(only)
     }
 
-    /// How many of the states of a run it takes: long chains take milliseconds.
+    /// How many of the states of a run it takes.
     pub fn states(self, all: usize) -> usize {
         match self {
-            Subject::Chain(k) => all.min([64, 16, 4][k]),
+            Subject::Chain(k) => all.min(CHAINS[k].2),
             _ => all,
         }
     }
@@ -92,11 +84,11 @@ pub struct Variant {
 }
 
 /// A way to close loops: its name and the types that are made `NUMERICAL`.
-type Closing = (&'static str, fn(&str) -> bool);
+type Closing = (&'static str, fn(Kind) -> bool);
 
 const NUMERICAL: Closing = ("numerical", |_| true);
-const CLOSINGS_OF_UPPER_BODY: [Closing; 2] =
-    [("hybrid-torso", |kind| kind == "2SPU+1U"), ("hybrid-elbows", |kind| kind == "RRPR")];
+const HYBRIDS_OF_UPPER_BODY: [Closing; 2] =
+    [("hybrid-torso", |kind| kind == Kind::Spu2U1), ("hybrid-elbows", |kind| kind == Kind::Rrpr)];
 
 /// The robot as it is given, then with closed forms replaced by Newton's method. `query` skips
 /// variants that need not be loaded.
@@ -104,78 +96,60 @@ pub fn variants(
     subject: Subject,
     query: impl Fn(&str) -> bool,
 ) -> Outcome<(Description, Vec<Variant>)> {
-    let (urdf, submechanisms) = match subject {
-        Subject::Bundled(name) => {
-            let (urdf, submechanisms) = bundled_text(name).ok_or("no such robot")?;
-            (urdf.to_owned(), submechanisms)
-        }
-        Subject::Text(k) => (TEXTS[k].urdf(), TEXTS[k].submechanisms),
-        Subject::Chain(k) => {
-            let (closures, n) = CHAINS[k];
-            let description = chain_of_lambdas(n)?;
-            let compiled = if query(closures) {
-                vec![Variant { closures, compiled: Model::compile(&description)? }]
-            } else {
-                vec![]
-            };
-            return Ok((description, compiled));
-        }
-    };
-    let read = |submechanisms: String| {
-        let source =
-            Source::Text { urdf: urdf.clone().into(), submechanisms: Some(submechanisms.into()) };
-        load(&source, &Options::default())
-    };
-    let given = read(submechanisms.to_owned())?;
+    let description = subject.description()?;
     let mut kept = Vec::new();
-    let has = |kind: ClosureKind| {
-        given.compiled.model.closures().iter().any(|closure| closure.kind == kind)
+    let compiled = Model::compile(&description)?;
+    let given = match subject {
+        Subject::Chain(k) => CHAINS[k].0,
+        _ => closures(&compiled.model).unwrap_or("analytic"),
     };
-    let closures = match (has(ClosureKind::Analytic), has(ClosureKind::Numerical)) {
-        (true, true) => "hybrid",
-        (false, true) => "numerical",
-        _ => "analytic",
-    };
-    if query(closures) {
-        kept.push(Variant { closures, compiled: given.compiled });
+    if query(given) {
+        kept.push(Variant { closures: given, compiled });
     }
-
-    let closings = if subject == Subject::Bundled("rh5v2_upper_body") {
-        &CLOSINGS_OF_UPPER_BODY[..]
+    let hybrids = if subject == Subject::Bundled("rh5v2_upper_body") {
+        &HYBRIDS_OF_UPPER_BODY[..]
     } else {
         &[]
     };
-    // couplings without loops have no other way
-    let loops = submechanisms.contains("loop_constraints");
-    for &(name, changes) in closings.iter().chain(std::iter::once(&NUMERICAL)) {
-        if name == closures || !query(name) || !loops {
-            continue;
+    // couplings without loops have no other way, and chains are for their lengths
+    let has_loops = !matches!(subject, Subject::Chain(_))
+        && description.submechanisms.iter().any(|part| !part.loops.is_empty());
+    for &(closures, which) in hybrids.iter().chain([&NUMERICAL]) {
+        if has_loops && closures != given && query(closures) {
+            let compiled = Model::compile(&by_newton(description.clone(), which))?;
+            kept.push(Variant { closures, compiled });
         }
-        kept.push(Variant {
-            closures: name,
-            compiled: read(made_numerical(submechanisms, changes))?.compiled,
-        });
     }
-    Ok((given.description, kept))
+    Ok((description, kept))
+}
+
+/// How the loops of a model are closed, in a word; none without loops.
+pub(crate) fn closures(model: &Model) -> Option<&'static str> {
+    let has = |kind| model.closures().iter().any(|closure| closure.kind == kind);
+    match (has(ClosureKind::Analytic), has(ClosureKind::Numerical)) {
+        (true, true) => Some("hybrid"),
+        (true, false) => Some("analytic"),
+        (false, true) => Some("numerical"),
+        (false, false) => None,
+    }
+}
+
+/// The description of a bundled robot.
+pub(crate) fn bundled(name: &str) -> Outcome<Description> {
+    Ok(load(&Source::Bundled(name.to_owned()), &Options::default())?.description)
 }
 
 /// The robot with every loop closed by Newton's method.
-pub(crate) fn numerical(mut robot: Description) -> Description {
-    for part in robot.submechanisms.iter_mut().filter(|part| !part.loops.is_empty()) {
-        part.kind = SubmechanismKind::Numerical;
-    }
-    robot
+pub(crate) fn numerical(robot: Description) -> Description {
+    by_newton(robot, |_| true)
 }
 
-/// The submechanism file with `type: NUMERICAL` for every closed loop that `changes` names.
-fn made_numerical(submechanisms: &str, changes: fn(&str) -> bool) -> String {
-    let line = |line: &str| match line.split_once("type: ") {
-        Some((before, kind))
-            if before.trim_matches([' ', '-']).is_empty() && kind != "SERIAL" && changes(kind) =>
-        {
-            format!("{before}type: NUMERICAL\n")
+/// The robot with the loops of some types closed by Newton's method.
+fn by_newton(mut robot: Description, which: fn(Kind) -> bool) -> Description {
+    for part in robot.submechanisms.iter_mut() {
+        if !part.loops.is_empty() && which(part.kind) {
+            part.kind = Kind::Numerical;
         }
-        _ => format!("{line}\n"),
-    };
-    submechanisms.lines().map(line).collect()
+    }
+    robot
 }

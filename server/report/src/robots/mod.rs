@@ -2,12 +2,14 @@
 
 pub mod catalogue;
 pub mod chain;
+pub(crate) mod planned;
 pub mod question;
 pub mod random;
+mod rare;
 pub mod small;
 pub mod states;
-mod texts;
 
 pub use self::catalogue::{Subject, Variant};
+pub(crate) use self::planned::Planned;
 pub use self::question::{Question, Start};
 pub use self::states::{Robot, State, packed};

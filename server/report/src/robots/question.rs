@@ -60,24 +60,14 @@ impl Question {
     /// The given and the wanted fields, as a query.
     pub fn query(self) -> Query {
         use Field::*;
-        let motion = FieldSet::of(&[Y, Yd, Ydd]);
-        match self {
-            Question::State => {
-                Query::new(Request::Kinematics, motion, FieldSet::of(&[Q, Qd, Qdd, U, Ud, Udd]))
+        let (request, given, want): (_, &[Field], &[Field]) = match self {
+            Question::State => (Request::Kinematics, &[Y, Yd, Ydd], &[Q, Qd, Qdd, U, Ud, Udd]),
+            Question::InverseDynamics => (Request::InverseDynamics, &[Y, Yd, Ydd], &[TauU]),
+            Question::Gravity => (Request::InverseDynamics, &[Y], &[TauU]),
+            Question::ForwardDynamics | Question::Forced(_) => {
+                (Request::ForwardDynamics, &[Y, Yd, TauU], &[Ydd])
             }
-            Question::InverseDynamics => {
-                Query::new(Request::InverseDynamics, motion, FieldSet::of(&[TauU]))
-            }
-            Question::Gravity => {
-                let y = FieldSet::of(&[Y]);
-                let tau = FieldSet::of(&[TauU]);
-                Query::new(Request::InverseDynamics, y, tau)
-            }
-            Question::ForwardDynamics | Question::Forced(_) => Query::new(
-                Request::ForwardDynamics,
-                FieldSet::of(&[Y, Yd, TauU]),
-                FieldSet::of(&[Ydd]),
-            ),
-        }
+        };
+        Query::new(request, FieldSet::of(given), FieldSet::of(want))
     }
 }

@@ -100,20 +100,27 @@ pub fn toggle() -> f64 {
     f64::atan2(d[1], d[0]) + cosine.acos() - f64::atan2(b[1], b[0])
 }
 
+/// Length of the rocker of [`lambda`].
+pub(crate) const ARM_OF_LAMBDA: f64 = 0.9;
+
+/// Direction in which the slider of [`lambda`] moves at zero.
+pub(crate) fn way_of_lambda() -> [f64; 3] {
+    let aside = 0.3;
+    let heading =
+        f64::atan2(ARM_OF_LAMBDA, -1.0) - f64::asin(aside / f64::hypot(1.0, ARM_OF_LAMBDA));
+    [heading.cos(), heading.sin(), 0.0]
+}
+
 /// A rocker of 0.9 at the origin, and a stator at (1, 0) whose slider passes its pivot at 0.3.
 ///
 /// # Errors
 /// A kind that is no lambda's.
 pub fn lambda(kind: Kind) -> Outcome<Description> {
-    let arm = 0.9;
-    let aside = 0.3;
-    let heading = f64::atan2(arm, -1.0) - f64::asin(aside / f64::hypot(1.0, arm));
     let mut of = mechanism(kind);
     let rocker = joint(&mut of, LinkId::BASE, Turn, [0.0; 3], Z);
     let stator = joint(&mut of, LinkId::BASE, Turn, [1.0, 0.0, 0.0], Z);
-    let slider =
-        joint(&mut of, stator, Slide, [0.8, 0.1, 0.0], [heading.cos(), heading.sin(), 0.0]);
-    cut(&mut of, rocker, slider, [0.0, arm, 0.0], "xy");
+    let slider = joint(&mut of, stator, Slide, [0.8, 0.1, 0.0], way_of_lambda());
+    cut(&mut of, rocker, slider, [0.0, ARM_OF_LAMBDA, 0.0], "xy");
     finish(of, &[rocker], &[slider])
 }
 

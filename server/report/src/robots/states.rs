@@ -1,7 +1,7 @@
 //! Random states, the same in every run.
 
-use sarrus_dynamics::description::{Description, JointKind};
-use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Status, Workspace};
+use sarrus_dynamics::description::{Description, Joint, JointKind};
+use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Sizes, Status, Workspace};
 
 use super::catalogue::{Subject, Variant, variants};
 use super::question::Question;
@@ -99,21 +99,15 @@ impl Robot {
         let Some(Variant { compiled, .. }) = robot.variants.first() else { return Ok(robot) };
         let model = &compiled.model;
         let dofs = dofs(model, &robot.description);
-        let mut checks = robot
-            .variants
-            .iter()
-            .map(|variant| Check::new(&variant.compiled.model))
-            .collect::<Outcome<Vec<_>>>()?;
+        let models = robot.variants.iter().map(|variant| &variant.compiled.model);
+        let mut checks = models.map(Check::new).collect::<Outcome<Vec<_>>>()?;
 
         let mut random = Random(0);
         while robot.states.len() < n_states {
-            let mut state = drawn(&dofs, robot.reach, model.sizes().n_u, &mut random);
+            let mut state = drawn(&dofs, robot.reach, model.sizes(), &mut random);
             let earlier = earlier(&dofs, &state);
-            let mut fits = true;
-            for (k, check) in checks.iter_mut().enumerate() {
-                fits = fits && check.fits(k, &earlier, &mut state);
-            }
-            if fits {
+            let mut all = checks.iter_mut().enumerate();
+            if all.all(|(k, check)| check.fits(k, &earlier, &mut state)) {
                 robot.states.push(state);
             } else {
                 robot.left_out += 1;
@@ -123,11 +117,8 @@ impl Robot {
                 (robot.states, robot.left_out, random) = (Vec::new(), 0, Random(0));
             }
             if robot.reach < 0.5_f64.powi(HALVINGS as i32) {
-                return Err(format!(
-                    "{}: more than half of the random states have no answer",
-                    robot.name
-                )
-                .into());
+                let name = robot.name;
+                return Err(format!("{name}: more than half of the states have no answer").into());
             }
         }
         Ok(robot)
@@ -150,95 +141,85 @@ pub fn packed(plan: &Plan, state: &State, variant: usize) -> Vec<f64> {
     input
 }
 
-/// The motion of an independent velocity.
+/// The motion of one coordinate, or of the four of a quaternion.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Dof {
     Angle,
     Length,
-    /// The first of six of a floating joint, whose place comes before its quaternion, or of three
-    /// of a ball.
-    Turn {
-        floating: bool,
-    },
-    /// The others of these.
-    Rest,
+    Turn,
 }
 
-/// The dofs of y in the caller's order.
-fn dofs(model: &Model, description: &Description) -> Vec<Dof> {
+/// The dofs of y in the caller's order, each with the index of its first velocity.
+fn dofs(model: &Model, description: &Description) -> Vec<(Dof, usize)> {
     let names = model.independent_names();
     let slides = |name: &String| {
-        description
-            .joints
-            .iter()
-            .any(|joint| joint.name == *name && joint.kind == JointKind::Prismatic)
+        let is = |joint: &Joint| joint.name == *name && joint.kind == JointKind::Prismatic;
+        description.joints.iter().any(is)
     };
-    let dof = |name: &String| match name.strip_suffix("/rx") {
-        Some(joint) => Dof::Turn { floating: names.contains(&format!("{joint}/tx")) },
-        None if name.contains('/') => Dof::Rest,
-        None if slides(name) => Dof::Length,
-        None => Dof::Angle,
-    };
-    names.iter().map(dof).collect()
+    let mut dofs = Vec::new();
+    for (v, name) in names.iter().enumerate() {
+        match name.rsplit_once('/') {
+            None if slides(name) => dofs.push((Dof::Length, v)),
+            None => dofs.push((Dof::Angle, v)),
+            Some((joint, "rx")) => {
+                // the place of a floating joint comes before its quaternion
+                if names.contains(&format!("{joint}/tx")) {
+                    dofs.extend((v + 3..v + 6).map(|v| (Dof::Length, v)));
+                }
+                dofs.push((Dof::Turn, v));
+            }
+            Some(_) => {}
+        }
+    }
+    dofs
 }
 
 /// A random state without guesses.
-fn drawn(dofs: &[Dof], reach: f64, n_u: usize, random: &mut Random) -> State {
+fn drawn(dofs: &[(Dof, usize)], reach: f64, sizes: Sizes, random: &mut Random) -> State {
     let mut y = Vec::new();
-    for dof in dofs {
+    for (dof, _) in dofs {
         match dof {
             Dof::Angle => y.push(reach * ANGLE * random.next()),
             Dof::Length => y.push(reach * LENGTH * random.next()),
-            Dof::Turn { floating } => {
-                if *floating {
-                    y.extend([(); 3].map(|()| reach * LENGTH * random.next()));
-                }
+            Dof::Turn => {
                 let [a, b, c] = [(); 3].map(|()| 0.5 * reach * ANGLE * random.next());
                 y.extend(unit([a, b, c, 1.0]));
             }
-            Dof::Rest => {}
         }
     }
+    let mut numbers = |n: usize, size: f64| (0..n).map(|_| size * random.next()).collect();
     State {
         y,
-        yd: dofs.iter().map(|_| VELOCITY * random.next()).collect(),
-        ydd: dofs.iter().map(|_| ACCELERATION * random.next()).collect(),
-        tau_u: (0..n_u).map(|_| FORCE * random.next()).collect(),
+        yd: numbers(sizes.n_vy, VELOCITY),
+        ydd: numbers(sizes.n_vy, ACCELERATION),
+        tau_u: numbers(sizes.n_u, FORCE),
         guesses: Vec::new(),
     }
 }
 
 /// y shortly before a state.
-fn earlier(dofs: &[Dof], state: &State) -> Vec<f64> {
+fn earlier(dofs: &[(Dof, usize)], state: &State) -> Vec<f64> {
     let mut y = state.y.clone();
     let mut at = 0;
-    for (k, dof) in dofs.iter().enumerate() {
-        let step = |j: usize| -EARLIER * state.yd[k + j];
-        match dof {
-            Dof::Angle | Dof::Length => {
-                y[at] += step(0);
-                at += 1;
-            }
-            Dof::Turn { floating } => {
-                if *floating {
-                    // the body is nearly parallel to its parent
-                    (0..3).for_each(|j| y[at + j] += step(3 + j));
-                    at += 3;
-                }
-                // q + q ω dt / 2
-                let [a, b, c] = [0, 1, 2].map(|j| 0.5 * step(j));
-                let [x, y_, z, w] = [0, 1, 2, 3].map(|j| state.y[at + j]);
-                let turned = unit([
-                    x + w * a + y_ * c - z * b,
-                    y_ + w * b + z * a - x * c,
-                    z + w * c + x * b - y_ * a,
-                    w - x * a - y_ * b - z * c,
-                ]);
-                y[at..at + 4].copy_from_slice(&turned);
-                at += 4;
-            }
-            Dof::Rest => {}
+    for (dof, v) in dofs {
+        let step = |j: usize| -EARLIER * state.yd[v + j];
+        if *dof != Dof::Turn {
+            // a floating body is nearly parallel to its parent
+            y[at] += step(0);
+            at += 1;
+            continue;
         }
+        // q + q ω dt / 2
+        let [a, b, c] = [0, 1, 2].map(|j| 0.5 * step(j));
+        let [x, y_, z, w] = [0, 1, 2, 3].map(|j| state.y[at + j]);
+        let turned = unit([
+            x + w * a + y_ * c - z * b,
+            y_ + w * b + z * a - x * c,
+            z + w * c + x * b - y_ * a,
+            w - x * a - y_ * b - z * c,
+        ]);
+        y[at..at + 4].copy_from_slice(&turned);
+        at += 4;
     }
     y
 }
@@ -274,14 +255,12 @@ impl<'a> Check<'a> {
     fn fits(&mut self, variant: usize, earlier: &[f64], state: &mut State) -> bool {
         let Check { model, plans: [close, dynamics @ ..], workspace } = self;
         let mut q = vec![0.0; model.sizes().n_q];
-        let mut fits = close.run(model, workspace, earlier, &mut q).status == Status::Ok;
+        let closed = close.run(model, workspace, earlier, &mut q);
         state.guesses.push(q);
-        for plan in dynamics {
+        let mut status = |plan: &Plan| {
             let mut output = vec![0.0; plan.want().len()];
-            fits = fits
-                && plan.run(model, workspace, &packed(plan, state, variant), &mut output).status
-                    == Status::Ok;
-        }
-        fits
+            plan.run(model, workspace, &packed(plan, state, variant), &mut output).status
+        };
+        closed.status == Status::Ok && dynamics.iter().all(|plan| status(plan) == Status::Ok)
     }
 }

@@ -1,20 +1,17 @@
 //! Warnings without a reason: how many good answers of bundled robots carry one.
 
-use sarrus_dynamics::{Plan, Status, Workspace};
+use sarrus_dynamics::{Plan, Status};
 
 use crate::Outcome;
 use crate::page::{Table, columns};
 use crate::reference::Reference;
-use crate::robots::catalogue::BUNDLED;
+use crate::robots::catalogue::bundled_names;
 use crate::robots::random::Random;
-use crate::robots::{Question, Robot, Start, Subject, packed};
+use crate::robots::{Planned, Question, Robot, Start, Subject};
 
 use super::families::dead_points_in_series::everything;
 use super::harness;
-use super::harness::assess::{HELD, warned};
-use super::harness::case::Cases;
-use super::harness::question::State;
-use super::harness::robot::{bundled, numerical};
+use super::harness::{Cases, HELD, State, bundled, numerical, warned};
 
 /// Error by size up to which an answer keeps eleven digits.
 const GOOD: f64 = 1e-11;
@@ -63,15 +60,15 @@ impl Count {
 /// The counts of every bundled robot, closed in each of its ways, at this many states: state,
 /// inverse and forward dynamics.
 pub(crate) fn count(states: usize) -> Outcome<Vec<(&'static str, Count)>> {
-    BUNDLED.into_iter().map(|name| Ok((name, of_robot(name, states)?))).collect()
+    bundled_names().into_iter().map(|name| Ok((name, of_robot(name, states)?))).collect()
 }
 
 /// Counts by every question of the families, each field judged by itself, at this many states.
 pub(crate) fn fields(states: u64) -> Outcome<Cases> {
     let mut cases = Cases::default();
-    for name in BUNDLED {
+    for name in bundled_names() {
         for of in [bundled(name)?, numerical(bundled(name)?)] {
-            let robot = harness::robot::Robot::new(name, of)?;
+            let robot = harness::Robot::new(name, of)?;
             for seed in 0..states {
                 let mut random = Random(7 << 32 | seed);
                 let mut state = State::of(&robot, random.between(0.05, 0.25))?;
@@ -114,14 +111,12 @@ fn of_robot(name: &'static str, states: usize) -> Outcome<Count> {
         for question in Question::CHOSEN {
             let mut reference = Reference::new(&robot, place, question, Start::None)?;
             let plan = Plan::new(model, &question.query())?;
-            let mut workspace = Workspace::for_plans(model, [&plan]);
-            let mut output = vec![0.0; plan.want().len()];
-            for (k, state) in robot.states.iter().enumerate() {
-                reference.compute(&robot, k)?;
-                let input = packed(&plan, state, place);
-                let answer = plan.run(model, &mut workspace, &input, &mut output);
+            let mut planned = Planned::new(model, plan, &robot.states, place);
+            for state in 0..robot.states.len() {
+                reference.compute(&robot, state)?;
+                let answer = planned.answer(state);
                 if answer.status == Status::Ok {
-                    let error = reference.exact(plan.want(), k).error(&output);
+                    let error = reference.error(planned.plan.want(), state, &planned.output);
                     count.answer(error, warned(answer.warnings, "ill_conditioned"));
                 }
             }

@@ -1,8 +1,7 @@
 //! The cases as pictures and tables.
 
-use super::harness::assess::HELD;
-use super::harness::case::Case;
-use crate::page::{self, Assessment, Axis, Figure, Point, Section, Series, Table, columns};
+use super::harness::{Case, HELD};
+use crate::page::{Assessment, Axis, Figure, Point, Section, Series, Table, columns};
 
 /// Values of a parameter that a picture shows; the others stand in its table.
 const DRAWN: std::ops::RangeInclusive<f64> = 1e-20..=1e20;
@@ -15,38 +14,29 @@ const NO_PICTURE: [&str; 5] =
     ["not a number", "faulty file", "unreachable y", "simulation of nothing", "change points"];
 
 /// Fills the section.
-pub(crate) fn section(cases: &[Case]) -> Section {
+pub(crate) fn section(cases: Vec<Case>) -> Section {
     let mut section = Section::new("extremes", "Stress cases");
-    // families whose robots take turns come together
-    let names: Vec<&str> =
-        cases.iter().map(|case| case.family).fold(Vec::new(), |mut names, name| {
-            if !names.contains(&name) {
-                names.push(name);
-            }
-            names
-        });
-    let mut cases = cases.to_vec();
-    cases.sort_by_key(|case| names.iter().position(|name| *name == case.family));
-    let cases = cases.as_slice();
     let families: Vec<&[Case]> = cases.chunk_by(|a, b| a.family == b.family).collect();
-    section.summary = summary(cases, families.len());
-    section.worst_error = cases
-        .iter()
-        .filter(|case| case.assessment == Assessment::Held)
-        .filter_map(|case| case.error)
-        .reduce(f64::max);
+    section.summary = summary(&cases, families.len());
+    section.worst_error = worst_held(&cases);
     section.tables.push(overview(&families));
     for family in &families {
         section.tables.push(table(family));
         section.figures.extend(errors(family));
     }
-    section.figures.extend(times(cases));
-    section.cases = cases.iter().map(reported).collect();
+    section.figures.extend(times(&cases));
+    section.cases = cases;
     section
 }
 
-fn count(cases: &[Case], assessment: Assessment) -> usize {
-    cases.iter().filter(|case| case.assessment == assessment).count()
+fn count<'a>(cases: impl IntoIterator<Item = &'a Case>, assessment: Assessment) -> usize {
+    cases.into_iter().filter(|case| case.assessment == assessment).count()
+}
+
+/// The largest error of the cases that held.
+fn worst_held(cases: &[Case]) -> Option<f64> {
+    let held = cases.iter().filter(|case| case.assessment == Assessment::Held);
+    held.filter_map(|case| case.error).reduce(f64::max)
 }
 
 fn summary(cases: &[Case], families: usize) -> Vec<String> {
@@ -78,37 +68,28 @@ fn summary(cases: &[Case], families: usize) -> Vec<String> {
         let error = case.error.unwrap_or(f64::NAN);
         lines.push(format!(
             "The largest error that an answer warns of: {error:.1e}, {} at {} {:.0e}.",
-            case.mechanism, case.family, case.value
+            case.robot, case.family, case.value
         ));
     }
-    lines.extend(
-        cases.iter().filter(|case| case.assessment == Assessment::FailedSilently).take(20).map(
-            |case| {
-                let error = case.error.map_or("-".to_owned(), |error| format!("{error:.1e}"));
-                format!(
-                    "Failed silently: {}, {}, {} at {:e}, {}: error {error}.",
-                    case.family, case.mechanism, case.asked, case.value, case.method
-                )
-            },
-        ),
-    );
+    let silent = cases.iter().filter(|case| case.assessment == Assessment::FailedSilently);
+    lines.extend(silent.take(20).map(|case| {
+        let error = case.error.map_or("-".to_owned(), |error| format!("{error:.1e}"));
+        format!(
+            "Failed silently: {}, {}, {} at {:e}, {}: error {error}.",
+            case.family, case.robot, case.asked, case.value, case.method
+        )
+    }));
     lines
 }
 
-/// A name that files can have.
 fn id(family: &str) -> String {
-    let letter = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' };
-    format!("extremes-{}", family.chars().map(letter).collect::<String>())
+    format!("extremes-{family}")
 }
 
 /// The label of a line of a picture or a row of a table.
 fn key(case: &Case) -> String {
     if BY_ROBOT.contains(&case.family) {
-        return format!(
-            "{}, {}",
-            case.mechanism,
-            case.method.split(", ").next().unwrap_or_default()
-        );
+        return format!("{}, {}", case.robot, case.method.split(", ").next().unwrap_or_default());
     }
     match case.method.rsplit_once(", ") {
         Some((_, method)) => format!("{}, {method}", case.asked),
@@ -136,16 +117,13 @@ fn extremity(case: &Case) -> f64 {
 
 fn overview(families: &[&[Case]]) -> Table {
     let row = |family: &&[Case]| {
-        let held = family.iter().filter(|case| case.assessment == Assessment::Held);
-        let worst = held.filter_map(|case| case.error).reduce(f64::max);
-        vec![
-            family[0].family.to_owned(),
-            family[0].parameter.to_owned(),
-            range(family),
-            family.len().to_string(),
-            worst.map_or("-".into(), |error| format!("{error:.1e}")),
-        ]
+        let mut row = vec![family[0].family.to_owned(), family[0].parameter.to_owned()];
+        row.extend([range(family), family.len().to_string()]);
+        row.extend(Assessment::ALL.map(|assessment| count(*family, assessment).to_string()));
+        row.push(worst_held(family).map_or("-".into(), |error| format!("{error:.1e}")));
+        row
     };
+    let names = Assessment::ALL.map(Assessment::name).join(" | ");
     Table {
         id: "extremes-families".into(),
         title: "Every family".into(),
@@ -155,7 +133,9 @@ fn overview(families: &[&[Case]]) -> Table {
             inverse dynamics in double-double: the condition of their mass matrix grows with the \
             fourth power of their length."
             .into(),
-        columns: columns("family | parameter | from … to | cases | worst error of those that held"),
+        columns: columns(&format!(
+            "family | parameter | from … to | cases | {names} | worst error of those that held"
+        )),
         rows: families.iter().map(row).collect(),
     }
 }
@@ -171,10 +151,8 @@ fn range(family: &[Case]) -> String {
 /// By method or robot: assessments, where it first does not hold, and how that is reported.
 fn table(family: &[Case]) -> Table {
     let row = |(key, cases): (String, Vec<&Case>)| {
-        let of = |assessment| {
-            cases.iter().filter(|case| case.assessment == assessment).count().to_string()
-        };
         let mut row = vec![key];
+        let of = |assessment| count(cases.iter().copied(), assessment).to_string();
         row.extend(Assessment::ALL.map(of));
         let broken = cases
             .iter()
@@ -188,7 +166,7 @@ fn table(family: &[Case]) -> Table {
                 } else {
                     case.method.clone()
                 };
-                [at, case.mechanism.clone(), how(case)]
+                [at, case.robot.clone(), how(case)]
             }
         });
         row
@@ -208,12 +186,9 @@ fn table(family: &[Case]) -> Table {
 
 /// Status, warnings and further reports.
 fn how(case: &Case) -> String {
-    let mut parts = vec![case.status.clone()];
-    parts.extend(case.warnings.iter().cloned());
-    parts.extend((!case.reported.is_empty()).then(|| case.reported.clone()));
-    parts
-        .extend(case.error.filter(|error| *error > HELD).map(|error| format!("error {error:.1e}")));
-    parts.join("; ")
+    let error = case.error.filter(|error| *error > HELD);
+    let parts = [case.status.clone(), case.told()].into_iter().filter(|part| !part.is_empty());
+    parts.chain(error.map(|error| format!("error {error:.1e}"))).collect::<Vec<_>>().join("; ")
 }
 
 fn capital(text: &str) -> String {
@@ -230,23 +205,19 @@ fn errors(family: &[Case]) -> Option<Figure> {
         return None;
     }
     let series = |(key, cases): (String, Vec<&Case>)| {
-        let mut points: Vec<Point> = Vec::new();
-        for case in cases.iter().filter(|case| DRAWN.contains(&case.value)) {
-            let Some(error) = case.error else { continue };
-            let mark = if case.assessment == Assessment::Held {
-                String::new()
+        let point = |case: &Case| {
+            let label = if case.assessment == Assessment::Held {
+                case.robot.clone()
             } else {
-                format!(", {}", case.assessment.name())
+                format!("{}, {}", case.robot, case.assessment.name())
             };
-            let point =
-                Point { x: case.value, y: error, label: format!("{}{mark}", case.mechanism) };
-            match points.iter_mut().find(|at| at.x == case.value) {
-                Some(at) if at.y < error => *at = point,
-                Some(_) => {}
-                None => points.push(point),
-            }
-        }
-        points.sort_by(|a, b| f64::total_cmp(&a.x, &b.x));
+            Some(Point { x: case.value, y: case.error?, label })
+        };
+        let cases = cases.into_iter().filter(|case| DRAWN.contains(&case.value));
+        let mut points: Vec<Point> = cases.filter_map(point).collect();
+        // of the points of a value the highest
+        points.sort_by(|a, b| a.x.total_cmp(&b.x).then(b.y.total_cmp(&a.y)));
+        points.dedup_by(|next, kept| next.x == kept.x);
         Series { name: key, line: true, competes: false, points }
     };
     let silent = count(family, Assessment::FailedSilently);
@@ -262,17 +233,12 @@ fn errors(family: &[Case]) -> Option<Figure> {
             if BY_ROBOT.contains(&name) { "all that is asked" } else { "all robots" },
             family.len()
         ),
-        command: String::new(),
-        x: Axis { label: family[0].parameter.to_owned(), log: true },
-        y: Axis {
-            label: if name == "chain" {
-                "backward error of FD, error of ID"
-            } else {
-                "error by size"
-            }
-            .into(),
-            log: true,
-        },
+        x: Axis::log(family[0].parameter),
+        y: Axis::log(if name == "chain" {
+            "backward error of FD, error of ID"
+        } else {
+            "error by size"
+        }),
         series: groups(family)
             .into_iter()
             .map(series)
@@ -286,16 +252,13 @@ fn times(cases: &[Case]) -> Option<Figure> {
     let mut series: Vec<Series> = Vec::new();
     for case in cases.iter().filter(|case| case.error.is_some()) {
         let Some(nanoseconds) = case.nanoseconds else { continue };
-        let name = format!("{}, {}, {}", case.mechanism, case.asked, case.method);
+        let name = format!("{}, {}, {}", case.robot, case.asked, case.method);
         let point = Point {
             x: case.value,
             y: nanoseconds / case.value,
             label: format!("{nanoseconds:.0} ns in all"),
         };
-        match series.iter_mut().find(|series| series.name == name) {
-            Some(series) => series.points.push(point),
-            None => series.push(Series { name, line: true, competes: false, points: vec![point] }),
-        }
+        Series::add(&mut series, name, point).line = true;
     }
     (!series.is_empty()).then(|| Figure {
         id: "extremes-chain-time".into(),
@@ -303,28 +266,8 @@ fn times(cases: &[Case]) -> Option<Figure> {
         caption: "The shortest of five calls over the number of bodies, or of loops of three \
             bodies each; level where the cost is O(n)."
             .into(),
-        command: String::new(),
-        x: Axis { label: "bodies or loops in a row".into(), log: true },
-        y: Axis { label: "ns per body or loop".into(), log: true },
+        x: Axis::log("bodies or loops in a row"),
+        y: Axis::log("ns per body or loop"),
         series,
     })
-}
-
-/// A case as the report keeps it.
-fn reported(case: &Case) -> page::Case {
-    let mut reported = case.warnings.clone();
-    reported.extend((!case.reported.is_empty()).then(|| case.reported.clone()));
-    page::Case {
-        family: case.family.to_owned(),
-        robot: case.mechanism.clone(),
-        parameter: case.parameter.to_owned(),
-        value: case.value,
-        method: format!("{}, {}", case.asked, case.method),
-        error: case.error.filter(|error| error.is_finite()),
-        backward: case.backward,
-        reference: case.reference.to_owned(),
-        status: case.status.clone(),
-        reported: reported.join("; "),
-        assessment: case.assessment,
-    }
 }

@@ -1,19 +1,31 @@
-//! A family as data: robots, each asked at every value of one parameter.
+//! Families as data: their names, parameters, robots and values.
 
 use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
 
-use super::harness::case::{At, Cases};
-use super::harness::robot::{Robot, bundled, heavier, numerical};
+use super::harness::{At, Cases, Robot, bundled, heavier, numerical, seeds};
 use super::mechanisms::{four_bar, rods};
 use crate::Outcome;
 use crate::measure::Effort;
 
-/// A family of cases: robots, values of a parameter, and the questions at each.
+/// A family of cases: its name, its parameter with the unit, and its cases.
+pub(crate) struct Family(pub(crate) &'static str, pub(crate) &'static str, pub(crate) Fill);
+
+/// How the cases of a family come about.
+pub(crate) enum Fill {
+    /// Robots at values of the parameter.
+    Swept(&'static Sweep),
+    /// By one function from seeds: those below the first number with little effort, below the
+    /// second with all, and these in either case.
+    Drawn([u64; 2], &'static [u64], fn(&mut Cases, u64) -> Outcome),
+    /// Robots under a change.
+    Changed(fn(&mut Cases, &Effort, Change) -> Outcome, Change),
+    /// By a function of its own.
+    Own(fn(&mut Cases, &Effort) -> Outcome),
+}
+
+/// Robots, values of a parameter, and the questions at each.
 #[derive(Clone, Copy)]
 pub(crate) struct Sweep {
-    pub(crate) family: &'static str,
-    /// The parameter with its unit.
-    pub(crate) parameter: &'static str,
     pub(crate) values: fn(&Effort) -> Vec<f64>,
     pub(crate) robots: &'static [Subject],
     pub(crate) ask: Ask,
@@ -52,15 +64,22 @@ pub(crate) enum Change {
     By(fn(&mut Description, f64)),
 }
 
-impl Sweep {
-    /// Asks every robot at every value.
+impl Family {
+    /// Adds the family's cases.
     pub(crate) fn run(&self, cases: &mut Cases, effort: &Effort) -> Outcome {
-        cases.family(self.family, self.parameter);
-        let values = (self.values)(effort);
-        for subject in self.robots {
-            subject.ask(cases, &values, self.ask)?;
+        let Family(name, parameter, fill) = self;
+        cases.family(name, parameter);
+        match fill {
+            Fill::Swept(Sweep { values, robots, ask }) => {
+                let values = values(effort);
+                robots.iter().try_for_each(|subject| subject.ask(cases, &values, *ask))
+            }
+            Fill::Drawn(counts, also, one) => {
+                seeds(effort, *counts, also).into_iter().try_for_each(|seed| one(cases, seed))
+            }
+            Fill::Changed(run, change) => run(cases, effort, *change),
+            Fill::Own(run) => run(cases, effort),
         }
-        Ok(())
     }
 }
 
@@ -72,11 +91,6 @@ impl Subject {
     /// A robot that no value changes.
     pub(crate) const fn plain(name: &'static str, design: Design) -> Subject {
         Subject::new(name, design, Change::Nothing)
-    }
-
-    /// A bundled robot under its own name.
-    pub(crate) const fn bundled(name: &'static str, change: Change) -> Subject {
-        Subject::new(name, Design::Bundled(name), change)
     }
 
     /// The robot as it is designed.
@@ -95,7 +109,7 @@ impl Subject {
             let mut of = plain.clone();
             self.change.apply(&mut of, value);
             let at = At { value, method: "-" };
-            if let Some(robot) = cases.load(self.name, at, Robot::new(self.name, of)) {
+            if let Some(robot) = cases.load(self.name, at, of) {
                 ask(cases, &robot, value)?;
             }
         }

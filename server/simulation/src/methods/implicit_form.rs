@@ -11,6 +11,7 @@ use sarrus_dynamics::{Field, FieldSet, ImplicitForm, Model, Query, Request, Stat
 use crate::error::SimulationError;
 use crate::forces::inputs::OnTree;
 use crate::forces::springs::Springs;
+use crate::methods::runge_kutta::four_stages;
 use crate::motion::rates::Mechanism;
 use crate::planned::Planned;
 
@@ -108,21 +109,18 @@ impl<'a> Form<'a> {
     /// One step, `projected` onto the closed states at its end; x is that before it where it has no
     /// answer.
     pub(crate) fn step(&mut self, t: f64, to: f64, x: &mut Vec<f64>, projected: bool) -> Status {
-        let (n_q, n_v, n, h) =
-            (self.mechanism.sizes.n_q, self.mechanism.sizes.n_v, x.len(), to - t);
-        let mut stages = [vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n]];
-        for (k, part) in [0.0, 0.5, 0.5, 1.0].into_iter().enumerate() {
-            let at: Vec<f64> = (0..n)
-                .map(|i| x[i] + if k > 0 { part * h * stages[k - 1][i] } else { 0.0 })
-                .collect();
-            let status = self.evaluate(t + part * h, &at, &mut stages[k]);
-            if status != Status::Ok {
-                return status;
-            }
+        let n_q = self.mechanism.sizes.n_q;
+        let n_v = self.mechanism.sizes.n_v;
+        let mut first = vec![0.0; x.len()];
+        let status = self.evaluate(t, x, &mut first);
+        if status != Status::Ok {
+            return status;
         }
-        let [a, b, c, d] = &stages;
-        let mut next: Vec<f64> =
-            (0..n).map(|i| x[i] + h / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i])).collect();
+        let rate = |at, x: &[f64], rate: &mut [f64]| self.evaluate(t + at, x, rate);
+        let mut next = match four_stages(x, to - t, first, rate) {
+            Ok(next) => next,
+            Err(status) => return status,
+        };
         if !next.iter().all(|x| x.is_finite()) {
             return Status::NonFiniteInput;
         }

@@ -1,6 +1,5 @@
 //! The interface of every method of integration.
 
-#[cfg(feature = "adaptive")]
 pub(crate) mod dop853;
 pub(crate) mod fixed_step;
 pub(crate) mod implicit_form;

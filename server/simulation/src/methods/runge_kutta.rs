@@ -11,34 +11,35 @@ use sarrus_dynamics::Status;
 use super::fixed_step::OneStep;
 use crate::motion::engine::Engine;
 
-/// The method with its scratch.
+/// The method.
 #[derive(Default)]
-pub(crate) struct RungeKutta {
-    stages: [Vec<f64>; 4],
-    at: Vec<f64>,
-    next: Vec<f64>,
-}
+pub(crate) struct RungeKutta;
 
 impl OneStep for RungeKutta {
-    /// Four stages; the first is known.
     fn step(&mut self, engine: &mut Engine, t: f64, x: &mut [f64], to: f64) -> Status {
-        let n = x.len();
         let h = to - t;
-        self.stages.iter_mut().for_each(|stage| stage.resize(n, 0.0));
-        self.at.resize(n, 0.0);
-        self.stages[0].copy_from_slice(&engine.anchor.rate);
-        for (k, part) in [(1, 0.5), (2, 0.5), (3, 1.0)] {
-            for i in 0..n {
-                self.at[i] = x[i] + part * h * self.stages[k - 1][i];
-            }
-            let status = engine.rate(t + part * h, &self.at, &mut self.stages[k]);
-            if status != Status::Ok {
-                return status;
-            }
-        }
-        let [a, b, c, d] = &self.stages;
-        self.next.clear();
-        self.next.extend((0..n).map(|i| x[i] + h / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i])));
-        engine.accept(to, &mut self.next, x)
+        let first = engine.anchor.rate.clone();
+        let next = four_stages(x, h, first, |at, x, rate| engine.rate(t + at, x, rate));
+        next.map_or_else(|status| status, |mut next| engine.accept(to, &mut next, x))
     }
+}
+
+/// The state after a time h from x and k₁; `rate` evaluates f at a time after t.
+pub(crate) fn four_stages(
+    x: &[f64],
+    h: f64,
+    first: Vec<f64>,
+    mut rate: impl FnMut(f64, &[f64], &mut [f64]) -> Status,
+) -> Result<Vec<f64>, Status> {
+    let n = x.len();
+    let mut stages = [first, vec![0.0; n], vec![0.0; n], vec![0.0; n]];
+    for (k, part) in [(1, 0.5), (2, 0.5), (3, 1.0)] {
+        let at: Vec<f64> = (0..n).map(|i| x[i] + part * h * stages[k - 1][i]).collect();
+        let status = rate(part * h, &at, &mut stages[k]);
+        if status != Status::Ok {
+            return Err(status);
+        }
+    }
+    let [a, b, c, d] = &stages;
+    Ok((0..n).map(|i| x[i] + h / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i])).collect())
 }

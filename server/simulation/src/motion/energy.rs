@@ -64,14 +64,13 @@ impl<T: PlanScalar> Meter<T> {
                 });
             }
         }
-        let guess: &[Field] =
-            if model.sizes().n_c > 0 { &[Field::QGuess, Field::QdGuess] } else { &[] };
-        let given =
-            guess.iter().fold(FieldSet::of(&[Field::Y, Field::Yd]), |set, field| set.with(*field));
-        let bare = FieldSet::of(&[Field::Residual, Field::Q, Field::Qd]);
+        use Field::*;
+        let has_loops = model.sizes().n_c > 0;
+        let given = FieldSet::of(if has_loops { &[Y, Yd, QGuess, QdGuess] } else { &[Y, Yd] });
+        let bare = FieldSet::of(&[Residual, Q, Qd]);
         let mut plans = vec![Planned::new(model, &Query::new(Request::Kinematics, given, bare))?];
         for chunk in links.chunks(CHUNK) {
-            let want = FieldSet::of(&[Field::FramePose, Field::FrameTwist]);
+            let want = FieldSet::of(&[FramePose, FrameTwist]);
             plans.push(Planned::new(
                 model,
                 &Query::new(Request::Kinematics, given, want).with_frames(chunk),

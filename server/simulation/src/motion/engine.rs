@@ -8,6 +8,7 @@ use sarrus_dynamics::{
     Workspace,
 };
 
+use crate::coordinates::largest;
 use crate::error::SimulationError;
 use crate::forces::inputs::OnTree;
 use crate::forces::springs::{Effect, Springs};
@@ -210,10 +211,6 @@ impl Engine {
     }
 
     /// Why an evaluation failed since this was last asked.
-    #[cfg_attr(
-        not(feature = "adaptive"),
-        allow(dead_code, reason = "for the method that evaluates by itself")
-    )]
     pub(crate) fn take_failure(&mut self) -> Option<Status> {
         self.failure.take()
     }
@@ -314,7 +311,7 @@ impl Engine {
         } else {
             dq.iter_mut().zip(qd).for_each(|(to, v)| *to = (t - from) * v);
         }
-        let farthest = dq.iter().fold(0.0, |largest: f64, step| largest.max(step.abs()));
+        let farthest = largest(dq.iter().copied());
         self.is_far = farthest > REACH;
         self.mechanism.q.advance(
             &mut self.guess,
@@ -332,10 +329,9 @@ impl Engine {
         let h = t - before.t;
         let mut moved = vec![0.0; qd.len()];
         self.mechanism.q.difference(&before.q, q, &mut moved);
-        let fastest = qd.iter().chain(&before.qd).fold(0.0, |largest: f64, v| largest.max(v.abs()));
+        let fastest = largest(qd.iter().chain(&before.qd).copied());
         let expected = before.qd.iter().zip(qd).map(|(a, b)| 0.5 * h * (a + b));
-        let off =
-            moved.iter().zip(expected).fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs()));
+        let off = largest(moved.iter().zip(expected).map(|(a, b)| a - b));
         off > JUMP * h * fastest
     }
 }

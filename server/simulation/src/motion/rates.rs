@@ -100,6 +100,12 @@ impl Mechanism {
         self.sizes.n_c > 0 && self.sizes.n_v * self.sizes.n_vy <= LARGEST
     }
 
+    /// The next time after t at which a force has a kink.
+    pub(crate) fn next_kink(&self, t: f64) -> f64 {
+        let kinks = self.inputs.iter().flat_map(|input| input.kinks());
+        kinks.copied().filter(|time| *time > t).fold(f64::INFINITY, f64::min)
+    }
+
     /// True where the forces depend on where the robot is.
     fn feels(&self) -> bool {
         !self.springs.is_empty() || self.inputs.iter().any(OnTree::is_feedback)
@@ -124,8 +130,8 @@ impl<T: PlanScalar> Rates<T> {
     pub(crate) fn new(model: Model<T>, mechanism: &Mechanism) -> Result<Rates<T>, SimulationError> {
         use Field::*;
         // the guess is a pose of the loops
-        let guess: &[Field] = if mechanism.sizes.n_c > 0 { &[QGuess, QdGuess] } else { &[] };
-        let given = guess.iter().fold(FieldSet::of(&[Y, Yd]), |set, field| set.with(*field));
+        let has_loops = mechanism.sizes.n_c > 0;
+        let given = FieldSet::of(if has_loops { &[Y, Yd, QGuess, QdGuess] } else { &[Y, Yd] });
         let links = &mechanism.springs.links;
         let pose = if mechanism.feels() {
             let want = if links.is_empty() {

@@ -17,6 +17,7 @@ use self::settings::Settings;
 use self::setup::Setup;
 use self::simulator::Simulator;
 use self::start::Start;
+use crate::coordinates::largest;
 use crate::error::SimulationError;
 
 /// Simulates. `progress` gets the time that has been reached, after each step. Allocates as
@@ -49,8 +50,7 @@ pub fn simulate(
             once(&Settings { duration: run.time.max(f64::MIN_POSITIVE), ..settings }, &mut |_| ())?;
         let gap = |f: fn(&Sample) -> &[f64]| match (run.last(), other.last()) {
             (Some(a), Some(b)) if a.time == b.time => {
-                f(a).iter().zip(f(b)).fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs()))
-                    * factor
+                factor * largest(f(a).iter().zip(f(b)).map(|(a, b)| a - b))
             }
             _ => f64::NAN,
         };

@@ -3,6 +3,7 @@
 use sarrus_dynamics::Status;
 
 use super::events::Event;
+use crate::coordinates::pick;
 use crate::motion::energy::Energy;
 use crate::motion::engine::Counts;
 
@@ -26,6 +27,25 @@ pub struct Sample {
 }
 
 impl Sample {
+    /// The sample of a tree state without its energy; the declared independents stand at these
+    /// places in q and q̇.
+    pub(crate) fn new(
+        time: f64,
+        [q, qd]: [&[f64]; 2],
+        [y, yd]: &[Vec<usize>; 2],
+        work: Option<&f64>,
+    ) -> Sample {
+        Sample {
+            time,
+            y: pick(q, y),
+            yd: pick(qd, yd),
+            q: q.to_vec(),
+            qd: qd.to_vec(),
+            energy: Energy::default(),
+            work: work.copied().unwrap_or(0.0),
+        }
+    }
+
     /// Energy less work: constant but for errors.
     pub fn balance(&self) -> f64 {
         self.energy.kinetic + self.energy.potential - self.work
@@ -88,19 +108,14 @@ pub struct Run {
 impl Run {
     /// A run that has not begun.
     pub(crate) fn new(correction: [f64; 2]) -> Run {
-        let samples = Vec::new();
-        let events = Vec::new();
-        let independents = Vec::new();
-        let counts = Counts::default();
-        let end = End::Finished;
         Run {
-            samples,
-            events,
-            counts,
-            end,
+            samples: Vec::new(),
+            events: Vec::new(),
+            counts: Counts::default(),
+            end: End::Finished,
             time: 0.0,
             correction,
-            independents,
+            independents: Vec::new(),
             error_estimate: None,
         }
     }

@@ -2,6 +2,7 @@
 
 use crate::error::SimulationError;
 use crate::methods::Stepper;
+use crate::methods::dop853::Dop853;
 use crate::methods::fixed_step::FixedStep;
 use crate::methods::radau5::Radau;
 use crate::methods::runge_kutta::RungeKutta;
@@ -97,7 +98,6 @@ impl Settings {
     /// Tolerances of 1e-8, every step a sample, switching, double-double where it is needed, no
     /// estimate.
     pub fn new(method: Method, duration: f64) -> Settings {
-        let most_steps = MOST as u64;
         Settings {
             method,
             duration,
@@ -109,7 +109,7 @@ impl Settings {
             switching: true,
             precise: true,
             estimate: false,
-            most_steps,
+            most_steps: MOST as u64,
         }
     }
 
@@ -155,24 +155,23 @@ impl Settings {
     }
 
     /// The method at its start.
-    pub(crate) fn stepper(&self) -> Result<Box<dyn Stepper>, SimulationError> {
+    pub(crate) fn stepper(&self) -> Box<dyn Stepper> {
         let step = self.step.unwrap_or(self.duration);
-        Ok(match self.method {
+        match self.method {
             Method::Euler => Box::new(FixedStep::<SemiImplicitEuler>::new(step)),
             Method::RungeKutta | Method::Baumgarte | Method::Projection => {
                 Box::new(FixedStep::<RungeKutta>::new(step))
             }
-            #[cfg(feature = "adaptive")]
-            Method::Dop853 => Box::new(crate::methods::dop853::Dop853::new(
-                self.rtol,
-                self.atol,
-                self.duration,
-                self.step,
-            )),
-            #[cfg(not(feature = "adaptive"))]
-            Method::Dop853 => return Err(SimulationError::NotBuilt(self.method.name())),
+            Method::Dop853 => Box::new(Dop853::new(self.rtol, self.atol, self.duration, self.step)),
             Method::Radau5 => Box::new(Radau::new(self.rtol, self.atol, self.step)),
-        })
+        }
+    }
+
+    /// When the next sample is due after so many; a crumb at the end is no interval of its own.
+    pub(crate) fn sample_after(&self, sampled: u64) -> f64 {
+        let end = self.duration;
+        let next = self.every.map_or(end, |every| (sampled as f64 + 1.0) * every);
+        if next > end - 1e-9 * end { end } else { next }
     }
 
     /// α = β of Baumgarte's stabilisation; projection needs none.

@@ -3,7 +3,7 @@
 use sarrus_dynamics::description::Description;
 use sarrus_dynamics::{Compiled, Model};
 
-use crate::coordinates::Coordinates;
+use crate::coordinates::{Coordinates, places};
 use crate::error::SimulationError;
 use crate::forces::inputs::{Input, OnTree};
 use crate::forces::springs::{Spring, Springs};
@@ -37,15 +37,12 @@ impl Setup<'_> {
     }
 
     /// Where the declared independents stand in q and q̇.
-    pub(crate) fn declared(&self) -> (Vec<usize>, Vec<usize>) {
+    pub(crate) fn declared(&self) -> [Vec<usize>; 2] {
         let model = &self.compiled.model;
-        let place = |names: &[String], of: &[String]| -> Vec<usize> {
-            names.iter().filter_map(|name| of.iter().position(|other| other == name)).collect()
-        };
-        (
-            place(model.independent_q_names(), model.tree_q_names()),
-            place(model.independent_names(), model.tree_names()),
-        )
+        [
+            places(model.independent_q_names(), model.tree_q_names()),
+            places(model.independent_names(), model.tree_names()),
+        ]
     }
 }
 

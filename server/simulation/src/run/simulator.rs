@@ -37,7 +37,7 @@ pub(super) struct Simulator<'a> {
     x: Vec<f64>,
     run: Run,
     /// Where the declared independents stand in q and q̇.
-    declared: (Vec<usize>, Vec<usize>),
+    declared: [Vec<usize>; 2],
 }
 
 impl<'a> Simulator<'a> {
@@ -64,19 +64,18 @@ impl<'a> Simulator<'a> {
         if status != Status::Ok {
             return Err(SimulationError::Start { status, detail: 0.0 });
         }
-        let declared = setup.declared();
         Ok(Simulator {
             meter: Meter::new(model, setup.description, &tree)?,
             precise_meter: None,
             watch: if settings.switching || settings.precise { Watch::new(model)? } else { None },
             near: None,
-            stepper: settings.stepper()?,
+            stepper: settings.stepper(),
             settings,
             t: 0.0,
             x,
             run: Run::new(start.correction),
             engine,
-            declared,
+            declared: setup.declared(),
         })
     }
 
@@ -104,14 +103,11 @@ impl<'a> Simulator<'a> {
                 }
                 before = self.t;
             }
-            let next_sample =
-                self.settings.every.map_or(end, |every| (f64::from(sampled) + 1.0) * every);
-            // a crumb at the end is no interval of its own
-            let next_sample = if next_sample > end - 1e-9 * end { end } else { next_sample };
+            let next_sample = self.settings.sample_after(sampled);
             // near a singularity a step may turn out to be none
             let near = self.watch.is_some() && self.near.is_none_or(|near| near < NEAR);
             let kept = near.then(|| (self.t, self.x.clone(), self.engine.anchor.clone()));
-            let limit = self.next_kink().min(next_sample);
+            let limit = self.engine.mechanism.next_kink(self.t).min(next_sample);
             let failed = self.engine.counts.failed;
             match self.stepper.attempt(&mut self.engine, &mut self.t, &mut self.x, limit) {
                 Attempt::Done => {
@@ -136,22 +132,18 @@ impl<'a> Simulator<'a> {
                     }
                     self.look(false)?;
                     if self.settings.every.is_none() || self.t >= next_sample {
-                        sampled += u32::from(self.settings.every.is_some());
+                        sampled += u64::from(self.settings.every.is_some());
                         self.sample()?;
                     }
                 }
                 Attempt::Rejected => {}
-                Attempt::Failed(status) => {
+                attempt @ (Attempt::Failed(_) | Attempt::TooShort) => {
                     in_vain += 1;
                     if in_vain > IN_VAIN || !self.look(true)? {
-                        self.run.end = End::Failed(status);
-                        break;
-                    }
-                }
-                Attempt::TooShort => {
-                    in_vain += 1;
-                    if in_vain > IN_VAIN || !self.look(true)? {
-                        self.run.end = End::StepTooShort;
+                        self.run.end = match attempt {
+                            Attempt::Failed(status) => End::Failed(status),
+                            _ => End::StepTooShort,
+                        };
                         break;
                     }
                 }
@@ -180,12 +172,6 @@ impl<'a> Simulator<'a> {
         self.run.time = self.t;
         self.run.independents = self.engine.compiled.model.independent_names().to_vec();
         Ok(())
-    }
-
-    /// The next time at which a force has a kink.
-    fn next_kink(&self) -> f64 {
-        let kinks = self.engine.mechanism.inputs.iter().flat_map(|input| input.kinks());
-        kinks.copied().filter(|time| *time > self.t).fold(f64::INFINITY, f64::min)
     }
 
     /// A step was taken back for want of an answer; one event for each kind of reason in a row.
@@ -259,17 +245,9 @@ impl<'a> Simulator<'a> {
         let nothing = Energy { kinetic: f64::NAN, potential: f64::NAN, residual: f64::NAN };
         let mut energy = measured.unwrap_or(nothing);
         energy.potential += anchor.springs.energy;
-        let pick =
-            |from: &[f64], places: &[usize]| places.iter().map(|place| from[*place]).collect();
-        self.run.samples.push(Sample {
-            time: self.t,
-            y: pick(&anchor.q, &self.declared.0),
-            yd: pick(&anchor.qd, &self.declared.1),
-            q: anchor.q.clone(),
-            qd: anchor.qd.clone(),
-            energy,
-            work: self.x.get(sizes.n_qy + sizes.n_vy).copied().unwrap_or(0.0),
-        });
+        let work = self.x.get(sizes.n_qy + sizes.n_vy);
+        let sample = Sample::new(self.t, guess, &self.declared, work);
+        self.run.samples.push(Sample { energy, ..sample });
         Ok(())
     }
 }

@@ -2,7 +2,7 @@
 
 use sarrus_dynamics::{Field, FieldSet, Model, Query, Request, Status, Workspace};
 
-use crate::coordinates::Coordinates;
+use crate::coordinates::{Coordinates, largest};
 use crate::error::SimulationError;
 use crate::planned::Planned;
 
@@ -100,12 +100,10 @@ fn closed(
         let residual = planned.get(Residual).iter().copied().find(|x| x.is_finite());
         return Err(SimulationError::Start { status, detail: residual.unwrap_or(0.0) });
     }
-    let largest = |x: &[f64]| x.iter().fold(0.0, |largest: f64, x| largest.max(x.abs()));
     let mut change = vec![0.0; model.sizes().n_v];
     tree.difference(q, planned.get(Q), &mut change);
-    let moved = largest(&change);
-    let turned: Vec<f64> = planned.get(Qd).iter().zip(qd).map(|(a, b)| a - b).collect();
-    let correction = [moved, largest(&turned)];
+    let moved = largest(change);
+    let correction = [moved, largest(planned.get(Qd).iter().zip(qd).map(|(a, b)| a - b))];
     // a good state is left alone
     let guess = if moved < CLOSED { q } else { planned.get(Q) };
     Ok(Checked {

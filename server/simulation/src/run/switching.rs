@@ -4,6 +4,7 @@ use sarrus_dynamics::description::Description;
 use sarrus_dynamics::{Field, FieldSet, Model, Query, Request, Status, Workspace};
 
 use super::events::EventKind;
+use crate::coordinates::{largest, pick, places};
 use crate::error::SimulationError;
 use crate::motion::engine::Engine;
 use crate::planned::Planned;
@@ -71,7 +72,7 @@ impl Watch {
     /// Distance to singularity at the engine's settled state, measured again where it may have
     /// become less: at a singularity of the independents G has no bound. `close` always measures.
     pub(crate) fn distance(&mut self, engine: &Engine, x: &[f64], close: bool) -> Option<f64> {
-        let largest = engine.anchor.G.iter().fold(0.0, |largest: f64, g| largest.max(g.abs()));
+        let largest = largest(engine.anchor.G.iter().copied());
         self.least = self.least.min(largest);
         let grown = largest > GROWN * self.least && largest > GROWN * self.measured;
         if self.cheap || close || self.distance.is_none() || grown || engine.anchor.G.is_empty() {
@@ -160,27 +161,10 @@ fn with_independents(
     next.counts = engine.counts;
     (next.anchor.t, next.anchor.qd) = (engine.anchor.t, engine.anchor.qd.clone());
     // y and ẏ are among q and q̇
-    let place = |name: &String, names: &[String]| names.iter().position(|of| of == name);
-    let pick = |query: &[String], names: &[String], numbers: &[f64]| -> Option<Vec<f64>> {
-        query
-            .iter()
-            .map(|name| place(name, names).and_then(|at| numbers.get(at).copied()))
-            .collect()
-    };
-    let y = pick(
-        next.compiled.model.independent_q_names(),
-        next.compiled.model.tree_q_names(),
-        &engine.anchor.q,
-    );
-    let yd = pick(
-        next.compiled.model.independent_names(),
-        next.compiled.model.tree_names(),
-        &engine.anchor.qd,
-    );
-    let (Some(mut state), Some(yd)) = (y, yd) else {
-        return Err("its coordinates are not among those of the tree".to_owned());
-    };
-    state.extend(yd);
+    let model = &next.compiled.model;
+    let y = places(model.independent_q_names(), model.tree_q_names());
+    let yd = places(model.independent_names(), model.tree_names());
+    let mut state = [pick(&engine.anchor.q, &y), pick(&engine.anchor.qd, &yd)].concat();
     // the work goes on
     state.extend(&x[engine.mechanism.sizes.n_qy + engine.mechanism.sizes.n_vy..]);
     let status = next.settle(engine.anchor.t, &mut state);

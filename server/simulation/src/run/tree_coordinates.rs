@@ -24,52 +24,32 @@ pub(super) fn run(
     let mut form = Form::new(model, setup.description, springs, inputs, settings.rate())?;
     let (mut x, correction) = closed(model, &form.mechanism, start)?;
     let mut meter = Meter::new(model, setup.description, &form.mechanism.q)?;
-    let (n_q, n_v, declared) =
-        (form.mechanism.sizes.n_q, form.mechanism.sizes.n_v, setup.declared());
+    let n_q = form.mechanism.sizes.n_q;
+    let n_v = form.mechanism.sizes.n_v;
+    let declared = setup.declared();
     let mut run = Run::new(correction);
     let mut t = 0.0;
     let mut sample = |form: &mut Form<'_>, run: &mut Run, t: f64, x: &[f64]| {
-        let pick = |from: &[f64], places: &[usize]| {
-            places.iter().map(|place| from[*place]).collect::<Vec<f64>>()
-        };
-        let q = &x[..n_q];
-        let qd = &x[n_q..n_q + n_v];
-        let y = pick(q, &declared.0);
-        let yd = pick(qd, &declared.1);
+        let state = [&x[..n_q], &x[n_q..n_q + n_v]];
+        let mut sample = Sample::new(t, state, &declared, x.get(n_q + n_v));
         // ẋ here measures the drift of the loops and the forces that the springs hold
         let mut rate = vec![0.0; x.len()];
         form.evaluate(t, x, &mut rate);
-        let mut energy = meter.measure(model, [&y, &yd], [q, qd]).unwrap_or_default();
-        energy.potential += form.stretched;
-        energy.residual = form.form.position_drift();
-        run.samples.push(Sample {
-            time: t,
-            y,
-            yd,
-            q: q.to_vec(),
-            qd: qd.to_vec(),
-            energy,
-            work: x.get(n_q + n_v).copied().unwrap_or(0.0),
-        });
+        let independents = [sample.y.as_slice(), &sample.yd];
+        sample.energy = meter.measure(model, independents, state).unwrap_or_default();
+        sample.energy.potential += form.stretched;
+        sample.energy.residual = form.form.position_drift();
+        run.samples.push(sample);
     };
     sample(&mut form, &mut run, t, &x);
     let end = settings.duration;
     let step = settings.step.unwrap_or(settings.duration);
     let mut sampled = 0_u64;
     while t < end {
-        let next_sample =
-            settings.every.map_or(end, |every| ((sampled + 1) as f64 * every).min(end));
-        let next_sample = if next_sample > end - 1e-9 * end { end } else { next_sample };
         // kinks of forces and samples end a step; the last is a little longer than the others,
         // never a crumb
-        let kinks = form
-            .mechanism
-            .inputs
-            .iter()
-            .flat_map(|input| input.kinks())
-            .copied()
-            .filter(|kink| *kink > t);
-        let limit = kinks.fold(next_sample, f64::min);
+        let next_sample = settings.sample_after(sampled);
+        let limit = form.mechanism.next_kink(t).min(next_sample);
         let to = if t + 1.000_001 * step >= limit { limit } else { t + step };
         let status = form.step(t, to, &mut x, settings.method == Method::Projection);
         run.counts.evaluations += 4;
@@ -100,21 +80,18 @@ fn closed(
     start: &Start,
 ) -> Result<(Vec<f64>, [f64; 2]), SimulationError> {
     let checked = start.check(model)?;
-    let guess: &[Field] = if checked.guess.is_some() { &[Field::QGuess] } else { &[] };
-    let given =
-        guess.iter().fold(FieldSet::of(&[Field::Y, Field::Yd]), |set, field| set.with(*field));
-    let mut planned = Planned::new(
-        model,
-        &Query::new(Request::Kinematics, given, FieldSet::of(&[Field::Q, Field::Qd])),
-    )?;
-    planned.give(Field::Y, &checked.y);
-    planned.give(Field::Yd, &checked.yd);
-    checked.guess.iter().for_each(|guess| planned.give(Field::QGuess, guess));
+    use Field::*;
+    let given = FieldSet::of(if checked.guess.is_some() { &[Y, Yd, QGuess] } else { &[Y, Yd] });
+    let query = Query::new(Request::Kinematics, given, FieldSet::of(&[Q, Qd]));
+    let mut planned = Planned::new(model, &query)?;
+    planned.give(Y, &checked.y);
+    planned.give(Yd, &checked.yd);
+    checked.guess.iter().for_each(|guess| planned.give(QGuess, guess));
     let status = planned.run(model, &mut Workspace::for_plans(model, [planned.plan()])).status;
     if status != Status::Ok {
         return Err(SimulationError::Start { status, detail: 0.0 });
     }
-    let mut x = [planned.get(Field::Q), planned.get(Field::Qd)].concat();
+    let mut x = [planned.get(Q), planned.get(Qd)].concat();
     x.extend(mechanism.works().then_some(0.0));
     Ok((x, checked.correction))
 }

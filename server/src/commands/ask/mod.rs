@@ -17,7 +17,7 @@ mod request;
 use std::io::{self, ErrorKind};
 use std::num::NonZeroUsize;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use sarrus_client::{
     Answer, Error, Field, FieldSet, Layout, ModelInfo, Query, Request, Robot, Status, Warnings,
@@ -27,6 +27,7 @@ use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT};
 
 use super::output::{Failure, Outcome, Results, print};
 use super::robot::RobotFlags;
+use super::{Choices, choice};
 use answer::Remark;
 use engine::{Engine, Reply};
 use lines::{LONGEST, Line, Lines, Patient};
@@ -37,8 +38,12 @@ use request::{Asked, Problem};
 #[command(after_long_help = fields::table_in_words())]
 pub(crate) struct Ask {
     /// The request of every line.
-    #[arg(value_enum, value_name = "REQUEST", required_unless_present = "fields")]
-    request: Option<RequestFlag>,
+    #[arg(
+        value_parser = choice(&REQUESTS),
+        value_name = "REQUEST",
+        required_unless_present = "fields"
+    )]
+    request: Option<Request>,
     /// Prints the table of the fields of requests and answers: name, shape, unit, meaning.
     #[arg(long, group = "SourceFlags")]
     fields: bool,
@@ -81,35 +86,18 @@ fn tolerance(text: &str) -> Result<f64, String> {
     }
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum RequestFlag {
-    /// Positions, velocities, accelerations, closures, frames.
-    Kinematics,
-    /// Motion to forces.
-    InverseDynamics,
-    /// Forces to motion.
-    ForwardDynamics,
-    /// One space to another.
-    Map,
-}
-
-impl RequestFlag {
-    fn request(self) -> Request {
-        match self {
-            RequestFlag::Kinematics => Request::Kinematics,
-            RequestFlag::InverseDynamics => Request::InverseDynamics,
-            RequestFlag::ForwardDynamics => Request::ForwardDynamics,
-            RequestFlag::Map => Request::Map,
-        }
-    }
-}
+const REQUESTS: Choices<Request, 4> = [
+    (Request::Kinematics, "kinematics", "Positions, velocities, accelerations, closures, frames"),
+    (Request::InverseDynamics, "inverse-dynamics", "Motion to forces"),
+    (Request::ForwardDynamics, "forward-dynamics", "Forces to motion"),
+    (Request::Map, "map", "One space to another"),
+];
 
 impl Ask {
     pub(crate) fn run(self) -> Outcome {
         let Some(request) = self.request else {
             return Ok(Results { text: fields::table_in_words(), code: 0 });
         };
-        let request = request.request();
         let tolerances = [self.loop_tolerance, self.projection_tolerance].map(Tolerance::new);
         let engine = match &self.connect {
             Some(name) => Engine::connect(name).map_err(Failure::start)?,

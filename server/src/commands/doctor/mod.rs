@@ -1,31 +1,29 @@
 //! `sarrus doctor`: settings of this machine that slow or hinder a server, with their remedies.
 //!
-//! Each check is a function of the kernel's files below a folder, which tests replace. There is
-//! none of the processor's instructions: without them the program ends before any command.
+//! Each check is a function of the kernel's files below a folder, which tests replace. A check
+//! finds a setting that costs time without any other report: there is none of rights and limits,
+//! which `serve` raises or names when it starts, and none of the processor's instructions.
 
-mod cleaner;
-mod files;
 mod folders;
 mod kernel;
-mod limits;
 mod processors;
 #[cfg(test)]
 mod tests;
 
-use std::path::PathBuf;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
 
 use super::output::{self, FormatFlag, Outcome};
-use files::Files;
 
 /// Flags of `doctor`.
 #[derive(Args)]
 pub(crate) struct Doctor {
     #[command(flatten)]
     format: FormatFlag,
-    /// The folder below which `/proc`, `/sys`, `/dev` and `/etc` are read.
+    /// The folder below which `/proc`, `/sys` and `/dev` are read.
     #[arg(long, value_name = "FOLDER", default_value = "/", hide = true)]
     root: PathBuf,
 }
@@ -58,32 +56,25 @@ struct Results {
     findings: Vec<Finding>,
 }
 
-/// A check; one that cannot be made on this machine finds nothing.
-type Check = fn(&Files) -> Vec<Finding>;
+/// A check below a folder that stands for the root; one that cannot be made on this machine finds
+/// nothing.
+type Check = fn(&Path) -> Vec<Finding>;
 
-const CHECKS: [Check; 15] = [
-    processors::count,
+const CHECKS: [Check; 8] = [
     processors::governor,
     processors::idle_states,
     processors::isolated,
     kernel::preemption,
     kernel::realtime_share,
     kernel::huge_pages,
-    |files| limits::judge(files, &limits::REALTIME),
-    |files| limits::judge(files, &limits::LOCKED_MEMORY),
-    |files| limits::judge(files, &limits::OPEN_FILES),
-    folders::shared_memory,
     folders::free_space,
-    folders::runtime_folder,
     folders::file_system,
-    cleaner::cleaner,
 ];
 
 impl Doctor {
     /// The findings; 1 where there is one.
     pub(crate) fn run(self) -> Outcome {
-        let files = Files::below(&self.root);
-        let findings: Vec<Finding> = CHECKS.iter().flat_map(|check| check(&files)).collect();
+        let findings: Vec<Finding> = CHECKS.iter().flat_map(|check| check(&self.root)).collect();
         let results = Results { checks: CHECKS.len(), findings };
         let text = self.format.render(&results, |all| all.findings.iter().map(line).collect());
         Ok(output::Results { text, code: u8::from(!results.findings.is_empty()) })
@@ -93,4 +84,10 @@ impl Doctor {
 fn line(finding: &Finding) -> String {
     let Finding { check, found, expected, help } = finding;
     format!("{check}: {found}, expected {expected}; {help}\n")
+}
+
+/// The trimmed text of a file below the root; none of a file that cannot be read.
+fn text(root: &Path, path: &str) -> Option<String> {
+    let bytes = fs::read(root.join(path)).ok()?;
+    Some(String::from_utf8_lossy(&bytes).trim().to_owned())
 }

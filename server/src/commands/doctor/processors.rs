@@ -1,152 +1,119 @@
-//! Processors: number, governor, idle states, isolation.
+//! Processors: governor, idle states, isolation.
 
 use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
 
-use super::Finding;
-use super::files::{Files, processors, unreadable};
+use super::{Finding, text};
 
 const CPU: &str = "sys/devices/system/cpu";
 /// Longest wake-up of restrained idle states `[µs]`.
-const WAKE_US: u64 = 10;
+const WAKE_US: i32 = 10;
 
-/// The numbers of the running processors.
-fn online(files: &Files) -> Option<Vec<usize>> {
-    processors(&files.text(&format!("{CPU}/online"))?)
-}
-
-pub(super) fn count(files: &Files) -> Vec<Finding> {
-    let path = format!("{CPU}/online");
-    let Some(text) = files.text(&path) else { return Vec::new() };
-    match processors(&text).map(|online| online.len()) {
-        None | Some(0) => vec![unreadable("processors", &path, &text, "a list such as 0-7")],
-        Some(n @ (1 | 2)) => vec![Finding::new(
-            "processors",
-            n.to_string(),
-            "3 or more",
-            "one each for the server, a client and the rest; until then serve with --wait sleep",
-        )],
-        Some(_) => Vec::new(),
-    }
-}
-
-/// One `(cpu0 … 7, text)` for each text of several processors.
-fn grouped(found: Vec<(usize, String)>) -> Vec<(String, String)> {
-    let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
-    for (cpu, text) in found {
-        groups.entry(text).or_default().push(cpu);
-    }
-    let named = |(text, cpus): (String, Vec<usize>)| {
-        let names = match cpus.as_slice() {
-            [first, .., last] => format!("cpu{first} … {last}"),
-            only => format!("cpu{}", only[0]),
-        };
-        (names, text)
-    };
-    groups.into_iter().map(named).collect()
-}
-
-pub(super) fn governor(files: &Files) -> Vec<Finding> {
-    let mut slow = Vec::new();
-    for cpu in online(files).unwrap_or_default() {
-        // virtual machines have none
-        let governor = files.text(&format!("{CPU}/cpu{cpu}/cpufreq/scaling_governor"));
-        slow.extend(governor.filter(|governor| governor != "performance").map(|one| (cpu, one)));
-    }
-    let finding = |(cpus, governor): (String, String)| {
-        let good = governor.chars().all(|letter| letter.is_ascii_lowercase() || letter == '_');
-        if !good || governor.is_empty() {
-            return unreadable("governor", "…/scaling_governor", &governor, "a governor's name");
+/// The numbers of a list of processors such as `0-3,5`.
+fn processors(text: &str) -> Option<Vec<usize>> {
+    let mut found = Vec::new();
+    for part in text.split(',').map(str::trim).filter(|part| !part.is_empty()) {
+        let (first, last) = part.split_once('-').unwrap_or((part, part));
+        let [first, last]: [usize; 2] = [first.parse().ok()?, last.parse().ok()?];
+        if first > last || last >= 1 << 16 {
+            return None;
         }
-        Finding::new(
-            "governor",
-            format!("{cpus}: {governor}"),
-            "performance",
-            "`cpupower frequency-set -g performance`",
-        )
-    };
-    grouped(slow).into_iter().map(finding).collect()
+        found.extend(first..=last);
+    }
+    Some(found)
 }
 
-pub(super) fn idle_states(files: &Files) -> Vec<Finding> {
+/// The processors of one of the kernel's lists, none of a text that is no list; `None` without the
+/// file.
+fn listed(root: &Path, name: &str) -> Option<Vec<usize>> {
+    let list = text(root, &format!("{CPU}/{name}"))?;
+    Some(processors(&list).unwrap_or_default())
+}
+
+/// `cpu0 … 7: text` for each text of several processors.
+fn grouped(found: impl Iterator<Item = (usize, String)>) -> impl Iterator<Item = String> {
+    let mut groups: BTreeMap<String, [usize; 2]> = BTreeMap::new();
+    for (cpu, text) in found {
+        groups.entry(text).or_insert([cpu; 2])[1] = cpu;
+    }
+    groups.into_iter().map(|(text, [first, last])| match first == last {
+        true => format!("cpu{first}: {text}"),
+        false => format!("cpu{first} … {last}: {text}"),
+    })
+}
+
+pub(super) fn governor(root: &Path) -> Vec<Finding> {
+    // virtual machines have none
+    let slow = |cpu: usize| {
+        let governor = text(root, &format!("{CPU}/cpu{cpu}/cpufreq/scaling_governor"))?;
+        (governor != "performance").then_some((cpu, governor))
+    };
+    let help = "`cpupower frequency-set -g performance`";
+    let online = listed(root, "online").unwrap_or_default();
+    grouped(online.into_iter().filter_map(slow))
+        .map(|found| Finding::new("governor", found, "performance", help))
+        .collect()
+}
+
+pub(super) fn idle_states(root: &Path) -> Vec<Finding> {
     // a process that holds /dev/cpu_dma_latency restrains all processors
-    if let Some(bytes) = files.bytes("dev/cpu_dma_latency")
-        && let Ok(latency) = <[u8; 4]>::try_from(bytes.as_slice()).map(i32::from_ne_bytes)
-        && (0..=WAKE_US as i32).contains(&latency)
-    {
+    let held = fs::read(root.join("dev/cpu_dma_latency")).ok();
+    let held = held.and_then(|bytes| bytes.try_into().ok()).map(i32::from_ne_bytes);
+    if held.is_some_and(|latency| (0..=WAKE_US).contains(&latency)) {
         return Vec::new();
     }
-    let mut deep = Vec::new();
-    let mut findings = Vec::new();
-    for cpu in online(files).unwrap_or_default() {
-        let folder = format!("{CPU}/cpu{cpu}/cpuidle");
-        let mut deepest: Option<(u64, String)> = None;
-        for state in files.names(&folder).iter().filter(|name| name.starts_with("state")) {
-            let text = |name: &str| files.text(&format!("{folder}/{state}/{name}"));
-            if text("disable").is_some_and(|disabled| disabled != "0") {
-                continue;
-            }
-            let Some(latency) = text("latency") else { continue };
-            let Ok(latency) = latency.parse() else {
-                let path = format!("{folder}/{state}/latency");
-                findings.push(unreadable("idle states", &path, &latency, "µs"));
-                continue;
-            };
-            if latency > WAKE_US && deepest.as_ref().is_none_or(|(known, _)| latency > *known) {
-                deepest = Some((latency, text("name").unwrap_or_else(|| state.clone())));
-            }
-        }
-        deep.extend(deepest.map(|(us, name)| (cpu, format!("{name}, {us} µs to wake"))));
-    }
-    let finding = |(cpus, state): (String, String)| {
+    let deepest = |cpu: usize| {
+        let of = |state: usize, name: &str| {
+            text(root, &format!("{CPU}/cpu{cpu}/cpuidle/state{state}/{name}"))
+        };
+        let states = (0..).map_while(|state| Some((of(state, "latency")?.parse().ok()?, state)));
+        let is_off = |state| of(state, "disable").is_some_and(|disabled| disabled != "0");
+        let (us, state): (i32, usize) = states.filter(|(_, state)| !is_off(*state)).max()?;
+        let name = of(state, "name").unwrap_or_else(|| format!("state{state}"));
+        (us > WAKE_US).then(|| (cpu, format!("{name}, {us} µs to wake")))
+    };
+    let finding = |found| {
         Finding::new(
             "idle states",
-            format!("{cpus}: {state}"),
+            found,
             format!("at most {WAKE_US} µs"),
             "`cpupower idle-set -D 10`, or a process that holds /dev/cpu_dma_latency at 0; a \
              thread that polls (--wait busy) does not sleep",
         )
     };
-    findings.extend(grouped(deep).into_iter().map(finding));
-    findings
+    let online = listed(root, "online").unwrap_or_default();
+    grouped(online.into_iter().filter_map(deepest)).map(finding).collect()
 }
 
-pub(super) fn isolated(files: &Files) -> Vec<Finding> {
+pub(super) fn isolated(root: &Path) -> Vec<Finding> {
+    let [online, isolated, quiet] = ["online", "isolated", "nohz_full"].map(|of| listed(root, of));
     // neither of two processors can be isolated
-    let Some(last) = online(files).filter(|online| online.len() >= 3).and_then(|mut all| all.pop())
+    let (Some([_, _, .., last]), Some(isolated), Some(quiet)) =
+        (online.as_deref(), isolated, quiet)
     else {
         return Vec::new();
     };
-    let mut lists = Vec::new();
-    for (check, name) in [("isolated processors", "isolated"), ("ticks", "nohz_full")] {
-        let path = format!("{CPU}/{name}");
-        let Some(text) = files.text(&path) else { return Vec::new() };
-        // the text of a kernel without the option or its boot parameter
-        let text = if text == "(null)" { String::new() } else { text };
-        match processors(&text) {
-            Some(list) => lists.push(list),
-            None => return vec![unreadable(check, &path, &text, "a list such as 2-3")],
-        }
-    }
     let boot = "the boot parameters";
-    match lists.as_slice() {
-        [isolated, _] if isolated.is_empty() => vec![Finding::new(
+    if isolated.is_empty() {
+        return vec![Finding::new(
             "isolated processors",
             "none",
             "one for the answering thread",
             format!("{boot} `isolcpus={last} nohz_full={last}`, then `sarrus serve --cpu {last}`"),
-        )],
-        [isolated, quiet] if isolated.iter().any(|cpu| !quiet.contains(cpu)) => {
-            let list: Vec<String> = isolated.iter().map(usize::to_string).collect();
-            let list = list.join(",");
-            vec![Finding::new(
-                "ticks",
-                format!("isolated processors {list} are interrupted by the kernel's ticks"),
-                "none",
-                format!("{boot} `nohz_full={list} rcu_nocbs={list}`"),
-            )]
-        }
-        _ => Vec::new(),
+        )];
     }
+    if isolated.iter().all(|cpu| quiet.contains(cpu)) {
+        return Vec::new();
+    }
+    let list: Vec<String> = isolated.iter().map(usize::to_string).collect();
+    let list = list.join(",");
+    vec![Finding::new(
+        "ticks",
+        format!("isolated processors {list} are interrupted by the kernel's ticks"),
+        "none",
+        format!("{boot} `nohz_full={list} rcu_nocbs={list}`"),
+    )]
 }
 
 #[cfg(test)]
@@ -161,13 +128,12 @@ mod tests {
     }
 
     #[test]
-    fn processors_are_counted() {
-        let count = |text| judge(count, &[(&cpu("online"), text)]);
-        assert_eq!(count("0-2"), [""; 0]);
-        assert_eq!(count("0-1").len(), 1);
-        assert!(count("0-1")[0].starts_with("processors: 2, expected 3 or more; one each"));
-        assert!(count("mostly")[0].starts_with("processors: /sys/devices/system/cpu/online reads"));
-        assert_eq!(judge(super::count, &[]), [""; 0]);
+    fn lists_of_processors_are_read() {
+        assert_eq!(processors("0-3,5\n"), Some(vec![0, 1, 2, 3, 5]));
+        assert_eq!(processors(""), Some(vec![]));
+        for garbage in ["a", "3-1", "1-", "0-99999999999", "1;2"] {
+            assert_eq!(processors(garbage), None, "{garbage}");
+        }
     }
 
     #[test]
@@ -178,7 +144,6 @@ mod tests {
         let found = judge(governor, &all);
         assert_eq!(found.len(), 1);
         assert!(found[0].starts_with("governor: cpu0 … 3: powersave, expected performance;"));
-        assert!(judge(governor, &[ONLINE, (&files[0], "\u{1}3;")])[0].contains("reads `3;`"));
         assert_eq!(judge(governor, &[ONLINE, (&files[0], "performance")]), [""; 0]);
         assert_eq!(judge(governor, &[ONLINE]), [""; 0]);
     }
@@ -194,8 +159,8 @@ mod tests {
         assert!(found[0].starts_with("idle states: cpu1: C6, 133 µs to wake, expected at most"));
         let held = [&files[..], &[("dev/cpu_dma_latency", "\0\0\0\0")]].concat();
         assert_eq!(judge(idle_states, &held), [""; 0]);
-        assert_eq!(judge(idle_states, &[ONLINE, (deep, "133"), (disable, "1")]), [""; 0]);
-        assert!(judge(idle_states, &[ONLINE, (deep, "soon")])[0].contains("reads `soon`"));
+        let off = [ONLINE, (poll, "0"), (deep, "133"), (disable, "1")];
+        assert_eq!(judge(idle_states, &off), [""; 0]);
         assert_eq!(judge(idle_states, &[ONLINE]), [""; 0]);
     }
 
@@ -211,7 +176,6 @@ mod tests {
         assert!(judge("0-3", "2-3", "3")[0].starts_with("ticks: isolated processors 2,3 are"));
         assert_eq!(judge("0-3", "3", "3"), [""; 0]);
         assert_eq!(judge("0-1", "", ""), [""; 0]);
-        assert!(judge("0-3", "none", "")[0].contains("reads `none`"));
         assert_eq!(super::super::tests::judge(isolated, &[ONLINE]), [""; 0]);
     }
 }

@@ -3,7 +3,6 @@
 use std::fs;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
-use super::files::Files;
 use super::{Check, line};
 
 static FOLDERS: AtomicU32 = AtomicU32::new(0);
@@ -18,7 +17,7 @@ pub(super) fn judge(check: Check, files: &[(&str, &str)]) -> Vec<String> {
         fs::create_dir_all(path.parent().unwrap()).unwrap();
         fs::write(path, text).unwrap();
     }
-    let found = check(&Files::below(&root)).iter().map(line).collect();
+    let found = check(&root).iter().map(line).collect();
     fs::remove_dir_all(&root).unwrap();
     found
 }

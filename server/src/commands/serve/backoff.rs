@@ -9,15 +9,6 @@ const WINDOW: Duration = Duration::from_secs(60);
 const FIRST_DELAY: Duration = Duration::from_millis(100);
 const LONGEST_DELAY: Duration = Duration::from_secs(5);
 
-/// The time of the next start.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Next {
-    /// After this delay.
-    After(Duration),
-    /// Never: too many servers died too soon.
-    Never,
-}
-
 /// The deaths so far.
 pub(super) struct Backoff {
     short_life: Duration,
@@ -33,16 +24,17 @@ impl Backoff {
         Backoff { short_life, in_a_row: 0, times: Vec::new() }
     }
 
-    /// Counts a death at time `now`, `life` after the server was ready; `None` if it never was.
-    pub(super) fn died(&mut self, now: Duration, life: Option<Duration>) -> Next {
+    /// Counts a death at time `now`, `life` after the server was ready (`None` if it never was);
+    /// the delay of the next start, `None` after too many early deaths.
+    pub(super) fn died(&mut self, now: Duration, life: Option<Duration>) -> Option<Duration> {
         if life.is_some_and(|life| life >= self.short_life) {
             self.in_a_row = 0;
-            return Next::After(Duration::ZERO);
+            return Some(Duration::ZERO);
         }
         self.in_a_row += 1;
         self.times.retain(|time| now.saturating_sub(*time) <= WINDOW);
         self.times.push(now);
-        if self.times.len() >= DEATHS { Next::Never } else { Next::After(delay(self.in_a_row)) }
+        (self.times.len() < DEATHS).then(|| delay(self.in_a_row))
     }
 }
 
@@ -69,20 +61,20 @@ mod tests {
         let mut backoff = Backoff::new(LIMIT);
         for (now, delay) in [(1.0, 0.0), (2.0, 0.1), (3.0, 0.2), (4.0, 0.4)] {
             let next = backoff.died(seconds(now), Some(seconds(0.5)));
-            assert_eq!(next, Next::After(seconds(delay)));
+            assert_eq!(next, Some(seconds(delay)));
         }
-        assert_eq!(backoff.died(seconds(5.0), None), Next::Never);
+        assert_eq!(backoff.died(seconds(5.0), None), None);
     }
 
     #[test]
     fn deaths_that_are_far_apart_go_on_for_ever_at_the_longest_delay() {
         let mut backoff = Backoff::new(LIMIT);
-        let mut next = Next::Never;
+        let mut next = None;
         for k in 0..100 {
             next = backoff.died(seconds(20.0 * f64::from(k)), Some(seconds(9.9)));
-            assert_ne!(next, Next::Never, "{k}");
+            assert_ne!(next, None, "{k}");
         }
-        assert_eq!(next, Next::After(seconds(5.0)));
+        assert_eq!(next, Some(seconds(5.0)));
     }
 
     #[test]
@@ -90,12 +82,12 @@ mod tests {
         let mut backoff = Backoff::new(LIMIT);
         for k in 0..1000 {
             let next = backoff.died(seconds(f64::from(k)), Some(LIMIT));
-            assert_eq!(next, Next::After(Duration::ZERO));
+            assert_eq!(next, Some(Duration::ZERO));
         }
         // and a new row begins
-        assert_eq!(backoff.died(seconds(1e4), None), Next::After(Duration::ZERO));
-        assert_eq!(backoff.died(seconds(1e4), None), Next::After(seconds(0.1)));
+        assert_eq!(backoff.died(seconds(1e4), None), Some(Duration::ZERO));
+        assert_eq!(backoff.died(seconds(1e4), None), Some(seconds(0.1)));
         backoff.died(seconds(1e4), Some(LIMIT));
-        assert_eq!(backoff.died(seconds(1e4), None), Next::After(Duration::ZERO));
+        assert_eq!(backoff.died(seconds(1e4), None), Some(Duration::ZERO));
     }
 }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use sarrus_client::describe;
 use sarrus_dynamics::Model;
 use sarrus_models::LoadError;
@@ -18,11 +18,11 @@ use sarrus_server::record::{RecordOptions, RecordedRobot};
 use sarrus_server::{Kernels, ServeError, ServeOptions, Wait, serve};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
-use super::kernel::KernelFlag;
 use super::output::{self, Outcome, Results};
 use super::robot::RobotFlags;
+use super::{Choices, choice};
 use log::LogFlags;
-use supervise::{Failure, print_line};
+use supervise::{FAILED, TAKEN, print_line};
 
 /// Flags of `serve`.
 #[derive(Args)]
@@ -33,8 +33,8 @@ pub(crate) struct Serve {
     #[arg(long, default_value = "default")]
     name: String,
     /// How to wait for requests; without it, busy where there are three processors or more.
-    #[arg(long)]
-    wait: Option<WaitFlag>,
+    #[arg(long, value_parser = choice(&WAITS))]
+    wait: Option<Wait>,
     /// Number of clients that can have a lane at one time.
     #[arg(long, default_value_t = 16)]
     lanes: usize,
@@ -54,7 +54,7 @@ pub(crate) struct Serve {
     /// and answers its query; auto compiles each query that clients register in the background (CC,
     /// or cc) and keeps the results in the cache (XDG_CACHE_HOME).
     #[arg(long, value_name = "none|auto|FILE", default_value = "none")]
-    kernel: KernelFlag,
+    kernel: PathBuf,
     /// Keep the last requests and answers in this file, for `sarrus replay`; a file of an earlier
     /// run is renamed to FILE.1.
     #[arg(long, value_name = "FILE")]
@@ -81,13 +81,10 @@ pub(crate) struct Serve {
     short_life: u64,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum WaitFlag {
-    /// Poll without pause: lowest latency, one whole processor.
-    Busy,
-    /// Sleep 50 µs at a time when idle.
-    Sleep,
-}
+const WAITS: Choices<Wait, 2> = [
+    (Wait::Busy, "busy", "Poll without pause: lowest latency, one whole processor"),
+    (Wait::Sleep, "sleep", "Sleep 50 µs at a time when idle"),
+];
 
 /// The reason why the command cannot serve.
 #[derive(Debug, thiserror::Error)]
@@ -162,15 +159,15 @@ impl Serve {
 
     /// Reports a failure to the supervisor, where there is one.
     fn report(&self, failure: ServeFailure) -> output::Failure {
-        let line = match &failure {
-            ServeFailure::Load(error) => Failure::Other(first_line(error)),
-            ServeFailure::Serve(error @ ServeError::NameTaken { .. }) => {
-                Failure::NameTaken(error.to_string())
-            }
-            other => Failure::Other(other.to_string()),
-        };
         if self.supervisor.is_some() {
-            print_line(&line.to_string());
+            let (word, reason) = match &failure {
+                ServeFailure::Load(error) => (FAILED, first_line(error)),
+                ServeFailure::Serve(error @ ServeError::NameTaken { .. }) => {
+                    (TAKEN, error.to_string())
+                }
+                other => (FAILED, other.to_string()),
+            };
+            print_line(&format!("{word} {}", reason.replace(['\n', '\r'], " ")));
         }
         match failure {
             ServeFailure::Load(error) => error.into(),
@@ -179,11 +176,7 @@ impl Serve {
     }
 
     fn options(&self) -> ServeOptions {
-        let wait = match self.wait {
-            None => Wait::auto(),
-            Some(WaitFlag::Busy) => Wait::Busy,
-            Some(WaitFlag::Sleep) => Wait::Sleep,
-        };
+        let wait = self.wait.unwrap_or_else(Wait::auto);
         let &Serve { lanes, cpu, priority, lock_memory, .. } = self;
         let name = self.name.clone();
         let kernels = Kernels::default();
@@ -192,10 +185,11 @@ impl Serve {
 
     /// The kernels of the clients' plans.
     fn kernels(&self, model: &Model<f64>) -> Result<Kernels, ServeError> {
-        let kernels = match &self.kernel {
-            KernelFlag::None => Ok(Kernels::default()),
-            KernelFlag::Auto => Kernels::auto(),
-            KernelFlag::File(path) => Kernels::of_file(path, model),
+        // a file called `auto` is `./auto`
+        let kernels = match self.kernel.to_str() {
+            Some("none") => Ok(Kernels::default()),
+            Some("auto") => Kernels::auto(),
+            _ => Kernels::of_file(&self.kernel, model),
         };
         match kernels {
             // a file that went bad after the first start makes answers slow, not wrong

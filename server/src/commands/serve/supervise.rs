@@ -5,7 +5,6 @@
 //! the process ends. The process of a supervisor that is killed is killed with it.
 
 use std::ffi::OsString;
-use std::fmt;
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
@@ -18,39 +17,16 @@ use rustix::process::{Pid, Signal, getppid, kill_process, set_parent_process_dea
 use sarrus_proto::{Domain, ServerName, supervision};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
-use super::backoff::{Backoff, Next};
+use super::backoff::Backoff;
 use crate::commands::output;
 
 /// Time that a server has for a clean stop.
 const STOP: Duration = Duration::from_secs(5);
 
-/// The line with which a process reports why it cannot serve.
-pub(super) enum Failure {
-    /// Another server runs under the name.
-    NameTaken(String),
-    /// Any other reason.
-    Other(String),
-}
-
-impl Failure {
-    fn read(line: &str) -> Option<Failure> {
-        match line.split_once(' ')? {
-            ("taken", reason) => Some(Failure::NameTaken(reason.to_owned())),
-            ("failed", reason) => Some(Failure::Other(reason.to_owned())),
-            _ => None,
-        }
-    }
-}
-
-impl fmt::Display for Failure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (word, reason) = match self {
-            Failure::NameTaken(reason) => ("taken", reason),
-            Failure::Other(reason) => ("failed", reason),
-        };
-        write!(f, "{word} {}", reason.replace(['\n', '\r'], " "))
-    }
-}
+/// First words of the line with which a process reports why it cannot serve: another server runs
+/// under the name, or any other reason.
+pub(super) const TAKEN: &str = "taken";
+pub(super) const FAILED: &str = "failed";
 
 /// Arranges that the kernel kills this process when its supervisor dies; false where the supervisor
 /// is dead already.
@@ -170,7 +146,11 @@ impl Supervisor {
                     ready = Some(Instant::now());
                     self.announce(&line, process.id());
                 }
-                Ok(Event::Line(line)) => failure = Failure::read(&line).or(failure),
+                Ok(Event::Line(line)) => {
+                    let read = line.split_once(' ');
+                    let read = read.filter(|(word, _)| [TAKEN, FAILED].contains(word));
+                    failure = read.map(|(word, why)| (word == TAKEN, why.to_owned())).or(failure);
+                }
                 Ok(Event::Closed) | Err(_) => break,
             }
         }
@@ -193,15 +173,11 @@ impl Supervisor {
         if let Some(code @ (1 | 2)) = code
             && self.fingerprint.is_none()
         {
-            let (reason, is_public) = match failure {
-                Some(Failure::NameTaken(reason)) => (reason, false),
-                Some(Failure::Other(reason)) => (reason, true),
-                None => (how, true),
-            };
-            return Err(End::GivenUp { reason, code: code as u8, is_public });
+            let (is_taken, reason) = failure.unwrap_or((false, how));
+            return Err(End::GivenUp { reason, code: code as u8, is_public: !is_taken });
         }
         let how = match failure {
-            Some(Failure::NameTaken(reason) | Failure::Other(reason)) => format!("{how}: {reason}"),
+            Some((_, reason)) => format!("{how}: {reason}"),
             None => how,
         };
         self.report_death();
@@ -247,15 +223,11 @@ impl Supervisor {
 
     /// Counts a death and waits until the next start is due.
     fn delay(&mut self, life: Option<Duration>, how: &str) -> Result<(), End> {
-        let delay = match self.backoff.died(self.since.elapsed(), life) {
-            Next::After(delay) => delay,
-            Next::Never => {
-                let reason = format!(
-                    "five times within a minute the server died soon after its start; the last \
-                     {how}"
-                );
-                return Err(End::GivenUp { reason, code: 2, is_public: true });
-            }
+        let Some(delay) = self.backoff.died(self.since.elapsed(), life) else {
+            let reason = format!(
+                "five times within a minute the server died soon after its start; the last {how}"
+            );
+            return Err(End::GivenUp { reason, code: 2, is_public: true });
         };
         match self.events.recv_timeout(delay) {
             Ok(Event::Signal) => Err(End::Stopped(0)),

@@ -4,11 +4,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use sarrus_dynamics::Model;
 use sarrus_models::nearest_first;
 use sarrus_report::csv_rows::{self, Row};
 use sarrus_simulation::{Input, Point, Source, Space, Spring};
+
+use crate::commands::{Choices, choice};
 
 /// Numbers separated by commas.
 #[derive(Clone, Debug)]
@@ -53,8 +55,8 @@ pub(super) struct ForceFlags {
     #[arg(long, value_name = "LIST", allow_hyphen_values = true)]
     target: Option<Numbers>,
     /// Which joints kp and kd act on.
-    #[arg(long, value_enum, value_name = "SPACE", default_value = "y")]
-    control: SpaceFlag,
+    #[arg(long, value_parser = choice(&SPACES), value_name = "SPACE", default_value = "y")]
+    control: Space,
     /// A spring with a damper between two points of links, such as `--spring base:0,0,0.1 hand
     /// 500,5,0.2`: stiffness N/m, damping N s/m, rest length m; may stand several times.
     #[arg(
@@ -66,22 +68,8 @@ pub(super) struct ForceFlags {
     spring: Vec<String>,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum SpaceFlag {
-    /// Independents.
-    Y,
-    /// Actuators.
-    U,
-}
-
-impl SpaceFlag {
-    fn space(self) -> Space {
-        match self {
-            SpaceFlag::Y => Space::Independent,
-            SpaceFlag::U => Space::Actuator,
-        }
-    }
-}
+const SPACES: Choices<Space, 2> =
+    [(Space::Independent, "y", "Independents"), (Space::Actuator, "u", "Actuators")];
 
 impl ForceFlags {
     /// Every input; counts and values are checked where they are used.
@@ -96,7 +84,7 @@ impl ForceFlags {
             inputs.push(table(path, model)?);
         }
         if self.kp.is_some() || self.kd.is_some() || self.target.is_some() {
-            let space = self.control.space();
+            let space = self.control;
             let n = names_of(model, space).len();
             // one number stands for all
             let spread = |numbers: &Option<Numbers>| match numbers {

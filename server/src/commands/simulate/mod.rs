@@ -6,13 +6,14 @@ mod output;
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use sarrus_models::Loaded;
 use sarrus_report::measure::progress::Progress;
 use sarrus_simulation::{Method, Run, Settings, Setup, SimulationError, Start, simulate};
 
 use super::output::{Failure, FormatFlag, Outcome, Results};
 use super::robot::RobotFlags;
+use super::{Choices, choice};
 use input::{ForceFlags, Numbers};
 
 /// Samples of a run without `--every`.
@@ -24,8 +25,8 @@ pub(crate) struct Simulate {
     #[command(flatten)]
     robot: RobotFlags,
     /// Method of integration.
-    #[arg(long, value_enum, value_name = "METHOD", default_value = "dop853")]
-    method: MethodFlag,
+    #[arg(long, value_parser = choice(&METHODS), value_name = "METHOD", default_value = "dop853")]
+    method: Method,
     /// Duration, s.
     #[arg(long, value_name = "SECONDS", default_value_t = 1.0, allow_hyphen_values = true)]
     duration: f64,
@@ -85,40 +86,28 @@ struct StartFlags {
     q_guess: Option<Numbers>,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum MethodFlag {
-    /// Semi-implicit Euler, fixed step.
-    Euler,
-    /// Runge and Kutta's classical method, fixed step.
-    Rk4,
-    /// Dormand and Prince's explicit method of order 8, its own step.
-    Dop853,
-    /// Radau's implicit method of order 5 for stiff problems, its own step.
-    Radau5,
-    /// For comparison: rk4 in all tree coordinates, loops stabilised after Baumgarte.
-    Baumgarte,
-    /// For comparison: rk4 in all tree coordinates, loops closed after each step.
-    Projection,
-}
-
-impl MethodFlag {
-    fn method(self) -> Method {
-        match self {
-            MethodFlag::Euler => Method::Euler,
-            MethodFlag::Rk4 => Method::RungeKutta,
-            MethodFlag::Dop853 => Method::Dop853,
-            MethodFlag::Radau5 => Method::Radau5,
-            MethodFlag::Baumgarte => Method::Baumgarte,
-            MethodFlag::Projection => Method::Projection,
-        }
-    }
-}
+const METHODS: Choices<Method, 6> = [
+    (Method::Euler, "euler", "Semi-implicit Euler, fixed step"),
+    (Method::RungeKutta, "rk4", "Runge and Kutta's classical method, fixed step"),
+    (Method::Dop853, "dop853", "Dormand and Prince's explicit method of order 8, its own step"),
+    (
+        Method::Radau5,
+        "radau5",
+        "Radau's implicit method of order 5 for stiff problems, its own step",
+    ),
+    (
+        Method::Baumgarte,
+        "baumgarte",
+        "For comparison: rk4 in all tree coordinates, loops stabilised",
+    ),
+    (Method::Projection, "projection", "For comparison: the same, loops closed after each step"),
+];
 
 impl Simulate {
     pub(crate) fn run(self) -> Outcome {
         let loaded = self.robot.load_and_warn()?;
         let run = self.simulate(&loaded).map_err(Failure::start)?;
-        let report = output::Report { loaded: &loaded, run: &run, method: self.method.method() };
+        let report = output::Report { loaded: &loaded, run: &run, method: self.method };
         let files = report.write(&self.out).map_err(Failure::start)?;
         let text = self.format.render(&report.value(&files), |_| report.summary(&files));
         Ok(Results { text, code: u8::from(!run.end.is_finished()) })
@@ -144,7 +133,7 @@ impl Simulate {
     }
 
     fn settings(&self) -> Settings {
-        let method = self.method.method();
+        let method = self.method;
         // rows of the result fall on fixed steps
         let sparse = self.duration / SAMPLES;
         let every = match self.step {

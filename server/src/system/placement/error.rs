@@ -1,7 +1,5 @@
 //! Errors of placement.
 
-use crate::system::limits::Limit;
-
 /// An error that prevents the placement of threads or the locking of memory.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
@@ -61,7 +59,7 @@ pub enum PlacementError {
         /// The requested value.
         priority: u8,
         /// RLIMIT_RTPRIO.
-        limit: Limit,
+        limit: u64,
     },
     /// The priority cannot be set for another reason.
     #[error("priority {priority} under SCHED_FIFO is refused: {reason}")]
@@ -79,7 +77,7 @@ pub enum PlacementError {
     )]
     MemoryNotPermitted {
         /// RLIMIT_MEMLOCK, bytes.
-        limit: Limit,
+        limit: u64,
     },
     /// Memory cannot be locked for another reason.
     #[error("memory cannot be locked: {reason}; leave out --lock-memory or free memory")]

@@ -10,14 +10,13 @@ use std::io;
 use std::sync::Arc;
 
 use rustix::mm::{MlockAllFlags, mlockall, munlockall};
-use rustix::process::{getpriority_process, setpriority_process};
-use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
+use rustix::process::{Resource, getpriority_process, getrlimit, setpriority_process};
+use rustix::thread::{CapabilitySet, CpuSet, capabilities, sched_getaffinity, sched_setaffinity};
 use thread_priority::{
     Error, NormalThreadSchedulePolicy, RealtimeThreadSchedulePolicy, ThreadPriority,
     ThreadPriorityValue, ThreadSchedulePolicy, set_thread_priority_and_policy, thread_native_id,
 };
 
-use crate::system::limits::{CAP_IPC_LOCK, CAP_SYS_NICE, Limit, of_this_process};
 use choice::{Choice, Policy, choose};
 
 pub(crate) use choice::Flags;
@@ -40,17 +39,15 @@ impl Placement {
         let policy = Policy::of_stat(&stat).unwrap_or(Policy::Shared);
         let choice = choose(&allowed, policy, flags)?;
 
-        if let Some(priority) = flags.priority {
-            let (limit, is_capable) = of_this_process("Max realtime priority", CAP_SYS_NICE);
-            if !limit.permits(priority.into()) && !is_capable {
-                return Err(PlacementError::PriorityNotPermitted { priority, limit });
-            }
+        let limit = limit_of(Resource::Rtprio, CapabilitySet::SYS_NICE);
+        if let (Some(priority), Some(limit)) = (flags.priority, limit)
+            && limit < priority.into()
+        {
+            return Err(PlacementError::PriorityNotPermitted { priority, limit });
         }
-        if flags.lock_memory {
-            let (limit, is_capable) = of_this_process("Max locked memory", CAP_IPC_LOCK);
-            if limit != Limit::Unlimited && !is_capable {
-                return Err(PlacementError::MemoryNotPermitted { limit });
-            }
+        let limit = limit_of(Resource::Memlock, CapabilitySet::IPC_LOCK);
+        if let Some(limit) = limit.filter(|_| flags.lock_memory) {
+            return Err(PlacementError::MemoryNotPermitted { limit });
         }
         Ok(Placement { choice, allowed: allowed.into(), lock_memory: flags.lock_memory })
     }
@@ -103,6 +100,12 @@ impl Drop for LockedMemory {
     }
 }
 
+/// A soft limit of this process; `None` where there is none, or this capability overrides it.
+fn limit_of(resource: Resource, capability: CapabilitySet) -> Option<u64> {
+    let is_capable = capabilities(None).is_ok_and(|sets| sets.effective.contains(capability));
+    getrlimit(resource).current.filter(|_| !is_capable)
+}
+
 /// The processors of the calling thread.
 fn allowed() -> Vec<usize> {
     let set = sched_getaffinity(None).unwrap_or_default();
@@ -126,12 +129,12 @@ fn be_first(priority: u8) -> Result<(), PlacementError> {
     let value = ThreadPriorityValue::try_from(priority)
         .map_err(|_| PlacementError::PriorityRange { priority })?;
     let value = ThreadPriority::Crossplatform(value);
-    set_thread_priority_and_policy(thread_native_id(), value, policy).map_err(|error| match error {
-        Error::OS(code) if code == rustix::io::Errno::PERM.raw_os_error() => {
-            let (limit, _) = of_this_process("Max realtime priority", CAP_SYS_NICE);
-            PlacementError::PriorityNotPermitted { priority, limit }
-        }
-        error => PlacementError::Priority { priority, reason: error.to_string() },
+    set_thread_priority_and_policy(thread_native_id(), value, policy).map_err(|error| {
+        let reason = match error {
+            Error::OS(code) => io::Error::from_raw_os_error(code).to_string(),
+            error => error.to_string(),
+        };
+        PlacementError::Priority { priority, reason }
     })
 }
 

@@ -6,16 +6,13 @@ use sarrus_dynamics::{Field, Method, Status};
 use crate::Outcome;
 use crate::measure::Effort;
 use crate::robots::chain::chain_of_lambdas;
-use crate::stress::harness::case::{At, Case, Cases, Reference};
-use crate::stress::harness::question::{Question, State, backward_error};
-use crate::stress::harness::robot::Robot;
+use crate::stress::harness::{At, Case, Cases, Question, Reference, Robot, State, backward_error};
 use crate::stress::mechanisms::rods;
 
 /// Velocities up to which methods with square matrices are asked.
 const LARGEST_SQUARE: usize = 100;
 
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
-    cases.family("chain", "bodies or loops in a row");
     let lengths: &[usize] =
         if effort.quick { &[10, 100, 1000] } else { &[10, 30, 100, 300, 1000, 3000, 10_000] };
     for &n in lengths {
@@ -24,10 +21,9 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
             if lambdas && n > 3000 {
                 continue;
             }
-            let robot = Robot::new(name, if lambdas { chain_of_lambdas(n)? } else { rods(n)? });
-            let Some(robot) = cases.load(name, At { value: n as f64, method: "-" }, robot) else {
-                continue;
-            };
+            let of = if lambdas { chain_of_lambdas(n)? } else { rods(n)? };
+            let at = At { value: n as f64, method: "-" };
+            let Some(robot) = cases.load(name, at, of) else { continue };
             // a long chain that curls up in itself is no robot
             let mut state = State::of(&robot, 0.2 / (n as f64).sqrt())?;
             state.yd.iter_mut().for_each(|x| *x *= 0.2 / (n as f64).sqrt());

@@ -7,20 +7,16 @@ use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
 use sarrus_dynamics::{Field, Request, Status};
 
 use crate::Outcome;
-use crate::measure::Effort;
 use crate::page::Assessment;
 use crate::robots::random::Random;
-use crate::stress::harness::assess::warned;
-use crate::stress::harness::case::{At, Case, Cases};
-use crate::stress::harness::question::Question;
-use crate::stress::harness::robot::{Robot, Turn, Z, cut, finish, joint};
-use crate::stress::harness::seeds;
+use crate::stress::harness::{
+    At, Case, Cases, Question, Robot, Turn, Z, cut, finish, joint, warned,
+};
 use crate::stress::mechanisms::BASE;
+use crate::stress::mechanisms::plane::{Point, about, along, distance, intersections};
 use crate::stress::mechanisms::trains::begun;
 
 use Field::*;
-
-pub(crate) type Point = [f64; 2];
 
 /// Step of the path that answers are compared with, in radians of the crank.
 const FINE: f64 = 1e-4;
@@ -29,47 +25,12 @@ const OTHER: f64 = 0.1;
 /// Rates of the path that its differences show.
 const SLOW: f64 = 20.0;
 
-/// Parallelograms, kites and other four-bars that fold flat, through and near their flat poses.
-pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
-    cases.family("change points", "rad of a step");
-    for seed in seeds(effort, [40, 400], &[]) {
-        one(cases, seed)?;
-    }
-    Ok(())
-}
-
-/// How a sequence asks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum From {
-    /// From zero each time.
-    Zero,
-    /// From the last answer.
-    Last,
-    /// From the last answer along its velocity.
-    Along,
-}
-
-impl From {
-    fn name(self) -> &'static str {
-        match self {
-            From::Zero => "turn, from zero",
-            From::Last => "turn, from the last",
-            From::Along => "turn, along the last",
-        }
-    }
-
-    /// The question at y, with the guess that this way of asking takes from the last answer.
-    fn question(self, y: f64, yd: f64, last: Option<&(Vec<f64>, Vec<f64>)>) -> Question {
-        let mut given = vec![(Y, vec![y]), (Yd, vec![yd])];
-        if let Some((q, qd)) = last.filter(|_| self != From::Zero) {
-            given.push((QGuess, q.clone()));
-            if self == From::Along {
-                given.push((QdGuess, qd.clone()));
-            }
-        }
-        Question::new(Request::Kinematics, given, &[Q, Qd])
-    }
-}
+/// How a sequence asks, and the guesses that it takes from the last answer.
+const WAYS: [(&str, &[Field]); 3] = [
+    ("turn, from zero", &[]),
+    ("turn, from the last", &[QGuess]),
+    ("turn, along the last", &[QGuess, QdGuess]),
+];
 
 /// The four-bar of this seed, turned through its change points in every way.
 pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
@@ -86,10 +47,10 @@ pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
         let mut random = Random(seed_of_robot.0);
         let name = format!("{}, {word}, seed {seed}", bars.name);
         let at = At { value: step, method: word };
-        let robot = Robot::new(&name, bars.robot(&mut random, kind)?);
-        let Some(robot) = cases.load(&name, at, robot) else { continue };
-        for from in [From::Zero, From::Last, From::Along] {
-            sequence(cases, &robot, &bars, at, direction, from)?;
+        let of = bars.robot(&mut random, kind)?;
+        let Some(robot) = cases.load(&name, at, of) else { continue };
+        for way in WAYS {
+            sequence(cases, &robot, &bars, at, direction, way)?;
         }
     }
     Ok(())
@@ -102,11 +63,11 @@ fn sequence(
     bars: &Bars,
     at: At<'_>,
     direction: f64,
-    from: From,
+    (asked, guesses): (&str, &[Field]),
 ) -> Outcome {
     let mut y = 0.0;
     let mut path = Path::of(bars);
-    let mut last: Option<(Vec<f64>, Vec<f64>)> = None;
+    let mut last: Option<[Vec<f64>; 2]> = None;
     let mut ok = 0;
     let mut refused = String::new();
     let mut jump = None;
@@ -115,7 +76,10 @@ fn sequence(
         if path.go(bars, y).is_none() {
             break;
         }
-        let answer = from.question(y, direction, last.as_ref()).run(&robot.compiled.model)?;
+        let mut given = vec![(Y, vec![y]), (Yd, vec![direction])];
+        given.extend(last.iter().flat_map(|last| guesses.iter().copied().zip(last.clone())));
+        let ask = Question::new(Request::Kinematics, given, &[Q, Qd]);
+        let answer = ask.run(&robot.compiled.model)?;
         if answer.status() != Status::Ok {
             if refused.is_empty() {
                 refused = format!("{} at y = {y:.6}", answer.status().name());
@@ -143,7 +107,7 @@ fn sequence(
             jump = Some((y, off, "rate"));
             break;
         }
-        last = Some((q, qd));
+        last = Some([q, qd]);
     }
     let assessment = match (jump, refused.is_empty()) {
         (Some(_), _) => Assessment::FailedSilently,
@@ -162,7 +126,7 @@ fn sequence(
         reference: "the path in small steps",
         reported,
         assessment,
-        ..cases.blank(&robot.name, at, from.name())
+        ..cases.blank(&robot.name, at, asked)
     };
     cases.all.push(case);
     Ok(())
@@ -214,28 +178,19 @@ impl Bars {
     }
 
     fn tip(&self, y: f64) -> Point {
-        let (s, c) = (self.zero + y).sin_cos();
-        [self.crank * c, self.crank * s]
+        along([0.0; 2], self.zero + y, self.crank)
     }
 
     /// Both pins between coupler and rocker.
     pub(crate) fn pins(&self, y: f64) -> Option<[Point; 2]> {
-        let a = self.tip(y);
-        let d = distance(self.tip(y), [self.ground, 0.0]);
-        let x = (d * d + self.coupler * self.coupler - self.rocker * self.rocker) / (2.0 * d);
-        let square = self.coupler * self.coupler - x * x;
         // flat is in reach
-        let h = if square < -1e-9 { return None } else { square.max(0.0).sqrt() };
-        let ux = (self.ground - a[0]) / d;
-        let uy = -a[1] / d;
-        Some([h, -h].map(|h| [a[0] + x * ux - h * uy, a[1] + x * uy + h * ux]))
+        let pivot = [self.ground, 0.0];
+        intersections((self.tip(y), self.coupler), (pivot, self.rocker), -1e-9)
     }
 
     /// The pin at an angle of the rocker.
     fn pin(&self, turn: f64) -> Point {
-        let (s, c) = turn.sin_cos();
-        let [x, y] = [self.pin[0] - self.ground, self.pin[1]];
-        [self.ground + c * x - s * y, s * x + c * y]
+        about([self.ground, 0.0], self.pin, turn)
     }
 
     pub(crate) fn robot(&self, random: &mut Random, kind: Kind) -> Outcome<Description> {
@@ -290,10 +245,6 @@ impl Path {
         let turn = heading(self.pin) - heading(self.before);
         (turn - (turn / (2.0 * PI)).round() * 2.0 * PI) / self.step
     }
-}
-
-fn distance(a: Point, b: Point) -> f64 {
-    f64::hypot(b[0] - a[0], b[1] - a[1])
 }
 
 #[cfg(test)]

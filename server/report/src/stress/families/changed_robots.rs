@@ -6,12 +6,10 @@ use sarrus_dynamics::{Field, Method};
 
 use crate::Outcome;
 use crate::measure::Effort;
-use crate::stress::harness::case::{At, Cases, Reference};
-use crate::stress::harness::question::{Question, State};
-use crate::stress::harness::robot::{
-    Robot, Turn, Z, cut, finish, heavier, joint, mechanism, scaled,
+use crate::stress::harness::{
+    At, Cases, Question, Reference, Robot, State, Turn, Z, cut, finish, heavier, joint, mechanism,
+    powers, scaled, with,
 };
-use crate::stress::harness::{powers, with};
 use crate::stress::mechanisms::{BASE, GRASHOF, LOOSE, RHOMBUS, bricard, four_bar};
 use crate::stress::sweep::{Ask, Change, Design, Subject, Sweep};
 
@@ -19,9 +17,7 @@ use Change::{By, Masses};
 use Design::{Bundled, FourBar, Made, Numerical, Rods};
 
 /// Heavy and light links in loops and in chains.
-const MASS_RATIOS: Sweep = Sweep {
-    family: "mass ratio",
-    parameter: "heavy mass over light mass",
+pub(crate) const MASS_RATIOS: Sweep = Sweep {
     values: |effort| powers(effort, 0, 9, 3),
     robots: &[
         heavy("lambda, heavy slider", "lambda", &["ElbowAct_Link"]),
@@ -34,17 +30,13 @@ const MASS_RATIOS: Sweep = Sweep {
         heavy("arm with a lambda, heavy hand", "r3_lambda_r", &["ALWristRoll_Link"]),
         heavy("arm with a lambda, heavy shoulder", "r3_lambda_r", &["ALShoulder1_Link"]),
         heavy("upper body, heavy hands", "rh5v2_upper_body", &["WristRoll_Link"]),
+        Subject::new("8 rods, heavy end", Rods(8), Masses(&["link8"])),
+        Subject::new("8 rods, heavy base", Rods(8), Masses(&["link1"])),
+        Subject::new("8 rods, every second heavy", Rods(8), Masses(&["2", "4", "6", "8"])),
+        Subject::new("four-bar, heavy coupler", CRANK_ROCKER, Masses(&["link2"])),
     ],
     ask: dynamics,
 };
-
-/// Small robots of the same family, which take turns at each value.
-const SMALL_MASS_RATIOS: [Subject; 4] = [
-    Subject::new("8 rods, heavy end", Rods(8), Masses(&["link8"])),
-    Subject::new("8 rods, heavy base", Rods(8), Masses(&["link1"])),
-    Subject::new("8 rods, every second heavy", Rods(8), Masses(&["2", "4", "6", "8"])),
-    Subject::new("four-bar, heavy coupler", CRANK_ROCKER, Masses(&["link2"])),
-];
 
 const LEGS_OF_TORSO: [&str; 6] =
     ["BL1_Link", "BL2_Link", "ActL_Link", "BR1_Link", "BR2_Link", "ActR_Link"];
@@ -59,22 +51,10 @@ const fn heavy(
     Subject::new(name, Bundled(bundled), Masses(links))
 }
 
-pub(crate) fn mass_ratios(cases: &mut Cases, effort: &Effort) -> Outcome {
-    MASS_RATIOS.run(cases, effort)?;
-    for value in (MASS_RATIOS.values)(effort) {
-        for subject in SMALL_MASS_RATIOS {
-            subject.ask(cases, &[value], dynamics)?;
-        }
-    }
-    Ok(())
-}
-
 /// Links of less and less mass, down to none: a mass matrix that is not positive is refused at
 /// load; one that is stays exact. A chain of rods without inertia about their centres is one of
 /// point masses.
 pub(crate) const MASSLESS_LINKS: Sweep = Sweep {
-    family: "massless links",
-    parameter: "share of the mass that is left",
     values: |effort| {
         let [count, decades] = if effort.quick { [5, 5] } else { [16, 1] };
         let fading = (0..count).map(|k| 10f64.powi(-decades * k));
@@ -117,17 +97,14 @@ fn dynamics_near_zero(cases: &mut Cases, robot: &Robot, value: f64) -> Outcome {
     cases.questions(robot, value, &State::of(robot, 0.2)?, false, &Method::ALL)
 }
 
-/// All lengths, then all masses, from a millionth to a million times.
-pub(crate) fn sizes(cases: &mut Cases, effort: &Effort) -> Outcome {
+pub(crate) const LENGTHS: Change = By(|of, factor| scaled(of, factor, 1.0));
+pub(crate) const MASSES: Change = By(|of, factor| scaled(of, 1.0, factor));
+
+/// Robots under a change from a millionth to a million times.
+pub(crate) fn sizes(cases: &mut Cases, effort: &Effort, change: Change) -> Outcome {
     let robots = ["lambda", "wrist", "stewart", "four_bars_2", "torso", "rh5v2_upper_body"];
     let some = if effort.quick { &robots[..4] } else { &robots };
-    let values = powers(effort, -6, 6, 4);
-    let lengths = By(|of, factor| scaled(of, factor, 1.0));
-    let masses = By(|of, factor| scaled(of, 1.0, factor));
-    cases.family("length scale", "factor of all lengths");
-    bundled_robots(cases, some, lengths, &values, state_and_dynamics)?;
-    cases.family("mass scale", "factor of all masses");
-    bundled_robots(cases, some, masses, &values, state_and_dynamics)
+    bundled_robots(cases, some, change, &powers(effort, -6, 6, 4), state_and_dynamics)
 }
 
 /// Kinematics, inverse dynamics, and forward dynamics by the robot's own method.
@@ -143,19 +120,19 @@ fn bundled_robots(
     values: &[f64],
     ask: Ask,
 ) -> Outcome {
-    names.iter().try_for_each(|name| Subject::bundled(name, change).ask(cases, values, ask))
+    names
+        .iter()
+        .try_for_each(|name| Subject::new(name, Bundled(name), change).ask(cases, values, ask))
 }
 
 /// Gravity from none to that of a neutron star; at rest without it no force at all is needed.
 pub(crate) const GRAVITY: Sweep = Sweep {
-    family: "gravity",
-    parameter: "m/s²",
     values: |effort| with(&[0.0], &powers(effort, -9, 12, 7)),
     robots: &[
-        Subject::bundled("lambda", FALL),
+        Subject::new("lambda", Bundled("lambda"), FALL),
         Subject::new("lambda numerical", Numerical("lambda"), FALL),
-        Subject::bundled("wrist", FALL),
-        Subject::bundled("rh5v2_upper_body", FALL),
+        Subject::new("wrist", Bundled("wrist"), FALL),
+        Subject::new("rh5v2_upper_body", Bundled("rh5v2_upper_body"), FALL),
         Subject::new("rh5v2_upper_body numerical", Numerical("rh5v2_upper_body"), FALL),
     ],
     ask: |cases, robot, value| {
@@ -170,22 +147,17 @@ pub(crate) const GRAVITY: Sweep = Sweep {
 };
 const FALL: Change = By(|of, value| of.gravity = [0.0, 0.0, -value]);
 
-/// Stiff springs, dampers and rotors in joints: one answer of inverse and forward dynamics.
-pub(crate) fn joint_terms(cases: &mut Cases, effort: &Effort) -> Outcome {
-    let spring = By(|of, x| set_terms(of, Terms { stiffness: x, rest: 0.01, ..Terms::default() }));
-    let damper = By(|of, x| set_terms(of, Terms { damping: x, ..Terms::default() }));
-    let rotor = By(|of, x| set_terms(of, Terms { rotor_inertia: x, ..Terms::default() }));
+pub(crate) const SPRING: Change =
+    By(|of, x| set_terms(of, Terms { stiffness: x, rest: 0.01, ..Terms::default() }));
+pub(crate) const DAMPER: Change =
+    By(|of, x| set_terms(of, Terms { damping: x, ..Terms::default() }));
+pub(crate) const ROTOR: Change =
+    By(|of, x| set_terms(of, Terms { rotor_inertia: x, ..Terms::default() }));
+
+/// Stiff springs, dampers or rotors in joints: one answer of inverse and forward dynamics.
+pub(crate) fn joint_terms(cases: &mut Cases, effort: &Effort, change: Change) -> Outcome {
     let robots = ["lambda", "four_bars_2", "rh5v2_upper_body"];
-    let values = powers(effort, 0, 9, 3);
-    for (family, parameter, change) in [
-        ("spring stiffness", "N m/rad or N/m", spring),
-        ("joint damping", "N m s/rad or N s/m", damper),
-        ("reflected rotor", "kg m² about the joint", rotor),
-    ] {
-        cases.family(family, parameter);
-        bundled_robots(cases, &robots, change, &values, dynamics_near_zero)?;
-    }
-    Ok(())
+    bundled_robots(cases, &robots, change, &powers(effort, 0, 9, 3), dynamics_near_zero)
 }
 
 /// Sets the terms of the active joints alone, so that rotors stand beside joints that have none.
@@ -199,9 +171,7 @@ fn set_terms(of: &mut Description, terms: Terms) {
 
 /// A four-bar on a moving base, so that both ends of its loop are in one subtree, with centres of
 /// mass farther and farther off its cut.
-pub(crate) const LOOPS_IN_ONE_SUBTREE: Sweep = Sweep {
-    family: "loop in one subtree",
-    parameter: "m from the cut to the centres of mass",
+pub(crate) const ONE_SUBTREE: Sweep = Sweep {
     values: |effort| powers(effort, -3, 6, 5),
     robots: &[
         Subject::new(ON_ARM, Made(|| four_bar_on_arm(Kind::FourBar)), By(far_centres)),
@@ -231,8 +201,7 @@ fn far_centres(of: &mut Description, distance: f64) {
 
 /// Redundant rows, moved apart as a rounded file does: reported at load where it matters, refused
 /// where the gap exceeds rounding.
-pub(crate) fn redundant_rows(cases: &mut Cases, effort: &Effort) -> Outcome {
-    cases.family("redundant rows", "m by which redundant rows contradict each other");
+pub(crate) fn redundant(cases: &mut Cases, effort: &Effort) -> Outcome {
     for (name, plain) in [
         ("four-bar of three rows", four_bar(LOOSE, Kind::Numerical, "xyz")?),
         ("four-bar of six rows", four_bar(LOOSE, Kind::Numerical, "xyzabc")?),
@@ -246,7 +215,7 @@ pub(crate) fn redundant_rows(cases: &mut Cases, effort: &Effort) -> Outcome {
                 successor.xyz[2] += value;
             }
             let at = At { value, method: "numerical" };
-            let Some(robot) = cases.load(name, at, Robot::new(name, of)) else { continue };
+            let Some(robot) = cases.load(name, at, of) else { continue };
             let state = State::of(&robot, 0.2)?;
             cases.questions(&robot, value, &state, true, &Method::ALL)?;
             let warned = robot.compiled.warnings.first().map(ToString::to_string);

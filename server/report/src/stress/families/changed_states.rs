@@ -4,13 +4,11 @@
 use std::f64::consts::TAU;
 
 use sarrus_dynamics::description::SubmechanismKind as Kind;
-use sarrus_dynamics::{Field, Method, Status};
+use sarrus_dynamics::{Field, Method};
 
 use crate::Outcome;
-use crate::stress::harness::case::{At, Cases, Reference};
-use crate::stress::harness::question::{Question, State};
-use crate::stress::harness::robot::Robot;
-use crate::stress::harness::{powers, with};
+use crate::stress::harness::{At, Cases, Question, Reference, Robot, State, powers, with};
+use crate::stress::mechanisms::approach::posed;
 use crate::stress::mechanisms::{GRASHOF, RHOMBUS, bricard};
 use crate::stress::sweep::{Design, Subject, Sweep};
 
@@ -19,8 +17,6 @@ use Field::{Lambda, TauU, TauY};
 
 /// Velocities from creeping to absurd; none whose square overflows has an answer.
 pub(crate) const VELOCITIES: Sweep = Sweep {
-    family: "velocity",
-    parameter: "ẏ, rad/s",
     values: |effort| with(&powers(effort, -6, 4, 5), &[1e-160, 1e8, 1e100, 1e160, 1e300]),
     robots: &[
         Subject::plain("lambda", Bundled("lambda")),
@@ -39,8 +35,6 @@ pub(crate) const VELOCITIES: Sweep = Sweep {
 
 /// A wrench on the last link, from a breath to the weight of a mountain.
 pub(crate) const WRENCHES: Sweep = Sweep {
-    family: "wrench",
-    parameter: "N and N m on the last link",
     values: |effort| with(&powers(effort, -6, 12, 6), &[1e30, 1e200, 1e308]),
     robots: &[
         Subject::plain("lambda", Bundled("lambda")),
@@ -66,8 +60,6 @@ fn wrench(cases: &mut Cases, robot: &Robot, value: f64) -> Outcome {
 
 /// Quaternions slightly, and then badly, off unit length.
 pub(crate) const QUATERNIONS: Sweep = Sweep {
-    family: "quaternion off unit length",
-    parameter: "|length − 1|",
     values: |effort| powers(effort, -16, 2, 9),
     robots: &[Subject::plain("floating Stewart", Bundled("stewart_floating"))],
     ask: quaternion,
@@ -91,8 +83,6 @@ fn quaternion(cases: &mut Cases, robot: &Robot, value: f64) -> Outcome {
 
 /// Angles of many turns.
 pub(crate) const MANY_TURNS: Sweep = Sweep {
-    family: "many turns",
-    parameter: "y, rad",
     values: |effort| with(&powers(effort, 0, 6, 3), &[1e9, 1e13, 1e15, 1e18, 1e100]),
     robots: &[
         Subject::plain("lambda", Bundled("lambda")),
@@ -129,10 +119,9 @@ fn turned(cases: &mut Cases, robot: &Robot, value: f64) -> Outcome {
 /// of y; none where the crank has no full turn.
 fn wound(robot: &Robot, y: f64) -> Outcome<Option<Vec<f64>>> {
     let turns = ((y - 0.01) / TAU).floor();
-    let mut guess: Option<Vec<f64>> = None;
-    let mut first: Vec<f64> = Vec::new();
-    let mut last = Vec::new();
     let goal = y - 0.01 - turns * TAU;
+    let mut first: Vec<f64> = Vec::new();
+    let mut q = None;
     // to the goal, then once round, which gives the turn of each joint
     for k in 0..=160 {
         let at = if k <= 80 {
@@ -140,18 +129,12 @@ fn wound(robot: &Robot, y: f64) -> Outcome<Option<Vec<f64>>> {
         } else {
             goal + TAU * f64::from(k - 80) / 80.0
         };
-        let answer =
-            Question::pose(&State { y: vec![at], guess: guess.take(), ..State::default() })
-                .run(&robot.compiled.model)?;
-        if answer.status() != Status::Ok {
-            return Ok(None);
-        }
-        let q = answer.get(Field::Q).to_vec();
+        q = posed(&robot.compiled.model, vec![at], q)?;
+        let Some(q) = &q else { break };
         if k == 80 {
-            first.clone_from(&q);
+            first.clone_from(q);
         }
-        last.clone_from(&q);
-        guess = Some(q);
     }
-    Ok(Some(first.iter().zip(&last).map(|(first, last)| first + turns * (last - first)).collect()))
+    let wound = |(first, last): (&f64, f64)| first + turns * (last - first);
+    Ok(q.map(|last| first.iter().zip(last).map(wound).collect()))
 }

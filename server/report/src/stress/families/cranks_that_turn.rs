@@ -8,13 +8,9 @@ use sarrus_dynamics::scalar::Dd;
 use sarrus_dynamics::{Field, Request, Status};
 
 use crate::Outcome;
-use crate::measure::Effort;
 use crate::robots::random::Random;
 use crate::stress::families::change_points::Bars;
-use crate::stress::harness::case::{At, Cases, Reference};
-use crate::stress::harness::question::{Question, State};
-use crate::stress::harness::robot::Robot;
-use crate::stress::harness::seeds;
+use crate::stress::harness::{At, Cases, Question, Reference, State};
 use crate::stress::mechanisms::approach::followed;
 use crate::stress::mechanisms::trains::{Draw, leg, train};
 
@@ -23,28 +19,13 @@ use Field::*;
 /// 2π less its nearest double.
 const TAU_LOW: f64 = 2.449_293_598_294_706_4e-16;
 
-pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
-    cases.family("cranks that turn", "y, rad");
-    for seed in seeds(effort, [12, 300], &[]) {
-        crank(cases, seed)?;
-    }
-    cases.family("poses that a path reaches", "rad from zero");
-    for seed in seeds(effort, [12, 300], &[]) {
-        reached(cases, seed)?;
-    }
-    Ok(())
-}
-
 /// A crank-rocker at 60 and 1000 rad and somewhere else.
 pub(crate) fn crank(cases: &mut Cases, seed: u64) -> Outcome {
     let mut random = Random(5 << 32 | seed);
     let of = crank_rocker(&mut random)?;
     let name = format!("crank-rocker, seed {seed}");
-    let Some(robot) =
-        cases.load(&name, At { value: 0.0, method: "numerical" }, Robot::new(&name, of))
-    else {
-        return Ok(());
-    };
+    let at = At { value: 0.0, method: "numerical" };
+    let Some(robot) = cases.load(&name, at, of) else { return Ok(()) };
     for y in [60.0, 1000.0, random.scale(3.0, 3000.0), -random.scale(3.0, 3000.0)] {
         let turns = (y / TAU).round();
         let turned = Dd::from(turns) * (Dd::from(TAU) + Dd::from(TAU_LOW));
@@ -97,7 +78,7 @@ pub(crate) fn reached(cases: &mut Cases, seed: u64) -> Outcome {
     };
     let name = format!("{name}, seed {seed}");
     let at = At { value: size, method: "numerical" };
-    let Some(robot) = cases.load(&name, at, Robot::new(&name, of)) else { return Ok(()) };
+    let Some(robot) = cases.load(&name, at, of) else { return Ok(()) };
     for _ in 0..4 {
         let n = robot.compiled.model.sizes().n_qy;
         let y: Vec<f64> = (0..n).map(|_| size * random.next()).collect();

@@ -3,27 +3,11 @@
 use sarrus_dynamics::{Field, Request};
 
 use crate::Outcome;
-use crate::measure::Effort;
 use crate::robots::random::Random;
-use crate::stress::harness::case::{At, Cases};
-use crate::stress::harness::question::{Question, State};
-use crate::stress::harness::robot::Robot;
-use crate::stress::harness::seeds;
+use crate::stress::harness::{At, Cases, Question, Robot, State};
 use crate::stress::mechanisms::trains::{Draw, closed_forms, spatial, train};
 
 use Field::*;
-
-/// Seeds beyond the first ones that once failed silently.
-const WORST: [u64; 2] = [2046, 2388];
-
-/// Trains of one to five stages, at zero and turned.
-pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
-    cases.family("dead points in series", "product of the sines");
-    for seed in seeds(effort, [120, 1200], &WORST) {
-        one(cases, seed)?;
-    }
-    Ok(())
-}
 
 /// The train of this seed, asked for everything.
 pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
@@ -48,7 +32,7 @@ pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
     let turned = if train.y.iter().all(|y| *y == 0.0) { "" } else { ", turned" };
     let name = format!("{stages} {kind}{turned}, seed {seed}");
     let at = At { value: train.sines, method: "-" };
-    let Some(robot) = cases.load(&name, at, Robot::new(&name, train.description)) else {
+    let Some(robot) = cases.load(&name, at, train.description) else {
         return Ok(());
     };
     // within the reach of the last stage

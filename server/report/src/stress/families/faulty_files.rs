@@ -5,11 +5,10 @@ use sarrus_models::{Options, Source, bundled_text, load};
 
 use crate::Outcome;
 use crate::measure::Effort;
-use crate::stress::harness::case::{At, Case, Cases};
+use crate::stress::harness::{At, Case, Cases};
 
 /// Bundled files with one faulty number, joint or link each: refused, with the position.
 pub(crate) fn run(cases: &mut Cases, _: &Effort) -> Outcome {
-    cases.family("faulty file", "fault, by its number");
     let (urdf, yaml) = bundled_text("lambda").ok_or("no lambda")?;
     let faults: [(&str, &str, &str); 15] = [
         ("mass NaN", "<mass value=\"1.2\"/>", "<mass value=\"NaN\"/>"),

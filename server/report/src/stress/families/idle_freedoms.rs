@@ -5,9 +5,9 @@ use sarrus_dynamics::description::SubmechanismKind as Kind;
 
 use crate::Outcome;
 use crate::measure::Effort;
-use crate::stress::harness::case::{At, Cases, Reference};
-use crate::stress::harness::question::{Question, State};
-use crate::stress::harness::robot::{Robot, Turn, X, Y, Z, cut, finish, joint, mechanism};
+use crate::stress::harness::{
+    At, Cases, Question, Reference, Robot, State, Turn, X, Y, Z, cut, finish, joint, mechanism,
+};
 use crate::stress::mechanisms::{BASE, door};
 
 use Field::{TauU, TauY};
@@ -15,7 +15,6 @@ use Field::{TauU, TauY};
 /// A rod that may spin about itself answers as the one that may not; a mechanism of other mobility
 /// than declared is refused.
 pub(crate) fn run(cases: &mut Cases, _: &Effort) -> Outcome {
-    cases.family("idle freedoms", "y, rad");
     let spinning = Robot::new("rod that may spin", door(true)?)?;
     let plain = Robot::new("rod", door(false)?)?;
     for value in [0.4, 0.2, -0.2, -0.4] {
@@ -49,7 +48,7 @@ pub(crate) fn run(cases: &mut Cases, _: &Effort) -> Outcome {
         [("five-bar of one independent", five, 2.0), ("closed chain without mobility", skew, -2.0)]
     {
         let at = At { value, method: "numerical" };
-        if let Some(robot) = cases.load(name, at, Robot::new(name, of)) {
+        if let Some(robot) = cases.load(name, at, of) {
             // it should not have been taken
             let state = State::of(&robot, 0.1)?;
             cases.ask(&robot, at, "ID", &Question::inverse(&state, &[TauY]), &Reference::None)?;

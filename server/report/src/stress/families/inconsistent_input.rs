@@ -8,11 +8,7 @@ use crate::Outcome;
 use crate::measure::Effort;
 use crate::page::Assessment;
 use crate::robots::random::Random;
-use crate::stress::harness::assess::warned;
-use crate::stress::harness::case::{At, Case, Cases};
-use crate::stress::harness::question::{Question, State};
-use crate::stress::harness::robot::Robot;
-use crate::stress::harness::seeds;
+use crate::stress::harness::{At, Case, Cases, Question, Robot, State, seeds, warned};
 use crate::stress::mechanisms::{GRASHOF, LOOSE, bricard, door};
 use crate::stress::sweep::{Design, Subject};
 
@@ -24,7 +20,7 @@ const NAMED: f64 = 1e-6;
 /// Within this factor of the threshold both outcomes are right: lengths are typical ones.
 const NEAR: f64 = 4.0;
 
-const ROBOTS: [Subject; 14] = [
+pub(crate) const ROBOTS: [Subject; 14] = [
     Subject::plain("lambda", Bundled("lambda")),
     Subject::plain("wrist", Bundled("wrist")),
     Subject::plain("torso", Bundled("torso")),
@@ -43,7 +39,6 @@ const ROBOTS: [Subject; 14] = [
 
 /// Closed states of robots, off their loops in one joint or in all.
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
-    cases.family("inconsistent input", "q or qd off its loops, rad or parts of the length");
     for (k, subject) in ROBOTS.iter().enumerate() {
         let robot = subject.robot()?;
         for seed in seeds(effort, [12, 200], &[]) {
@@ -53,14 +48,8 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     Ok(())
 }
 
-/// The case of a printed seed, which encodes the robot too.
-#[cfg(test)]
-pub(crate) fn by_seed(cases: &mut Cases, seed: u64) -> Outcome {
-    one(cases, &ROBOTS[(seed >> 16) as usize].robot()?, seed)
-}
-
 /// A closed state, moved off its loops, given whole.
-fn one(cases: &mut Cases, robot: &Robot, seed: u64) -> Outcome {
+pub(crate) fn one(cases: &mut Cases, robot: &Robot, seed: u64) -> Outcome {
     let mut random = Random(3 << 32 | seed);
     let model = &robot.compiled.model;
     let mut state = State::of(robot, 0.1)?;
@@ -70,7 +59,7 @@ fn one(cases: &mut Cases, robot: &Robot, seed: u64) -> Outcome {
     let mut qd = closed.get(Qd).to_vec();
     let size = random.scale(1e-12, 0.3);
     let velocity = random.coin();
-    let units = robot.units(if velocity { Qd } else { Q }).unwrap_or_default();
+    let units = robot.units(if velocity { Qd } else { Q });
     let one = random.coin().then(|| random.below(units.len()));
     let off = if velocity { &mut qd } else { &mut q };
     for (k, x) in off.iter_mut().enumerate() {
@@ -104,8 +93,8 @@ fn one(cases: &mut Cases, robot: &Robot, seed: u64) -> Outcome {
                 if a.is_nan() { f64::INFINITY } else { moved.max(unit * (a - b).abs()) }
             })
         };
-    let of_q = moved(Q, &q, &robot.units(Q).unwrap_or_default());
-    let of_qd = moved(Qd, &qd, &robot.units(Qd).unwrap_or_default());
+    let of_q = moved(Q, &q, &robot.units(Q));
+    let of_qd = moved(Qd, &qd, &robot.units(Qd));
     let moved = of_q.max(of_qd);
     if ok && moved > NAMED / NEAR && moved < NAMED * NEAR {
         return Ok(());

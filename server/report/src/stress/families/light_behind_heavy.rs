@@ -1,26 +1,13 @@
 //! Light links behind heavy ones: rounding of the heavy ones must not drown the light ones.
 
 use crate::Outcome;
-use crate::measure::Effort;
 use crate::robots::random::Random;
 use crate::stress::families::dead_points_in_series::everything;
-use crate::stress::harness::case::{At, Cases};
-use crate::stress::harness::question::State;
-use crate::stress::harness::robot::Robot;
-use crate::stress::harness::seeds;
+use crate::stress::harness::{At, Cases, State};
 use crate::stress::mechanisms::weights::{planar_loops, planar_platform, row, tree};
 
 /// Seeds beyond the first ones that once failed silently.
-const WORST: [u64; 9] = [1860, 1350, 1990, 565, 1400, 1630, 270, 1919, 1512];
-
-/// Platforms of welded legs, links in a row and trees.
-pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
-    cases.family("light behind heavy", "heavy mass over light mass");
-    for seed in seeds(effort, [60, 1000], &WORST) {
-        one(cases, seed)?;
-    }
-    Ok(())
-}
+pub(crate) const WORST: [u64; 9] = [1860, 1350, 1990, 565, 1400, 1630, 270, 1919, 1512];
 
 /// The mechanism of this seed, asked for everything.
 pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
@@ -40,10 +27,8 @@ pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
         }
     };
     let name = format!("{name}, seed {seed}");
-    let Some(robot) = cases.load(&name, At { value: ratio, method: "-" }, Robot::new(&name, of))
-    else {
-        return Ok(());
-    };
+    let at = At { value: ratio, method: "-" };
+    let Some(robot) = cases.load(&name, at, of) else { return Ok(()) };
     let speed = random.one_of(&[0.0, 1.0, 1.0, 5.0]);
     let mut draw =
         |n: usize, size: f64| -> Vec<f64> { (0..n).map(|_| size * random.next()).collect() };

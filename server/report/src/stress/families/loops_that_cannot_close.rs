@@ -7,29 +7,15 @@ use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
 use sarrus_dynamics::{CutJoint, Field, Request, Status};
 
 use crate::Outcome;
-use crate::measure::Effort;
 use crate::page::Assessment;
 use crate::robots::random::Random;
-use crate::stress::harness::assess::warned;
-use crate::stress::harness::case::{At, Case, Cases};
-use crate::stress::harness::question::Question;
-use crate::stress::harness::robot::{Robot, Turn, Z, finish, joint};
-use crate::stress::harness::seeds;
+use crate::stress::harness::{At, Case, Cases, Question, Turn, Z, finish, joint, warned};
 use crate::stress::mechanisms::BASE;
 use crate::stress::mechanisms::poses::open_by;
 use crate::stress::mechanisms::trains::{begun, rotation};
 
 /// Radians, or part of the loop's length, up to which a loop counts as closed.
 const CLOSED: f64 = 1e-6;
-
-/// Four-bars in the plane and on the sphere.
-pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
-    cases.family("loops that cannot close", "rad or parts of the length");
-    for seed in seeds(effort, [100, 1000], &[469, 1450]) {
-        one(cases, seed)?;
-    }
-    Ok(())
-}
 
 /// The mechanism of this seed at some poses.
 pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
@@ -42,7 +28,7 @@ pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
     };
     let name = format!("{name}, seed {seed}");
     let at = At { value: misfit, method: "numerical" };
-    let Some(robot) = cases.load(&name, at, Robot::new(&name, of)) else { return Ok(()) };
+    let Some(robot) = cases.load(&name, at, of) else { return Ok(()) };
     let names = robot.compiled.model.tree_q_names();
     for k in 0..3 {
         let y = vec![random.between(-0.3, 0.3)];

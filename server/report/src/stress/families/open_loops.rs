@@ -4,12 +4,10 @@ use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Field, ImplicitForm, Status};
 
 use crate::Outcome;
-use crate::stress::harness::case::{At, Case, Cases};
-use crate::stress::harness::question::{Question, State, by_size, errors};
-use crate::stress::harness::robot::Robot;
-use crate::stress::harness::{powers, with};
+use crate::stress::harness::{
+    At, Case, Cases, Question, Robot, State, error, off_loops, powers, with,
+};
 use crate::stress::mechanisms::bricard;
-use crate::stress::mechanisms::open_loops::off_loops;
 use crate::stress::sweep::{Design, Subject, Sweep};
 
 use Design::{Bundled, Made};
@@ -24,18 +22,11 @@ const ROBOTS: [Subject; 5] = [
 
 /// Poses off their loops are moved onto them; how far they were is reported, and how far they then
 /// are is measured in double-double.
-pub(crate) const PROJECTION: Sweep = Sweep {
-    family: "projection",
-    parameter: "q off its loops, rad or tenths of the length",
-    values: |effort| powers(effort, -15, 0, 5),
-    robots: &ROBOTS,
-    ask: project,
-};
+pub(crate) const PROJECTION: Sweep =
+    Sweep { values: |effort| powers(effort, -15, 0, 5), robots: &ROBOTS, ask: project };
 
 /// Stabilisation from none to stiff on loops that are open by a millionth.
 pub(crate) const STABILISATION: Sweep = Sweep {
-    family: "Baumgarte",
-    parameter: "α = β, 1/s, at loops open by 1e-6",
     values: |effort| with(&[0.0], &powers(effort, 0, 9, 3)),
     robots: &ROBOTS,
     ask: stabilise,
@@ -68,8 +59,7 @@ fn open(robot: &Robot, q: &[f64]) -> Outcome<f64> {
     if closed.status() != Status::Ok {
         return Ok(f64::INFINITY);
     }
-    let units = robot.units(Field::Q).unwrap_or_default();
-    Ok(by_size(&mut errors(q, closed.get(Field::Q), &units), 0.0))
+    Ok(error(robot, Field::Q, q, closed.get(Field::Q), 0.0))
 }
 
 fn stabilise(cases: &mut Cases, robot: &Robot, value: f64) -> Outcome {
@@ -87,10 +77,7 @@ fn stabilise(cases: &mut Cases, robot: &Robot, value: f64) -> Outcome {
     let same =
         ImplicitForm::new(exact).accelerations(exact, &q, &qd, &tau, &[], gains, &mut reference);
     let error = match (status, same) {
-        (Status::Ok, Status::Ok) => {
-            let units = robot.units(Field::Qdd).unwrap_or_default();
-            Some(by_size(&mut errors(&qdd, &reference, &units), 0.0))
-        }
+        (Status::Ok, Status::Ok) => Some(error(robot, Field::Qdd, &qdd, &reference, 0.0)),
         (Status::Ok, _) => Some(f64::INFINITY),
         _ => None,
     };

@@ -5,12 +5,8 @@ use sarrus_dynamics::{Field, Request};
 
 use crate::Outcome;
 use crate::measure::Effort;
-use crate::stress::harness::case::{At, Cases, Reference};
-use crate::stress::harness::powers;
-use crate::stress::harness::question::{Question, State};
-use crate::stress::harness::robot::Robot;
+use crate::stress::harness::{At, Cases, Question, Reference, Robot, State, offsets, powers};
 use crate::stress::mechanisms::approach::{Approach, TYPE_II, followed, known, platform, searched};
-use crate::stress::mechanisms::open_loops::offsets;
 use crate::stress::mechanisms::{GRASHOF, LOOSE, bricard};
 use crate::stress::sweep::{Design, Subject, Sweep};
 
@@ -19,7 +15,6 @@ use Field::{Q, QGuess, U};
 
 /// Every robot at distances from 1 to 1e-15 of its singular pose.
 pub(crate) fn singular_poses(cases: &mut Cases, effort: &Effort) -> Outcome {
-    cases.family("distance to a singularity", "rad from the singular pose");
     let step = if effort.quick { 3 } else { 1 };
     let values: Vec<f64> = (0..=15).step_by(step).map(|k| 10f64.powi(-k)).collect();
     let mut approaches = known()?;
@@ -65,7 +60,6 @@ fn back_from_actuators(
 
 /// Targets beyond the reach: there is no answer, and none may be given.
 pub(crate) fn unreachable_targets(cases: &mut Cases, effort: &Effort) -> Outcome {
-    cases.family("unreachable y", "rad beyond the reach");
     for approach in known()?.iter().take(5) {
         let robot = &approach.robot;
         // nearer than the rounding of lengths and y there is no beyond; the lambda can be put
@@ -83,8 +77,6 @@ pub(crate) fn unreachable_targets(cases: &mut Cases, effort: &Effort) -> Outcome
 /// Far targets in one jump from zero; the reference is the pose at the end of the same way in small
 /// steps.
 pub(crate) const BIG_JUMPS: Sweep = Sweep {
-    family: "big jump",
-    parameter: "rad from the guess to the target",
     values: |effort| {
         if effort.quick {
             vec![0.1, 0.5, 1.0, 2.0, 3.0]
@@ -117,8 +109,6 @@ pub(crate) const BIG_JUMPS: Sweep = Sweep {
 
 /// Guesses off their loops: the answer is that of the guess on its loops.
 pub(crate) const INCONSISTENT_STARTS: Sweep = Sweep {
-    family: "inconsistent start",
-    parameter: "q_guess off its loops, rad or tenths of the length",
     values: |effort| powers(effort, -15, -1, 4),
     robots: &[
         Subject::plain("wrist", Bundled("wrist")),

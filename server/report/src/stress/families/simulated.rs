@@ -1,55 +1,28 @@
 //! Families of simulations: stiff ones, steps and tolerances, energy that stays, starts that do not
 //! fit.
 
-use sarrus_dynamics::description::{Description, SubmechanismKind as Kind, Terms};
+use sarrus_dynamics::description::{SubmechanismKind as Kind, Terms};
 use sarrus_dynamics::scalar::Real;
 use sarrus_dynamics::{Field, LinkId, Request};
 use sarrus_simulation::{Input, Method, Run, Settings, Source, Space, Start};
 
 use crate::Outcome;
 use crate::measure::Effort;
-use crate::stress::harness::case::{At, Cases};
-use crate::stress::harness::powers;
-use crate::stress::harness::question::{Question, State};
-use crate::stress::harness::robot::{Robot, X, bundled, mechanism};
-use crate::stress::harness::runs::{Trial, apart};
-use crate::stress::harness::simulations::{from, reference_run, settings};
-use crate::stress::mechanisms::open_loops::offsets;
+use crate::stress::harness::{
+    At, Cases, Question, Robot, State, Trial, X, apart, bundled, from, mechanism, offsets, powers,
+    reference_run, settings,
+};
 use crate::stress::mechanisms::rods;
 
-/// Springs, dampers and gains that get stiffer: explicit methods have to report their failure, the
+/// A spring and its damper that get stiffer: explicit methods have to report their failure, the
 /// implicit one holds.
-pub(crate) fn stiff(cases: &mut Cases, effort: &Effort) -> Outcome {
-    let values = powers(effort, 0, 9, 3);
-    cases.family("simulated spring", "stiffness, N/m");
-    for &value in &values {
-        oscillation(cases, value, [value, value.sqrt()])?;
-    }
-    cases.family("simulated damper", "damping, N s/m");
-    for &value in &values {
-        oscillation(cases, value, [1.0, value])?;
-    }
-    cases.family("simulated stiff joint", "stiffness, N m/rad");
-    for &value in &values {
-        let mut of = rods(2)?;
-        of.joints[1].terms = Terms { stiffness: value, damping: value.sqrt(), ..Terms::default() };
-        against_reference(cases, "2 rods", value, of, &[])?;
-    }
-    cases.family("simulated gains", "kp of all actuators, kd its root");
-    for name in ["lambda", "torso"] {
-        let of = bundled(name)?;
-        let n_u = Robot::new(name, of.clone())?.compiled.model.sizes().n_u;
-        for &value in &values {
-            let source = Source::Gains {
-                stiffness: vec![value; n_u],
-                damping: vec![value.sqrt(); n_u],
-                target: vec![0.01; n_u],
-            };
-            let input = Input { space: Space::Actuator, source };
-            against_reference(cases, name, value, of.clone(), &[input])?;
-        }
-    }
-    Ok(())
+pub(crate) fn springs(cases: &mut Cases, effort: &Effort) -> Outcome {
+    stiff(effort).into_iter().try_for_each(|k| oscillation(cases, k, [k, k.sqrt()]))
+}
+
+/// A damper that gets stiffer.
+pub(crate) fn dampers(cases: &mut Cases, effort: &Effort) -> Outcome {
+    stiff(effort).into_iter().try_for_each(|d| oscillation(cases, d, [1.0, d]))
 }
 
 /// A mass of 1 kg on a slider, with a spring and a damper, that starts at 1 from rest.
@@ -65,9 +38,42 @@ fn oscillation(cases: &mut Cases, value: f64, [stiffness, damping]: [f64; 2]) ->
         Ok(run.samples.iter().fold(0.0, |e: f64, at| e.max(off(at.y[0], at.time))))
     };
     let start = from(&[1.0], &[0.0]);
-    let trial =
-        Trial { robot: &robot, inputs: &[], start, error: &error, reference: "closed form" };
+    let reference = "closed form";
+    let trial = Trial { robot: &robot, inputs: &[], start, error: &error, reference };
     trial.every_method(cases, value)
+}
+
+/// Stiffness, damping and gains.
+fn stiff(effort: &Effort) -> Vec<f64> {
+    powers(effort, 0, 9, 3)
+}
+
+/// Two rods with a stiff joint between them.
+pub(crate) fn stiff_joints(cases: &mut Cases, effort: &Effort) -> Outcome {
+    for value in stiff(effort) {
+        let mut of = rods(2)?;
+        of.joints[1].terms = Terms { stiffness: value, damping: value.sqrt(), ..Terms::default() };
+        against_reference(cases, &Robot::new("2 rods", of)?, value, &[])?;
+    }
+    Ok(())
+}
+
+/// Actuators with stiff position control.
+pub(crate) fn gains(cases: &mut Cases, effort: &Effort) -> Outcome {
+    for name in ["lambda", "torso"] {
+        let robot = Robot::new(name, bundled(name)?)?;
+        let n_u = robot.compiled.model.sizes().n_u;
+        for value in stiff(effort) {
+            let source = Source::Gains {
+                stiffness: vec![value; n_u],
+                damping: vec![value.sqrt(); n_u],
+                target: vec![0.01; n_u],
+            };
+            let input = Input { space: Space::Actuator, source };
+            against_reference(cases, &robot, value, &[input])?;
+        }
+    }
+    Ok(())
 }
 
 /// Where it is after t when it starts at 1 from rest.
@@ -85,50 +91,49 @@ fn swung(stiffness: f64, damping: f64, t: f64) -> f64 {
 }
 
 /// Every method against the implicit one at its least tolerance.
-fn against_reference(
-    cases: &mut Cases,
-    name: &str,
-    value: f64,
-    of: Description,
-    inputs: &[Input],
-) -> Outcome {
-    let robot = Robot::new(name, of)?;
-    let state = State::of(&robot, 0.1)?;
+fn against_reference(cases: &mut Cases, robot: &Robot, value: f64, inputs: &[Input]) -> Outcome {
+    let state = State::of(robot, 0.1)?;
     let start = from(&state.y, &vec![0.0; state.yd.len()]);
-    let exact = reference_run(&robot, inputs, &start, settings(Method::Radau5, 1.0))?;
+    let exact = reference_run(robot, inputs, &start, settings(Method::Radau5, 1.0))?;
     let error = |run: &Run| Ok(apart(run, &exact));
-    let trial = Trial { robot: &robot, inputs, start, error: &error, reference: RADAU };
-    trial.every_method(cases, value)
+    Trial { robot, inputs, start, error: &error, reference: RADAU }.every_method(cases, value)
 }
 
 /// The reference of the implicit method.
 const RADAU: &str = "Radau at 1e-13";
 
-/// Fixed steps from too long to short, tolerances from none to all.
-pub(crate) fn steps_and_tolerances(cases: &mut Cases, effort: &Effort) -> Outcome {
-    let steps = powers(effort, -4, 0, 4);
-    let tolerances = powers(effort, -13, -1, 4);
+/// Fixed steps from too long to short.
+pub(crate) fn steps(cases: &mut Cases, effort: &Effort) -> Outcome {
+    to_the_end(cases, [Method::Euler, Method::RungeKutta], &powers(effort, -4, 0, 4), |plain, x| {
+        Settings { step: Some(x), most_steps: 20_000, ..plain }
+    })
+}
+
+/// Tolerances from none to all.
+pub(crate) fn tolerances(cases: &mut Cases, effort: &Effort) -> Outcome {
+    to_the_end(cases, [Method::Dop853, Method::Radau5], &powers(effort, -13, -1, 4), |plain, x| {
+        Settings { rtol: x, atol: x, ..plain }
+    })
+}
+
+/// Compares at the end alone: samples on the way would shorten the steps.
+fn to_the_end(
+    cases: &mut Cases,
+    methods: [Method; 2],
+    values: &[f64],
+    set: fn(Settings, f64) -> Settings,
+) -> Outcome {
     for name in ["pendulum", "lambda", "four_bars_2"] {
         let robot = Robot::new(name, if name == "pendulum" { rods(1)? } else { bundled(name)? })?;
         let start = from(&[0.3], &[1.0]);
-        // compared at the end alone: samples on the way would shorten the steps
         let at_end = |method| Settings { every: Some(1.0), ..settings(method, 1.0) };
         let exact = reference_run(&robot, &[], &start, at_end(Method::Radau5))?;
         let error = |run: &Run| Ok(apart(run, &exact));
         let trial = Trial { robot: &robot, inputs: &[], start, error: &error, reference: RADAU };
-        cases.family("step", "s");
-        for method in [Method::Euler, Method::RungeKutta] {
-            for &value in &steps {
-                let step = Some(value);
-                let settings = Settings { step, most_steps: 20_000, ..at_end(method) };
-                trial.run(cases, At { value, method: method.name() }, &settings)?;
-            }
-        }
-        cases.family("tolerance", "relative and absolute tolerance");
-        for method in [Method::Dop853, Method::Radau5] {
-            for &value in &tolerances {
-                let settings = Settings { rtol: value, atol: value, ..at_end(method) };
-                trial.run(cases, At { value, method: method.name() }, &settings)?;
+        for method in methods {
+            for &value in values {
+                let at = At { value, method: method.name() };
+                trial.run(cases, at, &set(at_end(method), value))?;
             }
         }
     }
@@ -138,7 +143,6 @@ pub(crate) fn steps_and_tolerances(cases: &mut Cases, effort: &Effort) -> Outcom
 /// Without gravity and damping the energy stays, and the angular momentum about the first axis:
 /// (M_y ẏ) of the first joint.
 pub(crate) fn conservation(cases: &mut Cases, effort: &Effort) -> Outcome {
-    cases.family("conservation", "s simulated without gravity, damping and forces");
     let mut of = rods(3)?;
     of.gravity = [0.0; 3];
     let robot = Robot::new("3 rods", of)?;
@@ -170,42 +174,36 @@ pub(crate) fn conservation(cases: &mut Cases, effort: &Effort) -> Outcome {
     Ok(())
 }
 
-/// Starts off their loops are put on them, and how far is reported; numbers that are none are
-/// refused.
-pub(crate) fn starts(cases: &mut Cases, effort: &Effort) -> Outcome {
-    cases.family("simulation off its loops", "rad or tenths of the length");
+/// Starts off their loops are put on them, and how far is reported.
+pub(crate) fn off_loops(cases: &mut Cases, effort: &Effort) -> Outcome {
     for name in ["lambda", "wrist", "four_bars_2"] {
-        off_loops(cases, &Robot::new(name, bundled(name)?)?, &powers(effort, -15, -1, 4))?;
-    }
-    cases.family("simulation of nothing", "what is wrong: 1 NaN, 2 ∞, 3 zero, 4 negative, 5 1e300");
-    of_nothing(cases)
-}
-
-fn off_loops(cases: &mut Cases, robot: &Robot, values: &[f64]) -> Outcome {
-    let model = &robot.compiled.model;
-    let closed = Question::kinematics(&State::of(robot, 0.1)?).run(model)?;
-    let q = closed.get(Field::Q);
-    let start = |q: Vec<f64>| Start::Tree { q, qd: closed.get(Field::Qd).to_vec() };
-    let radau = settings(Method::Radau5, 0.1);
-    let exact = reference_run(robot, &[], &start(q.to_vec()), radau)?;
-    let error = |run: &Run| Ok(apart(run, &exact));
-    let independent = model.independent_q_names();
-    for &value in values {
-        let mut moved = q.to_vec();
-        for (k, off) in offsets(robot, value, 0).into_iter().enumerate() {
-            if !independent.contains(&model.tree_q_names()[k]) {
-                moved[k] += off;
+        let robot = &Robot::new(name, bundled(name)?)?;
+        let model = &robot.compiled.model;
+        let closed = Question::kinematics(&State::of(robot, 0.1)?).run(model)?;
+        let q = closed.get(Field::Q);
+        let start = |q: Vec<f64>| Start::Tree { q, qd: closed.get(Field::Qd).to_vec() };
+        let radau = settings(Method::Radau5, 0.1);
+        let exact = reference_run(robot, &[], &start(q.to_vec()), radau)?;
+        let error = |run: &Run| Ok(apart(run, &exact));
+        let independent = model.independent_q_names();
+        for value in powers(effort, -15, -1, 4) {
+            let mut moved = q.to_vec();
+            for (k, off) in offsets(robot, value, 0).into_iter().enumerate() {
+                if !independent.contains(&model.tree_q_names()[k]) {
+                    moved[k] += off;
+                }
             }
+            let start = start(moved);
+            let reference = "from the closed pose";
+            let trial = Trial { robot, inputs: &[], start, error: &error, reference };
+            trial.run(cases, At { value, method: "dop853" }, &settings(Method::Dop853, 0.1))?;
         }
-        let start = start(moved);
-        let reference = "from the closed pose";
-        let trial = Trial { robot, inputs: &[], start, error: &error, reference };
-        trial.run(cases, At { value, method: "dop853" }, &settings(Method::Dop853, 0.1))?;
     }
     Ok(())
 }
 
-fn of_nothing(cases: &mut Cases) -> Outcome {
+/// Numbers that cannot be simulated are refused.
+pub(crate) fn of_nothing(cases: &mut Cases, _: &Effort) -> Outcome {
     let robot = Robot::new("lambda", bundled("lambda")?)?;
     let at_end = |method| Settings { every: Some(0.1), ..settings(method, 0.1) };
     let exact = reference_run(&robot, &[], &from(&[0.1], &[0.0]), at_end(Method::Radau5))?;

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use sarrus_dynamics::description::Description;
 use sarrus_dynamics::scalar::Dd;
 use sarrus_dynamics::{Field, Method, Request, Status, Warnings};
 
@@ -10,39 +11,7 @@ use super::question::{Answered, Question, State, backward_error, error};
 use super::robot::Robot;
 use crate::Outcome;
 use crate::page::Assessment;
-
-/// One case: a robot, a parameter at a value, a question, and the result.
-#[derive(Clone, Debug)]
-pub(crate) struct Case {
-    /// The family, such as `mass ratio`.
-    pub(crate) family: &'static str,
-    /// The robot.
-    pub(crate) mechanism: String,
-    /// The swept parameter.
-    pub(crate) parameter: &'static str,
-    /// Its value.
-    pub(crate) value: f64,
-    /// How it was answered: how loops are closed, and by which method forward dynamics went.
-    pub(crate) method: String,
-    /// The question.
-    pub(crate) asked: String,
-    /// The status, or the error at load.
-    pub(crate) status: String,
-    /// Warnings of the answer.
-    pub(crate) warnings: Vec<String>,
-    /// Error by size against the reference, where there is an answer.
-    pub(crate) error: Option<f64>,
-    /// The reference.
-    pub(crate) reference: &'static str,
-    /// Forward dynamics: backward error.
-    pub(crate) backward: Option<f64>,
-    /// Time of a call in nanoseconds, where it was taken.
-    pub(crate) nanoseconds: Option<f64>,
-    /// Reports beside the status.
-    pub(crate) reported: String,
-    /// The assessment.
-    pub(crate) assessment: Assessment,
-}
+pub(crate) use crate::page::Case;
 
 /// The reference of an answer.
 pub(crate) enum Reference<'a> {
@@ -60,8 +29,8 @@ pub(crate) enum Reference<'a> {
 #[derive(Default)]
 pub(crate) struct Cases {
     pub(crate) all: Vec<Case>,
-    /// Family and robot of the cases whose reference is no truth.
-    pub(crate) not_judged: Vec<(&'static str, String)>,
+    /// How many cases have a reference that is no truth.
+    pub(crate) not_judged: usize,
     family: &'static str,
     parameter: &'static str,
 }
@@ -86,28 +55,17 @@ impl Cases {
         (self.family, self.parameter) = (family, parameter);
     }
 
-    /// The family of the cases that follow.
-    pub(crate) fn family_name(&self) -> &'static str {
-        self.family
-    }
-
     /// A case with nothing but its place.
-    pub(crate) fn blank(&self, mechanism: &str, at: At<'_>, asked: &str) -> Case {
+    pub(crate) fn blank(&self, robot: &str, at: At<'_>, asked: &str) -> Case {
         Case {
             family: self.family,
-            mechanism: mechanism.to_owned(),
+            robot: robot.to_owned(),
             parameter: self.parameter,
             value: at.value,
             method: at.method.to_owned(),
             asked: asked.to_owned(),
-            status: String::new(),
-            warnings: vec![],
-            error: None,
             reference: "double-double",
-            backward: None,
-            nanoseconds: None,
-            reported: String::new(),
-            assessment: Assessment::FailedSilently,
+            ..Case::default()
         }
     }
 
@@ -115,7 +73,7 @@ impl Cases {
     /// it must be; without warnings.
     pub(crate) fn ended(
         &self,
-        mechanism: &str,
+        robot: &str,
         at: At<'_>,
         asked: &str,
         (status, error, empty): (Status, Option<f64>, bool),
@@ -124,7 +82,7 @@ impl Cases {
             status: status.name().to_owned(),
             error,
             assessment: assess(status, Warnings::NONE, error.unwrap_or(f64::INFINITY), empty),
-            ..self.blank(mechanism, at, asked)
+            ..self.blank(robot, at, asked)
         }
     }
 
@@ -150,7 +108,7 @@ impl Cases {
     /// Adds a case that ended before there was anything to ask.
     pub(crate) fn refused(
         &mut self,
-        mechanism: &str,
+        robot: &str,
         at: At<'_>,
         asked: &str,
         status: &str,
@@ -161,15 +119,15 @@ impl Cases {
             reported,
             assessment: Assessment::Failed,
             reference: "-",
-            ..self.blank(mechanism, at, asked)
+            ..self.blank(robot, at, asked)
         };
         self.all.push(case);
     }
 
     /// Loads a robot at a value of the parameter; a refused one is a case of its own that reports
     /// the error.
-    pub(crate) fn load(&mut self, name: &str, at: At<'_>, robot: Outcome<Robot>) -> Option<Robot> {
-        robot
+    pub(crate) fn load(&mut self, name: &str, at: At<'_>, of: Description) -> Option<Robot> {
+        Robot::new(name, of)
             .map_err(|error| self.refused(name, at, "load", "refused at load", error.to_string()))
             .ok()
     }
@@ -187,8 +145,13 @@ impl Cases {
         let ok = answer.status() == Status::Ok;
         let (numbers, source) =
             if ok { reference_numbers(robot, ask, reference)? } else { (None, "-") };
-        let error =
-            ok.then(|| numbers.map_or(f64::INFINITY, |numbers| error(robot, &answer, &numbers)));
+        let worst = |exact: Vec<(Field, Vec<Dd>)>| {
+            let error = |(field, exact): &(Field, Vec<Dd>)| {
+                error(robot, *field, answer.get(*field), exact, 0.0)
+            };
+            exact.iter().map(error).fold(0.0, f64::max)
+        };
+        let error = ok.then(|| numbers.map_or(f64::INFINITY, worst));
         let forward = ok
             && ask.request == Request::ForwardDynamics
             && ask.given.iter().any(|(field, _)| *field == Field::TauY);
@@ -268,21 +231,15 @@ fn reference_numbers(
 
 /// Further diagnostics after a failure, beside status and warnings.
 fn reported(robot: &Robot, ask: &Question, answer: &Answered<f64>) -> Outcome<String> {
-    use Field::*;
+    use Field::{NearestY, Residual, SigmaMin, Uncontrolled};
     if matches!(
         answer.status(),
         Status::Ok | Status::NonFiniteInput | Status::BadRequest | Status::MassNotPositive
     ) {
         return Ok(String::new());
     }
-    let given = ask
-        .given
-        .iter()
-        .filter(|(field, _)| matches!(field, Y | Q | U | QGuess))
-        .cloned()
-        .collect();
     let want = [Residual, SigmaMin, NearestY, Uncontrolled];
-    let helps = Question::new(Request::Kinematics, given, &want).run(&robot.compiled.model)?;
+    let helps = beside(robot, ask, Request::Kinematics, &want)?;
     let mut reported: Vec<Cow<'_, str>> = Vec::new();
     for (field, name) in [
         (Residual, "residual"),
@@ -306,18 +263,23 @@ fn reported(robot: &Robot, ask: &Question, answer: &Answered<f64>) -> Outcome<St
 
 /// The figures by which a user can assess an answer.
 fn figures(robot: &Robot, ask: &Question) -> Outcome<String> {
-    use Field::{CondGu, CondMy, Q, QGuess, SigmaMin, U, Y};
-    let given: Vec<_> = ask
-        .given
-        .iter()
-        .filter(|(field, _)| matches!(field, Y | Q | U | QGuess))
-        .cloned()
-        .collect();
-    let want = [SigmaMin, CondGu, CondMy];
-    let figures =
-        Question::new(Request::InverseDynamics, given, &want).run(&robot.compiled.model)?;
+    let want = [Field::SigmaMin, Field::CondGu, Field::CondMy];
+    let figures = beside(robot, ask, Request::InverseDynamics, &want)?;
     let reported = want.map(|field| {
         figures.get(field).first().map_or(String::new(), |x| format!("{} {x:.1e}", field.name()))
     });
     Ok(reported.join(", "))
+}
+
+/// The answer to another question at the same position.
+fn beside(
+    robot: &Robot,
+    ask: &Question,
+    request: Request,
+    want: &[Field],
+) -> Outcome<Answered<f64>> {
+    use Field::{Q, QGuess, U, Y};
+    let position = |(field, _): &&(Field, Vec<f64>)| matches!(field, Y | Q | U | QGuess);
+    let given = ask.given.iter().filter(position).cloned().collect();
+    Question::new(request, given, want).run(&robot.compiled.model)
 }

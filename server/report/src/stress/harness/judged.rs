@@ -5,7 +5,7 @@ use sarrus_dynamics::{Field, Method, Request, Status};
 
 use super::assess::HELD;
 use super::case::{At, Case, Cases};
-use super::question::{Answered, Question, by_size};
+use super::question::{Answered, Question, error};
 use super::robot::Robot;
 use crate::Outcome;
 
@@ -47,7 +47,7 @@ impl Cases {
                 let second = second_reference(robot, ask)?;
                 if second.status() != Status::Ok || largest(robot, ask, &second, &exact).1 > CERTAIN
                 {
-                    self.not_judged.push((self.family_name(), robot.name.clone()));
+                    self.not_judged += 1;
                     return Ok(());
                 }
                 let (field, error) = largest(robot, ask, &answer, &exact);
@@ -77,8 +77,14 @@ fn second_reference(robot: &Robot, ask: &Question) -> Outcome<Answered<Dd>> {
         _ => Method::Recursion,
     };
     let method = (ask.request == Request::ForwardDynamics).then_some(other);
-    Question { method, ..ask.clone() }.run_with(exact, &|k, x| {
-        let sign = if k % 2 == 0 { CHANGE } else { -CHANGE };
+    nudged(robot, &Question { method, ..ask.clone() }, CHANGE)
+}
+
+/// The answer in double-double to inputs that are changed by this much of themselves, by turns up
+/// and down.
+fn nudged(robot: &Robot, ask: &Question, size: f64) -> Outcome<Answered<Dd>> {
+    ask.run_with(&robot.compiled.exact, &|k, x| {
+        let sign = if k % 2 == 0 { size } else { -size };
         Dd::from(x) + Dd::from(x * sign)
     })
 }
@@ -86,10 +92,7 @@ fn second_reference(robot: &Robot, ask: &Question) -> Outcome<Answered<Dd>> {
 /// The change of the exact answer where each input is off by half an ulp or less, which no
 /// computation in doubles can avoid.
 fn moved(robot: &Robot, ask: &Question, exact: &Answered<Dd>) -> Outcome<f64> {
-    let near = ask.run_with(&robot.compiled.exact, &|k, x| {
-        let sign = if k % 2 == 0 { ULP } else { -ULP };
-        Dd::from(x) + Dd::from(x * sign)
-    })?;
+    let near = nudged(robot, ask, ULP)?;
     let ok = near.status() == Status::Ok;
     Ok(if ok { largest(robot, ask, &near, exact).1 } else { f64::INFINITY })
 }
@@ -103,47 +106,11 @@ fn largest<T: Real>(
 ) -> (Option<Field>, f64) {
     ask.want
         .iter()
-        .map(|field| (Some(*field), error(robot, ask, *field, answer, exact)))
+        .map(|&field| {
+            let least = natural(ask, field);
+            (Some(field), error(robot, field, answer.get(field), exact.get(field), least))
+        })
         .fold((None, 0.0), |worst, next| if next.1 > worst.1 { next } else { worst })
-}
-
-/// max |x − exact| / max |exact| of a field, lengths in those of the robot; infinite where there is
-/// no number.
-fn error<T: Real>(
-    robot: &Robot,
-    ask: &Question,
-    field: Field,
-    answer: &Answered<T>,
-    exact: &Answered<Dd>,
-) -> f64 {
-    let exact = exact.get(field);
-    let units = units(robot, field, exact.len());
-    let mut pairs = answer.get(field).iter().zip(exact).zip(&units).map(|((x, exact), unit)| {
-        (unit * (double_double(*x) - *exact).to_f64(), unit * exact.to_f64())
-    });
-    by_size(&mut pairs, natural(ask, field))
-}
-
-/// A number of any scalar with all digits that double-double has.
-fn double_double<T: Real>(x: T) -> Dd {
-    let hi = x.to_f64();
-    Dd::from(hi) + Dd::from((x - T::from_f64(hi)).to_f64())
-}
-
-/// Factors that convert the numbers of a field into radians and moments.
-fn units(robot: &Robot, field: Field, n: usize) -> Vec<f64> {
-    let of = |field| robot.units(field).unwrap_or_default();
-    let outer = |rows: Vec<f64>, columns: Vec<f64>| -> Vec<f64> {
-        rows.iter().flat_map(|row| columns.iter().map(move |column| row / column)).collect()
-    };
-    let units = match field {
-        G => outer(of(Qd), of(Yd)),
-        GU => outer(of(Ud), of(Yd)),
-        MY => outer(of(TauY), of(Yd)),
-        GUBias => of(Udd),
-        _ => of(field),
-    };
-    if units.len() == n { units } else { vec![1.0; n] }
 }
 
 /// The size below which a field is nothing, from a radian, the speed given, its square and the

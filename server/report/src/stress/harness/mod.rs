@@ -1,17 +1,23 @@
 //! The harness of stress cases: a robot, a question, a reference, an assessment.
 //!
-//! Each file knows those before it: `robot`, `question`, `assess`, `case`, `judged`,
-//! `runs`, `simulations`.
+//! Each file knows those before it: `robot`, `question`, `assess`, `case`, `judged`, `runs`.
 
 use crate::measure::Effort;
 
-pub(super) mod assess;
-pub(super) mod case;
-pub(super) mod judged;
-pub(super) mod question;
-pub(super) mod robot;
-pub(super) mod runs;
-pub(super) mod simulations;
+mod assess;
+mod case;
+mod judged;
+mod question;
+mod robot;
+mod runs;
+
+pub(super) use self::assess::{HELD, warned};
+pub(super) use self::case::{At, Case, Cases, Reference};
+pub(super) use self::question::{Question, State, backward_error, error, off_loops, offsets};
+pub(super) use self::robot::{
+    Robot, Slide, Turn, X, Y, Z, bundled, cut, finish, heavier, joint, mechanism, numerical, scaled,
+};
+pub(super) use self::runs::{Trial, apart, from, reference_run, settings};
 
 /// Powers of ten from 10^from to 10^to: every one, or with little effort this many steps.
 pub(super) fn powers(effort: &Effort, from: i32, to: i32, steps: i32) -> Vec<f64> {

@@ -10,6 +10,7 @@ use sarrus_dynamics::{
 
 use super::robot::Robot;
 use crate::Outcome;
+use crate::reference::by_size;
 
 use Field::*;
 
@@ -48,7 +49,7 @@ impl State {
     /// slides; forces of the size of its own.
     pub(crate) fn of(robot: &Robot, reach: f64) -> Outcome<State> {
         let model = &robot.compiled.model;
-        let units = |field| robot.units(field).unwrap_or_default();
+        let units = |field| robot.units(field);
         let names = model.independent_q_names();
         let of_v = units(Yd);
         let unit_of: HashMap<&String, f64> = model.tree_q_names().iter().zip(units(Q)).collect();
@@ -93,6 +94,24 @@ impl State {
         given.extend([(Yd, self.yd.clone()), (field, numbers.to_vec())]);
         given
     }
+}
+
+/// By how much to move each tree coordinate so that loops open: up to `size` radians, or tenths of
+/// the robot's length. `first` numbers the first coordinate.
+pub(crate) fn offsets(robot: &Robot, size: f64, first: usize) -> Vec<f64> {
+    let units = robot.units(Q);
+    let off = |(k, unit): (usize, &f64)| {
+        let share = if *unit == 1.0 { 1.0 } else { 0.1 };
+        size * (2.4 * (k + first) as f64).sin() / unit * share
+    };
+    units.iter().enumerate().map(off).collect()
+}
+
+/// A closed state in all tree coordinates, the pose then moved off the loops by this much.
+pub(crate) fn off_loops(robot: &Robot, value: f64) -> Outcome<(Vec<f64>, Vec<f64>)> {
+    let closed = Question::kinematics(&State::of(robot, 0.1)?).run(&robot.compiled.model)?;
+    let pairs = closed.get(Q).iter().zip(offsets(robot, value, 1));
+    Ok((pairs.map(|(q, off)| q + off).collect(), closed.get(Qd).to_vec()))
 }
 
 impl Question {
@@ -168,13 +187,10 @@ impl Question {
             let slot = plan.given().slot(*field).ok_or("a field that is not packed")?;
             let place = &mut input[slot.range()];
             if place.len() != numbers.len() {
-                return Err(format!(
-                    "{} numbers for {}, which has {}",
-                    numbers.len(),
-                    field.name(),
-                    place.len()
-                )
-                .into());
+                let counts = [numbers.len(), place.len()];
+                return Err(
+                    format!("{}: given and expected numbers {counts:?}", field.name()).into()
+                );
             }
             let numbers = numbers.iter().enumerate();
             place.iter_mut().zip(numbers).for_each(|(to, (k, x))| *to = number(k, *x));
@@ -233,37 +249,26 @@ impl<T: PlanScalar> Answered<T> {
     }
 }
 
-/// The largest of some errors by the size of the largest of their references, or by `least` where
-/// that is larger; pairs of error and reference. An error that is no number is infinite.
-pub(crate) fn by_size(pairs: &mut dyn Iterator<Item = (f64, f64)>, least: f64) -> f64 {
-    let mut worst: f64 = 0.0;
-    let mut size = least.max(f64::MIN_POSITIVE);
-    for (error, reference) in pairs {
-        worst = if error.is_nan() { f64::INFINITY } else { worst.max(error.abs()) };
-        size = size.max(reference.abs());
-    }
-    if worst == 0.0 { 0.0 } else { worst / size }
+/// max |x − exact| / max(|exact|, least) of a field, lengths in those of the robot; infinite where
+/// there is no number.
+pub(crate) fn error<T: Real>(
+    robot: &Robot,
+    field: Field,
+    numbers: &[T],
+    exact: &[Dd],
+    least: f64,
+) -> f64 {
+    let units = robot.units_of(field, exact.len());
+    let pairs = numbers.iter().zip(exact).zip(units).map(|((x, exact), unit)| {
+        (unit * (double_double(*x) - *exact).to_f64(), unit * exact.to_f64())
+    });
+    by_size(pairs, least)
 }
 
-/// Errors and references of numbers, each times its unit.
-pub(crate) fn errors<'a>(
-    numbers: &'a [f64],
-    reference: &'a [Dd],
-    units: &'a [f64],
-) -> impl Iterator<Item = (f64, f64)> + 'a {
-    numbers.iter().zip(reference).zip(units).map(|((x, reference), unit)| {
-        (unit * (Dd::from(*x) - *reference).to_f64(), unit * reference.to_f64())
-    })
-}
-
-/// The largest error of an answer by size, over the fields that the reference has: max |x −
-/// reference| / max |reference|, lengths in those of the robot.
-pub(crate) fn error(robot: &Robot, answer: &Answered<f64>, reference: &[(Field, Vec<Dd>)]) -> f64 {
-    let of_field = |(field, reference): &(Field, Vec<Dd>)| {
-        let units = robot.units(*field).unwrap_or_else(|| vec![1.0; reference.len()]);
-        by_size(&mut errors(answer.get(*field), reference, &units), 0.0)
-    };
-    reference.iter().map(of_field).fold(0.0, f64::max)
+/// A number of any scalar with all digits that double-double has.
+fn double_double<T: Real>(x: T) -> Dd {
+    let hi = x.to_f64();
+    Dd::from(hi) + Dd::from((x - T::from_f64(hi)).to_f64())
 }
 
 /// ‖M_y ÿ + C_y − τ_y‖ / (‖M_y‖‖ÿ‖ + ‖C_y‖ + ‖τ_y‖) of an answer to forward dynamics, by inverse
@@ -276,34 +281,27 @@ pub(crate) fn backward_error(
 ) -> Outcome<f64> {
     let exact = &robot.compiled.exact;
     let inverse = |ydd: Vec<f64>| {
-        let given = ask
-            .given
-            .iter()
-            .filter(|(field, _)| *field != TauY)
-            .cloned()
-            .chain([(Ydd, ydd)])
-            .collect();
-        Question {
-            wrenches: ask.wrenches.clone(),
-            ..Question::new(Request::InverseDynamics, given, &[TauY])
-        }
-        .run(exact)
+        let given = ask.given.iter().filter(|(field, _)| *field != TauY).cloned();
+        let given = given.chain([(Ydd, ydd)]).collect();
+        let inverse = Question::new(Request::InverseDynamics, given, &[TauY]);
+        Question { wrenches: ask.wrenches.clone(), ..inverse }.run(exact)
     };
     let ydd = answer.get(Ydd);
-    let n = answer.get(Ydd).len();
-    let (back, bias, ones) =
-        (inverse(ydd.to_vec())?, inverse(vec![0.0; n])?, inverse(vec![1.0; n])?);
+    let n = ydd.len();
+    let back = inverse(ydd.to_vec())?;
+    let bias = inverse(vec![0.0; n])?;
+    let ones = inverse(vec![1.0; n])?;
+    let [back, bias, ones] = [&back, &bias, &ones].map(|of| of.get(TauY));
     let tau = ask.given.iter().find(|(field, _)| *field == TauY).map_or(&[][..], |(_, tau)| tau);
-    let units = robot.units(TauY).unwrap_or_default();
-    let largest = |x: &mut dyn Iterator<Item = f64>| {
-        x.fold(0.0, |size: f64, x| if x.is_nan() { f64::INFINITY } else { size.max(x.abs()) })
+    let units = robot.units(TauY);
+    let largest = |x: &dyn Fn(usize) -> f64| {
+        (0..n)
+            .map(x)
+            .fold(0.0, |size: f64, x| if x.is_nan() { f64::INFINITY } else { size.max(x.abs()) })
     };
-    let residual =
-        largest(&mut (0..n).map(|i| units[i] * (back.get(TauY)[i] - Dd::from(tau[i])).to_f64()));
-    let sums =
-        largest(&mut (0..n).map(|i| units[i] * (ones.get(TauY)[i] - bias.get(TauY)[i]).to_f64()));
-    let size = sums * largest(&mut ydd.iter().copied())
-        + largest(&mut (0..n).map(|i| units[i] * bias.get(TauY)[i].to_f64()))
-        + largest(&mut (0..n).map(|i| units[i] * tau[i]));
+    let residual = largest(&|i| units[i] * (back[i] - Dd::from(tau[i])).to_f64());
+    let size = largest(&|i| units[i] * (ones[i] - bias[i]).to_f64()) * largest(&|i| ydd[i])
+        + largest(&|i| units[i] * bias[i].to_f64())
+        + largest(&|i| units[i] * tau[i]);
     Ok(if residual == 0.0 { 0.0 } else { residual / size })
 }

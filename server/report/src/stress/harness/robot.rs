@@ -4,11 +4,11 @@ use std::collections::HashSet;
 
 use sarrus_dynamics::description::{Cut, Description, Placement};
 use sarrus_dynamics::{Compiled, Field, Method, Model};
-use sarrus_models::{Options, Source, load};
 
 use crate::Outcome;
 
-pub(crate) use crate::robots::catalogue::numerical;
+use crate::robots::catalogue::closures;
+pub(crate) use crate::robots::catalogue::{bundled, numerical};
 pub(crate) use crate::robots::small::{Slide, Turn, X, Y, Z, cut, finish, joint, mechanism};
 
 /// A robot ready to be asked.
@@ -68,19 +68,29 @@ impl Robot {
 
     /// How its loops are closed, in a word.
     pub(crate) fn closures(&self) -> &'static str {
-        use sarrus_dynamics::ClosureKind::{Analytic, Numerical};
-        let has = |kind| self.compiled.model.closures().iter().any(|closure| closure.kind == kind);
-        match (has(Analytic), has(Numerical)) {
-            (true, true) => "hybrid",
-            (true, false) => "analytic",
-            (false, true) => "numerical",
-            (false, false) => "no loops",
-        }
+        closures(&self.compiled.model).unwrap_or("no loops")
     }
 
-    /// The factor that makes each number of a field one of radians and moments; `None` where a
-    /// field has one unit.
-    pub(crate) fn units(&self, field: Field) -> Option<Vec<f64>> {
+    /// The factors that make the n numbers of a field radians and moments.
+    pub(crate) fn units_of(&self, field: Field, n: usize) -> Vec<f64> {
+        use Field::*;
+        let of = |field| self.units(field);
+        let outer = |rows: Vec<f64>, columns: Vec<f64>| -> Vec<f64> {
+            rows.iter().flat_map(|row| columns.iter().map(move |column| row / column)).collect()
+        };
+        let units = match field {
+            G => outer(of(Qd), of(Yd)),
+            GU => outer(of(Ud), of(Yd)),
+            MY => outer(of(TauY), of(Yd)),
+            GUBias => of(Udd),
+            _ => of(field),
+        };
+        if units.len() == n { units } else { vec![1.0; n] }
+    }
+
+    /// The factors that make the coordinates, velocities or forces of a field radians and moments;
+    /// none for other fields.
+    pub(crate) fn units(&self, field: Field) -> Vec<f64> {
         use Field::*;
         let model = &self.compiled.model;
         let (names, force) = match field {
@@ -91,7 +101,7 @@ impl Robot {
             TauY | CY | TauUnactuated => (model.independent_names(), true),
             U | Ud | Udd => (model.active_names(), false),
             TauU => (model.active_names(), true),
-            _ => return None,
+            _ => return vec![],
         };
         let moves = ["/x", "/y", "/z", "/tx", "/ty", "/tz"];
         let slides = |name: &String| {
@@ -102,13 +112,8 @@ impl Robot {
             (true, false) => 1.0 / self.length,
             (true, true) => self.length,
         };
-        Some(names.iter().map(unit).collect())
+        names.iter().map(unit).collect()
     }
-}
-
-/// The description of a bundled robot.
-pub(crate) fn bundled(name: &str) -> Outcome<Description> {
-    Ok(load(&Source::Bundled(name.to_owned()), &Options::default())?.description)
 }
 
 /// Mass and inertia of the links that `which` names times a factor.

@@ -1,13 +1,50 @@
-//! One simulation as a case.
+//! One simulation as a case: settings, starts, references.
 
-use sarrus_simulation::{EventKind, Input, Run, Settings, Setup, Start, simulate};
+use sarrus_simulation::{EventKind, Input, Method, Run, Settings, Setup, Start, simulate};
 
 use super::assess::HELD;
 use super::case::{At, Case, Cases};
-use super::question::by_size;
 use super::robot::Robot;
 use crate::Outcome;
 use crate::page::Assessment;
+use crate::reference::by_size;
+
+/// Samples of a run.
+pub(crate) const SAMPLES: f64 = 100.0;
+
+/// Settings of the methods: a fixed step, or tolerances, and a bound on the steps that a user would
+/// wait for.
+pub(crate) fn settings(method: Method, duration: f64) -> Settings {
+    let step = method.is_fixed().then_some(1e-3 * duration);
+    Settings {
+        step,
+        rtol: 1e-12,
+        atol: 1e-13,
+        every: Some(duration / SAMPLES),
+        most_steps: 5_000,
+        ..Settings::new(method, duration)
+    }
+}
+
+/// By the implicit method as exactly as it can.
+pub(crate) fn reference_run(
+    robot: &Robot,
+    inputs: &[Input],
+    start: &Start,
+    like: Settings,
+) -> Outcome<Run> {
+    let exact = Settings { rtol: 1e-13, atol: 1e-15, most_steps: 1_000_000, ..like };
+    let run = simulate(&setup(robot, inputs), start, &exact, &mut |_| ())?;
+    if run.end.is_finished() {
+        Ok(run)
+    } else {
+        Err(format!("the reference ended as {}", run.end.name()).into())
+    }
+}
+
+pub(crate) fn from(y: &[f64], yd: &[f64]) -> Start {
+    Start::Independent { y: y.to_vec(), yd: yd.to_vec(), guess: None }
+}
 
 /// Least ratio of estimate to error at which an estimate counts as a report of the error.
 const TELLS: f64 = 0.1;
@@ -24,7 +61,7 @@ pub(crate) struct Trial<'a> {
 }
 
 /// A robot with these inputs, and its own springs and dampers.
-pub(crate) fn setup<'a>(robot: &'a Robot, inputs: &'a [Input]) -> Setup<'a> {
+fn setup<'a>(robot: &'a Robot, inputs: &'a [Input]) -> Setup<'a> {
     Setup { description: &robot.description, compiled: &robot.compiled, springs: &[], inputs }
 }
 
@@ -34,13 +71,21 @@ pub(crate) fn apart(run: &Run, reference: &Run) -> f64 {
         return f64::INFINITY;
     }
     let samples = run.samples.iter().zip(&reference.samples);
-    let mut pairs = samples.flat_map(|(run, reference)| {
+    let pairs = samples.flat_map(|(run, reference)| {
         run.y.iter().zip(&reference.y).map(|(x, reference)| (x - reference, *reference))
     });
-    by_size(&mut pairs, 0.0)
+    by_size(pairs, 0.0)
 }
 
 impl Trial<'_> {
+    /// Simulates one second by every method with its usual settings.
+    pub(crate) fn every_method(&self, cases: &mut Cases, value: f64) -> Outcome {
+        for method in Method::ALL {
+            self.run(cases, At { value, method: method.name() }, &settings(method, 1.0))?;
+        }
+        Ok(())
+    }
+
     /// Simulates with an estimate of the error and assesses. Held: like any answer. Degraded,
     /// reported: the run's own estimate or its energy has the size of the error. Failed, reported:
     /// the run stops with a status or does not start.

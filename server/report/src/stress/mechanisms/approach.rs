@@ -7,8 +7,7 @@ use sarrus_dynamics::scalar::Dd;
 use sarrus_dynamics::{Field, Model, PlanScalar, Request, Status};
 
 use crate::Outcome;
-use crate::stress::harness::question::{Question, State};
-use crate::stress::harness::robot::{Robot, bundled, numerical};
+use crate::stress::harness::{Question, Robot, State, bundled, numerical};
 use crate::stress::mechanisms::{
     LOOSE, RHOMBUS, bricard, four_bar, lambda, reach_of_lambda, toggle,
 };
@@ -23,6 +22,11 @@ pub(crate) struct Approach {
 }
 
 impl Approach {
+    /// From zero.
+    fn new(robot: Robot, to: Vec<f64>, guessed: bool) -> Approach {
+        Approach { robot, from: vec![0.0; to.len()], to, guessed }
+    }
+
     /// The y at a distance from the singular pose, along the way.
     pub(crate) fn at(&self, distance: f64) -> Vec<f64> {
         let size = self.to.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -51,14 +55,7 @@ pub(crate) fn known() -> Outcome<Vec<Approach>> {
         ("Bricard cut at a revolute", bricard(true)?, -FRAC_PI_6),
     ];
     list.into_iter()
-        .map(|(name, of, reach)| {
-            Ok(Approach {
-                robot: Robot::new(name, of)?,
-                from: vec![0.0],
-                to: vec![reach],
-                guessed: false,
-            })
-        })
+        .map(|(name, of, reach)| Ok(Approach::new(Robot::new(name, of)?, vec![reach], false)))
         .collect()
 }
 
@@ -79,22 +76,17 @@ pub(crate) fn searched() -> Outcome<Vec<Approach>> {
         let mut guess = None;
         while low + step > low && low < 3.1 {
             let y = direction.iter().map(|x| (low + step) * x).collect();
-            let answer = Question::pose(&State { y, guess: guess.clone(), ..State::default() })
-                .run(&robot.compiled.exact)?;
-            if answer.status() == Status::Ok {
-                low += step;
-                guess = Some(answer.get(Field::Q).iter().map(|q| q.hi()).collect());
-            } else {
-                step *= 0.5;
+            match posed(&robot.compiled.exact, y, guess.clone())? {
+                Some(q) => {
+                    low += step;
+                    guess = Some(q.iter().map(|q| q.hi()).collect());
+                }
+                None => step *= 0.5,
             }
         }
         if low < 3.1 {
-            approaches.push(Approach {
-                robot,
-                from: vec![0.0; direction.len()],
-                to: direction.iter().map(|x| low * x).collect(),
-                guessed: true,
-            });
+            let to = direction.iter().map(|x| low * x).collect();
+            approaches.push(Approach::new(robot, to, true));
         }
     }
     Ok(approaches)
@@ -113,7 +105,8 @@ pub(crate) fn platform() -> Outcome<Approach> {
         y[axis] = turn;
         let answer = Question::new(Request::Kinematics, vec![(Field::Y, y)], &[Field::GU])
             .run(&robot.compiled.exact)?;
-        Ok(determinant(answer.get(Field::GU).to_vec(), 6) > 0.0)
+        let rows: Vec<Vec<Dd>> = answer.get(Field::GU).chunks(6).map(<[Dd]>::to_vec).collect();
+        Ok(determinant(&rows).hi() > 0.0)
     };
     let first = sign(0.0)?;
     let mut step = 0;
@@ -131,26 +124,15 @@ pub(crate) fn platform() -> Outcome<Approach> {
     Ok(Approach { robot, from: start.to_vec(), to, guessed: false })
 }
 
-/// Determinant by elimination with pivots.
-fn determinant(mut a: Vec<Dd>, n: usize) -> f64 {
-    let mut det = 1.0;
-    for k in 0..n {
-        let Some(pivot) = (k..n)
-            .max_by(|i, j| f64::total_cmp(&a[i * n + k].hi().abs(), &a[j * n + k].hi().abs()))
-        else {
-            return 0.0;
-        };
-        if pivot != k {
-            (0..n).for_each(|j| a.swap(k * n + j, pivot * n + j));
-            det = -det;
-        }
-        det *= a[k * n + k].hi();
-        for i in k + 1..n {
-            let factor = a[i * n + k] / a[k * n + k];
-            for j in k..n {
-                a[i * n + j] = a[i * n + j] - factor * a[k * n + j];
-            }
-        }
+/// Determinant by expansion along the first row.
+fn determinant(rows: &[Vec<Dd>]) -> Dd {
+    let Some((first, rest)) = rows.split_first() else { return Dd::from(1.0) };
+    let mut det = Dd::from(0.0);
+    for (j, x) in first.iter().enumerate() {
+        let without = |row: &Vec<Dd>| [&row[..j], &row[j + 1..]].concat();
+        let minor: Vec<Vec<Dd>> = rest.iter().map(without).collect();
+        let term = *x * determinant(&minor);
+        det = if j % 2 == 0 { det + term } else { det - term };
     }
     det
 }
@@ -159,22 +141,24 @@ fn determinant(mut a: Vec<Dd>, n: usize) -> f64 {
 /// where the way ends.
 pub(crate) fn followed<T: PlanScalar>(model: &Model<T>, y: &[f64]) -> Outcome<Option<Vec<T>>> {
     const STEPS: u32 = 200;
-    let mut guess: Option<Vec<f64>> = None;
+    let mut q: Option<Vec<T>> = None;
     for k in 1..=STEPS {
         let share = f64::from(k) / f64::from(STEPS);
-        let state = State {
-            y: y.iter().map(|y| y * share).collect(),
-            guess: guess.take(),
-            ..State::default()
-        };
-        let answer = Question::pose(&state).run(model)?;
-        if answer.status() != Status::Ok {
-            return Ok(None);
+        let guess = q.map(|q| q.iter().map(|q| q.to_f64()).collect());
+        q = posed(model, y.iter().map(|y| y * share).collect(), guess)?;
+        if q.is_none() {
+            break;
         }
-        if k == STEPS {
-            return Ok(Some(answer.get(Field::Q).to_vec()));
-        }
-        guess = Some(answer.get(Field::Q).iter().map(|q| q.to_f64()).collect());
     }
-    Ok(None)
+    Ok(q)
+}
+
+/// The closed pose, near a guess; none without an answer.
+pub(crate) fn posed<T: PlanScalar>(
+    model: &Model<T>,
+    y: Vec<f64>,
+    guess: Option<Vec<f64>>,
+) -> Outcome<Option<Vec<T>>> {
+    let answer = Question::pose(&State { y, guess, ..State::default() }).run(model)?;
+    Ok((answer.status() == Status::Ok).then(|| answer.get(Field::Q).to_vec()))
 }

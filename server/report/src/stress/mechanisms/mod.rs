@@ -1,8 +1,7 @@
-//! Small mechanisms that several families share; straight approaches to singular poses; states off
-//! their loops.
+//! Small mechanisms that several families share; straight approaches to singular poses.
 
 pub(super) mod approach;
-pub(super) mod open_loops;
+pub(super) mod plane;
 pub(super) mod poses;
 pub(super) mod trains;
 pub(super) mod weights;
@@ -12,9 +11,10 @@ use sarrus_dynamics::description::{Description, Inertial, SubmechanismKind as Ki
 
 use crate::Outcome;
 pub(crate) use crate::robots::small::{
-    LOOSE, RHOMBUS, bricard, door, four_bar, lambda, reach_of_lambda, toggle,
+    ARM_OF_LAMBDA, LOOSE, RHOMBUS, bricard, door, four_bar, lambda, reach_of_lambda, toggle,
+    way_of_lambda,
 };
-use crate::stress::harness::robot::{Turn, Z, joint, mechanism};
+use crate::stress::harness::{Turn, Z, joint, mechanism};
 
 pub(crate) const BASE: LinkId = LinkId::BASE;
 

@@ -23,7 +23,7 @@ pub(crate) fn open_by(of: &Description, q: &[(String, f64)], length: f64) -> Opt
         let [p, s] = [on(cut.predecessor, predecessor), on(cut.successor, successor)];
         let back = transposed(&p.turn);
         let turn = log(&times(&back, &s.turn));
-        let apart = apply(&back, minus(s.at, p.at));
+        let apart = apply(&back, std::array::from_fn(|k| s.at[k] - p.at[k]));
         for row in &cut.rows {
             let [a, l]: [[f64; 3]; 2] =
                 [std::array::from_fn(|k| row.axis[k]), std::array::from_fn(|k| row.axis[k + 3])];
@@ -58,14 +58,13 @@ fn motion(joint: &Joint, q: &[(String, f64)]) -> Option<Pose> {
     let x = q.iter().find(|(name, _)| *name == joint.name).map_or(0.0, |(_, x)| *x);
     let size = dot(joint.axis, joint.axis).sqrt();
     let axis = joint.axis.map(|a| a / size);
-    match joint.kind {
-        JointKind::Fixed => Some(Pose { turn: rotation(axis, 0.0), at: [0.0; 3] }),
-        JointKind::Revolute | JointKind::Continuous => {
-            Some(Pose { turn: rotation(axis, x), at: [0.0; 3] })
-        }
-        JointKind::Prismatic => Some(Pose { turn: rotation(axis, 0.0), at: axis.map(|a| a * x) }),
-        _ => None,
-    }
+    let (turn, way) = match joint.kind {
+        JointKind::Fixed => (0.0, 0.0),
+        JointKind::Revolute | JointKind::Continuous => (x, 0.0),
+        JointKind::Prismatic => (0.0, x),
+        _ => return None,
+    };
+    Some(Pose { turn: rotation(axis, turn), at: axis.map(|a| a * way) })
 }
 
 fn placed(place: &Placement) -> Pose {
@@ -114,10 +113,6 @@ fn apply(a: &Matrix, v: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|i| dot(a[i], v))
 }
 
-fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|k| a[k] - b[k])
-}
-
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
@@ -128,8 +123,7 @@ mod tests {
     use sarrus_dynamics::{Field, Status};
 
     use super::*;
-    use crate::stress::harness::question::{Question, State};
-    use crate::stress::harness::robot::{Robot, bundled, numerical};
+    use crate::stress::harness::{Question, Robot, State, bundled, numerical};
     use crate::stress::mechanisms::{LOOSE, bricard, four_bar};
 
     #[test]

@@ -6,10 +6,9 @@ use sarrus_dynamics::{CutJoint, DescriptionBuilder, LinkId};
 
 use crate::Outcome;
 use crate::robots::random::Random;
-use crate::stress::harness::robot::{Slide, Turn, joint};
-use crate::stress::mechanisms::{BASE, reach_of_lambda};
-
-type Point = [f64; 2];
+use crate::stress::harness::{Slide, Turn, finish, joint};
+use crate::stress::mechanisms::plane::{Point, about, along, cross, distance, intersections};
+use crate::stress::mechanisms::{ARM_OF_LAMBDA, BASE, reach_of_lambda, way_of_lambda};
 
 /// One stage: crank pin, pin between coupler and rocker, rocker's pivot, and where the rocker's
 /// arm ends, which is the next stage's crank pin.
@@ -75,19 +74,29 @@ pub(crate) fn train(random: &mut Random, draw: Draw) -> Outcome<Train> {
     }
     let mut y = 0.0;
     if draw.turned {
-        let mut turn = random.between(0.05, 0.4) * if random.coin() { 1.0 } else { -1.0 };
-        for _ in 0..8 {
-            // the way there has to be open
-            let way = (1..=40).map(|k| turned(&stages, turn * f64::from(k) / 40.0));
-            if let Some(away) = way.collect::<Option<Vec<_>>>().and_then(|mut all| all.pop()) {
-                (stages, y) = (away, -turn);
-                break;
-            }
-            turn *= -0.7;
-        }
+        (stages, y) = away(random, stages, [0.05, 0.4], 40);
     }
     let axes = if draw.tilted { rotation(random) } else { [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] };
     Ok(Train { description: built(random, &stages, axes)?, y: vec![y], sines, least })
+}
+
+/// The points after a turn of the first crank that is drawn between these, and the crank's way
+/// back; the way there has to be open at this many steps.
+fn away(
+    random: &mut Random,
+    stages: Vec<Stage>,
+    [least, most]: [f64; 2],
+    steps: u32,
+) -> (Vec<Stage>, f64) {
+    let mut turn = random.between(least, most) * if random.coin() { 1.0 } else { -1.0 };
+    for _ in 0..8 {
+        let way = (1..=steps).map(|k| turned(&stages, turn * f64::from(k) / f64::from(steps)));
+        if let Some(away) = way.collect::<Option<Vec<_>>>().and_then(|mut all| all.pop()) {
+            return (away, -turn);
+        }
+        turn *= -0.7;
+    }
+    (stages, 0.0)
 }
 
 /// The points of all stages after the first crank has turned about the origin; none where a stage
@@ -101,12 +110,13 @@ fn turned(stages: &[Stage], mut turn: f64) -> Option<Vec<Stage>> {
             Some(pivot) => about(pivot, stage.crank, turn),
             None => [stage.crank[0] + shift[0], stage.crank[1] + shift[1]],
         };
-        let coupler = far(stage.crank, stage.pin);
+        let coupler = distance(stage.crank, stage.pin);
         let side = cross(stage.crank, stage.pin, stage.pivot);
         let (pin, pivot);
         if stage.line == [0.0; 2] {
-            let rocker = far(stage.pin, stage.pivot);
-            pin = meet(crank, coupler, stage.pivot, rocker, side)?;
+            let rocker = distance(stage.pin, stage.pivot);
+            let pins = intersections((crank, coupler), (stage.pivot, rocker), 0.0)?;
+            pin = pins.into_iter().find(|pin| cross(crank, *pin, stage.pivot) * side > 0.0)?;
             let heading = |p: Point| f64::atan2(p[1] - stage.pivot[1], p[0] - stage.pivot[0]);
             turn = heading(pin) - heading(stage.pin);
             (pivot, crank_pivot) = (stage.pivot, Some(stage.pivot));
@@ -138,7 +148,7 @@ fn turned(stages: &[Stage], mut turn: f64) -> Option<Vec<Stage>> {
 fn built(random: &mut Random, stages: &[Stage], axes: [[f64; 3]; 2]) -> Outcome<Description> {
     let [x, y] = axes;
     let place = |p: Point| std::array::from_fn(|k| p[0] * x[k] + p[1] * y[k]);
-    let z = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
+    let z = cross_product(x, y);
     let mut of = begun(random, Kind::Numerical);
     let crank = joint(&mut of, BASE, Turn, [0.0; 3], z);
     let mut on = crank;
@@ -164,8 +174,7 @@ fn built(random: &mut Random, stages: &[Stage], axes: [[f64; 3]; 2]) -> Outcome<
         on = rocker;
     }
     let active = if random.coin() { crank } else { on };
-    of.independent([crank]).active([active]);
-    Ok(of.build()?)
+    finish(of, &[crank], &[active])
 }
 
 /// Four-bars and lambdas, each closed by itself, most by their closed forms and on the rocker of
@@ -184,44 +193,33 @@ pub(crate) fn closed_forms(random: &mut Random, stages: usize) -> Outcome<Train>
         let place = |p: Point| [p[0] + at[0], p[1] + at[1], 0.0];
         if random.below(3) == 0 {
             of.submechanism(format!("lambda{k}"), Kind::Rrpr);
-            let arm = 0.9;
-            let aside = 0.3;
-            let heading = f64::atan2(arm, -1.0) - f64::asin(aside / f64::hypot(1.0, arm));
             let rocker = joint(&mut of, on, Turn, place([0.0; 2]), z);
             let stator = joint(&mut of, on, Turn, place([1.0, 0.0]), z);
-            let way = [heading.cos(), heading.sin(), 0.0];
-            let slider = joint(&mut of, stator, Slide, place([0.8, 0.1]), way);
+            let slider = joint(&mut of, stator, Slide, place([0.8, 0.1]), way_of_lambda());
             let pin = CutJoint::PlanarRevolute { axis: z };
-            of.cut(format!("pin{k}"), rocker, slider).at(place([0.0, arm])).joint(pin);
+            of.cut(format!("pin{k}"), rocker, slider).at(place([0.0, ARM_OF_LAMBDA])).joint(pin);
             of.independent([rocker]).active([slider]);
             // the square of the vanishing length goes with the remaining way
             y.push(reach_of_lambda() + delta * delta);
-            (on, at) = (rocker, [at[0], at[1] + arm]);
+            (on, at) = (rocker, [at[0], at[1] + ARM_OF_LAMBDA]);
             continue;
         }
         let pin = along([0.0, 1.0], random.between(-0.5, 0.5), random.between(0.5, 1.5));
         let heading = f64::atan2(pin[1] - 1.0, pin[0]);
         let pivot = along(pin, heading - delta, random.between(0.5, 1.5));
-        let mut stage = [Stage { crank: [0.0, 1.0], pin, pivot, line: [0.0; 2] }];
-        let mut turn = random.between(0.2, 0.6) * if random.coin() { 1.0 } else { -1.0 };
-        y.push(0.0);
-        for _ in 0..8 {
-            if let Some(away) = turned(&stage, turn) {
-                stage = [away[0]];
-                y[k] = -turn;
-                break;
-            }
-            turn *= -0.7;
-        }
+        let stage = Stage { crank: [0.0, 1.0], pin, pivot, line: [0.0; 2] };
+        let (stages, back) = away(random, vec![stage], [0.2, 0.6], 1);
+        let stage = stages[0];
+        y.push(back);
         let kind = random.one_of(&[Kind::FourBar, Kind::FourBar, Kind::Numerical]);
         of.submechanism(format!("bars{k}"), kind);
         let crank = joint(&mut of, on, Turn, place([0.0; 2]), z);
-        let coupler = joint(&mut of, crank, Turn, place(stage[0].crank), z);
-        let rocker = joint(&mut of, on, Turn, place(stage[0].pivot), z);
+        let coupler = joint(&mut of, crank, Turn, place(stage.crank), z);
+        let rocker = joint(&mut of, on, Turn, place(stage.pivot), z);
         let cut = CutJoint::PlanarRevolute { axis: z };
-        of.cut(format!("pin{k}"), coupler, rocker).at(place(stage[0].pin)).joint(cut);
+        of.cut(format!("pin{k}"), coupler, rocker).at(place(stage.pin)).joint(cut);
         of.independent([crank]).active([if random.coin() { crank } else { rocker }]);
-        (on, at) = (rocker, [at[0] + stage[0].pivot[0], at[1] + stage[0].pivot[1]]);
+        (on, at) = (rocker, [at[0] + stage.pivot[0], at[1] + stage.pivot[1]]);
     }
     Ok(Train { description: of.build()?, y, sines, least })
 }
@@ -299,8 +297,7 @@ pub(crate) fn leg(random: &mut Random) -> Outcome<Description> {
             on = last;
         }
     }
-    of.independent(independent.iter().copied()).active(independent);
-    Ok(of.build()?)
+    finish(of, &independent, &independent)
 }
 
 fn cross_product(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
@@ -335,40 +332,4 @@ pub(crate) fn rotation(random: &mut Random) -> [[f64; 3]; 2] {
     let other = [(); 3].map(|()| random.next());
     let dot: f64 = x.iter().zip(other).map(|(a, b)| a * b).sum();
     [x, unit(std::array::from_fn(|k| other[k] - dot * x[k]))]
-}
-
-fn along(from: Point, heading: f64, length: f64) -> Point {
-    [from[0] + length * heading.cos(), from[1] + length * heading.sin()]
-}
-
-fn about(pivot: Point, p: Point, turn: f64) -> Point {
-    let (s, c) = turn.sin_cos();
-    let [x, y] = [p[0] - pivot[0], p[1] - pivot[1]];
-    [pivot[0] + c * x - s * y, pivot[1] + s * x + c * y]
-}
-
-fn far(a: Point, b: Point) -> f64 {
-    f64::hypot(b[0] - a[0], b[1] - a[1])
-}
-
-/// Positive where c lies to the left of the way from a to b.
-fn cross(a: Point, b: Point, c: Point) -> f64 {
-    (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
-}
-
-/// The intersection of two circles, on the side where c, b, a turn as `side` gives.
-fn meet(a: Point, of_a: f64, c: Point, of_c: f64, side: f64) -> Option<Point> {
-    let d = far(a, c);
-    let x = (d * d + of_a * of_a - of_c * of_c) / (2.0 * d);
-    let square = of_a * of_a - x * x;
-    if square <= 0.0 {
-        return None;
-    }
-    let ux = (c[0] - a[0]) / d;
-    let uy = (c[1] - a[1]) / d;
-    let h = square.sqrt();
-    [h, -h]
-        .into_iter()
-        .map(|h| [a[0] + x * ux - h * uy, a[1] + x * uy + h * ux])
-        .find(|pin| cross(a, *pin, c) * side > 0.0)
 }

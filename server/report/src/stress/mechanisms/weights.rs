@@ -5,7 +5,7 @@ use sarrus_dynamics::{CutJoint, LinkId};
 
 use crate::Outcome;
 use crate::robots::random::Random;
-use crate::stress::harness::robot::{Turn, Z, joint};
+use crate::stress::harness::{Turn, Z, finish, joint};
 use crate::stress::mechanisms::BASE;
 use crate::stress::mechanisms::trains::{begun, rotation};
 
@@ -69,8 +69,7 @@ pub(crate) fn planar_platform(random: &mut Random, masses: [f64; 2]) -> Outcome<
             return Ok(tried.build()?);
         }
     }
-    of.independent(independent.iter().copied()).active(independent);
-    Ok(of.build()?)
+    finish(of, &independent, &independent)
 }
 
 /// Chains of four or five hinges in the plane, each from a link that stands already to another one,
@@ -109,8 +108,7 @@ pub(crate) fn planar_loops(random: &mut Random, masses: [f64; 2]) -> Outcome<Des
             independent.push(hinges.remove(random.below(hinges.len())));
         }
     }
-    of.independent(independent.iter().copied()).active(independent);
-    Ok(of.build()?)
+    finish(of, &independent, &independent)
 }
 
 /// Links in a row, heavy ones and light ones by turns, one half after the other, or as it comes.
