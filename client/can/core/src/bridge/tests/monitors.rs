@@ -2,7 +2,7 @@
 
 use super::bench::Bench;
 use super::*;
-use crate::bridge::monitors::{Seen, effort_of};
+use crate::bridge::monitors::{Monitors, Seen, effort_of};
 use crate::config::MonitorBounds;
 use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint};
 
@@ -53,7 +53,10 @@ impl Line {
     }
 
     fn see(&mut self, measured: ActuatorMeasurement) -> Option<Reason> {
-        let found = self.bench.bridge.motors[0].monitors.check(&Seen {
+        let Monitors { bounds, steps, rules, .. } = &mut self.bench.bridge.motors[0].monitors;
+        let found = rules.check(&Seen {
+            bounds,
+            steps,
             period: PERIOD,
             measured: &measured,
             before: &self.before,
