@@ -19,12 +19,10 @@ pub(super) fn timeouts(timeouts: &Settings, diagnostics: &mut Diagnostics) {
     ] {
         let ms = timeouts.number(key);
         if ms > LONGEST_MS {
-            diagnostics.warning(
-                timeouts.place(key),
-                format!("`{key}` is {ms} ms: {what}"),
-                format!("at most {LONGEST_MS} ms"),
-                "make it shorter: some ten cycles of the controller are enough",
-            );
+            let found = format!("`{key}` is {ms} ms: {what}");
+            let expected = format!("at most {LONGEST_MS} ms");
+            let help = "make it shorter: some ten cycles of the controller are enough";
+            diagnostics.warning(timeouts.place(key), found, expected, help);
         }
     }
 }
@@ -32,12 +30,10 @@ pub(super) fn timeouts(timeouts: &Settings, diagnostics: &mut Diagnostics) {
 /// The ramp after arming.
 pub(super) fn ramp(top: &Settings, diagnostics: &mut Diagnostics) {
     if top.number("ramp_ms") == 0.0 {
-        diagnostics.warning(
-            top.place("ramp_ms"),
-            "`ramp_ms` is 0: gains and efforts come with a jump when a mechanism gets power",
-            "some hundred milliseconds",
-            "remove it for 500",
-        );
+        let found =
+            "`ramp_ms` is 0: gains and efforts come with a jump when a mechanism gets power";
+        let expected = "some hundred milliseconds";
+        diagnostics.warning(top.place("ramp_ms"), found, expected, "remove it for 500");
     }
 }
 

@@ -34,15 +34,11 @@ impl Reader<'_, '_> {
         for node in yaml::list(root, "mechanisms", self.diagnostics) {
             let Some(read) = self.settings(node, "the mechanism", MECHANISM, &[]) else { continue };
             let name = read.text("actuator");
-            let place = actuators.iter().position(|known| known == name);
-            let Some(number) = place.and_then(|place| mechanisms.get(place)) else {
-                let names = actuators.iter().map(String::as_str);
-                let help = self.diagnostics.did_you_mean(name, names, "correct the name");
-                let found = format!("there is no actuator {}", quoted(name));
-                self.diagnostics.error(read.place("actuator"), found, actuators.join(", "), help);
-                continue;
-            };
-            let Some(entry) = entries.get_mut(*number) else { continue };
+            let found = format!("there is no actuator {}", quoted(name));
+            let name_and_place = (name, read.place("actuator"));
+            let place = self.place(name_and_place, actuators, found, "correct the name");
+            let number = place.and_then(|place| mechanisms.get(place));
+            let Some(entry) = number.and_then(|number| entries.get_mut(*number)) else { continue };
             if entry.is_some() {
                 let found = format!("a second entry for the mechanism of {}", quoted(name));
                 self.diagnostics.error(node.span, found, "one", "remove one of them");
