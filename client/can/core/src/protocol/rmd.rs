@@ -76,9 +76,8 @@ struct Rmd {
     asked_ns: Option<u64>,
     /// The last torque that was sent.
     sent: [u8; 8],
-    velocity: f64,
-    torque: f64,
-    temperature: f64,
+    /// Velocity, torque and temperature as last reported.
+    measured: Measurement,
 }
 
 fn make(
@@ -98,9 +97,7 @@ fn make(
         fault: 0,
         asked_ns: None,
         sent: [0; 8],
-        velocity: f64::NAN,
-        torque: f64::NAN,
-        temperature: f64::NAN,
+        measured: Measurement::NONE,
     }))
 }
 
@@ -150,9 +147,9 @@ impl Rmd {
     fn take_state(&mut self, bytes: [u8; 8]) {
         let [_, temperature, i_low, i_high, v_low, v_high, ..] = bytes;
         let whole = |low, high| f64::from(i16::from_le_bytes([low, high]));
-        self.temperature = f64::from(temperature as i8);
-        self.torque = whole(i_low, i_high) * STEP * self.constant;
-        self.velocity = whole(v_low, v_high).to_radians();
+        self.measured.temperature = f64::from(temperature as i8);
+        self.measured.torque = whole(i_low, i_high) * STEP * self.constant;
+        self.measured.velocity = whole(v_low, v_high).to_radians();
     }
 }
 
@@ -230,9 +227,7 @@ impl Drive for Rmd {
             }
             ANGLE => Receipt::Measured(Measurement {
                 position: (f64::from(i32::from_le_bytes([a, b, c, d])) * STEP).to_radians(),
-                velocity: self.velocity,
-                torque: self.torque,
-                temperature: self.temperature,
+                ..self.measured
             }),
             _ => Receipt::Noted,
         }
@@ -247,7 +242,7 @@ impl Drive for Rmd {
         self.power_up.forget();
         (self.is_known, self.fault, self.asked_ns) = (false, 0, None);
         (self.watchdog, self.n_written) = (unknown(self.watchdog_ms), 0);
-        (self.velocity, self.torque, self.temperature) = (f64::NAN, f64::NAN, f64::NAN);
+        self.measured = Measurement::NONE;
     }
 
     fn identifiers(&self) -> Vec<Id> {

@@ -31,14 +31,13 @@
 
 mod drive;
 mod keys;
-mod make;
 mod setup;
 mod states;
 
 use super::Protocol;
 use crate::drive::Mode;
+use drive::make;
 use keys::KEYS;
-use make::make;
 
 /// CANopen CiA 402.
 pub(super) const CIA402: Protocol = Protocol {

@@ -53,25 +53,24 @@ pub(super) const PARAMETERS: &[Parameter] = &[
     Parameter { name: "UV_Value", unit: "V" },
 ];
 
-/// Settings that are written and read before the motor gets power, in this order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Step {
-    WriteMode,
-    WriteTimeout,
-    ReadTimeout,
-    ReadMode,
-    ReadPosition,
-    ReadVelocity,
-    ReadTorque,
-    Done,
-}
+/// Registers that are written and read before the motor gets power, in this order.
+const STEPS: [(u8, u8); 7] = [
+    (WRITE, CONTROL_MODE),
+    (WRITE, TIMEOUT),
+    (READ, TIMEOUT),
+    (READ, CONTROL_MODE),
+    (READ, PMAX),
+    (READ, VMAX),
+    (READ, TMAX),
+];
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Registers {
     id: u16,
     watchdog_ms: u32,
     ranges: [f64; 3],
-    step: Step,
+    /// Place in [`STEPS`].
+    next: usize,
     pub(super) watchdog: Watchdog,
     /// The fault, or 0.
     pub(super) fault: u32,
@@ -80,14 +79,7 @@ pub(super) struct Registers {
 impl Registers {
     /// For a motor with ranges of ± `ranges` of position, velocity and torque in the configuration.
     pub(super) fn new(id: u16, watchdog_ms: u32, ranges: [f64; 3]) -> Registers {
-        Registers {
-            id,
-            watchdog_ms,
-            ranges,
-            step: Step::WriteMode,
-            watchdog: Watchdog::Unknown,
-            fault: 0,
-        }
+        Registers { id, watchdog_ms, ranges, next: 0, watchdog: Watchdog::Unknown, fault: 0 }
     }
 
     /// Begins again.
@@ -97,22 +89,18 @@ impl Registers {
 
     /// Whether all is set and read.
     pub(super) fn done(&self) -> bool {
-        self.step == Step::Done
+        self.next == STEPS.len()
     }
 
     /// The request of this step; repeated until it is answered.
     pub(super) fn request(&self) -> Option<Frame> {
-        let timeout = self.watchdog_ms.saturating_mul(TIMEOUT_PER_MS);
-        match self.step {
-            Step::WriteMode => self.frame(WRITE, CONTROL_MODE, MIT.to_le_bytes()),
-            Step::WriteTimeout => self.frame(WRITE, TIMEOUT, timeout.to_le_bytes()),
-            Step::ReadTimeout => self.read(TIMEOUT),
-            Step::ReadMode => self.read(CONTROL_MODE),
-            Step::ReadPosition => self.read(PMAX),
-            Step::ReadVelocity => self.read(VMAX),
-            Step::ReadTorque => self.read(TMAX),
-            Step::Done => None,
-        }
+        let (what, register) = *STEPS.get(self.next)?;
+        let value = match (what, register) {
+            (WRITE, CONTROL_MODE) => MIT,
+            (WRITE, TIMEOUT) => self.watchdog_ms.saturating_mul(TIMEOUT_PER_MS),
+            _ => 0,
+        };
+        self.frame(what, register, value.to_le_bytes())
     }
 
     /// A request that changes nothing.
@@ -160,35 +148,14 @@ impl Registers {
         }
         let number = u32::from_le_bytes([a, b, c, d]);
         let real = f64::from(f32::from_le_bytes([a, b, c, d]));
-        let [position, velocity, torque] = self.ranges;
-        let next = match (self.step, what, register) {
-            (Step::WriteMode, WRITE, CONTROL_MODE) if self.watchdog_ms > 0 => Step::WriteTimeout,
-            (Step::WriteMode, WRITE, CONTROL_MODE) | (Step::WriteTimeout, WRITE, TIMEOUT) => {
-                Step::ReadTimeout
+        if STEPS.get(self.next) == Some(&(what, register)) {
+            if what == READ {
+                self.assess(register, number, real);
             }
-            (Step::ReadTimeout, READ, TIMEOUT) => {
-                self.watchdog = Watchdog::of_counts(number, TIMEOUT_PER_MS);
-                Step::ReadMode
-            }
-            (Step::ReadMode, READ, CONTROL_MODE) => {
-                self.demand(number == MIT, fault::MODE_REFUSED);
-                Step::ReadPosition
-            }
-            (Step::ReadPosition, READ, PMAX) => {
-                self.demand(same(real, position), fault::RANGES_DIFFER);
-                Step::ReadVelocity
-            }
-            (Step::ReadVelocity, READ, VMAX) => {
-                self.demand(same(real, velocity), fault::RANGES_DIFFER);
-                Step::ReadTorque
-            }
-            (Step::ReadTorque, READ, TMAX) => {
-                self.demand(same(real, torque), fault::RANGES_DIFFER);
-                Step::Done
-            }
-            (step, ..) => step,
-        };
-        self.step = next;
+            // a watchdog of 0 is left alone
+            let is_skipped = self.next == 0 && self.watchdog_ms == 0;
+            self.next += if is_skipped { 2 } else { 1 };
+        }
         let parameter = READABLE.iter().position(|(readable, _)| *readable == register);
         Some(match parameter {
             Some(parameter) if what == READ => {
@@ -199,13 +166,21 @@ impl Registers {
         })
     }
 
-    fn demand(&mut self, good: bool, fault: u32) {
-        if !good {
-            self.fault = fault;
-        }
+    /// Compares a register that was read.
+    fn assess(&mut self, register: u8, number: u32, real: f64) {
+        let [position, velocity, torque] = self.ranges;
+        let is_same = |configured: f64| (real - configured).abs() <= SAME_RANGE * configured;
+        let fault = match register {
+            TIMEOUT => {
+                self.watchdog = Watchdog::of_counts(number, TIMEOUT_PER_MS);
+                0
+            }
+            CONTROL_MODE => fault::when(number != MIT, fault::MODE_REFUSED),
+            PMAX => fault::when(!is_same(position), fault::RANGES_DIFFER),
+            VMAX => fault::when(!is_same(velocity), fault::RANGES_DIFFER),
+            _ => fault::when(!is_same(torque), fault::RANGES_DIFFER),
+        };
+        // the last one counts
+        self.fault = if fault == 0 { self.fault } else { fault };
     }
-}
-
-fn same(read: f64, configured: f64) -> bool {
-    (read - configured).abs() <= SAME_RANGE * configured
 }

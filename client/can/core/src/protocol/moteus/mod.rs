@@ -42,7 +42,7 @@ use crate::drive::{
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 use keys::KEYS;
 use sarrus_models::Diagnostics;
-use subframes::{EMPTY, OUTPUT_EXACT, Payload, Register, TEMPERATURE, value, varuint};
+use subframes::{EMPTY, OUTPUT_EXACT, Payload, Register, TEMPERATURE, each_value};
 
 /// moteus.
 pub(super) const MOTEUS: Protocol = Protocol {
@@ -105,23 +105,14 @@ fn make(
 ) -> Option<Box<dyn Drive>> {
     if common.mode == Mode::Impedance && !(settings.has("kp") && settings.has("kd")) {
         let found = "the drive has not both of `kp` and `kd`";
-        diagnostics.error(
-            settings.place("kp"),
-            found,
-            "the controller's own gains",
-            "add servo.pid_position.kp and .kd",
-        );
-        return None;
+        let help = "add servo.pid_position.kp and .kd";
+        return settings.wrong(diagnostics, "kp", found, "the controller's own gains", help);
     }
     if common.watchdog_ms > LONGEST_WATCHDOG_MS {
         let found = format!("a watchdog of {} ms", common.watchdog_ms);
-        diagnostics.error(
-            settings.place("id"),
-            found,
-            format!("at most {LONGEST_WATCHDOG_MS} with moteus"),
-            "make `watchdog_ms` shorter",
-        );
-        return None;
+        let expected = format!("at most {LONGEST_WATCHDOG_MS} with moteus");
+        let help = "make `watchdog_ms` shorter";
+        return settings.wrong(diagnostics, "id", found, expected, help);
     }
     Some(Box::new(Moteus {
         id: settings.integer("id") as u32,
@@ -142,6 +133,12 @@ fn make(
 impl Moteus {
     fn frame(&self, payload: &Payload) -> Option<Frame> {
         Frame::fd(Id::Extended(0x8000 | self.source << 8 | self.id), true, payload.padded())
+    }
+
+    /// The identifier of its answers.
+    fn answer(&self) -> Id {
+        let number = self.id << 8 | self.source;
+        Id::standard(number).unwrap_or(Id::Extended(number))
     }
 
     /// Mode, position, velocity, torque; voltage, temperature, fault.
@@ -268,42 +265,12 @@ impl Drive for Moteus {
         let mut measured = [f64::NAN; 5];
         let mut receipt = Receipt::Noted;
         // nothing is taken before all of it was read
-        for pass in 0..2 {
-            let mut rest = frame.data();
-            while let [kind, more @ ..] = rest {
-                rest = more;
-                if *kind == 0x50 {
-                    continue;
-                }
-                if matches!(kind, 0x30 | 0x31) {
-                    let Some((_, more)) = varuint(rest).and_then(|(_, more)| varuint(more)) else {
-                        return Receipt::Malformed;
-                    };
-                    rest = more;
-                    continue;
-                }
-                if kind & 0xF0 != 0x20 {
-                    return Receipt::Malformed;
-                }
-                let mut count = u32::from(kind & 3);
-                if count == 0 {
-                    let Some((number, more)) = varuint(rest) else { return Receipt::Malformed };
-                    (count, rest) = (number, more);
-                }
-                let Some((first, more)) = varuint(rest) else { return Receipt::Malformed };
-                rest = more;
-                for i in 0..count {
-                    let Some(register) = first.checked_add(i) else { return Receipt::Malformed };
-                    let Some((number, len)) = value(kind >> 2 & 3, register, rest) else {
-                        return Receipt::Malformed;
-                    };
-                    rest = rest.get(len..).unwrap_or_default();
-                    if pass == 1 {
-                        receipt = self.take(register, number, &mut measured).unwrap_or(receipt);
-                    }
-                }
-            }
+        if each_value(frame.data(), |_, _| {}).is_none() {
+            return Receipt::Malformed;
         }
+        each_value(frame.data(), |register, number| {
+            receipt = self.take(register, number, &mut measured).unwrap_or(receipt);
+        });
         self.proceed();
         let [_, position, velocity, torque, temperature] = measured;
         if position.is_nan() && velocity.is_nan() {
@@ -314,13 +281,9 @@ impl Drive for Moteus {
             return Receipt::Malformed;
         }
         self.velocity = velocity * TAU;
+        let position = position * TAU;
         let torque = if torque.is_finite() { torque } else { f64::NAN };
-        Receipt::Measured(Measurement {
-            position: position * TAU,
-            velocity: self.velocity,
-            torque,
-            temperature,
-        })
+        Receipt::Measured(Measurement { position, velocity: self.velocity, torque, temperature })
     }
 
     fn state(&self) -> DriveState {
@@ -333,13 +296,10 @@ impl Drive for Moteus {
             (Some(2..=4), _) => Power::Starting,
             _ => Power::Off,
         };
-        let fault = match self.power_up.stage() {
-            // other codes name the limit of a motor without fault
-            _ if self.servo_mode == Some(FAULT) => u32::from(self.code.max(1)),
-            _ if self.not_finite => fault::NOT_FINITE,
-            Stage::Lost => fault::POWER_LOST,
-            _ => 0,
-        };
+        // other codes name the limit of a motor without fault
+        let code = fault::when(self.servo_mode == Some(FAULT), u32::from(self.code.max(1)));
+        let not_finite = fault::when(self.not_finite, fault::NOT_FINITE);
+        let fault = fault::first([code, not_finite, self.power_up.fault()]);
         DriveState { power, fault, watchdog: self.watchdog }
     }
 
@@ -355,11 +315,7 @@ impl Drive for Moteus {
     }
 
     fn identifiers(&self) -> Vec<Id> {
-        let answer = self.id << 8 | self.source;
-        vec![
-            Id::Extended(0x8000 | self.source << 8 | self.id),
-            Id::standard(answer).unwrap_or(Id::Extended(answer)),
-        ]
+        vec![Id::Extended(0x8000 | self.source << 8 | self.id), self.answer()]
     }
 
     fn steps(&self) -> Setpoint {
@@ -384,9 +340,8 @@ impl Drive for Moteus {
     }
 
     fn replies(&self) -> Vec<Reply> {
-        let answer = self.id << 8 | self.source;
-        let id = Id::standard(answer).unwrap_or(Id::Extended(answer));
-        vec![Reply { id, kind: FrameKind::Fd { bit_rate_switch: true }, len: 24 }]
+        let kind = FrameKind::Fd { bit_rate_switch: true };
+        vec![Reply { id: self.answer(), kind, len: 24 }]
     }
 
     fn probe(&mut self, out: &mut FrameQueue) {

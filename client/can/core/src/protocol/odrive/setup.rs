@@ -60,8 +60,8 @@ impl Setup {
         let (timeout, enable) = self.endpoints?;
         let (frame, next) = match self.step {
             Step::WriteTimeout => {
-                let [a, b, c, d] = single(f64::from(self.watchdog_ms) / 1e3).to_le_bytes();
-                (self.frame(1, timeout, &[a, b, c, d]), Step::WriteEnable)
+                let seconds = single(f64::from(self.watchdog_ms) / 1e3);
+                (self.frame(1, timeout, &seconds.to_le_bytes()), Step::WriteEnable)
             }
             Step::WriteEnable => (self.frame(1, enable, &[1]), Step::ReadTimeout),
             Step::ReadTimeout => (self.frame(0, timeout, &[]), Step::ReadTimeout),
