@@ -15,8 +15,7 @@
 use super::{Firmware, Plant};
 use sarrus_can_core::drive::{Mode, Setpoint};
 use sarrus_can_core::frame::{Frame, FrameQueue, Id};
-use sarrus_can_core::protocol::Common;
-use sarrus_can_core::protocol::Settings;
+use sarrus_can_core::protocol::{Common, Settings};
 
 /// Stiffness and damping of its own position and speed loops `[N m/rad, N m s/rad]`.
 const OWN_GAINS: [f64; 2] = [40.0, 2.0];

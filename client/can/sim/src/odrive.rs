@@ -29,8 +29,7 @@ use core::f64::consts::TAU;
 use super::{Firmware, Plant, standard};
 use sarrus_can_core::drive::Setpoint;
 use sarrus_can_core::frame::{Frame, FrameQueue, Id};
-use sarrus_can_core::protocol::Common;
-use sarrus_can_core::protocol::Settings;
+use sarrus_can_core::protocol::{Common, Settings};
 
 /// Time between two heartbeats `[ns]`.
 const HEARTBEAT_NS: u64 = 100_000_000;
@@ -71,9 +70,7 @@ impl Odrive {
             control_mode: 3,
             velocity_scale: settings.number("velocity_scale"),
             torque_scale: settings.number("torque_scale"),
-            torque_constant: Some(settings.number("motor_torque_constant"))
-                .filter(|constant| constant.is_finite())
-                .unwrap_or(1.0),
+            torque_constant: settings.number_or("motor_torque_constant", 1.0),
             torque_limit: OWN_LIMIT,
             physical_limit: plant.physics.torque_limit,
             tells_torque: settings.flag("torque_feedback"),
@@ -87,8 +84,7 @@ impl Odrive {
     }
 
     fn tell(&self, command: u16, bytes: [[u8; 4]; 2], out: &mut FrameQueue) {
-        let [[a, b, c, d], [e, f, g, h]] = bytes;
-        out.push_some(standard(u32::from(self.node << 5 | command), &[a, b, c, d, e, f, g, h]));
+        out.push_some(standard(u32::from(self.node << 5 | command), bytes.as_flattened()));
     }
 
     fn endpoint(
@@ -208,14 +204,8 @@ impl Firmware for Odrive {
         let float = |number: f64| (number as f32).to_le_bytes();
         if plant.now_ns >= self.heartbeat_ns {
             self.heartbeat_ns = plant.now_ns + HEARTBEAT_NS;
-            self.tell(
-                0x01,
-                [
-                    plant.fault.to_le_bytes(),
-                    [if plant.power { CLOSED_LOOP } else { IDLE }, 0, 1, 0],
-                ],
-                out,
-            );
+            let state = if plant.power { CLOSED_LOOP } else { IDLE };
+            self.tell(0x01, [plant.fault.to_le_bytes(), [state, 0, 1, 0]], out);
             self.tell(0x15, [float(plant.temperature), float(plant.temperature)], out);
         }
         if plant.now_ns >= self.feedback_ns {
