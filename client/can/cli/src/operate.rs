@@ -10,7 +10,7 @@ use sarrus_client::Observer;
 use sarrus_client::actuators::{ActuatorState, MechanismState, Operation, Reason, flag};
 use sarrus_client::watch::BridgeStatistics;
 
-use crate::top::meanings;
+use crate::top::{meanings, of, reason_name, state_name};
 
 /// Flags of the three.
 #[derive(Args)]
@@ -180,10 +180,9 @@ fn without_power(state: &ActuatorState, statistics: &BridgeStatistics) -> Vec<St
 
 /// A state, and why where there is a reason.
 fn in_words(state: u32, reason: u32) -> String {
-    let state = MechanismState::from_code(state).map_or("unknown", MechanismState::name);
-    match Reason::from_code(reason) {
-        Some(Reason::None) => state.to_owned(),
-        reason => format!("{state}: {}", reason.map_or("unknown", Reason::name)),
+    match reason {
+        0 => state_name(state).to_owned(),
+        reason => format!("{}: {}", state_name(state), reason_name(reason)),
     }
 }
 
@@ -202,10 +201,6 @@ fn place(observer: &Observer, name: &str) -> Result<usize, String> {
         });
     }
     Err("the bridge is silent".to_owned())
-}
-
-fn of_actuator(codes: &[u32], place: usize) -> u32 {
-    codes.get(place).copied().unwrap_or(u32::MAX)
 }
 
 /// Message after success.
@@ -248,8 +243,8 @@ impl StateCounts {
             arming: count(MechanismState::Arming),
             stopping: count(MechanismState::Stopping),
             fault: count(MechanismState::Fault),
-            state: actuator.map_or(state.state, |place| of_actuator(&state.states, place)),
-            reason: actuator.map_or(state.reason, |place| of_actuator(&state.reasons, place)),
+            state: actuator.map_or(state.state, |place| of(&state.states, place)),
+            reason: actuator.map_or(state.reason, |place| of(&state.reasons, place)),
         }
     }
 
