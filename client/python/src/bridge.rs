@@ -15,8 +15,8 @@ use crate::configuration::PyConfiguration;
 use crate::frames::{PyFrame, list};
 use crate::locked;
 
-/// The rules of one robot: the frames for its motors in each cycle. Times are nanoseconds of the
-/// monotonic clock.
+/// The safety rules of one robot, which make the frames for its motors in each cycle. Times are
+/// nanoseconds of the monotonic clock.
 #[pyclass(name = "Bridge", module = "sarrus.can", frozen)]
 pub(crate) struct PyBridge {
     bridge: Mutex<Bridge>,
@@ -100,9 +100,8 @@ impl PyBridge {
         self.lock().cycle(now_ns);
     }
 
-    /// Takes a line of a log; the frames that it makes the bridge send, as `candump -L` writes
-    /// them, and the fault that it brought: when, of which actuators, and why; `None` where it
-    /// brought none. A line that is none is a `ValueError`.
+    /// Applies a line of a log; the frames that the bridge then sends, as `candump -L` writes them,
+    /// and the time, actuators and reason of a new fault. A malformed line is a `ValueError`.
     fn replay(&self, line: &str) -> PyResult<(Vec<String>, Option<String>)> {
         let mut bridge = self.lock();
         let line = Line::read(line, bridge.configuration()).map_err(PyValueError::new_err)?;

@@ -130,6 +130,8 @@ impl BusThread {
                 return;
             }
         }
+        // the logs hold the last cycle too
+        let _ = self.queues.send(&mut *self.port);
     }
 }
 
