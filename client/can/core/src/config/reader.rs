@@ -100,15 +100,13 @@ impl Robot {
     pub(super) fn limits(&self, actuator: &str) -> Option<Limits> {
         let joints = &self.loaded.description.joints;
         let limits = joints.iter().find(|joint| joint.name == actuator)?.limits?;
-        let [lower, upper, velocity, effort] =
-            [limits.lower, limits.upper, limits.velocity, limits.effort];
         // files write an effort or a speed of zero for an unknown one
         let known = |limit: f64| if limit > 0.0 { limit } else { f64::INFINITY };
         Some(Limits {
-            lower,
-            upper,
-            velocity: known(velocity),
-            effort: known(effort),
+            lower: limits.lower,
+            upper: limits.upper,
+            velocity: known(limits.velocity),
+            effort: known(limits.effort),
             effort_rate: f64::INFINITY,
         })
     }

@@ -72,35 +72,31 @@ impl Reader<'_, '_> {
         let slowest = members.iter().map(|read| read.motor.limits.velocity);
         let slowest = LOWER * slowest.fold(f64::INFINITY, f64::min);
         let lower_velocity = number("lower_velocity", slowest);
-        let mut refuse = |found: String, expected: &str, help: &str| {
-            self.diagnostics.error(place, found, expected, help);
-        };
-        match function {
+        let fault = match function {
             StopFunction::QuickStop => {
                 let mut frames = FrameQueue::new(16);
                 let unable = members.iter_mut().find_map(|read| {
                     let is_able = read.motor.drive.quick_stop(0, &mut frames);
                     (!is_able).then_some(read.motor.protocol.name)
                 });
-                if let Some(name) = unable {
-                    refuse(
-                        format!("`quick_stop`, and {name} has no command for one"),
-                        "drives of CiA 402",
-                        "use `ss1`, by which the bridge brakes",
-                    );
-                }
+                let help = "use `ss1`, by which the bridge brakes";
+                let found = |name| format!("`quick_stop`, and {name} has no command for one");
+                unable.map(|name| (found(name), "drives of CiA 402", help))
             }
-            StopFunction::Lower if !has_model => refuse(
+            StopFunction::Lower if !has_model => Some((
                 "`lower` without a model".to_owned(),
                 "a robot, whose model knows what gravity needs",
                 "add `robot` or `urdf`, or use `ss1`",
-            ),
-            StopFunction::Lower if lower_velocity.is_infinite() && !members.is_empty() => refuse(
+            )),
+            StopFunction::Lower if lower_velocity.is_infinite() && !members.is_empty() => Some((
                 "`lower` without a speed".to_owned(),
                 "`lower_velocity`, or `velocity` under `limits`",
                 "add one of them",
-            ),
-            _ => {}
+            )),
+            _ => None,
+        };
+        if let Some((found, expected, help)) = fault {
+            self.diagnostics.error(place, found, expected, help);
         }
         let holds = matches!(function, StopFunction::Ss2 | StopFunction::Lower);
         MechanismStop {

@@ -38,35 +38,12 @@ pub(super) struct Linkage {
     /// The least ‖B‖; 0 where nothing but actuators moves.
     pub(super) least: f64,
     /// N as its Cholesky factor, at the pose that was last taken.
-    factor: Cholesky,
-    side: Vec<f64>,
+    pub(super) factor: Cholesky,
+    /// Room for a vector of the independents.
+    pub(super) side: Vec<f64>,
 }
 
 impl Linkage {
-    /// Allocates; nothing after it does.
-    pub(super) fn new(
-        actuators: Vec<usize>,
-        rows: Vec<usize>,
-        independents: Vec<(usize, usize)>,
-        joints: Vec<usize>,
-        weights: Vec<f64>,
-        limits: Vec<[f64; 2]>,
-    ) -> Linkage {
-        let m = independents.len();
-        Linkage {
-            is_serial: joints.is_empty() && actuators.len() == 1 && m == 1,
-            actuators,
-            rows,
-            independents,
-            joints,
-            weights,
-            limits,
-            least: 0.0,
-            factor: Cholesky::new(m),
-            side: vec![0.0; m],
-        }
-    }
-
     /// The actuators determine the pose.
     pub(super) fn is_determined(&self) -> bool {
         !self.independents.is_empty() && self.actuators.len() >= self.independents.len()

@@ -5,6 +5,7 @@ use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Workspace};
 
 use super::evaluator::{Evaluator, Pose};
 use super::linkage::Linkage;
+use crate::cholesky::Cholesky;
 use crate::config::{Configuration, Limits};
 
 /// Poses that are tried.
@@ -69,7 +70,7 @@ pub(super) fn structure(
         let rows: Vec<usize> = actuators.iter().map(|u| actuator_rows[*u]).collect();
         let columns: Vec<usize> =
             (0..sizes.n_vy).filter(|column| owners[*column] == Some(number)).collect();
-        let joints = (0..sizes.n_v)
+        let joints: Vec<usize> = (0..sizes.n_v)
             .filter(|row| !rows.contains(row))
             .filter(|row| columns.iter().any(|column| depends(*row, *column)))
             .collect();
@@ -82,15 +83,19 @@ pub(super) fn structure(
             })
             .collect();
         let independents = columns.iter().map(|v| (*v, places[*v].unwrap_or(0))).collect();
-        let of_independents = columns.iter().map(|column| ranges[*column]).collect();
-        linkages.push(Linkage::new(
+        let n_independents = columns.len();
+        linkages.push(Linkage {
+            is_serial: joints.is_empty() && actuators.len() == 1 && n_independents == 1,
             actuators,
             rows,
             independents,
             joints,
             weights,
-            of_independents,
-        ));
+            limits: columns.iter().map(|column| ranges[*column]).collect(),
+            least: 0.0,
+            factor: Cholesky::new(n_independents),
+            side: vec![0.0; n_independents],
+        });
     }
 
     let home = best_poses(&mut linkages, &poses, zero, limits);
@@ -165,12 +170,9 @@ fn samples(
             // a sequence of low discrepancy: multiples of irrational numbers
             let step = (0.754_877_666_246_693 * (v as f64 + 1.0)).fract().max(0.01);
             let part = (0.5 + k as f64 * step).fract();
-            let lower = range[0].max(-UNBOUNDED);
-            let upper = range[1].min(UNBOUNDED);
-            let (lower, upper) = if range[0].is_finite() && range[1].is_finite() {
-                (range[0], range[1])
-            } else {
-                (lower, upper)
+            let [lower, upper] = match range.iter().all(|end| end.is_finite()) {
+                true => *range,
+                false => [range[0].max(-UNBOUNDED), range[1].min(UNBOUNDED)],
             };
             pose.y[*place] = lower + part * (upper - lower);
         }
