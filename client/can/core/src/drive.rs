@@ -173,9 +173,50 @@ pub struct Parameter {
     pub name: &'static str,
     /// Unit; empty without one.
     pub unit: &'static str,
+    /// Its register, object or index in the protocol.
+    pub(crate) address: u32,
+    pub(crate) kind: ParameterKind,
+}
+
+/// How the bits of a parameter are a number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ParameterKind {
+    Whole,
+    Signed,
+    Single,
 }
 
 impl Parameter {
+    /// A whole number.
+    pub(crate) const fn whole(address: u32, name: &'static str, unit: &'static str) -> Parameter {
+        Parameter { name, unit, address, kind: ParameterKind::Whole }
+    }
+
+    /// A whole number with a sign.
+    pub(crate) const fn signed(address: u32, name: &'static str, unit: &'static str) -> Parameter {
+        Parameter { name, unit, address, kind: ParameterKind::Signed }
+    }
+
+    /// A single.
+    pub(crate) const fn single(address: u32, name: &'static str, unit: &'static str) -> Parameter {
+        Parameter { name, unit, address, kind: ParameterKind::Single }
+    }
+
+    /// The parameter of an address that was read as the lower `n_bits` of `bits`.
+    pub(crate) fn receipt(known: &[Parameter], address: u32, bits: u32, n_bits: u32) -> Receipt {
+        let mut places = known.iter().enumerate();
+        let Some((place, parameter)) = places.find(|(_, known)| known.address == address) else {
+            return Receipt::Noted;
+        };
+        let unused = 32 - n_bits;
+        let value = match parameter.kind {
+            ParameterKind::Whole => f64::from(bits << unused >> unused),
+            ParameterKind::Signed => f64::from((bits << unused) as i32 >> unused),
+            ParameterKind::Single => f64::from(f32::from_bits(bits)),
+        };
+        Receipt::Parameter(place, value)
+    }
+
     /// Whether it is the version of the motor's firmware.
     pub fn is_version(&self) -> bool {
         matches!(self.name, "sw_ver" | "register map version")

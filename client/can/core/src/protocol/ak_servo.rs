@@ -18,7 +18,7 @@ use std::f64::consts::TAU;
 use super::keys::{POLE_PAIRS, id, motor_torque_constant};
 use super::number::{limited, steps_toward_zero};
 use super::power_up::{Action, PowerUp};
-use super::{Common, Key, Protocol, Settings, fault};
+use super::{Common, Key, Made, Protocol, Settings, fault};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Receipt, Reply, Setpoint, Watchdog,
 };
@@ -68,11 +68,7 @@ struct AkServo {
     fault: u32,
 }
 
-fn make(
-    settings: &Settings,
-    common: Common,
-    diagnostics: &mut Diagnostics,
-) -> Option<Box<dyn Drive>> {
+fn make(settings: &Settings, common: Common, diagnostics: &mut Diagnostics) -> Made {
     let upload = settings.integer("upload") as u32;
     if upload <= 6 {
         let found = format!("`upload` is {upload}, which is a command");

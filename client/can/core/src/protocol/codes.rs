@@ -14,8 +14,7 @@ use crate::drive::{Measurement, Mode, Receipt, Setpoint};
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Coded {
     pub(super) codes: Codes,
-    mode: Mode,
-    torque_limit: f64,
+    common: Common,
     turns: Turns,
     /// Position and velocity as last measured `[rad, rad/s]`.
     measured: Option<[f64; 2]>,
@@ -24,17 +23,31 @@ pub(super) struct Coded {
 
 impl Coded {
     pub(super) fn new(codes: Codes, common: Common) -> Coded {
-        let Common { mode, torque_limit, .. } = common;
-        Coded { codes, mode, torque_limit, turns: Turns::default(), measured: None, odd: false }
+        Coded { codes, common, turns: Turns::default(), measured: None, odd: false }
     }
 
-    /// Codes of position, velocity, stiffness, damping and torque.
+    /// Codes of position, velocity, stiffness, damping and torque, within ± the limit of the torque
+    /// for a motor whose position and velocity were last measured so.
     pub(super) fn setpoint(&self, setpoint: &Setpoint) -> [u16; 5] {
-        let setpoint = match self.mode {
+        let setpoint = match self.common.mode {
             Mode::Torque => Setpoint { torque: setpoint.torque, ..Setpoint::default() },
             _ => *setpoint,
         };
-        self.codes.of(&setpoint, self.torque_limit, self.measured, self.odd)
+        let Coded { codes, measured, odd, .. } = *self;
+        let limit = self.common.torque_limit;
+        let position = codes.position.code(setpoint.position, odd);
+        let velocity = codes.velocity.code(setpoint.velocity, odd);
+        let (stiffness, k) = codes.stiffness.toward_zero(setpoint.stiffness, odd);
+        let (damping, d) = codes.damping.toward_zero(setpoint.damping, odd);
+        // torque of spring and damper for these codes
+        let by_gains = measured.map_or(0.0, |[q, qd]| {
+            k * (codes.position.value(position) - q) + d * (codes.velocity.value(velocity) - qd)
+        });
+        let least = -limit - by_gains;
+        let most = limit - by_gains;
+        let torque = limited(setpoint.torque, limit).max(least).min(most);
+        let torque = codes.torque.within(codes.torque.toward_zero(torque, odd), least, most);
+        [position, velocity, stiffness, damping, torque]
     }
 
     /// A set-point was sent: codes beside zero alternate from one to the next.
@@ -54,7 +67,7 @@ impl Coded {
 
     /// The fault of a position that has no code, or is not known; else 0.
     pub(super) fn fault(&self) -> u32 {
-        self.turns.fault(self.mode)
+        self.turns.fault(self.common.mode)
     }
 
     /// The motor may start counting its turns again.
@@ -97,30 +110,6 @@ impl Codes {
         [self.position, self.velocity, self.torque].map(Scale::end)
     }
 
-    /// Codes of position, velocity, stiffness, damping and torque, within ± `limit` N m for a motor
-    /// whose position and velocity were last `measured`. `odd` as for [`Scale::code`].
-    fn of(
-        &self,
-        setpoint: &Setpoint,
-        limit: f64,
-        measured: Option<[f64; 2]>,
-        odd: bool,
-    ) -> [u16; 5] {
-        let position = self.position.code(setpoint.position, odd);
-        let velocity = self.velocity.code(setpoint.velocity, odd);
-        let (stiffness, k) = self.stiffness.toward_zero(setpoint.stiffness, odd);
-        let (damping, d) = self.damping.toward_zero(setpoint.damping, odd);
-        // torque of spring and damper for these codes
-        let by_gains = measured.map_or(0.0, |[q, qd]| {
-            k * (self.position.value(position) - q) + d * (self.velocity.value(velocity) - qd)
-        });
-        let least = -limit - by_gains;
-        let most = limit - by_gains;
-        let torque = limited(setpoint.torque, limit).max(least).min(most);
-        let torque = self.torque.within(self.torque.toward_zero(torque, odd), least, most);
-        [position, velocity, stiffness, damping, torque]
-    }
-
     /// Stiffness and damping at the ends of their ranges.
     pub(super) fn largest_gains(&self) -> [f64; 2] {
         [self.stiffness, self.damping].map(|scale| scale.value(scale.code(f64::INFINITY, false)))
@@ -143,6 +132,17 @@ mod tests {
     use super::*;
 
     const CODES: Codes = Codes::new([12.5, 45.0, 18.0, 500.0, 5.0], 12);
+
+    fn coded(limit: f64, measured: [f64; 2], odd: bool) -> Coded {
+        let common = Common {
+            mode: Mode::Impedance,
+            watchdog_ms: 0,
+            torque_limit: limit,
+            velocity_limit: f64::INFINITY,
+            period_ns: 0,
+        };
+        Coded { measured: Some(measured), odd, ..Coded::new(CODES, common) }
+    }
 
     #[test]
     fn what_the_motor_sums_is_within_the_limit() {
@@ -169,7 +169,7 @@ mod tests {
             setpoint.torque *= part;
             setpoint.stiffness *= part;
             setpoint.damping *= part;
-            let [p, v, k, d, t] = CODES.of(&setpoint, limit, Some([q, qd]), n % 2 == 0);
+            let [p, v, k, d, t] = coded(limit, [q, qd], n % 2 == 0).setpoint(&setpoint);
             let k = CODES.stiffness.value(k);
             let d = CODES.damping.value(d);
             assert!(k <= setpoint.stiffness + 1e-9 && d <= setpoint.damping + 1e-9);
@@ -184,7 +184,7 @@ mod tests {
     fn a_coarse_stiffness_is_never_rounded_up() {
         // half a code and more of 0.122 N m/rad, 10 rad behind
         let setpoint = Setpoint { position: 10.0, stiffness: 0.1, ..Setpoint::default() };
-        let [_, _, stiffness, ..] = CODES.of(&setpoint, 1.0, Some([0.0, 0.0]), false);
+        let [_, _, stiffness, ..] = coded(1.0, [0.0, 0.0], false).setpoint(&setpoint);
         assert_eq!(stiffness, 0);
     }
 }

@@ -22,7 +22,7 @@ use super::keys::{POLE_PAIRS, id, motor_torque_constant};
 use super::number::{limited, steps, steps_toward_zero};
 use super::power_up::{Action, PowerUp};
 use super::turns::Unwrapped;
-use super::{Common, Protocol, Settings};
+use super::{Common, Made, Protocol, Settings};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Receipt, Reply, Setpoint, Watchdog,
 };
@@ -64,8 +64,7 @@ const POSITIONS: i64 = 18_000;
 #[derive(Debug)]
 struct Vesc {
     id: u32,
-    mode: Mode,
-    torque_limit: f64,
+    common: Common,
     constant: f64,
     pole_pairs: f64,
     power_up: PowerUp,
@@ -75,15 +74,10 @@ struct Vesc {
     reported_ns: Option<u64>,
 }
 
-fn make(
-    settings: &Settings,
-    common: Common,
-    _diagnostics: &mut Diagnostics,
-) -> Option<Box<dyn Drive>> {
+fn make(settings: &Settings, common: Common, _diagnostics: &mut Diagnostics) -> Made {
     Some(Box::new(Vesc {
         id: settings.integer("id") as u32,
-        mode: common.mode,
-        torque_limit: common.torque_limit,
+        common,
         constant: settings.number("motor_torque_constant"),
         pole_pairs: settings.number("pole_pairs"),
         power_up: PowerUp::primed(),
@@ -100,7 +94,7 @@ impl Vesc {
     }
 
     fn current(&self, torque: f64) -> i32 {
-        let current = limited(torque, self.torque_limit) / self.constant;
+        let current = limited(torque, self.common.torque_limit) / self.constant;
         steps_toward_zero(current, MILLIAMPERE, i32::MAX)
     }
 
@@ -109,7 +103,7 @@ impl Vesc {
     }
 
     fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
-        match self.mode {
+        match self.common.mode {
             Mode::Torque | Mode::Impedance => self.frame(CURRENT, self.current(setpoint.torque)),
             Mode::Velocity => {
                 let turns = setpoint.velocity * 60.0 / TAU;
@@ -124,10 +118,10 @@ impl Vesc {
 
     /// The limit of current for its own loops.
     fn limits(&self) -> Option<Frame> {
-        if !self.mode.has_own_loops() || self.torque_limit.is_infinite() {
+        if !self.common.mode.has_own_loops() || self.common.torque_limit.is_infinite() {
             return None;
         }
-        let most = self.current(self.torque_limit);
+        let most = self.current(self.common.torque_limit);
         let bytes = [-most, most].map(i32::to_be_bytes);
         Frame::classic(Id::Extended(LIMITS << 8 | self.id), bytes.as_flattened())
     }

@@ -1,6 +1,6 @@
 //! Each rule of the monitors: when it fires, and when it does not.
 
-use super::bench::Bench;
+use super::bench::{Bench, OFF};
 use super::*;
 use crate::bridge::monitors::{Monitors, Seen, effort_of};
 use crate::config::MonitorBounds;
@@ -277,7 +277,7 @@ fn answers_are_counted_against_requests() {
 fn a_second_master_is_heard_and_an_echo_is_none() {
     let mut bench = Bench::new(|configuration| {
         configuration.motors.iter_mut().for_each(|motor| {
-            motor.monitors = MonitorBounds { second_master: true, ..MonitorBounds::OFF };
+            motor.monitors = MonitorBounds { second_master: true, ..OFF };
         });
     });
     bench.arm();
@@ -302,7 +302,7 @@ fn a_second_master_is_heard_and_an_echo_is_none() {
 fn an_error_passive_bus_stops_what_is_on_it() {
     let mut bench = Bench::new(|configuration| {
         configuration.motors.iter_mut().for_each(|motor| {
-            motor.monitors = MonitorBounds { bus_passive: true, ..MonitorBounds::OFF };
+            motor.monitors = MonitorBounds { bus_passive: true, ..OFF };
         });
     });
     bench.arm();

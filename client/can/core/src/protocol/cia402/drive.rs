@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use sarrus_models::Diagnostics;
 
-use super::setup::{self, Desired, PARAMETERS, READABLE, Setup};
+use super::setup::{self, Desired, PARAMETERS, Setup};
 use super::states::{
     DISABLE_VOLTAGE, ENABLE, FORGET_FAULT, QUICK_STOP, SHUTDOWN, SWITCH_ON, State,
 };
@@ -16,7 +16,7 @@ use crate::frame::{Frame, FrameQueue, Id};
 use crate::protocol::number::{limited, steps, steps_toward_zero};
 use crate::protocol::power_up::{Action, PowerUp, Stage};
 use crate::protocol::turns::Unwrapped;
-use crate::protocol::{Common, Settings, fault};
+use crate::protocol::{Common, Made, Settings, fault};
 
 const SYNC: u16 = 0x080;
 /// A drive that is set up and silent for this time is set up again `[ns]`.
@@ -26,16 +26,10 @@ const STOPPED_NS: u64 = 100_000_000;
 
 #[derive(Debug)]
 struct Cia402 {
-    node: u16,
-    master: u16,
-    mode: Mode,
+    desired: Desired,
     torque_limit: f64,
-    rated_torque: f64,
     counts: f64,
     velocity_counts: f64,
-    torque_offset: bool,
-    velocity_feedback: bool,
-    watchdog_ms: u32,
     setup: Setup,
     state: Option<State>,
     power_up: PowerUp,
@@ -52,11 +46,7 @@ struct Cia402 {
     heartbeat_ns: Option<u64>,
 }
 
-pub(super) fn make(
-    settings: &Settings,
-    common: Common,
-    diagnostics: &mut Diagnostics,
-) -> Option<Box<dyn Drive>> {
+pub(super) fn make(settings: &Settings, common: Common, diagnostics: &mut Diagnostics) -> Made {
     let node = settings.integer("node") as u16;
     let master = settings.integer("master") as u16;
     if node == master {
@@ -66,33 +56,24 @@ pub(super) fn make(
     }
     let counts = settings.number("counts_per_turn");
     let rated_torque = settings.number("rated_torque");
-    let velocity_counts = settings.number_or("velocity_counts_per_turn", counts);
-    let torque_offset = settings.flag("torque_offset") && common.mode != Mode::Torque;
-    let velocity_feedback = settings.flag("velocity_feedback");
-    let setup = Setup::new(Desired {
+    let desired = Desired {
         node,
         master,
         mode: common.mode,
         watchdog_ms: common.watchdog_ms.min(0xFFFF) as u16,
         torque_limit: (common.torque_limit / rated_torque * 1000.0).floor(),
         rated_torque,
-        torque_offset,
-        velocity_feedback,
+        torque_offset: settings.flag("torque_offset") && common.mode != Mode::Torque,
+        velocity_feedback: settings.flag("velocity_feedback"),
         configure: settings.flag("configure"),
         period_ns: common.period_ns,
-    });
+    };
     Some(Box::new(Cia402 {
-        node,
-        master,
-        mode: common.mode,
+        desired,
         torque_limit: common.torque_limit,
-        rated_torque,
         counts,
-        velocity_counts,
-        torque_offset,
-        velocity_feedback,
-        watchdog_ms: common.watchdog_ms,
-        setup,
+        velocity_counts: settings.number_or("velocity_counts_per_turn", counts),
+        setup: Setup::new(desired),
         state: None,
         power_up: PowerUp::at_once(),
         emergency: 0,
@@ -107,16 +88,16 @@ pub(super) fn make(
 
 impl Cia402 {
     fn frame(&self, base: u16, bytes: &[u8]) -> Option<Frame> {
-        Frame::classic(Id::Standard(base + self.node), bytes)
+        Frame::classic(Id::Standard(base + self.desired.node), bytes)
     }
 
     /// The control word with a set-point.
     fn command(&self, control: u16, setpoint: &Setpoint) -> Option<Frame> {
-        let per_mille = self.rated_torque / 1000.0;
+        let per_mille = self.desired.rated_torque / 1000.0;
         let torque = limited(setpoint.torque, self.torque_limit);
         let torque = (steps_toward_zero(torque, per_mille, 32_767) as i16).to_le_bytes();
         let [low, high] = control.to_le_bytes();
-        let target = match self.mode {
+        let target = match self.desired.mode {
             Mode::Position => steps(setpoint.position, TAU / self.counts, i32::MAX),
             Mode::Velocity => steps(setpoint.velocity, TAU / self.velocity_counts, i32::MAX),
             Mode::Torque | Mode::Impedance => {
@@ -124,7 +105,7 @@ impl Cia402 {
             }
         };
         let [a, b, c, d] = target.to_le_bytes();
-        let n_bytes = if self.torque_offset { 8 } else { 6 };
+        let n_bytes = if self.desired.torque_offset { 8 } else { 6 };
         self.frame(0x200, [low, high, a, b, c, d, torque[0], torque[1]].get(..n_bytes)?)
     }
 
@@ -190,9 +171,12 @@ impl Cia402 {
     /// of this side.
     fn is_command(&self, id: u16, bytes: &[u8]) -> bool {
         let is_network = id == 0
-            && matches!(bytes, [_, node, ..] if *node == 0 || u16::from(*node) == self.node);
-        let is_heartbeat = id == 0x700 + self.master && self.watchdog_ms > 0;
-        is_network || is_heartbeat || id == 0x200 + self.node || id == 0x600 + self.node
+            && matches!(bytes, [_, node, ..] if *node == 0 || u16::from(*node) == self.desired.node);
+        let is_heartbeat = id == 0x700 + self.desired.master && self.desired.watchdog_ms > 0;
+        is_network
+            || is_heartbeat
+            || id == 0x200 + self.desired.node
+            || id == 0x600 + self.desired.node
     }
 
     fn measured(&self, velocity: f64) -> Receipt {
@@ -244,7 +228,7 @@ impl Drive for Cia402 {
     fn disable(&self, out: &mut FrameQueue) {
         out.push_some(self.command(DISABLE_VOLTAGE, &self.neutral()));
         out.push_some(self.sync());
-        out.push_some(setup::write(self.node, 0x6040, 0, 2, 0));
+        out.push_some(setup::write(self.desired.node, 0x6040, 0, 2, 0));
     }
 
     /// The ramp and the reaction after it are the drive's, 6085 and 605A; so is its brake.
@@ -261,7 +245,7 @@ impl Drive for Cia402 {
         if self.is_command(id, frame.data()) {
             return Receipt::Foreign;
         }
-        let Some(base) = id.checked_sub(self.node) else { return Receipt::NotMine };
+        let Some(base) = id.checked_sub(self.desired.node) else { return Receipt::NotMine };
         if !matches!(base, 0x080 | 0x180 | 0x280 | 0x580 | 0x700) {
             return Receipt::NotMine;
         }
@@ -279,10 +263,15 @@ impl Drive for Cia402 {
                 (self.n_new, self.heard_ns) = ((self.n_new + 1).min(2), Some(now_ns));
                 self.status(u16::from_le_bytes([*low, *high]));
                 self.counted.follow(i64::from(i32::from_le_bytes([*a, *b, *c, *d])));
-                self.torque = f64::from(i16::from_le_bytes([*e, *f])) * self.rated_torque / 1000.0;
-                if self.velocity_feedback { Receipt::Noted } else { self.measured(f64::NAN) }
+                self.torque =
+                    f64::from(i16::from_le_bytes([*e, *f])) * self.desired.rated_torque / 1000.0;
+                if self.desired.velocity_feedback {
+                    Receipt::Noted
+                } else {
+                    self.measured(f64::NAN)
+                }
             }
-            (0x280, [a, b, c, d]) if self.velocity_feedback && self.n_new > 0 => {
+            (0x280, [a, b, c, d]) if self.desired.velocity_feedback && self.n_new > 0 => {
                 self.n_new -= 1;
                 self.measured(
                     f64::from(i32::from_le_bytes([*a, *b, *c, *d])) * TAU / self.velocity_counts,
@@ -318,7 +307,7 @@ impl Drive for Cia402 {
             Some(_) => Power::Off,
         };
         let is_faulty = self.state == Some(State::Faulty);
-        let is_beyond = self.mode == Mode::Position
+        let is_beyond = self.desired.mode == Mode::Position
             && self.counted.whole().is_some_and(|whole| i32::try_from(whole).is_err());
         let fault = fault::first([
             u32::from(self.emergency),
@@ -344,14 +333,14 @@ impl Drive for Cia402 {
 
     fn identifiers(&self) -> Vec<Id> {
         [0x080, 0x180, 0x200, 0x280, 0x580, 0x600, 0x700]
-            .map(|base| Id::Standard(base + self.node))
+            .map(|base| Id::Standard(base + self.desired.node))
             .to_vec()
     }
 
     fn shared_identifiers(&self) -> Vec<Shared> {
         // frames of the master to all
-        [0, SYNC, 0x700 + self.master]
-            .map(|id| Shared { id: Id::Standard(id), tag: self.node, mask: 0x7F })
+        [0, SYNC, 0x700 + self.desired.master]
+            .map(|id| Shared { id: Id::Standard(id), tag: self.desired.node, mask: 0x7F })
             .to_vec()
     }
 
@@ -359,7 +348,7 @@ impl Drive for Cia402 {
         Setpoint {
             position: TAU / self.counts,
             velocity: TAU / self.velocity_counts,
-            torque: self.rated_torque / 1000.0,
+            torque: self.desired.rated_torque / 1000.0,
             ..Setpoint::default()
         }
     }
@@ -369,8 +358,8 @@ impl Drive for Cia402 {
     }
 
     fn replies(&self) -> Vec<Reply> {
-        let reply = |base: u16, len| Reply::classic(Id::Standard(base + self.node), len);
-        let velocity = self.velocity_feedback.then(|| reply(0x280, 4));
+        let reply = |base: u16, len| Reply::classic(Id::Standard(base + self.desired.node), len);
+        let velocity = self.desired.velocity_feedback.then(|| reply(0x280, 4));
         [reply(0x180, 8)].into_iter().chain(velocity).collect()
     }
 
@@ -379,13 +368,14 @@ impl Drive for Cia402 {
     }
 
     fn heartbeat(&self) -> Option<(Frame, u64)> {
-        let frame = Frame::classic(Id::Standard(0x700 + self.master), &[0x05])?;
-        (self.watchdog_ms > 0).then(|| (frame, u64::from(self.watchdog_ms) * 250_000))
+        let frame = Frame::classic(Id::Standard(0x700 + self.desired.master), &[0x05])?;
+        (self.desired.watchdog_ms > 0)
+            .then(|| (frame, u64::from(self.desired.watchdog_ms) * 250_000))
     }
 
     /// Asks for the device's type, object 1000.
     fn probe(&mut self, out: &mut FrameQueue) {
-        out.push_some(setup::read(self.node, 0x1000, 0));
+        out.push_some(setup::read(self.desired.node, 0x1000, 0));
     }
 
     fn parameters(&self) -> &'static [Parameter] {
@@ -393,7 +383,7 @@ impl Drive for Cia402 {
     }
 
     fn read_parameter(&mut self, parameter: usize, out: &mut FrameQueue) {
-        let Some((index, sub, _)) = READABLE.get(parameter) else { return };
-        out.push_some(setup::read(self.node, *index, *sub));
+        let Some(parameter) = PARAMETERS.get(parameter) else { return };
+        out.push_some(setup::read(self.desired.node, parameter.address as u16, 0));
     }
 }

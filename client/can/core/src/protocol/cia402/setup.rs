@@ -15,26 +15,16 @@ const TRIES_OF_NONE: u8 = 5;
 /// How far the rated torque may be from the configured one, relatively: it is in whole mN m.
 const SAME_TORQUE: f64 = 1e-3;
 
+/// Objects with subindex 0.
 pub(super) const PARAMETERS: &[Parameter] = &[
-    Parameter { name: "1000 device type", unit: "" },
-    Parameter { name: "6061 mode", unit: "" },
-    Parameter { name: "6076 rated torque", unit: "mN m" },
-    Parameter { name: "6075 rated current", unit: "mA" },
-    Parameter { name: "6072 largest torque", unit: "‰" },
-    Parameter { name: "603F error code", unit: "" },
-    Parameter { name: "6064 position", unit: "counts" },
-    Parameter { name: "6079 voltage", unit: "mV" },
-];
-/// Their objects, and whether those are signed.
-pub(super) const READABLE: [(u16, u8, bool); 8] = [
-    (0x1000, 0, false),
-    (0x6061, 0, true),
-    (0x6076, 0, false),
-    (0x6075, 0, false),
-    (0x6072, 0, false),
-    (0x603F, 0, false),
-    (0x6064, 0, true),
-    (0x6079, 0, false),
+    Parameter::whole(0x1000, "1000 device type", ""),
+    Parameter::signed(0x6061, "6061 mode", ""),
+    Parameter::whole(0x6076, "6076 rated torque", "mN m"),
+    Parameter::whole(0x6075, "6075 rated current", "mA"),
+    Parameter::whole(0x6072, "6072 largest torque", "‰"),
+    Parameter::whole(0x603F, "603F error code", ""),
+    Parameter::signed(0x6064, "6064 position", "counts"),
+    Parameter::whole(0x6079, "6079 voltage", "mV"),
 ];
 
 /// The desired settings of the drive.
@@ -320,13 +310,10 @@ impl Setup {
         if !is_read {
             return if is_refused || is_written { Receipt::Noted } else { Receipt::Malformed };
         }
-        let Some(parameter) = READABLE.iter().position(|(i, s, _)| (*i, *s) == (index, sub)) else {
-            return Receipt::Noted;
-        };
-        let is_signed = READABLE.get(parameter).is_some_and(|(_, _, is_signed)| *is_signed);
-        let unused = 8 * (4 - u32::from(n_bytes));
-        let signed = (value << unused) as i32 >> unused;
-        Receipt::Parameter(parameter, if is_signed { f64::from(signed) } else { f64::from(value) })
+        match sub {
+            0 => Parameter::receipt(PARAMETERS, u32::from(index), value, 8 * u32::from(n_bytes)),
+            _ => Receipt::Noted,
+        }
     }
 
     /// Takes a value of 6061.

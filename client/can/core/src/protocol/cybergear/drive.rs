@@ -3,7 +3,7 @@
 use sarrus_models::Diagnostics;
 
 use super::keys::{
-    FAULTS, FEEDBACK, INDICES, LIMIT_TORQUE, PARAMETERS, POWER_OFF, POWER_ON, READ, RUN_MODE, RUNS,
+    FAULTS, FEEDBACK, LAST, LIMIT_TORQUE, PARAMETERS, POWER_OFF, POWER_ON, READ, RUN_MODE, RUNS,
     SAVE, SET_ID, SETPOINT, TIMEOUT_PER_MS, WHO, WRITE, ZERO,
 };
 use crate::drive::{
@@ -14,7 +14,7 @@ use crate::protocol::codes::{Coded, Codes};
 use crate::protocol::keys::RANGES;
 use crate::protocol::number::single;
 use crate::protocol::power_up::{Action, PowerUp};
-use crate::protocol::{Common, Settings, fault};
+use crate::protocol::{Common, Made, Settings, fault};
 
 /// A parameter that is written before the motor gets power, where it has a desired value, and read.
 #[derive(Clone, Copy, Debug)]
@@ -49,11 +49,7 @@ struct CyberGear {
 /// Ranges of a CyberGear, in the order of [`RANGES`].
 const CYBERGEAR_RANGES: [f64; 5] = [f64::NAN, 30.0, 12.0, 500.0, 5.0];
 
-pub(super) fn make(
-    settings: &Settings,
-    common: Common,
-    diagnostics: &mut Diagnostics,
-) -> Option<Box<dyn Drive>> {
+pub(super) fn make(settings: &Settings, common: Common, diagnostics: &mut Diagnostics) -> Made {
     let is_cybergear = settings.text("model") == "cybergear";
     let mut ranges = CYBERGEAR_RANGES;
     let mut good = true;
@@ -184,13 +180,11 @@ impl CyberGear {
             self.next += usize::from(is_held);
             (self.is_written, self.refused) = (false, fault::when(!is_held, fault));
         }
-        match INDICES.iter().position(|known| *known == index) {
-            _ if index == self.watchdog_index && index != 0 => {
-                Receipt::Parameter(INDICES.len(), f64::from(number))
-            }
-            Some(0) => Receipt::Parameter(0, f64::from(a)),
-            Some(parameter) => Receipt::Parameter(parameter, f64::from(held)),
-            None => Receipt::Noted,
+        match index {
+            0 => Receipt::Noted,
+            _ if index == self.watchdog_index => Receipt::Parameter(LAST, f64::from(number)),
+            RUN_MODE => Receipt::Parameter(0, f64::from(a)),
+            _ => Parameter::receipt(PARAMETERS, u32::from(index), number, 32),
         }
     }
 
@@ -332,12 +326,13 @@ impl Drive for CyberGear {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        let n_known = if self.watchdog_index == 0 { INDICES.len() } else { PARAMETERS.len() };
+        let n_known = if self.watchdog_index == 0 { LAST } else { PARAMETERS.len() };
         PARAMETERS.get(..n_known).unwrap_or_default()
     }
 
     fn read_parameter(&mut self, parameter: usize, out: &mut FrameQueue) {
-        let index = INDICES.get(parameter).copied().unwrap_or(self.watchdog_index);
+        let known = PARAMETERS.get(parameter).filter(|known| known.address != 0);
+        let index = known.map_or(self.watchdog_index, |known| known.address as u16);
         out.push_some(self.parameter(READ, index, 0));
     }
 

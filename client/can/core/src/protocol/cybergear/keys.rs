@@ -31,17 +31,17 @@ pub(super) const KEYS: &[Key] = &[
 pub(super) const RUN_MODE: u16 = 0x7005;
 pub(super) const LIMIT_TORQUE: u16 = 0x700B;
 
+/// The index of the last one is the motor's.
 pub(super) const PARAMETERS: &[Parameter] = &[
-    Parameter { name: "run_mode", unit: "" },
-    Parameter { name: "limit_torque", unit: "N m" },
-    Parameter { name: "mechPos", unit: "rad" },
-    Parameter { name: "iqf", unit: "A" },
-    Parameter { name: "mechVel", unit: "rad/s" },
-    Parameter { name: "VBUS", unit: "V" },
-    Parameter { name: "canTimeout", unit: "50 µs" },
+    Parameter::whole(RUN_MODE as u32, "run_mode", ""),
+    Parameter::single(LIMIT_TORQUE as u32, "limit_torque", "N m"),
+    Parameter::single(0x7019, "mechPos", "rad"),
+    Parameter::single(0x701A, "iqf", "A"),
+    Parameter::single(0x701B, "mechVel", "rad/s"),
+    Parameter::single(0x701C, "VBUS", "V"),
+    Parameter::whole(0, "canTimeout", "50 µs"),
 ];
-/// Their indices; the last one is the motor's.
-pub(super) const INDICES: [u16; 6] = [RUN_MODE, LIMIT_TORQUE, 0x7019, 0x701A, 0x701B, 0x701C];
+pub(super) const LAST: usize = PARAMETERS.len() - 1;
 
 pub(super) const WHO: u32 = 0;
 pub(super) const SETPOINT: u32 = 1;

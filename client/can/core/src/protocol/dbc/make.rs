@@ -5,19 +5,15 @@ use sarrus_models::Diagnostics;
 use super::drive::Dbc;
 use super::file;
 use super::signals::{Finder, Named, Role, frames};
-use crate::drive::{Drive, Mode, Power};
+use crate::drive::{Mode, Power};
 use crate::protocol::power_up::PowerUp;
-use crate::protocol::{Common, Settings};
+use crate::protocol::{Common, Made, Settings};
 
 const SETPOINTS: [&str; 5] = ["position", "velocity", "torque", "stiffness", "damping"];
 const UNITS: [&str; 5] =
     ["position_unit", "velocity_unit", "torque_unit", "stiffness_unit", "damping_unit"];
 
-pub(super) fn make(
-    settings: &Settings,
-    common: Common,
-    diagnostics: &mut Diagnostics,
-) -> Option<Box<dyn Drive>> {
+pub(super) fn make(settings: &Settings, common: Common, diagnostics: &mut Diagnostics) -> Made {
     let messages = match file::parse(settings.text("file")) {
         Ok(messages) => messages,
         Err((line, what)) => {

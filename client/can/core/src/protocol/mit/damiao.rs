@@ -26,31 +26,17 @@ const SAME_RANGE: f64 = 1e-4;
 /// Registers that there are.
 const LAST: u8 = 81;
 
-/// Span in [`PARAMETERS`], its register and whether that is a whole number.
-const READABLE: [(u8, bool); 10] = [
-    (TIMEOUT, true),
-    (CONTROL_MODE, true),
-    (PMAX, false),
-    (VMAX, false),
-    (TMAX, false),
-    (7, true),
-    (8, true),
-    (14, true),
-    (20, false),
-    (0, false),
-];
-
 pub(super) const PARAMETERS: &[Parameter] = &[
-    Parameter { name: "TIMEOUT", unit: "50 µs" },
-    Parameter { name: "CTRL_MODE", unit: "" },
-    Parameter { name: "PMAX", unit: "rad" },
-    Parameter { name: "VMAX", unit: "rad/s" },
-    Parameter { name: "TMAX", unit: "N m" },
-    Parameter { name: "MST_ID", unit: "" },
-    Parameter { name: "ESC_ID", unit: "" },
-    Parameter { name: "sw_ver", unit: "" },
-    Parameter { name: "Gr", unit: "" },
-    Parameter { name: "UV_Value", unit: "V" },
+    Parameter::whole(TIMEOUT as u32, "TIMEOUT", "50 µs"),
+    Parameter::whole(CONTROL_MODE as u32, "CTRL_MODE", ""),
+    Parameter::single(PMAX as u32, "PMAX", "rad"),
+    Parameter::single(VMAX as u32, "VMAX", "rad/s"),
+    Parameter::single(TMAX as u32, "TMAX", "N m"),
+    Parameter::whole(7, "MST_ID", ""),
+    Parameter::whole(8, "ESC_ID", ""),
+    Parameter::whole(14, "sw_ver", ""),
+    Parameter::single(20, "Gr", ""),
+    Parameter::single(0, "UV_Value", "V"),
 ];
 
 /// Registers that are written and read before the motor gets power, in this order.
@@ -110,7 +96,7 @@ impl Registers {
 
     /// Asks for a parameter by its place.
     pub(super) fn read_parameter(&self, parameter: usize) -> Option<Frame> {
-        self.read(READABLE.get(parameter)?.0)
+        self.read(PARAMETERS.get(parameter)?.address as u8)
     }
 
     /// Writes another identifier.
@@ -156,12 +142,8 @@ impl Registers {
             let is_skipped = self.next == 0 && self.watchdog_ms == 0;
             self.next += if is_skipped { 2 } else { 1 };
         }
-        let parameter = READABLE.iter().position(|(readable, _)| *readable == register);
-        Some(match parameter {
-            Some(parameter) if what == READ => {
-                let whole = READABLE.get(parameter).is_some_and(|(_, whole)| *whole);
-                Receipt::Parameter(parameter, if whole { f64::from(number) } else { real })
-            }
+        Some(match what {
+            READ => Parameter::receipt(PARAMETERS, u32::from(register), number, 32),
             _ => Receipt::Noted,
         })
     }

@@ -33,7 +33,7 @@ mod robstride;
 use super::codes::{Coded, Codes};
 use super::keys::RANGES;
 use super::power_up::{Action, PowerUp, Stage};
-use super::{Common, Protocol, Settings, fault};
+use super::{Common, Made, Protocol, Settings, fault};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Mode, Parameter, Power, Receipt, Reply, Setpoint, Shared,
     Watchdog,
@@ -85,11 +85,7 @@ struct Mit {
     motor_fault: u32,
 }
 
-fn make(
-    settings: &Settings,
-    common: Common,
-    diagnostics: &mut Diagnostics,
-) -> Option<Box<dyn Drive>> {
+fn make(settings: &Settings, common: Common, diagnostics: &mut Diagnostics) -> Made {
     let variant = match settings.text("variant") {
         "mini_cheetah" => Variant::MiniCheetah,
         "t_motor" => Variant::TMotor,

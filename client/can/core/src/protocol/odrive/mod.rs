@@ -31,7 +31,7 @@ use std::f64::consts::TAU;
 
 use super::number::{limited, single, steps, steps_toward_zero};
 use super::power_up::{Action, PowerUp, Stage};
-use super::{Common, Protocol, Settings, fault};
+use super::{Common, Made, Protocol, Settings, fault};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
 };
@@ -78,8 +78,7 @@ struct ODrive {
     node: u16,
     /// Largest velocity and current `[turn/s, A]`.
     limits: Option<[f64; 2]>,
-    mode: Mode,
-    torque_limit: f64,
+    common: Common,
     velocity_scale: f64,
     torque_scale: f64,
     torque_feedback: bool,
@@ -95,11 +94,7 @@ struct ODrive {
     measured: Measurement,
 }
 
-fn make(
-    settings: &Settings,
-    common: Common,
-    diagnostics: &mut Diagnostics,
-) -> Option<Box<dyn Drive>> {
+fn make(settings: &Settings, common: Common, diagnostics: &mut Diagnostics) -> Made {
     let endpoint = |key| settings.has(key).then(|| settings.integer(key) as u16);
     const TIMEOUT: &str = "watchdog_timeout_endpoint";
     let [timeout, enable] = [TIMEOUT, "enable_watchdog_endpoint"].map(endpoint);
@@ -125,8 +120,7 @@ fn make(
     Some(Box::new(ODrive {
         node,
         limits,
-        mode: common.mode,
-        torque_limit: common.torque_limit,
+        common,
         velocity_scale: settings.number("velocity_scale"),
         torque_scale: settings.number("torque_scale"),
         torque_feedback: settings.flag("torque_feedback"),
@@ -151,9 +145,9 @@ impl ODrive {
     }
 
     fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
-        let torque = limited(setpoint.torque, self.torque_limit);
+        let torque = limited(setpoint.torque, self.common.torque_limit);
         let velocity = setpoint.velocity / TAU;
-        match self.mode {
+        match self.common.mode {
             Mode::Position => {
                 let [a, b, c, d] = single(setpoint.position / TAU).to_le_bytes();
                 let [e, f] = (steps(velocity, self.velocity_scale, 32_767) as i16).to_le_bytes();
@@ -172,7 +166,7 @@ impl ODrive {
     /// Sets the mode. Nothing answers it, so it is sent again and again while the motor has no
     /// power.
     fn control_mode(&self) -> Option<Frame> {
-        let mode: u32 = match self.mode {
+        let mode: u32 = match self.common.mode {
             Mode::Torque | Mode::Impedance => 1,
             Mode::Velocity => 2,
             Mode::Position => 3,

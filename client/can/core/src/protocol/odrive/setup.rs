@@ -6,9 +6,10 @@ use crate::protocol::number::single;
 
 const ENDPOINT: u16 = 0x04;
 
+/// Their endpoints differ from firmware to firmware.
 pub(super) const PARAMETERS: &[Parameter] = &[
-    Parameter { name: "axis0.config.watchdog_timeout", unit: "s" },
-    Parameter { name: "axis0.config.enable_watchdog", unit: "" },
+    Parameter::single(0, "axis0.config.watchdog_timeout", "s"),
+    Parameter::whole(0, "axis0.config.enable_watchdog", ""),
 ];
 
 /// Settings that are written and read, in this order.
