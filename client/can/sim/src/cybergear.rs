@@ -122,31 +122,31 @@ impl CyberGear {
     fn write(&mut self, index: u16, value: [u8; 4], plant: &mut Plant) {
         let number = f64::from(f32::from_le_bytes(value));
         let [stiffness, damping] = OWN_GAINS;
-        let law = match (index, self.run_mode) {
-            (0x7005, _) => {
-                // the manual: switching the mode needs the motor off
-                if !plant.power {
-                    let [mode, ..] = value;
-                    self.run_mode = mode;
-                }
-                return;
-            }
+        match (index, self.run_mode) {
+            // the manual: switching the mode needs the motor off
+            (0x7005, _) if !plant.power => [self.run_mode, ..] = value,
+            (0x7005, _) => {}
             (index, _) if self.is_watchdog(index) => {
                 plant.watchdog_ns = u64::from(u32::from_le_bytes(value)) * COUNT_NS;
-                return;
             }
             (0x700B, _) => {
                 self.torque_limit = f32::from_le_bytes(value);
                 let [_, _, torque, ..] = self.ranges;
                 plant.physics.torque_limit = number.clamp(0.0, torque);
-                return;
             }
-            (0x7006, 3) => Setpoint { torque: number * TORQUE_CONSTANT, ..Setpoint::default() },
-            (0x700A, 2) => Setpoint { velocity: number, damping, ..Setpoint::default() },
-            (0x7016, 1) => Setpoint { position: number, stiffness, damping, ..Setpoint::default() },
-            _ => return,
-        };
-        plant.follow(law);
+            (0x7006, 3) => {
+                let torque = number * TORQUE_CONSTANT;
+                plant.follow(Setpoint { torque, ..Setpoint::default() });
+            }
+            (0x700A, 2) => {
+                plant.follow(Setpoint { velocity: number, damping, ..Setpoint::default() });
+            }
+            (0x7016, 1) => {
+                let law = Setpoint { position: number, stiffness, ..Setpoint::default() };
+                plant.follow(Setpoint { damping, ..law });
+            }
+            _ => {}
+        }
     }
 }
 

@@ -268,12 +268,7 @@ impl Moteus {
             answer.put(&[1]);
             return;
         }
-        let type_bits = match kind {
-            Kind::Int8 => 0x20,
-            Kind::Int16 => 0x24,
-            Kind::Int32 => 0x28,
-            Kind::Float => 0x2C,
-        };
+        let type_bits = 0x20 | (kind as u8) << 2;
         if count < 4 {
             answer.put(&[type_bits | count as u8]);
         } else {
