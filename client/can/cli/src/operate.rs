@@ -42,16 +42,8 @@ impl Operate {
     /// 0 when the bridge is where it was to go, 1 when it is not (and why), 2 without a bridge.
     pub(crate) fn run(&self, operation: Operation) -> ExitCode {
         let name = operation.name();
-        let observer = match Observer::connect(&self.name) {
-            Ok(observer) => observer,
-            Err(error) => {
-                eprintln!("sarrus-can {name}: {error}");
-                return ExitCode::from(2);
-            }
-        };
-        let actuator = match self.actuator.as_deref().map(|name| place(&observer, name)).transpose()
-        {
-            Ok(actuator) => actuator,
+        let (observer, actuator) = match self.connect() {
+            Ok(connected) => connected,
             Err(error) => {
                 eprintln!("sarrus-can {name}: {error}");
                 return ExitCode::from(2);
@@ -69,6 +61,13 @@ impl Operate {
                 ExitCode::from(1)
             }
         }
+    }
+
+    /// The bridge, and the place in u of the actuator that is meant.
+    fn connect(&self) -> Result<(Observer, Option<usize>), String> {
+        let observer = Observer::connect(&self.name).map_err(|error| error.to_string())?;
+        let actuator = self.actuator.as_deref().map(|name| place(&observer, name)).transpose()?;
+        Ok((observer, actuator))
     }
 
     /// Asks until the bridge is where it is to go, or will not get there.
@@ -196,9 +195,8 @@ fn place(observer: &Observer, name: &str) -> Result<usize, String> {
         };
         let names = statistics.actuators.iter().take(statistics.n_u as usize);
         let names: Vec<&str> = names.map(|name| name.as_str()).collect();
-        return names.iter().position(|known| *known == name).ok_or_else(|| {
-            format!("the bridge has no actuator {name}, expected {}", names.join(", "))
-        });
+        let fault = || format!("the bridge has no actuator {name}, expected {}", names.join(", "));
+        return names.iter().position(|known| *known == name).ok_or_else(fault);
     }
     Err("the bridge is silent".to_owned())
 }
