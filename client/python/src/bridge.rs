@@ -1,54 +1,36 @@
 //! The bridge between commands and motors.
 
-use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard};
 
-use pyo3::exceptions::{PyOSError, PyValueError};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sarrus_can_core::bridge::{Bridge, BusEvent, CommandVerdict};
-use sarrus_can_core::bus_load::{Load, loads};
-use sarrus_can_core::fault_files::FaultFiles;
 use sarrus_can_core::log::{self, Line, What};
 use sarrus_proto::actuators::{
-    ActuatorCommand, ActuatorState, MAX_ACTUATORS, MechanismState, Operation, OperatorRequest,
-    Reason, flag,
+    ActuatorCommand, ActuatorState, MAX_ACTUATORS, MechanismState, Operation, Reason, flag,
 };
 
 use crate::configuration::PyConfiguration;
-use crate::fault_log::FaultKeeper;
 use crate::frames::{PyFrame, list};
 use crate::locked;
-use crate::log::Log;
 
-/// The rules of one robot: the frames for its motors in each cycle. Times are nanoseconds of the
-/// monotonic clock.
+/// The safety rules of one robot, which make the frames for its motors in each cycle. Times are
+/// nanoseconds of the monotonic clock.
 #[pyclass(name = "Bridge", module = "sarrus.can", frozen)]
 pub(crate) struct PyBridge {
     bridge: Mutex<Bridge>,
-    log: Mutex<Option<Log>>,
-    kept: Mutex<Option<FaultKeeper>>,
-    /// How busy its buses are; it needs the motors, which are the bridge's own from now on.
-    pub(crate) loads: Vec<Load>,
 }
 
 #[pymethods]
 impl PyBridge {
     #[new]
     fn new(configuration: &PyConfiguration) -> PyResult<PyBridge> {
-        let configuration = configuration.take()?;
-        let loads = loads(&configuration);
-        Ok(PyBridge {
-            bridge: Mutex::new(Bridge::new(configuration)),
-            log: Mutex::new(None),
-            kept: Mutex::new(None),
-            loads,
-        })
+        Ok(PyBridge { bridge: Mutex::new(Bridge::new(configuration.take()?)) })
     }
 
     /// Takes a frame that came on a bus.
     fn receive(&self, now_ns: u64, bus: usize, frame: &PyFrame) {
-        self.note(now_ns, || What::Frame(bus, frame.0));
         self.lock().receive(now_ns, bus, &frame.0);
     }
 
@@ -56,7 +38,6 @@ impl PyBridge {
     /// `restarted`, `dropped`, `backlog`, `overrun`, the last three with a number of frames.
     fn bus_event(&self, now_ns: u64, bus: usize, event: &str, count: u32) -> PyResult<()> {
         let event = self::event(event, count)?;
-        self.note(now_ns, || What::Event(bus, event));
         self.lock().bus_event(now_ns, bus, event);
         Ok(())
     }
@@ -93,7 +74,7 @@ impl PyBridge {
             fingerprint.unwrap_or(of_model),
             [&position, &velocity, &effort, &stiffness, &damping],
         )?;
-        Ok(self.obey(now_ns, &command).name())
+        Ok(self.lock().command(now_ns, &command).name())
     }
 
     /// Performs an operation, `arm`, `disarm` or `reset`, of all mechanisms or of the one that an
@@ -110,24 +91,17 @@ impl PyBridge {
             })
         };
         let actuator = actuator.map(place).transpose()?;
-        self.note(now_ns, || What::Operate(operation, actuator));
         bridge.operate_mechanism(now_ns, operation, actuator);
         Ok(())
     }
 
     /// One cycle: the frames of all buses are new after it.
     fn cycle(&self, now_ns: u64) {
-        self.note(now_ns, || What::Cycle);
-        let mut bridge = self.lock();
-        bridge.cycle(now_ns);
-        if let Some(kept) = locked(&self.kept).as_mut() {
-            kept.after(&bridge);
-        }
+        self.lock().cycle(now_ns);
     }
 
-    /// Takes a line of a log; the frames that it makes the bridge send, as `candump -L` writes
-    /// them, and the fault that it brought: when, of which actuators, and why; `None` where it
-    /// brought none. A line that is none is a `ValueError`.
+    /// Applies a line of a log; the frames that the bridge then sends, as `candump -L` writes them,
+    /// and the time, actuators and reason of a new fault. A malformed line is a `ValueError`.
     fn replay(&self, line: &str) -> PyResult<(Vec<String>, Option<String>)> {
         let mut bridge = self.lock();
         let line = Line::read(line, bridge.configuration()).map_err(PyValueError::new_err)?;
@@ -146,46 +120,6 @@ impl PyBridge {
     fn faults(&self) -> (u64, Option<String>) {
         let bridge = self.lock();
         (bridge.faults().0, log::fault(&bridge))
-    }
-
-    /// From now on everything that the bridge is given goes into a new log, which `replay` reads; a
-    /// thread of its own writes it. A file that cannot be made is an `OSError`.
-    fn begin_log(&self, path: PathBuf) -> PyResult<()> {
-        let configuration = self.lock().configuration().without_motors();
-        let log = Log::new(&path, configuration)
-            .map_err(|error| PyOSError::new_err(format!("{}: {error}", path.display())))?;
-        *locked(&self.log) = Some(log);
-        Ok(())
-    }
-
-    /// From now on each fault writes a file that `replay` reads: the bridge's inputs of the last
-    /// two seconds, preceded by those that powered its motors. A folder keeps 16 files of a name;
-    /// the default folder is `sarrus/faults` in the user's state directory. A separate thread keeps
-    /// and writes them; a failure to start it is an `OSError`.
-    #[pyo3(signature = (name, folder = None))]
-    fn begin_fault_log(&self, name: &str, folder: Option<PathBuf>) -> PyResult<()> {
-        let configuration = self.lock().configuration().without_motors();
-        let usual = || FaultFiles::usual_folder(|name| std::env::var_os(name));
-        let files = FaultFiles::new(folder.unwrap_or_else(usual), name);
-        let kept = FaultKeeper::new(files, configuration)
-            .map_err(|error| PyOSError::new_err(format!("the log of faults: {error}")))?;
-        *locked(&self.kept) = Some(kept);
-        Ok(())
-    }
-
-    /// Ends the logs of faults: how many inputs are missing in them since they came faster than
-    /// they could be kept. `None` without them.
-    fn end_fault_log(&self, py: Python<'_>) -> Option<u64> {
-        let kept = locked(&self.kept).take()?;
-        Some(py.detach(|| kept.end()))
-    }
-
-    /// Ends the log: how many lines were written, and how many were lost since they came faster
-    /// than they could be. `None` without a log; an `OSError` when it could not be written.
-    fn end_log(&self, py: Python<'_>) -> PyResult<Option<(u64, u64)>> {
-        let log = locked(&self.log).take();
-        let ended = log.map(|log| py.detach(|| log.end())).transpose();
-        ended.map_err(|error| PyOSError::new_err(format!("the log: {error}")))
     }
 
     /// The frames of the last cycle for a bus, in the order in which they are to be sent.
@@ -244,37 +178,6 @@ impl PyBridge {
 }
 
 impl PyBridge {
-    /// Adds to the logs, where there are some.
-    fn note(&self, t: u64, what: impl FnOnce() -> What) {
-        let mut log = locked(&self.log);
-        let mut kept = locked(&self.kept);
-        match (log.as_mut(), kept.as_mut()) {
-            (None, None) => {}
-            (Some(log), None) => log.put(Line { t, what: what() }),
-            (None, Some(kept)) => kept.put(Line { t, what: what() }),
-            (Some(log), Some(kept)) => {
-                let line = Line { t, what: what() };
-                log.put(line.clone());
-                kept.put(line);
-            }
-        }
-    }
-
-    /// Gives the bridge a command.
-    pub(crate) fn obey(&self, now_ns: u64, command: &ActuatorCommand) -> CommandVerdict {
-        self.note(now_ns, || What::Command(Box::new(*command)));
-        self.lock().command(now_ns, command)
-    }
-
-    /// Gives the bridge a request of an operator.
-    pub(crate) fn request(&self, now_ns: u64, request: &OperatorRequest) {
-        let done = self.lock().request(now_ns, request);
-        if let Some(operation) = done {
-            let actuator = request.actuator.checked_sub(1).map(|actuator| actuator as usize);
-            self.note(now_ns, || What::Operate(operation, actuator));
-        }
-    }
-
     /// The bridge itself; it never leaves half a cycle behind.
     pub(crate) fn lock(&self) -> MutexGuard<'_, Bridge> {
         locked(&self.bridge)
@@ -364,6 +267,6 @@ pub(crate) fn operation_of(name: &str) -> PyResult<Operation> {
     })
 }
 
-fn event(name: &str, count: u32) -> PyResult<BusEvent> {
+pub(crate) fn event(name: &str, count: u32) -> PyResult<BusEvent> {
     BusEvent::named(name, count).ok_or_else(|| PyValueError::new_err(format!("no event `{name}`")))
 }

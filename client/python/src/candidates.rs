@@ -1,4 +1,4 @@
-//! Motors that no configuration knows, by protocol and identifier: to find them.
+//! Possible motors, by protocol and identifier, for the search of motors missing in a configuration.
 
 use std::sync::Mutex;
 
@@ -15,7 +15,7 @@ use crate::locked;
 /// Room for the frames of one question.
 const FRAMES: usize = 32;
 
-/// A motor that there may be: it can be asked whether it is there, and gets no power.
+/// A possible motor: questions for an answer, without power.
 #[pyclass(name = "Candidate", module = "sarrus.can", frozen)]
 pub(crate) struct PyCandidate {
     candidate: Mutex<Candidate>,
@@ -23,8 +23,8 @@ pub(crate) struct PyCandidate {
 
 #[pymethods]
 impl PyCandidate {
-    /// A motor of this protocol, variant (empty where there is none) and identifier; a `ValueError`
-    /// where there can be none.
+    /// A motor of this protocol, variant (empty if the protocol has none) and identifier; a
+    /// `ValueError` if no motor can have them.
     #[new]
     fn new(protocol: &str, variant: &str, id: i64) -> PyResult<PyCandidate> {
         let candidate = Candidate::new(known(protocol)?, variant, id).ok_or_else(|| {

@@ -58,18 +58,6 @@ impl PyConfiguration {
         self.with(|configuration| configuration.actuators.clone())
     }
 
-    /// The closed mechanism of each actuator.
-    #[getter]
-    fn mechanisms(&self) -> PyResult<Vec<usize>> {
-        self.with(|configuration| configuration.mechanisms.clone())
-    }
-
-    /// Cycles in a second.
-    #[getter]
-    fn rate_hz(&self) -> PyResult<f64> {
-        self.with(|configuration| configuration.rate_hz)
-    }
-
     /// Time between two cycles, in nanoseconds.
     #[getter]
     fn period_ns(&self) -> PyResult<u64> {

@@ -47,11 +47,6 @@ impl PyDrives {
         self.frames(motor, |motor, out| cycle(motor, now_ns, DriveCommand::Off, out))
     }
 
-    /// Frames of one cycle without power that also clear a latched fault.
-    fn reset(&self, motor: usize, now_ns: u64) -> PyResult<Vec<PyFrame>> {
-        self.frames(motor, |motor, out| cycle(motor, now_ns, DriveCommand::Reset, out))
-    }
-
     /// Frames of one cycle towards a set-point of the actuator `[SI]`, limited to the motor's own
     /// limits.
     fn on(&self, motor: usize, now_ns: u64, setpoint: [f64; 5]) -> PyResult<Vec<PyFrame>> {
@@ -103,7 +98,7 @@ impl PyDrives {
         self.frames(motor, |motor, out| motor.drive.read_parameter(parameter, out))
     }
 
-    /// Gives a frame of a bus to its motors: `[(motor, kind, value)]` of those whose frame it is.
+    /// Gives a frame to the motors of its bus: `[(motor, kind, value)]` of its senders.
     /// `kind` is `"malformed"`, `"noted"`, `"measured"` with a dict of the actuator's `position`,
     /// `velocity`, `effort`, the motor's `motor_position` and `temperature`, or `"parameter"` with
     /// its place and value.

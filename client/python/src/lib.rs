@@ -1,11 +1,12 @@
-//! The extension module of `sarrus` for Python: robots with numpy arrays, in `dynamics`, and the
-//! core of the CAN bridge as Python classes. The core has neither I/O nor a clock; Python code
-//! provides both.
+//! The extension module of `sarrus` for Python: robots with numpy arrays, in `dynamics`; the core of
+//! the CAN bridge as Python classes, without a bus and a clock; and in `run` its loop over buses of
+//! Python.
+
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use pyo3::prelude::*;
 
-/// A dict with fields of a structure under their names.
+/// A dict of a structure's fields by their names.
 macro_rules! fields {
     ($py:expr, $of:expr => $($field:ident),*) => {{
         let dict = pyo3::types::PyDict::new($py);
@@ -20,16 +21,14 @@ mod configuration;
 mod drives;
 mod dynamics;
 mod entry;
-mod fault_log;
 mod frames;
 mod interface;
-mod log;
 mod protocols;
+mod run;
 mod service;
 mod slcan;
-mod telemetry;
 
-/// Locks; nothing that runs under a lock of this extension leaves half a value behind a panic.
+/// Locks; a panic under a lock of this extension leaves no value half changed.
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -60,11 +59,11 @@ mod native {
     #[pymodule_export]
     use crate::protocols::protocols;
     #[pymodule_export]
+    use crate::run::run_bridge;
+    #[pymodule_export]
     use crate::service::{PyController, PyService};
     #[pymodule_export]
     use crate::slcan::{PySlcanReader, slcan_line};
-    #[pymodule_export]
-    use crate::telemetry::PyTelemetry;
 
     #[pymodule_export]
     const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -12,7 +12,6 @@ use sarrus_proto::heartbeat::monotonic_ns;
 use sarrus_proto::{Domain, DomainNode, ServerName};
 
 use crate::bridge::{PyBridge, command, operation_of, state_fields};
-use crate::telemetry::PyTelemetry;
 
 /// A name under which controllers find a bridge. It is free again when this is closed or the
 /// process ends.
@@ -38,31 +37,21 @@ impl PyService {
     }
 
     /// Gives the bridge the operations since the last call in their order, and the newest command.
-    /// The verdict on the command is in the bridge's counters.
+    /// The bridge's counters have the verdict on the command.
     fn take(&self, now_ns: u64, bridge: &PyBridge) {
         let Some(end) = &self.end else { return };
+        let mut bridge = bridge.lock();
         while let Some(request) = end.operation() {
             bridge.request(now_ns, &request);
         }
         if let Some(command) = end.command() {
-            bridge.obey(now_ns, &command);
+            bridge.command(now_ns, &command);
         }
     }
 
-    /// Gives the bridge's state to everybody who watches; false where that failed.
+    /// Publishes the bridge's state to all observers; false if that failed.
     fn publish(&self, bridge: &PyBridge) -> bool {
         self.end.as_ref().is_some_and(|end| end.publish(bridge.lock().state()))
-    }
-
-    /// Publishes counters and times to all observers, if they are due; false if that failed.
-    fn publish_statistics(
-        &self,
-        bridge: &PyBridge,
-        telemetry: &mut PyTelemetry,
-        now_ns: u64,
-    ) -> bool {
-        let Some(statistics) = telemetry.due(bridge, now_ns) else { return true };
-        self.end.as_ref().is_some_and(|end| end.publish_statistics(&statistics))
     }
 
     /// Leaves the shared memory.
@@ -162,7 +151,7 @@ impl PyController {
                 Ok(end.send(&command))
             }
             _ => Err(PyOSError::new_err(
-                "who only watches commands nothing, and nobody does after `close`",
+                "an observer (`watch=True`) and a closed controller cannot command",
             )),
         }
     }

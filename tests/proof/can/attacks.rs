@@ -8,6 +8,11 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use sarrus_can_core::bridge::Bridge;
+use sarrus_can_core::config::Configuration;
+use sarrus_can_core::fault_files::FaultFiles;
+use sarrus_can_core::fault_log::{After, FaultLog};
+use sarrus_can_core::log::{Line, What};
 use sarrus_tests::python::environment;
 use serde_json::Value;
 
@@ -74,17 +79,33 @@ fn program(files: &[PathBuf; 2]) -> Result {
     }
 }
 
-/// Files that a bridge of the package wrote at the faults of a case, the oldest first.
-fn fault_files(folder: &Path, place: usize) -> Vec<PathBuf> {
-    let prefix = format!("case{place}-");
-    let files =
-        std::fs::read_dir(folder.join("faults")).unwrap().map(|entry| entry.unwrap().path());
-    let is_ours = |path: &PathBuf| {
-        path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(&prefix))
-    };
-    let mut files: Vec<PathBuf> = files.filter(is_ours).collect();
-    files.sort();
-    files
+/// The file of the last fault of a case, as the loop of a bridge writes it.
+fn fault_file(
+    folder: &Path,
+    place: usize,
+    [configuration, input]: &[PathBuf; 2],
+) -> Option<PathBuf> {
+    let mut bridge = Bridge::new(Configuration::load(configuration).unwrap());
+    let configuration = bridge.configuration().without_motors();
+    let files = FaultFiles::new(folder.join("faults"), &format!("case{place}"));
+    let mut log = FaultLog::default();
+    let mut newest = None;
+    for text in std::fs::read_to_string(input).unwrap().lines() {
+        let line = Line::read(text, &configuration).unwrap();
+        let (before, _) = bridge.faults();
+        line.apply(&mut bridge);
+        let is_cycle = line.what == What::Cycle;
+        log.push(line);
+        if is_cycle {
+            log.after(After::cycle_of(&bridge));
+        }
+        if let (now, Some((_, reason))) = bridge.faults()
+            && now != before
+        {
+            newest = Some(files.write(u128::from(now), reason, &log, &configuration).unwrap());
+        }
+    }
+    newest
 }
 
 /// All cases through bridges of the Python package, in one process.
@@ -145,8 +166,9 @@ fn every_attack_ends_alike_in_the_core_the_program_and_the_python_package() {
                 reason.name(),
             );
         }
-        // the program replays the package's file of the last fault to the same fault
-        let newest = fault_files(&folder, place).pop().unwrap_or_else(|| panic!("{name}: no file"));
+        // the program replays the file of the last fault to the same fault
+        let newest = fault_file(&folder, place, &case.files);
+        let newest = newest.unwrap_or_else(|| panic!("{name}: no file"));
         if has_whole_logs(case.drive) {
             let again = program(&[case.files[0].clone(), newest]);
             assert_eq!(again.faults.last(), case.core.faults.last(), "{name}");

@@ -71,10 +71,10 @@ fn tell(report: &Report) {
 }
 
 /// The frames of a command of zeros.
-fn zero(motor: &MotorConfig) -> FrameQueue {
+fn zero(motor: &MotorConfig) -> Vec<String> {
     let mut frames = FrameQueue::new(16);
     motor.drive.encode(&Setpoint::default(), &mut frames);
-    frames
+    frames.frames().iter().map(ToString::to_string).collect()
 }
 
 fn text(configuration: &Configuration) -> String {
@@ -130,8 +130,7 @@ fn text(configuration: &Configuration) -> String {
             *other != motor.actuator && configuration.mechanisms.get(*other) == mechanism
         });
         let partners = partners.map(name).collect::<Vec<_>>().join(" ");
-        let frames =
-            zero(motor).frames().iter().map(ToString::to_string).collect::<Vec<_>>().join(" ");
+        let believed = if motor.watchdog_believed { ", believed" } else { "" };
         rows.push(vec![
             name(motor.actuator),
             configuration.buses.get(motor.bus).map(|bus| bus.name.clone()).unwrap_or_default(),
@@ -141,13 +140,9 @@ fn text(configuration: &Configuration) -> String {
             motor.mapping.gear.to_string(),
             if motor.is_calibrated { motor.mapping.offset.to_string() } else { "none".to_owned() },
             motor.limits.effort.to_string(),
-            format!(
-                "{} ms{}",
-                motor.common.watchdog_ms,
-                if motor.watchdog_believed { ", believed" } else { "" }
-            ),
+            format!("{} ms{believed}", motor.common.watchdog_ms),
             if partners.is_empty() { "-".to_owned() } else { partners },
-            frames,
+            zero(motor).join(" "),
         ]);
     }
     table(&mut out, &rows);
@@ -159,11 +154,8 @@ pub(crate) fn table(out: &mut String, rows: &[Vec<String>]) {
     let columns = rows.first().map_or(0, Vec::len);
     let widths: Vec<usize> = (0..columns)
         .map(|column| {
-            rows.iter()
-                .filter_map(|row| row.get(column))
-                .map(|entry| entry.chars().count())
-                .max()
-                .unwrap_or(0)
+            let entries = rows.iter().filter_map(|row| row.get(column));
+            entries.map(|entry| entry.chars().count()).max().unwrap_or(0)
         })
         .collect();
     for row in rows {
@@ -189,8 +181,6 @@ fn object(configuration: &Configuration) -> Value {
         .motors
         .iter()
         .map(|motor| {
-            let frames: Vec<String> =
-                zero(motor).frames().iter().map(ToString::to_string).collect();
             json!({"actuator": configuration.actuators.get(motor.actuator),
                "bus": configuration.buses.get(motor.bus).map(|bus| &bus.name),
                "protocol": motor.protocol.name, "mode": motor.common.mode.name(),
@@ -198,7 +188,7 @@ fn object(configuration: &Configuration) -> Value {
                "offset": motor.is_calibrated.then_some(motor.mapping.offset),
                "torque_constant": motor.mapping.torque_constant,
                "watchdog_ms": motor.common.watchdog_ms,
-               "mechanism": configuration.mechanisms.get(motor.actuator), "zero": frames})
+               "mechanism": configuration.mechanisms.get(motor.actuator), "zero": zero(motor)})
         })
         .collect();
     json!({

@@ -10,7 +10,7 @@ use sarrus_client::Observer;
 use sarrus_client::actuators::{ActuatorState, MechanismState, Operation, Reason, flag};
 use sarrus_client::watch::BridgeStatistics;
 
-use crate::top::meanings;
+use crate::top::{meanings, of, reason_name, state_name};
 
 /// Flags of the three.
 #[derive(Args)]
@@ -42,16 +42,8 @@ impl Operate {
     /// 0 when the bridge is where it was to go, 1 when it is not (and why), 2 without a bridge.
     pub(crate) fn run(&self, operation: Operation) -> ExitCode {
         let name = operation.name();
-        let observer = match Observer::connect(&self.name) {
-            Ok(observer) => observer,
-            Err(error) => {
-                eprintln!("sarrus-can {name}: {error}");
-                return ExitCode::from(2);
-            }
-        };
-        let actuator = match self.actuator.as_deref().map(|name| place(&observer, name)).transpose()
-        {
-            Ok(actuator) => actuator,
+        let (observer, actuator) = match self.connect() {
+            Ok(connected) => connected,
             Err(error) => {
                 eprintln!("sarrus-can {name}: {error}");
                 return ExitCode::from(2);
@@ -69,6 +61,13 @@ impl Operate {
                 ExitCode::from(1)
             }
         }
+    }
+
+    /// The bridge, and the place in u of the actuator that is meant.
+    fn connect(&self) -> Result<(Observer, Option<usize>), String> {
+        let observer = Observer::connect(&self.name).map_err(|error| error.to_string())?;
+        let actuator = self.actuator.as_deref().map(|name| place(&observer, name)).transpose()?;
+        Ok((observer, actuator))
     }
 
     /// Asks until the bridge is where it is to go, or will not get there.
@@ -180,10 +179,9 @@ fn without_power(state: &ActuatorState, statistics: &BridgeStatistics) -> Vec<St
 
 /// A state, and why where there is a reason.
 fn in_words(state: u32, reason: u32) -> String {
-    let state = MechanismState::from_code(state).map_or("unknown", MechanismState::name);
-    match Reason::from_code(reason) {
-        Some(Reason::None) => state.to_owned(),
-        reason => format!("{state}: {}", reason.map_or("unknown", Reason::name)),
+    match reason {
+        0 => state_name(state).to_owned(),
+        reason => format!("{}: {}", state_name(state), reason_name(reason)),
     }
 }
 
@@ -197,15 +195,10 @@ fn place(observer: &Observer, name: &str) -> Result<usize, String> {
         };
         let names = statistics.actuators.iter().take(statistics.n_u as usize);
         let names: Vec<&str> = names.map(|name| name.as_str()).collect();
-        return names.iter().position(|known| *known == name).ok_or_else(|| {
-            format!("the bridge has no actuator {name}, expected {}", names.join(", "))
-        });
+        let fault = || format!("the bridge has no actuator {name}, expected {}", names.join(", "));
+        return names.iter().position(|known| *known == name).ok_or_else(fault);
     }
     Err("the bridge is silent".to_owned())
-}
-
-fn of_actuator(codes: &[u32], place: usize) -> u32 {
-    codes.get(place).copied().unwrap_or(u32::MAX)
 }
 
 /// Message after success.
@@ -248,8 +241,8 @@ impl StateCounts {
             arming: count(MechanismState::Arming),
             stopping: count(MechanismState::Stopping),
             fault: count(MechanismState::Fault),
-            state: actuator.map_or(state.state, |place| of_actuator(&state.states, place)),
-            reason: actuator.map_or(state.reason, |place| of_actuator(&state.reasons, place)),
+            state: actuator.map_or(state.state, |place| of(&state.states, place)),
+            reason: actuator.map_or(state.reason, |place| of(&state.reasons, place)),
         }
     }
 

@@ -23,61 +23,55 @@ impl Replay {
     /// 0; 1 for a faulty configuration or line, 2 for a file that cannot be opened.
     pub(crate) fn run(&self) -> Result<ExitCode, ExitCode> {
         let configuration = crate::configuration(&self.config)?;
+        let shown = self.log.display();
         let log = std::fs::File::open(&self.log).map_err(|error| {
             eprintln!(
-                "sarrus-can replay: cannot open {}: {error}; give the path of a readable file",
-                self.log.display()
+                "sarrus-can replay: cannot open {shown}: {error}; give the path of a readable file"
             );
             ExitCode::from(2)
         })?;
         let mut out = BufWriter::new(io::stdout().lock());
         let mut bridge = Bridge::new(configuration);
-        let lines = BufReader::new(log).lines().enumerate();
-        let result = lines.map(|(number, line)| (number, line.map_err(Fault::Read))).try_for_each(
-            |(number, line)| {
-                let line = line.and_then(|line| {
-                    if line.trim().is_empty() { Ok(()) } else { step(&mut bridge, &line, &mut out) }
-                });
-                line.map_err(|fault| (number, fault))
-            },
-        );
-        let flushed = out.flush();
-        let written = match result {
-            Ok(()) => flushed,
-            Err((_, Fault::Output(error))) => Err(error),
-            Err((number, Fault::Line(fault))) => {
-                eprintln!("{}:{}:1: {fault}", self.log.display(), number + 1);
-                return Err(ExitCode::from(1));
+        let replayed = BufReader::new(log).lines().enumerate().try_for_each(|(number, line)| {
+            let line = line.map_err(|error| {
+                let fault = format!("cannot read {shown}: {error}; give the path of a text file");
+                Fault::Input(2, format!("sarrus-can replay: {fault}"))
+            })?;
+            if line.trim().is_empty() {
+                return Ok(());
             }
-            Err((_, Fault::Read(error))) => {
-                eprintln!(
-                    "sarrus-can replay: cannot read {}: {error}; give the path of a text file",
-                    self.log.display()
-                );
-                return Err(ExitCode::from(2));
-            }
-        };
-        match written {
+            let line = Line::read(&line, bridge.configuration())
+                .map_err(|fault| Fault::Input(1, format!("{shown}:{}:1: {fault}", number + 1)))?;
+            step(&mut bridge, &line, &mut out).map_err(Fault::Output)
+        });
+        let flushed = out.flush().map_err(Fault::Output);
+        match replayed.and(flushed) {
+            Ok(()) => Ok(ExitCode::SUCCESS),
             // a reader that has gone away wants no more
-            Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            Err(Fault::Output(error)) if error.kind() == io::ErrorKind::BrokenPipe => {
+                Ok(ExitCode::SUCCESS)
+            }
+            Err(Fault::Output(error)) => {
                 eprintln!("sarrus-can replay: stdout: {error}");
                 Err(ExitCode::from(2))
             }
-            _ => Ok(ExitCode::SUCCESS),
+            Err(Fault::Input(code, message)) => {
+                eprintln!("{message}");
+                Err(ExitCode::from(code))
+            }
         }
     }
 }
 
 /// Why a replay ends early.
 enum Fault {
-    Line(String),
-    Read(io::Error),
+    /// The exit code and the message.
+    Input(u8, String),
     Output(io::Error),
 }
 
 /// Applies one line; the frames of a cycle are written.
-fn step(bridge: &mut Bridge, text: &str, out: &mut impl Write) -> Result<(), Fault> {
-    let line = Line::read(text, bridge.configuration()).map_err(Fault::Line)?;
+fn step(bridge: &mut Bridge, line: &Line, out: &mut impl Write) -> io::Result<()> {
     let (faults, _) = bridge.faults();
     line.apply(bridge);
     if bridge.faults().0 != faults
@@ -86,9 +80,7 @@ fn step(bridge: &mut Bridge, text: &str, out: &mut impl Write) -> Result<(), Fau
         eprintln!("sarrus-can replay: at {} ns {fault}", line.t);
     }
     if line.what == What::Cycle {
-        log::sent(bridge, line.t)
-            .try_for_each(|frame| writeln!(out, "{frame}"))
-            .map_err(Fault::Output)?;
+        log::sent(bridge, line.t).try_for_each(|frame| writeln!(out, "{frame}"))?;
     }
     Ok(())
 }

@@ -71,11 +71,11 @@ impl Top {
     }
 }
 
-fn state_name(code: u32) -> &'static str {
+pub(crate) fn state_name(code: u32) -> &'static str {
     MechanismState::from_code(code).map_or("unknown", MechanismState::name)
 }
 
-fn reason(code: u32) -> &'static str {
+pub(crate) fn reason_name(code: u32) -> &'static str {
     Reason::from_code(code).map_or("unknown", Reason::name)
 }
 
@@ -110,7 +110,7 @@ fn flags(bits: u32) -> Vec<&'static str> {
 }
 
 /// One actuator's numbers, by its place.
-fn of<T: Copy + Default>(numbers: &[T], place: usize) -> T {
+pub(crate) fn of<T: Copy + Default>(numbers: &[T], place: usize) -> T {
     numbers.get(place).copied().unwrap_or_default()
 }
 
@@ -139,7 +139,7 @@ fn text(state: &ActuatorState, statistics: &BridgeStatistics) -> String {
         out,
         "{} ({})   process {}, {up:.0} s, {} cycles",
         state_name(state.state),
-        reason(state.reason),
+        reason_name(state.reason),
         s.process,
         s.cycles
     );
@@ -179,7 +179,7 @@ fn text(state: &ActuatorState, statistics: &BridgeStatistics) -> String {
         rows.push(vec![
             name.as_str().to_owned(),
             state_name(of(&state.states, place)).to_owned(),
-            reason(of(&state.reasons, place)).to_owned(),
+            reason_name(of(&state.reasons, place)).to_owned(),
             format!("{:.4}", of(&state.position, place)),
             format!("{:.3}", of(&state.velocity, place)),
             format!("{:.3}", of(&state.effort, place)),
@@ -231,7 +231,7 @@ fn object(state: &ActuatorState, s: &BridgeStatistics) -> Value {
             let number =
                 |numbers: &[f64]| Some(of(numbers, place)).filter(|number| number.is_finite());
             json!({"name": name.as_str(), "state": state_name(of(&state.states, place)),
-               "reason": reason(of(&state.reasons, place)),
+               "reason": reason_name(of(&state.reasons, place)),
                "position": number(&state.position), "velocity": number(&state.velocity),
                "effort": number(&state.effort),
                "temperature": number(&state.temperature), "fault": of(&state.faults, place),
@@ -241,7 +241,7 @@ fn object(state: &ActuatorState, s: &BridgeStatistics) -> Value {
         })
         .collect();
     json!({
-        "state": state_name(state.state), "reason": reason(state.reason),
+        "state": state_name(state.state), "reason": reason_name(state.reason),
         "sequence": state.sequence, "command": state.command,
         "stamp_ns": state.stamp_ns, "fingerprint": format!("{:016x}", state.fingerprint),
         "process": s.process, "cycles": s.cycles,

@@ -10,7 +10,7 @@ use sarrus_models::yaml;
 
 use crate::drive::{Drive, Mode, Receipt};
 use crate::frame::{Frame, FrameQueue, Id};
-use crate::protocol::{Common, Protocol};
+use crate::protocol::{Common, Made, Protocol};
 use crate::settings::{Key, KeyKind, Settings};
 
 /// The settings that hold a motor's identifier, and the one that holds that of its replies.
@@ -89,12 +89,7 @@ impl Candidate {
 }
 
 /// A drive whose settings are an identifier, and for the rest the least that is valid.
-fn drive(
-    protocol: &'static Protocol,
-    variant: &str,
-    id: i64,
-    reply: i64,
-) -> Option<Box<dyn Drive>> {
+fn drive(protocol: &'static Protocol, variant: &str, id: i64, reply: i64) -> Made {
     let mut text = String::new();
     for key in protocol.keys {
         let value = match (key.name, key.kind, key.default) {

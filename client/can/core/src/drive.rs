@@ -25,6 +25,14 @@ pub struct Setpoint {
     pub damping: f64,
 }
 
+impl Setpoint {
+    /// Keeps the motor where it is; 0 stands for a position that is not known.
+    pub(crate) fn still(position: f64) -> Setpoint {
+        let position = if position.is_finite() { position } else { 0.0 };
+        Setpoint { position, ..Setpoint::default() }
+    }
+}
+
 /// Mode of a motor's own controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Mode {
@@ -130,6 +138,16 @@ pub struct Measurement {
     pub temperature: f64,
 }
 
+impl Measurement {
+    /// Nothing is known.
+    pub(crate) const NONE: Measurement = Measurement {
+        position: f64::NAN,
+        velocity: f64::NAN,
+        torque: f64::NAN,
+        temperature: f64::NAN,
+    };
+}
+
 /// Meaning of a frame to a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Receipt {
@@ -155,9 +173,50 @@ pub struct Parameter {
     pub name: &'static str,
     /// Unit; empty without one.
     pub unit: &'static str,
+    /// Its register, object or index in the protocol.
+    pub(crate) address: u32,
+    pub(crate) kind: ParameterKind,
+}
+
+/// How the bits of a parameter are a number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ParameterKind {
+    Whole,
+    Signed,
+    Single,
 }
 
 impl Parameter {
+    /// A whole number.
+    pub(crate) const fn whole(address: u32, name: &'static str, unit: &'static str) -> Parameter {
+        Parameter { name, unit, address, kind: ParameterKind::Whole }
+    }
+
+    /// A whole number with a sign.
+    pub(crate) const fn signed(address: u32, name: &'static str, unit: &'static str) -> Parameter {
+        Parameter { name, unit, address, kind: ParameterKind::Signed }
+    }
+
+    /// A single.
+    pub(crate) const fn single(address: u32, name: &'static str, unit: &'static str) -> Parameter {
+        Parameter { name, unit, address, kind: ParameterKind::Single }
+    }
+
+    /// The parameter of an address that was read as the lower `n_bits` of `bits`.
+    pub(crate) fn receipt(known: &[Parameter], address: u32, bits: u32, n_bits: u32) -> Receipt {
+        let mut places = known.iter().enumerate();
+        let Some((place, parameter)) = places.find(|(_, known)| known.address == address) else {
+            return Receipt::Noted;
+        };
+        let unused = 32 - n_bits;
+        let value = match parameter.kind {
+            ParameterKind::Whole => f64::from(bits << unused >> unused),
+            ParameterKind::Signed => f64::from((bits << unused) as i32 >> unused),
+            ParameterKind::Single => f64::from(f32::from_bits(bits)),
+        };
+        Receipt::Parameter(place, value)
+    }
+
     /// Whether it is the version of the motor's firmware.
     pub fn is_version(&self) -> bool {
         matches!(self.name, "sw_ver" | "register map version")
@@ -216,8 +275,7 @@ pub trait Drive: Send + core::fmt::Debug {
 
     /// Frames of a cycle in which the drive stops its motor by itself and then takes the power
     /// away; false where the protocol has no such command.
-    fn quick_stop(&mut self, now_ns: u64, out: &mut FrameQueue) -> bool {
-        let _ = (now_ns, out);
+    fn quick_stop(&mut self, _now_ns: u64, _out: &mut FrameQueue) -> bool {
         false
     }
 
@@ -267,8 +325,7 @@ pub trait Drive: Send + core::fmt::Debug {
     /// How long an answer took that can be paired with its question, where measurements come
     /// without being asked and such questions are asked before power; the largest number while
     /// there was none yet `[ns]`. `None` where it cannot be measured.
-    fn round_trip_ns(&self, now_ns: u64) -> Option<u64> {
-        let _ = now_ns;
+    fn round_trip_ns(&self, _now_ns: u64) -> Option<u64> {
         None
     }
 
@@ -291,22 +348,19 @@ pub trait Drive: Send + core::fmt::Debug {
     fn probe(&mut self, out: &mut FrameQueue);
 
     /// Makes the present position the motor's zero; false where the protocol has no such command.
-    fn set_zero(&mut self, out: &mut FrameQueue) -> bool {
-        let _ = out;
+    fn set_zero(&mut self, _out: &mut FrameQueue) -> bool {
         false
     }
 
     /// Stores the zero that [`Drive::set_zero`] made, so that it is there after the supply was
     /// away; false where the protocol has no such command.
-    fn save_zero(&mut self, out: &mut FrameQueue) -> bool {
-        let _ = out;
+    fn save_zero(&mut self, _out: &mut FrameQueue) -> bool {
         false
     }
 
     /// Gives the motor another identifier and stores it; from then on it is another drive's motor.
     /// False where the protocol has no such command, or no such identifier.
-    fn set_id(&mut self, id: u32, out: &mut FrameQueue) -> bool {
-        let _ = (id, out);
+    fn set_id(&mut self, _id: u32, _out: &mut FrameQueue) -> bool {
         false
     }
 
@@ -316,9 +370,7 @@ pub trait Drive: Send + core::fmt::Debug {
     }
 
     /// Asks for a parameter by its place.
-    fn read_parameter(&mut self, parameter: usize, out: &mut FrameQueue) {
-        let _ = (parameter, out);
-    }
+    fn read_parameter(&mut self, _parameter: usize, _out: &mut FrameQueue) {}
 
     /// Ends of the protocol's ranges of position, velocity and torque `[rad, rad/s, N m]`: it has
     /// no numbers beyond them. Infinite where it has no ranges.

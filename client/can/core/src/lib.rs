@@ -9,6 +9,7 @@
 
 pub mod bit_stuffing;
 pub mod bridge;
+pub mod cholesky;
 pub mod commissioning;
 pub mod config;
 pub mod drive;

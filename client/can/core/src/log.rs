@@ -57,22 +57,17 @@ impl Line {
     pub fn read(text: &str, configuration: &Configuration) -> Result<Line, String> {
         let line: Value =
             serde_json::from_str(text).map_err(|error| format!("this is not JSON: {error}"))?;
-        let t = line
-            .get("t")
-            .and_then(Value::as_u64)
-            .ok_or("the line has no time, expected `\"t\": NANOSECONDS`")?;
+        let t = line.get("t").and_then(Value::as_u64);
+        let t = t.ok_or("the line has no time, expected `\"t\": NANOSECONDS`")?;
         let bus = || {
-            let name = line
-                .get("bus")
-                .and_then(Value::as_str)
-                .ok_or("the line has no bus, expected `\"bus\": NAME`")?;
+            let name = line.get("bus").and_then(Value::as_str);
+            let name = name.ok_or("the line has no bus, expected `\"bus\": NAME`")?;
             configuration.bus(name).ok_or(format!("there is no bus `{name}` in the configuration"))
         };
         let what = if let Some(text) = line.get("frame") {
-            let frame = text
-                .as_str()
-                .and_then(Frame::from_text)
-                .ok_or("the frame cannot be read, expected ID#DATA as candump writes it")?;
+            let frame = text.as_str().and_then(Frame::from_text);
+            let fault = "the frame cannot be read, expected ID#DATA as candump writes it";
+            let frame = frame.ok_or(fault)?;
             What::Frame(bus()?, frame)
         } else if let Some(name) = line.get("event") {
             let count = line

@@ -61,9 +61,6 @@ impl ActuatorMeasurement {
 }
 
 impl Mapping {
-    /// Motor and actuator are one.
-    pub const DIRECT: Mapping = Mapping { sign: 1.0, gear: 1.0, offset: 0.0, torque_constant: 1.0 };
-
     /// The motor's set-point for one of the actuator.
     pub fn to_motor(&self, setpoint: &ActuatorSetpoint) -> Setpoint {
         let Mapping { sign, gear, offset, torque_constant } = *self;

@@ -83,48 +83,34 @@ impl Settings {
                 (None, Some(default)) => Some(default),
                 (None, None) => {
                     let found = format!("{of} has no {}", quoted(key.name));
-                    diagnostics.error(
-                        node.span,
-                        found,
-                        key.expected(),
-                        format!("add `{}`: {}", key.name, key.about),
-                    );
+                    let help = format!("add `{}`: {}", key.name, key.about);
+                    diagnostics.error(node.span, found, key.expected(), help);
                     good = false;
                     continue;
                 }
             };
-            let Some(setting) = written.and_then(|text| key.parse(text)) else {
-                let found = format!(
-                    "`{}` is {}",
-                    key.name,
-                    node.get(key.name).map_or_else(String::new, Node::describe)
-                );
-                diagnostics.error(
-                    place,
-                    found,
-                    key.expected(),
-                    format!("correct it: {}", key.about),
-                );
+            let Some(mut setting) = written.and_then(|text| key.parse(text)) else {
+                let value = node.get(key.name).map_or_else(String::new, Node::describe);
+                let found = format!("`{}` is {value}", key.name);
+                let help = format!("correct it: {}", key.about);
+                diagnostics.error(place, found, key.expected(), help);
                 good = false;
                 continue;
             };
-            let setting = match (key.kind, setting) {
-                (KeyKind::File, Setting::Text(name)) if !name.is_empty() => match file(&name) {
-                    Ok(content) => Setting::Text(content),
+            if let (KeyKind::File, Setting::Text(text)) = (key.kind, &mut setting)
+                && !text.is_empty()
+            {
+                match file(text) {
+                    Ok(content) => *text = content,
                     Err(reason) => {
-                        let found = format!("{} cannot be read: {reason}", quoted(&name));
-                        diagnostics.error(
-                            place,
-                            found,
-                            "a file beside the configuration",
-                            "correct the name",
-                        );
+                        let found = format!("{} cannot be read: {reason}", quoted(text));
+                        let expected = "a file beside the configuration";
+                        diagnostics.error(place, found, expected, "correct the name");
                         good = false;
                         continue;
                     }
-                },
-                (_, setting) => setting,
-            };
+                }
+            }
             settings.insert(key.name, (setting, place));
         }
         good.then_some(Settings { place: node.span, settings })
@@ -138,6 +124,19 @@ impl Settings {
     /// Where a setting stands, or the mapping where it is a default.
     pub fn place(&self, key: &str) -> Span {
         self.settings.get(key).map_or(self.place, |(_, place)| *place)
+    }
+
+    /// Reports a fault of a setting; nothing is made of it.
+    pub(crate) fn wrong<T>(
+        &self,
+        diagnostics: &mut Diagnostics,
+        key: &str,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+        help: impl Into<String>,
+    ) -> Option<T> {
+        diagnostics.error(self.place(key), found, expected, help);
+        None
     }
 
     /// A setting declared as a number; NaN for any other name.

@@ -46,10 +46,10 @@ impl Telemetry {
         let mut fixed = BridgeStatistics {
             started_ns,
             process: u64::from(process),
+            n_buses: configuration.buses.len() as u64,
+            n_u: configuration.actuators.len() as u64,
             ..BridgeStatistics::default()
         };
-        fixed.n_buses = configuration.buses.len() as u64;
-        fixed.n_u = configuration.actuators.len() as u64;
         for (into, (bus, load)) in fixed.buses.iter_mut().zip(configuration.buses.iter().zip(loads))
         {
             *into = BusStatistics {
@@ -61,12 +61,11 @@ impl Telemetry {
         for (into, name) in fixed.actuators.iter_mut().zip(&configuration.actuators) {
             *into = Label::new(name);
         }
-        let [wake, work, age, reply] = [histogram()?, histogram()?, histogram()?, histogram()?];
         Some(Telemetry {
-            wake,
-            work,
-            age,
-            reply,
+            wake: histogram()?,
+            work: histogram()?,
+            age: histogram()?,
+            reply: histogram()?,
             replies: 0,
             sent: [0; MAX_BUSES],
             published_ns: 0,

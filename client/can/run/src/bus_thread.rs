@@ -1,4 +1,5 @@
-//! The thread of one bus: sends the rules' frames, receives, and sends the last frames of all.
+//! The thread of one bus: sends the frames of the rules, receives, and at its end sends the shutdown
+//! frames.
 
 use std::os::fd::{AsFd, OwnedFd};
 use std::sync::Arc;
@@ -16,19 +17,19 @@ use sarrus_client::now_ns;
 
 /// Room for frames and events on their way between two threads.
 const ROOM: usize = 4096;
-/// Things that are heard before frames are sent again.
+/// Most inputs that are taken before frames are sent again.
 const AT_ONCE: usize = 256;
-/// News of a bus that may wait for room.
+/// Most events of a bus that wait for room.
 const UNTOLD: usize = 16;
 /// How often the shutdown frames are sent, and the time between.
 const SHUTDOWN: (usize, Duration) = (5, Duration::from_millis(5));
-/// A bus without orders for this time checks whether the rules still run.
+/// Longest wait, after which a bus checks whether the rules still run.
 const TIMEOUT: Duration = Duration::from_millis(50);
 
 /// Input of a bus, and its time `[ns]`.
 pub(crate) type Stamped = (u64, Heard);
 
-/// The thread's side.
+/// The thread's end of the queues, and the bus.
 pub(crate) struct BusThread {
     name: String,
     port: Box<dyn Bus>,
@@ -43,19 +44,22 @@ struct Queues {
     to_send: Consumer<(u64, Frame)>,
     heard: Producer<Stamped>,
     bell: Arc<OwnedFd>,
-    /// Things heard that found no room and are not reported yet.
+    /// Frames received without room in `heard`, not reported yet.
     overrun: u32,
-    /// News of the bus that found no room, oldest first.
+    /// Events without room in `heard`, oldest first.
     untold: Vec<BusEvent>,
-    /// Frames that waited when it was last reported.
+    /// The last reported backlog.
     backlog: u32,
+    /// See [`Bus::is_mute`].
+    is_mute: bool,
 }
 
-/// The rules' side.
+/// The rules' end of the queues.
 pub(crate) struct BusEnd {
     to_send: Producer<(u64, Frame)>,
     heard: Consumer<Stamped>,
     bell: Arc<OwnedFd>,
+    is_mute: bool,
 }
 
 impl BusEnd {
@@ -65,11 +69,12 @@ impl BusEnd {
         std::iter::from_fn(|| self.heard.pop().ok()).take(waiting)
     }
 
-    /// Hands the frames of a cycle over and wakes the bus; gives how many found no room.
+    /// Hands the frames of a cycle over and wakes the bus; gives how many are dropped.
     pub(crate) fn send(&mut self, cycle: u64, frames: &[Frame]) -> u32 {
         let mut dropped = 0;
         for frame in frames {
-            dropped += u32::from(self.to_send.push((cycle, *frame)).is_err());
+            let is_refused = self.to_send.push((cycle, *frame)).is_err();
+            dropped += u32::from(is_refused || self.is_mute);
         }
         // the counter of the bell cannot overflow in a lifetime
         let _ = rustix::io::write(&*self.bell, &1_u64.to_ne_bytes());
@@ -101,7 +106,8 @@ impl BusThread {
         );
         let (send, to_send) = RingBuffer::new(ROOM);
         let (hear, heard) = RingBuffer::new(ROOM);
-        let end = BusEnd { to_send: send, heard, bell: bell.clone() };
+        let is_mute = port.is_mute();
+        let end = BusEnd { to_send: send, heard, bell: bell.clone(), is_mute };
         let queues = Queues {
             to_send,
             heard: hear,
@@ -109,11 +115,13 @@ impl BusThread {
             overrun: 0,
             untold: Vec::with_capacity(UNTOLD),
             backlog: 0,
+            is_mute,
         };
+        let shutdown_frames = if is_mute { Vec::new() } else { shutdown_frames };
         Ok((BusThread { name, port, queues, shutdown_frames }, end))
     }
 
-    /// Until the rules are gone; then the motors are disabled.
+    /// Serves the bus until the rules end; then the motors are disabled.
     pub(crate) fn run(mut self, priority: Option<u8>) {
         realtime::be_first(priority);
         while !self.queues.to_send.is_abandoned() {
@@ -122,11 +130,13 @@ impl BusThread {
                 return;
             }
         }
+        // the logs hold the last cycle too
+        let _ = self.queues.send(&mut *self.port);
     }
 }
 
 impl Queues {
-    /// Waits, hears and sends once.
+    /// Waits, receives and sends once.
     fn serve(&mut self, port: &mut dyn Bus) -> Result<(), BusError> {
         {
             let bell = PollFd::from_borrowed_fd(self.bell.as_fd(), PollFlags::IN);
@@ -174,7 +184,9 @@ impl Queues {
             let is_sent = cycle == newest && port.send(&frame)? == Sent::Taken;
             dropped += u32::from(!is_sent);
         }
-        if dropped > 0 {
+        dropped += port.flush();
+        // the rules count those of a mute bus themselves
+        if dropped > 0 && !self.is_mute {
             self.tell(Heard::Event(BusEvent::Dropped(dropped)));
         }
         // frames of this cycle are on their way; those that still wait at the next are old
@@ -185,7 +197,8 @@ impl Queues {
         Ok(())
     }
 
-    /// Tells the rules; false where there is no room. How the bus stands is reported later then.
+    /// Queues an input for the rules; false if there is no room. A change of the bus's state then
+    /// waits for room.
     fn tell(&mut self, heard: Heard) -> bool {
         let is_told = self.untold.is_empty() && self.heard.push((now_ns(), heard)).is_ok();
         match heard {
@@ -205,17 +218,15 @@ impl Drop for BusThread {
         let (times, pause) = SHUTDOWN;
         let mut are_taken = false;
         for _ in 0..times {
-            let refused = self
-                .shutdown_frames
-                .iter()
-                .filter(|frame| self.port.send(frame).ok() != Some(Sent::Taken))
-                .count();
-            are_taken |= refused == 0;
+            let sent = self.shutdown_frames.iter().map(|frame| self.port.send(frame).ok());
+            let refused = sent.filter(|sent| *sent != Some(Sent::Taken)).count();
+            let dropped = self.port.flush();
+            are_taken |= refused == 0 && dropped == 0;
             std::thread::sleep(pause);
         }
         if !are_taken {
             say(format_args!(
-                "{}: no way to command its motors off; what is left are their own watchdogs",
+                "{}: its motors cannot be commanded off; only their own watchdogs remain",
                 self.name
             ));
         }

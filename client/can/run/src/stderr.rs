@@ -1,7 +1,7 @@
 //! Messages on stderr.
 //!
-//! While motors run no thread of theirs may wait for the reader of stderr: a stopped terminal takes
-//! no lines. A thread of its own then writes them.
+//! While motors run, no thread of the bridge may wait for the reader of stderr, which may be a
+//! stopped terminal. A separate thread then writes the lines.
 
 use std::fmt::Arguments;
 use std::io::Write;
@@ -13,15 +13,15 @@ use std::time::Duration;
 
 /// Lines that may wait; more are lost.
 const ROOM: usize = 64;
-/// Longest time that the end of the program waits for lines to be written, and the time between two
-/// looks.
+/// Longest time that [`finish`] waits for the last lines, and the time between two checks.
 const LAST: (Duration, Duration) = (Duration::from_millis(200), Duration::from_millis(5));
 
 static PROGRAM: OnceLock<&str> = OnceLock::new();
 static LINES: OnceLock<SyncSender<String>> = OnceLock::new();
 static WAITING: AtomicUsize = AtomicUsize::new(0);
 
-/// From now on no thread waits for stderr, also none that panics. Each line begins with `program`.
+/// Starts the thread of stderr: no other thread waits for it any more, not even in a panic. Each line
+/// begins with `program`.
 pub fn never_wait(program: &'static str) {
     let _ = PROGRAM.set(program);
     let (lines, said) = sync_channel::<String>(ROOM);
@@ -37,7 +37,7 @@ pub fn never_wait(program: &'static str) {
     }
 }
 
-/// Says something.
+/// Writes a line, or drops it if too many wait.
 pub fn say(what: Arguments<'_>) {
     let line = format!("{}: {what}", PROGRAM.get().unwrap_or(&"sarrus-can"));
     let Some(lines) = LINES.get() else {
@@ -50,7 +50,7 @@ pub fn say(what: Arguments<'_>) {
     }
 }
 
-/// Gives the last lines a little time to be written.
+/// Waits a short time for the last lines.
 pub fn finish() {
     let (longest, pause) = LAST;
     let mut waited = Duration::ZERO;

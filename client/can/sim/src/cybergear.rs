@@ -25,8 +25,7 @@
 use super::{Firmware, Plant, extended};
 use sarrus_can_core::drive::Setpoint;
 use sarrus_can_core::frame::{Frame, FrameQueue, Id};
-use sarrus_can_core::protocol::Common;
-use sarrus_can_core::protocol::Settings;
+use sarrus_can_core::protocol::{Common, Settings};
 
 /// Ranges of the manual, for those that the settings leave out: position ±4π rad, velocity
 /// `[rad/s]`, torque `[N m]`, stiffness `[N m/rad]`, damping `[N m s/rad]`.
@@ -58,10 +57,7 @@ pub(super) struct CyberGear {
 
 impl CyberGear {
     pub(super) fn new(settings: &Settings, _common: Common, plant: &mut Plant) -> CyberGear {
-        let known = |(key, usual)| {
-            Some(settings.number(key)).filter(|range| range.is_finite()).unwrap_or(usual)
-        };
-        let ranges = RANGES.map(known);
+        let ranges = RANGES.map(|(key, usual)| settings.number_or(key, usual));
         let [_, _, torque, ..] = ranges;
         plant.physics.torque_limit = plant.physics.torque_limit.min(torque);
         CyberGear {
@@ -92,11 +88,13 @@ impl CyberGear {
             | u32::from(self.id) << 8
             | u32::from(host);
         let [position, velocity, torque, ..] = self.ranges;
-        let [a, b] = code(plant.measured(), position).to_be_bytes();
-        let [c, d] = code(plant.velocity, velocity).to_be_bytes();
-        let [e, f] = code(plant.torque, torque).to_be_bytes();
-        let [g, h] = ((plant.temperature * 10.0) as u16).to_be_bytes();
-        out.push_some(extended(id, &[a, b, c, d, e, f, g, h]));
+        let measured = [
+            code(plant.measured(), position),
+            code(plant.velocity, velocity),
+            code(plant.torque, torque),
+            (plant.temperature * 10.0) as u16,
+        ];
+        out.push_some(extended(id, measured.map(u16::to_be_bytes).as_flattened()));
     }
 
     fn read(&self, host: u8, index: u16, plant: &Plant, out: &mut FrameQueue) {
@@ -124,31 +122,31 @@ impl CyberGear {
     fn write(&mut self, index: u16, value: [u8; 4], plant: &mut Plant) {
         let number = f64::from(f32::from_le_bytes(value));
         let [stiffness, damping] = OWN_GAINS;
-        let law = match (index, self.run_mode) {
-            (0x7005, _) => {
-                // the manual: switching the mode needs the motor off
-                if !plant.power {
-                    let [mode, ..] = value;
-                    self.run_mode = mode;
-                }
-                return;
-            }
+        match (index, self.run_mode) {
+            // the manual: switching the mode needs the motor off
+            (0x7005, _) if !plant.power => [self.run_mode, ..] = value,
+            (0x7005, _) => {}
             (index, _) if self.is_watchdog(index) => {
                 plant.watchdog_ns = u64::from(u32::from_le_bytes(value)) * COUNT_NS;
-                return;
             }
             (0x700B, _) => {
                 self.torque_limit = f32::from_le_bytes(value);
                 let [_, _, torque, ..] = self.ranges;
                 plant.physics.torque_limit = number.clamp(0.0, torque);
-                return;
             }
-            (0x7006, 3) => Setpoint { torque: number * TORQUE_CONSTANT, ..Setpoint::default() },
-            (0x700A, 2) => Setpoint { velocity: number, damping, ..Setpoint::default() },
-            (0x7016, 1) => Setpoint { position: number, stiffness, damping, ..Setpoint::default() },
-            _ => return,
-        };
-        plant.follow(law);
+            (0x7006, 3) => {
+                let torque = number * TORQUE_CONSTANT;
+                plant.follow(Setpoint { torque, ..Setpoint::default() });
+            }
+            (0x700A, 2) => {
+                plant.follow(Setpoint { velocity: number, damping, ..Setpoint::default() });
+            }
+            (0x7016, 1) => {
+                let law = Setpoint { position: number, stiffness, ..Setpoint::default() };
+                plant.follow(Setpoint { damping, ..law });
+            }
+            _ => {}
+        }
     }
 }
 

@@ -15,8 +15,7 @@
 use super::{Firmware, Plant};
 use sarrus_can_core::drive::{Mode, Setpoint};
 use sarrus_can_core::frame::{Frame, FrameQueue, Id};
-use sarrus_can_core::protocol::Common;
-use sarrus_can_core::protocol::Settings;
+use sarrus_can_core::protocol::{Common, Settings};
 
 /// Stiffness and damping of its own position and speed loops `[N m/rad, N m s/rad]`.
 const OWN_GAINS: [f64; 2] = [40.0, 2.0];
@@ -108,19 +107,15 @@ impl Dbc {
 
     fn law(&self) -> Setpoint {
         let [position, velocity, torque, stiffness, damping] = self.setpoint;
-        let [own_stiffness, own_damping] = OWN_GAINS;
+        let [stiffness, damping] = match self.mode {
+            Mode::Impedance => [stiffness, damping],
+            _ => OWN_GAINS,
+        };
         match self.mode {
-            Mode::Impedance => Setpoint { position, velocity, torque, stiffness, damping },
-            Mode::Position => Setpoint {
-                position,
-                velocity,
-                torque,
-                stiffness: own_stiffness,
-                damping: own_damping,
-            },
-            Mode::Velocity => {
-                Setpoint { velocity, torque, damping: own_damping, ..Setpoint::default() }
+            Mode::Impedance | Mode::Position => {
+                Setpoint { position, velocity, torque, stiffness, damping }
             }
+            Mode::Velocity => Setpoint { velocity, torque, damping, ..Setpoint::default() },
             Mode::Torque => Setpoint { torque, ..Setpoint::default() },
         }
     }

@@ -22,8 +22,7 @@ pub use plant::{Physics, Plant};
 
 use sarrus_can_core::drive::Setpoint;
 use sarrus_can_core::frame::{Frame, FrameQueue, Id};
-use sarrus_can_core::protocol::Common;
-use sarrus_can_core::protocol::Settings;
+use sarrus_can_core::protocol::{Common, Settings};
 
 /// A motor's firmware. Nothing is checked here that the real one does not check.
 trait Firmware: Send + core::fmt::Debug {

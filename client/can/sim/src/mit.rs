@@ -27,8 +27,7 @@
 use super::{Firmware, Plant, standard};
 use sarrus_can_core::drive::Setpoint;
 use sarrus_can_core::frame::{Frame, FrameQueue, Id};
-use sarrus_can_core::protocol::Common;
-use sarrus_can_core::protocol::Settings;
+use sarrus_can_core::protocol::{Common, Settings};
 
 /// Identifier of a Damiao's registers.
 const REGISTERS: u16 = 0x7FF;
@@ -57,11 +56,8 @@ pub(super) struct Mit {
     variant: Variant,
     id: u16,
     reply_id: u32,
-    position_range: f64,
-    velocity_range: f64,
-    torque_range: f64,
-    stiffness_range: f64,
-    damping_range: f64,
+    /// Ends of the ranges of position, velocity, torque, stiffness, damping.
+    ranges: [f64; 5],
 }
 
 impl Mit {
@@ -80,11 +76,8 @@ impl Mit {
             variant,
             id: settings.integer("id") as u16,
             reply_id: settings.integer("reply_id") as u32,
-            position_range: settings.number("position_range"),
-            velocity_range: settings.number("velocity_range"),
-            torque_range: settings.number("torque_range"),
-            stiffness_range: settings.number("stiffness_range"),
-            damping_range: settings.number("damping_range"),
+            ranges: ["position", "velocity", "torque", "stiffness", "damping"]
+                .map(|what| settings.number(&format!("{what}_range"))),
         }
     }
 
@@ -92,13 +85,14 @@ impl Mit {
         let field = |shift: u32, bits: u32| {
             (code >> shift & ((1 << bits) - 1)) as f64 / ((1u32 << bits) - 1) as f64
         };
+        let [position, velocity, torque, stiffness, damping] = self.ranges;
         let around_zero = |part: f64, range: f64| (2.0 * part - 1.0) * range;
         Setpoint {
-            position: around_zero(field(48, 16), self.position_range),
-            velocity: around_zero(field(36, 12), self.velocity_range),
-            stiffness: field(24, 12) * self.stiffness_range,
-            damping: field(12, 12) * self.damping_range,
-            torque: around_zero(field(0, 12), self.torque_range),
+            position: around_zero(field(48, 16), position),
+            velocity: around_zero(field(36, 12), velocity),
+            stiffness: field(24, 12) * stiffness,
+            damping: field(12, 12) * damping,
+            torque: around_zero(field(0, 12), torque),
         }
     }
 
@@ -135,9 +129,10 @@ impl Mit {
     }
 
     fn reply(&self, plant: &Plant, out: &mut FrameQueue) {
-        let position = code(plant.measured(), self.position_range, 16);
-        let velocity = code(plant.velocity, self.velocity_range, 12);
-        let torque = code(plant.torque, self.torque_range, 12);
+        let [position, velocity, torque, ..] = self.ranges;
+        let position = code(plant.measured(), position, 16);
+        let velocity = code(plant.velocity, velocity, 12);
+        let torque = code(plant.torque, torque, 12);
         let [p, q] = (position as u16).to_be_bytes();
         let [v, w, t] =
             [(velocity >> 4) as u8, ((velocity & 0xF) << 4 | torque >> 8) as u8, torque as u8];
@@ -189,6 +184,7 @@ impl Mit {
             out.push_some(standard(self.reply_id, &[low, high, access, register, 0, 0, 0, 0]));
             return true;
         }
+        let [position, velocity, torque, ..] = self.ranges;
         let content = match register {
             0x00 => UNDER_VOLTAGE.to_le_bytes(),
             0x07 => self.reply_id.to_le_bytes(),
@@ -197,9 +193,9 @@ impl Mit {
             0x0A => 1u32.to_le_bytes(),
             0x0E => SOFTWARE.to_le_bytes(),
             0x14 => REDUCTION.to_le_bytes(),
-            0x15 => (self.position_range as f32).to_le_bytes(),
-            0x16 => (self.velocity_range as f32).to_le_bytes(),
-            0x17 => (self.torque_range as f32).to_le_bytes(),
+            0x15 => (position as f32).to_le_bytes(),
+            0x16 => (velocity as f32).to_le_bytes(),
+            0x17 => (torque as f32).to_le_bytes(),
             _ => return true,
         };
         if matches!(access, 0x33 | 0x55) {

@@ -29,8 +29,7 @@ use core::f64::consts::TAU;
 use super::{Firmware, Plant, standard};
 use sarrus_can_core::drive::Setpoint;
 use sarrus_can_core::frame::{Frame, FrameQueue, Id};
-use sarrus_can_core::protocol::Common;
-use sarrus_can_core::protocol::Settings;
+use sarrus_can_core::protocol::{Common, Settings};
 
 /// Time between two heartbeats `[ns]`.
 const HEARTBEAT_NS: u64 = 100_000_000;
@@ -71,9 +70,7 @@ impl Odrive {
             control_mode: 3,
             velocity_scale: settings.number("velocity_scale"),
             torque_scale: settings.number("torque_scale"),
-            torque_constant: Some(settings.number("motor_torque_constant"))
-                .filter(|constant| constant.is_finite())
-                .unwrap_or(1.0),
+            torque_constant: settings.number_or("motor_torque_constant", 1.0),
             torque_limit: OWN_LIMIT,
             physical_limit: plant.physics.torque_limit,
             tells_torque: settings.flag("torque_feedback"),
@@ -87,8 +84,12 @@ impl Odrive {
     }
 
     fn tell(&self, command: u16, bytes: [[u8; 4]; 2], out: &mut FrameQueue) {
-        let [[a, b, c, d], [e, f, g, h]] = bytes;
-        out.push_some(standard(u32::from(self.node << 5 | command), &[a, b, c, d, e, f, g, h]));
+        out.push_some(standard(u32::from(self.node << 5 | command), bytes.as_flattened()));
+    }
+
+    fn follow(&self, law: Setpoint, plant: &mut Plant) {
+        plant.physics.torque_limit = self.physical_limit.min(self.torque_limit);
+        plant.follow(law);
     }
 
     fn endpoint(
@@ -138,65 +139,37 @@ impl Firmware for Odrive {
         let second = f32::from_le_bytes([e, f, g, h]);
         let fine = |low, high| f64::from(i16::from_le_bytes([low, high]));
         let [stiffness, damping] = OWN_GAINS;
-        let law = match (id & 0x1F, frame.data().len()) {
-            (0x02, _) => {
-                plant.stop();
-                return true;
-            }
+        match (id & 0x1F, frame.data().len()) {
+            (0x02, _) => plant.stop(),
             (0x04, 4..=8) => {
                 self.endpoint(a == 1, u16::from_le_bytes([b, c]), [e, f, g, h], plant, out);
-                return true;
             }
-            (0x07, 4 | 8) => {
-                match a {
-                    CLOSED_LOOP => plant.start(),
-                    IDLE => plant.stop(),
-                    _ => {}
-                }
-                return true;
+            (0x07, 4 | 8) if a == CLOSED_LOOP => plant.start(),
+            (0x07, 4 | 8) if a == IDLE => plant.stop(),
+            (0x0B, 8) => self.control_mode = u32::from(a),
+            (0x0F, 8) => self.torque_limit = f64::from(second) * self.torque_constant,
+            (0x18, _) => plant.fault = 0,
+            (0x19, 4 | 8) => plant.zero = plant.position - f64::from(first) * TAU,
+            (0x0C, 8) if self.control_mode == 3 => {
+                let position = f64::from(first) * TAU;
+                let velocity = fine(e, f) * self.velocity_scale * TAU;
+                let torque = fine(g, h) * self.torque_scale;
+                self.follow(Setpoint { position, velocity, torque, stiffness, damping }, plant);
             }
-            (0x0B, 8) => {
-                self.control_mode = u32::from(a);
-                return true;
+            (0x0D, 8) if self.control_mode == 2 => {
+                let velocity = f64::from(first) * TAU;
+                let torque = f64::from(second);
+                self.follow(Setpoint { velocity, torque, damping, ..Setpoint::default() }, plant);
             }
-            (0x0F, 8) => {
-                self.torque_limit = f64::from(second) * self.torque_constant;
-                return true;
-            }
-            (0x18, _) => {
-                plant.fault = 0;
-                return true;
-            }
-            (0x19, 4 | 8) => {
-                plant.zero = plant.position - f64::from(first) * TAU;
-                return true;
-            }
-            (0x0C, 8) if self.control_mode == 3 => Setpoint {
-                position: f64::from(first) * TAU,
-                velocity: fine(e, f) * self.velocity_scale * TAU,
-                torque: fine(g, h) * self.torque_scale,
-                stiffness,
-                damping,
-            },
-            (0x0D, 8) if self.control_mode == 2 => Setpoint {
-                velocity: f64::from(first) * TAU,
-                torque: f64::from(second),
-                damping,
-                ..Setpoint::default()
-            },
             (0x0E, 4 | 8) if self.control_mode == 1 => {
-                Setpoint { torque: f64::from(first), ..Setpoint::default() }
+                let torque = f64::from(first);
+                self.follow(Setpoint { torque, ..Setpoint::default() }, plant);
             }
-            (0x0C..=0x0E, _) => {
-                // set-points of another mode feed the watchdog and drive nothing
-                plant.feed();
-                return true;
-            }
+            // set-points of another mode feed the watchdog and drive nothing
+            (0x0C..=0x0E, _) => plant.feed(),
             (0x01 | 0x03 | 0x05 | 0x09 | 0x15 | 0x1C, _) => return false,
-            _ => return true,
-        };
-        plant.physics.torque_limit = self.physical_limit.min(self.torque_limit);
-        plant.follow(law);
+            _ => {}
+        }
         true
     }
 
@@ -208,14 +181,8 @@ impl Firmware for Odrive {
         let float = |number: f64| (number as f32).to_le_bytes();
         if plant.now_ns >= self.heartbeat_ns {
             self.heartbeat_ns = plant.now_ns + HEARTBEAT_NS;
-            self.tell(
-                0x01,
-                [
-                    plant.fault.to_le_bytes(),
-                    [if plant.power { CLOSED_LOOP } else { IDLE }, 0, 1, 0],
-                ],
-                out,
-            );
+            let state = if plant.power { CLOSED_LOOP } else { IDLE };
+            self.tell(0x01, [plant.fault.to_le_bytes(), [state, 0, 1, 0]], out);
             self.tell(0x15, [float(plant.temperature), float(plant.temperature)], out);
         }
         if plant.now_ns >= self.feedback_ns {

@@ -65,11 +65,10 @@ impl Firmware for Vesc {
             }
             1 => Setpoint { torque: number(0) * 1e-3 * self.constant, ..Setpoint::default() },
             2 => Setpoint { damping, ..Setpoint::default() },
-            3 => Setpoint {
-                velocity: number(0) / self.pole_pairs * TAU / 60.0,
-                damping,
-                ..Setpoint::default()
-            },
+            3 => {
+                let velocity = number(0) / self.pole_pairs * TAU / 60.0;
+                Setpoint { velocity, damping, ..Setpoint::default() }
+            }
             4 => {
                 // the shorter way round
                 let turn = plant.measured().rem_euclid(TAU);

@@ -1,7 +1,7 @@
 """Rows of states on the workers of dask.distributed.
 
-Answers are pure functions of model and rows, so rows go out in blocks with the robot's files, and
-any worker answers any block: one that is lost is answered again by another. Needs
+Answers are pure functions of model and rows: any worker answers any block of rows with the robot's
+files, and another worker answers a lost block again. Needs
 `pip install 'sarrus[distributed]'` here and `sarrus` of the same version on every worker.
 """
 
@@ -25,17 +25,17 @@ from sarrus.query import Answer, Array, Progress, Query, RequestName
 from sarrus.robot import Robot, restored
 
 BLOCKS_OF_A_THREAD = 8
-"""How many blocks each thread of the cluster gets, for an even end and little lost work."""
+"""Blocks for each thread of the cluster: many finish together and lose little work."""
 LEAST_ROWS, MOST_NUMBERS = 1024, 1 << 20
-"""A block is worth its way from so many rows on, and has so many numbers at most."""
+"""Least rows of a block, below which its transfer dominates, and most numbers."""
 AHEAD = 3
-"""Blocks of a thread that are under way, so that it finds the next one beside it."""
+"""Blocks under way for each thread, so that the next one is at hand."""
 LOOK = 1.0
-"""Between two counts of the cluster's threads [s]."""
+"""Time between two counts of the cluster's threads [s]."""
 BLOCKS = 64
-"""So many blocks there are at least, where rows allow, for workers that come later."""
+"""Least number of blocks, if there are rows enough, for workers that come later."""
 ROBOTS, QUERIES = 8, 16
-"""Robots that a worker keeps, and queries of each."""
+"""Robots that a worker keeps, and queries of each robot."""
 
 
 def map(
@@ -135,7 +135,7 @@ def map(
 
 
 class Recipe(NamedTuple):
-    """What a worker makes a query of again: files, and what they must make."""
+    """A query for a worker: the robot's files and fingerprint, and the request."""
 
     files: tuple[bytes, bytes | None, _native.Parts]
     fingerprint: int
@@ -149,7 +149,7 @@ _lock = threading.Lock()
 
 
 def _passed_on(recipe: bytes) -> bytes:
-    """Make the pickled recipe a result, which workers pass on to each other."""
+    """Return the pickled recipe, as a result that workers pass on to each other."""
     return recipe
 
 

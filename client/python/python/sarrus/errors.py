@@ -1,7 +1,7 @@
-"""What can go wrong with a robot.
+"""Exceptions of robots.
 
-Arrays that do not fit are a `ValueError`, arrays of something else than numbers a `TypeError`,
-files that cannot be opened an `OSError`.
+Arrays of a wrong shape raise `ValueError`, arrays without real numbers `TypeError`, and files that
+cannot be opened `OSError`.
 """
 
 from typing import Any
@@ -11,11 +11,11 @@ from sarrus.status import Status
 
 
 class Error(Exception):
-    """Everything that sarrus itself finds wrong."""
+    """Base class of the exceptions of sarrus."""
 
 
 class LoadError(Error, ValueError):
-    """Files that are no robot, or no bundled robot of this name.
+    """Faulty files of a robot, or no bundled robot of this name.
 
     `diagnostics` has every fault, with the keys of `sarrus check --format json`: `file`, `line`,
     `column`, `found`, `expected`, `help`.
@@ -30,19 +30,19 @@ class LoadError(Error, ValueError):
 
 
 class ConnectError(Error, ConnectionError):
-    """A server that is not there, is gone, or does not answer in time."""
+    """A server is not there, has gone, or does not answer in time."""
 
 
 class QueryError(Error, ValueError):
-    """A query with names that stand for nothing, or that cannot be planned."""
+    """A query with unknown names, or one that cannot be planned."""
 
 
 class StateError(Error, ValueError):
-    """A state that has no answer.
+    """A state without an answer.
 
-    `status` is the word that all of sarrus has for the reason, such as `unreachable`, and `code`
-    its number. `answer` has what was asked of a query all the same: fields that survive a failure
-    (`nearest_y`, `sigma_min`, …) have their numbers there, all others are NaN.
+    `status` is the name of the reason, such as `unreachable`, and `code` its number. `answer` has
+    the fields of a query: those that survive a failure (`nearest_y`, `sigma_min`, …) hold their
+    numbers, all others NaN.
     """
 
     def __init__(self, message: str, status: str, code: int, answer: object = None) -> None:
@@ -60,5 +60,5 @@ class StateWarning(RuntimeWarning):
 
 
 def state_error(code: int, answer: object = None) -> StateError:
-    """The error of a status."""
+    """Give the exception of a status."""
     return StateError(_native.status_help(code), Status(code).name, code, answer)

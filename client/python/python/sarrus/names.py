@@ -1,11 +1,11 @@
-"""Names in an order that arrays have."""
+"""Names in the order of arrays."""
 
 import difflib
 from typing import Any
 
 
 class Names(tuple[str, ...]):
-    """Names in the order of an array; each is an attribute too, its place in the array.
+    """Names in the order of an array; as an attribute, each gives its place in the array.
 
     `robot.joints[2]` is the name of the third joint, `robot.joints.elbow` the place of the joint
     `elbow`; where a name is no identifier, `robot.joints.place("base/rx")`, and so for `index`,
@@ -15,7 +15,7 @@ class Names(tuple[str, ...]):
     __slots__ = ()
 
     def place(self, name: str) -> int:
-        """The place of a name; a `KeyError` with the nearest one where there is none."""
+        """Give the place of a name; a `KeyError` suggests the nearest one."""
         try:
             return self.index(name)
         except ValueError:

@@ -1,4 +1,4 @@
-"""How a robot is read: gravity, its base, what is held still or left out."""
+"""Options of reading a robot: gravity, its base, locked joints, links to keep."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def parts(
     lock: Mapping[str, float | None] | Sequence[str],
     only: Sequence[str],
 ) -> _native.Parts:
-    """Options of a robot as the core takes them."""
+    """Convert the options for the core."""
     if isinstance(lock, Mapping):
         lock = [name if at is None else f"{name}={float(at)!r}" for name, at in lock.items()]
     if isinstance(lock, str) or isinstance(only, str):
@@ -33,5 +33,5 @@ def parts(
 
 
 def contents(text: str | bytes) -> bytes:
-    """The contents of a file, as bytes."""
+    """Convert the contents of a file to bytes."""
     return text.encode() if isinstance(text, str) else bytes(text)

@@ -1,4 +1,4 @@
-"""Anything else that can be asked: queries by names."""
+"""Queries by the names of fields."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Answer(dict[str, Any]):
 
 
 class Query:
-    """A query that was prepared with a robot, to be asked as often as needed.
+    """A query that a robot has prepared.
 
     `given` and `want` have the names of the fields, in order, with their shapes for one state.
     """
@@ -65,11 +65,11 @@ class Query:
         return_status: bool = False,
         **given: npt.ArrayLike,
     ) -> Answer:
-        """Ask with every given field by name: one state, or rows of states.
+        """Answer one state or rows of states; every given field is an argument by name.
 
-        One state without an answer raises `StateError`, whose `answer` has what survives; with
-        `return_status`, and for rows, it is a status of the answer. `out` has arrays for some of
-        the wanted fields, which are written in place.
+        One state without an answer raises `StateError`, whose `answer` has the surviving fields;
+        with `return_status`, and for rows, the answer has a status instead. The arrays in `out`, by
+        wanted fields, are written in place.
         """
         if given.keys() != self.given.keys():
             raise QueryError(
@@ -92,7 +92,7 @@ class Query:
         progress: Progress | None = None,
         return_status: bool = False,
     ) -> Answer:
-        """Ask with one array for each given field, in order; else as calling."""
+        """Do the same with one array for each given field, in order."""
         fields, status, warnings = self._native.ask(given, out, threads, progress)
         named = dict(zip(self.want, fields, strict=True))
         if not isinstance(status, int):

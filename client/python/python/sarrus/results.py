@@ -1,4 +1,4 @@
-"""What the questions that have names answer; rows of states come before each shape."""
+"""Results of the methods of a robot; rows of states are a further first axis."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class State(NamedTuple):
 
 
 class Frames(NamedTuple):
-    """Frames of links; without the axis of links where one link was asked by its name."""
+    """Frames of links; for one link by its name, the axis of links is absent."""
 
     pose: Array
     """Position and quaternion x, y, z, w in the root frame [m] (n, 7)."""
@@ -30,7 +30,7 @@ class Frames(NamedTuple):
 
 
 class Actuators(NamedTuple):
-    """What was given of the independents, at the actuators; the rest is `None`."""
+    """Given quantities of the independents, at the actuators; others are `None`."""
 
     u: Array
     """Coordinates [m, rad] (n_u)."""
@@ -47,7 +47,7 @@ class Actuators(NamedTuple):
 
 
 class Independents(NamedTuple):
-    """What was given of the actuators, at the independents; the rest is `None`."""
+    """Given quantities of the actuators, at the independents; others are `None`."""
 
     y: Array
     """Coordinates [m, rad] (n_qy)."""

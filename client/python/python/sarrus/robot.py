@@ -1,4 +1,4 @@
-"""A robot that answers: in this process or held by a server, by the same methods."""
+"""A robot in this process or on a server, with the same methods."""
 
 from __future__ import annotations
 
@@ -22,15 +22,14 @@ from sarrus.status import Status
 
 
 class Robot(DescribedRobot):
-    """A robot that answers.
+    """A robot, made by `Robot.bundled`, `Robot.load`, `Robot.from_text` or `Robot.connect`.
 
-    `y` are the independent coordinates, `u` the actuators, `q` the spanning tree, `d` and `dd`
-    behind them their rates; units are SI and radians. An array with one dimension is one state,
-    rows of states are a batch, with the same bits. `Robot.bundled`, `Robot.load`,
-    `Robot.from_text` and `Robot.connect` make one.
+    `y` are the independent coordinates, `u` the actuators, `q` the spanning tree; the suffixes `d`
+    and `dd` denote their rates. Units are SI and radians. An array with one dimension is one state,
+    an array of rows a batch of states, with the same bits.
     """
 
-    # --- where robots come from -------------------------------------------------------------------
+    # --- constructors -----------------------------------------------------------------------------
 
     @classmethod
     def bundled(
@@ -43,7 +42,7 @@ class Robot(DescribedRobot):
         lock: Mapping[str, float | None] | Sequence[str] = (),
         only: Sequence[str] = (),
     ) -> Robot:
-        """Load a robot that comes with sarrus; `sarrus.bundled()` has their names."""
+        """Load a bundled robot; `sarrus.bundled()` has the names."""
         options = parts(gravity, lenient, floating_base, lock, only)
         return cls(_native.Origin.bundled(name, options))
 
@@ -63,8 +62,8 @@ class Robot(DescribedRobot):
 
         Without a submechanism file every joint is independent and active. `gravity` is in root axes
         [m/s²]; with `lenient` faults of inertia are warnings; `floating_base` hangs the root on a
-        free joint; `lock` holds joints still, at a position or where they are at zero; `only` keeps
-        some links with what their motion depends on. A `LoadError` has every fault of the files.
+        free joint; `lock` fixes joints at a position or at zero; `only` keeps these links and the
+        links that their motion depends on. A `LoadError` has every fault of the files.
         """
         options = parts(gravity, lenient, floating_base, lock, only)
         return cls(_native.Origin.files(urdf, submechanisms, options))
@@ -99,15 +98,15 @@ class Robot(DescribedRobot):
     ) -> Robot:
         """Connect to a server on this machine, started by `sarrus serve --name NAME`.
 
-        One call waits for `timeout` [s] at most, for a server that is gone to come back included,
-        and Ctrl-C ends it; the next call connects anew then. Answers later than `deadline` [s] are
-        counted by `late`. `transport` is `lane` or `service`, `wait` is `auto`, `busy` or `polite`.
-        With `fingerprint` no other model will do. A `ConnectError` says what to do.
+        A call waits at most `timeout` [s], also for the return of a lost server. Ctrl-C ends the
+        wait, and the next call connects again. `late` counts answers later than `deadline` [s].
+        `transport` is `lane` or `service`, `wait` is `auto`, `busy` or `polite`. A model without
+        this `fingerprint` is refused. The message of a `ConnectError` names the remedy.
         """
         origin = _native.Origin.served(name, timeout, deadline, transport, wait, fingerprint)
         return cls(origin)
 
-    # --- questions --------------------------------------------------------------------------------
+    # --- requests ---------------------------------------------------------------------------------
 
     def query(
         self,
@@ -122,12 +121,11 @@ class Robot(DescribedRobot):
         loop_tolerance: float | None = None,
         projection_tolerance: float | None = None,
     ) -> Query:
-        """Prepare anything else that can be asked, by the words of `sarrus ask`.
+        """Prepare a query of any fields, by the names of `sarrus ask`.
 
-        `given` and `want` are names of fields, such as `y` and `tau_u`; without `want` the
-        request's usual ones come out. `frames` and `wrenches` are names of links, `joints` names or
-        patterns (`AL*`) whose rows are asked. A `QueryError` has every name that stands for
-        nothing.
+        `given` and `want` are names of fields, such as `y` and `tau_u`; the default of `want`
+        depends on the request. `frames` and `wrenches` are names of links, `joints` names or
+        patterns (`AL*`) of the wanted rows. A `QueryError` has every unknown name.
 
         >>> import sarrus
         >>> robot = sarrus.Robot.bundled("lambda")
@@ -160,7 +158,7 @@ class Robot(DescribedRobot):
     ) -> State:
         """Give the whole tree's motion with all loops closed: q, q̇ = G ẏ, q̈ = G ÿ + g.
 
-        `y` [m, rad] (n_qy), `yd` and `ydd` (n_vy), zero where they are not given.
+        `y` [m, rad] (n_qy), `yd` and `ydd` (n_vy), zero by default.
         """
         given = self._motion(y, yd, ydd)
         query = self._cached("kinematics", ("y", "yd", "ydd"), ("q", "qd", "qdd"))
@@ -178,7 +176,7 @@ class Robot(DescribedRobot):
     ) -> Frames:
         """Give poses, twists and accelerations of links.
 
-        `y` [m, rad] (n_qy), `yd` and `ydd` (n_vy), zero where they are not given.
+        `y` [m, rad] (n_qy), `yd` and `ydd` (n_vy), zero by default.
 
         A pose is [x, y, z, qx, qy, qz, qw] in the root frame: position [m], then the quaternion in
         the order x, y, z, w. A twist is [ω; v] [rad/s, m/s]: the angular velocity first, world
@@ -251,7 +249,7 @@ class Robot(DescribedRobot):
         stiffness: npt.ArrayLike | None = None,
         damping: npt.ArrayLike | None = None,
     ) -> Actuators:
-        """Take motion, forces and gains from the independents to the actuators.
+        """Map motion, forces and gains from the independents to the actuators.
 
         u̇ = G_u ẏ, ü = G_u ÿ + g_u, τ_y = G_uᵀ τ_u. `stiffness` and `damping` are diagonals (n_vy)
         or matrices (n_vy, n_vy) of a law τ_y = K δy + D δẏ; the actuators' matrices K_u with
@@ -284,7 +282,7 @@ class Robot(DescribedRobot):
         stiffness: npt.ArrayLike | None = None,
         damping: npt.ArrayLike | None = None,
     ) -> Independents:
-        """Take what encoders, forces and gains of the actuators are to the independents.
+        """Map motion, forces and gains from the actuators to the independents.
 
         The inverse of `to_actuators`, from the pose where all coordinates are zero; gains are
         K = G_uᵀ K_u G_u.
@@ -314,12 +312,12 @@ class Robot(DescribedRobot):
         atol: float = 1e-8,
         progress: Callable[[float, float], object] | None = None,
     ) -> Simulation:
-        """Simulate the robot for a time [s] from a state, at rest where `yd` is not given.
+        """Simulate the robot for a time [s] from a state; without `yd` it starts at rest.
 
         Forces are constant by `tau_u` (n_u) or `tau_y` (n_vy), or `inputs`. `method` is `euler` or
         `rk4` with a fixed `step` [s], `dop853` or, for stiff problems, `radau5` with their own.
-        Every step is a sample, or one in `every` [s]. Ctrl-C ends it; `progress` gets the time that
-        was reached and the duration.
+        Every step is a sample, or one in `every` [s]. Ctrl-C ends it; `progress` gets the
+        reached time and the duration.
         """
         if self.is_connected:
             raise QueryError("a server does not simulate; load the robot's files by `Robot.load`")
@@ -351,7 +349,7 @@ class Robot(DescribedRobot):
         want: tuple[str, ...],
         frames: tuple[str, ...] = (),
     ) -> Query:
-        """The query, prepared when it is first asked."""
+        """Give the query, prepared at its first use."""
         key = (request, given, want, frames)
         query = self._queries.get(key)
         if query is None:
@@ -359,7 +357,7 @@ class Robot(DescribedRobot):
         return query
 
     def _zeros(self, y: npt.ArrayLike) -> Array:
-        """Rates of a robot at rest, beside these coordinates."""
+        """Give rates of zero in the shape of these coordinates."""
         return np.zeros((*np.shape(y)[:-1], len(self.independents)))
 
     def _motion(
@@ -383,7 +381,7 @@ class Robot(DescribedRobot):
     def _mapped(
         self, given: Mapping[str, npt.ArrayLike | None], want: tuple[str, ...], loops: bool
     ) -> Answer:
-        """What is given, in another space, field by field."""
+        """Map the given fields to another space."""
         present = {name: array for name, array in given.items() if array is not None}
         wanted = tuple(b for a, b in zip(given, want, strict=True) if a in present)
         query = self._cached("map", tuple(present), wanted + (("G_u",) if loops else ()))
@@ -402,7 +400,7 @@ class Robot(DescribedRobot):
 
 
 def bundled() -> dict[str, str]:
-    """Give the names of the robots that come with sarrus, each with a line about it."""
+    """Give the names of the bundled robots, each with a description."""
     return dict(_native.bundled_names())
 
 
@@ -410,7 +408,7 @@ GAINS = ("stiffness", "damping")
 
 
 def _warned(answer: Answer, stacklevel: int = 3) -> Answer:
-    """Warn where rows have no answer, at the line that asked."""
+    """Warn of rows without an answer, at the caller's line."""
     failed = np.flatnonzero(answer.status)
     if failed.size:
         first = int(failed[0])
@@ -431,7 +429,7 @@ def restored(
     options: _native.Parts,
     fingerprint: int,
 ) -> Robot:
-    """Read a pickled robot's files again, and see that it is the same."""
+    """Load a pickled robot and compare its fingerprint."""
     robot = cls(_native.Origin.text(urdf, submechanisms, options))
     if robot.fingerprint != fingerprint:
         raise LoadError(
@@ -450,7 +448,7 @@ def _or(array: npt.ArrayLike | None, other: Any) -> Any:
 def _gains(
     stiffness: npt.ArrayLike | None, damping: npt.ArrayLike | None, n: int
 ) -> dict[str, Array]:
-    """The gains that are given, as matrices."""
+    """Convert the given gains to matrices."""
     matrices = {}
     for name, gains in zip(GAINS, (stiffness, damping), strict=True):
         if gains is None:
@@ -471,7 +469,7 @@ def _taken(gains: Array | None, through: Array | None) -> Array | None:
 
 
 def _real(numbers: npt.ArrayLike, name: str) -> Array:
-    """An array of what numpy reads as real numbers, all of which are known."""
+    """Convert real numbers, none masked, to an array."""
     array = np.asarray(numbers)
     if array.dtype.kind not in "fiu":
         raise TypeError(f"`{name}` holds {array.dtype}, expected real numbers")
@@ -488,7 +486,7 @@ def _list(numbers: npt.ArrayLike, name: str) -> list[float]:
 
 
 def _sorted(inputs: Sequence[Constant | Table | Gains]) -> _native.Inputs:
-    """Inputs by kind, as the core takes them."""
+    """Sort the inputs by kind for the core."""
     constants, tables, gains = [], [], []
     for one in inputs:
         if one.space not in ("y", "u"):

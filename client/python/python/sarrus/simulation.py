@@ -1,4 +1,4 @@
-"""A robot in time."""
+"""Inputs and results of simulations."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ Method = Literal["euler", "rk4", "dop853", "radau5", "baumgarte", "projection"]
 
 
 class Constant(NamedTuple):
-    """The same forces for ever, on the independents (`y`) or the actuators (`u`) [N, N m]."""
+    """Constant forces on the independents (`y`) or the actuators (`u`) [N, N m]."""
 
     space: Space
     forces: npt.ArrayLike
 
 
 class Table(NamedTuple):
-    """Forces at increasing times [s], straight lines between them, first and last beyond.
+    """Forces at increasing times [s], linear between them, constant before and after.
 
     `forces` has a row for each time [N, N m].
     """
@@ -40,9 +40,10 @@ class Gains(NamedTuple):
 
 
 class Simulation(NamedTuple):
-    """A simulation that has ended, a row for each of its n samples.
+    """The results of a simulation, a row for each of n samples.
 
-    `end` is `finished`, or why it ended before: a status, `step_too_short`, `too_many_steps`.
+    `end` is `finished`, or the reason of an earlier end: a status, `step_too_short` or
+    `too_many_steps`.
     """
 
     time: Array
@@ -58,20 +59,20 @@ class Simulation(NamedTuple):
     kinetic: Array
     """Kinetic energy [J] (n)."""
     potential: Array
-    """Potential energy, of springs in joints too [J] (n)."""
+    """Potential energy, springs in joints included [J] (n)."""
     work: Array
     """Work of the inputs less losses of dampers since the start [J] (n)."""
     residual: Array
     """Largest scaled residual of the loops (n)."""
     end: str
     drift: float
-    """Largest change of energy less work, as a share of the energy that moved."""
+    """Largest change of energy less work, relative to the energy exchanged."""
     independents: tuple[str, ...]
-    """The independents at the end, which may be others near singular poses."""
+    """The independents at the end, which change near singular poses."""
     events: tuple[tuple[float, str], ...]
-    """What happened on the way: time [s] and a word."""
+    """Events: time [s] and name."""
 
     @property
     def energy(self) -> Array:
-        """Kinetic and potential energy less work [J] (n): constant but for errors."""
+        """Kinetic and potential energy less work [J] (n), constant up to errors."""
         return self.kinetic + self.potential - self.work

@@ -107,16 +107,10 @@ fn prepare(arguments: &Simulate, configuration: &Configuration) -> Result<Simula
     let chosen: Vec<usize> = match &arguments.bus {
         None => (0..configuration.buses.len()).collect(),
         Some(name) => {
-            let known = || {
-                configuration
-                    .buses
-                    .iter()
-                    .map(|bus| bus.name.as_str())
-                    .collect::<Vec<_>>()
-                    .join(", ")
-            };
+            let known: Vec<&str> = configuration.buses.iter().map(|bus| &*bus.name).collect();
+            let known = known.join(", ");
             vec![configuration.bus(name).ok_or_else(|| {
-                format!("no bus `{name}` in the configuration, expected one of {}", known())
+                format!("no bus `{name}` in the configuration, expected one of {known}")
             })?]
         }
     };

@@ -3,7 +3,7 @@
 use super::configuration::Configuration;
 use crate::bit_stuffing;
 use crate::drive::Setpoint;
-use crate::frame::{Frame, FrameQueue};
+use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 use crate::slcan;
 
 /// Above this fraction of its time a bus is warned about.
@@ -41,22 +41,17 @@ pub fn loads(configuration: &Configuration) -> Vec<Load> {
         else {
             continue;
         };
-        let duration = |frame: &Frame| {
-            bit_stuffing::duration(
-                frame.id,
-                frame.kind,
-                frame.data().len(),
-                bus.bitrate,
-                bus.data_bitrate,
-            )
+        let duration = |id: Id, kind: FrameKind, len: usize| {
+            bit_stuffing::duration(id, kind, len, bus.bitrate, bus.data_bitrate)
         };
+        let duration_of = |frame: &Frame| duration(frame.id, frame.kind, frame.data().len());
         if let Some((frame, time_ns)) = motor.drive.heartbeat() {
-            load.busy += duration(&frame) * configuration.period_ns() as f64
+            load.busy += duration_of(&frame) * configuration.period_ns() as f64
                 / time_ns.max(configuration.period_ns()) as f64;
         }
         let mut add = |frame: &Frame| {
             load.frames += 1;
-            load.busy += duration(frame);
+            load.busy += duration_of(frame);
             load.bytes[0] += slcan::length(frame.id, frame.data().len());
         };
         let mut commands = FrameQueue::new(16);
@@ -69,13 +64,7 @@ pub fn loads(configuration: &Configuration) -> Vec<Load> {
         for reply in motor.drive.replies() {
             load.frames += 1;
             load.bytes[1] += slcan::length(reply.id, reply.len);
-            load.busy += bit_stuffing::duration(
-                reply.id,
-                reply.kind,
-                reply.len,
-                bus.bitrate,
-                bus.data_bitrate,
-            );
+            load.busy += duration(reply.id, reply.kind, reply.len);
         }
     }
     for (load, bus) in loads.iter_mut().zip(&configuration.buses) {

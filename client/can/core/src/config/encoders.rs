@@ -33,13 +33,7 @@ impl Reader<'_, '_> {
                 self.diagnostics.error(read.place("joint"), found, "a joint of `robot`", help);
                 continue;
             }
-            let bus =
-                buses.and_then(|buses| buses.iter().position(|bus| bus.name == read.text("bus")));
-            let Some(bus) = bus else {
-                let found = format!("there is no bus {}", quoted(read.text("bus")));
-                self.diagnostics.error(read.place("bus"), found, "a bus of `buses`", "correct it");
-                continue;
-            };
+            let Some(bus) = buses.and_then(|buses| self.bus(&read, buses)) else { continue };
             let number = read.integer("id") as u32;
             let id = match u16::try_from(number) {
                 Ok(number) if number < 0x800 => Id::Standard(number),

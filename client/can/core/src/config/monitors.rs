@@ -14,12 +14,9 @@ impl Reader<'_, '_> {
         let Some(read) = self.settings(group, "`monitors`", MONITORS, &[]) else { return usual };
         for key in MONITORS.iter().map(|key| key.name) {
             if read.has(key) && is_off(&read, key) {
-                self.diagnostics.warning(
-                    read.place(key),
-                    format!("the monitor {} is off", quoted(key)),
-                    "every monitor on",
-                    "remove the line unless another safeguard does this monitor's work",
-                );
+                let found = format!("the monitor {} is off", quoted(key));
+                let help = "remove the line unless another safeguard does this monitor's work";
+                self.diagnostics.warning(read.place(key), found, "every monitor on", help);
             }
         }
         let number = |key: &str, usual: f64| read.number_or(key, usual);
@@ -39,12 +36,10 @@ impl Reader<'_, '_> {
             bus_passive: word("bus_passive", usual.bus_passive),
         };
         if bounds.derate > bounds.temperature && bounds.derate.is_finite() {
-            self.diagnostics.error(
-                group.span,
-                format!("`derate` {} beyond `temperature` {}", bounds.derate, bounds.temperature),
-                "a reduction before the fault",
-                "make derate smaller",
-            );
+            let MonitorBounds { derate, temperature, .. } = bounds;
+            let found = format!("`derate` {derate} beyond `temperature` {temperature}");
+            let expected = "a reduction before the fault";
+            self.diagnostics.error(group.span, found, expected, "make derate smaller");
         }
         bounds
     }

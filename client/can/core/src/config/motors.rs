@@ -66,30 +66,10 @@ impl Reader<'_, '_> {
 
     /// The place in u of the actuator that a motor names.
     fn actuator(&mut self, read: &Settings, robot: &Robot) -> Option<usize> {
-        let name = read.text("actuator");
+        let name = (read.text("actuator"), read.place("actuator"));
+        let found = format!("the robot has no actuator {}", quoted(name.0));
         let known = robot.loaded.compiled.model.active_names();
-        let place = known.iter().position(|known| *known == name);
-        if place.is_none() {
-            let names = known.iter().map(String::as_str);
-            let help = self.diagnostics.did_you_mean(name, names, "correct the name");
-            let found = format!("the robot has no actuator {}", quoted(name));
-            self.diagnostics.error(read.place("actuator"), found, known.join(", "), help);
-        }
-        place
-    }
-
-    /// The place of the bus that a motor names.
-    fn bus(&mut self, read: &Settings, buses: &[BusConfig]) -> Option<usize> {
-        let name = read.text("bus");
-        let place = buses.iter().position(|bus| bus.name == name);
-        if place.is_none() {
-            let names: Vec<&str> = buses.iter().map(|bus| bus.name.as_str()).collect();
-            let help = "correct the name or add the bus";
-            let help = self.diagnostics.did_you_mean(name, names.iter().copied(), help);
-            let found = format!("there is no bus {}", quoted(name));
-            self.diagnostics.error(read.place("bus"), found, names.join(", "), help);
-        }
-        place
+        self.place(name, known, found, "correct the name")
     }
 
     /// Limits of a motor's actuator: the file's, and the model's where the file has none.
@@ -99,12 +79,9 @@ impl Reader<'_, '_> {
         let mut limits = of_model.unwrap_or(Limits::NONE);
         let Some(node) = motor.get("limits") else {
             if limits.effort == f64::INFINITY {
-                self.diagnostics.error(
-                    motor.span,
-                    "the motor has no `limits`",
-                    "at least `limits: {effort: …}`",
-                    "add them",
-                );
+                let expected = "at least `limits: {effort: …}`";
+                let found = "the motor has no `limits`";
+                self.diagnostics.error(motor.span, found, expected, "add them");
             }
             return limits;
         };
@@ -115,12 +92,8 @@ impl Reader<'_, '_> {
             yaml::numbers::<2>(node, "`limits`", "position", self.diagnostics)
         {
             if lower >= upper {
-                self.diagnostics.error(
-                    node.span,
-                    format!("the position limits are [{lower}, {upper}]"),
-                    "lower < upper",
-                    "correct them",
-                );
+                let found = format!("the position limits are [{lower}, {upper}]");
+                self.diagnostics.error(node.span, found, "lower < upper", "correct them");
             }
             [limits.lower, limits.upper] = [lower, upper];
         }
@@ -132,12 +105,8 @@ impl Reader<'_, '_> {
             *limit = written.number_or(key, *limit);
         }
         if limits.effort == f64::INFINITY {
-            self.diagnostics.error(
-                node.span,
-                "`limits` has no `effort`",
-                "the greatest effort of this motor",
-                "add it",
-            );
+            let expected = "the greatest effort of this motor";
+            self.diagnostics.error(node.span, "`limits` has no `effort`", expected, "add it");
         }
         if let Some(model) = of_model {
             let beyond = limits.lower < model.lower
@@ -145,67 +114,43 @@ impl Reader<'_, '_> {
                 || limits.effort > model.effort
                 || limits.velocity > model.velocity;
             if beyond {
-                self.diagnostics.warning(
-                    node.span,
-                    "`limits` go beyond those of the URDF",
-                    "limits within the model's",
-                    "correct one of them",
-                );
+                let found = "`limits` go beyond those of the URDF";
+                let expected = "limits within the model's";
+                self.diagnostics.warning(node.span, found, expected, "correct one of them");
             }
         }
         limits
     }
 
     fn drive(&mut self, motor: &Node, read: Option<&Settings>, limits: &Limits) -> Option<Driven> {
-        let known = || PROTOCOLS.iter().map(|protocol| protocol.name);
-        let expected = || known().collect::<Vec<_>>().join(", ");
+        let known: Vec<&str> = PROTOCOLS.iter().map(|protocol| protocol.name).collect();
+        let expected = known.join(", ");
         let Some(node) = motor.get("drive") else {
-            let found = "the motor has no `drive`";
-            self.diagnostics.error(
-                motor.span,
-                found,
-                format!("`drive: {{protocol: …}}` with {}", expected()),
-                "add it",
-            );
+            let expected = format!("`drive: {{protocol: …}}` with {expected}");
+            self.diagnostics.error(motor.span, "the motor has no `drive`", expected, "add it");
             return None;
         };
         let Some((name, place)) = yaml::word(node, "protocol", self.diagnostics) else {
             if node.get("protocol").is_none() {
-                self.diagnostics.error(
-                    node.span,
-                    "the drive has no `protocol`",
-                    expected(),
-                    "add it",
-                );
+                let found = "the drive has no `protocol`";
+                self.diagnostics.error(node.span, found, expected, "add it");
             }
             return None;
         };
-        let Some(protocol) = protocol::protocol(&name) else {
-            let help =
-                self.diagnostics.did_you_mean(&name, known(), "use `dbc` for any other protocol");
-            self.diagnostics.error(
-                place,
-                format!("the protocol {} is not known", quoted(&name)),
-                expected(),
-                help,
-            );
-            return None;
-        };
+        let found = format!("the protocol {} is not known", quoted(&name));
+        let help = "use `dbc` for any other protocol";
+        let protocol = *PROTOCOLS.get(self.place((&name, place), &known, found, help)?)?;
         let settings = self.settings(node, "the drive", protocol.keys, &["protocol", "mode"])?;
         let mode = match yaml::word(node, "mode", self.diagnostics) {
             None => protocol.modes.first().copied()?,
             Some((name, place)) => {
                 let mode = protocol.modes.iter().copied().find(|mode| mode.name() == name);
                 if mode.is_none() {
-                    let modes = protocol
-                        .modes
-                        .iter()
-                        .map(|mode| mode.name())
-                        .collect::<Vec<_>>()
-                        .join(", ");
-                    let found =
-                        format!("{} does not know the mode {}", protocol.name, quoted(&name));
-                    self.diagnostics.error(place, found, modes, "choose one of them");
+                    let modes: Vec<&str> = protocol.modes.iter().map(|mode| mode.name()).collect();
+                    let name = quoted(&name);
+                    let found = format!("{} does not know the mode {name}", protocol.name);
+                    let help = "choose one of them";
+                    self.diagnostics.error(place, found, modes.join(", "), help);
                 }
                 mode?
             }

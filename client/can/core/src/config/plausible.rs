@@ -19,12 +19,10 @@ pub(super) fn timeouts(timeouts: &Settings, diagnostics: &mut Diagnostics) {
     ] {
         let ms = timeouts.number(key);
         if ms > LONGEST_MS {
-            diagnostics.warning(
-                timeouts.place(key),
-                format!("`{key}` is {ms} ms: {what}"),
-                format!("at most {LONGEST_MS} ms"),
-                "make it shorter: some ten cycles of the controller are enough",
-            );
+            let found = format!("`{key}` is {ms} ms: {what}");
+            let expected = format!("at most {LONGEST_MS} ms");
+            let help = "make it shorter: some ten cycles of the controller are enough";
+            diagnostics.warning(timeouts.place(key), found, expected, help);
         }
     }
 }
@@ -32,12 +30,10 @@ pub(super) fn timeouts(timeouts: &Settings, diagnostics: &mut Diagnostics) {
 /// The ramp after arming.
 pub(super) fn ramp(top: &Settings, diagnostics: &mut Diagnostics) {
     if top.number("ramp_ms") == 0.0 {
-        diagnostics.warning(
-            top.place("ramp_ms"),
-            "`ramp_ms` is 0: gains and efforts come with a jump when a mechanism gets power",
-            "some hundred milliseconds",
-            "remove it for 500",
-        );
+        let found =
+            "`ramp_ms` is 0: gains and efforts come with a jump when a mechanism gets power";
+        let expected = "some hundred milliseconds";
+        diagnostics.warning(top.place("ramp_ms"), found, expected, "remove it for 500");
     }
 }
 
@@ -49,66 +45,60 @@ pub(super) fn motors(
 ) {
     for (motor, place) in configuration.motors.iter().zip(places) {
         let name = quoted(configuration.actuators.get(motor.actuator).map_or("", String::as_str));
-        let mut warn = |found: String, expected: &str, help: &str| {
-            diagnostics.warning(*place, found, expected.to_owned(), help.to_owned());
-        };
-        watchdog(motor, &name, configuration.timeouts.disable_ns, &mut warn);
-        limits(motor, &name, &mut warn);
-        ranges(motor, &name, &mut warn);
-        let has_gains = matches!(motor.common.mode, Mode::Impedance | Mode::Torque);
-        if has_gains && motor.damping == 0.0 {
-            warn(
-                format!("{name} has a `damping` of 0"),
-                "a damping that brakes it",
-                "give one: while commands are late and in a stop nothing else slows it down",
-            );
+        let disable_ms = configuration.timeouts.disable_ns as f64 * 1e-6;
+        let checks = checks(motor, &name, disable_ms);
+        for (_, found, expected, help) in checks.into_iter().filter(|(is_odd, ..)| *is_odd) {
+            diagnostics.warning(*place, found, expected, help);
         }
     }
 }
 
-fn watchdog(
-    motor: &MotorConfig,
-    name: &str,
-    disable_ns: u64,
-    warn: &mut impl FnMut(String, &str, &str),
-) {
+/// Whether a value is odd, the value, the expected one, and the remedy.
+type Check = (bool, String, &'static str, &'static str);
+
+fn checks(motor: &MotorConfig, name: &str, disable_ms: f64) -> Vec<Check> {
     let ms = f64::from(motor.common.watchdog_ms);
-    let disable_ms = disable_ns as f64 * 1e-6;
-    if ms > LONGEST_MS {
-        warn(
+    let limits = motor.limits;
+    let is_unlimited = limits.lower == f64::NEG_INFINITY && limits.upper == f64::INFINITY;
+    let has_gains = matches!(motor.common.mode, Mode::Impedance | Mode::Torque);
+    let mut checks = vec![
+        (
+            ms > LONGEST_MS,
             format!("the watchdog of {name} is {ms} ms: it follows its last set-point for so long"),
-            &format!("at most {LONGEST_MS} ms"),
+            "at most 1000 ms",
             "make `watchdog_ms` shorter: it is all that is left when the bridge is gone",
-        );
-    } else if ms > disable_ms {
-        warn(
+        ),
+        (
+            ms > disable_ms && ms <= LONGEST_MS,
             format!("the watchdog of {name}, {ms} ms, is longer than `disable_ms`, {disable_ms}"),
             "a watchdog no longer than the bridge waits",
             "make `watchdog_ms` shorter",
-        );
-    }
-}
-
-fn limits(motor: &MotorConfig, name: &str, warn: &mut impl FnMut(String, &str, &str)) {
-    let limits = motor.limits;
-    if limits.lower == f64::NEG_INFINITY && limits.upper == f64::INFINITY {
-        warn(
+        ),
+        (
+            is_unlimited,
             format!("{name} has no limits of position"),
             "`limits: {position: [lower, upper]}`",
             "add them, unless it may turn for ever",
-        );
-    }
-    if limits.velocity == f64::INFINITY {
-        warn(
+        ),
+        (
+            limits.velocity == f64::INFINITY,
             format!("{name} has no limit of velocity"),
             "`limits: {velocity: …}`",
             "add it: without it no speed is too high",
-        );
-    }
+        ),
+    ];
+    checks.extend(ranges(motor, name));
+    checks.push((
+        has_gains && motor.damping == 0.0,
+        format!("{name} has a `damping` of 0"),
+        "a damping that brakes it",
+        "give one: while commands are late and in a stop nothing else slows it down",
+    ));
+    checks
 }
 
 /// Limits that the motor's protocol has no numbers for.
-fn ranges(motor: &MotorConfig, name: &str, warn: &mut impl FnMut(String, &str, &str)) {
+fn ranges(motor: &MotorConfig, name: &str) -> [Check; 3] {
     let [position, velocity, torque] = motor.drive.ranges();
     let limits = motor.limits;
     let mapping = motor.mapping;
@@ -118,22 +108,20 @@ fn ranges(motor: &MotorConfig, name: &str, warn: &mut impl FnMut(String, &str, &
         .filter(|limit| limit.is_finite())
         .fold(0.0, f64::max);
     let speed = Some(limits.velocity * mapping.gear).filter(|speed| speed.is_finite());
-    for (what, limit, range, unit) in [
+    [
         ("position", farthest, position, "rad"),
         ("velocity", speed.unwrap_or(0.0), velocity, "rad/s"),
         ("effort", motor.common.torque_limit, torque, "N m"),
-    ] {
+    ]
+    .map(|(what, limit, range, unit)| {
+        let found = format!(
+            "the limit of {what} of {name} is {} {unit} at its motor, which has numbers up to \
+             {range}",
+            (limit * 1e6).round() / 1e6
+        );
         // as far as the roundings of gear and limit go
-        if limit > range * (1.0 + 1e-6) {
-            warn(
-                format!(
-                    "the limit of {what} of {name} is {} {unit} at its motor, which has numbers \
-                     up to {range}",
-                    (limit * 1e6).round() / 1e6
-                ),
-                "a limit within the motor's range",
-                "correct the limit, the gear or the range",
-            );
-        }
-    }
+        let is_beyond = limit > range * (1.0 + 1e-6);
+        let help = "correct the limit, the gear or the range";
+        (is_beyond, found, "a limit within the motor's range", help)
+    })
 }

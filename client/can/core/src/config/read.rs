@@ -117,12 +117,8 @@ impl Reader<'_, '_> {
                 .map(|key| nanoseconds(read.number(key)));
         if disable_ns < damping_ns {
             let place = read.place("disable_ms");
-            self.diagnostics.error(
-                place,
-                "`disable_ms` is less than `damping_ms`",
-                "damping first",
-                "make disable_ms larger",
-            );
+            let found = "`disable_ms` is less than `damping_ms`";
+            self.diagnostics.error(place, found, "damping first", "make disable_ms larger");
         }
         plausible::timeouts(&read, self.diagnostics);
         Some(Timeouts { damping_ns, disable_ns, feedback_ns, arming_ns })
@@ -146,22 +142,15 @@ impl Reader<'_, '_> {
             let name = read.text("name").to_owned();
             if !names.insert(name.clone()) {
                 let found = format!("a second bus is named {}", quoted(&name));
-                self.diagnostics.error(
-                    read.place("name"),
-                    found,
-                    "a name of its own",
-                    "rename one of them",
-                );
+                let place = read.place("name");
+                self.diagnostics.error(place, found, "a name of its own", "rename one of them");
             }
             let reached = format!("{} {}", read.text("interface"), read.text("channel"));
             if !channels.insert(reached.clone()) {
                 let found = format!("a second bus is {}", quoted(&reached));
-                self.diagnostics.error(
-                    read.place("channel"),
-                    found,
-                    "one bus for each channel",
-                    "put all motors of a channel on one bus",
-                );
+                let place = read.place("channel");
+                let help = "put all motors of a channel on one bus";
+                self.diagnostics.error(place, found, "one bus for each channel", help);
             }
             buses.push(BusConfig {
                 name,
@@ -179,13 +168,9 @@ impl Reader<'_, '_> {
         let path = |key: &str| std::path::PathBuf::from(top.text(key));
         let (key, source) = match (top.has("robot"), top.has("urdf")) {
             (true, true) => {
-                self.diagnostics.error(
-                    top.place("urdf"),
-                    "`urdf` beside `robot`",
-                    "one robot",
-                    "remove one of them",
-                );
-                return None;
+                let found = "`urdf` beside `robot`";
+                let help = "remove one of them";
+                return top.wrong(self.diagnostics, "urdf", found, "one robot", help);
             }
             (true, false) => ("robot", Source::Bundled(top.text("robot").to_owned())),
             (false, true) => {
@@ -193,13 +178,9 @@ impl Reader<'_, '_> {
                 ("urdf", Source::Files { urdf: path("urdf"), submechanisms })
             }
             (false, false) if top.has("submechanisms") => {
-                self.diagnostics.error(
-                    top.place("submechanisms"),
-                    "`submechanisms` without `urdf`",
-                    "both",
-                    "add the robot's `urdf`",
-                );
-                return None;
+                let found = "`submechanisms` without `urdf`";
+                let help = "add the robot's `urdf`";
+                return top.wrong(self.diagnostics, "submechanisms", found, "both", help);
             }
             (false, false) => return None,
         };
@@ -209,22 +190,13 @@ impl Reader<'_, '_> {
                 let first = report.errors.first().map(ToString::to_string).unwrap_or_default();
                 let found =
                     format!("the robot has {} faults, the first: {first}", report.errors.len());
-                self.diagnostics.error(
-                    top.place(key),
-                    found,
-                    "a robot that `sarrus check` accepts",
-                    "run `sarrus check` and fix them",
-                );
-                None
+                let expected = "a robot that `sarrus check` accepts";
+                let help = "run `sarrus check` and fix them";
+                top.wrong(self.diagnostics, key, found, expected, help)
             }
             Err(other) => {
-                self.diagnostics.error(
-                    top.place(key),
-                    other.to_string(),
-                    "a robot",
-                    "correct the name",
-                );
-                None
+                let help = "correct the name";
+                top.wrong(self.diagnostics, key, other.to_string(), "a robot", help)
             }
         }
     }

@@ -1,9 +1,9 @@
 //! The reader of configurations, and the values that its parts share.
 
-use sarrus_models::yaml::{self, Node, Span, Value};
+use sarrus_models::yaml::{self, Node, Span, Value, quoted};
 use sarrus_models::{Diagnostics, Loaded, Source};
 
-use super::configuration::{Limits, MotorConfig, Surroundings};
+use super::configuration::{BusConfig, Limits, MotorConfig, Surroundings};
 use crate::settings::{Key, Settings};
 
 /// A motor whose values were read but not yet compared with others.
@@ -30,29 +30,43 @@ impl Reader<'_, '_> {
         Settings::read(node, of, keys, others, self.surroundings.file, self.diagnostics)
     }
 
+    /// The place of a name among those that are `known`; any other is reported as `found`.
+    pub(super) fn place(
+        &mut self,
+        (name, span): (&str, Span),
+        known: &[impl AsRef<str>],
+        found: String,
+        help: &str,
+    ) -> Option<usize> {
+        let known: Vec<&str> = known.iter().map(AsRef::as_ref).collect();
+        let place = known.iter().position(|known| *known == name);
+        if place.is_none() {
+            let help = self.diagnostics.did_you_mean(name, known.iter().copied(), help);
+            self.diagnostics.error(span, found, known.join(", "), help);
+        }
+        place
+    }
+
+    /// The place of the bus that a setting names.
+    pub(super) fn bus(&mut self, read: &Settings, buses: &[BusConfig]) -> Option<usize> {
+        let name = read.text("bus");
+        let known: Vec<&str> = buses.iter().map(|bus| bus.name.as_str()).collect();
+        let found = format!("there is no bus {}", quoted(name));
+        self.place((name, read.place("bus")), &known, found, "correct the name or add the bus")
+    }
+
     pub(super) fn list<'n>(&mut self, root: &'n Node, key: &str, most: usize) -> &'n [Node] {
         let nodes = yaml::list(root, key, self.diagnostics);
-        if nodes.is_empty()
-            && matches!(
-                root.get(key).map(|node| &node.value),
-                None | Some(Value::Null | Value::List(_))
-            )
-        {
+        let value = root.get(key).map(|node| &node.value);
+        if nodes.is_empty() && matches!(value, None | Some(Value::Null | Value::List(_))) {
             let place = root.get(key).map_or(root.span, |node| node.span);
-            self.diagnostics.error(
-                place,
-                format!("the file has no `{key}`"),
-                "a list of at least one",
-                "add it",
-            );
+            let found = format!("the file has no `{key}`");
+            self.diagnostics.error(place, found, "a list of at least one", "add it");
         }
         if let Some(first) = nodes.get(most) {
-            self.diagnostics.error(
-                first.span,
-                format!("`{key}` has {} entries", nodes.len()),
-                format!("at most {most}"),
-                "divide the robot",
-            );
+            let found = format!("`{key}` has {} entries", nodes.len());
+            let expected = format!("at most {most}");
+            self.diagnostics.error(first.span, found, expected, "divide the robot");
         }
         nodes
     }
@@ -86,15 +100,13 @@ impl Robot {
     pub(super) fn limits(&self, actuator: &str) -> Option<Limits> {
         let joints = &self.loaded.description.joints;
         let limits = joints.iter().find(|joint| joint.name == actuator)?.limits?;
-        let [lower, upper, velocity, effort] =
-            [limits.lower, limits.upper, limits.velocity, limits.effort];
         // files write an effort or a speed of zero for an unknown one
         let known = |limit: f64| if limit > 0.0 { limit } else { f64::INFINITY };
         Some(Limits {
-            lower,
-            upper,
-            velocity: known(velocity),
-            effort: known(effort),
+            lower: limits.lower,
+            upper: limits.upper,
+            velocity: known(limits.velocity),
+            effort: known(limits.effort),
             effort_rate: f64::INFINITY,
         })
     }

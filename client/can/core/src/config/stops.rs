@@ -34,15 +34,11 @@ impl Reader<'_, '_> {
         for node in yaml::list(root, "mechanisms", self.diagnostics) {
             let Some(read) = self.settings(node, "the mechanism", MECHANISM, &[]) else { continue };
             let name = read.text("actuator");
-            let place = actuators.iter().position(|known| known == name);
-            let Some(number) = place.and_then(|place| mechanisms.get(place)) else {
-                let names = actuators.iter().map(String::as_str);
-                let help = self.diagnostics.did_you_mean(name, names, "correct the name");
-                let found = format!("there is no actuator {}", quoted(name));
-                self.diagnostics.error(read.place("actuator"), found, actuators.join(", "), help);
-                continue;
-            };
-            let Some(entry) = entries.get_mut(*number) else { continue };
+            let found = format!("there is no actuator {}", quoted(name));
+            let name_and_place = (name, read.place("actuator"));
+            let place = self.place(name_and_place, actuators, found, "correct the name");
+            let number = place.and_then(|place| mechanisms.get(place));
+            let Some(entry) = number.and_then(|number| entries.get_mut(*number)) else { continue };
             if entry.is_some() {
                 let found = format!("a second entry for the mechanism of {}", quoted(name));
                 self.diagnostics.error(node.span, found, "one", "remove one of them");
@@ -76,35 +72,31 @@ impl Reader<'_, '_> {
         let slowest = members.iter().map(|read| read.motor.limits.velocity);
         let slowest = LOWER * slowest.fold(f64::INFINITY, f64::min);
         let lower_velocity = number("lower_velocity", slowest);
-        let mut refuse = |found: String, expected: &str, help: &str| {
-            self.diagnostics.error(place, found, expected, help);
-        };
-        match function {
+        let fault = match function {
             StopFunction::QuickStop => {
                 let mut frames = FrameQueue::new(16);
                 let unable = members.iter_mut().find_map(|read| {
                     let is_able = read.motor.drive.quick_stop(0, &mut frames);
                     (!is_able).then_some(read.motor.protocol.name)
                 });
-                if let Some(name) = unable {
-                    refuse(
-                        format!("`quick_stop`, and {name} has no command for one"),
-                        "drives of CiA 402",
-                        "use `ss1`, by which the bridge brakes",
-                    );
-                }
+                let help = "use `ss1`, by which the bridge brakes";
+                let found = |name| format!("`quick_stop`, and {name} has no command for one");
+                unable.map(|name| (found(name), "drives of CiA 402", help))
             }
-            StopFunction::Lower if !has_model => refuse(
+            StopFunction::Lower if !has_model => Some((
                 "`lower` without a model".to_owned(),
                 "a robot, whose model knows what gravity needs",
                 "add `robot` or `urdf`, or use `ss1`",
-            ),
-            StopFunction::Lower if lower_velocity.is_infinite() && !members.is_empty() => refuse(
+            )),
+            StopFunction::Lower if lower_velocity.is_infinite() && !members.is_empty() => Some((
                 "`lower` without a speed".to_owned(),
                 "`lower_velocity`, or `velocity` under `limits`",
                 "add one of them",
-            ),
-            _ => {}
+            )),
+            _ => None,
+        };
+        if let Some((found, expected, help)) = fault {
+            self.diagnostics.error(place, found, expected, help);
         }
         let holds = matches!(function, StopFunction::Ss2 | StopFunction::Lower);
         MechanismStop {

@@ -78,22 +78,6 @@ impl MonitorBounds {
         temperature: 110.0,
         bus_passive: true,
     };
-
-    /// No monitor at all.
-    pub const OFF: MonitorBounds = MonitorBounds {
-        position: f64::INFINITY,
-        velocity: f64::INFINITY,
-        following: f64::INFINITY,
-        effort: f64::INFINITY,
-        frozen: f64::INFINITY,
-        jump: f64::INFINITY,
-        late: f64::INFINITY,
-        second_answer: f64::INFINITY,
-        second_master: false,
-        derate: f64::INFINITY,
-        temperature: f64::INFINITY,
-        bus_passive: false,
-    };
 }
 
 /// How a mechanism is stopped, in the words of IEC 61800-5-2 where it has them.

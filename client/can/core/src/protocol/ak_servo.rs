@@ -18,7 +18,7 @@ use std::f64::consts::TAU;
 use super::keys::{POLE_PAIRS, id, motor_torque_constant};
 use super::number::{limited, steps_toward_zero};
 use super::power_up::{Action, PowerUp};
-use super::{Common, Key, Protocol, Settings, fault};
+use super::{Common, Key, Made, Protocol, Settings, fault};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Receipt, Reply, Setpoint, Watchdog,
 };
@@ -68,20 +68,12 @@ struct AkServo {
     fault: u32,
 }
 
-fn make(
-    settings: &Settings,
-    common: Common,
-    diagnostics: &mut Diagnostics,
-) -> Option<Box<dyn Drive>> {
+fn make(settings: &Settings, common: Common, diagnostics: &mut Diagnostics) -> Made {
     let upload = settings.integer("upload") as u32;
     if upload <= 6 {
-        diagnostics.error(
-            settings.place("upload"),
-            format!("`upload` is {upload}, which is a command"),
-            "the number in the identifier of the uploaded state",
-            "correct it",
-        );
-        return None;
+        let found = format!("`upload` is {upload}, which is a command");
+        let expected = "the number in the identifier of the uploaded state";
+        return settings.wrong(diagnostics, "upload", found, expected, "correct it");
     }
     let electrical = settings.number("pole_pairs") * settings.number("reduction");
     Some(Box::new(AkServo {
@@ -155,10 +147,8 @@ impl Drive for AkServo {
 
     fn state(&self) -> DriveState {
         let power = self.power_up.power(self.is_known);
-        let fault = match self.fault {
-            0 if self.is_outside => fault::OUT_OF_RANGE,
-            fault => fault,
-        };
+        let outside = fault::when(self.is_outside, fault::OUT_OF_RANGE);
+        let fault = fault::first([self.fault, outside]);
         DriveState { power, fault, watchdog: Watchdog::Unreadable }
     }
 

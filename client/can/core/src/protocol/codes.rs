@@ -1,50 +1,113 @@
-//! A set-point in the five codes that MIT mode and CyberGear share.
+//! The five codes that MIT mode and CyberGear share, and the state of a motor that has them.
 //!
 //! Position and velocity become the nearest codes, stiffness and damping those towards zero. The
 //! motor sums τ = t + k (p − q) + d (v − q̇) from these codes: the torque is rounded towards zero,
 //! and moved by a code more where the sum, by the last measurement, would leave the limit.
 
+use super::Common;
 use super::number::limited;
 use super::scale::Scale;
-use crate::drive::Setpoint;
+use super::turns::Turns;
+use crate::drive::{Measurement, Mode, Receipt, Setpoint};
 
+/// A motor whose numbers are codes: its set-points, and its position followed beyond its range.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Codes {
-    pub(super) position: Scale,
-    pub(super) velocity: Scale,
-    pub(super) torque: Scale,
-    pub(super) stiffness: Scale,
-    pub(super) damping: Scale,
+pub(super) struct Coded {
+    pub(super) codes: Codes,
+    common: Common,
+    turns: Turns,
+    /// Position and velocity as last measured `[rad, rad/s]`.
+    measured: Option<[f64; 2]>,
+    odd: bool,
 }
 
-impl Codes {
-    /// Ends of the ranges of position, velocity and torque.
-    pub(super) fn ranges(&self) -> [f64; 3] {
-        [self.position, self.velocity, self.torque].map(Scale::end)
+impl Coded {
+    pub(super) fn new(codes: Codes, common: Common) -> Coded {
+        Coded { codes, common, turns: Turns::default(), measured: None, odd: false }
     }
 
-    /// Codes of position, velocity, stiffness, damping and torque, within ± `limit` N m for a motor
-    /// whose position and velocity were last `measured`. `odd` as for [`Scale::code`].
-    pub(super) fn of(
-        &self,
-        setpoint: &Setpoint,
-        limit: f64,
-        measured: Option<[f64; 2]>,
-        odd: bool,
-    ) -> [u16; 5] {
-        let position = self.position.code(setpoint.position, odd);
-        let velocity = self.velocity.code(setpoint.velocity, odd);
-        let (stiffness, k) = self.stiffness.toward_zero(setpoint.stiffness, odd);
-        let (damping, d) = self.damping.toward_zero(setpoint.damping, odd);
+    /// Codes of position, velocity, stiffness, damping and torque, within ± the limit of the torque
+    /// for a motor whose position and velocity were last measured so.
+    pub(super) fn setpoint(&self, setpoint: &Setpoint) -> [u16; 5] {
+        let setpoint = match self.common.mode {
+            Mode::Torque => Setpoint { torque: setpoint.torque, ..Setpoint::default() },
+            _ => *setpoint,
+        };
+        let Coded { codes, measured, odd, .. } = *self;
+        let limit = self.common.torque_limit;
+        let position = codes.position.code(setpoint.position, odd);
+        let velocity = codes.velocity.code(setpoint.velocity, odd);
+        let (stiffness, k) = codes.stiffness.toward_zero(setpoint.stiffness, odd);
+        let (damping, d) = codes.damping.toward_zero(setpoint.damping, odd);
         // torque of spring and damper for these codes
         let by_gains = measured.map_or(0.0, |[q, qd]| {
-            k * (self.position.value(position) - q) + d * (self.velocity.value(velocity) - qd)
+            k * (codes.position.value(position) - q) + d * (codes.velocity.value(velocity) - qd)
         });
         let least = -limit - by_gains;
         let most = limit - by_gains;
         let torque = limited(setpoint.torque, limit).max(least).min(most);
-        let torque = self.torque.within(self.torque.toward_zero(torque, odd), least, most);
+        let torque = codes.torque.within(codes.torque.toward_zero(torque, odd), least, most);
         [position, velocity, stiffness, damping, torque]
+    }
+
+    /// A set-point was sent: codes beside zero alternate from one to the next.
+    pub(super) fn alternate(&mut self) {
+        self.odd = !self.odd;
+    }
+
+    /// The measurement in the codes of position, velocity and torque.
+    pub(super) fn measure(&mut self, codes: [u16; 3], temperature: f64) -> Receipt {
+        let [position, velocity, torque] = codes;
+        let position = self.codes.position.value_at(self.turns.follow(position));
+        let velocity = self.codes.velocity.value(velocity);
+        self.measured = Some([position, velocity]);
+        let torque = self.codes.torque.value(torque);
+        Receipt::Measured(Measurement { position, velocity, torque, temperature })
+    }
+
+    /// The fault of a position that has no code, or is not known; else 0.
+    pub(super) fn fault(&self) -> u32 {
+        self.turns.fault(self.common.mode)
+    }
+
+    /// The motor may start counting its turns again.
+    pub(super) fn forget(&mut self) {
+        self.measured = None;
+        self.turns.forget();
+    }
+
+    /// The motor's position is its zero from now on.
+    pub(super) fn set_zero(&mut self) {
+        self.turns = Turns::default();
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Codes {
+    position: Scale,
+    velocity: Scale,
+    torque: Scale,
+    stiffness: Scale,
+    damping: Scale,
+}
+
+impl Codes {
+    /// For ranges in the order of [`RANGES`](super::keys::RANGES), of which all but the position's
+    /// 16 have this many bits.
+    pub(super) const fn new(ranges: [f64; 5], bits: u32) -> Codes {
+        let [position, velocity, torque, stiffness, damping] = ranges;
+        Codes {
+            position: Scale::around_zero(position, 16),
+            velocity: Scale::around_zero(velocity, bits),
+            torque: Scale::around_zero(torque, bits),
+            stiffness: Scale::from_zero(stiffness, bits),
+            damping: Scale::from_zero(damping, bits),
+        }
+    }
+
+    /// Ends of the ranges of position, velocity and torque.
+    pub(super) fn ranges(&self) -> [f64; 3] {
+        [self.position, self.velocity, self.torque].map(Scale::end)
     }
 
     /// Stiffness and damping at the ends of their ranges.
@@ -68,13 +131,18 @@ impl Codes {
 mod tests {
     use super::*;
 
-    const CODES: Codes = Codes {
-        position: Scale::around_zero(12.5, 16),
-        velocity: Scale::around_zero(45.0, 12),
-        torque: Scale::around_zero(18.0, 12),
-        stiffness: Scale::from_zero(500.0, 12),
-        damping: Scale::from_zero(5.0, 12),
-    };
+    const CODES: Codes = Codes::new([12.5, 45.0, 18.0, 500.0, 5.0], 12);
+
+    fn coded(limit: f64, measured: [f64; 2], odd: bool) -> Coded {
+        let common = Common {
+            mode: Mode::Impedance,
+            watchdog_ms: 0,
+            torque_limit: limit,
+            velocity_limit: f64::INFINITY,
+            period_ns: 0,
+        };
+        Coded { measured: Some(measured), odd, ..Coded::new(CODES, common) }
+    }
 
     #[test]
     fn what_the_motor_sums_is_within_the_limit() {
@@ -101,7 +169,7 @@ mod tests {
             setpoint.torque *= part;
             setpoint.stiffness *= part;
             setpoint.damping *= part;
-            let [p, v, k, d, t] = CODES.of(&setpoint, limit, Some([q, qd]), n % 2 == 0);
+            let [p, v, k, d, t] = coded(limit, [q, qd], n % 2 == 0).setpoint(&setpoint);
             let k = CODES.stiffness.value(k);
             let d = CODES.damping.value(d);
             assert!(k <= setpoint.stiffness + 1e-9 && d <= setpoint.damping + 1e-9);
@@ -116,7 +184,7 @@ mod tests {
     fn a_coarse_stiffness_is_never_rounded_up() {
         // half a code and more of 0.122 N m/rad, 10 rad behind
         let setpoint = Setpoint { position: 10.0, stiffness: 0.1, ..Setpoint::default() };
-        let [_, _, stiffness, ..] = CODES.of(&setpoint, 1.0, Some([0.0, 0.0]), false);
+        let [_, _, stiffness, ..] = coded(1.0, [0.0, 0.0], false).setpoint(&setpoint);
         assert_eq!(stiffness, 0);
     }
 }

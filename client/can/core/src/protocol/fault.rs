@@ -23,6 +23,16 @@ pub const LIMIT_REFUSED: u32 = 0x8000_0009;
 /// The motor answers with frames that are none of its protocol's: found by the bridge.
 pub const MALFORMED: u32 = 0x8000_0020;
 
+/// The first of several faults, the gravest first; 0 without one.
+pub(super) fn first<const N: usize>(faults: [u32; N]) -> u32 {
+    faults.into_iter().find(|fault| *fault != 0).unwrap_or(0)
+}
+
+/// A fault that exists under a condition; else 0.
+pub(super) fn when(is_there: bool, fault: u32) -> u32 {
+    if is_there { fault } else { 0 }
+}
+
 /// Description of a drive's own fault; `None` for the codes of motors.
 pub fn describe(fault: u32) -> Option<&'static str> {
     Some(match fault {

@@ -11,6 +11,15 @@ pub(super) const fn motor_torque_constant(about: &'static str) -> Key {
 pub(super) const POLE_PAIRS: Key =
     Key::integer("pole_pairs", 1, 1000, "electrical turns in one of the rotor");
 
+/// Ranges of the codes that MIT mode and CyberGear share.
+pub(super) const RANGES: [&str; 5] =
+    ["position_range", "velocity_range", "torque_range", "stiffness_range", "damping_range"];
+
+/// The end of one of these ranges.
+pub(super) const fn range(name: &'static str, about: &'static str) -> Key {
+    Key::number(name, 1e-3, 1e5, about)
+}
+
 /// The number of a motor on its bus.
 pub(super) const fn id(least: i64, most: i64, about: &'static str) -> Key {
     Key::integer("id", least, most, about)

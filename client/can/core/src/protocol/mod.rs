@@ -39,6 +39,9 @@ pub struct Common {
     pub period_ns: u64,
 }
 
+/// A drive; `None` where its settings contradict each other.
+pub type Made = Option<Box<dyn Drive>>;
+
 /// A protocol: its name and settings in configurations, and how its drives are made.
 #[derive(Debug)]
 pub struct Protocol {
@@ -52,9 +55,8 @@ pub struct Protocol {
     pub fd: bool,
     /// Settings besides the common ones.
     pub keys: &'static [Key],
-    /// Makes a drive from checked settings. Contradictions among them are reported to the
-    /// diagnostics, and the result is `None`.
-    pub make: fn(&Settings, Common, &mut Diagnostics) -> Option<Box<dyn Drive>>,
+    /// Makes a drive from checked settings; contradictions are reported to the diagnostics.
+    pub make: fn(&Settings, Common, &mut Diagnostics) -> Made,
 }
 
 /// All protocols.

@@ -10,6 +10,7 @@
 //! `DriveCommand::Off` and `Reset` lead from everywhere to `Off`, and nothing else leads out of
 //! `Lost`. Where a set-point asks for power by itself `Primed` is left out.
 
+use super::fault;
 use crate::drive::{DriveCommand, Power, Setpoint};
 
 /// How far it is; each stage waits for the motor's reply.
@@ -73,7 +74,7 @@ impl PowerUp {
     }
 
     /// On the way to power.
-    pub(super) fn is_starting(&self) -> bool {
+    fn is_starting(&self) -> bool {
         matches!(self.stage, Stage::Primed | Stage::Asked(_))
     }
 
@@ -157,6 +158,16 @@ impl PowerUp {
             Stage::Primed | Stage::Asked(_) => Power::Starting,
             Stage::Off | Stage::Lost => Power::Off,
         }
+    }
+
+    /// Power of a motor that reports it, but for its way there.
+    pub(super) fn reported(&self, power: Power) -> Power {
+        if power == Power::Off && self.is_starting() { Power::Starting } else { power }
+    }
+
+    /// [`fault::POWER_LOST`] where the motor lost its power by itself; else 0.
+    pub(super) fn fault(&self) -> u32 {
+        fault::when(self.stage == Stage::Lost, fault::POWER_LOST)
     }
 
     fn idle(&mut self) -> Action {

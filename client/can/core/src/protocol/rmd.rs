@@ -21,7 +21,7 @@
 use super::keys::{id, motor_torque_constant};
 use super::number::{limited, steps_toward_zero};
 use super::power_up::{Action, PowerUp};
-use super::{Common, Protocol, Settings};
+use super::{Common, Made, Protocol, Settings};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Receipt, Reply, Setpoint,
     Watchdog,
@@ -60,14 +60,13 @@ const WRITES: u8 = 3;
 /// Time between two questions for faults while it has power `[ns]`.
 const FAULTS_NS: u64 = 20_000_000;
 
-const PARAMETERS: &[Parameter] = &[Parameter { name: "voltage", unit: "V" }];
+const PARAMETERS: &[Parameter] = &[Parameter::whole(FAULTS as u32, "voltage", "V")];
 
 #[derive(Debug)]
 struct Rmd {
     id: u16,
     constant: f64,
-    torque_limit: f64,
-    watchdog_ms: u32,
+    common: Common,
     watchdog: Watchdog,
     n_written: u8,
     power_up: PowerUp,
@@ -76,21 +75,15 @@ struct Rmd {
     asked_ns: Option<u64>,
     /// The last torque that was sent.
     sent: [u8; 8],
-    velocity: f64,
-    torque: f64,
-    temperature: f64,
+    /// Velocity, torque and temperature as last reported.
+    measured: Measurement,
 }
 
-fn make(
-    settings: &Settings,
-    common: Common,
-    _diagnostics: &mut Diagnostics,
-) -> Option<Box<dyn Drive>> {
+fn make(settings: &Settings, common: Common, _diagnostics: &mut Diagnostics) -> Made {
     Some(Box::new(Rmd {
         id: settings.integer("id") as u16,
         constant: settings.number("motor_torque_constant"),
-        torque_limit: common.torque_limit,
-        watchdog_ms: common.watchdog_ms,
+        common,
         watchdog: unknown(common.watchdog_ms),
         n_written: 0,
         power_up: PowerUp::primed(),
@@ -98,9 +91,7 @@ fn make(
         fault: 0,
         asked_ns: None,
         sent: [0; 8],
-        velocity: f64::NAN,
-        torque: f64::NAN,
-        temperature: f64::NAN,
+        measured: Measurement::NONE,
     }))
 }
 
@@ -118,7 +109,7 @@ impl Rmd {
     }
 
     fn torque_bytes(&self, torque: f64) -> [u8; 8] {
-        let current = limited(torque, self.torque_limit) / self.constant;
+        let current = limited(torque, self.common.torque_limit) / self.constant;
         let [low, high] = (steps_toward_zero(current, STEP, 32_767) as i16).to_le_bytes();
         [TORQUE, 0, 0, 0, low, high, 0, 0]
     }
@@ -129,7 +120,7 @@ impl Rmd {
     }
 
     fn timeout_bytes(&self) -> [u8; 8] {
-        let [a, b, c, d] = self.watchdog_ms.to_le_bytes();
+        let [a, b, c, d] = self.common.watchdog_ms.to_le_bytes();
         [TIMEOUT, 0, 0, 0, a, b, c, d]
     }
 
@@ -150,9 +141,9 @@ impl Rmd {
     fn take_state(&mut self, bytes: [u8; 8]) {
         let [_, temperature, i_low, i_high, v_low, v_high, ..] = bytes;
         let whole = |low, high| f64::from(i16::from_le_bytes([low, high]));
-        self.temperature = f64::from(temperature as i8);
-        self.torque = whole(i_low, i_high) * STEP * self.constant;
-        self.velocity = whole(v_low, v_high).to_radians();
+        self.measured.temperature = f64::from(temperature as i8);
+        self.measured.torque = whole(i_low, i_high) * STEP * self.constant;
+        self.measured.velocity = whole(v_low, v_high).to_radians();
     }
 }
 
@@ -224,15 +215,13 @@ impl Drive for Rmd {
                 }
                 Receipt::Parameter(0, f64::from(u16::from_le_bytes([a, b])) * 0.1)
             }
-            TIMEOUT if bytes == self.timeout_bytes() && self.watchdog_ms > 0 => {
-                self.watchdog = Watchdog::Set(self.watchdog_ms);
+            TIMEOUT if bytes == self.timeout_bytes() && self.common.watchdog_ms > 0 => {
+                self.watchdog = Watchdog::Set(self.common.watchdog_ms);
                 Receipt::Noted
             }
             ANGLE => Receipt::Measured(Measurement {
                 position: (f64::from(i32::from_le_bytes([a, b, c, d])) * STEP).to_radians(),
-                velocity: self.velocity,
-                torque: self.torque,
-                temperature: self.temperature,
+                ..self.measured
             }),
             _ => Receipt::Noted,
         }
@@ -246,8 +235,8 @@ impl Drive for Rmd {
     fn forget(&mut self) {
         self.power_up.forget();
         (self.is_known, self.fault, self.asked_ns) = (false, 0, None);
-        (self.watchdog, self.n_written) = (unknown(self.watchdog_ms), 0);
-        (self.velocity, self.torque, self.temperature) = (f64::NAN, f64::NAN, f64::NAN);
+        (self.watchdog, self.n_written) = (unknown(self.common.watchdog_ms), 0);
+        self.measured = Measurement::NONE;
     }
 
     fn identifiers(&self) -> Vec<Id> {

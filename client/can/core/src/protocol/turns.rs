@@ -3,43 +3,80 @@
 use super::fault;
 use crate::drive::Mode;
 
-/// A 16 bit code that is followed across its ends, where it begins again.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Turns {
+/// A code that begins again after its last one, without jumps.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Unwrapped {
+    /// How many codes there are, and the longest way forwards from one to the next.
+    n_codes: i64,
+    longest: i64,
     /// The last code, and the same code without jumps.
-    last: Option<(u16, i64)>,
+    last: Option<(i64, i64)>,
+}
+
+impl Unwrapped {
+    pub(super) const fn new(n_codes: i64, longest: i64) -> Unwrapped {
+        Unwrapped { n_codes, longest, last: None }
+    }
+
+    /// The code without jumps: the way from the last one is the shorter of the two. The first one
+    /// counts as it is.
+    pub(super) fn follow(&mut self, code: i64) -> i64 {
+        let whole = self.last.map_or(code, |(last, whole)| {
+            let way = (code - last).rem_euclid(self.n_codes);
+            whole + if way > self.longest { way - self.n_codes } else { way }
+        });
+        self.last = Some((code, whole));
+        whole
+    }
+
+    /// The last code without jumps.
+    pub(super) fn whole(&self) -> Option<i64> {
+        self.last.map(|(_, whole)| whole)
+    }
+
+    /// The next code counts as it is.
+    pub(super) fn forget(&mut self) {
+        self.last = None;
+    }
+}
+
+/// A 16 bit code that is followed across its ends, where it begins again.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Turns {
+    code: Unwrapped,
     /// It was outside its range when it was forgotten: its count of turns is lost.
     uncounted: bool,
 }
 
+impl Default for Turns {
+    fn default() -> Turns {
+        Turns { code: Unwrapped::new(1 << 16, i64::from(i16::MAX)), uncounted: false }
+    }
+}
+
 impl Turns {
-    /// The code without jumps: the way from the last one is the shorter of the two. The first one
-    /// counts as it is.
+    /// The code without jumps.
     pub(super) fn follow(&mut self, code: u16) -> i64 {
-        let whole = match self.last {
-            Some((last, whole)) => whole + i64::from(code.wrapping_sub(last) as i16),
-            None => i64::from(code),
-        };
-        self.last = Some((code, whole));
-        whole
+        self.code.follow(i64::from(code))
     }
 
     /// The motor may start counting again. Where it was outside its range, no reset makes its
     /// position right: only a new zero does, which begins with new turns.
     pub(super) fn forget(&mut self) {
-        *self = Turns { last: None, uncounted: self.uncounted || self.is_outside() };
+        self.uncounted |= self.is_outside();
+        self.code.forget();
     }
 
     /// [`fault::OUT_OF_RANGE`] where set-points of a mode have no code, or the position is not
     /// known; else 0.
     pub(super) fn fault(&self, mode: Mode) -> u32 {
         let is_fault = self.uncounted || self.is_outside() && mode != Mode::Torque;
-        if is_fault { fault::OUT_OF_RANGE } else { 0 }
+        fault::when(is_fault, fault::OUT_OF_RANGE)
     }
 
     /// A motor that does not begin again stays at the end's code.
     fn is_outside(&self) -> bool {
-        self.last.is_some_and(|(_, whole)| whole <= 0 || whole >= i64::from(u16::MAX))
+        self.code.whole().is_some_and(|whole| whole <= 0 || whole >= i64::from(u16::MAX))
     }
 }
 

@@ -21,7 +21,8 @@ use std::f64::consts::TAU;
 use super::keys::{POLE_PAIRS, id, motor_torque_constant};
 use super::number::{limited, steps, steps_toward_zero};
 use super::power_up::{Action, PowerUp};
-use super::{Common, Protocol, Settings};
+use super::turns::Unwrapped;
+use super::{Common, Made, Protocol, Settings};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Receipt, Reply, Setpoint, Watchdog,
 };
@@ -63,31 +64,24 @@ const POSITIONS: i64 = 18_000;
 #[derive(Debug)]
 struct Vesc {
     id: u32,
-    mode: Mode,
-    torque_limit: f64,
+    common: Common,
     constant: f64,
     pole_pairs: f64,
     power_up: PowerUp,
-    /// The position as last reported, and without jumps.
-    counted: Option<(i64, i64)>,
+    position: Unwrapped,
     velocity: f64,
     torque: f64,
     reported_ns: Option<u64>,
 }
 
-fn make(
-    settings: &Settings,
-    common: Common,
-    _diagnostics: &mut Diagnostics,
-) -> Option<Box<dyn Drive>> {
+fn make(settings: &Settings, common: Common, _diagnostics: &mut Diagnostics) -> Made {
     Some(Box::new(Vesc {
         id: settings.integer("id") as u32,
-        mode: common.mode,
-        torque_limit: common.torque_limit,
+        common,
         constant: settings.number("motor_torque_constant"),
         pole_pairs: settings.number("pole_pairs"),
         power_up: PowerUp::primed(),
-        counted: None,
+        position: Unwrapped::new(POSITIONS, POSITIONS / 2),
         velocity: f64::NAN,
         torque: f64::NAN,
         reported_ns: None,
@@ -100,7 +94,7 @@ impl Vesc {
     }
 
     fn current(&self, torque: f64) -> i32 {
-        let current = limited(torque, self.torque_limit) / self.constant;
+        let current = limited(torque, self.common.torque_limit) / self.constant;
         steps_toward_zero(current, MILLIAMPERE, i32::MAX)
     }
 
@@ -109,7 +103,7 @@ impl Vesc {
     }
 
     fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
-        match self.mode {
+        match self.common.mode {
             Mode::Torque | Mode::Impedance => self.frame(CURRENT, self.current(setpoint.torque)),
             Mode::Velocity => {
                 let turns = setpoint.velocity * 60.0 / TAU;
@@ -124,32 +118,22 @@ impl Vesc {
 
     /// The limit of current for its own loops.
     fn limits(&self) -> Option<Frame> {
-        if !self.mode.has_own_loops() || self.torque_limit.is_infinite() {
+        if !self.common.mode.has_own_loops() || self.common.torque_limit.is_infinite() {
             return None;
         }
-        let most = self.current(self.torque_limit);
-        let ([a, b, c, d], [e, f, g, h]) = ((-most).to_be_bytes(), most.to_be_bytes());
-        Frame::classic(Id::Extended(LIMITS << 8 | self.id), &[a, b, c, d, e, f, g, h])
+        let most = self.current(self.common.torque_limit);
+        let bytes = [-most, most].map(i32::to_be_bytes);
+        Frame::classic(Id::Extended(LIMITS << 8 | self.id), bytes.as_flattened())
     }
 
-    /// A position without jumps.
-    fn follow(&mut self, code: i16) -> f64 {
-        let code = i64::from(code);
-        let whole = match self.counted {
-            Some((last, whole)) => {
-                let way = (code - last).rem_euclid(POSITIONS);
-                whole + if way > POSITIONS / 2 { way - POSITIONS } else { way }
-            }
-            None => code,
-        };
-        self.counted = Some((code, whole));
-        whole as f64 * TAU / POSITIONS as f64
+    fn is_known(&self) -> bool {
+        self.position.whole().is_some()
     }
 }
 
 impl Drive for Vesc {
     fn cycle(&mut self, _now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
-        match self.power_up.action(command, self.counted.is_some()) {
+        match self.power_up.action(command, self.is_known()) {
             Action::Idle(n) => {
                 out.push_some(self.release());
                 if n % 8 == 1 {
@@ -203,8 +187,10 @@ impl Drive for Vesc {
                 let [velocity, torque] =
                     if is_old { [f64::NAN; 2] } else { [self.velocity, self.torque] };
                 self.power_up.count_reply(REPLIES_TO_POWER);
+                let code = self.position.follow(i64::from(whole(g, h)));
+                let position = code as f64 * TAU / POSITIONS as f64;
                 Receipt::Measured(Measurement {
-                    position: self.follow(whole(g, h)),
+                    position,
                     velocity,
                     torque,
                     temperature: f64::from(whole(a, b).max(whole(c, d))) * 0.1,
@@ -217,13 +203,14 @@ impl Drive for Vesc {
     }
 
     fn state(&self) -> DriveState {
-        let power = self.power_up.power(self.counted.is_some());
+        let power = self.power_up.power(self.is_known());
         DriveState { power, fault: 0, watchdog: Watchdog::Unreadable }
     }
 
     fn forget(&mut self) {
         self.power_up.forget();
-        (self.counted, self.reported_ns) = (None, None);
+        self.position.forget();
+        self.reported_ns = None;
     }
 
     /// The commands of this side and the messages of the other.

@@ -23,13 +23,19 @@ pub use pseudo::Pseudo;
 pub use reconnecting::Reconnecting;
 pub use socketcan::interface;
 
-/// Time after which a bus without a descriptor is looked at again.
+/// Time between two polls of a bus without a descriptor.
 pub const POLL: Duration = Duration::from_millis(1);
 
-/// A bus that is open. Nothing here waits; [`wait_for`] does.
+/// A bus that is open. Its calls do not wait; [`wait_for`] does. A driver that waits all the same
+/// delays its own bus only.
 pub trait Bus: Send {
     /// Sends a frame, or drops it where there is no room.
     fn send(&mut self, frame: &Frame) -> Result<Sent, BusError>;
+
+    /// Sends the frames that [`Bus::send`] has only collected; gives how many are dropped.
+    fn flush(&mut self) -> u32 {
+        0
+    }
 
     /// The next frame or event that is already there.
     fn next(&mut self) -> Result<Option<Heard>, BusError>;
@@ -38,10 +44,15 @@ pub trait Bus: Send {
     fn backlog(&self) -> u32;
 
     /// The descriptor that becomes readable when something arrives, for [`wait_for`]. A bus
-    /// without one is polled.
+    /// without one is polled every [`POLL`].
     fn readable(&self) -> Option<BorrowedFd<'_>>;
 
-    /// Tells the other side of a simulated bus that the adapter's state changed; false where this
+    /// Whether nothing is sent on this bus, as in a dry run: all its frames count as dropped.
+    fn is_mute(&self) -> bool {
+        false
+    }
+
+    /// Reports a new state of the adapter to the other side of a simulated bus; false where this
     /// bus cannot.
     fn pretend(&mut self, event: BusEvent) -> Result<bool, BusError> {
         let _ = event;
@@ -160,7 +171,7 @@ pub fn own(address: &Address) -> Result<Option<OwnedFd>, BusError> {
     Ok(Some(mark))
 }
 
-/// Waits until a bus is readable; one without a descriptor is looked at after a millisecond.
+/// Waits until a bus is readable, or for [`POLL`] if it has no descriptor.
 ///
 /// # Errors
 /// The system cannot wait.

@@ -73,10 +73,15 @@ impl Reconnecting {
         }
     }
 
-    /// Reports a message unless it repeats the last one.
+    /// Reports a message unless it repeats the last one. Messages of some drivers begin with the
+    /// bus's name.
     fn report(&mut self, message: String) {
         if self.said != message {
-            say(format_args!("{}: {message}", self.name));
+            if message.starts_with(&self.name) {
+                say(format_args!("{message}"));
+            } else {
+                say(format_args!("{}: {message}", self.name));
+            }
             self.said = message;
         }
     }
@@ -90,6 +95,10 @@ impl Bus for Reconnecting {
             None => {}
         }
         Ok(Sent::Dropped)
+    }
+
+    fn flush(&mut self) -> u32 {
+        self.port.as_mut().map_or(0, |port| port.flush())
     }
 
     fn next(&mut self) -> Result<Option<Heard>, BusError> {
@@ -109,6 +118,10 @@ impl Bus for Reconnecting {
 
     fn readable(&self) -> Option<BorrowedFd<'_>> {
         self.port.as_ref().and_then(|port| port.readable())
+    }
+
+    fn is_mute(&self) -> bool {
+        self.port.as_ref().is_some_and(|port| port.is_mute())
     }
 
     fn pretend(&mut self, event: BusEvent) -> Result<bool, BusError> {

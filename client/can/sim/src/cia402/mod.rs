@@ -29,8 +29,7 @@ use self::states::{Drive, State};
 use super::{Firmware, Plant, standard};
 use sarrus_can_core::drive::{Mode, Setpoint};
 use sarrus_can_core::frame::{Frame, FrameQueue, Id};
-use sarrus_can_core::protocol::Common;
-use sarrus_can_core::protocol::Settings;
+use sarrus_can_core::protocol::{Common, Settings};
 
 /// Slower than this it stands still `[rad/s]`.
 const STILL: f64 = 0.05;
@@ -76,9 +75,8 @@ impl Cia402 {
         Cia402 {
             node,
             counts_per_turn,
-            velocity_counts_per_turn: Some(settings.number("velocity_counts_per_turn"))
-                .filter(|counts| counts.is_finite())
-                .unwrap_or(counts_per_turn),
+            velocity_counts_per_turn: settings
+                .number_or("velocity_counts_per_turn", counts_per_turn),
             rated_torque,
             network: Network::Boot,
             drive: Drive::default(),
@@ -177,9 +175,13 @@ impl Cia402 {
         }
     }
 
+    fn tell(&self, base: u16, bytes: &[u8], out: &mut FrameQueue) {
+        out.push_some(standard(u32::from(base + self.node), bytes));
+    }
+
     fn boot(&mut self, out: &mut FrameQueue) {
         if self.network == Network::Boot {
-            out.push_some(standard(u32::from(0x700 + self.node), &[0]));
+            self.tell(0x700, &[0], out);
             self.network = Network::PreOperational;
         }
     }
@@ -191,7 +193,7 @@ impl Cia402 {
             Network::Operational => 0x05,
             Network::PreOperational => 0x7F,
         };
-        out.push_some(standard(u32::from(0x700 + self.node), &[state]));
+        self.tell(0x700, &[state], out);
     }
 
     /// Takes the content of a receive PDO.
@@ -252,7 +254,7 @@ impl Cia402 {
             self.network = Network::PreOperational;
             self.waiting = [None; 4];
         }
-        out.push_some(standard(u32::from(0x80 + self.node), &emergency(HEARTBEAT_LOST, 0x10)));
+        self.tell(0x80, &emergency(HEARTBEAT_LOST, 0x10), out);
         if plant.power {
             plant.tripped_ns = Some(plant.now_ns);
         }
@@ -279,7 +281,7 @@ impl Firmware for Cia402 {
         if id == 0x700 + master && master_ms > 0 {
             self.master_ns = Some(plant.now_ns);
             if core::mem::take(&mut self.alone) && plant.fault == 0 {
-                out.push_some(standard(u32::from(0x80 + self.node), &emergency(0, 0)));
+                self.tell(0x80, &emergency(0, 0), out);
             }
             return true;
         }
@@ -344,10 +346,7 @@ impl Firmware for Cia402 {
                 plant.stop();
             }
             let code = plant.fault as u16;
-            out.push_some(standard(
-                u32::from(0x80 + self.node),
-                &emergency(code, u8::from(code != 0)),
-            ));
+            self.tell(0x80, &emergency(code, u8::from(code != 0)), out);
         }
         let status = self.objects.get(Object::Status);
         self.measure(plant);

@@ -40,14 +40,12 @@ const MAPPABLE: [(Object, u16, u32, bool); 13] = [
 impl Object {
     /// The object of an index.
     pub(super) fn at(index: u16) -> Option<(Object, bool)> {
-        MAPPABLE
-            .iter()
-            .find(|(_, known, ..)| *known == index)
-            .map(|(object, _, _, writable)| (*object, *writable))
+        let (object, _, _, is_writable) = MAPPABLE.iter().find(|(_, at, ..)| *at == index)?;
+        Some((*object, *is_writable))
     }
 
     pub(super) fn bits(self) -> u32 {
-        MAPPABLE.iter().find(|(object, ..)| *object == self).map_or(0, |(_, _, bits, _)| *bits)
+        MAPPABLE[self as usize].2
     }
 
     pub(super) fn mask(self) -> u64 {
@@ -55,7 +53,7 @@ impl Object {
     }
 
     fn index(self) -> u16 {
-        MAPPABLE.iter().find(|(object, ..)| *object == self).map_or(0, |(_, index, ..)| *index)
+        MAPPABLE[self as usize].1
     }
 }
 
@@ -83,6 +81,23 @@ impl Pdo {
 
     pub(super) fn mapped(&self) -> impl Iterator<Item = Object> {
         self.entries.into_iter().take(usize::from(self.count)).flatten()
+    }
+
+    /// Its value and the bytes of it at an index: 14xx and 18xx, 16xx and 1Axx.
+    fn read(&self, index: u16, sub: u8) -> Result<(u32, usize), Abort> {
+        let is_mapping = index & 0x0200 != 0;
+        match sub {
+            0 if is_mapping => Ok((u32::from(self.count), 1)),
+            _ if is_mapping => {
+                let entry = self.entries.get(usize::from(sub) - 1).ok_or(NO_SUBINDEX)?;
+                Ok((entry.map_or(0, |object| u32::from(object.index()) << 16 | object.bits()), 4))
+            }
+            0 => Ok((2, 1)),
+            1 => Ok((self.id, 4)),
+            2 => Ok((u32::from(self.kind), 1)),
+            3 | 5 => Ok((0, 2)),
+            _ => Err(NO_SUBINDEX),
+        }
     }
 
     pub(super) fn length_bits(&self) -> u32 {
@@ -204,10 +219,8 @@ impl Objects {
             (0x6076, 0) => Ok((self.rated_torque, 4)),
             (0x6502, 0) => Ok((1 << 7 | 1 << 8 | 1 << 9, 4)),
             (0x60C2, 1) => Ok((u32::from(self.interpolation), 1)),
-            (0x1400..=0x1403, _) => communication(pdo(&self.receive)?, sub),
-            (0x1600..=0x1603, _) => mapping(pdo(&self.receive)?, sub),
-            (0x1800..=0x1803, _) => communication(pdo(&self.transmit)?, sub),
-            (0x1A00..=0x1A03, _) => mapping(pdo(&self.transmit)?, sub),
+            (0x1400..=0x1403 | 0x1600..=0x1603, _) => pdo(&self.receive)?.read(index, sub),
+            (0x1800..=0x1803 | 0x1A00..=0x1A03, _) => pdo(&self.transmit)?.read(index, sub),
             (0x1016 | 0x1018 | 0x6007 | 0x6072 | 0x6076 | 0x60C2, _) => Err(NO_SUBINDEX),
             _ => Err(NO_OBJECT),
         }
@@ -246,28 +259,6 @@ impl Objects {
             _ => return Err(READ_ONLY),
         }
         Ok(())
-    }
-}
-
-/// 14xx and 18xx.
-fn communication(pdo: Pdo, sub: u8) -> Result<(u32, usize), Abort> {
-    match sub {
-        0 => Ok((2, 1)),
-        1 => Ok((pdo.id, 4)),
-        2 => Ok((u32::from(pdo.kind), 1)),
-        3 | 5 => Ok((0, 2)),
-        _ => Err(NO_SUBINDEX),
-    }
-}
-
-/// 16xx and 1Axx.
-fn mapping(pdo: Pdo, sub: u8) -> Result<(u32, usize), Abort> {
-    match sub {
-        0 => Ok((u32::from(pdo.count), 1)),
-        _ => {
-            let entry = pdo.entries.get(usize::from(sub) - 1).ok_or(NO_SUBINDEX)?;
-            Ok((entry.map_or(0, |object| u32::from(object.index()) << 16 | object.bits()), 4))
-        }
     }
 }
 

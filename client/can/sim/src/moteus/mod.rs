@@ -28,8 +28,7 @@ use self::registers::{Answer, COUNTS, Kind, chunk, units, varuint};
 use super::{Firmware, Plant};
 use sarrus_can_core::drive::Setpoint;
 use sarrus_can_core::frame::{Frame, FrameQueue, Id, MAX_DATA};
-use sarrus_can_core::protocol::Common;
-use sarrus_can_core::protocol::Settings;
+use sarrus_can_core::protocol::{Common, Settings};
 
 const STOPPED: u8 = 0;
 const FAULT: u8 = 1;
@@ -116,15 +115,12 @@ impl Command {
 impl Moteus {
     pub(super) fn new(settings: &Settings, _common: Common, plant: &mut Plant) -> Moteus {
         let [stiffness, damping] = GAINS;
-        let known = |key: &str, usual: f64| {
-            Some(settings.number(key)).filter(|gain| gain.is_finite()).unwrap_or(usual) / TAU
-        };
         plant.watchdog_ns = (DEFAULT_TIMEOUT * 1e9) as u64;
         Moteus {
             id: settings.integer("id") as u8,
             mode: STOPPED,
-            stiffness: known("kp", stiffness),
-            damping: known("kd", damping),
+            stiffness: settings.number_or("kp", stiffness) / TAU,
+            damping: settings.number_or("kd", damping) / TAU,
             command: Command::NEW,
             way: None,
             stepped_ns: 0,
@@ -241,11 +237,8 @@ impl Moteus {
     /// Goes on towards the commanded position within the limits, if there are any.
     fn advance(&mut self, elapsed: f64, plant: &Plant) {
         let limit = |number: f64, usual: f64| {
-            if number < 0.0 {
-                f64::INFINITY
-            } else {
-                Some(number).filter(|n| !n.is_nan()).unwrap_or(usual)
-            }
+            let number = if number.is_nan() { usual } else { number };
+            if number < 0.0 { f64::INFINITY } else { number }
         };
         let most = limit(self.command.velocity_limit, f64::INFINITY);
         let acceleration = limit(self.command.acceleration_limit, DEFAULT_ACCELERATION);
@@ -275,12 +268,7 @@ impl Moteus {
             answer.put(&[1]);
             return;
         }
-        let type_bits = match kind {
-            Kind::Int8 => 0x20,
-            Kind::Int16 => 0x24,
-            Kind::Int32 => 0x28,
-            Kind::Float => 0x2C,
-        };
+        let type_bits = 0x20 | (kind as u8) << 2;
         if count < 4 {
             answer.put(&[type_bits | count as u8]);
         } else {

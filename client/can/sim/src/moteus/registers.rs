@@ -53,45 +53,38 @@ impl Kind {
         }
     }
 
-    pub(super) fn take(self, rest: &mut &[u8], units: Units) -> Option<f64> {
+    /// Bytes and unit of whole numbers.
+    fn whole(self, units: Units) -> Option<(usize, f64)> {
         let [small, middle, large] = units;
-        let whole = |number: i64, least: i64, unit: f64| {
-            if number == least { f64::NAN } else { number as f64 * unit }
+        match self {
+            Kind::Int8 => Some((1, small)),
+            Kind::Int16 => Some((2, middle)),
+            Kind::Int32 => Some((4, large)),
+            Kind::Float => None,
+        }
+    }
+
+    pub(super) fn take(self, rest: &mut &[u8], units: Units) -> Option<f64> {
+        let Some((len, unit)) = self.whole(units) else {
+            return Some(f64::from(f32::from_le_bytes(chunk(rest)?)));
         };
-        Some(match self {
-            Kind::Int8 => {
-                whole(i64::from(i8::from_le_bytes(chunk(rest)?)), i64::from(i8::MIN), small)
-            }
-            Kind::Int16 => {
-                whole(i64::from(i16::from_le_bytes(chunk(rest)?)), i64::from(i16::MIN), middle)
-            }
-            Kind::Int32 => {
-                whole(i64::from(i32::from_le_bytes(chunk(rest)?)), i64::from(i32::MIN), large)
-            }
-            Kind::Float => f64::from(f32::from_le_bytes(chunk(rest)?)),
-        })
+        let (head, tail) = rest.split_at_checked(len)?;
+        *rest = tail;
+        let number = head.iter().rev().fold(0_i64, |number, byte| number << 8 | i64::from(*byte));
+        let unused = 64 - 8 * len;
+        let number = number << unused >> unused;
+        let least = -1 << (8 * len - 1);
+        Some(if number == least { f64::NAN } else { number as f64 * unit })
     }
 
     pub(super) fn put(self, number: f64, units: Units, answer: &mut Answer) {
-        let [small, middle, large] = units;
-        let whole = |unit: f64, least: i64, most: i64| {
-            if number.is_nan() {
-                least
-            } else {
-                ((number / unit).round() as i64).clamp(least + 1, most)
-            }
+        let Some((len, unit)) = self.whole(units) else {
+            return answer.put(&(number as f32).to_le_bytes());
         };
-        match self {
-            Kind::Int8 => answer
-                .put(&(whole(small, i64::from(i8::MIN), i64::from(i8::MAX)) as i8).to_le_bytes()),
-            Kind::Int16 => answer.put(
-                &(whole(middle, i64::from(i16::MIN), i64::from(i16::MAX)) as i16).to_le_bytes(),
-            ),
-            Kind::Int32 => answer.put(
-                &(whole(large, i64::from(i32::MIN), i64::from(i32::MAX)) as i32).to_le_bytes(),
-            ),
-            Kind::Float => answer.put(&(number as f32).to_le_bytes()),
-        }
+        let most = (1_i64 << (8 * len - 1)) - 1;
+        let nearest = ((number / unit).round() as i64).clamp(-most, most);
+        let whole = if number.is_nan() { -most - 1 } else { nearest };
+        answer.put(whole.to_le_bytes().get(..len).unwrap_or_default());
     }
 }
 

@@ -1,7 +1,7 @@
-"""The CAN bridge: the core of `sarrus-can` under python-can.
+"""The CAN bridge over python-can.
 
-`python -m sarrus.can` runs it and has the commands for commissioning. Rules, codecs and
-configuration are the core's, in Rust; buses, clock and people are this package's.
+`python -m sarrus.can` runs the loop of `sarrus-can` on adapters of python-can, and has the commands
+for commissioning. `Bridge` is the core without a loop, a bus or a clock, for loops of your own.
 """
 
 from sarrus._native import (
@@ -11,7 +11,6 @@ from sarrus._native import (
     Drives,
     Frame,
     Service,
-    Telemetry,
     protocols,
 )
 from sarrus.can.adapters import Adapter, Address, BusError, open_bus
@@ -26,7 +25,6 @@ __all__ = [
     "Drives",
     "Frame",
     "Service",
-    "Telemetry",
     "open_bus",
     "protocols",
 ]

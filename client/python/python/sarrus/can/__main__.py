@@ -1,7 +1,7 @@
-"""`python -m sarrus.can`: results on stdout, the rest on stderr.
+"""`python -m sarrus.can`: results on stdout, messages on stderr.
 
-Exit codes: 0 done; 1 the configuration is faulty, or what was tried did not come about; 2 wrong
-flags, or a file or bus that cannot be opened.
+Exit codes: 0 done; 1 the configuration is faulty, or the operation failed; 2 wrong flags, or a file
+or bus that cannot be opened.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from typing import TYPE_CHECKING, Any
 from sarrus import __version__
 from sarrus._native import Configuration, Frame
 from sarrus.can import commissioning, finding, moving
-from sarrus.can.adapters import Address, BusError, close_all
+from sarrus.can.adapters import Address, BusError, close_all, open_all
 from sarrus.can.leaving import Leave, ending
 from sarrus.can.record import Recorder
 from sarrus.can.replay import BadLine, replay
-from sarrus.can.run import open_all, run
+from sarrus.can.run import run
 from sarrus.can.telling import WrongFlags, hush, say
 
 if TYPE_CHECKING:
@@ -37,9 +37,9 @@ HAZARD = (
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one command; its exit code."""
+    """Run one command and give its exit code."""
     options = parser().parse_args(arguments)
-    # what goes wrong with an interface is reported once, by its error
+    # exceptions report errors of interfaces already
     logging.getLogger("can").setLevel(logging.CRITICAL)
     try:
         code = int(options.command(options))
@@ -49,7 +49,7 @@ def main(arguments: list[str] | None = None) -> int:
     except (commissioning.Failed, BadLine, ValueError) as error:
         return tell(error, 1)
     except BrokenPipeError:
-        # whoever read the results has seen enough of them
+        # the reader of stdout has closed it
         hush(sys.stdout)
         return 0
     except (WrongFlags, BusError, OSError) as error:
@@ -59,7 +59,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def tell(error: object, code: int) -> int:
-    """Say on stderr why it ends."""
+    """Report an error on stderr."""
     say(f"sarrus.can: {error}".rstrip())
     return code
 
@@ -93,9 +93,7 @@ def parser() -> argparse.ArgumentParser:
     )
     one = argparse.ArgumentParser(add_help=False)
     one.add_argument("motor", metavar="ACTUATOR", help="the motor, by its actuator")
-    one.add_argument(
-        "--yes", action="store_true", help="do not ask: somebody has looked after safety"
-    )
+    one.add_argument("--yes", action="store_true", help="do not ask for confirmation")
 
     command = commands.add_parser(
         "run", parents=[where], help="run the bridge until SIGINT, SIGTERM or the end of its parent"
@@ -107,18 +105,18 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument(
         "--log",
         metavar="FILE",
-        help="log everything that the bridge is given, as JSON lines for `replay`",
+        help="log all inputs of the bridge, as JSON lines for `replay`",
     )
     command.add_argument(
         "--fault-log",
         metavar="FOLDER",
-        help="folder for what led to each fault, which `replay` reads; without it `sarrus/faults` "
-        "where programs keep their state",
+        help="folder for the inputs before each fault, which `replay` reads; without it "
+        "`sarrus/faults` in the user's state directory",
     )
     command.add_argument(
         "--no-realtime",
         action="store_true",
-        help="ask the system for no priority and no locked memory",
+        help="neither request a real-time priority nor lock memory",
     )
     command.set_defaults(command=run_bridge)
 
@@ -132,7 +130,7 @@ def parser() -> argparse.ArgumentParser:
     command.set_defaults(command=record)
 
     command = commands.add_parser(
-        "replay", help="what the bridge sends for an input log; no bus is opened"
+        "replay", help="print the frames that the bridge sends for a log; no bus is opened"
     )
     command.add_argument("config", metavar="CONFIG", help="the robot's buses and motors")
     command.add_argument(
@@ -141,26 +139,26 @@ def parser() -> argparse.ArgumentParser:
     command.set_defaults(command=replay_log)
 
     command = commands.add_parser(
-        "scan", parents=[where, some], help="which motors answer, and who else talks"
+        "scan", parents=[where, some], help="list the motors that answer and other identifiers"
     )
     command.add_argument("--seconds", type=positive, default=1.0, help="time to listen for answers")
     command.add_argument(
         "--all",
         action="store_true",
-        help="also ask every identifier, for motors that the configuration does not know; those "
-        "under power lose it",
+        help="also ask every identifier, to find motors missing in the configuration; motors under "
+        "power lose it",
     )
     command.add_argument(
         "--protocol",
         action="append",
         default=[],
         metavar="NAME[:VARIANT]",
-        help="with --all: look for these, and not for what is configured on a bus; may be repeated",
+        help="with --all: look for these instead of the kinds configured on a bus; may be repeated",
     )
     command.set_defaults(command=scan)
 
     command = commands.add_parser(
-        "read", parents=[where, some], help="measurements, state and parameters of motors"
+        "read", parents=[where, some], help="print measurements, state and parameters of motors"
     )
     command.add_argument(
         "--seconds", type=positive, default=0.1, help="time to wait for each parameter"
@@ -181,12 +179,12 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument(
         "--save",
         action="store_true",
-        help="also have the motor store its zero, so that it outlasts the supply",
+        help="also have the motor store its zero, which then outlasts the supply",
     )
     command.set_defaults(command=zero)
 
     command = commands.add_parser(
-        "set-id", parents=[where, one], help="give a motor another identifier, where that is known"
+        "set-id", parents=[where, one], help="give a motor another identifier, if its protocol can"
     )
     command.add_argument("id", type=identifier, metavar="ID", help="the new one, also as 0x…")
     command.set_defaults(command=set_id)
@@ -218,9 +216,9 @@ def parser() -> argparse.ArgumentParser:
 
 
 def word(text: str) -> str:
-    """Anything but nothing."""
+    """A text that is not empty."""
     if not text:
-        raise argparse.ArgumentTypeError("nothing is given")
+        raise argparse.ArgumentTypeError("it is empty")
     return text
 
 
@@ -265,7 +263,7 @@ def nonzero(text: str) -> float:
 def addresses(
     options: argparse.Namespace, configuration: Configuration
 ) -> Callable[[dict[str, Any]], Address]:
-    """Where each bus is: what the flags say, else the configuration."""
+    """Give the address of each bus, by the flags or else by the configuration."""
     names = [bus["name"] for bus in configuration.buses]
     channels: dict[str, str] = {}
     for text in options.channel:
@@ -290,7 +288,7 @@ def addresses(
 
 @contextlib.contextmanager
 def opened(options: argparse.Namespace) -> Iterator[commissioning.Commissioning]:
-    """The buses of the motors that are meant, until somebody asks for the end."""
+    """Open the buses of the chosen motors; a signal leaves the block."""
     configuration = Configuration.load(options.config)
     address = addresses(options, configuration)
     with (
@@ -328,13 +326,13 @@ def run_bridge(options: argparse.Namespace) -> int:
 
 
 def record(options: argparse.Namespace) -> int:
-    """Record what passes."""
+    """Record all frames."""
     configuration = Configuration.load(options.config)
     buses, address = configuration.buses, addresses(options, configuration)
     end = math.inf if options.seconds is None else time.monotonic() + options.seconds
     with contextlib.ExitStack() as stack:
         stop = stack.enter_context(ending())
-        adapters = open_all(buses, lambda bus: replace(address(bus), listen_only=True))
+        adapters = open_all(replace(address(bus), listen_only=True) for bus in buses)
         stack.callback(close_all, adapters)
         # a bus that cannot be opened leaves an earlier recording as it is
         file = stack.enter_context(Recorder(options.out, [bus["name"] for bus in buses]))
@@ -364,7 +362,7 @@ def replay_log(options: argparse.Namespace) -> int:
 
 
 def scan(options: argparse.Namespace) -> int:
-    """Who answers, and who else talks."""
+    """List the motors that answer, and identifiers of other nodes."""
     with opened(options) as motors:
         rows, complete = commissioning.scan(motors, options.seconds)
         table(rows)
@@ -378,7 +376,7 @@ def scan(options: argparse.Namespace) -> int:
 
 
 def progress(name: str, done: int, all_of_them: int) -> None:
-    """Say how far a scan is: in one line on a terminal, else at its quarters."""
+    """Report progress: in one line on a terminal, elsewhere four times."""
     if sys.stderr is not None and sys.stderr.isatty():
         ends = "\n" if done == all_of_them else "\r"
         print(f"{name}: {done} of {all_of_them}", end=ends, file=sys.stderr, flush=True)
@@ -400,7 +398,7 @@ def set_id(options: argparse.Namespace) -> int:
 
 
 def read(options: argparse.Namespace) -> int:
-    """Print everything that motors tell."""
+    """Print measurements, states and parameters."""
     with opened(options) as motors:
         rows, complete = commissioning.read(motors, options.seconds)
         table(rows)
@@ -410,12 +408,12 @@ def read(options: argparse.Namespace) -> int:
 def zero(options: argparse.Namespace) -> int:
     """Set a motor's zero, or find the offset for the zero that it has."""
     if options.at is not None and options.save:
-        raise WrongFlags("--at changes nothing, so there is nothing to --save; give one of them")
+        raise WrongFlags("--at changes nothing that --save could store; give one of them")
     with opened(options) as motors:
         motor = motors.chosen[0]
         if options.at is None:
             if options.save:
-                # before anybody is asked
+                # before the confirmation
                 commissioning.storing(motors, motor)
             commissioning.confirm(
                 f"The present position of {options.motor} becomes the zero of its motor. It has no "
@@ -425,7 +423,7 @@ def zero(options: argparse.Namespace) -> int:
             position = commissioning.zero(motors, motor, save=options.save)
             print(f"motor position {position:g} rad")
             if options.save:
-                print("stored: switch its supply off and on and `read` it, it must say the same")
+                print("stored: after a new start of its supply `read` must give the same position")
             return 0
         measured = motors.measure(motor, motors.off(motor))
         print(f"offset: {commissioning.offset_at(motors.motors[motor], measured, options.at):.9g}")

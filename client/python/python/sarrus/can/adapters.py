@@ -1,19 +1,17 @@
-"""Buses by python-can: every loss is counted and one program owns each of them.
+"""Buses of python-can: every loss is counted, and one program owns each bus.
 
 `open_bus` gives an `Adapter` for every interface of python-can that a channel and bit rates open.
-What differs between interfaces is here and nowhere else:
+Only this module distinguishes interfaces:
 
-- *slcan*: python-can opens the port; lines, which the core reads and writes, go out in one write
-  and come in by one read that never wait, since python-can reads byte by byte and its `send` can
-  wait for ever on a stalled port.
-- *socketcan*: python-can opens the socket; error frames become events (`bus.state` never changes
-  there), frames that the receive buffer lost are counted, and echoes of our own frames tell how
-  many still wait.
-- every other one: python-can's `send` and `recv` with a time-out of zero, which some interfaces do
-  not keep.
+- *slcan*: python-can opens the port. The core reads and writes the lines, with one non-blocking
+  read and one non-blocking write a call, since python-can reads byte by byte and its `send` can
+  block for ever on a stalled port.
+- *socketcan*: python-can opens the socket. Error frames become events (`bus.state` never changes
+  there), frames lost in the receive buffer are counted, and the echoes of our own frames give the
+  number of frames that still wait.
+- all others: python-can's `send` and `recv` with a time-out of zero, which some interfaces ignore.
 
-Cyclic sending in the kernel or in a thread (`send_periodic`) is never used: it would go on while
-the program hangs.
+`send_periodic` is never used: the kernel or a thread would go on sending while the program hangs.
 """
 
 from __future__ import annotations
@@ -47,24 +45,23 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
 Event = tuple[str, int]
-"""News of a bus.
+"""An event of a bus and a count.
 
-One of `error_active`, `error_warning`, `error_passive`, `bus_off`, `restarted`, `dropped`,
-`overrun`, and a count.
+The event is one of `error_active`, `error_warning`, `error_passive`, `bus_off`, `restarted`,
+`dropped`, `overrun`.
 """
 
 RECEIVE_BUFFER = 1 << 20
-"""Bytes of a socket's receive buffer: the default one loses most of a burst."""
+"""Bytes of a socket's receive buffer; the default buffer loses most of a burst."""
 
 MOST_RECEIVED = 256
-"""Frames that one call of `Adapter.receive` gives at most.
+"""Most frames that one call of `Adapter.receive` gives.
 
-A bus that babbles must not keep the cycle from its end.
+A babbling bus must not keep its thread from sending.
 """
 
-
 SILENCE = 2.0
-"""An interface that takes no frame and brings none for this time is gone `[s]`."""
+"""Time after which an interface that neither takes nor gives frames is gone `[s]`."""
 
 
 class BusError(Exception):
@@ -81,16 +78,13 @@ class Address:
     bitrate: int = 1_000_000
     data_bitrate: int | None = None
     listen_only: bool = False
-    """Only to record.
-
-    Nothing is sent, and a bus that others can share belongs to whoever drives it.
-    """
+    """Nothing is sent, and a bus that programs can share is not owned: for recordings."""
 
     @classmethod
     def of(
         cls, bus: dict[str, Any], interface: str | None = None, channel: str | None = None
     ) -> Address:
-        """Address of a bus of a configuration, or another one for the same bus."""
+        """The address of a bus of a configuration, with another interface or channel if given."""
         address = cls(**bus)
         return replace(
             address, interface=interface or address.interface, channel=channel or address.channel
@@ -98,30 +92,27 @@ class Address:
 
 
 class Adapter(Protocol):
-    """A bus that is open. It waits as little as its interface lets it."""
+    """An open bus. Its calls block only if its interface does."""
 
     address: Address
 
     def send(self, frames: Sequence[Frame]) -> int:
-        """Send frames in order until one finds no room.
-
-        Give the number of those that did not go and are dropped.
-        """
+        """Send frames in order until there is no room; give the number of dropped frames."""
 
     def receive(self) -> Iterator[Frame | Event]:
         """Frames and events that are already there."""
 
     def backlog(self) -> int:
-        """Frames that were taken and are not on the wire yet, as far as the adapter tells."""
+        """Frames that the adapter took and has not sent yet, as far as it reports them."""
 
     def close(self) -> None:
-        """Give the bus back."""
+        """Close the bus."""
 
 
 def open_bus(address: Address) -> Adapter:
-    """Open a bus; it is this program's alone until it is closed.
+    """Open a bus, which this program owns until it is closed.
 
-    Raises `BusError` for a bus that is not there or belongs to another program.
+    Raises `BusError` if there is no such bus, or another program owns it.
     """
     known = {"slcan": SlcanAdapter, "socketcan": SocketcanAdapter}
     try:
@@ -137,14 +128,25 @@ def open_bus(address: Address) -> Adapter:
 
 
 def close_all(adapters: Iterable[Adapter]) -> None:
-    """Give buses back; one that cannot be closed keeps no other from it."""
+    """Close buses; an exception of one does not keep the others open."""
     for adapter in adapters:
         with contextlib.suppress(Exception):
             adapter.close()
 
 
+def open_all(addresses: Iterable[Address]) -> list[Adapter]:
+    """Open all buses or none."""
+    adapters: list[Adapter] = []
+    try:
+        adapters.extend(map(open_bus, addresses))
+    except BaseException:
+        close_all(adapters)
+        raise
+    return adapters
+
+
 def to_message(frame: Frame) -> can.Message:
-    """Give a frame as python-can's."""
+    """Convert a frame to a message of python-can."""
     return can.Message(
         arbitration_id=frame.id,
         data=frame.data,
@@ -155,10 +157,7 @@ def to_message(frame: Frame) -> can.Message:
 
 
 def of_message(message: can.Message) -> Frame | None:
-    """Give python-can's message as a frame.
-
-    Give `None` for remote and error frames and for what no frame can be.
-    """
+    """Convert a message of python-can to a frame; `None` for remote, error and invalid frames."""
     if message.is_remote_frame or message.is_error_frame:
         return None
     try:
@@ -174,11 +173,11 @@ def of_message(message: can.Message) -> Frame | None:
 
 
 class Ownership:
-    """One owner for each bus, released by the system when the program ends, however it ends.
+    """A mark that one program owns a bus; the system removes it at any end of the program.
 
-    The mark is a name in the abstract space of Unix sockets: it leaves no file, and like CAN
-    interfaces it belongs to the network namespace. A serial port is locked itself, which every name
-    of it meets.
+    The mark is a name in the abstract namespace of Unix sockets: it leaves no file, and like CAN
+    interfaces it belongs to the network namespace. A serial port is locked itself, which holds for
+    all its names.
     """
 
     def __init__(self, address: Address) -> None:
@@ -213,7 +212,7 @@ class Ownership:
             raise
 
     def release(self) -> None:
-        """Let others have the bus."""
+        """Remove the mark."""
         while self._marks:
             mark = self._marks.pop()
             if isinstance(mark, int):
@@ -244,7 +243,7 @@ class AnyAdapter:
         settings: dict[str, Any] = {"bitrate": self.address.bitrate}
         if data_bitrate is not None:
             settings |= {"fd": True, "data_bitrate": data_bitrate}
-        # where an interface wants the same said otherwise
+        # interfaces with other names for the same settings
         if interface == "virtual":
             settings["protocol"] = (
                 can.CanProtocol.CAN_20 if data_bitrate is None else can.CanProtocol.CAN_FD
@@ -256,7 +255,7 @@ class AnyAdapter:
         return can.Bus(interface=interface, channel=channel, ignore_config=True, **settings)
 
     def send(self, frames: Sequence[Frame]) -> int:
-        """Send frames in order until one finds no room; the number of those that did not go."""
+        """Send frames in order until there is no room; give the number of dropped frames."""
         for sent, frame in enumerate(frames):
             try:
                 self._bus.send(to_message(frame), timeout=0)
@@ -264,8 +263,8 @@ class AnyAdapter:
             except can.CanTimeoutError:
                 return self._full(len(frames) - sent)
             except can.CanOperationError as error:
-                # `timeout` does not cover a full queue of the interface, and not every backend
-                # tells its code
+                # `timeout` does not cover a full queue of the interface, and some backends give
+                # no code
                 if error.error_code not in (None, errno.ENOBUFS, errno.EAGAIN, errno.EINTR):
                     raise self._gone(error) from error
                 return self._full(len(frames) - sent)
@@ -274,10 +273,10 @@ class AnyAdapter:
         return 0
 
     def _full(self, dropped: int) -> int:
-        # an interface that was unplugged may say the same as one whose queue is full
+        # an unplugged interface may give the same error as a full queue
         if time.monotonic() - self._heard > SILENCE:
             raise BusError(
-                f"{self.address.name} is gone: it has taken and brought nothing for {SILENCE:g} s"
+                f"{self.address.name} is gone: no frame was sent or received for {SILENCE:g} s"
             )
         return dropped
 
@@ -300,11 +299,11 @@ class AnyAdapter:
                 yield frame
 
     def backlog(self) -> int:
-        """Nothing is known."""
+        """Zero: python-can has no such number."""
         return 0
 
     def close(self) -> None:
-        """Give the bus back."""
+        """Close the bus."""
         try:
             with contextlib.suppress(Exception):
                 self._bus.shutdown()
@@ -319,8 +318,7 @@ class SlcanAdapter(AnyAdapter):
         timing: dict[str, Any] = {"bitrate": self.address.bitrate}
         if self.address.data_bitrate is not None:
             timing = {"timing": _fd_timing(self.address.bitrate, self.address.data_bitrate)}
-        # python-can waits for a port that takes no bytes, and reads answers of an earlier owner as
-        # its own
+        # python-can blocks on a port that takes no bytes, and reads answers to an earlier owner
         port = cast("int", self._ownership._marks[0])
         if not select.select([], [port], [], 0.5)[1]:
             raise BusError(
@@ -339,7 +337,7 @@ class SlcanAdapter(AnyAdapter):
         self._reader = SlcanReader()
         self._unwritten = b""
         self._has_sent = False
-        # without this an idle port reads like one that was closed
+        # otherwise a read of an idle port looks like one of a closed port
         settings = termios.tcgetattr(self._descriptor)
         settings[6][termios.VMIN], settings[6][termios.VTIME] = 1, 0
         termios.tcsetattr(self._descriptor, termios.TCSANOW, settings)
@@ -355,10 +353,7 @@ class SlcanAdapter(AnyAdapter):
             raise self._gone(error) from error
 
     def send(self, frames: Sequence[Frame]) -> int:
-        """Send frames in order by one write.
-
-        What finds no room is dropped, but a line that was begun is ended first.
-        """
+        """Send frames in order by one write, after the rest of a partly written line."""
         if self._unwritten:
             self._unwritten = self._unwritten[self._write(self._unwritten) :]
             if self._unwritten:
@@ -371,7 +366,7 @@ class SlcanAdapter(AnyAdapter):
         taken = self._write(data)
         if taken == len(data):
             return 0
-        # lines that begin in what was not taken are dropped
+        # of the bytes that were not taken, only a partly written line is kept
         rest, dropped = taken, 0
         for line in lines:
             if rest >= len(line):
@@ -398,17 +393,17 @@ class SlcanAdapter(AnyAdapter):
                 yield heard
 
     def backlog(self) -> int:
-        """A line that is written in part only."""
+        """One for a partly written line."""
         return 1 if self._unwritten else 0
 
     def close(self) -> None:
-        """End a line that was begun, close the channel and give the port back."""
+        """End a partly written line, close the channel and then the port."""
         try:
             bus = cast("Any", self._bus)
             with contextlib.suppress(BusError):
                 self._write(self._unwritten)
                 self._write(b"C\r")
-            # python-can's own way would wait for a port that takes no bytes
+            # python-can's `shutdown` would block on a port that takes no bytes
             with contextlib.suppress(Exception):
                 can.BusABC.shutdown(bus)
                 bus.serialPortOrig.close()
@@ -460,16 +455,13 @@ class SocketcanAdapter(AnyAdapter):
         return bus
 
     def _look(self, name: str) -> list[Event]:
-        """Ask the kernel for the interface and compare it with the configuration.
-
-        Give what there is to say of its controller.
-        """
+        """Compare the kernel's interface with the configuration; give events of its state."""
         try:
             with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW) as route:
                 route.send(interface_question(name))
-                # the answer is there before the question's call is over
+                # the kernel answers before `send` returns
                 answer = route.recv(16384, socket.MSG_DONTWAIT)
-            # one that only listens takes any bit rate
+            # any bit rate will do for listening
             bitrate = None if self.address.listen_only else self.address.bitrate
             event = check_interface(answer, name, bitrate, self.address.data_bitrate)
         except (OSError, ValueError) as error:
@@ -479,7 +471,7 @@ class SocketcanAdapter(AnyAdapter):
         return [] if event is None else [event]
 
     def send(self, frames: Sequence[Frame]) -> int:
-        """Send frames in order until one finds no room; the number of those that did not go."""
+        """Send frames in order until there is no room; give the number of dropped frames."""
         for sent, frame in enumerate(frames):
             number = frame.id | (_EXTENDED if frame.extended else 0)
             data = frame.data
@@ -515,7 +507,7 @@ class SocketcanAdapter(AnyAdapter):
             if number & _ERROR:
                 events = events_of_error_frame(number & _NUMBER, data)
                 if any(name in ("bus_off", "restarted") for name, _ in events):
-                    # the kernel has thrown away what waited, and no echo of it comes
+                    # the kernel has discarded the waiting frames, which give no echo
                     self._waiting = 0
                 yield from events
             elif not number & _REMOTE:
@@ -539,7 +531,7 @@ class SocketcanAdapter(AnyAdapter):
             self._lost, self._waiting = lost, 0
 
     def backlog(self) -> int:
-        """Frames without their echo; echoes that stay away for too long are not waited for."""
+        """Frames without an echo; after a second without any echo, none is expected."""
         if self._waiting and time.monotonic() - self._echoed > _LONGEST_ECHO:
             self._waiting = 0
         return self._waiting

@@ -1,4 +1,4 @@
-"""Commissioning: one motor at a time, with people beside it. No commands of a robot pass here."""
+"""Commissioning of one motor at a time, with people beside it and without a controller."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 PERIOD = 0.005
 """Time between two cycles of one motor `[s]`."""
 SILENCE = 0.1
-"""A motor under power that has not measured for this time has failed, and for longer where the
-configuration's `feedback_ms` is longer `[s]`."""
+"""Time after which a motor under power that sends no measurement has failed, at least the
+configuration's `feedback_ms` `[s]`."""
 STORING = 0.5
-"""Time in which a motor stores what it was given `[s]`."""
+"""Time in which a motor stores a value `[s]`."""
 ANSWER = 1.0
-"""Time in which a motor answers, and longer where the configuration's `arming_ms` is `[s]`."""
+"""Time in which a motor answers, at least the configuration's `arming_ms` `[s]`."""
 
 
 class Failed(Exception):
-    """What was tried did not come about; the motor is without power."""
+    """An operation failed; the motor has no power."""
 
 
 class Commissioning:
@@ -68,7 +68,7 @@ class Commissioning:
         self.unknown: Counter[tuple[str, str]] = Counter()
 
     def close(self) -> None:
-        """Give the buses back."""
+        """Close the buses."""
         close_all(self._adapters.values())
 
     def __enter__(self) -> Commissioning:
@@ -98,20 +98,20 @@ class Commissioning:
         return [(place, self._buses[place]) for place in self._adapters]
 
     def hear(self, seconds: float) -> Iterator[tuple[int, str, Any]]:
-        """What motors say within a time: `(motor, what, value)`."""
+        """Give the motors' answers within a time: `(motor, kind, value)`."""
         for _, _, of_motors in self._hear(seconds):
             yield from of_motors
 
     def hear_frames(self, bus: int, seconds: float) -> Iterator[Frame]:
-        """Frames of a bus within a time, whosever they are."""
+        """Give all frames of a bus within a time."""
         for place, frame, _ in self._hear(seconds):
             if place == bus:
                 yield frame
 
     def _hear(self, seconds: float) -> Iterator[tuple[int, Frame, list[tuple[int, str, Any]]]]:
-        """Frames within a time, with their buses and what they are to motors.
+        """Give frames within a time, with their buses and their meaning for motors.
 
-        Raise `Leave` when somebody asks for the end.
+        Raise `Leave` when the end is requested.
         """
         end = time.monotonic() + seconds
         while True:
@@ -134,7 +134,7 @@ class Commissioning:
             time.sleep(0.0005)
 
     def measure(self, motor: int, frames: Callable[[], list[Frame]]) -> dict[str, float]:
-        """Send the frames of a cycle until the motor measures."""
+        """Send the frames of a cycle until the motor sends a measurement, and give that."""
         end = time.monotonic() + self.ready
         malformed = 0
         while time.monotonic() < end:
@@ -157,14 +157,11 @@ class Commissioning:
         return cast("str", self.motors[motor]["actuator"])
 
     def off(self, motor: int) -> Callable[[], list[Frame]]:
-        """Frames of a cycle without power."""
+        """Give the frames of a cycle without power."""
         return lambda: self.drives.off(motor, time.monotonic_ns())
 
     def guarded(self, motor: int) -> float:
-        """Wait without power until the motor's own watchdog is known to be on.
-
-        Give the actuator's position then.
-        """
+        """Wait without power until the motor confirms its watchdog; give the position then."""
         end = time.monotonic() + self.ready
         while True:
             position = self.measure(motor, self.off(motor))["position"]
@@ -178,9 +175,9 @@ class Commissioning:
                 )
 
     def disable(self, motor: int) -> None:
-        """Take a motor's power, some times over: a frame may be lost."""
+        """Take a motor's power, three times since a frame may be lost."""
         for _ in range(3):
-            # a bus that takes none now may take the next
+            # a bus that refuses these frames may take the next
             with contextlib.suppress(Exception):
                 self._adapters[self.motors[motor]["bus"]].send(self.drives.disable(motor))
             time.sleep(PERIOD)
@@ -189,7 +186,7 @@ class Commissioning:
 def scan(motors: Commissioning, seconds: float) -> tuple[list[list[str]], bool]:
     """Ask every motor for a heartbeat.
 
-    Give rows of `actuator, bus, identifiers, answer`; and whether all answered.
+    Give rows of `actuator, bus, protocol, identifiers, answer`, and whether all answered.
     """
     heard: dict[int, Counter[str]] = {motor: Counter() for motor in motors.chosen}
     for motor in motors.chosen:
@@ -219,7 +216,7 @@ def scan(motors: Commissioning, seconds: float) -> tuple[list[list[str]], bool]:
 def read(motors: Commissioning, seconds: float) -> tuple[list[list[str]], bool]:
     """Read every parameter.
 
-    Give rows of `actuator, parameter, value, unit`; and whether all were answered.
+    Give rows of `actuator, parameter, value, unit`, and whether all were answered.
     """
     rows, complete = [], True
     for motor in motors.chosen:
@@ -257,12 +254,12 @@ def read(motors: Commissioning, seconds: float) -> tuple[list[list[str]], bool]:
 
 
 def offset_at(motor: dict[str, Any], measured: dict[str, float], at: float) -> float:
-    """Offset of a configuration, q - s q_m / N, of a motor whose actuator is known to be at q."""
+    """Give the configuration's offset, q - s q_m / N, for an actuator at the position q."""
     return at - float(motor["sign"] / motor["gear"]) * measured["motor_position"]
 
 
 def storing(motors: Commissioning, motor: int) -> list[Frame]:
-    """Give the frames that have a motor store its zero; refuse where its protocol has none."""
+    """Give the frames that make a motor store its zero; `Failed` if its protocol has none."""
     frames = motors.drives.save_zero(motor)
     if frames is None:
         entry = motors.motors[motor]
@@ -275,9 +272,9 @@ def storing(motors: Commissioning, motor: int) -> list[Frame]:
 
 
 def zero(motors: Commissioning, motor: int, *, save: bool = False) -> float:
-    """Make the motor's present position its zero, and have it stored if that is wanted.
+    """Make the motor's present position its zero, and store it with `save`.
 
-    Give what it says afterwards, at its own shaft `[rad]`.
+    Give the position that the motor then reports, at its own shaft `[rad]`.
     """
     stored = storing(motors, motor) if save else []
     motors.disable(motor)
@@ -298,10 +295,7 @@ def zero(motors: Commissioning, motor: int, *, save: bool = False) -> float:
 
 
 def confirm(question: str, yes: bool) -> None:
-    """Ask a person; `yes` was said beforehand.
-
-    Anything but `yes` ends the program without power.
-    """
+    """Ask for a confirmation unless `yes` is set; any answer but `yes` ends the program."""
     print(question)
     if yes:
         return

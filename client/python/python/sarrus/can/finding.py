@@ -1,4 +1,4 @@
-"""Motors that a configuration does not know: to find them, and to give them another identifier."""
+"""Search for motors missing in a configuration, and changes of identifiers."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ if TYPE_CHECKING:
     from sarrus.can.commissioning import Commissioning
 
 UNASKED = 0.3
-"""Time to hear who speaks unasked `[s]`."""
+"""Time to listen before the first question `[s]`."""
 PACE = 0.001
 """Time between two questions `[s]`."""
 REPEATS = 10
-"""How often one identifier is asked before and after it is changed."""
+"""Number of questions to an identifier before and after a change."""
 ANSWER = 0.2
 """Time for the answer to one of these questions `[s]`."""
 ANSWERS = ("parameter", "noted")
-"""What a motor says that was asked, unlike a measurement."""
+"""Answers that come to questions only, unlike measurements."""
 
 
 class Kind(NamedTuple):
-    """What is asked for: a protocol and one of its variants, empty where it has none."""
+    """A kind of motor: a protocol and one of its variants, empty if it has none."""
 
     protocol: str
     variant: str
@@ -37,7 +37,7 @@ class Kind(NamedTuple):
 
 
 def kinds_of(motors: Commissioning, bus: int, texts: Iterable[str]) -> list[Kind]:
-    """What is asked for on a bus: what the flags say, else what is configured there."""
+    """Give the kinds to look for on a bus, by the flags or else by the configuration."""
     chosen = []
     for text in texts:
         name, _, variant = text.partition(":")
@@ -46,7 +46,7 @@ def kinds_of(motors: Commissioning, bus: int, texts: Iterable[str]) -> list[Kind
             raise WrongFlags(f"no protocol `{name}`, expected one of {', '.join(known)}")
         variants = [word for word, _, _ in candidates(name)]
         if not variants:
-            raise WrongFlags(f"motors of {name} cannot be asked: they speak by themselves")
+            raise WrongFlags(f"motors of {name} cannot be asked: they send unasked")
         if variant and variant not in variants:
             raise WrongFlags(
                 f"{name} has no variant `{variant}`, expected one of {', '.join(variants)}"
@@ -59,7 +59,7 @@ def kinds_of(motors: Commissioning, bus: int, texts: Iterable[str]) -> list[Kind
 
 
 def range_of(kind: Kind) -> tuple[int, int] | None:
-    """The least and greatest identifier of a kind."""
+    """Give the least and greatest identifier of a kind."""
     of_protocol = candidates(kind.protocol)
     ends = ((least, most) for word, least, most in of_protocol if word == kind.variant)
     return next(ends, None)
@@ -79,10 +79,10 @@ def scan_all(
     texts: Iterable[str],
     progress: Callable[[str, int, int], None],
 ) -> list[list[str]]:
-    """Ask every identifier of the kinds of motors that are looked for, on every bus.
+    """Ask every identifier of the kinds to look for, on every bus.
 
-    Gives no power and changes nothing, but motors under power lose it. Give rows of `bus, protocol,
-    variants, id, reply` of those that are not in the configuration.
+    No motor gets power or is changed, but motors under power lose it. Give rows of `bus, protocol,
+    variants, id, reply` for the motors missing in the configuration.
     """
     rows = []
     for bus, entry in motors.open_buses():
@@ -108,7 +108,7 @@ def scan_all(
 
 
 FD_ONLY = frozenset(entry["name"] for entry in protocols() if entry["fd"])
-"""Protocols whose frames a classic bus does not carry."""
+"""Protocols with frames of CAN FD."""
 
 
 def _of_kind(
@@ -118,9 +118,9 @@ def _of_kind(
     seconds: float,
     progress: Callable[[str, int, int], None],
 ) -> set[tuple[Found, bool]]:
-    """Who answers on a bus as this kind of motor, and whether in the words of its variant.
+    """Give the motors of a kind that answer on a bus, and whether in the form of its variant.
 
-    A frame tells whose it is, so an answer may come as late as it wants.
+    A frame names its sender, so that late answers count too.
     """
     least, most = range_of(kind) or (0, -1)
     # a question must not be a command to a motor of another protocol
@@ -136,7 +136,7 @@ def _of_kind(
     def listen(time_left: float) -> None:
         frames.update(motors.hear_frames(bus, time_left))
 
-    # who speaks without being asked is nobody's answer
+    # frames sent without a question are no answers
     unasked = {(frame.id, frame.extended) for frame in motors.hear_frames(bus, UNASKED)}
     name = f"{motors.bus_name(bus)}: {kind}"
     for identifier in range(least, most + 1):
@@ -158,7 +158,7 @@ def _of_kind(
             for identifier, candidate in asked.items()
             if (what := candidate.hears(time.monotonic_ns(), frame)) is not None
         }
-        # some measurements have room for a part of the identifier only; what was asked for has more
+        # some measurements hold only a part of the identifier; answers hold all of it
         sure = [identifier for identifier, what in heard.items() if what in ANSWERS]
         whose = sure or list(heard)
         if len(whose) == 1:
@@ -168,7 +168,7 @@ def _of_kind(
 
 
 def set_id(motors: Commissioning, motor: int, identifier: int) -> None:
-    """Give a motor another identifier, and see that it answers there and only there."""
+    """Give a motor another identifier, and check that it answers there and only there."""
     name, entry = motors.name(motor), motors.motors[motor]
     protocol, variant = entry["protocol"], entry["variant"]
     frames = motors.drives.set_id(motor, identifier)
@@ -186,8 +186,7 @@ def set_id(motors: Commissioning, motor: int, identifier: int) -> None:
     )
     if is_configured or answers(motors, entry["bus"], new):
         raise Failed(
-            f"{name} keeps its identifier: somebody has {identifier} already, expected "
-            "nobody; choose another one"
+            f"{name} keeps its identifier: somebody has {identifier} already; choose another one"
         )
     motors.send(motor, frames)
     if not answers(motors, entry["bus"], new):
@@ -202,7 +201,7 @@ def set_id(motors: Commissioning, motor: int, identifier: int) -> None:
 
 
 def answers(motors: Commissioning, bus: int, candidate: Candidate) -> bool:
-    """Whether anybody answers what this candidate is asked, which is asked some times over."""
+    """Whether a motor answers the questions to a candidate, asked `REPEATS` times."""
     for _ in range(REPEATS):
         motors.send_to(bus, candidate.probe())
         for frame in motors.hear_frames(bus, ANSWER):

@@ -1,4 +1,4 @@
-"""Every way out of a program that has power on motors."""
+"""Ends of a program whose motors have power."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from types import FrameType
 
 IGNORED = (signal.SIGPIPE, signal.SIGXFSZ, signal.SIGTTIN, signal.SIGTTOU)
-"""Signals that tell what a read or a write tells anyway, and would end or stop the program."""
+"""Signals beside an error of a read or write; unhandled they end or stop the program."""
 
 _FAULTS = (
     signal.SIGABRT,
@@ -25,29 +25,23 @@ _FAULTS = (
     signal.SIGTRAP,
 )
 _HARMLESS = (signal.SIGCHLD, signal.SIGCONT, signal.SIGURG, signal.SIGWINCH)
-_NOBODYS = (signal.SIGKILL, signal.SIGSTOP)
+_UNCATCHABLE = (signal.SIGKILL, signal.SIGSTOP)
 
-SIGNALS = sorted(signal.valid_signals() - {*IGNORED, *_FAULTS, *_HARMLESS, *_NOBODYS})
-"""Every other signal ends or stops a program that does nothing about it.
-
-So each of them asks for an orderly end.
-"""
+SIGNALS = sorted(signal.valid_signals() - {*IGNORED, *_FAULTS, *_HARMLESS, *_UNCATCHABLE})
+"""All other signals end or stop a program without a handler; here each asks for an orderly end."""
 
 
 def name_of(number: int) -> str:
-    """A signal in words; most real-time signals have no name."""
+    """Give a signal's name, or its number: most real-time signals have no name."""
     return next((known.name for known in signal.Signals if known == number), f"signal {number}")
 
 
 class Leave(BaseException):
-    """Somebody asked for the end; no `except Exception` may hold it up."""
+    """A request to end, which no `except Exception` catches."""
 
 
 class Ending:
-    """Whether somebody asked for the end.
-
-    Asked by a signal, or by the end of the process that started this one.
-    """
+    """A request to end: a signal, or the end of the parent process."""
 
     def __init__(self, *, deferred: bool) -> None:
         self._parent = os.getppid()
@@ -59,23 +53,23 @@ class Ending:
 
     @property
     def why(self) -> str:
-        """Who asked for the end; empty as long as nobody did."""
+        """The signal, or the end of the parent; empty without a request."""
         if self._noted:
             return name_of(self._noted[0])
         return "" if os.getppid() == self._parent else "the parent is gone"
 
     def check(self) -> None:
-        """Raise `Leave` if somebody asked for the end."""
+        """Raise `Leave` if the end was requested."""
         if why := self.why:
             raise Leave(why)
 
     def defer(self) -> None:
-        """From now on, and until the program has ended, signals are only noted."""
+        """Let signals no longer raise `Leave` by themselves."""
         self._is_deferred = True
 
     def _note(self, number: int, _frame: FrameType | None) -> None:
         self._noted.append(number)
-        # only the first: a second one must not cut short what is done about the first
+        # a second signal must not interrupt the handling of the first
         if not self._is_deferred:
             self._is_deferred = True
             self.check()
@@ -83,10 +77,10 @@ class Ending:
 
 @contextmanager
 def ending(*, deferred: bool = True) -> Iterator[Ending]:
-    """Give what tells within this block whether somebody asked for the end.
+    """Handle signals within this block as requests to end.
 
-    If it is not deferred the first signal also raises `Leave` where the program is: for programs
-    that wait for people and give no power, which `Ending.defer` makes good before power is given.
+    Unless it is deferred, the first signal raises `Leave` at once: for programs that wait for
+    people. They call `Ending.defer` before they give a motor power.
     """
     end = Ending(deferred=deferred)
     with ExitStack() as stack:
@@ -102,7 +96,7 @@ def ending(*, deferred: bool = True) -> Iterator[Ending]:
 def at_the_end(safe: Callable[[], None]) -> Iterator[None]:
     """Call `safe` once when the block ends in any way, or when the interpreter ends inside it.
 
-    No signal may raise here or inside the block: whoever enters it deferred its `Ending`.
+    Signals must not raise inside the block: defer the `Ending` first.
     """
     done = False
 

@@ -1,4 +1,4 @@
-"""One actuator moved by a little and back: which way it goes, and how far."""
+"""A small motion of one actuator and back, which shows its sign and scale."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ if TYPE_CHECKING:
     from sarrus.can.commissioning import Commissioning
 
 FARTHEST = 1.5
-"""A motor that is moved may be so much of its way behind its set-point."""
+"""Largest distance to the set-point, relative to the distance of the motion."""
 
 
 def within_limits(
     motors: Commissioning, motor: int, start: float, way: tuple[float, float], gains: list[float]
 ) -> None:
-    """Refuse a motion that a limit of the configuration would stop: the motor would be blamed.
+    """Refuse a motion beyond a limit of the configuration, which would look like a faulty motor.
 
     The way is a distance and the time for it; gains are stiffness and damping.
     """
@@ -61,16 +61,14 @@ def direction(
     damping: float,
     seconds: float,
 ) -> dict[str, float]:
-    """Move an actuator by a little and back, softly.
+    """Move an actuator by a small distance and back.
 
-    Give how far it came `[rad, m]` and what share that is of the distance.
+    Give its start, farthest and last position `[rad, m]`, and the share of the distance.
 
-
-    Nothing moves where a limit of the configuration would stop it.
-    Power comes when the motor's own watchdog is known to be on. The set-point follows p₀ + d (1 -
-    cos(π t / T)) / 2. Power goes when the motor tells a fault, is silent, or is farther from its
-    set-point than the whole distance and a half: then the sign of the motor's own control, or the
-    load, is not as it should be. It also goes when somebody asks for the end.
+    A motion beyond a limit of the configuration is refused. The motor gets power once it confirms
+    its watchdog. The set-point follows p₀ + d (1 - cos(π t / T)) / 2. The motor loses power when it
+    reports a fault, falls silent, or is farther than 1.5 d from its set-point, by a wrong sign of
+    its own control or by its load; and when the end is requested.
     """
     limit = FARTHEST * abs(distance)
 
@@ -86,7 +84,7 @@ def direction(
             if place == motor and what == "measured":
                 latest = value
         if fault := motors.drives.state(motor)["fault"]:
-            raise Failed(f"{motors.name(motor)} tells its fault {fault}")
+            raise Failed(f"{motors.name(motor)} reports its fault {fault}")
         return latest
 
     motors.ending.defer()
@@ -115,8 +113,8 @@ def direction(
                 raise Failed(f"{motors.name(motor)} went silent")
             if abs(position - setpoint) > limit:
                 raise Failed(
-                    f"{motors.name(motor)} is {position - setpoint:+.4g} from its set-point; sign, "
-                    "load or stiffness are not right"
+                    f"{motors.name(motor)} is {position - setpoint:+.4g} from its set-point; check "
+                    "sign, load and stiffness"
                 )
     return {
         "start": start,

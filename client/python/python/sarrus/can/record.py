@@ -1,10 +1,9 @@
-"""Recording of frames: `.blf`, `.asc` and `.log` keep everything.
-
-Other formats lose fields and are not offered.
-"""
+"""Recording of frames in `.blf`, `.asc` and `.log`, which keep all fields of a frame."""
 
 from __future__ import annotations
 
+import queue
+import threading
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +12,6 @@ import can
 
 from sarrus.can.adapters import to_message
 from sarrus.can.telling import WrongFlags
-from sarrus.can.worker import Worker
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,20 +20,17 @@ if TYPE_CHECKING:
 
 ENDINGS = (".blf", ".asc", ".log")
 """Formats by the ending of the file."""
-
-
 TIMEOUT = 10.0
-"""Time to write what still waits when a recording ends `[s]`."""
+"""Longest time to write the waiting frames when a recording ends `[s]`."""
 ROOM = 1 << 16
 """Frames that may wait to be written."""
 
 
 class Recorder:
-    """A file of frames.
+    """A file of frames, created when the context is entered and closed when it is left.
 
-    In `.log` a bus has its name, in `.blf` and `.asc` its number in the configuration, from 1.
-
-    A thread of its own writes; what a slow disk leaves no room for is lost and counted.
+    In `.log` a bus has its name, in `.blf` and `.asc` its number in the configuration, from 1. A
+    separate thread writes; frames that a slow disk leaves no room for are lost and counted.
     """
 
     def __init__(self, path: str, names: Sequence[str]) -> None:
@@ -44,39 +39,48 @@ class Recorder:
                 f"{path}: the ending must be one of {', '.join(ENDINGS)}; other formats lose fields"
             )
         self._path = path
-        self._writer: Any = can.Logger(path)
-        self._channels: list[str | int] = (
-            list(names) if path.endswith(".log") else list(range(len(names)))
-        )
-        self._worker: Worker[tuple[float, int, Frame, bool]] = Worker(self._write, ROOM)
-        self._is_ended = False
+        self._channels: Sequence[str | int] = names if path.endswith(".log") else range(len(names))
+        self._writer: Any = None
+        self._waiting: queue.SimpleQueue[tuple[float, int, Frame, bool] | None]
+        self._waiting = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._written = self._lost = 0
+        self._error: Exception | None = None
 
     def put(self, bus: int, frame: Frame, *, received: bool) -> None:
         """Add a frame with the present time; never waits."""
-        self._worker.put((time.time(), bus, frame, received))
+        if self._waiting.qsize() < ROOM:
+            self._waiting.put((time.time(), bus, frame, received))
+        else:
+            self._lost += 1
 
     @property
     def summary(self) -> str:
-        """What was written."""
-        lost = f", {self._worker.lost} lost" if self._worker.lost else ""
-        error = f": {self._worker.error}" if self._worker.error else ""
-        return f"{self._worker.done} frame(s) in {self._path}{lost}{error}"
+        """The number of frames written and lost, and the first error."""
+        lost = f", {self._lost} lost" if self._lost else ""
+        error = f": {self._error}" if self._error else ""
+        return f"{self._written} frame(s) in {self._path}{lost}{error}"
 
-    def _write(self, item: tuple[float, int, Frame, bool]) -> None:
-        stamp, bus, frame, received = item
-        message = to_message(frame)
-        message.timestamp, message.channel, message.is_rx = stamp, self._channels[bus], received
-        self._writer.on_message_received(message)
+    def _run(self) -> None:
+        while (item := self._waiting.get()) is not None:
+            stamp, bus, frame, received = item
+            message = to_message(frame)
+            message.timestamp, message.is_rx = stamp, received
+            message.channel = self._channels[bus]
+            try:
+                self._writer.on_message_received(message)
+                self._written += 1
+            except Exception as error:
+                self._lost += 1
+                self._error = self._error or error
 
     def __enter__(self) -> Recorder:
+        self._writer = can.Logger(self._path)
+        self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.end()
-
-    def end(self) -> None:
-        """Write what still waits, and close the file."""
-        if not self._is_ended:
-            self._is_ended = True
-            self._worker.end(TIMEOUT)
-            self._writer.stop()
+        self._waiting.put(None)
+        self._thread.join(TIMEOUT)
+        self._lost += max(self._waiting.qsize() - 1, 0)
+        self._writer.stop()

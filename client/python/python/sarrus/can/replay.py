@@ -1,7 +1,4 @@
-"""Replay of a log: the frames that the bridge sends for it, as `candump -L` writes them.
-
-No bus, no clock.
-"""
+"""Replay of a log without a bus and a clock."""
 
 from __future__ import annotations
 
@@ -15,11 +12,14 @@ if TYPE_CHECKING:
 
 
 class BadLine(Exception):
-    """A line of a log that is none."""
+    """A malformed line of a log."""
 
 
 def replay(configuration: Configuration, path: str, lines: Iterable[str]) -> Iterator[str]:
-    """Lines of output for the lines of a log; each fault is said on stderr."""
+    """Give the frames that the bridge sends for a log, as `candump -L` writes them.
+
+    Faults are reported on stderr.
+    """
     bridge = Bridge(configuration)
     for number, line in enumerate(lines, 1):
         if line.strip():

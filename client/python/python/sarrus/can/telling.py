@@ -1,4 +1,4 @@
-"""Words for those who started a program. Nobody may be there to read them: that ends nothing."""
+"""Output on stdout and stderr, which a missing reader does not end."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ if TYPE_CHECKING:
 
 
 class WrongFlags(Exception):
-    """What was asked for cannot be meant."""
+    """Flags that contradict the configuration or each other."""
 
 
 def say(text: object, *, out: bool = False) -> None:
-    """Say something at once, on stderr or on stdout."""
+    """Print a line on stderr or stdout and flush it."""
     stream = sys.stdout if out else sys.stderr
-    # a stream that was closed at the start is none
+    # Python has no stream for a descriptor that was closed at its start
     if stream is not None:
         try:
             print(text, file=stream, flush=True)
@@ -26,7 +26,7 @@ def say(text: object, *, out: bool = False) -> None:
 
 
 def hush(stream: TextIO) -> None:
-    """Nobody reads a stream any more: what it still holds, and what follows, goes nowhere."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, stream.fileno())
-    os.close(nowhere)
+    """Discard the buffered and all later output of a stream that has lost its reader."""
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, stream.fileno())
+    os.close(null)

@@ -19,10 +19,8 @@ impl RobotModel {
             let of = |names: &[String]| names.iter().position(|name| *name == config.joint);
             let rows = of(model.tree_names()).zip(of(model.tree_q_names()));
             let found = rows.and_then(|(row, place)| {
-                let is_of = |mechanism: &Assessed| {
-                    let actuators = &mechanism.linkage.actuators;
-                    mechanism.linkage.joints.contains(&row)
-                        || actuators.iter().any(|u| self.rows.actuator_rows[*u] == row)
+                let is_of = |Assessed { linkage, .. }: &Assessed| {
+                    linkage.joints.contains(&row) || linkage.rows.contains(&row)
                 };
                 self.mechanisms.iter().position(is_of).map(|mechanism| (place, mechanism))
             });

@@ -19,6 +19,13 @@ pub(super) struct Pose {
     pub(super) tau_y: Vec<f64>,
 }
 
+impl Pose {
+    /// An entry of the loop Jacobian.
+    pub(super) fn jacobian_entry(&self, row: usize, column: usize) -> f64 {
+        self.loop_jacobian[row * self.tau_y.len() + column]
+    }
+}
+
 /// A plan with room for its input and output.
 #[derive(Debug)]
 struct Prepared {

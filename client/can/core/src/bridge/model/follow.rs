@@ -56,7 +56,7 @@ impl RobotModel {
                     continue;
                 }
                 let Assessed { linkage, measured, .. } = &mut self.mechanisms[k];
-                measured.assess(linkage, &self.rows, &self.pose, &self.u);
+                measured.assess(linkage, &self.pose, &self.u);
                 measured.put(linkage, &mut self.pose.y);
                 is_complete &= measured.is_found;
             }
@@ -111,7 +111,7 @@ impl RobotModel {
             let is_closed = self.evaluator.pose(&mut self.pose);
             let Assessed { linkage, measured, .. } = &mut self.mechanisms[k];
             if is_closed {
-                measured.assess(linkage, &self.rows, &self.pose, &self.u);
+                measured.assess(linkage, &self.pose, &self.u);
             } else {
                 measured.is_found = false;
                 measured.halve();
@@ -150,7 +150,7 @@ impl RobotModel {
                 }
                 let Assessed { linkage, commanded, .. } = &mut self.mechanisms[k];
                 if is_closed {
-                    commanded.assess(linkage, &self.rows, &self.commanded, &self.target);
+                    commanded.assess(linkage, &self.commanded, &self.target);
                 } else {
                     commanded.is_found = false;
                     commanded.halve();

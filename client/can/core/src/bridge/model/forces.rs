@@ -20,9 +20,9 @@ impl RobotModel {
             let rates = &mut self.rates[..linkage.independents.len()];
             let velocity = |u: usize| self.measured[u].velocity;
             let is_reported = linkage.actuators.iter().all(|u| velocity(*u).is_finite());
-            let is_reported = is_reported && linkage.factorise(&self.rows, &self.pose);
+            let is_reported = is_reported && linkage.factorise(&self.pose);
             if is_reported {
-                linkage.independents_of(&self.rows, &self.pose, |_, u| velocity(u), rates);
+                linkage.independents_of(&self.pose, |_, u| velocity(u), rates);
             }
             for (i, &(v, _)) in linkage.independents.iter().enumerate() {
                 let change = (measured.next[i] - self.y_before[v]) / h;
@@ -53,15 +53,15 @@ impl RobotModel {
             let is_compared = is_following && is_reported && self.is_weighable(k, COMPARED);
             let Assessed { linkage, contradiction, fault, .. } = &mut self.mechanisms[k];
             let mut is_beyond = false;
-            if is_compared && linkage.factorise(&self.rows, &self.pose) {
+            if is_compared && linkage.factorise(&self.pose) {
                 let efforts = &self.efforts;
                 let limits = &self.limits;
                 let gravity = &self.gravity;
                 let part = self.rules.effort;
                 let asked = &mut self.asked;
-                linkage.efforts(&self.rows, &self.pose, asked);
+                linkage.efforts(&self.pose, asked);
                 let reported = |u: usize| efforts[u].rate;
-                linkage.efforts_beside(&self.rows, &self.pose, reported, |u, deviation| {
+                linkage.efforts_beside(&self.pose, reported, |u, deviation| {
                     let moving = asked[u] - gravity[u];
                     let allowed = part * limits[u].effort;
                     is_beyond |= Contradiction::is_beyond(deviation, moving, allowed);
@@ -82,8 +82,8 @@ impl RobotModel {
             let is_weighable = self.is_weighable(k, WEIGHED);
             let Assessed { linkage, .. } = &mut self.mechanisms[k];
             let gravity = &mut self.gravity;
-            if is_weighable && linkage.factorise(&self.rows, &self.pose) {
-                linkage.efforts(&self.rows, &self.pose, gravity);
+            if is_weighable && linkage.factorise(&self.pose) {
+                linkage.efforts(&self.pose, gravity);
             } else {
                 linkage.actuators.iter().for_each(|u| gravity[*u] = 0.0);
             }

@@ -15,14 +15,16 @@
 //! depend on which joints are the independent ones. `clearance` is the least ‖B‖ of the mechanism
 //! for that of the pose: 1 at its best pose, 0 at a singular one.
 
-use super::cholesky::Cholesky;
 use super::evaluator::Pose;
+use crate::cholesky::Cholesky;
 
 /// The coordinates of one closed mechanism.
 #[derive(Debug)]
 pub(super) struct Linkage {
     /// Places of its actuators in u.
     pub(super) actuators: Vec<usize>,
+    /// Their rows of the loop Jacobian.
+    pub(super) rows: Vec<usize>,
     /// Its independents: places in ẏ and in y.
     pub(super) independents: Vec<(usize, usize)>,
     /// Places in q̇ of its joints that are no actuators.
@@ -36,40 +38,19 @@ pub(super) struct Linkage {
     /// The least ‖B‖; 0 where nothing but actuators moves.
     pub(super) least: f64,
     /// N as its Cholesky factor, at the pose that was last taken.
-    factor: Cholesky,
-    side: Vec<f64>,
+    pub(super) factor: Cholesky,
+    /// Room for a vector of the independents.
+    pub(super) side: Vec<f64>,
 }
 
 impl Linkage {
-    /// Allocates; nothing after it does.
-    pub(super) fn new(
-        actuators: Vec<usize>,
-        independents: Vec<(usize, usize)>,
-        joints: Vec<usize>,
-        weights: Vec<f64>,
-        limits: Vec<[f64; 2]>,
-    ) -> Linkage {
-        let m = independents.len();
-        Linkage {
-            is_serial: joints.is_empty() && actuators.len() == 1 && m == 1,
-            actuators,
-            independents,
-            joints,
-            weights,
-            limits,
-            least: 0.0,
-            factor: Cholesky::new(m),
-            side: vec![0.0; m],
-        }
-    }
-
     /// The actuators determine the pose.
     pub(super) fn is_determined(&self) -> bool {
         !self.independents.is_empty() && self.actuators.len() >= self.independents.len()
     }
 
     /// Takes N at a pose; false where the actuators have lost control.
-    pub(super) fn factorise(&mut self, rows: &Rows, pose: &Pose) -> bool {
+    pub(super) fn factorise(&mut self, pose: &Pose) -> bool {
         if self.is_serial {
             return true;
         }
@@ -77,11 +58,8 @@ impl Linkage {
         for i in 0..m {
             for j in 0..=i {
                 self.factor.matrix[i * m + j] =
-                    self.actuators.iter().zip(&self.weights).fold(0.0, |sum, (&u, w)| {
-                        sum + w
-                            * w
-                            * self.actuation(rows, pose, u, i)
-                            * self.actuation(rows, pose, u, j)
+                    self.rows.iter().zip(&self.weights).fold(0.0, |sum, (&row, w)| {
+                        sum + w * w * self.actuation(pose, row, i) * self.actuation(pose, row, j)
                     });
             }
         }
@@ -91,7 +69,6 @@ impl Linkage {
     /// δy for the changes that `change` gives of an actuator's number within and place in u.
     pub(super) fn independents_of(
         &self,
-        rows: &Rows,
         pose: &Pose,
         change: impl Fn(usize, usize) -> f64,
         out: &mut [f64],
@@ -102,23 +79,22 @@ impl Linkage {
         }
         for (i, out) in out.iter_mut().enumerate() {
             *out = 0.0;
-            for (k, (&u, w)) in self.actuators.iter().zip(&self.weights).enumerate() {
-                *out += self.actuation(rows, pose, u, i) * w * w * change(k, u);
+            for (k, (&row, w)) in self.rows.iter().zip(&self.weights).enumerate() {
+                *out += self.actuation(pose, row, i) * w * w * change(k, self.actuators[k]);
             }
         }
         self.factor.solve(out);
     }
 
     /// Forces of the actuators for those that the pose asks for, at their places in u.
-    pub(super) fn efforts(&mut self, rows: &Rows, pose: &Pose, into: &mut [f64]) {
-        self.efforts_beside(rows, pose, |_| 0.0, |u, effort| into[u] = effort);
+    pub(super) fn efforts(&mut self, pose: &Pose, into: &mut [f64]) {
+        self.efforts_beside(pose, |_| 0.0, |u, effort| into[u] = effort);
     }
 
     /// Forces of the actuators beside those that they give already: `each` gets an actuator's place
     /// in u and its force.
     pub(super) fn efforts_beside(
         &mut self,
-        rows: &Rows,
         pose: &Pose,
         given: impl Fn(usize) -> f64,
         mut each: impl FnMut(usize, f64),
@@ -130,37 +106,29 @@ impl Linkage {
         }
         let mut side = std::mem::take(&mut self.side);
         for (i, side) in side.iter_mut().enumerate() {
-            let (v, _) = self.independents[i];
-            *side = self
-                .actuators
-                .iter()
-                .fold(tau_y[v], |sum, &u| sum - self.actuation(rows, pose, u, i) * given(u));
+            let start = tau_y[self.independents[i].0];
+            let actuators = self.rows.iter().zip(&self.actuators);
+            *side = actuators
+                .fold(start, |sum, (&row, &u)| sum - self.actuation(pose, row, i) * given(u));
         }
         self.factor.solve(&mut side);
-        for (&u, w) in self.actuators.iter().zip(&self.weights) {
-            let effort = side
-                .iter()
-                .enumerate()
-                .fold(0.0, |sum, (i, x)| sum + w * w * self.actuation(rows, pose, u, i) * x);
-            each(u, effort);
+        for (k, &u) in self.actuators.iter().enumerate() {
+            each(u, self.weighted(pose, k, &side));
         }
         self.side = side;
     }
 
     /// ‖B‖ at the pose whose N was taken last.
-    pub(super) fn reach_of_joints(&mut self, rows: &Rows, pose: &Pose) -> f64 {
+    pub(super) fn reach_of_joints(&mut self, pose: &Pose) -> f64 {
         let mut side = std::mem::take(&mut self.side);
         let mut sum = 0.0;
-        for &v in &self.joints {
+        for &row in &self.joints {
             for (i, side) in side.iter_mut().enumerate() {
-                *side = rows.at(pose, v, self.independents[i].0);
+                *side = self.actuation(pose, row, i);
             }
             self.factor.solve(&mut side);
-            for (&u, w) in self.actuators.iter().zip(&self.weights) {
-                let entry = side
-                    .iter()
-                    .enumerate()
-                    .fold(0.0, |sum, (i, x)| sum + w * w * self.actuation(rows, pose, u, i) * x);
+            for k in 0..self.actuators.len() {
+                let entry = self.weighted(pose, k, &side);
                 sum += entry * entry;
             }
         }
@@ -169,27 +137,19 @@ impl Linkage {
     }
 
     /// How far the pose whose N was taken last is from a singular one: from 1 to 0.
-    pub(super) fn clearance(&mut self, rows: &Rows, pose: &Pose) -> f64 {
-        if self.least == 0.0 { 1.0 } else { self.least / self.reach_of_joints(rows, pose) }
+    pub(super) fn clearance(&mut self, pose: &Pose) -> f64 {
+        if self.least == 0.0 { 1.0 } else { self.least / self.reach_of_joints(pose) }
     }
 
-    /// Entry of G_u: the row of an actuator, the column of an independent of this mechanism.
-    fn actuation(&self, rows: &Rows, pose: &Pose, actuator: usize, independent: usize) -> f64 {
-        rows.at(pose, rows.actuator_rows[actuator], self.independents[independent].0)
+    /// Row k of W G_u times a vector of the independents.
+    fn weighted(&self, pose: &Pose, k: usize, y: &[f64]) -> f64 {
+        let row = self.rows[k];
+        let w = self.weights[k];
+        y.iter().enumerate().fold(0.0, |sum, (i, x)| sum + w * w * self.actuation(pose, row, i) * x)
     }
-}
 
-/// Where the rows of the loop Jacobian are.
-#[derive(Debug)]
-pub(super) struct Rows {
-    /// The tree velocity of each actuator (n_u).
-    pub(super) actuator_rows: Vec<usize>,
-    pub(super) n_vy: usize,
-}
-
-impl Rows {
-    /// An entry of the loop Jacobian.
-    pub(super) fn at(&self, pose: &Pose, row: usize, column: usize) -> f64 {
-        pose.loop_jacobian[row * self.n_vy + column]
+    /// Entry of the loop Jacobian: a row, and the column of an independent of this mechanism.
+    fn actuation(&self, pose: &Pose, row: usize, independent: usize) -> f64 {
+        pose.jacobian_entry(row, self.independents[independent].0)
     }
 }

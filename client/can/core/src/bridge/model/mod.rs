@@ -7,7 +7,6 @@
 //! ratchets: a joint beyond its limit at power-up may move inwards, and then not out again.
 
 mod assessed;
-mod cholesky;
 mod effort;
 mod encoder;
 mod encoders;
@@ -26,7 +25,6 @@ use assessed::Assessed;
 use effort::Filtered;
 use encoder::Encoder;
 use evaluator::{Evaluator, Pose};
-use linkage::Rows;
 
 /// Measurements of an actuator.
 #[derive(Clone, Copy, Debug)]
@@ -48,7 +46,6 @@ impl Measured {
 pub(super) struct RobotModel {
     rules: ModelRules,
     evaluator: Evaluator,
-    rows: Rows,
     owners: Vec<Option<usize>>,
     coupled: Vec<Vec<usize>>,
     limits: Vec<Limits>,
@@ -99,7 +96,6 @@ impl RobotModel {
             structure.linkages.into_iter().map(|linkage| Assessed::new(linkage, &zero));
         let mut model = RobotModel {
             rules: configuration.model_rules,
-            rows: structure.rows,
             owners: structure.owners,
             coupled: structure.coupled,
             limits,

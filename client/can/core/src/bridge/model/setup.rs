@@ -4,7 +4,8 @@
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Workspace};
 
 use super::evaluator::{Evaluator, Pose};
-use super::linkage::{Linkage, Rows};
+use super::linkage::Linkage;
+use crate::cholesky::Cholesky;
 use crate::config::{Configuration, Limits};
 
 /// Poses that are tried.
@@ -20,7 +21,6 @@ const NONE: f64 = 1e-9;
 
 /// Structure of a robot, from samples.
 pub(super) struct Structure {
-    pub(super) rows: Rows,
     pub(super) linkages: Vec<Linkage>,
     /// Where mechanisms are looked for at first: zero, and the best of the samples where zero is
     /// near a singular pose (n_qy).
@@ -48,16 +48,16 @@ pub(super) fn structure(
     let place_of = |names: &[String], name: &String| names.iter().position(|other| other == name);
     let actuator_rows: Option<Vec<usize>> =
         model.active_names().iter().map(|name| place_of(model.tree_names(), name)).collect();
-    let rows = Rows { actuator_rows: actuator_rows?, n_vy: sizes.n_vy };
+    let actuator_rows = actuator_rows?;
     let ranges = independent_ranges(&model);
 
     // dependencies at any of the poses
     let poses = samples(evaluator, zero, &places, &ranges);
     let depends = |row: usize, column: usize| {
-        poses.iter().any(|pose| rows.at(pose, row, column).abs() > NONE)
+        poses.iter().any(|pose| pose.jacobian_entry(row, column).abs() > NONE)
     };
     let mechanism_of = |column: usize| {
-        rows.actuator_rows
+        actuator_rows
             .iter()
             .position(|row| depends(*row, column))
             .and_then(|u| configuration.mechanisms.get(u).copied())
@@ -67,10 +67,11 @@ pub(super) fn structure(
     for number in 0..configuration.n_mechanisms() {
         let actuators: Vec<usize> =
             (0..sizes.n_u).filter(|u| configuration.mechanisms.get(*u) == Some(&number)).collect();
+        let rows: Vec<usize> = actuators.iter().map(|u| actuator_rows[*u]).collect();
         let columns: Vec<usize> =
             (0..sizes.n_vy).filter(|column| owners[*column] == Some(number)).collect();
-        let joints = (0..sizes.n_v)
-            .filter(|row| !actuators.iter().any(|u| rows.actuator_rows[*u] == *row))
+        let joints: Vec<usize> = (0..sizes.n_v)
+            .filter(|row| !rows.contains(row))
             .filter(|row| columns.iter().any(|column| depends(*row, *column)))
             .collect();
         let weights = actuators
@@ -82,13 +83,24 @@ pub(super) fn structure(
             })
             .collect();
         let independents = columns.iter().map(|v| (*v, places[*v].unwrap_or(0))).collect();
-        let of_independents = columns.iter().map(|column| ranges[*column]).collect();
-        linkages.push(Linkage::new(actuators, independents, joints, weights, of_independents));
+        let n_independents = columns.len();
+        linkages.push(Linkage {
+            is_serial: joints.is_empty() && actuators.len() == 1 && n_independents == 1,
+            actuators,
+            rows,
+            independents,
+            joints,
+            weights,
+            limits: columns.iter().map(|column| ranges[*column]).collect(),
+            least: 0.0,
+            factor: Cholesky::new(n_independents),
+            side: vec![0.0; n_independents],
+        });
     }
 
-    let home = best_poses(&mut linkages, &rows, &poses, zero, limits);
+    let home = best_poses(&mut linkages, &poses, zero, limits);
     let coupled = coupled(evaluator, zero, &owners, linkages.len())?;
-    Some(Structure { rows, linkages, home, owners, coupled })
+    Some(Structure { linkages, home, owners, coupled })
 }
 
 /// Limits of each independent; infinite where it has none (n_vy).
@@ -112,7 +124,6 @@ fn independent_ranges(model: &Model) -> Vec<[f64; 2]> {
 /// norm of its joints' reach. Returns the home pose (n_qy).
 fn best_poses(
     linkages: &mut [Linkage],
-    rows: &Rows,
     poses: &[Pose],
     zero: &Pose,
     limits: &[Limits],
@@ -130,14 +141,14 @@ fn best_poses(
         let mut least = f64::INFINITY;
         let mut best = zero;
         for pose in chosen {
-            let is_sound = linkage.factorise(rows, pose);
-            let reach = linkage.reach_of_joints(rows, pose);
+            let is_sound = linkage.factorise(pose);
+            let reach = linkage.reach_of_joints(pose);
             if is_sound && reach < least {
                 (least, best) = (reach, pose);
             }
         }
         linkage.least = if least.is_finite() { least } else { 0.0 };
-        if !linkage.factorise(rows, zero) || linkage.clearance(rows, zero) < SOUND {
+        if !linkage.factorise(zero) || linkage.clearance(zero) < SOUND {
             linkage.independents.iter().for_each(|(_, place)| home[*place] = best.y[*place]);
         }
     }
@@ -159,12 +170,9 @@ fn samples(
             // a sequence of low discrepancy: multiples of irrational numbers
             let step = (0.754_877_666_246_693 * (v as f64 + 1.0)).fract().max(0.01);
             let part = (0.5 + k as f64 * step).fract();
-            let lower = range[0].max(-UNBOUNDED);
-            let upper = range[1].min(UNBOUNDED);
-            let (lower, upper) = if range[0].is_finite() && range[1].is_finite() {
-                (range[0], range[1])
-            } else {
-                (lower, upper)
+            let [lower, upper] = match range.iter().all(|end| end.is_finite()) {
+                true => *range,
+                false => [range[0].max(-UNBOUNDED), range[1].min(UNBOUNDED)],
             };
             pose.y[*place] = lower + part * (upper - lower);
         }

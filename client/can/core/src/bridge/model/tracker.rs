@@ -6,7 +6,7 @@
 //! brings the actuators nearer, no pose has them.
 
 use super::evaluator::Pose;
-use super::linkage::{Linkage, Rows};
+use super::linkage::Linkage;
 
 /// Longest step, as part of the range of an independent without limits `[m, rad]`.
 const LONGEST: f64 = 0.2;
@@ -87,24 +87,18 @@ impl Tracker {
 
     /// The pose was evaluated at `next`: takes it, or half the step; then aims at the newest
     /// actuators.
-    pub(super) fn assess(
-        &mut self,
-        linkage: &mut Linkage,
-        rows: &Rows,
-        pose: &Pose,
-        newest: &[f64],
-    ) {
+    pub(super) fn assess(&mut self, linkage: &mut Linkage, pose: &Pose, newest: &[f64]) {
         let before = self.deviation;
         let now = deviation(linkage, pose, &self.target);
         let is_first = before == f64::INFINITY;
         let is_found = !is_first && now <= 1.0;
         let is_better = is_first || is_found || now <= GOOD * before;
-        if !is_better || !linkage.factorise(rows, pose) {
+        if !is_better || !linkage.factorise(pose) {
             self.is_found = false;
             return self.halve();
         }
         self.is_found = is_found;
-        self.clearance = linkage.clearance(rows, pose);
+        self.clearance = linkage.clearance(pose);
         self.good.copy_from_slice(&self.next);
         for (target, &u) in self.target.iter_mut().zip(&linkage.actuators) {
             *target = newest[u];
@@ -112,7 +106,7 @@ impl Tracker {
         self.deviation = deviation(linkage, pose, &self.target);
         let target = &self.target;
         let step = &mut self.step;
-        linkage.independents_of(rows, pose, |k, u| target[k] - pose.u[u], step);
+        linkage.independents_of(pose, |k, u| target[k] - pose.u[u], step);
         // no longer than allowed, all in one direction
         let longest = step.iter().zip(&linkage.limits).fold(1.0_f64, |most, (step, limits)| {
             let range = limits[1] - limits[0];

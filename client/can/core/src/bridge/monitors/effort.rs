@@ -12,9 +12,7 @@
 use sarrus_proto::actuators::Reason;
 
 use super::{NOISE, Seen};
-use crate::config::MonitorBounds;
 use crate::drive::Mode;
-use crate::mapping::ActuatorSetpoint;
 
 /// How long set-points are remembered `[s]`.
 const MEMORY: f64 = 8e-3;
@@ -55,15 +53,11 @@ impl Run {
 }
 
 impl Effort {
-    pub(super) fn check(
-        &mut self,
-        seen: &Seen<'_>,
-        bounds: &MonitorBounds,
-        steps: &ActuatorSetpoint,
-    ) -> Option<Reason> {
+    pub(super) fn check(&mut self, seen: &Seen<'_>) -> Option<Reason> {
+        let steps = seen.steps;
         let reported = seen.measured.effort;
         let limit = seen.limits.effort;
-        if !reported.is_finite() || bounds.effort == f64::INFINITY {
+        if !reported.is_finite() || seen.bounds.effort == f64::INFINITY {
             return None;
         }
         let [last, _] = seen.asked;
@@ -86,7 +80,7 @@ impl Effort {
                 noise += steps.damping * (last.velocity - seen.measured.velocity).abs();
             }
         }
-        let tolerance = bounds.effort * limit + noise;
+        let tolerance = seen.bounds.effort * limit + noise;
         let is_off = reported > self.high + tolerance || reported < self.low - tolerance;
         // the least effort asked for, if all have one sign
         let least = self.low.max(-self.high);

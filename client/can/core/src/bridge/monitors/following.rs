@@ -9,7 +9,6 @@
 use sarrus_proto::actuators::Reason;
 
 use super::Seen;
-use crate::config::MonitorBounds;
 use crate::drive::Mode;
 
 const LEAST: f64 = 0.05;
@@ -23,7 +22,7 @@ pub(super) struct Following {
 }
 
 impl Following {
-    pub(super) fn check(&mut self, seen: &Seen<'_>, bounds: &MonitorBounds) -> Option<Reason> {
+    pub(super) fn check(&mut self, seen: &Seen<'_>) -> Option<Reason> {
         let [asked, _] = seen.asked;
         let limits = seen.limits;
         let range = limits.upper - limits.lower;
@@ -43,6 +42,6 @@ impl Following {
                 }
             };
         self.behind = if is_behind { self.behind + seen.elapsed } else { 0.0 };
-        (self.behind > bounds.following).then_some(Reason::FollowingError)
+        (self.behind > seen.bounds.following).then_some(Reason::FollowingError)
     }
 }

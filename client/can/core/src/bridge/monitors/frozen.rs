@@ -14,9 +14,7 @@ use sarrus_proto::actuators::Reason;
 
 use super::effort::Run;
 use super::{NOISE, Seen};
-use crate::config::MonitorBounds;
 use crate::drive::Mode;
-use crate::mapping::ActuatorSetpoint;
 
 /// Repetitions that follow each other and the time between the first and the last `[s]`, where the
 /// motor contradicts itself, and where it does not.
@@ -42,12 +40,8 @@ pub(super) struct Frozen {
 }
 
 impl Frozen {
-    pub(super) fn check(
-        &mut self,
-        seen: &Seen<'_>,
-        bounds: &MonitorBounds,
-        steps: &ActuatorSetpoint,
-    ) -> Option<Reason> {
+    pub(super) fn check(&mut self, seen: &Seen<'_>) -> Option<Reason> {
+        let Seen { bounds, steps, .. } = seen;
         if bounds.frozen == f64::INFINITY {
             return None;
         }

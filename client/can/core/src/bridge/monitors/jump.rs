@@ -7,17 +7,12 @@
 use sarrus_proto::actuators::Reason;
 
 use super::{NOISE, Seen};
-use crate::config::MonitorBounds;
-use crate::mapping::ActuatorSetpoint;
 
 /// Where there is no limit a speed may still change by so many codes between two measurements.
 const FREE: f64 = 500.0;
 
-pub(super) fn check(
-    seen: &Seen<'_>,
-    bounds: &MonitorBounds,
-    steps: &ActuatorSetpoint,
-) -> Option<Reason> {
+pub(super) fn check(seen: &Seen<'_>) -> Option<Reason> {
+    let Seen { bounds, steps, .. } = seen;
     let limit = seen.limits.velocity;
     let free = if limit < f64::INFINITY { 0.25 * limit } else { FREE * steps.velocity };
     let reported = seen.measured.velocity.abs().max(seen.before.velocity.abs());

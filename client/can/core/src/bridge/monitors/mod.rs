@@ -34,6 +34,9 @@ const EXACT_EFFORT: f64 = 0.002;
 /// Input of all rules, on the actuator's side.
 #[derive(Debug)]
 pub(super) struct Seen<'a> {
+    /// Bounds beyond which the motor is doubted, and one code of each number.
+    pub(super) bounds: &'a MonitorBounds,
+    pub(super) steps: &'a ActuatorSetpoint,
     /// Time between two cycles `[s]`.
     pub(super) period: f64,
     /// The newest measurement.
@@ -76,26 +79,41 @@ pub(super) fn effort_of(asked: &ActuatorSetpoint, measured: &ActuatorMeasurement
 /// The rules of one motor.
 #[derive(Debug)]
 pub(super) struct Monitors {
-    bounds: MonitorBounds,
+    pub(super) bounds: MonitorBounds,
     /// One code of each number.
-    steps: ActuatorSetpoint,
+    pub(super) steps: ActuatorSetpoint,
     /// The largest stiffness and damping that the motor can be given.
     largest_gains: [f64; 2],
     pub(super) age: age::Age,
     pub(super) answers: answers::Answers,
     pub(super) foreign: foreign::Foreign,
-    temperature: temperature::Temperature,
-    rules: Rules,
+    pub(super) rules: Rules,
 }
 
-/// Rules that start again with power.
+/// Rules for measurements; all but the temperature's start again with power.
 #[derive(Clone, Copy, Debug, Default)]
-struct Rules {
+pub(super) struct Rules {
     effort: effort::Effort,
     following: following::Following,
     frozen: frozen::Frozen,
     position: position::Position,
     velocity: velocity::Velocity,
+    temperature: temperature::Temperature,
+}
+
+impl Rules {
+    /// The reason to doubt a new measurement. Measurements that are wrong come first.
+    pub(super) fn check(&mut self, seen: &Seen<'_>) -> Option<Reason> {
+        // each looks at every measurement, also where another has a finding
+        let jump = jump::check(seen);
+        let frozen = self.frozen.check(seen);
+        let effort = self.effort.check(seen);
+        let velocity = self.velocity.check(seen);
+        let position = self.position.check(seen);
+        let following = self.following.check(seen);
+        let temperature = self.temperature.check(seen);
+        jump.or(frozen).or(effort).or(velocity).or(position).or(following).or(temperature)
+    }
 }
 
 impl Monitors {
@@ -110,28 +128,13 @@ impl Monitors {
             age: age::Age::new(config.monitors.late, period_ns, feedback_ns),
             answers: answers::Answers::default(),
             foreign: foreign::Foreign::default(),
-            temperature: temperature::Temperature::default(),
             rules: Rules::default(),
         }
     }
 
     /// The motor has no power: the rules start again.
     pub(super) fn begin(&mut self) {
-        self.rules = Rules::default();
-    }
-
-    /// The reason to doubt a new measurement. Measurements that are wrong come first.
-    pub(super) fn check(&mut self, seen: &Seen<'_>) -> Option<Reason> {
-        let Monitors { bounds, steps, rules, .. } = self;
-        // each looks at every measurement, also where another has a finding
-        let jump = jump::check(seen, bounds, steps);
-        let frozen = rules.frozen.check(seen, bounds, steps);
-        let effort = rules.effort.check(seen, bounds, steps);
-        let velocity = rules.velocity.check(seen, bounds, steps);
-        let position = rules.position.check(seen, bounds, steps);
-        let following = rules.following.check(seen, bounds);
-        let temperature = self.temperature.check(seen, bounds);
-        jump.or(frozen).or(effort).or(velocity).or(position).or(following).or(temperature)
+        self.rules = Rules { temperature: self.rules.temperature, ..Rules::default() };
     }
 
     /// Checks without a measurement: the bus, and other masters on it.
@@ -161,7 +164,7 @@ impl Monitors {
 
     /// The part of the effort's limit that a hot motor keeps, from 0 to 1.
     pub(super) fn derated(&self) -> f64 {
-        self.temperature.part(&self.bounds)
+        self.rules.temperature.part(&self.bounds)
     }
 
     /// Whether a position is outside the limits by more than its noise: efforts outwards end.

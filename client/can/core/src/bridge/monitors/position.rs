@@ -33,14 +33,9 @@ pub(super) fn margin(limits: &Limits, bounds: &MonitorBounds, steps: &ActuatorSe
 }
 
 impl Position {
-    pub(super) fn check(
-        &mut self,
-        seen: &Seen<'_>,
-        bounds: &MonitorBounds,
-        steps: &ActuatorSetpoint,
-    ) -> Option<Reason> {
+    pub(super) fn check(&mut self, seen: &Seen<'_>) -> Option<Reason> {
+        let Seen { bounds, steps, limits, .. } = seen;
         let position = seen.measured.position;
-        let limits = seen.limits;
         let (beyond, outwards) = if position > limits.upper {
             (position - limits.upper, 1.0)
         } else {

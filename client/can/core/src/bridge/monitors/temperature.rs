@@ -24,10 +24,10 @@ impl Default for Temperature {
 }
 
 impl Temperature {
-    pub(super) fn check(&mut self, seen: &Seen<'_>, bounds: &MonitorBounds) -> Option<Reason> {
+    pub(super) fn check(&mut self, seen: &Seen<'_>) -> Option<Reason> {
         let now = seen.measured.temperature;
         self.lower = now.min(seen.before.temperature);
-        self.n_hot = if now >= bounds.temperature { self.n_hot + 1 } else { 0 };
+        self.n_hot = if now >= seen.bounds.temperature { self.n_hot + 1 } else { 0 };
         (self.n_hot >= MEASUREMENTS).then_some(Reason::OverTemperature)
     }
 

@@ -7,8 +7,6 @@
 use sarrus_proto::actuators::Reason;
 
 use super::{NOISE, Seen};
-use crate::config::MonitorBounds;
-use crate::mapping::ActuatorSetpoint;
 
 const MEASUREMENTS: u32 = 3;
 
@@ -21,12 +19,8 @@ pub(super) struct Velocity {
 }
 
 impl Velocity {
-    pub(super) fn check(
-        &mut self,
-        seen: &Seen<'_>,
-        bounds: &MonitorBounds,
-        steps: &ActuatorSetpoint,
-    ) -> Option<Reason> {
+    pub(super) fn check(&mut self, seen: &Seen<'_>) -> Option<Reason> {
+        let Seen { bounds, steps, .. } = seen;
         let most = (1.0 + bounds.velocity) * seen.limits.velocity;
         if most == f64::INFINITY {
             return None;

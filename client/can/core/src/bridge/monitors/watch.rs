@@ -2,7 +2,7 @@
 
 use sarrus_proto::actuators::Reason;
 
-use super::{Seen, effort_of};
+use super::{Monitors, Seen, effort_of};
 use crate::bridge::motor::Motor;
 use crate::bridge::{Bridge, BusState};
 use crate::mapping::ActuatorSetpoint;
@@ -40,8 +40,11 @@ impl Motor {
             return None;
         }
         let since = self.seen_ns.zip(self.measured_ns);
+        let Monitors { bounds, steps, rules, .. } = &mut self.monitors;
         let found = since.and_then(|(before, measured)| {
-            self.monitors.check(&Seen {
+            rules.check(&Seen {
+                bounds,
+                steps,
                 period,
                 measured: &self.measured,
                 before: &self.before,

@@ -15,6 +15,25 @@ use crate::mapping::Mapping;
 use crate::protocol::{Common, Protocol, Settings};
 use sarrus_proto::actuators::MechanismState;
 
+/// Motor and actuator are one.
+pub(super) const DIRECT: Mapping =
+    Mapping { sign: 1.0, gear: 1.0, offset: 0.0, torque_constant: 1.0 };
+/// No monitor at all.
+pub(super) const OFF: MonitorBounds = MonitorBounds {
+    position: f64::INFINITY,
+    velocity: f64::INFINITY,
+    following: f64::INFINITY,
+    effort: f64::INFINITY,
+    frozen: f64::INFINITY,
+    jump: f64::INFINITY,
+    late: f64::INFINITY,
+    second_answer: f64::INFINITY,
+    second_master: false,
+    derate: f64::INFINITY,
+    temperature: f64::INFINITY,
+    bus_passive: false,
+};
+
 pub(super) const MS: u64 = 1_000_000;
 
 /// Commands that a motor was given.
@@ -203,7 +222,7 @@ impl Bench {
                 given: given[i].clone(),
                 watchdog_ms: watchdog_ms[i].clone(),
             }),
-            mapping: Mapping::DIRECT,
+            mapping: DIRECT,
             is_calibrated: true,
             watchdog_believed: false,
             limits: Limits {
@@ -214,7 +233,7 @@ impl Bench {
                 effort_rate: f64::INFINITY,
             },
             damping: 3.0,
-            monitors: MonitorBounds::OFF,
+            monitors: OFF,
         };
         let bus = |name: &str| BusConfig {
             name: name.into(),

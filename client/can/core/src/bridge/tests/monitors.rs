@@ -1,8 +1,8 @@
 //! Each rule of the monitors: when it fires, and when it does not.
 
-use super::bench::Bench;
+use super::bench::{Bench, OFF};
 use super::*;
-use crate::bridge::monitors::{Seen, effort_of};
+use crate::bridge::monitors::{Monitors, Seen, effort_of};
 use crate::config::MonitorBounds;
 use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint};
 
@@ -53,7 +53,10 @@ impl Line {
     }
 
     fn see(&mut self, measured: ActuatorMeasurement) -> Option<Reason> {
-        let found = self.bench.bridge.motors[0].monitors.check(&Seen {
+        let Monitors { bounds, steps, rules, .. } = &mut self.bench.bridge.motors[0].monitors;
+        let found = rules.check(&Seen {
+            bounds,
+            steps,
             period: PERIOD,
             measured: &measured,
             before: &self.before,
@@ -274,7 +277,7 @@ fn answers_are_counted_against_requests() {
 fn a_second_master_is_heard_and_an_echo_is_none() {
     let mut bench = Bench::new(|configuration| {
         configuration.motors.iter_mut().for_each(|motor| {
-            motor.monitors = MonitorBounds { second_master: true, ..MonitorBounds::OFF };
+            motor.monitors = MonitorBounds { second_master: true, ..OFF };
         });
     });
     bench.arm();
@@ -299,7 +302,7 @@ fn a_second_master_is_heard_and_an_echo_is_none() {
 fn an_error_passive_bus_stops_what_is_on_it() {
     let mut bench = Bench::new(|configuration| {
         configuration.motors.iter_mut().for_each(|motor| {
-            motor.monitors = MonitorBounds { bus_passive: true, ..MonitorBounds::OFF };
+            motor.monitors = MonitorBounds { bus_passive: true, ..OFF };
         });
     });
     bench.arm();

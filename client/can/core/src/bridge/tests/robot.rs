@@ -9,11 +9,10 @@ use sarrus_models::{LoadError, Loaded, Options, Source, bundled_text, load};
 use sarrus_proto::actuators::{MechanismState, Operation};
 
 use super::super::*;
-use super::bench::MS;
+use super::bench::{DIRECT, MS};
 use crate::config::Surroundings;
 use crate::drive::{Drive, DriveState, Measurement, Power, Reply, Setpoint, Watchdog};
 use crate::frame::Id;
-use crate::mapping::Mapping;
 
 /// One cycle `[ns]`.
 const PERIOD: u64 = 2 * MS;
@@ -249,7 +248,7 @@ impl RobotBench {
         let shafts: Vec<Arc<Mutex<Shaft>>> =
             configuration.actuators.iter().map(|_| Arc::new(Mutex::new(shaft))).collect();
         for motor in &mut configuration.motors {
-            motor.mapping = Mapping::DIRECT;
+            motor.mapping = DIRECT;
             motor.drive = Box::new(Direct {
                 id: motor.actuator as u16,
                 shaft: shafts[motor.actuator].clone(),

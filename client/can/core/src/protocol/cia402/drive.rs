@@ -2,7 +2,9 @@
 
 use std::f64::consts::TAU;
 
-use super::setup::{self, PARAMETERS, READABLE, Setup};
+use sarrus_models::Diagnostics;
+
+use super::setup::{self, Desired, PARAMETERS, Setup};
 use super::states::{
     DISABLE_VOLTAGE, ENABLE, FORGET_FAULT, QUICK_STOP, SHUTDOWN, SWITCH_ON, State,
 };
@@ -11,9 +13,10 @@ use crate::drive::{
     Shared,
 };
 use crate::frame::{Frame, FrameQueue, Id};
-use crate::protocol::fault;
 use crate::protocol::number::{limited, steps, steps_toward_zero};
 use crate::protocol::power_up::{Action, PowerUp, Stage};
+use crate::protocol::turns::Unwrapped;
+use crate::protocol::{Common, Made, Settings, fault};
 
 const SYNC: u16 = 0x080;
 /// A drive that is set up and silent for this time is set up again `[ns]`.
@@ -22,45 +25,79 @@ const SILENCE_NS: u64 = 500_000_000;
 const STOPPED_NS: u64 = 100_000_000;
 
 #[derive(Debug)]
-pub(super) struct Cia402 {
-    pub(super) node: u16,
-    pub(super) master: u16,
-    pub(super) mode: Mode,
-    pub(super) torque_limit: f64,
-    pub(super) rated_torque: f64,
-    pub(super) counts: f64,
-    pub(super) velocity_counts: f64,
-    pub(super) torque_offset: bool,
-    pub(super) velocity_feedback: bool,
-    pub(super) watchdog_ms: u32,
-    pub(super) setup: Setup,
-    pub(super) state: Option<State>,
-    pub(super) power_up: PowerUp,
-    pub(super) emergency: u16,
+struct Cia402 {
+    desired: Desired,
+    torque_limit: f64,
+    counts: f64,
+    velocity_counts: f64,
+    setup: Setup,
+    state: Option<State>,
+    power_up: PowerUp,
+    emergency: u16,
     /// It ended the following, and no cycle has answered that yet.
-    pub(super) emergency_holds: bool,
-    /// Of the last measurement.
-    pub(super) counted: Option<(i32, i64)>,
+    emergency_holds: bool,
+    /// The position `[counts]`.
+    counted: Unwrapped,
     /// First PDOs that came, and not yet the second one of their cycle.
-    pub(super) n_new: u8,
+    n_new: u8,
     /// When it last reported its status, or was set up `[ns]`.
-    pub(super) heard_ns: Option<u64>,
-    pub(super) torque: f64,
-    pub(super) heartbeat_ns: Option<u64>,
+    heard_ns: Option<u64>,
+    torque: f64,
+    heartbeat_ns: Option<u64>,
+}
+
+pub(super) fn make(settings: &Settings, common: Common, diagnostics: &mut Diagnostics) -> Made {
+    let node = settings.integer("node") as u16;
+    let master = settings.integer("master") as u16;
+    if node == master {
+        let found = format!("`master` is {node} like `node`");
+        let help = "give this side a free one";
+        return settings.wrong(diagnostics, "master", found, "another node", help);
+    }
+    let counts = settings.number("counts_per_turn");
+    let rated_torque = settings.number("rated_torque");
+    let desired = Desired {
+        node,
+        master,
+        mode: common.mode,
+        watchdog_ms: common.watchdog_ms.min(0xFFFF) as u16,
+        torque_limit: (common.torque_limit / rated_torque * 1000.0).floor(),
+        rated_torque,
+        torque_offset: settings.flag("torque_offset") && common.mode != Mode::Torque,
+        velocity_feedback: settings.flag("velocity_feedback"),
+        configure: settings.flag("configure"),
+        period_ns: common.period_ns,
+    };
+    Some(Box::new(Cia402 {
+        desired,
+        torque_limit: common.torque_limit,
+        counts,
+        velocity_counts: settings.number_or("velocity_counts_per_turn", counts),
+        setup: Setup::new(desired),
+        state: None,
+        power_up: PowerUp::at_once(),
+        emergency: 0,
+        emergency_holds: false,
+        counted: Unwrapped::new(1 << 32, i64::from(i32::MAX)),
+        n_new: 0,
+        heard_ns: None,
+        torque: f64::NAN,
+        heartbeat_ns: None,
+    }))
 }
 
 impl Cia402 {
     fn frame(&self, base: u16, bytes: &[u8]) -> Option<Frame> {
-        Frame::classic(Id::Standard(base + self.node), bytes)
+        Frame::classic(Id::Standard(base + self.desired.node), bytes)
     }
 
     /// The control word with a set-point.
     fn command(&self, control: u16, setpoint: &Setpoint) -> Option<Frame> {
-        let per_mille = self.rated_torque / 1000.0;
+        let per_mille = self.desired.rated_torque / 1000.0;
         let torque = limited(setpoint.torque, self.torque_limit);
         let torque = (steps_toward_zero(torque, per_mille, 32_767) as i16).to_le_bytes();
         let [low, high] = control.to_le_bytes();
-        let target = match self.mode {
+        let target = match self.desired.mode {
             Mode::Position => steps(setpoint.position, TAU / self.counts, i32::MAX),
             Mode::Velocity => steps(setpoint.velocity, TAU / self.velocity_counts, i32::MAX),
             Mode::Torque | Mode::Impedance => {
@@ -68,16 +105,14 @@ impl Cia402 {
             }
         };
         let [a, b, c, d] = target.to_le_bytes();
-        match self.torque_offset {
-            true => self.frame(0x200, &[low, high, a, b, c, d, torque[0], torque[1]]),
-            false => self.frame(0x200, &[low, high, a, b, c, d]),
-        }
+        let n_bytes = if self.desired.torque_offset { 8 } else { 6 };
+        self.frame(0x200, [low, high, a, b, c, d, torque[0], torque[1]].get(..n_bytes)?)
     }
 
     /// Set-point that keeps the motor where it is.
     fn neutral(&self) -> Setpoint {
         Setpoint {
-            position: self.counted.map_or(0.0, |(_, counts)| counts as f64 * TAU / self.counts),
+            position: self.counted.whole().map_or(0.0, |whole| whole as f64 * TAU / self.counts),
             ..Setpoint::default()
         }
     }
@@ -132,23 +167,16 @@ impl Cia402 {
         }
     }
 
-    /// A position without jumps.
-    fn follow(&mut self, counts: i32) -> f64 {
-        let whole = match self.counted {
-            Some((last, whole)) => whole + i64::from(counts.wrapping_sub(last)),
-            None => i64::from(counts),
-        };
-        self.counted = Some((counts, whole));
-        whole as f64 * TAU / self.counts
-    }
-
     /// Whether only a master sends it: a set-point, a request by SDO, an NMT command, the heartbeat
     /// of this side.
     fn is_command(&self, id: u16, bytes: &[u8]) -> bool {
         let is_network = id == 0
-            && matches!(bytes, [_, node, ..] if *node == 0 || u16::from(*node) == self.node);
-        let is_heartbeat = id == 0x700 + self.master && self.watchdog_ms > 0;
-        is_network || is_heartbeat || id == 0x200 + self.node || id == 0x600 + self.node
+            && matches!(bytes, [_, node, ..] if *node == 0 || u16::from(*node) == self.desired.node);
+        let is_heartbeat = id == 0x700 + self.desired.master && self.desired.watchdog_ms > 0;
+        is_network
+            || is_heartbeat
+            || id == 0x200 + self.desired.node
+            || id == 0x600 + self.desired.node
     }
 
     fn measured(&self, velocity: f64) -> Receipt {
@@ -157,7 +185,7 @@ impl Cia402 {
             position,
             velocity,
             torque: self.torque,
-            temperature: f64::NAN,
+            ..Measurement::NONE
         })
     }
 }
@@ -200,7 +228,7 @@ impl Drive for Cia402 {
     fn disable(&self, out: &mut FrameQueue) {
         out.push_some(self.command(DISABLE_VOLTAGE, &self.neutral()));
         out.push_some(self.sync());
-        out.push_some(setup::write(self.node, 0x6040, 0, 2, 0));
+        out.push_some(setup::write(self.desired.node, 0x6040, 0, 2, 0));
     }
 
     /// The ramp and the reaction after it are the drive's, 6085 and 605A; so is its brake.
@@ -217,7 +245,7 @@ impl Drive for Cia402 {
         if self.is_command(id, frame.data()) {
             return Receipt::Foreign;
         }
-        let Some(base) = id.checked_sub(self.node) else { return Receipt::NotMine };
+        let Some(base) = id.checked_sub(self.desired.node) else { return Receipt::NotMine };
         if !matches!(base, 0x080 | 0x180 | 0x280 | 0x580 | 0x700) {
             return Receipt::NotMine;
         }
@@ -234,11 +262,16 @@ impl Drive for Cia402 {
             (0x180, [low, high, a, b, c, d, e, f]) => {
                 (self.n_new, self.heard_ns) = ((self.n_new + 1).min(2), Some(now_ns));
                 self.status(u16::from_le_bytes([*low, *high]));
-                self.follow(i32::from_le_bytes([*a, *b, *c, *d]));
-                self.torque = f64::from(i16::from_le_bytes([*e, *f])) * self.rated_torque / 1000.0;
-                if self.velocity_feedback { Receipt::Noted } else { self.measured(f64::NAN) }
+                self.counted.follow(i64::from(i32::from_le_bytes([*a, *b, *c, *d])));
+                self.torque =
+                    f64::from(i16::from_le_bytes([*e, *f])) * self.desired.rated_torque / 1000.0;
+                if self.desired.velocity_feedback {
+                    Receipt::Noted
+                } else {
+                    self.measured(f64::NAN)
+                }
             }
-            (0x280, [a, b, c, d]) if self.velocity_feedback && self.n_new > 0 => {
+            (0x280, [a, b, c, d]) if self.desired.velocity_feedback && self.n_new > 0 => {
                 self.n_new -= 1;
                 self.measured(
                     f64::from(i32::from_le_bytes([*a, *b, *c, *d])) * TAU / self.velocity_counts,
@@ -246,7 +279,7 @@ impl Drive for Cia402 {
             }
             (0x280, [_, _, _, _]) => Receipt::Noted,
             (0x580, _) => match frame.exactly::<8>() {
-                Some(bytes) => self.setup.answered(now_ns, bytes),
+                Some(bytes) => self.setup.answered(bytes),
                 None => Receipt::Malformed,
             },
             (0x700, [state]) => {
@@ -254,7 +287,7 @@ impl Drive for Cia402 {
                     // it booted: its settings are lost
                     0 => {
                         self.set_up_again();
-                        self.counted = None;
+                        self.counted.forget();
                     }
                     // stopped or pre-operational, and not just commanded to be operational
                     0x04 | 0x7F if self.is_silent(now_ns, STOPPED_NS) => self.set_up_again(),
@@ -274,16 +307,15 @@ impl Drive for Cia402 {
             Some(_) => Power::Off,
         };
         let is_faulty = self.state == Some(State::Faulty);
-        let is_beyond = self.mode == Mode::Position
-            && self.counted.is_some_and(|(_, whole)| i32::try_from(whole).is_err());
-        let fault = match self.emergency {
-            code if code != 0 => u32::from(code),
-            _ if is_faulty => fault::UNKNOWN,
-            _ if self.setup.fault != 0 => self.setup.fault,
-            _ if self.power_up.stage() == Stage::Lost => fault::POWER_LOST,
-            _ if is_beyond => fault::OUT_OF_RANGE,
-            _ => 0,
-        };
+        let is_beyond = self.desired.mode == Mode::Position
+            && self.counted.whole().is_some_and(|whole| i32::try_from(whole).is_err());
+        let fault = fault::first([
+            u32::from(self.emergency),
+            fault::when(is_faulty, fault::UNKNOWN),
+            self.setup.fault,
+            self.power_up.fault(),
+            fault::when(is_beyond, fault::OUT_OF_RANGE),
+        ]);
         DriveState { power, fault, watchdog: self.setup.watchdog }
     }
 
@@ -292,7 +324,8 @@ impl Drive for Cia402 {
     }
 
     fn forget(&mut self) {
-        (self.counted, self.heard_ns, self.heartbeat_ns) = (None, None, None);
+        self.counted.forget();
+        (self.heard_ns, self.heartbeat_ns) = (None, None);
         self.power_up.forget();
         (self.emergency, self.emergency_holds, self.torque) = (0, false, f64::NAN);
         self.prepare();
@@ -300,14 +333,14 @@ impl Drive for Cia402 {
 
     fn identifiers(&self) -> Vec<Id> {
         [0x080, 0x180, 0x200, 0x280, 0x580, 0x600, 0x700]
-            .map(|base| Id::Standard(base + self.node))
+            .map(|base| Id::Standard(base + self.desired.node))
             .to_vec()
     }
 
     fn shared_identifiers(&self) -> Vec<Shared> {
         // frames of the master to all
-        [0, SYNC, 0x700 + self.master]
-            .map(|id| Shared { id: Id::Standard(id), tag: self.node, mask: 0x7F })
+        [0, SYNC, 0x700 + self.desired.master]
+            .map(|id| Shared { id: Id::Standard(id), tag: self.desired.node, mask: 0x7F })
             .to_vec()
     }
 
@@ -315,7 +348,7 @@ impl Drive for Cia402 {
         Setpoint {
             position: TAU / self.counts,
             velocity: TAU / self.velocity_counts,
-            torque: self.rated_torque / 1000.0,
+            torque: self.desired.rated_torque / 1000.0,
             ..Setpoint::default()
         }
     }
@@ -325,12 +358,9 @@ impl Drive for Cia402 {
     }
 
     fn replies(&self) -> Vec<Reply> {
-        let reply = |base: u16, len| Reply::classic(Id::Standard(base + self.node), len);
-        if self.velocity_feedback {
-            vec![reply(0x180, 8), reply(0x280, 4)]
-        } else {
-            vec![reply(0x180, 8)]
-        }
+        let reply = |base: u16, len| Reply::classic(Id::Standard(base + self.desired.node), len);
+        let velocity = self.desired.velocity_feedback.then(|| reply(0x280, 4));
+        [reply(0x180, 8)].into_iter().chain(velocity).collect()
     }
 
     fn sync(&self) -> Option<Frame> {
@@ -338,13 +368,14 @@ impl Drive for Cia402 {
     }
 
     fn heartbeat(&self) -> Option<(Frame, u64)> {
-        let frame = Frame::classic(Id::Standard(0x700 + self.master), &[0x05])?;
-        (self.watchdog_ms > 0).then(|| (frame, u64::from(self.watchdog_ms) * 250_000))
+        let frame = Frame::classic(Id::Standard(0x700 + self.desired.master), &[0x05])?;
+        (self.desired.watchdog_ms > 0)
+            .then(|| (frame, u64::from(self.desired.watchdog_ms) * 250_000))
     }
 
     /// Asks for the device's type, object 1000.
     fn probe(&mut self, out: &mut FrameQueue) {
-        out.push_some(setup::read(self.node, 0x1000, 0));
+        out.push_some(setup::read(self.desired.node, 0x1000, 0));
     }
 
     fn parameters(&self) -> &'static [Parameter] {
@@ -352,7 +383,7 @@ impl Drive for Cia402 {
     }
 
     fn read_parameter(&mut self, parameter: usize, out: &mut FrameQueue) {
-        let Some((index, sub, _)) = READABLE.get(parameter) else { return };
-        out.push_some(setup::read(self.node, *index, *sub));
+        let Some(parameter) = PARAMETERS.get(parameter) else { return };
+        out.push_some(setup::read(self.desired.node, parameter.address as u16, 0));
     }
 }

@@ -15,26 +15,16 @@ const TRIES_OF_NONE: u8 = 5;
 /// How far the rated torque may be from the configured one, relatively: it is in whole mN m.
 const SAME_TORQUE: f64 = 1e-3;
 
+/// Objects with subindex 0.
 pub(super) const PARAMETERS: &[Parameter] = &[
-    Parameter { name: "1000 device type", unit: "" },
-    Parameter { name: "6061 mode", unit: "" },
-    Parameter { name: "6076 rated torque", unit: "mN m" },
-    Parameter { name: "6075 rated current", unit: "mA" },
-    Parameter { name: "6072 largest torque", unit: "‰" },
-    Parameter { name: "603F error code", unit: "" },
-    Parameter { name: "6064 position", unit: "counts" },
-    Parameter { name: "6079 voltage", unit: "mV" },
-];
-/// Their objects, and whether those are signed.
-pub(super) const READABLE: [(u16, u8, bool); 8] = [
-    (0x1000, 0, false),
-    (0x6061, 0, true),
-    (0x6076, 0, false),
-    (0x6075, 0, false),
-    (0x6072, 0, false),
-    (0x603F, 0, false),
-    (0x6064, 0, true),
-    (0x6079, 0, false),
+    Parameter::whole(0x1000, "1000 device type", ""),
+    Parameter::signed(0x6061, "6061 mode", ""),
+    Parameter::whole(0x6076, "6076 rated torque", "mN m"),
+    Parameter::whole(0x6075, "6075 rated current", "mA"),
+    Parameter::whole(0x6072, "6072 largest torque", "‰"),
+    Parameter::whole(0x603F, "603F error code", ""),
+    Parameter::signed(0x6064, "6064 position", "counts"),
+    Parameter::whole(0x6079, "6079 voltage", "mV"),
 ];
 
 /// The desired settings of the drive.
@@ -277,60 +267,53 @@ impl Setup {
     }
 
     /// Takes an answer of the SDO server.
-    pub(super) fn answered(&mut self, _now_ns: u64, bytes: [u8; 8]) -> Receipt {
+    pub(super) fn answered(&mut self, bytes: [u8; 8]) -> Receipt {
         let [command, low, high, sub, a, b, c, d] = bytes;
         let index = u16::from_le_bytes([low, high]);
         let is_refused = command == 0x80;
         // expedited, with as many bytes as its bits 2 and 3 leave
         let n_bytes = if command & 0x01 != 0 { 4 - (command >> 2 & 3) } else { 4 };
         let value = u32::from_le_bytes([a, b, c, d]) & (u32::MAX >> (8 * (4 - u32::from(n_bytes))));
-        match self.steps.get(self.next) {
-            Some(Step::Write(i, s, ..))
-                if (*i, *s) == (index, sub) && (is_refused || command == 0x60) =>
-            {
-                if is_refused {
-                    let is_limit = index == 0x6072;
-                    self.fault =
-                        if is_limit { fault::LIMIT_REFUSED } else { fault::SETTING_REFUSED };
-                } else {
-                    self.proceed();
-                }
+        let is_read = command & 0xE2 == 0x42;
+        let is_written = command == 0x60;
+        let step = self.steps.get(self.next).copied();
+        let is_answer = match step {
+            Some(Step::Write(i, s, ..) | Step::Offer(i, s, ..)) => {
+                (i, s) == (index, sub) && (is_refused || is_written)
             }
-            Some(Step::Offer(i, s, _, value))
-                if (*i, *s) == (index, sub) && (is_refused || command == 0x60) =>
-            {
+            Some(Step::Read(i, s)) => (i, s) == (index, sub) && (is_refused || is_read),
+            Some(Step::ReadMode(..)) => (index, sub) == (0x6061, 0) && (is_refused || is_read),
+            Some(Step::Network(_)) | None => false,
+        };
+        let held = (!is_refused).then_some(value);
+        match step.filter(|_| is_answer) {
+            Some(Step::Write(..)) if is_refused => {
+                let is_limit = index == 0x6072;
+                self.fault = if is_limit { fault::LIMIT_REFUSED } else { fault::SETTING_REFUSED };
+            }
+            Some(Step::Offer(_, _, _, value)) => {
                 // a number in a unit that the drive has not is no time: it keeps its own
-                let is_unit = (index, sub) == (0x60C2, 2) && *value != MILLISECONDS;
+                let is_unit = (index, sub) == (0x60C2, 2) && value != MILLISECONDS;
                 self.proceed();
                 if is_refused && is_unit {
                     self.proceed();
                 }
             }
-            Some(Step::Read(i, s))
-                if (*i, *s) == (index, sub) && (is_refused || command & 0xE2 == 0x42) =>
-            {
-                self.assess(index, (!is_refused).then_some(value));
+            Some(Step::Read(..)) => {
+                self.assess(index, held);
                 self.proceed();
             }
-            Some(Step::ReadMode(tries, is_last))
-                if (index, sub) == (0x6061, 0) && (is_refused || command & 0xE2 == 0x42) =>
-            {
-                let tries = *tries;
-                let is_last = *is_last;
-                self.show(tries, is_last, (!is_refused).then_some(value));
-            }
-            _ => {}
+            Some(Step::ReadMode(tries, is_last)) => self.show(tries, is_last, held),
+            Some(Step::Write(..) | Step::Network(_)) => self.proceed(),
+            None => {}
         }
-        if command & 0xE2 != 0x42 {
-            return if is_refused || command == 0x60 { Receipt::Noted } else { Receipt::Malformed };
+        if !is_read {
+            return if is_refused || is_written { Receipt::Noted } else { Receipt::Malformed };
         }
-        let Some(parameter) = READABLE.iter().position(|(i, s, _)| (*i, *s) == (index, sub)) else {
-            return Receipt::Noted;
-        };
-        let is_signed = READABLE.get(parameter).is_some_and(|(_, _, is_signed)| *is_signed);
-        let unused = 8 * (4 - u32::from(n_bytes));
-        let signed = (value << unused) as i32 >> unused;
-        Receipt::Parameter(parameter, if is_signed { f64::from(signed) } else { f64::from(value) })
+        match sub {
+            0 => Parameter::receipt(PARAMETERS, u32::from(index), value, 8 * u32::from(n_bytes)),
+            _ => Receipt::Noted,
+        }
     }
 
     /// Takes a value of 6061.

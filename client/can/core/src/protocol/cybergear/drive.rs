@@ -1,61 +1,105 @@
 //! The bridge's half of the protocol.
 
+use sarrus_models::Diagnostics;
+
 use super::keys::{
-    FAULTS, FEEDBACK, INDICES, LIMIT_TORQUE, PARAMETERS, POWER_OFF, POWER_ON, READ, RUN_MODE, RUNS,
+    FAULTS, FEEDBACK, LAST, LIMIT_TORQUE, PARAMETERS, POWER_OFF, POWER_ON, READ, RUN_MODE, RUNS,
     SAVE, SET_ID, SETPOINT, TIMEOUT_PER_MS, WHO, WRITE, ZERO,
 };
 use crate::drive::{
-    Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
-    Watchdog,
+    Drive, DriveCommand, DriveState, Parameter, Power, Receipt, Reply, Setpoint, Watchdog,
 };
 use crate::frame::{Frame, FrameQueue, Id};
-use crate::protocol::codes::Codes;
-use crate::protocol::fault;
-use crate::protocol::power_up::{Action, PowerUp, Stage};
-use crate::protocol::turns::Turns;
+use crate::protocol::codes::{Coded, Codes};
+use crate::protocol::keys::RANGES;
+use crate::protocol::number::single;
+use crate::protocol::power_up::{Action, PowerUp};
+use crate::protocol::{Common, Made, Settings, fault};
 
-/// Settings that are written and read before the motor gets power, in this order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Step {
-    WriteMode,
-    ReadMode,
-    WriteLimit,
-    ReadLimit,
-    WriteTimeout,
-    ReadTimeout,
-    Done,
+/// A parameter that is written before the motor gets power, where it has a desired value, and read.
+#[derive(Clone, Copy, Debug)]
+struct Step {
+    index: u16,
+    desired: Option<u32>,
 }
 
 #[derive(Debug)]
-pub(super) struct CyberGear {
-    pub(super) id: u32,
-    pub(super) host: u32,
+struct CyberGear {
+    id: u32,
+    host: u32,
     /// Its zero can be stored; a CyberGear forgets it.
-    pub(super) can_save: bool,
-    pub(super) mode: Mode,
-    pub(super) torque_limit: f64,
-    pub(super) codes: Codes,
-    /// Limit of the torque in the motor `[N m]`, where there is one.
-    pub(super) limit: Option<f32>,
-    pub(super) watchdog_index: u16,
-    pub(super) watchdog_ms: u32,
-    pub(super) watchdog: Watchdog,
-    pub(super) step: Step,
-    pub(super) power_up: PowerUp,
-    /// Feedback's mode.
-    pub(super) runs: Option<u32>,
+    can_save: bool,
+    coded: Coded,
+    watchdog_index: u16,
+    watchdog: Watchdog,
+    /// The set-up, its present step, and whether that was written and is to be read.
+    steps: Vec<Step>,
+    next: usize,
+    is_written: bool,
+    power_up: PowerUp,
+    /// By the feedback's mode.
+    power: Power,
     /// Faults of the feedback, and those that the motor reported by themselves.
-    pub(super) motor_fault: u32,
-    pub(super) reported_fault: u32,
+    motor_fault: u32,
+    reported_fault: u32,
     /// The setting that the motor refused, as a fault; 0 without one.
-    pub(super) refused: u32,
-    pub(super) turns: Turns,
-    /// Position and velocity as last measured `[rad, rad/s]`.
-    pub(super) measured: Option<[f64; 2]>,
-    pub(super) odd: bool,
+    refused: u32,
 }
 
-pub(super) const fn unknown(watchdog_index: u16) -> Watchdog {
+/// Ranges of a CyberGear, in the order of [`RANGES`].
+const CYBERGEAR_RANGES: [f64; 5] = [f64::NAN, 30.0, 12.0, 500.0, 5.0];
+
+pub(super) fn make(settings: &Settings, common: Common, diagnostics: &mut Diagnostics) -> Made {
+    let is_cybergear = settings.text("model") == "cybergear";
+    let mut ranges = CYBERGEAR_RANGES;
+    let mut good = true;
+    for (key, range) in RANGES.iter().zip(&mut ranges) {
+        if settings.has(key) {
+            *range = settings.number(key);
+        } else if !is_cybergear {
+            let found = format!("the drive has no `{key}`");
+            let help = "add it from the motor's manual";
+            let place = settings.place("model");
+            diagnostics.error(place, found, "the range of this RobStride", help);
+            good = false;
+        }
+    }
+    let watchdog_index = match settings.has("watchdog_index") {
+        true => settings.integer("watchdog_index") as u16,
+        false if is_cybergear => 0x200C,
+        false => 0x7028,
+    };
+    let mut steps = vec![Step { index: RUN_MODE, desired: Some(0) }];
+    if common.torque_limit.is_finite() {
+        let [_, _, torque, ..] = ranges;
+        let limit = single(common.torque_limit.clamp(0.0, torque));
+        steps.push(Step { index: LIMIT_TORQUE, desired: Some(limit.to_bits()) });
+    }
+    if watchdog_index != 0 {
+        let counts = common.watchdog_ms.saturating_mul(TIMEOUT_PER_MS);
+        steps.push(Step { index: watchdog_index, desired: Some(counts).filter(|n| *n > 0) });
+    }
+    good.then(|| {
+        Box::new(CyberGear {
+            id: settings.integer("id") as u32,
+            host: settings.integer("host_id") as u32,
+            can_save: !is_cybergear,
+            coded: Coded::new(Codes::new(ranges, 16), common),
+            watchdog_index,
+            watchdog: unknown(watchdog_index),
+            steps,
+            next: 0,
+            is_written: false,
+            power_up: PowerUp::primed(),
+            power: Power::Unknown,
+            motor_fault: 0,
+            reported_fault: 0,
+            refused: 0,
+        }) as Box<dyn Drive>
+    })
+}
+
+const fn unknown(watchdog_index: u16) -> Watchdog {
     if watchdog_index == 0 { Watchdog::Unreadable } else { Watchdog::Unknown }
 }
 
@@ -74,12 +118,7 @@ impl CyberGear {
     }
 
     fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
-        let setpoint = match self.mode {
-            Mode::Torque => Setpoint { torque: setpoint.torque, ..Setpoint::default() },
-            _ => *setpoint,
-        };
-        let codes = self.codes.of(&setpoint, self.torque_limit, self.measured, self.odd);
-        let [position, velocity, stiffness, damping, torque] = codes;
+        let [position, velocity, stiffness, damping, torque] = self.coded.setpoint(setpoint);
         let [a, b] = position.to_be_bytes();
         let [c, d] = velocity.to_be_bytes();
         let [e, f] = stiffness.to_be_bytes();
@@ -87,29 +126,27 @@ impl CyberGear {
         self.frame(SETPOINT, u32::from(torque), [a, b, c, d, e, f, g, h])
     }
 
-    /// A set-point; codes beside zero alternate from one to the next.
     fn follow(&mut self, setpoint: &Setpoint, out: &mut FrameQueue) {
         out.push_some(self.setpoint(setpoint));
-        self.odd = !self.odd;
+        self.coded.alternate();
     }
 
-    /// The watchdog's time in its units.
-    fn timeout(&self) -> u32 {
-        self.watchdog_ms.saturating_mul(TIMEOUT_PER_MS)
+    fn is_done(&self) -> bool {
+        self.next == self.steps.len()
     }
 
     fn request(&self) -> Option<Frame> {
-        match self.step {
-            Step::WriteMode => self.parameter(WRITE, RUN_MODE, 0),
-            Step::ReadMode => self.parameter(READ, RUN_MODE, 0),
-            Step::WriteLimit => {
-                self.parameter(WRITE, LIMIT_TORQUE, self.limit.unwrap_or_default().to_bits())
-            }
-            Step::ReadLimit => self.parameter(READ, LIMIT_TORQUE, 0),
-            Step::WriteTimeout => self.parameter(WRITE, self.watchdog_index, self.timeout()),
-            Step::ReadTimeout => self.parameter(READ, self.watchdog_index, 0),
-            Step::Done => None,
+        let step = self.steps.get(self.next)?;
+        match step.desired.filter(|_| !self.is_written) {
+            Some(value) => self.parameter(WRITE, step.index, value),
+            None => self.parameter(READ, step.index, 0),
         }
+    }
+
+    /// The step whose parameter is read now, if this is its index.
+    fn read_step(&self, index: u16) -> Option<Step> {
+        let is_read = |step: &Step| self.is_written || step.desired.is_none();
+        self.steps.get(self.next).copied().filter(|step| step.index == index && is_read(step))
     }
 
     /// Cycle `n` without power; settings to be written and read take every other one.
@@ -119,55 +156,35 @@ impl CyberGear {
         }
         out.push_some(self.request().or_else(|| self.power_off(0)));
         // a write has no answer of its own: the value that is read afterwards counts
-        self.step = match self.step {
-            Step::WriteMode => Step::ReadMode,
-            Step::WriteLimit => Step::ReadLimit,
-            Step::WriteTimeout => Step::ReadTimeout,
-            step => step,
-        };
-    }
-
-    fn after_limit(&self) -> Step {
-        match (self.watchdog_index, self.watchdog_ms) {
-            (0, _) => Step::Done,
-            (_, 0) => Step::ReadTimeout,
-            _ => Step::WriteTimeout,
-        }
+        self.is_written = true;
     }
 
     fn read(&mut self, bytes: [u8; 8]) -> Receipt {
         let [low, high, _, _, a, b, c, d] = bytes;
         let index = u16::from_le_bytes([low, high]);
         let number = u32::from_le_bytes([a, b, c, d]);
-        if index == RUN_MODE && self.step == Step::ReadMode {
-            self.refused = if a != 0 { fault::MODE_REFUSED } else { 0 };
-            self.step = match self.limit {
-                // the write may have been lost
-                _ if self.refused != 0 => Step::WriteMode,
-                Some(_) => Step::WriteLimit,
-                None => self.after_limit(),
+        let held = f32::from_bits(number);
+        if let Some(Step { desired, .. }) = self.read_step(index) {
+            let (is_held, fault) = match index {
+                RUN_MODE => (a == 0, fault::MODE_REFUSED),
+                LIMIT_TORQUE => {
+                    let is_within = |limit| held.abs() <= f32::from_bits(limit);
+                    (desired.is_some_and(is_within), fault::LIMIT_REFUSED)
+                }
+                _ => {
+                    self.watchdog = Watchdog::of_counts(number, TIMEOUT_PER_MS);
+                    (desired.is_none_or(|desired| number == desired), 0)
+                }
             };
+            // where it is not held the write may have been lost
+            self.next += usize::from(is_held);
+            (self.is_written, self.refused) = (false, fault::when(!is_held, fault));
         }
-        if index == LIMIT_TORQUE && self.step == Step::ReadLimit {
-            let held = f32::from_bits(number);
-            let is_held = self.limit.is_some_and(|limit| held.abs() <= limit);
-            self.refused = if is_held { 0 } else { fault::LIMIT_REFUSED };
-            self.step = if is_held { self.after_limit() } else { Step::WriteLimit };
-        }
-        if index == self.watchdog_index && index != 0 {
-            if self.step == Step::ReadTimeout {
-                self.watchdog = Watchdog::of_counts(number, TIMEOUT_PER_MS);
-                let is_desired = self.watchdog_ms == 0 || number == self.timeout();
-                self.step = if is_desired { Step::Done } else { Step::WriteTimeout };
-            }
-            return Receipt::Parameter(INDICES.len(), f64::from(number));
-        }
-        match INDICES.iter().position(|known| *known == index) {
-            Some(0) => Receipt::Parameter(0, f64::from(a)),
-            Some(parameter) => {
-                Receipt::Parameter(parameter, f64::from(f32::from_le_bytes([a, b, c, d])))
-            }
-            None => Receipt::Noted,
+        match index {
+            0 => Receipt::Noted,
+            _ if index == self.watchdog_index => Receipt::Parameter(LAST, f64::from(number)),
+            RUN_MODE => Receipt::Parameter(0, f64::from(a)),
+            _ => Parameter::receipt(PARAMETERS, u32::from(index), number, 32),
         }
     }
 
@@ -175,27 +192,19 @@ impl CyberGear {
         let mode = data >> 14 & 3;
         let faults = data >> 8 & 0x3F;
         let [a, b, c, d, e, f, g, h] = bytes;
-        self.runs = Some(mode);
+        self.power = if mode == RUNS { Power::On } else { Power::Off };
         self.motor_fault = faults;
         if self.power_up.report(mode == RUNS) {
             self.prepare();
         }
-        let whole = self.turns.follow(u16::from_be_bytes([a, b]));
-        let position = self.codes.position.value_at(whole);
-        let velocity = self.codes.velocity.value(u16::from_be_bytes([c, d]));
-        self.measured = Some([position, velocity]);
-        Receipt::Measured(Measurement {
-            position,
-            velocity,
-            torque: self.codes.torque.value(u16::from_be_bytes([e, f])),
-            temperature: f64::from(i16::from_be_bytes([g, h])) / 10.0,
-        })
+        let codes = [[a, b], [c, d], [e, f]].map(u16::from_be_bytes);
+        self.coded.measure(codes, f64::from(i16::from_be_bytes([g, h])) / 10.0)
     }
 }
 
 impl Drive for CyberGear {
     fn cycle(&mut self, _now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
-        let is_ready = self.step == Step::Done && self.runs.is_some() && self.state().fault == 0;
+        let is_ready = self.is_done() && self.power != Power::Unknown && self.state().fault == 0;
         match self.power_up.action(command, is_ready) {
             Action::Idle(n) => self.idle(n, out),
             Action::Reset => {
@@ -246,8 +255,8 @@ impl Drive for CyberGear {
             // the upper half of the data is set where the parameter does not exist
             READ if data >> 8 != 0 => {
                 let [low, high, ..] = bytes;
-                let is_limit = u16::from_le_bytes([low, high]) == LIMIT_TORQUE;
-                if is_limit && self.step == Step::ReadLimit {
+                let index = u16::from_le_bytes([low, high]);
+                if index == LIMIT_TORQUE && self.read_step(index).is_some() {
                     self.refused = fault::LIMIT_REFUSED;
                 }
                 Receipt::Noted
@@ -263,32 +272,22 @@ impl Drive for CyberGear {
     }
 
     fn state(&self) -> DriveState {
-        let power = match self.runs {
-            None => Power::Unknown,
-            Some(RUNS) => Power::On,
-            Some(_) if self.power_up.is_starting() => Power::Starting,
-            Some(_) => Power::Off,
-        };
-        let fault = match self.power_up.stage() {
-            _ if self.reported_fault != 0 => self.reported_fault,
-            _ if self.motor_fault != 0 => self.motor_fault,
-            _ if self.refused != 0 => self.refused,
-            Stage::Lost => fault::POWER_LOST,
-            _ => self.turns.fault(self.mode),
-        };
-        DriveState { power, fault, watchdog: self.watchdog }
+        let lost = self.power_up.fault();
+        let faults =
+            [self.reported_fault, self.motor_fault, self.refused, lost, self.coded.fault()];
+        let power = self.power_up.reported(self.power);
+        DriveState { power, fault: fault::first(faults), watchdog: self.watchdog }
     }
 
     fn prepare(&mut self) {
-        (self.step, self.refused) = (Step::WriteMode, 0);
+        (self.next, self.is_written, self.refused) = (0, false, 0);
         self.watchdog = unknown(self.watchdog_index);
     }
 
     fn forget(&mut self) {
         self.power_up.forget();
-        (self.runs, self.motor_fault, self.reported_fault) = (None, 0, 0);
-        self.measured = None;
-        self.turns.forget();
+        (self.power, self.motor_fault, self.reported_fault) = (Power::Unknown, 0, 0);
+        self.coded.forget();
         self.prepare();
     }
 
@@ -301,15 +300,15 @@ impl Drive for CyberGear {
     }
 
     fn steps(&self) -> Setpoint {
-        self.codes.steps()
+        self.coded.codes.steps()
     }
 
     fn largest_gains(&self) -> [f64; 2] {
-        self.codes.largest_gains()
+        self.coded.codes.largest_gains()
     }
 
     fn is_paired(&self) -> bool {
-        self.step == Step::Done
+        self.is_done()
     }
 
     fn replies(&self) -> Vec<Reply> {
@@ -322,22 +321,23 @@ impl Drive for CyberGear {
 
     fn set_zero(&mut self, out: &mut FrameQueue) -> bool {
         out.push_some(self.frame(ZERO, self.host, [1, 0, 0, 0, 0, 0, 0, 0]));
-        self.turns = Turns::default();
+        self.coded.set_zero();
         true
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        let n_known = if self.watchdog_index == 0 { INDICES.len() } else { PARAMETERS.len() };
+        let n_known = if self.watchdog_index == 0 { LAST } else { PARAMETERS.len() };
         PARAMETERS.get(..n_known).unwrap_or_default()
     }
 
     fn read_parameter(&mut self, parameter: usize, out: &mut FrameQueue) {
-        let index = INDICES.get(parameter).copied().unwrap_or(self.watchdog_index);
+        let known = PARAMETERS.get(parameter).filter(|known| known.address != 0);
+        let index = known.map_or(self.watchdog_index, |known| known.address as u16);
         out.push_some(self.parameter(READ, index, 0));
     }
 
     fn ranges(&self) -> [f64; 3] {
-        self.codes.ranges()
+        self.coded.codes.ranges()
     }
 
     fn save_zero(&mut self, out: &mut FrameQueue) -> bool {

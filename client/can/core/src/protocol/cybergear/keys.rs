@@ -1,50 +1,47 @@
 //! Settings of the protocol, the motor's parameters, and the kinds of frames.
 
 use crate::drive::Parameter;
-use crate::protocol::{Key, KeyKind};
+use crate::protocol::Key;
+use crate::protocol::keys::range;
 
 pub(super) const KEYS: &[Key] = &[
     Key::word("model", &["cybergear", "robstride"], "whose motor it is").or("cybergear"),
     Key::integer("id", 0, 127, "identifier of the motor"),
     Key::integer("host_id", 0, 255, "identifier of this side").or("253"),
-    Key {
-        name: "position_range",
-        kind: KeyKind::Number(1e-3, 1e5),
-        default: None,
-        about: "position at the end of the range [rad]; of a CyberGear 12.5 in the maker's code \
-            and 4 π in its manual",
-    },
-    range("velocity_range", "velocity at the end of the range [rad/s]; of a CyberGear 30"),
-    range("torque_range", "torque at the end of the range [N m]; of a CyberGear 12"),
-    range("stiffness_range", "largest stiffness [N m/rad]; of a CyberGear 500"),
-    range("damping_range", "largest damping [N m s/rad]; of a CyberGear 5"),
-    Key {
-        name: "watchdog_index",
-        kind: KeyKind::Integer(0, 0xFFFF),
-        default: Some(""),
-        about: "index of the parameter canTimeout, 0 where the firmware has none; else 0x200C \
+    range(
+        "position_range",
+        "position at the end of the range [rad]; of a CyberGear 12.5 in the maker's code and 4 π \
+            in its manual",
+    ),
+    range("velocity_range", "velocity at the end of the range [rad/s]; of a CyberGear 30")
+        .optional(),
+    range("torque_range", "torque at the end of the range [N m]; of a CyberGear 12").optional(),
+    range("stiffness_range", "largest stiffness [N m/rad]; of a CyberGear 500").optional(),
+    range("damping_range", "largest damping [N m s/rad]; of a CyberGear 5").optional(),
+    Key::integer(
+        "watchdog_index",
+        0,
+        0xFFFF,
+        "index of the parameter canTimeout, 0 where the firmware has none; else 0x200C \
             (CyberGear) or 0x7028 (RobStride)",
-    },
+    )
+    .optional(),
 ];
-
-const fn range(name: &'static str, about: &'static str) -> Key {
-    Key::number(name, 1e-3, 1e5, about).optional()
-}
 
 pub(super) const RUN_MODE: u16 = 0x7005;
 pub(super) const LIMIT_TORQUE: u16 = 0x700B;
 
+/// The index of the last one is the motor's.
 pub(super) const PARAMETERS: &[Parameter] = &[
-    Parameter { name: "run_mode", unit: "" },
-    Parameter { name: "limit_torque", unit: "N m" },
-    Parameter { name: "mechPos", unit: "rad" },
-    Parameter { name: "iqf", unit: "A" },
-    Parameter { name: "mechVel", unit: "rad/s" },
-    Parameter { name: "VBUS", unit: "V" },
-    Parameter { name: "canTimeout", unit: "50 µs" },
+    Parameter::whole(RUN_MODE as u32, "run_mode", ""),
+    Parameter::single(LIMIT_TORQUE as u32, "limit_torque", "N m"),
+    Parameter::single(0x7019, "mechPos", "rad"),
+    Parameter::single(0x701A, "iqf", "A"),
+    Parameter::single(0x701B, "mechVel", "rad/s"),
+    Parameter::single(0x701C, "VBUS", "V"),
+    Parameter::whole(0, "canTimeout", "50 µs"),
 ];
-/// Their indices; the last one is the motor's.
-pub(super) const INDICES: [u16; 6] = [RUN_MODE, LIMIT_TORQUE, 0x7019, 0x701A, 0x701B, 0x701C];
+pub(super) const LAST: usize = PARAMETERS.len() - 1;
 
 pub(super) const WHO: u32 = 0;
 pub(super) const SETPOINT: u32 = 1;

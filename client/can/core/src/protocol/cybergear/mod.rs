@@ -23,12 +23,11 @@
 
 mod drive;
 mod keys;
-mod make;
 
 use super::Protocol;
 use crate::drive::Mode;
+use drive::make;
 use keys::KEYS;
-use make::make;
 
 /// CyberGear and RobStride.
 pub(super) const CYBERGEAR: Protocol = Protocol {

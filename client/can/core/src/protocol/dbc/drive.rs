@@ -7,7 +7,7 @@ use crate::drive::{
 use crate::frame::{Frame, FrameQueue, Id};
 use crate::protocol::fault;
 use crate::protocol::number::limited;
-use crate::protocol::power_up::{Action, PowerUp, Stage};
+use crate::protocol::power_up::{Action, PowerUp};
 
 /// A temperature counts for this time: it is reported seldom, and changes slowly `[ns]`.
 const TEMPERATURE_NS: u64 = 10_000_000_000;
@@ -59,14 +59,6 @@ impl Dbc {
         }
     }
 
-    /// Set-point that keeps the motor where it is.
-    fn neutral(&self) -> Setpoint {
-        Setpoint {
-            position: if self.place.is_finite() { self.place } else { 0.0 },
-            ..Setpoint::default()
-        }
-    }
-
     fn reported(&self) -> impl Iterator<Item = &Reported> {
         [&self.velocity, &self.torque, &self.temperature, &self.fault, &self.enabled]
             .into_iter()
@@ -97,7 +89,7 @@ impl Drive for Dbc {
             && self.state().fault == 0;
         match self.power_up.action(command, is_ready) {
             Action::Idle(_) | Action::Reset | Action::Withhold => {
-                self.send(false, &self.neutral(), out);
+                self.send(false, &Setpoint::still(self.place), out);
             }
             Action::Prime(setpoint) => self.send(false, &setpoint, out),
             Action::Ask(setpoint) | Action::Await(setpoint) | Action::Follow(setpoint) => {
@@ -115,22 +107,15 @@ impl Drive for Dbc {
     }
 
     fn disable(&self, out: &mut FrameQueue) {
-        self.send(false, &self.neutral(), out);
+        self.send(false, &Setpoint::still(self.place), out);
     }
 
     fn receive(&mut self, now_ns: u64, frame: &Frame) -> Receipt {
-        let is_reported = self.reported().any(|reported| reported.named.id == frame.id);
-        if !is_reported && self.sent.iter().any(|sent| sent.id == frame.id) {
-            return Receipt::Foreign;
-        }
-        let Some(len) = self
-            .reported()
-            .find(|reported| reported.named.id == frame.id)
-            .map(|reported| reported.named.len)
-        else {
-            return Receipt::NotMine;
+        let Some(reported) = self.reported().find(|reported| reported.named.id == frame.id) else {
+            let is_sent = self.sent.iter().any(|sent| sent.id == frame.id);
+            return if is_sent { Receipt::Foreign } else { Receipt::NotMine };
         };
-        if frame.is_fd() || frame.data().len() != len {
+        if frame.is_fd() || frame.data().len() != reported.named.len {
             return Receipt::Malformed;
         }
         let [position_unit, velocity_unit, torque_unit, ..] = self.units;
@@ -171,17 +156,10 @@ impl Drive for Dbc {
 
     fn state(&self) -> DriveState {
         let is_known = !self.silent && self.health().all(Reported::is_known);
-        let power = match self.power {
-            _ if !is_known => Power::Unknown,
-            Power::Off if self.power_up.is_starting() => Power::Starting,
-            power => power,
-        };
-        let fault = match self.code {
-            0 if self.not_finite => fault::NOT_FINITE,
-            0 if self.power_up.stage() == Stage::Lost => fault::POWER_LOST,
-            0 if self.silent => fault::SILENT,
-            code => code,
-        };
+        let power = if is_known { self.power_up.reported(self.power) } else { Power::Unknown };
+        let not_finite = fault::when(self.not_finite, fault::NOT_FINITE);
+        let silent = fault::when(self.silent, fault::SILENT);
+        let fault = fault::first([self.code, not_finite, self.power_up.fault(), silent]);
         DriveState { power, fault, watchdog: Watchdog::Unreadable }
     }
 
@@ -198,12 +176,8 @@ impl Drive for Dbc {
     }
 
     fn identifiers(&self) -> Vec<Id> {
-        let mut ids: Vec<Id> = self
-            .sent
-            .iter()
-            .map(|sent| sent.id)
-            .chain(self.reported().map(|reported| reported.named.id))
-            .collect();
+        let sent = self.sent.iter().map(|sent| sent.id);
+        let mut ids: Vec<Id> = sent.chain(self.reported().map(|of| of.named.id)).collect();
         ids.sort_unstable();
         ids.dedup();
         ids

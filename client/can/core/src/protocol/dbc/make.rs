@@ -5,29 +5,20 @@ use sarrus_models::Diagnostics;
 use super::drive::Dbc;
 use super::file;
 use super::signals::{Finder, Named, Role, frames};
-use crate::drive::{Drive, Mode, Power};
+use crate::drive::{Mode, Power};
 use crate::protocol::power_up::PowerUp;
-use crate::protocol::{Common, Settings};
+use crate::protocol::{Common, Made, Settings};
 
 const SETPOINTS: [&str; 5] = ["position", "velocity", "torque", "stiffness", "damping"];
 const UNITS: [&str; 5] =
     ["position_unit", "velocity_unit", "torque_unit", "stiffness_unit", "damping_unit"];
 
-pub(super) fn make(
-    settings: &Settings,
-    common: Common,
-    diagnostics: &mut Diagnostics,
-) -> Option<Box<dyn Drive>> {
+pub(super) fn make(settings: &Settings, common: Common, diagnostics: &mut Diagnostics) -> Made {
     let messages = match file::parse(settings.text("file")) {
         Ok(messages) => messages,
         Err((line, what)) => {
-            diagnostics.error(
-                settings.place("file"),
-                format!("line {line} of the DBC file: {what}"),
-                "a DBC file",
-                "fix it there",
-            );
-            return None;
+            let found = format!("line {line} of the DBC file: {what}");
+            return settings.wrong(diagnostics, "file", found, "a DBC file", "fix it there");
         }
     };
     let mut finder = Finder { messages: &messages, settings, diagnostics, good: true };
@@ -86,24 +77,18 @@ fn sent_signals(finder: &mut Finder<'_>, common: Common) -> Vec<(Named, Role)> {
         let limit = common.torque_limit / finder.settings.number("torque_unit").abs();
         desired.extend(finder.of("torque_limit").map(|named| (named, Role::Limit(limit))));
     }
-    for constant in
-        finder.settings.text("constants").split(',').filter(|text| !text.trim().is_empty())
-    {
-        match constant
-            .split_once('=')
-            .map(|(name, value)| (name.trim(), value.trim().parse::<f64>()))
-        {
+    let constants = finder.settings.text("constants").split(',');
+    for constant in constants.filter(|text| !text.trim().is_empty()) {
+        let parts = constant.split_once('=');
+        match parts.map(|(name, value)| (name.trim(), value.trim().parse::<f64>())) {
             Some((name, Ok(value))) if value.is_finite() => {
-                desired.extend(
-                    finder.named("constants", name).map(|named| (named, Role::Constant(value))),
-                );
+                let named = finder.named("constants", name);
+                desired.extend(named.map(|named| (named, Role::Constant(value))));
             }
-            _ => finder.wrong(
-                "constants",
-                format!("`{constant}` is no constant"),
-                "Message.Signal=number",
-                "correct it",
-            ),
+            _ => {
+                let found = format!("`{constant}` is no constant");
+                finder.wrong("constants", found, "Message.Signal=number", "correct it");
+            }
         }
     }
     desired
@@ -127,11 +112,7 @@ fn check_mode(finder: &mut Finder<'_>, common: Common) {
     if needs_limit && !finder.settings.has("torque_limit") {
         let found =
             format!("nothing limits the torque of the motor in the mode {}", common.mode.name());
-        finder.wrong(
-            "torque_limit",
-            found,
-            "the signal `torque_limit`",
-            "add it, or choose the mode torque",
-        );
+        let help = "add it, or choose the mode torque";
+        finder.wrong("torque_limit", found, "the signal `torque_limit`", help);
     }
 }

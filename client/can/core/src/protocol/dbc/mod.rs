@@ -60,13 +60,13 @@ pub(super) const DBC: Protocol = Protocol {
         signal("fault", Some(""), "signal of the motor's fault, 0 without one"),
         signal("enabled", Some(""), "signal that tells whether the motor has power"),
         number("enabled_value", "1", "its value with power"),
-        Key {
-            name: "stale_ms",
-            kind: KeyKind::Integer(1, 60_000),
-            default: Some("200"),
-            about: "what the motor has not reported again after this time is not believed any \
-                more, in ms",
-        },
+        Key::integer(
+            "stale_ms",
+            1,
+            60_000,
+            "what the motor has not reported again after this time is not believed any more, in ms",
+        )
+        .or("200"),
         number("position_unit", "1", "rad for 1 of the file's positions"),
         number("velocity_unit", "1", "rad/s for 1 of the file's velocities"),
         number("torque_unit", "1", "N m for 1 of the file's torques"),

@@ -201,16 +201,10 @@ impl Finder<'_> {
         match found {
             Some(named) if named.len <= 8 => Some(named),
             _ => {
-                let found = format!(
-                    "`{key}` names {}, which the DBC file has not",
-                    sarrus_models::yaml::quoted(name)
-                );
-                self.wrong(
-                    key,
-                    found,
-                    "Message.Signal of a message with at most 8 bytes",
-                    "correct the name",
-                );
+                let name = sarrus_models::yaml::quoted(name);
+                let found = format!("`{key}` names {name}, which the DBC file has not");
+                let expected = "Message.Signal of a message with at most 8 bytes";
+                self.wrong(key, found, expected, "correct the name");
                 None
             }
         }

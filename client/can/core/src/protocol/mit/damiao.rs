@@ -26,52 +26,37 @@ const SAME_RANGE: f64 = 1e-4;
 /// Registers that there are.
 const LAST: u8 = 81;
 
-/// Span in [`PARAMETERS`], its register and whether that is a whole number.
-const READABLE: [(u8, bool); 10] = [
-    (TIMEOUT, true),
-    (CONTROL_MODE, true),
-    (PMAX, false),
-    (VMAX, false),
-    (TMAX, false),
-    (7, true),
-    (8, true),
-    (14, true),
-    (20, false),
-    (0, false),
-];
-
 pub(super) const PARAMETERS: &[Parameter] = &[
-    Parameter { name: "TIMEOUT", unit: "50 µs" },
-    Parameter { name: "CTRL_MODE", unit: "" },
-    Parameter { name: "PMAX", unit: "rad" },
-    Parameter { name: "VMAX", unit: "rad/s" },
-    Parameter { name: "TMAX", unit: "N m" },
-    Parameter { name: "MST_ID", unit: "" },
-    Parameter { name: "ESC_ID", unit: "" },
-    Parameter { name: "sw_ver", unit: "" },
-    Parameter { name: "Gr", unit: "" },
-    Parameter { name: "UV_Value", unit: "V" },
+    Parameter::whole(TIMEOUT as u32, "TIMEOUT", "50 µs"),
+    Parameter::whole(CONTROL_MODE as u32, "CTRL_MODE", ""),
+    Parameter::single(PMAX as u32, "PMAX", "rad"),
+    Parameter::single(VMAX as u32, "VMAX", "rad/s"),
+    Parameter::single(TMAX as u32, "TMAX", "N m"),
+    Parameter::whole(7, "MST_ID", ""),
+    Parameter::whole(8, "ESC_ID", ""),
+    Parameter::whole(14, "sw_ver", ""),
+    Parameter::single(20, "Gr", ""),
+    Parameter::single(0, "UV_Value", "V"),
 ];
 
-/// Settings that are written and read before the motor gets power, in this order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Step {
-    WriteMode,
-    WriteTimeout,
-    ReadTimeout,
-    ReadMode,
-    ReadPosition,
-    ReadVelocity,
-    ReadTorque,
-    Done,
-}
+/// Registers that are written and read before the motor gets power, in this order.
+const STEPS: [(u8, u8); 7] = [
+    (WRITE, CONTROL_MODE),
+    (WRITE, TIMEOUT),
+    (READ, TIMEOUT),
+    (READ, CONTROL_MODE),
+    (READ, PMAX),
+    (READ, VMAX),
+    (READ, TMAX),
+];
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Registers {
     id: u16,
     watchdog_ms: u32,
     ranges: [f64; 3],
-    step: Step,
+    /// Place in [`STEPS`].
+    next: usize,
     pub(super) watchdog: Watchdog,
     /// The fault, or 0.
     pub(super) fault: u32,
@@ -80,14 +65,7 @@ pub(super) struct Registers {
 impl Registers {
     /// For a motor with ranges of ± `ranges` of position, velocity and torque in the configuration.
     pub(super) fn new(id: u16, watchdog_ms: u32, ranges: [f64; 3]) -> Registers {
-        Registers {
-            id,
-            watchdog_ms,
-            ranges,
-            step: Step::WriteMode,
-            watchdog: Watchdog::Unknown,
-            fault: 0,
-        }
+        Registers { id, watchdog_ms, ranges, next: 0, watchdog: Watchdog::Unknown, fault: 0 }
     }
 
     /// Begins again.
@@ -97,22 +75,18 @@ impl Registers {
 
     /// Whether all is set and read.
     pub(super) fn done(&self) -> bool {
-        self.step == Step::Done
+        self.next == STEPS.len()
     }
 
     /// The request of this step; repeated until it is answered.
     pub(super) fn request(&self) -> Option<Frame> {
-        let timeout = self.watchdog_ms.saturating_mul(TIMEOUT_PER_MS);
-        match self.step {
-            Step::WriteMode => self.frame(WRITE, CONTROL_MODE, MIT.to_le_bytes()),
-            Step::WriteTimeout => self.frame(WRITE, TIMEOUT, timeout.to_le_bytes()),
-            Step::ReadTimeout => self.read(TIMEOUT),
-            Step::ReadMode => self.read(CONTROL_MODE),
-            Step::ReadPosition => self.read(PMAX),
-            Step::ReadVelocity => self.read(VMAX),
-            Step::ReadTorque => self.read(TMAX),
-            Step::Done => None,
-        }
+        let (what, register) = *STEPS.get(self.next)?;
+        let value = match (what, register) {
+            (WRITE, CONTROL_MODE) => MIT,
+            (WRITE, TIMEOUT) => self.watchdog_ms.saturating_mul(TIMEOUT_PER_MS),
+            _ => 0,
+        };
+        self.frame(what, register, value.to_le_bytes())
     }
 
     /// A request that changes nothing.
@@ -122,7 +96,7 @@ impl Registers {
 
     /// Asks for a parameter by its place.
     pub(super) fn read_parameter(&self, parameter: usize) -> Option<Frame> {
-        self.read(READABLE.get(parameter)?.0)
+        self.read(PARAMETERS.get(parameter)?.address as u8)
     }
 
     /// Writes another identifier.
@@ -160,52 +134,35 @@ impl Registers {
         }
         let number = u32::from_le_bytes([a, b, c, d]);
         let real = f64::from(f32::from_le_bytes([a, b, c, d]));
-        let [position, velocity, torque] = self.ranges;
-        let next = match (self.step, what, register) {
-            (Step::WriteMode, WRITE, CONTROL_MODE) if self.watchdog_ms > 0 => Step::WriteTimeout,
-            (Step::WriteMode, WRITE, CONTROL_MODE) | (Step::WriteTimeout, WRITE, TIMEOUT) => {
-                Step::ReadTimeout
+        if STEPS.get(self.next) == Some(&(what, register)) {
+            if what == READ {
+                self.assess(register, number, real);
             }
-            (Step::ReadTimeout, READ, TIMEOUT) => {
-                self.watchdog = Watchdog::of_counts(number, TIMEOUT_PER_MS);
-                Step::ReadMode
-            }
-            (Step::ReadMode, READ, CONTROL_MODE) => {
-                self.demand(number == MIT, fault::MODE_REFUSED);
-                Step::ReadPosition
-            }
-            (Step::ReadPosition, READ, PMAX) => {
-                self.demand(same(real, position), fault::RANGES_DIFFER);
-                Step::ReadVelocity
-            }
-            (Step::ReadVelocity, READ, VMAX) => {
-                self.demand(same(real, velocity), fault::RANGES_DIFFER);
-                Step::ReadTorque
-            }
-            (Step::ReadTorque, READ, TMAX) => {
-                self.demand(same(real, torque), fault::RANGES_DIFFER);
-                Step::Done
-            }
-            (step, ..) => step,
-        };
-        self.step = next;
-        let parameter = READABLE.iter().position(|(readable, _)| *readable == register);
-        Some(match parameter {
-            Some(parameter) if what == READ => {
-                let whole = READABLE.get(parameter).is_some_and(|(_, whole)| *whole);
-                Receipt::Parameter(parameter, if whole { f64::from(number) } else { real })
-            }
+            // a watchdog of 0 is left alone
+            let is_skipped = self.next == 0 && self.watchdog_ms == 0;
+            self.next += if is_skipped { 2 } else { 1 };
+        }
+        Some(match what {
+            READ => Parameter::receipt(PARAMETERS, u32::from(register), number, 32),
             _ => Receipt::Noted,
         })
     }
 
-    fn demand(&mut self, good: bool, fault: u32) {
-        if !good {
-            self.fault = fault;
-        }
+    /// Compares a register that was read.
+    fn assess(&mut self, register: u8, number: u32, real: f64) {
+        let [position, velocity, torque] = self.ranges;
+        let is_same = |configured: f64| (real - configured).abs() <= SAME_RANGE * configured;
+        let fault = match register {
+            TIMEOUT => {
+                self.watchdog = Watchdog::of_counts(number, TIMEOUT_PER_MS);
+                0
+            }
+            CONTROL_MODE => fault::when(number != MIT, fault::MODE_REFUSED),
+            PMAX => fault::when(!is_same(position), fault::RANGES_DIFFER),
+            VMAX => fault::when(!is_same(velocity), fault::RANGES_DIFFER),
+            _ => fault::when(!is_same(torque), fault::RANGES_DIFFER),
+        };
+        // the last one counts
+        self.fault = if fault == 0 { self.fault } else { fault };
     }
-}
-
-fn same(read: f64, configured: f64) -> bool {
-    (read - configured).abs() <= SAME_RANGE * configured
 }

@@ -1,6 +1,7 @@
 //! Settings of the protocol.
 
 use crate::protocol::Key;
+use crate::protocol::keys::range;
 
 pub(super) const KEYS: &[Key] = &[
     Key::word(
@@ -16,7 +17,3 @@ pub(super) const KEYS: &[Key] = &[
     range("stiffness_range", "largest stiffness [N m/rad]"),
     range("damping_range", "largest damping [N m s/rad]"),
 ];
-
-const fn range(name: &'static str, about: &'static str) -> Key {
-    Key::number(name, 1e-3, 1e5, about)
-}

@@ -30,14 +30,13 @@ mod damiao;
 mod keys;
 mod robstride;
 
-use super::codes::Codes;
+use super::codes::{Coded, Codes};
+use super::keys::RANGES;
 use super::power_up::{Action, PowerUp, Stage};
-use super::scale::Scale;
-use super::turns::Turns;
-use super::{Common, Protocol, Settings, fault};
+use super::{Common, Made, Protocol, Settings, fault};
 use crate::drive::{
-    Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
-    Shared, Watchdog,
+    Drive, DriveCommand, DriveState, Mode, Parameter, Power, Receipt, Reply, Setpoint, Shared,
+    Watchdog,
 };
 use crate::frame::{Frame, FrameQueue, Id};
 use damiao::Registers;
@@ -77,26 +76,16 @@ struct Mit {
     variant: Variant,
     id: u16,
     reply_id: u16,
-    mode: Mode,
-    torque_limit: f64,
-    codes: Codes,
+    coded: Coded,
     registers: Option<Registers>,
     /// Faults of a RobStride.
     question: Option<Question>,
     power_up: PowerUp,
     power: Power,
     motor_fault: u32,
-    turns: Turns,
-    /// Position and velocity as last measured `[rad, rad/s]`.
-    measured: Option<[f64; 2]>,
-    odd: bool,
 }
 
-fn make(
-    settings: &Settings,
-    common: Common,
-    diagnostics: &mut Diagnostics,
-) -> Option<Box<dyn Drive>> {
+fn make(settings: &Settings, common: Common, diagnostics: &mut Diagnostics) -> Made {
     let variant = match settings.text("variant") {
         "mini_cheetah" => Variant::MiniCheetah,
         "t_motor" => Variant::TMotor,
@@ -107,39 +96,22 @@ fn make(
     let reply_id = settings.integer("reply_id") as u16;
     if id == reply_id {
         let found = format!("`id` and `reply_id` are both {id}");
-        diagnostics.error(
-            settings.place("reply_id"),
-            found,
-            "two identifiers",
-            "set the motor's reply to another one",
-        );
-        return None;
+        let help = "set the motor's reply to another one";
+        return settings.wrong(diagnostics, "reply_id", found, "two identifiers", help);
     }
-    let ranges =
-        ["position_range", "velocity_range", "torque_range"].map(|key| settings.number(key));
-    let [position, velocity, torque] = ranges;
+    let ranges = RANGES.map(|key| settings.number(key));
+    let [position, velocity, torque, ..] = ranges;
     Some(Box::new(Mit {
         variant,
         id,
         reply_id,
-        mode: common.mode,
-        torque_limit: common.torque_limit,
-        codes: Codes {
-            position: Scale::around_zero(position, 16),
-            velocity: Scale::around_zero(velocity, 12),
-            torque: Scale::around_zero(torque, 12),
-            stiffness: Scale::from_zero(settings.number("stiffness_range"), 12),
-            damping: Scale::from_zero(settings.number("damping_range"), 12),
-        },
+        coded: Coded::new(Codes::new(ranges, 12), common),
         registers: (variant == Variant::Damiao)
-            .then(|| Registers::new(id, common.watchdog_ms, ranges)),
+            .then(|| Registers::new(id, common.watchdog_ms, [position, velocity, torque])),
         question: (variant == Variant::RobStride).then(|| Question::new(id)),
         power_up: PowerUp::primed(),
         power: Power::Unknown,
         motor_fault: 0,
-        turns: Turns::default(),
-        measured: None,
-        odd: false,
     }))
 }
 
@@ -149,13 +121,8 @@ impl Mit {
     }
 
     /// A set-point in its 8 bytes, never those of a special command.
-    fn setpoint(&self, setpoint: Setpoint) -> Option<Frame> {
-        let setpoint = match self.mode {
-            Mode::Torque => Setpoint { torque: setpoint.torque, ..Setpoint::default() },
-            _ => setpoint,
-        };
-        let codes = self.codes.of(&setpoint, self.torque_limit, self.measured, self.odd);
-        let [position, velocity, stiffness, damping, torque] = codes;
+    fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
+        let [position, velocity, stiffness, damping, torque] = self.coded.setpoint(setpoint);
         let [p_high, p_low] = position.to_be_bytes();
         let [v_high, v_low] = (velocity << 4).to_be_bytes();
         let [k_high, k_low] = stiffness.to_be_bytes();
@@ -196,10 +163,9 @@ impl Mit {
         registers.and_then(|registers| registers.request()).or_else(|| self.special(POWER_OFF))
     }
 
-    /// A set-point; codes beside zero alternate from one to the next.
-    fn follow(&mut self, setpoint: Setpoint, out: &mut FrameQueue) {
+    fn follow(&mut self, setpoint: &Setpoint, out: &mut FrameQueue) {
         out.push_some(self.setpoint(setpoint));
-        self.odd = !self.odd;
+        self.coded.alternate();
     }
 
     /// Takes the motor's own word of its state, where the reply has one.
@@ -244,15 +210,15 @@ impl Drive for Mit {
                 out.push_some(self.special(POWER_OFF));
             }
             // nothing but a torque of zero waits in the motor when it gets power
-            Action::Prime(_) => self.follow(Setpoint::default(), out),
+            Action::Prime(_) => self.follow(&Setpoint::default(), out),
             Action::Ask(_) | Action::Await(_) => out.push_some(self.special(POWER_ON)),
-            Action::Follow(setpoint) => self.follow(setpoint, out),
+            Action::Follow(setpoint) => self.follow(&setpoint, out),
             Action::Withhold => out.push_some(self.special(POWER_OFF)),
         }
     }
 
     fn encode(&self, setpoint: &Setpoint, out: &mut FrameQueue) {
-        out.push_some(self.setpoint(*setpoint));
+        out.push_some(self.setpoint(setpoint));
     }
 
     fn disable(&self, out: &mut FrameQueue) {
@@ -295,7 +261,6 @@ impl Drive for Mit {
             return receipt;
         }
         let [state, p_high, p_low, v_high, v_low, t_low, g, h] = bytes;
-        let code = u16::from_be_bytes([p_high, p_low]);
         let (state, error, temperature) = match self.variant {
             Variant::MiniCheetah => (0, 0, f64::NAN),
             Variant::TMotor if short => (0, 0, f64::NAN),
@@ -304,27 +269,18 @@ impl Drive for Mit {
             Variant::RobStride => (0, 0, f64::from(u16::from_be_bytes([g, h])) / 10.0),
         };
         self.learn(state, error);
-        let position = self.codes.position.value_at(self.turns.follow(code));
-        let velocity = self.codes.velocity.value(u16::from_be_bytes([v_high, v_low]) >> 4);
-        self.measured = Some([position, velocity]);
-        let torque = self.codes.torque.value(u16::from_be_bytes([v_low & 0x0F, t_low]));
-        Receipt::Measured(Measurement { position, velocity, torque, temperature })
+        let position = u16::from_be_bytes([p_high, p_low]);
+        let velocity = u16::from_be_bytes([v_high, v_low]) >> 4;
+        let torque = u16::from_be_bytes([v_low & 0x0F, t_low]);
+        self.coded.measure([position, velocity, torque], temperature)
     }
 
     fn state(&self) -> DriveState {
         let registers = self.registers.map_or(0, |registers| registers.fault);
-        let fault = match self.power_up.stage() {
-            _ if self.motor_fault != 0 => self.motor_fault,
-            _ if registers != 0 => registers,
-            Stage::Lost => fault::POWER_LOST,
-            _ => self.turns.fault(self.mode),
-        };
-        let power = match self.power {
-            Power::Off if self.power_up.is_starting() => Power::Starting,
-            power => power,
-        };
+        let faults = [self.motor_fault, registers, self.power_up.fault(), self.coded.fault()];
+        let power = self.power_up.reported(self.power);
         let watchdog = self.registers.map_or(Watchdog::Unreadable, |registers| registers.watchdog);
-        DriveState { power, fault, watchdog }
+        DriveState { power, fault: fault::first(faults), watchdog }
     }
 
     fn prepare(&mut self) {
@@ -333,9 +289,9 @@ impl Drive for Mit {
 
     fn forget(&mut self) {
         self.power_up.forget();
-        (self.power, self.motor_fault, self.measured) = (Power::Unknown, 0, None);
+        (self.power, self.motor_fault) = (Power::Unknown, 0);
         self.question.iter_mut().for_each(Question::forget);
-        self.turns.forget();
+        self.coded.forget();
         self.prepare();
     }
 
@@ -350,11 +306,11 @@ impl Drive for Mit {
     }
 
     fn steps(&self) -> Setpoint {
-        self.codes.steps()
+        self.coded.codes.steps()
     }
 
     fn largest_gains(&self) -> [f64; 2] {
-        self.codes.largest_gains()
+        self.coded.codes.largest_gains()
     }
 
     fn is_paired(&self) -> bool {
@@ -381,7 +337,7 @@ impl Drive for Mit {
 
     fn set_zero(&mut self, out: &mut FrameQueue) -> bool {
         out.push_some(self.special(ZERO));
-        self.turns = Turns::default();
+        self.coded.set_zero();
         true
     }
 
@@ -394,7 +350,7 @@ impl Drive for Mit {
     }
 
     fn ranges(&self) -> [f64; 3] {
-        self.codes.ranges()
+        self.coded.codes.ranges()
     }
 
     fn save_zero(&mut self, out: &mut FrameQueue) -> bool {

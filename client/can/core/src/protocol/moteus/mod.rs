@@ -27,22 +27,20 @@
 //! makes the damping's scale no larger than the stiffness's: the rest of the damping is added as
 //! torque, at the bus's rate. Its reaction to the end of its watchdog is servo.timeout_mode.
 
-mod keys;
 mod subframes;
 
 use std::f64::consts::TAU;
 
 use super::number::{limited, single, steps_toward_zero};
 use super::power_up::{Action, PowerUp, Stage};
-use super::{Common, Protocol, Settings, fault};
+use super::{Common, Key, Made, Protocol, Settings, fault};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
     Watchdog,
 };
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
-use keys::KEYS;
 use sarrus_models::Diagnostics;
-use subframes::{EMPTY, OUTPUT_EXACT, Payload, Register, TEMPERATURE, value, varuint};
+use subframes::{EMPTY, OUTPUT_EXACT, Payload, Register, TEMPERATURE, each_value};
 
 /// moteus.
 pub(super) const MOTEUS: Protocol = Protocol {
@@ -50,7 +48,14 @@ pub(super) const MOTEUS: Protocol = Protocol {
     about: "mjbots moteus (CAN FD)",
     modes: &[Mode::Torque, Mode::Impedance, Mode::Position],
     fd: true,
-    keys: KEYS,
+    keys: &[
+        Key::integer("id", 1, 126, "id.id of the controller"),
+        Key::integer("source", 0, 126, "identifier of this side").or("0"),
+        Key::number("kp", 1e-6, 1e6, "servo.pid_position.kp [N m/turn], for the mode impedance")
+            .optional(),
+        Key::number("kd", 1e-6, 1e6, "servo.pid_position.kd [N m s/turn], for the mode impedance")
+            .optional(),
+    ],
     make,
 };
 
@@ -64,14 +69,11 @@ const FAULT_REGISTER: u32 = 0x00F;
 const NO_LIMIT: i8 = -1;
 
 const PARAMETERS: &[Parameter] = &[
-    Parameter { name: "voltage", unit: "V" },
-    Parameter { name: "motor temperature", unit: "°C" },
-    Parameter { name: "home state", unit: "" },
-    Parameter { name: "register map version", unit: "" },
+    Parameter::single(0x00D, "voltage", "V"),
+    Parameter::single(0x00A, "motor temperature", "°C"),
+    Parameter::single(0x00C, "home state", ""),
+    Parameter::single(0x102, "register map version", ""),
 ];
-/// Their registers.
-const READABLE: [u32; 4] = [0x00D, 0x00A, 0x00C, 0x102];
-
 /// 1 in an int16 scale.
 const WHOLE: i32 = 32_767;
 /// A step of an int16 torque `[N m]`.
@@ -81,8 +83,7 @@ const TORQUE_STEP: f64 = 0.01;
 struct Moteus {
     id: u32,
     source: u32,
-    mode: Mode,
-    torque_limit: f64,
+    common: Common,
     /// The motor's own gains at scale 1 `[N m/turn, N m s/turn]`.
     gains: [f64; 2],
     /// Steps of .01 s, 0 for the controller's own.
@@ -98,36 +99,22 @@ struct Moteus {
 /// The longest watchdog in eight bits of hundredths of a second `[ms]`.
 const LONGEST_WATCHDOG_MS: u32 = 1270;
 
-fn make(
-    settings: &Settings,
-    common: Common,
-    diagnostics: &mut Diagnostics,
-) -> Option<Box<dyn Drive>> {
+fn make(settings: &Settings, common: Common, diagnostics: &mut Diagnostics) -> Made {
     if common.mode == Mode::Impedance && !(settings.has("kp") && settings.has("kd")) {
         let found = "the drive has not both of `kp` and `kd`";
-        diagnostics.error(
-            settings.place("kp"),
-            found,
-            "the controller's own gains",
-            "add servo.pid_position.kp and .kd",
-        );
-        return None;
+        let help = "add servo.pid_position.kp and .kd";
+        return settings.wrong(diagnostics, "kp", found, "the controller's own gains", help);
     }
     if common.watchdog_ms > LONGEST_WATCHDOG_MS {
         let found = format!("a watchdog of {} ms", common.watchdog_ms);
-        diagnostics.error(
-            settings.place("id"),
-            found,
-            format!("at most {LONGEST_WATCHDOG_MS} with moteus"),
-            "make `watchdog_ms` shorter",
-        );
-        return None;
+        let expected = format!("at most {LONGEST_WATCHDOG_MS} with moteus");
+        let help = "make `watchdog_ms` shorter";
+        return settings.wrong(diagnostics, "id", found, expected, help);
     }
     Some(Box::new(Moteus {
         id: settings.integer("id") as u32,
         source: settings.integer("source") as u32,
-        mode: common.mode,
-        torque_limit: common.torque_limit,
+        common,
         gains: [settings.number("kp"), settings.number("kd")],
         watchdog_steps: common.watchdog_ms.div_ceil(10) as u8,
         watchdog: Watchdog::Unknown,
@@ -144,6 +131,12 @@ impl Moteus {
         Frame::fd(Id::Extended(0x8000 | self.source << 8 | self.id), true, payload.padded())
     }
 
+    /// The identifier of its answers.
+    fn answer(&self) -> Id {
+        let number = self.id << 8 | self.source;
+        Id::standard(number).unwrap_or(Id::Extended(number))
+    }
+
     /// Mode, position, velocity, torque; voltage, temperature, fault.
     fn query(payload: Payload) -> Payload {
         payload.read_f32(Register::Mode, 4).read_i8(Register::Voltage, 3)
@@ -158,7 +151,7 @@ impl Moteus {
     }
 
     fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
-        let [kp, kd] = match self.mode {
+        let [kp, kd] = match self.common.mode {
             Mode::Impedance => {
                 let [kp, kd] = self.gains;
                 let stiffness = (setpoint.stiffness * TAU / kp).clamp(0.0, 1.0);
@@ -168,20 +161,20 @@ impl Moteus {
             Mode::Torque | Mode::Velocity => [0.0, 0.0],
         };
         let mut torque = setpoint.torque;
-        if self.mode == Mode::Impedance && self.velocity.is_finite() {
+        if self.common.mode == Mode::Impedance && self.velocity.is_finite() {
             let [_, own] = self.gains;
             torque +=
                 (setpoint.damping - kd * own / TAU).max(0.0) * (setpoint.velocity - self.velocity);
         }
-        let torque = limited(torque, self.torque_limit);
+        let torque = limited(torque, self.common.torque_limit);
         let torque = steps_toward_zero(torque, TORQUE_STEP, WHOLE) as i16;
         // rounded towards less; the lowest value means the controller's own limit
-        let most = (self.torque_limit / TORQUE_STEP).floor();
+        let most = (self.common.torque_limit / TORQUE_STEP).floor();
         let most =
             if most.is_finite() { most.clamp(0.0, f64::from(WHOLE)) as i16 } else { i16::MIN };
         let scale = |gain: f64| steps_toward_zero(gain, 1.0 / f64::from(WHOLE), WHOLE) as i16;
         let payload = EMPTY.write_i8(Register::Mode, &[POSITION as i8]);
-        let payload = match self.mode {
+        let payload = match self.common.mode {
             Mode::Torque | Mode::Velocity => payload,
             Mode::Impedance | Mode::Position => {
                 let motion = [setpoint.position, setpoint.velocity];
@@ -191,7 +184,7 @@ impl Moteus {
         let payload = payload
             .write_i16(Register::Torque, &[torque, scale(kp), scale(kd), most])
             .write_i8(Register::Watchdog, &[self.watchdog_steps as i8, NO_LIMIT, NO_LIMIT]);
-        let payload = match self.mode {
+        let payload = match self.common.mode {
             Mode::Position => payload,
             _ => payload.write_i8(Register::IntegratorScale, &[0]),
         };
@@ -217,7 +210,7 @@ impl Moteus {
             1..=3 => measured.get_mut(register as usize).into_iter().for_each(|slot| *slot = value),
             _ => {}
         }
-        let parameter = READABLE.iter().position(|known| *known == register);
+        let parameter = PARAMETERS.iter().position(|known| known.address == register);
         parameter.map(|parameter| Receipt::Parameter(parameter, value))
     }
 
@@ -268,42 +261,12 @@ impl Drive for Moteus {
         let mut measured = [f64::NAN; 5];
         let mut receipt = Receipt::Noted;
         // nothing is taken before all of it was read
-        for pass in 0..2 {
-            let mut rest = frame.data();
-            while let [kind, more @ ..] = rest {
-                rest = more;
-                if *kind == 0x50 {
-                    continue;
-                }
-                if matches!(kind, 0x30 | 0x31) {
-                    let Some((_, more)) = varuint(rest).and_then(|(_, more)| varuint(more)) else {
-                        return Receipt::Malformed;
-                    };
-                    rest = more;
-                    continue;
-                }
-                if kind & 0xF0 != 0x20 {
-                    return Receipt::Malformed;
-                }
-                let mut count = u32::from(kind & 3);
-                if count == 0 {
-                    let Some((number, more)) = varuint(rest) else { return Receipt::Malformed };
-                    (count, rest) = (number, more);
-                }
-                let Some((first, more)) = varuint(rest) else { return Receipt::Malformed };
-                rest = more;
-                for i in 0..count {
-                    let Some(register) = first.checked_add(i) else { return Receipt::Malformed };
-                    let Some((number, len)) = value(kind >> 2 & 3, register, rest) else {
-                        return Receipt::Malformed;
-                    };
-                    rest = rest.get(len..).unwrap_or_default();
-                    if pass == 1 {
-                        receipt = self.take(register, number, &mut measured).unwrap_or(receipt);
-                    }
-                }
-            }
+        if each_value(frame.data(), |_, _| {}).is_none() {
+            return Receipt::Malformed;
         }
+        each_value(frame.data(), |register, number| {
+            receipt = self.take(register, number, &mut measured).unwrap_or(receipt);
+        });
         self.proceed();
         let [_, position, velocity, torque, temperature] = measured;
         if position.is_nan() && velocity.is_nan() {
@@ -314,13 +277,9 @@ impl Drive for Moteus {
             return Receipt::Malformed;
         }
         self.velocity = velocity * TAU;
+        let position = position * TAU;
         let torque = if torque.is_finite() { torque } else { f64::NAN };
-        Receipt::Measured(Measurement {
-            position: position * TAU,
-            velocity: self.velocity,
-            torque,
-            temperature,
-        })
+        Receipt::Measured(Measurement { position, velocity: self.velocity, torque, temperature })
     }
 
     fn state(&self) -> DriveState {
@@ -333,13 +292,10 @@ impl Drive for Moteus {
             (Some(2..=4), _) => Power::Starting,
             _ => Power::Off,
         };
-        let fault = match self.power_up.stage() {
-            // other codes name the limit of a motor without fault
-            _ if self.servo_mode == Some(FAULT) => u32::from(self.code.max(1)),
-            _ if self.not_finite => fault::NOT_FINITE,
-            Stage::Lost => fault::POWER_LOST,
-            _ => 0,
-        };
+        // other codes name the limit of a motor without fault
+        let code = fault::when(self.servo_mode == Some(FAULT), u32::from(self.code.max(1)));
+        let not_finite = fault::when(self.not_finite, fault::NOT_FINITE);
+        let fault = fault::first([code, not_finite, self.power_up.fault()]);
         DriveState { power, fault, watchdog: self.watchdog }
     }
 
@@ -355,11 +311,7 @@ impl Drive for Moteus {
     }
 
     fn identifiers(&self) -> Vec<Id> {
-        let answer = self.id << 8 | self.source;
-        vec![
-            Id::Extended(0x8000 | self.source << 8 | self.id),
-            Id::standard(answer).unwrap_or(Id::Extended(answer)),
-        ]
+        vec![Id::Extended(0x8000 | self.source << 8 | self.id), self.answer()]
     }
 
     fn steps(&self) -> Setpoint {
@@ -384,9 +336,8 @@ impl Drive for Moteus {
     }
 
     fn replies(&self) -> Vec<Reply> {
-        let answer = self.id << 8 | self.source;
-        let id = Id::standard(answer).unwrap_or(Id::Extended(answer));
-        vec![Reply { id, kind: FrameKind::Fd { bit_rate_switch: true }, len: 24 }]
+        let kind = FrameKind::Fd { bit_rate_switch: true };
+        vec![Reply { id: self.answer(), kind, len: 24 }]
     }
 
     fn probe(&mut self, out: &mut FrameQueue) {
@@ -403,7 +354,7 @@ impl Drive for Moteus {
     }
 
     fn read_parameter(&mut self, parameter: usize, out: &mut FrameQueue) {
-        let Some(register) = READABLE.get(parameter) else { return };
-        out.push_some(self.frame(&EMPTY.read_single(*register)));
+        let Some(parameter) = PARAMETERS.get(parameter) else { return };
+        out.push_some(self.frame(&EMPTY.read_single(parameter.address)));
     }
 }

@@ -108,9 +108,37 @@ impl Payload {
 /// A payload of nothing.
 pub(super) const EMPTY: Payload = Payload { bytes: [0x50; 64], len: 0 };
 
+/// Gives each register of an answer with its value; `None` for bytes that are no sub-frames.
+pub(super) fn each_value(mut rest: &[u8], mut give: impl FnMut(u32, f64)) -> Option<()> {
+    while let [kind, more @ ..] = rest {
+        rest = more;
+        match kind {
+            0x50 => {}
+            // the report of an error: its register and number
+            0x30 | 0x31 => rest = varuint(varuint(rest)?.1)?.1,
+            0x20..=0x2F => {
+                let (count, more) = match u32::from(kind & 3) {
+                    0 => varuint(rest)?,
+                    count => (count, rest),
+                };
+                let (first, more) = varuint(more)?;
+                rest = more;
+                for i in 0..count {
+                    let register = first.checked_add(i)?;
+                    let (number, len) = value(kind >> 2 & 3, register, rest)?;
+                    rest = rest.get(len..)?;
+                    give(register, number);
+                }
+            }
+            _ => return None,
+        }
+    }
+    Some(())
+}
+
 /// The value of a register in the type of its sub-frame, in the register's unit; and how many bytes
 /// it takes.
-pub(super) fn value(kind: u8, register: u32, bytes: &[u8]) -> Option<(f64, usize)> {
+fn value(kind: u8, register: u32, bytes: &[u8]) -> Option<(f64, usize)> {
     let (whole, lowest, len) = match (kind, bytes) {
         (0, [a, ..]) => (i64::from(*a as i8), i64::from(i8::MIN), 1),
         (1, [a, b, ..]) => (i64::from(i16::from_le_bytes([*a, *b])), i64::from(i16::MIN), 2),
@@ -136,7 +164,7 @@ pub(super) fn value(kind: u8, register: u32, bytes: &[u8]) -> Option<(f64, usize
 }
 
 /// A number of seven bits a byte, and the bytes after it.
-pub(super) fn varuint(bytes: &[u8]) -> Option<(u32, &[u8])> {
+fn varuint(bytes: &[u8]) -> Option<(u32, &[u8])> {
     let mut number = 0_u64;
     for (i, byte) in bytes.iter().enumerate().take(5) {
         number |= u64::from(byte & 0x7F) << (7 * i);

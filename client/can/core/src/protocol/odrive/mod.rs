@@ -31,7 +31,7 @@ use std::f64::consts::TAU;
 
 use super::number::{limited, single, steps, steps_toward_zero};
 use super::power_up::{Action, PowerUp, Stage};
-use super::{Common, Protocol, Settings, fault};
+use super::{Common, Made, Protocol, Settings, fault};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
 };
@@ -78,8 +78,7 @@ struct ODrive {
     node: u16,
     /// Largest velocity and current `[turn/s, A]`.
     limits: Option<[f64; 2]>,
-    mode: Mode,
-    torque_limit: f64,
+    common: Common,
     velocity_scale: f64,
     torque_scale: f64,
     torque_feedback: bool,
@@ -91,32 +90,19 @@ struct ODrive {
     heard_ns: u64,
     errors: u32,
     not_finite: bool,
-    position: f64,
-    torque: f64,
-    temperature: f64,
+    /// As last reported; the velocity comes with each position.
+    measured: Measurement,
 }
 
-fn make(
-    settings: &Settings,
-    common: Common,
-    diagnostics: &mut Diagnostics,
-) -> Option<Box<dyn Drive>> {
+fn make(settings: &Settings, common: Common, diagnostics: &mut Diagnostics) -> Made {
     let endpoint = |key| settings.has(key).then(|| settings.integer(key) as u16);
-    let endpoints =
-        match (endpoint("watchdog_timeout_endpoint"), endpoint("enable_watchdog_endpoint")) {
-            (Some(timeout), Some(enable)) => Some((timeout, enable)),
-            (None, None) => None,
-            _ => {
-                let place = settings.place("watchdog_timeout_endpoint");
-                diagnostics.error(
-                    place,
-                    "one of the watchdog's two endpoints",
-                    "both or none",
-                    "add the other one from flat_endpoints.json",
-                );
-                return None;
-            }
-        };
+    const TIMEOUT: &str = "watchdog_timeout_endpoint";
+    let [timeout, enable] = [TIMEOUT, "enable_watchdog_endpoint"].map(endpoint);
+    if timeout.is_some() != enable.is_some() {
+        let found = "one of the watchdog's two endpoints";
+        let help = "add the other one from flat_endpoints.json";
+        return settings.wrong(diagnostics, TIMEOUT, found, "both or none", help);
+    }
     let node = settings.integer("node") as u16;
     let limits = settings.has("motor_torque_constant").then(|| {
         let current = common.torque_limit / settings.number("motor_torque_constant");
@@ -124,32 +110,28 @@ fn make(
     });
     let limits = limits.filter(|limits| limits.iter().all(|limit| limit.is_finite()));
     if common.mode.has_own_loops() && common.torque_limit.is_finite() && limits.is_none() {
-        diagnostics.error(
-            settings.place("motor_torque_constant"),
-            format!("nothing limits the torque of the ODrive's mode {}", common.mode.name()),
-            "`motor_torque_constant`, and `limits` with `velocity`",
-            "add axis0.config.motor.torque_constant and the greatest speed, or use the mode torque",
-        );
-        return None;
+        let found =
+            format!("nothing limits the torque of the ODrive's mode {}", common.mode.name());
+        let expected = "`motor_torque_constant`, and `limits` with `velocity`";
+        let help =
+            "add axis0.config.motor.torque_constant and the greatest speed, or use the mode torque";
+        return settings.wrong(diagnostics, "motor_torque_constant", found, expected, help);
     }
     Some(Box::new(ODrive {
         node,
         limits,
-        mode: common.mode,
-        torque_limit: common.torque_limit,
+        common,
         velocity_scale: settings.number("velocity_scale"),
         torque_scale: settings.number("torque_scale"),
         torque_feedback: settings.flag("torque_feedback"),
-        setup: Setup::new(node, endpoints, common.watchdog_ms),
+        setup: Setup::new(node, timeout.zip(enable), common.watchdog_ms),
         echo: Echo::default(),
         power_up: PowerUp::primed(),
         axis_state: None,
         heard_ns: 0,
         errors: 0,
         not_finite: false,
-        position: f64::NAN,
-        torque: f64::NAN,
-        temperature: f64::NAN,
+        measured: Measurement::NONE,
     }))
 }
 
@@ -163,9 +145,9 @@ impl ODrive {
     }
 
     fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
-        let torque = limited(setpoint.torque, self.torque_limit);
+        let torque = limited(setpoint.torque, self.common.torque_limit);
         let velocity = setpoint.velocity / TAU;
-        match self.mode {
+        match self.common.mode {
             Mode::Position => {
                 let [a, b, c, d] = single(setpoint.position / TAU).to_le_bytes();
                 let [e, f] = (steps(velocity, self.velocity_scale, 32_767) as i16).to_le_bytes();
@@ -174,37 +156,26 @@ impl ODrive {
                 self.frame(POSITION, &[a, b, c, d, e, f, g, h])
             }
             Mode::Velocity => {
-                let [a, b, c, d] = single(velocity).to_le_bytes();
-                let [e, f, g, h] = single(torque).to_le_bytes();
-                self.frame(VELOCITY, &[a, b, c, d, e, f, g, h])
+                let numbers = [velocity, torque].map(|number| single(number).to_le_bytes());
+                self.frame(VELOCITY, numbers.as_flattened())
             }
             Mode::Torque | Mode::Impedance => self.frame(TORQUE, &single(torque).to_le_bytes()),
-        }
-    }
-
-    /// Set-point that keeps the motor where it is.
-    fn neutral(&self) -> Setpoint {
-        Setpoint {
-            position: if self.position.is_finite() { self.position } else { 0.0 },
-            ..Setpoint::default()
         }
     }
 
     /// Sets the mode. Nothing answers it, so it is sent again and again while the motor has no
     /// power.
     fn control_mode(&self) -> Option<Frame> {
-        let mode: u32 = match self.mode {
+        let mode: u32 = match self.common.mode {
             Mode::Torque | Mode::Impedance => 1,
             Mode::Velocity => 2,
             Mode::Position => 3,
         };
-        let ([a, b, c, d], [e, f, g, h]) = (mode.to_le_bytes(), PASSTHROUGH.to_le_bytes());
-        self.frame(CONTROL_MODE, &[a, b, c, d, e, f, g, h])
+        self.frame(CONTROL_MODE, [mode, PASSTHROUGH].map(u32::to_le_bytes).as_flattened())
     }
 
     fn limits(&self) -> Option<Frame> {
-        let [[a, b, c, d], [e, f, g, h]] = self.limits?.map(|limit| single(limit).to_le_bytes());
-        self.frame(LIMITS, &[a, b, c, d, e, f, g, h])
+        self.frame(LIMITS, self.limits?.map(|limit| single(limit).to_le_bytes()).as_flattened())
     }
 
     /// Cycle `n` without power: in turn the set-point that feeds the watchdog, the request to idle,
@@ -212,7 +183,7 @@ impl ODrive {
     fn idle(&mut self, now_ns: u64, n: u64, out: &mut FrameQueue) {
         let frame = match n % 3 {
             1 => self.state_request(IDLE),
-            2 => self.setpoint(&self.neutral()),
+            2 => self.setpoint(&Setpoint::still(self.measured.position)),
             _ => {
                 self.setup.request().or_else(|| self.question(now_ns, n)).or_else(|| match n % 2 {
                     0 => self.limits().or_else(|| self.control_mode()),
@@ -266,7 +237,7 @@ impl Drive for ODrive {
                 self.not_finite = false;
                 self.prepare();
                 // a set-point, so that the watchdog does not bite again at once
-                out.push_some(self.setpoint(&self.neutral()));
+                out.push_some(self.setpoint(&Setpoint::still(self.measured.position)));
                 out.push_some(self.frame(FORGET_ERRORS, &[0]));
             }
             Action::Prime(setpoint) => {
@@ -320,23 +291,16 @@ impl Drive for ODrive {
                 if self.not_finite {
                     return Receipt::Malformed;
                 }
-                self.position = position * TAU;
-                let torque = self.torque;
-                let temperature = self.temperature;
-                Receipt::Measured(Measurement {
-                    position: self.position,
-                    velocity: velocity * TAU,
-                    torque,
-                    temperature,
-                })
+                self.measured.position = position * TAU;
+                Receipt::Measured(Measurement { velocity: velocity * TAU, ..self.measured })
             }
             (TEMPERATURES, _) => pair(frame).map_or(Receipt::Malformed, |(bridge, motor)| {
-                self.temperature = bridge.max(motor);
+                self.measured.temperature = bridge.max(motor);
                 Receipt::Noted
             }),
             (TORQUES, _) => match pair(frame) {
                 Some((_, estimate)) if estimate.is_finite() => {
-                    self.torque = estimate;
+                    self.measured.torque = estimate;
                     Receipt::Noted
                 }
                 _ => Receipt::Malformed,
@@ -356,12 +320,8 @@ impl Drive for ODrive {
             (Some(IDLE | 0), Stage::Off | Stage::Lost) => Power::Off,
             _ => Power::Starting,
         };
-        let fault = match self.power_up.stage() {
-            _ if self.errors != 0 => self.errors,
-            _ if self.not_finite => fault::NOT_FINITE,
-            Stage::Lost => fault::POWER_LOST,
-            _ => 0,
-        };
+        let not_finite = fault::when(self.not_finite, fault::NOT_FINITE);
+        let fault = fault::first([self.errors, not_finite, self.power_up.fault()]);
         DriveState { power, fault, watchdog: self.setup.watchdog }
     }
 
@@ -377,7 +337,7 @@ impl Drive for ODrive {
     fn forget(&mut self) {
         self.power_up.forget();
         (self.axis_state, self.errors, self.not_finite) = (None, 0, false);
-        (self.position, self.torque, self.temperature) = (f64::NAN, f64::NAN, f64::NAN);
+        self.measured = Measurement::NONE;
         self.prepare();
     }
 
@@ -388,11 +348,8 @@ impl Drive for ODrive {
 
     fn replies(&self) -> Vec<Reply> {
         let reply = |command| Reply::classic(Id::Standard(self.node << 5 | command), 8);
-        if self.torque_feedback {
-            vec![reply(ESTIMATES), reply(TORQUES)]
-        } else {
-            vec![reply(ESTIMATES)]
-        }
+        let torques = self.torque_feedback.then(|| reply(TORQUES));
+        [reply(ESTIMATES)].into_iter().chain(torques).collect()
     }
 
     /// Nothing: heartbeats come by themselves, every 100 ms as an ODrive is delivered.

@@ -6,9 +6,10 @@ use crate::protocol::number::single;
 
 const ENDPOINT: u16 = 0x04;
 
+/// Their endpoints differ from firmware to firmware.
 pub(super) const PARAMETERS: &[Parameter] = &[
-    Parameter { name: "axis0.config.watchdog_timeout", unit: "s" },
-    Parameter { name: "axis0.config.enable_watchdog", unit: "" },
+    Parameter::single(0, "axis0.config.watchdog_timeout", "s"),
+    Parameter::whole(0, "axis0.config.enable_watchdog", ""),
 ];
 
 /// Settings that are written and read, in this order.
@@ -60,8 +61,8 @@ impl Setup {
         let (timeout, enable) = self.endpoints?;
         let (frame, next) = match self.step {
             Step::WriteTimeout => {
-                let [a, b, c, d] = single(f64::from(self.watchdog_ms) / 1e3).to_le_bytes();
-                (self.frame(1, timeout, &[a, b, c, d]), Step::WriteEnable)
+                let seconds = single(f64::from(self.watchdog_ms) / 1e3);
+                (self.frame(1, timeout, &seconds.to_le_bytes()), Step::WriteEnable)
             }
             Step::WriteEnable => (self.frame(1, enable, &[1]), Step::ReadTimeout),
             Step::ReadTimeout => (self.frame(0, timeout, &[]), Step::ReadTimeout),

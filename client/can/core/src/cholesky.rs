@@ -5,19 +5,20 @@ const LEAST: f64 = 1e-14;
 
 /// A symmetric matrix, row by row; after [`Cholesky::factorise`] L with N = L Lᵀ.
 #[derive(Debug)]
-pub(super) struct Cholesky {
+pub struct Cholesky {
     n: usize,
     /// Only the lower half is used (n × n).
-    pub(super) matrix: Vec<f64>,
+    pub matrix: Vec<f64>,
 }
 
 impl Cholesky {
-    pub(super) fn new(n: usize) -> Cholesky {
+    /// For a matrix of n × n. Allocates; nothing after it does.
+    pub fn new(n: usize) -> Cholesky {
         Cholesky { n, matrix: vec![0.0; n * n] }
     }
 
     /// False where the matrix is singular or no number.
-    pub(super) fn factorise(&mut self) -> bool {
+    pub fn factorise(&mut self) -> bool {
         let n = self.n;
         let a = &mut self.matrix;
         for j in 0..n {
@@ -43,7 +44,7 @@ impl Cholesky {
     }
 
     /// x for N x = side, in place.
-    pub(super) fn solve(&self, side: &mut [f64]) {
+    pub fn solve(&self, side: &mut [f64]) {
         let n = self.n;
         let l = &self.matrix;
         for i in 0..n {
