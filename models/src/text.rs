@@ -97,6 +97,13 @@ impl Text {
         Span { file: self.file, line: line as u32, column: column as u32 }
     }
 
+    /// The byte of a line and a column.
+    pub(crate) fn offset(&self, span: Span) -> Option<usize> {
+        let start = *self.lines.get(span.line as usize - 1)?;
+        let columns = span.column as usize - 1;
+        self.content.get(start..)?.char_indices().nth(columns).map(|(at, _)| start + at)
+    }
+
     /// A position that a parser reports, kept within the text: some count a line behind the last.
     pub(crate) fn span_at(&self, line: usize, column: usize) -> Span {
         let Some(start) = self.lines.get(line.max(1) - 1) else {

@@ -80,26 +80,13 @@ fn distances(description: &Description) -> Vec<f64> {
             *slot = Some((joint.parent, length(joint.origin.xyz)));
         }
     }
-    let mut distance: Vec<Option<f64>> =
-        above.iter().map(|of| of.is_none().then_some(0.0)).collect();
-    for start in 0..n {
-        // up to a link whose distance is known, then down again
-        let mut path = Vec::new();
-        let mut link = start;
-        while distance.get(link) == Some(&None)
-            && path.len() <= n
-            && let Some((parent, offset)) = above.get(link).copied().flatten()
-        {
-            path.push((link, offset));
-            link = parent;
-        }
-        let mut sum = distance.get(link).copied().flatten().unwrap_or(0.0);
-        for (link, offset) in path.into_iter().rev() {
-            sum += offset;
-            distance[link] = Some(sum);
-        }
-    }
-    distance.into_iter().map(|of| of.unwrap_or(0.0)).collect()
+    let distance = |start: usize| {
+        let next = |(link, _): &(usize, f64)| above.get(*link).copied().flatten();
+        let path: Vec<(usize, f64)> =
+            std::iter::successors(Some((start, 0.0)), next).take(n + 1).collect();
+        path.iter().rev().map(|(_, offset)| offset).sum()
+    };
+    (0..n).map(distance).collect()
 }
 
 /// Radius of gyration about the axis of the largest moment of the diagonal.

@@ -239,29 +239,24 @@ fn place(description: &mut Description, open: &[(usize, usize, Place)]) {
 /// A submechanism of no file: the moving joints that it `has`, in the order of the URDF,
 /// independent unless they follow others.
 fn serial(name: String, joints: &[Joint], has: impl Fn(usize) -> bool) -> Submechanism {
-    let moving = joints
-        .iter()
-        .enumerate()
-        .filter(|(i, joint)| joint.kind != JointKind::Fixed && has(*i))
-        .collect::<Vec<_>>();
-    let moving = moving.iter().copied();
-    let independent = moving.clone().filter(|(_, joint)| joint.coupling.is_none());
-    let active = independent
-        .clone()
-        .filter(|(_, joint)| !matches!(joint.kind, JointKind::Floating | JointKind::Spherical));
-    let coupled = moving.clone().any(|(_, joint)| joint.coupling.is_some());
-    let (kind, type_name) = if coupled {
-        (SubmechanismKind::Transmission, "TRANSMISSION")
-    } else {
-        (SubmechanismKind::Serial, "SERIAL")
+    let moving: Vec<usize> =
+        (0..joints.len()).filter(|j| joints[*j].kind != JointKind::Fixed && has(*j)).collect();
+    let independent: Vec<usize> =
+        moving.iter().copied().filter(|j| joints[*j].coupling.is_none()).collect();
+    let is_single =
+        |j: &usize| !matches!(joints[*j].kind, JointKind::Floating | JointKind::Spherical);
+    let active = independent.iter().copied().filter(is_single).collect();
+    let (kind, type_name) = match independent.len() == moving.len() {
+        true => (SubmechanismKind::Serial, "SERIAL"),
+        false => (SubmechanismKind::Transmission, "TRANSMISSION"),
     };
     Submechanism {
         name,
         kind,
         type_name: type_name.to_owned(),
-        spanning_tree: moving.map(|(i, _)| i).collect(),
-        independent: independent.map(|(i, _)| i).collect(),
-        active: active.map(|(i, _)| i).collect(),
+        spanning_tree: moving,
+        independent,
+        active,
         loops: Vec::new(),
     }
 }

@@ -5,7 +5,7 @@ mod yaml;
 
 use std::ops::Range;
 
-use sarrus_dynamics::description::{Cut, Description, Placement};
+use sarrus_dynamics::description::{Cut, Description, Joint, Placement};
 
 use crate::base::Base;
 use crate::error::LoadError;
@@ -128,19 +128,16 @@ fn difference(found: &Description, wanted: &Description) -> Option<String> {
     let same = |a: &Placement, b: &Placement| {
         a.xyz.iter().chain(&a.rpy).zip(b.xyz.iter().chain(&b.rpy)).all(|(a, b)| near(*a, *b))
     };
+    // limits, offset of the coupling, rest of the spring
+    let numbers = |of: &Joint| {
+        let [lower, upper] = of.limits.map_or([0.0; 2], |limits| [limits.lower, limits.upper]);
+        let offset = of.coupling.as_ref().map_or(0.0, |coupling| coupling.offset);
+        let rest = if of.terms.stiffness == 0.0 { 0.0 } else { of.terms.rest };
+        [lower, upper, offset, rest]
+    };
     for (a, b) in found.joints.iter().zip(&wanted.joints) {
-        let limits =
-            |of: &sarrus_dynamics::description::Joint| of.limits.map(|x| [x.lower, x.upper]);
-        let limits = limits(a).zip(limits(b));
-        let offset = |of: &sarrus_dynamics::description::Joint| {
-            of.coupling.as_ref().map_or(0.0, |coupling| coupling.offset)
-        };
-        let rests = a.terms.stiffness == 0.0 || near(a.terms.rest, b.terms.rest);
-        if !same(&a.origin, &b.origin)
-            || limits.is_some_and(|(a, b)| !near(a[0], b[0]) || !near(a[1], b[1]))
-            || !near(offset(a), offset(b))
-            || !rests
-        {
+        let are_near = numbers(a).iter().zip(numbers(b)).all(|(a, b)| near(*a, b));
+        if !are_near || !same(&a.origin, &b.origin) {
             return Some(format!("the joint {}", b.name));
         }
     }

@@ -3,7 +3,7 @@
 use sarrus_dynamics::description::Placement;
 
 use super::{Edit, list};
-use crate::report::{Diagnostics, Span};
+use crate::report::Diagnostics;
 use crate::text::Text;
 use crate::yaml;
 
@@ -15,9 +15,9 @@ pub(super) fn edits(
     in_braces: bool,
 ) -> Option<Vec<Edit>> {
     let mut diagnostics = Diagnostics::new(false);
-    let content = text.trim_start_matches('\u{feff}');
-    let mark = text.len() - content.len();
-    let read = Text::new("", content.as_bytes().to_vec(), &mut diagnostics)?;
+    let read = Text::new("", text.as_bytes().to_vec(), &mut diagnostics)?;
+    // a byte order mark is no part of what was read
+    let mark = text.len() - read.content.len();
     let root = yaml::parse(&read, yaml::SUBMECHANISMS, &mut diagnostics)?;
     let mut edits = Vec::new();
     for (s, l, predecessor, successor) in cuts {
@@ -30,8 +30,8 @@ pub(super) fn edits(
             placement("predecessor_placement", predecessor),
             placement("successor_placement", successor),
         ];
-        let from = offset(content, value.span)?;
-        let rest = content.get(from..)?;
+        let from = read.offset(value.span)?;
+        let rest = read.content.get(from..)?;
         let (at, new) = if in_braces {
             (from + scalar(rest), placements.map(|line| format!(", {line}")).concat())
         } else {
@@ -52,14 +52,4 @@ fn scalar(text: &str) -> usize {
         }
         _ => text.find([',', '}', '\n', '\r', '#']).unwrap_or(text.len()),
     }
-}
-
-/// The byte of a line and a column.
-fn offset(text: &str, span: Span) -> Option<usize> {
-    let mut from = 0;
-    for _ in 1..span.line {
-        from += text.get(from..)?.find('\n')? + 1;
-    }
-    let columns = span.column as usize - 1;
-    text.get(from..)?.char_indices().nth(columns).map(|(at, _)| from + at)
 }

@@ -143,10 +143,7 @@ fn element<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Closin
     let axes = [["axis", "parent_axis"], ["axis2", "child_axis"]].map(|names| child(&names));
     let [axis, axis2] = axes.map(|axis| axis.map(|node| reader.numbers::<3>(node, "xyz")));
     let (name, (written, at)) = (name?.0, written?);
-    let [(Some(first), Some(second)), _] = [(links[0].clone(), links[1].clone()), (None, None)]
-    else {
-        return None;
-    };
+    let [Some(first), Some(second)] = links else { return None };
     let links = [first, second];
     let names = [links[0].0.as_str(), links[1].0.as_str()];
     let Some(kind) = kind(&written) else {
@@ -180,8 +177,7 @@ fn element<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Closin
         }
         None => [0.0, 1.0, 0.0],
     };
-    let is_unnamed = false;
-    closing(reader, Closing { name, is_unnamed, span, links, place, kind, axis, axis2 })
+    closing(reader, Closing { name, is_unnamed: false, span, links, place, kind, axis, axis2 })
 }
 
 /// `<drake:ball_constraint>`; other constraints of Drake are errors with the lines to write.
@@ -271,9 +267,6 @@ pub(super) fn to_write(name: &str, links: [&str; 2], kind: Option<&str>) -> Stri
 
 /// The link that an end names.
 fn link<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Named> {
-    let attribute = if node.has_attribute("link") { "link" } else { "name" };
-    if node.has_attribute(attribute) {
-        return reader.required(node, attribute);
-    }
-    reader.required(node, "link")
+    let is_name = node.has_attribute("name") && !node.has_attribute("link");
+    reader.required(node, if is_name { "name" } else { "link" })
 }

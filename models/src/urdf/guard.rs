@@ -12,6 +12,10 @@ const MOST_NAMESPACES: usize = 1024;
 /// True when the text may be parsed. Malformed XML passes: the parser reports its position.
 pub(super) fn is_harmless(text: &Text, diagnostics: &mut Diagnostics) -> bool {
     let content = text.content.as_str();
+    let mut refuse = |at: usize, found: &str, expected: &str, help: &str| {
+        diagnostics.error(text.span(at), found, expected, help);
+        false
+    };
     let mut at = 0;
     let mut depth = 0_usize;
     let mut namespaces = 0;
@@ -27,14 +31,9 @@ pub(super) fn is_harmless(text: &Text, diagnostics: &mut Diagnostics) -> bool {
             };
             at = open + start.len() + close + end.len();
         } else if rest.starts_with("<!") {
+            let found = "a document type declaration (DTD)";
             let help = "remove it; the five entities of XML itself need none";
-            diagnostics.error(
-                text.span(open),
-                "a document type declaration (DTD)",
-                "a file without one",
-                help,
-            );
-            return false;
+            return refuse(open, found, "a file without one", help);
         } else {
             let tag = Tag::scan(rest);
             if tag.attributes > MOST_ATTRIBUTES || namespaces + tag.namespaces > MOST_NAMESPACES {
@@ -42,13 +41,8 @@ pub(super) fn is_harmless(text: &Text, diagnostics: &mut Diagnostics) -> bool {
                     "the element {} has too many attributes or namespaces",
                     quoted(tag.name)
                 );
-                diagnostics.error(
-                    text.span(open),
-                    found,
-                    format!("at most {MOST_ATTRIBUTES}"),
-                    "remove those that no reader knows",
-                );
-                return false;
+                let most = format!("at most {MOST_ATTRIBUTES}");
+                return refuse(open, &found, &most, "remove those that no reader knows");
             }
             namespaces += tag.namespaces;
             depth = if tag.closes {
@@ -57,13 +51,8 @@ pub(super) fn is_harmless(text: &Text, diagnostics: &mut Diagnostics) -> bool {
                 depth + usize::from(!tag.is_empty)
             };
             if depth > DEEPEST {
-                diagnostics.error(
-                    text.span(open),
-                    "elements are nested too deep",
-                    format!("at most {DEEPEST} levels"),
-                    "flatten the file",
-                );
-                return false;
+                let most = format!("at most {DEEPEST} levels");
+                return refuse(open, "elements are nested too deep", &most, "flatten the file");
             }
             at = open + tag.length;
         }

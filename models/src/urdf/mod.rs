@@ -87,6 +87,23 @@ impl Version {
     }
 }
 
+/// The places of names in their list; a second part of a name is reported.
+fn index<'a>(
+    kind: &str,
+    names: impl Iterator<Item = (&'a String, Span)>,
+    diagnostics: &mut Diagnostics,
+) -> BTreeMap<String, usize> {
+    let mut index = BTreeMap::new();
+    for (i, (name, span)) in names.enumerate().filter(|(_, (name, _))| !name.is_empty()) {
+        if index.contains_key(name) {
+            diagnostics.second(span, kind, name);
+        } else {
+            index.insert(name.clone(), i);
+        }
+    }
+    index
+}
+
 impl Urdf {
     /// Walks the text; `None` when it is no URDF file at all, which has been reported.
     pub(crate) fn read(text: &Text, diagnostics: &mut Diagnostics) -> Option<Urdf> {
@@ -194,21 +211,10 @@ impl Urdf {
     }
 
     fn index_names(&mut self, diagnostics: &mut Diagnostics) {
-        for (i, link) in self.links.iter().enumerate().filter(|(_, link)| !link.name.is_empty()) {
-            if self.link_index.contains_key(&link.name) {
-                diagnostics.second(link.span, "link", &link.name);
-            } else {
-                self.link_index.insert(link.name.clone(), i);
-            }
-        }
-        for (i, joint) in self.joints.iter().enumerate().filter(|(_, joint)| !joint.name.is_empty())
-        {
-            if self.joint_index.contains_key(&joint.name) {
-                diagnostics.second(joint.span, "joint", &joint.name);
-            } else {
-                self.joint_index.insert(joint.name.clone(), i);
-            }
-        }
+        let links = self.links.iter().map(|link| (&link.name, link.span));
+        self.link_index = index("link", links, diagnostics);
+        let joints = self.joints.iter().map(|joint| (&joint.name, joint.span));
+        self.joint_index = index("joint", joints, diagnostics);
         // the frame of the whole is that of its last part
         for (name, parts) in &self.parts {
             let last = parts.last().and_then(|last| self.joint_index.get(last)).copied();

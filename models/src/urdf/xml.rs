@@ -174,20 +174,13 @@ impl<'t> Reader<'t, '_> {
         node: Node<'_, 't>,
         attribute: &'static str,
     ) -> Option<(String, Span)> {
-        let of = node.tag_name().name();
         let Some(found) = node.attribute_node(attribute) else {
-            let example = format!("{attribute}=\"…\"");
-            self.diagnostics.error(
-                self.span(node),
-                format!("`{of}` has no `{attribute}`"),
-                example,
-                "add it",
-            );
+            self.missing(node, attribute, "…");
             return None;
         };
         let span = self.span_of_value(&found);
         if found.value().trim().is_empty() {
-            let what = format!("`{attribute}` of `{of}` is empty");
+            let what = format!("`{attribute}` of `{}` is empty", node.tag_name().name());
             self.diagnostics.error(span, what, "a name", "fill it in");
             return None;
         }
@@ -246,11 +239,15 @@ impl<'t> Reader<'t, '_> {
         attribute: &'static str,
     ) -> Option<f64> {
         if !node.has_attribute(attribute) {
-            let found = format!("`{}` has no `{attribute}`", node.tag_name().name());
-            let expected = format!("{attribute}=\"a number\"");
-            self.diagnostics.error(self.span(node), found, expected, "add it");
-            return None;
+            self.missing(node, attribute, "a number");
         }
         self.number(node, attribute)
+    }
+
+    /// Reports an attribute that is not there.
+    fn missing(&mut self, node: Node<'_, 't>, attribute: &str, value: &str) {
+        let found = format!("`{}` has no `{attribute}`", node.tag_name().name());
+        let expected = format!("{attribute}=\"{value}\"");
+        self.diagnostics.error(self.span(node), found, expected, "add it");
     }
 }

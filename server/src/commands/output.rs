@@ -5,6 +5,8 @@ use std::io::{self, ErrorKind, Write};
 use std::os::fd::AsFd;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use clap::{Args, ValueEnum};
 use rustix::event::{PollFd, PollFlags, poll};
@@ -133,6 +135,17 @@ pub(crate) fn print(mut bytes: &[u8]) -> io::Result<()> {
         }
     }
     Ok(())
+}
+
+/// A flag that these signals set from now on.
+pub(crate) fn stop_at(signals: &[i32]) -> Result<Arc<AtomicBool>, Failure> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in signals {
+        let caught = signal_hook::flag::register(*signal, stop.clone());
+        let failed = |error| Failure::start(format!("signal {signal} cannot be caught: {error}"));
+        caught.map_err(failed)?;
+    }
+    Ok(stop)
 }
 
 /// Waits until a stream can be read or written, or has ended.

@@ -2,7 +2,7 @@
 
 use clap::Args;
 use sarrus_proto::Domain;
-use serde::Serialize;
+use serde_json::json;
 
 use super::output::{Failure, FormatFlag, Outcome, Results};
 
@@ -13,18 +13,13 @@ pub(crate) struct Tidy {
     format: FormatFlag,
 }
 
-#[derive(Serialize)]
-struct Cleared {
-    cleared: Vec<String>,
-}
-
 impl Tidy {
     /// Clears the domain; the results are the removed files.
     pub(crate) fn run(self) -> Outcome {
         let removed = Domain::of_user().map_err(Failure::start)?.tidy();
-        let cleared = removed.iter().map(|path| path.display().to_string()).collect();
-        let text = self.format.render(&Cleared { cleared }, |files| {
-            files.cleared.iter().map(|path| format!("{path}\n")).collect()
+        let cleared: Vec<String> = removed.iter().map(|path| path.display().to_string()).collect();
+        let text = self.format.render(&json!({ "cleared": cleared }), |_| {
+            cleared.iter().map(|path| format!("{path}\n")).collect()
         });
         Ok(Results { text, code: 0 })
     }

@@ -46,10 +46,8 @@ impl<'a> Form<'a> {
         } else {
             let given = FieldSet::of(&[Field::Q, Field::Qd]);
             let want = FieldSet::of(&[Field::FramePose, Field::FrameTwist]);
-            Some(Planned::new(
-                model,
-                &Query::new(Request::Kinematics, given, want).with_frames(&links),
-            )?)
+            let query = Query::new(Request::Kinematics, given, want).with_frames(&links);
+            Some(Planned::new(model, &query)?)
         };
         Ok(Form {
             form: ImplicitForm::with_wrenches(model, &links),

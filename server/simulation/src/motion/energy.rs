@@ -49,8 +49,8 @@ impl<T: PlanScalar> Meter<T> {
     pub(crate) fn new(
         model: &Model<T>,
         description: &Description,
-        tree: &Coordinates,
     ) -> Result<Meter<T>, SimulationError> {
+        let tree = Coordinates::of(model.tree_q_names(), model.tree_names());
         let mut links = Vec::new();
         let mut masses = Vec::new();
         for (k, link) in description.links.iter().enumerate() {
@@ -71,10 +71,8 @@ impl<T: PlanScalar> Meter<T> {
         let mut plans = vec![Planned::new(model, &Query::new(Request::Kinematics, given, bare))?];
         for chunk in links.chunks(CHUNK) {
             let want = FieldSet::of(&[FramePose, FrameTwist]);
-            plans.push(Planned::new(
-                model,
-                &Query::new(Request::Kinematics, given, want).with_frames(chunk),
-            )?);
+            let query = Query::new(Request::Kinematics, given, want).with_frames(chunk);
+            plans.push(Planned::new(model, &query)?);
         }
         let mut rotors = Vec::new();
         let mut springs = Vec::new();

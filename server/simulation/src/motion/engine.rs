@@ -3,17 +3,13 @@
 
 use sarrus_dynamics::description::Description;
 use sarrus_dynamics::scalar::{Dd, Dual, Real};
-use sarrus_dynamics::{
-    Answer, Compiled, Field, FieldSet, Model, PlanScalar, Query, Request, Status, Warnings,
-    Workspace,
-};
+use sarrus_dynamics::{Answer, Compiled, Field, Model, PlanScalar, Status, Warnings};
 
 use crate::coordinates::largest;
 use crate::error::SimulationError;
 use crate::forces::inputs::OnTree;
 use crate::forces::springs::{Effect, Springs};
 use crate::motion::rates::{Mechanism, Rates};
-use crate::planned::Planned;
 
 /// Farthest that a coordinate of the guess is taken along the tangent `[rad, m]`.
 const REACH: f64 = 0.5;
@@ -114,7 +110,7 @@ impl Engine {
         (description, compiled): (Description, Compiled),
         springs: Springs,
         inputs: Vec<OnTree>,
-        q: Option<&[f64]>,
+        q: &[f64],
     ) -> Result<Engine, SimulationError> {
         let model = &compiled.model;
         let mechanism = Mechanism::new(model, &description, springs, inputs);
@@ -122,13 +118,11 @@ impl Engine {
         let zero = |n: usize| vec![0.0; n];
         let n_v = mechanism.sizes.n_v;
         let n_vy = mechanism.sizes.n_vy;
-        let q = q.map_or_else(|| mechanism.q.zero(), <[f64]>::to_vec);
-        let guess = q.clone();
         let G = zero(if mechanism.follows_G() { n_v * n_vy } else { 0 });
         let anchor = Anchor {
             t: 0.0,
             y: mechanism.y.zero(),
-            q,
+            q: q.to_vec(),
             qd: zero(n_v),
             G,
             rate: zero(mechanism.n()),
@@ -142,7 +136,7 @@ impl Engine {
             precise: None,
             duals: None,
             anchor,
-            guess,
+            guess: q.to_vec(),
             is_far: false,
             offset: (zero(n_vy), zero(n_v)),
             counts: Counts::default(),
@@ -213,22 +207,6 @@ impl Engine {
     /// Why an evaluation failed since this was last asked.
     pub(crate) fn take_failure(&mut self) -> Option<Status> {
         self.failure.take()
-    }
-
-    /// The first state of all where no closed pose is known: closures start from their own zero.
-    pub(crate) fn settle_from_zero(&mut self, x: &mut [f64]) -> Result<Status, SimulationError> {
-        let model = &self.compiled.model;
-        let mut planned = Planned::new(
-            model,
-            &Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q])),
-        )?;
-        planned.give(Field::Y, &x[..self.mechanism.sizes.n_qy]);
-        let answer = planned.run(model, &mut Workspace::for_plans(model, [planned.plan()]));
-        if answer.status != Status::Ok {
-            return Ok(answer.status);
-        }
-        self.anchor.q.copy_from_slice(planned.get(Field::Q));
-        Ok(self.settle(0.0, x))
     }
 
     /// Accepts a state: quaternions to unit length, ẋ, q and q̇ there; nothing changes where it has
@@ -313,11 +291,8 @@ impl Engine {
         }
         let farthest = largest(dq.iter().copied());
         self.is_far = farthest > REACH;
-        self.mechanism.q.advance(
-            &mut self.guess,
-            dq,
-            if self.is_far { REACH / farthest } else { 1.0 },
-        );
+        let part = if self.is_far { REACH / farthest } else { 1.0 };
+        self.mechanism.q.advance(&mut self.guess, dq, part);
     }
 }
 

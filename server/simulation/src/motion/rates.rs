@@ -139,10 +139,8 @@ impl<T: PlanScalar> Rates<T> {
             } else {
                 FieldSet::of(&[Q, Qd, FramePose, FrameTwist])
             };
-            Some(Planned::new(
-                &model,
-                &Query::new(Request::Kinematics, given, want).with_frames(links),
-            )?)
+            let query = Query::new(Request::Kinematics, given, want).with_frames(links);
+            Some(Planned::new(&model, &query)?)
         } else {
             None
         };

@@ -199,15 +199,9 @@ impl Settings {
             // with a first step that leads to other steps
             _ => {
                 let step = self.step.unwrap_or(self.duration / 37.0).min(self.duration / 37.0);
-                (
-                    Settings {
-                        rtol: (0.01 * self.rtol).max(1e-14),
-                        atol: 0.01 * self.atol,
-                        step: Some(step),
-                        ..once
-                    },
-                    1.0,
-                )
+                let rtol = (0.01 * self.rtol).max(1e-14);
+                let atol = 0.01 * self.atol;
+                (Settings { rtol, atol, step: Some(step), ..once }, 1.0)
             }
         }
     }

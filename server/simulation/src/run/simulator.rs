@@ -9,7 +9,6 @@ use super::settings::Settings;
 use super::setup::Setup;
 use super::start::Start;
 use super::switching::{NEAR, Watch};
-use crate::coordinates::Coordinates;
 use crate::error::SimulationError;
 use crate::methods::{Attempt, Stepper};
 use crate::motion::energy::{Energy, Meter};
@@ -47,25 +46,19 @@ impl<'a> Simulator<'a> {
         settings: &'a Settings,
     ) -> Result<Simulator<'a>, SimulationError> {
         let model = &setup.compiled.model;
-        let tree = Coordinates::of(model.tree_q_names(), model.tree_names());
         let start = start.check(model)?;
         let (springs, inputs) = setup.checked()?;
         let robot = (setup.description.clone(), setup.compiled.clone());
-        let mut engine = Engine::new(robot, springs, inputs, start.guess.as_deref())?;
+        let mut engine = Engine::new(robot, springs, inputs, &start.guess)?;
         engine.may_be_precise = settings.precise;
-        // without a guess closures start from their own zero
         let mut x = [start.y, start.yd].concat();
         x.resize(engine.mechanism.n(), 0.0);
-        let status = if start.guess.is_some() {
-            engine.settle(0.0, &mut x)
-        } else {
-            engine.settle_from_zero(&mut x)?
-        };
+        let status = engine.settle(0.0, &mut x);
         if status != Status::Ok {
             return Err(SimulationError::Start { status, detail: 0.0 });
         }
         Ok(Simulator {
-            meter: Meter::new(model, setup.description, &tree)?,
+            meter: Meter::new(model, setup.description)?,
             precise_meter: None,
             watch: if settings.switching || settings.precise { Watch::new(model)? } else { None },
             near: None,
@@ -161,12 +154,10 @@ impl<'a> Simulator<'a> {
         if self.stepper.finds_stiff() {
             self.run.events.push(Event { time: self.t, kind: EventKind::Stiff });
         }
-        if let (false, Some(distance)) =
-            (self.run.end.is_finished(), self.distance().filter(|near| *near < NEAR))
-        {
-            self.run
-                .events
-                .push(Event { time: self.t, kind: EventKind::NearSingular { distance } });
+        let near = self.distance().filter(|near| *near < NEAR && !self.run.end.is_finished());
+        if let Some(distance) = near {
+            let kind = EventKind::NearSingular { distance };
+            self.run.events.push(Event { time: self.t, kind });
         }
         self.run.counts = self.engine.counts;
         self.run.time = self.t;
@@ -208,9 +199,8 @@ impl<'a> Simulator<'a> {
                 (self.engine, self.x) = (better.engine, better.x);
                 self.engine.may_be_precise = self.settings.precise;
                 let model = &self.engine.compiled.model;
-                let tree = Coordinates::of(model.tree_q_names(), model.tree_names());
                 (self.meter, self.precise_meter) =
-                    (Meter::new(model, &self.engine.description, &tree)?, None);
+                    (Meter::new(model, &self.engine.description)?, None);
                 self.watch = Watch::new(model)?;
                 self.stepper.restart();
                 Ok(true)
@@ -232,9 +222,7 @@ impl<'a> Simulator<'a> {
         }
         if measured.is_err() {
             if self.precise_meter.is_none() {
-                let tree = &self.engine.mechanism.q;
-                self.precise_meter =
-                    Some(Meter::new(&compiled.exact, &self.engine.description, tree)?);
+                self.precise_meter = Some(Meter::new(&compiled.exact, &self.engine.description)?);
             }
             measured = self
                 .precise_meter

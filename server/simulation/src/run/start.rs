@@ -37,7 +37,8 @@ pub enum Start {
 pub(crate) struct Checked {
     pub(crate) y: Vec<f64>,
     pub(crate) yd: Vec<f64>,
-    pub(crate) guess: Option<Vec<f64>>,
+    /// A closed pose.
+    pub(crate) guess: Vec<f64>,
     pub(crate) correction: [f64; 2],
 }
 
@@ -59,15 +60,14 @@ impl Start {
             Start::Independent { y, yd, guess } => {
                 pose("y", y, model.independent_q_names(), &y_of)?;
                 SimulationError::check_numbers("yd", yd, model.independent_names())?;
-                if let Some(guess) = guess {
-                    pose("the guess of q", guess, model.tree_q_names(), &q_of)?;
-                }
-                Ok(Checked {
-                    y: y.clone(),
-                    yd: yd.clone(),
-                    guess: guess.clone(),
-                    correction: [0.0; 2],
-                })
+                let guess = match guess {
+                    Some(guess) => {
+                        pose("the guess of q", guess, model.tree_q_names(), &q_of)?;
+                        guess.clone()
+                    }
+                    None => closed_from_zero(model, y)?,
+                };
+                Ok(Checked { y: y.clone(), yd: yd.clone(), guess, correction: [0.0; 2] })
             }
             Start::Tree { q, qd } => {
                 pose("q", q, model.tree_q_names(), &q_of)?;
@@ -75,6 +75,18 @@ impl Start {
                 closed(model, q, qd, &q_of)
             }
         }
+    }
+}
+
+/// The closed pose at y, where closures start from their own zero.
+fn closed_from_zero(model: &Model<f64>, y: &[f64]) -> Result<Vec<f64>, SimulationError> {
+    let [given, want] = [Field::Y, Field::Q].map(|field| FieldSet::of(&[field]));
+    let mut planned = Planned::new(model, &Query::new(Request::Kinematics, given, want))?;
+    planned.give(Field::Y, y);
+    let status = planned.run(model, &mut Workspace::for_plans(model, [planned.plan()])).status;
+    match status {
+        Status::Ok => Ok(planned.get(Field::Q).to_vec()),
+        status => Err(SimulationError::Start { status, detail: 0.0 }),
     }
 }
 
@@ -109,7 +121,7 @@ fn closed(
     Ok(Checked {
         y: planned.get(Y).to_vec(),
         yd: planned.get(Yd).to_vec(),
-        guess: Some(guess.to_vec()),
+        guess: guess.to_vec(),
         correction,
     })
 }

@@ -156,7 +156,7 @@ fn with_independents(
     }
     let springs = engine.mechanism.springs.clone();
     let inputs = engine.mechanism.inputs.clone();
-    let mut next = Engine::new((description, compiled), springs, inputs, Some(&engine.anchor.q))
+    let mut next = Engine::new((description, compiled), springs, inputs, &engine.anchor.q)
         .map_err(|error| error.to_string())?;
     next.counts = engine.counts;
     (next.anchor.t, next.anchor.qd) = (engine.anchor.t, engine.anchor.qd.clone());
@@ -178,14 +178,8 @@ fn with_independents(
     let after = distance.ok_or("their distance to singularity is not known")?;
     let from = engine.compiled.model.independent_names().to_vec();
     let to = next.compiled.model.independent_names().to_vec();
-    Ok((
-        Box::new(Better {
-            engine: next,
-            x: state,
-            event: EventKind::Switched { from, to, before, after },
-        }),
-        after,
-    ))
+    let event = EventKind::Switched { from, to, before, after };
+    Ok((Box::new(Better { engine: next, x: state, event }), after))
 }
 
 /// Declares other joints independent, each in the submechanism that has it; those that stay keep

@@ -23,7 +23,7 @@ pub(super) fn run(
     let (springs, inputs) = setup.checked()?;
     let mut form = Form::new(model, setup.description, springs, inputs, settings.rate())?;
     let (mut x, correction) = closed(model, &form.mechanism, start)?;
-    let mut meter = Meter::new(model, setup.description, &form.mechanism.q)?;
+    let mut meter = Meter::new(model, setup.description)?;
     let n_q = form.mechanism.sizes.n_q;
     let n_v = form.mechanism.sizes.n_v;
     let declared = setup.declared();
@@ -81,12 +81,12 @@ fn closed(
 ) -> Result<(Vec<f64>, [f64; 2]), SimulationError> {
     let checked = start.check(model)?;
     use Field::*;
-    let given = FieldSet::of(if checked.guess.is_some() { &[Y, Yd, QGuess] } else { &[Y, Yd] });
+    let given = FieldSet::of(&[Y, Yd, QGuess]);
     let query = Query::new(Request::Kinematics, given, FieldSet::of(&[Q, Qd]));
     let mut planned = Planned::new(model, &query)?;
     planned.give(Y, &checked.y);
     planned.give(Yd, &checked.yd);
-    checked.guess.iter().for_each(|guess| planned.give(QGuess, guess));
+    planned.give(QGuess, &checked.guess);
     let status = planned.run(model, &mut Workspace::for_plans(model, [planned.plan()])).status;
     if status != Status::Ok {
         return Err(SimulationError::Start { status, detail: 0.0 });

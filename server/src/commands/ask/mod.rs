@@ -188,10 +188,9 @@ impl Session {
     fn read(&self, line: &[u8]) -> Item {
         let text = match std::str::from_utf8(line) {
             Ok(text) => text,
-            Err(error) => {
-                let valid =
-                    line.get(..error.valid_up_to()).and_then(|part| str::from_utf8(part).ok());
-                let column = Some(column(valid.unwrap_or_default(), line.len()));
+            Err(_) => {
+                let valid = line.utf8_chunks().next().map_or("", |chunk| chunk.valid());
+                let column = Some(column(valid, line.len()));
                 return Item::bad(&Remark { column, words: "a byte that is no UTF-8".to_owned() });
             }
         };

@@ -1,5 +1,7 @@
 //! The table of closures.
 
+use std::cmp::Ordering;
+
 use sarrus_models::ClosureReport;
 
 use crate::commands::output::table;
@@ -54,14 +56,10 @@ pub(super) fn in_words(closures: &[ClosureReport]) -> String {
 
 fn row(report: &ClosureReport) -> Vec<String> {
     let closure = &report.closure;
-    let sign = |branch: &f64| {
-        if *branch > 0.0 {
-            "+1"
-        } else if *branch < 0.0 {
-            "-1"
-        } else {
-            "0"
-        }
+    let sign = |branch: &f64| match branch.partial_cmp(&0.0) {
+        Some(Ordering::Greater) => "+1",
+        Some(Ordering::Less) => "-1",
+        _ => "0",
     };
     let branch = report.branch.iter().map(sign).collect::<Vec<_>>().join(" ");
     let has_loops = closure.rows > 0;

@@ -1,8 +1,6 @@
 //! Numbers for the joints of a robot: in a flag or in a file.
 
-use std::convert::Infallible;
 use std::path::Path;
-use std::str::FromStr;
 
 use serde_json::Value;
 
@@ -18,11 +16,9 @@ enum Written {
     Named(Vec<(String, f64)>),
 }
 
-impl FromStr for Numbers {
-    type Err = Infallible;
-
-    fn from_str(text: &str) -> Result<Numbers, Infallible> {
-        Ok(Numbers(text.to_owned()))
+impl From<String> for Numbers {
+    fn from(text: String) -> Numbers {
+        Numbers(text)
     }
 }
 

@@ -6,7 +6,6 @@ mod report;
 mod trajectory;
 
 use std::io;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
@@ -22,11 +21,11 @@ use sarrus_models::{bundled, load};
 use sarrus_server::Wait;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-use super::output::{Failure, FormatFlag, Outcome, Results};
+use super::output::{Failure, FormatFlag, Outcome, Results, stop_at};
 use super::progress::Progress;
 use process::ServerProcess;
 use report::{Report, Way};
-use trajectory::{QUERY, Reference, SAMPLES, Trajectory, counts};
+use trajectory::{QUERY, Reference, SAMPLES, Trajectory};
 
 const ROBOT: &str = "rh5v2_upper_body";
 /// Time of the requests through each transport, at least one whole movement.
@@ -46,7 +45,7 @@ pub(crate) struct Demo {
 
 impl Demo {
     pub(crate) fn run(self) -> Outcome {
-        let stop = Arc::new(AtomicBool::new(false));
+        let stop = stop_at(&[SIGINT, SIGTERM, SIGHUP])?;
         let report = demo(&stop);
         if stop.load(Relaxed) {
             // the exit code that shells give an interrupted program
@@ -63,12 +62,7 @@ fn stopped() -> Failure {
     Failure::start("stopped")
 }
 
-fn demo(stop: &Arc<AtomicBool>) -> Result<Report, Failure> {
-    for signal in [SIGINT, SIGTERM, SIGHUP] {
-        signal_hook::flag::register(signal, stop.clone()).map_err(|error| {
-            Failure::start(format!("signal {signal} cannot be caught: {error}"))
-        })?;
-    }
+fn demo(stop: &AtomicBool) -> Result<Report, Failure> {
     let mut progress = Progress::new();
     let mut go_on = |step: &str, done: f64| {
         progress.show(step, done);
@@ -83,11 +77,12 @@ fn demo(stop: &Arc<AtomicBool>) -> Result<Report, Failure> {
         go_on("in double-double", 0.2 * done)
     });
     let reference = reference.ok_or_else(stopped)?;
-    let course = Course { trajectory, reference, counts: counts(&info) };
-
-    // the computation without a server
     let model = loaded.compiled.model;
     let plan = Plan::new(&model, &QUERY).map_err(Failure::start)?;
+    let counts = (plan.given().len(), plan.want().len());
+    let course = Course { trajectory, reference, counts };
+
+    // the computation without a server
     let mut workspace = Workspace::new(&model);
     let in_process =
         |input: &[f64], output: &mut [f64]| Ok(plan.run(&model, &mut workspace, input, output));

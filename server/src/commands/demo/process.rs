@@ -22,10 +22,7 @@ pub(super) struct ServerProcess {
 impl ServerProcess {
     /// Starts this executable as a server and waits until it is ready.
     pub(super) fn start(robot: &str, name: &str, wait: Wait) -> io::Result<ServerProcess> {
-        let wait = match wait {
-            Wait::Busy => "busy",
-            Wait::Sleep => "sleep",
-        };
+        let wait = if wait == Wait::Busy { "busy" } else { "sleep" };
         let mut command = Command::new(std::env::current_exe()?);
         command
             .args(["serve", "--robot", robot, "--name", name, "--wait", wait])

@@ -1,6 +1,6 @@
 //! The movement of the demo's controller, and its forces in double-double.
 
-use sarrus_client::{Field, FieldSet, Layout, ModelInfo, Query, Request, Status};
+use sarrus_client::{Field, FieldSet, ModelInfo, Query, Request, Status};
 use sarrus_dynamics::scalar::Dd;
 use sarrus_dynamics::{Model, Plan, Workspace};
 
@@ -20,36 +20,21 @@ pub(super) const QUERY: Query = Query::new(
     FieldSet::of(&[Field::TauU]),
 );
 
-/// Every independent joint through the middle of its range along a cycloid, all at the same time.
-pub(super) struct Trajectory {
-    lower: Vec<f64>,
-    range: Vec<f64>,
-}
+/// Every independent joint through the middle of its range along a cycloid, all at the same time:
+/// where each starts and how far it goes.
+pub(super) struct Trajectory(Vec<(f64, f64)>);
 
 impl Trajectory {
     /// The movement of a model; a joint without limits counts as one from −1 to 1.
     pub(super) fn new(model: &ModelInfo) -> Trajectory {
-        let ends: Vec<[f64; 2]> = model
-            .independent
-            .iter()
-            .map(|name| {
-                let limits = model
-                    .tree
-                    .iter()
-                    .position(|of_tree| of_tree == name)
-                    .and_then(|index| model.limits.get(index)?.as_ref());
-                limits
-                    .and_then(|limits| Some([limits.lower?, limits.upper?]))
-                    .unwrap_or([-1.0, 1.0])
-            })
-            .collect();
-        Trajectory {
-            lower: ends
-                .iter()
-                .map(|[lower, upper]| 0.5 * (lower + upper - REACH * (upper - lower)))
-                .collect(),
-            range: ends.iter().map(|[lower, upper]| REACH * (upper - lower)).collect(),
-        }
+        let movement = |name: &String| {
+            let index = model.tree.iter().position(|of_tree| of_tree == name);
+            let limits = index.and_then(|index| model.limits.get(index)?.as_ref());
+            let ends = limits.and_then(|limits| Some([limits.lower?, limits.upper?]));
+            let [lower, upper] = ends.unwrap_or([-1.0, 1.0]);
+            (0.5 * (lower + upper - REACH * (upper - lower)), REACH * (upper - lower))
+        };
+        Trajectory(model.independent.iter().map(movement).collect())
     }
 
     /// y, ẏ and ÿ of one sample, packed one after the other [K21, 6.1 to 6.3].
@@ -58,9 +43,9 @@ impl Trajectory {
         let t = k as f64 * DURATION / (SAMPLES - 1) as f64;
         let angle = rate * t;
         let (sin, cos) = angle.sin_cos();
-        let (y, rest) = input.split_at_mut(self.lower.len().min(input.len()));
-        let (yd, ydd) = rest.split_at_mut(self.lower.len().min(rest.len()));
-        for (i, (lower, range)) in self.lower.iter().zip(&self.range).enumerate() {
+        let (y, rest) = input.split_at_mut(self.0.len().min(input.len()));
+        let (yd, ydd) = rest.split_at_mut(self.0.len().min(rest.len()));
+        for (i, (lower, range)) in self.0.iter().enumerate() {
             let mean = range / DURATION;
             if let (Some(y), Some(yd), Some(ydd)) = (y.get_mut(i), yd.get_mut(i), ydd.get_mut(i)) {
                 *y = lower + mean * (t - sin / rate);
@@ -125,18 +110,13 @@ impl Reference {
     }
 }
 
-/// The lengths of input and output.
-pub(super) fn counts(model: &ModelInfo) -> (usize, usize) {
-    (Layout::of_given(&QUERY, &model.sizes).len(), Layout::of_want(&QUERY, model).len())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn a_cycloid_starts_and_ends_at_rest_at_the_limits_and_its_rates_are_its_derivatives() {
-        let trajectory = Trajectory { lower: vec![-0.5, 1.0], range: vec![2.0, 0.5] };
+        let trajectory = Trajectory(vec![(-0.5, 2.0), (1.0, 0.5)]);
         let at = |k| {
             let mut input = [f64::NAN; 6];
             trajectory.sample(k, &mut input);

@@ -12,7 +12,7 @@ use std::time::Duration;
 use clap::Args;
 use sarrus_client::describe;
 use sarrus_dynamics::Model;
-use sarrus_models::LoadError;
+use sarrus_models::{LoadError, Loaded};
 use sarrus_proto::{Domain, ModelInfo, ServerName, supervision};
 use sarrus_server::record::{RecordOptions, RecordedRobot};
 use sarrus_server::{Kernels, ServeError, ServeOptions, Wait, serve};
@@ -104,15 +104,15 @@ impl Serve {
         } else if self.supervisor.is_some_and(|supervisor| !supervise::die_with(supervisor)) {
             2
         } else {
-            self.serve().map_err(|failure| self.report(failure))?;
+            let stop = output::stop_at(&[SIGTERM, SIGINT])?;
+            self.serve(&stop).map_err(|failure| self.report(failure))?;
             0
         };
         Ok(Results { text: String::new(), code })
     }
 
     /// Loads the robot and serves it until a signal.
-    fn serve(&self) -> Result<(), ServeFailure> {
-        let stop = stop_signals()?;
+    fn serve(&self, stop: &AtomicBool) -> Result<(), ServeFailure> {
         let mut options = self.options();
         options.check()?;
         let loaded = self.robot.load()?;
@@ -131,7 +131,7 @@ impl Serve {
             }
             print_line(&format!("ready {} {:016x}", self.name, info.fingerprint));
         };
-        Ok(serve(Arc::new(loaded.compiled.model), &info, &options, &stop, ready)?)
+        Ok(serve(Arc::new(loaded.compiled.model), &info, &options, stop, ready)?)
     }
 
     /// Refuses a robot whose files have changed since the supervisor's first server.
@@ -148,7 +148,9 @@ impl Serve {
     }
 
     fn warn(&self, info: &ModelInfo, record: Option<&RecordOptions>) {
-        if record.is_some_and(|record| !is_whole(&record.robot, info.fingerprint)) {
+        let is_served = |loaded: Loaded| loaded.compiled.model.fingerprint() == info.fingerprint;
+        // the recorded files alone describe the robot that is served
+        if record.is_some_and(|record| !record.robot.load().is_ok_and(is_served)) {
             eprintln!(
                 "sarrus serve: warning: the recording cannot hold this robot, whose files name \
                  further ones; replay it with --urdf"
@@ -207,22 +209,6 @@ impl Serve {
         let robot = RecordedRobot::new(&self.robot.source(), &self.robot.options())?;
         Ok(Some(RecordOptions { file, seconds: self.record_seconds, robot }))
     }
-}
-
-/// A flag that SIGTERM and SIGINT set from now on.
-fn stop_signals() -> Result<Arc<AtomicBool>, ServeFailure> {
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [SIGTERM, SIGINT] {
-        signal_hook::flag::register(signal, stop.clone()).map_err(|error| {
-            ServeFailure::Other(format!("signal {signal} cannot be caught: {error}"))
-        })?;
-    }
-    Ok(stop)
-}
-
-/// Whether the recorded files alone describe the robot that is served.
-fn is_whole(robot: &RecordedRobot, fingerprint: u64) -> bool {
-    robot.load().is_ok_and(|loaded| loaded.compiled.model.fingerprint() == fingerprint)
 }
 
 /// The first fault of a robot, and the number of the others.

@@ -104,26 +104,25 @@ impl ForceFlags {
 
     /// Every spring.
     pub(super) fn springs(&self, model: &Model<f64>) -> Result<Vec<Spring>, String> {
-        let spring = |words: &[String]| {
-            let [from, to, constants] = words else {
-                return Err("--spring takes two points and three constants".to_owned());
-            };
-            match constants.parse::<Numbers>()?.0.as_slice() {
-                [stiffness, damping, rest] => Ok(Spring {
-                    from: point(from, model)?,
-                    to: point(to, model)?,
-                    stiffness: *stiffness,
-                    damping: *damping,
-                    rest: *rest,
-                }),
-                other => Err(format!(
-                    "--spring {constants}: found {} number(s), expected stiffness, damping and \
+        let spring = |[from, to, constants]: &[String; 3]| match constants
+            .parse::<Numbers>()?
+            .0
+            .as_slice()
+        {
+            [stiffness, damping, rest] => Ok(Spring {
+                from: point(from, model)?,
+                to: point(to, model)?,
+                stiffness: *stiffness,
+                damping: *damping,
+                rest: *rest,
+            }),
+            other => Err(format!(
+                "--spring {constants}: found {} number(s), expected stiffness, damping and \
                      rest length",
-                    other.len()
-                )),
-            }
+                other.len()
+            )),
         };
-        self.spring.chunks(3).map(spring).collect()
+        self.spring.as_chunks().0.iter().map(spring).collect()
     }
 }
 
