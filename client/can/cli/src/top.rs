@@ -101,12 +101,8 @@ pub(crate) fn meanings(
 }
 
 fn flags(bits: u32) -> Vec<&'static str> {
-    flag::NAMES
-        .into_iter()
-        .enumerate()
-        .filter(|(bit, _)| bits & (1 << bit) != 0)
-        .map(|(_, name)| name)
-        .collect()
+    let named = flag::NAMES.into_iter().enumerate();
+    named.filter(|(bit, _)| bits & (1 << bit) != 0).map(|(_, name)| name).collect()
 }
 
 /// One actuator's numbers, by its place.
@@ -165,8 +161,8 @@ fn text(state: &ActuatorState, statistics: &BridgeStatistics) -> String {
             bus.name.as_str().to_owned(),
             bus_state(bus.state).to_owned(),
             format!("{:.0} %", bus.load * 100.0),
+            bus.sent.to_string(),
         ];
-        row.push(bus.sent.to_string());
         row.extend(bus.counts.each().map(|(_, count)| count.to_string()));
         rows.push(row);
     }

@@ -135,27 +135,22 @@ impl Interface {
         }
         let flags = word(message, HEAD + 8).ok_or(Garbled)?;
         let list = message.get(HEAD + INFO..).filter(|_| kind == NEW_LINK).ok_or(Garbled)?;
-        let mtu = find(list, MTU).and_then(|bytes| word(bytes, 0)).ok_or(Garbled)?;
+        let mtu = number(list, MTU).ok_or(Garbled)?;
         let data = find(list, LINK_INFO).and_then(|info| find(info, DATA)).unwrap_or_default();
         // the bit rate is the first number of `can_bittiming`; a rate that is
         // not set, or known to the adapter only, is 0 or −1
-        let rate = |kind: u16| {
-            find(data, kind)
-                .and_then(|timing| word(timing, 0))
-                .filter(|rate| !matches!(*rate, 0 | u32::MAX))
-        };
-        let controller =
-            find(data, STATE).and_then(|state| word(state, 0)).map(|state| match state {
-                0 => Controller::Active,
-                1 => Controller::Warning,
-                2 => Controller::Passive,
-                3 => Controller::Off,
-                _ => Controller::Stopped,
-            });
+        let rate = |kind: u16| number(data, kind).filter(|rate| !matches!(*rate, 0 | u32::MAX));
+        let controller = number(data, STATE).map(|state| match state {
+            0 => Controller::Active,
+            1 => Controller::Warning,
+            2 => Controller::Passive,
+            3 => Controller::Off,
+            _ => Controller::Stopped,
+        });
         Ok(Interface {
             is_up: flags & UP != 0,
             mtu,
-            queue: find(list, QUEUE).and_then(|bytes| word(bytes, 0)).unwrap_or(0),
+            queue: number(list, QUEUE).unwrap_or(0),
             bitrate: rate(TIMING),
             data_bitrate: rate(DATA_TIMING),
             controller,
@@ -188,13 +183,9 @@ impl Interface {
             ("bit rate", self.bitrate, bitrate),
             ("data bit rate", self.data_bitrate, data_bitrate),
         ] {
-            match (found, expected) {
-                (Some(found), Some(expected))
-                    if (f64::from(found) / f64::from(expected) - 1.0).abs() > SAME_RATE =>
-                {
-                    return Err(InterfaceError::OtherBitrate { name, what, found, expected, set });
-                }
-                _ => {}
+            let Some((found, expected)) = found.zip(expected) else { continue };
+            if (f64::from(found) / f64::from(expected) - 1.0).abs() > SAME_RATE {
+                return Err(InterfaceError::OtherBitrate { name, what, found, expected, set });
             }
         }
         Ok(match self.controller {
@@ -268,6 +259,11 @@ fn find(mut list: &[u8], desired: u16) -> Option<&[u8]> {
         }
         list = list.get(length.next_multiple_of(4)..)?;
     }
+}
+
+/// The number at the beginning of an attribute.
+fn number(list: &[u8], desired: u16) -> Option<u32> {
+    word(find(list, desired)?, 0)
 }
 
 /// Events of an error frame, from its class and its data, whose second byte is the controller's

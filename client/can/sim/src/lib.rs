@@ -160,14 +160,12 @@ impl Simulated {
 
     fn send(&mut self, out: &mut FrameQueue) {
         for frame in self.replies.frames() {
-            let id = match frame.id {
+            let mut sent = *frame;
+            sent.id = match frame.id {
+                id if !self.wrong_id => id,
                 Id::Standard(id) => Id::Standard(id ^ 0x200),
                 Id::Extended(id) => Id::Extended(id ^ 0x200),
             };
-            let mut sent = *frame;
-            if self.wrong_id {
-                sent.id = id;
-            }
             if !self.silent {
                 out.push(sent);
             }

@@ -1,5 +1,7 @@
 //! Rights on this computer: real-time priorities, processor time for them, locked memory.
 
+use rustix::process::{Resource, getrlimit};
+
 use super::Finding;
 use sarrus_can_run::realtime::{lock_memory, permits_priority};
 
@@ -8,7 +10,7 @@ const LEAST_SHARE: f64 = 0.9;
 
 /// Settings of the kernel and limits of this process.
 pub(super) struct Machine {
-    /// `Max realtime priority` of `/proc/self/limits`.
+    /// `RLIMIT_RTPRIO`; `None` without a limit.
     pub(super) priority: Option<String>,
     /// Whether a thread gets a real-time priority.
     pub(super) permits_priority: bool,
@@ -25,13 +27,8 @@ impl Machine {
             let text = std::fs::read_to_string(format!("/proc/sys/kernel/{name}")).ok()?;
             text.trim().parse::<i64>().ok()
         };
-        let limits = std::fs::read_to_string("/proc/self/limits").unwrap_or_default();
-        let priority = limits
-            .lines()
-            .find_map(|line| line.strip_prefix("Max realtime priority"))
-            .and_then(|rest| rest.split_whitespace().next().map(str::to_owned));
         Machine {
-            priority,
+            priority: getrlimit(Resource::Rtprio).current.map(|most| most.to_string()),
             permits_priority: permits_priority(),
             share: number("sched_rt_runtime_us").zip(number("sched_rt_period_us")),
             memory: lock_memory(),

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
+use rustix::fs::{self, OFlags};
 use sarrus_can_core::bridge::BusEvent;
 use sarrus_can_core::config::{BusConfig, Configuration, MotorConfig};
 use sarrus_can_core::drive::Watchdog;
@@ -51,18 +52,12 @@ impl Doctor {
     /// 0 when all is well, 1 for a finding, 2 for a file that cannot be opened.
     pub(crate) fn run(&self) -> Result<ExitCode, ExitCode> {
         let mut configuration = crate::configuration(&self.config)?;
-        let mut findings: Vec<Finding> = configuration
-            .warnings
-            .iter()
-            .map(|warning| Finding::new("configuration", warning.to_string()))
-            .collect();
+        let warnings = configuration.warnings.iter();
+        let mut findings: Vec<Finding> =
+            warnings.map(|warning| Finding::new("configuration", warning.to_string())).collect();
         findings.extend(configuration.buses.iter().flat_map(bus));
-        findings.extend(
-            configuration
-                .motors
-                .iter()
-                .filter_map(|motor| believed(motor, name(&configuration, motor.actuator))),
-        );
+        let of_motor = |motor: &MotorConfig| believed(motor, name(&configuration, motor.actuator));
+        findings.extend(configuration.motors.iter().filter_map(of_motor));
         findings.extend(Machine::here().findings());
         let mut firmware = Vec::new();
         if self.motors {
@@ -141,20 +136,15 @@ fn bus(bus: &BusConfig) -> Vec<Finding> {
 
 /// Why a serial port cannot be used. A program that has it open is not disturbed.
 fn serial_port(channel: &str) -> Option<String> {
-    let (path, speed) = match channel.rsplit_once('@') {
-        Some((path, speed)) => (path, Some(speed)),
-        None => (channel, None),
-    };
-    let flags = rustix::fs::OFlags::RDWR
-        | rustix::fs::OFlags::NOCTTY
-        | rustix::fs::OFlags::NONBLOCK
-        | rustix::fs::OFlags::CLOEXEC;
-    match rustix::fs::open(path, flags, rustix::fs::Mode::empty()) {
+    let path = channel.rsplit_once('@').map_or(channel, |(path, _)| path);
+    let has_speed = path != channel;
+    let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    match fs::open(path, flags, fs::Mode::empty()) {
         Err(error) => Some(format!(
             "{path} cannot be opened: {error}, expected a serial port; plug the adapter in, and \
              see that this user may use it (group `dialout`)"
         )),
-        Ok(_) if speed.is_none() && !is_pseudo_terminal(Path::new(path)) => Some(format!(
+        Ok(_) if !has_speed && !is_pseudo_terminal(Path::new(path)) => Some(format!(
             "{path} has no speed in the configuration, expected `{path}@SPEED`; without it \
              nobody knows whether the port is fast enough for its bus"
         )),

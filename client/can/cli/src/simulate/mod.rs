@@ -138,12 +138,8 @@ fn prepare(arguments: &Simulate, configuration: &Configuration) -> Result<Simula
                 (Box::new(bus), config.channel.clone())
             };
         say(&format!("ready {} {channel}", config.name));
-        lines.push(Line::new(
-            config.name.clone(),
-            place,
-            bus,
-            arguments.seed.wrapping_add(place as u64),
-        ));
+        let seed = arguments.seed.wrapping_add(place as u64);
+        lines.push(Line::new(config.name.clone(), place, bus, seed));
     }
     let orders = listen(&arguments.fault)?;
     Ok(Simulation { motors, lines, orders, stop, _links: links })
@@ -215,19 +211,11 @@ impl Simulation {
         }
         self.obey(now_ns)?;
         self.motors.news(now_ns).iter().for_each(|news| say(news));
-        let mut fds: Vec<PollFd<'_>> = Vec::with_capacity(self.lines.len());
-        fds.extend(
-            self.lines
-                .iter()
-                .filter_map(|line| line.bus().readable())
-                .map(|readable| PollFd::from_borrowed_fd(readable, PollFlags::IN)),
-        );
-        let rest = self
-            .lines
-            .iter()
-            .filter_map(Line::due_ns)
-            .min()
-            .map(|due_ns| Duration::from_nanos(due_ns.saturating_sub(now_ns)));
+        let readable = self.lines.iter().filter_map(|line| line.bus().readable());
+        let mut fds: Vec<PollFd<'_>> =
+            readable.map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN)).collect();
+        let due_ns = self.lines.iter().filter_map(Line::due_ns).min();
+        let rest = due_ns.map(|due_ns| Duration::from_nanos(due_ns.saturating_sub(now_ns)));
         bus::wait_for(&mut fds, rest.map_or(STEP, |rest| rest.min(STEP)))?;
         Ok(())
     }

@@ -53,11 +53,10 @@ impl Motors {
         let mut motors = Vec::new();
         for config in configuration.motors.iter().filter(|motor| buses.contains(&motor.bus)) {
             let name = configuration.actuators.get(config.actuator).cloned().unwrap_or_default();
-            let simulated =
-                Simulated::new(config.protocol.name, &config.settings, config.common, physics)
-                    .ok_or_else(|| {
-                        format!("{name}: the protocol {} is not simulated", config.protocol.name)
-                    })?;
+            let protocol = config.protocol.name;
+            let simulated = Simulated::new(protocol, &config.settings, config.common, physics);
+            let simulated = simulated
+                .ok_or_else(|| format!("{name}: the protocol {protocol} is not simulated"))?;
             motors.push(Motor {
                 name,
                 actuator: config.actuator,

@@ -83,13 +83,11 @@ impl Bridge {
     /// A bridge whose motors are all disabled. Allocates; nothing after it does.
     pub fn new(mut configuration: Configuration) -> Bridge {
         let model = RobotModel::new(&configuration);
-        let of_bus = |bus: usize| configuration.motors.iter().filter(move |motor| motor.bus == bus);
         let buses = (0..configuration.buses.len()).map(|bus| {
-            let is_member = |place: &usize| {
-                configuration.motors.get(*place).is_some_and(|motor| motor.bus == bus)
-            };
-            let members = (0..configuration.motors.len()).filter(is_member).collect();
-            Bus::new(members, of_bus(bus).find_map(|motor| motor.drive.sync()))
+            let motors = configuration.motors.iter().enumerate();
+            let mut members = motors.filter(|(_, motor)| motor.bus == bus);
+            let places = members.clone().map(|(place, _)| place).collect();
+            Bus::new(places, members.find_map(|(_, motor)| motor.drive.sync()))
         });
         let buses = buses.collect();
         let (period_ns, feedback_ns) =

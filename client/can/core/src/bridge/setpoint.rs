@@ -4,7 +4,6 @@
 use sarrus_proto::actuators::{ActuatorCommand, flag};
 
 use super::course::{Course, RETURN_EFFORT};
-use super::monitors::Outside;
 use super::motor::Motor;
 use crate::drive::{Mode, Setpoint};
 use crate::mapping::ActuatorSetpoint;
@@ -137,11 +136,10 @@ impl Motor {
 
     /// Beyond a position limit nothing pushes or leads outwards; damping against the motion stays.
     fn within_limits(&mut self, setpoint: ActuatorSetpoint, velocity: f64) -> ActuatorSetpoint {
-        let outwards = match self.monitors.outside(&self.config.limits, self.measured.position) {
-            Outside::No => return setpoint,
-            Outside::Above => 1.0,
-            Outside::Below => -1.0,
-        };
+        let outwards = self.monitors.outwards(&self.config.limits, self.measured.position);
+        if outwards == 0.0 {
+            return setpoint;
+        }
         let leads = outwards * setpoint.velocity > 0.0;
         let pushes = outwards * (setpoint.effort + self.by_gains(&setpoint, velocity)) > 0.0;
         if leads || pushes {

@@ -33,7 +33,8 @@ impl Coded {
             Mode::Torque => Setpoint { torque: setpoint.torque, ..Setpoint::default() },
             _ => *setpoint,
         };
-        let Coded { codes, measured, odd, .. } = *self;
+        let Coded { codes, measured, .. } = self;
+        let odd = self.odd;
         let limit = self.common.torque_limit;
         let position = codes.position.code(setpoint.position, odd);
         let velocity = codes.velocity.code(setpoint.velocity, odd);

@@ -69,8 +69,8 @@ struct Vesc {
     pole_pairs: f64,
     power_up: PowerUp,
     position: Unwrapped,
-    velocity: f64,
-    torque: f64,
+    /// Velocity and torque of the last status 1, and when it came `[ns]`.
+    reported: Measurement,
     reported_ns: Option<u64>,
 }
 
@@ -82,8 +82,7 @@ fn make(settings: &Settings, common: Common, _diagnostics: &mut Diagnostics) -> 
         pole_pairs: settings.number("pole_pairs"),
         power_up: PowerUp::primed(),
         position: Unwrapped::new(POSITIONS, POSITIONS / 2),
-        velocity: f64::NAN,
-        torque: f64::NAN,
+        reported: Measurement::NONE,
         reported_ns: None,
     }))
 }
@@ -175,8 +174,8 @@ impl Drive for Vesc {
             _ if frame.is_fd() => Receipt::Malformed,
             (STATUS_1, [a, b, c, d, e, f, _, _]) => {
                 let rpm = f64::from(i32::from_be_bytes([*a, *b, *c, *d]));
-                self.velocity = rpm / self.pole_pairs * TAU / 60.0;
-                self.torque = f64::from(whole(e, f)) * 0.1 * self.constant;
+                self.reported.velocity = rpm / self.pole_pairs * TAU / 60.0;
+                self.reported.torque = f64::from(whole(e, f)) * 0.1 * self.constant;
                 self.reported_ns = Some(now_ns);
                 Receipt::Noted
             }
@@ -184,16 +183,14 @@ impl Drive for Vesc {
                 let is_old = self
                     .reported_ns
                     .is_none_or(|reported| now_ns.saturating_sub(reported) > STALE_NS);
-                let [velocity, torque] =
-                    if is_old { [f64::NAN; 2] } else { [self.velocity, self.torque] };
+                let reported = if is_old { Measurement::NONE } else { self.reported };
                 self.power_up.count_reply(REPLIES_TO_POWER);
                 let code = self.position.follow(i64::from(whole(g, h)));
                 let position = code as f64 * TAU / POSITIONS as f64;
                 Receipt::Measured(Measurement {
                     position,
-                    velocity,
-                    torque,
                     temperature: f64::from(whole(a, b).max(whole(c, d))) * 0.1,
+                    ..reported
                 })
             }
             // nothing of it is needed

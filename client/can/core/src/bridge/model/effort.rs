@@ -15,7 +15,7 @@ const FILTER: f64 = 0.005;
 /// For so long the efforts may contradict `[ns]`.
 const HOLD_NS: u64 = 10_000_000;
 /// Part of the forces of the motion that may be wrong.
-const MOTION: f64 = 0.5;
+pub(super) const MOTION: f64 = 0.5;
 
 /// A number and its change in time, both filtered.
 #[derive(Clone, Copy, Debug, Default)]
@@ -48,11 +48,6 @@ pub(super) struct Contradiction {
 }
 
 impl Contradiction {
-    /// Whether the deviation of one actuator exceeds the allowed one.
-    pub(super) fn is_beyond(deviation: f64, moving: f64, allowed: f64) -> bool {
-        deviation.abs() > allowed + MOTION * moving.abs()
-    }
-
     /// Takes whether the efforts contradict now; true once they have for long enough.
     pub(super) fn update(&mut self, now_ns: u64, is_beyond: bool) -> bool {
         if !is_beyond {

@@ -44,6 +44,21 @@ impl Prepared {
         Some(Prepared { plan, input, output })
     }
 
+    /// Evaluates a pose at `pose.y`, from `pose.q`. False, and nothing changed, where it fails.
+    fn run(&mut self, model: &Model, workspace: &mut Workspace<f64>, pose: &mut Pose) -> bool {
+        self.give(Field::Y, &pose.y);
+        self.give(Field::QGuess, &pose.q);
+        let answer = self.plan.run(model, workspace, &self.input, &mut self.output);
+        if answer.ok().is_err() {
+            return false;
+        }
+        self.take(Field::Q, &mut pose.q);
+        self.take(Field::U, &mut pose.u);
+        self.take(Field::G, &mut pose.loop_jacobian);
+        self.take(Field::TauY, &mut pose.tau_y);
+        true
+    }
+
     fn give(&mut self, field: Field, numbers: &[f64]) {
         if let Some(slot) = self.plan.given().slot(field) {
             self.input[slot.range()].copy_from_slice(numbers);
@@ -104,43 +119,24 @@ impl Evaluator {
         };
         let fields = [Field::Q, Field::U, Field::G];
         let mut first = Prepared::new(&self.model, Request::Kinematics, &[Field::Y], &fields)?;
-        run(&self.model, &mut self.workspace, &mut first, &mut pose).then_some(pose)
+        first.run(&self.model, &mut self.workspace, &mut pose).then_some(pose)
     }
 
     /// Closes the loops at `pose.y`, from `pose.q`. False, and nothing changed, where they cannot
     /// be closed.
     pub(super) fn pose(&mut self, pose: &mut Pose) -> bool {
-        run(&self.model, &mut self.workspace, &mut self.pose, pose)
+        self.pose.run(&self.model, &mut self.workspace, pose)
     }
 
     /// As [`Evaluator::pose`], with the forces that hold the robot there.
     pub(super) fn rest(&mut self, pose: &mut Pose) -> bool {
-        run(&self.model, &mut self.workspace, &mut self.rest, pose)
+        self.rest.run(&self.model, &mut self.workspace, pose)
     }
 
     /// As [`Evaluator::pose`], with the forces of a motion.
     pub(super) fn motion(&mut self, pose: &mut Pose, yd: &[f64], ydd: &[f64]) -> bool {
         self.motion.give(Field::Yd, yd);
         self.motion.give(Field::Ydd, ydd);
-        run(&self.model, &mut self.workspace, &mut self.motion, pose)
+        self.motion.run(&self.model, &mut self.workspace, pose)
     }
-}
-
-fn run(
-    model: &Model,
-    workspace: &mut Workspace<f64>,
-    prepared: &mut Prepared,
-    pose: &mut Pose,
-) -> bool {
-    prepared.give(Field::Y, &pose.y);
-    prepared.give(Field::QGuess, &pose.q);
-    let answer = prepared.plan.run(model, workspace, &prepared.input, &mut prepared.output);
-    if answer.ok().is_err() {
-        return false;
-    }
-    prepared.take(Field::Q, &mut pose.q);
-    prepared.take(Field::U, &mut pose.u);
-    prepared.take(Field::G, &mut pose.loop_jacobian);
-    prepared.take(Field::TauY, &mut pose.tau_y);
-    true
 }

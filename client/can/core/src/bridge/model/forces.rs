@@ -3,7 +3,7 @@
 use sarrus_proto::actuators::Reason;
 
 use super::assessed::Assessed;
-use super::effort::{Contradiction, Filtered};
+use super::effort::{Filtered, MOTION};
 use super::{Activity, RobotModel};
 
 /// Least clearance at which gravity is given, and at which efforts are compared: the model's error
@@ -63,8 +63,7 @@ impl RobotModel {
                 let reported = |u: usize| efforts[u].rate;
                 linkage.efforts_beside(&self.pose, reported, |u, deviation| {
                     let moving = asked[u] - gravity[u];
-                    let allowed = part * limits[u].effort;
-                    is_beyond |= Contradiction::is_beyond(deviation, moving, allowed);
+                    is_beyond |= deviation.abs() > part * limits[u].effort + MOTION * moving.abs();
                 });
             }
             if contradiction.update(now_ns, is_beyond) && fault.is_none() {

@@ -167,15 +167,16 @@ impl Monitors {
         self.rules.temperature.part(&self.bounds)
     }
 
-    /// Whether a position is outside the limits by more than its noise: efforts outwards end.
-    pub(super) fn outside(&self, limits: &Limits, position: f64) -> Outside {
+    /// The direction in which a position is outside the limits by more than its noise, where
+    /// efforts outwards end: 1, −1, or 0 inside.
+    pub(super) fn outwards(&self, limits: &Limits, position: f64) -> f64 {
         let noise = NOISE * self.steps.position;
         if position > limits.upper + noise {
-            Outside::Above
+            1.0
         } else if position < limits.lower - noise {
-            Outside::Below
+            -1.0
         } else {
-            Outside::No
+            0.0
         }
     }
 
@@ -184,14 +185,6 @@ impl Monitors {
         let margin = position::margin(limits, &self.bounds, &self.steps);
         position > limits.upper + margin || position < limits.lower - margin
     }
-}
-
-/// Where a position is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Outside {
-    No,
-    Above,
-    Below,
 }
 
 /// One code of each number, on the actuator's side.

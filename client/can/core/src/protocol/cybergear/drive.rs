@@ -104,26 +104,23 @@ const fn unknown(watchdog_index: u16) -> Watchdog {
 }
 
 impl CyberGear {
-    fn frame(&self, kind: u32, data: u32, bytes: [u8; 8]) -> Option<Frame> {
-        Frame::classic(Id::Extended(kind << 24 | data << 8 | self.id), &bytes)
+    fn frame(&self, kind: u32, data: u32, bytes: &[u8]) -> Option<Frame> {
+        Frame::classic(Id::Extended(kind << 24 | data << 8 | self.id), bytes)
     }
 
     fn power_off(&self, forget_faults: u8) -> Option<Frame> {
-        self.frame(POWER_OFF, self.host, [forget_faults, 0, 0, 0, 0, 0, 0, 0])
+        self.frame(POWER_OFF, self.host, &[forget_faults, 0, 0, 0, 0, 0, 0, 0])
     }
 
     fn parameter(&self, kind: u32, index: u16, value: u32) -> Option<Frame> {
         let ([low, high], [a, b, c, d]) = (index.to_le_bytes(), value.to_le_bytes());
-        self.frame(kind, self.host, [low, high, 0, 0, a, b, c, d])
+        self.frame(kind, self.host, &[low, high, 0, 0, a, b, c, d])
     }
 
     fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
         let [position, velocity, stiffness, damping, torque] = self.coded.setpoint(setpoint);
-        let [a, b] = position.to_be_bytes();
-        let [c, d] = velocity.to_be_bytes();
-        let [e, f] = stiffness.to_be_bytes();
-        let [g, h] = damping.to_be_bytes();
-        self.frame(SETPOINT, u32::from(torque), [a, b, c, d, e, f, g, h])
+        let bytes = [position, velocity, stiffness, damping].map(u16::to_be_bytes);
+        self.frame(SETPOINT, u32::from(torque), bytes.as_flattened())
     }
 
     fn follow(&mut self, setpoint: &Setpoint, out: &mut FrameQueue) {
@@ -215,7 +212,7 @@ impl Drive for CyberGear {
             // nothing but a torque of zero waits in the motor when it gets power
             Action::Prime(_) => self.follow(&Setpoint::default(), out),
             Action::Ask(_) | Action::Await(_) => {
-                out.push_some(self.frame(POWER_ON, self.host, [0; 8]));
+                out.push_some(self.frame(POWER_ON, self.host, &[0; 8]));
             }
             Action::Follow(setpoint) => self.follow(&setpoint, out),
             Action::Withhold => out.push_some(self.power_off(0)),
@@ -316,11 +313,11 @@ impl Drive for CyberGear {
     }
 
     fn probe(&mut self, out: &mut FrameQueue) {
-        out.push_some(self.frame(WHO, self.host, [0; 8]));
+        out.push_some(self.frame(WHO, self.host, &[0; 8]));
     }
 
     fn set_zero(&mut self, out: &mut FrameQueue) -> bool {
-        out.push_some(self.frame(ZERO, self.host, [1, 0, 0, 0, 0, 0, 0, 0]));
+        out.push_some(self.frame(ZERO, self.host, &[1, 0, 0, 0, 0, 0, 0, 0]));
         self.coded.set_zero();
         true
     }
@@ -342,13 +339,13 @@ impl Drive for CyberGear {
 
     fn save_zero(&mut self, out: &mut FrameQueue) -> bool {
         if self.can_save {
-            out.push_some(self.frame(SAVE, self.host, [1, 2, 3, 4, 5, 6, 7, 8]));
+            out.push_some(self.frame(SAVE, self.host, &[1, 2, 3, 4, 5, 6, 7, 8]));
         }
         self.can_save
     }
 
     fn set_id(&mut self, id: u32, out: &mut FrameQueue) -> bool {
-        let frame = self.frame(SET_ID, id << 8 | self.host, [0; 8]);
+        let frame = self.frame(SET_ID, id << 8 | self.host, &[0; 8]);
         out.push_some(frame.filter(|_| id <= 127));
         id <= 127
     }

@@ -20,12 +20,11 @@
 
 mod drive;
 mod file;
-mod make;
 mod signals;
 
 use super::{Key, KeyKind, Protocol};
 use crate::drive::Mode;
-use make::make;
+use drive::make;
 
 /// Any DBC file.
 pub(super) const DBC: Protocol = Protocol {

@@ -27,20 +27,18 @@
 //! end: it is followed there, and reported as a fault, since set-points have no code there.
 
 mod damiao;
-mod keys;
 mod robstride;
 
 use super::codes::{Coded, Codes};
-use super::keys::RANGES;
+use super::keys::{RANGES, range};
 use super::power_up::{Action, PowerUp, Stage};
-use super::{Common, Made, Protocol, Settings, fault};
+use super::{Common, Key, Made, Protocol, Settings, fault};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Mode, Parameter, Power, Receipt, Reply, Setpoint, Shared,
     Watchdog,
 };
 use crate::frame::{Frame, FrameQueue, Id};
 use damiao::Registers;
-use keys::KEYS;
 use robstride::Question;
 use sarrus_models::Diagnostics;
 
@@ -50,7 +48,20 @@ pub(super) const MIT: Protocol = Protocol {
     about: "MIT mode: mini cheetah, T-Motor AK, Damiao, RobStride",
     modes: &[Mode::Impedance, Mode::Torque],
     fd: false,
-    keys: KEYS,
+    keys: &[
+        Key::word(
+            "variant",
+            &["mini_cheetah", "t_motor", "damiao", "robstride"],
+            "whose MIT mode it is",
+        ),
+        Key::integer("id", 1, 0x7FE, "identifier of the motor's commands"),
+        Key::integer("reply_id", 0, 0x7FE, "identifier of the motor's replies"),
+        range("position_range", "position at the end of the range [rad]"),
+        range("velocity_range", "velocity at the end of the range [rad/s]"),
+        range("torque_range", "torque at the end of the range [N m]"),
+        range("stiffness_range", "largest stiffness [N m/rad]"),
+        range("damping_range", "largest damping [N m s/rad]"),
+    ],
     make,
 };
 

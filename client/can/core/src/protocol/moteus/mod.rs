@@ -286,11 +286,9 @@ impl Drive for Moteus {
         let power = match (self.servo_mode, self.power_up.stage()) {
             (None, _) => Power::Unknown,
             (Some(POSITION), _) => Power::On,
-            (Some(STOPPED), Stage::Asked(_)) => Power::Starting,
+            (Some(STOPPED), Stage::Asked(_)) | (Some(2..=4), _) => Power::Starting,
             // after a timeout or a fault the motor may brake: it is off in that it follows nothing
-            (Some(STOPPED | FAULT), _) => Power::Off,
-            (Some(2..=4), _) => Power::Starting,
-            _ => Power::Off,
+            (Some(_), _) => Power::Off,
         };
         // other codes name the limit of a motor without fault
         let code = fault::when(self.servo_mode == Some(FAULT), u32::from(self.code.max(1)));

@@ -24,20 +24,19 @@
 //! firmware (`flat_endpoints.json`): with both of them the watchdog is set and read back.
 
 mod echo;
-mod keys;
 mod setup;
 
 use std::f64::consts::TAU;
 
+use super::keys::motor_torque_constant;
 use super::number::{limited, single, steps, steps_toward_zero};
 use super::power_up::{Action, PowerUp, Stage};
-use super::{Common, Made, Protocol, Settings, fault};
+use super::{Common, Key, Made, Protocol, Settings, fault};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
 };
 use crate::frame::{Frame, FrameQueue, Id};
 use echo::Echo;
-use keys::KEYS;
 use sarrus_models::Diagnostics;
 use setup::Setup;
 
@@ -47,9 +46,42 @@ pub(super) const ODRIVE: Protocol = Protocol {
     about: "ODrive, CANSimple",
     modes: &[Mode::Torque, Mode::Position, Mode::Velocity],
     fd: false,
-    keys: KEYS,
+    keys: &[
+        Key::integer("node", 0, 62, "node_id of the axis"),
+        scale(
+            "velocity_scale",
+            "1 / input_vel_scale: one step of the velocity beside a position [turn/s]",
+        ),
+        scale(
+            "torque_scale",
+            "1 / input_torque_scale: one step of the torque beside a position [N m]",
+        ),
+        motor_torque_constant(
+            "axis0.config.motor.torque_constant [N m/A], for the limit of current",
+        )
+        .optional(),
+        Key::flag("torque_feedback", "whether the ODrive tells its torque every cycle").or("false"),
+        Key::integer(
+            "watchdog_timeout_endpoint",
+            1,
+            0xFFFF,
+            "endpoint of axis0.config.watchdog_timeout",
+        )
+        .optional(),
+        Key::integer(
+            "enable_watchdog_endpoint",
+            1,
+            0xFFFF,
+            "endpoint of axis0.config.enable_watchdog",
+        )
+        .optional(),
+    ],
     make,
 };
+
+const fn scale(name: &'static str, about: &'static str) -> Key {
+    Key::number(name, 1e-6, 1.0, about).or("0.001")
+}
 
 const HEARTBEAT: u16 = 0x01;
 const ERRORS: u16 = 0x03;
@@ -104,10 +136,8 @@ fn make(settings: &Settings, common: Common, diagnostics: &mut Diagnostics) -> M
         return settings.wrong(diagnostics, TIMEOUT, found, "both or none", help);
     }
     let node = settings.integer("node") as u16;
-    let limits = settings.has("motor_torque_constant").then(|| {
-        let current = common.torque_limit / settings.number("motor_torque_constant");
-        [common.velocity_limit / TAU, current]
-    });
+    let current = common.torque_limit / settings.number("motor_torque_constant");
+    let limits = Some([common.velocity_limit / TAU, current]);
     let limits = limits.filter(|limits| limits.iter().all(|limit| limit.is_finite()));
     if common.mode.has_own_loops() && common.torque_limit.is_finite() && limits.is_none() {
         let found =
