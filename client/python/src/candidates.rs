@@ -1,4 +1,5 @@
-//! Possible motors, by protocol and identifier, for the search of motors missing in a configuration.
+//! Possible motors, by protocol and identifier, for the search of motors that a configuration
+//! lacks.
 
 use std::sync::Mutex;
 

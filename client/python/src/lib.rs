@@ -1,6 +1,6 @@
-//! The extension module of `sarrus` for Python: robots with numpy arrays, in `dynamics`; the core of
-//! the CAN bridge as Python classes, without a bus and a clock; and in `run` its loop over buses of
-//! Python.
+//! The extension module of `sarrus` for Python: robots with numpy arrays, in `dynamics`; the core
+//! of the CAN bridge as Python classes, without a bus and a clock; and in `run` its loop over buses
+//! of Python.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 

@@ -5,9 +5,9 @@
 //! grows with their length. Pairs are found by the neighbourhood of an operation (the kinds of its
 //! operands and users, some steps far, without constants): two operations that alone share a
 //! neighbourhood are a pair. From these, pairs spread to users and operands. Pairs that cost more
-//! than they save are dissolved. With pairs and checks the upper body's inverse dynamics take 344 ns
-//! and its forward dynamics 827 ns, without either 607 and 5153 ns ("Times with generated code" in
-//! `benches/README.md`).
+//! than they save are dissolved. With pairs and checks the upper body's inverse dynamics take
+//! 344 ns and its forward dynamics 827 ns, without either 607 and 5153 ns ("Times with generated
+//! code" in `benches/README.md`).
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
