@@ -1,12 +1,16 @@
 //! From checked files to the [`Description`], and back from its parts to their positions.
 
-use sarrus_dynamics::description::{Coupling, Cut, Description, Joint, Link, Loop, Submechanism};
+use sarrus_dynamics::description::{
+    Coupling, Cut, Description, Joint, Link, Loop, Placement, Row, Submechanism,
+};
 use sarrus_dynamics::{Diagnostic, Reduced, Site};
 
+use crate::cut::CutKind;
 use crate::report::{Diagnostics, Span};
-use crate::submechanisms::{Entry, LoopEntry, Submechanisms, kind_named};
-use crate::urdf::{Urdf, Weight};
-use crate::yaml::Named;
+use crate::submechanisms::{
+    Entry, EntryValues, LoopValues, PlacementValues, Submechanisms, kind_named,
+};
+use crate::urdf::{Urdf, Values};
 
 /// Where the parts of a description stand in the files.
 #[derive(Debug)]
@@ -26,11 +30,9 @@ struct SubmechanismSpan {
 impl Spans {
     /// The positions of a robot's parts; submechanisms of no file stand at the robot.
     pub(crate) fn new(urdf: &Urdf, submechanisms: Option<&Submechanisms>) -> Spans {
-        let loop_spans =
-            |each: &LoopEntry| (each.span, each.rows.iter().map(|(span, _)| *span).collect());
         let span_of = |entry: &Entry| SubmechanismSpan {
             span: entry.name.as_ref().map_or(entry.span, |(_, span)| *span),
-            loops: entry.loops.iter().map(loop_spans).collect(),
+            loops: entry.loops.iter().map(|each| (each.span, each.rows.clone())).collect(),
         };
         Spans {
             robot: submechanisms.map_or(urdf.span, |read| read.span),
@@ -115,21 +117,20 @@ impl Spans {
     }
 }
 
-/// The description of checked files, with the submechanisms that a file lists; `None` where a name
-/// is missing, which has been reported.
+/// The description of checked files, with the submechanisms that a file lists; `None` when the two
+/// readings of a file differ, which no checked file should.
 pub(crate) fn description(
     urdf: &Urdf,
-    submechanisms: Option<&Submechanisms>,
+    values: Values,
+    entries: Option<Vec<EntryValues>>,
     gravity: [f64; 3],
 ) -> Option<Description> {
-    let links = urdf.links.iter().map(|link| Link {
-        name: link.name.clone(),
-        inertial: match link.inertial {
-            Weight::Given { inertial, .. } => Some(inertial),
-            _ => None,
-        },
-    });
-    let joints = urdf.joints.iter().map(|entry| {
+    let links = urdf
+        .links
+        .iter()
+        .zip(values.inertials)
+        .map(|(link, inertial)| Link { name: link.name.clone(), inertial });
+    let joints = urdf.joints.iter().zip(values.joints).map(|(entry, value)| {
         let terms = entry
             .masters
             .iter()
@@ -141,16 +142,17 @@ pub(crate) fn description(
             kind: entry.kind?,
             parent: urdf.link_at(&entry.parent)?,
             child: urdf.link_at(&entry.child)?,
-            origin: entry.origin,
-            axis: entry.axis,
-            limits: entry.limits(),
+            origin: value.origin,
+            axis: value.axis,
+            limits: value.limits,
             coupling: (!terms.is_empty()).then_some(Coupling { terms, offset }),
             terms: entry.terms,
         })
     });
     let joints: Vec<Joint> = joints.collect::<Option<_>>()?;
-    let entries = submechanisms.into_iter().flat_map(|read| &read.entries);
-    let submechanisms = entries.map(|entry| submechanism(urdf, entry)).collect::<Option<_>>()?;
+    let entries = entries.unwrap_or_default();
+    let submechanisms =
+        entries.into_iter().map(|entry| submechanism(urdf, entry)).collect::<Option<_>>()?;
     Some(Description {
         name: urdf.name.clone(),
         links: links.collect(),
@@ -161,36 +163,65 @@ pub(crate) fn description(
     })
 }
 
-fn submechanism(urdf: &Urdf, entry: &Entry) -> Option<Submechanism> {
-    let indices = |names: &Option<Vec<Named>>| -> Option<Vec<usize>> {
-        names.iter().flatten().map(|(name, _)| urdf.joint_index.get(name).copied()).collect()
+fn submechanism(urdf: &Urdf, entry: EntryValues) -> Option<Submechanism> {
+    let indices = |names: Option<Vec<String>>| -> Option<Vec<usize>> {
+        let names = names.unwrap_or_default();
+        let parts = names.iter().flat_map(|name| match urdf.parts.get(name) {
+            Some(parts) => parts.iter().collect(),
+            None => vec![name],
+        });
+        parts.map(|name| urdf.joint_index.get(name).copied()).collect()
     };
-    let (type_name, _) = entry.type_name.clone()?;
-    let (kind, _) = kind_named(&type_name)?;
+    let (kind, _) = kind_named(&entry.r#type)?;
     Some(Submechanism {
-        name: entry.name.clone()?.0,
+        name: entry.contextual_name.or(entry.name)?,
         kind,
-        type_name,
-        spanning_tree: indices(&entry.tree)?,
-        independent: indices(&entry.independent)?,
-        active: indices(&entry.active)?,
-        loops: entry.loops.iter().map(|each| closed_loop(urdf, each)).collect::<Option<_>>()?,
+        type_name: entry.r#type,
+        spanning_tree: indices(entry.jointnames_spanningtree)?,
+        independent: indices(entry.jointnames_independent)?,
+        active: indices(entry.jointnames_active)?,
+        loops: entry
+            .loop_constraints
+            .unwrap_or_default()
+            .into_iter()
+            .map(|each| closed_loop(urdf, each))
+            .collect::<Option<_>>()?,
     })
 }
 
-fn closed_loop(urdf: &Urdf, each: &LoopEntry) -> Option<Loop> {
-    let [(first, _), (second, _)] = [each.predecessor.as_ref()?, each.successor.as_ref()?];
-    let predecessor = *urdf.link_index.get(first)?;
-    let successor = *urdf.link_index.get(second)?;
-    let written = each.cut_joint.as_ref().map(|(name, _)| name.clone());
-    let name = written.unwrap_or_else(|| format!("{first}_{second}"));
-    let cut = match each.placed {
-        Some([predecessor, successor]) => Cut::Placed { predecessor, successor },
-        None => urdf
+fn closed_loop(urdf: &Urdf, each: LoopValues) -> Option<Loop> {
+    let is_framed = each.frames.is_some();
+    let [first, second] = match each.frames {
+        Some(frames) => frames,
+        None => [each.predecessor_body?, each.successor_body?],
+    };
+    let predecessor = *urdf.link_index.get(&first)?;
+    let successor = *urdf.link_index.get(&second)?;
+    let name = each.cut_joint.unwrap_or_else(|| format!("{first}_{second}"));
+    let cut = match (each.predecessor_placement, each.successor_placement) {
+        (Some(predecessor), Some(successor)) => {
+            Cut::Placed { predecessor: placement(predecessor), successor: placement(successor) }
+        }
+        _ if is_framed => {
+            Cut::Placed { predecessor: Placement::default(), successor: Placement::default() }
+        }
+        _ => urdf
             .joint_index
             .get(&name)
             .map_or(Cut::AtLink(predecessor), |joint| Cut::AtJoint(*joint)),
     };
-    let rows = each.rows.iter().map(|(_, row)| row.clone()).collect();
+    let rows = match each.cut_joint_type {
+        Some(written) => CutKind::named(&written)?
+            .rows(each.axis.unwrap_or_default(), each.axis2.unwrap_or_default()),
+        None => each
+            .constraint_axes?
+            .into_iter()
+            .map(|row| Row { name: row.name, axis: row.axis, against: None })
+            .collect(),
+    };
     Some(Loop { name, predecessor, successor, cut, rows })
+}
+
+fn placement(values: PlacementValues) -> Placement {
+    Placement { xyz: values.xyz, rpy: values.rpy }
 }

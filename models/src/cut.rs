@@ -53,6 +53,17 @@ impl CutKind {
         }
     }
 
+    /// How many rows it has.
+    pub(crate) fn n_rows(self) -> usize {
+        match self {
+            PlanarRevolute => 2,
+            Spherical => 3,
+            Cylindrical | Universal => 4,
+            Revolute | Prismatic => 5,
+            Weld => 6,
+        }
+    }
+
     /// The rows in the predecessor's cut frame, and in the successor's where they stand against a
     /// direction of it.
     pub(crate) fn rows(self, axis: [f64; 3], axis2: [f64; 3]) -> Vec<Row> {
@@ -66,5 +77,17 @@ impl CutKind {
             Universal => CutJoint::Universal { axis, axis2 },
         };
         joint.rows()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_kind_has_as_many_rows_as_it_says() {
+        for (name, kind) in KINDS {
+            assert_eq!(kind.rows([1.0, 2.0, 3.0], [3.0, 0.0, -1.0]).len(), kind.n_rows(), "{name}");
+        }
     }
 }

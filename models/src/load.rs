@@ -15,7 +15,7 @@ use crate::report::{Diagnostics, Report};
 use crate::scene::{self, Lock};
 use crate::submechanisms::{self, Entry, Submechanisms};
 use crate::text::{self, Text};
-use crate::urdf::Urdf;
+use crate::urdf::{self, Urdf};
 use crate::{bundled, smurf, units, unlisted, yaml};
 
 /// Where a robot comes from.
@@ -195,12 +195,14 @@ pub(crate) fn describe(
     if let Some(text) = &mut urdf_text {
         text.join_stray_prefix("drake", diagnostics);
     }
-    let mut urdf = urdf_text.and_then(|text| Urdf::read(&text, diagnostics));
+    let mut urdf = urdf_text.as_ref().and_then(|text| Urdf::read(text, diagnostics));
     *robot = urdf.as_ref().map(|urdf| urdf.name.clone());
     let with_submechanisms = contents.submechanisms.is_some();
-    let root = contents
-        .submechanisms
-        .and_then(|(name, bytes)| yaml::read(&name, bytes, yaml::SUBMECHANISMS, diagnostics));
+    let submechanism_text =
+        contents.submechanisms.and_then(|(name, bytes)| Text::new(&name, bytes, diagnostics));
+    let root = submechanism_text
+        .as_ref()
+        .and_then(|text| yaml::parse(text, yaml::SUBMECHANISMS, diagnostics));
     let entries = root.as_ref().map(|root| submechanisms::walk(root, diagnostics));
     if let (Some(urdf), Some(entries), Some(folder)) = (&mut urdf, &entries, &contents.folder) {
         transmissions(urdf, entries, folder, diagnostics);
@@ -215,10 +217,23 @@ pub(crate) fn describe(
         return None;
     }
 
+    // the values
     let urdf = urdf?;
-    let mut description = build::description(&urdf, submechanisms.as_ref(), options.gravity)?;
+    let values = urdf::values(&urdf_text?, &urdf, diagnostics)?;
+    let entries = match &submechanism_text {
+        Some(text) => Some(submechanisms::values(text, diagnostics)?),
+        None => None,
+    };
+    let has_file = entries.is_some();
+    let Some(mut description) = build::description(&urdf, values, entries, options.gravity) else {
+        let found = "two readers of these files see different names";
+        let help = "use letters, digits, _ and / in names";
+        diagnostics.error(urdf.span, found, "plain names", help);
+        return None;
+    };
+
     let mut spans = Spans::new(&urdf, submechanisms.as_ref());
-    unlisted::complete(&urdf, with_submechanisms, &mut description, &mut spans, diagnostics);
+    unlisted::complete(&urdf, has_file, &mut description, &mut spans, diagnostics);
     base::put(&options.base, &mut description, &mut spans, diagnostics);
     if diagnostics.has_errors() {
         return None;

@@ -1,7 +1,5 @@
 //! Cut joints by name in a submechanism file: `cut_joint_type` and its axes.
 
-use sarrus_dynamics::description::Row;
-
 use crate::cut::CutKind::Universal;
 use crate::cut::{CutKind, KINDS};
 use crate::report::{Diagnostics, Span, quoted};
@@ -11,8 +9,8 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Reads `cut_joint_type` and its axes; the rows that they make, each with its position.
-pub(super) fn walk(node: &Node, diagnostics: &mut Diagnostics) -> Vec<(Span, Row)> {
+/// Checks `cut_joint_type` and its axes; the position of each row that they make.
+pub(super) fn walk(node: &Node, diagnostics: &mut Diagnostics) -> Vec<Span> {
     let axes = ["axis", "axis2"]
         .map(|key| node.get(key).map(|value| (key, value.span, direction(node, key, diagnostics))));
     let Some((written, span)) = word(node, "cut_joint_type", diagnostics) else {
@@ -50,19 +48,17 @@ pub(super) fn walk(node: &Node, diagnostics: &mut Diagnostics) -> Vec<(Span, Row
             _ => {}
         }
     }
-    if let (Universal, [Some((_, _, Some(first))), Some((_, span, Some(second)))]) = (kind, &axes) {
-        let [first, second] = [*first, *second];
+    if let (Universal, [Some((_, _, Some(first))), Some((_, span, Some(second)))]) = (kind, axes) {
         let along = dot(first, second) / (dot(first, first) * dot(second, second)).sqrt();
         // a little off is the rounding of a file
         if along.abs() > 1e-6 {
             let found = format!("the two axes of a universal cut have the cosine {along:.3e}");
             let help = "correct one of them, or write the cut as revolute joints in the tree and a \
                         spherical cut";
-            diagnostics.error(*span, found, "perpendicular axes", help);
+            diagnostics.error(span, found, "perpendicular axes", help);
         }
     }
-    let [axis, axis2] = axes.map(|given| given.and_then(|(_, _, axis)| axis).unwrap_or_default());
-    kind.rows(axis, axis2).into_iter().map(|row| (span, row)).collect()
+    vec![span; kind.n_rows()]
 }
 
 /// An axis whose length is neither zero nor extreme; `None` after an error.

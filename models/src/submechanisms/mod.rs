@@ -1,17 +1,20 @@
-//! Submechanism files: a walk over the text, values together with their positions, and checks
-//! against the URDF.
+//! Submechanism files: a walk over the text with positions, checks against the URDF, and the values
+//! by serde.
 
 pub(crate) mod cut;
 pub(crate) mod kind;
+mod values;
 mod walk;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use sarrus_dynamics::description::{JointKind, SubmechanismKind};
 
+pub(crate) use values::{Document, EntryValues, LoopValues, PlacementValues};
 pub(crate) use walk::{Entry, LoopEntry, walk};
 
 use crate::report::{Diagnostics, Span, quoted};
+use crate::text::Text;
 use crate::urdf::Urdf;
 use crate::yaml::Named;
 use kind::{KNOWN, Letters, freedoms, letters};
@@ -69,6 +72,24 @@ pub(crate) fn check(
         diagnostics.error(span, found, format!("at most {MOST_ROWS}"), help);
     }
     Submechanisms { span, entries }
+}
+
+/// The values of a file whose walk found no error; `None` after an error.
+pub(crate) fn values(text: &Text, diagnostics: &mut Diagnostics) -> Option<Vec<EntryValues>> {
+    match serde_yaml::from_str::<Document>(&text.content) {
+        Ok(document) => Some(document.submechanisms),
+        Err(error) => {
+            let span = error.location().map_or(Span::start(text.file), |at| Span {
+                file: text.file,
+                line: at.line() as u32,
+                column: at.column() as u32,
+            });
+            let found = format!("the values cannot be read: {error}");
+            let help = "correct it at this position";
+            diagnostics.error(span, found, "a submechanism file", help);
+            None
+        }
+    }
 }
 
 /// The kind of a type and, for letter runs, its letters.
@@ -370,7 +391,7 @@ impl<'a> Check<'a, '_> {
         if let Some((cut, span)) = each
             .cut_joint
             .as_ref()
-            .filter(|(cut, _)| each.placed.is_none() && !urdf.joint_index.contains_key(cut))
+            .filter(|(cut, _)| !each.is_placed && !urdf.joint_index.contains_key(cut))
         {
             let found = format!(
                 "the cut joint {} is no joint of the URDF, so the frame of {} is taken",

@@ -2,8 +2,6 @@
 
 use std::collections::BTreeSet;
 
-use sarrus_dynamics::description::{Placement, Row};
-
 use super::cut;
 use crate::report::{Diagnostics, Span};
 use crate::urdf::Urdf;
@@ -43,9 +41,8 @@ pub(crate) struct LoopEntry {
     pub(crate) cut_joint: Option<Named>,
     pub(crate) predecessor: Option<Named>,
     pub(crate) successor: Option<Named>,
-    /// The cut frames on predecessor and successor, if the file places them.
-    pub(crate) placed: Option<[Placement; 2]>,
-    pub(crate) rows: Vec<(Span, Row)>,
+    pub(crate) is_placed: bool,
+    pub(crate) rows: Vec<Span>,
 }
 
 const OF_ENTRY: &str = "the submechanism";
@@ -156,8 +153,7 @@ fn loop_entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<LoopEntry> {
         None => (predecessor, successor),
     };
     baumgarte(node, diagnostics);
-    let placed = placements(node, diagnostics);
-    let placed = if frames.is_some() { Some([Placement::default(); 2]) } else { placed };
+    let is_placed = placements(node, diagnostics) || frames.is_some();
     let axes = list(node, "constraint_axes", diagnostics);
     let of_type = cut::walk(node, diagnostics);
     let no_axes = axes.is_empty() && node.get("cut_joint_type").is_none();
@@ -176,24 +172,26 @@ fn loop_entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<LoopEntry> {
         diagnostics.error(seventh.span, found, "at most six", "remove those that the others imply");
     }
     let mut names: BTreeSet<String> = BTreeSet::new();
-    let rows = axes.iter().map(|axis| (axis.span, row(axis, &mut names, diagnostics)));
-    let rows: Vec<(Span, Row)> = rows.collect();
-    let rows = rows.into_iter().chain(of_type).collect();
-    Some(LoopEntry { span: node.span, cut_joint, predecessor, successor, placed, rows })
+    for axis in axes {
+        row(axis, &mut names, diagnostics);
+    }
+    let rows = axes.iter().map(|axis| axis.span).chain(of_type).collect();
+    Some(LoopEntry { span: node.span, cut_joint, predecessor, successor, is_placed, rows })
 }
 
-/// The placements of the cut frames, if both are there; a malformed one counts as zero.
-fn placements(node: &Node, diagnostics: &mut Diagnostics) -> Option<[Placement; 2]> {
+/// Checks the placements of the cut frames and returns whether both are there.
+fn placements(node: &Node, diagnostics: &mut Diagnostics) -> bool {
     let given = ["predecessor_placement", "successor_placement"].map(|key| (key, node.get(key)));
-    let placed = given.map(|(key, placement)| {
-        let placement = placement?;
-        if !keys(placement, key, PLACEMENT, diagnostics) {
-            return Some(Placement::default());
+    for (key, placement) in given {
+        let Some(placement) =
+            placement.filter(|placement| keys(placement, key, PLACEMENT, diagnostics))
+        else {
+            continue;
+        };
+        for part in PLACEMENT {
+            numbers::<3>(placement, key, part, diagnostics);
         }
-        let [xyz, rpy] = ["xyz", "rpy"]
-            .map(|part| numbers(placement, key, part, diagnostics).unwrap_or_default());
-        Some(Placement { xyz, rpy })
-    });
+    }
     if let [(given, Some(placement)), (missing, None)]
     | [(missing, None), (given, Some(placement))] = given
     {
@@ -201,8 +199,7 @@ fn placements(node: &Node, diagnostics: &mut Diagnostics) -> Option<[Placement; 
         let help = format!("add `{missing}`");
         diagnostics.error(placement.span, found, "both or neither", help);
     }
-    let [predecessor, successor] = placed;
-    Some([predecessor?, successor?])
+    given.iter().all(|(_, placement)| placement.is_some())
 }
 
 /// The two links of `frames`, whose frames are the cut frames; nothing else may place the cut then.
@@ -225,21 +222,19 @@ fn frames(node: &Node, diagnostics: &mut Diagnostics) -> Option<Option<[Named; 2
     Some(names)
 }
 
-/// A row as it stands in the file; malformed values count as empty.
-fn row(node: &Node, names: &mut BTreeSet<String>, diagnostics: &mut Diagnostics) -> Row {
+fn row(node: &Node, names: &mut BTreeSet<String>, diagnostics: &mut Diagnostics) {
     if !keys(node, "a constraint axis", ROW, diagnostics) {
-        return Row { name: String::new(), axis: [0.0; 6], against: None };
+        return;
     }
     for key in ["name", "axis"] {
         if node.get(key).is_none() {
             missing(node, "the constraint axis", key, "name and axis", diagnostics);
         }
     }
-    let name = word(node, "name", diagnostics);
-    if let Some((name, span)) = &name
+    if let Some((name, span)) = word(node, "name", diagnostics)
         && !names.insert(name.clone())
     {
-        diagnostics.second(*span, "axis of this loop", name);
+        diagnostics.second(span, "axis of this loop", &name);
     }
     baumgarte(node, diagnostics);
     let axis = numbers::<6>(node, "a constraint axis", "axis", diagnostics);
@@ -249,8 +244,6 @@ fn row(node: &Node, names: &mut BTreeSet<String>, diagnostics: &mut Diagnostics)
         let expected = "a direction [wx, wy, wz, vx, vy, vz]";
         diagnostics.error(span, "the constraint axis is zero", expected, "correct it");
     }
-    let name = name.map(|(name, _)| name).unwrap_or_default();
-    Row { name, axis: axis.unwrap_or_default(), against: None }
 }
 
 fn baumgarte(node: &Node, diagnostics: &mut Diagnostics) {

@@ -84,6 +84,7 @@ fn drake<'a>(node: Node<'a, '_>) -> Option<&'a str> {
 
 /// The loops of one element of the robot.
 pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec<Closing> {
+    reader.unread.push(node.range());
     let closing = match (drake(node), node.tag_name().name()) {
         (Some(name), _) => drake_constraint(reader, node, name),
         (_, "gazebo") => {
@@ -138,7 +139,7 @@ fn element<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Closin
     let origins = [(first, "parent_origin"), (second, "child_origin")].map(|(end, beside)| {
         let beside = child(&[beside]);
         let inside = end.children().find(|inner| inner.has_tag_name("origin"));
-        reader.placement(beside.or(inside).unwrap_or(end))
+        placement(reader, beside.or(inside).unwrap_or(end))
     });
     let axes = [["axis", "parent_axis"], ["axis2", "child_axis"]].map(|names| child(&names));
     let [axis, axis2] = axes.map(|axis| axis.map(|node| reader.numbers::<3>(node, "xyz")));
@@ -269,4 +270,13 @@ pub(super) fn to_write(name: &str, links: [&str; 2], kind: Option<&str>) -> Stri
 fn link<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Named> {
     let is_name = node.has_attribute("name") && !node.has_attribute("link");
     reader.required(node, if is_name { "name" } else { "link" })
+}
+
+/// `xyz` and `rpy` of an element, zero without; `None` after an error.
+fn placement<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Placement> {
+    let [xyz, rpy] = ["xyz", "rpy"].map(|name| match node.has_attribute(name) {
+        true => reader.numbers::<3>(node, name),
+        false => Some([0.0; 3]),
+    });
+    Some(Placement { xyz: xyz?, rpy: rpy? })
 }

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use sarrus_dynamics::description::{JointKind, Placement, Terms};
+use sarrus_dynamics::description::{JointKind, Terms};
 
 use super::joint::JointEntry;
 use super::link::{LinkEntry, Weight};
@@ -18,22 +18,46 @@ pub(crate) enum Compound {
     Universal { axis2: [f64; 3] },
 }
 
+/// One joint of a chain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Part {
+    compound: Compound,
+    index: usize,
+}
+
 impl Compound {
-    /// The joints of the chain: name behind that of the whole joint and a slash, kind and axis,
-    /// where `axis` is that of the whole joint. The directions in the plane are x and y of the
-    /// joint frame if the axis is z; else the frame's axis that is least along it, made
-    /// perpendicular, and the cross product of the axis with this one.
-    fn parts(self, axis: [f64; 3], has_limits: bool) -> Vec<(&'static str, JointKind, [f64; 3])> {
+    /// The names of the parts, behind that of the joint and a slash.
+    const fn suffixes(self) -> &'static [&'static str] {
         match self {
-            Compound::Planar => vec![
-                ("x", JointKind::Prismatic, across(axis)),
-                ("y", JointKind::Prismatic, cross(axis, across(axis))),
-                ("rz", JointKind::Continuous, axis),
-            ],
-            Compound::Universal { axis2 } => {
-                let kind = if has_limits { JointKind::Revolute } else { JointKind::Continuous };
-                vec![("r1", kind, axis), ("r2", kind, axis2)]
-            }
+            Compound::Planar => &["x", "y", "rz"],
+            Compound::Universal { .. } => &["r1", "r2"],
+        }
+    }
+}
+
+impl Part {
+    /// Whether the origin of the whole joint is that of this part.
+    pub(super) fn is_first(self) -> bool {
+        self.index == 0
+    }
+
+    /// The axis of this part, where `axis` is that of the whole joint. The directions in the plane
+    /// are x and y of the joint frame where the axis is z; else the frame's axis that is least
+    /// along it, made perpendicular, and the cross product of the axis with this one.
+    pub(super) fn axis(self, axis: [f64; 3]) -> [f64; 3] {
+        match (self.compound, self.index) {
+            (Compound::Planar, 0) => across(axis),
+            (Compound::Planar, 1) => cross(axis, across(axis)),
+            (Compound::Universal { axis2 }, 1) => axis2,
+            _ => axis,
+        }
+    }
+
+    fn kind(self, has_limits: bool) -> JointKind {
+        match (self.compound, self.index) {
+            (Compound::Planar, 0 | 1) => JointKind::Prismatic,
+            (Compound::Universal { .. }, _) if has_limits => JointKind::Revolute,
+            _ => JointKind::Continuous,
         }
     }
 }
@@ -56,11 +80,12 @@ pub(super) fn expand(
             let help = "couple joints of one axis instead";
             diagnostics.error(joint.span, found, "a coupling of joints with one axis", help);
         }
-        let chain = compound.parts(joint.axis, joint.limits.is_some());
+        let suffixes = compound.suffixes();
         let names: Vec<String> =
-            chain.iter().map(|(suffix, ..)| format!("{}/{suffix}", joint.name)).collect();
+            suffixes.iter().map(|suffix| format!("{}/{suffix}", joint.name)).collect();
         let mut parent = joint.parent.clone();
-        for (index, (name, (_, kind, axis))) in names.iter().zip(chain).enumerate() {
+        for (index, name) in names.iter().enumerate() {
+            let part = Part { compound, index };
             let is_last = index + 1 == names.len();
             let child = if is_last {
                 joint.child.clone()
@@ -76,13 +101,14 @@ pub(super) fn expand(
             chains.push(JointEntry {
                 name: if joint.name.is_empty() { String::new() } else { name.clone() },
                 span: joint.span,
-                kind: Some(kind),
+                kind: Some(part.kind(joint.has_limits)),
                 compound: None,
-                origin: if index == 0 { joint.origin } else { Placement::default() },
-                axis,
+                part: Some(part),
+                source: joint.source,
                 parent,
                 child: child.clone(),
-                limits: joint.limits.filter(|_| compound != Compound::Planar),
+                has_limits: joint.has_limits && compound != Compound::Planar,
+                has_range: joint.has_range,
                 masters: Vec::new(),
                 independent: joint.independent,
                 terms: if compound == Compound::Planar { Terms::default() } else { joint.terms },

@@ -22,7 +22,7 @@ impl Urdf {
         diagnostics: &mut Diagnostics,
     ) {
         let Some(document) = xml::parse(text, diagnostics) else { return };
-        let mut reader = Reader { text, diagnostics, version: Version(1, 2) };
+        let mut reader = Reader::new(text, diagnostics, Version(1, 2));
         let mut dependences: Vec<Dependence> = Vec::new();
         for node in document.root_element().children() {
             if node.has_tag_name("transmission") {

@@ -1,11 +1,9 @@
 //! Joints: type, links, axis, limits, couplings.
 
-use std::f64::consts::FRAC_PI_2;
-
 use roxmltree::Node;
-use sarrus_dynamics::description::{JointKind, Limits, Placement, Terms};
+use sarrus_dynamics::description::{JointKind, Terms};
 
-use super::compound::Compound;
+use super::compound::{Compound, Part};
 use super::dynamics;
 use super::xml::{Reader, Shape};
 use crate::report::{Span, quoted};
@@ -38,12 +36,14 @@ const TYPES: [(&str, JointKind); 9] = [
     ("fixed", JointKind::Fixed),
     ("floating", JointKind::Floating),
     ("spherical", JointKind::Spherical),
-    ("ball", JointKind::Spherical),
+    (BALL, JointKind::Spherical),
     (PLANAR, JointKind::Floating),
     (UNIVERSAL, JointKind::Continuous),
 ];
 
-/// Joints of several axes.
+/// Another name of `spherical`, which urdf-rs does not know.
+const BALL: &str = "ball";
+/// Joints of several axes; urdf-rs does not know the second.
 const PLANAR: &str = "planar";
 const UNIVERSAL: &str = "universal";
 
@@ -56,30 +56,19 @@ pub(crate) struct JointEntry {
     pub(crate) kind: Option<JointKind>,
     /// The chain that replaces a joint of several axes.
     pub(super) compound: Option<Compound>,
-    pub(crate) origin: Placement,
-    pub(crate) axis: [f64; 3],
+    /// Which part of a chain the joint is.
+    pub(crate) part: Option<Part>,
+    /// Index of the joint in the file.
+    pub(crate) source: usize,
     pub(crate) parent: Option<(String, Span)>,
     pub(crate) child: Option<(String, Span)>,
-    /// Those of `<limit>`, of a joint of any kind.
-    pub(super) limits: Option<Limits>,
+    pub(crate) has_limits: bool,
+    /// Whether the limits hold a range: without `lower` and `upper` there is none.
+    pub(crate) has_range: bool,
     pub(crate) masters: Vec<Master>,
     pub(crate) terms: Terms,
     /// `independent` of URDF+, of a joint in a loop.
     pub(crate) independent: Option<bool>,
-}
-
-impl JointEntry {
-    /// The limits that a joint of this kind has.
-    pub(crate) fn limits(&self) -> Option<Limits> {
-        let limits = self.limits?;
-        match self.kind {
-            Some(JointKind::Revolute | JointKind::Prismatic) => Some(limits),
-            Some(JointKind::Continuous) => {
-                Some(Limits { lower: f64::NEG_INFINITY, upper: f64::INFINITY, ..limits })
-            }
-            _ => None,
-        }
-    }
 }
 
 /// One term of a coupling.
@@ -91,27 +80,37 @@ pub(crate) struct Master {
     pub(crate) offset: f64,
 }
 
-pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> JointEntry {
+pub(super) fn read<'t>(
+    reader: &mut Reader<'t, '_>,
+    node: Node<'_, 't>,
+    source: usize,
+) -> JointEntry {
     let span = reader.span(node);
     let name = reader.required(node, "name").map(|(name, _)| name).unwrap_or_default();
     let kind =
         reader.required(node, "type").and_then(|(written, span)| kind_of(reader, &written, span));
     let is_planar = node.attribute("type") == Some(PLANAR);
+    replace_type(reader, node);
     let children = reader.children(node, &JOINT);
     let find = |name: &str| children.iter().copied().find(|child| child.has_tag_name(name));
-    let origin = find("origin").map(|node| origin(reader, node)).unwrap_or_default();
+    if let Some(node) = find("origin") {
+        origin(reader, node);
+    }
     let [parent, child] = ["parent", "child"].map(|end| link(reader, span, end, find(end)));
     let motion = if is_planar { Some(JointKind::Continuous) } else { kind };
-    let axis = find("axis").and_then(|node| axis(reader, node, motion, &name));
-    let axis = axis.unwrap_or([1.0, 0.0, 0.0]);
-    let compound = compound(reader, node, &name, axis, find("axis2"));
-    let limits = find("limit").map(|node| limit(reader, node, kind.filter(|_| !is_planar), &name));
-    if limits.is_none() {
-        without_limits(reader, span, kind, &name);
+    let first = find("axis").and_then(|node| axis(reader, node, motion, &name));
+    let compound = compound(reader, node, &name, first.unwrap_or([1.0, 0.0, 0.0]), find("axis2"));
+    let limit_node = find("limit");
+    match limit_node {
+        Some(node) => limit(reader, node, kind.filter(|_| !is_planar), &name),
+        None => without_limits(reader, span, kind, &name),
     }
     let terms =
         find("dynamics").map(|node| dynamics::read(reader, node, kind, &name)).unwrap_or_default();
     let masters = find("mimic").and_then(|node| mimic(reader, node)).into_iter().collect();
+    let has_range =
+        limit_node.is_some_and(|node| node.has_attribute("lower") || node.has_attribute("upper"));
+    let has_limits = limit_node.is_some();
     let independent = independent(reader, node);
     JointEntry {
         name,
@@ -119,14 +118,26 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Joint
         kind,
         independent,
         compound,
-        origin,
-        axis,
+        part: None,
+        source,
         parent,
         child,
-        limits,
+        has_limits,
+        has_range,
         masters,
         terms,
     }
+}
+
+/// Replaces a type that urdf-rs does not know in the text for urdf-rs.
+fn replace_type<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) {
+    let Some(attribute) = node.attribute_node("type") else { return };
+    let known = match attribute.value() {
+        BALL => "spherical",
+        UNIVERSAL => "floating",
+        _ => return,
+    };
+    reader.replaced.push((attribute.range_value(), known));
 }
 
 /// The link that an end of a joint names.
@@ -153,7 +164,10 @@ fn compound<'t>(
     first: [f64; 3],
     axis2: Option<Node<'_, 't>>,
 ) -> Option<Compound> {
-    let second = axis2.and_then(|node| axis(reader, node, Some(JointKind::Continuous), name));
+    let second = axis2.and_then(|node| {
+        reader.unread.push(node.range());
+        axis(reader, node, Some(JointKind::Continuous), name)
+    });
     if joint.attribute("type") == Some(UNIVERSAL) {
         return universal(reader, reader.span(joint), name, first, second, axis2.is_some());
     }
@@ -203,17 +217,17 @@ fn kind_of(reader: &mut Reader<'_, '_>, written: &str, span: Span) -> Option<Joi
     kind
 }
 
-/// Reads an origin, of a joint or of an inertial.
-pub(super) fn origin<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Placement {
+/// Checks an origin, of a joint or of an inertial.
+pub(super) fn origin<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) {
     reader.children(node, &ORIGIN);
-    let placement = reader.placement(node).unwrap_or_default();
-    let Some(quaternion) = reader.numbers::<4>(node, "quat_xyzw") else { return placement };
+    reader.numbers::<3>(node, "xyz");
+    reader.numbers::<3>(node, "rpy");
+    let Some(quaternion) = reader.numbers::<4>(node, "quat_xyzw") else { return };
     let span = reader.span(node);
     if !reader.version.has_quaternions() {
         let found = "`quat_xyzw` in a file of version 1.0";
         let help = "write version=\"1.1\" on `robot` or use `rpy`";
-        reader.diagnostics.error(span, found, "`rpy`", help);
-        return placement;
+        return reader.diagnostics.error(span, found, "`rpy`", help);
     }
     if node.has_attribute("rpy") {
         let found = "`origin` has both `rpy` and `quat_xyzw`";
@@ -224,22 +238,6 @@ pub(super) fn origin<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Pla
         let found = format!("the quaternion of `origin` has the length {length}");
         reader.diagnostics.error(span, found, "1", "normalise it");
     }
-    Placement { rpy: angles(quaternion.map(|x| x / length)), ..placement }
-}
-
-/// Roll, pitch and yaw of a unit quaternion x, y, z, w, as urdfdom has them.
-fn angles([x, y, z, w]: [f64; 4]) -> [f64; 3] {
-    let sin_pitch = -2.0 * (x * z - w * y);
-    if sin_pitch.abs() >= 0.99999 {
-        let side = sin_pitch.signum();
-        return [0.0, side * FRAC_PI_2, 2.0 * (-side * x).atan2(side * y)];
-    }
-    let [xx, yy, zz, ww] = [x, y, z, w].map(|part| part * part);
-    [
-        (2.0 * (y * z + w * x)).atan2(ww - xx - yy + zz),
-        sin_pitch.asin(),
-        (2.0 * (x * y + w * z)).atan2(ww + xx - yy - zz),
-    ]
 }
 
 /// A universal joint of these axes; `None` after an error.
@@ -267,7 +265,7 @@ fn universal(
     Some(Compound::Universal { axis2 })
 }
 
-/// Reads an axis; checks its direction if the joint moves along or about it.
+/// Checks an axis; its direction where the joint moves along or about it.
 fn axis<'t>(
     reader: &mut Reader<'t, '_>,
     node: Node<'_, 't>,
@@ -282,8 +280,8 @@ fn axis<'t>(
     }
     let moves =
         matches!(kind, Some(JointKind::Revolute | JointKind::Continuous | JointKind::Prismatic));
-    let axis = reader.numbers::<3>(node, "xyz");
-    if let Some(axis) = axis.filter(|_| moves) {
+    let axis = reader.numbers::<3>(node, "xyz").filter(|_| moves);
+    if let Some(axis) = axis {
         let length = axis.iter().fold(0.0_f64, |length, x| length.max(x.abs()));
         // far from unit length its square would leave the range of numbers
         if !(1e-6..=1e6).contains(&length) {
@@ -303,42 +301,36 @@ fn limit<'t>(
     node: Node<'_, 't>,
     kind: Option<JointKind>,
     joint: &str,
-) -> Limits {
+) {
     reader.children(node, &LIMIT);
     let span = reader.span(node);
-    let is_optional = reader.version.has_optional_limits();
     let [lower, upper] = ["lower", "upper"].map(|name| reader.number(node, name));
-    let names = ["effort", "velocity", "acceleration", "deceleration", "jerk"];
-    let [effort, velocity, ..] = names.map(|name| {
-        let needed = matches!(name, "effort" | "velocity") && !is_optional;
+    for name in ["effort", "velocity", "acceleration", "deceleration", "jerk"] {
+        let needed = matches!(name, "effort" | "velocity") && !reader.version.has_optional_limits();
         let value =
             if needed { reader.required_number(node, name) } else { reader.number(node, name) };
         if value.is_some_and(|value| value < 0.0) {
             let found = format!("the limit `{name}` is negative");
             reader.diagnostics.error(span, found, "zero or more", "correct the value");
         }
-        value.unwrap_or(f64::INFINITY)
-    });
+    }
     let has_range = matches!(kind, Some(JointKind::Revolute | JointKind::Prismatic));
-    let is_unbounded = !node.has_attribute("lower") && !node.has_attribute("upper");
-    if has_range && !is_optional && is_unbounded {
+    if has_range
+        && !reader.version.has_optional_limits()
+        && !node.has_attribute("lower")
+        && !node.has_attribute("upper")
+    {
         let found =
             format!("`limit` of the joint {} has neither `lower` nor `upper`", quoted(joint));
         let help = "add them; it is read as unbounded";
         reader.diagnostics.warning(span, found, "the range of the joint", help);
     }
-    let least = lower.unwrap_or(0.0);
-    let most = upper.unwrap_or(f64::INFINITY);
-    if has_range && least > most {
-        let found = format!("the lower limit {least} is above the upper limit {most}");
+    let lower = lower.unwrap_or(0.0);
+    let upper = upper.unwrap_or(f64::INFINITY);
+    if has_range && lower > upper {
+        let found = format!("the lower limit {lower} is above the upper limit {upper}");
         reader.diagnostics.error(span, found, "lower ≤ upper", "swap them");
     }
-    // before version 1.2 a bound that is missing beside another is zero
-    let [least, most] = match is_optional || is_unbounded {
-        true => [f64::NEG_INFINITY, f64::INFINITY],
-        false => [0.0; 2],
-    };
-    Limits { lower: lower.unwrap_or(least), upper: upper.unwrap_or(most), velocity, effort }
 }
 
 fn mimic<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Master> {

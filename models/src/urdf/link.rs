@@ -1,7 +1,6 @@
 //! Links: their names, masses and inertias.
 
 use roxmltree::Node;
-use sarrus_dynamics::description::Inertial;
 
 use super::xml::{Reader, Shape};
 use crate::inertia::{self, InertiaFault};
@@ -46,7 +45,7 @@ pub(crate) enum Weight {
     /// Something of it is malformed, which has been reported.
     Malformed,
     /// Both can be read.
-    Given { span: Span, inertial: Inertial },
+    Given { span: Span, mass: f64, inertia: [f64; 6] },
 }
 
 pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> LinkEntry {
@@ -67,7 +66,9 @@ fn weight<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Weight {
     let span = reader.span(node);
     let children = reader.children(node, &INERTIAL);
     let find = |name: &str| children.iter().copied().find(|child| child.has_tag_name(name));
-    let origin = find("origin").map(|node| super::joint::origin(reader, node)).unwrap_or_default();
+    if let Some(origin) = find("origin") {
+        super::joint::origin(reader, origin);
+    }
     let mass = find("mass").map(|mass| {
         reader.children(mass, &MASS);
         reader.required_number(mass, "value")
@@ -89,9 +90,7 @@ fn weight<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Weight {
         }
     }
     match (mass.flatten(), inertia.flatten()) {
-        (Some(mass), Some(inertia)) => {
-            Weight::Given { span, inertial: Inertial { origin, mass, inertia } }
-        }
+        (Some(mass), Some(inertia)) => Weight::Given { span, mass, inertia },
         _ => Weight::Malformed,
     }
 }
@@ -103,8 +102,8 @@ pub(super) fn check(link: &LinkEntry, is_root: bool, diagnostics: &mut Diagnosti
         let found = format!("link {name} has {why}: a massless body");
         diagnostics.warning(span, found, "mass and inertia", "add them if it has any");
     };
-    let (span, Inertial { mass, inertia, .. }) = match link.inertial {
-        Weight::Given { span, inertial } => (span, inertial),
+    let (span, mass, inertia) = match link.inertial {
+        Weight::Given { span, mass, inertia } => (span, mass, inertia),
         Weight::Absent if !is_root && link.is_written => {
             return massless(link.span, "no inertial", diagnostics);
         }

@@ -1,4 +1,4 @@
-//! URDF: a strict walk over the text, values together with their positions.
+//! URDF: a strict walk over the text with positions, and the numbers by urdf-rs.
 
 mod closing;
 mod compound;
@@ -10,6 +10,7 @@ mod link;
 mod sdf;
 mod topology;
 mod transmission;
+mod values;
 mod xml;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -20,6 +21,7 @@ use sarrus_dynamics::description::JointKind;
 pub(crate) use closing::{Closing, Place};
 pub(crate) use joint::JointEntry;
 pub(crate) use link::{LinkEntry, Weight};
+pub(crate) use values::{Values, values};
 
 use crate::report::{Diagnostics, Span, quoted};
 use crate::text::Text;
@@ -48,7 +50,7 @@ const ROBOT: Shape = Shape {
 const MOST_LINKS: usize = 4096;
 const MOST_JOINTS: usize = 1024;
 
-/// A URDF file as it stands, with positions.
+/// A URDF file as it stands, with positions; the numbers follow in [`Values`].
 pub(crate) struct Urdf {
     pub(crate) name: String,
     pub(crate) span: Span,
@@ -64,6 +66,12 @@ pub(crate) struct Urdf {
     pub(crate) actuated: BTreeSet<String>,
     /// The link that is no joint's child.
     pub(crate) root: Option<usize>,
+    /// Names of joints as they stand in the file.
+    written_joints: Vec<String>,
+    /// Byte ranges that no part of sarrus reads.
+    unread: Vec<core::ops::Range<usize>>,
+    /// Byte ranges of values that urdf-rs knows by another name.
+    replaced: Vec<(core::ops::Range<usize>, &'static str)>,
 }
 
 /// The version that the robot element states; before 1.1 there are no quaternions, before 1.2
@@ -109,7 +117,7 @@ impl Urdf {
     pub(crate) fn read(text: &Text, diagnostics: &mut Diagnostics) -> Option<Urdf> {
         let document = xml::parse(text, diagnostics)?;
         let root = document.root_element();
-        let mut reader = Reader { text, diagnostics, version: Version(1, 0) };
+        let mut reader = Reader::new(text, diagnostics, Version(1, 0));
         let mut urdf = Urdf::of_robot(&mut reader, root)?;
         let mut rotors: Vec<Rotor> = Vec::new();
         let mut dependences: Vec<Dependence> = Vec::new();
@@ -121,14 +129,22 @@ impl Urdf {
         for node in reader.children(root, &ROBOT) {
             match node.tag_name().name() {
                 "link" => urdf.links.push(link::read(&mut reader, node)),
-                "joint" => urdf.joints.push(joint::read(&mut reader, node)),
-                "coupling" => couplings.extend(transmission::gear(&mut reader, node)),
+                "joint" => {
+                    let source = urdf.joints.len();
+                    urdf.joints.push(joint::read(&mut reader, node, source));
+                }
+                "coupling" => {
+                    couplings.extend(transmission::gear(&mut reader, node));
+                    reader.unread.push(node.range());
+                }
                 _ => {
                     dependences.extend(transmission::read(&mut reader, node));
                     rotors.extend(dynamics::rotors(&mut reader, node));
+                    reader.unread.push(node.range());
                 }
             }
         }
+        urdf.written_joints = urdf.joint_names().map(str::to_owned).collect();
         (urdf.joints, urdf.parts) =
             compound::expand(std::mem::take(&mut urdf.joints), &mut urdf.links, reader.diagnostics);
         urdf.index_names(reader.diagnostics);
@@ -141,6 +157,8 @@ impl Urdf {
         for (link, is_root) in urdf.links.iter().zip(is_root) {
             link::check(link, is_root, reader.diagnostics);
         }
+        urdf.unread = reader.unread;
+        urdf.replaced = reader.replaced;
         Some(urdf)
     }
 
@@ -174,6 +192,9 @@ impl Urdf {
             closings: Vec::new(),
             actuated: closing::actuated(root),
             root: None,
+            written_joints: Vec::new(),
+            unread: Vec::new(),
+            replaced: Vec::new(),
         })
     }
 

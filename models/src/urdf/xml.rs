@@ -1,7 +1,6 @@
 //! Elements and attributes with their positions, read strictly.
 
 use roxmltree::{Attribute, Document, Node, ParsingOptions};
-use sarrus_dynamics::description::Placement;
 
 use super::{Version, guard};
 use crate::number;
@@ -99,9 +98,22 @@ pub(super) struct Reader<'t, 'f> {
     pub(super) diagnostics: &'f mut Diagnostics,
     /// The version that the file states.
     pub(super) version: Version,
+    /// Byte ranges of everything that is not read.
+    pub(super) unread: Vec<core::ops::Range<usize>>,
+    /// Byte ranges of values that urdf-rs knows by another name.
+    pub(super) replaced: Vec<(core::ops::Range<usize>, &'static str)>,
 }
 
-impl<'t> Reader<'t, '_> {
+impl<'t, 'f> Reader<'t, 'f> {
+    /// A reader that has read nothing.
+    pub(super) fn new(
+        text: &'t Text,
+        diagnostics: &'f mut Diagnostics,
+        version: Version,
+    ) -> Reader<'t, 'f> {
+        Reader { text, diagnostics, version, unread: Vec::new(), replaced: Vec::new() }
+    }
+
     pub(super) fn span(&self, node: Node<'_, 't>) -> Span {
         self.text.span(node.range().start)
     }
@@ -152,6 +164,7 @@ impl<'t> Reader<'t, '_> {
                 children.push(child);
                 continue;
             }
+            self.unread.push(child.range());
             // loops have a reader of their own
             if super::closing::is_closing(child) && shape.many.contains(&"link") {
                 continue;
@@ -205,15 +218,6 @@ impl<'t> Reader<'t, '_> {
     ) -> Option<[f64; N]> {
         let name = format!("`{}`", node.tag_name().name());
         self.parsed(node.text().unwrap_or_default(), name, self.span(node))
-    }
-
-    /// `xyz` and `rpy` of an element, zero without; `None` after an error.
-    pub(super) fn placement(&mut self, node: Node<'_, 't>) -> Option<Placement> {
-        let [xyz, rpy] = ["xyz", "rpy"].map(|name| match node.has_attribute(name) {
-            true => self.numbers::<3>(node, name),
-            false => Some([0.0; 3]),
-        });
-        Some(Placement { xyz: xyz?, rpy: rpy? })
     }
 
     fn parsed<const N: usize>(&mut self, text: &str, name: String, span: Span) -> Option<[f64; N]> {
