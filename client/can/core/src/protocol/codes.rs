@@ -28,6 +28,7 @@ impl Coded {
 
     /// Codes of position, velocity, stiffness, damping and torque, within ± the limit of the torque
     /// for a motor whose position and velocity were last measured so.
+    #[inline]
     pub(super) fn setpoint(&self, setpoint: &Setpoint) -> [u16; 5] {
         let setpoint = match self.common.mode {
             Mode::Torque => Setpoint { torque: setpoint.torque, ..Setpoint::default() },
@@ -57,6 +58,7 @@ impl Coded {
     }
 
     /// The measurement in the codes of position, velocity and torque.
+    #[inline]
     pub(super) fn measure(&mut self, codes: [u16; 3], temperature: f64) -> Receipt {
         let [position, velocity, torque] = codes;
         let position = self.codes.position.value_at(self.turns.follow(position));
@@ -67,6 +69,7 @@ impl Coded {
     }
 
     /// The fault of a position that has no code, or is not known; else 0.
+    #[inline]
     pub(super) fn fault(&self) -> u32 {
         self.turns.fault(self.common.mode)
     }

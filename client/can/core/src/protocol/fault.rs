@@ -24,11 +24,13 @@ pub const LIMIT_REFUSED: u32 = 0x8000_0009;
 pub const MALFORMED: u32 = 0x8000_0020;
 
 /// The first of several faults, the gravest first; 0 without one.
+#[inline]
 pub(super) fn first<const N: usize>(faults: [u32; N]) -> u32 {
     faults.into_iter().find(|fault| *fault != 0).unwrap_or(0)
 }
 
 /// A fault that exists under a condition; else 0.
+#[inline]
 pub(super) fn when(is_there: bool, fault: u32) -> u32 {
     if is_there { fault } else { 0 }
 }

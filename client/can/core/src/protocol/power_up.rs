@@ -161,11 +161,13 @@ impl PowerUp {
     }
 
     /// Power of a motor that reports it, but for its way there.
+    #[inline]
     pub(super) fn reported(&self, power: Power) -> Power {
         if power == Power::Off && self.is_starting() { Power::Starting } else { power }
     }
 
     /// [`fault::POWER_LOST`] where the motor lost its power by itself; else 0.
+    #[inline]
     pub(super) fn fault(&self) -> u32 {
         fault::when(self.stage == Stage::Lost, fault::POWER_LOST)
     }

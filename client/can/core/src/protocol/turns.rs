@@ -20,9 +20,14 @@ impl Unwrapped {
 
     /// The code without jumps: the way from the last one is the shorter of the two. The first one
     /// counts as it is.
+    #[inline]
     pub(super) fn follow(&mut self, code: i64) -> i64 {
         let whole = self.last.map_or(code, |(last, whole)| {
-            let way = (code - last).rem_euclid(self.n_codes);
+            let way = code - last;
+            if way > self.longest - self.n_codes && way <= self.longest {
+                return whole + way;
+            }
+            let way = way.rem_euclid(self.n_codes);
             whole + if way > self.longest { way - self.n_codes } else { way }
         });
         self.last = Some((code, whole));
@@ -30,6 +35,7 @@ impl Unwrapped {
     }
 
     /// The last code without jumps.
+    #[inline]
     pub(super) fn whole(&self) -> Option<i64> {
         self.last.map(|(_, whole)| whole)
     }
