@@ -17,8 +17,8 @@
 //! counted and not timed.
 //!
 //! To add a bundled robot or a way to close its loops: one line in
-//! `server/report/src/robots/catalogue.rs`. A small robot: `server/report/src/robots/rare.rs`. A case
-//! of the regression gate: one line in `count.sh`, then `benches/count.sh --update`.
+//! `server/report/src/robots/catalogue.rs`. A small robot: `server/report/src/robots/rare.rs`. A
+//! case of the regression gate: one line in `count.sh`, then `benches/count.sh --update`.
 
 mod batches;
 mod bridge;

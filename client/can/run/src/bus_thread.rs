@@ -1,5 +1,5 @@
-//! The thread of one bus: sends the frames of the rules, receives, and at its end sends the shutdown
-//! frames.
+//! The thread of one bus: sends the frames of the rules, receives, and at its end sends the
+//! shutdown frames.
 
 use std::os::fd::{AsFd, OwnedFd};
 use std::sync::Arc;

@@ -20,8 +20,8 @@ static PROGRAM: OnceLock<&str> = OnceLock::new();
 static LINES: OnceLock<SyncSender<String>> = OnceLock::new();
 static WAITING: AtomicUsize = AtomicUsize::new(0);
 
-/// Starts the thread of stderr: no other thread waits for it any more, not even in a panic. Each line
-/// begins with `program`.
+/// Starts the thread of stderr: no other thread waits for it any more, not even in a panic. Each
+/// line begins with `program`.
 pub fn never_wait(program: &'static str) {
     let _ = PROGRAM.set(program);
     let (lines, said) = sync_channel::<String>(ROOM);

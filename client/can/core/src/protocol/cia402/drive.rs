@@ -170,8 +170,8 @@ impl Cia402 {
     /// Whether only a master sends it: a set-point, a request by SDO, an NMT command, the heartbeat
     /// of this side.
     fn is_command(&self, id: u16, bytes: &[u8]) -> bool {
-        let is_network = id == 0
-            && matches!(bytes, [_, node, ..] if *node == 0 || u16::from(*node) == self.desired.node);
+        let is_addressed = |node: u8| node == 0 || u16::from(node) == self.desired.node;
+        let is_network = id == 0 && matches!(bytes, [_, node, ..] if is_addressed(*node));
         let is_heartbeat = id == 0x700 + self.desired.master && self.desired.watchdog_ms > 0;
         is_network
             || is_heartbeat
