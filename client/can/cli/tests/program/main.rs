@@ -203,7 +203,7 @@ impl Drop for Host {
     /// Ends the reader. Left blocked, it would take the first byte of the next host.
     fn drop(&mut self) {
         self.bytes = channel().1;
-        let _ = self.file.write_all(b"V\r");
+        let _ = self.file.write_all(b"N\r");
         if !std::thread::panicking() {
             wait_for("the end of the reader", || self.reader.is_finished().then_some(()));
         }
