@@ -1,4 +1,4 @@
-//! How long a frame can keep a bus busy.
+//! The longest time that a frame occupies a bus.
 //!
 //! Source: ISO 11898-1:2015, frame formats and bit stuffing; the bound on stuff bits as in Davis,
 //! Burns, Bril and Lukkien, "Controller Area Network (CAN) schedulability analysis: refuted,
@@ -10,9 +10,9 @@ use crate::frame::{FrameKind, Id};
 /// end of frame, space to the next frame.
 const TAIL: usize = 1 + 1 + 1 + 7 + 3;
 
-/// The longest time that a frame with any data and the space behind it take `[s]`.
+/// The longest time that a frame and the interframe space take, for any data `[s]`.
 ///
-/// `bitrate` and `data_bitrate` in bit/s; the data bytes of an FD frame with its switch go at the
+/// `bitrate` and `data_bitrate` in bit/s; an FD frame with bit rate switch sends its data at the
 /// second, if there is one.
 pub fn duration(
     id: Id,

@@ -1,6 +1,6 @@
 //! A small symmetric positive definite system, in place and without allocation.
 
-/// Part of a diagonal entry that must be left of it, or the matrix counts as singular.
+/// Part of a diagonal entry that must remain, or the matrix counts as singular.
 const LEAST: f64 = 1e-14;
 
 /// A symmetric matrix, row by row; after [`Cholesky::factorise`] L with N = L Lᵀ.
@@ -17,7 +17,7 @@ impl Cholesky {
         Cholesky { n, matrix: vec![0.0; n * n] }
     }
 
-    /// False where the matrix is singular or no number.
+    /// False if the matrix is singular or not finite.
     pub fn factorise(&mut self) -> bool {
         let n = self.n;
         let a = &mut self.matrix;

@@ -1,7 +1,7 @@
-//! Motors that no configuration knows: drives for every identifier of a protocol, to find them.
+//! Finds motors without a configuration, with a drive for every identifier of a protocol.
 //!
 //! A candidate is a drive made from its protocol, a variant and an identifier; its other settings
-//! are placeholders, so it can probe for a motor and must give no power.
+//! are placeholders, so it may probe for a motor but must not power it.
 
 use core::fmt::Write;
 
@@ -16,11 +16,10 @@ use crate::settings::{Key, KeyKind, Settings};
 /// The settings that hold a motor's identifier, and the one that holds that of its replies.
 const IDENTIFIERS: [&str; 2] = ["id", "node"];
 const REPLY: &str = "reply_id";
-/// Greatest identifier that is asked where a frame on it could be a command to a motor of another
-/// protocol.
+/// Greatest identifier to probe where a frame could be a command to a motor of another protocol.
 const LAST_SHORT: i64 = 255;
 
-/// A motor that there may be.
+/// A possible motor.
 #[derive(Debug)]
 pub struct Candidate {
     protocol: &'static Protocol,

@@ -1,6 +1,6 @@
 //! The trait of protocols: the bridge's half of the communication with one motor.
 //!
-//! A [`Drive`] knows no bus, no clock and no rule of safety. It turns commands for its motor into
+//! A [`Drive`] knows no bus, no clock and no safety rule. It turns commands for its motor into
 //! frames and reads the motor's answers. All its numbers are on the motor's side: radians at the
 //! motor's output shaft, N m, and the motor's sign.
 
@@ -8,8 +8,8 @@ use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 
 /// Set-point of a motor, on the motor's side of gear and sign.
 ///
-/// All numbers are finite: the bridge has rejected others. `Impedance` uses all of them; every
-/// other mode uses the number that it is named after, with those below it as feed-forward where the
+/// All numbers are finite: the bridge rejects others. `Impedance` uses all of them; every other
+/// mode uses the number that it is named after, with those below it as feed-forward where the
 /// protocol has room for them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Setpoint {
@@ -26,7 +26,7 @@ pub struct Setpoint {
 }
 
 impl Setpoint {
-    /// Keeps the motor where it is; 0 stands for a position that is not known.
+    /// Holds the motor's position; an unknown position is 0.
     pub(crate) fn still(position: f64) -> Setpoint {
         let position = if position.is_finite() { position } else { 0.0 };
         Setpoint { position, ..Setpoint::default() }

@@ -3,7 +3,7 @@
 /// News of a bus from its adapter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BusEvent {
-    /// The controller takes part fully.
+    /// The controller is error-active.
     ErrorActive,
     /// 96 errors or more.
     ErrorWarning,
@@ -14,7 +14,7 @@ pub enum BusEvent {
     BusOff,
     /// The controller came back after bus-off.
     Restarted,
-    /// Frames that were not sent because there was no room for them.
+    /// Frames that were not sent because the queue was full.
     Dropped(u32),
     /// Frames that wait to be sent.
     Backlog(u32),
@@ -22,10 +22,10 @@ pub enum BusEvent {
     Overrun(u32),
 }
 
-/// How a bus is.
+/// The state of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BusState {
-    /// No trouble.
+    /// No errors.
     Active,
     /// Many errors.
     Warning,
@@ -36,7 +36,7 @@ pub enum BusState {
 }
 
 impl BusState {
-    /// The name that people see.
+    /// The name for people.
     pub const fn name(self) -> &'static str {
         match self {
             BusState::Active => "active",

@@ -1,5 +1,4 @@
-//! Files of faults, the same for every frontend: where they lie, how they are called, and how many
-//! are kept.
+//! Fault files, the same for every frontend: their folder, names and number.
 
 use std::ffi::OsString;
 use std::fs::{self, File};
@@ -11,7 +10,7 @@ use sarrus_proto::actuators::Reason;
 use crate::config::Configuration;
 use crate::fault_log::FaultLog;
 
-/// Files of one bridge that are kept.
+/// Number of files kept for one bridge.
 const FILES: usize = 16;
 
 /// The files of one bridge.
@@ -22,13 +21,12 @@ pub struct FaultFiles {
 }
 
 impl FaultFiles {
-    /// Of the bridge of a name, in a folder that is made when it is needed.
+    /// The files of the named bridge; the folder is created on first use.
     pub fn new(folder: PathBuf, name: &str) -> FaultFiles {
         FaultFiles { folder, name: name.to_owned() }
     }
 
-    /// The folder that is usual, by the conventions of XDG; `of` gives variables of the
-    /// environment.
+    /// The default folder by the XDG conventions; `of` gives environment variables.
     pub fn usual_folder(of: impl Fn(&str) -> Option<OsString>) -> PathBuf {
         let of = |name: &str| of(name).map(PathBuf::from).filter(|path| path.is_absolute());
         of("XDG_STATE_HOME")
@@ -37,7 +35,7 @@ impl FaultFiles {
             .join("sarrus/faults")
     }
 
-    /// Where they lie.
+    /// Their folder.
     pub fn folder(&self) -> &Path {
         &self.folder
     }

@@ -6,33 +6,33 @@
 //!         ├────────────────────────┤ ─ ─ ─ ┤      ├──────────────────────┤
 //! ```
 //!
-//! The bridge's own state is not in the log. Inputs while some mechanism armed are kept from the
-//! first one that got power on, and bring a new bridge and its drives to the same state: drives set
-//! and read all their settings at arming. The line `resume` skips a gap, also one before the first
-//! line that is kept ([`Bridge::resume`]), and names the actuators whose mechanisms have power by
-//! then, whose mechanisms failed, and whose motors are known to answer in time. So a
-//! replay stops for the same reason; set-points may differ at its beginning, as those after late
-//! commands do. No I/O; it allocates, and belongs into another thread than the bridge.
+//! The bridge's own state is not in the log. Inputs during arming are kept from the first mechanism
+//! that got power, and bring a new bridge and its drives to the same state: drives set and read all
+//! their settings at arming. The line `resume` skips a gap, also one before the first line that is
+//! kept ([`Bridge::resume`]), and names the actuators whose mechanisms have power at that time,
+//! whose mechanisms failed, and whose motors are known to answer in time. So a replay stops for the
+//! same reason; set-points may differ at its beginning, as they do after late commands. No I/O.
+//! Allocates, so it belongs in another thread than the bridge.
 
 use std::collections::VecDeque;
 
 use crate::bridge::{Bookmark, Bridge, Progress};
 use crate::log::{Line, What};
 
-/// The time before a fault that is kept in full `[ns]`.
+/// The time before a fault for which all inputs are kept `[ns]`.
 pub const WINDOW_NS: u64 = 2_000_000_000;
 /// Time that is kept before an operation and after a mechanism has armed `[ns]`: drives
 /// of a new bridge may be some frames behind those of the run.
 const AROUND_NS: u64 = 200_000_000;
-/// Lines of arming that are kept at most; later ones are left out.
+/// Most lines of arming that are kept; later ones are omitted.
 const ARMING: usize = 400_000;
 
-/// How a bridge is after a cycle, as far as a log of faults must know.
+/// The state of a bridge after a cycle, as far as a fault log needs it.
 #[derive(Clone, Copy, Debug)]
 pub struct After {
-    /// How far it is.
+    /// The stage of the bridge.
     pub progress: Progress,
-    /// How its actuators are.
+    /// The state of its actuators.
     pub bookmark: Bookmark,
 }
 

@@ -3,7 +3,7 @@
 /// Most data bytes of a frame.
 pub const MAX_DATA: usize = 64;
 
-/// Lengths that FD has, by their codes.
+/// Lengths of FD frames, by their codes.
 pub(crate) const FD_LENGTHS: [u8; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
 
 /// The identifier of a frame.

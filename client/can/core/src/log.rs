@@ -11,10 +11,10 @@
 //! {"t": 9000000000, "resume": true, "live": ["ALElbowAct"], "fault": [], "in_time": []}
 //! ```
 //!
-//! `t` is the monotonic clock `[ns]`; frames are as `candump -L` writes them. Fields that a command
-//! lacks are zero (`fingerprint` and `n_u`: those of the configuration); `null` is NaN, for which
-//! JSON has no word. After a gap `resume` names the actuators whose mechanisms arm or have power,
-//! those in fault, and those that answer in time ([`Bookmark`]); without lists all go on.
+//! `t` is the monotonic clock `[ns]`; frames are as `candump -L` writes them. Missing fields of a
+//! command are zero (`fingerprint` and `n_u`: those of the configuration); `null` is NaN, which
+//! JSON cannot express. After a gap `resume` names the actuators whose mechanisms arm or have
+//! power, those in fault, and those that answer in time ([`Bookmark`]); without lists all continue.
 
 use serde_json::{Value, json};
 
@@ -26,7 +26,7 @@ use sarrus_proto::actuators::{ActuatorCommand, Operation};
 /// One line of a log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line {
-    /// When it happened `[ns]`.
+    /// Time of the input `[ns]`.
     pub t: u64,
     /// Content.
     pub what: What,
@@ -35,9 +35,9 @@ pub struct Line {
 /// Input of a bridge.
 #[derive(Clone, Debug, PartialEq)]
 pub enum What {
-    /// A frame came on a bus.
+    /// A frame arrived on a bus.
     Frame(usize, Frame),
-    /// Something else happened on a bus.
+    /// Another event on a bus.
     Event(usize, BusEvent),
     /// An operator asked for something, of all mechanisms or of that of an actuator.
     Operate(Operation, Option<usize>),

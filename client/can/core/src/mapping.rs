@@ -1,24 +1,23 @@
-//! From an actuator to its motor and back: sign, gear, offset and torque constant, in one place for
+//! Maps between an actuator and its motor: sign, gear, offset and torque constant, in one place for
 //! every path.
 //!
 //! q = s q_m / N + o, q̇ = s q̇_m / N, and since both sides have the same power τ q̇ = τ_m q̇_m,
 //! τ_m = s τ / N. A spring or damper at the actuator is N² times softer at the motor. The torque
-//! constant stands between the torque of a protocol and the true one, τ_m = k τ_said, and so
-//! between the protocol's gains and the true ones.
+//! constant maps a protocol's torque to the true one, τ_m = k τ_said, and its gains likewise.
 
 use crate::drive::{Measurement, Setpoint};
 
-/// How an actuator's coordinate follows from its motor's.
+/// The map from a motor's coordinate to its actuator's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mapping {
-    /// s: 1, or −1 where actuator and motor go against each other.
+    /// s: 1, or −1 if actuator and motor move in opposite directions.
     pub sign: f64,
-    /// N: the motor's turn for that of the actuator `[rad/rad]`, or for its way `[rad/m]`; greater
-    /// than 0.
+    /// N: motor rotation per actuator rotation `[rad/rad]` or translation `[rad/m]`; greater than
+    /// 0.
     pub gear: f64,
-    /// o: the actuator's position where the motor reports 0 `[rad, m]`.
+    /// o: the actuator's position at a motor position of 0 `[rad, m]`.
     pub offset: f64,
-    /// k: true torque for the torque of the protocol; greater than 0.
+    /// k: true torque per unit of protocol torque; greater than 0.
     pub torque_constant: f64,
 }
 

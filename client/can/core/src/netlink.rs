@@ -1,8 +1,9 @@
 //! State of a CAN interface from the kernel: whether it is up, its bit rates, the state of its
 //! controller, and its error frames.
 //!
-//! One question RTM_GETLINK, which a frontend sends over a route socket, and the attributes of its
-//! answer. Source: Linux, *rtnetlink(7)*, `linux/if_link.h`, `linux/can/netlink.h`.
+//! Builds one RTM_GETLINK request, which a frontend sends over a route socket, and reads the
+//! attributes of its answer. Source: Linux, *rtnetlink(7)*, `linux/if_link.h`,
+//! `linux/can/netlink.h`.
 
 use thiserror::Error;
 
@@ -30,13 +31,13 @@ const DATA: u16 = 2;
 const TIMING: u16 = 1;
 const STATE: u16 = 4;
 const DATA_TIMING: u16 = 9;
-/// Where an attribute's kind has flags.
+/// Flag bits in an attribute's type.
 const FLAGS: u16 = 0xC000;
-/// Bit rates that differ by less than this part of them work together: clocks do not divide into
-/// every one exactly.
+/// Bit rates that differ by less than this fraction interoperate: clocks do not divide into every
+/// rate exactly.
 const SAME_RATE: f64 = 0.005;
 
-/// How a controller stands on its bus.
+/// The error state of a controller on its bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Controller {
     /// Takes part fully.

@@ -12,8 +12,7 @@ pub struct Key {
     pub name: &'static str,
     /// Kind of its value.
     pub kind: KeyKind,
-    /// Its text if the configuration omits it; empty for an optional setting without a value,
-    /// `None` for a required one.
+    /// Its default text; empty for an optional setting without a value, `None` for a required one.
     pub default: Option<&'static str>,
     /// One line for people, with the unit.
     pub about: &'static str,

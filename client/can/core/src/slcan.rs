@@ -4,10 +4,10 @@
 //! standard, `TIIIIIIIILDD…` extended, `r` and `R` remote; with CAN FD `d`, `D` without and `b`,
 //! `B` with bit rate switch, where the length is FD's code in one hexadecimal digit. The host opens
 //! (`O`, `L` listen only) and closes (`C`) the channel, sets bit rates (`S0` to `S8`, `Y2`, `Y5`),
-//! and asks for version, serial number and status (`V`, `N`, `F`). The adapter answers a line that
-//! it took with carriage return, perhaps after `z` or `Z`, and one that it refuses with bell. An
-//! adapter that watches its bus sends `sXRRRTTT`: state active, warning, passive or bus-off with
-//! its error counters.
+//! and asks for version, serial number and status (`V`, `N`, `F`). The adapter answers an accepted
+//! line with carriage return, perhaps after `z` or `Z`, and a refused one with bell. An adapter
+//! that watches its bus sends `sXRRRTTT`: state active, warning, passive or bus-off with its error
+//! counters.
 //!
 //! Source: LAWICEL, *CANUSB manual* (2007), for the classic lines; the firmware of CANable 2.0 for
 //! FD; the driver `slcan` of Linux for `s`.
@@ -30,7 +30,7 @@ pub const DATA_BITRATES: [(u8, u32); 2] = [(2, 2_000_000), (5, 5_000_000)];
 pub enum Line {
     /// A data frame.
     Frame(Frame),
-    /// A remote frame; motors know none.
+    /// A remote frame; motors use none.
     Remote,
     /// Open the channel.
     Open,

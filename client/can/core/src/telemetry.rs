@@ -6,7 +6,7 @@ use sarrus_proto::watch::{BridgeStatistics, BusStatistics, Label, MAX_BUSES, Tim
 use crate::bridge::Bridge;
 use crate::config::bus_load::Load;
 
-/// Times beyond this count as this `[ns]`.
+/// Longer times saturate at this `[ns]`.
 const LONGEST_NS: u64 = 10_000_000_000;
 /// Time between two sets of statistics `[ns]`.
 const STATISTICS_NS: u64 = 500_000_000;
@@ -14,9 +14,9 @@ const STATISTICS_NS: u64 = 500_000_000;
 /// Times of one cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CycleTimes {
-    /// From the time of the cycle to its begin `[ns]`.
+    /// From the scheduled time of the cycle to its start `[ns]`.
     pub wake_ns: u64,
-    /// From its begin to its last frame `[ns]`.
+    /// From its start to its last frame `[ns]`.
     pub work_ns: u64,
 }
 
@@ -34,8 +34,8 @@ pub struct Telemetry {
 }
 
 impl Telemetry {
-    /// Nothing measured yet, by the process of this number at the monotonic time `started_ns`;
-    /// `None` without memory. Allocates; nothing after it does.
+    /// Empty distributions of the process with this number, started at the monotonic time
+    /// `started_ns`; `None` without memory. Allocates; nothing after it does.
     pub fn new(
         bridge: &Bridge,
         loads: &[Load],

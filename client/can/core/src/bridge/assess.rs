@@ -9,14 +9,14 @@ use super::motor::Motor;
 use crate::drive::Mode;
 
 impl Bridge {
-    /// One cycle of the model, where there is one.
+    /// Runs one cycle of the model, if there is one.
     pub(super) fn assess_mechanisms(&mut self, now_ns: u64) {
         let Bridge { model, motors, mechanisms, configuration, command, .. } = self;
         let Some(model) = model else { return };
         for motor in motors.iter() {
             let actuator = motor.config.actuator;
             let stiffness = command.stiffness.get(actuator).copied().unwrap_or(0.0);
-            // only where a position is held can it be one that the mechanism does not have
+            // only a held position can be one that the mechanism does not have
             let is_held = match motor.config.common.mode {
                 Mode::Position => true,
                 Mode::Impedance | Mode::Torque => stiffness > 0.0,

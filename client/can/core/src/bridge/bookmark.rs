@@ -5,7 +5,7 @@ use sarrus_proto::actuators::{MechanismState, Reason};
 use super::{Bookmark, Bridge};
 
 impl Bridge {
-    /// How each actuator is after the last cycle, for a log that may begin here.
+    /// The state of each actuator after the last cycle, for a log that may begin here.
     pub fn bookmark(&self) -> Bookmark {
         let mut mark = Bookmark { live: 0, fault: 0, in_time: 0 };
         for (actuator, number) in self.configuration.mechanisms.iter().enumerate() {
@@ -20,9 +20,9 @@ impl Bridge {
         mark
     }
 
-    /// Continues after a gap of a log at `now_ns` by the log: mechanisms with power go on, except
-    /// those that had lost it by then. Time stood still meanwhile, for drives too:
-    /// [`Bridge::skipped_ns`] is to be taken from all later times of the log.
+    /// Continues after a gap of a log at `now_ns` by the log: mechanisms with power continue,
+    /// except those that lost it in the gap. Time does not advance during the gap, for drives
+    /// neither: subtract [`Bridge::skipped_ns`] from all later times of the log.
     pub fn resume(&mut self, now_ns: u64, mark: &Bookmark) {
         if let Some(last_ns) = self.last_cycle_ns {
             let next_ns = last_ns + self.configuration.period_ns();

@@ -12,13 +12,13 @@ pub(super) struct Bus {
     pub(super) queue: FrameQueue,
     /// Frames of the cycle before.
     pub(super) sent: FrameQueue,
-    /// Places of its motors, and whose frame is likely to come next: motors answer in the order in
-    /// which they are asked.
+    /// Indices of its motors, and the motor whose frame probably comes next: motors answer in the
+    /// order of the requests.
     pub(super) members: Vec<usize>,
     pub(super) next: usize,
     /// One of its motors has power.
     pub(super) has_power: bool,
-    /// None of those that wait for its frame pauses.
+    /// No motor that waits for its frame pauses.
     pub(super) is_synchronous: bool,
     pub(super) sync: Option<Frame>,
     pub(super) state: BusState,
@@ -27,7 +27,7 @@ pub(super) struct Bus {
 }
 
 impl Bus {
-    /// A bus on which nothing was sent yet, with the places of its motors and the frame that they
+    /// A bus on which nothing was sent yet, with the indices of its motors and the frame that they
     /// wait for.
     pub(super) fn new(members: Vec<usize>, sync: Option<Frame>) -> Bus {
         let room = (members.len() + 1) * FRAMES_PER_MOTOR;

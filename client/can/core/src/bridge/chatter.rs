@@ -21,19 +21,19 @@ impl Default for Chatter {
 }
 
 impl Chatter {
-    /// Whether it had to weaken the damper.
+    /// Whether the damper was weakened.
     pub(super) fn is_weakened(&self) -> bool {
         self.gain < 1.0
     }
 
-    /// Half waves of more cycles are not those of a delay of one or two.
+    /// Longer half waves, in cycles, do not come from a delay of one or two cycles.
     const CYCLES: u32 = 8;
     /// Half waves that shrink by this factor or more are damped.
     const DECAY: f64 = 0.5;
     /// Half waves below this part of the greatest effort are noise.
     const NOISE: f64 = 0.1;
 
-    /// Takes the effort that the damper has of itself, gives the part of it that is to be used.
+    /// Takes the damper's effort and returns the part of it to apply.
     pub(super) fn gain(&mut self, effort: f64, most: f64) -> f64 {
         let effort = self.gain * effort;
         self.n_cycles += 1;

@@ -4,10 +4,10 @@ use sarrus_proto::counts::{BusCounts, CommandCounts};
 
 use crate::event::BusEvent;
 
-/// How far a bridge is, after a cycle.
+/// The stage of a bridge after a cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Progress {
-    /// No mechanism has power or is on the way to it.
+    /// No mechanism has power or arms.
     #[default]
     Idle,
     /// Some mechanism arms.
@@ -29,7 +29,7 @@ pub struct Bookmark {
 }
 
 impl Default for Bookmark {
-    /// Every mechanism with power goes on.
+    /// Every mechanism with power continues.
     fn default() -> Bookmark {
         Bookmark { live: u64::MAX, fault: 0, in_time: 0 }
     }

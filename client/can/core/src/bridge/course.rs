@@ -6,22 +6,22 @@ pub(super) const RETURN_EFFORT: f64 = 0.5;
 /// The motion of the motors of a mechanism with power.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Course {
-    /// The commands, grown this far from 0 to 1.
+    /// The commands, scaled by this ramp from 0 to 1.
     Follow(f64),
     /// Damping.
     Damp,
     /// A stop.
     Brake {
-        /// Part of the speed from its beginning that is left.
+        /// Fraction of the initial speed that remains.
         speed: f64,
-        /// Part of its time that has passed.
+        /// Fraction of its time that has passed.
         passed: f64,
     },
     /// No more than this speed down with gravity `[rad/s, m/s]`.
     Lower(f64),
     /// The quick stop of the drive.
     QuickStop,
-    /// Slowly back inside the limits.
+    /// A slow return inside the limits.
     Return,
 }
 
@@ -32,7 +32,7 @@ impl Course {
     }
 }
 
-/// Where a stop is to lead a motor.
+/// The target of a stop for one motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Reference {
     /// Position of this cycle `[rad, m]`.

@@ -1,4 +1,4 @@
-//! Where one closed mechanism stands. Its motors get and lose power together.
+//! The state of one closed mechanism. Its motors get and lose power together.
 
 use sarrus_proto::actuators::{MechanismState, Reason};
 
@@ -10,28 +10,28 @@ use crate::config::{MechanismStop, StopFunction};
 /// Part of a stop's time in which the velocity goes to zero along a ramp.
 const RAMP: f64 = 1.0 / 3.0;
 
-/// A mechanism that is lowered stands still below this part of its greatest speed.
+/// A lowered mechanism counts as still below this part of its greatest speed.
 const STILL: f64 = 0.1;
-/// After this time of standing still the lowering is over `[ns]`.
+/// Lowering ends after the mechanism is still for this time `[ns]`.
 const STILL_NS: u64 = 300_000_000;
 
-/// A way back that takes longer has failed `[ns]`.
+/// A return inside the limits that takes longer has failed `[ns]`.
 const RETURN_NS: u64 = 60_000_000_000;
 
-/// How far a mechanism is with arming, and how commands reach it.
+/// The stage of arming, and how commands reach the mechanism.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     /// No power.
     Off,
     /// Waits for a missing condition.
     Waiting,
-    /// Its motors take power, with the measured position and no gains.
+    /// Its motors power up, with the measured position and no gains.
     Starting,
     /// Follows commands, with gains that began to grow at this time `[ns]`.
     Following(u64),
     /// Commands are late; the gains began to grow at this time `[ns]`.
     Damped(u64),
-    /// Is stopped; since this time `[ns]`, or from the next cycle on.
+    /// Is being stopped, since this time `[ns]` or from the next cycle on.
     Stopping(Option<u64>),
 }
 

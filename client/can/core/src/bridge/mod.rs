@@ -2,12 +2,12 @@
 //! the buses.
 //!
 //! Each closed mechanism goes DISABLED → ARMING → ENABLED, and to FAULT from both. Arming waits
-//! until every motor measures, is calibrated, has no fault and a watchdog that is on, until the
-//! buses are error-active with nothing left to send, and until a controller commands. The first
-//! set-point is the measured position without gains; gains, efforts and the way to the commanded
-//! position then grow together. Commands older than T1 bring damping, and when they come back they
-//! act at once; older than T2 they, `disarm` and faults that leave the motors able bring a
-//! controlled stop: STOPPING, then DISABLED or FAULT. Nothing ever arms by itself.
+//! until every motor measures, is calibrated, has no fault and an active watchdog, until the buses
+//! are error-active with empty send queues, and until a controller commands. The first set-point is
+//! the measured position without gains; gains, efforts and the motion to the commanded position
+//! then grow together. Commands older than T1 cause damping, and new ones act at once. Commands
+//! older than T2, `disarm`, and faults that leave the motors able to brake cause a controlled stop:
+//! STOPPING, then DISABLED or FAULT. Nothing ever arms by itself.
 
 mod assess;
 mod bookmark;

@@ -21,22 +21,22 @@ pub(super) struct Motor {
     pub(super) drive: DriveState,
     /// It waits for a frame of all motors of its bus.
     pub(super) is_synchronous: bool,
-    /// It has not measured for so long that it counts as silent in this cycle.
+    /// Its last measurement is so old that it counts as silent in this cycle.
     pub(super) is_silent: bool,
     pub(super) measured: ActuatorMeasurement,
     /// Its velocity: reported, or of the last two positions `[rad/s, m/s]`.
     pub(super) velocity: f64,
     /// When it last measured `[ns]`.
     pub(super) measured_ns: Option<u64>,
-    /// Its last answer was none of its frames.
+    /// Its last answer was not one of its frames.
     pub(super) is_malformed: bool,
-    /// It answers; its drive has something to forget.
+    /// It answers; its drive has state to forget.
     is_known: bool,
-    /// When it was last asked `[ns]`; `None` once it has answered.
+    /// Time of the last request `[ns]`; `None` once it has answered.
     pub(super) sent_ns: Option<u64>,
     /// Flags of the limits that the last set-point met.
     pub(super) flags: u32,
-    /// Where it was when it began to follow, or when commands became late `[rad, m]`.
+    /// Position when it began to follow, or when commands became late `[rad, m]`.
     pub(super) hold: f64,
     /// How far its spring was drawn when commands became late `[rad, m]`.
     deflection: f64,

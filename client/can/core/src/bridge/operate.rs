@@ -1,20 +1,20 @@
-//! Requests of operators: power, its end, the way back inside the limits, a reset after a fault; of
-//! one mechanism or of all.
+//! Requests of operators for one mechanism or all: arm, disarm, return inside the limits, reset
+//! after a fault.
 
 use sarrus_proto::actuators::{Operation, OperatorRequest};
 
 use super::Bridge;
 use super::motor::Motor;
 
-/// Requests for power that are older than this are of another time `[ns]`.
+/// Requests for power that are older than this have expired `[ns]`.
 const OPERATION_NS: u64 = 1_000_000_000;
-/// Requests to disarm that are no farther apart are one `[ns]`.
+/// Requests to disarm within this time count as one `[ns]`.
 const REPEATED_NS: u64 = 100_000_000;
 
 impl Bridge {
-    /// Takes a request of an operator. Only recent requests give power, and none that was made
-    /// before the last one to disarm, in any order of arrival. A request to disarm that is repeated
-    /// at once, as clients do until they see it done, does not count as a second one.
+    /// Takes a request of an operator. Only a recent request gives power, and only if it was made
+    /// after the last request to disarm, in any order of arrival. Clients repeat a request to
+    /// disarm until they see its effect; immediate repetitions count once.
     pub fn request(&mut self, now_ns: u64, request: &OperatorRequest) -> Option<Operation> {
         let operation = Operation::from_code(request.operation)?;
         let actuator = request.actuator.checked_sub(1).map(|actuator| actuator as usize);

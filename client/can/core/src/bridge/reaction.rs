@@ -1,13 +1,13 @@
-//! The reaction to each reason: whether it leaves the motors able to stop.
+//! The reaction to each reason, by whether the motors can still stop.
 
 use sarrus_proto::actuators::Reason;
 
 /// How a mechanism loses its power.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Reaction {
-    /// A stop along a ramp: nothing is wrong with the robot itself.
+    /// A stop along a ramp: the robot itself is sound.
     Ramp,
-    /// A stop that brakes as much as it can from the beginning.
+    /// A stop with the strongest braking from the beginning.
     Brake,
     /// No torque from now on: the brake or its measurement cannot be trusted.
     TorqueOff,
@@ -17,7 +17,7 @@ impl Reaction {
     /// The reaction to a reason.
     pub(super) fn to(reason: Reason) -> Reaction {
         match reason {
-            // a robot that is in order needs no more
+            // a sound robot needs no more
             Reason::Disarmed | Reason::OtherMechanism => Reaction::Ramp,
             // it was damped for T2 - T1; the remaining speed may be that of a falling load
             Reason::CommandLost => Reaction::Brake,
@@ -29,11 +29,10 @@ impl Reaction {
             | Reason::MechanismLimit
             | Reason::NearSingular
             | Reason::ModelEffort => Reaction::Brake,
-            // the motor is hot and the bus loses frames, but both still do their part, for the
-            // time of a stop
+            // the motor is hot or the bus loses frames, but both still work for the time of a stop
             Reason::OverTemperature | Reason::BusPassive => Reaction::Brake,
-            // the measurement is missing, old or wrong: a brake would push anywhere. Positions that
-            // no pose of the mechanism has are wrong, at least one of them
+            // the measurement is missing, old or wrong: a brake would push anywhere. If no pose of
+            // the mechanism has the positions, at least one of them is wrong
             Reason::FeedbackStale
             | Reason::FeedbackFrozen
             | Reason::FeedbackJump

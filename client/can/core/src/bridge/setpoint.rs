@@ -10,7 +10,7 @@ use crate::mapping::ActuatorSetpoint;
 
 impl Motor {
     /// The set-point of this cycle, on the motor's side. `elapsed` is the time since the last
-    /// set-point `[s]`. Flags the limits that it met.
+    /// set-point `[s]`. Flags the limits that it reached.
     pub(super) fn setpoint(
         &mut self,
         command: &ActuatorCommand,

@@ -7,26 +7,26 @@
 //! τ = g + k (p* − p) + d (v* − v),   p* = p₀ + ∫ v* dt,   k = d · 10/s
 //! ```
 //!
-//! which is a servo of the velocity whose integral is the spring: a load beside gravity g is
-//! held after a tenth of a second or two. Where nothing is wrong and the motor stands still, the
-//! last effort takes the place of a g that no model knows. p* stays within the limits of the
-//! position, and so near to p that spring and damper together do not exceed the greatest effort: a
-//! load that this effort cannot stop at once is not thrown back. Against an inertia J the servo
-//! does not swing where d ≥ 40/s · J.
+//! This is a velocity servo whose integral is the spring: it holds a load beside gravity g after a
+//! tenth of a second or two. Where the robot is sound and the motor is at rest, the last effort
+//! replaces a g that no model gives. p* stays within the position limits, and so close to p that
+//! spring and damper together do not exceed the greatest effort: a load that this effort cannot
+//! stop at once is not thrown back. Against an inertia J the servo does not swing where d ≥ 40/s ·
+//! J.
 //!
-//! A heavier load swings. So where the speed is above a line from its first value to zero after
-//! half of the stop's time, the damping, and the spring with it, grow: they double every 20 ms, as
-//! far as the motor's gains go and up to 16 times. Of an inertia that the greatest effort can stop
-//! in half of that time next to nothing moves when it is over, as long as J ≤ d · 0.4 s.
+//! A heavier load swings. So while the speed is above a line from its first value to zero at half
+//! of the stop's time, damping and spring grow: they double every 20 ms, up to 16 times and within
+//! the motor's gains. An inertia that the greatest effort can stop in half of that time is almost
+//! at rest at the end, as long as J ≤ d · 0.4 s.
 //!
-//! Lowering has no spring, and v* = −g/d, no faster than the speed that it may have: τ = g −
-//! clamp(g, ±d v) − d v. The load comes to rest at its equilibrium or on its support.
+//! Lowering has no spring, and v* = −g/d, limited to the allowed speed v: τ = g − clamp(g, ±d v) −
+//! d v. The load comes to rest at its equilibrium or on its support.
 //!
 //! A motor that follows torques gets the sum at the bridge's rate, with a cycle of delay, Δt: the
 //! speed goes on as v₊ = v − a v₋ with a = d Δt / J, which is stable for a < 1 (with two cycles of
 //! delay for a < 0.61). J is unknown, so [`Chatter`](super::chatter::Chatter) halves spring and
 //! damper as long as the speed alternates. Where the greatest effort reverses the motor within one
-//! cycle nothing helps, and the monitors find a runaway.
+//! cycle, halving does not help, and the monitors find a runaway.
 
 use super::course::{RETURN_EFFORT, Reference};
 use super::motor::Motor;
@@ -36,8 +36,8 @@ use crate::mapping::ActuatorSetpoint;
 /// Stiffness of a stop for its damping `[1/s]`.
 const STIFFNESS: f64 = 10.0;
 
-/// Time in which the damping of a stop doubles `[s]`, how far it grows, and the part of the stop's
-/// time after which nothing is to move.
+/// Time in which the damping of a stop doubles `[s]`, its greatest factor, and the part of the
+/// stop's time after which the motor must be at rest.
 const DOUBLING: f64 = 0.02;
 const MOST_GAIN: f64 = 16.0;
 const STOPPED: f64 = 0.5;

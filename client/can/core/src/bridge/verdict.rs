@@ -1,4 +1,4 @@
-//! Which commands are taken.
+//! Accepts or rejects commands.
 
 use sarrus_proto::actuators::{ActuatorCommand, MAX_ACTUATORS};
 use sarrus_proto::counts::CommandVerdict;
@@ -7,8 +7,7 @@ use super::Bridge;
 
 /// A stamp may lie this far in the future: clocks of two processors differ a little `[ns]`.
 const AHEAD_NS: u64 = 1_000_000;
-/// Numbers of a command beyond this are no numbers of a robot; with gears and gains they could
-/// overflow.
+/// Larger numbers of a command are implausible; with gears and gains they could overflow.
 const LARGEST: f64 = 1e60;
 
 impl Bridge {
@@ -37,7 +36,7 @@ impl Bridge {
         if command.stamp_ns > now_ns.saturating_add(AHEAD_NS) {
             return CommandVerdict::Ahead;
         }
-        // while nothing has power another controller may begin to count anew
+        // while no mechanism has power another controller may restart the count
         let is_idle = self.mechanisms.iter().all(|mechanism| !mechanism.is_live());
         let is_newer = command.sequence > self.command.sequence || is_idle;
         if self.commanded && !(is_newer && command.stamp_ns > self.command.stamp_ns) {

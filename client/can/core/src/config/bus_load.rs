@@ -1,4 +1,4 @@
-//! How busy a configuration makes its buses, by the longest that its frames can be.
+//! The bus load of a configuration, from the longest form of its frames.
 
 use super::configuration::Configuration;
 use crate::bit_stuffing;
@@ -6,18 +6,18 @@ use crate::drive::Setpoint;
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 use crate::slcan;
 
-/// Above this fraction of its time a bus is warned about.
+/// A load above this fraction causes a warning.
 pub const WARNED: f64 = 0.7;
-/// Above this fraction of its time a bus is refused.
+/// A load above this fraction is refused.
 pub const REFUSED: f64 = 0.9;
 
-/// How busy a bus is.
+/// The load of a bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Load {
     /// Frames in one cycle, commands and replies.
     pub frames: usize,
-    /// Time of one cycle's frames on the bus, with the most stuff bits that they can have, and of
-    /// frames that come seldom their part in a cycle `[s]`.
+    /// Bus time of one cycle's frames `[s]`, with the most stuff bits; rare frames count with their
+    /// share per cycle.
     pub busy: f64,
     /// The part of its time that the bus is busy.
     pub fraction: f64,

@@ -12,7 +12,7 @@ use crate::drive::{Mode, Setpoint, Shared, Watchdog};
 use crate::frame::{FrameQueue, Id};
 use crate::mapping::ActuatorSetpoint;
 
-/// The motors of a configuration beside each other and beside the robot's mechanisms.
+/// Checks the motors of a configuration against each other and the robot's mechanisms.
 pub(super) struct Motors<'a> {
     pub(super) motors: &'a [Read],
     pub(super) actuators: &'a [String],

@@ -17,13 +17,13 @@ use crate::protocol::{Common, Protocol, Settings};
 pub struct Configuration {
     /// The robot whose actuators they are; `None` without a model.
     pub robot: Option<String>,
-    /// Where the robot comes from; `None` without a model.
+    /// The source of the robot; `None` without a model.
     pub source: Option<Source>,
     /// Fingerprint of the model; 0 without one.
     pub fingerprint: u64,
     /// The robot's model; `None` without one.
     pub model: Option<Arc<Model>>,
-    /// From when on the model finds something wrong.
+    /// Bounds beyond which the model finds a fault.
     pub model_rules: ModelRules,
     /// Names of the actuators, in the order of u (n_u).
     pub actuators: Vec<String>,
@@ -32,7 +32,7 @@ pub struct Configuration {
     pub mechanisms: Vec<usize>,
     /// Cycles in a second `[Hz]`.
     pub rate_hz: f64,
-    /// Times after which something is done.
+    /// Timeouts.
     pub timeouts: Timeouts,
     /// Gains and efforts grow to their full size in this time after arming `[ns]`.
     pub ramp_ns: u64,
@@ -50,7 +50,7 @@ pub struct Configuration {
     pub warnings: Vec<Diagnostic>,
 }
 
-/// Times after which something is done.
+/// Timeouts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timeouts {
     /// T1: commands older than this bring damping `[ns]`.

@@ -1,4 +1,4 @@
-//! Encoders besides those of the motors: on joints of closed mechanisms, or on outputs of gears.
+//! Encoders in addition to those of the motors: on joints of closed mechanisms or gear outputs.
 
 use sarrus_models::yaml::{Node, quoted};
 use sarrus_proto::actuators::MAX_ACTUATORS;
@@ -10,7 +10,7 @@ use super::values::EncoderConfig;
 use crate::frame::Id;
 
 impl Reader<'_, '_> {
-    /// The encoders of `encoders`, where there are some.
+    /// The encoders of the list `encoders`, if there is one.
     pub(super) fn encoders(
         &mut self,
         root: &Node,

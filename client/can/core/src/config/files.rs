@@ -1,5 +1,5 @@
-//! A configuration from its file: with `fault_files` the one place of this crate that opens files,
-//! before anything runs.
+//! Reads a configuration from its file before the bridge runs. Only this module and `fault_files`
+//! open files.
 
 use std::path::{Path, PathBuf};
 

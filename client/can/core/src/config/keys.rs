@@ -3,7 +3,7 @@
 use super::values::StopFunction;
 use crate::settings::Key;
 
-/// A time or a size beyond all sensible ones.
+/// A time or a size beyond every sensible one.
 pub(super) const LARGE: f64 = 1e9;
 
 pub(super) const TOP: &[Key] = &[

@@ -1,4 +1,4 @@
-//! Values that can be written and that hardly anybody means: each is a warning.
+//! Valid but implausible values: each causes a warning.
 
 use sarrus_models::Diagnostics;
 use sarrus_models::yaml::{Span, quoted};
@@ -7,8 +7,7 @@ use super::configuration::{Configuration, MotorConfig};
 use crate::drive::Mode;
 use crate::settings::Settings;
 
-/// In this time a falling body falls five metres: no watchdog and no time-out should be longer
-/// `[ms]`.
+/// A body falls five metres in this time: no watchdog or timeout should be longer `[ms]`.
 const LONGEST_MS: f64 = 1000.0;
 
 /// Times of the whole robot.

@@ -1,4 +1,4 @@
-//! From the text of a configuration to its values, or to everything that is wrong with it.
+//! Turns the text of a configuration into its values, or into all of its faults.
 
 use std::collections::HashSet;
 use std::sync::Arc;

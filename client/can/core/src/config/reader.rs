@@ -30,7 +30,7 @@ impl Reader<'_, '_> {
         Settings::read(node, of, keys, others, self.surroundings.file, self.diagnostics)
     }
 
-    /// The place of a name among those that are `known`; any other is reported as `found`.
+    /// The index of a name in `known`; an unknown name is reported as `found`.
     pub(super) fn place(
         &mut self,
         (name, span): (&str, Span),

@@ -1,4 +1,4 @@
-//! Encoders, bounds of the monitors and stops, as a configuration has them.
+//! Encoders, monitor bounds and stops of a configuration.
 
 use crate::frame::Id;
 
@@ -16,9 +16,9 @@ pub struct EncoderConfig {
     pub bytes: [usize; 2],
     /// Size of one step `[rad, m]`.
     pub scale: f64,
-    /// Where the joint is when the number is 0 `[rad, m]`.
+    /// The joint's position at the number 0 `[rad, m]`.
     pub offset: f64,
-    /// By how much it may contradict the motors' encoders `[rad, m]`.
+    /// Allowed deviation from the motors' encoders `[rad, m]`.
     pub margin: f64,
 }
 

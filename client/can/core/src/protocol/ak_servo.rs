@@ -8,10 +8,9 @@
 //!   the output], speed i16 [10 electrical rpm], current i16 [.01 A], temperature i8, fault u8.
 //!
 //! The torque is `motor_torque_constant` N m/A at the output; `pole_pairs` × `reduction` electrical
-//! turns are one of the output. A current of zero takes the power, which no message reports.
-//! The motor's own loops of speed and position (3, 4, 6) are left out: the protocol has no limit of
-//! torque for them. Beyond ± 3200° the motor reports no position. Nothing reads or sets its
-//! timeout.
+//! turns are one of the output. A current of zero removes power, which no message reports. The
+//! motor's own loops of speed and position (3, 4, 6) are left out: the protocol has no torque limit
+//! for them. Beyond ± 3200° the motor reports no position. Nothing reads or sets its timeout.
 
 use std::f64::consts::TAU;
 

@@ -2,7 +2,7 @@
 //!
 //! Position and velocity become the nearest codes, stiffness and damping those towards zero. The
 //! motor sums τ = t + k (p − q) + d (v − q̇) from these codes: the torque is rounded towards zero,
-//! and moved by a code more where the sum, by the last measurement, would leave the limit.
+//! and moved by one more code if the sum, by the last measurement, would exceed the limit.
 
 use super::Common;
 use super::number::limited;
@@ -10,13 +10,13 @@ use super::scale::Scale;
 use super::turns::Turns;
 use crate::drive::{Measurement, Mode, Receipt, Setpoint};
 
-/// A motor whose numbers are codes: its set-points, and its position followed beyond its range.
+/// A motor with coded numbers: its set-points, and its position unwrapped beyond the range.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Coded {
     pub(super) codes: Codes,
     common: Common,
     turns: Turns,
-    /// Position and velocity as last measured `[rad, rad/s]`.
+    /// Last measured position and velocity `[rad, rad/s]`.
     measured: Option<[f64; 2]>,
     odd: bool,
 }
@@ -26,8 +26,8 @@ impl Coded {
         Coded { codes, common, turns: Turns::default(), measured: None, odd: false }
     }
 
-    /// Codes of position, velocity, stiffness, damping and torque, within ± the limit of the torque
-    /// for a motor whose position and velocity were last measured so.
+    /// Codes of position, velocity, stiffness, damping and torque, within ± the torque limit at the
+    /// last measured position and velocity.
     #[inline]
     pub(super) fn setpoint(&self, setpoint: &Setpoint) -> [u16; 5] {
         let setpoint = match self.common.mode {

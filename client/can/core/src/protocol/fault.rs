@@ -1,16 +1,16 @@
-//! Faults that a drive finds by itself, in the numbers of
-//! [`DriveState::fault`](crate::drive::DriveState): above all codes of motors.
+//! Faults that a drive detects, as numbers of [`DriveState::fault`](crate::drive::DriveState) above
+//! all motor codes.
 
-/// The motor's ranges, read back, are not those of the configuration: every number would be scaled
+/// The motor's ranges, read back, differ from the configuration: every number would be scaled
 /// wrongly.
 pub const RANGES_DIFFER: u32 = 0x8000_0001;
 /// The motor is outside its protocol's range of positions, where position set-points have no code.
 pub const OUT_OF_RANGE: u32 = 0x8000_0002;
 /// The motor lost its power without a command.
 pub const POWER_LOST: u32 = 0x8000_0003;
-/// The motor does not take the mode that the configuration wants.
+/// The motor does not take the configured mode.
 pub const MODE_REFUSED: u32 = 0x8000_0004;
-/// The motor refused a setting that it must have.
+/// The motor refused a required setting.
 pub const SETTING_REFUSED: u32 = 0x8000_0005;
 /// The motor sent a number that is not finite.
 pub const NOT_FINITE: u32 = 0x8000_0006;
@@ -18,9 +18,9 @@ pub const NOT_FINITE: u32 = 0x8000_0006;
 pub const UNKNOWN: u32 = 0x8000_0007;
 /// The motor's reports of its fault or its power have stopped.
 pub const SILENT: u32 = 0x8000_0008;
-/// The motor does not hold the limit of torque that it was given.
+/// The motor does not hold its torque limit.
 pub const LIMIT_REFUSED: u32 = 0x8000_0009;
-/// The motor answers with frames that are none of its protocol's: found by the bridge.
+/// The motor answers with frames of another protocol; the bridge detects this.
 pub const MALFORMED: u32 = 0x8000_0020;
 
 /// The first of several faults, the gravest first; 0 without one.
@@ -29,7 +29,7 @@ pub(super) fn first<const N: usize>(faults: [u32; N]) -> u32 {
     faults.into_iter().find(|fault| *fault != 0).unwrap_or(0)
 }
 
-/// A fault that exists under a condition; else 0.
+/// The fault if the condition holds; else 0.
 #[inline]
 pub(super) fn when(is_there: bool, fault: u32) -> u32 {
     if is_there { fault } else { 0 }

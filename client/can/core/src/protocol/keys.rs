@@ -2,7 +2,7 @@
 
 use crate::settings::Key;
 
-/// The torque of a motor for its current, where its protocol has currents.
+/// The torque constant of a motor, for protocols with currents.
 pub(super) const fn motor_torque_constant(about: &'static str) -> Key {
     Key::number("motor_torque_constant", 1e-6, 1e6, about)
 }

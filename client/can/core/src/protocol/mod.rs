@@ -27,15 +27,13 @@ pub use crate::settings::{Key, KeyKind, Settings};
 pub struct Common {
     /// Mode of the motor's controller; one of [`Protocol::modes`].
     pub mode: Mode,
-    /// The motor's watchdog is to be this `[ms]`; 0 leaves it alone.
+    /// Desired watchdog of the motor `[ms]`; 0 leaves it unchanged.
     pub watchdog_ms: u32,
-    /// Torque that the motor must never be asked for `[N m]`, for drives that hold a limit of their
-    /// own; infinite without one.
+    /// Torque limit `[N m]`, for drives that hold a limit themselves; infinite without one.
     pub torque_limit: f64,
-    /// Speed that the motor must never be asked for `[rad/s]`, for the same drives; infinite
-    /// without one.
+    /// Speed limit `[rad/s]`, for the same drives; infinite without one.
     pub velocity_limit: f64,
-    /// Time between two cycles `[ns]`; 0 where it is not known.
+    /// Time between two cycles `[ns]`; 0 if unknown.
     pub period_ns: u64,
 }
 

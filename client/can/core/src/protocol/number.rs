@@ -1,4 +1,4 @@
-//! Numbers into the words of frames: saturating, never NaN.
+//! Converts numbers to the words of frames: saturating, never NaN.
 
 /// The nearest single; values beyond its range saturate, NaN is 0.
 pub(super) fn single(value: f64) -> f32 {
@@ -12,8 +12,8 @@ pub(super) fn steps(value: f64, step: f64, most: i32) -> i32 {
     if steps.is_nan() { 0 } else { steps as i32 }
 }
 
-/// As [`steps`], towards zero, to a millionth of a step: for torques and gains, which no rounding
-/// may enlarge.
+/// As [`steps`], towards zero, to a millionth of a step: for torques and gains, which rounding must
+/// not enlarge.
 pub(super) fn steps_toward_zero(value: f64, step: f64, most: i32) -> i32 {
     let whole = (value / step).abs() + 1e-6;
     steps(whole.floor().copysign(value), 1.0, most)

@@ -1,5 +1,5 @@
-//! The way to power, the same for every protocol: the action of each cycle. Its frames and the
-//! motor's answers are the protocol's.
+//! The power-up sequence, the same for every protocol: one action per cycle. The protocol defines
+//! its frames and the motor's answers.
 //!
 //! ```text
 //! Off ── ready ──→ Primed ── next cycle ──→ Asked ── the motor has power ──→ On
@@ -8,35 +8,35 @@
 //! ```
 //!
 //! `DriveCommand::Off` and `Reset` lead from everywhere to `Off`, and nothing else leads out of
-//! `Lost`. Where a set-point asks for power by itself `Primed` is left out.
+//! `Lost`. `Primed` is skipped if a set-point itself requests power.
 
 use super::fault;
 use crate::drive::{DriveCommand, Power, Setpoint};
 
-/// How far it is; each stage waits for the motor's reply.
+/// The stage; each one waits for the motor's reply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Stage {
     /// No power.
     Off,
-    /// A set-point was sent, so that no old one waits in the motor.
+    /// A set-point was sent, so that the motor holds no old one.
     Primed,
-    /// Power was asked for; so many replies came since, where they are counted.
+    /// Power was requested; the number of replies since then, if counted.
     Asked(u8),
     /// The motor follows.
     On,
-    /// The motor lost its power by itself; it gets none before it was off by command.
+    /// The motor lost power without a command; it gets none until a command turns it off.
     Lost,
 }
 
 /// Action of a drive in a cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Action {
-    /// Keep the motor off, write and read its settings; with the number of the cycle since the
-    /// motor was last on its way to power, from 1.
+    /// Keep the motor off, write and read its settings; with the number of cycles since its last
+    /// power-up attempt, from 1.
     Idle(u64),
     /// Frames that keep the motor off and clear a latched fault.
     Reset,
-    /// A set-point before there is power.
+    /// A set-point before power.
     Prime(Setpoint),
     /// The request for power.
     Ask(Setpoint),

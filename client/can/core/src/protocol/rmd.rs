@@ -9,14 +9,14 @@
 //! - Answers: A1 and 9C temperature i8 at 1, current i16 at 2 [.01 A], speed i16 at 4 [°/s], angle
 //!   i16 at 6 [°]. 92 angle i32 at 4 [.01°]. 9A temperature i8 at 1, voltage u16 at 4 [.1 V],
 //!   faults u16 at 6. 77, 78, 80 and B3 are answered by the same bytes; so is the first torque
-//!   after B3's time has ended, which the drive does not follow.
+//!   after B3's time has passed, which the drive does not follow.
 //!
 //! The torque is `motor_torque_constant` N m/A at the output. A position comes with each 92; the
-//! speed and the torque beside it are those of the answer before. Faults are asked for all the
-//! time. Power is not reported: two answers to torques count as having it. B3
-//! is kept in the drive's ROM: it is written until it is answered, at most three times, and again
-//! only after a silence. The drive's own loops of speed and position (A2, A4) are left out: the
-//! protocol has no limit of torque for them.
+//! speed and the torque beside it come from the previous answer. Faults are requested continuously.
+//! Power is not reported: two answers to torques count as power. B3 is kept in the drive's ROM: it
+//! is written until it is answered, at most three times, and again only after a silence. The
+//! drive's own loops of speed and position (A2, A4) are left out: the protocol has no torque limit
+//! for them.
 
 use super::keys::{id, motor_torque_constant};
 use super::number::{limited, steps_toward_zero};

@@ -1,4 +1,4 @@
-//! Numbers as whole codes over a range: the packing of MIT mode and CyberGear.
+//! Numbers as integer codes over a range: the packing of MIT mode and CyberGear.
 
 /// The codes 0 … 2^bits − 1 stand for `low` … `high` in equal steps, both ends included.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +36,7 @@ impl Scale {
 
     /// The nearest code; values beyond an end get its code, and NaN gets that of zero. `odd`
     /// decides values exactly between two codes: a range around zero has no code for zero, and
-    /// taking the two beside it in turn makes zero right on average.
+    /// alternating between the two beside it gives zero on average.
     pub(super) fn code(self, value: f64, odd: bool) -> u16 {
         let value = if value.is_nan() { 0.0 } else { value };
         let place = (value.max(self.low).min(self.high) - self.low) / self.range * self.most;

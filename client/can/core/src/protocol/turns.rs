@@ -1,15 +1,15 @@
-//! Positions of motors that count on beyond the ends of their protocol's range.
+//! Unwraps the positions of motors beyond their protocol's range.
 
 use super::fault;
 use crate::drive::Mode;
 
-/// A code that begins again after its last one, without jumps.
+/// Unwraps a code that wraps around.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Unwrapped {
-    /// How many codes there are, and the longest way forwards from one to the next.
+    /// Number of codes, and the longest forward step from one to the next.
     n_codes: i64,
     longest: i64,
-    /// The last code, and the same code without jumps.
+    /// The last code, wrapped and unwrapped.
     last: Option<(i64, i64)>,
 }
 
@@ -18,8 +18,8 @@ impl Unwrapped {
         Unwrapped { n_codes, longest, last: None }
     }
 
-    /// The code without jumps: the way from the last one is the shorter of the two. The first one
-    /// counts as it is.
+    /// The unwrapped code: the step from the last one is the shorter of the two. The first code is
+    /// unchanged.
     #[inline]
     pub(super) fn follow(&mut self, code: i64) -> i64 {
         let whole = self.last.map_or(code, |(last, whole)| {
@@ -34,7 +34,7 @@ impl Unwrapped {
         whole
     }
 
-    /// The last code without jumps.
+    /// The last unwrapped code.
     #[inline]
     pub(super) fn whole(&self) -> Option<i64> {
         self.last.map(|(_, whole)| whole)

@@ -9,12 +9,12 @@
 //!   duty i16; 16 temperatures of bridge and motor i16 [.1 °C], input current i16, position i16
 //!   [.02 °]; 27 tachometer i32, input voltage i16 [.1 V].
 //!
-//! Status 1 and 4 are to come in each cycle of the bridge. Everything is the rotor's: `pole_pairs`
-//! electrical turns are one of it, and the position is followed over the ends of its one turn. A
-//! current of zero takes the power; no message reports this, nor faults. In the modes velocity and
-//! position the limit of current is the VESC's: it has no answer, so it is repeated without power
-//! and sent once more before power. The timeout is an application setting that no single frame
-//! reads or sets.
+//! Status 1 and 4 must arrive in each cycle of the bridge. All numbers are the rotor's:
+//! `pole_pairs` electrical turns are one rotor turn, and the position is unwrapped over several
+//! turns. A current of zero removes power; no message reports this, nor faults. In the modes
+//! velocity and position the VESC holds the current limit: it has no answer, so it is repeated
+//! without power and sent once more before power. The timeout is an application setting that no
+//! single frame reads or sets.
 
 use std::f64::consts::TAU;
 

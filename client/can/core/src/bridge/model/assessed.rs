@@ -7,13 +7,13 @@ use super::evaluator::Pose;
 use super::linkage::Linkage;
 use super::tracker::Tracker;
 
-/// A mechanism that is lost for longer is tried again only every so many assessments.
+/// A mechanism that is lost for longer is retried only every so many assessments.
 const RARELY: u64 = 16;
-/// Part of the range of an independent by which it may be beyond its limits.
+/// Part of the range of an independent by which it may exceed its limits.
 const MARGIN: f64 = 0.01;
-/// Part of its clearance by which a mechanism may come nearer to a singular pose than it was.
+/// Part of its clearance by which a mechanism may approach a singular pose.
 const NEARER: f64 = 0.7;
-/// Assessments without a pose after which there is none.
+/// Assessments without a pose after which the pose counts as lost.
 pub(super) const LOST: u32 = 2;
 
 /// Activity of a mechanism.
@@ -21,7 +21,7 @@ pub(super) const LOST: u32 = 2;
 pub(in crate::bridge) enum Activity {
     /// Its motors have no power.
     Idle,
-    /// They have, and follow no command.
+    /// Its motors have power and follow no command.
     Powered,
     /// They follow commands, and gains still grow.
     Ramping,

@@ -12,12 +12,12 @@
 
 /// Time constant of the filters `[s]`.
 const FILTER: f64 = 0.005;
-/// For so long the efforts may contradict `[ns]`.
+/// The efforts may contradict the model for this time `[ns]`.
 const HOLD_NS: u64 = 10_000_000;
 /// Part of the forces of the motion that may be wrong.
 pub(super) const MOTION: f64 = 0.5;
 
-/// A number and its change in time, both filtered.
+/// A number and its rate of change, both filtered.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Filtered {
     pub(super) value: f64,
@@ -25,7 +25,7 @@ pub(super) struct Filtered {
 }
 
 impl Filtered {
-    /// Goes on by `h` seconds.
+    /// Advances by `h` seconds.
     pub(super) fn update(&mut self, newest: f64, h: f64) {
         let share = h / (h + FILTER);
         let before = self.value;
@@ -33,7 +33,7 @@ impl Filtered {
         self.rate += share * ((self.value - before) / h - self.rate);
     }
 
-    /// Two filters, one after the other: the second's output is the rate's place.
+    /// Two filters in series; the second filter's output is stored in the place of the rate.
     pub(super) fn update_twice(&mut self, newest: f64, h: f64) {
         let share = h / (h + FILTER);
         self.value += share * (newest - self.value);

@@ -1,4 +1,4 @@
-//! An encoder beside those of the motors.
+//! An encoder in addition to those of the motors.
 
 use crate::config::EncoderConfig;
 
@@ -6,7 +6,7 @@ use crate::config::EncoderConfig;
 #[derive(Debug)]
 pub(super) struct Encoder {
     pub(super) config: EncoderConfig,
-    /// Place of its joint in q.
+    /// Index of its joint in q.
     pub(super) place: usize,
     /// The mechanism of its joint.
     pub(super) mechanism: usize,

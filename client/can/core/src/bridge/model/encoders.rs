@@ -1,4 +1,4 @@
-//! Each encoder's position of a joint against that of the found pose.
+//! Compares each encoder's joint position with the solved pose.
 
 use sarrus_proto::actuators::Reason;
 
@@ -8,7 +8,7 @@ use super::encoder::Encoder;
 use crate::config::Configuration;
 use crate::frame::Frame;
 
-/// Assessments in which it contradicts after which it is a fault.
+/// Contradictory assessments after which the encoder is a fault.
 const CONTRADICTIONS: u32 = 2;
 
 impl RobotModel {
@@ -37,7 +37,7 @@ impl RobotModel {
         }
     }
 
-    /// Takes a frame; false where it is none of an encoder's.
+    /// Takes a frame; false if it belongs to no encoder.
     pub(in crate::bridge) fn receive(&mut self, now_ns: u64, bus: usize, frame: &Frame) -> bool {
         let is_meant =
             |encoder: &&mut Encoder| (encoder.config.bus, encoder.config.id) == (bus, frame.id);

@@ -7,7 +7,7 @@ use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, QueryError, Request, 
 /// The robot at one pose.
 #[derive(Clone, Debug)]
 pub(super) struct Pose {
-    /// Where it is to be evaluated `[m, rad]` (n_qy).
+    /// Independents of the pose to evaluate `[m, rad]` (n_qy).
     pub(super) y: Vec<f64>,
     /// Tree coordinates of the last evaluation, from which the next one starts (n_q).
     pub(super) q: Vec<f64>,
@@ -15,7 +15,7 @@ pub(super) struct Pose {
     pub(super) u: Vec<f64>,
     /// Loop Jacobian there (n_v × n_vy).
     pub(super) loop_jacobian: Vec<f64>,
-    /// Generalised forces that the motion there asks for `[N, N m]` (n_vy).
+    /// Generalised forces that the motion there requires `[N, N m]` (n_vy).
     pub(super) tau_y: Vec<f64>,
 }
 

@@ -5,7 +5,7 @@ use sarrus_proto::actuators::Reason;
 use super::assessed::{Assessed, LOST};
 use super::{Activity, RobotModel};
 
-/// Evaluations in one cycle at most, beside those that find out which mechanism cannot be closed.
+/// Most evaluations in one cycle, without those that identify a mechanism that cannot be closed.
 const ROUNDS: usize = 4;
 
 impl RobotModel {
@@ -37,7 +37,7 @@ impl RobotModel {
             mechanism.measured.put(&mechanism.linkage, &mut self.pose.y);
         }
 
-        // Newton's method until all are found
+        // Newton's method until all poses are found
         let mut has_forces = false;
         for round in 0..ROUNDS {
             let is_closed = if round == 0 && self.rules.effort > 0.0 {

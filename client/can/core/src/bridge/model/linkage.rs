@@ -11,9 +11,9 @@
 //! ```
 //!
 //! ‖B‖ grows without bound towards a pose where the actuators lose control of the mechanism: a
-//! small error of theirs moves it far, and a small force on it asks much of them. It does not
-//! depend on which joints are the independent ones. `clearance` is the least ‖B‖ of the mechanism
-//! for that of the pose: 1 at its best pose, 0 at a singular one.
+//! small actuator error moves it far, and a small force on it requires large actuator efforts. ‖B‖
+//! does not depend on the choice of independents. `clearance` is the least ‖B‖ of the mechanism
+//! over the ‖B‖ of the pose: 1 at the best pose, 0 at a singular one.
 
 use super::evaluator::Pose;
 use crate::cholesky::Cholesky;
@@ -21,23 +21,23 @@ use crate::cholesky::Cholesky;
 /// The coordinates of one closed mechanism.
 #[derive(Debug)]
 pub(super) struct Linkage {
-    /// Places of its actuators in u.
+    /// Indices of its actuators in u.
     pub(super) actuators: Vec<usize>,
     /// Their rows of the loop Jacobian.
     pub(super) rows: Vec<usize>,
     /// Its independents: places in ẏ and in y.
     pub(super) independents: Vec<(usize, usize)>,
-    /// Places in q̇ of its joints that are no actuators.
+    /// Indices in q̇ of its joints without actuator.
     pub(super) joints: Vec<usize>,
-    /// For each actuator one by the deviation that counts as none `[1/m, 1/rad]`.
+    /// For each actuator the inverse of its negligible deviation `[1/m, 1/rad]`.
     pub(super) weights: Vec<f64>,
     /// Limits of the independents `[m, rad]`.
     pub(super) limits: Vec<[f64; 2]>,
-    /// Nothing is closed: the one actuator is the one independent.
+    /// No loop: the single actuator is the single independent.
     pub(super) is_serial: bool,
-    /// The least ‖B‖; 0 where nothing but actuators moves.
+    /// The least ‖B‖; 0 if only actuators move.
     pub(super) least: f64,
-    /// N as its Cholesky factor, at the pose that was last taken.
+    /// The Cholesky factor of N at the last pose.
     pub(super) factor: Cholesky,
     /// Room for a vector of the independents.
     pub(super) side: Vec<f64>,

@@ -1,9 +1,9 @@
-//! The robot's model in the bridge: each closed mechanism assessed as one.
+//! The robot's model in the bridge: assesses each closed mechanism as a whole.
 //!
 //! From the measured actuators u the model finds y, G and the forces. Every second cycle it solves
 //! the measured pose; the cycles between alternate between the commanded pose and the forces of
 //! gravity. A mechanism is assessed once all its actuators are measured and determine its pose, its
-//! forces once this also holds for every mechanism that carries it or that it carries. Limits are
+//! forces once the same holds for every mechanism that carries it or that it carries. Limits are
 //! ratchets: a joint beyond its limit at power-up may move inwards, and then not out again.
 
 mod assessed;
@@ -32,7 +32,7 @@ pub(super) struct Measured {
     pub(super) position: f64,
     pub(super) velocity: f64,
     pub(super) effort: f64,
-    /// The position that it was last given, where it is given one.
+    /// The last commanded position, if there is one.
     pub(super) setpoint: Option<f64>,
 }
 

@@ -1,5 +1,5 @@
-//! Which coordinates belong together, read off the loop Jacobian and the mass matrix at sampled
-//! poses, and how well each mechanism is conditioned at its best pose.
+//! Groups coordinates by the loop Jacobian and the mass matrix at sampled poses, and finds the best
+//! condition of each mechanism.
 
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Workspace};
 
@@ -8,22 +8,22 @@ use super::linkage::Linkage;
 use crate::cholesky::Cholesky;
 use crate::config::{Configuration, Limits};
 
-/// Poses that are tried.
+/// Number of sampled poses.
 const SAMPLES: usize = 128;
 /// Half the range of an independent without limits `[m, rad]`.
 const UNBOUNDED: f64 = 0.5;
-/// Part of the range of an actuator that counts as no deviation.
+/// Part of the range of an actuator that is a negligible deviation.
 const MARGIN: f64 = 0.002;
-/// Clearance of a pose that Newton's method can begin at.
+/// Clearance of a pose where Newton's method can start.
 const SOUND: f64 = 0.05;
-/// Entries less than this are none.
+/// Smaller entries count as zero.
 const NONE: f64 = 1e-9;
 
 /// Structure of a robot, from samples.
 pub(super) struct Structure {
     pub(super) linkages: Vec<Linkage>,
-    /// Where mechanisms are looked for at first: zero, and the best of the samples where zero is
-    /// near a singular pose (n_qy).
+    /// Where the search for a pose starts: zero, or the best sample if zero is near a singular pose
+    /// (n_qy).
     pub(super) home: Vec<f64>,
     /// The mechanism of each independent; `None` where no actuator moves it (n_vy).
     pub(super) owners: Vec<Option<usize>>,

@@ -1,37 +1,37 @@
-//! The pose of one closed mechanism from its actuators: Newton's method with halved steps, a few
-//! evaluations a cycle, from the pose of the last one.
+//! The pose of one closed mechanism from its actuators: Newton's method with step halving, a few
+//! evaluations per cycle, from the pose of the last cycle.
 //!
 //! A pose counts as found when the actuators of the model are within a margin of the given ones.
-//! The margin exceeds the noise, which near the border of the workspace leads beyond it. If no step
-//! brings the actuators nearer, no pose has them.
+//! The margin exceeds the noise, which can move measurements out of the workspace near its border.
+//! If no step reduces the deviation, no pose matches the actuators.
 
 use super::evaluator::Pose;
 use super::linkage::Linkage;
 
 /// Longest step, as part of the range of an independent without limits `[m, rad]`.
 const LONGEST: f64 = 0.2;
-/// A step is good where this part of the deviation or less is left.
+/// A step is good if at most this part of the deviation remains.
 const GOOD: f64 = 0.9;
-/// The least part of a step that is tried.
+/// The shortest fraction of a step.
 const LEAST_PART: f64 = 1.0 / 16.0;
 
-/// How a mechanism is followed.
+/// The state of the pose search of one mechanism.
 #[derive(Debug)]
 pub(super) struct Tracker {
-    /// The independents of the last good pose, and those to be evaluated next.
+    /// The independents of the last good pose, and the next ones to evaluate.
     good: Vec<f64>,
     pub(super) next: Vec<f64>,
     step: Vec<f64>,
     part: f64,
-    /// The actuators that are aimed at.
+    /// The target actuator positions.
     target: Vec<f64>,
     /// Deviation of the last good pose from them, in margins; infinite before the first.
     deviation: f64,
-    /// The last good pose has the actuators that were aimed at.
+    /// The last good pose matches the target.
     pub(super) is_found: bool,
     /// Cycles without such a pose.
     pub(super) lost: u32,
-    /// How far the last good pose is from a singular one.
+    /// Distance of the last good pose from a singular one.
     pub(super) clearance: f64,
 }
 

@@ -1,7 +1,7 @@
-//! How old a measurement is: requests and answers, paired by pauses.
+//! The age of a measurement, from requests and answers that pauses pair.
 //!
 //! A motor whose replies wait in a queue answers once a cycle like any other. The bridge therefore
-//! pauses its requests and listens: a motor in time falls silent, a late one goes on answering
+//! pauses its requests and listens: a punctual motor falls silent, a late one continues to answer
 //! earlier requests, and an answer later than `late_ms` after the last request is at least that
 //! old. Without losses the open requests bound the age, so a pause is made when answers begin,
 //! without power, and afterwards only when more requests are open than `late_ms` holds. With power
@@ -19,7 +19,7 @@ use super::answers::Answers;
 enum Phase {
     /// Nothing is known yet.
     Unknown,
-    /// Asks nothing and listens.
+    /// Sends no requests and listens.
     Pause,
     /// In time.
     Good,
@@ -29,7 +29,7 @@ enum Phase {
 pub(in crate::bridge) struct Age {
     phase: Phase,
     late_ns: u64,
-    /// More open requests than this are a reason to pause.
+    /// More open requests than this cause a pause.
     most_open: u32,
     /// When the motor was last asked, and whether it answered since.
     asked_ns: u64,

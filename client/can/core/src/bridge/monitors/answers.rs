@@ -1,30 +1,31 @@
 //! More answers than requests: two motors on one identifier.
 //!
-//! Of a motor that answers each cycle with one measurement, requests and answers are counted. An
-//! answer that is late comes together with the next one and finds its request still open; one that
-//! finds none is too many, unless there were other frames in that cycle or the one before that the
-//! motor may have answered alike. As each second of two is, three are soon there; single ones are
-//! forgotten at one in 16 requests. So are open requests where no pause (`age`) can forgive them.
+//! The rule counts requests and answers of a motor that sends one measurement per cycle. A late
+//! answer arrives with the next one and finds its request still open. An answer without an open
+//! request is surplus, unless the motor may have answered another frame of this or the previous
+//! cycle. Two motors on one identifier soon cause three surplus answers, as every second answer is
+//! one; single ones expire at one per 16 requests. So do open requests that no pause (`age`) can
+//! clear.
 
 use crate::config::MonitorBounds;
 
-/// One answer too many is forgotten after so many requests.
+/// One surplus answer expires after so many requests.
 const FORGOTTEN: u32 = 16;
-/// More open requests than this are lost ones, or those of a motor that is late.
+/// More open requests than this are lost, or the motor is late.
 const MOST: u32 = 1 << 16;
 
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::bridge) struct Answers {
     /// Requests without an answer.
     pub(super) open: u32,
-    /// Frames besides them in the last two cycles.
+    /// Other frames in the last two cycles.
     others: [usize; 2],
     too_many: u32,
     n_requests: u32,
 }
 
 impl Answers {
-    /// So many frames go out, one of which a measurement answers.
+    /// Counts sent frames, one of which a measurement answers.
     pub(in crate::bridge) fn ask(&mut self, n_frames: usize, is_forgotten: bool) {
         let [last, _] = self.others;
         self.others = [n_frames.saturating_sub(1), last];

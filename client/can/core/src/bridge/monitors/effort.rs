@@ -2,12 +2,12 @@
 //! master.
 //!
 //! With gains in the motor the commanded effort depends on the motor's own measurement, and a reply
-//! shows the effort of some set-points ago. So the last two set-points are applied to the newest
+//! shows the effort of an earlier set-point. So the last two set-points are applied to the newest
 //! measurement, and the range of their efforts is kept for about 8 ms. The report may lie outside
 //! by a part of the limit, by the noise of its own codes, and by the noise of position and velocity
-//! times the gains. A motor that reports next to nothing while all of the range exceeds 5 % of the
-//! limit is limp, however small the difference. Motors that follow positions or velocities by
-//! themselves may use all of the limit, and not more.
+//! times the gains. A motor that reports almost no effort while the whole range exceeds 5 % of the
+//! limit is limp, however small the difference. Motors with their own position or velocity loop may
+//! use up to the limit.
 
 use sarrus_proto::actuators::Reason;
 
@@ -16,7 +16,7 @@ use crate::drive::Mode;
 
 /// How long set-points are remembered `[s]`.
 const MEMORY: f64 = 8e-3;
-/// Measurements outside that follow each other, and the time between the first and the last `[s]`.
+/// Consecutive measurements outside the range, and the time from the first to the last `[s]`.
 const OFF: (u32, f64) = (3, 6e-3);
 const LIMP: (u32, f64) = (5, 12e-3);
 /// Least effort that a motor must report, as part of the limit, and the part of it that is enough.
@@ -32,7 +32,7 @@ pub(super) struct Effort {
     limp: Run,
 }
 
-/// Measurements that follow each other, after the first one.
+/// Consecutive measurements after the first one.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Run {
     n: u32,

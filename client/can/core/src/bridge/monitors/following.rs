@@ -1,10 +1,9 @@
-//! An actuator that stays behind its set-point.
+//! An actuator that lags behind its set-point.
 //!
 //! With stiffness k and effort limit f the spring alone saturates from f / k on: an actuator that
-//! is farther behind, at least 5 % and at most 25 % of the range between its limits, for the time
-//! `following_ms`, does not follow. A spring below 20 % of f is too soft to judge. A motor
-//! that follows positions by itself may be 5 % of its range behind, one that follows velocities a
-//! quarter of the limit.
+//! lags farther (at least 5 %, at most 25 % of the range between its limits) for `following_ms`
+//! does not follow. A spring below 20 % of f is too soft to judge. A motor with its own position
+//! loop may lag by 5 % of its range, one with a velocity loop by a quarter of the limit.
 
 use sarrus_proto::actuators::Reason;
 
@@ -17,7 +16,7 @@ const SOFT: f64 = 0.2;
 
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Following {
-    /// How long it is behind `[s]`.
+    /// Duration of the lag `[s]`.
     behind: f64,
 }
 

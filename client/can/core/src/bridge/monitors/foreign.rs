@@ -1,7 +1,7 @@
-//! A second master: a frame with an identifier that only this bridge sends on came from the bus.
+//! A second master: the bus delivers a frame with an identifier that only this bridge uses.
 //!
-//! One is enough. Some adapters return the frames that they sent: a frame equal bit for bit to one
-//! of the last two cycles counts as the bridge's own.
+//! One frame is enough. Some adapters return the frames that they sent: a frame equal bit for bit
+//! to one of the last two cycles counts as the bridge's own.
 
 /// Time for which a foreign frame keeps a motor from being armed `[ns]`.
 const HEARD_NS: u64 = 1_000_000_000;
@@ -12,7 +12,7 @@ pub(in crate::bridge) struct Foreign {
 }
 
 impl Foreign {
-    /// Such a frame came.
+    /// A foreign frame arrived.
     pub(in crate::bridge) fn hear(&mut self, now_ns: u64) {
         self.heard_ns = Some(now_ns);
     }

@@ -1,14 +1,13 @@
-//! A position code that repeats itself bit for bit although it must have moved.
+//! A position code that repeats bit for bit although the joint must have moved.
 //!
-//! From the measurement on that the code last changed with:
+//! Since the last change of the code, one of these holds:
 //!
-//! - the reported velocity, less its noise, goes on over more than five codes; or
-//! - the effort that the motor is asked for changed by more than a part of the limit; or
-//! - the code stood still from one measurement to the next after it had twice moved by more than
-//!   eight codes.
+//! - the reported velocity, less its noise, integrates to more than five codes; or
+//! - the commanded effort changed by more than a part of the limit; or
+//! - the code stopped from one measurement to the next after two steps of more than eight codes.
 //!
-//! A joint that stands in balance repeats its code for hours under a constant effort, and that is
-//! no alarm: without noise it looks like an encoder that froze there.
+//! A balanced joint repeats its code for hours under a constant effort. That raises no alarm,
+//! although without noise it cannot be distinguished from a frozen encoder.
 
 use sarrus_proto::actuators::Reason;
 
@@ -16,23 +15,23 @@ use super::effort::Run;
 use super::{NOISE, Seen};
 use crate::drive::Mode;
 
-/// Repetitions that follow each other and the time between the first and the last `[s]`, where the
-/// motor contradicts itself, and where it does not.
+/// Consecutive repetitions and the time from the first to the last `[s]`, if the motor contradicts
+/// itself and if it does not.
 const CONTRARY: (u32, f64) = (3, 8e-3);
 const REPEATED: (u32, f64) = (4, 12e-3);
 /// Codes that a moving joint passes.
 const PASSED: f64 = 5.0;
-/// Codes from one measurement to the next that are a speed.
+/// Codes between two measurements that count as motion.
 const FAST: f64 = 8.0;
 
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Frozen {
-    /// Way by the reported velocity since the code last changed.
+    /// Distance by the reported velocity since the last change of the code.
     passed: f64,
     /// Set-points since then.
     low: f64,
     high: f64,
-    /// The last two ways before it stood still.
+    /// The last two steps before the code stopped.
     ways: [f64; 2],
     moved: Run,
     pushed: Run,

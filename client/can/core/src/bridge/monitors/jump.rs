@@ -2,13 +2,13 @@
 //!
 //! |Δq| > v (Δt + T) + noise, where v is the smaller of `jump` × the limit of the speed and of
 //! 2 max|q̇| + a quarter of the limit, from both reported speeds. A cycle T is added, as a reply
-//! comes at any time within it. Without a limit and a speed there is no verdict.
+//! comes at any time within it. Without both a limit and a speed the rule does not apply.
 
 use sarrus_proto::actuators::Reason;
 
 use super::{NOISE, Seen};
 
-/// Where there is no limit a speed may still change by so many codes between two measurements.
+/// Without a limit a speed may change by so many codes between two measurements.
 const FREE: f64 = 500.0;
 
 pub(super) fn check(seen: &Seen<'_>) -> Option<Reason> {

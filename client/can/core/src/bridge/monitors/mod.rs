@@ -1,8 +1,8 @@
-//! Monitors of measurements: one small rule a file, each with its reason.
+//! Monitors of measurements: one rule per file, each with its reason.
 //!
-//! A rule is a struct with the state that it keeps of one motor. Those that look at measurements
-//! have `check(&mut self, seen)`; it is called for each new measurement while the motor has power.
-//! Noise of two codes on every number must never be a fault, so bounds are [`NOISE`] codes wider.
+//! A rule is a struct with its state for one motor. Those that look at measurements have
+//! `check(&mut self, seen)`; it is called for each new measurement while the motor has power. Noise
+//! of two codes on every number must never cause a fault, so bounds are [`NOISE`] codes wider.
 
 mod age;
 mod answers;
@@ -23,7 +23,7 @@ use crate::drive::Mode;
 use crate::event::BusState;
 use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint};
 
-/// Codes by which two numbers may differ that are the same, with two codes of noise on each.
+/// Codes by which two equal numbers may differ, with two codes of noise on each.
 const NOISE: f64 = 4.5;
 /// Codes of protocols with exact numbers: those of an encoder of 14 bits, and of a speed that
 /// is derived from it `[rad, rad/s]`.
@@ -34,7 +34,7 @@ const EXACT_EFFORT: f64 = 0.002;
 /// Input of all rules, on the actuator's side.
 #[derive(Debug)]
 pub(super) struct Seen<'a> {
-    /// Bounds beyond which the motor is doubted, and one code of each number.
+    /// Bounds beyond which the motor's measurements are doubted, and one code of each number.
     pub(super) bounds: &'a MonitorBounds,
     pub(super) steps: &'a ActuatorSetpoint,
     /// Time between two cycles `[s]`.

@@ -1,8 +1,8 @@
 //! A position beyond its limit that moves outwards.
 //!
-//! The margin is a part of the range between the limits, and at least its noise. Standing beyond or
-//! moving back is none: outwards it moves by its reported speed, by the last two measurements, or
-//! from the least distance beyond on that there was.
+//! The margin is a part of the range between the limits, and at least its noise. A joint that rests
+//! beyond the limit or moves back causes no fault. It moves outwards by its reported speed, by the
+//! last two measurements, or relative to its least distance beyond the limit so far.
 
 use sarrus_proto::actuators::Reason;
 
@@ -12,7 +12,7 @@ use crate::mapping::ActuatorSetpoint;
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Position {
-    /// Least distance beyond the margin since it was last within.
+    /// Least distance beyond the margin since the position was last within it.
     least: f64,
 }
 
@@ -26,7 +26,7 @@ impl Default for Position {
 pub(super) fn margin(limits: &Limits, bounds: &MonitorBounds, steps: &ActuatorSetpoint) -> f64 {
     let range = limits.upper - limits.lower;
     let noise = NOISE * steps.position;
-    // also where the monitor is off arming has a limit
+    // arming has a limit even if the monitor is off
     let part = bounds.position;
     let part = if part < f64::INFINITY { part } else { MonitorBounds::USUAL.position };
     if range < f64::INFINITY { noise.max(part * range) } else { noise }

@@ -13,7 +13,7 @@ const MEASUREMENTS: u32 = 3;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Temperature {
     n_hot: u32,
-    /// The lower one of the last two `[°C]`.
+    /// The lower of the last two `[°C]`.
     lower: f64,
 }
 

@@ -13,7 +13,7 @@ const MEASUREMENTS: u32 = 3;
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Velocity {
     n_fast: u32,
-    /// Way beyond the allowed one, forwards and backwards.
+    /// Distance in excess of the allowed one, forwards and backwards.
     ahead: f64,
     back: f64,
 }

@@ -8,7 +8,7 @@ use crate::bridge::{Bridge, BusState};
 use crate::mapping::ActuatorSetpoint;
 
 impl Bridge {
-    /// Motors whose measurements are doubted fail; nothing waits for power outside its limits.
+    /// Fails motors with doubted measurements; a motor outside its limits does not arm.
     pub(in crate::bridge) fn look_at_measurements(&mut self, now_ns: u64) {
         let period = self.configuration.period_ns() as f64 * 1e-9;
         for i in 0..self.motors.len() {

@@ -34,7 +34,7 @@ struct Cia402 {
     state: Option<State>,
     power_up: PowerUp,
     emergency: u16,
-    /// It ended the following, and no cycle has answered that yet.
+    /// The drive stopped following, and no cycle has reacted yet.
     emergency_holds: bool,
     /// The position `[counts]`.
     counted: Unwrapped,

@@ -8,11 +8,11 @@ use crate::protocol::fault;
 const TIMEOUT_NS: u64 = 50_000_000;
 /// The unit of 60C2 as drives are delivered, which many of them do not change.
 const MILLISECONDS: u32 = -3_i8 as u8 as u32;
-/// A mode that is not shown is asked for so often, one timeout apart: before the start, after it.
+/// Requests for a mode that is not shown, one timeout apart: before the start, after it.
 const TRIES: [u8; 2] = [5, 25];
-/// So often after the start a drive shows no mode at all before it may get power without.
+/// Answers without any mode after the start, after which a drive may get power without one.
 const TRIES_OF_NONE: u8 = 5;
-/// How far the rated torque may be from the configured one, relatively: it is in whole mN m.
+/// Relative deviation allowed between rated and configured torque: the object is in whole mN m.
 const SAME_TORQUE: f64 = 1e-3;
 
 /// Objects with subindex 0.

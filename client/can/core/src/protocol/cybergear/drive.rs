@@ -16,7 +16,8 @@ use crate::protocol::number::single;
 use crate::protocol::power_up::{Action, PowerUp};
 use crate::protocol::{Common, Made, Settings, fault};
 
-/// A parameter that is written before the motor gets power, where it has a desired value, and read.
+/// A parameter that is read before the motor gets power, and first written if it has a desired
+/// value.
 #[derive(Clone, Copy, Debug)]
 struct Step {
     index: u16,
@@ -32,7 +33,7 @@ struct CyberGear {
     coded: Coded,
     watchdog_index: u16,
     watchdog: Watchdog,
-    /// The set-up, its present step, and whether that was written and is to be read.
+    /// The set-up, its present step, and whether that step was written and awaits its read-back.
     steps: Vec<Step>,
     next: usize,
     is_written: bool,

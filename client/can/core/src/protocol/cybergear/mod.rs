@@ -18,8 +18,8 @@
 //! The largest torque is the parameter limit_torque: it is set and read back before power.
 //!
 //! Around zero a range has no code for zero: the two codes beside it are sent in turn. Beyond ±
-//! `position_range` the feedback is followed, and reported as a fault. The motor's watchdog is the
-//! parameter canTimeout in units of 50 µs; it is off as motors are delivered.
+//! `position_range` the feedback is unwrapped and reported as a fault. The motor's watchdog is the
+//! parameter canTimeout in units of 50 µs; it is off by default.
 
 mod drive;
 mod keys;

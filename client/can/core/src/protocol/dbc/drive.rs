@@ -12,7 +12,7 @@ use crate::protocol::number::limited;
 use crate::protocol::power_up::{Action, PowerUp};
 use crate::protocol::{Common, Made, Settings, fault};
 
-/// A temperature counts for this time: it is reported seldom, and changes slowly `[ns]`.
+/// A temperature is valid for this time: reports are rare, and it changes slowly `[ns]`.
 const TEMPERATURE_NS: u64 = 10_000_000_000;
 
 #[derive(Debug)]
@@ -31,7 +31,7 @@ struct Dbc {
     stale_ns: u64,
     /// The signals of fault or power have stopped.
     silent: bool,
-    /// Position as last measured `[rad]`.
+    /// Last measured position `[rad]`.
     place: f64,
     code: u32,
     not_finite: bool,

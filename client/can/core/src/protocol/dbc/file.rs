@@ -1,7 +1,7 @@
 //! DBC files: the messages and signals in them.
 //!
 //! Source: Vector, "DBC File Format Documentation" 1.0.5: `BO_` messages, `SG_` signals,
-//! `SIG_VALTYPE_` floats. Everything else in a file is passed over.
+//! `SIG_VALTYPE_` floats. The rest of a file is ignored.
 
 /// A message.
 #[derive(Clone, Debug, PartialEq)]
@@ -13,7 +13,7 @@ pub(super) struct Message {
     pub(super) signals: Vec<Signal>,
 }
 
-/// How the bits of a signal are read.
+/// The encoding of a signal's bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Unsigned,
@@ -22,7 +22,7 @@ pub(super) enum Kind {
     Double,
 }
 
-/// When a signal is there.
+/// When a signal is present.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Multiplexing {
     Always,

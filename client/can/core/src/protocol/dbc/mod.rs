@@ -1,22 +1,21 @@
 //! Any motor whose frames a DBC file describes.
 //!
 //! The settings assign the file's signals, written `Message.Signal`: set-points that are sent, and
-//! the motor's measurements. Every message with a signal that is sent goes out in each
-//! cycle, once for each value of its switch that those signals need; its other signals are raw 0
-//! unless they are in `constants`. Intel and Motorola, signed, scaled and IEEE 754 signals;
-//! values saturate. Units: `position_unit` and so on are how many rad, rad/s, N m, N m/rad and N m
-//! s/rad are 1 of the file.
+//! the motor's measurements. Every message with a signal that is sent goes out in each cycle, once
+//! for each value of its switch that those signals need; its other signals are raw 0 unless they
+//! are in `constants`. Intel and Motorola, signed, scaled and IEEE 754 signals; values saturate.
+//! Units: `position_unit` and so on give the file's units in rad, rad/s, N m, N m/rad and N m
+//! s/rad.
 //!
 //! Torque, gains and the largest torque are rounded towards zero. In the modes position and
-//! velocity the motor's own loops make the torque: without the signal `torque_limit` they are
+//! velocity the motor's own loops produce the torque: without the signal `torque_limit` they are
 //! refused.
 //!
-//! The motor has power while `enable` has the value `enable_value`. Without power it gets the
-//! position that it measured, and nothing else; the first set-point goes out a cycle before power.
-//! In each cycle the frames with `enable` come last when they give power and first when they take
-//! it. A report of the motor counts for `stale_ms`: later there is no velocity and torque, and
-//! where `fault` or `enabled` have stopped, that is a fault. A DBC file describes no watchdog:
-//! it cannot be read.
+//! The motor has power while `enable` has the value `enable_value`. Without power it gets only its
+//! measured position; the first set-point goes out a cycle before power. In each cycle the frames
+//! with `enable` come last when they give power and first when they take it. A report of the motor
+//! counts for `stale_ms`: later velocity and torque are missing, and a late `fault` or `enabled` is
+//! a fault. A DBC file describes no watchdog, so it cannot be read back.
 
 mod drive;
 mod file;

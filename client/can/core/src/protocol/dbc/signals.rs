@@ -1,5 +1,5 @@
-//! The signals that settings name: those that are sent, frame by frame, and the motor's reports
-//! with their times.
+//! The signals that the settings name: sent signals, frame by frame, and the motor's reports with
+//! their times.
 
 use super::super::Settings;
 use super::file::{Kind, Message, Multiplexing, Signal};
@@ -18,7 +18,7 @@ pub(super) enum Role {
 }
 
 impl Role {
-    /// Numbers that no rounding may enlarge: torque, gains, and the limit.
+    /// Numbers that rounding must not enlarge: torque, gains and the limit.
     fn is_toward_zero(self) -> bool {
         matches!(self, Role::Setpoint(2..) | Role::Limit(_))
     }

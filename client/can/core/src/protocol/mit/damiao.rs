@@ -21,9 +21,9 @@ const TMAX: u8 = 23;
 const MIT: u32 = 1;
 /// Units of TIMEOUT in a millisecond: one is 50 µs.
 const TIMEOUT_PER_MS: u32 = 20;
-/// How far a range may be from the configured one, relatively.
+/// Relative deviation allowed between a range and the configured one.
 const SAME_RANGE: f64 = 1e-4;
-/// Registers that there are.
+/// Number of registers.
 const LAST: u8 = 81;
 
 pub(super) const PARAMETERS: &[Parameter] = &[

@@ -20,11 +20,11 @@
 //!   the winding's temperature × 10 in 16 bits (`robstride`). Faults of a RobStride: its id, 32
 //!   bits, none of which is set without a fault.
 //!
-//! A set-point with all of position, velocity, gains at their maximum could be byte for byte a
-//! special command: then the torque code FFA is sent, and to a RobStride, which reads more such
+//! A set-point with position, velocity and gains all at their maximum could equal a special command
+//! byte for byte: then the torque code FFA is sent, and to a RobStride, which reads more such
 //! commands, a position one step lower. Around zero a range has no code for zero: the two codes
-//! beside it are sent in turn. Beyond ± `position_range` the feedback begins again at the other
-//! end: it is followed there, and reported as a fault, since set-points have no code there.
+//! beside it are sent in turn. Beyond ± `position_range` the feedback wraps around: it is unwrapped
+//! and reported as a fault, since set-points have no code there.
 
 mod damiao;
 mod robstride;

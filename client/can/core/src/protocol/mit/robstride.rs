@@ -1,23 +1,24 @@
-//! Faults of a RobStride in MIT mode: its feedback has no room for them, so it is asked.
+//! Faults of a RobStride in MIT mode: its feedback has no room for them, so the drive requests
+//! them.
 //!
-//! Source: RobStride 00 manual, "MIT protocol", command 5. FF ×6, any byte but FF, FB asks; the
-//! answer has the identifier of feedback: the motor's id and 32 bits, of which one end is always 0.
-//! While an answer is awaited, a reply with four bytes of 0, or with 0 at one end and behind, is
-//! taken for it. Feedback with these bytes would come from a motor at 0.0 °C at the lower end of
-//! its position, or of its velocity and torque, which does not happen by chance.
+//! Source: RobStride 00 manual, "MIT protocol", command 5. FF ×6, any byte but FF, FB is the
+//! request; the answer has the identifier of feedback: the motor's id and 32 bits, of which one end
+//! is always 0. While an answer is pending, a reply with four zero bytes, or with 0 at one end and
+//! behind it, counts as the answer. Feedback with these bytes would come from a motor at 0.0 °C at
+//! the lower end of its position, or of its velocity and torque, which does not happen by chance.
 
 use crate::frame::{Frame, Id};
 
-/// Time between two questions `[ns]`.
+/// Time between two requests `[ns]`.
 pub(super) const PERIOD_NS: u64 = 20_000_000;
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Question {
     id: u16,
     asked_ns: Option<u64>,
-    /// Questions without an answer; some may be under way for long.
+    /// Requests without an answer; some may be in flight for long.
     n_open: u32,
-    /// As last answered; 0 without one.
+    /// The last answer; 0 without one.
     pub(super) fault: u32,
 }
 
@@ -26,7 +27,7 @@ impl Question {
         Question { id, asked_ns: None, n_open: 0, fault: 0 }
     }
 
-    /// Nothing is known, and it is asked at once; answers of before may still come.
+    /// Discards the known faults and requests them at once; answers of before may still come.
     pub(super) fn forget(&mut self) {
         *self = Question { n_open: self.n_open, ..Question::new(self.id) };
     }
@@ -35,7 +36,7 @@ impl Question {
         Frame::classic(Id::Standard(self.id), &[0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x00, 0xFB])
     }
 
-    /// The question, when it is time for it.
+    /// The request, when it is due.
     pub(super) fn ask(&mut self, now_ns: u64) -> Option<Frame> {
         if self.asked_ns.is_some_and(|asked| now_ns.saturating_sub(asked) < PERIOD_NS) {
             return None;

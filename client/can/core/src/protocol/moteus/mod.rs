@@ -18,14 +18,14 @@
 //! A command takes 37 bytes, which FD sends as 48: mode int8, position and velocity single, torque
 //! and largest torque int16 in .01 N m, scales int16 in 1/32767, watchdog int8 in .01 s, and both
 //! limits int8 below 0: with a limit, its own or servo.default_accel_limit, a motor would follow a
-//! way to the position and not the position. The modes torque and impedance have no integrator, so
-//! its limit is scaled to 0. In the mode torque there is no position, and a command takes 27 bytes,
-//! sent as 32. Torques and scales are rounded towards zero,
-//! and the motor holds the largest torque over all of its loops. A motor with
-//! servo.bemf_feedforward answers a command without such a limit by a fault. The answer
-//! takes 24: mode, position, velocity, torque single, voltage, temperature, fault int8. The motor
-//! makes the damping's scale no larger than the stiffness's: the rest of the damping is added as
-//! torque, at the bus's rate. Its reaction to the end of its watchdog is servo.timeout_mode.
+//! trajectory to the position instead of the position. The modes torque and impedance have no
+//! integrator, so its limit is scaled to 0. In the mode torque there is no position, and a command
+//! takes 27 bytes, sent as 32. Torques and scales are rounded towards zero, and the motor holds the
+//! largest torque over all of its loops. A motor with servo.bemf_feedforward answers a command
+//! without such a limit with a fault. The answer takes 24: mode, position, velocity, torque single,
+//! voltage, temperature, fault int8. The motor makes the damping's scale no larger than the
+//! stiffness's: the rest of the damping is added as torque, at the bus's rate. Its reaction to the
+//! end of its watchdog is servo.timeout_mode.
 
 mod subframes;
 

@@ -11,7 +11,7 @@ pub(super) struct Payload {
     len: usize,
 }
 
-/// Registers that are written, and the first of those that are read together.
+/// Registers that are written, and the first of each group that is read together.
 #[derive(Clone, Copy)]
 #[repr(u8)]
 pub(super) enum Register {

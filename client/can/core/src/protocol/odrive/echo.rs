@@ -1,11 +1,10 @@
-//! How long an ODrive takes to answer, before it gets power.
+//! Measures the round trip of an ODrive before it gets power.
 //!
-//! Heartbeats and estimates come by themselves, without a time stamp. A read endpoint is answered
-//! at once: while the motor has no power both endpoints of the watchdog are read in turn, one
-//! question at a time. An answer names its endpoint, so one that comes after the next question is
-//! not taken for the answer to it. After a question without an answer the next one waits twice as
-//! long, and the round trip is the longer one of both endpoints since then, so that no delay is
-//! taken for a shorter one.
+//! Heartbeats and estimates are cyclic and have no time stamp. A read endpoint is answered at once:
+//! while the motor has no power both endpoints of the watchdog are read in turn, one question at a
+//! time. An answer names its endpoint, so a late one is not mistaken for the answer to the next
+//! question. After a lost answer the next question waits twice as long, and the round trip is the
+//! longer of both endpoints since then, so that no delay is underestimated.
 
 /// Time for the first answer, after which it counts as lost `[ns]`.
 const LOST_NS: u64 = 300_000_000;
@@ -30,7 +29,7 @@ impl Default for Echo {
 }
 
 impl Echo {
-    /// The parameter to be read now, if it is time for another question.
+    /// The parameter to read now, if another question is due.
     pub(super) fn ask(&mut self, now_ns: u64) -> Option<usize> {
         if let Some((_, asked_ns)) = self.asked {
             if now_ns.saturating_sub(asked_ns) < self.lost_ns {

@@ -13,12 +13,12 @@
 //!   fall u32; 05 endpoint: 0, endpoint u16, 0, value; 09 position f32, velocity f32; 15
 //!   temperatures of bridge and motor f32 f32; 1C desired and estimated torque f32 f32.
 //!
-//! In the modes position and velocity the ODrive's own loops make the torque, within its limit of
-//! current, `limits.effort` / `motor_torque_constant`, which is sent with the largest velocity. The
+//! In the modes position and velocity the ODrive's own loops produce the torque, within its current
+//! limit, `limits.effort` / `motor_torque_constant`, which is sent with the largest velocity. The
 //! frame has no answer, so it is repeated while the motor has no power, and sent once more before
 //! it gets power. Without all three numbers these modes are refused.
 //!
-//! An ODrive sends its position by itself: set `encoder_msg_rate_ms` (and `torques_msg_rate_ms` if
+//! An ODrive sends its position cyclically: set `encoder_msg_rate_ms` (and `torques_msg_rate_ms` if
 //! needed) to the bridge's cycle. The velocity beside a position saturates at ± 32767 steps (32.8
 //! turns/s) where other masters overflow. The endpoints of its watchdog have other numbers in each
 //! firmware (`flat_endpoints.json`): with both of them the watchdog is set and read back.

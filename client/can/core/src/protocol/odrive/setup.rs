@@ -28,15 +28,15 @@ pub(super) struct Setup {
     /// Endpoints of the watchdog's time and of its switch.
     endpoints: Option<(u16, u16)>,
     watchdog_ms: u32,
-    /// Its time as it was read `[s]`.
+    /// The time read back `[s]`.
     time: f64,
     step: Step,
     pub(super) watchdog: Watchdog,
 }
 
 impl Setup {
-    /// A watchdog of `watchdog_ms`, 0 to leave it alone; without endpoints nothing can be set or
-    /// read.
+    /// A watchdog of `watchdog_ms`, 0 to leave it unchanged; without endpoints it can be neither
+    /// set nor read.
     pub(super) fn new(node: u16, endpoints: Option<(u16, u16)>, watchdog_ms: u32) -> Setup {
         let (step, watchdog) = match (endpoints, watchdog_ms) {
             (None, _) => (Step::Done, Watchdog::Unreadable),
