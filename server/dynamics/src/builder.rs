@@ -1,5 +1,4 @@
-//! Robots in code: joints, inertias, loops and couplings one after the other, all faults at the
-//! end.
+//! Builds robots in code: joints, inertias, loops and couplings one by one, all faults at the end.
 
 mod check;
 mod cut;
@@ -21,9 +20,9 @@ use crate::spatial::Pose;
 
 /// A link of a robot under construction, and the joint that moves it.
 ///
-/// The tree has one joint to each link but the base, so that one name stands for both: as the
-/// parent of a joint or the end of a cut it is the link, in the lists of a submechanism and in a
-/// coupling the joint.
+/// The tree has one joint for each link except the base, so one name denotes both: as the parent of
+/// a joint or the end of a cut it is the link, in the lists of a submechanism and in a coupling the
+/// joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct LinkId(usize);
 

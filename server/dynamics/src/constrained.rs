@@ -1,5 +1,5 @@
-//! The whole tree under its loops as constraints, at a state that need not be closed: for
-//! integration in all coordinates, as other engines do it.
+//! The whole tree with its loops as constraints, at a state that need not be closed: for
+//! integration in all coordinates, as in other engines.
 
 use sarrus_proto::Status;
 
@@ -17,7 +17,7 @@ use crate::workspace::{Needs, Workspace};
 /// Steps of one projection, and the longest one, in radians or cluster lengths.
 const STEPS: u32 = 50;
 const LONGEST: f64 = 0.3;
-/// Residual, in cluster lengths, from which on a redundant row is another pose's.
+/// Residual, in cluster lengths, from which on a redundant row indicates another pose.
 const APART: f64 = 1e-3;
 /// Lengths of a quaternion that count as rounding or an integrator's error.
 const LENGTHS: [f64; 2] = [0.5, 2.0];
@@ -28,10 +28,10 @@ const LENGTHS: [f64; 2] = [0.5, 2.0];
 /// ```text
 ///   M q̈ − Kᵀ λ = τ_q − C + Σ Jᵀ w        K q̈ = k − 2 α K q̇ − β² φ
 /// ```
-/// with the rows of K that were kept at load; the forces of the others are zero. Idle joints stand
-/// still. q and q̇ are those that users see, in the order of [`Model::tree_q_names`] and
-/// [`Model::tree_names`]; quaternions may be off unit length by a factor of up to two. Holds all
-/// scratch, so that nothing allocates after [`ImplicitForm::new`].
+/// with the rows of K that were kept at load; the forces of the others are zero. Idle joints do not
+/// move. q and q̇ have the external order of [`Model::tree_q_names`] and [`Model::tree_names`];
+/// quaternions may be off unit length by a factor of up to two. Holds all scratch, so that nothing
+/// allocates after [`ImplicitForm::new`].
 ///
 /// Source: [F08, 8.5]; \[B72\], see [`crate::guide::bibliography`].
 #[derive(Clone, Debug)]

@@ -18,9 +18,9 @@ pub struct Description {
     pub submechanisms: Vec<Submechanism>,
     /// Gravity in root axes `[m/s²]`.
     pub gravity: [f64; 3],
-    /// The zero pose where dependent joints are not at rest there: joints with their coordinates
-    /// (n_q of each), in the order of the joints. Files have none; with it the loops of these
-    /// joints are closed numerically, but for platforms on legs without arms.
+    /// The zero pose, if dependent joints are not zero there: joints with their coordinates (n_q of
+    /// each), in the order of the joints. Files have none. With it the loops of these joints are
+    /// closed numerically, except for platforms on legs without arms.
     pub zero_pose: Vec<(usize, Vec<f64>)>,
 }
 

@@ -32,7 +32,7 @@ use crate::description::{
     Submechanism, SubmechanismKind, Terms,
 };
 
-/// Version of the canonical bytes, their first byte; another writing is another version.
+/// Version of the canonical bytes, their first byte; another encoding is another version.
 const VERSION: u8 = 1;
 
 impl Description {

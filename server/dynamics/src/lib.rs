@@ -17,8 +17,8 @@
 //! rustflags = ["-C", "target-cpu=x86-64-v3"]
 //! ```
 //!
-//! With the feature `portable` it compiles for any x86-64 processor. `mul_add` is then a call of
-//! the system's library, which rounds once as the instruction does: the answers keep their bits and
+//! With the feature `portable` it compiles for any x86-64 processor. `mul_add` is then a call to
+//! the system's library, which rounds once like the instruction: the answers keep their bits and
 //! take three to seven times as long.
 #![forbid(unsafe_code)]
 // the symbols of the equations

@@ -1,6 +1,6 @@
-//! Vectors and 3×3 matrices: the container is nalgebra's, the products are those of
-//! [`Triple`] and [`Matrix`], with fused multiply-add. Their arguments are values, so that no call
-//! can mean a product of nalgebra's, which takes references and rounds twice.
+//! Vectors and 3×3 matrices: the container is nalgebra's, the products are those of [`Triple`] and
+//! [`Matrix`], with fused multiply-add. They take arguments by value, so that no call resolves to a
+//! product of nalgebra, which takes references and rounds twice.
 
 use core::array;
 

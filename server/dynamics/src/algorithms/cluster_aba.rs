@@ -1,9 +1,9 @@
 //! Articulated bodies over clusters: M_y ÿ = b in O(n) by constraint embedding [J12; K21, eq. 5.4
 //! to 5.8; a single joint is F08, 7.3].
 //!
-//! The velocity and gravity terms are subtracted first by Newton-Euler at q̈ = g, so that only M_y
-//! ÿ = b is left. Each cluster is one joint with the independents ÿ, the columns U and the matrix D
-//! of [`super::cluster_columns`], where the inertias that its bodies support are articulated:
+//! The velocity and gravity terms are subtracted first by Newton-Euler at q̈ = g, which leaves M_y
+//! ÿ = b. Each cluster is one joint with the independents ÿ, the columns U and the matrix D of
+//! [`super::cluster_columns`], where the inertias that its bodies support are articulated:
 //!
 //! ```text
 //! r   = b − Σ_i G_iᵀ S_iᵀ p_i                         D = L Δ Lᵀ,  Y = L⁻¹ Uᵀ

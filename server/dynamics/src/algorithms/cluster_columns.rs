@@ -29,7 +29,7 @@ pub(super) struct ClusterJoint<'a, T: Real> {
 impl<T: Real> ClusterJoint<'_, T> {
     /// D (m×m row-major) and U (m columns at the parent body; left zero where that is the world).
     /// `column` gives I_i s for dof k of local body i; `F` is scratch for m columns of each body.
-    /// `uncoupled_diagonal` (m) is the diagonal of D if each joint moved alone, Σ_i G_i² s·I_i s:
+    /// `uncoupled_diagonal` (m) is the diagonal of D if each joint moved alone, Σ_i G_i² s·I_i s;
     /// the ratio of D to it measures the cancellation. M is m where the compiler knows it and
     /// unrolls the loops, else 0.
     #[inline(always)]

@@ -1,6 +1,6 @@
-//! The reduced mass matrix M_y = Gᵀ M G by composite rigid bodies over clusters [F08, 6.2, with
-//! the columns of a cluster joined by its G before they are transformed to the root, so that
-//! ancestors meet n_vy columns and not n_v].
+//! The reduced mass matrix M_y = Gᵀ M G by composite rigid bodies over clusters [F08, 6.2, with the
+//! columns of a cluster joined by its G before they are transformed to the root, so that ancestors
+//! process n_vy columns instead of n_v].
 
 use crate::algorithms::cluster_columns::{ClusterJoint, component, transform_force};
 use crate::algorithms::terms::add_rotors;
@@ -10,8 +10,8 @@ use crate::model::{Model, Scope};
 use crate::scalar::Real;
 use crate::workspace::{BodyState, Composite, Force, Workspace};
 
-/// The rows of M_y of the scope's clusters, and those of all that they carry, into the workspace,
-/// packed by `model.sparsity`; zero elsewhere. Needs the joint poses and G.
+/// Writes the rows of M_y of the scope's clusters and all clusters that they carry to the
+/// workspace, packed by `model.sparsity`; zero elsewhere. Needs the joint poses and G.
 pub(crate) fn reduced_mass_matrix<T: Real>(model: &Model<T>, scope: &Scope, ws: &mut Workspace<T>) {
     let Workspace { motion, G, composite, columns, inside, block, M_y, uncoupled_diagonal, .. } =
         ws;
@@ -36,7 +36,7 @@ pub(crate) fn reduced_mass_matrix<T: Real>(model: &Model<T>, scope: &Scope, ws: 
     }
 }
 
-/// Solves M_y ÿ = b by the M_y of the workspace; `ws.ydd` holds b and becomes ÿ. The scope has
+/// Solves M_y ÿ = b with the M_y of the workspace; `ws.ydd` holds b and becomes ÿ. The scope has
 /// the needed clusters and all others between them and the world. True if every pivot is positive.
 pub(crate) fn projected_solve<T: Real>(
     model: &Model<T>,

@@ -7,8 +7,8 @@ use crate::model::{Model, Scope};
 use crate::scalar::Real;
 use crate::workspace::{BodyState, Composite};
 
-/// M (n_v × n_v row-major, internal order, both triangles) into rows of length `stride`. Needs the
-/// joint poses.
+/// Writes M (n_v × n_v row-major, internal order, both triangles) to rows of length `stride`. Needs
+/// the joint poses.
 pub(crate) fn tree_mass_matrix<T: Real>(
     model: &Model<T>,
     scope: &Scope,

@@ -1,8 +1,8 @@
 //! Recursive Newton-Euler: forces from motion [LWP80; F08, 5.3, in classical accelerations].
 //!
-//! Every joint moves along or about z of its body, so that a joint's motion touches single
-//! components. Vectors are in body axes at the body's origin; accelerations are classical, and the
-//! world accelerates against gravity.
+//! Every joint moves along or about z of its body, so that its motion affects single components.
+//! Vectors are in body axes at the body's origin; accelerations are classical, and the world
+//! accelerates against gravity.
 
 use nalgebra::Vector3;
 
@@ -25,7 +25,7 @@ pub(crate) fn joint_poses<T: Real>(
     for run in bodies.runs() {
         let joints = model.bodies[run.clone()].iter().zip(&cos_sin[run.clone()]);
         for ((body, cos_sin), state) in joints.zip(&mut motion[run]) {
-            // straight to its place: a pose of lanes is large
+            // written in place: a pose of a packet is large
             let at_zero = || T::Triple::columns_of(&body.R_parent_body);
             state.p = T::Triple::of(&body.p_parent_body);
             match body.motion {

@@ -32,8 +32,8 @@ pub(super) fn spring_forces<T: Real>(model: &Model<T>, scope: &Scope, q: &[T], t
     }
 }
 
-/// D_kl += N² I G_k G_l for each rotor of the cluster that has the n_v velocities from `v` on: the
-/// last ones of `rotors`, which are taken off with those behind the cluster.
+/// D_kl += N² I G_k G_l for each rotor of the cluster with the n_v velocities from `v` on. Pops the
+/// rotors of the cluster, and those behind it, off the end of `rotors`.
 #[inline(always)]
 pub(super) fn add_rotors<T: Real>(
     rotors: &mut &[Rotor<T>],

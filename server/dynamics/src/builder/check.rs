@@ -5,8 +5,8 @@ use std::collections::HashSet;
 use crate::description::{Cut, Description, Joint, Placement, Terms};
 use crate::diagnostic::{Diagnostic, Site};
 
-/// Names that are empty or stand twice, numbers that are not finite, limits that exclude each
-/// other, loops without rows.
+/// Reports empty or duplicate names, numbers that are not finite, contradictory limits and loops
+/// without rows.
 pub(super) fn check(description: &Description) -> Vec<Diagnostic> {
     let mut faults = Faults(Vec::new());
     faults.finite(Site::Robot, "gravity", description.gravity);

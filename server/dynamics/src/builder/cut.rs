@@ -18,7 +18,7 @@ pub(super) struct PendingCut {
 }
 
 impl PendingCut {
-    /// The loop; a cut that was not placed is a fault.
+    /// The loop; a cut without a place is a fault.
     pub(super) fn finished(&self, site: Site, errors: &mut Vec<Diagnostic>) -> Loop {
         let PendingCut { name, predecessor, successor, place, rows } = self.clone();
         if place.is_none() {

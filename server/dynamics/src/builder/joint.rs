@@ -18,7 +18,7 @@ pub struct JointBuilder<'a> {
 }
 
 impl DescriptionBuilder {
-    /// Joint and link where the parent's frame is.
+    /// Places the joint and its link at the parent's frame.
     pub(super) fn push(&mut self, name: String, kind: JointKind, parent: usize) -> usize {
         let joint = self.description.joints.len();
         let child = self.description.links.len();

@@ -27,7 +27,7 @@ impl Group {
         }
     }
 
-    /// A submechanism with the lists that were left out.
+    /// A submechanism with defaults for the omitted lists.
     pub(super) fn finished(
         &self,
         s: usize,

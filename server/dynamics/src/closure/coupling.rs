@@ -3,8 +3,8 @@
 //!
 //! A bevel gear differential needs no closure of its own: with roll and pitch of the cage, its
 //! wheels turn by roll + pitch and roll − pitch, two couplings of two masters each. A file of type
-//! DIFFERENTIAL (or TRANSMISSION) holds one coupling for each dependent joint; whether it gives the
-//! wheels by the cage or the cage by the wheels does not matter.
+//! DIFFERENTIAL (or TRANSMISSION) holds one coupling for each dependent joint; it may express the
+//! wheels by the cage or the cage by the wheels.
 
 use crate::closure::{Level, Local, Numerical};
 use crate::mechanism::{Body, Cluster, Motion};
@@ -17,7 +17,7 @@ pub(crate) struct Coupling<T> {
     pub(crate) M: Vec<T>,
     /// b (n).
     pub(crate) b: Vec<T>,
-    /// Newton's method on the true rows, of loops that are only nearly parallelograms.
+    /// Newton's method on the true rows, for loops that are only nearly parallelograms.
     pub(crate) polish: Option<Numerical<T>>,
 }
 

@@ -1,5 +1,5 @@
-//! A leg of two turns and a slide that reaches for a point; its two axes are perpendicular, and may
-//! pass each other at a distance.
+//! A leg of two revolute joints and a slider whose tip follows a point; the two axes are
+//! perpendicular, and may be offset.
 //!
 //! In the frame of the strut, X along the first axis and Y along the second at zero, the point lies
 //! at

@@ -7,7 +7,7 @@ use crate::mechanism::{Body, Cluster};
 use crate::scalar::Real;
 use crate::spatial::{Pose, zero};
 
-/// How far down a closure is to be evaluated.
+/// The level up to which a closure is evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Level {
     /// q.
@@ -24,9 +24,9 @@ pub(crate) enum Level {
 pub(crate) struct Local<'a, T> {
     /// The closed pose from which a numerical closure continues (n_q).
     pub(crate) start: &'a [T],
-    /// It is the zero pose, because no other was given: seeds may serve.
+    /// It is the zero pose, as the request gives no other: seeds may serve.
     pub(crate) from_zero: bool,
-    /// The tree velocity at that pose, where one was given (n_v).
+    /// The tree velocity at that pose, if given (n_v).
     pub(crate) tangent: Option<&'a [T]>,
     /// Tree coordinates, independents set (n_q).
     pub(crate) q: &'a mut [T],

@@ -1,8 +1,8 @@
 //! Loop closures: from the independent coordinates of a cluster to all of its coordinates, their
 //! Jacobian G and bias g.
 //!
-//! Everything is relative to the cluster's parent body, so the cost grows with the cluster and not
-//! with the robot. To add a closed form: one file beside these with its geometry, read off the
+//! All quantities are relative to the cluster's parent body, so the cost grows with the cluster,
+//! not with the robot. To add a closed form: one file beside these with its geometry, read off the
 //! model at load (`build`) and its position, velocity and acceleration level; one variant of
 //! [`Closure`].
 

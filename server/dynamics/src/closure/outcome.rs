@@ -1,4 +1,4 @@
-//! How the closing of a cluster ended.
+//! The outcome of closing a cluster.
 
 use sarrus_proto::Status;
 
@@ -10,8 +10,8 @@ pub(crate) struct Outcome {
     pub(crate) status: Status,
     pub(crate) iterations: u32,
     /// 1/sin² of the angle, or of a length against its size, that vanishes at a singular pose; the
-    /// product along closures that hang on each other. With Γ² for it poses are known to Γ ε, rates
-    /// to Γ² ε, accelerations to Γ³ ε at worst.
+    /// product along closures that depend on each other. With Γ² for it poses are known to Γ ε,
+    /// rates to Γ² ε, accelerations to Γ³ ε at worst.
     pub(crate) gain: f64,
     /// Largest gap of the rows that the solution leaves out, in radians or lengths of the cluster.
     pub(crate) open: f64,
@@ -29,14 +29,14 @@ impl Outcome {
     }
 }
 
-/// Least squared sine between the links of a closed form: 1e-24, or where the scalar has too few
-/// digits for that the part of them that is lost at twice the root of its rounding.
+/// Least squared sine between the links of a closed form: 1e-24, or, for scalars with too few
+/// digits, the part that is lost at twice the root of their rounding.
 const fn least_square_sine<T: Real>() -> f64 {
     let of_rounding = 8e7 * T::EPSILON * T::EPSILON;
     if of_rounding > 1e-24 { of_rounding } else { 1e-24 }
 }
 
-/// Whether a closed form has an answer.
+/// Whether a closed form has a solution.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Validity<T: Real> {
     pub(crate) unreachable: bool,

@@ -21,7 +21,7 @@ pub(crate) fn interpolate<T: Real>(
         .map(|v| &cluster.dofs[*v])
         .filter(|at| at.k == 0 && at.motion.n_q() > 1);
     for at in quaternions {
-        // q and −q are the same turn: the nearer one
+        // q and −q are the same rotation: take the nearer one
         let four = at.q + at.motion.n_q() - 4..at.q + at.motion.n_q();
         let along = four.clone().fold(T::ZERO, |sum, i| from[i].mul_add(to[i], sum));
         for i in four.clone() {
@@ -33,8 +33,8 @@ pub(crate) fn interpolate<T: Real>(
     }
 }
 
-/// How far the independents of a pose are from those of another, in radians or cluster lengths: the
-/// sum over all of them.
+/// Distance between the independents of two poses, in radians or cluster lengths: the sum over all
+/// of them.
 pub(crate) fn distance<T: Real>(cluster: &Cluster<T>, from: &[T], to: &[T]) -> T {
     let mut distance = T::ZERO;
     for dof in cluster.independent.iter().map(|v| &cluster.dofs[*v]) {

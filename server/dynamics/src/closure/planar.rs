@@ -3,8 +3,8 @@
 //! ```text
 //!   J0 ──a── J1 ──b── J2 ──c── J3 ──d── J0    J0 is independent, one of J1 to J3 is cut
 //! ```
-//! Seen from link d, J0 turns (or slides) link a by y and carries J1 along; the other two links
-//! follow from where J1 is:
+//! Seen from link d, J0 turns (or slides) link a by y and carries J1 along; the position of J1
+//! determines the other two links:
 //!
 //! ```text
 //!   two links    b − c = D                b = κ D + η J D,  κ = (|D|² + |b|² − |c|²) / 2|D|²
@@ -14,9 +14,8 @@
 //! with D from J1 to J3, t the direction of the slider J3 in link d, ε the distance of J1 from the
 //! line on which J2 slides, J a turn by a right angle. The branch is the sign of W or of L, which
 //! is that of det K_d: it is that of the zero pose for every y. A closed form knows no path: beyond
-//! a gap that cannot be reached it answers on the same side again. The coordinates of the turning
-//! dependents lie in (−π, π]. A loop whose slider lies opposite to J0 is a lambda, see
-//! [`super::Rrpr`].
+//! an unreachable gap it answers on the same side again. The coordinates of the turning dependents
+//! lie in (−π, π]. A loop whose slider lies opposite to J0 is a lambda, see [`super::Rrpr`].
 
 use crate::closure::{Level, Local, Numerical, Validity};
 use crate::scalar::{Real, constants};

@@ -23,19 +23,19 @@ use crate::spatial::{Matrix, Pose, zero};
 /// A platform and its legs.
 #[derive(Clone, Debug)]
 pub(crate) struct Platform<T> {
-    /// Degrees of freedom of the joints that carry the platform, from the base, each with its place
+    /// Degrees of freedom of the joints that carry the platform, from the base, each with its index
     /// in y; all are independent.
     pub(crate) chain: Vec<(Dof, usize)>,
     pub(crate) legs: Vec<Leg<T>>,
     /// Legs of a crank and a rod.
     pub(crate) rods: Vec<RodLeg<T>>,
-    /// Turns of the chain, and those that the legs find: place of the cosine and sine, and of the
-    /// coordinate.
+    /// Revolute joints of the chain, and those that the legs solve: index of the cosine and sine,
+    /// and of the coordinate.
     turned: Vec<(usize, usize)>,
     found: Vec<(usize, usize)>,
-    /// Joints that stand still where the start has them.
+    /// Joints that keep their start position.
     pub(crate) idle: Vec<Dof>,
-    /// Newton's method on the true rows, where the geometry is only nearly of this type.
+    /// Newton's method on the true rows, if the geometry is only nearly of this type.
     pub(crate) polish: Option<Numerical<T>>,
 }
 

@@ -10,9 +10,9 @@
 //!
 //! Any plane loop of three turns and a slider is one of these when the joint opposite to the slider
 //! is independent; "stator" is the other turn of the tree beside the slider. The branch is the sign
-//! of ℓ, for every y that of the zero pose: the closed form knows no path, so where |d| < |ε| makes
-//! a gap, the target beyond it is answered on the same side of the slider's root. Newton's method,
-//! which follows the path, calls that target unreachable. The stator's coordinate lies in (−π, π].
+//! of ℓ, for every y that of the zero pose: the closed form knows no path, so beyond a gap with |d|
+//! < |ε| it answers on the same side of the slider's root. Newton's method, which follows the path,
+//! calls that target unreachable. The stator's coordinate lies in (−π, π].
 
 use crate::closure::{Level, Local, Numerical, Validity};
 use crate::scalar::{Real, constants};
@@ -34,7 +34,7 @@ pub(crate) struct Rrpr<T> {
     pub(crate) sense: T,
     /// ±1, the sign of the slider's length.
     pub(crate) side: T,
-    /// Newton's method on the true rows, where the geometry is only nearly planar.
+    /// Newton's method on the true rows, if the geometry is only nearly planar.
     pub(crate) polish: Option<Numerical<T>>,
 }
 

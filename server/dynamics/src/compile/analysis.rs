@@ -17,12 +17,12 @@ use crate::scalar::{Dd, Real, noise};
 use crate::spatial::Pose;
 use sarrus_proto::Status;
 
-/// Poses at which rank is judged, and how far from zero they lie, in radians or cluster lengths.
+/// Number of poses for the rank, and their distance from zero, in radians or cluster lengths.
 pub(super) const POSES: usize = 3;
 const REACH: f64 = 0.2;
 /// Steps in which the offsets of couplings are reached from the zero pose.
 const OFFSET_STEPS: usize = 64;
-/// Deviation from an offset up to which a described zero pose has it already `[m, rad]`.
+/// Deviation up to which a described zero pose already satisfies an offset `[m, rad]`.
 const THERE: f64 = 1e-12;
 /// Largest gap of a loop at zero, in cluster lengths.
 const OPEN: f64 = 1e-6;
@@ -31,7 +31,7 @@ const OPEN: f64 = 1e-6;
 pub(super) struct Analysis {
     pub(super) used: Vec<usize>,
     pub(super) blocks: Blocks,
-    /// Idle dependents that keep the value that they start with.
+    /// Idle dependents, which keep their initial value.
     pub(super) locked: Vec<usize>,
 }
 

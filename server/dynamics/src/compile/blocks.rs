@@ -8,7 +8,7 @@ use crate::mechanism::{Cluster, Cut, CutRow, Dof};
 
 /// Block triangular form of the used rows against the dependents, in the order of solution.
 ///
-/// `K` is that of a generic pose; pivots are large enough at the poses of `others` as well.
+/// `K` belongs to a generic pose; pivots are large enough at the poses of `others` as well.
 pub(super) fn blocks(
     cluster: &Cluster<f64>,
     used: &[usize],

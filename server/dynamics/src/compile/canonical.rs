@@ -1,4 +1,4 @@
-//! The loops of a submechanism's type, for files that give none: the cut of each leg and its rows.
+//! The default loops of a submechanism's type: the cut of each leg and its rows.
 
 use nalgebra::Vector3;
 
@@ -8,7 +8,7 @@ use crate::diagnostic::{Diagnostic, Site};
 use crate::scalar::{Dd, Real, Triple};
 use crate::spatial::Matrix;
 
-/// The loops of a submechanism: those given, or those of its type.
+/// The loops of a submechanism: the given ones, or the defaults of its type.
 pub(super) fn loops(
     description: &Description,
     s: usize,

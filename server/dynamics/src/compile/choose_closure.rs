@@ -1,5 +1,5 @@
-//! Chooses the closure of a cluster: the closed form of its type, that form as start of Newton's
-//! method, or Newton's method alone.
+//! Chooses the closure of a cluster: the closed form of its type, the same form as start of
+//! Newton's method, or Newton's method alone.
 
 use sarrus_proto::{ClosureInfo, ClosureKind};
 

@@ -1,4 +1,4 @@
-//! Cut joints and couplings as rows of their clusters.
+//! Turns cut joints and couplings into rows of their clusters.
 
 use crate::compile::assemble::Builder;
 use crate::compile::geometry::{pose, vector};

@@ -2,14 +2,14 @@
 
 use crate::closure::Elimination;
 
-/// Least pivot against the largest entry of its column, at every pose that is looked at.
+/// Least pivot relative to the largest entry of its column, at every sampled pose.
 const PIVOT: f64 = 0.25;
-/// Largest entry of a column, relative to all, below which a pose does not count for it.
+/// Largest entry of a column, relative to all entries, below which the pose is ignored for it.
 const NOTHING: f64 = 1e-9;
 
 /// Rows and columns of a block in the order of elimination, and for more than three rows the
-/// fill-in. `set` are its columns, each with its row; `sees` where an entry can be; `entry` gives
-/// them at each of a number of poses.
+/// fill-in. `set` holds its columns, each with its row; `sees` is its sparsity pattern; `entry`
+/// gives the entries at each sampled pose.
 pub(super) fn order(
     set: &[usize],
     row_of: &[usize],

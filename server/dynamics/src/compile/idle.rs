@@ -1,12 +1,11 @@
-//! Idle dofs: rods that may spin between their ball joints while everything else stands still.
+//! Idle dofs: rods that can spin between their ball joints while all other bodies rest.
 //!
-//! A motion of the dependents at y = const is idle where nothing of it leaves the cluster, no
-//! actuator and no coupled joint moves, and every body that moves turns about a line through a
-//! centre of its own that stands still: a cut point on it, or the point where two of its axes meet.
-//! Nothing of it passes a cut: both points of every cut stand still, and each side of a cut
-//! satisfies its rows alone. Or it passes cuts within a rod and its balls, which are chains of
-//! revolute joints that meet: then all these bodies turn about one of two centres, and one of them,
-//! the rod, about both.
+//! A motion of the dependents at y = const is idle if it stays within the cluster, no actuator or
+//! coupled joint moves, and every moving body turns about a line through a fixed centre: one of its
+//! cut points, or the point where two of its axes meet. It must not pass a cut: both points of
+//! every cut rest, and each side of a cut satisfies its rows alone. Or it passes cuts only within a
+//! rod and its balls, which are chains of revolute joints with a common point: then all these
+//! bodies turn about one of two centres, and the rod about both.
 
 use nalgebra::Vector3;
 

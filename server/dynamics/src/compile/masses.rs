@@ -1,8 +1,9 @@
-//! Assesses at load how well the masses of a robot determine its accelerations.
+//! Assesses at load how well a robot's masses determine its accelerations.
 //!
 //! The diagonal of M_y is the inertia of an independent joint with the others held still; the
-//! pivots Δ of the recursion are its inertia with the joints behind it free. Forward dynamics loses
-//! as many digits as their ratio has, which is large for a heavy hand on light links.
+//! pivots Δ of the recursion are its inertia with the joints behind it free to move. Forward
+//! dynamics loses as many digits as their ratio has; the ratio is large for a heavy hand on light
+//! links.
 
 use sarrus_proto::Status;
 

@@ -1,4 +1,4 @@
-//! Explains a mobility that does not fit the declared independents, and suggests a correction.
+//! Explains a mobility that contradicts the declared independents, and suggests a correction.
 
 use faer::Mat;
 

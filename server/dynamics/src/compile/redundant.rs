@@ -1,4 +1,4 @@
-//! Redundant rows: the gaps of the loops in them, and cut joints without them.
+//! Redundant rows: the loop gaps along them, and cut joints without them.
 
 use faer::linalg::solvers::Solve;
 use nalgebra::Vector3;
@@ -17,12 +17,12 @@ const OPEN: f64 = 1e-6;
 const DIRECTIONS: usize = 6;
 const STEPS: usize = 8;
 const STEP: f64 = 0.1;
-/// Dependents of a cluster beyond which fewer poses are looked at.
+/// Dependents of a cluster beyond which fewer poses are sampled.
 const LARGE: usize = 100;
 /// Sine of the angle between axes that count as parallel.
 const PARALLEL: f64 = 1e-4;
 
-/// Warns of redundant rows, and of those in which the loops open on the way.
+/// Warns of redundant rows, and of those along which the loops open in motion.
 pub(super) fn warn(
     subject: &Subject<'_>,
     cluster: &Cluster<f64>,

@@ -1,9 +1,9 @@
 //! Tabulates the closed poses of numerical closures of few independents around the zero pose.
 //!
 //! The range of each independent is that of its limits, or a bounded one, as far as the loops close
-//! regularly while the others stay at zero. Nodes are reached one from the other, from the zero
-//! pose outwards; a cell is used if it passes the checks that
-//! [`Seeds`](crate::closure::Seeds) states.
+//! regularly while the others stay at zero. Each node is reached from a neighbour, from the zero
+//! pose outwards; a cell is used if it passes the checks that [`Seeds`](crate::closure::Seeds)
+//! states.
 
 mod form;
 mod grid;
@@ -17,22 +17,22 @@ use crate::mechanism::{Cluster, Motion};
 use crate::model::Model;
 use crate::workspace::{Needs, Workspace};
 
-/// Bytes of the tables of one robot, nodes of all of them, and nodes along one independent by the
-/// number of independents: at most and at least.
+/// Bounds of one robot's tables: bytes, nodes in total, and most and least nodes along one
+/// independent by the number of independents.
 const BYTES: usize = 256 << 10;
 const NODES: usize = 2048;
 const ALONG: [usize; MOST] = [129, 41, 9];
 const LEAST_ALONG: usize = 4;
-/// Longest way of a sliding independent without limits, in cluster lengths.
+/// Longest travel of a sliding independent without limits, in cluster lengths.
 const SLIDE: f64 = 2.0;
-/// Steps in which the range of an independent is gone through.
+/// Steps over the range of an independent.
 const STEPS: usize = 32;
 /// Substeps between neighbours where one step is refused.
 const SUBSTEPS: usize = 4;
 /// Least sine of the distance to a singular pose, within the range.
 const REGULAR: f64 = 0.05;
-/// Largest error of a seed, in radians or cluster lengths, and against the distance to the nearest
-/// singular pose.
+/// Largest error of a seed, in radians or cluster lengths, and relative to the distance to the
+/// nearest singular pose.
 const ERROR: f64 = 2e-3;
 const CLEAR: f64 = 0.02;
 

@@ -9,7 +9,7 @@ use crate::spatial::Pose;
 
 /// The moving joints of a description and the links that each carries.
 pub(super) struct Skeleton {
-    /// Joints of the description that move, and the place of each joint among them.
+    /// Moving joints of the description, and the index of each joint among them.
     pub(super) moving: Vec<usize>,
     pub(super) moving_of: Vec<usize>,
     /// Moving joint that carries each link (`None`: the world), and the link's pose in that joint's

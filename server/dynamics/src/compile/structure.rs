@@ -14,7 +14,7 @@ pub(crate) struct Structure {
     pub(crate) carrier: Vec<Option<usize>>,
     /// Moving joint below each joint towards the root.
     pub(crate) parent: Vec<Option<usize>>,
-    /// Loops of each submechanism: those given, or those of its type.
+    /// Loops of each submechanism: the given ones, or the defaults of its type.
     pub(crate) loops: Vec<Vec<Loop>>,
     /// Moving joints between the two ends of each loop.
     pub(crate) paths: Vec<Vec<Vec<usize>>>,
@@ -22,7 +22,7 @@ pub(crate) struct Structure {
 
 impl Structure {
     /// # Errors
-    /// Faults of the structure: joints, owners, loops that nothing defines.
+    /// Faults of the structure: joints, owners, undefined loops.
     pub(crate) fn of(description: &Description) -> Result<Structure, CompileError> {
         let mut errors = Vec::new();
         let assembly = Assembly::new(description, &mut errors);

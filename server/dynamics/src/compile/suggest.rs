@@ -28,7 +28,7 @@ pub struct SuggestedIndependents {
 /// actuated joints, joints on the base, joints of large motion. Allocates; takes milliseconds.
 ///
 /// # Errors
-/// Faults of the structure, as of [`crate::OpenModel::compile`].
+/// Faults of the structure, as for [`crate::OpenModel::compile`].
 pub fn suggest_independents(
     description: &Description,
 ) -> Result<SuggestedIndependents, CompileError> {

@@ -1,4 +1,4 @@
-//! Independent joints that turn by any number of turns, and the whole turns of their dependents.
+//! Independent joints without a limit on their turns, and the whole turns of their dependents.
 
 use core::f64::consts::TAU;
 
@@ -17,7 +17,7 @@ const CLEAR: f64 = 4.0;
 const WHOLE: f64 = 1e-6;
 
 /// Turns each independent joint of the numerical closures once from the zero pose, the others at
-/// zero; those that come back to it can be turned by any number of turns.
+/// zero; those that return to it can make any number of turns.
 pub(super) fn find(model: &Model<f64>) -> Vec<(usize, Vec<Turn>)> {
     let mut ws = Workspace::sized(model, Needs::default());
     let mut found = Vec::new();

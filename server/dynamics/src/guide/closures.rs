@@ -3,14 +3,14 @@
 //! A closed form maps the independent coordinates y of one mechanism to all of its coordinates q =
 //! γ(y), with q̇ = G ẏ and q̈ = G ÿ + g, see [notation](super::notation). A form is read off the
 //! geometry at the zero pose: points, axes, and signs, never off names. So coordinates are zero
-//! where the robot was written, a length is the one at zero plus the slider's coordinate, and a
-//! coordinate may run against a drawing's sense where its axis points the other way. J is a turn by
-//! a right angle in the plane, W = x × y the number J x · y.
+//! where the robot was written, a length is its value at zero plus the slider's coordinate, and a
+//! coordinate may have the opposite sense of a drawing if its axis points the other way. J is a
+//! turn by a right angle in the plane, W = x × y the number J x · y.
 //!
 //! A geometry that fits the form up to the rounding of a file is closed by it alone; up to 1e-3 of
-//! the mechanism's size the form starts Newton's method on the true rows; beyond, loading fails and
-//! names the axis. Every form has two solutions or more; the one of the zero pose is kept for all
-//! y, by the sign of its root.
+//! the mechanism's size the form starts Newton's method on the true rows; beyond that, loading
+//! fails and names the axis. Every form has two solutions or more; the one of the zero pose is kept
+//! for all y, by the sign of its root.
 //!
 //! | type | joints, in the order of their lists | y | cut rows |
 //! |---|---|---|---|
@@ -26,7 +26,7 @@
 //! | DIFFERENTIAL | cage, spider and wheels, 3 or 4 | two of them | by couplings |
 //!
 //! A cut of five rows, as of a hinge, serves as well as two in the plane; loading drops and names
-//! redundant rows. RRPR, SLIDERCRANK, 2SPU+1U, 2SPRR+1U and 6UPS define their cuts where none is
+//! redundant rows. RRPR, SLIDERCRANK, 2SPU+1U, 2SPRR+1U and 6UPS define their cuts if none is
 //! given: the pin is the origin of the slider's frame. 2SURRPR+1U falls back on Newton's method,
 //! with a warning, where axes do not cross or Newton's method does not confirm the form beside the
 //! zero pose.
@@ -49,7 +49,7 @@
 //!   G₃ = t · p + ε G₂                    g₃ = t · x + ε g₂
 //!   x = q̇₂² d − ẏ² R(y) d₃ − 2 q̇₂ q̇₃ b
 //! ```
-//! Singular where ℓ = 0: the pin comes as near to J₂ as the slider passes it.
+//! Singular where ℓ = 0: the pin is as near to J₂ as the slider's offset allows.
 //!
 //! # FOURBAR
 //!

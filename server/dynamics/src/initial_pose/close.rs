@@ -1,28 +1,28 @@
-//! Closing the rows: Levenberg and Marquardt's steps, which need no rank.
+//! Closes the rows by Levenberg-Marquardt steps, which need no rank.
 
 use crate::initial_pose::problem::{Candidate, Problem};
 use crate::scalar::noise;
 
-/// Steps from one start, and starts around the given pose where it leads nowhere.
+/// Most steps from one start, and further starts around the given pose if it fails.
 const STEPS: u32 = 300;
 const STARTS: usize = 12;
 /// Least damping, relative to the largest singular value: where rows are consistent, and where they
 /// may contradict each other.
 const DAMPING_OF_USED: f64 = 1e-9;
 const DAMPING_OF_ALL: f64 = 1e-3;
-/// Damping at which no step is left.
+/// Damping at which the search ends.
 const STUCK: f64 = 1e8;
 /// Largest step, in radians or lengths of the cluster.
 pub(super) const CLAMP: f64 = 0.5;
 
 impl Problem<'_> {
-    /// Closes the rows from a candidate, or from places around it; the candidate of least residual
-    /// where none is closed. Returns true if it is closed.
+    /// Closes the rows from a candidate, or from poses around it; if none closes, keeps the one of
+    /// least residual. Returns true if it is closed.
     pub(super) fn close_somewhere(&self, candidate: &mut Candidate, count: &mut u32) -> bool {
         let start = candidate.q.clone();
         let mut best: Option<(f64, Candidate)> = None;
         for k in 0..=STARTS {
-            // the given pose first, then farther and farther from it
+            // the given pose first, then increasingly distant ones
             let reach = 1.5 * k as f64 / STARTS as f64;
             let mut trial = Candidate::new(self, self.moved(&start, |a| reach * noise(97 * k + a)));
             if self.close(&mut trial, count) {

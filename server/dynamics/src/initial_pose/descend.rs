@@ -1,4 +1,4 @@
-//! Down along the closed poses: Newton's method for the distance in the null space of the rows.
+//! Descends along the closed poses: Newton's method for the distance in the null space of the rows.
 //!
 //! ```text
 //!   J Z = 0        Jᵀ λ = −∇f        H = ∇²f + Σ λ ∇²φ        (Zᵀ H Z) s = −Zᵀ ∇f
@@ -14,12 +14,12 @@ use crate::initial_pose::problem::{Candidate, Problem};
 /// Steps, and halvings of one step.
 const STEPS: u32 = 100;
 const HALVINGS: u32 = 40;
-/// Slope that rounding leaves, and slope up to which a pose is a minimum.
+/// Slope due to rounding, and slope up to which a pose is a minimum.
 const ROUNDING: f64 = 2e-15;
 pub(super) const FLAT: f64 = 1e-8;
-/// Step of the differences that H comes from.
+/// Step of the finite differences for H.
 const DIFFERENCE: f64 = 1e-5;
-/// Least curvature that a step trusts.
+/// Least curvature of a step.
 const CURVED: f64 = 1e-6;
 
 /// Slope of the distance along the closed poses, at one of them.

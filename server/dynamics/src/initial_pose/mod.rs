@@ -6,8 +6,8 @@
 //! cluster by cluster, since φ is. d_j is the distance along a tree velocity from the given pose: a
 //! difference of coordinates, of a quaternion the rotation vector from the given turn and the
 //! difference of the positions. l_j is 1 rad for a turn and the cluster's length for a slide. First
-//! the rows are closed ([`close`]), then the pose goes down along the closed poses until the
-//! distance has no slope ([`descend`]).
+//! the rows are closed ([`close`]), then the pose descends along the closed poses until the
+//! distance is stationary ([`descend`]).
 
 mod close;
 mod descend;

@@ -20,7 +20,7 @@ impl OpenModel {
     /// Orders bodies, clusters and rows of a description. Allocates.
     ///
     /// # Errors
-    /// Faults of the structure: joints, owners, loops that nothing defines.
+    /// Faults of the structure: joints, owners, undefined loops.
     pub fn compile(description: &Description) -> Result<OpenModel, CompileError> {
         let mut errors = Vec::new();
         let Some(assembly) = Assembly::new(description, &mut errors) else {

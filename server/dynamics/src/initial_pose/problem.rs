@@ -1,4 +1,4 @@
-//! One cluster in comparable units: its rows, how far a pose is from the given one, and steps.
+//! One cluster in comparable units: its rows, the distance of a pose from the given one, and steps.
 
 use nalgebra::Vector3;
 
@@ -17,7 +17,7 @@ const GAP_OF_ALL: f64 = 1e-4;
 /// that may.
 const CLOSED: f64 = 1e-12;
 const CLOSED_OF_ALL: f64 = 1e-6;
-/// A free joint weighs this share of the heaviest when a step has to be chosen.
+/// Weight of a free joint, relative to the heaviest, in the choice of a step.
 const LEAST: f64 = 1e-6;
 
 /// A cluster near a pose.
@@ -35,7 +35,7 @@ pub(crate) struct Problem<'a> {
     /// Local rows that count and their scales.
     rows: Vec<usize>,
     scale: Vec<f64>,
-    /// Relative singular value that counts as none, and the residual that counts as closed.
+    /// Relative singular value that counts as zero, and residual that counts as closed.
     pub(super) gap: f64,
     pub(super) closed: f64,
     /// True where all rows count, so that they may contradict each other by the rounding of a file.

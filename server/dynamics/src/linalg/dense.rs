@@ -6,8 +6,8 @@ use crate::scalar::Real;
 /// Solves A X = B in place by elimination without exchanges; A is m×m, B m×n, both row-major. B
 /// becomes X.
 ///
-/// The rows must come in an order that was found good at load. Returns the mask of lanes whose
-/// every pivot stayed above `floor` times the largest entry of its row and the determinant of A.
+/// The rows must have the order chosen at load. Returns the mask of lanes whose every pivot stayed
+/// above `floor` times the largest entry of its row and the determinant of A.
 #[inline]
 pub(crate) fn solve_unpivoted<T: Real>(
     A: &mut [T],

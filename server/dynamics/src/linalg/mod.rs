@@ -1,4 +1,4 @@
-//! Linear algebra in place, over scratch of the caller: dense systems, and the factor of a matrix
+//! Linear algebra in place, with the caller's scratch: dense systems, and the factor of a matrix
 //! with the sparsity of a tree.
 
 mod dense;

@@ -2,17 +2,17 @@
 //! packed, and H = Lᵀ D L without fill-in [F08, 6.4 and 6.5].
 //!
 //! Row i holds the entries at its ancestors, from the root on, and then its diagonal. The path to
-//! an ancestor is the beginning of the path to i, so that the row of the ancestor has its numbers
-//! at the same places: rows are combined without any index.
+//! an ancestor is a prefix of the path to i, so the ancestor's row has its numbers at the same
+//! offsets: rows are combined without indices.
 
 use crate::scalar::Real;
 
-/// Which index supports which, and where the rows lie.
+/// The ancestors of each index, and the offsets of the rows.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TreeSparsity {
-    /// Nearest ancestor of each, or `usize::MAX`.
+    /// Nearest ancestor of each index, or `usize::MAX`.
     pub(crate) parent: Vec<usize>,
-    /// How many ancestors each has.
+    /// Number of ancestors of each index.
     pub(crate) depth: Vec<usize>,
     /// First number of each row.
     pub(crate) start: Vec<usize>,
@@ -21,7 +21,7 @@ pub(crate) struct TreeSparsity {
 }
 
 impl TreeSparsity {
-    /// Appends one more, carried by an earlier one or by nothing.
+    /// Appends an index below an earlier one, or a root.
     pub(crate) fn push(&mut self, parent: usize) {
         let depth = self.depth.get(parent).map_or(0, |depth| depth + 1);
         self.parent.push(parent);
@@ -30,12 +30,12 @@ impl TreeSparsity {
         self.len += depth + 1;
     }
 
-    /// Place of each diagonal entry.
+    /// Offset of each diagonal entry.
     pub(crate) fn diagonal(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.start.len()).map(|i| self.diagonal_at(i))
     }
 
-    /// Place of the diagonal entry of row i.
+    /// Offset of the diagonal entry of row i.
     pub(crate) fn diagonal_at(&self, i: usize) -> usize {
         self.start[i] + self.depth[i]
     }

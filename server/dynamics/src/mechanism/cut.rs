@@ -1,4 +1,4 @@
-//! Cut joints: where loops were opened, and the rows that close them.
+//! Cut joints: the places where loops are opened, and the rows that close them.
 
 use crate::scalar::constants;
 use nalgebra::Vector3;

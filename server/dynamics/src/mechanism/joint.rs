@@ -17,7 +17,7 @@ pub(crate) enum Motion {
 }
 
 impl Motion {
-    /// How many velocities and coordinates it has.
+    /// Number of velocities and coordinates.
     pub(crate) const fn n_v(self) -> usize {
         match self {
             Motion::Revolute | Motion::Prismatic => 1,

@@ -1,9 +1,8 @@
-//! Cosines and sines of joints, and their angles, several together.
+//! Cosines and sines of joints, several at a time.
 
 use crate::scalar::Real;
 
-/// Calls a body with four joints at a time, and with the remaining ones; with one at a time where
-/// that costs less.
+/// Calls a body with four joints at a time, then with the rest; or one by one if that costs less.
 macro_rules! in_fours {
     ($T:ty, $joints:expr, |$some:ident| $body:block) => {
         if !<$T>::TOGETHER {
@@ -21,7 +20,7 @@ macro_rules! in_fours {
     };
 }
 
-/// The cosine and sine of each of these joints, given as places of (cosine, sine) and of the
+/// The cosine and sine of each of these joints, given as indices of (cosine, sine) and of the
 /// coordinate.
 #[inline]
 pub(crate) fn turn<T: Real>(joints: &[(usize, usize)], q: &[T], cos_sin: &mut [(T, T)]) {
@@ -33,7 +32,7 @@ pub(crate) fn turn<T: Real>(joints: &[(usize, usize)], q: &[T], cos_sin: &mut [(
     });
 }
 
-/// Turns of joints that stand in no list.
+/// Cosines and sines of joints in no list.
 #[inline]
 pub(crate) fn turn_some<T: Real>(
     joints: impl Iterator<Item = (usize, usize)>,

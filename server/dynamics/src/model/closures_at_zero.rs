@@ -4,8 +4,7 @@ use crate::closure::{Closure, Scratch, assembly_branch, dependents_range};
 use crate::mechanism::{Body, Cluster};
 use crate::model::Model;
 
-/// The loops of one submechanism at the zero pose; where its loops are tied to those of another,
-/// those of both.
+/// The loops of one submechanism at the zero pose, with those of any submechanism tied to it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ClosureAtZero {
     /// Redundant rows.

@@ -1,8 +1,8 @@
-//! How forward dynamics is done, and which method is the fastest on a robot.
+//! The methods of forward dynamics, and the fastest one for a robot.
 //!
-//! Both fast methods are made of the same few operations; how often each one runs follows from the
-//! robot's structure, and its time was measured once for all robots. `sarrus-benches
-//! --forward` prints the prediction beside the measurement.
+//! Both fast methods consist of the same few operations; the robot's structure gives the count of
+//! each, and its time was measured once for all robots. `sarrus-benches --forward` prints the
+//! prediction beside the measurement.
 
 use super::Model;
 use crate::mechanism::Cluster;
@@ -22,7 +22,7 @@ impl Method {
     /// Every method.
     pub const ALL: [Method; 3] = [Method::Recursion, Method::Projection, Method::Kkt];
 
-    /// The name that tables show.
+    /// Its name in tables.
     pub const fn name(self) -> &'static str {
         match self {
             Method::Recursion => "recursion",
@@ -32,7 +32,7 @@ impl Method {
     }
 }
 
-/// Unit roundoffs from which on a method is given up for another that keeps more digits.
+/// Unit roundoffs above which a method is replaced by one that keeps more digits.
 const LOSSY: f64 = 1e4;
 
 /// Nanoseconds of each operation.

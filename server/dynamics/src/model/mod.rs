@@ -1,8 +1,8 @@
 //! The compiled robot: flat arrays, immutable, shared by every plan.
 //!
 //! Bodies are numbered from 1 in depth-first order over clusters; body 0 is the world. Every joint
-//! moves along or about the z axis of its body: the frames of the bodies are turned at load so that
-//! it does, and a link's own frame survives as a [`Frame`].
+//! moves along or about the z axis of its body: loading rotates the frames of the bodies
+//! accordingly, and keeps a link's own frame as a [`Frame`].
 
 mod closures_at_zero;
 mod compiled;

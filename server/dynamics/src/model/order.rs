@@ -1,4 +1,4 @@
-//! From the order that users see to that of the bodies, and limits by internal coordinate.
+//! Maps from the external order to that of the bodies, and limits by internal coordinate.
 
 /// Limits of one joint, by internal coordinate.
 #[derive(Clone, Copy, Debug)]
@@ -10,7 +10,7 @@ pub(crate) struct Limit {
     pub(crate) velocity: f64,
 }
 
-/// From the order that users see to the order of the bodies.
+/// Maps from the external order to the order of the bodies.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Order {
     /// Internal index of each tree coordinate and tree velocity.
@@ -24,8 +24,8 @@ pub(crate) struct Order {
     /// For each actuator its tree coordinate and velocity.
     pub(crate) u_q: Vec<usize>,
     pub(crate) u_v: Vec<usize>,
-    /// Back again: place of each internal tree and independent velocity in the external order; and
-    /// the identity.
+    /// The inverse: external index of each internal tree and independent velocity; and the
+    /// identity.
     pub(crate) v_external: Vec<usize>,
     pub(crate) vy_external: Vec<usize>,
     pub(crate) vy_internal: Vec<usize>,

@@ -3,8 +3,8 @@
 use core::ops::Range;
 
 /// Ascending indices into one of the model's lists, as runs. Bodies are numbered depth first: the
-/// whole robot is one run, and so is the subtree of a joint. A run is a slice, which a loop walks
-/// without a look-up per element.
+/// whole robot is one run, and so is the subtree of a joint. A run is a slice, so loops need no
+/// look-up per element.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Runs(Vec<Range<usize>>);
 

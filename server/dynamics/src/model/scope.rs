@@ -1,4 +1,4 @@
-//! The part of a robot that a computation needs, as runs and lists that the hot path walks.
+//! The part of a robot that a computation needs, as runs and lists for the hot path.
 
 use crate::mechanism::{Cluster, Motion};
 use crate::model::{Model, Runs};
@@ -7,11 +7,11 @@ use crate::model::{Model, Runs};
 /// children. Other bodies and clusters are not read.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Scope {
-    /// Clusters with something to close.
+    /// Clusters with loops or couplings.
     pub(crate) closed: Vec<usize>,
-    /// Revolute joints that no closure gives cosine and sine of, as (body, tree coordinate).
+    /// Revolute joints whose cosine and sine no closure computes, as (body, tree coordinate).
     pub(crate) free: Vec<(usize, usize)>,
-    /// Bodies whose poses in their parents are needed: the next two together, and those on the
+    /// Bodies whose poses in their parents are needed: the union of the next two, and those on the
     /// paths to frames.
     pub(crate) posed: Runs,
     /// Ancestors of the next ones, of which only the motion is needed.
@@ -25,7 +25,7 @@ pub(crate) struct Scope {
     pub(crate) independents: Runs,
     pub(crate) direct: Vec<Direct>,
     pub(crate) joined: Vec<usize>,
-    /// Springs, dampers and rotors in the joints of the affected bodies, by their place in the
+    /// Springs, dampers and rotors in the joints of the affected bodies, by their index in the
     /// model.
     pub(crate) springs: Runs,
     pub(crate) dampers: Runs,

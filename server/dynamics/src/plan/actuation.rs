@@ -9,10 +9,9 @@ use crate::model::{Direct, Model, Scope};
 use crate::scalar::{BranchValue, Real, all_finite};
 use crate::workspace::Workspace;
 
-/// τ_u from G_uᵀ τ_u = τ_y, answered cluster by cluster: exact where there are as many actuators as
-/// independents, of least norm where there are more, and where there are fewer the best, with the
-/// remainder in `tau_rest`. By how much that grows roundings: one over the least part of their
-/// control that the actuators of a cluster have.
+/// Solves G_uᵀ τ_u = τ_y cluster by cluster: exactly for as many actuators as independents, with
+/// least norm for more, and in the least-squares sense for fewer, with the remainder in `tau_rest`.
+/// Returns the growth of roundings: one over the least control of an actuator in a cluster.
 pub(super) fn to_actuators<T: Real>(
     model: &Model<T>,
     scope: &Scope,

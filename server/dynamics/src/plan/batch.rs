@@ -1,11 +1,10 @@
-//! Many states of one plan, several abreast.
+//! Answers many states of one plan, several at a time.
 //!
 //! States that take the same branches of a plan share its run over lanes, and each has the bits
 //! that it has alone. A state runs alone if it fails, gets a warning other than of limits, or takes
-//! another branch than the first of its lanes
-//! ([`crate::scalar::BranchValue`]). Closures by Newton's method take another number of steps for
-//! each state: they are closed one state after the other before ([`Plan::close`]), and the rest
-//! goes abreast.
+//! another branch than the first of its lanes ([`crate::scalar::BranchValue`]). Closures by
+//! Newton's method take a different number of steps for each state: they are closed state by state
+//! first ([`Plan::close`]), and the packet computes the rest.
 
 mod fields;
 mod tile;
@@ -26,7 +25,7 @@ use crate::workspace::{Workspace, most_closed};
 pub const MOST_ROWS: usize = 8;
 const _: () = assert!(LANES <= MOST_ROWS);
 
-/// Every row goes alone.
+/// Every row runs alone.
 const ALL: u32 = u32::MAX;
 
 /// Fields that a packet of states may give: numbers of each state alone.

@@ -1,11 +1,11 @@
-//! Closures by Newton's method apart from the rest of a plan.
+//! Closures by Newton's method, separated from the rest of a plan.
 //!
-//! How many steps Newton's method takes depends on the state, so that a plan with such closures is
-//! no straight line; all that stands around them is. [`Plan::close`] closes these clusters alone
-//! and appends their results to the given numbers; [`Plan::run_closed`] is the rest of the plan
-//! on both. A closed form that answers for Newton's method in the cells of its table
-//! ([`crate::closure::Seeds`]) belongs to the rest: of it [`Plan::close`] only looks whether the
-//! state lies in such a cell.
+//! The number of Newton steps depends on the state, so a plan with such closures is no
+//! straight-line code; the rest of the plan is. [`Plan::close`] closes these clusters alone and
+//! appends their results to the given numbers; [`Plan::run_closed`] is the rest of the plan on
+//! both. A closed form that replaces Newton's method in the cells of its table
+//! ([`crate::closure::Seeds`]) belongs to the rest: [`Plan::close`] only checks whether the state
+//! lies in such a cell.
 
 use sarrus_proto::{Answer, Field, Query, Status};
 
@@ -19,25 +19,25 @@ use crate::plan::{Plan, Space, Steps};
 use crate::scalar::{BranchValue, Real, all_finite};
 use crate::workspace::Workspace;
 
-/// Numbers that [`Plan::close`] puts behind the given ones, one after the other.
+/// Numbers that [`Plan::close`] appends to the given ones.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ClosedNumbers {
     /// Kinds of numbers: `gain`, `start`, `q`, `cos_sin`, `G`, `qd` or `g_bias`.
     pub name: &'static str,
-    /// Coordinates or velocities of the tree that they belong to, each in one row.
+    /// Their tree coordinates or velocities, one row each.
     pub joints: Vec<String>,
     /// Numbers in a row.
     pub columns: usize,
 }
 
-/// The clusters that are closed separately, and the places of their results in the workspace.
+/// The clusters that are closed separately, and the offsets of their results in the workspace.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Closed {
     /// Closed by Newton's method.
     by_newton: Vec<usize>,
-    /// Closed by the closed form that answers for it.
+    /// Closed by the closed form that replaces it.
     by_form: Vec<usize>,
-    /// Where the latter start, of clusters with joints that can turn round.
+    /// Start poses of the latter, for clusters with joints that make full turns.
     start: Vec<usize>,
     /// Of the former: dependent coordinates, cosines and sines, and of dependent velocities the
     /// rows of G, q̇ and g.

@@ -13,7 +13,7 @@ use crate::scalar::{BranchValue, Real};
 use crate::spatial::zero;
 use crate::workspace::Workspace;
 
-/// Part of the largest force that may be left over: rounding.
+/// Remainder, relative to the largest force, that counts as rounding.
 const BALANCE: f64 = 1e-14;
 /// Largest remainder relative to the largest ÿ, in a method that keeps ten digits.
 const WORTH: f64 = 1e-10;
@@ -26,13 +26,13 @@ struct Divided<T> {
     alone: T,
 }
 
-/// Ratio of inertia to articulated inertia in a usual robot; a chain of a hundred links has more
-/// than five thousand without losing digits.
+/// Ratio of inertia to articulated inertia in an ordinary robot; a chain of a hundred links has
+/// more than five thousand without losing digits.
 const PIVOTS: f64 = 200.0;
-/// Part of the acceleration that the forces of a joint would give it alone, below which it stands
-/// still.
+/// Acceleration below which a joint counts as still, relative to the one that its own forces would
+/// cause alone.
 const STILL: f64 = 1e-3;
-/// Unit roundoffs by which accelerations of a robot with nothing special are off.
+/// Error of the accelerations of an ordinary robot, in unit roundoffs.
 const ROUNDINGS: f64 = 50.0;
 
 impl Plan {

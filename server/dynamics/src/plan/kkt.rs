@@ -6,8 +6,8 @@
 //! [ K  0  ] [−λ ] = [    k    ]      with the rows of K that were kept at load
 //! ```
 //!
-//! solved with exchanges after rows and columns were scaled alike: q̈ by M_ii^−½, each row of K by
-//! its largest entry. Idle joints stand still.
+//! solved with pivoting after symmetric scaling of rows and columns: q̈ by M_ii^−½, each row of K
+//! by its largest entry. Idle joints do not move.
 
 use sarrus_proto::Status;
 
@@ -20,7 +20,7 @@ use crate::plan::Plan;
 use crate::scalar::Real;
 use crate::workspace::Workspace;
 
-/// How far a state is from closed: the largest scaled |φ| and |K q̇|.
+/// Distance of a state from a closed one: the largest scaled |φ| and |K q̇|.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Drift<T> {
     pub(crate) position: T,

@@ -1,4 +1,4 @@
-//! Positions, velocities and actuator forces against the limits of the model.
+//! Compares positions, velocities and actuator forces with the model's limits.
 
 use sarrus_proto::{Field, Request, Warnings};
 
@@ -20,7 +20,7 @@ impl Plan {
         if exceeded { Warnings::LIMITS_EXCEEDED } else { Warnings::NONE }
     }
 
-    /// By how much each of them does, in the rows that are asked (n_v × 3).
+    /// The excess of each over its limit, in the wanted rows (n_v × 3).
     pub(super) fn write_limits<T: Real>(&self, ws: &Workspace<T>, out: &mut [T]) {
         out.fill(T::ZERO);
         self.each_limit(ws, |row, column, x, [lower, upper]| {

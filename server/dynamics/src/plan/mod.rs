@@ -38,7 +38,7 @@ use crate::workspace::Needs;
 /// A plan computes the dependencies of its outputs and nothing else; [`Plan::outline`] lists them.
 /// Status and warnings concern that part of the robot alone: an omitted closure cannot fail, and
 /// limits of unread joints are not compared. If the answer to all outputs is `ok`, the answer to
-/// some of them is `ok` with the same bits; digits are counted against the largest number of a
+/// some of them is `ok` with the same bits; digits are counted relative to the largest number of a
 /// field as requested ([`Warnings::ILL_CONDITIONED`]).
 ///
 /// ```

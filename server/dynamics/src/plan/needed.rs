@@ -1,10 +1,11 @@
 //! Dependencies of the outputs of a query.
 //!
-//! A row of a joint depends on its cluster: where loops close it, on their closure. A frame depends
-//! on the joints on its path; where these are given, on no closure. Forces of a joint depend on all
-//! descendants of its cluster and on the motion of its ancestors; accelerations from forces on
-//! every cluster with the same root cluster. Figures of the whole robot (residual, conditions, λ,
-//! K) depend on all of it, and so does a query that asks for neither rows nor frames.
+//! A row of a joint depends on its cluster and, if loops close it, on their closure. A frame
+//! depends on the joints on its path, and on no closure if these are given. Forces of a joint
+//! depend on all descendants of its cluster and on the motion of its ancestors; accelerations from
+//! forces on every cluster with the same root cluster. Figures of the whole robot (residual,
+//! conditions, λ, K) depend on all of it, and so does a query that asks for neither rows nor
+//! frames.
 
 use sarrus_proto::{Field, Query, Request, Rows};
 

@@ -1,4 +1,4 @@
-//! From the workspace to the packed output.
+//! Packs the output from the workspace.
 
 use sarrus_proto::{Field, Slot, Status};
 

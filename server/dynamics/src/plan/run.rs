@@ -15,24 +15,24 @@ pub(super) struct RunReport<T> {
     pub(super) status: Status,
     pub(super) iterations: u32,
     pub(super) warnings: Warnings,
-    /// How much roundings may have grown.
+    /// Bound on the growth of roundings.
     pub(super) doubt: Doubt,
     /// Largest gap of redundant rows, and distance of the given state, in radians or lengths.
     pub(super) open: f64,
     pub(super) projection: f64,
     pub(super) residual: T,
-    /// Distance to singularity of the cluster that could not be closed, if there is one; its good
+    /// Distance to singularity of the cluster that could not be closed, if any; its good
     /// independents are in the workspace.
     pub(super) sigma_min: T,
     pub(super) failed: bool,
-    /// How many of the closed clusters were closed.
+    /// Number of clusters closed so far.
     pub(super) closed: usize,
     /// The independents in q are the nearest ones to an unreachable target.
     pub(super) nearest: bool,
 }
 
 impl<T: Real> RunReport<T> {
-    /// Before anything is known.
+    /// The initial value.
     pub(super) fn none() -> RunReport<T> {
         let nan = T::from_f64(f64::NAN);
         RunReport {

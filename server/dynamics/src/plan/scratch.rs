@@ -6,9 +6,9 @@ use crate::scalar::Real;
 use crate::workspace::{Needs, Probe, Workspace};
 
 impl<T: Real> Workspace<T> {
-    /// Scratch for these plans on this model and for no others, without the square matrices that
-    /// none of them needs: that of a robot with a thousand joints is then a thousand times as
-    /// small. Allocates; nothing after it does.
+    /// Scratch for exactly these plans on this model, without square matrices that none of them
+    /// needs: for a robot with a thousand joints it is a thousand times smaller. Allocates; nothing
+    /// after it does.
     pub fn for_plans<'a>(
         model: &Model<T>,
         plans: impl IntoIterator<Item = &'a Plan>,

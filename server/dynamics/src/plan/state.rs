@@ -1,4 +1,4 @@
-//! From the given numbers to a closed state: q, q̇, q̈, G and g.
+//! Computes a closed state from the given numbers: q, q̇, q̈, G and g.
 
 use sarrus_proto::{Field, Slot, Status};
 
@@ -19,7 +19,7 @@ const LONGEST: f64 = 0.2;
 const UNIT: f64 = 1e-6;
 
 impl Plan {
-    /// Fills the given coordinates, velocities and accelerations, and where closures start, from
+    /// Fills the given coordinates, velocities and accelerations, and the start of closures, from
     /// the input.
     #[inline(always)]
     pub(super) fn set_state<T: Real>(
@@ -34,7 +34,7 @@ impl Plan {
             from.iter().zip(order).for_each(|(x, i)| to[*i] = *x)
         };
 
-        // where closures start: the guess, or the given q itself, or their own zero
+        // start of closures: the guess, the given q itself, or their zero pose
         let start = slot(Field::Q).or(slot(Field::QGuess));
         let mut sound = Ok(());
         match start {

@@ -12,19 +12,19 @@ use crate::reduction::pose::{Held, zero_position};
 /// The reduction of one cluster.
 pub(super) struct Choice {
     pub(super) cluster: usize,
-    /// Joints that determine its pose together with the independents, and where they are held;
-    /// of a joint of several degrees of freedom at rest.
+    /// Joints that determine its pose together with the independents, and their held positions; a
+    /// joint of several degrees of freedom is held at zero.
     pub(super) locked: Vec<(usize, f64)>,
     /// Independents that are left, as declared.
     pub(super) independent: Vec<usize>,
-    /// Independents that depend on these now.
+    /// Independents that now depend on these.
     pub(super) dropped: Vec<usize>,
     /// Several joints move together in it.
     pub(super) closed: bool,
 }
 
-/// Chooses for a cluster with joints that are held at positions, where these are given; a fault and
-/// `None` where they cannot be held together.
+/// Chooses for a cluster with joints held at the given positions, if any; a fault and `None` if
+/// they cannot be held together.
 pub(super) fn choose(
     description: &Description,
     structure: &Structure,

@@ -9,15 +9,15 @@ use crate::reduction::pose::{at, n_v};
 use crate::scalar::noise;
 use crate::workspace::Workspace;
 
-/// Poses at which joints are looked at that stand still at the zero pose, and how far they lie, in
-/// radians or in lengths of their mechanism.
+/// Number of poses at which joints that are still at the zero pose are checked, and their distance,
+/// in radians or mechanism lengths.
 const POSES: usize = 4;
 const REACH: f64 = 0.1;
-/// Velocity of a joint that stands still, by that of an independent, in units of each.
+/// Velocity of a still joint, relative to that of an independent, in the units of each.
 const STILL: f64 = 1e-9;
 /// Relative remainder of a row below which it counts as dependent.
 const SPENT: f64 = 1e-6;
-/// Share of the largest entry from which on an independent may give way.
+/// Share of the largest entry above which an independent may be exchanged.
 const ENOUGH: f64 = 0.3;
 
 /// Held joints and the independents that they replace.
@@ -29,8 +29,8 @@ pub(super) struct Exchange {
 }
 
 /// Exchanges as many of the held joints as move independently of each other while `independents`
-/// alone move: those with a given position first. At the zero pose, from which the robot is brought
-/// to the locks; elsewhere where more of them move. Allocates.
+/// alone move: those with a given position first. Judged at the zero pose, from which the robot
+/// moves to the locks, or at another pose where more of them move. Allocates.
 pub(super) fn exchange(
     description: &Description,
     model: &Model<f64>,

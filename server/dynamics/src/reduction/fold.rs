@@ -1,4 +1,4 @@
-//! The description of a robot whose joints stand still at some pose: the positions go into origins,
+//! The description of a robot with joints held at some pose: the positions are folded into origins,
 //! couplings and cuts.
 
 use std::collections::BTreeMap;
@@ -15,7 +15,7 @@ use crate::model::Model;
 use crate::reduction::choice::Choice;
 use crate::reduction::pose::Held;
 
-/// Of each submechanism that is left the one of the whole robot, and of each of its loops.
+/// For each remaining submechanism its index in the whole robot, and the same for its loops.
 type Origins = Vec<(usize, Vec<usize>)>;
 
 /// The robot with the held joints fixed.

@@ -1,4 +1,4 @@
-//! Holding joints still: which, and where.
+//! Locks: the joints to hold and their positions.
 
 use std::collections::BTreeMap;
 
@@ -9,8 +9,7 @@ use crate::reduction::choice::{Choice, choose};
 use crate::reduction::pose::Held;
 use crate::reduction::{Reduced, fold};
 
-/// Deviation from a given position within which a joint that its loops hold counts as there
-/// `[m, rad]`.
+/// Deviation from a given position up to which a joint that its loops hold satisfies it `[m, rad]`.
 const SAME: f64 = 1e-6;
 
 /// A joint that is held still.
@@ -18,18 +17,17 @@ const SAME: f64 = 1e-6;
 pub struct Lock {
     /// Index of the joint in [`Description::joints`].
     pub joint: usize,
-    /// Its position `[m, rad]`; `None`: where it is at the zero pose, or where its loops close if
-    /// they hold it. A ball joint or a free one can be held at the zero pose only.
+    /// Its position `[m, rad]`; `None`: its zero pose, or the pose where its loops close if they
+    /// hold it. A ball joint or a free one can be held at the zero pose only.
     pub position: Option<f64>,
 }
 
 /// The robot with some joints held still: a later lock of the same joint replaces an earlier one.
-/// Compiles the robot where dependent joints are held, and with the joints held; allocates.
+/// Compiles the robot if dependent joints are held, and again with the joints held; allocates.
 ///
 /// # Errors
-/// Joints that do not exist or are fixed already; positions that are no numbers; joints that are
-/// held by others already at another position; a mechanism that does not close there; and the
-/// faults of the robot itself.
+/// Missing or fixed joints; positions that are not finite; joints that other locks hold at another
+/// position; a mechanism that does not close there; and the faults of the robot itself.
 pub fn locked(description: &Description, locks: &[Lock]) -> Result<Reduced, CompileError> {
     let mut errors = Vec::new();
     let held: BTreeMap<usize, Option<f64>> = locks

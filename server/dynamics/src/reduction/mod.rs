@@ -1,28 +1,27 @@
 //! Reduces a robot to the needs of a scene: holds joints still, and omits branches.
 //!
 //! Both turn a [`Description`] into a description, which compiles as any other robot: bodies
-//! without relative motion are merged, loops without a freedom disappear. The reduced robot has the
+//! without relative motion are merged, loops without freedom are removed. The reduced robot has the
 //! answers of the whole one with the joints held there (ẏ = ÿ = 0), up to the rounding of merged
 //! inertias; held joints exert any force that holds them.
 //!
 //! # Holding joints still
-//! [`locked`] holds joints at positions. Of a mechanism of several joints (a cluster) all joints
-//! that cannot move any more are held, each where the loops close on the way that the whole robot
-//! goes from its zero pose: the same assembly. Where freedoms are left, the mechanism keeps the
-//! rows of its loops in their frames, and coordinates keep their meaning; so its
-//! zero pose, at which the independents that are left are 0, may have other joints elsewhere
-//! ([`Description::zero_pose`]). Its actuators stay, also where they are then more than its
-//! independents: inverse dynamics shares forces among them by least norm.
+//! [`locked`] holds joints at positions. In a mechanism of several joints (a cluster) all joints
+//! that lose their freedom are held, each where the loops close on the whole robot's path from its
+//! zero pose: the same assembly. If freedoms remain, the mechanism keeps the rows of its loops in
+//! their frames, and coordinates keep their meaning; so at its zero pose, where the remaining
+//! independents are 0, other joints may not be ([`Description::zero_pose`]). Its actuators stay,
+//! even if they then outnumber its independents: inverse dynamics shares forces among them by least
+//! norm.
 //!
-//! An independent joint takes its own coordinate away. For any other joint one of the independents
+//! A held independent joint removes its own coordinate. For any other joint one of the independents
 //! of its mechanism that moves with it becomes dependent: the last one with at least 0.3 of the
 //! largest gain.
 //!
 //! # Leaving branches out
 //! [`restricted`] keeps some links and the dependencies of their motion: the joints between them
 //! and the root, the mechanisms that these are part of, and all links that are fixed to a link that
-//! is kept. A branch that begins at another joint is no part of the robot any more: neither is its
-//! mass.
+//! is kept. Branches that begin at other joints are removed with their mass.
 
 mod choice;
 mod exchange;

@@ -1,5 +1,5 @@
-//! Where everything is once some joints are held: the closed pose of the whole robot, and the
-//! joints that do not leave it.
+//! The pose of the robot with some joints held: the closed pose of the whole robot, and the joints
+//! that stay in it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,25 +15,25 @@ use crate::reduction::choice::Choice;
 use crate::scalar::{Dd, Real, noise};
 use crate::workspace::Workspace;
 
-/// Poses at which joints are looked at that may stand still, and how far they lie, in radians or in
-/// lengths of their mechanism.
+/// Number of poses at which joints are checked for motion, and their distance, in radians or
+/// mechanism lengths.
 const POSES: usize = 3;
 const REACH: f64 = 0.1;
 /// Coordinates that count as rest at the zero pose: the compiler closes such a pose.
 const REST: f64 = 1e-12;
-/// Velocity of a joint that stands still, by that of the independents that are left.
+/// Velocity of a still joint, relative to that of the remaining independents.
 const STILL: f64 = 1e-9;
 
-/// The joints that stand still, and the others of their mechanisms.
+/// The still joints, and the others of their mechanisms.
 #[derive(Default)]
 pub(super) struct Held {
-    /// Position of each joint of one freedom that stands still.
+    /// Position of each still joint of one freedom.
     pub(super) at: BTreeMap<usize, f64>,
-    /// Coordinates of each joint that stands still.
+    /// Coordinates of each still joint.
     pub(super) fixed: BTreeMap<usize, Vec<f64>>,
-    /// Joints that move on, each with its cluster.
+    /// Joints that still move, each with its cluster.
     pub(super) remaining: BTreeSet<(usize, usize)>,
-    /// Coordinates of those of them that are not at rest at y = 0 and that loops determine.
+    /// Coordinates of those that loops determine and that are not zero at y = 0.
     pub(super) elsewhere: Vec<(usize, Vec<f64>)>,
 }
 

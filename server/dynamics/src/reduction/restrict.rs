@@ -1,4 +1,4 @@
-//! Leaving branches out.
+//! Restricts a robot to some of its branches.
 
 use crate::compile::Structure;
 use crate::description::{Coupling, Cut, Description, Joint, Submechanism};
@@ -6,9 +6,9 @@ use crate::diagnostic::CompileError;
 use crate::initial_pose::placed;
 use crate::reduction::Reduced;
 
-/// The robot of some links: with them all that their motion depends on, the joints on the way to
-/// the root and the mechanisms that these are part of, and all links that are fixed to one of
-/// these. All other branches are left out with their mass. Allocates.
+/// The robot restricted to some links and the dependencies of their motion: the joints on the path
+/// to the root, the mechanisms that these belong to, and all links fixed to one of these. All other
+/// branches are removed with their mass. Allocates.
 ///
 /// # Errors
 /// Faults of the structure, as of [`crate::OpenModel::compile`].

@@ -1,7 +1,7 @@
 //! Kernel outputs on which a plan branches.
 
-/// Growth of roundings from which on the digits of an answer are counted: with the roundings of a
-/// few hundred operations ten digits are left below it.
+/// Growth of roundings above which the digits of an answer are counted: below it, after the
+/// roundings of a few hundred operations, ten digits remain.
 pub const DOUBTFUL: f64 = 5e3;
 
 /// The use that a plan makes of a kernel output, see [`super::Real::to_branch_value`].
@@ -22,6 +22,6 @@ pub enum BranchValue {
         /// Largest value without a warning.
         upper: f64,
     },
-    /// Read only where digits are counted.
+    /// Read only when digits are counted.
     OfDoubt,
 }

@@ -1,5 +1,5 @@
-//! Double-double: the sum of two doubles, about 32 decimal digits. The truth that the other scalars
-//! are measured against.
+//! Double-double: the sum of two doubles, about 32 decimal digits. The reference for the other
+//! scalars.
 
 mod angle;
 mod decimal;

@@ -11,18 +11,17 @@ use crate::scalar::{Plain, Real, Six};
 /// ```text
 ///   f(a + ε b) = f(a) + ε f′(a) b,   ε² = 0
 /// ```
-/// Comparisons, equality among them, see the value alone: a kernel takes the same decisions and
-/// gives the same values as over the plain scalar. A number is finite where both parts are. At a
-/// kink, as of |x| at 0, the derivative is that of the side which a comparison takes.
+/// Comparisons, including equality, use the value alone: a kernel takes the same branches and gives
+/// the same values as over the plain scalar. A number is finite where both parts are. At a kink, as
+/// of |x| at 0, the derivative is that of the side which a comparison takes.
 ///
 /// A model over duals is [`crate::Model::convert`] with [`Dual::constant`]. Closed forms then give
-/// γ(y + ε ẏ) at once. A numerical closure stops by its values, so Newton's method runs over the
-/// plain scalar first and its q is the guess of the dual request: the one step that is taken from a
-/// closed pose makes the first derivative. Each further closure from the q of the one before makes
-/// one order more.
+/// γ(y + ε ẏ) at once. The values decide when a numerical closure stops, so Newton's method runs
+/// over the plain scalar first and its q is the guess of the dual request: the one step from a
+/// closed pose gives the first derivative. Each further closure from the last q gives one more
+/// order.
 ///
-/// Source: \[GW08\], chapter 3, the forward mode.
-/// Allocates never.
+/// Source: \[GW08\], chapter 3, the forward mode. Never allocates.
 ///
 /// ```
 /// use sarrus_dynamics::scalar::{Dual, Real};

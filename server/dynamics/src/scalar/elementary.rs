@@ -32,7 +32,7 @@ pub(super) trait Lane:
     /// A number whose sign bit is bit `k` of this one's representation; its other bits mean
     /// nothing.
     fn sign_from_bit(self, k: u32) -> Self;
-    /// This number, negated where `sign` has its sign bit set.
+    /// This number, negated if `sign` has its sign bit set.
     fn xor_sign(self, sign: Self) -> Self;
 }
 

@@ -4,8 +4,8 @@ use wide::{bytemuck, f64x4, f64x8, u64x4, u64x8};
 
 use crate::scalar::elementary::Lane;
 
-/// True where every operation on a register is one of the processor's and rounds as the single one
-/// does; elsewhere a fused product is two operations.
+/// True if every register operation is a single instruction that rounds like the scalar one;
+/// otherwise a fused product is two operations.
 pub(crate) const FUSED: bool = cfg!(any(
     all(target_arch = "x86_64", target_feature = "avx2", target_feature = "fma"),
     target_arch = "aarch64"
@@ -13,7 +13,7 @@ pub(crate) const FUSED: bool = cfg!(any(
 
 macro_rules! register {
     ($register:ident, $bits:ident) => {
-        /// Each lane has the bits of `f64` alone where [`FUSED`] holds.
+        /// Each lane has the bits of `f64` alone if [`FUSED`] holds.
         impl Lane for $register {
             type Mask = $register;
 

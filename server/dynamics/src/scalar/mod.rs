@@ -30,8 +30,7 @@ use wide::f64x4;
 /// and counting numbers.
 ///
 /// Kernels choose between numbers by [`Real::select`] and [`Real::select_lt`]. They branch on a
-/// comparison only where all states of a packet have to take the same branch, or be answered one by
-/// one.
+/// comparison only if all states of a packet must take the same branch or be answered one by one.
 pub trait Real:
     Copy
     + Debug

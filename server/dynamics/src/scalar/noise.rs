@@ -1,4 +1,4 @@
-//! Numbers without a pattern, the same in every run.
+//! Pseudo-random numbers, the same in every run.
 
 /// Number k of a fixed sequence in [−1, 1].
 pub(crate) fn noise(k: usize) -> f64 {

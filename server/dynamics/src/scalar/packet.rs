@@ -1,11 +1,10 @@
-//! A number of several states that take the same branches of a plan, one state in each lane of a
-//! register.
+//! A packet: one number for each of several states on the same branches of a plan, one state per
+//! register lane.
 //!
 //! The outcome of a comparison is that of lane 0; the lanes in which it differs are marked, and
-//! their states are answered one by one. In a lane without a mark every outcome is therefore the
-//! lane's own, whether a kernel branches on it, combines it with others or chooses by it, and the
-//! lane has the bits of its state alone. [`Real::select_lt`] compares and chooses lane by lane and
-//! marks none.
+//! their states are answered one by one. So in an unmarked lane every outcome is the lane's own,
+//! whether a kernel branches, combines or selects by it, and the lane has the bits of its state
+//! alone. [`Real::select_lt`] compares and chooses lane by lane and marks none.
 
 use core::cell::Cell;
 use core::cmp::Ordering;

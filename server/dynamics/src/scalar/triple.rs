@@ -1,7 +1,7 @@
 //! Three numbers in one operation: the vectors, columns of matrices and inertias of the recursions.
 //!
-//! Of doubles they stand in one register of four (`packed`), of other scalars beside each other;
-//! each number is computed with as if it were alone, so that it has the same bits either way.
+//! Doubles share one register of four (`packed`), other scalars form an array. Each number is
+//! computed as if alone, so both give the same bits.
 
 #[cfg(all(target_arch = "x86_64", target_feature = "avx2", target_feature = "fma"))]
 mod packed;
@@ -23,9 +23,8 @@ use crate::scalar::Real;
 
 /// Three numbers x, y, z.
 ///
-/// Vectors are passed by value: a call on nalgebra's own vector can then not resolve to its `dot`
-/// or
-/// `cross`, which round twice and take references.
+/// Vectors are passed by value, so a call cannot resolve to nalgebra's `dot` or `cross`, which
+/// round twice and take references.
 pub trait Triple<T: Real>:
     Copy
     + Debug

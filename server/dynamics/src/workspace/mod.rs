@@ -1,6 +1,6 @@
 //! All numbers of one request while it is answered: the data dictionary, stage by stage. Lengths in
 //! metres, angles in radians, forces in newtons, moments in newton metres; coordinates and
-//! velocities in the order of the bodies. After each shape stands who writes it.
+//! velocities in the order of the bodies. Each stage or field names the file that writes it.
 
 mod body;
 mod probe;
@@ -28,7 +28,7 @@ pub struct Workspace<T: Real> {
     pub(crate) qdd: Vec<T>,
     /// The closed pose that numerical closures start from (n_q).
     pub(crate) start: Vec<T>,
-    /// The velocity there (n_v), and whether one was given.
+    /// The velocity there (n_v), and whether it was given.
     pub(crate) start_rate: Vec<T>,
     pub(crate) tangent: bool,
     /// The actuator coordinates that one cluster has to reach (n_u).

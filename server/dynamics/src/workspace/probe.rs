@@ -1,4 +1,4 @@
-//! Scratch to compute a doubtful answer again and count its sound digits.
+//! Scratch for computing a doubtful answer again and counting its correct digits.
 
 use sarrus_proto::{Field, MAX_WRENCHES};
 

@@ -1,5 +1,5 @@
-//! The implicit closure φ(q) = 0 of a cluster: its rows, their Jacobian and bias, and the scaling
-//! in which they are measured.
+//! The implicit closure φ(q) = 0 of a cluster: its rows, their Jacobian and bias, and their
+//! scaling.
 
 pub(super) mod rates;
 pub(super) mod rows;

@@ -1,20 +1,18 @@
-//! The scaling in which ranks, distances to singularity and norms of loop-closure forces are
-//! judged.
+//! The scaling of ranks, distances to singularity and norms of loop-closure forces.
 //!
 //! ```text
 //!   K_s = D_r K D_c        λ = D_r λ_s
 //! ```
-//! D_c takes sliding joints in lengths of the cluster. D_r takes linear rows in those lengths too,
-//! makes angular rows those of unit axes, and gives couplings unit norm. So K_s is a matrix of pure
-//! numbers that a change of units leaves as it is, and λ_s holds moments: forces times the
-//! cluster's length.
+//! D_c measures sliding joints in cluster lengths. D_r measures linear rows in the same lengths,
+//! gives angular rows unit axes, and gives couplings unit norm. So K_s is dimensionless and
+//! independent of units, and λ_s holds moments: forces times the cluster's length.
 
 use crate::closure::Scratch;
 use crate::linalg::{determinant_sign, singular_range};
 use crate::mechanism::{Cluster, CutRow};
 use crate::scalar::Real;
 
-/// The unit of one local velocity: the cluster's length where it slides.
+/// The unit of one local velocity: the cluster's length for a slider.
 pub(crate) fn column_unit<T>(cluster: &Cluster<T>, v: usize) -> f64 {
     if cluster.dofs[v].slides() { cluster.length } else { 1.0 }
 }

@@ -1,7 +1,7 @@
-//! Where branches of a loop meet, at a bifurcation (a parallelogram folded flat), det K_d vanishes
-//! and its sign does not select a branch. The velocity at the guess does: q ≈ q_guess + s
-//! q̇_guess, with s such that the independents arrive, is near one of the branches beyond and far
-//! from the others.
+//! Bifurcations. Where branches of a loop meet (a parallelogram folded flat), det K_d vanishes and
+//! its sign does not select a branch. The velocity at the guess does: q ≈ q_guess + s q̇_guess,
+//! with s such that the independents arrive, is near one of the branches beyond and far from the
+//! others.
 
 use sarrus_proto::Status;
 
@@ -13,8 +13,7 @@ use crate::scalar::Real;
 /// Part of a path along the tangent by which its end may miss it.
 const ASTRAY: f64 = 0.2;
 
-/// Follows the straight path, and at a bifurcation on it goes on along the tangent, if one was
-/// given.
+/// Follows the straight path, and continues along the tangent, if given, at a bifurcation.
 pub(in crate::closure) fn follow_or_bifurcate<T: Real>(
     numerical: &Numerical<T>,
     cluster: &Cluster<T>,

@@ -1,4 +1,4 @@
-//! A block of a numerical closure as data, and its residual and Jacobian at a pose.
+//! The data of a block of a numerical closure, and its residual and Jacobian at a pose.
 
 use nalgebra::Vector3;
 
@@ -14,8 +14,8 @@ use crate::spatial::{Pose, zero};
 #[derive(Clone, Debug)]
 pub(crate) struct Blocks {
     pub(crate) blocks: Vec<Block>,
-    /// Bodies on the paths to the cluster's cuts, in tree order, and those among them that the
-    /// blocks leave without their pose.
+    /// Bodies on the paths to the cluster's cuts, in tree order, and those whose pose no block
+    /// computes.
     pub(crate) on_way: Vec<usize>,
     pub(crate) after: Vec<usize>,
 }
@@ -25,19 +25,18 @@ pub(crate) struct Blocks {
 pub(crate) struct Block {
     /// Local velocities that the block determines.
     pub(crate) unknowns: Vec<Dof>,
-    /// The cuts whose rows it holds.
+    /// The cuts of its rows.
     pub(crate) cuts: Vec<BlockCut>,
-    /// Bodies that move with the unknowns and matter to the block, in tree order; true where the
-    /// parent stands still and there is one degree of freedom.
+    /// Bodies of the block that move with the unknowns, in tree order; true if the parent does not
+    /// move and the joint has one degree of freedom.
     pub(crate) bodies: Vec<(usize, bool)>,
-    /// The other bodies on these paths whose pose is not yet that of their coordinates, in tree
-    /// order.
+    /// The other bodies on these paths whose pose is not yet up to date, in tree order.
     pub(crate) before: Vec<usize>,
     /// The earlier blocks that determined joints on these paths.
     pub(crate) earlier: Vec<usize>,
-    /// Where its inverse lies in the scratch.
+    /// Offset of its inverse in the scratch.
     pub(crate) offset: usize,
-    /// Its zeros, of more than three rows.
+    /// Its zeros, for more than three rows.
     pub(crate) elimination: Option<Elimination>,
     /// Where up to three unknowns are joints in series that carry one end of the only cut, whose
     /// rows are linear: whether that is the successor's.

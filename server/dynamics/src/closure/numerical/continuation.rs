@@ -1,5 +1,5 @@
-//! Continuation, where the straight attempt of a numerical closure is doubtful: follow the path in
-//! substeps, and name the reason of a failure.
+//! Continuation after a doubtful straight attempt of a numerical closure: follows the path in
+//! substeps, and finds the reason of a failure.
 
 use sarrus_proto::Status;
 
@@ -13,31 +13,31 @@ use crate::linalg::{singular_range, solve_pivoted};
 use crate::mechanism::{Body, Cluster};
 use crate::scalar::Real;
 
-/// Attempts at a substep that one request may cost; each takes at most ten Newton steps a block.
+/// Most attempts at a substep per request; each takes at most ten Newton steps per block.
 const ATTEMPTS: u32 = 300;
 /// First and shortest substep, as fractions of the whole path.
 const FIRST: f64 = 1.0;
 const SHORTEST: f64 = 1e-12;
-/// Part of the sine that vanishes where assemblies meet by which a step may miss its tangent.
+/// Deviation of a step from its tangent, as part of the sine that vanishes where assemblies meet.
 const STRAIGHT: f64 = 0.5;
 /// Levenberg-Marquardt steps towards a goal that the path did not reach.
 const SEARCH: u32 = 200;
-/// Residual, in cluster lengths, from which on a redundant row is another closed pose's.
+/// Residual, in cluster lengths, from which on a redundant row indicates another closed pose.
 const APART: f64 = 1e-3;
-/// Damping of the search below which it is not lightened.
+/// Least damping of the search.
 const LIGHTEST: f64 = 1e-9;
-/// Scaled residual at which the search has closed the loops, and slope, against the residual, at
-/// which it has come to rest.
+/// Scaled residual at which the search has closed the loops, and slope, relative to the residual,
+/// at which it has converged.
 const FOUND: f64 = 1e-10;
 const LEVEL: f64 = 1e-6;
-/// Relative singular value below which K has lost rank where K_d could not be inverted.
+/// Relative singular value below which K has lost rank if K_d could not be inverted.
 const LOST: f64 = 1e-3;
 /// Relative singular value of K_d at a pose that only the search could close, against the root of
 /// its residual: a double root is known to half the digits.
 const DOUBTFUL: f64 = 10.0;
 
-/// Follows the straight path from `local.start` to the independents in `local.q`, shortening a
-/// substep that is doubtful.
+/// Follows the straight path from `local.start` to the independents in `local.q`, shortening
+/// doubtful substeps.
 pub(in crate::closure) fn follow<T: Real>(
     numerical: &Numerical<T>,
     cluster: &Cluster<T>,

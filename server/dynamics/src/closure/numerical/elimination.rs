@@ -1,9 +1,9 @@
 //! The inverse of a wide block by elimination in an order fixed at load that keeps its zeros.
 //!
-//! Rows and columns of a block stand in that order, so that pivots lie on the diagonal; the
-//! fill-in is known. At load each pivot was at least a part of the largest entry of its column.
-//! Where a multiplier is large at some other pose, entries could grow, and the block is inverted
-//! once more with the largest pivots of that pose.
+//! Rows and columns of a block have that order, so that pivots lie on the diagonal; the fill-in is
+//! known. At load each pivot was at least a fraction of the largest entry of its column. If a
+//! multiplier is large at another pose, entries could grow, and the block is inverted again with
+//! the largest pivots of that pose.
 
 use crate::closure::numerical::inverse::{Inverted, least_pivot};
 use crate::linalg::{eliminate, substitute_back};
@@ -12,17 +12,17 @@ use crate::scalar::Real;
 /// Largest multiplier of the elimination.
 const GROWTH: f64 = 16.0;
 
-/// Where entries of a block can be.
+/// The sparsity pattern of a block.
 #[derive(Clone, Debug)]
 pub(crate) struct Elimination {
-    /// For each pivot the rows below and the columns to the right of it that have an entry when its
-    /// turn comes.
+    /// For each pivot the rows below it and the columns to the right of it with an entry at that
+    /// step.
     pub(crate) below: Vec<Vec<usize>>,
     pub(crate) right: Vec<Vec<usize>>,
 }
 
 impl Elimination {
-    /// Inverse of A (m × m), which is destroyed; `spare` has room for another one.
+    /// Inverse of A (m × m), which is destroyed; `spare` has room for a copy.
     pub(super) fn invert<T: Real>(
         &self,
         A: &mut [T],

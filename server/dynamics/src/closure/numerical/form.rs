@@ -1,4 +1,4 @@
-//! The closed form that answers for Newton's method inside the cells of a table of seeds.
+//! The closed form that replaces Newton's method inside the cells of a table of seeds.
 
 use sarrus_proto::Status;
 
@@ -10,7 +10,7 @@ use crate::mechanism::{Body, Cluster};
 use crate::scalar::Real;
 
 impl<T> Numerical<T> {
-    /// The closed form, if it may answer anywhere: a tolerance asks for Newton's method.
+    /// The closed form, if it may be used at all: a tolerance requires Newton's method.
     pub(crate) fn form(&self) -> Option<&Platform<T>> {
         self.form.as_deref().filter(|_| self.end.tolerance.is_none())
     }
@@ -33,7 +33,7 @@ impl<T: Real> Numerical<T> {
         (outcome.status == Status::Ok).then_some(outcome)
     }
 
-    /// True where it may answer, from the zero pose that was turned round.
+    /// True if it may be used, from the zero pose turned by whole turns.
     pub(crate) fn is_in_form(&self, start: &[T], q: &[T]) -> bool {
         let cell = |seeds: &Seeds| seeds.cell(start, q).is_some();
         self.form().is_some() && self.seeds.as_deref().is_some_and(cell)

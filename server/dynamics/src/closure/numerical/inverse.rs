@@ -3,11 +3,12 @@
 use crate::linalg::{column_square, solve_unpivoted};
 use crate::scalar::Real;
 
-/// Least pivot of a wide block against its row: this, or where it is more this many unit roundoffs.
+/// Least pivot of a wide block relative to its row: the larger of this and this many unit
+/// roundoffs.
 const SINGULAR: f64 = 1e-12;
 const PIVOT_ROUNDINGS: f64 = 9e3;
-/// Least determinant of a narrow block against the product of its column norms, in roots of the
-/// unit roundoff: a pose closer to singularity than that is known to no digit.
+/// Least determinant of a narrow block relative to the product of its column norms, in roots of the
+/// unit roundoff: closer to singularity a pose has no correct digit.
 const ROOTS: f64 = 10.0;
 /// Least sine at which accelerations, whose error is ε / sin³, keep a digit: in cube roots of ε.
 const CUBE_ROOTS: f64 = 4.0;

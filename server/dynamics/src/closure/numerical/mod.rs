@@ -4,9 +4,8 @@
 //! triangular form: a block is a smallest set of rows that determines as many joints once the
 //! blocks before it are closed (a leg of a platform, one four-bar of a wrist). A block of up to
 //! three rows is inverted in closed form, a larger one by sparse elimination in an order fixed at
-//! load.
-//! The inverse at the accepted pose gives G and g. Requests without a guess start from a table
-//! ([`seeds`]), or are answered by a closed form that is confirmed there.
+//! load. The inverse at the accepted pose gives G and g. Requests without a guess start from a
+//! table ([`seeds`]) or use a closed form that agrees with it.
 
 mod bias;
 mod bifurcation;
@@ -36,7 +35,7 @@ use crate::mechanism::{Body, Cluster, Dof, Motion, turn_some};
 use crate::scalar::{Real, constants};
 use crate::spatial::Pose;
 
-/// Newton steps that one straight attempt may take.
+/// Most Newton steps of one straight attempt.
 const STEPS: u32 = 10;
 
 /// When one straight attempt of Newton's method ends.

@@ -8,13 +8,13 @@
 //! from differences of G.
 //!
 //! **The same assembly.** A cell is used only where its corners were reached from the zero pose on
-//! regular paths with no change of sign of any block's determinant, where a closed pose at its
-//! center is where the interpolation has it to a small part of the distance to the nearest singular
+//! regular paths with no change of sign of any block's determinant, where the closed pose at its
+//! center agrees with the interpolation to a small part of the distance to the nearest singular
 //! pose, and where every cell between it and the zero pose is used too. So the straight path from
 //! the zero pose to any y of it lies in cells in which γ is one smooth function, and continuation
-//! along that path can arrive nowhere else. An attempt from a seed passes the checks of every other
-//! attempt, and each determinant must have the sign that it has at the zero pose; where one fails
-//! the answer is that of continuation.
+//! along that path can arrive nowhere else. An attempt from a seed must pass the checks of any
+//! attempt, and each determinant must keep its sign at the zero pose; otherwise continuation
+//! answers.
 //!
 //! **Closed form.** A mechanism of cranks and rods ([`crate::closure::RodLeg`]) whose closed form
 //! agrees with Newton's method at every corner and every center of these cells is closed by it
@@ -22,11 +22,11 @@
 
 use crate::scalar::Real;
 
-/// Numbers that are added at once: the table is padded to a multiple of it.
+/// Numbers added at once: the table is padded to a multiple of this.
 pub(crate) const LANES: usize = 4;
 /// Most independents of a cluster with seeds.
 pub(crate) const MOST: usize = 3;
-/// Corners of a cell times derivatives at each, at most.
+/// Most corners of a cell times derivatives at each.
 const TERMS: usize = 1 << (2 * MOST);
 
 /// Closed poses around the zero pose, by cubic interpolation.

@@ -1,8 +1,7 @@
 //! Newton's method, G and g of a block whose unknowns are joints in series, each on the one before,
 //! that carry one end of its only cut while the other end stands still: a leg with a ball at its
 //! end, a crank and its slider. The same equations, thresholds and order of steps as for any block
-//! ([`super::newton`], [`super::jacobian`], [`super::bias`]), with everything in variables of fixed
-//! size.
+//! ([`super::newton`], [`super::jacobian`], [`super::bias`]), with all variables of fixed size.
 
 use core::array::from_fn;
 
@@ -24,14 +23,14 @@ pub(crate) const INDEPENDENTS: usize = 4;
 /// Room for a matrix of three rows.
 const NINE: usize = 9;
 
-/// The end of the cut that stands still.
+/// The fixed end of the cut.
 struct Ends<T, const M: usize> {
     /// The joints carry the successor.
     on_successor: bool,
-    /// The point that stands still, and the other one {its body}.
+    /// The fixed point, and the moving one {its body}.
     fixed: Vector3<T>,
     tip: Vector3<T>,
-    /// Directions of the rows; none of a ball, whose rows are the axes.
+    /// Directions of the rows; none for a ball, whose rows are the axes.
     directions: Option<[Vector3<T>; M]>,
 }
 

@@ -1,22 +1,22 @@
-//! A closed form against Newton's method beside the zero pose.
+//! Compares a closed form with Newton's method near the zero pose.
 
 use crate::closure::{Closure, Level, Numerical, Scratch, column_unit, distance};
 use crate::compile::analysis::State;
 use crate::mechanism::{Body, Cluster};
 use crate::scalar::{Dd, Real};
 
-/// How far the independents go to either side, in radians or cluster lengths: the longer one, or
-/// where Newton's method does not go that far the shorter one.
+/// Steps of the independents to either side, in radians or cluster lengths: the longer one, or the
+/// shorter one if Newton's method does not reach the longer.
 const STEPS: [f64; 2] = [0.1, 0.01];
 /// Largest distance between the two, in radians or cluster lengths, and its increase per unit of
 /// misfit.
 const AGREES: f64 = 1e-12;
 const PER_MISFIT: f64 = 1e3;
-/// And never more of the step than this.
+/// Largest distance as part of the step.
 const SHARE: f64 = 0.1;
 
-/// True where the closed form has the poses that Newton's method finds to both sides of each
-/// independent and of all of them; false where that finds none.
+/// True if the closed form agrees with Newton's method on both sides of each independent and of all
+/// together; false if Newton's method finds no pose.
 pub(super) fn agrees(
     closure: &Closure<Dd>,
     numerical: &Numerical<Dd>,
@@ -34,7 +34,7 @@ pub(super) fn agrees(
         STEPS.into_iter().any(|step| {
             let mut goal = zero.clone();
             for (k, v) in cluster.independent.iter().enumerate().filter(|(k, _)| moves(*k)) {
-                // not the same step of all of them
+                // steps differ between independents
                 let step = sign * step * (1.0 - 0.3 * k as f64 / m as f64);
                 goal[cluster.dofs[*v].q] += Dd::from_f64(step * column_unit(cluster, *v));
             }

@@ -13,7 +13,7 @@ pub(super) struct Ring {
     /// `None`: the cut.
     pub(super) joint: Option<usize>,
     pub(super) slides: bool,
-    /// Where it is and its axis at zero {cluster's parent body}; the cut has no axis of its own.
+    /// Its position and axis at zero {cluster's parent body}; the cut has no axis.
     pub(super) point: Vector3<Dd>,
     pub(super) axis: Vector3<Dd>,
     /// +1 where the link after it is the joint's child, −1 where it is the parent.

@@ -16,7 +16,7 @@ use crate::mechanism::{Body, Cluster, Cut, CutRow, Dof, Motion};
 use crate::scalar::{Dd, Real, Triple};
 use crate::spatial::Pose;
 
-/// A closed form and how far each assumption of it is from true.
+/// A closed form and the error of each of its assumptions.
 pub(super) struct Form {
     closure: Closure<Dd>,
     deviations: Vec<Deviation>,

@@ -1,5 +1,5 @@
-//! PARALLELOGRAMCHAIN from loops: every loop a parallelogram, whose opposite links turn as one; so
-//! q is linear in y.
+//! PARALLELOGRAMCHAIN from loops: every loop is a parallelogram with parallel opposite links, so q
+//! is linear in y.
 
 use crate::closure::Closure;
 use crate::compile::closed_forms::loops::{pin_in_plane, ring, senses};
@@ -8,7 +8,7 @@ use crate::compile::couplings::{Relation, solve};
 use crate::compile::geometry::norm;
 use crate::scalar::{Dd, Real, Triple};
 
-/// Two relations of each loop, and couplings beside them.
+/// Two relations of each loop, and the couplings.
 pub(super) fn read(of: &Reading<'_>) -> Result<Form, String> {
     let cluster = of.cluster;
     if !of.is_simple() {

@@ -15,8 +15,8 @@ use crate::spatial::Matrix;
 /// Shortest link and least sine between links at zero, relative to the mechanism's size.
 const DEGENERATE: f64 = 1e-6;
 
-/// How near links come to one line at a change point, relative to the mechanism's size: rounded
-/// files meet it that nearly.
+/// Deviation of the links from one line at a change point, relative to the mechanism's size; files
+/// are rounded.
 const CHANGE: f64 = 1e-6;
 
 /// Message that refuses a loop with a change point.
@@ -24,7 +24,7 @@ const MEETS: &str = "links can stand in one line where two assemblies meet, a ch
 
 type Plane = [Dd; 2];
 
-/// True for a loop whose links can just stand in one line.
+/// True for a loop whose links can only just align.
 pub(super) fn has_change_point(of: &Reading<'_>) -> bool {
     [false, true].into_iter().any(|slider| read(of, slider).is_err_and(|why| why == MEETS))
 }

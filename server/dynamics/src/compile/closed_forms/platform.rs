@@ -1,5 +1,5 @@
 //! 2SPU+1U, 6UPS, 2SPRR+1U: a platform on a chain of independent joints, and legs of two turns and
-//! a slider; those of the last with an offset at the base or an arm at the platform.
+//! a slider; the legs of 2SPRR+1U have an offset at the base or an arm at the platform.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -14,7 +14,7 @@ use crate::spatial::Matrix;
 const DEGENERATE: f64 = 1e-6;
 
 /// The legs, three joints each, four where the platform has arms; without `offsets` the axes of
-/// each cross and it ends on the platform.
+/// each leg cross and the leg ends on the platform.
 pub(super) fn read(of: &Reading<'_>, offsets: bool) -> Result<Form, String> {
     let cluster = of.cluster;
     let (chain, platform) = of.chain()?;

@@ -1,5 +1,4 @@
-//! A closed form against the closed poses of a table: where both agree it answers for Newton's
-//! method.
+//! Compares a closed form with the poses of a table: where both agree it replaces Newton's method.
 
 use crate::closure::{Level, Seeds, column_unit};
 use crate::compile::seeds::grid::{Grid, center};
@@ -9,8 +8,8 @@ use crate::compile::seeds::{ERROR, Node, Table};
 const AGREES: f64 = 1e-9;
 
 impl Table<'_> {
-    /// True where the closed form is at the pose of each corner of a cell that is used, and at its
-    /// center where the interpolation has it.
+    /// True if the closed form agrees with the poses at the corners of a used cell and with the
+    /// interpolation at its center.
     pub(super) fn form_holds(
         &mut self,
         seeds: &Seeds,
@@ -33,7 +32,7 @@ impl Table<'_> {
         })
     }
 
-    /// True where the closed form has the dependents of a pose at its independents.
+    /// True if the closed form gives a pose's dependents from its independents.
     fn form_is_at(&mut self, q: &[f64], allowed: f64) -> bool {
         let model = self.model;
         let c = self.c;

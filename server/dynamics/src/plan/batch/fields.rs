@@ -1,4 +1,4 @@
-//! Rows whose fields lie apart, each in an array of its own.
+//! Rows with each field in a separate array.
 
 use std::ops::Range;
 
@@ -8,9 +8,9 @@ use super::Batch;
 use crate::scalar::LANES;
 
 impl Batch {
-    /// As [`Batch::run`], of rows whose fields lie apart: of each field in packing order its rows,
-    /// one after the other, and how many numbers a row has. States that go abreast are read and
-    /// written where they lie.
+    /// As [`Batch::run`], for rows with each field in a separate array: each field, in packing
+    /// order, gives its rows and the number of values per row. The states of a packet are read and
+    /// written in place.
     pub fn run_fields(
         &mut self,
         given: &[(&[f64], usize)],

@@ -10,7 +10,7 @@ use crate::plan::Plan;
 use crate::scalar::{Divergence, LANES, Packet, Real};
 use crate::workspace::Workspace;
 
-/// Scratch of a packet of states, with room for plans of up to so many numbers.
+/// Scratch of a packet of states, with room for plans of up to this many numbers.
 #[derive(Clone, Debug)]
 pub(super) struct Tile {
     model: Arc<Model<Packet>>,
@@ -30,7 +30,7 @@ impl Tile {
         Tile { model: Arc::new(model), workspace, input, output }
     }
 
-    /// True where there is room for the numbers of a plan.
+    /// True if a plan's numbers fit.
     pub(super) fn holds(&self, plan: &Plan) -> bool {
         let n_in = plan.given().len() + plan.closed_len();
         n_in <= self.input.len() && plan.want().len() <= self.output.len()

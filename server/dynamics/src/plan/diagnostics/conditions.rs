@@ -16,11 +16,11 @@ use crate::plan::diagnostics::singular;
 use crate::scalar::Real;
 use crate::workspace::Workspace;
 
-/// Component of a row's unit vector in the null space of K_dᵀ from which on redundant rows share
-/// its reaction; as rank is judged at load.
+/// Component of a row's unit vector in the null space of K_dᵀ above which redundant rows share its
+/// reaction; the same bound decides rank at load.
 const SHARED: f64 = 1e-4;
 
-/// The figures of a closed state.
+/// Residual, condition numbers and distance to singularity of a closed state.
 #[derive(Clone, Copy)]
 pub(in crate::plan) struct Conditions<T> {
     pub(in crate::plan) residual: T,

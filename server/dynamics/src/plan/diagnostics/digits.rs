@@ -1,10 +1,10 @@
-//! How many digits of a doubtful answer rounding has left.
+//! Counts the correct digits of a doubtful answer.
 //!
-//! While a request is computed its doubt is kept: a bound, up to a constant, of the factor by which
-//! its roundings grow. It is the gain of the closures ([`crate::closure::Outcome::gain`]), times
-//! the cancellation of forces, divided by nearly vanishing actuators or inertias.
-//! A bound is always too large; so an answer with a large one is computed again in double-double on
-//! moved constants ([`crate::workspace::Probe`]), and the difference decides.
+//! Each request accumulates its doubt: a bound, up to a constant, on the growth factor of its
+//! roundings. It is the gain of the closures ([`crate::closure::Outcome::gain`]), times the
+//! cancellation of forces, divided by nearly vanishing actuators or inertias. The bound is
+//! pessimistic; so an answer with a large one is computed again in double-double with perturbed
+//! constants ([`crate::workspace::Probe`]), and the difference decides.
 
 use sarrus_proto::Field;
 
@@ -14,8 +14,8 @@ use crate::plan::run::RunReport;
 use crate::scalar::{BranchValue, DOUBTFUL, Dd, Real};
 use crate::workspace::Workspace;
 
-/// Difference from double-double, against the largest number of a field, at which it keeps nine
-/// digits with a margin: another state nearby may lose more than this one.
+/// Difference from double-double, relative to the largest number of a field, at which the field
+/// keeps nine digits with a margin, as a nearby state may lose more.
 const KEPT: f64 = 5e-11;
 /// Part of the largest term of a force below which the sum counts as zero.
 pub(in crate::plan) const ZERO: f64 = 1e-4;
@@ -27,7 +27,7 @@ const AT_ZERO: f64 = 1e-4;
 pub(in crate::plan) struct Doubt {
     /// Bound of the growth.
     pub(in crate::plan) factor: f64,
-    /// Forces and accelerations that count as zero, against the largest one.
+    /// Forces and accelerations that count as zero, relative to the largest one.
     pub(in crate::plan) force: f64,
     pub(in crate::plan) acceleration: f64,
 }
@@ -35,7 +35,8 @@ pub(in crate::plan) struct Doubt {
 impl Doubt {
     pub(in crate::plan) const NONE: Doubt = Doubt { factor: 1.0, force: 1.0, acceleration: 1.0 };
 
-    /// A closure of this gain, down to a level, whose actuators leave this part of their control.
+    /// The doubt of a closure with this gain, up to a level, and this remaining control of its
+    /// actuators.
     pub(in crate::plan) fn closure(&mut self, gain: f64, level: Level, control: f64) {
         let growth = match level {
             // positions may be as small as the size that counts as zero

@@ -17,8 +17,7 @@ use crate::workspace::Workspace;
 
 /// Halvings of the path to an unreachable target.
 const BISECTIONS: u32 = 50;
-/// Residual, in cluster lengths, up to which a pose counts as closed, or where that is more 64 unit
-/// roundoffs.
+/// Residual, in cluster lengths, up to which a pose counts as closed; at least 64 unit roundoffs.
 const CLOSED: f64 = 1e-8;
 
 impl Plan {

@@ -9,8 +9,8 @@
 //! ```text
 //!   Tᵀ (∇²f + Σ μ ∇²φ) T s = −Tᵀ ∇f        q ← project(q + T s)
 //! ```
-//! (Nocedal and Wright, Numerical Optimization, 18.1). Needs no independents, so it works where
-//! these fail, which is where it is needed.
+//! (Nocedal and Wright, Numerical Optimization, 18.1). Needs no independents, so it works at poses
+//! where these fail.
 
 use crate::closure::{
     assembly_branch, column_unit, constraint_residual, largest_residual, row_unit, scaled,
@@ -29,12 +29,11 @@ const LONGEST: f64 = 0.2;
 /// Least curvature of a step.
 const CURVATURE: f64 = 1e-9;
 
-/// One cluster, its numbers in the workspace, and the unscaled parts of the scratch that the search
-/// shares out.
+/// One cluster, its numbers in the workspace, and the unscaled scratch that the search divides.
 struct Search<'a, T> {
     cluster: &'a Cluster<T>,
     bodies: &'a [Body<T>],
-    /// How many independents, and independents with dependents: the columns, in this order.
+    /// Number of independents, and of all columns: independents, then dependents.
     m: usize,
     n: usize,
     rows: usize,

@@ -7,8 +7,7 @@ use crate::model::Model;
 use crate::scalar::Real;
 use crate::workspace::Workspace;
 
-/// Least size of a scaled pivot of K, against the first, with which a dependent is determined by
-/// the others.
+/// Least scaled pivot of K, relative to the first, that determines a dependent.
 const DETERMINED: f64 = 1e-4;
 
 /// 1 at the tree velocities that are declared independent.
@@ -17,9 +16,9 @@ pub(in crate::plan) fn declared_independents<T: Real>(model: &Model<T>, good: &m
     model.order.vy_v.iter().for_each(|v| good[model.order.v_external[*v]] = T::ONE);
 }
 
-/// A set of good independents of one cluster at a pose: those that pivoted QR of the scaled K
-/// leaves over when it takes, one after the other, the column that stands farthest off those before
-/// as a dependent. False where K has lost rank, so that no set is good; nothing is written then.
+/// A set of good independents of one cluster at a pose: the columns that remain after pivoted QR of
+/// the scaled K picks dependents, each time the column farthest from the span of those before.
+/// False if K has lost rank, so that no set is good; nothing is written then.
 pub(in crate::plan) fn good_independents<T: Real>(
     model: &Model<T>,
     cluster: &Cluster<T>,
@@ -29,7 +28,7 @@ pub(in crate::plan) fn good_independents<T: Real>(
 ) -> bool {
     let n = cluster.n_v;
     let rows = cluster.rows.len();
-    // one column after the other; −1 marks a column that cannot be had
+    // column by column; −1 marks an excluded column
     for v in 0..n {
         scaled(cluster, K, 0..rows, &[v], |r, _, x| A[v * rows + r] = x);
         taken[v] = if cluster.locked.contains(&v) { -T::ONE } else { T::ZERO };

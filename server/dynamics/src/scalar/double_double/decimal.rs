@@ -10,8 +10,9 @@ impl Dd {
     /// Reads a decimal number such as `-0.1234567890123456789012345678901e-5`.
     ///
     /// Relative error: 8 u² and 4 u² more for every 22 places that the decimal point moves, u =
-    /// 2⁻⁵³; exact for integers below 10³⁰. Digits after the 45th are dropped. `None` for anything
-    /// else than digits, one point, signs and an exponent, and for numbers out of range. Allocates.
+    /// 2⁻⁵³; exact for integers below 10³⁰. Digits after the 45th are dropped. `None` for text with
+    /// anything but digits, one point, signs and an exponent, and for numbers out of range.
+    /// Allocates.
     ///
     /// ```
     /// use sarrus_dynamics::scalar::Dd;

@@ -10,8 +10,8 @@ use crate::scalar::{Symmetric, Triple};
 #[derive(Clone, Copy, Debug)]
 pub struct Packed(f64x4);
 
-/// Numbers of a register in another order. A sum with −0 changes no number and no instruction; with
-/// it the compiler takes them out of memory together and not one by one.
+/// Numbers of a register in another order. A sum with −0 changes no number and costs no
+/// instruction; it makes the compiler load them together instead of one by one.
 #[inline(always)]
 fn places<const A: usize, const B: usize, const C: usize, const D: usize>(x: f64x4) -> f64x4 {
     let x = (x + f64x4::splat(-0.0)).to_array();
