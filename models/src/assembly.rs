@@ -10,16 +10,16 @@ use crate::load::{Options, Source, load};
 use crate::open::load_open;
 use crate::rewrite::NewZero;
 
-/// Residual up to which a loop is closed at zero; as the compiler has it.
+/// Residual up to which a loop is closed at zero, as in the compiler.
 const OPEN: f64 = 1e-6;
-/// Scaled distance to singularity below which a zero pose is a dead point; as the compiler has it.
+/// Scaled distance to singularity below which a zero pose is a dead point, as in the compiler.
 const DEAD_POINT: f64 = 1e-9;
 
 /// Reads a robot and closes it near a pose.
 ///
 /// `near` and `weights` make the lists from the names of the coordinates and of the velocities, and
-/// the zero pose; their error is handed on. The report is that of the robot; of files that are open
-/// at zero it is that of the robot whose zero pose is the found one, and their faults as they are
+/// the zero pose; their error is returned. The report describes the robot; for files that are open
+/// at zero it describes the robot with the found pose as its zero pose, and the faults of the files
 /// become warnings.
 ///
 /// # Errors
@@ -48,7 +48,7 @@ pub fn assemble<E>(
         let pose = found.as_ref().ok().map(|found| found.q.clone());
         let mut assembled = AssemblyReport::new(model.tree_q_names(), &near, found);
         assembled.zero = pose.and_then(|q| new_zero(&loaded.description, &q));
-        // from a dead point the way leads over another zero pose
+        // a dead point needs another zero pose first
         let is_dead = model.closures_at_zero().iter().any(|closure| closure.sigma_min < DEAD_POINT);
         if let (true, Some(zero)) = (is_dead, &assembled.zero) {
             assembled.new_zero = changes(zero);
@@ -77,7 +77,7 @@ pub fn assemble<E>(
     let mut assembled = AssemblyReport::new(model.tree_q_names(), &near, found);
     if let Some(zero) = zero {
         let closed = CheckReport::new(&opened.compile(zero.new.clone()))?;
-        // where the new zero pose is no better, its faults are not those of the files
+        // if the new zero pose is no better, its faults are not those of the files
         if is_open || closed.errors.is_empty() {
             let as_it_is = report;
             // a fingerprint would be that of other files
@@ -98,7 +98,7 @@ pub fn assemble<E>(
     Ok(Ok(report))
 }
 
-/// The robot with a pose as its zero pose, where that is another one.
+/// The robot with a pose as its zero pose, if the pose differs.
 fn new_zero(description: &Description, q: &[f64]) -> Option<Box<NewZero>> {
     let new = rezeroed(description, q)?;
     Some(Box::new(NewZero { old: description.clone(), new }))

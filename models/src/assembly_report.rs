@@ -10,7 +10,7 @@ use crate::rewrite::NewZero;
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct AssemblyReport {
-    /// Why there is no closed pose, in words; then `q` is the nearest that was found.
+    /// The reason why there is no closed pose; `q` is then the nearest one found.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
     /// The pose by coordinate.
@@ -20,21 +20,21 @@ pub struct AssemblyReport {
     pub residual: f64,
     /// Largest scaled loop residual at the given pose.
     pub residual_before: f64,
-    /// Weighted way from the given pose.
+    /// Weighted distance from the given pose.
     pub distance: f64,
     /// Steps taken.
     pub iterations: u32,
     /// Branch of each cluster with loops that is not a pure coupling; empty for files that are open
     /// at zero.
     pub branch: Vec<f64>,
-    /// Of files that are open at zero: placements with which the found pose is the zero pose.
+    /// For files that are open at zero: placements that make the found pose the zero pose.
     #[serde(skip_serializing_if = "NewPlacements::is_empty")]
     pub new_zero: NewPlacements,
-    /// Of the same files, where the joints are right: placements that coincide at the zero pose as
-    /// it is.
+    /// For the same files, if the joints are correct: placements that coincide at the present zero
+    /// pose.
     #[serde(skip_serializing_if = "NewPlacements::is_empty")]
     pub at_zero: NewPlacements,
-    /// The robot as it is and with the found pose as its zero pose; none without one.
+    /// The robot as loaded, and with the found pose as its zero pose; none without one.
     #[serde(skip)]
     pub zero: Option<Box<NewZero>>,
     /// The files that were written.
@@ -47,9 +47,9 @@ pub struct AssemblyReport {
 pub struct Moved {
     /// Its name.
     pub name: String,
-    /// Where it was given.
+    /// Its given value.
     pub given: f64,
-    /// Where it is.
+    /// Its value.
     pub found: f64,
 }
 
@@ -69,7 +69,7 @@ pub struct NewPlacements {
 }
 
 impl NewPlacements {
-    /// True where nothing is to be written.
+    /// True if there is nothing to write.
     pub fn is_empty(&self) -> bool {
         self.origins.is_empty() && self.predecessors.is_empty() && self.successors.is_empty()
     }

@@ -20,8 +20,8 @@ pub enum Base {
     /// The root link is the world.
     #[default]
     Fixed,
-    /// The root link hangs on the world by an unactuated joint of six degrees of freedom, the first
-    /// of all: q = [p; x y z w], q̇ = [ω; v] in the root link, by the names `floating_base/rx` …
+    /// An unactuated joint of six degrees of freedom, the first of all, connects the root link to
+    /// the world: q = [p; x y z w], q̇ = [ω; v] in the root link, by the names `floating_base/rx` …
     /// `floating_base/tz`.
     Floating,
     /// As `Floating`, for the root link of this name; another link is a fault.
@@ -29,8 +29,8 @@ pub enum Base {
 }
 
 impl Base {
-    /// From the name of the link that floats, as flags and recordings write it: the empty name
-    /// stands for any root, `None` for a fixed base.
+    /// From the name of the floating link, as in flags and recordings: the empty name means any
+    /// root, `None` a fixed base.
     pub fn of_flag(link: Option<&str>) -> Base {
         match link {
             None => Base::Fixed,

@@ -1,4 +1,4 @@
-//! From checked files to the [`Description`], and back from its parts to their positions.
+//! Builds the [`Description`] from checked files, and maps its parts back to their positions.
 
 use sarrus_dynamics::description::{
     Coupling, Cut, Description, Joint, Link, Loop, Placement, Row, Submechanism,
@@ -12,7 +12,7 @@ use crate::submechanisms::{
 };
 use crate::urdf::{Urdf, Values};
 
-/// Where the parts of a description stand in the files.
+/// The positions of a description's parts in the files.
 #[derive(Debug)]
 pub(crate) struct Spans {
     robot: Span,
@@ -28,7 +28,7 @@ struct SubmechanismSpan {
 }
 
 impl Spans {
-    /// The positions of a robot's parts; submechanisms of no file stand at the robot.
+    /// The positions of a robot's parts; submechanisms of no file have the robot's position.
     pub(crate) fn new(urdf: &Urdf, submechanisms: Option<&Submechanisms>) -> Spans {
         let span_of = |entry: &Entry| SubmechanismSpan {
             span: entry.name.as_ref().map_or(entry.span, |(_, span)| *span),
@@ -46,7 +46,7 @@ impl Spans {
         }
     }
 
-    /// Makes room for a submechanism before all others that stands in no file.
+    /// Inserts a submechanism of no file before all others.
     pub(crate) fn put_first(&mut self) {
         self.submechanisms.insert(0, SubmechanismSpan { span: self.robot, loops: Vec::new() });
     }
@@ -76,7 +76,7 @@ impl Spans {
         self.submechanisms.push(SubmechanismSpan { span, loops: Vec::new() });
     }
 
-    /// Adds a loop of the URDF to a submechanism, with so many rows.
+    /// Adds a loop of the URDF to a submechanism, with this many rows.
     pub(crate) fn add_loop(&mut self, s: usize, span: Span, n_rows: usize) {
         if let Some(part) = self.submechanisms.get_mut(s) {
             part.loops.push((span, vec![span; n_rows]));
@@ -98,7 +98,7 @@ impl Spans {
         }
     }
 
-    /// Where a part stands; the nearest known part around it when it has no position of its own.
+    /// The position of a part; that of the nearest enclosing part if it has none.
     pub(crate) fn of(&self, site: Site) -> Span {
         let submechanism = |s: usize| self.submechanisms.get(s);
         let span = match site {
@@ -117,8 +117,8 @@ impl Spans {
     }
 }
 
-/// The description of checked files, with the submechanisms that a file lists; `None` when the two
-/// readings of a file differ, which no checked file should.
+/// The description of checked files, with the submechanisms that a file lists; `None` if the two
+/// readings of a file differ, which should never happen to a checked file.
 pub(crate) fn description(
     urdf: &Urdf,
     values: Values,

@@ -9,8 +9,8 @@ use crate::error::LoadError;
 use crate::load::Loaded;
 use crate::report::{Diagnostic, Report};
 
-/// One robot as `check --format json` prints it. Of a faulty robot only the name, as far as it was
-/// read, and the diagnostics are there.
+/// One robot as `check --format json` prints it. A faulty robot has only its name, if it was read,
+/// and the diagnostics.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct CheckReport {
@@ -18,7 +18,7 @@ pub struct CheckReport {
     pub robot: Option<String>,
     /// Fingerprint of the model, 16 hexadecimal digits.
     pub fingerprint: Option<String>,
-    /// Names, orders and sizes; none of a faulty robot.
+    /// Names, orders and sizes; none for a faulty robot.
     pub model: Option<ModelInfo>,
     /// How each submechanism is closed.
     pub closures: Vec<ClosureReport>,
@@ -44,7 +44,7 @@ pub struct ClosureReport {
     pub sigma_min: f64,
     /// Condition number of the scaled K_d at the zero pose; `null` where that is singular.
     pub cond: f64,
-    /// Where a closure of this type is singular, in words; empty where nothing general can be said.
+    /// The singular poses of closures of this type, in words; empty if there is no general rule.
     pub singular: &'static str,
     /// Cells of the table of closed poses where a numerical closure starts without a guess, and
     /// its size `[B]`; 0 without one. Equal limbs share one table.
@@ -90,7 +90,7 @@ impl Serialize for ClosureReport {
         object.serialize_field("idle", idle)?;
         object.serialize_field("branch", branch)?;
         object.serialize_field("sigma_min", sigma_min)?;
-        // JSON has no word for infinity
+        // JSON cannot express infinity
         object.serialize_field("cond_Kd", &cond.is_finite().then_some(cond))?;
         object.serialize_field("singular", singular)?;
         object.serialize_field("seed_cells", &seeds.0)?;

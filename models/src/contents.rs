@@ -6,6 +6,6 @@ use std::path::PathBuf;
 pub(crate) struct Contents {
     pub(crate) urdf: (String, Vec<u8>),
     pub(crate) submechanisms: Option<(String, Vec<u8>)>,
-    /// Where the files lie that the submechanisms name.
+    /// The folder of the files that the submechanisms name.
     pub(crate) folder: Option<PathBuf>,
 }

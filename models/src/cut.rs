@@ -53,7 +53,7 @@ impl CutKind {
         }
     }
 
-    /// How many rows it has.
+    /// Its number of rows.
     pub(crate) fn n_rows(self) -> usize {
         match self {
             PlanarRevolute => 2,
@@ -64,8 +64,8 @@ impl CutKind {
         }
     }
 
-    /// The rows in the predecessor's cut frame, and in the successor's where they stand against a
-    /// direction of it.
+    /// The rows in the predecessor's cut frame, and in the successor's if they involve a direction
+    /// of it.
     pub(crate) fn rows(self, axis: [f64; 3], axis2: [f64; 3]) -> Vec<Row> {
         let joint = match self {
             Spherical => CutJoint::Spherical,

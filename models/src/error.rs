@@ -20,11 +20,11 @@ pub enum LoadError {
         near.as_ref().map(|near| format!("; did you mean `{near}`?")).unwrap_or_default()
     )]
     UnknownRobot {
-        /// The name that was asked for.
+        /// The requested name.
         name: String,
-        /// Every name there is.
+        /// Every known name.
         known: String,
-        /// The nearest of them, if one is near.
+        /// The nearest one, if one is close.
         near: Option<String>,
     },
     /// The content of the files is faulty: every fault, and the warnings beside them.

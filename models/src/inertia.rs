@@ -1,12 +1,12 @@
-//! Whether a mass and an inertia can belong to a body.
+//! Checks whether a mass and an inertia can belong to a body.
 
 /// An eigenvalue may lie this far below zero, relative to the largest: rounding of a file.
 const NEGATIVE: f64 = 1e-9;
-/// The triangle inequality may be broken by this much, relative to the largest: plates lie on it
-/// and files are rounded.
+/// The triangle inequality may be violated by this much, relative to the largest: plates meet it
+/// with equality, and files are rounded.
 const TRIANGLE: f64 = 1e-6;
 
-/// Why no body has this inertia.
+/// The reason why no body has this inertia.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum InertiaFault {
     /// The least principal moment is negative.

@@ -1,5 +1,5 @@
-//! Robot files to checked descriptions: URDF for the spanning tree, submechanism YAML for the
-//! loops, and sixteen bundled robots.
+//! Turns robot files into checked descriptions: URDF for the spanning tree, submechanism YAML for
+//! the loops. Contains sixteen bundled robots.
 //!
 //! ```
 //! use sarrus_models::{Options, Source, load, texts};
@@ -16,8 +16,8 @@
 //! - Submechanism files in the keys of HyRoDyn: `type`, `contextual_name`, `name`, `file_path`,
 //!   `jointnames`, `jointnames_spanningtree`, `jointnames_independent`, `jointnames_active`,
 //!   `loop_constraints`. `file_path` is opened for a `TRANSMISSION` only, and only when the robot's
-//!   URDF couples none of its joints: as with HyRoDyn the couplings may stand in the URDF of that
-//!   submechanism alone.
+//!   URDF couples none of its joints: as in HyRoDyn, the submechanism's own URDF may then hold the
+//!   couplings.
 //! - On a loop, `predecessor_placement: {xyz: [..], rpy: [..]}` and `successor_placement` instead
 //!   of the frame of `cut_joint`.
 //! - On a loop, `frames: [LINK, LINK]` instead of bodies and placements: the cut lies between the
@@ -39,23 +39,22 @@
 //!   `<mechanicalReduction>` in the `<actuator>` of a `<transmission>` with one `<joint>`, with or
 //!   without the prefix `drake:`; or `rotor_inertia` and `gear_ratio` on `<dynamics>`. It adds
 //!   ratio² × inertia to the joint. Transmissions without a rotor and without `<depends_on>` are
-//!   not looked at.
-//! - Loops in the words of other programs (`<gazebo><joint>`, `<loop>`, `<loop_joint>`,
+//!   ignored.
+//! - Loops in the elements of other programs (`<gazebo><joint>`, `<loop>`, `<loop_joint>`,
 //!   `<constraint>`, `<drake:ball_constraint>`), and `<coupling>` of URDF+; the README has a table.
 //! - `<mimic>`, and `<transmission>` with `<joint name><depends_on joint multiplier
 //!   offset/></joint>`, as couplings.
 //! - A SMURF file in place of the URDF.
 //!
 //! Without a submechanism file every moving joint is independent and active in the order of the
-//! URDF; floating joints are not active, joints with `<mimic>` follow. So are those that no
-//! submechanism of a file lists, behind the others.
+//! URDF; floating joints are not active, joints with `<mimic>` follow. The same holds for joints
+//! that no submechanism lists; they come last.
 //!
 //! # Limits
 //! Files of 64 MiB, 64 levels of nesting, 4096 links, 1024 moving joints, six rows on a loop and
 //! 1024 on all loops, aliases for 100000 values. A file beyond them is faulty, and so is one with
 //! tags or a document type: reading costs time in proportion to the size of a file. A report lists
-//! the first thousand errors and the first thousand warnings that were found, and the number of the
-//! others.
+//! the first thousand errors and the first thousand warnings, and the number of the others.
 #![forbid(unsafe_code)]
 
 mod assembly;

@@ -1,4 +1,4 @@
-//! From a source to a compiled model, or to everything that is wrong with it.
+//! Loads a source into a compiled model, or reports all of its faults.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ use crate::text::{self, Text};
 use crate::urdf::{self, Urdf};
 use crate::{bundled, smurf, units, unlisted, yaml};
 
-/// Where a robot comes from.
+/// The source of a robot.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Source {
@@ -41,7 +41,7 @@ pub enum Source {
     },
 }
 
-/// How a robot is read.
+/// Options for reading a robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Gravity in root axes `[m/s²]`.
@@ -50,7 +50,7 @@ pub struct Options {
     pub lenient: bool,
     /// The connection of the root link to the world.
     pub base: Base,
-    /// Joints that are held still; of two locks of one joint the later counts.
+    /// Joints to hold still; a later lock of the same joint wins.
     pub lock: Vec<Lock>,
     /// Links to which the robot is reduced, with all joints that move them: names or patterns with
     /// `*`, `?` and `[…]`. Empty: all links. Other branches are left out with their mass.
@@ -58,7 +58,7 @@ pub struct Options {
 }
 
 impl Default for Options {
-    /// Standard gravity downwards, strict, on the ground, the whole robot.
+    /// Standard gravity downwards, strict checks, a fixed base, the whole robot.
     fn default() -> Options {
         Options {
             gravity: [0.0, 0.0, -9.81],
@@ -105,7 +105,7 @@ fn bundled_contents(name: &str) -> Result<Contents, LoadError> {
 ///
 /// # Errors
 /// [`LoadError::Faults`] holds every fault of the files' content, not only the first; the other
-/// variants stand for sources that cannot be read at all.
+/// variants are for sources that cannot be read at all.
 pub fn load(source: &Source, options: &Options) -> Result<Loaded, LoadError> {
     let mut diagnostics = Diagnostics::new(options.lenient);
     let mut robot = None;
@@ -133,7 +133,7 @@ impl Loaded {
 /// submechanisms name are not among them.
 ///
 /// # Errors
-/// As [`load`], for sources and SMURF files that cannot be read; the texts are not looked at.
+/// As [`load`], for sources and SMURF files that cannot be read; the texts are not checked.
 pub fn texts(source: &Source) -> Result<(Vec<u8>, Option<Vec<u8>>), LoadError> {
     let mut diagnostics = Diagnostics::new(false);
     match contents(source, &mut diagnostics)? {
@@ -189,7 +189,7 @@ pub(crate) fn describe(
     diagnostics: &mut Diagnostics,
     robot: &mut Option<String>,
 ) -> Option<(Description, Spans)> {
-    // every fault of each file, even where the other one is faulty
+    // every fault of each file, even if the other one is faulty
     let (urdf_name, bytes) = contents.urdf;
     let mut urdf_text = Text::new(&urdf_name, bytes, diagnostics);
     if let Some(text) = &mut urdf_text {
@@ -242,7 +242,7 @@ pub(crate) fn describe(
     Some((description, spans))
 }
 
-/// The model; its faults go back to their positions.
+/// The model; its faults get their positions in the files.
 pub(crate) fn compile(
     description: &Description,
     spans: &Spans,
@@ -277,7 +277,7 @@ fn transmissions(urdf: &mut Urdf, entries: &[Entry], folder: &Path, diagnostics:
         else {
             continue;
         };
-        // a file that is not there leaves the couplings missing, and that is reported
+        // a missing file leaves the couplings missing, which is reported
         let Ok((name, bytes)) = text::read_named(&path) else { continue };
         if let Some(text) = Text::new(&name, bytes, diagnostics) {
             urdf.couple_from(&text, &joints, diagnostics);

@@ -30,8 +30,8 @@ pub(crate) fn visible(text: &str) -> String {
     shown
 }
 
-/// The known name with the least edit distance to `name`, letter case ignored; `None` when all are
-/// far.
+/// The known name with the least edit distance to `name`, letter case ignored; `None` if none is
+/// close.
 pub fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let letters = folded(name)?;
     let mut best: Option<(usize, &str)> = None;
@@ -51,13 +51,13 @@ pub fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Opti
     best.map(|(_, candidate)| candidate)
 }
 
-/// " (there is `NAME`)" with the nearest known name; empty when all are far.
+/// " (there is `NAME`)" with the nearest known name; empty if none is close.
 pub(crate) fn there_is<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     let near = nearest(name, known).map(quoted);
     near.map_or(String::new(), |near| format!(" (there is {near})"))
 }
 
-/// The known names for a message, the nearest first, as many as fit into so many characters.
+/// The known names for a message, the nearest first, as many as fit into this many characters.
 pub fn nearest_first<'a>(
     name: &str,
     known: impl IntoIterator<Item = &'a str>,
@@ -73,7 +73,7 @@ pub fn nearest_first<'a>(
     listed(names, most)
 }
 
-/// Names for a message in their order, as many as fit into so many characters.
+/// Names for a message in their order, as many as fit into this many characters.
 pub(crate) fn listed<'a>(names: impl IntoIterator<Item = &'a str>, most: usize) -> String {
     let mut list = String::new();
     let mut length = 0;

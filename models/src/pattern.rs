@@ -3,12 +3,12 @@
 use glob::Pattern;
 use sarrus_dynamics::ModelInfo;
 
-/// True for names that stand for others.
+/// True for names with wildcards.
 pub(crate) fn is_pattern(name: &str) -> bool {
     name.contains(['*', '?', '['])
 }
 
-/// True where a name fits a pattern or equals it: a name may contain `*`, `?` and `[` itself.
+/// True if a name matches a pattern or equals it: a name may contain `*`, `?` and `[` itself.
 pub(crate) fn fits(pattern: &str, name: &str) -> bool {
     if name == pattern || !is_pattern(pattern) {
         return name == pattern;
@@ -22,8 +22,8 @@ pub(crate) fn fits(pattern: &str, name: &str) -> bool {
 }
 
 /// The tree velocities of the joints whose names match a pattern as shells write them (`AL*`), in
-/// the order of the model; empty where none does. A joint of several degrees of freedom is matched
-/// by its own name.
+/// the order of the model; empty if none does. A joint of several degrees of freedom is matched by
+/// its own name.
 pub fn matching_joints(model: &ModelInfo, pattern: &str) -> Vec<u16> {
     // the name itself comes first
     let is_name = model.joints().any(|joint| joint.name == pattern);

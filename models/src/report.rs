@@ -30,7 +30,7 @@ pub struct Diagnostic {
     pub help: String,
 }
 
-/// Most characters of a line, of the name of a file in it, and of the words between its parts.
+/// Most characters of a line, of the file name in it, and of the text between its parts.
 const LONGEST_LINE: usize = 400;
 const LONGEST_FILE: usize = 120;
 const BETWEEN: usize = 42;
@@ -41,7 +41,7 @@ impl Diagnostic {
         format!("{}warning: {}", self.position(), self.message())
     }
 
-    /// The position; of a long name of a file its end.
+    /// The position; a long file name is cut to its end.
     fn position(&self) -> String {
         let Diagnostic { file, line, column, .. } = self;
         let excess = file.chars().count().saturating_sub(LONGEST_FILE);
@@ -64,7 +64,7 @@ impl fmt::Display for Diagnostic {
     }
 }
 
-/// Everything that was found in the files of one robot, in the order of file, line and column.
+/// All findings in the files of one robot, in the order of file, line and column.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct Report {
@@ -96,7 +96,7 @@ pub struct Span {
 }
 
 impl Span {
-    /// Where a fault of absence stands when no node lacks it.
+    /// The position of a missing item that belongs to no node.
     pub const fn start(file: u32) -> Span {
         Span { file, line: 1, column: 1 }
     }
@@ -170,7 +170,7 @@ impl Diagnostics {
         }
     }
 
-    /// A name that is none of the known ones, with the nearest of these, else `otherwise`, as help.
+    /// An unknown name, with the nearest known one, else `otherwise`, as help.
     pub(crate) fn unknown<'a>(
         &mut self,
         span: Span,
@@ -202,7 +202,7 @@ impl Diagnostics {
         known: impl IntoIterator<Item = &'a str>,
         otherwise: impl Into<String>,
     ) -> String {
-        // a file with thousands of unknown names has no use for thousands of suggestions
+        // thousands of unknown names need no thousands of suggestions
         let near = if self.errors.is_full() || self.warnings.is_full() {
             None
         } else {
@@ -218,7 +218,7 @@ impl Diagnostics {
         name: &str,
         known: impl IntoIterator<Item = &'a str>,
     ) -> String {
-        // a file with many unknown names has no use for many lists
+        // many unknown names need no repeated lists
         const MOST_LISTS: usize = 8;
         if self.errors.diagnostics.len() < MOST_LISTS {
             let known = known.into_iter().filter(|known| !known.is_empty());
@@ -284,8 +284,8 @@ impl Pile {
     }
 }
 
-/// The parts of a message on one line of at most so many characters: control characters are made
-/// visible, and the longest part is cut where all are too long together.
+/// The parts of a message on one line of at most this many characters: control characters are made
+/// visible, and the longest part is cut if the line is too long.
 fn bounded(parts: [String; 3], most: usize) -> [String; 3] {
     let mut parts = parts.map(|part| visible(&part));
     let length = |part: &String| part.chars().count();

@@ -11,7 +11,7 @@ use crate::names::{nearest_first, there_is};
 use crate::pattern::{fits, is_pattern};
 use crate::report::{Diagnostics, quoted};
 
-/// Letters of a list of names in a message.
+/// Most characters of a list of names in a message.
 const NAMES: usize = 300;
 
 /// A joint that is held still; as text `JOINT` or `JOINT=POSITION`.
@@ -29,8 +29,8 @@ pub struct Lock {
     /// Name of a joint; with `*`, `?` or `[…]` all independent joints that it
     /// fits.
     pub joint: String,
-    /// Where it is held `[m, rad]`; `None`: where it is at the zero pose, or where the loops close
-    /// if other locks determine it.
+    /// Its held position `[m, rad]`; `None`: its zero pose, or the pose where the loops close if
+    /// other locks determine it.
     pub position: Option<f64>,
 }
 
@@ -157,7 +157,7 @@ fn joints(
     found
 }
 
-/// The links that the robot is reduced to.
+/// The links to which the robot is reduced.
 fn links(
     only: &[String],
     description: &Description,

@@ -54,7 +54,7 @@ pub(crate) fn contents(
     Ok(Some(Contents { urdf, submechanisms: None, folder: None }))
 }
 
-/// A file that cannot be parsed may: its faults are then reported with the rest.
+/// A file that cannot be parsed counts as one: its faults are then reported with the rest.
 fn may_have_submechanisms(name: &str, bytes: Vec<u8>) -> bool {
     let root = yaml::read(name, bytes, yaml::SUBMECHANISMS, &mut Diagnostics::new(false));
     root.is_none_or(|root| root.get("submechanisms").is_some())

@@ -1,8 +1,8 @@
 //! `check --suggest`: a submechanism file that fits a URDF, from one that may not.
 //!
-//! Of the given file the names, the trees, the actuated joints and the loops are taken as they are;
-//! independents are found at generic closed poses, and each type with a closed form that fits the
-//! joints is tried on the geometry. Joints in no submechanism become serial ones.
+//! Names, trees, actuated joints and loops come from the given file; independents are found at
+//! generic closed poses, and each type with a closed form that fits the joints is tried on the
+//! geometry. Joints in no submechanism become serial ones.
 
 use std::collections::BTreeSet;
 
@@ -26,7 +26,7 @@ pub struct Suggestion {
     pub report: Report,
 }
 
-/// One submechanism of the file to be.
+/// One submechanism of the new file.
 struct Draft {
     name: String,
     type_name: String,
@@ -41,7 +41,7 @@ struct Draft {
 /// Proposes a submechanism file for a robot.
 ///
 /// # Errors
-/// Sources that cannot be read; faults of the URDF, or of the loops, that leave nothing to propose.
+/// Sources that cannot be read; faults of the URDF or the loops that prevent a proposal.
 pub fn suggest(source: &Source, options: &Options) -> Result<Suggestion, LoadError> {
     let (urdf, submechanisms) = texts(source)?;
     let text = |yaml: Option<&str>| Source::Text {
@@ -56,7 +56,7 @@ pub fn suggest(source: &Source, options: &Options) -> Result<Suggestion, LoadErr
     add_rest(&mut drafts, &robot);
     drafts.iter_mut().for_each(|draft| draft.relax(&robot));
 
-    // types that define their own loops go by their order; independents of the others are found
+    // types that define their own loops use their order; independents of the others are found
     for k in 0..drafts.len() {
         if drafts[k].defines_loops() {
             let loads = |drafts: &[Draft]| load_open(&text(Some(&written(drafts, &[]))), options);
@@ -200,7 +200,7 @@ impl Draft {
         KNOWN.iter().find(|known| known.name == self.type_name)
     }
 
-    /// True where the loops are those of the type.
+    /// True if the loops are those of the type.
     fn defines_loops(&self) -> bool {
         use SubmechanismKind::{Rrpr, SliderCrank, Sprr2U1, Spu2U1, Ups6};
         self.loops.is_empty()
@@ -275,7 +275,7 @@ fn fitting(
     }
     let given = load_open(&text(Some(&written(drafts, &[]))), options).ok()?.description;
     let s = given.submechanisms.len() - drafts.len() + k;
-    // without a robot that can be closed numerically there is nothing to compare
+    // a comparison needs a robot that can be closed numerically
     if !compiles(&given) {
         return None;
     }
@@ -359,7 +359,7 @@ fn flow(node: &Node) -> String {
     }
 }
 
-/// A word as it may stand in a list; in quotes where it could be read otherwise.
+/// A word as a list item; in quotes if it is ambiguous.
 fn plain(text: &str) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "_-+./".contains(c);
     if !text.is_empty() && text.chars().all(is_plain) { text.to_owned() } else { in_quotes(text) }

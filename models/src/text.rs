@@ -67,7 +67,7 @@ impl Text {
     }
 
     /// Makes elements of an undeclared prefix readable: its colon becomes an underscore, and every
-    /// position stays where it is.
+    /// position stays the same.
     pub(crate) fn join_stray_prefix(&mut self, prefix: &str, diagnostics: &mut Diagnostics) {
         if self.content.contains(&format!("xmlns:{prefix}")) {
             return;

@@ -1,6 +1,6 @@
-//! Whether masses look like grams and lengths like millimetres. A robot may have any size, so this
-//! is a warning, and the rules are such that machines from micrometres to kilometres pass: bodies
-//! that no metal is dense enough for, and robots lighter than the air around them.
+//! Checks for masses in grams and lengths in millimetres. A robot may have any size, so this is a
+//! warning, and machines from micrometres to kilometres pass the rules: bodies denser than any
+//! metal, and robots lighter than the surrounding air.
 
 use sarrus_dynamics::Site;
 use sarrus_dynamics::description::{Description, Inertial};
@@ -8,9 +8,10 @@ use sarrus_dynamics::description::{Description, Inertial};
 use crate::build::Spans;
 use crate::report::{Diagnostics, quoted};
 
-/// A mass that is heavy for a link `[kg]`.
+/// A large mass for a link `[kg]`.
 const HEAVY: f64 = 50.0;
-/// m / r³ of radius of gyration r that no body reaches: a ball of tungsten has 3e5 `[kg/m³]`.
+/// An m / r³, with radius of gyration r, that no body reaches: a ball of tungsten has 3e5
+/// `[kg/m³]`.
 const IMPOSSIBLE: f64 = 1e6;
 /// Mass of heavy links alone in the cube of the robot's reach that is dense `[kg/m³]`.
 const DENSE: f64 = 5e3;

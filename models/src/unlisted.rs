@@ -21,8 +21,8 @@ struct Group<'a> {
     cuts: Vec<(&'a Closing, Loop)>,
 }
 
-/// Puts the loops of the URDF into the submechanisms that own their joints, or into one of their
-/// own, and the moving joints that are left into a last one.
+/// Puts the loops of the URDF into the submechanisms that own their joints, or into a new one, and
+/// the remaining moving joints into a last one.
 pub(crate) fn complete(
     urdf: &Urdf,
     has_file: bool,
@@ -105,7 +105,7 @@ pub(crate) fn complete(
 fn ends(urdf: &Urdf, closing: &Closing, diagnostics: &mut Diagnostics) -> Option<[usize; 2]> {
     let ends = closing.links.each_ref().map(|(name, span)| {
         let known = urdf.link_index.get(name).copied();
-        // where no link is the world, the root is fixed in it
+        // if no link is the world, the root is fixed in it
         let known = known.or_else(|| urdf.root.filter(|_| name == "world"));
         if known.is_none() {
             let found =
@@ -208,7 +208,7 @@ fn tied(
     })
 }
 
-/// A loop as a cut; the successor's placement is still to come where the URDF has none.
+/// A loop as a cut; without the successor's placement if the URDF has none.
 fn cut(closing: &Closing, [predecessor, successor]: [usize; 2]) -> Loop {
     let cut = match closing.place {
         Place::Both([predecessor, successor]) => Cut::Placed { predecessor, successor },
@@ -221,7 +221,7 @@ fn cut(closing: &Closing, [predecessor, successor]: [usize; 2]) -> Loop {
     Loop { name: closing.name.clone(), predecessor, successor, cut, rows }
 }
 
-/// Places the cuts of these loops on their successors, where the predecessor's frame is at zero.
+/// Places the cuts of these loops on their successors, at the predecessor's frame in the zero pose.
 fn place(description: &mut Description, open: &[(usize, usize, Place)]) {
     for (s, l, closed) in closing_placements(description) {
         let Some((_, _, place)) = open.iter().find(|of| (of.0, of.1) == (s, l)) else { continue };

@@ -1,4 +1,4 @@
-//! Many states at once: rows in, rows out, on as many threads as are given.
+//! Answers many states at once: rows in, rows out, on a given number of threads.
 
 use std::num::NonZero;
 use std::sync::{Mutex, PoisonError};
@@ -14,21 +14,21 @@ use crate::plan::Plans;
 use crate::remote::Remote;
 use crate::{Error, PlanId, Robot};
 
-/// Rows that a thread takes at once.
+/// Rows per tile, which a thread takes at once.
 const TILE: usize = 256;
 
 impl Robot {
-    /// Asks for as many states as there are places for answers: `input` and `output` hold their
-    /// rows one after the other, each packed in the plan's layout, and every row, status and
-    /// warning is that of [`Robot::ask`], to the bit. In process up to so many threads work, the
-    /// calling one among them; each keeps its scratch for the next batch of the plan. A server
-    /// answers up to [`MAX_BATCH_ROWS`](sarrus_proto::batch::MAX_BATCH_ROWS) rows at once, some of
-    /// them abreast, and others between them;
-    /// [`ConnectOptions::timeout`](crate::ConnectOptions::timeout) is how long it may go without
-    /// answering one. Of plans with a checksum it is asked row by row. Rows of a batch that it
-    /// refuses have the reason as their status. Where the sizes do not fit every row is
-    /// [`Status::WrongSize`] and NaN. [`Robot::times`] is `None` after a batch, and deadlines are
-    /// those of single requests. Allocates nothing after the first batch.
+    /// Answers one state for each element of `answers`: `input` and `output` hold their rows one
+    /// after the other, each packed in the plan's layout, and every row, status and warning has the
+    /// bits of [`Robot::ask`]. In process up to `threads` threads work, including the calling one;
+    /// each keeps its scratch for the next batch of the plan. A server takes up to
+    /// [`MAX_BATCH_ROWS`](sarrus_proto::batch::MAX_BATCH_ROWS) rows at once, computes some of them
+    /// together, and answers other clients in between;
+    /// [`ConnectOptions::timeout`](crate::ConnectOptions::timeout) is its longest time without an
+    /// answered row. Plans with a checksum are asked row by row. Rows of a batch that it refuses
+    /// have the reason as their status. If the sizes do not fit, every row is [`Status::WrongSize`]
+    /// and NaN. [`Robot::times`] is `None` after a batch, and deadlines apply to single requests
+    /// only. Allocates nothing after the first batch.
     ///
     /// # Errors
     /// As [`Robot::ask`]; rows that have no answer yet are NaN then, with the status
@@ -83,7 +83,7 @@ impl Robot {
             Batches::There { remote, plans, place } => {
                 while let Some(rows) = rows.take(BatchShape::most_rows(n_in, n_out)) {
                     let Rows { input, output, answers, .. } = rows;
-                    // there is one: so many rows fit
+                    // there is one: this many rows fit
                     if let Some(shape) = BatchShape::new(answers.len() as u64, n_in, n_out) {
                         remote.batch(plans, place, &shape, input, output, answers)?;
                     }
@@ -133,7 +133,7 @@ struct Rows<'a> {
 }
 
 impl<'a> Rows<'a> {
-    /// Takes up to so many rows off the front; `None` where none is left.
+    /// Takes up to this many rows off the front; `None` if none remains.
     fn take(&mut self, most: usize) -> Option<Rows<'a>> {
         let rows = self.answers.len().min(most);
         if rows == 0 {
@@ -150,7 +150,7 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// Answers all rows, tile by tile, on a thread for each batch.
+/// Answers all rows, tile by tile, on one thread per engine.
 fn answer_all(here: Here<'_>, rows: Rows<'_>) {
     let Some((own, others)) = here.batches.split_first_mut() else { return };
     let left = Mutex::new(rows);

@@ -13,7 +13,7 @@ use crate::ConnectError;
 /// The controller of a bridge; a bridge has one at a time.
 ///
 /// A state older than a few cycles means that the bridge is gone: look at its stamp. Commands must
-/// keep coming, each later than T1 of the configuration is damped, and later than T2 disabled.
+/// keep coming: without one for T1 of the configuration the actuators are damped, for T2 disabled.
 #[derive(Debug)]
 pub struct Controller {
     end: ControllerEnd,
@@ -55,9 +55,9 @@ impl Controller {
         self.end.observer().state()
     }
 
-    /// Asks the bridge for an operation; gives the time of asking `[ns]`, after which states may
-    /// show it. Stay until one does, and ask again: a bridge that does not know of this program yet
-    /// does not hear it.
+    /// Requests an operation; returns the time of the request `[ns]`, after which states may show
+    /// it. Repeat the request until a state shows it: the first one can get lost before the bridge
+    /// has discovered this program.
     pub fn operate(&self, operation: Operation) -> u64 {
         operate(self.end.observer(), operation, None)
     }
@@ -88,9 +88,9 @@ impl Observer {
         self.end.statistics()
     }
 
-    /// Asks the bridge for an operation; gives the time of asking `[ns]`, after which states may
-    /// show it. Stay until one does, and ask again: a bridge that does not know of this program yet
-    /// does not hear it.
+    /// Requests an operation; returns the time of the request `[ns]`, after which states may show
+    /// it. Repeat the request until a state shows it: the first one can get lost before the bridge
+    /// has discovered this program.
     pub fn operate(&self, operation: Operation) -> u64 {
         operate(&self.end, operation, None)
     }
@@ -126,7 +126,7 @@ pub fn now_ns() -> u64 {
     monotonic_ns()
 }
 
-/// This process's place in the shared memory; the node is dropped before its files are removed.
+/// This process's node in the shared memory, dropped before its files are removed.
 #[derive(Debug)]
 struct Place {
     node: Option<DomainNode>,
@@ -134,7 +134,7 @@ struct Place {
 }
 
 impl Place {
-    /// A place, and the end of a bridge's services that `open` gives there.
+    /// A node, and the end of a bridge's services that `open` returns for it.
     fn enter<E>(
         name: &str,
         open: fn(&Node, &ServerName) -> Result<E, ServiceError>,

@@ -1,4 +1,4 @@
-//! A connection to a run of a server: calls beside the data path, and whether the server is there.
+//! A connection to a run of a server: calls beside the data path, and the server's liveness.
 
 use std::io::{self, ErrorKind};
 use std::os::fd::OwnedFd;
@@ -22,10 +22,10 @@ use crate::interrupt::{self, exchange};
 use crate::life::Life;
 use crate::{ConnectError, Error, Prepared};
 
-/// Between two attempts to reach a server that others reach as well, at first and after some.
+/// Delay between two attempts to reach a busy server, at first and after some attempts.
 const RETRY: [Duration; 2] = [Duration::from_micros(100), Duration::from_millis(5)];
 
-/// How long a client that leaves waits for the server.
+/// Longest wait of a leaving client for the server.
 const LEAVE: Duration = Duration::from_millis(250);
 
 /// A connection to a run of a server. The server keeps its grants while this is open.
@@ -35,7 +35,7 @@ pub(crate) struct Control {
     fingerprint: u64,
     instance: u64,
     process: u32,
-    /// The server's, which may be another than this process would choose.
+    /// The server's root, which may differ from this process's choice.
     domain: Domain,
     pages: usize,
     heartbeat: HeartbeatReader,
@@ -67,7 +67,7 @@ impl Control {
             match exchange(&socket, &request, deadline) {
                 Ok(Some((response, descriptor))) => break (socket, process, response, descriptor),
                 Ok(None) => return Err(ConnectError::Interrupted),
-                // a new connection shows whether the server is gone, or only this connection
+                // a new connection shows whether the server or only this connection is gone
                 Err(NoResponse::Gone) if Instant::now() < deadline => std::thread::sleep(RETRY[0]),
                 Err(error) => {
                     let life = || Life::of(process, None);
@@ -100,7 +100,7 @@ impl Control {
         self.fingerprint
     }
 
-    /// True once the server is gone, or has ended in order and answers no more.
+    /// True once the server is gone, or has ended cleanly and no longer answers.
     pub(crate) fn is_over(&self) -> bool {
         self.heartbeat.read().stopped != 0 || self.socket.is_closed()
     }
@@ -169,7 +169,7 @@ impl Control {
         }
     }
 
-    /// A lane of one's own that holds so many numbers each way.
+    /// A lane for this client that holds this many numbers each way.
     pub(crate) fn lane(
         &self,
         [n_in, n_out]: [usize; 2],
@@ -186,7 +186,7 @@ impl Control {
         Ok((node, lane, [class_in, class_out]))
     }
 
-    /// A service of one's own.
+    /// A service for this client.
     pub(crate) fn service(
         &self,
         deadline: Instant,
@@ -275,7 +275,7 @@ fn connect(
                 None => ConnectError::no_server(name.as_str(), domain),
             });
         }
-        // it is there, but others wait for it as well
+        // it is alive, but other clients wait for it too
         let left = deadline.saturating_duration_since(Instant::now());
         if left.is_zero() {
             let name = name.as_str().to_owned();

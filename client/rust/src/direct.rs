@@ -40,18 +40,18 @@ const fn query(request: Request, given: &[Field], want: &[Field]) -> Query {
     Query::new(request, FieldSet::of(given), FieldSet::of(want))
 }
 
-/// The simple questions.
+/// The common requests.
 ///
 /// The first call of each allocates, because it prepares its plan; later ones never do, through a
 /// lane and in process. `prepare_…` does the same ahead of time. Each writes its results and gives
 /// the warnings; after an error all results are NaN.
 impl Robot {
-    /// Has every simple question from now on carry a checksum, times or both, as
+    /// Adds a checksum, times or both to every later common request, as
     /// [`crate::QueryBuilder::checksum`] and [`crate::QueryBuilder::times`] do for other queries;
-    /// none at first. Memory that was changed on the way is then [`Error::Failed`] with the status
-    /// `corrupt_answer`.
+    /// the default is neither. Memory that changes in transit is then [`Error::Failed`] with the
+    /// status `corrupt_answer`.
     ///
-    /// The next call of each question prepares its plan, and allocates, unless it had these options
+    /// The next call of each request prepares its plan, and allocates, unless it had these options
     /// before; plans from `prepare_…` stay unchanged.
     ///
     /// ```no_run
@@ -84,7 +84,8 @@ impl Robot {
     ///
     /// # Errors
     /// [`Error::WrongSize`] names the array that does not fit; [`Error::Failed`] has the reason why
-    /// this state has no answer; else as [`Robot::ask`], and the first call as [`Robot::prepare`].
+    /// this state has no answer; else those of [`Robot::ask`], and for the first call of
+    /// [`Robot::prepare`].
     pub fn inverse_dynamics(
         &mut self,
         y: &[f64],
@@ -148,7 +149,7 @@ impl Robot {
         self.ask_directly(Question::ToActuators, &[y, yd, ydd], &mut [u, ud, udd])
     }
 
-    /// The independent motion that encoders of the actuators show: the inverse of
+    /// The independent motion from the encoders of the actuators: the inverse of
     /// [`Robot::to_actuators`], from the pose where all coordinates are zero.
     ///
     /// # Errors
@@ -205,7 +206,7 @@ impl Robot {
         self.direct_plan(Question::ToIndependent)
     }
 
-    /// The plan of a question, prepared where it is not there or was released.
+    /// The plan of a request, prepared if it is missing or was released.
     fn direct_plan(&mut self, question: Question) -> Result<PlanId, Error> {
         if let Some(plan) = self.direct.plans[question as usize]
             && self.plans.find(plan).is_ok()
@@ -217,7 +218,7 @@ impl Robot {
         Ok(plan)
     }
 
-    /// Asks with fields in arrays of their own, in packing order.
+    /// Asks with each field in a separate array, in packing order.
     fn ask_directly(
         &mut self,
         question: Question,

@@ -25,7 +25,7 @@ pub enum ConnectError {
         /// The domain's folder, where servers of other domains are not found.
         root: PathBuf,
     },
-    /// The server's supervisor has given it up.
+    /// The server's supervisor has given up.
     #[error(
         "the server `{name}` was given up by its supervisor: {reason}; see to that and start it \
          again"
@@ -97,12 +97,12 @@ pub enum ConnectError {
     NoFreeSlot {
         /// The exhausted transport.
         transport: &'static str,
-        /// How many there are.
+        /// The number of places.
         limit: usize,
         /// The remedy.
         help: &'static str,
     },
-    /// The caller gave the wait up; see [`interruptible`](crate::interruptible).
+    /// The caller ended the wait; see [`interruptible`](crate::interruptible).
     #[error("the wait for the server was given up; ask again to connect anew")]
     Interrupted,
     /// The server is stopping.
@@ -117,7 +117,7 @@ pub enum ConnectError {
         /// The refused request.
         what: &'static str,
     },
-    /// The server could not do its part.
+    /// The server failed.
     #[error("the server could not take this client: {reason}")]
     Failed {
         /// The server's reason.
@@ -139,7 +139,7 @@ pub enum ConnectError {
          `ulimit -v`, or let it hold less"
     )]
     NoMemory {
-        /// The memory that was to be mapped.
+        /// The memory to be mapped.
         what: &'static str,
         /// The operating system's error.
         source: io::Error,
@@ -152,8 +152,8 @@ pub enum ConnectError {
     Service(ServiceError),
 }
 
-/// Why a robot does not answer. A request through [`crate::Robot::ask`] that ends with another
-/// status than `ok` is no error but an [`crate::Answer`]; [`crate::Answer::ok`] makes it one.
+/// Why a robot does not answer. A request through [`crate::Robot::ask`] that ends with a status
+/// other than `ok` is an [`crate::Answer`], not an error; [`crate::Answer::ok`] converts it to one.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -185,13 +185,13 @@ pub enum Error {
     /// The query cannot be planned.
     #[error("{0}")]
     Query(QueryError),
-    /// The server finds something in the query that it cannot plan.
+    /// The server cannot plan the query.
     #[error("the server cannot plan this: {reason}")]
     NotPlanned {
         /// The server's reason.
         reason: String,
     },
-    /// Names in a query that stand for no field or link: all of them.
+    /// All names in a query that are unknown.
     #[error("{}", lines(names))]
     UnknownNames {
         /// The names.
@@ -202,9 +202,9 @@ pub enum Error {
     WrongSize {
         /// The field of the array.
         field: Field,
-        /// How many numbers it has.
+        /// Its length.
         found: usize,
-        /// How many this robot's has.
+        /// The length for this robot.
         expected: usize,
     },
     /// The robot answered, but this state has no answer.
@@ -220,9 +220,9 @@ pub enum Error {
         n_in: usize,
         /// Numbers out.
         n_out: usize,
-        /// The most that go in.
+        /// The limit of numbers in.
         max_in: usize,
-        /// The most that come out.
+        /// The limit of numbers out.
         max_out: usize,
     },
     /// The server's table of plans is full.
@@ -234,13 +234,13 @@ pub enum Error {
         /// Size of the table.
         limit: usize,
     },
-    /// The plan is another robot's, be it one of the same model.
+    /// The plan belongs to another robot, perhaps one of the same model.
     #[error(
         "the plan was prepared by another robot; prepare it with the robot that is asked, also \
          where both are of one model"
     )]
     UnknownPlan,
-    /// The plan is this robot's, but was released.
+    /// The plan belongs to this robot, but was released.
     #[error("the plan was released; prepare it again")]
     ReleasedPlan,
 }
@@ -271,7 +271,7 @@ impl ConnectError {
         }
     }
 
-    /// Replaces the waiting time of the call's last part by that of the whole call.
+    /// Replaces the waiting time of the call's last part with that of the whole call.
     pub(crate) fn waited(self, timeout: Duration) -> ConnectError {
         match self {
             ConnectError::NoAnswer { name, life, .. } => {
@@ -281,7 +281,7 @@ impl ConnectError {
         }
     }
 
-    /// Why a page of the server that came with an answer cannot be used.
+    /// The reason why a memory page from the server cannot be used.
     pub(crate) fn of_page(
         page: &'static str,
         answer: &'static str,
@@ -293,7 +293,7 @@ impl ConnectError {
         }
     }
 
-    /// True when the server may just be on its way down or up.
+    /// True if the server may be shutting down or starting.
     pub(crate) fn may_pass(&self) -> bool {
         matches!(
             self,

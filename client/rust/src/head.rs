@@ -13,14 +13,14 @@ use crate::bridge::now_ns;
 /// The times in the head of an answer; see [`crate::Robot::times`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Times {
-    /// How old the request was when the server took it `[ns]`; 4.3 s stand for any longer time.
+    /// Age of the request when the server took it `[ns]`; saturates at 4.3 s.
     pub age_ns: u32,
-    /// From then to the publication of the answer `[ns]`; the same.
+    /// From then to the publication of the answer `[ns]`; saturates likewise.
     pub took_ns: u32,
 }
 
 impl Times {
-    /// When a request in process began, where its times are asked `[ns]`.
+    /// Start of a request in process, if its times are wanted `[ns]`.
     #[inline]
     pub(crate) fn stamp(query: &Query) -> Option<u64> {
         query.options.contains(QueryOptions::TIMES).then(now_ns)
@@ -49,12 +49,12 @@ pub(crate) struct Terms {
 }
 
 impl Terms {
-    /// Reads the clock where times or a deadline need it.
+    /// Reads the clock if times or a deadline need it.
     #[inline]
     pub(crate) fn of(query: &Query, deadline: Option<Duration>) -> Terms {
         let timed = query.options.contains(QueryOptions::TIMES);
         let stamp_ns = if timed || deadline.is_some() { now_ns().max(1) } else { 0 };
-        // 0 would be none
+        // 0 would mean no stamp
         let ns = |span: Duration| u64::try_from(span.as_nanos()).unwrap_or(u64::MAX).max(1);
         Terms {
             checked: query.options.contains(QueryOptions::CHECKSUM),

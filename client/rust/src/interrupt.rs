@@ -1,4 +1,4 @@
-//! Waits for a server that the caller may give up, as an interpreter does where a signal came.
+//! Waits for a server that the caller can interrupt, as an interpreter does on a signal.
 
 use std::cell::Cell;
 use std::os::fd::OwnedFd;
@@ -9,10 +9,10 @@ use sarrus_proto::control::{
 };
 use sarrus_proto::socket::ControlSocket;
 
-/// Between two questions whether to give up.
+/// Time between two calls of `ask`.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Whom to ask, and when.
+/// The function to ask, and the time of the next call.
 #[derive(Clone, Copy)]
 struct Question {
     ask: fn() -> bool,
@@ -24,7 +24,7 @@ thread_local! {
     static QUESTION: Cell<Option<Question>> = const { Cell::new(None) };
 }
 
-/// Puts a question back.
+/// Restores the outer function.
 struct Restore(Option<Question>);
 
 impl Drop for Restore {
@@ -33,16 +33,16 @@ impl Drop for Restore {
     }
 }
 
-/// Does something with connected robots, or connects one, and lets this thread give its waits for a
-/// server up: while one takes long `ask` is called some twenty times a second, and where it gives
-/// true the wait ends with [`ConnectError::Interrupted`](crate::ConnectError::Interrupted). Nothing
-/// is sent twice; a robot whose wait ended so connects again with its next call.
+/// Runs a closure that uses or connects robots, with interruptible waits for servers on this
+/// thread: during a long wait `ask` is called about twenty times a second, and if it returns true
+/// the wait ends with [`ConnectError::Interrupted`](crate::ConnectError::Interrupted). Nothing is
+/// sent twice; a robot whose wait ended so connects again with its next call.
 pub fn interruptible<T>(ask: fn() -> bool, f: impl FnOnce() -> T) -> T {
     let _before = Restore(QUESTION.replace(Some(Question { ask, next: None })));
     f()
 }
 
-/// Whether to give the wait up; asks at most once in [`LOOK`].
+/// Whether to end the wait; asks at most once per [`LOOK`].
 pub(crate) fn is_wanted() -> bool {
     let Some(Question { ask, next }) = QUESTION.get() else { return false };
     let now = Instant::now();
@@ -54,7 +54,7 @@ pub(crate) fn is_wanted() -> bool {
         }
         Some(next) if now < next => false,
         Some(_) => {
-            // who is asked may wait for a server as well
+            // the function itself may wait for a server
             QUESTION.set(None);
             let _after = Restore(again);
             ask()
@@ -62,8 +62,8 @@ pub(crate) fn is_wanted() -> bool {
     }
 }
 
-/// Makes a call and waits for its answer, in slices if the wait can be interrupted; `None` where it
-/// was.
+/// Makes a call and waits for its answer, in slices if the wait is interruptible; `None` if it was
+/// interrupted.
 pub(crate) fn exchange(
     socket: &ControlSocket,
     request: &ControlRequest,
@@ -103,7 +103,7 @@ mod tests {
         };
         assert!(!is_given_up(4 * LOOK));
         assert!(!interruptible(|| false, || is_given_up(4 * LOOK)));
-        // an inner question is asked in the place of the outer one, and no longer than it stands
+        // an inner function replaces the outer one until it returns
         assert!(!interruptible(|| true, || interruptible(|| false, || is_given_up(4 * LOOK))));
         assert!(interruptible(|| true, || is_given_up(600 * LOOK)));
         assert!(QUESTION.get().is_none());

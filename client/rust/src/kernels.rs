@@ -6,12 +6,11 @@ use std::sync::Arc;
 use sarrus_dynamics::{Model, Plan};
 use sarrus_generate::{Cache, Cancel, Compiler, MakeError, Manifest, NativeKernel, bare_query};
 
-/// Which generated kernels the plans of a robot get. The numbers are the same bits with all of
-/// them.
+/// Selects the generated kernels for a robot's plans. All choices return the same bits.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Kernels {
-    /// None: the generic ones answer.
+    /// None: the generic kernels answer.
     #[default]
     None,
     /// Kernels from the user's cache. No program is run.
@@ -27,9 +26,9 @@ pub enum Kernels {
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum AnsweredBy<'a> {
-    /// The generic kernels: nothing else was asked for, or the robot is connected.
+    /// The generic kernels: no others were requested, or the robot is connected.
     Generic,
-    /// A generated one, and the generic ones where it has no answer.
+    /// A generated kernel, and the generic ones where it has no answer.
     Generated(&'a Manifest),
     /// The generic kernels, because there is no generated one.
     Refused(&'a KernelError),
@@ -45,7 +44,7 @@ pub enum KernelError {
     /// The file is for another query.
     #[error("{} is for another query", .0.display())]
     OtherQuery(PathBuf),
-    /// It cannot be made, or is refused.
+    /// The kernel cannot be made, or is refused.
     #[error(transparent)]
     Make(#[from] MakeError),
 }
@@ -54,7 +53,7 @@ pub enum KernelError {
 #[derive(Default)]
 pub(crate) struct Source {
     kernels: Kernels,
-    /// That of [`Kernels::File`].
+    /// The kernel of [`Kernels::File`].
     loaded: Option<Arc<NativeKernel>>,
 }
 
@@ -70,7 +69,7 @@ impl Source {
         Ok(Source { kernels, loaded })
     }
 
-    /// The kernel of a plan; `None` where none is asked for.
+    /// The kernel of a plan; `None` if none is requested.
     pub(crate) fn kernel(
         &self,
         model: &Model<f64>,

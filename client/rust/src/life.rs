@@ -21,14 +21,14 @@ pub enum ProcessState {
     Unknown,
 }
 
-/// The life of a server, at the moment that it was looked at: its process and its heartbeat.
+/// A snapshot of a server's life: its process and its heartbeat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Life {
-    /// The server's process; 0 where it is not known.
+    /// The server's process; 0 if unknown.
     pub process: u32,
     /// Its state, as the kernel reports it.
     pub state: ProcessState,
-    /// How old the last sign of life of its answering thread is; `None` where there was none yet.
+    /// Age of the last sign of life of its answering thread; `None` before the first.
     pub silent: Option<Duration>,
 }
 

@@ -14,15 +14,15 @@ use crate::{Answer, Error};
 pub(crate) struct Local {
     pub(crate) model: Arc<Model<f64>>,
     workspace: Workspace<f64>,
-    /// By their places.
+    /// Indexed by slot.
     plans: Vec<Option<Prepared>>,
-    /// Where kernels of plans come from.
+    /// The source of kernels for plans.
     #[cfg(feature = "kernels")]
     kernels: Source,
 }
 
-/// A plan, the scratch of each thread that answered batches of it, and its kernel where one was
-/// asked for.
+/// A plan, the scratch of each thread that answered its batches, and its kernel if one was
+/// requested.
 struct Prepared {
     plan: Plan,
     batches: Vec<Batch>,

@@ -8,8 +8,8 @@ use crate::Error;
 
 /// A prepared plan of one [`crate::Robot`].
 ///
-/// It belongs to the robot that prepared it and to no other, be it of the same model: any other
-/// gives [`Error::UnknownPlan`]. It outlives restarts of the robot's server.
+/// It belongs to the robot that prepared it: any other robot, even one of the same model, returns
+/// [`Error::UnknownPlan`]. It outlives restarts of the robot's server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct PlanId {
     index: usize,
@@ -25,7 +25,7 @@ pub struct Prepared {
     given: Layout,
     want: Layout,
     number: u64,
-    /// How often it was prepared and not released.
+    /// Number of times that it was prepared and not released.
     holders: usize,
 }
 
@@ -46,7 +46,7 @@ impl Prepared {
     }
 }
 
-/// The plans of one robot; the place of a released plan is used again.
+/// The plans of one robot; the slot of a released plan is reused.
 pub(crate) struct Plans {
     robot: u64,
     places: Vec<Option<Prepared>>,
@@ -63,7 +63,7 @@ impl Plans {
         Plans { robot: next_number(), places: Vec::new() }
     }
 
-    /// A plan by its place; never allocates.
+    /// A plan by its slot; never allocates.
     #[inline]
     pub(crate) fn find(&self, plan: PlanId) -> Result<(usize, &Prepared), Error> {
         match self.places.get(plan.index) {
@@ -73,7 +73,7 @@ impl Plans {
         }
     }
 
-    /// The plan of a query that is there already, held once more.
+    /// The existing plan of a query, held once more.
     pub(crate) fn share(&mut self, query: &Query) -> Option<PlanId> {
         let robot = self.robot;
         let mut places = self.places.iter_mut().enumerate();
@@ -84,7 +84,7 @@ impl Plans {
         })
     }
 
-    /// A plan for a query that was checked, in the first place that is free.
+    /// A plan for a checked query, in the first free slot.
     pub(crate) fn add(&mut self, query: &Query, model: &ModelInfo) -> (PlanId, usize, usize) {
         let given = Layout::of_given(query, &model.sizes);
         let want = Layout::of_want(query, model);
@@ -105,7 +105,7 @@ impl Plans {
         (PlanId { index, number, robot: self.robot }, n_in, n_out)
     }
 
-    /// Ends one hold of a plan; its place where that was the last one.
+    /// Releases one hold of a plan; its slot if that was the last one.
     pub(crate) fn release(&mut self, plan: PlanId) -> Result<Option<usize>, Error> {
         let (index, _) = self.find(plan)?;
         let Some(prepared) = &mut self.places[index] else { return Ok(None) };
@@ -117,18 +117,18 @@ impl Plans {
         Ok(Some(index))
     }
 
-    /// The plan in a place.
+    /// The plan in a slot.
     pub(crate) fn at(&self, place: usize) -> Option<&Prepared> {
         self.places.get(place)?.as_ref()
     }
 
-    /// All plans, by their places.
+    /// All plans, by their slots.
     pub(crate) fn iter(&self) -> impl Iterator<Item = (usize, &Prepared)> {
         let places = self.places.iter().enumerate();
         places.filter_map(|(index, place)| Some((index, place.as_ref()?)))
     }
 
-    /// How many numbers go in and come out at most.
+    /// Most numbers in and out.
     pub(crate) fn needs(&self) -> [usize; 2] {
         let most = |n: fn(&Prepared) -> usize| self.iter().map(|plan| n(plan.1)).max().unwrap_or(0);
         [most(|prepared| prepared.given.len()), most(|prepared| prepared.want.len())]

@@ -1,13 +1,13 @@
 //! Whether this processor can run this build.
 
-/// Programs that are built for x86-64-v3 ask this before anything else, to end in words and not by
-/// an instruction that is not there.
+/// Programs built for x86-64-v3 call this first, to end with a message instead of an illegal
+/// instruction.
 ///
 /// # Errors
-/// The first feature of that baseline that is missing.
+/// The first missing feature of the baseline.
 #[cfg(all(target_arch = "x86_64", target_feature = "fma", target_feature = "avx2"))]
 pub fn check() -> Result<(), &'static str> {
-    // the processor itself is asked: std's macro answers at compile time where the build assumes a
+    // queries the processor itself: std's macro answers at compile time if the build assumes a
     // feature
     let processor = raw_cpuid::CpuId::new();
     if !processor.get_feature_info().is_some_and(|features| features.has_fma()) {

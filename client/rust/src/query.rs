@@ -1,4 +1,4 @@
-//! A query by names, which reports every name that stands for nothing.
+//! A query by names, which reports every unknown name.
 
 use std::fmt;
 
@@ -10,10 +10,10 @@ use crate::{Error, PlanId, Robot};
 
 /// A reference to a field: a [`Field`] or its name as scripts write it.
 pub trait IntoField {
-    /// The field, or the name that stands for none.
+    /// The field, or the unknown name.
     ///
     /// # Errors
-    /// The name, where no field has it.
+    /// The name, if no field has it.
     fn into_field(self) -> Result<Field, String>;
 }
 
@@ -41,7 +41,7 @@ impl IntoField for String {
     }
 }
 
-/// A name in a query that stands for nothing.
+/// An unknown name in a query.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct UnknownName {
@@ -51,7 +51,7 @@ pub struct UnknownName {
     pub what: &'static str,
     /// The known name that it most likely means.
     pub nearest: Option<String>,
-    /// Where the known names are.
+    /// The place where the known names are listed.
     pub help: String,
 }
 
@@ -59,7 +59,7 @@ pub struct UnknownName {
 const JOINT: &str = "joint of this robot";
 
 impl UnknownName {
-    /// A name that none of the known ones is; the help shows the first of these.
+    /// An unknown name; the help shows the first known ones.
     fn new(name: &str, what: &'static str, known: Vec<&str>) -> UnknownName {
         const SHOWN: usize = 6;
         let rest = if known.len() > SHOWN { ", …" } else { "" };
@@ -83,7 +83,7 @@ impl fmt::Display for UnknownName {
     }
 }
 
-/// A query in the making, by the names that scripts see or by [`Field`].
+/// Builds a query by the names that scripts use or by [`Field`].
 ///
 /// Nothing fails before [`QueryBuilder::prepare`], which reports all unknown names together.
 #[must_use = "a query is made to be prepared"]
@@ -136,7 +136,7 @@ impl<'a> QueryBuilder<'a> {
             }
             velocities.extend(matching);
         }
-        // none would stand for all
+        // an empty list would mean all
         if velocities.is_empty() && self.unknown.is_empty() {
             self.unknown.push(UnknownName {
                 name: String::new(),
@@ -158,9 +158,9 @@ impl<'a> QueryBuilder<'a> {
         self
     }
 
-    /// Puts a checksum on every request and every answer: where memory was changed on the way the
-    /// answer has the status `corrupt_answer` and NaN for numbers. Costs some tens of nanoseconds;
-    /// in process it changes nothing.
+    /// Adds a checksum to every request and answer: if memory changes in transit, the answer has
+    /// the status `corrupt_answer` and NaN for numbers. Costs some tens of nanoseconds; has no
+    /// effect in process.
     pub fn checksum(mut self) -> Self {
         self.query = self.query.with_options(QueryOptions::CHECKSUM);
         self
@@ -172,21 +172,21 @@ impl<'a> QueryBuilder<'a> {
         self
     }
 
-    /// How far redundant rows of the loops may be open, in radians or lengths of the cluster,
-    /// before an answer has the warning `loop_open`; without it 1e-6.
+    /// The largest gap of redundant rows, in radians or lengths of the cluster, without the warning
+    /// `loop_open`; 1e-6 by default.
     pub fn loop_tolerance(mut self, tolerance: f64) -> Self {
         self.query = self.query.with_loop_tolerance(tolerance);
         self
     }
 
-    /// How far an answer may be from the q or q̇ that was given, in radians or lengths of the
-    /// cluster, before it has the warning `input_projected`; without it 1e-6.
+    /// The largest distance of an answer from the given q or q̇, in radians or lengths of the
+    /// cluster, without the warning `input_projected`; 1e-6 by default.
     pub fn projection_tolerance(mut self, tolerance: f64) -> Self {
         self.query = self.query.with_projection_tolerance(tolerance);
         self
     }
 
-    /// The query as it is, without the names that are unknown.
+    /// The query so far, without unknown names.
     pub fn query(&self) -> &Query {
         &self.query
     }
@@ -194,8 +194,7 @@ impl<'a> QueryBuilder<'a> {
     /// Prepares a plan for the query.
     ///
     /// # Errors
-    /// [`Error::UnknownNames`] with every name that stands for nothing; else as
-    /// [`Robot::prepare`].
+    /// [`Error::UnknownNames`] with every unknown name; else as [`Robot::prepare`].
     pub fn prepare(self) -> Result<PlanId, Error> {
         if !self.unknown.is_empty() {
             return Err(Error::UnknownNames { names: self.unknown });

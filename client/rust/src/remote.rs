@@ -1,5 +1,4 @@
-//! A robot in another process: attached to a run of its server, and attached again when there is a
-//! new one.
+//! A robot in another process: attached to a run of its server, and reattached to the next run.
 
 use std::time::{Duration, Instant};
 
@@ -13,15 +12,15 @@ use crate::plan::Plans;
 use crate::session::{Session, Unanswered};
 use crate::{Answer, ConnectError, ConnectOptions, Error, interrupt};
 
-/// Between two attempts to attach again, at first and after a while.
+/// Delay between two attempts to reattach, at first and after a while.
 const RETRY: [Duration; 2] = [Duration::from_millis(1), Duration::from_millis(20)];
-/// How long attempts follow each other quickly: a server that is watched over is back by then.
+/// Duration of the short delays: a supervised server is back by then.
 const QUICK: Duration = Duration::from_millis(250);
 
 /// One attempt to exchange something with a run of the server.
 struct Attempt<'a> {
     session: &'a mut Session,
-    /// The run's number of the plan.
+    /// The number of the plan in this run.
     plan: u32,
     fingerprint: u64,
     sequence: &'a mut u64,
@@ -55,7 +54,7 @@ impl Remote {
         let session = Session::open(control, &Plans::new(), options.transport, deadline);
         let session = Some(session.map_err(|error| match error {
             Error::Connect(error) => waited(error),
-            // nothing but attaching can fail without plans
+            // without plans only attaching can fail
             _ => ConnectError::BadAnswer { what: "to an attach" },
         })?);
         Ok((Remote { session, domain, name, options, fingerprint, sequence: 0 }, info))
@@ -67,7 +66,7 @@ impl Remote {
         self.session.as_ref().and_then(|session| session.control.statistics(deadline).ok())
     }
 
-    /// Registers the plan in this place with the server, and sees that the lane holds them all.
+    /// Registers the plan in this slot with the server, and enlarges the lane if needed.
     pub(crate) fn register(&mut self, prepared: &Plans, place: usize) -> Result<(), Error> {
         let deadline = deadline_after(self.options.timeout);
         if self.session.is_some() {
@@ -80,8 +79,8 @@ impl Remote {
         self.attach(prepared, deadline)
     }
 
-    /// Releases the plan of this place in the server. If that fails, the session ends, and with it
-    /// all that the server holds for it.
+    /// Releases the plan of this slot in the server. If that fails, the session ends, and the
+    /// server frees all its resources.
     pub(crate) fn release(&mut self, place: usize) {
         let Some(session) = &mut self.session else { return };
         let Some(number) = session.plans.get_mut(place).and_then(Option::take) else { return };
@@ -91,7 +90,7 @@ impl Remote {
         }
     }
 
-    /// Asks and waits. The request goes out again when the server was restarted meanwhile.
+    /// Asks and waits. The request is sent again if the server restarts meanwhile.
     pub(crate) fn ask(
         &mut self,
         prepared: &Plans,
@@ -111,8 +110,8 @@ impl Remote {
         })
     }
 
-    /// Asks for rows that go together and waits; as [`Remote::ask`]. Rows of a batch that is
-    /// refused have its status, and no numbers.
+    /// Asks for the rows of a batch and waits, as [`Remote::ask`]. Rows of a refused batch have its
+    /// status, and no numbers.
     pub(crate) fn batch(
         &mut self,
         prepared: &Plans,
@@ -132,7 +131,7 @@ impl Remote {
         Ok(())
     }
 
-    /// Exchanges something with the server, again where it was restarted meanwhile.
+    /// Runs an exchange with the server, again if it restarts meanwhile.
     #[inline]
     fn exchange<T>(
         &mut self,
@@ -140,7 +139,7 @@ impl Remote {
         place: usize,
         mut attempt: impl FnMut(Attempt<'_>) -> Result<T, Unanswered>,
     ) -> Result<T, Error> {
-        // the clock is read only where something takes long
+        // the clock is read only if an exchange takes long
         let mut deadline = None;
         loop {
             if self.session.is_none() {
@@ -181,7 +180,7 @@ impl Remote {
         Err(ConnectError::Interrupted.into())
     }
 
-    /// Adds a plan to a session that goes on.
+    /// Adds a plan to a running session.
     fn extend(&mut self, prepared: &Plans, place: usize, deadline: Instant) -> Result<(), Error> {
         let (Some(session), Some(plan)) = (&mut self.session, prepared.at(place)) else {
             return Ok(());
@@ -197,7 +196,7 @@ impl Remote {
         Ok(())
     }
 
-    /// Attaches again, as often as it takes until the deadline.
+    /// Reattaches, with retries until the deadline.
     fn attach(&mut self, prepared: &Plans, deadline: Instant) -> Result<(), Error> {
         self.session = None;
         let start = Instant::now();

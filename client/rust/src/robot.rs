@@ -17,8 +17,8 @@ use crate::query::QueryBuilder;
 use crate::remote::Remote;
 use crate::{ConnectError, ConnectOptions, Error, PlanId, Prepared};
 
-/// A robot that answers: in another process or in this one, with the same methods and the same bits
-/// in the answers.
+/// A robot that answers requests, in another process or in this one, with the same methods and the
+/// same bits.
 ///
 /// ```no_run
 /// use sarrus_client::{Request, Robot};
@@ -39,7 +39,7 @@ pub struct Robot {
     side: Side,
     info: ModelInfo,
     pub(crate) plans: Plans,
-    /// The simple questions.
+    /// The common requests.
     pub(crate) direct: Direct,
     /// The input of the methods that pack fields.
     pub(crate) packed: Vec<f64>,
@@ -48,7 +48,7 @@ pub struct Robot {
     seen: Seen,
 }
 
-/// Where the robot is.
+/// The location of the robot.
 enum Side {
     /// In another process.
     Remote(Box<Remote>),
@@ -67,8 +67,8 @@ impl Robot {
         Ok(Robot::new(Side::Local(Box::new(Local::new(loaded.compiled.model))), info))
     }
 
-    /// A robot in this process from a model that was compiled in code: no files. Such come from a
-    /// [`crate::DescriptionBuilder`], or by [`crate::Model::compile`] from a
+    /// A robot in this process from a model compiled in code, without files. Such a model comes
+    /// from a [`crate::DescriptionBuilder`], or by [`crate::Model::compile`] from a
     /// [`crate::description::Description`].
     pub fn from_model(compiled: Compiled) -> Robot {
         let warnings = compiled.warnings.iter().map(ToString::to_string).collect();
@@ -76,7 +76,7 @@ impl Robot {
         Robot::new(Side::Local(Box::new(Local::new(compiled.model))), info)
     }
 
-    /// Connects to a server on this machine, with a lane of one's own.
+    /// Connects to a server on this machine, through a lane.
     ///
     /// # Errors
     /// [`ConnectError`], each with a remedy; when all lanes are taken,
@@ -93,7 +93,7 @@ impl Robot {
         Robot::connect_in(Domain::of_user()?, name, options)
     }
 
-    /// Connects to a server of another domain than the user's own.
+    /// Connects to a server of a domain other than the user's own.
     ///
     /// # Errors
     /// As [`Robot::connect`].
@@ -132,13 +132,13 @@ impl Robot {
         }
     }
 
-    /// Which generated kernels plans get that are prepared from now on; none without. The numbers
-    /// stay the same bits, errors and warnings too. With [`crate::Kernels::File`] the file is
-    /// loaded and compared now, else kernels are looked for, or compiled, as plans are prepared;
-    /// without one the generic kernels answer, and [`Robot::answered_by`] has the reason.
+    /// Selects the generated kernels for plans prepared from now on; the default is none. Numbers,
+    /// errors and warnings keep their bits. With [`crate::Kernels::File`] the file is loaded and
+    /// compared now; otherwise kernels are looked up, or compiled, as plans are prepared. Without
+    /// one the generic kernels answer, and [`Robot::answered_by`] has the reason.
     ///
-    /// Loading a shared object runs it with the rights of this process: only files are accepted
-    /// that belong to this user or to root and that no other user may write.
+    /// Loading a shared object runs it with the rights of this process: it must belong to this user
+    /// or to root, and no other user may have write access.
     ///
     /// # Errors
     /// [`crate::KernelError`]: a connected robot, or a file that is refused. The earlier setting
@@ -173,14 +173,15 @@ impl Robot {
         }
     }
 
-    /// How long the last answer took, where that is asked by [`QueryBuilder::times`] or
-    /// [`Robot::set_options`]; `None` without, and where no answer came or a checksum failed. In
+    /// The times of the last answer, if enabled by [`QueryBuilder::times`] or
+    /// [`Robot::set_options`]; `None` otherwise, and if no answer came or a checksum failed. In
     /// process the age is 0. Costs nothing.
     pub fn times(&self) -> Option<Times> {
         self.seen.times
     }
 
-    /// Answers that came after [`ConnectOptions::deadline`], as this side saw it; 0 in process.
+    /// Answers that came after [`ConnectOptions::deadline`], as measured on this side; 0 in
+    /// process.
     pub fn late(&self) -> u64 {
         self.seen.late
     }
@@ -190,8 +191,8 @@ impl Robot {
         QueryBuilder::new(self, request)
     }
 
-    /// Prepares a plan for a query; equal queries share one. A lane that is too small for it is
-    /// exchanged. Allocates.
+    /// Prepares a plan for a query; equal queries share one. Replaces a lane that is too small for
+    /// it. Allocates.
     ///
     /// # Errors
     /// [`Error`]: the query cannot be planned, moves too many numbers, or the server cannot take
@@ -229,12 +230,12 @@ impl Robot {
         }
     }
 
-    /// Releases a plan: its memory comes free, here and in the server, once it was released as
-    /// often as it was prepared. Plans that are not released go with the robot.
+    /// Releases a plan: its memory is freed, here and in the server, once it is released as often
+    /// as it was prepared. Dropping the robot releases the others.
     ///
     /// # Errors
-    /// [`Error::UnknownPlan`], [`Error::ReleasedPlan`]. That the server is gone is none: the plan
-    /// went with it.
+    /// [`Error::UnknownPlan`], [`Error::ReleasedPlan`]. A server that is gone causes no error: the
+    /// plan is gone with it.
     pub fn release(&mut self, plan: PlanId) -> Result<(), Error> {
         if let Some(place) = self.plans.release(plan)? {
             match &mut self.side {
@@ -245,7 +246,7 @@ impl Robot {
         Ok(())
     }
 
-    /// A plan of this robot; `None` where it is another robot's or was released.
+    /// A plan of this robot; `None` if it belongs to another robot or was released.
     pub fn plan(&self, plan: PlanId) -> Option<&Prepared> {
         self.plans.find(plan).ok().map(|(_, prepared)| prepared)
     }
@@ -302,13 +303,13 @@ impl Robot {
         }
     }
 
-    /// No answer of a single state came last.
+    /// The last answer was not that of a single state.
     pub(crate) fn forget_times(&mut self) {
         self.seen.times = None;
     }
 }
 
-// a controller's thread may take the robot over
+// the robot can move to a controller's thread
 const _: () = {
     const fn moves<T: Send>() {}
     moves::<Robot>()

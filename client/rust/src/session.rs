@@ -1,4 +1,4 @@
-//! One run of a server: where it takes requests, whether it is alive, how its plans are numbered.
+//! One run of a server: its end for requests, its liveness and its numbers of plans.
 
 use std::time::{Duration, Instant};
 
@@ -15,28 +15,28 @@ use crate::{ConnectError, ConnectOptions, Error, Transport, interrupt};
 
 /// The state of a client for one run of the server.
 pub(crate) struct Session {
-    /// The server's number of each plan, by its place.
+    /// The server's number of each plan, by its slot.
     pub(crate) plans: Vec<Option<u32>>,
-    /// Where batches go, once one was asked, and how many went; it goes with the end.
+    /// The area for batches, after the first one, and their count; it ends with the end for
+    /// requests.
     batch: Option<(ClaimedBatch, u64)>,
-    // dropped before the connection, at whose end the server takes its side down
+    // dropped before the connection: when that ends the server removes its side
     end: End,
     pub(crate) control: Control,
 }
 
 impl Drop for Session {
     fn drop(&mut self) {
-        // a port that goes while the server polls it is taken down by the thread that answers
-        // others
+        // a port that closes while the server polls it is removed by the answering thread
         if matches!(self.end, End::Requests { .. }) && !self.control.is_over() {
             self.control.leave();
         }
     }
 }
 
-/// Ports go before their node.
+/// Ports are dropped before their node.
 enum End {
-    /// Given up for a larger lane that did not come.
+    /// No end: a larger lane was requested and refused.
     None,
     Lane {
         lane: ClaimedLane,
@@ -49,13 +49,13 @@ enum End {
     },
 }
 
-/// Why an exchange with the server has no answer.
+/// The reason why an exchange with the server has no answer.
 pub(crate) enum Unanswered {
     /// The server may be gone.
     Lost,
     /// The server lives.
     TimedOut,
-    /// The caller does not wait any longer.
+    /// The caller interrupted the wait.
     Interrupted,
     /// The server refuses it.
     Refused(ConnectError),
@@ -87,14 +87,14 @@ impl Session {
         Ok(Session { plans, batch: None, end, control })
     }
 
-    /// The server's number of the plan in this place.
+    /// The server's number of the plan in this slot.
     #[inline]
     pub(crate) fn number(&self, place: usize) -> Option<u32> {
         self.plans.get(place).copied().flatten()
     }
 
-    /// Gets a larger lane where this one is too small, which goes back first: it may be the
-    /// server's last.
+    /// Replaces a lane that is too small with a larger one. The old lane is returned first: it may
+    /// be the server's last.
     pub(crate) fn grow(
         &mut self,
         needs: [usize; 2],
@@ -129,8 +129,8 @@ impl Session {
             }
             End::Requests { client, .. } => {
                 if !client.send(head, input) {
-                    // the request was not taken: the server is gone, or busy with a request that
-                    // this client gave up
+                    // the request was not taken: the server is gone, or busy with a cancelled
+                    // request of this client
                     output.fill(f64::NAN);
                     let status = Status::Overloaded;
                     let answer = ResponseHead::new(status, Warnings::NONE, head.sequence);
@@ -147,8 +147,8 @@ impl Session {
         }
     }
 
-    /// Asks for rows that go together and waits for all of them; the status is that of the batch.
-    /// The sequence is the area's own.
+    /// Asks for the rows of a batch and waits for all of them; the status is that of the batch. The
+    /// area has its own sequence.
     pub(crate) fn exchange_batch(
         &mut self,
         mut head: BatchHead,
@@ -180,11 +180,11 @@ impl Session {
                     Status::Ok => area.read(shape, answers, output),
                     _ => answers.fill(Answer { status, warnings: Warnings::NONE }),
                 }
-                // else the server took it back meanwhile
+                // otherwise the server revoked the area meanwhile
                 return area.has_kept(head.sequence).then_some(status).ok_or(Unanswered::Lost);
             }
             if let Some(waited) = waiter.pause() {
-                // as long as rows are answered the server is at it
+                // while rows are answered the server makes progress
                 if done != area.done() {
                     done = area.done();
                     *deadline = Some(deadline_after(options.timeout));
@@ -195,8 +195,8 @@ impl Session {
     }
 }
 
-/// Whether an answer of this sequence is taken for the request's. With a checksum another number is
-/// a changed one, but for that of the answer before, which may be seen twice.
+/// Whether an answer of this sequence is taken for the request's. With a checksum any other number
+/// is corrupt, except that of the previous answer, which may be seen twice.
 #[inline]
 fn is_for(request: &RequestHead, sequence: u64) -> bool {
     let is_older = sequence.wrapping_add(1) == request.sequence;
@@ -218,7 +218,7 @@ fn take(
     Some(answer)
 }
 
-/// Polls until there is an answer, or no longer a reason to wait for it.
+/// Polls until there is an answer or the wait ends.
 #[inline]
 fn wait(
     control: &Control,
@@ -237,8 +237,8 @@ fn wait(
     }
 }
 
-/// Whether to go on waiting: the kernel reports at once when the server is gone, and as long as it
-/// does not, the server may only be late.
+/// Whether to continue waiting: the kernel reports at once when the server is gone; until then the
+/// server may only be late.
 #[cold]
 fn look(
     control: &Control,

@@ -1,4 +1,4 @@
-//! Looking at a server without being its client.
+//! Reads a server's counters without being its client.
 
 use std::time::Duration;
 
@@ -16,7 +16,7 @@ pub struct ServerView {
 }
 
 impl ServerView {
-    /// Connects to a server on this machine; each look waits for `timeout` at most.
+    /// Connects to a server on this machine; each call waits for `timeout` at most.
     ///
     /// # Errors
     /// [`ConnectError`].

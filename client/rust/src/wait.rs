@@ -4,16 +4,16 @@ use std::time::{Duration, Instant};
 
 use crate::WaitStrategy;
 
-/// Polls between two looks at the clock.
+/// Polls between two readings of the clock.
 const POLLS_BETWEEN_LOOKS: u32 = 256;
-/// A polite client polls for this long before it lets others run.
+/// A polite client polls for this long before it yields.
 const POLITE: Duration = Duration::from_micros(20);
 /// After this time microseconds no longer matter.
 const LONG: Duration = Duration::from_millis(5);
-/// Between two looks at the server's sign of life.
+/// Time between two checks of the server's heartbeat.
 const LIFE: Duration = Duration::from_millis(1);
 
-/// One wait, from its beginning.
+/// One wait, from its start.
 pub(crate) struct Waiter {
     wait_strategy: WaitStrategy,
     polls: u32,

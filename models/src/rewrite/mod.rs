@@ -1,4 +1,4 @@
-//! Files with another zero pose: the texts as they are but for the numbers that change.
+//! Rewrites files for another zero pose: only the numbers that change are replaced.
 
 mod urdf;
 mod yaml;
@@ -12,15 +12,15 @@ use crate::error::LoadError;
 use crate::load::{Options, Source, texts};
 use crate::open::load_open;
 
-/// How far a number that was written and read again may be off `[m, rad]`.
+/// Largest error of a number that was written and read again `[m, rad]`.
 const ROUNDING: f64 = 1e-9;
 
 /// One robot at two zero poses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewZero {
-    /// That of the files.
+    /// The zero pose of the files.
     pub old: Description,
-    /// The one to write.
+    /// The zero pose to write.
     pub new: Description,
 }
 
@@ -30,11 +30,11 @@ pub struct NewZero {
 pub struct Rewritten {
     /// URDF.
     pub urdf: Vec<u8>,
-    /// Submechanisms; `None` where they stay as they are.
+    /// Submechanisms; `None` if they do not change.
     pub submechanisms: Option<Vec<u8>>,
 }
 
-/// A replacement of some bytes; of none where something comes in.
+/// A replacement of some bytes; of none for an insertion.
 type Edit = (Range<usize>, String);
 
 impl NewZero {
@@ -57,7 +57,7 @@ impl NewZero {
             Ok(written) => written.into_bytes(),
             Err(why) => return Ok(Err(why)),
         };
-        // a free base stands in no file
+        // no file holds a free base
         let first = usize::from(options.base != Base::Fixed);
         let cuts = self.cuts(first);
         if cuts.is_empty() {

@@ -47,7 +47,7 @@ fn joint(text: &str, node: Node<'_, '_>, old: &Joint, new: &Joint, edits: &mut V
                 if old.origin.xyz != new.origin.xyz {
                     set(text, origin, "xyz", xyz, edits);
                 }
-                // a quaternion makes way for angles
+                // angles replace a quaternion
                 match origin.attribute_node("quat_xyzw") {
                     _ if old.origin.rpy == new.origin.rpy => {}
                     Some(quaternion) => edits.push((quaternion.range(), format!("rpy=\"{rpy}\""))),

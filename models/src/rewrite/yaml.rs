@@ -7,8 +7,8 @@ use crate::report::Diagnostics;
 use crate::text::Text;
 use crate::yaml;
 
-/// The replacements that place cuts: lines of their own, or further keys within braces. `None`
-/// where there is no such loop.
+/// The replacements that place cuts: separate lines, or further keys within braces. `None` if there
+/// is no such loop.
 pub(super) fn edits(
     text: &str,
     cuts: &[(usize, usize, Placement, Placement)],
@@ -16,7 +16,7 @@ pub(super) fn edits(
 ) -> Option<Vec<Edit>> {
     let mut diagnostics = Diagnostics::new(false);
     let read = Text::new("", text.as_bytes().to_vec(), &mut diagnostics)?;
-    // a byte order mark is no part of what was read
+    // a byte order mark is not part of the text that was read
     let mark = text.len() - read.content.len();
     let root = yaml::parse(&read, yaml::SUBMECHANISMS, &mut diagnostics)?;
     let mut edits = Vec::new();

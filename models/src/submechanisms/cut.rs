@@ -50,7 +50,7 @@ pub(super) fn walk(node: &Node, diagnostics: &mut Diagnostics) -> Vec<Span> {
     }
     if let (Universal, [Some((_, _, Some(first))), Some((_, span, Some(second)))]) = (kind, axes) {
         let along = dot(first, second) / (dot(first, first) * dot(second, second)).sqrt();
-        // a little off is the rounding of a file
+        // a small error is the rounding of a file
         if along.abs() > 1e-6 {
             let found = format!("the two axes of a universal cut have the cosine {along:.3e}");
             let help = "correct one of them, or write the cut as revolute joints in the tree and a \

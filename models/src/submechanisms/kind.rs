@@ -44,7 +44,7 @@ pub(crate) const KNOWN: [Known; 15] = [
     known("NUMERICAL", Kind::Numerical, &[], None),
 ];
 
-/// How many freedoms a joint has; one that is not known counts one.
+/// Number of freedoms of a joint; 1 for an unknown joint.
 pub(crate) fn freedoms(kind: Option<JointKind>) -> usize {
     match kind {
         Some(JointKind::Spherical) => 3,
@@ -53,7 +53,7 @@ pub(crate) fn freedoms(kind: Option<JointKind>) -> usize {
     }
 }
 
-/// How many joints of each sort a letter run as `3T+3R` or `RRP` promises.
+/// Number of joints of each sort in a letter run such as `3T+3R` or `RRP`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Letters {
     /// `R`.

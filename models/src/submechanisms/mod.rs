@@ -22,13 +22,13 @@ use kind::{KNOWN, Letters, freedoms, letters};
 /// Most rows of all loops together: their matrices are dense.
 pub(crate) const MOST_ROWS: usize = 1024;
 
-/// A submechanism file as it stands, checked against the robot.
+/// A submechanism file, checked against the robot.
 pub(crate) struct Submechanisms {
     pub(crate) span: Span,
     pub(crate) entries: Vec<Entry>,
 }
 
-/// Checks the entries of a file and, where there is a robot, their names.
+/// Checks the entries of a file and, given a robot, their names.
 pub(crate) fn check(
     span: Span,
     mut entries: Vec<Entry>,
@@ -164,7 +164,7 @@ impl<'a> Check<'a, '_> {
         }
     }
 
-    /// Each name exists, moves where it must, and is there once.
+    /// Each name exists, moves if it must, and occurs once.
     fn names(&mut self, names: Option<&'a [Named]>, key: &str, must_move: bool) {
         let mut seen: BTreeSet<&str> = BTreeSet::new();
         for (name, span) in names.into_iter().flatten() {
@@ -192,7 +192,7 @@ impl<'a> Check<'a, '_> {
         }
     }
 
-    /// Each name is in the spanning tree, and there once.
+    /// Each name is in the spanning tree, once.
     fn within_tree(&mut self, names: Option<&'a [Named]>, key: &str) {
         let mut seen: BTreeSet<&str> = BTreeSet::new();
         let tree: Option<BTreeSet<&str>> = self
@@ -221,7 +221,7 @@ impl<'a> Check<'a, '_> {
         self.diagnostics.error(span, found, "once", "remove one of them");
     }
 
-    /// The numbers of joints that the type promises.
+    /// The numbers of joints that the type requires.
     fn counts(&mut self) {
         let (Some(kind), Some(type_name), Some(tree), Some(independent)) =
             (self.kind, &self.entry.type_name, &self.entry.tree, &self.entry.independent)
@@ -253,7 +253,7 @@ impl<'a> Check<'a, '_> {
                 self.diagnostics.error(span, found, count.to_string(), help);
             }
         }
-        // its loops may stand in the URDF
+        // the URDF may hold its loops
         if kind == SubmechanismKind::Numerical
             && self.entry.loops.is_empty()
             && self.coupled(tree) == 0
@@ -347,13 +347,13 @@ impl<'a> Check<'a, '_> {
         }
     }
 
-    /// How many freedoms these joints have.
+    /// Number of freedoms of these joints.
     fn dofs(&self, names: &[Named]) -> usize {
         let kind = |name: &String| self.urdf.and_then(|urdf| urdf.joint(name)?.kind);
         names.iter().map(|(name, _)| freedoms(kind(name))).sum()
     }
 
-    /// How many of these joints follow others.
+    /// Number of these joints that follow others.
     fn coupled(&self, names: &[Named]) -> usize {
         let Some(urdf) = self.urdf else { return 0 };
         names

@@ -7,8 +7,7 @@ use crate::report::{Diagnostics, Span};
 use crate::urdf::Urdf;
 use crate::yaml::{Named, Node, Value, keys, list, missing, number, numbers, word, words};
 
-/// A submechanism as it stands in the file; absent and malformed values are `None` and have been
-/// reported.
+/// A submechanism as written; absent and malformed values are `None` and have been reported.
 pub(crate) struct Entry {
     pub(crate) span: Span,
     pub(crate) name: Option<Named>,
@@ -22,7 +21,7 @@ pub(crate) struct Entry {
 }
 
 impl Entry {
-    /// Puts the parts of joints of several axes in the place of their names.
+    /// Replaces the names of joints of several axes by those of their parts.
     pub(super) fn expand(&mut self, urdf: &Urdf) {
         for list in [&mut self.all, &mut self.tree, &mut self.independent, &mut self.active] {
             let Some(names) = list else { continue };
@@ -35,7 +34,7 @@ impl Entry {
     }
 }
 
-/// A loop constraint as it stands in the file.
+/// A loop constraint as written.
 pub(crate) struct LoopEntry {
     pub(crate) span: Span,
     pub(crate) cut_joint: Option<Named>,
@@ -202,8 +201,8 @@ fn placements(node: &Node, diagnostics: &mut Diagnostics) -> bool {
     given.iter().all(|(_, placement)| placement.is_some())
 }
 
-/// The two links of `frames`, whose frames are the cut frames; nothing else may place the cut then.
-/// The inner `None` stands for a malformed value.
+/// The two links of `frames`, whose frames are the cut frames; no other key may then place the cut.
+/// The inner `None` is a malformed value.
 fn frames(node: &Node, diagnostics: &mut Diagnostics) -> Option<Option<[Named; 2]>> {
     let value = node.get("frames")?;
     let others =

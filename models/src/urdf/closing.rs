@@ -20,13 +20,13 @@ use super::xml::Reader;
 use crate::cut::CutKind;
 use crate::report::{Span, quoted};
 
-/// A name and where it stands.
+/// A name and its position.
 pub(super) type Named = (String, Span);
 
 /// A loop as a cut between two links.
 pub(crate) struct Closing {
     pub(crate) name: String,
-    /// The name is made of those of the links.
+    /// The links' names form its name.
     pub(crate) is_unnamed: bool,
     pub(crate) span: Span,
     /// Predecessor and successor.
@@ -39,7 +39,7 @@ pub(crate) struct Closing {
     pub(crate) axis2: [f64; 3],
 }
 
-/// Where the two cut frames lie.
+/// The positions of the two cut frames.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Place {
     /// On both links.
@@ -63,7 +63,7 @@ pub(super) fn kind(written: &str) -> Option<CutKind> {
     })
 }
 
-/// Whether an element of the robot stands for a loop that is read here.
+/// Whether an element of the robot is a loop that this module reads.
 pub(super) fn is_closing(node: Node<'_, '_>) -> bool {
     let name = node.tag_name().name();
     match drake(node) {
@@ -154,7 +154,7 @@ fn element<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Closin
     let [first, second] = [origins[0]?, origins[1]?];
     let in_parent = axes[0].is_some_and(|axis| axis.attribute("frame") == Some("parent"));
     let place = match in_parent {
-        // an axis in the parent is one in the cut frame where that is not turned
+        // an axis in the parent equals one in the cut frame if that is not rotated
         true if first.rpy == [0.0; 3] => Place::Point(first, second.xyz),
         true => {
             let found = format!("the axis of the loop {} in a turned frame", quoted(&name));
@@ -236,7 +236,7 @@ pub(super) fn closing(reader: &mut Reader<'_, '_>, closing: Closing) -> Option<C
     Some(closing)
 }
 
-/// A type that no cut joint has.
+/// Reports a type without a cut joint.
 pub(super) fn unknown(
     reader: &mut Reader<'_, '_>,
     at: Span,

@@ -1,5 +1,5 @@
 //! Joints that are chains of joints with one axis each: `planar` and `universal`. The links between
-//! them are massless, bear the name of the joint before them, and are no one's but ours.
+//! them are massless, have the name of the joint before them, and are internal.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! Couplings and rotors, handed to the joints that they belong to, and checked.
+//! Assigns couplings and rotors to their joints, and checks them.
 
 use std::collections::BTreeSet;
 
@@ -77,7 +77,7 @@ impl Urdf {
         [a, b].map(|path| path.into_iter().filter(|j| self.moves(*j)).collect())
     }
 
-    /// Whether a name is that of a joint of several axes, which couples nothing; reports it.
+    /// Whether a name is that of a joint of several axes, which cannot be coupled; reports it.
     fn is_compound(&self, name: &str, span: Span, diagnostics: &mut Diagnostics) -> bool {
         let Some(parts) = self.parts.get(name) else { return false };
         let found = format!("the joint {}, which has several axes", quoted(name));
@@ -108,7 +108,7 @@ impl Urdf {
         self.joints.get_mut(*joint)
     }
 
-    /// Hands the dependences of transmissions to their joints.
+    /// Assigns the dependences of transmissions to their joints.
     pub(super) fn couple(&mut self, dependences: Vec<Dependence>, diagnostics: &mut Diagnostics) {
         for Dependence { joint, span, masters } in dependences {
             let what = "the transmission names";
@@ -123,8 +123,8 @@ impl Urdf {
         }
     }
 
-    /// Hands the couplings of URDF+ to the joints that follow, one after the other: each looks for
-    /// a joint that follows nothing yet.
+    /// Assigns the couplings of URDF+ to the following joints one by one: each takes a joint that
+    /// does not follow another yet.
     pub(super) fn mesh(&mut self, gears: &[Gear], diagnostics: &mut Diagnostics) {
         let chains = gears.iter().take(MOST_JOINTS);
         let above = self.above();
@@ -140,7 +140,7 @@ impl Urdf {
         }
     }
 
-    /// Hands the rotors of transmissions to their joints.
+    /// Assigns the rotors of transmissions to their joints.
     pub(super) fn add_rotors(&mut self, rotors: &[Rotor], diagnostics: &mut Diagnostics) {
         for rotor in rotors {
             let span = rotor.span;

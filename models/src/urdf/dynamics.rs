@@ -151,7 +151,7 @@ pub(super) fn accepts(
     }
 }
 
-/// Reports a rotor whose gear ratio is zero. A negative ratio is good: its sign is that of the
+/// Reports a rotor whose gear ratio is zero. A negative ratio is valid: its sign is that of the
 /// motor's coordinate.
 fn check_ratio(inertia: f64, ratio: f64, span: Span, diagnostics: &mut Diagnostics) {
     if inertia > 0.0 && ratio == 0.0 {

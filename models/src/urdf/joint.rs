@@ -47,7 +47,7 @@ const BALL: &str = "ball";
 const PLANAR: &str = "planar";
 const UNIVERSAL: &str = "universal";
 
-/// A joint as it stands in the file.
+/// A joint as written.
 pub(crate) struct JointEntry {
     /// Empty when it is missing, which has been reported.
     pub(crate) name: String,
@@ -63,7 +63,7 @@ pub(crate) struct JointEntry {
     pub(crate) parent: Option<(String, Span)>,
     pub(crate) child: Option<(String, Span)>,
     pub(crate) has_limits: bool,
-    /// Whether the limits hold a range: without `lower` and `upper` there is none.
+    /// Whether the limits define a range; without `lower` and `upper` they do not.
     pub(crate) has_range: bool,
     pub(crate) masters: Vec<Master>,
     pub(crate) terms: Terms,

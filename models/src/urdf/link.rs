@@ -27,13 +27,13 @@ const INERTIAL: Shape =
 const MASS: Shape = Shape::of(&["value"]);
 const INERTIA: Shape = Shape::of(&["ixx", "ixy", "ixz", "iyy", "iyz", "izz"]);
 
-/// A link as it stands in the file.
+/// A link as written.
 pub(crate) struct LinkEntry {
     /// Empty when it is missing, which has been reported.
     pub(crate) name: String,
     pub(crate) span: Span,
     pub(crate) inertial: Weight,
-    /// False of a link between the parts of a joint.
+    /// False for a link between the parts of a joint.
     pub(crate) is_written: bool,
 }
 
@@ -42,7 +42,7 @@ pub(crate) struct LinkEntry {
 pub(crate) enum Weight {
     /// No inertial.
     Absent,
-    /// Something of it is malformed, which has been reported.
+    /// It is malformed, which has been reported.
     Malformed,
     /// Both can be read.
     Given { span: Span, mass: f64, inertia: [f64; 6] },

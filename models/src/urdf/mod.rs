@@ -50,7 +50,7 @@ const ROBOT: Shape = Shape {
 const MOST_LINKS: usize = 4096;
 const MOST_JOINTS: usize = 1024;
 
-/// A URDF file as it stands, with positions; the numbers follow in [`Values`].
+/// A URDF file as written, with positions; [`Values`] has the numbers.
 pub(crate) struct Urdf {
     pub(crate) name: String,
     pub(crate) span: Span,
@@ -60,13 +60,13 @@ pub(crate) struct Urdf {
     pub(crate) joint_index: BTreeMap<String, usize>,
     /// The joints that a joint of several axes consists of, by its name.
     pub(crate) parts: BTreeMap<String, Vec<String>>,
-    /// Loops that stand in the file.
+    /// Loops in the file.
     pub(crate) closings: Vec<Closing>,
     /// Joints that the file declares actuated.
     pub(crate) actuated: BTreeSet<String>,
     /// The link that is no joint's child.
     pub(crate) root: Option<usize>,
-    /// Names of joints as they stand in the file.
+    /// Names of joints as written.
     written_joints: Vec<String>,
     /// Byte ranges that no part of sarrus reads.
     unread: Vec<core::ops::Range<usize>>,
@@ -95,7 +95,7 @@ impl Version {
     }
 }
 
-/// The places of names in their list; a second part of a name is reported.
+/// The indices of names in their list; a second part with the same name is reported.
 fn index<'a>(
     kind: &str,
     names: impl Iterator<Item = (&'a String, Span)>,
@@ -113,7 +113,7 @@ fn index<'a>(
 }
 
 impl Urdf {
-    /// Walks the text; `None` when it is no URDF file at all, which has been reported.
+    /// Walks the text; `None` if it is no URDF file at all, which has been reported.
     pub(crate) fn read(text: &Text, diagnostics: &mut Diagnostics) -> Option<Urdf> {
         let document = xml::parse(text, diagnostics)?;
         let root = document.root_element();

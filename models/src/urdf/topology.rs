@@ -4,7 +4,7 @@ use super::Urdf;
 use super::joint::JointEntry;
 use crate::report::{Diagnostics, quoted};
 
-/// The tree as far as it is known, by index.
+/// The known part of the tree, by index.
 struct Tree {
     /// The joint above each link.
     above: Vec<Option<usize>>,

@@ -97,8 +97,8 @@ fn placement(pose: &urdf_rs::Pose) -> Placement {
     Placement { xyz: *pose.xyz, rpy: *pose.rpy }
 }
 
-/// The text for urdf-rs: without the elements that no part of sarrus reads, as a fault in a mesh or
-/// a plug-in is no fault of the robot, and with the joint types by the names of urdf-rs.
+/// The text for urdf-rs: without the elements that no part of sarrus reads, since a fault in a mesh
+/// or plug-in is not a fault of the robot, and with the joint types by the names of urdf-rs.
 fn without_unread(text: &Text, urdf: &Urdf) -> String {
     let unread = urdf.unread.iter().map(|range| (range.clone(), ""));
     let mut changes: Vec<(core::ops::Range<usize>, &str)> =

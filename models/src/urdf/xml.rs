@@ -181,7 +181,7 @@ impl<'t, 'f> Reader<'t, 'f> {
         children
     }
 
-    /// An attribute that must be there and not be empty.
+    /// A required attribute, which must not be empty.
     pub(super) fn required(
         &mut self,
         node: Node<'_, 't>,
@@ -248,7 +248,7 @@ impl<'t, 'f> Reader<'t, 'f> {
         self.number(node, attribute)
     }
 
-    /// Reports an attribute that is not there.
+    /// Reports a missing attribute.
     fn missing(&mut self, node: Node<'_, 't>, attribute: &str, value: &str) {
         let found = format!("`{}` has no `{attribute}`", node.tag_name().name());
         let expected = format!("{attribute}=\"{value}\"");

@@ -16,8 +16,8 @@ use crate::text::Text;
 /// The expected kind of file in the messages about most YAML files of a robot.
 pub(crate) const SUBMECHANISMS: &str = "a submechanism file";
 
-/// Reads a text whose faults go by the name of its file and that is `expected` to be a file of some
-/// kind; `None` after a fault that leaves nothing to look at.
+/// Reads a text whose faults carry its file's name; `expected` names the kind of file. `None` after
+/// a fault that leaves no content.
 pub fn read(
     name: &str,
     bytes: Vec<u8>,

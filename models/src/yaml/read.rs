@@ -4,10 +4,10 @@ use super::tree::{Node, Value};
 use crate::number as strict;
 use crate::report::{Diagnostics, Span, quoted};
 
-/// A name and where it stands.
+/// A name and its position.
 pub type Named = (String, Span);
 
-/// Checks the keys of a mapping: none is unknown or there twice. False when the node is no mapping.
+/// Checks the keys of a mapping: none is unknown or repeated. False when the node is no mapping.
 /// `of` names the mapping in messages.
 pub fn keys(node: &Node, of: &str, known: &[&str], diagnostics: &mut Diagnostics) -> bool {
     let Value::Map(entries) = &node.value else {
@@ -66,7 +66,7 @@ pub(crate) fn missing(
     diagnostics.error(node.span, format!("{of} has no `{key}`"), expected, "add it");
 }
 
-/// The text of a key, if the key is there.
+/// The text of a key, if present.
 pub fn word(node: &Node, key: &str, diagnostics: &mut Diagnostics) -> Option<Named> {
     let value = node.get(key)?;
     word_of(value, key, diagnostics)
@@ -87,7 +87,7 @@ fn word_of(value: &Node, key: &str, diagnostics: &mut Diagnostics) -> Option<Nam
     }
 }
 
-/// The names of a list, if the key is there; nothing counts as an empty list.
+/// The names of a list, if the key is present; an empty value is an empty list.
 pub fn words(node: &Node, key: &str, diagnostics: &mut Diagnostics) -> Option<Vec<Named>> {
     node.get(key)?;
     let items = list(node, key, diagnostics);
@@ -96,7 +96,7 @@ pub fn words(node: &Node, key: &str, diagnostics: &mut Diagnostics) -> Option<Ve
     (names.len() == items.len()).then_some(names)
 }
 
-/// The items of a key's list; nothing counts as an empty list.
+/// The items of a key's list; an empty value is an empty list.
 pub fn list<'a>(node: &'a Node, key: &str, diagnostics: &mut Diagnostics) -> &'a [Node] {
     let Some(value) = node.get(key) else { return &[] };
     if !matches!(value.value, Value::List(_) | Value::Null) {
@@ -110,7 +110,7 @@ pub fn list<'a>(node: &'a Node, key: &str, diagnostics: &mut Diagnostics) -> &'a
     value.items()
 }
 
-/// `N` numbers of a key, if the key is there.
+/// `N` numbers of a key, if present.
 pub fn numbers<const N: usize>(
     node: &Node,
     of: &str,

@@ -13,7 +13,7 @@ const MOST_NODES: usize = 1_000_000;
 /// Most nodes that the aliases of a file may stand for, all together.
 const MOST_EXPANDED: usize = 100_000;
 
-/// A node and where it stands.
+/// A node and its position.
 #[derive(Clone, Debug)]
 pub struct Node {
     /// Its first character.
@@ -123,7 +123,7 @@ pub(crate) fn parse(text: &Text, expected: &str, diagnostics: &mut Diagnostics) 
     Some(builder.root.unwrap_or(Node { span: Span::start(text.file), value: Value::Null }))
 }
 
-/// The tree as far as the parser's events have come.
+/// The tree of the events so far.
 #[derive(Default)]
 struct Builder {
     root: Option<Node>,
