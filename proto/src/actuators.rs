@@ -6,15 +6,15 @@
 
 use crate::wire_enum::wire_enum;
 
-/// An operation as it travels.
+/// An operation on the wire.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C)]
 pub struct OperatorRequest {
-    /// When it was asked, by the monotonic clock of this machine `[ns]`.
+    /// Time of the request, by the monotonic clock of this machine `[ns]`.
     pub stamp_ns: u64,
     /// An [`Operation`].
     pub operation: u32,
-    /// 0 for all mechanisms, else 1 + the place in u of an actuator of the one that is meant.
+    /// 0 for all mechanisms, else 1 + the index in u of an actuator of the addressed one.
     pub actuator: u32,
 }
 
@@ -26,7 +26,7 @@ wire_enum! {
     MechanismState: u32 {
         /// Its motors have no power.
         Disabled = 0, "disabled";
-        /// It was asked to arm, and waits for a missing condition or for its motors.
+        /// It is requested to arm, and waits for a missing condition or for its motors.
         Arming = 1, "arming";
         /// Its motors follow the commands.
         Enabled = 2, "enabled";
@@ -48,15 +48,15 @@ wire_enum! {
         CommandLost = 2, "command_lost";
         /// The bridge itself was stopped for longer than T2.
         Stalled = 3, "stalled";
-        /// No command came since it was asked to arm.
+        /// No command came since the request to arm.
         NoCommand = 4, "no_command";
         /// A motor has no offset in the configuration.
         NotCalibrated = 5, "not_calibrated";
         /// A motor's watchdog is off.
         WatchdogOff = 6, "watchdog_off";
-        /// A motor's watchdog was not read, and is not believed to be on.
+        /// A motor's watchdog was not read, so it counts as off.
         WatchdogUnknown = 7, "watchdog_unknown";
-        /// A motor does not measure, or no longer.
+        /// A motor does not measure, or has stopped measuring.
         FeedbackStale = 8, "feedback_stale";
         /// A motor reports a fault.
         MotorFault = 9, "motor_fault";
@@ -68,7 +68,7 @@ wire_enum! {
         BusPassive = 12, "bus_passive";
         /// The bus is off.
         BusOff = 13, "bus_off";
-        /// Frames of before still wait to be sent.
+        /// Earlier frames still wait to be sent.
         Backlog = 14, "backlog";
         /// Another mechanism failed, and the robot stops as a whole.
         OtherMechanism = 15, "other_mechanism";
@@ -78,23 +78,23 @@ wire_enum! {
         PositionLimit = 17, "position_limit";
         /// An actuator is faster than its limit.
         VelocityLimit = 18, "velocity_limit";
-        /// An actuator stays behind its set-point.
+        /// An actuator lags behind its set-point.
         FollowingError = 19, "following_error";
-        /// A motor reports another effort than it was asked for.
+        /// A motor reports an effort that differs from the commanded one.
         EffortMismatch = 20, "effort_mismatch";
         /// A motor repeats one position while it must have moved.
         FeedbackFrozen = 21, "feedback_frozen";
         /// A position changed by more than the speed allows.
         FeedbackJump = 22, "feedback_jump";
-        /// A motor answers requests of long ago.
+        /// A motor answers old requests.
         FeedbackLate = 23, "feedback_late";
-        /// More answers came than a motor was asked for.
+        /// A motor sent more answers than requests.
         SecondAnswer = 24, "second_answer";
         /// Another sender uses the bridge's own identifiers.
         SecondMaster = 25, "second_master";
         /// A motor is too hot.
         OverTemperature = 26, "over_temperature";
-        /// An actuator is outside its limits, where nothing is armed.
+        /// An actuator is outside its limits, where arming is refused.
         OutsideLimits = 27, "outside_limits";
         /// An independent coordinate of the mechanism is beyond its limit.
         MechanismLimit = 28, "mechanism_limit";
@@ -112,13 +112,13 @@ wire_enum! {
 wire_enum! {
     /// An operator's request to the bridge.
     Operation: u32 {
-        /// Give the motors power as soon as everything is in order.
+        /// Give the motors power as soon as all conditions hold.
         Arm = 1, "arm";
-        /// Take the power away.
+        /// Remove power.
         Disarm = 2, "disarm";
         /// Clear a fault; armed mechanisms stay armed.
         Reset = 3, "reset";
-        /// Move actuators outside their limits back inside, slowly, then take the power away.
+        /// Move actuators outside their limits back inside, slowly, then remove power.
         Return = 4, "return";
     }
 }
@@ -129,9 +129,9 @@ pub mod flag {
     pub const EFFORT_LIMITED: u32 = 1;
     /// The position was limited.
     pub const POSITION_LIMITED: u32 = 1 << 1;
-    /// The velocity was limited, or the position was to change faster than that.
+    /// The velocity was limited, or the commanded position changes faster than the limit.
     pub const VELOCITY_LIMITED: u32 = 1 << 2;
-    /// The effort was to change faster than it may.
+    /// The commanded effort changes faster than its limit.
     pub const RATE_LIMITED: u32 = 1 << 3;
     /// Gains and efforts still grow after arming.
     pub const RAMPING: u32 = 1 << 4;
@@ -149,7 +149,7 @@ pub mod flag {
     pub const DERATED: u32 = 1 << 10;
     /// The actuator is brought to a standstill.
     pub const STOPPING: u32 = 1 << 11;
-    /// An effort that pushes outwards beyond a position limit was taken away.
+    /// An effort that pushes outwards beyond a position limit was removed.
     pub const OUTWARD_LIMITED: u32 = 1 << 12;
     /// Name of each bit, from the lowest.
     pub const NAMES: [&str; 13] = [
@@ -176,13 +176,13 @@ pub mod flag {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct ActuatorCommand {
-    /// Grows with each command; one that does not is not taken.
+    /// Increases with each command; any other command is rejected.
     pub sequence: u64,
-    /// When the command was computed, by the monotonic clock of this machine `[ns]`.
+    /// Time at which the command was computed, by the monotonic clock of this machine `[ns]`.
     pub stamp_ns: u64,
-    /// Fingerprint of the model that it was computed with; 0 where the bridge has no model.
+    /// Fingerprint of the model behind the command; 0 if the bridge has no model.
     pub fingerprint: u64,
-    /// How many actuators it is for (n_u).
+    /// Number of actuators (n_u).
     pub n_u: u64,
     /// Position `[rad, m]`.
     pub position: [f64; MAX_ACTUATORS],
@@ -223,9 +223,9 @@ pub struct ActuatorState {
     pub stamp_ns: u64,
     /// Fingerprint of the model; 0 without one.
     pub fingerprint: u64,
-    /// How many actuators there are (n_u).
+    /// Number of actuators (n_u).
     pub n_u: u64,
-    /// Sequence of the last command that was taken.
+    /// Sequence of the last accepted command.
     pub command: u64,
     /// The worst of the mechanisms, a [`MechanismState`].
     pub state: u32,
@@ -239,7 +239,7 @@ pub struct ActuatorState {
     pub flags: [u32; MAX_ACTUATORS],
     /// The motors' own codes of their faults; 0 without one.
     pub faults: [u32; MAX_ACTUATORS],
-    /// When each was measured, by the monotonic clock `[ns]`; 0 for never.
+    /// Time of each measurement, by the monotonic clock `[ns]`; 0 for none.
     pub measured_ns: [u64; MAX_ACTUATORS],
     /// Position `[rad, m]`; NaN before the first measurement, here and below.
     pub position: [f64; MAX_ACTUATORS],

@@ -1,10 +1,10 @@
-//! How a request ended, and the error that stands for every ending but `ok`.
+//! The outcome of a request, and the error for every status except `ok`.
 
 use core::fmt;
 
 use crate::{Status, Warnings};
 
-/// How a request ended.
+/// The outcome of a request.
 ///
 /// ```
 /// use sarrus_proto::{Answer, Status, Warnings};
@@ -17,15 +17,15 @@ use crate::{Status, Warnings};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[must_use = "the numbers of an answer count only where its status is `ok`; see `Answer::ok`"]
 pub struct Answer {
-    /// The status; with anything but `Ok` the wanted numbers are NaN, but for the fields that
-    /// survive a failure.
+    /// The status; unless it is `Ok` the wanted numbers are NaN, except for fields that survive a
+    /// failure.
     pub status: Status,
     /// Remarks that change neither status nor numbers.
     pub warnings: Warnings,
 }
 
 impl Answer {
-    /// The warnings of an answer that is complete. Allocates never.
+    /// The warnings of a complete answer. Never allocates.
     ///
     /// # Errors
     /// [`FailedState`] with any other status than [`Status::Ok`].
@@ -40,7 +40,7 @@ impl Answer {
 /// A failed request: its status as an error, with a remedy in the message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct FailedState {
-    /// The status, never [`Status::Ok`] where [`Answer::ok`] made it.
+    /// The status, never [`Status::Ok`] if made by [`Answer::ok`].
     pub status: Status,
 }
 

@@ -1,5 +1,5 @@
-//! Batches through shared memory: one area for each client, in which it asks for the rows of one
-//! plan and the server answers them one after the other.
+//! Batches through shared memory: each client has one area, through which it requests rows of one
+//! plan; the server answers them in order.
 //!
 //! ```text
 //! word     of the client                 word     of the server
@@ -10,8 +10,8 @@
 //! 16       status and warnings of each row, then the numbers of all rows in, then out
 //! ```
 //!
-//! A client has one batch under way. Writing the next sequence before the last one was answered
-//! ends that one, and the answer to the next is `overloaded`.
+//! A client has one batch in progress. Writing the next sequence before the last one is answered
+//! cancels the last one, and the answer to the next is `overloaded`.
 //!
 //! Every word is atomic, and the server copies each word of a row once into private memory: a
 //! concurrent write by the client affects only the client's own answer. Rows go before the sequence
@@ -57,7 +57,7 @@ pub struct BatchHead {
     pub fingerprint: u64,
     /// Counts the client's batches from 1; the answer repeats it.
     pub sequence: u64,
-    /// How many rows.
+    /// Number of rows.
     pub rows: u64,
 }
 
@@ -70,20 +70,20 @@ pub struct BatchShape {
 }
 
 impl BatchShape {
-    /// The most rows of so many numbers in and out that one batch has.
+    /// The most rows of a batch with this many numbers in and out.
     pub const fn most_rows(n_in: usize, n_out: usize) -> usize {
         let most = (BATCH_WORDS - FIRST) / 1_usize.saturating_add(n_in).saturating_add(n_out);
         if most < MAX_BATCH_ROWS { most } else { MAX_BATCH_ROWS }
     }
 
-    /// `None` without rows and for more than there is room for.
+    /// `None` without rows, and if the rows do not fit.
     pub fn new(rows: u64, n_in: usize, n_out: usize) -> Option<BatchShape> {
         let rows = usize::try_from(rows).ok()?;
         let fits = (1..=BatchShape::most_rows(n_in, n_out)).contains(&rows);
         fits.then_some(BatchShape { rows, n_in, n_out })
     }
 
-    /// How many rows.
+    /// Number of rows.
     pub const fn rows(&self) -> usize {
         self.rows
     }
@@ -105,12 +105,12 @@ impl ServedBatch {
     /// answers.
     pub fn create() -> io::Result<(ServedBatch, OwnedFd)> {
         let (mapping, memory) = Mapping::create("sarrus-batch", BATCH_WORDS)?;
-        // against a client whose seal would keep its memory from being given back
+        // otherwise a client's seal could prevent the release of the memory
         fcntl_add_seals(&memory, SealFlags::SEAL)?;
         Ok((ServedBatch(mapping), memory))
     }
 
-    /// The sequence of the last batch that was asked; 0 before the first.
+    /// The sequence of the last requested batch; 0 before the first.
     #[inline]
     pub fn sequence(&self) -> u64 {
         // SYNC POINT: batch (the other end is `send`)
@@ -125,12 +125,12 @@ impl ServedBatch {
         BatchHead { version, plan, fingerprint, sequence, rows }
     }
 
-    /// Reads rows from this one on, as many numbers as `numbers` holds. Allocates never.
+    /// Reads rows from this one on, as many numbers as `numbers` holds. Never allocates.
     pub fn read(&self, shape: &BatchShape, first: usize, numbers: &mut [f64]) {
         read(self.0.words(), shape.input(first), numbers);
     }
 
-    /// Writes answers and numbers of rows from this one on. Allocates never.
+    /// Writes answers and numbers of rows from this one on. Never allocates.
     pub fn write(&self, shape: &BatchShape, first: usize, answers: &[Answer], numbers: &[f64]) {
         let words = self.0.words();
         let outcomes = answers.iter().map(|answer| pair(answer.status as u32, answer.warnings.0));
@@ -141,8 +141,8 @@ impl ServedBatch {
         words[DONE].store(done.wrapping_add(answers.len() as u64), Relaxed);
     }
 
-    /// Gives the batch of this sequence back: `ok` with an answer to each row, any other status
-    /// with none.
+    /// Publishes the outcome of the batch with this sequence: `ok` with an answer to each row, any
+    /// other status with none.
     pub fn publish(&self, sequence: u64, status: Status) {
         let words = self.0.words();
         words[STATUS].store(u64::from(status as u32), Relaxed);
@@ -150,8 +150,7 @@ impl ServedBatch {
         words[ANSWERED].store(sequence, Release);
     }
 
-    /// Gives the memory back, also that of clients who keep descriptors of it: nothing in it is an
-    /// answer any more.
+    /// Frees the memory, even if clients keep its descriptor: it no longer holds answers.
     pub fn empty(&self) {
         self.0.words()[ANSWERED].store(0, Relaxed);
         // SYNC POINT: emptied (the other end is `has_kept`)
@@ -172,7 +171,7 @@ impl ClaimedBatch {
         Ok(ClaimedBatch(Mapping::open(memory, BATCH_WORDS, true)?))
     }
 
-    /// Asks for rows. Allocates never.
+    /// Requests rows. Never allocates.
     pub fn send(&self, head: &BatchHead, shape: &BatchShape, input: &[f64]) {
         let words = self.0.words();
         words[VERSION_PLAN].store(pair(head.version, head.plan), Relaxed);
@@ -183,7 +182,7 @@ impl ClaimedBatch {
         words[SEQUENCE].store(head.sequence, Release);
     }
 
-    /// The number of the status of the batch of this sequence, once it is answered.
+    /// The status number of the batch with this sequence, once it is answered.
     #[inline]
     pub fn answer(&self, sequence: u64) -> Option<u32> {
         let words = self.0.words();
@@ -192,21 +191,21 @@ impl ClaimedBatch {
         answered.then(|| words[STATUS].load(Relaxed) as u32)
     }
 
-    /// True where the rows that were just read are those of this sequence's answer. A server that
-    /// takes the area back empties it, and zeros would look like an answer.
+    /// True if the rows just read belong to this sequence's answer. A server that revokes the area
+    /// empties it, and zeros would look like an answer.
     pub fn has_kept(&self, sequence: u64) -> bool {
         // SYNC POINT: emptied (the other end is `empty`)
         fence(Acquire);
         self.0.words()[ANSWERED].load(Relaxed) == sequence
     }
 
-    /// How many rows were answered so far, of all batches.
+    /// Number of rows answered so far, over all batches.
     pub fn done(&self) -> u64 {
         self.0.words()[DONE].load(Relaxed)
     }
 
-    /// Reads the answers of a batch and their numbers. A status that this version does not know
-    /// has no numbers. Allocates never.
+    /// Reads the answers of a batch and their numbers. A status unknown to this version has no
+    /// numbers. Never allocates.
     pub fn read(&self, shape: &BatchShape, answers: &mut [Answer], output: &mut [f64]) {
         let words = self.0.words();
         read(words, shape.output(0), output);

@@ -12,7 +12,7 @@ use crate::{Node, PROTOCOL_VERSION};
 
 type Board = blackboard::PortFactory<Threadsafe, u64>;
 
-/// The classes of lanes: how many numbers an entry has room for.
+/// The classes of lanes: numbers that fit in an entry.
 pub const CLASSES: [usize; 11] = [16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384];
 
 /// The smallest class that holds `n` numbers.
@@ -82,7 +82,7 @@ impl ServedLane {
         })
     }
 
-    /// Writes both cells of the answers, so that their memory is mapped before anybody waits; call
+    /// Writes both cells of the answers, so that their memory is mapped before a client waits; call
     /// it when the memory is reserved.
     pub fn map(&mut self) {
         map(self.outbox.as_mut());
@@ -124,7 +124,7 @@ impl ClaimedLane {
         let outbox = by_class!(class_in, RequestHead, outbox(writer)).flatten();
         let mut outbox =
             outbox.ok_or_else(|| ServiceError::Locked { service: request_name.to_string() })?;
-        // its heads have sequence 0: no request, a sign that the lane is claimed
+        // sequence 0 in its heads: no request, but a sign that the lane is claimed
         map(outbox.as_mut());
         Ok(ClaimedLane { outbox, inbox })
     }
@@ -135,7 +135,7 @@ fn names() -> Result<[ServiceName; 2], ServiceError> {
     Ok([link_service("request")?, link_service("response")?])
 }
 
-/// Writes both cells of an entry, so that their memory is there before anybody waits for it.
+/// Writes both cells of an entry, so that their memory is mapped before a client waits for it.
 fn map<H: Default>(outbox: &mut dyn Outbox<H>) {
     for _ in 0..2 {
         outbox.numbers().fill(0.0);

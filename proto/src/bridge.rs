@@ -1,8 +1,8 @@
 //! The services of one CAN bridge: commands in, states and statistics out, operations from
 //! controllers and observers.
 //!
-//! The newest wins everywhere: a subscriber has room for one sample, and a command that was
-//! overtaken is gone. Only operations queue.
+//! The newest sample wins: a subscriber has room for one, and a later command replaces an unread
+//! one. Only operations queue.
 
 use core::fmt::Debug;
 use std::time::Duration;
@@ -22,7 +22,7 @@ use crate::{Node, PROTOCOL_VERSION, ServerName};
 
 /// Processes that may watch one bridge.
 const MAX_OBSERVERS: usize = 32;
-/// Polls for the statistics of a running bridge, and the time between two polls.
+/// Number of polls for the statistics of a running bridge, and the time between two.
 const OWNER_LOOKS: usize = 60;
 const OWNER_PAUSE: Duration = Duration::from_millis(20);
 /// Operations that may wait for the bridge's next cycle.
@@ -33,7 +33,7 @@ type Sending<T> = Box<dyn Sender<T>>;
 type Receiving<T> = Box<dyn Receiver<T>>;
 
 trait Sender<T>: Debug + Send + Sync {
-    /// False where the sample could not be sent.
+    /// False if the sample could not be sent.
     fn send(&self, sample: &T) -> bool;
 }
 
@@ -79,7 +79,7 @@ pub struct ControllerEnd {
     observer: ObserverEnd,
 }
 
-/// The side of those who watch and operate.
+/// An observer's side, which may also operate.
 #[derive(Debug)]
 pub struct ObserverEnd {
     operations: Sending<OperatorRequest>,
@@ -91,11 +91,11 @@ impl BridgeEnd {
     /// Makes the services of a bridge.
     ///
     /// # Errors
-    /// Another bridge has this name, or something is wrong with the shared memory.
+    /// Another bridge has this name, or the shared memory is faulty.
     pub fn create(node: &Node, name: &ServerName) -> Result<BridgeEnd, ServiceError> {
         let services = names(name)?;
         let [commands, operations, states, statistics] = &services;
-        // ports that only one bridge can have come first
+        // ports that only one bridge can hold come first
         let states = sender(&make(node, states, 1, MAX_OBSERVERS, 1)?, states, 1)
             .map_err(|error| taken(node, name, commands, error, true))?;
         let statistics = sender(&make(node, statistics, 1, MAX_OBSERVERS, 1)?, statistics, 1)?;
@@ -115,12 +115,12 @@ impl BridgeEnd {
         self.operations.next()
     }
 
-    /// Gives the state to everybody; false where that failed.
+    /// Publishes the state; false on failure.
     pub fn publish(&self, state: &ActuatorState) -> bool {
         self.states.send(state)
     }
 
-    /// Gives the statistics to everybody; false where that failed.
+    /// Publishes the statistics; false on failure.
     pub fn publish_statistics(&self, statistics: &BridgeStatistics) -> bool {
         self.statistics.send(statistics)
     }
@@ -130,8 +130,7 @@ impl ControllerEnd {
     /// Opens the services of a running bridge.
     ///
     /// # Errors
-    /// No bridge of this name runs, it has a controller, or something is wrong with the shared
-    /// memory.
+    /// No bridge of this name runs, it has a controller, or the shared memory is faulty.
     pub fn open(node: &Node, name: &ServerName) -> Result<ControllerEnd, ServiceError> {
         let [commands, ..] = &names(name)?;
         Ok(ControllerEnd {
@@ -141,7 +140,7 @@ impl ControllerEnd {
         })
     }
 
-    /// Sends a command; false where it could not be sent.
+    /// Sends a command; false on failure.
     pub fn send(&self, command: &ActuatorCommand) -> bool {
         self.commands.send(command)
     }
@@ -156,8 +155,7 @@ impl ObserverEnd {
     /// Opens the services of a running bridge.
     ///
     /// # Errors
-    /// No bridge of this name runs, too many watch it, or something is wrong with the shared
-    /// memory.
+    /// No bridge of this name runs, it has too many observers, or the shared memory is faulty.
     pub fn open(node: &Node, name: &ServerName) -> Result<ObserverEnd, ServiceError> {
         let [_, operations, states, statistics] = &names(name)?;
         Ok(ObserverEnd {
@@ -177,7 +175,7 @@ impl ObserverEnd {
         self.statistics.newest()
     }
 
-    /// Asks the bridge for an operation; false where it could not be sent.
+    /// Requests an operation; false if it could not be sent.
     pub fn operate(&self, request: &OperatorRequest) -> bool {
         self.operations.send(request)
     }
@@ -189,7 +187,7 @@ fn names(name: &ServerName) -> Result<[ServiceName; 4], ServiceError> {
     Ok([commands?, operations?, states?, statistics?])
 }
 
-/// Makes a service, or opens that of a bridge that died while others hold it.
+/// Makes a service, or opens the one of a dead bridge that others still hold.
 fn make<T: Debug + ZeroCopySend + 'static>(
     node: &Node,
     service: &ServiceName,

@@ -1,23 +1,22 @@
 //! Checksums of requests and answers, for queries that ask for them.
 //!
-//! Words are taken in pairs: Σᵢ (aᵢ ⊕ kᵢ)(bᵢ ⊕ kᵢ′) mod 2¹²⁸, both halves of the sum folded into
-//! one word. Each pair has keys of its own, so that a word counts by its place: words that change
-//! places, or signs that change in two of them, do not cancel. The checksum detects accidental
-//! changes of memory. It is no signature: a process that can write the numbers can write the
-//! checksum too.
+//! Words form pairs: Σᵢ (aᵢ ⊕ kᵢ)(bᵢ ⊕ kᵢ′) mod 2¹²⁸, both halves of the sum folded into one word.
+//! Each pair has its own keys, so that the position of a word counts: swapped words, or sign
+//! changes in two words, do not cancel. The checksum detects accidental changes of memory. It is no
+//! signature: a process that can write the numbers can write the checksum too.
 //!
 //! Head and count of the numbers are words like the numbers. An answer's checksum also covers that
-//! of its request and with it the plan, the model and the numbers that were asked: the answer to
-//! another question fails.
+//! of its request and with it the plan, the model and the numbers of the request: the answer to
+//! another request fails.
 
 use crate::message::{HEAD, RequestHead, ResponseHead, pair};
 
 /// The first key and the step between the keys of two pairs: digits of π and the golden ratio.
 const KEY: u64 = 0x243f_6a88_85a3_08d3;
 const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
-/// Sums that the processor forms side by side.
+/// Sums that the processor forms in parallel.
 const CHAINS: usize = 4;
-/// In the place of a request's last word: an answer is never taken for a request.
+/// Replaces a request's last word, so that an answer never passes for a request.
 const ANSWER: u64 = u64::MAX;
 
 /// The checksum of a request with these numbers. Never allocates.
@@ -62,7 +61,7 @@ fn sum(head: [u64; HEAD], numbers: &[f64]) -> u64 {
     let [a, b, c, d, e, f] = head;
     let mut sums = [product(a, b, KEY), product(c, d, key(KEY, 1)), product(e, f, key(KEY, 2)), 0];
 
-    // the numbers, one pair to each sum: the sums do not wait for each other
+    // the numbers, one pair per sum: the sums are independent
     let mut first = key(KEY, 3);
     let (blocks, rest) = numbers.as_chunks::<{ 2 * CHAINS }>();
     for block in blocks {
@@ -87,7 +86,7 @@ fn sum(head: [u64; HEAD], numbers: &[f64]) -> u64 {
     (sum >> 64) as u64 ^ sum as u64
 }
 
-/// The key of the pair `k` places on.
+/// The key of the pair `k` positions later.
 #[inline]
 fn key(first: u64, k: usize) -> u64 {
     first.wrapping_add(STEP.wrapping_mul(k as u64))

@@ -18,7 +18,7 @@ pub const PAGE: usize = 16 << 10;
 pub struct CallHead {
     /// [`PROTOCOL_VERSION`] of the client.
     pub version: u32,
-    /// A number of the client's choice; the answer repeats it.
+    /// A number that the client chooses; the answer repeats it.
     #[serde(default)]
     pub nonce: u64,
 }
@@ -40,7 +40,8 @@ pub struct ControlRequest {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Call {
-    /// Who is there? The answer carries the descriptor of the [heartbeat](crate::heartbeat).
+    /// Identifies the server. The answer carries the descriptor of the
+    /// [heartbeat](crate::heartbeat).
     Hello,
     /// A page of the model information.
     Model {
@@ -48,7 +49,7 @@ pub enum Call {
         page: usize,
     },
     /// Register a query. The server holds the plan until every connection that registered it has
-    /// released it or is gone.
+    /// released it or ended.
     Plan {
         /// The query.
         query: Box<Query>,
@@ -58,22 +59,21 @@ pub enum Call {
         /// The plan.
         plan: PlanNumber,
     },
-    /// A lane for plans of up to so many numbers.
+    /// A lane for plans of up to this many numbers.
     Lane {
         /// Numbers in.
         n_in: usize,
         /// Numbers out.
         n_out: usize,
     },
-    /// A service of one's own.
+    /// A service for this client.
     Service,
-    /// The client's end of the service is there: requests may come.
+    /// The client has opened its end of the service: requests may come.
     Serve,
-    /// An area for [batches](crate::batch), beside the lane or the service of this connection, with
-    /// which it goes; the answer carries its descriptor.
+    /// An area for [batches](crate::batch), in addition to the lane or service of this connection,
+    /// with the same lifetime; the answer carries its descriptor.
     Batch,
-    /// Give back the lane or the service of this connection; it is polled no more when this is
-    /// answered.
+    /// Return the lane or the service of this connection; after the answer it is no longer polled.
     Leave,
     /// The server's counters.
     Statistics,
@@ -86,7 +86,7 @@ pub struct ControlResponse {
     pub version: u32,
     /// The call's nonce.
     pub nonce: u64,
-    /// [`query_hash`] of the query that this answers; zero where there was none.
+    /// [`query_hash`] of the answered query; zero without one.
     pub query: u64,
     /// Fingerprint of the model.
     pub fingerprint: u64,
@@ -126,7 +126,7 @@ pub enum Grant {
         /// Whether this connection held the plan.
         had: bool,
     },
-    /// To [`Call::Lane`]: it is there.
+    /// To [`Call::Lane`]: the lane exists.
     Lane {
         /// Number of its [link](crate::run::Link).
         link: u64,
@@ -135,14 +135,14 @@ pub enum Grant {
         /// Its class of numbers out.
         class_out: usize,
     },
-    /// To [`Call::Service`]: it is there; [`Call::Serve`] comes next.
+    /// To [`Call::Service`]: the service exists; [`Call::Serve`] comes next.
     Service {
         /// Number of its [link](crate::run::Link).
         link: u64,
     },
     /// To [`Call::Serve`].
     Served,
-    /// To [`Call::Batch`]: it is there.
+    /// To [`Call::Batch`]: the area exists.
     Batch,
     /// To [`Call::Leave`].
     Left,
@@ -156,7 +156,7 @@ pub enum Grant {
 pub enum Refusal {
     /// The client speaks another version of the protocol; the answer has the server's.
     WrongVersion,
-    /// The message is no call of this version.
+    /// The message is not a call of this version.
     UnknownCall,
     /// The client was made for a model with another fingerprint.
     WrongModel,
@@ -165,7 +165,7 @@ pub enum Refusal {
         /// Why.
         reason: String,
     },
-    /// The plan takes or gives more numbers than a request carries.
+    /// The plan has more numbers than a request or answer carries.
     TooLarge {
         /// Numbers in.
         n_in: usize,
@@ -176,20 +176,20 @@ pub enum Refusal {
     TooManyPlans,
     /// Every lane is taken.
     NoLane {
-        /// How many there are.
+        /// Their number.
         limit: usize,
     },
     /// Every place at the service is taken.
     NoService {
-        /// How many there are.
+        /// Their number.
         limit: usize,
     },
-    /// The connection has no service that waits for its client, or none and no lane that batches
-    /// could go beside.
+    /// The connection has no service that waits for its client, or neither lane nor service for
+    /// batches.
     NoEnd,
-    /// The server has as many connections as it takes.
+    /// The server has its maximum of connections.
     TooManyClients {
-        /// How many.
+        /// Their number.
         limit: usize,
     },
     /// The shared memory is too full.
@@ -211,15 +211,15 @@ pub enum Refusal {
 }
 
 impl ControlRequest {
-    /// A call as it travels.
+    /// A call on the wire.
     pub fn to_bytes(&self) -> Vec<u8> {
         serde_json::to_vec(self).unwrap_or_default()
     }
 
-    /// Reads a call; a refusal where it is none of this version.
+    /// Reads a call; refuses a message that is not a call of this version.
     ///
     /// # Errors
-    /// The head, as far as there is one, and why the call is refused.
+    /// The head, if there is one, and the reason of the refusal.
     pub fn from_bytes(bytes: &[u8]) -> Result<ControlRequest, (CallHead, Refusal)> {
         let head = serde_json::from_slice::<CallHead>(bytes)
             .map_err(|_| (CallHead::default(), Refusal::UnknownCall))?;
@@ -231,12 +231,12 @@ impl ControlRequest {
 }
 
 impl ControlResponse {
-    /// An answer as it travels.
+    /// An answer on the wire.
     pub fn to_bytes(&self) -> Vec<u8> {
         serde_json::to_vec(self).unwrap_or_default()
     }
 
-    /// Reads an answer; `None` where it is none.
+    /// Reads an answer; `None` for any other message.
     pub fn from_bytes(bytes: &[u8]) -> Option<ControlResponse> {
         serde_json::from_slice(bytes).ok()
     }
@@ -247,21 +247,21 @@ impl ControlResponse {
     }
 }
 
-/// Why a call has no answer.
+/// The reason why a call has no answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoResponse {
     /// The server is gone.
     Gone,
     /// The deadline passed.
     Late,
-    /// The answer is one of this other version.
+    /// The answer has this other version.
     OtherVersion(u32),
-    /// The answer makes no sense, or answers another query.
+    /// The answer is malformed, or answers another query.
     Nonsense,
 }
 
-/// Makes a call and waits for its answer, with the descriptor that came with it. The answer to
-/// another call, one that was given up, is passed over.
+/// Makes a call and waits for its answer, with the descriptor that came with it. Ignores the answer
+/// to an earlier, cancelled call.
 ///
 /// # Errors
 /// [`NoResponse`].
@@ -274,7 +274,7 @@ pub fn exchange(
     receive_answer(socket, request, deadline)
 }
 
-/// Makes a call, and does not wait for its answer.
+/// Makes a call without waiting for its answer.
 ///
 /// # Errors
 /// [`NoResponse`].
@@ -286,8 +286,7 @@ pub fn send_call(socket: &ControlSocket, request: &ControlRequest) -> Result<(),
     })
 }
 
-/// Waits for the answer to a call that was made; after [`NoResponse::Late`] it may be waited for
-/// again.
+/// Waits for the answer to an earlier call; after [`NoResponse::Late`] the caller may wait again.
 ///
 /// # Errors
 /// [`NoResponse`].
@@ -311,7 +310,7 @@ pub fn receive_answer(
                     _ => NoResponse::Nonsense,
                 });
             };
-            // a call that the server could not read has no number there
+            // a call that the server could not read has no nonce there
             if response.nonce != request.head.nonce && response.nonce != 0 {
                 continue;
             }
@@ -326,7 +325,7 @@ pub fn receive_answer(
     }
 }
 
-/// FNV-1a of a query as it travels; an answer identifies its query by this hash.
+/// FNV-1a of a query's bytes on the wire; an answer identifies its query by this hash.
 pub fn query_hash(query: &Query) -> u64 {
     fnv1a_64(&serde_json::to_vec(query).unwrap_or_default())
 }

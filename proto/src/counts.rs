@@ -1,17 +1,17 @@
-//! Counters of commands and buses. Each list stands here once: the wire, the bridge and every
+//! Counters of commands and buses. Each list is defined once, here: the wire, the bridge and every
 //! display take names and order from it.
 
-/// A command's possible verdicts: variant, name in JSON, words for people.
+/// A command's possible verdicts: variant, name in JSON, description.
 macro_rules! verdicts {
     ($($(#[$doc:meta])* $variant:ident $name:ident $words:literal,)*) => {
-        /// Whether a command was taken.
+        /// Whether a command was accepted.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum CommandVerdict {
             $($(#[$doc])* $variant,)*
         }
 
         impl CommandVerdict {
-            /// All of them, the one for commands that are taken first.
+            /// All verdicts, the accepting one first.
             pub const ALL: &[CommandVerdict] = &[$(CommandVerdict::$variant),*];
 
             /// The name in JSON and in Python.
@@ -21,7 +21,7 @@ macro_rules! verdicts {
                 }
             }
 
-            /// The words for people.
+            /// The description.
             pub const fn words(self) -> &'static str {
                 match self {
                     $(CommandVerdict::$variant => $words,)*
@@ -77,13 +77,13 @@ macro_rules! counts {
 }
 
 verdicts! {
-    /// It is the command from now on.
+    /// The command is accepted.
     Accepted accepted "taken",
     /// A number is NaN, infinite or beyond 1e60; the whole command is not used.
     NotFinite not_finite "not finite",
     /// A stiffness or damping is negative; the whole command is not used.
     Negative negative "negative",
-    /// Its sequence or stamp is not newer than that of the command before.
+    /// Its sequence or stamp is not newer than that of the previous command.
     Old old "old",
     /// Its stamp lies in the future.
     Ahead ahead "ahead",
@@ -98,17 +98,17 @@ counts! {
     BusCounts 7 {
         /// Frames received.
         received,
-        /// Frames with an identifier of no motor.
+        /// Frames with an unknown identifier.
         unknown,
         /// Malformed frames of a motor.
         malformed,
         /// Frames that were not sent.
         dropped,
-        /// Frames that were lost on the way in.
+        /// Received frames that were lost.
         overrun,
         /// Times that the bus became error-passive.
         passive,
-        /// Times that it went off.
+        /// Times that it went bus-off.
         off,
     }
 }

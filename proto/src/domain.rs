@@ -1,4 +1,4 @@
-//! The directory and the names of one user's files in shared memory.
+//! The directory and the file names of one user in shared memory.
 
 use std::fs::{self, File};
 use std::io;
@@ -34,16 +34,16 @@ const MADE: &str = "made";
 ///
 /// Every user has a domain of their own: `/run/user/UID/sarrus` where the system makes such
 /// folders, else `/tmp/sarrus-UID`; the environment variable `SARRUS_ROOT` names another directory,
-/// which is a domain apart from all others. Names in shared memory begin with [`Domain::prefix`]
-/// and go on with random digits that only this user can read.
+/// which is a separate domain. Names in shared memory are [`Domain::prefix`] followed by random
+/// digits that only this user can read.
 #[derive(Clone, Debug)]
 pub struct Domain {
     root: PathBuf,
-    /// Where a server of this user may be as well: its root when it started.
+    /// A second root where a server of this user may be, depending on its start time.
     other: Option<PathBuf>,
 }
 
-/// A node of this process in a domain; the domain is not cleared while it is there.
+/// A node of this process in a domain; the domain is not cleared while it exists.
 #[derive(Debug)]
 pub struct DomainNode {
     // dropped before the lock, under which its files are cleared
@@ -59,7 +59,7 @@ impl Deref for DomainNode {
     }
 }
 
-/// Why the shared memory cannot be entered.
+/// The reason why the shared memory cannot be entered.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DomainError {
@@ -87,7 +87,7 @@ pub enum DomainError {
         /// The user of this process.
         user: u32,
     },
-    /// Everybody may write to the root directory.
+    /// Every user may write to the root directory.
     #[error("everybody may write to {path}, expected this user alone; `chmod 700 {path}`")]
     Open {
         /// The directory.
@@ -102,7 +102,7 @@ pub enum DomainError {
         /// The directory.
         path: PathBuf,
     },
-    /// A server's name is empty, too long or has letters that a name must not have.
+    /// A server's name is empty, too long or has invalid characters.
     #[error(
         "`{name}` is no name for a server; use 1 to {MAX_NAME} letters, digits, `.`, `-` or `_`, \
          and no `.` first"
@@ -144,7 +144,7 @@ impl Domain {
         }
     }
 
-    /// The domain under a directory, which must belong to this user where it is there.
+    /// The domain under a directory, which must belong to this user if it exists.
     pub fn at(root: &Path) -> Result<Domain, DomainError> {
         set_log_level(LogLevel::Fatal);
         root.to_str()
@@ -166,7 +166,7 @@ impl Domain {
         format!("sarrus_{:08x}_", hash(&self.root.to_string_lossy()))
     }
 
-    /// The folders in which a server of this name may be found, the likely one first.
+    /// The folders where a server of this name may be, the likely one first.
     pub fn server_folders(&self, name: &ServerName) -> impl Iterator<Item = PathBuf> {
         let roots = [Some(self.root.clone()), self.other.clone()];
         roots.into_iter().flatten().map(move |root| root.join("server").join(name.as_str()))
@@ -220,7 +220,7 @@ impl Domain {
         }
         let gone = fs::remove_file(&made).and_then(|()| fs::remove_dir(&self.root)).is_ok();
         if !gone {
-            // another process came meanwhile
+            // another process has entered meanwhile
             let _ = self.open(MADE);
         }
         gone
@@ -237,7 +237,7 @@ impl Domain {
                 Err(error) if error.kind() == io::ErrorKind::NotFound => {}
                 Err(error) => return Err(error),
             }
-            // a letter that no number of a run has
+            // a character that no number of a run has
             let text = format!("n{:07x}", random() & 0xfff_ffff);
             let draft = self.root.join(format!("{PREFIX}.{text}"));
             fs::write(&draft, &text)?;
@@ -285,7 +285,7 @@ impl Domain {
         Ok(is_at(&directory, &self.root).then_some(directory))
     }
 
-    /// The root where a server may be as well.
+    /// The second root where a server may be.
     pub(crate) fn other(&self) -> Option<Domain> {
         let root = self.other.clone()?;
         Some(Domain { root, other: None })
@@ -315,8 +315,8 @@ impl Domain {
 
 /// The longest path of a root. The transport ends a process whose paths get longer than 255; the
 /// longest is that of a connection in a link: 1 + 8 and 1 + 6 for the folders, 1 + 32 for the
-/// prefix, 41 for the service, 11 for the suffix, and two identifiers of ports, of which each has
-/// 31 digits at most as long as a link has fewer than 126 ports.
+/// prefix, 41 for the service, 11 for the suffix, and two port identifiers of at most 31 digits
+/// each, if a link has fewer than 126 ports.
 const MAX_ROOT: usize = 90;
 
 /// The transport's settings for a part of shared memory.
@@ -343,7 +343,7 @@ pub(crate) fn node(root: &Path, config: &Config) -> Result<Node, DomainError> {
     Ok(Node::new(node))
 }
 
-/// Takes the files in shared memory whose names begin with `prefix` from all other users.
+/// Removes other users' access to the files in shared memory whose names begin with `prefix`.
 fn close_to_others(prefix: &str) {
     for path in shared_files(prefix) {
         let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
@@ -358,14 +358,14 @@ fn close_to_others(prefix: &str) {
 
 /// Descriptors that a process needs for one more client or server.
 const DESCRIPTORS: u64 = 24;
-/// Shared memory without which nothing can be made `[byte]`.
+/// Least shared memory for making anything `[byte]`.
 const LEAST_MEMORY: u64 = 64 << 10;
 
 /// The cause of a transport failure. The transport seldom reports it, so the usual causes are
 /// checked.
 pub(crate) fn reason(error: &dyn std::fmt::Debug) -> String {
     let limit = getrlimit(Resource::Nofile).current.unwrap_or(u64::MAX);
-    // none is left to look at them
+    // no descriptor is left to inspect them
     let open = fs::read_dir("/proc/self/fd").map_or(limit, |found| found.count() as u64);
     let free = free_shared_memory();
     if open.saturating_add(DESCRIPTORS) > limit {
@@ -389,7 +389,7 @@ pub(crate) fn reason(error: &dyn std::fmt::Debug) -> String {
 
 /// Shared memory that is still free `[byte]`.
 pub(crate) fn free_shared_memory() -> u64 {
-    // unknown is no reason to refuse anybody
+    // an unknown value is no reason for a refusal
     statvfs(SHARED_MEMORY).map_or(u64::MAX, |found| found.f_bavail.saturating_mul(found.f_frsize))
 }
 
@@ -404,7 +404,7 @@ pub(crate) fn make_root(path: &Path) -> io::Result<()> {
         make_folder(parent)?;
     }
     match fs::DirBuilder::new().mode(0o700).create(path) {
-        // by a process that died at once it is not known to be made here, and stays
+        // if the process dies here, the root is not marked as made here, and stays
         Ok(()) => fs::OpenOptions::new()
             .write(true)
             .create_new(true)
@@ -440,7 +440,7 @@ pub(crate) fn shared_files(prefix: &str) -> impl Iterator<Item = PathBuf> {
         .map(|entry| entry.path())
 }
 
-/// Removes the files in shared memory whose names begin with `prefix`; those that it removed.
+/// Removes the files in shared memory whose names begin with `prefix`; returns them.
 pub(crate) fn remove_shared(prefix: &str) -> Vec<PathBuf> {
     shared_files(prefix).filter(|path| fs::remove_file(path).is_ok()).collect()
 }
@@ -448,7 +448,7 @@ pub(crate) fn remove_shared(prefix: &str) -> Vec<PathBuf> {
 /// A random number that cannot be guessed.
 pub(crate) fn random() -> u64 {
     let mut bytes = [0; 8];
-    // a kernel that gives no random numbers at all does not run this server
+    // a kernel without random numbers cannot run this server
     let _ = rustix::rand::getrandom(&mut bytes, rustix::rand::GetRandomFlags::empty());
     u64::from_le_bytes(bytes)
 }
@@ -544,7 +544,7 @@ mod tests {
     fn a_directory_of_somebody_else_is_refused() {
         let error = Domain::at(Path::new("relative")).unwrap_err();
         assert!(matches!(error, DomainError::Path { .. }), "{error}");
-        // the directory of the first process is never ours unless we are root
+        // the first process's directory is never ours unless we are root
         if !rustix::process::geteuid().is_root() {
             assert!(matches!(Domain::at(Path::new("/proc/1")), Err(DomainError::Foreign { .. })));
         }

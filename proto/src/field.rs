@@ -31,8 +31,8 @@ wire_enum! {
         Udd = 8, "udd";
         /// A closed pose near the answer from which numerical closures continue (n_q).
         QGuess = 9, "q_guess";
-        /// The tree velocity that goes with the guess: where branches cross, the numerical closure
-        /// goes on along it (n_v).
+        /// The tree velocity at the guess: where branches cross, the numerical closure continues
+        /// along it (n_v).
         QdGuess = 10, "qd_guess";
         /// Generalised forces on the tree coordinates (n_v).
         TauQ = 11, "tau_q";
@@ -75,12 +75,12 @@ wire_enum! {
         SigmaMin = 29, "sigma_min";
         /// The closest reachable independent coordinates found (n_qy).
         NearestY = 30, "nearest_y";
-        /// Pose of each asked frame in the root frame: position and quaternion x, y, z, w (n_frames
-        /// × 7).
+        /// Pose of each wanted frame in the root frame: position and quaternion x, y, z, w
+        /// (n_frames × 7).
         FramePose = 31, "frame_pose";
-        /// Twist `[ω; v]` of each asked frame, world axes at the frame's origin (n_frames × 6).
+        /// Twist `[ω; v]` of each wanted frame, world axes at the frame's origin (n_frames × 6).
         FrameTwist = 32, "frame_twist";
-        /// Classical acceleration of each asked frame, gravity not included (n_frames × 6).
+        /// Classical acceleration of each wanted frame, gravity not included (n_frames × 6).
         FrameAcc = 33, "frame_acc";
         /// Frame Jacobians over the tree velocities (6 n_frames × n_v).
         JacobianTree = 34, "jacobian_tree";
@@ -101,7 +101,7 @@ wire_enum! {
         /// 0 (n_v).
         GoodIndependents = 40, "good_independents";
         /// The direction of ẏ, of unit length, that the actuators control least; after a singular
-        /// actuation the one that none controls (n_vy).
+        /// actuation the uncontrolled one (n_vy).
         Uncontrolled = 41, "uncontrolled";
         /// The largest distance that the answer's state moved from the given q or q̇, in radians or
         /// lengths of the cluster (1).
@@ -162,7 +162,7 @@ impl Field {
         self.shape_of_rows(&none, &one, 0, 0).0 > self.shape(&none, 0, 0).0
     }
 
-    /// The field of a name, as scripts write it.
+    /// The field of a name, as in scripts.
     pub fn from_name(name: &str) -> Option<Field> {
         Field::ALL.iter().copied().find(|field| field.name() == name)
     }
@@ -246,7 +246,7 @@ impl FieldSet {
         Field::ALL.iter().copied().filter(move |field| self.has(*field))
     }
 
-    /// True when every bit stands for a field that this version knows.
+    /// True if this version knows the field of every bit.
     pub fn is_known(self) -> bool {
         self.0 & !FieldSet::of(Field::ALL).0 == 0
     }
@@ -261,7 +261,7 @@ impl From<Field> for FieldSet {
 impl<S: Into<FieldSet>> BitOr<S> for FieldSet {
     type Output = FieldSet;
 
-    /// The fields of either.
+    /// The union.
     fn bitor(self, other: S) -> FieldSet {
         FieldSet(self.0 | other.into().0)
     }
@@ -284,7 +284,7 @@ impl<S: Into<FieldSet>> BitOrAssign<S> for FieldSet {
 impl<S: Into<FieldSet>> Sub<S> for FieldSet {
     type Output = FieldSet;
 
-    /// The fields of the first that are not in the second.
+    /// The difference.
     fn sub(self, other: S) -> FieldSet {
         self.without(other.into())
     }

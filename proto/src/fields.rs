@@ -3,7 +3,7 @@
 
 use crate::Field;
 
-/// A row of the table of the fields.
+/// A row of the field table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FieldEntry {
     /// The field.

@@ -1,6 +1,6 @@
-//! Whether a run of the server is alive: a page that its answering thread writes and its clients
-//! map read-only. It has no name and no port: its descriptor goes through the control socket, it
-//! leaves no file behind, and only the server can write it.
+//! The server's sign of life: a page that its answering thread writes and its clients map
+//! read-only. It has no name and no port: its descriptor goes through the control socket, it leaves
+//! no file, and only the server can write to it.
 
 use std::io;
 use std::os::fd::{AsFd, OwnedFd};
@@ -16,13 +16,13 @@ use crate::mapping::Mapping;
 pub struct Heartbeat {
     /// Grows while the server answers.
     pub beats: u64,
-    /// 1 when this run has ended in order and answers no more.
+    /// 1 when this run has ended cleanly and no longer answers.
     pub stopped: u64,
-    /// When it was written, by the monotonic clock of this machine `[ns]`.
+    /// Time of writing, by the monotonic clock of this machine `[ns]`.
     pub at_ns: u64,
 }
 
-/// Words of the page, and where each field is.
+/// Number of words of the page, and the offset of each field.
 const WORDS: usize = 512;
 const BEATS: usize = 0;
 const STOPPED: usize = 1;
@@ -46,12 +46,12 @@ impl HeartbeatWriter {
         Ok(writer)
     }
 
-    /// A descriptor for those who read.
+    /// A descriptor for readers.
     pub fn reader_descriptor(&self) -> io::Result<OwnedFd> {
         self.memory.as_fd().try_clone_to_owned()
     }
 
-    /// Publishes that the server answers, or that it has ended in order. No system call.
+    /// Publishes that the server answers, or that it has ended cleanly. No system call.
     pub fn beat(&mut self, stopped: bool) {
         self.beats += 1;
         let words = self.mapping.words();
@@ -70,7 +70,7 @@ impl HeartbeatReader {
     /// Maps the page of a server.
     ///
     /// # Errors
-    /// `InvalidData` for a file that is no such page or may shrink.
+    /// `InvalidData` for a file that is not such a page or may shrink.
     pub fn new(memory: &OwnedFd) -> io::Result<HeartbeatReader> {
         Ok(HeartbeatReader { mapping: Mapping::open(memory, WORDS, false)? })
     }

@@ -42,7 +42,7 @@ pub struct ModelInfo {
     pub warnings: Vec<String>,
 }
 
-/// Limits of a joint, in its own unit; `None` where there is none.
+/// Limits of a joint, in its own unit; `None` without a limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "transport", derive(Serialize, Deserialize))]
 pub struct JointLimits {
@@ -80,13 +80,13 @@ pub struct TreeJoint<'a> {
     pub q: Range<usize>,
 }
 
-/// How the loops of one submechanism are closed.
+/// The closure of one submechanism's loops.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "transport", derive(Serialize, Deserialize))]
 pub struct ClosureInfo {
     /// Contextual name.
     pub name: String,
-    /// The type as it was written.
+    /// The type as written.
     #[cfg_attr(feature = "transport", serde(rename = "type"))]
     pub type_name: String,
     /// How it is closed.
@@ -95,13 +95,13 @@ pub struct ClosureInfo {
     pub rows: usize,
     /// How many of them are independent.
     pub rank: usize,
-    /// Idle joints, which turn a rod between its ball joints and nothing else; they keep the value
-    /// that they start with.
+    /// Idle joints, which only turn a rod between its ball joints; they keep their initial value.
     pub idle: Vec<String>,
     /// Characteristic length of its largest cluster, in which rows are scaled `[m]`; zero without
     /// loops.
     pub length: f64,
-    /// How far the geometry is from the closed form's assumptions, relative to the cluster's size.
+    /// Deviation of the geometry from the closed form's assumptions, relative to the cluster's
+    /// size.
     pub misfit: f64,
 }
 
@@ -118,7 +118,7 @@ pub enum ClosureKind {
 }
 
 impl ClosureKind {
-    /// The name that scripts see.
+    /// The name in scripts.
     pub const fn name(self) -> &'static str {
         match self {
             ClosureKind::Analytic => "analytic",
@@ -169,9 +169,9 @@ fn without_part(velocity: &str) -> &str {
 
 #[cfg(feature = "transport")]
 impl ModelInfo {
-    /// The information as it travels.
+    /// The information as JSON.
     pub fn to_json(&self) -> Vec<u8> {
-        // maps with text keys, numbers and text: there is nothing in it that cannot be written
+        // maps with text keys, numbers and text: serialisation cannot fail
         serde_json::to_vec(self).unwrap_or_default()
     }
 

@@ -15,15 +15,15 @@
 //!
 //! *A published value is complete.* The stores of a value come before its `fetch_add` (`Release`),
 //! and the reader's load of the counter (`Acquire`, or the failed exchange's `SeqCst`) before its
-//! copy. The look of `is_up_to_date` is `Relaxed`, but `get` loads the counter again, and loads of
-//! one atomic by one thread never go back. This holds on x86-64 and on ARM.
+//! copy. The load in `is_up_to_date` is `Relaxed`, but `get` loads the counter again, and a
+//! thread's loads of one atomic never go back. This holds on x86-64 and on ARM.
 //!
 //! *A value is not written while it is copied* if the writer waits for the other side: the place of
 //! w − 1 is filled again with w + 1, after an answer to w; that answer was published (`Release`) by
-//! the thread that had copied w and all before it, and was seen (`Acquire`) by the writer. A client
-//! waits in this way for the server, and the server for the client's next request.
+//! the thread that had copied w and all before it, and was seen (`Acquire`) by the writer. So a
+//! client waits for the server, and the server for the client's next request.
 //!
-//! *Where the writer does not wait* (a client gave its request up and asks again), it may fill the
+//! *If the writer does not wait* (a client cancelled its request and asks again), it may fill the
 //! place while the reader copies it, and the reader must then find the counter at w + 1. So no
 //! store of the value w + 1 may be seen before that counter. x86-64 keeps the order: a locked
 //! instruction is a fence, and stores are seen in their order. ARM does not: `Release` on a
@@ -35,10 +35,10 @@
 //! before every store behind the fence. A copy that saw such a store belongs to an exchange that
 //! fails.
 //!
-//! *Left to iceoryx2*: a copy whose exchange fails has read bytes while they were written.
-//! It is thrown away, and no processor minds, but by the letter of the language these bytes would
-//! have to be atomic. Entries that are written by `update_with_copy` have no such fence. Payloads
-//! of the service pass through iceoryx2's queues; requests there are words, each of them atomic.
+//! *Left to iceoryx2*: a copy whose exchange fails has read bytes while they were written. The copy
+//! is discarded and harmless on every processor, but the language requires these bytes to be
+//! atomic. Entries that are written by `update_with_copy` have no such fence. Payloads of the
+//! service pass through iceoryx2's queues; requests there are words, each of them atomic.
 // lint: safe Rust cannot write in place into shared memory; all code that needs it is in this file
 #![allow(unsafe_code)]
 
@@ -134,9 +134,9 @@ impl<H: Copy + Send + 'static, const N: usize> Inbox<H> for Reading<H, N> {
 struct Writing<H: Copy + 'static, const N: usize> {
     // `None` only inside `publish`
     value: Option<EntryValueUninit<Threadsafe, u64, Entry<H, N>>>,
-    // where numbers go should that ever not hold
+    // holds the numbers if that ever fails
     spare: [f64; 1],
-    // an entry whose port is gone is never recognised as a dead client's
+    // an entry without its port is never recognised as a dead client's
     _port: Writer<Threadsafe, u64>,
 }
 

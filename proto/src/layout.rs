@@ -23,7 +23,7 @@ pub struct Sizes {
     pub n_branches: usize,
 }
 
-/// Where one field lies in the packed numbers.
+/// The slot of one field in the packed numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Slot {
     /// The field.
@@ -37,14 +37,13 @@ pub struct Slot {
 }
 
 impl Slot {
-    /// The numbers that this slot takes.
+    /// The number of values in this slot.
     pub const fn range(&self) -> core::ops::Range<usize> {
         self.offset..self.offset + self.rows * self.columns
     }
 }
 
-/// How the fields of a set lie one after the other in one flat array, in the order of the field
-/// numbers.
+/// The layout of a set of fields in one flat array, in the order of the field numbers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
     slots: Vec<Slot>,
@@ -74,23 +73,23 @@ impl Layout {
         Layout::pack(query.want, query, &model.sizes, &rows.sizes(model))
     }
 
-    /// The fields and where they lie.
+    /// The fields and their slots.
     pub fn slots(&self) -> &[Slot] {
         &self.slots
     }
 
-    /// The slot of one field, if it is there.
+    /// The slot of one field, if present.
     #[inline]
     pub fn slot(&self, field: Field) -> Option<&Slot> {
         self.slots.get(self.index[field as usize] as usize)
     }
 
-    /// How many numbers the array holds.
+    /// The length of the array.
     pub fn len(&self) -> usize {
         self.len
     }
 
-    /// True when there is nothing to pack.
+    /// True if the layout is empty.
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }

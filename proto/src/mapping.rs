@@ -27,7 +27,7 @@ unsafe impl Send for Mapping {}
 unsafe impl Sync for Mapping {}
 
 impl Mapping {
-    /// New memory of so many zeros, all of it there, and its descriptor; its size never changes.
+    /// New memory of this many zeros, fully allocated, and its descriptor; its size never changes.
     pub(crate) fn create(name: &str, n_words: usize) -> io::Result<(Mapping, OwnedFd)> {
         let memory = memfd_create(name, MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING)?;
         fallocate(&memory, FallocateFlags::empty(), 0, bytes(n_words) as u64)?;
@@ -49,7 +49,7 @@ impl Mapping {
     }
 
     fn new(memory: &OwnedFd, n_words: usize, protection: ProtFlags) -> io::Result<Mapping> {
-        // no page of it is met for the first time while anybody waits
+        // no page fault occurs while a client waits
         let flags = MapFlags::SHARED | MapFlags::POPULATE;
         // SAFETY: a fresh mapping at an address that the kernel chooses; the file has this size and
         // is sealed against shrinking, so that every byte stays there.
@@ -68,8 +68,8 @@ impl Mapping {
         unsafe { std::slice::from_raw_parts(self.start.as_ptr(), self.n_words) }
     }
 
-    /// Gives the memory back for everybody who maps it or keeps its descriptor: zeros are read from
-    /// now on, and who writes takes memory anew. Where that is refused it stays as it is.
+    /// Frees the memory for every process that maps it or keeps its descriptor: reads then give
+    /// zeros, and writes allocate again. If that is refused the memory stays unchanged.
     pub(crate) fn empty(&self) {
         // SAFETY: all of it is this mapping's; its words stay mapped and are atomic integers, for
         // which any bits are valid.

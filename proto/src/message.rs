@@ -7,27 +7,27 @@ use crate::{Status, Warnings};
 /// Version of everything on the wire; a change of any payload raises it, together with the type
 /// names in `lane.rs`.
 pub const PROTOCOL_VERSION: u32 = 7;
-/// Plans that one server holds at one time; a power of two, see [`PlanNumber`].
+/// Plans that a server holds at once; a power of two, see [`PlanNumber`].
 pub const MAX_PLANS: usize = 1024;
 /// Numbers that one request can carry: y, ẏ, ÿ and a guess of a thousand joints.
 pub const MAX_NUMBERS_IN: usize = 4096;
 /// Numbers that one answer can carry.
 pub const MAX_NUMBERS_OUT: usize = 16384;
-/// Clients that can have a service at one time.
+/// Clients that can have a service at once.
 pub const MAX_SERVICE_CLIENTS: usize = 32;
-/// Counters of statuses, more than there are.
+/// Number of status counters, more than there are statuses.
 pub const N_STATUSES: usize = 32;
 
 /// The number of a plan on the wire: a slot in the server's table and a generation, so that the
-/// number of a plan that was released is never another plan's.
+/// number of a released plan is never reused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub struct PlanNumber(pub u32);
 
 impl PlanNumber {
-    /// The most often that one slot can be used.
+    /// Most uses of one slot.
     pub const GENERATIONS: u32 = u32::MAX / MAX_PLANS as u32 + 1;
 
-    /// The number of a slot, the `generation`-th time that it is used.
+    /// The number of a slot in its `generation`-th use.
     pub const fn new(slot: usize, generation: u32) -> PlanNumber {
         PlanNumber(generation * MAX_PLANS as u32 + slot as u32)
     }
@@ -49,13 +49,12 @@ pub struct RequestHead {
     pub plan: u32,
     /// Fingerprint of the model that the client was made for.
     pub fingerprint: u64,
-    /// Counts the client's requests from 1; the answer repeats it. A lane's entry with 0 is no
-    /// request.
+    /// Counts the client's requests from 1; the answer repeats it. In a lane, 0 means no request.
     pub sequence: u64,
-    /// The client's CLOCK_MONOTONIC when it asked `[ns]`, where it wants times or has a deadline;
+    /// The client's CLOCK_MONOTONIC at the request `[ns]`, if it wants times or has a deadline;
     /// else 0, and the server reads no clock for it.
     pub stamp_ns: u64,
-    /// How old the request may be when its answer is published `[ns]`; 0 for any age.
+    /// Largest age of the request when its answer is published `[ns]`; 0 for any age.
     pub deadline_ns: u64,
     /// [`checksum::of_request`] where the plan's query asks for it; else 0.
     ///
@@ -226,9 +225,9 @@ pub struct Statistics {
     /// Counters of the answering thread.
     pub counts: Counts,
     /// Time from finding a request of one state to publishing its answer `[ns]`: p50, p90, p99,
-    /// p99.9 and the largest, to about 6 %.
+    /// p99.9 and largest, to about 6 %.
     pub latency_ns: [u64; 5],
-    /// Lanes that clients hold or are about to.
+    /// Lanes that clients hold or are about to hold.
     pub lanes_taken: u64,
     /// Lanes that the server can give.
     pub lanes: u64,
@@ -249,7 +248,7 @@ pub struct Statistics {
 /// A client of a server.
 #[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct ClientStatistics {
-    /// Its process number; 0 where that is not known here.
+    /// Its process number; 0 if unknown here.
     pub process: u64,
     /// Its transport: `lane`, `service` or `none`.
     pub end: String,
@@ -260,7 +259,7 @@ pub struct ClientStatistics {
 }
 
 impl Statistics {
-    /// How many answers had a status.
+    /// Number of answers with a status.
     pub fn answered(&self, status: Status) -> u64 {
         self.counts.statuses[status as usize]
     }

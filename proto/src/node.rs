@@ -8,8 +8,8 @@ use crate::lane::Threadsafe;
 
 /// A node of this process in a part of shared memory. Its ports are dropped before it.
 ///
-/// Crates that hold nodes and ports do not compile the transport, which is generic: everything of
-/// it is reached through trait objects that this crate makes.
+/// The transport is generic. Crates that hold nodes and ports reach it only through this crate's
+/// trait objects, so they do not compile it.
 #[derive(Debug)]
 pub struct Node(Box<dyn Holder>);
 

@@ -3,11 +3,11 @@ use core::fmt;
 use crate::wire_enum::wire_enum;
 use crate::{Field, FieldSet, ModelInfo};
 
-/// Frames that one plan can name.
+/// Most frames of one plan.
 pub const MAX_FRAMES: usize = 32;
-/// Links that one plan can put wrenches on.
+/// Most links with wrenches of one plan.
 pub const MAX_WRENCHES: usize = 16;
-/// Runs of neighbouring joints that one plan can pick.
+/// Most runs of neighbouring joints of one plan.
 pub const MAX_JOINT_RUNS: usize = 31;
 
 wire_enum! {
@@ -53,7 +53,7 @@ impl Request {
     /// The fields that an answer to a request of this kind can hold.
     const fn outputs(self) -> FieldSet {
         use Field::*;
-        // every field but those that are given only, and the forces and masses of some requests
+        // every field except given-only ones, and the forces and masses of some requests
         const ANSWERS: FieldSet =
             FieldSet::of(Field::ALL).without(FieldSet::of(&[QGuess, QdGuess, Wrenches]));
         const FORCES: FieldSet = FieldSet::of(&[TauQ, TauY, TauU, TauUnactuated]);
@@ -90,13 +90,13 @@ impl QueryOptions {
         self.0 & other.0 == other.0
     }
 
-    /// These and those.
+    /// The union.
     #[must_use]
     pub const fn with(self, other: QueryOptions) -> QueryOptions {
         QueryOptions(self.0 | other.0)
     }
 
-    /// True when every bit has a meaning in this version.
+    /// True if every bit is known to this version.
     pub const fn is_known(self) -> bool {
         QueryOptions::KNOWN.contains(self)
     }
@@ -109,7 +109,7 @@ impl QueryOptions {
 pub struct Tolerance(pub u64);
 
 impl Tolerance {
-    /// 1e-6: files whose numbers have six decimals stay below it.
+    /// 1e-6: files with six decimals stay below it.
     pub const USUAL: Tolerance = Tolerance::new(1e-6);
 
     /// The bound of a number.
@@ -137,9 +137,9 @@ impl Default for Tolerance {
 pub struct Query {
     /// Number of the [`Request`].
     pub request: u32,
-    /// How many entries of `frames` count.
+    /// Number of entries used in `frames`.
     pub n_frames: u16,
-    /// How many entries of `wrench_links` count.
+    /// Number of entries used in `wrench_links`.
     pub n_wrenches: u16,
     /// The fields that each request gives.
     pub given: FieldSet,
@@ -147,19 +147,19 @@ pub struct Query {
     pub want: FieldSet,
     /// Additions to the heads of requests and answers.
     pub options: QueryOptions,
-    /// From which gap of a redundant row on an answer carries [`crate::Warnings::LOOP_OPEN`].
+    /// Gap of a redundant row above which an answer carries [`crate::Warnings::LOOP_OPEN`].
     pub loop_tolerance: Tolerance,
-    /// From which distance of the given state on an answer carries
+    /// Distance from the given state above which an answer carries
     /// [`crate::Warnings::INPUT_PROJECTED`].
     pub projection_tolerance: Tolerance,
-    /// Indices of the links whose frames are asked.
+    /// Indices of the links whose frames are wanted.
     pub frames: [u16; MAX_FRAMES],
     /// Indices of the links that wrenches act on.
     pub wrench_links: [u16; MAX_WRENCHES],
-    /// How many entries of `joints` count; none stands for all joints.
+    /// Number of entries used in `joints`; 0 means all joints.
     pub n_joint_runs: u32,
-    /// The joints whose rows are asked, as runs of tree velocities from the first of each to that
-    /// after its last, ascending and apart; see [`crate::Rows`].
+    /// The joints whose rows are wanted, as half-open runs of tree velocities, ascending and
+    /// disjoint; see [`crate::Rows`].
     pub joints: [[u16; 2]; MAX_JOINT_RUNS],
 }
 
@@ -169,17 +169,17 @@ pub struct Query {
 pub enum QueryError {
     /// The request's number is unknown.
     UnknownRequest(u32),
-    /// A bit of `given` or `want` stands for no field of this version.
+    /// A bit of `given` or `want` is no field of this version.
     UnknownField,
-    /// A bit of `options` stands for nothing in this version.
+    /// A bit of `options` is unknown to this version.
     UnknownOption,
-    /// A tolerance is negative or no number.
+    /// A tolerance is negative or not a number.
     BadTolerance,
     /// More frames or wrenches than a plan can name.
     TooMany {
         /// The list that is too long.
         what: &'static str,
-        /// How many a plan can name.
+        /// The limit.
         limit: usize,
     },
     /// An index names no link of the model.
@@ -188,7 +188,7 @@ pub enum QueryError {
     BadJoints,
     /// A field cannot be given to this request.
     NotAnInput(Field),
-    /// A field cannot be asked of this request.
+    /// This request cannot return a field.
     NotAnOutput(Field),
     /// None of the fields that this request needs is given.
     Missing(&'static str),
@@ -274,8 +274,8 @@ impl Query {
         self
     }
 
-    /// Sets the links whose frames are asked; indices beyond [`MAX_FRAMES`] are counted and refused
-    /// by [`Query::check`].
+    /// Sets the links whose frames are wanted; indices beyond [`MAX_FRAMES`] are counted and
+    /// refused by [`Query::check`].
     #[must_use]
     pub fn with_frames(mut self, links: &[u16]) -> Query {
         self.n_frames = links.len().min(u16::MAX as usize) as u16;
@@ -314,7 +314,7 @@ impl Query {
         self
     }
 
-    /// The links whose frames are asked.
+    /// The links whose frames are wanted.
     pub fn frames(&self) -> &[u16] {
         &self.frames[..(self.n_frames as usize).min(MAX_FRAMES)]
     }
@@ -324,7 +324,7 @@ impl Query {
         &self.wrench_links[..(self.n_wrenches as usize).min(MAX_WRENCHES)]
     }
 
-    /// The runs of tree velocities whose rows are asked; none stands for all.
+    /// The runs of tree velocities whose rows are wanted; an empty list means all.
     pub fn joint_runs(&self) -> &[[u16; 2]] {
         &self.joints[..(self.n_joint_runs as usize).min(MAX_JOINT_RUNS)]
     }
@@ -393,7 +393,7 @@ impl Query {
         if let Some(field) = self.given.iter().find(|field| !inputs.has(*field)) {
             return Err(QueryError::NotAnInput(field));
         }
-        // one space for each order of motion, and one for the forces
+        // one space per order of motion, and one for the forces
         for group in [[Y, Q, U], [Yd, Qd, Ud], [Ydd, Qdd, Udd], [TauQ, TauY, TauU]] {
             let mut given = group.into_iter().filter(|field| self.given.has(*field));
             if let (Some(a), Some(b)) = (given.next(), given.next()) {

@@ -23,7 +23,7 @@ pub struct Rows {
 }
 
 impl Rows {
-    /// The rows that a query picks on a model; all of them where it names no joint.
+    /// The rows that a query picks on a model; all rows if it names no joint.
     pub fn of(query: &Query, model: &ModelInfo) -> Rows {
         let all = |names: &[String]| (0..names.len()).collect();
         if query.joint_runs().is_empty() {
@@ -60,7 +60,7 @@ impl Rows {
         rows
     }
 
-    /// How many rows there are in each space; spaces without joints are as in the model.
+    /// Number of rows in each space; spaces without joints are as in the model.
     pub fn sizes(&self, model: &ModelInfo) -> Sizes {
         Sizes {
             n_q: self.q.len(),

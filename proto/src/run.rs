@@ -18,7 +18,7 @@ use crate::domain::{self, config, is_at, make_folder, node, random, remove_share
 use crate::socket::ControlListener;
 use crate::{Domain, DomainError, Node, ServerName};
 
-/// How long the transport waits for a file of a link whose maker has not finished it.
+/// Longest wait of the transport for an unfinished file of a link.
 const HALF_MADE: Duration = Duration::from_millis(100);
 /// Numbers of links: six hexadecimal digits, for which paths have room.
 const LINK_NUMBERS: u64 = 0xff_ffff;
@@ -26,7 +26,7 @@ const LINK_NUMBERS: u64 = 0xff_ffff;
 /// Numbers of runs: eight hexadecimal digits.
 const INSTANCES: u64 = 0xffff_ffff;
 
-/// A server's name and folder, held until this is dropped; then nothing of the run is left.
+/// A server's name and folder, held until this is dropped, which removes all files of the run.
 #[derive(Debug)]
 pub struct Run {
     domain: Domain,
@@ -37,7 +37,7 @@ pub struct Run {
     instance: u64,
 }
 
-/// Why a run cannot start.
+/// The reason why a run cannot start.
 #[derive(Debug)]
 pub enum RunError {
     /// Another process serves under this name.
@@ -97,7 +97,7 @@ impl Run {
     /// The socket that clients connect to.
     ///
     /// # Errors
-    /// `AlreadyExists`: the name is another server's by now.
+    /// `AlreadyExists`: another server has taken the name.
     pub fn listen(&self) -> io::Result<ControlListener> {
         if !is_at(&self.name_lock, &self.name_folder) {
             return Err(io::ErrorKind::AlreadyExists.into());
@@ -141,7 +141,7 @@ impl Run {
 
 impl Drop for Run {
     fn drop(&mut self) {
-        // a folder that was taken over meanwhile is another's
+        // a folder that was taken over meanwhile belongs to another process
         if is_at(&self.folder_lock, &self.folder) {
             clear_run(&self.domain, self.instance);
         }
@@ -152,8 +152,8 @@ impl Drop for Run {
     }
 }
 
-/// The part of shared memory that one client and its server share: a root and a prefix of its own,
-/// so that it can be removed as a whole, even after a process died while using it.
+/// The part of shared memory that one client and its server share: a root and a prefix, so that it
+/// can be removed as a whole, even if a process died while using it.
 #[derive(Clone, Debug)]
 pub struct Link {
     root: PathBuf,
@@ -186,7 +186,7 @@ impl Link {
         node(&self.root, &self.config)
     }
 
-    /// Gives every file of the link its memory now, so that none can run out of it later.
+    /// Reserves the memory of every file of the link, so that it cannot run out later.
     ///
     /// # Errors
     /// `StorageFull`: there is not enough shared memory; `InvalidData`: a file is empty.
@@ -208,7 +208,7 @@ impl Link {
         Ok(())
     }
 
-    /// Removes the link whole; call it when this process's node in it is gone.
+    /// Removes the whole link; call it after this process's node in it is dropped.
     pub fn remove(&self) {
         remove_shared(&self.prefix);
         let _ = fs::remove_dir_all(&self.root);
@@ -295,7 +295,7 @@ fn instance_of(digits: &str) -> Option<u64> {
     is_number.then(|| u64::from_str_radix(digits, 16).ok()).flatten()
 }
 
-/// A folder, made if it is missing, and locked; `None` where another process holds it.
+/// A folder, made if missing, and locked; `None` if another process holds it.
 fn lock_folder(path: &Path) -> io::Result<Option<File>> {
     make_folder(path)?;
     lock_existing(path)

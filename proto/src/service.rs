@@ -16,7 +16,7 @@ use crate::{DomainError, Node, PROTOCOL_VERSION};
 
 type Factory = request_response::PortFactory<Threadsafe, ComputeRequest, (), ComputeResponse, ()>;
 
-/// Why a service cannot be made or opened.
+/// The reason why a service cannot be made or opened.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ServiceError {
@@ -74,7 +74,7 @@ pub enum ServiceError {
     Full {
         /// Name of the service.
         service: String,
-        /// How many ports there are.
+        /// The number of ports.
         limit: usize,
     },
     /// The service was made by another version of sarrus.
@@ -88,13 +88,13 @@ pub enum ServiceError {
         /// The version of this side.
         version: u32,
     },
-    /// The writer before died and left the entry locked: the lane is of no more use.
+    /// The previous writer died and left the entry locked: the lane is unusable.
     #[error("`{service}` is locked by a process that died; attach again for a fresh lane")]
     Locked {
         /// Name of the service.
         service: String,
     },
-    /// Something else is wrong with the shared memory.
+    /// The shared memory has another fault.
     #[error("`{service}`: {reason}")]
     Memory {
         /// Name of the service.
@@ -115,7 +115,7 @@ impl ServiceError {
 
 /// The server's end of the service of one client.
 pub trait ServedService: Send {
-    /// Maps the memory of a client that has opened its end. A request that is there is dropped.
+    /// Maps the memory of a client that has opened its end. Drops a pending request.
     fn connect(&mut self);
 
     /// Answers the pending request, if its client still waits for it: `answer` writes the numbers
@@ -133,7 +133,7 @@ pub trait OpenedService: Send {
     /// busy or gone.
     fn send(&mut self, head: &RequestHead, numbers: &[f64]) -> bool;
 
-    /// A response to the last request, once each; it may be that to an older request.
+    /// A response, once each; it may belong to an older request.
     ///
     /// # Errors
     /// [`Disconnected`] if no response can come.
@@ -143,7 +143,7 @@ pub trait OpenedService: Send {
     fn cancel(&mut self);
 }
 
-/// The server of a request is gone, or there is no request.
+/// The server is gone, or there is no request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Disconnected;
 
@@ -159,10 +159,10 @@ impl ServedService for Serving {
         &mut self,
         answer: &mut dyn FnMut(&ComputeRequest, &mut [f64; MAX_NUMBERS_OUT]) -> ResponseHead,
     ) -> bool {
-        // an error concerns a client that is about to go
+        // an error concerns a client that is about to leave
         let Ok(Some(request)) = self.0.receive() else { return false };
         let held = Held(Some(request));
-        // else given up meanwhile, or its client is gone: dropping it releases it
+        // otherwise cancelled meanwhile, or its client is gone: dropping it releases it
         let Some(request) = held.0.as_ref().filter(|request| request.is_connected()) else {
             return false;
         };
@@ -218,10 +218,10 @@ impl OpenedService for Opened {
 /// Makes the service of one client.
 ///
 /// # Errors
-/// The shared memory is too full, or something else is wrong with it.
+/// The shared memory is too full, or has another fault.
 pub fn serve_compute(node: &Node) -> Result<Box<dyn ServedService>, ServiceError> {
     let service = name()?;
-    // one request under way, nothing overwritten: no request is lost in silence
+    // one pending request, nothing overwritten: no request is lost silently
     let factory: Factory = node
         .inner()
         .service_builder(&service)
@@ -235,12 +235,12 @@ pub fn serve_compute(node: &Node) -> Result<Box<dyn ServedService>, ServiceError
         .max_borrowed_responses_per_pending_response(1)
         .enable_safe_overflow_for_requests(false)
         .enable_safe_overflow_for_responses(false)
-        // the transport forgets to release a request whose client is gone unless it may be taken
-        // without one; the server looks itself whether the client waits
+        // the transport leaks a request whose client is gone unless it may be received without one;
+        // the server itself checks whether the client waits
         .enable_fire_and_forget_requests(true)
         .create()
         .map_err(|error| ServiceError::memory(&service, &error))?;
-    // a client that went away must not hold the server up
+    // a client that is gone must not delay the server
     let builder = factory
         .server_builder()
         .max_loaned_responses_per_request(1)
@@ -252,7 +252,7 @@ pub fn serve_compute(node: &Node) -> Result<Box<dyn ServedService>, ServiceError
 /// Opens the service that the server made for this client.
 ///
 /// # Errors
-/// The service is not there, is of another version, or something is wrong with the shared memory.
+/// The service is missing, has another version, or the shared memory is faulty.
 pub fn open_compute(node: &Node) -> Result<Box<dyn OpenedService>, ServiceError> {
     let service = name()?;
     let factory: Factory = node
@@ -282,7 +282,7 @@ fn name() -> Result<ServiceName, ServiceError> {
     link_service("compute")
 }
 
-/// The name of a service of a link, which needs no other.
+/// The name of a link's only service.
 pub(crate) fn link_service(name: &'static str) -> Result<ServiceName, ServiceError> {
     ServiceName::new(name).map_err(|error| ServiceError::Memory {
         service: name.to_owned(),

@@ -1,5 +1,5 @@
-//! The control socket: one connection for each client, messages kept whole, answers that reach this
-//! client only, and a kernel that reports at once that the other side died.
+//! The control socket: one connection for each client, messages kept whole, answers that reach only
+//! this client, and an immediate report by the kernel when the other side dies.
 //!
 //! The socket lies in the server's folder; it is addressed through that folder's descriptor, so
 //! that the length of the path does not matter.
@@ -26,7 +26,7 @@ const BACKLOG: i32 = 1024;
 /// The longest message `[byte]`.
 pub const MAX_MESSAGE: usize = 128 << 10;
 
-/// The server's end: connections come from it.
+/// The server's end, which accepts connections.
 #[derive(Debug)]
 pub struct ControlListener {
     socket: OwnedFd,
@@ -44,14 +44,14 @@ pub struct ControlSocket {
 /// The process at the other end of a connection, as reported by the kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Peer {
-    /// Process; 0 where it is in another namespace.
+    /// Process; 0 if it is in another namespace.
     pub process: u32,
     /// User.
     pub user: u32,
 }
 
 impl ControlListener {
-    /// Listens in this folder; a socket that a dead server left is replaced.
+    /// Listens in this folder; replaces the socket of a dead server.
     pub fn new(folder: &Path) -> io::Result<ControlListener> {
         let folder = open_folder(folder)?;
         let socket = new_socket()?;
@@ -70,7 +70,7 @@ impl ControlListener {
         match accept_with(&self.socket, SocketFlags::CLOEXEC | SocketFlags::NONBLOCK) {
             Ok(socket) => Ok(Some(ControlSocket { socket })),
             Err(error) if error.kind() == ErrorKind::WouldBlock => Ok(None),
-            // the client went while it waited
+            // the client left while it waited
             Err(rustix::io::Errno::CONNABORTED) => Ok(None),
             Err(error) => Err(error.into()),
         }
@@ -107,7 +107,7 @@ impl ControlSocket {
         Ok(ControlSocket { socket })
     }
 
-    /// Who is at the other end.
+    /// The process at the other end.
     pub fn peer(&self) -> io::Result<Peer> {
         let credentials = sockopt::socket_peercred(&self.socket)?;
         Ok(Peer {
@@ -119,7 +119,7 @@ impl ControlSocket {
     /// Sends a message, and a descriptor with it.
     ///
     /// # Errors
-    /// `WouldBlock` where the other side does not read, `BrokenPipe` where it is gone.
+    /// `WouldBlock` if the other side does not read, `BrokenPipe` if it is gone.
     pub fn send(&self, message: &[u8], descriptor: Option<BorrowedFd<'_>>) -> io::Result<()> {
         let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
         let mut ancillary = SendAncillaryBuffer::new(&mut space);
@@ -132,7 +132,7 @@ impl ControlSocket {
         Ok(())
     }
 
-    /// The next message, with a descriptor where one came with it; `None` where nothing is there.
+    /// The next message, with its descriptor if it has one; `None` without a message.
     ///
     /// # Errors
     /// `UnexpectedEof` and `ConnectionReset`: the other side is gone; `InvalidData`: the message is
@@ -183,7 +183,7 @@ impl AsFd for ControlSocket {
     }
 }
 
-/// A span as system calls take it.
+/// A duration for system calls.
 pub fn timespec(span: Duration) -> Timespec {
     // a thousand years at most
     Timespec { tv_sec: span.as_secs().min(1 << 35) as i64, tv_nsec: i64::from(span.subsec_nanos()) }

@@ -1,18 +1,18 @@
-//! How an answer ends: its status, and the warnings beside it.
+//! The status and warnings of an answer.
 
 use crate::wire_enum::wire_enum;
 
 wire_enum! {
-    /// How a request ended. The numbers are part of the wire contract and never change.
+    /// The outcome of a request. The numbers are part of the wire contract and never change.
     ///
-    /// [`Status::UnknownStatus`] is set by a client and sent by no server.
+    /// Only clients set [`Status::UnknownStatus`]; no server sends it.
     Status: u32 {
         /// The answer is complete.
         Ok = 0, "ok";
         /// The request itself is malformed: a field missing, two that exclude each other, a
         /// quaternion not of unit length.
         BadRequest = 1, "bad_request";
-        /// An input number is NaN or infinite, or so large that the answer would be.
+        /// An input number is NaN or infinite, or so large that the answer overflows.
         NonFiniteInput = 2, "non_finite_input";
         /// The number of input or output numbers does not fit the plan.
         WrongSize = 3, "wrong_size";
@@ -44,15 +44,15 @@ wire_enum! {
         /// Set by the server for a request, by the client for an answer, where the query asks for
         /// checksums.
         CorruptAnswer = 15, "corrupt_answer";
-        /// The request ended in a way that this client does not know: the server is of another
-        /// version. The numbers are NaN.
+        /// This client does not know the status: the server has another version. The numbers are
+        /// NaN.
         UnknownStatus = 16, "unknown_status";
     }
 }
 
 impl Status {
-    /// The status of an answer by its number; one that this version does not know is
-    /// [`Status::UnknownStatus`] and never another.
+    /// The status of an answer by its number; an unknown number is always
+    /// [`Status::UnknownStatus`].
     pub const fn of_answer(code: u32) -> Status {
         match Status::from_code(code) {
             Some(status) => status,
@@ -72,14 +72,13 @@ impl Warnings {
     /// A position, velocity or actuator force lies outside the limits that the model declares.
     pub const LIMITS_EXCEEDED: Warnings = Warnings(1);
     /// Some field of the answer may keep fewer than nine digits: near a singular pose, where
-    /// actuators nearly lose control, or where little is left of an inertia. Without it all keep
-    /// nine.
+    /// actuators nearly lose control, or where an inertia nearly cancels. Without it all keep nine.
     pub const ILL_CONDITIONED: Warnings = Warnings(2);
-    /// A row that the solution leaves out as redundant is open by more than the query's tolerance:
-    /// the loops do not close here.
+    /// A redundant row, which the solution omits, is open by more than the query's tolerance: the
+    /// loops do not close here.
     pub const LOOP_OPEN: Warnings = Warnings(4);
-    /// The given q or q̇ does not fit its loops: the answer is of a state that is further from it
-    /// than the query's tolerance ([`crate::Field::Projection`]).
+    /// The given q or q̇ does not fit its loops: the answer's state is farther from it than the
+    /// query's tolerance ([`crate::Field::Projection`]).
     pub const INPUT_PROJECTED: Warnings = Warnings(8);
 
     /// True when every bit of `other` is set.
@@ -87,7 +86,7 @@ impl Warnings {
         self.0 & other.0 == other.0
     }
 
-    /// The names that scripts see, in the order of the bits.
+    /// The names in scripts, in the order of the bits.
     pub fn names(self) -> impl Iterator<Item = &'static str> {
         let names = [
             (Self::LIMITS_EXCEEDED, "limits_exceeded"),

@@ -1,4 +1,4 @@
-//! A supervisor's notice to clients that it has given a server up: one small file.
+//! A supervisor's notice to clients that it has given up a server: one small file.
 //!
 //! `ROOT/server/NAME/state` holds a JSON object with `state` (`given_up`), `reason` and `at_unix`;
 //! the next start that succeeds removes it.
@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::ServerName;
 use crate::domain::{make_folder, make_root};
 
-/// More than any reason needs.
+/// Longer than any reason.
 const MAX_BYTES: u64 = 16_384;
 
 #[derive(Serialize, Deserialize)]
@@ -24,10 +24,10 @@ struct State {
     at_unix: u64,
 }
 
-/// Why the supervisor of a server has given it up; none where it has not.
+/// The reason why the supervisor has given up a server; none if it has not.
 pub fn given_up(root: &Path, name: &ServerName) -> Option<String> {
     let path = folder(root, name).join("state");
-    // neither a link nor a pipe, only a file of this user
+    // accepts only a regular file of this user, no link or pipe
     let mut options = OpenOptions::new();
     let flags = rustix::fs::OFlags::NOFOLLOW | rustix::fs::OFlags::NONBLOCK;
     let file = options.read(true).custom_flags(flags.bits() as i32).open(path).ok()?;
@@ -41,7 +41,7 @@ pub fn given_up(root: &Path, name: &ServerName) -> Option<String> {
     (state.state == "given_up").then_some(state.reason)
 }
 
-/// Records that the supervisor of a server has given it up, in seconds since 1970.
+/// Records that the supervisor has given up a server, with the time in seconds since 1970.
 ///
 /// # Errors
 /// The folder or the file cannot be made.
@@ -53,7 +53,7 @@ pub fn give_up(root: &Path, name: &ServerName, reason: &str, at_unix: u64) -> io
     let state = State { state: "given_up".to_owned(), reason, at_unix };
     let text = serde_json::to_string(&state).map_err(io::Error::other)?;
 
-    // whole or not at all
+    // atomically
     let [temporary, path] =
         [format!("state.{}", std::process::id()), "state".to_owned()].map(|name| folder.join(name));
     let _ = fs::remove_file(&temporary);
@@ -71,7 +71,7 @@ pub fn give_up(root: &Path, name: &ServerName, reason: &str, at_unix: u64) -> io
     written
 }
 
-/// Takes it back: a server runs. Folders that are empty then go as well.
+/// Removes the notice, as a server runs, and folders that become empty.
 pub fn clear(root: &Path, name: &ServerName) {
     let folder = folder(root, name);
     if fs::remove_file(folder.join("state")).is_ok() {

@@ -5,16 +5,16 @@ use crate::counts::{BusCounts, CommandCounts};
 
 /// Most buses of a bridge.
 pub const MAX_BUSES: usize = 16;
-/// Longest name of an actuator or a bus that is published `[byte]`; longer ones are cut.
+/// Longest published name of an actuator or a bus `[byte]`; longer ones are cut.
 pub const MAX_LABEL: usize = 32;
 
-/// A name as it travels: UTF-8, filled up with zeros.
+/// A name on the wire: UTF-8, padded with zeros.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C)]
 pub struct Label(pub [u8; MAX_LABEL]);
 
 impl Label {
-    /// A name, cut where it is too long.
+    /// A name, cut if it is too long.
     pub fn new(name: &str) -> Label {
         let mut label = Label::default();
         let end = (0..=name.len().min(MAX_LABEL))
@@ -38,7 +38,7 @@ impl Label {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C)]
 pub struct Times {
-    /// How many there were.
+    /// Number of times.
     pub count: u64,
     /// Half of them were at most this.
     pub p50: u64,
@@ -58,7 +58,7 @@ pub struct BusStatistics {
     pub name: Label,
     /// 0 active, 1 warning, 2 passive, 3 off.
     pub state: u64,
-    /// The part of its time that it is busy at worst.
+    /// Its worst-case load, as a fraction.
     pub load: f64,
     /// Frames sent.
     pub sent: u64,
@@ -70,7 +70,7 @@ pub struct BusStatistics {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct BridgeStatistics {
-    /// When this was published, by the monotonic clock of this machine `[ns]`.
+    /// Time of publication, by the monotonic clock of this machine `[ns]`.
     pub stamp_ns: u64,
     /// When the bridge started `[ns]`.
     pub started_ns: u64,
@@ -80,17 +80,17 @@ pub struct BridgeStatistics {
     pub cycles: u64,
     /// Commands, by verdict.
     pub commands: CommandCounts,
-    /// From the time of a cycle to its begin.
+    /// From the scheduled time of a cycle to its start.
     pub wake: Times,
-    /// From the begin of a cycle to its last frame.
+    /// From the start of a cycle to its last frame.
     pub work: Times,
     /// Age of the command in a cycle.
     pub age: Times,
     /// From a frame to a motor's answer.
     pub reply: Times,
-    /// How many of `buses` there are.
+    /// Number of entries used in `buses`.
     pub n_buses: u64,
-    /// How many of `actuators` there are.
+    /// Number of entries used in `actuators`.
     pub n_u: u64,
     /// The buses.
     pub buses: [BusStatistics; MAX_BUSES],
