@@ -1,25 +1,25 @@
-//! Rows of cells as CSV (RFC 4180): the one place that writes and reads it.
+//! Writes and reads rows of cells as CSV (RFC 4180).
 //!
-//! A cell with a comma, a quote or a line end is quoted, and read back as it was. A number that is
-//! written in the shortest form that is read back bit for bit (`{:?}`) stays the same number.
+//! A cell with a comma, a quote or a line end is quoted, and read back unchanged. A number in its
+//! shortest exact form (`{:?}`) keeps its bits.
 
 use csv::{ReaderBuilder, Terminator, Trim, WriterBuilder};
 
 use crate::Outcome;
 
-/// How a row ends.
+/// The end of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineEnd {
     /// A line feed, as on Unix.
     Lf,
-    /// Carriage return and line feed, as RFC 4180 has it.
+    /// Carriage return and line feed, as in RFC 4180.
     CrLf,
 }
 
 /// A row that was read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Row {
-    /// The line that it begins on, from 1.
+    /// Its first line, from 1.
     pub line: usize,
     /// Its cells, without blanks around them.
     pub cells: Vec<String>,
@@ -29,7 +29,7 @@ pub struct Row {
 ///
 /// # Errors
 ///
-/// None that is known: text in memory can be written.
+/// None known: writing text to memory cannot fail.
 pub fn write<'a>(rows: impl IntoIterator<Item = &'a Vec<String>>, end: LineEnd) -> Outcome<String> {
     let terminator = match end {
         LineEnd::Lf => Terminator::Any(b'\n'),

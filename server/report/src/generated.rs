@@ -1,5 +1,5 @@
-//! Section `generated`: straight-line code of each robot beside the kernels that it was traced
-//! from, the same code without its checks, and a peer at equal error.
+//! Section `generated`: compares straight-line code of each robot with the kernels that it was
+//! traced from, with itself without checks, and with a peer at equal error.
 
 mod case;
 #[cfg(test)]
@@ -27,7 +27,7 @@ use crate::robots::{Question, Robot, Start, Subject};
 const QUICK: [&str; 3] = ["lambda", "torso", "rh5v2_upper_body"];
 /// A peer's error that counts as equal to ours.
 const EQUAL: f64 = 1e-12;
-/// How often the programs of generated code time themselves, by turns.
+/// Number of alternating timings by the programs of generated code.
 const TURNS: usize = 5;
 
 const FEW: Amount = Amount { states: 16, rounds: Duration::from_millis(250), of_peer: 0.02 };
@@ -93,7 +93,7 @@ struct Row {
     question: Question,
     /// Nanoseconds of the plan.
     plan: f64,
-    /// Largest error of the plan by size, which is that of its code.
+    /// Largest error of the plan by size; its code has the same.
     error: f64,
     code: Option<Code>,
     /// Nanoseconds of the peer.
@@ -253,11 +253,11 @@ fn fastest(
     Ok(fastest)
 }
 
-/// Code of one plan: as it is used, and the programs that time it.
+/// Code of one plan: the shared object, and the programs that time it.
 struct Generated {
     kernel: NativeKernel,
     operations: usize,
-    /// The test programs of the function, and of it without checks.
+    /// The test programs of the function with and without checks.
     programs: [sarrus_generate::Built; 2],
 }
 

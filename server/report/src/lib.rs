@@ -5,7 +5,7 @@
 //! [`page::Pictures`] draws figures on a page of their own. [`robots`], [`mod@reference`] and
 //! [`measure`] serve programs that measure more.
 //!
-//! The modules know each other in this order, each only those above it:
+//! Each module depends only on those above it:
 //!
 //! ```text
 //! csv_rows   rows of cells as CSV                       measure    processors, times, progress

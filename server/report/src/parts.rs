@@ -1,5 +1,5 @@
-//! Section `parts`: times of questions that need only a part of the robot, beside those of the
-//! whole question.
+//! Section `parts`: times of questions that need only a part of the robot, compared with the whole
+//! question.
 
 use std::time::Duration;
 
@@ -19,14 +19,14 @@ struct Pair {
     words: String,
     whole: Query,
     part: Query,
-    /// The fields of the part that stand in the whole answer too, row by row.
+    /// The fields of the part that the whole answer has too, row by row.
     same: FieldSet,
     /// The state is at rest in the whole question, which gives rates of zero.
     rest: bool,
 }
 
 impl Pair {
-    /// A part whose every field stands in the whole answer.
+    /// A part whose fields are all in the whole answer.
     fn new(words: String, whole: Query, part: Query) -> Pair {
         Pair { words, whole, part, same: part.want, rest: false }
     }
@@ -124,7 +124,7 @@ fn pairs(model: &Model) -> Outcome<Vec<Pair>> {
     let mut pairs = Vec::new();
     let state = Question::State.query();
 
-    // links by how many bodies carry them
+    // links by the number of bodies that carry them
     let mut links = Vec::new();
     for link in 0..model.link_names().len().min(u16::MAX as usize) {
         let want = FieldSet::of(&[FramePose]);
@@ -158,7 +158,7 @@ fn pairs(model: &Model) -> Outcome<Vec<Pair>> {
     Ok(pairs)
 }
 
-/// True where every number of the part stands in the whole answer, bit for bit.
+/// True if the whole answer has every number of the part, bit for bit.
 fn has_same_bits(pair: &Pair, [part, whole]: &mut [Planned; 2]) -> bool {
     (0..part.states()).all(|state| {
         part.call(state);
@@ -167,7 +167,7 @@ fn has_same_bits(pair: &Pair, [part, whole]: &mut [Planned; 2]) -> bool {
             run.get(field).iter().map(|x| x.to_bits()).collect()
         };
         if pair.same.is_empty() {
-            // one row: the joint that stands last in the whole answer
+            // one row: the last joint of the whole answer
             let [one, all] = [&*part, &*whole].map(|run| rows(run, Field::TauU).last().copied());
             return one.is_some() && one == all;
         }

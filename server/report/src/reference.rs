@@ -12,7 +12,7 @@ pub struct Reference {
     place: usize,
     plan: Plan,
     workspace: Workspace<Dd>,
-    /// The answer on each state, once it is known.
+    /// The answer on each state, once computed.
     outputs: Vec<Vec<Dd>>,
 }
 
@@ -25,7 +25,7 @@ impl Reference {
         start: Start,
     ) -> Outcome<Reference> {
         let mut query = question.query();
-        // the warm start leads to the pose that a cold one has to find
+        // the warm start leads to the pose that a cold one must find
         if start != Start::None {
             query.given = query.given.with(Field::QGuess);
         }
@@ -47,7 +47,7 @@ impl Reference {
         })
     }
 
-    /// Answers on all states up to this one, where that was not done before.
+    /// Computes missing answers on all states up to this one.
     pub fn compute(&mut self, robot: &Robot, state: usize) -> Outcome {
         let model = &robot.variants[self.place].compiled.exact;
         for state in self.outputs.len()..=state {
@@ -116,8 +116,8 @@ impl<'a> References<'a> {
         References { robot, kept: Vec::new() }
     }
 
-    /// The error of an answer to a question at a state, whose numbers are those of `want`: on
-    /// chains of the forces, for ÿ.
+    /// The error of an answer at a state, with the numbers of `want`: on chains, for ÿ, that of the
+    /// forces.
     pub(crate) fn error(
         &mut self,
         (question, place, start): (Question, usize, Start),
@@ -125,7 +125,7 @@ impl<'a> References<'a> {
         state: usize,
         answer: &[f64],
     ) -> Outcome<f64> {
-        // a cold start has to find the pose that a warm one leads to
+        // a cold start must find the pose that a warm one leads to
         let key = (question, place, start != Start::None);
         let kept = self.kept.iter().position(|(of, _)| *of == key);
         if kept.is_none() {
@@ -142,7 +142,7 @@ impl<'a> References<'a> {
         })
     }
 
-    /// The error of a peer's answer; of a state q alone. NaN where it does not have every number.
+    /// The error of a peer's answer; for states of q alone. NaN if a number is missing.
     pub(crate) fn of_peer(
         &mut self,
         (question, start): (Question, Start),
@@ -167,7 +167,7 @@ pub(crate) fn layout(robot: &Robot, question: Question) -> Layout {
 }
 
 /// The largest of some errors by the size of the largest of their references, or by `least` where
-/// that is larger; pairs of error and reference. An error that is no number is infinite.
+/// that is larger; pairs of error and reference. A NaN error counts as infinite.
 pub(crate) fn by_size(pairs: impl IntoIterator<Item = (f64, f64)>, least: f64) -> f64 {
     let mut worst: f64 = 0.0;
     let mut size = least.max(f64::MIN_POSITIVE);
@@ -178,7 +178,7 @@ pub(crate) fn by_size(pairs: impl IntoIterator<Item = (f64, f64)>, least: f64) -
     if worst == 0.0 { 0.0 } else { worst / size }
 }
 
-/// The larger of two errors; NaN where one is.
+/// The larger of two errors; NaN if either is.
 pub(crate) fn worse(a: f64, b: f64) -> f64 {
     if b > a || b.is_nan() { b } else { a }
 }

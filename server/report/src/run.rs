@@ -12,8 +12,8 @@ use crate::page::files::{files, with_names, write};
 use crate::page::{Report, Section, command};
 use crate::{Outcome, accuracy, integration, parts, stress};
 
-/// Every section: its name, the function that fills it, and its share of the time of a full report.
-/// The name is that of the flag, of the JSON and of the files: `extremes` are the stress cases.
+/// Every section: its name, the function that fills it, and its share of a full report's time.
+/// Flag, JSON and files use the name: `extremes` are the stress cases.
 const SECTIONS: &[(&str, fn(&Effort, &Progress) -> Outcome<Section>, f64)] = &[
     ("accuracy", accuracy::run, 0.4),
     ("parts", parts::run, 0.05),
@@ -36,15 +36,15 @@ pub fn synonyms(name: &str) -> impl Iterator<Item = &'static str> {
     SYNONYMS.iter().filter(move |(_, of)| *of == name).map(|(word, _)| *word)
 }
 
-/// A file that shows that the folder can be written.
+/// A file that proves the folder writable.
 const PROBE: &str = ".writable";
 
 /// The sections to report and their folder.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// How much is measured.
+    /// The effort of the measurements.
     pub effort: Effort,
-    /// Names of sections; all of them where there is none.
+    /// Names of sections; empty for all.
     pub sections: Vec<String>,
     /// The folder.
     pub out: PathBuf,
@@ -57,8 +57,8 @@ pub struct Options {
 ///
 /// A folder that cannot be written.
 pub fn run(options: &Options) -> Outcome<Report> {
-    // a folder that cannot be written is found before the measurements, not after an hour; an
-    // earlier report stays until then
+    // finds an unwritable folder before the measurements, not after an hour; an earlier report
+    // stays until then
     write(&options.out, PROBE, "")?;
     fs::remove_file(options.out.join(PROBE))
         .map_err(|error| format!("{}: {error}", options.out.display()))?;

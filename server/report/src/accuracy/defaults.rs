@@ -1,18 +1,18 @@
-//! Where the methods that are used without asking stand in their figures.
+//! The ranks of the default methods in their figures.
 
 use super::methods::Method;
 use super::{title, words};
 use crate::page::{Figure, exponent, pareto_front};
 use crate::robots::{Robot, Subject};
 
-/// A time above that of another method that still counts as the same.
+/// Ratio of two times that still count as equal.
 const SAME_TIME: f64 = 1.05;
 
-/// How a default method stands in its figure.
+/// The rank of a default method in its figure.
 pub(super) struct DefaultRow {
     pub(super) question: &'static str,
     pub(super) error: f64,
-    /// Its time against the fastest that is no less exact.
+    /// Its time relative to the fastest method of at least its accuracy.
     pub(super) factor: f64,
     pub(super) on_front: bool,
     pub(super) cells: Vec<String>,
@@ -49,7 +49,7 @@ pub(super) fn row(robot: &Robot, figure: &Figure, of: &Method) -> DefaultRow {
     DefaultRow { question, error: of.error, factor, on_front, cells }
 }
 
-/// Where the default methods of a robot stand.
+/// The ranks of a robot's default methods.
 pub(super) fn sentence(subject: Subject, places: &[DefaultRow]) -> String {
     let word = |place: &DefaultRow| match (place.on_front, place.factor) {
         (true, _) => format!("{} on the front", place.question),

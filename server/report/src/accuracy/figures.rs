@@ -8,7 +8,7 @@ use crate::peer;
 use crate::reference::References;
 use crate::robots::{Question, Robot, Start, Subject};
 
-/// The series that a peer adds to a figure; of a state it computes q alone.
+/// The series that a peer adds to a figure; for states it computes q alone.
 pub(super) fn of_peer(
     robot: &Robot,
     references: &mut References<'_>,

@@ -1,4 +1,4 @@
-//! Errors and residuals of every method on every state, then times in batches that take turns.
+//! Measures errors and residuals of every method on every state, then times in alternating batches.
 
 use std::time::Duration;
 
@@ -26,7 +26,7 @@ impl Timed for &mut Method {
     }
 }
 
-/// Measures all methods of one robot; `shown` learns the share that is done.
+/// Measures all methods of one robot; `shown` gets the fraction done.
 pub(super) fn measure(
     robot: &Robot,
     methods: &mut [Method],
@@ -37,7 +37,7 @@ pub(super) fn measure(
     for method in methods.iter_mut() {
         errors(robot, method, references)?;
     }
-    // a method that does not answer is not timed
+    // a method without an answer is not timed
     let mut fine: Vec<&mut Method> =
         methods.iter_mut().filter(|method| method.fault.is_none()).collect();
     let times = interleaved(&mut fine, rounds, shown)?;

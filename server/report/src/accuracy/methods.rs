@@ -1,5 +1,5 @@
-//! Every method that is measured on a robot: how loops are closed and how well, and how forward
-//! dynamics go.
+//! Every measured method of a robot: closures with their tolerances, and methods of forward
+//! dynamics.
 
 use sarrus_dynamics::{Method as Forward, Model, Plan};
 
@@ -7,12 +7,11 @@ use super::runner::{Implicit, Runner, with_start};
 use crate::Outcome;
 use crate::robots::{Planned, Question, Robot, Start, Subject, Variant};
 
-/// Tolerances of the last step of Newton's method where the state alone is asked, and where
-/// dynamics follow.
+/// Tolerances of the last Newton step, for the state alone and for dynamics.
 const TOLERANCES: [f64; 13] =
     [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14, 1e-15];
 const FEW_TOLERANCES: [f64; 5] = [1e-3, 1e-6, 1e-9, 1e-12, 1e-15];
-/// Bounded steps, from a closed pose nearby and from that at zero.
+/// Bounds on the Newton steps, from a nearby closed pose and from the zero pose.
 const STEPS: [u32; 5] = [1, 2, 3, 4, 6];
 const STEPS_FROM_ZERO: [u32; 6] = [1, 2, 3, 4, 6, 8];
 /// Tree velocities up to which dense systems are measured.
@@ -26,21 +25,21 @@ pub(super) struct Method {
     pub(super) label: String,
     /// The defaults.
     pub(super) default: bool,
-    /// Which variant of the robot it is, and where its Newton's method starts.
+    /// The variant of the robot, and the start of Newton's method.
     pub(super) place: usize,
     pub(super) start: Start,
     pub(super) runner: Box<dyn Runner>,
     /// Median of a call.
     pub(super) ns: f64,
-    /// The worst of all states; NaN where some state has no answer.
+    /// The worst of all states; NaN if some state has no answer.
     pub(super) error: f64,
-    /// The largest |φ| of q, where q was asked.
+    /// The largest |φ| of q, if q is wanted.
     pub(super) residual: Option<f64>,
-    /// Why there is no answer.
+    /// The reason why there is no answer.
     pub(super) fault: Option<String>,
 }
 
-/// A way to close loops: the variant, its name, where Newton's method starts.
+/// A way to close loops: the variant, its name, and the start of Newton's method.
 #[derive(Clone, Copy)]
 struct Closing<'a> {
     place: usize,
@@ -55,16 +54,16 @@ impl Closing<'_> {
         &self.variant.compiled.model
     }
 
-    /// True where dense systems are measured.
+    /// True if dense systems are measured.
     fn is_small(&self) -> bool {
         self.model().sizes().n_v <= LARGEST_SQUARE
     }
 }
 
-/// Where Newton's method ends.
+/// The end of Newton's method.
 #[derive(Clone, Copy)]
 enum End {
-    /// As the model has it, with the label of the setting.
+    /// The model's own, with the label of the setting.
     Usual(&'static str),
     /// At this tolerance.
     Tolerance(f64),
@@ -123,14 +122,14 @@ pub(super) fn of_robot(robot: &Robot) -> Outcome<Vec<Method>> {
 }
 
 impl Methods<'_> {
-    /// Loops that are closed as the robot is given.
+    /// Loops closed by the robot's own types.
     fn given(&mut self, closing: Closing<'_>) -> Outcome {
         let end = End::Usual("usual");
         self.everything(&closing, end)?;
         if closing.is_small() { self.implicit(&closing, end) } else { Ok(()) }
     }
 
-    /// Newton's method from a closed pose near by, ended sooner or later.
+    /// Newton's method from a nearby closed pose, with varied tolerances and steps.
     fn newton(&mut self, closing: Closing<'_>) -> Outcome {
         let forward = Question::Forced(closing.model().forward_method());
         for tolerance in TOLERANCES {
@@ -154,7 +153,7 @@ impl Methods<'_> {
         Ok(())
     }
 
-    /// Newton's method without a guess, ended sooner or later.
+    /// Newton's method without a guess, with varied tolerances and steps.
     fn cold(&mut self, closing: Closing<'_>) -> Outcome {
         for tolerance in FEW_TOLERANCES {
             self.ask(&closing, Question::State, End::Tolerance(tolerance))?;
@@ -166,7 +165,7 @@ impl Methods<'_> {
         Ok(())
     }
 
-    /// Every question, forward dynamics by every method that fits.
+    /// Every question, with forward dynamics by every applicable method.
     fn everything(&mut self, closing: &Closing<'_>, end: End) -> Outcome {
         self.ask(closing, Question::State, end)?;
         self.ask(closing, Question::InverseDynamics, end)?;
@@ -178,7 +177,7 @@ impl Methods<'_> {
         Ok(())
     }
 
-    /// A default is the usual end of a default closing, with the model's own forward dynamics.
+    /// A default closes loops with the default tolerance and uses the model's own forward dynamics.
     fn ask(&mut self, closing: &Closing<'_>, question: Question, end: End) -> Outcome {
         let model = end.model(closing.model());
         let query = with_start(question.query(), closing.start);

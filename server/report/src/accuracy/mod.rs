@@ -1,4 +1,4 @@
-//! Section `accuracy`: error against run time, a figure for each robot and each question.
+//! Section `accuracy`: error against run time, one figure per robot and question.
 //!
 //! A method is one line in `methods.rs`; `runner.rs` calls it, `measure.rs` times it, `figures.rs`
 //! draws it, and `defaults.rs` tabulates the defaults.
@@ -37,7 +37,7 @@ const ROBOTS: [Subject; 8] = [
     Subject::Bundled("rh5v2_full"),
     Subject::Chain(1),
 ];
-/// The questions, as the page and the files call them.
+/// The questions, by their names in the page and the files.
 const QUESTIONS: [(Question, &str, &str); 3] = [
     (Question::State, "state", "state"),
     (Question::InverseDynamics, "inverse dynamics", "id"),
@@ -91,7 +91,7 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
     Ok(section)
 }
 
-/// A robot as it is given and by Newton's method, on the same states.
+/// A robot with its own closures and by Newton's method, on the same states.
 fn load(subject: Subject, n_states: usize) -> Outcome<Robot> {
     let n_states = subject.states(n_states);
     let (description, mut all) = variants(subject, |name| !name.starts_with("hybrid-"))?;
@@ -116,13 +116,13 @@ fn id(subject: Subject, question: Question) -> String {
     format!("accuracy-{}-{}", subject.name(), words(question)[1])
 }
 
-/// A question, as the page and the files call it.
+/// A question, by its name in the page and the files.
 fn words(question: Question) -> [&'static str; 2] {
     let words = QUESTIONS.iter().find(|(of, ..)| *of == question);
     words.map_or([""; 2], |(_, name, id)| [*name, *id])
 }
 
-/// The figures of one robot, their contents, and why a peer is missing.
+/// The figures of one robot, their contents, and the reason of a missing peer.
 fn robot_figures(
     robot: &Robot,
     amount: Amount,
@@ -212,7 +212,7 @@ mod tests {
                     }
                 }
             }
-            // more steps are no worse; where a tabulated start leaves one to do, that is enough
+            // more steps are no worse; one is enough after a tabulated start
             let bounded = measured.iter().filter(|of| {
                 of.question == Question::State && of.series == "Newton, cold, double, bounded steps"
             });
@@ -247,7 +247,7 @@ mod tests {
                     figure.title
                 );
             }
-            // points off the front are beaten or equalled
+            // points off the front are dominated or equalled
             for point in points().filter(|point| point.x.is_finite() && point.y.is_finite()) {
                 assert!(
                     best.iter().any(|(_, of)| of.x <= point.x && of.y <= point.y),

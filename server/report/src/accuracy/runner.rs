@@ -11,7 +11,7 @@ use crate::robots::{Planned, Robot, Start};
 /// α = β of Baumgarte's stabilisation in 1/s: a drift falls by a digit in 39 ms.
 pub(super) const STABILISATION: f64 = 100.0;
 
-/// Something that answers a question on each state.
+/// A call that answers a question on each state.
 pub(super) trait Runner: Timed {
     /// The numbers of the last answer, in the order of the question's fields.
     fn answer(&self) -> Vec<f64>;
@@ -23,7 +23,7 @@ impl Runner for Planned {
     }
 }
 
-/// The query, with the guess that a warm start has.
+/// The query, with a guess for a warm start.
 pub(super) fn with_start(mut query: Query, start: Start) -> Query {
     if start == Start::Warm {
         query.given = query.given.with(Field::QGuess);
@@ -38,12 +38,12 @@ pub(super) struct Implicit {
     /// Forces on the tree, for each state.
     tau: Vec<Vec<f64>>,
     qdd: Vec<f64>,
-    /// Where ÿ stands in q̈.
+    /// Indices of ÿ in q̈.
     independent: Vec<usize>,
 }
 
 impl Implicit {
-    /// On the states of a robot; the loops are closed from this start.
+    /// A runner on the states of a robot, whose loops are closed from this start.
     pub(super) fn new(
         model: &Model,
         robot: &Robot,

@@ -1,4 +1,4 @@
-//! The timed calls: a plan, alone or with its code, one state after the other or all at once.
+//! The timed calls: a plan, alone or with its code, state by state or all at once.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ pub(super) struct Case {
     rows: Option<Rows>,
 }
 
-/// All states of a robot, one after the other.
+/// All states of a robot, one by one.
 struct Rows {
     batch: Batch,
     input: Vec<f64>,

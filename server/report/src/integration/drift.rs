@@ -7,14 +7,13 @@ use crate::Outcome;
 use crate::measure::Effort;
 use crate::page::{Axis, Figure, Point, Series, exponent};
 
-/// Steps of a full and of a quick report, and how long each is `[s]`.
+/// Steps of a full and of a quick report, and the length of each `[s]`.
 const STEPS: [u32; 2] = [1_000_000, 30_000];
 const STEP: f64 = 1e-3;
 /// Samples of each run.
 const SAMPLES: u32 = 200;
 
-/// The lambda swings freely under gravity, without anything that takes energy: picture and
-/// sentence.
+/// The lambda swings freely under gravity, without dissipation: picture and sentence.
 pub(super) fn energy(effort: &Effort) -> Outcome<(Figure, String)> {
     let steps = STEPS[usize::from(effort.quick)];
     let duration = f64::from(steps) * STEP;

@@ -50,8 +50,8 @@ pub fn four_bars(n: usize) -> Source {
 }
 
 /// Angle `[rad]` and rate `[rad/s]` of N four-bars that move as parallelograms, after `duration`
-/// `[s]`: one pendulum, ((N+1)/3 + N) θ̈ = −((N+1)/2 + N) g cos θ, by Runge and Kutta's method at a
-/// step that leaves nothing to be seen.
+/// `[s]`: one pendulum, ((N+1)/3 + N) θ̈ = −((N+1)/2 + N) g cos θ, by a Runge-Kutta method with a
+/// step of negligible error.
 pub fn pendulum(n: f64, [mut angle, mut rate]: [f64; 2], duration: f64) -> [f64; 2] {
     let pull = |angle: f64| -((n + 1.0) / 2.0 + n) * 9.81 * angle.cos() / ((n + 1.0) / 3.0 + n);
     let steps = 200_000;

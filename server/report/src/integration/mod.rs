@@ -1,5 +1,4 @@
-//! Section `integration`: error of motions against the time that it takes to compute them, and
-//! energy over many steps.
+//! Section `integration`: error of motions against computing time, and energy over many steps.
 //!
 //! A problem is one entry in `problems.rs`.
 
@@ -23,7 +22,8 @@ use crate::reference::{by_size, worse};
 const TIGHT: [(Method, f64); 2] = [(Method::Dop853, 1e-13), (Method::Radau5, 1e-12)];
 /// Largest difference of the two up to which a problem has a reference.
 const AGREE: f64 = 1e-6;
-/// Seconds that one run may take in a quick report; a series ends where the next would take longer.
+/// Seconds that one run may take in a quick report; a series ends when the next run would take
+/// longer.
 const LONGEST_RUN: [f64; 2] = [6.0, 0.25];
 
 /// Fills the section.
@@ -65,7 +65,7 @@ struct Row {
     least: f64,
 }
 
-/// The worst of the best.
+/// The largest of the least errors.
 fn best(rows: &[Row], quick: bool) -> String {
     let worst = rows.iter().max_by(|a, b| a.least.total_cmp(&b.least));
     worst.map_or_else(String::new, |row| {

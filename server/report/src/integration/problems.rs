@@ -19,11 +19,11 @@ pub(super) struct Problem {
     pub(super) inputs: Vec<Input>,
     pub(super) y: Vec<f64>,
     pub(super) yd: Vec<f64>,
-    /// How long `[s]`.
+    /// Duration `[s]`.
     pub(super) duration: f64,
-    /// Longest step of the methods of fixed step; the others are halves of it.
+    /// Longest step of the fixed-step methods; the others are halves of it.
     pub(super) step: f64,
-    /// The end as it is known from elsewhere.
+    /// The end from another source.
     pub(super) known: Option<Known>,
 }
 
@@ -32,7 +32,7 @@ pub(super) struct Known {
     /// y and ẏ.
     pub(super) end: [Vec<f64>; 2],
     pub(super) from: &'static str,
-    /// How closely, by size.
+    /// Its accuracy, by size.
     pub(super) to: f64,
 }
 
@@ -95,13 +95,13 @@ impl Problem {
         Settings { rtol: tolerance, atol: tolerance, ..self.settings(method) }
     }
 
-    /// By a method with a sample at the end alone.
+    /// By a method with only one sample, at the end.
     pub(super) fn settings(&self, method: Method) -> Settings {
         Settings { every: Some(self.duration), ..Settings::new(method, self.duration) }
     }
 }
 
-/// Every problem, in the order of the page; a quick report leaves out the row of forty.
+/// Every problem, in the order of the page; a quick report omits the row of forty.
 pub(super) fn all(quick: bool) -> Outcome<Vec<Problem>> {
     let arm = |problem: Problem, side: &str| {
         let hand = format!("A{side}WristRoll_Link");

@@ -1,4 +1,4 @@
-//! Which processors client and server run on.
+//! The processors of client and server.
 
 use core::fmt;
 use std::fs;
@@ -13,7 +13,7 @@ pub struct Cores {
     client: usize,
     server: usize,
     upkeep: usize,
-    /// How many there are.
+    /// Number of processors.
     pub count: usize,
     /// True when client and server are two threads of one core.
     siblings: bool,
@@ -67,8 +67,8 @@ impl fmt::Display for Cores {
     }
 }
 
-/// Moves this thread, and the threads it starts, to one processor. A system that forbids it
-/// measures without.
+/// Moves this thread, and the threads it starts, to one processor; does nothing if the system
+/// forbids it.
 pub fn pin(cpu: usize) {
     let mut set = CpuSet::new();
     set.set(cpu);

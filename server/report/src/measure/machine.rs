@@ -2,7 +2,7 @@
 
 use super::cores::Cores;
 
-/// Processor, how many, and how busy they are with other things.
+/// The processors' name, their number and their other load.
 pub fn machine(cores: &Cores) -> String {
     let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
     let info = read("/proc/cpuinfo");

@@ -1,4 +1,4 @@
-//! How a report is measured: processors, the machine's name, times, progress.
+//! Measurement: processors, the machine's name, times, progress.
 
 pub mod cores;
 pub mod machine;
@@ -7,17 +7,17 @@ pub mod timing;
 
 use std::time::Duration;
 
-/// How much of one robot a section measures.
+/// The effort of a section for one robot.
 #[derive(Clone, Copy)]
 pub(crate) struct Amount {
     pub(crate) states: usize,
-    /// How long its batches take turns.
+    /// Duration of its alternating batches.
     pub(crate) rounds: Duration,
-    /// How long a peer times each of its methods, in seconds.
+    /// Seconds in which a peer times each of its methods.
     pub(crate) of_peer: f64,
 }
 
-/// How much a report measures.
+/// The effort of a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Effort {
     /// The whole report within two minutes on two slow cores.

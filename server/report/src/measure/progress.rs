@@ -1,4 +1,4 @@
-//! How far a run is, on standard error.
+//! Shows the progress of a run on standard error.
 
 use std::cell::Cell;
 use std::io::{IsTerminal, stderr};
@@ -6,11 +6,11 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
-/// Time between two lines where no bar is shown.
+/// Time between two lines if no bar is shown.
 const LINES: Duration = Duration::from_secs(15);
 /// Steps of the bar.
 const STEPS: f64 = 1000.0;
-/// No guess of the time left before this share is done.
+/// No estimate of the remaining time before this fraction is done.
 const EARLY: f64 = 0.02;
 
 /// A bar on a terminal; elsewhere nothing, or plain lines now and then.
@@ -21,17 +21,17 @@ pub struct Progress {
     start: Instant,
     /// When the last line was written.
     written: Cell<Instant>,
-    /// The share of everything that is shown as 0 to 1.
+    /// The share of the whole run that 0 to 1 covers.
     part: Cell<(f64, f64)>,
 }
 
 impl Progress {
-    /// A bar where standard error is a terminal, else nothing.
+    /// A bar if standard error is a terminal, else nothing.
     pub fn silent() -> Progress {
         Progress::new(false)
     }
 
-    /// A bar where standard error is a terminal, else a line every now and then.
+    /// A bar if standard error is a terminal, else an occasional line.
     pub fn with_lines() -> Progress {
         Progress::new(true)
     }
@@ -65,7 +65,7 @@ impl Progress {
         }
     }
 
-    /// From now on 0 to 1 stands for this share of everything.
+    /// From now on 0 to 1 covers this share of the whole run.
     pub fn part(&self, from: f64, to: f64) {
         self.part.set((from, to));
     }
@@ -95,7 +95,7 @@ impl Progress {
     }
 }
 
-/// The time left, from how long the share that is done took.
+/// The remaining time, from the time of the fraction done.
 fn left(elapsed: Duration, done: f64) -> String {
     if done < EARLY {
         return format!("{} s", elapsed.as_secs());

@@ -1,4 +1,4 @@
-//! Nanoseconds per call, in batches that take turns.
+//! Nanoseconds per call, in alternating batches.
 
 use std::time::{Duration, Instant};
 
@@ -6,14 +6,14 @@ use sarrus_dynamics::Status;
 
 use crate::Outcome;
 
-/// States that the batches of a case go through.
+/// States in the batches of a case.
 const STATES: usize = 64;
-/// A batch takes no longer than this where four states do not: long ones are interrupted on a
-/// machine that others use too.
+/// A batch takes at most this long unless four states take longer: on a shared machine long ones
+/// are interrupted.
 const LONGEST: Duration = Duration::from_micros(200);
-/// A batch takes at least this long: the clock's own time is then below a percent.
+/// A batch takes at least this long: the overhead of the clock is then below one percent.
 const BATCH: Duration = Duration::from_micros(15);
-/// Untimed calls before each batch take this long: the other cases had the caches and the branch
+/// Untimed calls before each batch take this long: the other cases used the caches and the branch
 /// predictor.
 const WARM_UP: Duration = Duration::from_micros(80);
 
@@ -38,17 +38,17 @@ impl Samples {
             .unwrap_or(f64::NAN)
     }
 
-    /// The middle one.
+    /// The median.
     pub fn median(&self) -> f64 {
         self.at(0.5)
     }
 
-    /// How many there are.
+    /// Number of samples.
     pub fn count(&self) -> usize {
         self.0.len()
     }
 
-    /// Every sample, as pairs of a value in tenths of a nanosecond and how often it came.
+    /// Every sample, as pairs of a value in tenths of a nanosecond and its count.
     pub fn counted(&self) -> Vec<(u64, usize)> {
         let tenths: Vec<u64> = self.0.iter().map(|ns| (10.0 * ns).round() as u64).collect();
         tenths.chunk_by(|a, b| a == b).map(|equal| (equal[0], equal.len())).collect()
@@ -58,27 +58,27 @@ impl Samples {
 /// The states of a case's batch.
 #[derive(Clone, Copy)]
 struct Batch {
-    /// The first state; the next batch goes on after the last one.
+    /// The first state; the next batch continues after the last one.
     first: usize,
     states: usize,
-    /// Calls before it that are not timed.
+    /// Untimed calls before the batch.
     warm_up: usize,
-    /// How often it goes through its states.
+    /// Number of passes over its states.
     passes: usize,
 }
 
 /// A timed case: a call on each of some states.
 pub trait Timed {
-    /// How a failure calls it.
+    /// Its name in failures.
     fn name(&self) -> String;
-    /// How many states there are.
+    /// Number of states.
     fn states(&self) -> usize;
-    /// One call, input and result out of the optimiser's sight.
+    /// One call, with input and result hidden from the optimiser.
     fn call(&mut self, state: usize) -> Status;
 }
 
-/// Runs a batch of every case in turn, again and again for this long; gives the nanoseconds per
-/// call of each batch. `shown` learns the share that is done.
+/// Runs a batch of every case in turn, repeatedly for this long; returns the nanoseconds per call
+/// of each batch. `shown` gets the fraction done.
 ///
 /// # Errors
 ///

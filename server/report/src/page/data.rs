@@ -7,7 +7,7 @@ use super::section::{Case, Report, Section, Table, columns};
 use crate::Outcome;
 use crate::csv_rows::{LineEnd, write};
 
-/// Everything, for scripts. A number that is not finite is null.
+/// The whole report, for scripts. A number that is not finite is null.
 pub(super) fn json(report: &Report) -> Value {
     let sections: Vec<Value> =
         report.sections.iter().map(|section| section_value(report, section)).collect();
@@ -121,8 +121,7 @@ pub(super) fn result_table(section: &Section) -> Table {
     }
 }
 
-/// As short as it goes without loss where that is short, else four digits: data is kept in whole in
-/// JSON.
+/// The shortest exact form if that is short, else four digits: JSON has all digits.
 fn number(x: f64) -> String {
     let whole = format!("{x}");
     if whole.len() <= 8 { whole } else { format!("{x:.4e}") }

@@ -15,9 +15,9 @@ pub struct Figure {
     pub title: String,
     /// Notes for the reader.
     pub caption: String,
-    /// To the right.
+    /// The horizontal axis.
     pub x: Axis,
-    /// Upwards.
+    /// The vertical axis.
     pub y: Axis,
     /// The series drawn.
     pub series: Vec<Series>,
@@ -48,12 +48,12 @@ pub struct Series {
     pub line: bool,
     /// Competes for the Pareto front of its figure, where less is better on both axes.
     pub competes: bool,
-    /// Points; a value that is not finite is not drawn but stands in the table.
+    /// Points; a value that is not finite is not drawn, but the table has it.
     pub points: Vec<Point>,
 }
 
 impl Series {
-    /// Adds a point to the series of this name, or begins it.
+    /// Adds a point to the series of this name, which it creates if needed.
     pub(crate) fn add(all: &mut Vec<Series>, name: String, point: Point) -> &mut Series {
         let place = all.iter().position(|series| series.name == name).unwrap_or_else(|| {
             all.push(Series { name, ..Series::default() });
@@ -67,9 +67,9 @@ impl Series {
 /// One measurement.
 #[derive(Clone, Debug, Default)]
 pub struct Point {
-    /// To the right.
+    /// The horizontal coordinate.
     pub x: f64,
-    /// Upwards.
+    /// The vertical coordinate.
     pub y: f64,
     /// Its label, such as a tolerance; shown in the table.
     pub label: String,
@@ -87,7 +87,7 @@ pub struct Pictures {
 }
 
 impl Pictures {
-    /// The page as HTML, with everything in it.
+    /// The page as self-contained HTML.
     ///
     /// # Errors
     ///

@@ -1,4 +1,4 @@
-//! The files of a report: names that are plain and unique, each written as a whole.
+//! The files of a report: plain, unique names, each file written atomically.
 
 use std::fs;
 use std::path::Path;
@@ -8,7 +8,7 @@ use super::html::page;
 use super::section::{Report, Section};
 use crate::Outcome;
 
-/// Gives every figure and table a name that is one of a file, and that no other has.
+/// Gives every figure and table a unique name that is valid for a file.
 pub(crate) fn with_names(mut sections: Vec<Section>) -> Vec<Section> {
     let mut taken: Vec<String> = sections
         .iter()
@@ -38,7 +38,7 @@ pub(crate) fn with_names(mut sections: Vec<Section>) -> Vec<Section> {
     sections
 }
 
-/// The data first: files that the page names exist when the page appears.
+/// Data first, so that the files that the page names exist when the page appears.
 pub(crate) fn files(report: &Report, out: &Path) -> Outcome {
     for section in &report.sections {
         for figure in &section.figures {
@@ -95,7 +95,7 @@ mod tests {
         write(&folder, "a.csv", "x").unwrap();
         assert_eq!(fs::read_to_string(folder.join("a.csv")).unwrap(), "x");
         assert_eq!(fs::read_dir(&folder).unwrap().count(), 1, "nothing else is left");
-        // a file where the folder should be
+        // a file in place of the folder
         let error = write(&folder.join("a.csv"), "b.csv", "x").unwrap_err().to_string();
         assert!(error.contains("a.csv") && error.contains("cannot be written"), "{error}");
         fs::remove_dir_all(&folder).unwrap();

@@ -1,4 +1,4 @@
-//! The page: one file, with everything in it.
+//! The page: one self-contained file.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
@@ -9,7 +9,7 @@ use super::picture::{NARROW, WIDE, colours, picture, points, sign};
 use super::section::{Report, Section, Table, columns};
 use crate::Outcome;
 
-/// The content security policy: nothing is loaded from anywhere.
+/// The content security policy: the page loads nothing.
 const POLICY: &str = include_str!("policy.txt");
 
 /// The whole page.
@@ -23,7 +23,7 @@ pub(super) fn page(report: &Report) -> Outcome<String> {
     Ok(document("sarrus: error against run time, stress cases", &body))
 }
 
-/// A page of figures alone, below some lines.
+/// A page of figures below a few lines of text.
 pub(super) fn pictures(title: &str, lines: &[String], figures: &[Figure]) -> Outcome<String> {
     let figures = figures.iter().map(|figure| drawn(figure, None)).collect::<Outcome<Vec<_>>>()?;
     let body = html! {
@@ -36,7 +36,7 @@ pub(super) fn pictures(title: &str, lines: &[String], figures: &[Figure]) -> Out
     Ok(document(title, &body))
 }
 
-/// A body with everything around it.
+/// The document around a body.
 fn document(title: &str, body: &Markup) -> String {
     let [rules, light, dark] = colours();
     // paper is light in every colour scheme

@@ -8,7 +8,7 @@ pub(crate) const PINOCCHIO: &str = "Pinocchio";
 /// Names that the series of another engine begin with.
 const PEERS: [&str; 1] = [PINOCCHIO];
 
-/// Errors up to this are rounding and count as equal where a peer is compared.
+/// Errors up to this are rounding and count as equal in comparisons with a peer.
 pub(super) const ROUNDING: f64 = 1e-14;
 
 /// True for the series of another engine.
@@ -49,7 +49,7 @@ pub(super) struct FrontSummary {
     pub(super) cells: Vec<String>,
 }
 
-/// The place in every figure that has a front.
+/// The rank in every figure that has a front.
 pub(super) fn summaries(sections: &[Section]) -> Vec<FrontSummary> {
     sections.iter().flat_map(|section| &section.figures).filter_map(summary).collect()
 }
@@ -76,12 +76,12 @@ fn summary(figure: &Figure) -> Option<FrontSummary> {
     })
 }
 
-/// How the best point of each peer's series stands to ours.
+/// Compares the best point of each peer's series with ours.
 fn peers(figure: &Figure) -> String {
     let points = competitors(figure);
     let mut sentences: Vec<String> = Vec::new();
     for series in figure.series.iter().filter(|series| series.competes && is_peer(&series.name)) {
-        // the least factor by which one of ours that is no less exact is faster
+        // the least speed-up of one of our points of at least equal accuracy
         let factor = |theirs: &Point| {
             let ours = points
                 .iter()

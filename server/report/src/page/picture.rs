@@ -52,7 +52,7 @@ pub(super) const NARROW: Size =
 /// Least distance of marks on a line, so that they distinguish lines without hiding them.
 const MARKS_OF_A_LINE: usize = 24;
 
-/// The picture; none where nothing can be drawn.
+/// The picture; none if nothing can be drawn.
 pub(super) fn picture(figure: &Figure, size: Size) -> Outcome<Option<String>> {
     let (xs, ys): (Vec<f64>, Vec<f64>) = figure.series.iter().flat_map(points).unzip();
     let x = Scale::new(&figure.x, false, &xs, size.ticks.0);
@@ -65,7 +65,7 @@ pub(super) fn picture(figure: &Figure, size: Size) -> Outcome<Option<String>> {
     Ok(Some(named(&text, &format!("{}: {} over {}", figure.title, figure.y.label, figure.x.label))))
 }
 
-/// The points of a series that have a place.
+/// The points of a series that can be drawn.
 pub(super) fn points(series: &Series) -> impl Iterator<Item = (f64, f64)> {
     series
         .points
@@ -76,7 +76,7 @@ pub(super) fn points(series: &Series) -> impl Iterator<Item = (f64, f64)> {
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Scale, Scale>>;
-/// A picture is text in memory: only the library's own arithmetic can fail.
+/// A picture is text in memory: only arithmetic in the library can fail.
 type Drawn = Result<(), Box<dyn std::error::Error>>;
 
 fn draw(figure: &Figure, size: Size, x: &Scale, y: &Scale, area: &Area<'_>) -> Drawn {
@@ -99,7 +99,7 @@ fn draw(figure: &Figure, size: Size, x: &Scale, y: &Scale, area: &Area<'_>) -> D
         .draw()?;
 
     stairs(figure, x, y, &mut chart)?;
-    // lines first: marks stay in sight
+    // lines first, so that marks stay visible
     for (k, series) in figure.series.iter().enumerate().filter(|(_, series)| series.line) {
         let places = points(series).map(|(a, b)| (x.place(a), y.place(b)));
         chart.draw_series([PathElement::new(
@@ -121,7 +121,7 @@ fn draw(figure: &Figure, size: Size, x: &Scale, y: &Scale, area: &Area<'_>) -> D
     Ok(())
 }
 
-/// The front: up to each of its points everything is beaten by the one before.
+/// The front as steps: up to each point the one before dominates.
 fn stairs(figure: &Figure, x: &Scale, y: &Scale, chart: &mut Chart<'_, '_>) -> Drawn {
     let mut steps: Vec<(f64, f64)> = Vec::new();
     for (_, point) in pareto_front(figure) {
@@ -129,7 +129,7 @@ fn stairs(figure: &Figure, x: &Scale, y: &Scale, chart: &mut Chart<'_, '_>) -> D
         steps.extend(steps.last().map(|last| (place.0, last.1)));
         steps.push(place);
     }
-    // beyond its ends the front goes on to the edges
+    // beyond its ends the front continues to the edges
     if let (Some(first), Some(last)) = (steps.first().copied(), steps.last().copied()) {
         steps.insert(0, (first.0, y.to));
         steps.push((x.to, last.1));
@@ -142,7 +142,7 @@ fn colour(series: usize) -> RGBColor {
     COLOURS[series % COLOURS.len()].0
 }
 
-/// The mark of a series around its place: polygons. Series of one colour have different forms.
+/// The mark of a series around a point: polygons. Series of one colour have different forms.
 fn form(series: usize, r: i32) -> Vec<Vec<(i32, i32)>> {
     let s = r * 9 / 10;
     // arms of a cross
@@ -197,7 +197,7 @@ pub(super) fn sign(series: Option<(usize, bool)>) -> Outcome<String> {
     Ok(text.replacen("<svg ", "<svg aria-hidden=\"true\" ", 1))
 }
 
-/// The picture with a name for those who cannot see it.
+/// The picture with a name for screen readers.
 fn named(svg: &str, name: &str) -> String {
     let name = maud::html! { (name) }.into_string().replace('"', "&quot;");
     svg.replacen("<svg ", &format!("<svg role=\"img\" aria-label=\"{name}\" "), 1)

@@ -1,4 +1,4 @@
-//! One axis: from values to places (themselves or their logarithms), and where its ticks stand.
+//! One axis: maps values to positions (themselves or their logarithms), and places its ticks.
 
 use std::ops::Range;
 
@@ -12,10 +12,10 @@ pub(super) struct Scale {
     log: bool,
     /// The position of numbers without a logarithm.
     nothing: f64,
-    /// The places of both ends.
+    /// The positions of both ends.
     from: f64,
     pub(super) to: f64,
-    /// Places and names, from small to large.
+    /// Positions and names, from small to large.
     ticks: Vec<(f64, String)>,
 }
 
@@ -31,7 +31,7 @@ impl Scale {
             Scale { log: axis.log, nothing: 0.0, from: 0.0, to: 0.0, ticks: Vec::new() };
         if axis.log {
             let least = finite.iter().copied().filter(|x| *x > 0.0).fold(f64::INFINITY, f64::min);
-            // zero stands a decade before the least of the others
+            // zero is one decade below the least other value
             let before = if least.is_finite() { least.log10().floor() - 1.0 } else { 0.0 };
             scale.nothing = if errors { DRAWN_FOR_ZERO.log10() } else { before };
         }
@@ -48,7 +48,7 @@ impl Scale {
         Some(scale)
     }
 
-    /// Where a value stands.
+    /// The position of a value.
     pub(super) fn place(&self, value: f64) -> f64 {
         match self.log {
             false => value,
@@ -105,7 +105,7 @@ impl Scale {
     }
 }
 
-/// For the library that draws: it sees places only.
+/// For the drawing library, which uses positions only.
 impl Ranged for Scale {
     type FormatOption = NoDefaultFormatting;
     type ValueType = f64;
@@ -134,7 +134,7 @@ impl ValueFormatter<f64> for Scale {
     }
 }
 
-/// `part` times ten to the `k`, as people write it.
+/// `part` times ten to the `k`, in common notation.
 fn power(part: i32, k: i32) -> String {
     match k {
         0..=4 => (part * 10_i32.pow(k as u32)).to_string(),

@@ -3,33 +3,33 @@
 use super::figure::Figure;
 use super::pareto::exponent;
 
-/// Everything that the page shows.
+/// The contents of the page.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
-    /// The command that measures it again.
+    /// The command that repeats the measurement.
     pub command: String,
-    /// Where it was measured.
+    /// The machine.
     pub machine: String,
-    /// When, as year, month and day.
+    /// The date, as year, month and day.
     pub date: String,
-    /// With less effort.
+    /// True for a quick report.
     pub quick: bool,
     /// In their order.
     pub sections: Vec<Section>,
 }
 
 impl Report {
-    /// How many stress cases there are.
+    /// Number of stress cases.
     pub fn cases(&self) -> usize {
         self.results().count()
     }
 
-    /// How many of them failed silently.
+    /// Number of silent failures.
     pub fn silent_failures(&self) -> usize {
         self.results().filter(|case| case.assessment == Assessment::FailedSilently).count()
     }
 
-    /// The largest error of an answer that was given as good; none where no section has one.
+    /// The largest error of an answer without a warning; none if no section has one.
     pub fn worst_error(&self) -> Option<f64> {
         self.sections.iter().filter_map(|section| section.worst_error).reduce(f64::max)
     }
@@ -54,7 +54,7 @@ impl Report {
         self.sections.iter().flat_map(|section| &section.cases)
     }
 
-    /// The command that measures a section again.
+    /// The command that repeats a section.
     pub(super) fn command_of(&self, section: &Section) -> String {
         command(self.quick, std::iter::once(section.name))
     }
@@ -69,7 +69,7 @@ pub struct Section {
     pub title: String,
     /// The findings, a sentence each, for the top of the page.
     pub summary: Vec<String>,
-    /// The largest error of an answer that was given as good, by the defaults.
+    /// The largest error of an answer without a warning, by the defaults.
     pub worst_error: Option<f64>,
     /// Pictures.
     pub figures: Vec<Figure>,
@@ -77,7 +77,7 @@ pub struct Section {
     pub tables: Vec<Table>,
     /// Stress cases with their assessments.
     pub cases: Vec<Case>,
-    /// Why it could not be finished.
+    /// The reason why the section is incomplete.
     pub failure: Option<String>,
 }
 
@@ -108,7 +108,7 @@ pub(crate) fn columns(names: &str) -> Vec<String> {
     names.split(" | ").map(str::to_owned).collect()
 }
 
-/// How a stress case ended.
+/// The outcome of a stress case.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Assessment {
     /// A good answer.
@@ -117,7 +117,7 @@ pub enum Assessment {
     Degraded,
     /// No answer, and a reason.
     Failed,
-    /// A bad answer that looks like a good one; also a case that is not assessed.
+    /// A bad answer without a warning; also a case that is not assessed.
     #[default]
     FailedSilently,
 }
@@ -151,13 +151,13 @@ pub struct Case {
     pub value: f64,
     /// The question.
     pub asked: String,
-    /// How it was answered: how loops are closed, and by which method forward dynamics went.
+    /// The method of the answer: closures, and the method of forward dynamics.
     pub method: String,
     /// By size; none without an answer.
     pub error: Option<f64>,
     /// Forward dynamics: the backward error.
     pub backward: Option<f64>,
-    /// Time of a call in nanoseconds, where it was taken.
+    /// Time of a call in nanoseconds, if measured.
     pub nanoseconds: Option<f64>,
     /// The reference of the comparison.
     pub reference: &'static str,
@@ -167,7 +167,7 @@ pub struct Case {
     pub warnings: Vec<String>,
     /// Reports beside status and warnings: fields, messages.
     pub reported: String,
-    /// By the one rule for all.
+    /// The assessment, by one rule for all cases.
     pub assessment: Assessment,
 }
 
@@ -185,7 +185,7 @@ impl Case {
     }
 }
 
-/// The command that measures these sections again.
+/// The command that repeats these sections.
 pub(crate) fn command<'a>(quick: bool, sections: impl Iterator<Item = &'a str>) -> String {
     let quick = if quick { " --quick" } else { "" };
     sections.fold(format!("sarrus report{quick}"), |command, name| command + " --section " + name)

@@ -9,8 +9,7 @@ use super::data::json;
 use super::html::page;
 use super::*;
 
-/// Two sections with everything that may stand on the page, and names that would break it
-/// unescaped.
+/// Two sections with all kinds of content, and names that would break the page unescaped.
 fn report() -> Report {
     let point = |x: f64, y: f64| Point { x, y, label: "tolerance <1e-3> & \"more\"".into() };
     let series = |name: &str, line: bool, points: &[(f64, f64)]| Series {

@@ -1,7 +1,7 @@
-//! Other engines on the same robots and states: programs of `benches/peers/`, which take the robot
+//! Other engines on the same robots and states: programs of `benches/peers/`, which read the robot
 //! as text and time themselves.
 //!
-//! A peer that is not built is no fault: the page shows the command that builds it.
+//! A missing peer is not an error: the page shows the command that builds it.
 
 mod text;
 
@@ -24,7 +24,7 @@ const BUILD: &str = "benches/peers/build.sh";
 /// A method of a peer with one setting.
 #[derive(Clone, Debug)]
 pub struct Run {
-    /// The answers, from y, ẏ on; of a state q alone.
+    /// The fields of its answers, from y, ẏ on; for states q alone.
     pub question: Question,
     /// Its name for a legend, the engine's first.
     pub name: String,
@@ -39,7 +39,7 @@ pub struct Run {
 /// A peer's answers about a robot.
 #[derive(Clone, Debug)]
 pub enum Peer {
-    /// It was not measured, and why.
+    /// It was not measured, for this reason.
     Missing(String),
     /// It was measured.
     Measured {
@@ -55,7 +55,7 @@ pub enum Peer {
 ///
 /// # Errors
 ///
-/// A program that cannot be run, or that writes something else than it should.
+/// A program that cannot be run, or whose output is malformed.
 pub fn pinocchio(
     description: &Description,
     states: &[State],
@@ -93,7 +93,7 @@ pub fn pinocchio(
 }
 
 /// Series for a figure of error over time: one for each method of the question, a point for each
-/// setting. `error` is that of an answer to the state of this number; a method without numbers at
+/// setting. `error` is that of an answer to the state of this number; a method without numbers on
 /// some state has no error.
 pub fn series(
     runs: &[Run],
@@ -112,7 +112,7 @@ pub fn series(
     Ok(all)
 }
 
-/// The program in the folder that this one was built into, or in the usual one.
+/// The program in this program's build folder, or in the default one.
 fn program() -> Option<PathBuf> {
     let here = std::env::current_exe().ok();
     // target/PROFILE/sarrus

@@ -1,4 +1,4 @@
-//! A robot and its states as the peers' programs read them: see the head of
+//! A robot and its states in the format of the peers' programs: see the head of
 //! `benches/peers/pinocchio.cpp`.
 
 use core::fmt::Display;
@@ -31,8 +31,7 @@ pub(super) fn input(
     Ok(text.0)
 }
 
-/// Words and numbers; each method ends a line. Numbers are written so that they are read back bit
-/// for bit.
+/// Words and numbers; each method ends a line. Numbers keep their bits when read back.
 struct Text(String);
 
 impl Text {

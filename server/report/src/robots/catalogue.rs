@@ -1,4 +1,4 @@
-//! The robots that are measured, and the ways in which their loops are closed.
+//! The measured robots, and the ways to close their loops.
 
 use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
 use sarrus_dynamics::{ClosureKind, Compiled, Model};
@@ -13,23 +13,23 @@ pub(crate) fn bundled_names() -> Vec<&'static str> {
     sarrus_models::bundled().map(|(name, _)| name).collect()
 }
 
-/// Lambdas in a chain, by the name that stands for how its loops are closed, and
-/// and the most states that it takes: long ones take milliseconds.
+/// Chains of lambdas, with the name of their closure and the most states: long chains take
+/// milliseconds.
 const CHAINS: [(&str, usize, usize); 3] = [("10", 10, 64), ("100", 100, 16), ("1000", 1000, 4)];
 
-/// A robot that is loaded once: its variants share their states.
+/// A robot, loaded once: its variants share their states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Subject {
     /// By name.
     Bundled(&'static str),
-    /// One of the small ones, by its place.
+    /// A small robot, by its index.
     Rare(usize),
-    /// A row of lambdas, by its place.
+    /// A chain of lambdas, by its index.
     Chain(usize),
 }
 
 impl Subject {
-    /// Every robot that is measured.
+    /// Every measured robot.
     pub fn all() -> impl Iterator<Item = Subject> {
         let rare = (0..RARE.len()).map(Subject::Rare);
         let chains = (0..CHAINS.len()).map(Subject::Chain);
@@ -53,19 +53,19 @@ impl Subject {
         }
     }
 
-    /// True where its cases may have this in their names.
+    /// True if the names of its cases may contain this.
     pub fn may_have(self, only: &str) -> bool {
         let prefix = match self {
             Subject::Chain(k) => format!("chain/{}", CHAINS[k].0),
             _ => self.name().to_owned(),
         };
-        // every robot has to be loaded where the query names none
+        // every robot must be loaded if the query names none
         let names_one =
             Subject::all().any(|subject| only.starts_with(&format!("{}/", subject.name())));
         !names_one || only.starts_with(&format!("{prefix}/")) || prefix.starts_with(only)
     }
 
-    /// How many of the states of a run it takes.
+    /// Number of states of a run that it uses.
     pub fn states(self, all: usize) -> usize {
         match self {
             Subject::Chain(k) => all.min(CHAINS[k].2),
@@ -74,12 +74,12 @@ impl Subject {
     }
 }
 
-/// A robot with its loops closed in one way.
+/// A robot with one way to close its loops.
 #[derive(Debug)]
 pub struct Variant {
     /// The name of the way.
     pub closures: &'static str,
-    /// The model for work and its double-double twin.
+    /// The f64 model and its double-double twin.
     pub compiled: Compiled,
 }
 
@@ -90,8 +90,8 @@ const NUMERICAL: Closing = ("numerical", |_| true);
 const HYBRIDS_OF_UPPER_BODY: [Closing; 2] =
     [("hybrid-torso", |kind| kind == Kind::Spu2U1), ("hybrid-elbows", |kind| kind == Kind::Rrpr)];
 
-/// The robot as it is given, then with closed forms replaced by Newton's method. `query` skips
-/// variants that need not be loaded.
+/// The robot with its own closures, then with closed forms replaced by Newton's method. `query`
+/// skips variants that need not be loaded.
 pub fn variants(
     subject: Subject,
     query: impl Fn(&str) -> bool,
@@ -111,7 +111,7 @@ pub fn variants(
     } else {
         &[]
     };
-    // couplings without loops have no other way, and chains are for their lengths
+    // couplings without loops have no other way, and chains vary in length only
     let has_loops = !matches!(subject, Subject::Chain(_))
         && description.submechanisms.iter().any(|part| !part.loops.is_empty());
     for &(closures, which) in hybrids.iter().chain([&NUMERICAL]) {
@@ -123,7 +123,7 @@ pub fn variants(
     Ok((description, kept))
 }
 
-/// How the loops of a model are closed, in a word; none without loops.
+/// The kind of a model's closures, in a word; none without loops.
 pub(crate) fn closures(model: &Model) -> Option<&'static str> {
     let has = |kind| model.closures().iter().any(|closure| closure.kind == kind);
     match (has(ClosureKind::Analytic), has(ClosureKind::Numerical)) {

@@ -1,4 +1,4 @@
-//! A plan on the states of a robot, to be called and timed.
+//! A plan on the states of a robot, for timed calls.
 
 use std::hint::black_box;
 
@@ -17,7 +17,7 @@ pub(crate) struct Planned {
 }
 
 impl Planned {
-    /// On these states, with the guesses of the variant at this place.
+    /// A plan on these states, with the guesses of the variant with this index.
     pub(crate) fn new(model: &Model, plan: Plan, states: &[State], place: usize) -> Planned {
         Planned {
             workspace: Workspace::for_plans(model, [&plan]),
@@ -28,13 +28,13 @@ impl Planned {
         }
     }
 
-    /// The numbers of a field in the last answer; none where it was not asked.
+    /// The numbers of a field in the last answer; none if it is not wanted.
     pub(crate) fn get(&self, field: Field) -> &[f64] {
         let slot = self.plan.want().slot(field);
         slot.map_or(&[], |slot| &self.output[slot.range()])
     }
 
-    /// The answer of the plan on the state of this number.
+    /// The answer of the plan on the state with this index.
     #[inline]
     pub(crate) fn answer(&mut self, state: usize) -> Answer {
         let input = black_box(self.inputs[state].as_slice());

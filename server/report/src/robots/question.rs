@@ -2,10 +2,10 @@
 
 use sarrus_dynamics::{Field, FieldSet, Method, Query, Request};
 
-/// Where Newton's method starts.
+/// The start of Newton's method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Start {
-    /// Nothing is iterated.
+    /// No iteration.
     None,
     /// From the closed pose 1 ms earlier at the state's velocity.
     Warm,

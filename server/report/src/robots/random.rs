@@ -28,17 +28,17 @@ impl Random {
         self.between(from.ln(), to.ln()).exp()
     }
 
-    /// A whole number below n.
+    /// An integer below n.
     pub(crate) fn below(&mut self, n: usize) -> usize {
         (self.between(0.0, n as f64) as usize).min(n.saturating_sub(1))
     }
 
-    /// One of several.
+    /// One element of a list.
     pub(crate) fn one_of<T: Copy>(&mut self, of: &[T]) -> T {
         of[self.below(of.len())]
     }
 
-    /// True as often as not.
+    /// True with probability ½.
     pub(crate) fn coin(&mut self) -> bool {
         self.next() < 0.0
     }

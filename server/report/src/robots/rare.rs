@@ -1,4 +1,4 @@
-//! Small robots of the closures that no bundled robot has.
+//! Small robots with closures that no bundled robot has.
 
 use sarrus_dynamics::description::{
     Description, Inertial, Limits, Placement, SubmechanismKind as Kind,

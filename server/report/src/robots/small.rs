@@ -1,6 +1,6 @@
 //! Small mechanisms that the stress cases and the tests share, with their singular poses.
 //!
-//! At zero every frame is parallel to the root's, so that a joint is a point, a kind and an axis.
+//! At zero every frame is parallel to the root's, so a joint is a point, a kind and an axis.
 
 use sarrus_dynamics::description::{Description, Inertial, JointKind, SubmechanismKind as Kind};
 use sarrus_dynamics::{DescriptionBuilder, LinkId};

@@ -15,29 +15,28 @@ const LENGTH: f64 = 0.03;
 const VELOCITY: f64 = 1.0;
 const ACCELERATION: f64 = 5.0;
 const FORCE: f64 = 10.0;
-/// How long before a state its guess was closed, in seconds.
+/// Time from the closing of a guess to its state, in seconds.
 const EARLIER: f64 = 1e-3;
 
-/// Where more than half of the states have no answer, the positions are drawn within a half of the
-/// reach, this often.
+/// If more than half of the states have no answer, the reach is halved, at most this often.
 const HALVINGS: u32 = 5;
 
-/// A robot with its variants and the states that all of them can take.
+/// A robot with its variants and states valid for all of them.
 #[derive(Debug)]
 pub struct Robot {
-    /// Which one.
+    /// Its entry in the catalogue.
     pub subject: Subject,
     /// Its name in the tables.
     pub name: &'static str,
-    /// As it was read.
+    /// The robot as read.
     pub description: Description,
-    /// Every way to close its loops that is measured.
+    /// Every measured way to close its loops.
     pub variants: Vec<Variant>,
     /// Inputs that fit all variants.
     pub states: Vec<State>,
-    /// States that were drawn and left out because some variant has no answer there.
+    /// Discarded states, on which some variant has no answer.
     pub left_out: usize,
-    /// The share of the usual reach that the positions are drawn from.
+    /// The share of the usual reach for the positions.
     pub reach: f64,
 }
 
@@ -80,7 +79,7 @@ impl Robot {
         Robot::with_variants(subject, description, variants, n_states)
     }
 
-    /// Draws states that all of these variants can take.
+    /// Draws states valid for all of these variants.
     pub(crate) fn with_variants(
         subject: Subject,
         description: Description,
@@ -162,7 +161,7 @@ fn dofs(model: &Model, description: &Description) -> Vec<(Dof, usize)> {
             None if slides(name) => dofs.push((Dof::Length, v)),
             None => dofs.push((Dof::Angle, v)),
             Some((joint, "rx")) => {
-                // the place of a floating joint comes before its quaternion
+                // the position of a floating joint precedes its quaternion
                 if names.contains(&format!("{joint}/tx")) {
                     dofs.extend((v + 3..v + 6).map(|v| (Dof::Length, v)));
                 }
@@ -230,7 +229,7 @@ fn unit(q: [f64; 4]) -> [f64; 4] {
     q.map(|x| x / length)
 }
 
-/// Whether a variant has answers.
+/// Checks for answers of a variant.
 struct Check<'a> {
     model: &'a Model,
     /// Closing, inverse and forward dynamics.

@@ -1,4 +1,4 @@
-//! Warnings without a reason: how many good answers of bundled robots carry one.
+//! Unfounded warnings: counts good answers of bundled robots with one.
 
 use sarrus_dynamics::{Plan, Status};
 
@@ -21,10 +21,10 @@ const GOOD: f64 = 1e-11;
 pub(crate) struct Count {
     /// Answers that were ok and had a reference.
     pub(crate) answers: usize,
-    /// Answers that keep eleven digits, and how many of these warn of `ill_conditioned`.
+    /// Answers that keep eleven digits, and those of them that warn of `ill_conditioned`.
     pub(crate) good: usize,
     pub(crate) alarms: usize,
-    /// Answers that keep fewer than nine digits, and how many of these do not warn.
+    /// Answers that keep fewer than nine digits, and those of them without a warning.
     pub(crate) bad: usize,
     pub(crate) silent: usize,
 }
@@ -72,7 +72,7 @@ pub(crate) fn fields(states: u64) -> Outcome<Cases> {
             for seed in 0..states {
                 let mut random = Random(7 << 32 | seed);
                 let mut state = State::of(&robot, random.between(0.05, 0.25))?;
-                // a quaternion is kept as it is
+                // a quaternion is not scaled
                 if state.y.len() == state.yd.len() {
                     state.y.iter_mut().for_each(|y| *y *= random.next());
                 }

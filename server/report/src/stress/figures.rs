@@ -3,13 +3,13 @@
 use super::harness::{Case, HELD};
 use crate::page::{Assessment, Axis, Figure, Point, Section, Series, Table, columns};
 
-/// Values of a parameter that a picture shows; the others stand in its table.
+/// Values of a parameter that a picture shows; its table has all.
 const DRAWN: std::ops::RangeInclusive<f64> = 1e-20..=1e20;
 /// Families whose pictures and tables go by robot rather than by method: the geometry of a robot
 /// decides where it breaks.
 const BY_ROBOT: [&str; 4] =
     ["distance to a singularity", "unreachable y", "many turns", "big jump"];
-/// Families whose parameter is no quantity.
+/// Families whose parameter is not a quantity.
 const NO_PICTURE: [&str; 5] =
     ["not a number", "faulty file", "unreachable y", "simulation of nothing", "change points"];
 
@@ -110,7 +110,7 @@ fn groups(family: &[Case]) -> Vec<(String, Vec<&Case>)> {
     groups
 }
 
-/// How far a value is from the usual one.
+/// Distance of a value from the usual one.
 fn extremity(case: &Case) -> f64 {
     if case.value > 0.0 { case.value.log10().abs() } else { f64::INFINITY }
 }
@@ -148,7 +148,7 @@ fn range(family: &[Case]) -> String {
     if least <= most { format!("{least:e} … {most:e}") } else { "-".into() }
 }
 
-/// By method or robot: assessments, where it first does not hold, and how that is reported.
+/// By method or robot: assessments, the first value that does not hold, and its report.
 fn table(family: &[Case]) -> Table {
     let row = |(key, cases): (String, Vec<&Case>)| {
         let mut row = vec![key];
@@ -215,7 +215,7 @@ fn errors(family: &[Case]) -> Option<Figure> {
         };
         let cases = cases.into_iter().filter(|case| DRAWN.contains(&case.value));
         let mut points: Vec<Point> = cases.filter_map(point).collect();
-        // of the points of a value the highest
+        // the highest of the points at a value
         points.sort_by(|a, b| a.x.total_cmp(&b.x).then(b.y.total_cmp(&a.y)));
         points.dedup_by(|next, kept| next.x == kept.x);
         Series { name: key, line: true, competes: false, points }

@@ -1,9 +1,9 @@
 //! Section `extremes`: stress cases. Each case held, degraded with a warning, or failed with a
 //! status; none may fail silently.
 //!
-//! `harness/` asks, compares and assesses; `mechanisms/` are the robots; `sweep.rs` is a family as
-//! data; `families/` holds values, robots and questions of the families, which the table below
-//! lists; `figures.rs` draws them.
+//! `harness/` asks, compares and assesses; `mechanisms/` are the robots; `sweep.rs` defines a
+//! family as data; `families/` holds their values, robots and questions, and the table below lists
+//! them; `figures.rs` draws them.
 
 mod false_alarms;
 mod families;
@@ -118,7 +118,7 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
         family.run(&mut cases, effort)?;
     }
     progress.show("warnings of good answers", 1.0);
-    // states of each bundled robot, and those at which every field is judged
+    // states of each bundled robot, and the number with every field judged
     let (generic, of_fields) = if effort.quick { (20, 2) } else { (1400, 30) };
     let alarms = false_alarms::count(generic)?;
     let fields = false_alarms::fields(of_fields)?;
@@ -158,7 +158,7 @@ mod tests {
         case.error.unwrap_or(f64::NAN)
     }
 
-    /// A case in a line, with the seed by which it can be asked again.
+    /// A case in a line, with the seed that repeats it.
     fn in_a_line(case: &Case) -> String {
         let Case { family, robot, asked, value, method, status, reported, .. } = case;
         let error = error(case);
@@ -188,7 +188,7 @@ mod tests {
             );
         }
         nothing_is_silent(&cases);
-        // every assessment but the last occurs, so that the rule distinguishes them
+        // every assessment except the last occurs, so the rule distinguishes them
         for assessment in [Assessment::Held, Assessment::Degraded, Assessment::Failed] {
             assert!(
                 cases.all.iter().any(|case| case.assessment == assessment),
@@ -214,7 +214,7 @@ mod tests {
             (change_points::one, &[297, 101, 342, 5, 233, 384, 184]),
             (loops_that_cannot_close::one, &[469, 1450]),
             (
-                // such a seed holds the robot too
+                // such a seed also determines the robot
                 |cases, seed| {
                     let robot = inconsistent_input::ROBOTS[(seed >> 16) as usize].robot()?;
                     inconsistent_input::one(cases, &robot, seed)
@@ -264,7 +264,7 @@ mod tests {
         print(&Effort { quick: false });
     }
 
-    /// For a minute.
+    /// Runs for a minute.
     #[test]
     #[ignore = "takes a minute"]
     fn nothing_fails_silently_with_all_effort() {

@@ -10,16 +10,16 @@ use crate::measure::Effort;
 /// A family of cases: its name, its parameter with the unit, and its cases.
 pub(crate) struct Family(pub(crate) &'static str, pub(crate) &'static str, pub(crate) Fill);
 
-/// How the cases of a family come about.
+/// The source of a family's cases.
 pub(crate) enum Fill {
     /// Robots at values of the parameter.
     Swept(&'static Sweep),
-    /// By one function from seeds: those below the first number with little effort, below the
-    /// second with all, and these in either case.
+    /// By one function from seeds: those below the first number in a quick report, below the second
+    /// in a full one, and these in both.
     Drawn([u64; 2], &'static [u64], fn(&mut Cases, u64) -> Outcome),
     /// Robots under a change.
     Changed(fn(&mut Cases, &Effort, Change) -> Outcome, Change),
-    /// By a function of its own.
+    /// By a separate function.
     Own(fn(&mut Cases, &Effort) -> Outcome),
 }
 
@@ -42,7 +42,7 @@ pub(crate) struct Subject {
     pub(crate) change: Change,
 }
 
-/// Where a description comes from.
+/// The source of a description.
 #[derive(Clone, Copy)]
 pub(crate) enum Design {
     Bundled(&'static str),
@@ -54,12 +54,12 @@ pub(crate) enum Design {
     Made(fn() -> Outcome<Description>),
 }
 
-/// How a value of the parameter changes a description.
+/// The effect of the parameter's value on a description.
 #[derive(Clone, Copy)]
 pub(crate) enum Change {
-    /// Not at all: it changes the state or the question.
+    /// None: it changes the state or the question.
     Nothing,
-    /// It multiplies mass and inertia of the links whose names end so.
+    /// It multiplies mass and inertia of the links whose names end with this.
     Masses(&'static [&'static str]),
     By(fn(&mut Description, f64)),
 }
@@ -88,17 +88,17 @@ impl Subject {
         Subject { name, design, change }
     }
 
-    /// A robot that no value changes.
+    /// A robot that does not depend on the value.
     pub(crate) const fn plain(name: &'static str, design: Design) -> Subject {
         Subject::new(name, design, Change::Nothing)
     }
 
-    /// The robot as it is designed.
+    /// The unchanged robot.
     pub(crate) fn robot(&self) -> Outcome<Robot> {
         Robot::new(self.name, self.design.description()?)
     }
 
-    /// Asks the robot at each value; one that is refused at a value is a case of its own.
+    /// Asks the robot at each value; a robot refused at a value is a separate case.
     pub(crate) fn ask(&self, cases: &mut Cases, values: &[f64], ask: Ask) -> Outcome {
         if let Change::Nothing = self.change {
             let robot = self.robot()?;

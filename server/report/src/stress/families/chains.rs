@@ -9,7 +9,7 @@ use crate::robots::chain::chain_of_lambdas;
 use crate::stress::harness::{At, Case, Cases, Question, Reference, Robot, State, backward_error};
 use crate::stress::mechanisms::rods;
 
-/// Velocities up to which methods with square matrices are asked.
+/// Velocities up to which methods with square matrices run.
 const LARGEST_SQUARE: usize = 100;
 
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
@@ -24,7 +24,7 @@ pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
             let of = if lambdas { chain_of_lambdas(n)? } else { rods(n)? };
             let at = At { value: n as f64, method: "-" };
             let Some(robot) = cases.load(name, at, of) else { continue };
-            // a long chain that curls up in itself is no robot
+            // a long chain that curls up on itself is not a robot
             let mut state = State::of(&robot, 0.2 / (n as f64).sqrt())?;
             state.yd.iter_mut().for_each(|x| *x *= 0.2 / (n as f64).sqrt());
             state.forces(&robot)?;

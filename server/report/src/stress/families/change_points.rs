@@ -1,5 +1,5 @@
-//! Four-bars that fold flat, where their two assemblies meet: an answer goes straight on or reports
-//! that it does not.
+//! Four-bars that fold flat, where their two assemblies meet: an answer must continue straight on
+//! or report that it does not.
 
 use std::f64::consts::PI;
 
@@ -18,14 +18,15 @@ use crate::stress::mechanisms::trains::begun;
 
 use Field::*;
 
-/// Step of the path that answers are compared with, in radians of the crank.
+/// Step of the reference path, in radians of the crank.
 const FINE: f64 = 1e-4;
-/// Difference of the rates of path and answer, against 1 and the rate, that is another branch's.
+/// Difference between the rates of path and answer, relative to 1 and the rate, that indicates
+/// another branch.
 const OTHER: f64 = 0.1;
-/// Rates of the path that its differences show.
+/// Largest rates that the path's differences resolve.
 const SLOW: f64 = 20.0;
 
-/// How a sequence asks, and the guesses that it takes from the last answer.
+/// The request of a sequence, and its guesses from the last answer.
 const WAYS: [(&str, &[Field]); 3] = [
     ("turn, from zero", &[]),
     ("turn, from the last", &[QGuess]),
@@ -56,7 +57,7 @@ pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
     Ok(())
 }
 
-/// Requests one after the other until the crank has turned by more than half.
+/// Sends requests in sequence until the crank has turned by more than half.
 fn sequence(
     cases: &mut Cases,
     robot: &Robot,
@@ -183,7 +184,7 @@ impl Bars {
 
     /// Both pins between coupler and rocker.
     pub(crate) fn pins(&self, y: f64) -> Option<[Point; 2]> {
-        // flat is in reach
+        // the flat pose is reachable
         let pivot = [self.ground, 0.0];
         intersections((self.tip(y), self.coupler), (pivot, self.rocker), -1e-9)
     }
@@ -220,7 +221,7 @@ impl Path {
         Path { y: 0.0, pin: bars.pin, before: bars.pin, other: bars.pin, step: 0.0 }
     }
 
-    /// On to a crank's angle; none where the loop does not close on the way.
+    /// On to a crank's angle; none if the loop does not close on the way.
     fn go(&mut self, bars: &Bars, to: f64) -> Option<()> {
         let n = ((to - self.y).abs() / FINE).ceil().max(1.0);
         let from = self.y;

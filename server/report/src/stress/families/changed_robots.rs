@@ -51,9 +51,9 @@ const fn heavy(
     Subject::new(name, Bundled(bundled), Masses(links))
 }
 
-/// Links of less and less mass, down to none: a mass matrix that is not positive is refused at
-/// load; one that is stays exact. A chain of rods without inertia about their centres is one of
-/// point masses.
+/// Links of decreasing mass, down to none: loading refuses a mass matrix that is not positive
+/// definite; with others answers stay exact. A chain of rods without inertia about their centres is
+/// one of point masses.
 pub(crate) const MASSLESS_LINKS: Sweep = Sweep {
     values: |effort| {
         let [count, decades] = if effort.quick { [5, 5] } else { [16, 1] };
@@ -92,7 +92,7 @@ fn dynamics(cases: &mut Cases, robot: &Robot, value: f64) -> Outcome {
     cases.questions(robot, value, &State::of(robot, 0.25)?, false, &Method::ALL)
 }
 
-/// Inverse dynamics, and forward dynamics by every method, nearer to zero.
+/// Inverse dynamics, and forward dynamics by every method, near zero.
 fn dynamics_near_zero(cases: &mut Cases, robot: &Robot, value: f64) -> Outcome {
     cases.questions(robot, value, &State::of(robot, 0.2)?, false, &Method::ALL)
 }
@@ -112,7 +112,7 @@ fn state_and_dynamics(cases: &mut Cases, robot: &Robot, value: f64) -> Outcome {
     cases.questions(robot, value, &State::of(robot, 0.2)?, true, &robot.own_method())
 }
 
-/// Asks bundled robots with this change.
+/// Runs bundled robots with this change.
 fn bundled_robots(
     cases: &mut Cases,
     names: &[&'static str],
@@ -125,7 +125,7 @@ fn bundled_robots(
         .try_for_each(|name| Subject::new(name, Bundled(name), change).ask(cases, values, ask))
 }
 
-/// Gravity from none to that of a neutron star; at rest without it no force at all is needed.
+/// Gravity from none to that of a neutron star; without it, at rest, all forces are zero.
 pub(crate) const GRAVITY: Sweep = Sweep {
     values: |effort| with(&[0.0], &powers(effort, -9, 12, 7)),
     robots: &[
@@ -160,7 +160,7 @@ pub(crate) fn joint_terms(cases: &mut Cases, effort: &Effort, change: Change) ->
     bundled_robots(cases, &robots, change, &powers(effort, 0, 9, 3), dynamics_near_zero)
 }
 
-/// Sets the terms of the active joints alone, so that rotors stand beside joints that have none.
+/// Sets the terms of the active joints alone, so that joints with and without rotors mix.
 fn set_terms(of: &mut Description, terms: Terms) {
     for part in &of.submechanisms {
         for joint in &part.active {
@@ -170,7 +170,7 @@ fn set_terms(of: &mut Description, terms: Terms) {
 }
 
 /// A four-bar on a moving base, so that both ends of its loop are in one subtree, with centres of
-/// mass farther and farther off its cut.
+/// mass increasingly far from its cut.
 pub(crate) const ONE_SUBTREE: Sweep = Sweep {
     values: |effort| powers(effort, -3, 6, 5),
     robots: &[
@@ -199,8 +199,8 @@ fn far_centres(of: &mut Description, distance: f64) {
     }
 }
 
-/// Redundant rows, moved apart as a rounded file does: reported at load where it matters, refused
-/// where the gap exceeds rounding.
+/// Redundant rows with gaps like those of a rounded file: reported at load if they matter, refused
+/// if the gap exceeds rounding.
 pub(crate) fn redundant(cases: &mut Cases, effort: &Effort) -> Outcome {
     for (name, plain) in [
         ("four-bar of three rows", four_bar(LOOSE, Kind::Numerical, "xyz")?),

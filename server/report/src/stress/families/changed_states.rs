@@ -15,7 +15,7 @@ use crate::stress::sweep::{Design, Subject, Sweep};
 use Design::{Bundled, FourBar, Made, Numerical, Rods};
 use Field::{Lambda, TauU, TauY};
 
-/// Velocities from creeping to absurd; none whose square overflows has an answer.
+/// Velocities from creeping to absurd; one whose square overflows has no answer.
 pub(crate) const VELOCITIES: Sweep = Sweep {
     values: |effort| with(&powers(effort, -6, 4, 5), &[1e-160, 1e8, 1e100, 1e160, 1e300]),
     robots: &[
@@ -65,7 +65,7 @@ pub(crate) const QUATERNIONS: Sweep = Sweep {
     ask: quaternion,
 };
 
-/// Within the tolerance the answer is that of the unit quaternion, beyond it there is none.
+/// Within the tolerance the unit quaternion's answer is expected, beyond it none.
 fn quaternion(cases: &mut Cases, robot: &Robot, value: f64) -> Outcome {
     let names = robot.compiled.model.independent_q_names();
     let first = names.iter().position(|name| name.ends_with("/qx")).ok_or("no quaternion")?;
@@ -104,7 +104,7 @@ fn turned(cases: &mut Cases, robot: &Robot, value: f64) -> Outcome {
     if robot.closures() == "no loops" || value > 1e9 {
         return Ok(());
     }
-    // the pose a little before, as many turns on
+    // the preceding pose, with the same turns
     let Some(guess) = wound(robot, state.y[0])? else { return Ok(()) };
     state.guess = Some(guess);
     state.forces(robot)?;
@@ -115,14 +115,14 @@ fn turned(cases: &mut Cases, robot: &Robot, value: f64) -> Outcome {
     Ok(())
 }
 
-/// The pose shortly before y, each joint as many turns on as it makes while the crank makes those
-/// of y; none where the crank has no full turn.
+/// The pose shortly before y, with the full turns that each joint makes during those of the crank;
+/// none if the crank has no full turn.
 fn wound(robot: &Robot, y: f64) -> Outcome<Option<Vec<f64>>> {
     let turns = ((y - 0.01) / TAU).floor();
     let goal = y - 0.01 - turns * TAU;
     let mut first: Vec<f64> = Vec::new();
     let mut q = None;
-    // to the goal, then once round, which gives the turn of each joint
+    // to the goal, then one full turn, which gives the turns of each joint
     for k in 0..=160 {
         let at = if k <= 80 {
             goal * f64::from(k) / 80.0

@@ -1,5 +1,5 @@
-//! Poses that a path reaches: cranks many turns round, trains of regular stages, poses near zero of
-//! legs whose rods are near their dead points.
+//! Poses that a path reaches: cranks after many turns, trains of regular stages, poses near zero of
+//! legs with rods near their dead points.
 
 use std::f64::consts::TAU;
 
@@ -19,7 +19,7 @@ use Field::*;
 /// 2π less its nearest double.
 const TAU_LOW: f64 = 2.449_293_598_294_706_4e-16;
 
-/// A crank-rocker at 60 and 1000 rad and somewhere else.
+/// A crank-rocker at 60 and 1000 rad and at another angle.
 pub(crate) fn crank(cases: &mut Cases, seed: u64) -> Outcome {
     let mut random = Random(5 << 32 | seed);
     let of = crank_rocker(&mut random)?;
@@ -36,7 +36,7 @@ pub(crate) fn crank(cases: &mut Cases, seed: u64) -> Outcome {
             Question::new(Request::Kinematics, given, &want)
         };
         let near = ask(reduced);
-        // where double-double has no answer either, its path has one
+        // if double-double has no answer either, its path has one
         let exact = match followed(&robot.compiled.exact, &[reduced])? {
             Some(guess) => {
                 let mut exact = near;
@@ -51,7 +51,7 @@ pub(crate) fn crank(cases: &mut Cases, seed: u64) -> Outcome {
     Ok(())
 }
 
-/// Bars of Grashof's kind, the crank the shortest.
+/// Grashof bars with the crank as the shortest.
 fn crank_rocker(random: &mut Random) -> Outcome<Description> {
     let crank = random.between(0.15, 0.35);
     let [coupler, rocker] = [(); 2].map(|()| random.between(0.75, 1.05));
@@ -82,7 +82,7 @@ pub(crate) fn reached(cases: &mut Cases, seed: u64) -> Outcome {
     for _ in 0..4 {
         let n = robot.compiled.model.sizes().n_qy;
         let y: Vec<f64> = (0..n).map(|_| size * random.next()).collect();
-        // a pose that no path reaches asks nothing
+        // a pose that no path reaches is skipped
         let Some(guess) = followed(&robot.compiled.model, &y)? else { continue };
         let state = State { y, ..State::default() };
         let exact = Question::pose(&State { guess: Some(guess), ..state.clone() });

@@ -1,4 +1,4 @@
-//! Dead points in series: each stage near one of its own, their ratios multiplied.
+//! Dead points in series: each stage is near one, and their ratios multiply.
 
 use sarrus_dynamics::{Field, Request};
 
@@ -9,7 +9,7 @@ use crate::stress::mechanisms::trains::{Draw, closed_forms, spatial, train};
 
 use Field::*;
 
-/// The train of this seed, asked for everything.
+/// The train of this seed, with every question.
 pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
     let mut random = Random(seed);
     let stages = 1 + random.below(5);
@@ -47,7 +47,7 @@ pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
     everything(cases, &robot, train.sines, &state)
 }
 
-/// Every level of motion and every space of forces, each as a question of its own and all at once.
+/// Every level of motion and every space of forces, as separate questions and all at once.
 pub(crate) fn everything(cases: &mut Cases, robot: &Robot, value: f64, state: &State) -> Outcome {
     let at = At { value, method: robot.closures() };
     let motion = [(Y, &state.y), (Yd, &state.yd), (Ydd, &state.ydd)];

@@ -1,4 +1,4 @@
-//! Idle freedoms, and mechanisms of other mobility than declared.
+//! Idle freedoms, and mechanisms whose mobility differs from the declared one.
 
 use sarrus_dynamics::Field;
 use sarrus_dynamics::description::SubmechanismKind as Kind;
@@ -12,8 +12,8 @@ use crate::stress::mechanisms::{BASE, door};
 
 use Field::{TauU, TauY};
 
-/// A rod that may spin about itself answers as the one that may not; a mechanism of other mobility
-/// than declared is refused.
+/// A rod that can spin about its axis gives the answers of one that cannot; a mechanism whose
+/// mobility differs from the declared one is refused.
 pub(crate) fn run(cases: &mut Cases, _: &Effort) -> Outcome {
     let spinning = Robot::new("rod that may spin", door(true)?)?;
     let plain = Robot::new("rod", door(false)?)?;
@@ -49,7 +49,7 @@ pub(crate) fn run(cases: &mut Cases, _: &Effort) -> Outcome {
     {
         let at = At { value, method: "numerical" };
         if let Some(robot) = cases.load(name, at, of) {
-            // it should not have been taken
+            // loading should have refused it
             let state = State::of(&robot, 0.1)?;
             cases.ask(&robot, at, "ID", &Question::inverse(&state, &[TauY]), &Reference::None)?;
         }

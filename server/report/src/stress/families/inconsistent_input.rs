@@ -15,7 +15,8 @@ use crate::stress::sweep::{Design, Subject};
 use Design::{Bundled, FourBar, Made, Numerical};
 use Field::*;
 
-/// Radians, radians per second or parts of the length from which on a replaced input is named.
+/// Deviation, in radians, radians per second or parts of the length, above which a replaced input
+/// must be reported.
 const NAMED: f64 = 1e-6;
 /// Within this factor of the threshold both outcomes are right: lengths are typical ones.
 const NEAR: f64 = 4.0;
@@ -37,7 +38,7 @@ pub(crate) const ROBOTS: [Subject; 14] = [
     Subject::plain("door", Made(|| door(false))),
 ];
 
-/// Closed states of robots, off their loops in one joint or in all.
+/// Closed states of robots, moved off their loops in one joint or in all.
 pub(crate) fn run(cases: &mut Cases, effort: &Effort) -> Outcome {
     for (k, subject) in ROBOTS.iter().enumerate() {
         let robot = subject.robot()?;
@@ -67,7 +68,7 @@ pub(crate) fn one(cases: &mut Cases, robot: &Robot, seed: u64) -> Outcome {
             *x += size * random.next() / units[k];
         }
     }
-    // a state whose quaternions are none any more is refused for that
+    // a state with invalid quaternions is refused for that reason
     let of_quaternions = !velocity && model.tree_q_names().iter().any(|name| name.contains('/'));
     if of_quaternions {
         return Ok(());

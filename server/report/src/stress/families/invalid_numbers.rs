@@ -1,4 +1,4 @@
-//! NaN, infinities and numbers beyond all squares as input.
+//! NaN, infinities and numbers with overflowing squares as input.
 
 use sarrus_dynamics::{Field, Request};
 
@@ -8,7 +8,7 @@ use crate::stress::harness::{At, Cases, Question, Reference, Robot, State, bundl
 
 use Field::*;
 
-/// NaN, infinities and numbers beyond all squares in every field of every request.
+/// NaN, infinities and numbers with overflowing squares in every field of every request.
 pub(crate) fn all(cases: &mut Cases, _: &Effort) -> Outcome {
     for name in ["lambda", "stewart_floating", "rh5v2_full"] {
         let robot = Robot::new(name, bundled(name)?)?;
@@ -49,7 +49,7 @@ pub(crate) fn all(cases: &mut Cases, _: &Effort) -> Outcome {
                     broken.given[k].1[numbers.len() / 2] = bad;
                     let at = At { value, method };
                     let asked = format!("{}, {}", ask.name(), field.name());
-                    // a huge number may be answered where the answer is right
+                    // a huge number may have an answer if it is right
                     let reference = if bad.is_finite() { Reference::Same } else { Reference::None };
                     cases.ask(&robot, at, &asked, &broken, &reference)?;
                 }

@@ -1,4 +1,4 @@
-//! Light links behind heavy ones: rounding of the heavy ones must not drown the light ones.
+//! Light links behind heavy ones: rounding of the heavy ones must not swamp the light ones.
 
 use crate::Outcome;
 use crate::robots::random::Random;
@@ -9,7 +9,7 @@ use crate::stress::mechanisms::weights::{planar_loops, planar_platform, row, tre
 /// Seeds beyond the first ones that once failed silently.
 pub(crate) const WORST: [u64; 9] = [1860, 1350, 1990, 565, 1400, 1630, 270, 1919, 1512];
 
-/// The mechanism of this seed, asked for everything.
+/// The mechanism of this seed, with every question.
 pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
     let mut random = Random(1 << 32 | seed);
     let decades = random.between(3.0, 6.0);
@@ -33,7 +33,7 @@ pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
     let mut draw =
         |n: usize, size: f64| -> Vec<f64> { (0..n).map(|_| size * random.next()).collect() };
     let sizes = robot.compiled.model.sizes();
-    // a quaternion is kept as it is
+    // a quaternion is not scaled
     let mut state = State::of(&robot, 0.3)?;
     if state.y.len() == state.yd.len() {
         state.y = draw(sizes.n_qy, if sizes.n_c > 0 { 0.03 } else { 0.3 });

@@ -1,5 +1,4 @@
-//! Loops that close at zero and nowhere else: hinges that are not quite parallel, or miss the
-//! centre that they should meet in.
+//! Loops that close only at zero: hinges that are not quite parallel, or miss their common centre.
 
 use std::f64::consts::TAU;
 

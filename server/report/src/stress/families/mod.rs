@@ -1,5 +1,5 @@
-//! Families of stress cases: those that sweep a parameter over robots, by the place where it acts,
-//! and one a file those that do more.
+//! Families of stress cases: parameter sweeps over robots, grouped by the target of the parameter,
+//! and one file for each other family.
 
 pub(super) mod chains;
 pub(super) mod change_points;

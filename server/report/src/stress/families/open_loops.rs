@@ -20,8 +20,8 @@ const ROBOTS: [Subject; 5] = [
     Subject::plain("four bars", Bundled("four_bars_2")),
 ];
 
-/// Poses off their loops are moved onto them; how far they were is reported, and how far they then
-/// are is measured in double-double.
+/// Poses off their loops are projected onto them; the reported distance is checked, and the
+/// remaining gap is measured in double-double.
 pub(crate) const PROJECTION: Sweep =
     Sweep { values: |effort| powers(effort, -15, 0, 5), robots: &ROBOTS, ask: project };
 
@@ -51,7 +51,7 @@ fn project(cases: &mut Cases, robot: &Robot, value: f64) -> Outcome {
     Ok(())
 }
 
-/// How far a pose is from the closed one with its independents, by size.
+/// Distance of a pose from the closed one with its independents, by size.
 fn open(robot: &Robot, q: &[f64]) -> Outcome<f64> {
     let y = robot.independents(q);
     let state = State { y, guess: Some(q.to_vec()), ..State::default() };

@@ -1,4 +1,4 @@
-//! Families whose parameter is how far a pose or a guess is from one that closes.
+//! Families whose parameter is the distance of a pose or a guess from a closed one.
 
 use sarrus_dynamics::description::SubmechanismKind as Kind;
 use sarrus_dynamics::{Field, Request};
@@ -38,8 +38,8 @@ pub(crate) fn singular_poses(cases: &mut Cases, effort: &Effort) -> Outcome {
     Ok(())
 }
 
-/// The pose from the actuators' positions, rounded to doubles as an encoder's are, and a guess near
-/// by.
+/// The pose from the actuators' positions, rounded to doubles as an encoder's are, and a nearby
+/// guess.
 fn back_from_actuators(
     cases: &mut Cases,
     approach: &Approach,
@@ -58,11 +58,11 @@ fn back_from_actuators(
     Ok(())
 }
 
-/// Targets beyond the reach: there is no answer, and none may be given.
+/// Targets beyond the reach, which must have no answer.
 pub(crate) fn unreachable_targets(cases: &mut Cases, effort: &Effort) -> Outcome {
     for approach in known()?.iter().take(5) {
         let robot = &approach.robot;
-        // nearer than the rounding of lengths and y there is no beyond; the lambda can be put
+        // closer than the rounding of lengths and y no target is beyond; the lambda can be put
         // together again more than 0.59 beyond
         for value in powers(effort, -13, 0, 5).into_iter().map(|value| 0.5 * value) {
             let state = State { y: approach.at(-value), ..State::of(robot, 0.1)? };

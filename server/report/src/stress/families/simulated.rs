@@ -1,5 +1,4 @@
-//! Families of simulations: stiff ones, steps and tolerances, energy that stays, starts that do not
-//! fit.
+//! Families of simulations: stiffness, steps and tolerances, conserved energy, inconsistent starts.
 
 use sarrus_dynamics::description::{SubmechanismKind as Kind, Terms};
 use sarrus_dynamics::scalar::Real;
@@ -14,7 +13,7 @@ use crate::stress::harness::{
 };
 use crate::stress::mechanisms::rods;
 
-/// A spring and its damper that get stiffer: explicit methods have to report their failure, the
+/// A spring and its damper that get stiffer: explicit methods must report their failure, the
 /// implicit one holds.
 pub(crate) fn springs(cases: &mut Cases, effort: &Effort) -> Outcome {
     stiff(effort).into_iter().try_for_each(|k| oscillation(cases, k, [k, k.sqrt()]))
@@ -76,7 +75,7 @@ pub(crate) fn gains(cases: &mut Cases, effort: &Effort) -> Outcome {
     Ok(())
 }
 
-/// Where it is after t when it starts at 1 from rest.
+/// Its position at t, from rest at 1.
 fn swung(stiffness: f64, damping: f64, t: f64) -> f64 {
     let decay = 0.5 * damping;
     let square = 0.25 * damping * damping - stiffness;
@@ -109,7 +108,7 @@ pub(crate) fn steps(cases: &mut Cases, effort: &Effort) -> Outcome {
     })
 }
 
-/// Tolerances from none to all.
+/// Tolerances from strict to none.
 pub(crate) fn tolerances(cases: &mut Cases, effort: &Effort) -> Outcome {
     to_the_end(cases, [Method::Dop853, Method::Radau5], &powers(effort, -13, -1, 4), |plain, x| {
         Settings { rtol: x, atol: x, ..plain }
@@ -140,8 +139,8 @@ fn to_the_end(
     Ok(())
 }
 
-/// Without gravity and damping the energy stays, and the angular momentum about the first axis:
-/// (M_y ẏ) of the first joint.
+/// Without gravity and damping the energy is conserved, and so is the angular momentum about the
+/// first axis: (M_y ẏ) of the first joint.
 pub(crate) fn conservation(cases: &mut Cases, effort: &Effort) -> Outcome {
     let mut of = rods(3)?;
     of.gravity = [0.0; 3];
@@ -174,7 +173,7 @@ pub(crate) fn conservation(cases: &mut Cases, effort: &Effort) -> Outcome {
     Ok(())
 }
 
-/// Starts off their loops are put on them, and how far is reported.
+/// Starts off their loops are projected onto them, and the distance is reported.
 pub(crate) fn off_loops(cases: &mut Cases, effort: &Effort) -> Outcome {
     for name in ["lambda", "wrist", "four_bars_2"] {
         let robot = &Robot::new(name, bundled(name)?)?;
@@ -202,12 +201,12 @@ pub(crate) fn off_loops(cases: &mut Cases, effort: &Effort) -> Outcome {
     Ok(())
 }
 
-/// Numbers that cannot be simulated are refused.
+/// Invalid settings are refused.
 pub(crate) fn of_nothing(cases: &mut Cases, _: &Effort) -> Outcome {
     let robot = Robot::new("lambda", bundled("lambda")?)?;
     let at_end = |method| Settings { every: Some(0.1), ..settings(method, 0.1) };
     let exact = reference_run(&robot, &[], &from(&[0.1], &[0.0]), at_end(Method::Radau5))?;
-    // a step that is longer than the whole is the whole
+    // a step longer than the duration becomes the duration
     let error = |run: &Run| Ok(if run.time == 0.1 { apart(run, &exact) } else { f64::INFINITY });
     let plain = at_end(Method::RungeKutta);
     for (value, bad) in

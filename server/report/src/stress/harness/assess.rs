@@ -7,8 +7,8 @@ use crate::page::Assessment;
 /// Error by size up to which an answer counts as right.
 pub(crate) const HELD: f64 = 1e-9;
 
-/// The rule for an answer: its status, its warnings, its error where it is ok, and whether a failed
-/// answer is NaN wherever it must be.
+/// Assesses an answer by its status, its warnings, its error if it is ok, and the NaN of a failed
+/// answer.
 pub(crate) fn assess(status: Status, warnings: Warnings, error: f64, empty: bool) -> Assessment {
     match status {
         Status::Ok if error <= HELD => Assessment::Held,
@@ -21,7 +21,7 @@ pub(crate) fn assess(status: Status, warnings: Warnings, error: f64, empty: bool
     }
 }
 
-/// True where an answer has the warning of this name, as scripts see it.
+/// True if an answer has the warning of this name.
 pub(crate) fn warned(warnings: Warnings, name: &str) -> bool {
     warnings.names().any(|of| of == name)
 }

@@ -17,11 +17,11 @@ pub(crate) use crate::page::Case;
 pub(crate) enum Reference<'a> {
     /// The question itself in double-double.
     Same,
-    /// Another question in double-double, whose answer is the true one.
+    /// Another question in double-double, whose answer is exact.
     Of(&'a Question),
     /// Numbers by closed form.
     Known(Vec<(Field, Vec<Dd>)>),
-    /// There is no answer: any that is ok is wrong.
+    /// No answer exists: any that is ok is wrong.
     None,
 }
 
@@ -29,13 +29,13 @@ pub(crate) enum Reference<'a> {
 #[derive(Default)]
 pub(crate) struct Cases {
     pub(crate) all: Vec<Case>,
-    /// How many cases have a reference that is no truth.
+    /// Number of cases with an unreliable reference.
     pub(crate) not_judged: usize,
     family: &'static str,
     parameter: &'static str,
 }
 
-/// Where a case stands in its family: the parameter's value and the method's name.
+/// The position of a case in its family: the parameter's value and the method's name.
 #[derive(Clone, Copy)]
 pub(crate) struct At<'a> {
     pub(crate) value: f64,
@@ -43,7 +43,7 @@ pub(crate) struct At<'a> {
 }
 
 impl At<'_> {
-    /// At a value, by the way in which the robot's loops are closed.
+    /// At a value, with the robot's kind of closure.
     pub(crate) fn of(robot: &Robot, value: f64) -> At<'static> {
         At { value, method: robot.closures() }
     }
@@ -55,7 +55,7 @@ impl Cases {
         (self.family, self.parameter) = (family, parameter);
     }
 
-    /// A case with nothing but its place.
+    /// A case with its position only.
     pub(crate) fn blank(&self, robot: &str, at: At<'_>, asked: &str) -> Case {
         Case {
             family: self.family,
@@ -69,8 +69,8 @@ impl Cases {
         }
     }
 
-    /// A case with a status, its error where it is ok, and whether a failed answer is NaN wherever
-    /// it must be; without warnings.
+    /// A case without warnings: its status, its error if it is ok, and the check for NaN in a
+    /// failed answer.
     pub(crate) fn ended(
         &self,
         robot: &str,
@@ -105,7 +105,7 @@ impl Cases {
         }
     }
 
-    /// Adds a case that ended before there was anything to ask.
+    /// Adds a case that ended before any question.
     pub(crate) fn refused(
         &mut self,
         robot: &str,
@@ -124,8 +124,8 @@ impl Cases {
         self.all.push(case);
     }
 
-    /// Loads a robot at a value of the parameter; a refused one is a case of its own that reports
-    /// the error.
+    /// Loads a robot at a value of the parameter; a refused one is a separate case that reports the
+    /// error.
     pub(crate) fn load(&mut self, name: &str, at: At<'_>, of: Description) -> Option<Robot> {
         Robot::new(name, of)
             .map_err(|error| self.refused(name, at, "load", "refused at load", error.to_string()))
@@ -194,7 +194,7 @@ impl Cases {
         for method in methods {
             let name = format!("{closures}, {}", method.name());
             let ask = Question::forward(state, Some(*method));
-            // the oracle in double-double would cost more and agree
+            // the oracle in double-double would agree at a higher cost
             let exact = Question { method: Some(Method::Recursion), ..ask.clone() };
             let at = At { value, method: &name };
             let case = self.ask(robot, at, "FD", &ask, &Reference::Of(&exact))?;
@@ -207,7 +207,7 @@ impl Cases {
     }
 }
 
-/// The reference numbers of the asked fields, if there are any, and where they come from.
+/// The reference numbers of the wanted fields, if any, and their source.
 fn reference_numbers(
     robot: &Robot,
     ask: &Question,
@@ -261,7 +261,7 @@ fn reported(robot: &Robot, ask: &Question, answer: &Answered<f64>) -> Outcome<St
     Ok(reported.join(", "))
 }
 
-/// The figures by which a user can assess an answer.
+/// The fields by which a user can assess an answer.
 fn figures(robot: &Robot, ask: &Question) -> Outcome<String> {
     let want = [Field::SigmaMin, Field::CondGu, Field::CondMy];
     let figures = beside(robot, ask, Request::InverseDynamics, &want)?;

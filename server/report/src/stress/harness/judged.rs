@@ -11,25 +11,25 @@ use crate::Outcome;
 
 use Field::*;
 
-/// By how much the numbers given are changed for a second reference, relative to each: far more
-/// than double-double rounds, far less than a double does.
+/// Relative change of the given numbers for a second reference: far more than the rounding of
+/// double-double, far less than that of a double.
 const CHANGE: f64 = 1.0 / (1_u128 << 80) as f64;
 /// Half an ulp of a number just below a power of two.
 const ULP: f64 = 0.5 * f64::EPSILON;
-/// Largest difference by size of two references that are taken for the truth.
+/// Largest difference by size of two references that count as exact.
 const CERTAIN: f64 = 1e-11;
 /// Fraction of its natural size below which a field counts as zero; for fields of the velocity
 /// alone, which cancel in many mechanisms; for a link's own motion, which loops may hold still.
 const NOTHING: f64 = 1e-6;
 const CANCELLED: f64 = 1e-4;
 const STILL: f64 = 1e-2;
-/// Independents up to which the second reference goes by projection.
+/// Independents up to which the second reference uses projection.
 const PROJECTED: usize = 40;
 
 impl Cases {
-    /// Asks and judges every field of the answer by its own size. A case whose reference in
-    /// double-double moves by more than it may when the numbers given move by 2^−80 of themselves,
-    /// and forward dynamics go by the other method, is counted and not judged.
+    /// Asks, and judges every field of the answer by its own size. A case is counted but not judged
+    /// if its double-double reference changes too much under relative changes of 2^−80 in the given
+    /// numbers and the other method of forward dynamics.
     pub(crate) fn judge(
         &mut self,
         robot: &Robot,
@@ -68,7 +68,7 @@ impl Cases {
     }
 }
 
-/// A second reference in double-double, from inputs changed by 2^−80 of themselves; forward
+/// A second reference in double-double, from inputs with a relative change of 2^−80; forward
 /// dynamics by the other method.
 fn second_reference(robot: &Robot, ask: &Question) -> Outcome<Answered<Dd>> {
     let exact = &robot.compiled.exact;
@@ -80,8 +80,7 @@ fn second_reference(robot: &Robot, ask: &Question) -> Outcome<Answered<Dd>> {
     nudged(robot, &Question { method, ..ask.clone() }, CHANGE)
 }
 
-/// The answer in double-double to inputs that are changed by this much of themselves, by turns up
-/// and down.
+/// The answer in double-double to inputs with this relative change, alternately up and down.
 fn nudged(robot: &Robot, ask: &Question, size: f64) -> Outcome<Answered<Dd>> {
     ask.run_with(&robot.compiled.exact, &|k, x| {
         let sign = if k % 2 == 0 { size } else { -size };
@@ -89,8 +88,8 @@ fn nudged(robot: &Robot, ask: &Question, size: f64) -> Outcome<Answered<Dd>> {
     })
 }
 
-/// The change of the exact answer where each input is off by half an ulp or less, which no
-/// computation in doubles can avoid.
+/// The change of the exact answer under input errors of up to half an ulp, which no computation in
+/// doubles can avoid.
 fn moved(robot: &Robot, ask: &Question, exact: &Answered<Dd>) -> Outcome<f64> {
     let near = nudged(robot, ask, ULP)?;
     let ok = near.status() == Status::Ok;
@@ -113,7 +112,7 @@ fn largest<T: Real>(
         .fold((None, 0.0), |worst, next| if next.1 > worst.1 { next } else { worst })
 }
 
-/// The size below which a field is nothing, from a radian, the speed given, its square and the
+/// The size below which a field counts as zero, from a radian, the given speed, its square and the
 /// acceleration.
 fn natural(ask: &Question, field: Field) -> f64 {
     let given = |of: &[Field]| {

@@ -1,4 +1,4 @@
-//! One question in any scalar, and how far two answers are apart.
+//! One question in any scalar, and the distance of two answers.
 
 use std::collections::HashMap;
 
@@ -18,13 +18,13 @@ use Field::*;
 #[derive(Clone, Debug)]
 pub(crate) struct Question {
     pub(crate) request: Request,
-    /// How forward dynamics goes; none: as the model chooses.
+    /// The method of forward dynamics; none for the model's choice.
     pub(crate) method: Option<Method>,
     pub(crate) given: Vec<(Field, Vec<f64>)>,
     pub(crate) want: Vec<Field>,
     /// Links that wrenches act on.
     pub(crate) wrenches: Vec<u16>,
-    /// Links whose frames are asked.
+    /// Links whose frames are wanted.
     pub(crate) frames: Vec<u16>,
 }
 
@@ -74,7 +74,7 @@ impl State {
         Ok(state)
     }
 
-    /// Forces that give about its ÿ, none of them quite.
+    /// Forces that give approximately its ÿ.
     pub(crate) fn forces(&mut self, robot: &Robot) -> Outcome {
         let motion = Question::inverse(self, &[TauY]).run(&robot.compiled.model)?;
         let one = |(k, tau): (usize, &f64)| {
@@ -96,8 +96,8 @@ impl State {
     }
 }
 
-/// By how much to move each tree coordinate so that loops open: up to `size` radians, or tenths of
-/// the robot's length. `first` numbers the first coordinate.
+/// Displacement of each tree coordinate that opens loops: up to `size` radians, or tenths of the
+/// robot's length. `first` numbers the first coordinate.
 pub(crate) fn offsets(robot: &Robot, size: f64, first: usize) -> Vec<f64> {
     let units = robot.units(Q);
     let off = |(k, unit): (usize, &f64)| {
@@ -107,7 +107,7 @@ pub(crate) fn offsets(robot: &Robot, size: f64, first: usize) -> Vec<f64> {
     units.iter().enumerate().map(off).collect()
 }
 
-/// A closed state in all tree coordinates, the pose then moved off the loops by this much.
+/// A closed state in all tree coordinates, with the pose moved off the loops by this much.
 pub(crate) fn off_loops(robot: &Robot, value: f64) -> Outcome<(Vec<f64>, Vec<f64>)> {
     let closed = Question::kinematics(&State::of(robot, 0.1)?).run(&robot.compiled.model)?;
     let pairs = closed.get(Q).iter().zip(offsets(robot, value, 1));
@@ -219,12 +219,12 @@ impl<T: Real> Answered<T> {
         self.answer.warnings
     }
 
-    /// The numbers of a field; none where it was not asked.
+    /// The numbers of a field; none if it is not wanted.
     pub(crate) fn get(&self, field: Field) -> &[T] {
         self.plan.want().slot(field).map_or(&[], |slot| &self.numbers[slot.range()])
     }
 
-    /// True where every number that its status forbids is NaN.
+    /// True if every number that its status forbids is NaN.
     pub(crate) fn is_empty(&self) -> bool {
         let nan = |field| self.get(field).iter().all(|x| x.to_f64().is_nan());
         self.plan.want().slots().iter().all(|slot| slot.field.survives_failure() || nan(slot.field))
@@ -249,8 +249,8 @@ impl<T: PlanScalar> Answered<T> {
     }
 }
 
-/// max |x − exact| / max(|exact|, least) of a field, lengths in those of the robot; infinite where
-/// there is no number.
+/// max |x − exact| / max(|exact|, least) of a field, lengths in those of the robot; infinite for
+/// NaN.
 pub(crate) fn error<T: Real>(
     robot: &Robot,
     field: Field,
@@ -265,7 +265,7 @@ pub(crate) fn error<T: Real>(
     by_size(pairs, least)
 }
 
-/// A number of any scalar with all digits that double-double has.
+/// A number of any scalar with all digits of double-double.
 fn double_double<T: Real>(x: T) -> Dd {
     let hi = x.to_f64();
     Dd::from(hi) + Dd::from((x - T::from_f64(hi)).to_f64())

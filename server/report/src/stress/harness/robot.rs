@@ -1,4 +1,4 @@
-//! The robots of the cases: bundled ones that are changed, and small ones in code.
+//! The robots of the cases: changed bundled ones, and small ones in code.
 
 use std::collections::HashSet;
 
@@ -11,7 +11,7 @@ use crate::robots::catalogue::closures;
 pub(crate) use crate::robots::catalogue::{bundled, numerical};
 pub(crate) use crate::robots::small::{Slide, Turn, X, Y, Z, cut, finish, joint, mechanism};
 
-/// A robot ready to be asked.
+/// A robot ready for questions.
 pub(crate) struct Robot {
     pub(crate) name: String,
     pub(crate) description: Description,
@@ -53,7 +53,7 @@ impl Robot {
         self.length
     }
 
-    /// The method by which its forward dynamics go unless another is asked.
+    /// Its default method of forward dynamics.
     pub(crate) fn own_method(&self) -> [Method; 1] {
         [self.compiled.model.forward_method()]
     }
@@ -66,7 +66,7 @@ impl Robot {
         independent.iter().filter_map(place).map(|place| q[place]).collect()
     }
 
-    /// How its loops are closed, in a word.
+    /// The kind of its closures, in a word.
     pub(crate) fn closures(&self) -> &'static str {
         closures(&self.compiled.model).unwrap_or("no loops")
     }
@@ -126,8 +126,8 @@ pub(crate) fn heavier(of: &mut Description, which: &dyn Fn(&str) -> bool, factor
     }
 }
 
-/// Every length times `lengths` and every mass times `masses`; times stay, so gravity goes with the
-/// lengths.
+/// Every length times `lengths` and every mass times `masses`; times do not change, so gravity
+/// scales with the lengths.
 pub(crate) fn scaled(of: &mut Description, lengths: f64, masses: f64) {
     let place = |x: &mut Placement| x.xyz = x.xyz.map(|x| lengths * x);
     of.gravity = of.gravity.map(|x| lengths * x);

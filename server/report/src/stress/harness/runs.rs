@@ -12,8 +12,7 @@ use crate::reference::by_size;
 /// Samples of a run.
 pub(crate) const SAMPLES: f64 = 100.0;
 
-/// Settings of the methods: a fixed step, or tolerances, and a bound on the steps that a user would
-/// wait for.
+/// Settings of the methods: a fixed step, or tolerances, and a bound on the number of steps.
 pub(crate) fn settings(method: Method, duration: f64) -> Settings {
     let step = method.is_fixed().then_some(1e-3 * duration);
     Settings {
@@ -26,7 +25,7 @@ pub(crate) fn settings(method: Method, duration: f64) -> Settings {
     }
 }
 
-/// By the implicit method as exactly as it can.
+/// By the implicit method at its highest accuracy.
 pub(crate) fn reference_run(
     robot: &Robot,
     inputs: &[Input],
@@ -56,11 +55,11 @@ pub(crate) struct Trial<'a> {
     pub(crate) start: Start,
     /// The largest error by size over all samples.
     pub(crate) error: &'a dyn Fn(&Run) -> Outcome<f64>,
-    /// Where the reference comes from.
+    /// The source of the reference.
     pub(crate) reference: &'static str,
 }
 
-/// A robot with these inputs, and its own springs and dampers.
+/// A robot with these inputs and its own springs and dampers.
 fn setup<'a>(robot: &'a Robot, inputs: &'a [Input]) -> Setup<'a> {
     Setup { description: &robot.description, compiled: &robot.compiled, springs: &[], inputs }
 }

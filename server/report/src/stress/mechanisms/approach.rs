@@ -17,7 +17,7 @@ pub(crate) struct Approach {
     pub(crate) robot: Robot,
     pub(crate) from: Vec<f64>,
     pub(crate) to: Vec<f64>,
-    /// It is too far from zero to be asked without a guess.
+    /// It is too far from zero for a question without a guess.
     pub(crate) guessed: bool,
 }
 
@@ -59,8 +59,8 @@ pub(crate) fn known() -> Outcome<Vec<Approach>> {
         .collect()
 }
 
-/// Bundled robots along a straight way to where it ends in double-double, each pose from the one
-/// before; the end is bisected.
+/// Bundled robots along a straight path to its end in double-double, each pose from the one before;
+/// bisection finds the end.
 pub(crate) fn searched() -> Outcome<Vec<Approach>> {
     const STEP: f64 = 0.04;
     let mut approaches = Vec::new();
@@ -92,10 +92,10 @@ pub(crate) fn searched() -> Outcome<Vec<Approach>> {
     Ok(approaches)
 }
 
-/// The Stewart platform where some twist moves no leg.
+/// The Stewart platform at a pose where some twist moves no leg.
 pub(crate) const TYPE_II: &str = "Stewart at type II";
 
-/// The Stewart platform where its legs cannot hold a twist: det G_u = 0 along a turn.
+/// The Stewart platform at a pose where its legs cannot resist a twist: det G_u = 0 along a turn.
 pub(crate) fn platform() -> Outcome<Approach> {
     let robot = Robot::new(TYPE_II, bundled("stewart")?)?;
     let start = [0.01, -0.02, 0.0, 0.0, 0.0, 0.0];
@@ -138,7 +138,7 @@ fn determinant(rows: &[Vec<Dd>]) -> Dd {
 }
 
 /// The pose at the end of the straight way from zero in small steps, each from the one before; none
-/// where the way ends.
+/// if the path ends.
 pub(crate) fn followed<T: PlanScalar>(model: &Model<T>, y: &[f64]) -> Outcome<Option<Vec<T>>> {
     const STEPS: u32 = 200;
     let mut q: Option<Vec<T>> = None;

@@ -18,7 +18,7 @@ use crate::stress::harness::{Turn, Z, joint, mechanism};
 
 pub(crate) const BASE: LinkId = LinkId::BASE;
 
-/// A crank that turns all round.
+/// A crank that makes full turns.
 pub(crate) const GRASHOF: [[f64; 2]; 4] = [[0.0, 0.0], [0.0, 0.3], [0.9, 0.6], [1.0, 0.0]];
 
 /// Rods in a row on parallel axes, 1 m and 1 kg each, the first on the base.

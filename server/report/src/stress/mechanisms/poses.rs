@@ -1,5 +1,5 @@
-//! Poses of links and gaps of loops, straight from a description: no code is shared with the
-//! kernels that it judges.
+//! Poses of links and gaps of loops, computed from a description without any code of the kernels
+//! that it checks.
 
 use sarrus_dynamics::description::{Cut, Description, Joint, JointKind, Placement};
 
@@ -42,7 +42,7 @@ fn poses(of: &Description, q: &[(String, f64)]) -> Option<Vec<Pose>> {
     let mut poses = vec![None; of.links.len()];
     let root = (0..of.links.len()).find(|link| of.joints.iter().all(|j| j.child != *link))?;
     poses[root] = Some(still);
-    // joints may stand in any order
+    // joints may have any order
     for _ in 0..of.joints.len() {
         for joint in &of.joints {
             if let (Some(parent), None) = (poses[joint.parent], poses[joint.child]) {

@@ -32,9 +32,9 @@ pub(crate) struct Draw {
     pub(crate) lengths: bool,
     /// Some rockers slide.
     pub(crate) sliders: bool,
-    /// The zero pose is another, and the near dead points are reached by turning the crank.
+    /// The zero pose is another one, and turning the crank leads near the dead points.
     pub(crate) turned: bool,
-    /// The plane is drawn too.
+    /// The plane is random too.
     pub(crate) tilted: bool,
 }
 
@@ -64,7 +64,7 @@ pub(crate) fn train(random: &mut Random, draw: Draw) -> Outcome<Train> {
         let pin = along(tip, heading, coupler);
         let pivot = along(pin, heading - delta, rocker);
         let slides = draw.sliders && random.below(3) == 0;
-        // where it slides, it does so across its rocker
+        // a slider moves across its rocker
         let across = heading - delta + std::f64::consts::FRAC_PI_2;
         let line = if slides { [across.cos(), across.sin()] } else { [0.0; 2] };
         stages.push(Stage { crank: tip, pin, pivot, line });
@@ -99,8 +99,8 @@ fn away(
     (stages, 0.0)
 }
 
-/// The points of all stages after the first crank has turned about the origin; none where a stage
-/// does not reach.
+/// The points of all stages after the first crank has turned about the origin; none if a stage does
+/// not reach.
 fn turned(stages: &[Stage], mut turn: f64) -> Option<Vec<Stage>> {
     let mut crank_pivot = Some([0.0; 2]);
     let mut shift = [0.0; 2];
@@ -242,8 +242,8 @@ pub(crate) fn spatial(random: &mut Random, stages: usize) -> Outcome<Train> {
     Ok(Train { description: of.build()?, y: vec![0.0], sines, least })
 }
 
-/// A rod from a point of a link to a lever on another link, δ from where it moves the lever not at
-/// all; returns the lever and a point of it.
+/// A rod from a point of a link to a lever on another link, δ from its dead point; returns the
+/// lever and a point of it.
 fn rod(
     random: &mut Random,
     of: &mut DescriptionBuilder,
@@ -304,7 +304,7 @@ fn cross_product(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// A mechanism under way with a random inertia and a gravity that is felt in some of them.
+/// A moving mechanism with random inertia and, in some cases, gravity.
 pub(crate) fn begun(random: &mut Random, kind: Kind) -> DescriptionBuilder {
     let mut of = DescriptionBuilder::new("mechanism");
     if random.coin() {

@@ -9,7 +9,7 @@ use crate::stress::harness::{Turn, Z, finish, joint};
 use crate::stress::mechanisms::BASE;
 use crate::stress::mechanisms::trains::{begun, rotation};
 
-/// A link of this mass, as small as a hand or as large as a thigh.
+/// A link of this mass, between a hand and a thigh in size.
 fn weighing(random: &mut Random, mass: f64) -> Inertial {
     let size = random.scale(0.01, 0.1);
     let centre = [(); 3].map(|()| size * random.next());
@@ -42,7 +42,7 @@ pub(crate) fn planar_platform(random: &mut Random, masses: [f64; 2]) -> Outcome<
             };
             of.default_inertial(weighing(random, mass));
             let radius = 1.2 - 0.9 * k as f64 / (n - 1) as f64;
-            // a leg is bent, now this way and now that
+            // a leg is bent to either side
             let bend = random.between(0.15, 0.35) * if k % 2 == 0 { 1.0 } else { -1.0 };
             on = joint(&mut of, on, Turn, at(radius, bend), Z);
             all.push(on);
@@ -56,7 +56,7 @@ pub(crate) fn planar_platform(random: &mut Random, masses: [f64; 2]) -> Outcome<
             of.cut(format!("weld{leg}"), platform, on).at([0.0; 3]).joint(CutJoint::Weld);
         }
     }
-    // others that will do, as often as not
+    // other valid ones, with probability ½
     let n = independent.len();
     for _ in 0..if random.coin() { 20 } else { 0 } {
         let mut other = all.clone();
@@ -72,9 +72,8 @@ pub(crate) fn planar_platform(random: &mut Random, masses: [f64; 2]) -> Outcome<
     finish(of, &independent, &independent)
 }
 
-/// Chains of four or five hinges in the plane, each from a link that stands already to another one,
-/// to which its end is welded by six rows; light links, some of them heavy, and any of the hinges
-/// independent.
+/// Chains of four or five hinges in the plane, each from an existing link to another one, to which
+/// its end is welded by six rows; light and some heavy links, and any of the hinges independent.
 pub(crate) fn planar_loops(random: &mut Random, masses: [f64; 2]) -> Outcome<Description> {
     let mut of = begun(random, Kind::Numerical);
     let mut links: Vec<(LinkId, [f64; 3])> = vec![(BASE, [0.0; 3]), (BASE, [1.0, 0.2, 0.0])];
@@ -111,7 +110,7 @@ pub(crate) fn planar_loops(random: &mut Random, masses: [f64; 2]) -> Outcome<Des
     finish(of, &independent, &independent)
 }
 
-/// Links in a row, heavy ones and light ones by turns, one half after the other, or as it comes.
+/// Links in a row: heavy and light ones alternating, in two halves, or at random.
 pub(crate) fn row(random: &mut Random, n: usize, heavy: f64, light: f64) -> Outcome<Description> {
     let mut of = begun(random, Kind::Serial);
     let by_turns = random.below(3);
@@ -142,10 +141,10 @@ pub(crate) fn tree(random: &mut Random, n: usize, decades: f64) -> Outcome<Descr
     let mut links: Vec<(LinkId, i32, [f64; 3])> = vec![(root, 0, [0.0; 3])];
     let deepest = random.one_of(&[8, 12, 16]);
     for _ in 0..n {
-        // on one of the last links, so that arms grow long
+        // on one of the last links, so that arms become long
         let (on, depth, at) = links[links.len() - 1 - random.below(links.len().min(4))];
         let (on, depth, at) = if depth < deepest { (on, depth, at) } else { links[0] };
-        // some joints stand in one point with the next, and their links are nothing
+        // some joints coincide with the next, and their links are massless
         let together = random.below(3) == 0;
         let part = if together { 1.0 } else { f64::from(depth) / f64::from(deepest) };
         of.default_inertial(weighing(random, 10.0 * 10f64.powf(-decades * part)));
