@@ -1,4 +1,4 @@
-//! Why a server does not start or did not end well.
+//! The reason why a server does not start or did not end well.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -8,10 +8,10 @@ use sarrus_proto::DomainError;
 use crate::record::RecordError;
 use crate::system::placement::PlacementError;
 
-/// The most lanes that one server makes.
+/// Most lanes of one server.
 pub const MAX_LANES: usize = 256;
 
-/// Why a server does not start or did not end well.
+/// The reason why a server does not start or did not end well.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ServeError {
@@ -58,7 +58,7 @@ pub enum ServeError {
         /// Why.
         reason: String,
     },
-    /// Nothing can be recorded.
+    /// Recording is impossible.
     #[error(transparent)]
     Record(#[from] RecordError),
     /// More lanes than there can be.
@@ -67,7 +67,7 @@ pub enum ServeError {
         /// The requested number.
         found: usize,
     },
-    /// Threads or memory cannot be had as the options ask.
+    /// The requested placement of threads or memory is impossible.
     #[error(transparent)]
     Placement(#[from] PlacementError),
     /// The answering thread cannot be started.
@@ -76,7 +76,7 @@ pub enum ServeError {
         /// The error of the system.
         source: std::io::Error,
     },
-    /// The answering thread lives and does nothing.
+    /// The answering thread hangs.
     #[error(
         "the answering thread hangs: no heartbeat for {seconds} s, while another thread ran; its \
          processor is taken, or a client has overwritten shared memory"
@@ -93,7 +93,7 @@ pub enum ServeError {
     Died,
 }
 
-/// Names the owner of the nearest existing path.
+/// Describes the owner of the nearest existing path.
 fn owner_of(path: &Path) -> String {
     use std::os::unix::fs::MetadataExt;
     let found = path.ancestors().find_map(|path| Some((path, path.symlink_metadata().ok()?.uid())));

@@ -6,7 +6,7 @@
 //! plans. The threads share counters and bounded channels, and no lock.
 //!
 //! Further threads are optional: one writes the last seconds of requests to a file ([`record`]),
-//! one compiles plans to native code (`kernels/`). `system/` holds all that depends on the
+//! one compiles plans to native code (`kernels/`). `system/` holds all code that depends on the
 //! operating system: placement of threads, limits, SIGBUS, stderr. [`pool`] is the binary's
 //! allocator.
 

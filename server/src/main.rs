@@ -107,7 +107,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    // before any instruction that needs it
+    // before any instruction that needs the baseline
     if let Err(missing) = sarrus_client::processor::check() {
         eprintln!(
             "sarrus: this processor has no {missing}; sarrus is built for x86-64-v3 (FMA and \

@@ -1,11 +1,11 @@
-//! The allocator of the binary: the thread that answers takes its small blocks from a fixed pool of
-//! its own.
+//! The allocator of the binary: the answering thread takes its small blocks from its own fixed
+//! pool.
 //!
 //! The transport makes two small blocks for each request through the service. [`Pool`] as the
 //! global allocator serves them, on a thread that called [`adopt_thread`], from memory that is
 //! reserved and mapped beforehand; every other thread uses the system's allocator. A block may be
-//! freed on any thread. Should the pool ever run out, the system's allocator steps in and
-//! [`counts`] reports.
+//! freed on any thread. If the pool is empty, the system's allocator serves and [`counts`] reports
+//! it.
 // lint: a global allocator cannot be written in safe Rust; this file holds all unsafe code of the
 // server
 #![allow(unsafe_code)]
@@ -25,7 +25,7 @@ pub struct Pool;
 /// Counts of adopted threads since their adoption.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Calls of the system's allocator, to take or to give back.
+    /// Calls of the system's allocator, to allocate or to free.
     pub system: u64,
     /// Blocks from the pool.
     pub pool: u64,
@@ -236,7 +236,7 @@ mod tests {
                 }
             });
         }
-        // everything came back: all small blocks can be taken at once
+        // all blocks were returned: all small ones can be taken at once
         let adopted = adopt_thread();
         let blocks: Vec<usize> = (0..CLASSES[0].n_blocks).map(|_| take(64) as usize).collect();
         drop(adopted);

@@ -10,20 +10,20 @@ use crate::answering::counters::Counters;
 use crate::answering::engine::{Engine, Tile};
 use crate::record::Client;
 
-/// A client's area for batches, and its batch in progress.
+/// A client's area for batches, and the batch in progress.
 pub(crate) struct Batches {
     area: ServedBatch,
     /// The client of the rows in a recording.
     client: Client,
-    /// The sequence of the last batch that was looked at.
+    /// The sequence of the last batch seen.
     last: u64,
     under_way: Option<UnderWay>,
-    /// A test's fault: a plan that panics over the tile which begins here.
+    /// A test's fault: the plan panics over the tile that begins here.
     #[cfg(test)]
     pub(crate) panics_at: Option<usize>,
 }
 
-/// A batch that is answered up to this row.
+/// A batch, answered up to this row.
 struct UnderWay {
     head: BatchHead,
     row: usize,
@@ -41,13 +41,13 @@ impl Batches {
         }
     }
 
-    /// Frees the memory of the area, also where the client keeps a descriptor of it. Called beside
-    /// the answering thread.
+    /// Frees the memory of the area, even if the client keeps its descriptor. Called off the
+    /// answering thread.
     pub(crate) fn release(self) {
         self.area.empty();
     }
 
-    /// Answers a tile, or refuses a batch; false where there is nothing to do.
+    /// Answers a tile, or refuses a batch; false if there is nothing to do.
     pub(crate) fn turn(
         &mut self,
         engine: &mut Engine,
@@ -62,7 +62,7 @@ impl Batches {
             None if is_new => UnderWay { head: self.area.head(sequence), row: 0 },
             None => return false,
             Some(under_way) if !is_new => under_way,
-            // asked again before the answer: the rows of both lie in one place
+            // requested again before the answer: both batches share the rows
             Some(_) => {
                 self.refuse(Status::Overloaded, counters);
                 return true;

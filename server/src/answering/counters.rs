@@ -22,12 +22,12 @@ pub(crate) enum Transport {
 pub(crate) struct Counters {
     counts: Counts<AtomicU64>,
     buckets: [AtomicU64; N_BUCKETS],
-    /// Late answers of the client that has each place.
+    /// Late answers of the client at each place.
     late: Box<[AtomicU64]>,
 }
 
 impl Counters {
-    /// For so many places.
+    /// Counters for this many places.
     pub(crate) fn new(n_places: usize) -> Counters {
         Counters {
             counts: Counts::default(),
@@ -57,7 +57,7 @@ impl Counters {
         }
     }
 
-    /// Counts a batch that was refused.
+    /// Counts a refused batch.
     pub(crate) fn record_refused(&self, status: Status) {
         self.count(status as u32);
     }
@@ -68,13 +68,13 @@ impl Counters {
         add_one(&statuses[(status as usize).min(statuses.len() - 1)]);
     }
 
-    /// How many answers kernels have given.
+    /// Number of answers by kernels.
     #[inline]
     pub(crate) fn set_by_kernel(&self, answers: u64) {
         self.counts.by_kernel.store(answers, Relaxed);
     }
 
-    /// Counts an answer that came after its deadline, for the client that has this place.
+    /// Counts an answer after its deadline, for the client at this place.
     #[cold]
     pub(crate) fn record_late(&self, place: usize) {
         add_one(&self.counts.late);
@@ -83,14 +83,14 @@ impl Counters {
         }
     }
 
-    /// A place has a new client.
+    /// Resets the count of a place for a new client.
     pub(crate) fn forget_late(&self, place: usize) {
         if let Some(late) = self.late.get(place) {
             late.store(0, Relaxed);
         }
     }
 
-    /// Late answers of the client that has this place.
+    /// Late answers of the client at this place.
     pub(crate) fn late_of(&self, place: usize) -> u64 {
         self.late.get(place).map_or(0, |late| late.load(Relaxed))
     }
@@ -111,7 +111,7 @@ impl Counters {
         })
     }
 
-    /// The counters as they travel.
+    /// The counters on the wire.
     pub(crate) fn counts(&self) -> Counts {
         self.counts.map(|counter| counter.load(Relaxed))
     }

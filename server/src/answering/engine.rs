@@ -1,4 +1,4 @@
-//! From an unchecked request to its answer: checks of the head, the plan, the kernel.
+//! Turns an unchecked request into its answer: checks of the head, the plan, the kernel.
 
 use std::sync::Arc;
 
@@ -30,17 +30,17 @@ pub(crate) struct ServedPlan {
 pub(crate) enum PlanOrder {
     /// Answer requests for this plan from now on.
     Serve(Box<ServedPlan>),
-    /// Answer by this kernel from now on. The maintenance thread keeps a reference too, so that
+    /// Answer with this kernel from now on. The maintenance thread keeps a reference too, so
     /// dropping this one unloads nothing.
     Kernel(PlanNumber, Arc<NativeKernel>),
-    /// Give the plan back.
+    /// Return the plan.
     Retire(PlanNumber),
 }
 
 /// The capacity of the channel of plan orders.
 pub(crate) const MAX_PLAN_ORDERS: usize = 3 * MAX_PLANS;
 
-/// Where a request's numbers are; a client may still be writing those of the service.
+/// The place of a request's numbers; a client may still be writing those of the service.
 pub(crate) enum Input<'a> {
     /// The copy that the lane made.
     Copied(&'a [f64]),
@@ -50,14 +50,14 @@ pub(crate) enum Input<'a> {
 
 /// Plans, workspace and buffers of the answering thread.
 pub(crate) struct Engine {
-    /// By their slots.
+    /// Indexed by slot.
     plans: Box<[Option<Box<ServedPlan>>]>,
     orders: Consumer<PlanOrder>,
     retired: Producer<Box<ServedPlan>>,
     workspace: BatchWorkspace,
     scratch: Vec<f64>,
-    /// Where answers with a checksum, recorded ones, and those of batches come to be: the memory
-    /// they go to is not ours alone.
+    /// Private buffer for answers with a checksum, recorded answers and those of batches: other
+    /// processes can write to their destination.
     private: Vec<f64>,
     /// Copies requests and answers, with `--record`.
     pub(crate) recorder: Option<Recorder>,
@@ -65,7 +65,7 @@ pub(crate) struct Engine {
     pub(crate) by_kernel: u64,
 }
 
-/// The end of a plan.
+/// The outcome of a plan.
 struct Outcome {
     status: Status,
     warnings: Warnings,
@@ -89,7 +89,7 @@ impl Engine {
         Engine { plans, orders, retired, workspace, scratch, private, recorder, by_kernel: 0 }
     }
 
-    /// Takes new plans and gives back old ones; never blocks.
+    /// Takes new plans and returns old ones; never blocks.
     pub(crate) fn handle_orders(&mut self) {
         while let Ok(order) = self.orders.pop() {
             match order {
@@ -105,7 +105,7 @@ impl Engine {
                 }
                 PlanOrder::Retire(number) => {
                     let Some(served) = self.plans[number.slot()].take() else { continue };
-                    // there is room for every plan, so this cannot fail; were it to, the plan would
+                    // there is room for every plan, so this cannot fail; otherwise the plan would
                     // stay
                     if let Err(PushError::Full(served)) = self.retired.push(served) {
                         self.plans[number.slot()] = Some(served);
@@ -115,7 +115,7 @@ impl Engine {
         }
     }
 
-    /// True where the plan is there; one that was registered just now is fetched.
+    /// True if the plan exists; fetches one that was just registered.
     #[inline]
     fn has(&mut self, number: PlanNumber) -> bool {
         let is_there = |plans: &[Option<Box<ServedPlan>>]| {
@@ -135,7 +135,7 @@ impl Engine {
         }
     }
 
-    /// Passes the record of an answer on, once the answer is published.
+    /// Passes on the record of an answer, once the answer is published.
     #[inline]
     pub(crate) fn sent(&mut self) {
         if let Some(recorder) = &mut self.recorder {
@@ -160,7 +160,7 @@ impl Engine {
                 if is_private {
                     output[..n_out].copy_from_slice(numbers);
                 }
-                // without a checksum, also where the request has one: it was meant for another plan
+                // without a checksum, even if the request has one: it was meant for another plan
                 let answer = ResponseHead::new(status, warnings, head.sequence);
                 timing.close(answer, checks.then_some(numbers))
             }
@@ -215,7 +215,7 @@ impl Engine {
             }
         };
 
-        // the numbers are those that the client sent
+        // the numbers are the ones that the client sent
         if checks && of_request(head, input) != head.checksum {
             return Err(Status::CorruptAnswer);
         }
@@ -235,17 +235,17 @@ impl Engine {
     }
 }
 
-/// The rows of a batch that are answered together.
+/// The outcome of one tile of a batch.
 pub(crate) struct Tile<'a> {
     pub(crate) answers: &'a [Answer],
-    /// The batch is answered whole.
+    /// The whole batch is answered.
     pub(crate) is_last: bool,
 }
 
 impl Engine {
     /// Checks a batch and answers the tile of it that begins at row `first`: as many states as its
-    /// plan takes abreast; the error is the status of a batch that is refused. Never allocates,
-    /// never panics; the rows of a tile are read once, and written when all of them are answered.
+    /// plan computes together; the error is the status of a refused batch. Never allocates, never
+    /// panics; the rows of a tile are read once, and written when all of them are answered.
     pub(crate) fn answer_tile<'a>(
         &mut self,
         head: &BatchHead,
@@ -268,7 +268,7 @@ impl Engine {
         area: &ServedBatch,
         answers: &'a mut [Answer; MOST_ROWS],
     ) -> Result<Tile<'a>, Status> {
-        // also of a tile that is not the first: its client may have released the plan meanwhile
+        // also for later tiles: the client may have released the plan meanwhile
         let slot = self.admit(head.version, head.fingerprint, head.plan)?;
         let Some(ServedPlan { plan, kernel, checks, .. }) = self.plans[slot].as_deref() else {
             return Err(Status::UnknownRequest);
@@ -298,7 +298,7 @@ impl Engine {
         }
         area.write(&shape, first, answers, output);
 
-        // each row as a request of its own
+        // each row as a separate request
         if let Some(recorder) = &mut self.recorder {
             for (row, answer) in answers.iter().enumerate() {
                 let (input, output) =
@@ -311,7 +311,7 @@ impl Engine {
     }
 }
 
-/// Computes one answer: by the generated kernel where it answers, else by the plan; the bits are
+/// Computes one answer, by the generated kernel if it answers, else by the plan; the bits are
 /// equal.
 #[inline]
 fn compute(

@@ -1,19 +1,20 @@
 //! The thread that answers.
 //!
 //! A sweep answers at most one pending request of each client: no client can starve another, and no
-//! request is overwritten, because a client has one request under way. After start-up the loop
-//! never blocks, writes no log, reads no clock but the processor's counter (and the system's for a
+//! request is overwritten, because a client has one pending request. After start-up the loop never
+//! blocks, writes no log, reads no clock but the processor's counter (and the system's for a
 //! heartbeat and for a request with a stamp), and in busy mode makes no system call. The other
 //! thread maps and unmaps the segments of clients.
 //!
 //! Batches are answered tile by tile: after each sweep one tile of one of them, in turns. So a
-//! client with a lane or a service waits for one tile at most, however many batches are under way.
+//! client with a lane or a service waits for one tile at most, however many batches are in
+//! progress.
 //!
 //! Overload: work is bounded by the number of clients, so requests wait, at most for one request of
-//! each other client. A client that gives up a request and asks again before the server took it is
-//! answered `overloaded` by its own side of the service; through a lane the newer request replaces
-//! the older one. A new batch cancels the pending one and is answered `overloaded`. Nothing else is
-//! dropped.
+//! each other client. A client that cancels a request and sends another before the server took it
+//! gets `overloaded` from its own side of the service; through a lane the newer request replaces
+//! the older one. A new batch cancels the pending one and is answered `overloaded`. No other
+//! request is dropped.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -35,13 +36,13 @@ use crate::answering::timing::{RequestTiming, is_late};
 use crate::answering::wait::Wait;
 use crate::record::Client;
 
-/// Sweeps between two looks at the orders of the maintenance thread.
+/// Sweeps between two checks for orders of the maintenance thread.
 const SWEEPS_BETWEEN_ORDERS: u32 = 32;
-/// How long a heartbeat may be old.
+/// Greatest age of a heartbeat.
 const BEAT: Duration = Duration::from_millis(1);
-/// In sleeping mode: polled for this long after the last request, then slept.
+/// In sleeping mode: the thread polls for this long after the last request, then sleeps.
 const IDLE: Duration = Duration::from_micros(200);
-/// In sleeping mode: the length of one sleep while requests keep coming now and then.
+/// In sleeping mode: the length of one sleep while requests arrive occasionally.
 const NAP: Duration = Duration::from_micros(50);
 /// In sleeping mode: without a request for this long, sleeps are long.
 const QUIET: Duration = Duration::from_millis(200);
@@ -52,12 +53,13 @@ const DRAIN_TIME: Duration = Duration::from_millis(100);
 
 /// The answering thread's end of a client's transport.
 pub(crate) enum End {
-    /// With the sequence of the last request: an entry may be seen twice while it is written.
+    /// With the sequence of the last request: the reader may see an entry twice while it is
+    /// written.
     Lane(ServedLane, u64),
     Service(Box<dyn ServedService>),
-    /// Beside one of the others.
+    /// In addition to one of the others.
     Batches(Batches),
-    /// Of a client that has overwritten the transport's records.
+    /// The end of a client that has overwritten the transport's records.
     Broken,
 }
 
@@ -65,20 +67,20 @@ pub(crate) enum End {
 pub(crate) enum Order {
     /// Poll this end from now on.
     Serve { place: usize, end: End },
-    /// Give back all ends of this place.
+    /// Return all ends of this place.
     Retire { place: usize },
 }
 
-/// Pending orders of one place, at most: the area for batches of a client that is gone and two
-/// orders to give back, one of them for a broken end; the end and the area of the next client, and
-/// the order to give both back.
+/// Most pending orders of one place: the area for batches of a former client and two orders to
+/// return, one of them for a broken end; the end and the area of the next client, and the order to
+/// return both.
 pub(crate) const MAX_ORDERS: usize = 6;
 
-/// An end given back, with its place.
+/// A returned end, with its place.
 pub(crate) type Retired = (usize, End);
 
-/// Ends of one place that can be on their way back: an area of the previous client, an end and an
-/// area of the present one.
+/// Most ends of one place in the return channel: an area of the previous client, an end and an area
+/// of the present one.
 pub(crate) const MAX_RETIRED: usize = 3;
 
 /// State shared by both threads.
@@ -92,7 +94,7 @@ pub(crate) struct AnsweringThread {
     pub(crate) engine: Engine,
     /// The polled ends with their places; the capacity suffices for all.
     pub(crate) ends: Vec<Retired>,
-    /// The end that is first in turn for the next tile of a batch.
+    /// The end with the next turn for a tile of a batch.
     pub(crate) next: usize,
     pub(crate) orders: Consumer<Order>,
     pub(crate) retired: Producer<Retired>,
@@ -105,7 +107,7 @@ pub(crate) struct AnsweringThread {
 impl AnsweringThread {
     /// Answers until the order to stop, then refuses requests for [`DRAIN_TIME`].
     pub(crate) fn answer_until_stopped(&mut self) {
-        // the first reading locates the kernel's clock page, before any request
+        // the first reading, before any request, locates the kernel's clock page
         self.heartbeat.beat(false);
         let ticks = |span: Duration| Ticks::of(&self.clock, span);
         let (beat, idle, quiet, drain_time) =
@@ -119,7 +121,7 @@ impl AnsweringThread {
             let answered = self.sweep(stopping);
             sweeps = sweeps.wrapping_add(1);
 
-            // in sleeping mode, poll while there is something to do, else nap
+            // in sleeping mode, poll while there is work, else sleep
             let mut napped = false;
             if self.wait == Wait::Sleep {
                 let now = self.clock.raw();
@@ -135,7 +137,7 @@ impl AnsweringThread {
                 std::hint::spin_loop();
             }
 
-            // now and then: heartbeat, orders, stop
+            // periodically: heartbeat, orders, stop
             if napped || sweeps.is_multiple_of(SWEEPS_BETWEEN_ORDERS) {
                 self.handle_orders();
                 let now = self.clock.raw();
@@ -158,7 +160,7 @@ impl AnsweringThread {
         let mut answered = 0;
         let mut broken = None;
         for (index, (place, end)) in ends.iter_mut().enumerate() {
-            // the transport panics over records of its own that a client has overwritten
+            // the transport panics if a client has overwritten its records
             let look = catch_unwind(AssertUnwindSafe(|| match end {
                 End::Lane(lane, last) => poll_lane(lane, last, *place, engine, clock, stopping),
                 End::Service(port) => poll_service(port.as_mut(), engine, clock, stopping),
@@ -187,7 +189,7 @@ impl AnsweringThread {
         answered + usize::from(self.answer_tile(stopping))
     }
 
-    /// Answers one tile of one batch, if any is under way; the others' turns come first next time.
+    /// Answers one tile of one batch, if any is in progress; the others have the next turns.
     fn answer_tile(&mut self, stopping: bool) -> bool {
         let AnsweringThread { engine, ends, shared, clock, next, .. } = self;
         for index in (*next..ends.len()).chain(0..(*next).min(ends.len())) {
@@ -201,7 +203,7 @@ impl AnsweringThread {
             }
             *next = index + 1;
             if turn.is_err() {
-                // by the end beside it, with which it goes
+                // by the end beside it, which has the same lifetime
                 let place = *place;
                 let end = ends
                     .iter()
@@ -223,7 +225,7 @@ impl AnsweringThread {
         }
     }
 
-    /// Gives back all that a place has.
+    /// Returns all ends of a place.
     fn retire_all(&mut self, place: usize) {
         for index in (0..self.ends.len()).rev() {
             if self.ends[index].0 == place {
@@ -233,18 +235,18 @@ impl AnsweringThread {
     }
 
     fn retire(&mut self, index: usize) {
-        // there is room for every end, so this cannot fail; were it to, the end would stay
+        // there is room for every end, so this cannot fail; otherwise the end would stay
         if let Err(PushError::Full(retired)) = self.retired.push(self.ends.swap_remove(index)) {
             self.ends.push(retired);
         }
     }
 
-    /// Takes new plans and ends and gives back old ones. Never blocks; a look costs two loads.
+    /// Takes new plans and ends and returns old ones. Never blocks; a check costs two loads.
     fn handle_orders(&mut self) {
         self.engine.handle_orders();
         while let Ok(order) = self.orders.pop() {
             match order {
-                // never more than there is room for: a place has one end, and one for batches
+                // never exceeds the capacity: a place has one end, and one for batches
                 Order::Serve { place, end } => {
                     if !matches!(end, End::Batches(_)) {
                         self.shared.counters.forget_late(place);
@@ -257,7 +259,7 @@ impl AnsweringThread {
     }
 }
 
-/// One look at a lane.
+/// Polls a lane.
 #[inline]
 fn poll_lane(
     lane: &mut ServedLane,
@@ -285,7 +287,7 @@ fn poll_lane(
     Some(Turn::of(Transport::Lane, &head, &answer, start))
 }
 
-/// One look at a service.
+/// Polls a service.
 #[inline]
 fn poll_service(
     port: &mut dyn ServedService,

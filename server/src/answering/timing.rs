@@ -1,8 +1,8 @@
 //! Times and checksum in the head of an answer: age of the request, time to answer it, checksum
 //! over head and numbers.
 //!
-//! Only a request with a stamp has the clock read for it. CLOCK_MONOTONIC is the client's and this
-//! thread's alike; the kernel's page in this process answers it, no system call.
+//! The clock is read only for a request with a stamp. Client and thread share CLOCK_MONOTONIC,
+//! which the kernel's page in this process provides without a system call.
 
 use quanta::Clock;
 use sarrus_proto::heartbeat::monotonic_ns;
@@ -15,7 +15,7 @@ pub(crate) struct RequestTiming<'a> {
     stamped: Option<Stamped>,
 }
 
-/// Of a request with a stamp.
+/// The times of a request with a stamp.
 struct Stamped {
     /// The processor's counter at [`RequestTiming::new`].
     now: u64,
@@ -25,15 +25,15 @@ struct Stamped {
 }
 
 impl<'a> RequestTiming<'a> {
-    /// A request that was taken when the processor's counter was at `found`.
+    /// A request taken at count `found` of the processor's counter.
     #[inline]
     pub(crate) fn new(clock: &'a Clock, head: &'a RequestHead, found: u64) -> RequestTiming<'a> {
         let stamped = (head.stamp_ns != 0).then(|| Stamped::of(clock, head.stamp_ns, found));
         RequestTiming { clock, head, stamped }
     }
 
-    /// The head of the answer with its times and, where the request has a checksum and these
-    /// numbers are to have one, theirs. Its publication comes next.
+    /// The head of the answer with its times and, if the request and these numbers have one, the
+    /// checksum. Call it right before the publication.
     #[inline]
     pub(crate) fn close(&self, mut answer: ResponseHead, numbers: Option<&[f64]>) -> ResponseHead {
         if let Some(Stamped { now, age, waited }) = self.stamped {
@@ -52,14 +52,14 @@ impl Stamped {
     fn of(clock: &Clock, stamp_ns: u64, found: u64) -> Stamped {
         let now_ns = monotonic_ns();
         let now = clock.raw();
-        // a stamp of the future is one of now
+        // a stamp in the future counts as now
         let since = now_ns.saturating_sub(stamp_ns);
         let waited = clock.delta_as_nanos(found, now).min(since);
         Stamped { now, age: since - waited, waited }
     }
 }
 
-/// True where an answer came after the deadline of its request.
+/// True if an answer came after the deadline of its request.
 #[inline]
 pub(crate) fn is_late(request: &RequestHead, answer: &ResponseHead) -> bool {
     request.deadline_ns != 0

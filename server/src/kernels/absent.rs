@@ -8,7 +8,7 @@ use sarrus_proto::{Answer, Query};
 
 use crate::error::ServeError;
 
-/// Which kernels the plans of clients get: none in this build.
+/// The kernels for the clients' plans: none in this build.
 #[derive(Clone, Debug, Default)]
 pub struct Kernels(());
 
@@ -30,7 +30,7 @@ impl Kernels {
     }
 }
 
-/// There is none.
+/// Always `None`.
 #[derive(Debug)]
 pub(crate) enum NativeKernel {}
 
@@ -61,7 +61,7 @@ impl NativeKernel {
     }
 }
 
-/// Makes nothing.
+/// Does nothing.
 pub(crate) struct Maker;
 
 impl Maker {

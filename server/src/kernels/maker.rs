@@ -1,9 +1,9 @@
-//! Where kernels come from: one file, or a thread that makes them of the plans that clients
+//! The source of kernels: one file, or a thread that makes them from the plans that clients
 //! register.
 //!
-//! The thread traces and compiles beside everything else, one plan after the other, at a lower
-//! priority than the threads that serve; clients that register a plan do not wait. The kernels are
-//! kept in the user's cache for the next start. A query that is refused once is not tried again.
+//! The thread traces and compiles one plan at a time, at a lower priority than the serving threads;
+//! clients that register a plan do not wait. The kernels are kept in the user's cache for the next
+//! start. A refused query is not tried again.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -22,15 +22,15 @@ use sarrus_proto::{FieldSet, Query, Request};
 use crate::error::ServeError;
 use crate::system::stderr::line;
 
-/// Queries of one run that kernels are made for: a client that registers new ones without end keeps
-/// no compiler busy.
+/// Most queries per run that get kernels: a client that keeps registering new ones cannot occupy
+/// the compiler.
 const QUERIES: usize = 64;
 /// Niceness of the thread and of its compilers.
 const NICE: i32 = 10;
-/// How long the end of the server waits for a compiler to be ended.
+/// Longest wait for the end of a compiler when the server stops.
 const END: Duration = Duration::from_millis(200);
 
-/// Which kernels the plans of clients get.
+/// The kernels for the clients' plans.
 #[derive(Clone, Debug, Default)]
 pub struct Kernels(Choice);
 
@@ -67,7 +67,7 @@ type Made = (Query, Option<Arc<NativeKernel>>);
 
 /// Gives plans their kernels; on the maintenance thread.
 pub(crate) struct Maker {
-    /// By their queries; without a kernel while it is made, and where it is refused.
+    /// By query; without a kernel while it is being made, and if it is refused.
     known: HashMap<Query, Option<Arc<NativeKernel>>>,
     thread: Option<Thread>,
 }
@@ -81,7 +81,7 @@ struct Thread {
 }
 
 impl Maker {
-    /// With the thread where one is needed, which begins with `place`.
+    /// With the thread, if needed, which starts with `place`.
     pub(crate) fn start(
         kernels: &Kernels,
         model: &Arc<Model<f64>>,
@@ -101,7 +101,7 @@ impl Maker {
         Ok(Maker { known, thread })
     }
 
-    /// The kernel of a new plan, if it is there; else it is ordered.
+    /// The kernel of a new plan, if it exists; otherwise orders it.
     pub(crate) fn kernel_of(&mut self, plan: &Plan) -> Option<Arc<NativeKernel>> {
         let query = bare_query(plan.query());
         if let Some(kernel) = self.known.get(&query) {
@@ -111,7 +111,7 @@ impl Maker {
         match self.known.len() {
             ..QUERIES => {
                 self.known.insert(query, None);
-                // a thread that is gone makes nothing
+                // a dead thread makes nothing
                 let _ = thread.plans.send(plan.clone());
             }
             QUERIES => {
@@ -126,7 +126,7 @@ impl Maker {
         None
     }
 
-    /// A kernel that was made meanwhile, and whether it is one for a query.
+    /// A kernel made meanwhile, and whether it belongs to a query.
     pub(crate) fn made(&mut self) -> Option<(impl Fn(&Query) -> bool, Arc<NativeKernel>)> {
         let thread = self.thread.as_ref()?;
         loop {
@@ -138,8 +138,8 @@ impl Maker {
         }
     }
 
-    /// Ends the thread, and a compiler that runs. A trace cannot be ended and needs no end: it has
-    /// nothing outside of this process.
+    /// Ends the thread, and a running compiler. A trace cannot be ended and need not be: it uses
+    /// nothing outside this process.
     pub(crate) fn stop(&mut self) {
         if let Some(Thread { cancel, handle, .. }) = self.thread.take() {
             cancel.cancel();
@@ -179,7 +179,7 @@ impl Thread {
                 }
             }
         };
-        // traces are deep where robots are
+        // the depth of a trace grows with the robot
         let builder = std::thread::Builder::new().name("sarrus-kernels".to_owned());
         let handle = builder.stack_size(16 << 20).spawn(body);
         let handle = handle.map_err(|source| ServeError::Thread { source })?;

@@ -1,16 +1,16 @@
-//! Which blocks of one size are free: a stack without locks.
+//! The free blocks of one size: a lock-free stack.
 //!
 //! Numbers only, no memory; the atomics are those of the module above. So `tests/loom/` runs this
-//! very file with atomics whose every interleaving is tried.
+//! file with atomics that try every interleaving.
 
 use super::atomic::{AtomicU32, AtomicU64, Ordering::*};
 
 /// Freed blocks as a stack, and the blocks that were never used.
 pub(crate) struct FreeList {
-    /// Number of the top block plus one, and above it a count of changes, so that a change back is
-    /// seen.
+    /// Number of the top block plus one, and above it a count of changes, which reveals a change
+    /// and its reversal.
     pub(crate) top: AtomicU64,
-    /// How many blocks were ever used.
+    /// Number of blocks ever used.
     pub(crate) used: AtomicU32,
 }
 
@@ -31,7 +31,7 @@ impl FreeList {
         self.used.fetch_update(Relaxed, Relaxed, fresh).ok().map(|block| block as usize)
     }
 
-    /// Gives a block back that [`FreeList::pop`] gave.
+    /// Returns a block from [`FreeList::pop`].
     pub(crate) fn push(&self, next: &[AtomicU32], block: usize) {
         let Some(below) = next.get(block) else { return };
         let mut top = self.top.load(Relaxed);

@@ -9,13 +9,13 @@ use super::format::FORMAT;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecordError {
-    /// The file is something else.
+    /// The file is not a recording.
     #[error("{} is no recording and is left as it is; choose another --record", file.display())]
     Foreign {
         /// The file.
         file: PathBuf,
     },
-    /// Another server records there.
+    /// Another server records to the file.
     #[error("another server records to {}; choose another --record", file.display())]
     InUse {
         /// The file.
@@ -58,10 +58,10 @@ pub enum RecordingError {
         /// The error of the system.
         source: io::Error,
     },
-    /// It is something else.
+    /// It is not a recording.
     #[error("it is no recording; give a file that `sarrus serve --record` wrote")]
     Foreign,
-    /// It is of another version.
+    /// It has another version.
     #[error("it is a recording of format {found}, expected {FORMAT}; use the sarrus that wrote it")]
     Format {
         /// Its version.

@@ -18,16 +18,16 @@ use super::format::{
 };
 use super::header::Header;
 
-/// Bytes that are written together at most.
+/// Most bytes in one write.
 const BATCH: usize = 1 << 20;
 
 /// A file that is being recorded to.
 pub(super) struct RecordFile {
     file: File,
     header: Header,
-    /// Number of the segment that is written, from 1; 0 before the first.
+    /// Number of the current segment, from 1; 0 before the first.
     segment: u64,
-    /// Where the next frame goes in it `[byte]`.
+    /// Offset of the next frame in it `[byte]`.
     at: u64,
     /// Sequence of the next frame.
     sequence: u64,
@@ -36,11 +36,10 @@ pub(super) struct RecordFile {
 }
 
 impl RecordFile {
-    /// Makes the file and reserves all of it; one that is there already is kept under another
-    /// name.
+    /// Makes the file and reserves all of it; renames an existing one.
     ///
     /// # Errors
-    /// [`RecordError`]; then nothing of a new file is left.
+    /// [`RecordError`]; a new file is then removed.
     pub(super) fn create(
         path: &Path,
         header: Header,
@@ -81,7 +80,7 @@ impl RecordFile {
     /// Adds a frame.
     ///
     /// # Errors
-    /// The error of a write, where one was due.
+    /// The error of a write, if one was due.
     pub(super) fn add(&mut self, body: &[u64]) -> io::Result<()> {
         let n_bytes = WORD * (FRAME_HEAD + body.len());
         if self.at + n_bytes as u64 > self.header.segment {
@@ -133,7 +132,7 @@ pub(super) fn frame_head(run: u64, segment: u64, sequence: u64, body: &[u64]) ->
     [head[0], head[1], seed, checksum(seed, body.iter().copied())]
 }
 
-/// Takes the room of the whole file; zeros where the file system cannot reserve.
+/// Reserves the whole file; writes zeros if the file system cannot reserve.
 fn reserve(file: &File, bytes: u64) -> io::Result<()> {
     match fallocate(file, FallocateFlags::empty(), 0, bytes) {
         Err(Errno::OPNOTSUPP | Errno::NOSYS) => {
@@ -184,7 +183,7 @@ fn set_aside(path: &Path) -> Result<(), RecordError> {
     }
 }
 
-/// Whether the first segment was begun; true where that cannot be read.
+/// Whether the first segment was begun; true if that cannot be read.
 fn has_records(file: &File, page: &[u8]) -> bool {
     let Ok(header) = Header::read(page) else { return !page.is_empty() };
     let mut first = [0; WORD];

@@ -1,4 +1,4 @@
-//! The first page of a recording: which server made it, and where everything lies.
+//! The first page of a recording: its server, and the layout of the file.
 
 use super::error::RecordingError;
 use super::format::{
@@ -12,7 +12,7 @@ const SEGMENTS: u64 = 16;
 const LARGE: u64 = 64 << 20;
 /// No segment of a recording is larger.
 const LARGEST: u64 = 128 << 20;
-/// The rate of requests that each lane is given room for `[1/s]`.
+/// The rate of requests for which each lane has room `[1/s]`.
 const RATE: u64 = 1000;
 
 /// The header.
@@ -37,11 +37,11 @@ pub(super) struct Header {
 }
 
 impl Header {
-    /// Adds segments for `seconds` of requests at 1 kHz through each of `lanes`, of
-    /// `numbers` numbers with their answers; `None` where that is too much to be counted.
+    /// Adds segments for `seconds` of requests at 1 kHz through each of `lanes`, of `numbers`
+    /// numbers with their answers; `None` on overflow.
     ///
-    /// One segment is always about to be overwritten, so the others hold it all; in each the last
-    /// frame may have found no room.
+    /// One segment is always being overwritten, so the others hold all of it; each may lack room
+    /// for its last frame.
     pub(super) fn sized(self, lanes: u64, numbers: u64) -> Option<Header> {
         let frame = (WORD as u64).checked_mul((FRAME_HEAD + BODY_HEAD) as u64 + numbers)?;
         let rate = lanes.max(1) * RATE;
@@ -53,12 +53,12 @@ impl Header {
         Some(Header { segments, segment, ..self }).filter(|header| header.file().is_some())
     }
 
-    /// Where a segment begins.
+    /// Offset of a segment.
     pub(super) fn segment_at(&self, index: u64) -> u64 {
         self.first() + index * self.segment
     }
 
-    /// Bytes of the file; `None` where that is no number.
+    /// Bytes of the file; `None` on overflow.
     pub(super) fn file(&self) -> Option<u64> {
         let robot = self.robot.checked_add(2 * PAGE as u64)?;
         robot.checked_add(self.segments.checked_mul(self.segment)?)?;
@@ -84,7 +84,7 @@ impl Header {
     /// Reads a page.
     ///
     /// # Errors
-    /// [`RecordingError`] for anything that is no header of this version.
+    /// [`RecordingError`] unless the page is a header of this version.
     pub(super) fn read(page: &[u8]) -> Result<Header, RecordingError> {
         if word(page, 0) != MAGIC {
             return Err(RecordingError::Foreign);

@@ -37,7 +37,7 @@ use format::{checksum, words};
 use header::Header;
 use ring::Records;
 
-/// Sleep of the recorder when it has written everything.
+/// Sleep of the recorder when nothing is pending.
 const NAP: Duration = Duration::from_millis(2);
 
 /// Options of a recording.
@@ -45,9 +45,9 @@ const NAP: Duration = Duration::from_millis(2);
 pub struct RecordOptions {
     /// The file; one of an earlier run is kept with `.1` after its name.
     pub file: PathBuf,
-    /// The least length that is kept, with 1 kHz through each lane `[s]`.
+    /// The least recorded time, with 1 kHz through each lane `[s]`.
     pub seconds: u32,
-    /// The robot that goes into the file.
+    /// The robot to store in the file.
     pub robot: RecordedRobot,
 }
 
@@ -58,7 +58,7 @@ pub struct RecordOptions {
 /// with `place`.
 ///
 /// # Errors
-/// [`RecordError`]; then nothing of a new file is left.
+/// [`RecordError`]; a new file is then removed.
 pub(crate) fn start(
     options: &RecordOptions,
     model: &Model<f64>,
@@ -111,7 +111,7 @@ struct Writer {
 impl Writer {
     fn run(mut self) {
         loop {
-            // read before the last write, which then has all records
+            // read before the last write, which then includes all records
             let is_last = self.records.is_abandoned();
             if let Err(error) = self.write() {
                 crate::system::stderr::line(format_args!(

@@ -1,4 +1,4 @@
-//! Reads a recording, also one that was cut off, damaged, or forged.
+//! Reads a recording, which may be cut off, damaged or forged.
 
 use std::io::{Read, Seek, SeekFrom};
 
@@ -16,7 +16,7 @@ use super::robot::RecordedRobot;
 /// One request and its answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Entry<'a> {
-    /// When the request was found, from the start of the recording `[ns]`.
+    /// Time of finding the request, from the start of the recording `[ns]`.
     pub time_ns: u64,
     /// Requests that were answered but not recorded until then.
     pub lost: u64,
@@ -28,7 +28,7 @@ pub struct Entry<'a> {
     pub sequence: u64,
     /// The answer: number of the status, bits of the warnings.
     pub answer: [u32; 2],
-    /// The query of the plan; `None` where the request was refused before any plan ran.
+    /// The query of the plan; `None` if the request was refused before any plan ran.
     pub query: Option<Query>,
     /// The numbers of the request, as the server read them.
     pub input: &'a [f64],
@@ -69,7 +69,7 @@ pub struct Recording<R> {
 }
 
 impl<R: Read + Seek> Recording<R> {
-    /// Reads everything but the records.
+    /// Reads everything except the records.
     ///
     /// # Errors
     /// [`RecordingError`].
@@ -174,7 +174,7 @@ struct Frame<'a> {
 }
 
 impl Frame<'_> {
-    /// The frame at the start of bytes.
+    /// The frame at the start of the bytes.
     fn read(bytes: &[u8], seed: u64) -> Option<Frame<'_>> {
         let (n, mark) = halves(word(bytes, 0));
         if mark != FRAME || n as usize > MAX_BODY {
@@ -190,7 +190,7 @@ impl Frame<'_> {
         Some(Frame { sequence, body, is_whole })
     }
 
-    /// Its record; `None` where it is damaged.
+    /// Its record; `None` if it is damaged.
     fn entry<'n>(&self, numbers: &'n mut Vec<f64>) -> Option<Entry<'n>> {
         if !self.is_whole {
             return None;

@@ -10,9 +10,9 @@ use serde::Serialize;
 use super::error::RecordingError;
 use super::read::{Entry, Gaps, Recording};
 
-/// Differences that are shown.
+/// Most differences in the report.
 const SHOWN: usize = 10;
-/// Plans that are kept; a server holds no more at one time.
+/// Most plans in the cache; a server holds no more at once.
 const PLANS: usize = sarrus_proto::message::MAX_PLANS;
 
 /// The outcome of a replay.
@@ -27,7 +27,7 @@ pub struct Replayed {
     pub asked_seconds: u64,
     /// Whether older records were overwritten.
     pub overwritten: bool,
-    /// Lanes that asked, and the service as one more.
+    /// Number of lanes with requests, plus one for the service.
     pub clients: usize,
     /// Requests in this time that were answered and not recorded.
     pub lost: u64,
@@ -37,20 +37,20 @@ pub struct Replayed {
     pub cut_off: bool,
     /// Requests that were refused before any plan ran: nothing to compute.
     pub refused: u64,
-    /// Requests whose plan this version cannot make.
+    /// Requests with a plan that this version cannot make.
     pub unplanned: u64,
     /// Recorded answers by status.
     pub statuses: BTreeMap<&'static str, u64>,
-    /// Answers that come out differently.
+    /// Answers that differ.
     pub differing_answers: u64,
-    /// Bits that do, in statuses, warnings and numbers.
+    /// Differing bits, in statuses, warnings and numbers.
     pub differing_bits: u64,
     /// The first of them.
     pub differences: Vec<Difference>,
 }
 
 impl Replayed {
-    /// True when everything that was recorded is there and comes out the same.
+    /// True if the recording is complete and every answer is the same.
     pub fn is_same(&self) -> bool {
         self.differing_answers == 0 && self.damaged == 0 && self.unplanned == 0
     }
@@ -60,7 +60,7 @@ impl Replayed {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Difference {
-    /// When it was asked, from the start of the recording `[s]`.
+    /// Time of the request, from the start of the recording `[s]`.
     pub time: f64,
     /// The client.
     pub client: String,

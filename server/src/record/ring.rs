@@ -1,5 +1,5 @@
-//! From the answering thread to the recorder: a bounded ring of words with one writer and one
-//! reader.
+//! Passes records from the answering thread to the recorder: a bounded ring of words with one
+//! writer and one reader.
 //!
 //! The answering thread copies head, numbers and answer; it allocates nothing, takes no lock, makes
 //! no system call and reads no clock. A record that does not fit is left out and counted.
@@ -10,17 +10,17 @@ use sarrus_proto::{Answer, Query, Status, Warnings};
 
 use super::format::{BODY_HEAD, Client, MAX_BODY, MAX_BODY_HEAD, QUERY_HEAD, join, write_query};
 
-/// Words that wait at most `[8 byte]`: 16 MiB, at 16 MB/s the work of a second.
+/// Most pending words `[8 byte]`: 16 MiB, one second at 16 MB/s.
 pub(super) const CAPACITY: usize = 1 << 21;
-/// Where a body keeps its time and the count of losses.
+/// Offsets of the time and the count of losses in a body.
 pub(super) const TIME: usize = 0;
 
-/// The answering thread's end. A record is put together in memory of this thread while the answer
-/// is made and goes into the ring once the answer is on its way: the ring's memory is cold, and no
+/// The answering thread's end. The record is assembled in this thread's memory while the answer is
+/// computed, and enters the ring after the answer is published: the ring's memory is cold, and no
 /// client waits for it.
 ///
-/// The words travel as doubles, so that the numbers of a request are copied as they are; a copy
-/// changes no bit.
+/// Words are stored as doubles, so that the numbers of a request are copied without conversion; a
+/// copy changes no bit.
 pub(crate) struct Recorder {
     ring: Producer<f64>,
     /// The record that is not in the ring yet, its first `n_staged` words.
@@ -86,8 +86,8 @@ impl Recorder {
         self.stage(&words, &[], &[]);
     }
 
-    /// Gives the record to the other thread, if there is one; call it when the answer is on its
-    /// way.
+    /// Passes the record, if there is one, to the other thread; call it after the answer is
+    /// published.
     #[inline]
     pub(crate) fn commit(&mut self) {
         let n = std::mem::take(&mut self.n_staged);
@@ -129,7 +129,7 @@ impl Recorder {
 
     fn stage(&mut self, words: &[u64], input: &[f64], output: &[f64]) {
         let n = words.len() + input.len() + output.len();
-        // plans give and take no more
+        // plans have no more numbers
         let Some((length, body)) = self.staged.get_mut(..=n).and_then(<[f64]>::split_first_mut)
         else {
             self.lost += 1;
@@ -146,7 +146,7 @@ impl Recorder {
 }
 
 impl Records {
-    /// The next body, if one is there whole.
+    /// The next body, if it is complete.
     pub(super) fn next(&mut self, body: &mut Vec<u64>) -> bool {
         // SYNC POINT: ring of records (the other end is `push`)
         let Ok(length) = self.ring.peek() else { return false };
@@ -181,7 +181,7 @@ mod tests {
         let mut body = Vec::new();
         for k in 0..1000_u32 {
             let head = RequestHead { plan: 7, sequence: u64::from(k), ..RequestHead::default() };
-            // numbers of any bits, also signalling NaN
+            // numbers with arbitrary bits, including signalling NaN
             let input = vec![f64::from_bits(0x7ff0_0000_0000_0001 + u64::from(k)); k as usize % 20];
             recorder.take(u64::from(k), Client::Lane(3));
             recorder.record(&head, &QUERY, &input, &[f64::from(k)], OK);

@@ -17,7 +17,7 @@ pub struct RecordedRobot {
     pub gravity: [f64; 3],
     /// Faults of mass and inertia are warnings.
     pub lenient: bool,
-    /// The root link of a floating base, empty where it was not named; none for a fixed base.
+    /// The root link of a floating base, empty if not named; none for a fixed base.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub floating_base: Option<String>,
     /// Joints that are held still.
@@ -35,7 +35,7 @@ impl RecordedRobot {
     /// As [`texts`].
     pub fn new(source: &Source, options: &Options) -> Result<RecordedRobot, LoadError> {
         let (urdf, submechanisms) = texts(source)?;
-        // text that is not UTF-8 was refused as a robot
+        // loading the robot has refused text that is not UTF-8
         let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
         Ok(RecordedRobot {
             sarrus: env!("CARGO_PKG_VERSION").to_owned(),

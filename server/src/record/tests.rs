@@ -208,7 +208,7 @@ impl Random {
         self.0 >> 20
     }
 
-    /// A word that a reader might stumble over.
+    /// A word that might break a reader.
     fn word(&mut self) -> u64 {
         match self.next() % 8 {
             0 => 0,

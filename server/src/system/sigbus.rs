@@ -2,7 +2,7 @@
 //!
 //! A page of a shared file that has no memory behind it ends the process that touches it by SIGBUS:
 //! where /dev/shm is full, or where a client truncates a file. Segments are reserved when they are
-//! made, but the transport touches them before, and a client's file is the client's. The guard puts
+//! made, but the transport touches them earlier, and a client controls its own file. The guard puts
 //! a page of zeros, private to this process, in place of the missing one and counts; only the
 //! client of that page gets wrong answers, and a segment that is being set up is refused.
 // lint: a handler of a memory fault cannot be written in safe Rust; everything that needs it is in
@@ -19,7 +19,7 @@ static PAGE: AtomicUsize = AtomicUsize::new(4096);
 
 static PAGES: AtomicU64 = AtomicU64::new(0);
 
-/// From now on a missing page is replaced. For the whole process.
+/// Installs the guard for the whole process.
 pub(crate) fn install() -> io::Result<()> {
     // SAFETY: asks for a number.
     let page = unsafe { libc::sysconf(libc::_SC_PAGESIZE) };
@@ -36,7 +36,7 @@ pub(crate) fn install() -> io::Result<()> {
     if outcome == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
 }
 
-/// How many pages were replaced since the start.
+/// Number of replaced pages since the start.
 pub(crate) fn replaced_pages() -> u64 {
     PAGES.load(Relaxed)
 }
@@ -60,14 +60,15 @@ extern "C" fn replace_page(
                 return;
             }
         }
-        // anything else ends the process as it always did: the fault comes again, or the signal
+        // any other fault ends the process as without the guard: the fault comes again, or the
+        // signal
         libc::signal(libc::SIGBUS, libc::SIG_DFL);
         libc::raise(libc::SIGBUS);
     }
 }
 
-/// Held by tests that replace pages, and by tests that a replaced page would fail: the count is the
-/// process's.
+/// Held by tests that replace pages, and by tests that fail after a replaced page: the count is per
+/// process.
 #[cfg(test)]
 pub(crate) static REPLACING: std::sync::Mutex<()> = std::sync::Mutex::new(());
 

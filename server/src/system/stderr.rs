@@ -17,8 +17,8 @@ pub fn has_room(stderr: &StderrLock<'_>) -> bool {
         .is_ok_and(|_| descriptors[0].revents().contains(PollFlags::OUT))
 }
 
-/// Writes a line, or leaves it out where there is no room: a full pipe keeps no thread waiting, and
-/// none that waits for this one's lock.
+/// Writes a line, or omits it if there is no room: a full pipe blocks no thread, and none that
+/// waits for the lock.
 pub(crate) fn line(text: Arguments<'_>) {
     let mut line = text.to_string().into_bytes();
     line.truncate(LONGEST - 1);

@@ -46,8 +46,8 @@ pub(crate) fn pages(info: &str) -> Vec<String> {
 }
 
 impl Calls {
-    /// Answers one call of a client; ends the connection of a client that is gone, breaks the
-    /// protocol or does not read.
+    /// Answers one call of a client; ends the connection if the client is gone, breaks the protocol
+    /// or does not read.
     pub(crate) fn answer_call(
         &mut self,
         client: u64,

@@ -28,11 +28,11 @@ use crate::upkeep::listener::Listener;
 use crate::upkeep::refusals::{failed, no_space, take_down};
 use crate::upkeep::segment::Segment;
 
-/// Connections without a lane or a service that a server takes besides.
+/// Additional connections without a lane or a service.
 const MAX_OBSERVERS: usize = 64;
-/// Time after which a silent client beyond the limit is ended where further ones wait.
+/// Time after which a silent client beyond the limit is disconnected if others wait.
 const SILENCE: Duration = Duration::from_millis(100);
-/// Time that a client waits for an end that is just being given back.
+/// Longest wait of a client for an end that is being returned.
 const HAND_BACK_TIME: Duration = Duration::from_millis(100);
 /// Shared memory that the transport takes for a lane beside its numbers, and that stays free for
 /// others `[byte]`.
@@ -43,16 +43,16 @@ const SERVICE_NEEDS: u64 = 2 << 20;
 /// A client, from its connection on.
 pub(crate) struct Connection {
     pub(crate) socket: ControlSocket,
-    /// Where its end is among the places.
+    /// The place of its end.
     place: Option<usize>,
     /// The time of its connection, if the server was full then: it gets only that refusal.
     pub(crate) surplus_since: Option<Instant>,
-    /// To be ended at the next poll: the client has overwritten the transport's records, or is
-    /// silent beyond the limit.
+    /// To be disconnected at the next poll: the client has overwritten the transport's records, or
+    /// is silent beyond the limit.
     pub(crate) is_over: bool,
     /// The server's port of a service whose client has not opened its own.
     unserved: Option<Box<dyn ServedService>>,
-    /// Its area for batches, which goes with its end.
+    /// Its area for batches, with the lifetime of its end.
     pub(crate) batches: Option<OwnedFd>,
 }
 
@@ -65,7 +65,7 @@ pub(crate) struct Connections {
     numbers: u64,
     /// Places of lanes, then of services; `None` where one is free.
     places: Vec<Option<Segment>>,
-    /// How many clients may have a lane.
+    /// Most clients with a lane.
     n_lanes: usize,
     orders: Producer<Order>,
     retired: Consumer<Retired>,
@@ -92,13 +92,13 @@ impl Connections {
         }
     }
 
-    /// Places of a server with so many lanes: two for each end that a client may have, so that
-    /// no client waits for one that is on its way back from the answering thread.
+    /// Places of a server with this many lanes: two per possible end, so that no client waits for
+    /// one that the answering thread is still returning.
     pub(crate) fn places(n_lanes: usize) -> usize {
         2 * (n_lanes + MAX_SERVICE_CLIENTS)
     }
 
-    /// How many clients are served.
+    /// Number of clients served.
     pub(crate) fn limit(&self) -> usize {
         self.n_lanes + MAX_SERVICE_CLIENTS + MAX_OBSERVERS
     }
@@ -111,7 +111,7 @@ impl Connections {
         self.lanes_made
     }
 
-    /// Number of lanes that clients have or that are on their way back, up to the limit.
+    /// Number of lanes that clients hold or that are being returned, up to the limit.
     pub(crate) fn lanes_taken(&self) -> usize {
         self.places[self.lanes()].iter().flatten().count().min(self.n_lanes)
     }
@@ -121,7 +121,7 @@ impl Connections {
         0..2 * self.n_lanes
     }
 
-    /// How many of these places clients have.
+    /// Number of these places that clients hold.
     fn taken(&self, among: Range<usize>) -> usize {
         self.places[among].iter().flatten().filter(|place| !place.is_leaving).count()
     }
@@ -191,8 +191,8 @@ impl Connections {
         ready
     }
 
-    /// How many more are taken in: beyond the limit they are refused as soon as they speak, and far
-    /// beyond it they wait until one of those before them was.
+    /// Number of further clients to accept: beyond the limit each is refused at its first call, and
+    /// far beyond it they wait until an earlier one is refused.
     fn room(&mut self) -> usize {
         let room = (2 * self.limit()).saturating_sub(self.clients.len());
         if room == 0 {
@@ -224,7 +224,7 @@ impl Connections {
                 if let Some(client) = clients.find(|client| client.place == Some(index)) {
                     (client.place, client.is_over) = (None, true);
                 }
-                // also an area for batches that it was granted since
+                // also an area for batches granted since then
                 let _ = self.orders.push(Order::Retire { place: index });
             }
             // not on the answering thread: unmapping is a system call
@@ -256,7 +256,7 @@ impl Connections {
         }
     }
 
-    /// Takes a client's end back and waits until the answering thread no longer polls it.
+    /// Revokes a client's end and waits until the answering thread no longer polls it.
     pub(crate) fn leave(&mut self, number: u64) {
         let place = self.clients.get(&number).and_then(|client| client.place);
         self.give_back(number);
@@ -313,8 +313,8 @@ impl Connections {
         Ok(name)
     }
 
-    /// The client's side of its service is there: its memory is mapped here, beside the answering
-    /// thread, which polls it from now on.
+    /// The client has opened its side of the service: maps its memory on this thread, and has the
+    /// answering thread poll it.
     pub(crate) fn serve_service(&mut self, number: u64) -> Result<(), Refusal> {
         let client = self.clients.get_mut(&number).ok_or(Refusal::NoEnd)?;
         let (Some(index), Some(mut port)) = (client.place, client.unserved.take()) else {
@@ -338,7 +338,7 @@ impl Connections {
         self.serve(number, index, End::Service(port))
     }
 
-    /// Makes an area for batches beside a client's end, where there is none yet.
+    /// Makes an area for batches beside a client's end, if there is none yet.
     pub(crate) fn make_batches(&mut self, number: u64) -> Result<(), Refusal> {
         let lanes = self.lanes();
         let client = self.clients.get_mut(&number).ok_or(Refusal::NoEnd)?;
@@ -367,7 +367,7 @@ impl Connections {
         Ok(())
     }
 
-    /// A free place among these, of which clients have half at most.
+    /// A free place among these; clients hold at most half of them.
     fn free_place(&mut self, among: Range<usize>) -> Option<usize> {
         self.collect();
         if 2 * self.taken(among.clone()) >= among.len() {
@@ -376,7 +376,7 @@ impl Connections {
         let start = Instant::now();
         loop {
             let free = self.places[among.clone()].iter().position(Option::is_none);
-            // clients came and went faster than the answering thread gives back
+            // clients came and went faster than the answering thread returns ends
             if free.is_some() || start.elapsed() > HAND_BACK_TIME {
                 return free.map(|index| among.start + index);
             }

@@ -1,9 +1,8 @@
-//! Registered plans: made when a client registers a query, taken back when no client holds them.
+//! Registered plans: made when a client registers a query, retired when no client holds them.
 //!
 //! A connection holds a plan from [`Plans::register`] until it releases it or ends; equal queries
-//! share one plan. The answering thread owns the plans that it runs and never frees one: it
-//! hands each back, and only then its slot in the table is free for another plan, under another
-//! number.
+//! share one plan. The answering thread owns the plans that it runs and never frees one: it returns
+//! each, and only then is its slot in the table free for another plan, under another number.
 
 use std::time::{Duration, Instant};
 
@@ -16,10 +15,10 @@ use sarrus_proto::{Query, QueryError, QueryOptions};
 use crate::answering::engine::{PlanOrder, ServedPlan};
 use crate::kernels::Maker;
 
-/// How long a registration waits for a slot that is just being given back.
+/// Longest wait of a registration for a slot that is being returned.
 const HAND_BACK: Duration = Duration::from_millis(20);
 
-/// A registered plan, as its client gets it.
+/// A registered plan, as sent to its client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Registered {
     pub(crate) number: PlanNumber,
@@ -34,12 +33,12 @@ enum State {
         registered: Registered,
         holders: Vec<u64>,
     },
-    /// Ordered back from the answering thread.
+    /// Being returned by the answering thread.
     Leaving,
 }
 
 struct Slot {
-    /// How often it was used.
+    /// Number of uses.
     generation: u32,
     state: State,
 }
@@ -62,7 +61,7 @@ impl Plans {
         Plans { slots, orders, retired, kernels }
     }
 
-    /// How many there are.
+    /// Number of plans.
     pub(crate) fn len(&self) -> usize {
         self.slots.iter().filter(|slot| matches!(slot.state, State::Held { .. })).count()
     }
@@ -74,7 +73,7 @@ impl Plans {
         query: &Query,
         holder: u64,
     ) -> Result<Registered, Refusal> {
-        // one that others hold
+        // a plan that others hold
         for slot in &mut self.slots {
             if let State::Held { query: known, registered, holders } = &mut slot.state
                 && **known == *query
@@ -108,7 +107,7 @@ impl Plans {
         Ok(registered)
     }
 
-    /// Releases a plan held by `holder`; false where it held none.
+    /// Releases a plan held by `holder`; false if it held none.
     pub(crate) fn release(&mut self, number: PlanNumber, holder: u64) -> bool {
         let Some(slot) = self.slots.get_mut(number.slot()) else { return false };
         let State::Held { registered, holders, .. } = &mut slot.state else { return false };
@@ -132,7 +131,7 @@ impl Plans {
         }
     }
 
-    /// How many plans `holder` has.
+    /// Number of plans that `holder` has.
     pub(crate) fn held(&self, holder: u64) -> usize {
         let holds = |slot: &&Slot| match &slot.state {
             State::Held { holders, .. } => holders.contains(&holder),
@@ -150,7 +149,7 @@ impl Plans {
                 if let State::Held { query, registered, .. } = &slot.state
                     && is_for(query)
                 {
-                    // there is room, else the generic kernel goes on
+                    // there is room; otherwise the generic kernel continues
                     let _ = self.orders.push(PlanOrder::Kernel(registered.number, kernel.clone()));
                 }
             }
@@ -169,7 +168,7 @@ impl Plans {
         }
     }
 
-    /// The free slot that was used least; one whose numbers are used up is never free again.
+    /// The least used free slot; a slot without further numbers is never free again.
     fn free_slot(&mut self) -> Option<usize> {
         let free = |slots: &[Slot]| {
             let free = slots.iter().enumerate().filter(|(_, slot)| {
@@ -194,7 +193,7 @@ impl Plans {
 fn retire_if_unheld(orders: &mut Producer<PlanOrder>, slot: &mut Slot) {
     if let State::Held { registered, holders, .. } = &slot.state
         && holders.is_empty()
-        // else tried again at the next upkeep
+        // otherwise retried at the next upkeep
         && orders.push(PlanOrder::Retire(registered.number)).is_ok()
     {
         slot.state = State::Leaving;

@@ -1,4 +1,4 @@
-//! A client's part of shared memory, as the server holds it beside the answering thread.
+//! The server's side of a client's part of shared memory, held off the answering thread.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -13,7 +13,7 @@ use crate::upkeep::refusals::{failed, take_down};
 pub(crate) struct Segment {
     node: Node,
     pub(crate) link: Link,
-    /// Ordered back from the answering thread.
+    /// Being returned by the answering thread.
     pub(crate) is_leaving: bool,
 }
 

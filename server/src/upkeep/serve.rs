@@ -31,18 +31,18 @@ use crate::upkeep::connections::Connections;
 use crate::upkeep::plans::Plans;
 use crate::upkeep::watchdog::{HEARTBEAT_TIMEOUT, Watchdog};
 
-/// How to serve.
+/// Options of a run.
 #[derive(Clone, Debug)]
 pub struct ServeOptions {
     /// Name under which clients find the server.
     pub name: String,
-    /// How to wait for requests.
+    /// The wait strategy.
     pub wait: Wait,
-    /// How many clients can have a lane at one time.
+    /// Most clients with a lane at once.
     pub lanes: usize,
     /// Generated kernels for the plans of clients.
     pub kernels: Kernels,
-    /// Where the last seconds are recorded, if anywhere.
+    /// The recording of the last seconds, if any.
     pub record: Option<RecordOptions>,
     /// The processor of the answering thread; all other threads leave it.
     pub cpu: Option<usize>,
@@ -172,7 +172,7 @@ fn serve_in(
     });
     if !matches!(ended, Err(ServeError::Hung { .. })) {
         upkeep.calls.plans.stop();
-        // the recorder ends when it has written all that was answered
+        // the recorder ends when it has written all answers
         recording.map(JoinHandle::join);
     }
     ended
@@ -212,13 +212,13 @@ fn answering_thread(
     Ok((hot, Channels { plan_orders, retired_plans, orders, retired }))
 }
 
-/// Moves a thread beside the answering thread off its processor, where there is another one.
+/// Moves another thread off the answering thread's processor, if there is a second one.
 fn place_other(placement: &Placement) -> impl FnOnce() + Send + 'static {
     let placement = placement.clone();
     move || drop(placement.place_other())
 }
 
-/// Time during which a taken name is tried again.
+/// Time during which a taken name is retried.
 const TAKE: Duration = Duration::from_secs(1);
 
 /// Takes the name. The previous server may still be shutting down, or another process may be
@@ -245,7 +245,7 @@ fn take_name(domain: &Domain, name: &ServerName) -> Result<Run, ServeError> {
 fn raise_descriptor_limit() {
     let mut limit = getrlimit(Resource::Nofile);
     limit.current = limit.maximum;
-    // where this fails fewer clients can attach, and the next one gets the reason
+    // if this fails fewer clients can attach, and the next one gets the reason
     let _ = setrlimit(Resource::Nofile, limit);
 }
 
@@ -263,14 +263,14 @@ fn spawn(mut hot: AnsweringThread, placement: Placement) -> Result<JoinHandle<()
             drop(adopted);
         }
     };
-    // entries of large lanes pass over the stack
+    // entries of large lanes are copied on the stack
     let builder = std::thread::Builder::new().name("sarrus-hot".to_owned()).stack_size(16 << 20);
     let thread = builder.spawn(body).map_err(|source| ServeError::Thread { source })?;
     outcome.recv().map_err(|_| ServeError::Died)??;
     Ok(thread)
 }
 
-/// The work beside the answering thread.
+/// The work of the upkeep thread.
 struct Upkeep {
     calls: Calls,
     clock: Clock,
@@ -349,7 +349,7 @@ impl Upkeep {
         }
     }
 
-    /// Makes folders and socket again where they were removed.
+    /// Restores folders and socket if they were removed.
     fn restore(&mut self) {
         let Calls { run, connections, .. } = &mut self.calls;
         run.restore();

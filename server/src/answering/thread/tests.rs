@@ -15,11 +15,11 @@ use sarrus_proto::{Domain, Field, FieldSet, PROTOCOL_VERSION, Query, Request, Se
 use super::*;
 use crate::answering::engine::{MAX_PLAN_ORDERS, PlanOrder, ServedPlan};
 
-/// The number of the plan that is served.
+/// The number of the served plan.
 const NUMBER: PlanNumber = PlanNumber(5);
 const ROWS: usize = MAX_BATCH_ROWS;
 
-/// An answering thread that sweeps when a test calls for it.
+/// An answering thread that sweeps on demand.
 struct Stepped {
     hot: AnsweringThread,
     plan: Plan,
@@ -60,7 +60,7 @@ impl Stepped {
         Stepped { hot, plan, fingerprint, plan_orders, orders: orders_in, retired }
     }
 
-    /// The client's side of an area that is polled from now on.
+    /// The client's side of an area, which is polled from now on.
     fn batches(&mut self, place: usize) -> ClaimedBatch {
         let (area, memory): (ServedBatch, OwnedFd) = ServedBatch::create().unwrap();
         let end = End::Batches(Batches::new(area, Client::Service));
@@ -69,7 +69,7 @@ impl Stepped {
         ClaimedBatch::open(&memory).unwrap()
     }
 
-    /// Asks for a batch of states near zero.
+    /// Requests a batch of states near zero.
     fn ask(&self, area: &ClaimedBatch, sequence: u64, rows: usize) {
         let n_in = self.plan.given().len();
         let n_out = self.plan.want().len();
@@ -109,7 +109,7 @@ fn a_lane_waits_for_one_tile_at_most_and_batches_take_turns() {
     areas.iter().for_each(|area| stepped.ask(area, 1, ROWS));
     let mut sequence = 0;
     while areas.iter().any(|area| area.answer(1).is_none()) {
-        // whenever the lane asks, its answer comes before another tile is whole
+        // whenever the lane asks, its answer precedes the next whole tile
         let done = areas.each_ref().map(ClaimedBatch::done);
         sequence += 1;
         let head = RequestHead {
@@ -204,12 +204,12 @@ fn a_plan_that_panics_over_a_tile_ends_its_client_alone() {
     let turns: usize = (0..4).map(|_| stepped.hot.sweep(false)).sum();
     assert_eq!((turns, other.answer(1)), (4, Some(Status::Ok as u32)));
     assert_eq!((panics.answer(1), panics.done()), (None, tile as u64));
-    // its place goes back as that of a client which has broken its end
+    // its place is returned like that of a client that has broken its end
     let (place, end) = stepped.retired.pop().unwrap();
     assert!(place == 0 && matches!(end, End::Broken));
     assert_eq!((stepped.hot.ends.len(), stepped.hot.sweep(false)), (1, 0));
 
-    // and so does the end beside the area
+    // and so is the end beside the area
     let area = stepped.batches(2);
     assert!(stepped.orders.push(Order::Serve { place: 2, end: End::Broken }).is_ok());
     stepped.hot.handle_orders();

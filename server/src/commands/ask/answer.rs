@@ -15,7 +15,7 @@ pub(super) struct Remark {
     pub(super) words: String,
 }
 
-/// The answer to a line that is no request.
+/// The answer to an invalid line.
 pub(super) fn bad_request(out: &mut Vec<u8>, remark: &Remark) {
     head(out, Status::BadRequest, &[]);
     foot(out, Some(remark));
@@ -36,7 +36,7 @@ pub(super) fn answer(
     let part = |field| {
         let slot = layout.slot(field)?;
         let numbers = numbers.get(slot.range())?;
-        // few fields of a failed answer are valid
+        // only few fields of a failed answer are valid
         let is_valid = answer.status == Status::Ok
             || field.survives_failure() && numbers.iter().all(|number| number.is_finite());
         is_valid.then_some((slot, numbers))
@@ -209,7 +209,7 @@ fn key(out: &mut Vec<u8>, name: &str, first: bool) {
     out.push(b':');
 }
 
-/// The shortest digits that are read back as the same number; null for NaN and infinities.
+/// The shortest digits that read back as the same number; null for NaN and infinities.
 fn number(out: &mut Vec<u8>, number: &f64) {
     write(out, number);
 }

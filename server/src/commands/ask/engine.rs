@@ -8,13 +8,13 @@ use sarrus_client::{
 };
 use sarrus_proto::ServerName;
 
-/// Most plans that are kept: a script with a new query in each line must not fill the memory or a
+/// Most plans in the cache: a script with a new query in each line must not fill the memory or a
 /// server's table.
 const PLANS: usize = 64;
 /// Time between two attempts to reach a lost server.
 const PAUSE: Duration = Duration::from_secs(1);
 
-/// The answer to a request; with a reason where nothing was computed.
+/// The answer to a request, with a reason if nothing was computed.
 #[derive(Clone, Debug)]
 pub(super) struct Reply {
     pub(super) answer: Answer,

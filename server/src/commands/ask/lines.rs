@@ -84,7 +84,7 @@ impl<R: Read> Lines<R> {
         Ok(Line::Text(self.line.trim_ascii_end()))
     }
 
-    /// True where [`Lines::next`] would wait for the rest of a line; `has_more` reports whether the
+    /// True if [`Lines::next`] would wait for the rest of a line; `has_more` reports whether the
     /// source has bytes or has ended.
     pub(super) fn would_wait(&mut self, has_more: impl Fn() -> bool) -> io::Result<bool> {
         self.begin();
@@ -92,7 +92,7 @@ impl<R: Read> Lines<R> {
             let buffer = self.source.buffer();
             let end = buffer.iter().position(|byte| *byte == b'\n');
             if self.line.len() > LONGEST {
-                // its end is skipped as soon as it arrives
+                // the rest of the line is skipped as soon as it arrives
                 return Ok(end.is_none());
             }
             let n = end.map_or(buffer.len(), |end| end + 1);
@@ -202,9 +202,9 @@ mod tests {
         let mut found = Vec::new();
         while let Line::Text(line) = lines.next().unwrap() {
             found.push(String::from_utf8(line.to_owned()).unwrap());
-            // nothing more now
+            // no more input now
             found.push(lines.would_wait(|| false).unwrap().to_string());
-            // and again when there is
+            // and again when input arrives
             if found.last().unwrap() == "true" {
                 found.push(lines.would_wait(|| true).unwrap().to_string());
             }

@@ -1,4 +1,4 @@
-//! Reads a line: its inputs and its wanted outputs, or the reason why it is no request.
+//! Reads a line: its inputs and its wanted outputs, or the reason why it is invalid.
 
 use sarrus_client::{Field, FieldSet, ModelInfo, Query, QueryError, Request, Status};
 use sarrus_models::{matching_joints, nearest_first};

@@ -15,7 +15,7 @@ const STOP: Duration = Duration::from_secs(3);
 /// A running server; stopped when dropped.
 pub(super) struct ServerProcess {
     child: Child,
-    /// Kept open: the server writes its line to it.
+    /// Kept open: the server writes its ready line to it.
     _stdout: BufReader<ChildStdout>,
 }
 

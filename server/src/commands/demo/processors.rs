@@ -1,9 +1,8 @@
-//! Separate processors for the controller and its server: on a shared one each would wait for the
-//! other.
+//! Separate processors for controller and server: on a shared one each would wait for the other.
 
 use rustix::thread::{CpuSet, sched_getaffinity};
 
-/// The processors of this process for the server, and the last one for the controller; `None` of a
+/// The processors of this process for the server, and the last one for the controller; `None` for a
 /// single one.
 pub(super) fn split() -> Option<[CpuSet; 2]> {
     let mut server = sched_getaffinity(None).ok()?;

@@ -8,10 +8,10 @@ use serde::Serialize;
 use super::trajectory::{DURATION, REACH, SAMPLES};
 use crate::commands::output::table;
 
-/// Least relative error that is a failure.
+/// Relative error from which the demo fails.
 pub(super) const LIMIT: f64 = 1e-12;
 
-/// Everything that is printed.
+/// The printed results.
 #[derive(Serialize)]
 pub(super) struct Report {
     pub(super) robot: String,
@@ -23,7 +23,7 @@ pub(super) struct Report {
     pub(super) numbers_in: usize,
     pub(super) numbers_out: usize,
     pub(super) ways: Vec<Way>,
-    /// The largest of all ways.
+    /// The largest error over all measurements.
     worst_error: f64,
     /// Every answer came with status `ok` and its error is below the limit.
     pub(super) good: bool,

@@ -9,7 +9,7 @@ pub(super) const DURATION: f64 = 5.0;
 /// Requests that a controller of 1 kHz makes in that time.
 pub(super) const SAMPLES: usize = 5001;
 
-/// The part of its range that a joint moves through, around the middle: farther out the linear
+/// The part of its range, around the middle, through which a joint moves: farther out the linear
 /// actuators reach their ends.
 pub(super) const REACH: f64 = 0.3;
 
@@ -20,8 +20,8 @@ pub(super) const QUERY: Query = Query::new(
     FieldSet::of(&[Field::TauU]),
 );
 
-/// Every independent joint through the middle of its range along a cycloid, all at the same time:
-/// where each starts and how far it goes.
+/// Moves every independent joint through the middle of its range along a cycloid, all at once:
+/// start and distance of each.
 pub(super) struct Trajectory(Vec<(f64, f64)>);
 
 impl Trajectory {

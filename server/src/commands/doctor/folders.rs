@@ -28,8 +28,8 @@ fn judge_space(free: u64, size: u64) -> Vec<Finding> {
     )]
 }
 
-/// The file system of a path: that of the deepest mount above it, of several in one folder the
-/// last.
+/// The file system of a path: that of the deepest mount above it; of several mounts on one folder,
+/// the last.
 fn file_system_of<'a>(mounts: &'a str, path: &Path) -> Option<&'a str> {
     let mounts = mounts.lines().filter_map(|line| {
         let mut words = line.split_whitespace().skip(1);
@@ -83,7 +83,7 @@ mod tests {
 
     #[test]
     fn the_deepest_mount_above_a_path_is_its_own() {
-        // a container may mount its root after the folders in it
+        // a container may mount its root after its folders
         let mounts = "p /proc proc rw 0 0\nb /run tmpfs rw 0 0\nc /run/user/7 fuse rw 0 0\n\
             a / ext4 rw 0 0\nd / xfs rw 0 0\n";
         let name = |path: &str| file_system_of(mounts, Path::new(path)).unwrap();

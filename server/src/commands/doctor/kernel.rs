@@ -31,7 +31,7 @@ pub(super) fn realtime_share(root: &Path) -> Vec<Finding> {
     let number = |name: &str| text(root, &format!("proc/sys/kernel/{name}"))?.parse::<i64>().ok();
     let Some(runtime) = number("sched_rt_runtime_us") else { return Vec::new() };
     let period = number("sched_rt_period_us").unwrap_or(1_000_000);
-    // from 6.12 on the limit applies only where other threads would starve
+    // from 6.12 on the limit applies only if other threads would starve
     let release = text(root, "proc/sys/kernel/osrelease").unwrap_or_default();
     let is_new = at_least(&release, (6, 12)).unwrap_or(false);
     if runtime < 0 || runtime >= period || is_new && runtime > 0 {

@@ -88,7 +88,7 @@ pub(super) fn idle_states(root: &Path) -> Vec<Finding> {
 
 pub(super) fn isolated(root: &Path) -> Vec<Finding> {
     let [online, isolated, quiet] = ["online", "isolated", "nohz_full"].map(|of| listed(root, of));
-    // neither of two processors can be isolated
+    // with two processors neither can be isolated
     let (Some([_, _, .., last]), Some(isolated), Some(quiet)) =
         (online.as_deref(), isolated, quiet)
     else {

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-/// The deaths soon after a start within [`WINDOW`] after which the server is given up.
+/// Number of early deaths within [`WINDOW`] after which the supervisor gives up.
 const DEATHS: usize = 5;
 const WINDOW: Duration = Duration::from_secs(60);
 /// The delay after the second such death in a row; each further one doubles it.
@@ -84,7 +84,7 @@ mod tests {
             let next = backoff.died(seconds(f64::from(k)), Some(LIMIT));
             assert_eq!(next, Some(Duration::ZERO));
         }
-        // and a new row begins
+        // and a new series begins
         assert_eq!(backoff.died(seconds(1e4), None), Some(Duration::ZERO));
         assert_eq!(backoff.died(seconds(1e4), None), Some(seconds(0.1)));
         backoff.died(seconds(1e4), Some(LIMIT));

@@ -1,8 +1,8 @@
 //! `sarrus serve --supervise`: a server process that is started again when it dies.
 //!
-//! The supervisor holds nothing of a server. A process that serves writes one line to its output,
-//! `ready NAME FINGERPRINT`, or the reason why it cannot serve; the kernel closes that output when
-//! the process ends. The process of a supervisor that is killed is killed with it.
+//! The supervisor holds no resource of a server. A process that serves writes one line to its
+//! output, `ready NAME FINGERPRINT`, or the reason why it cannot serve; the kernel closes that
+//! output when the process ends. If the supervisor is killed, the kernel kills its process too.
 
 use std::ffi::OsString;
 use std::io::{self, BufRead, BufReader, Read, Write};
@@ -20,7 +20,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use super::backoff::Backoff;
 use crate::commands::output;
 
-/// Time that a server has for a clean stop.
+/// Time for a clean stop of a server.
 const STOP: Duration = Duration::from_secs(5);
 
 /// First words of the line with which a process reports why it cannot serve: another server runs
@@ -28,8 +28,8 @@ const STOP: Duration = Duration::from_secs(5);
 pub(super) const TAKEN: &str = "taken";
 pub(super) const FAILED: &str = "failed";
 
-/// Arranges that the kernel kills this process when its supervisor dies; false where the supervisor
-/// is dead already.
+/// Makes the kernel kill this process when its supervisor dies; false if the supervisor is already
+/// dead.
 pub(super) fn die_with(supervisor: i32) -> bool {
     let set = set_parent_process_death_signal(Some(Signal::KILL));
     // the process was started through /proc/self/exe: its name shows the program
@@ -37,7 +37,7 @@ pub(super) fn die_with(supervisor: i32) -> bool {
     set.is_ok() && getppid().map(Pid::as_raw_nonzero).is_some_and(|pid| pid.get() == supervisor)
 }
 
-/// Supervises until a signal arrives (exit code 0) or the server is given up (1 for a bad model,
+/// Supervises until a signal arrives (exit code 0) or the supervisor gives up (1 for a bad model,
 /// else 2).
 pub(super) fn run(name: &str, short_life: Duration) -> Result<u8, output::Failure> {
     let (sender, events) = channel();
@@ -62,7 +62,7 @@ pub(super) fn run(name: &str, short_life: Duration) -> Result<u8, output::Failur
     match end {
         End::Stopped(code) => Ok(code),
         End::GivenUp { reason, code, is_public } => {
-            // first for clients: an operator who reads the line may connect at once
+            // clients first: an operator who reads the line may connect at once
             let left = if is_public { leave_reason(name, &reason) } else { Ok(()) };
             eprintln!("sarrus serve: given up: {reason}");
             if let Err(error) = left {
@@ -104,7 +104,7 @@ enum End {
     GivenUp {
         reason: String,
         code: u8,
-        /// Whether clients read the reason; not where another server has the name.
+        /// Whether clients read the reason; not if another server has the name.
         is_public: bool,
     },
 }
@@ -120,7 +120,7 @@ enum Event {
 struct Supervisor {
     arguments: Vec<OsString>,
     events: Receiver<Event>,
-    /// For the threads that send events.
+    /// Clones go to the threads that send events.
     sender: Sender<Event>,
     since: Instant,
     backoff: Backoff,
@@ -168,7 +168,7 @@ impl Supervisor {
             self.death = Some((words, died));
             return self.delay(Some(life), &how);
         }
-        // the flags or the files of a first start are refused again
+        // the flags or files of a first start would be refused again
         let code = status.ok().and_then(|status| status.code());
         if let Some(code @ (1 | 2)) = code
             && self.fingerprint.is_none()
@@ -185,7 +185,7 @@ impl Supervisor {
         self.delay(None, &how)
     }
 
-    /// Starts this program, also where its file has been replaced, as a server process.
+    /// Starts this program as a server process, even if its file has been replaced.
     fn start(&self) -> io::Result<Child> {
         let mut command = Command::new("/proc/self/exe");
         command.arg0("sarrus").args(&self.arguments);
@@ -202,7 +202,8 @@ impl Supervisor {
         sends.inspect_err(|_| _ = end(&mut process)).map(|()| process)
     }
 
-    /// Clients can attach: passes the first such line on, reports the death before later ones.
+    /// Handles readiness: passes on the first such line, reports the preceding death before later
+    /// ones.
     fn announce(&mut self, line: &str, id: u32) {
         if let Some((words, since)) = self.death.take() {
             let gap = since.elapsed();
@@ -260,7 +261,7 @@ impl Supervisor {
 
 /// Ends a process, if it has not ended.
 fn end(process: &mut Child) -> io::Result<ExitStatus> {
-    // a process that has closed its output is ending already, which this does not change
+    // a process that has closed its output is already ending; this does not change that
     let _ = process.kill();
     process.wait()
 }
@@ -276,7 +277,7 @@ fn describe(status: &io::Result<ExitStatus>) -> String {
     }
 }
 
-/// Leaves the reason where clients read it.
+/// Stores the reason for clients.
 fn leave_reason(name: &str, reason: &str) -> io::Result<()> {
     let name = ServerName::new(name).map_err(io::Error::other)?;
     let domain = Domain::of_user().map_err(io::Error::other)?;

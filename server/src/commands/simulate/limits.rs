@@ -13,7 +13,7 @@ pub(super) struct Exceeded {
     pub(super) value: f64,
     pub(super) lower: Option<f64>,
     pub(super) upper: Option<f64>,
-    /// When `[s]`.
+    /// Time `[s]`.
     pub(super) time: f64,
 }
 
@@ -25,7 +25,7 @@ impl Exceeded {
         below.max(above)
     }
 
-    /// For people.
+    /// As text.
     pub(super) fn words(&self) -> String {
         let Exceeded { name, what, value, time, .. } = self;
         let by = self.by();

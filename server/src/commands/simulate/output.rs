@@ -44,7 +44,7 @@ impl Report<'_> {
         files.into_iter().map(write).collect()
     }
 
-    /// For people.
+    /// As text.
     pub(super) fn summary(&self, files: &[String]) -> String {
         let Report { loaded, run, method } = self;
         let counts = &run.counts;
@@ -99,7 +99,7 @@ impl Report<'_> {
         text
     }
 
-    /// For scripts.
+    /// As JSON.
     pub(super) fn value(&self, files: &[String]) -> Value {
         let Report { loaded, run, method } = self;
         let counts = &run.counts;
@@ -176,7 +176,7 @@ fn columns<'a>(loaded: &'a Loaded) -> Vec<Column<'a>> {
     columns
 }
 
-/// A head and a row for each sample; numbers are read back bit for bit.
+/// A head and a row for each sample; numbers keep their bits when read back.
 fn csv(loaded: &Loaded, run: &Run) -> Result<String, String> {
     let columns = columns(loaded);
     let mut rows: Vec<Vec<String>> = vec![columns.iter().map(|(name, _)| name.clone()).collect()];

@@ -53,16 +53,15 @@ pub(super) struct Choice {
     pub(super) priority: Option<u8>,
     /// The processors of all other threads.
     pub(super) others: Option<Vec<usize>>,
-    /// Whether the other threads give an inherited real-time policy up.
+    /// Whether the other threads drop an inherited real-time policy.
     pub(super) others_shared: bool,
 }
 
 /// Chooses from the processors and the policy that the process was started with.
 ///
-/// An answering thread that polls under a real-time policy never gives its processor up, so the
-/// other threads must have another one. The inherited list of processors can be
-/// widened: only the kernel knows whether `--cpu` may name one outside of it, as it does for
-/// isolated processors.
+/// An answering thread that polls under a real-time policy never yields its processor, so the other
+/// threads need another one. The inherited list of processors can be widened: only the kernel knows
+/// whether `--cpu` may name one outside of it, as it does for isolated processors.
 pub(super) fn choose(
     allowed: &[usize],
     policy: Policy,
@@ -112,7 +111,7 @@ mod tests {
         let shared = Policy::Shared;
         let realtime = Policy::Realtime;
         let table: [(&[usize], Policy, Flags, bool); 13] = [
-            // as found: `taskset -c 0 chrt -f 50 sarrus serve --wait busy`
+            // observed: `taskset -c 0 chrt -f 50 sarrus serve --wait busy`
             (&[0], realtime, flags(None, None, true), true),
             (&[0], realtime, flags(Some(0), None, true), true),
             (&[0], shared, flags(None, Some(80), true), true),
@@ -148,7 +147,7 @@ mod tests {
             others_shared: true,
         };
         assert_eq!(choice, expected);
-        // nothing asked: nothing changed
+        // no flags: no change
         let choice = choose(&[0, 1], Policy::Shared, flags(None, None, true)).unwrap();
         let expected = Choice { cpu: None, priority: None, others: None, others_shared: false };
         assert_eq!(choice, expected);

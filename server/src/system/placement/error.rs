@@ -4,7 +4,7 @@
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlacementError {
-    /// The answering thread would keep everybody else from ever running.
+    /// The answering thread would starve all other threads.
     #[error(
         "processor {cpu} is the only one, and an answering thread that polls on it under {policy} \
          leaves nothing to the thread that clients attach through; use --wait sleep, or give \
@@ -15,7 +15,7 @@ pub enum PlacementError {
     Starved {
         /// The processor.
         cpu: usize,
-        /// Whether the policy was inherited rather than asked for.
+        /// Whether the policy was inherited rather than requested.
         inherited: bool,
     },
     /// A process under SCHED_DEADLINE may start no thread.
@@ -30,7 +30,7 @@ pub enum PlacementError {
         /// The requested value.
         priority: u8,
     },
-    /// The processor is not there or not for this process.
+    /// The processor does not exist or is not allowed for this process.
     #[error(
         "processor {cpu} cannot be had: {reason}; this process was started on {allowed}: choose \
          one of them with --cpu, or widen its cpuset"

@@ -1,4 +1,4 @@
-//! The processor and the priority of the answering thread, and memory that stays in memory.
+//! The processor and the priority of the answering thread, and the locking of memory.
 //!
 //! The flags apply to the answering thread alone. All other threads, which clients need to attach,
 //! leave its processor and keep the system's default policy.
@@ -52,9 +52,9 @@ impl Placement {
         Ok(Placement { choice, allowed: allowed.into(), lock_memory: flags.lock_memory })
     }
 
-    /// Locks present and future mappings until the value is dropped. Pages are made when
-    /// they are mapped (no `MCL_ONFAULT`), by the thread that maps them: the answering thread finds
-    /// lanes and plans that came later in memory.
+    /// Locks present and future mappings until the value is dropped. Pages are made when they are
+    /// mapped (no `MCL_ONFAULT`), by the thread that maps them: later lanes and plans are in memory
+    /// before the answering thread uses them.
     pub(crate) fn lock_memory(&self) -> Result<LockedMemory, PlacementError> {
         if self.lock_memory {
             mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE)
@@ -75,8 +75,8 @@ impl Placement {
         self.choice.priority.map_or(Ok(()), be_first)
     }
 
-    /// Makes the calling thread one of the others. An inherited real-time policy is given up after
-    /// the answering thread has taken it over.
+    /// Makes the calling thread one of the others. Drops an inherited real-time policy after the
+    /// answering thread has taken it over.
     pub(crate) fn place_other(&self) -> Result<(), PlacementError> {
         let failed = |reason| PlacementError::Others { reason };
         if let Some(others) = &self.choice.others {
@@ -89,7 +89,7 @@ impl Placement {
     }
 }
 
-/// Memory stays locked as long as this lives.
+/// Keeps memory locked until dropped.
 pub(crate) struct LockedMemory(bool);
 
 impl Drop for LockedMemory {
@@ -100,7 +100,7 @@ impl Drop for LockedMemory {
     }
 }
 
-/// A soft limit of this process; `None` where there is none, or this capability overrides it.
+/// A soft limit of this process; `None` if there is none, or if this capability overrides it.
 fn limit_of(resource: Resource, capability: CapabilitySet) -> Option<u64> {
     let is_capable = capabilities(None).is_ok_and(|sets| sets.effective.contains(capability));
     getrlimit(resource).current.filter(|_| !is_capable)
@@ -140,7 +140,7 @@ fn be_first(priority: u8) -> Result<(), PlacementError> {
 
 /// SCHED_OTHER for the calling thread, as nice as it was.
 fn share() -> Result<(), Error> {
-    // 47 of 0 to 99 is the nice value 0, the one that needs no right
+    // 47 of 0 to 99 is the nice value 0, which needs no right
     const MIDDLE: u8 = 47;
     let nice = getpriority_process(None).unwrap_or(0);
     let value =
@@ -170,7 +170,7 @@ mod tests {
     fn a_processor_that_is_not_there_is_refused_with_those_that_are() {
         let flags = Flags { cpu: Some(1000), ..Flags::default() };
         let placement = Placement::new(flags).unwrap();
-        // in a thread of its own, which may be moved
+        // in a separate thread, which may be moved
         let outcome = std::thread::spawn(move || placement.place_answering()).join().unwrap();
         let error = outcome.unwrap_err().to_string();
         assert!(error.contains("processor 1000 cannot be had"), "{error}");

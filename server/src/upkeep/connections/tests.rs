@@ -1,4 +1,4 @@
-//! Clients that come and go where the answering thread gets no processor.
+//! Clients that come and go while the answering thread gets no processor.
 
 use std::fs;
 
@@ -57,7 +57,7 @@ fn there_is_room_for_every_order_of_a_place() {
     let root = std::env::temp_dir().join(format!("sarrus-orders-{}", std::process::id()));
     let domain = Domain::at(&root).unwrap();
     let run = Run::start(&domain, &ServerName::new("orders").unwrap()).unwrap();
-    // as much as one place has
+    // the capacity of one place
     let (orders_in, mut orders) = RingBuffer::new(MAX_ORDERS);
     let (mut retired, retired_out) = RingBuffer::new(MAX_RETIRED);
     let mut connections = Connections::new(run.listen().unwrap(), 1, orders_in, retired_out);
