@@ -1,13 +1,13 @@
-"""What inverse dynamics cost in Python and in Rust, by turns in one run.
+"""Compare the cost of inverse dynamics in Python and in Rust, in alternation in one run.
 
     cargo build --release --workspace --examples
     python speed.py [ROUNDS] [--rust target/release/examples/speed]
 
-Nanoseconds a state: one state a call (in Rust, in Python, in Python with `out=`), and 100,000
-states as rows of a batch, on one thread and on all (in Rust by `Robot::batch`, in Python with
-`out=`). All ways take turns, and of each the fastest round counts. `over` is what Python adds: to
-a call without `out=`, between the fastest rounds; to rows on one thread, as the median of all
-rounds, in each of which the two follow each other.
+Prints nanoseconds per state: for single calls (in Rust, in Python, in Python with `out=`), and for
+100,000 states as rows of a batch, on one thread and on all (in Rust by `Robot::batch`, in Python
+with `out=`). The variants alternate, and the fastest round of each counts. `over` is the overhead
+of Python: for a call without `out=`, between the fastest rounds; for rows on one thread, the median
+over all rounds, each of which measures both in succession.
 """
 
 import argparse
@@ -29,7 +29,7 @@ HEAD = f"{'robot':18} {'call: Rust':>11} {'Python':>7} {'out=':>6} {'over':>6}" 
 
 @contextlib.contextmanager
 def rust(program):
-    """Give what asks the program in Rust for its nanoseconds; NaN without one."""
+    """Give a function that asks the Rust program for its nanoseconds; NaN without one."""
     if program is None:
         yield lambda *_: np.nan
         return
@@ -46,14 +46,14 @@ def rust(program):
 
 
 def timed(n, f):
-    """Nanoseconds a state of something that answers so many."""
+    """Nanoseconds per state of a call that answers this many."""
     begin = time.perf_counter_ns()
     f()
     return (time.perf_counter_ns() - begin) / n
 
 
 def measured(name, rounds, in_rust):
-    """The least nanoseconds a state by each way, and the median of Python's by Rust's of rows."""
+    """Least nanoseconds per state of each variant, and the median ratio of Python to Rust."""
     robot = sarrus.Robot.bundled(name)
     one = np.full((3, len(robot.independents)), 0.05)
     many = np.full((3, ROWS, len(robot.independents)), 0.05)

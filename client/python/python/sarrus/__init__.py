@@ -5,8 +5,8 @@
 >>> robot.inverse_dynamics([0.2], [1.0], [0.0]).shape
 (1,)
 
-`Robot.load` reads a robot's own files, `Robot.connect` asks a server; `sarrus.can` is the CAN
-bridge under python-can.
+`Robot.load` reads a robot from files, `Robot.connect` uses a server; `sarrus.can` is the CAN bridge
+over python-can.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ _MODULES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Import what dynamics need when it is first used: the CAN bridge runs without numpy."""
+    """Import the dynamics at first use: the CAN bridge runs without numpy."""
     for module, names in _MODULES.items():
         if name in names:
             value = globals()[name] = getattr(importlib.import_module(f"sarrus.{module}"), name)
@@ -83,5 +83,5 @@ def __dir__() -> list[str]:
     return [*globals(), *__all__]
 
 
-# a connection is the parent's alone
+# a forked child must not use its parent's connection
 os.register_at_fork(after_in_child=_native.forked)

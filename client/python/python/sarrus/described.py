@@ -1,4 +1,4 @@
-"""What there is to know about a robot: names, orders, limits, closures."""
+"""Names, orders, limits and closures of a robot."""
 
 from __future__ import annotations
 
@@ -66,17 +66,17 @@ class DescribedRobot(_native.Robot):
 
     @property
     def closures(self) -> list[dict[str, Any]]:
-        """How each submechanism is closed: `name`, `type`, `kind`, `rows`, `rank`, `misfit`, …."""
+        """The closure of each submechanism: `name`, `type`, `kind`, `rows`, `rank`, `misfit`, …."""
         return list(self.information["closures"])
 
     @property
     def warnings(self) -> list[str]:
-        """What is remarkable about the files, a line each."""
+        """Warnings about the files, one line each."""
         return list(self.information["warnings"])
 
     @cached_property
     def limits(self) -> dict[str, Array]:
-        """`lower`, `upper`, `velocity` and `effort` of the joints (n_v), infinite where none is."""
+        """`lower`, `upper`, `velocity` and `effort` of the joints (n_v), infinite if unlimited."""
         limits = [limit or {} for limit in self.information["limits"]]
 
         def column(key: str, absent: float) -> Array:

@@ -52,17 +52,17 @@ def map(
 ) -> Answer:
     """Answer rows of states on the workers of a `dask.distributed.Client`.
 
-    `rows` has an array (n, …) for each given field, such as `y`, `yd` and `ydd`; `want` are names
-    of fields that come out, without it the request's usual ones; `options` are those of
-    `Robot.query`. The answer has rows in the order of those given, `status` and `warnings` among
-    them, with the bits of `robot.query(request, rows, want)(**rows)`.
+    `rows` has an array (n, …) for each given field, such as `y`, `yd` and `ydd`; `want` names the
+    fields of the answer, by default the request's usual ones; `options` are those of `Robot.query`.
+    The answer has rows in the given order, including `status` and `warnings`, with the bits of
+    `robot.query(request, rows, want)(**rows)`.
 
-    The robot travels as its files; each worker compiles it once and refuses it with a `LoadError`
-    where its fingerprint is another one. `progress` gets how many rows are done and how many there
-    are. Its exception, that of a block and Ctrl-C end it: blocks that no worker has begun are
-    withdrawn. A worker that is lost costs its blocks' time only, until one block has been on too
-    many of them (`distributed.KilledWorker`). Without any worker it waits for the first, `timeout`
-    [s] at most where that is given (`TimeoutError`); workers that come later get blocks too.
+    The robot travels as its files; each worker compiles it once, and raises a `LoadError` if its
+    fingerprint differs. `progress` gets the number of finished rows and of all rows. An exception
+    of `progress` or of a block, and Ctrl-C, end the call: blocks that no worker has begun are
+    withdrawn. A lost worker costs only the time of its blocks, until one block has lost too many
+    workers (`distributed.KilledWorker`). Without a worker the call waits for the first, at most
+    `timeout` [s] if given (`TimeoutError`); later workers get blocks too.
     """
     if timeout is not None and not timeout >= 0:
         raise ValueError(f"`timeout` is {timeout}, expected seconds")
@@ -82,11 +82,11 @@ def map(
             progress(0, 0)
         return answer
 
-    # the robot is a task as well, of which dask keeps the recipe: no worker's end loses it
+    # the robot is also a task, whose recipe dask keeps: it survives the end of any worker
     key = f"sarrus-{robot.fingerprint:016x}-{uuid.uuid4().hex}"
     recipe = Recipe(robot.origin.contents(), robot.fingerprint, (request, [*rows], want, options))
     shared = client.submit(_passed_on, pickle.dumps(recipe), key=f"{key}-robot", pure=False)
-    # after that task, which makes an adaptive cluster start one
+    # after that task, which makes an adaptive cluster start a worker
     client.wait_for_workers(1, timeout=timeout)
 
     def submit(block: slice) -> Any:
@@ -105,10 +105,10 @@ def map(
     def fill() -> None:
         nonlocal reached
         if threads() > reached:
-            # blocks go to workers that have the robot: each shall, also one that began late
+            # blocks go to workers that have the robot: every worker gets it, even a late one
             client.replicate(shared)
             reached = threads()
-        # only as many as the workers can have: the scheduler holds the rows of each
+        # only as many as the workers can take: the scheduler holds the rows of each
         while len(under_way) < AHEAD * threads() and (block := next(blocks, None)) is not None:
             future = submit(block)
             under_way[future] = block
@@ -155,19 +155,19 @@ def _passed_on(recipe: bytes) -> bytes:
 
 def _answered(version: str, recipe: bytes, *given: Array) -> tuple[list[Array], Any, Any]:
     """Answer a block: its fields, statuses and warnings."""
-    # before the recipe is read: another version may have another one
+    # before the recipe is read: other versions may use other recipes
     if version != __version__:
         raise Error(
             f"this worker has sarrus {__version__}, and rows came from sarrus {version}; "
             "install the same version on both"
         )
-    # one thread: dask runs as many blocks at a time as a worker has
+    # one thread: dask runs one block per thread of a worker
     answer = _prepared(pickle.loads(recipe)).ask(given, threads=1)
     return list(answer.values()), answer.status, answer.warnings
 
 
 def _prepared(recipe: Recipe) -> Query:
-    """The query of a recipe; its robot is compiled once and kept while others are not many."""
+    """The query of a recipe; its robot is compiled once and cached."""
     with _lock:
         if recipe.fingerprint not in _robots:
             robot = restored(Robot, *recipe.files, recipe.fingerprint)
@@ -190,7 +190,7 @@ def _prepared(recipe: Recipe) -> Query:
 
 
 def _dask() -> Any:
-    """The package `distributed`, which sarrus needs for nothing else."""
+    """The package `distributed`, which only this module needs."""
     try:
         return importlib.import_module("distributed")
     except ImportError as error:
@@ -200,7 +200,7 @@ def _dask() -> Any:
 
 
 def _arrays(query: Query, rows: Mapping[str, npt.ArrayLike]) -> list[Array]:
-    """The rows of each field, in the order of the query, or what does not fit."""
+    """The rows of each field, in the order of the query; refuse rows that do not fit."""
     given = [np.asarray(rows[name]) for name in query.given]
     for name, array in zip(query.given, given, strict=True):
         if array.shape[1:] != tuple(query.given[name]) or array.ndim == 0:
@@ -215,19 +215,19 @@ def _arrays(query: Query, rows: Mapping[str, npt.ArrayLike]) -> list[Array]:
                 f"`{first}` has {len(given[0])} rows and `{name}` has {len(array)} rows; give "
                 "equally many rows of each"
             )
-    # no row of each: shapes and types are refused in the core's words
+    # zero rows of each: the core checks shapes and types, with its messages
     query.ask([array[:0] for array in given])
     return [np.require(array, np.float64, ["C", "A"]) for array in given]
 
 
 def _empty(query: Query, n: int) -> Answer:
-    """Arrays for the answer of so many rows."""
+    """Arrays for the answer of this many rows."""
     fields = {name: np.empty((n, *shape)) for name, shape in query.want.items()}
     return Answer(fields, np.empty(n, np.uint32), np.empty(n, np.uint32))
 
 
 def _usual_rows(query: Query, n: int, threads: int) -> int:
-    """Rows of a block: some for each thread, enough for late ones, none too small or large."""
+    """Rows of a block: several blocks per thread, within bounds of size."""
     shapes = [*query.given.values(), *query.want.values()]
     numbers = sum(int(np.prod(shape)) for shape in shapes)
     rows = max(LEAST_ROWS, -(-n // max(BLOCKS, BLOCKS_OF_A_THREAD * threads)))
@@ -235,14 +235,14 @@ def _usual_rows(query: Query, n: int, threads: int) -> int:
 
 
 def _blocks(n: int, rows: int) -> Iterator[slice]:
-    """So many rows, cut into blocks."""
+    """Divide this many rows into blocks."""
     if rows < 1:
         raise ValueError(f"`rows_of_a_block` is {rows}, expected 1 or more")
     return (slice(start, min(start + rows, n)) for start in range(0, n, rows))
 
 
 def _threads(client: Any) -> Callable[[], int]:
-    """How many threads the cluster has, at least one, counted anew now and then."""
+    """The number of threads of the cluster, at least one, recounted from time to time."""
     count, next_look = 1, 0.0
 
     def threads() -> int:

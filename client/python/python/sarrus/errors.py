@@ -41,7 +41,7 @@ class StateError(Error, ValueError):
     """A state without an answer.
 
     `status` is the name of the reason, such as `unreachable`, and `code` its number. `answer` has
-    the fields of a query: those that survive a failure (`nearest_y`, `sigma_min`, …) hold their
+    the fields of a query: fields that survive a failure (`nearest_y`, `sigma_min`, …) hold their
     numbers, all others NaN.
     """
 

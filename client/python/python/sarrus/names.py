@@ -5,17 +5,17 @@ from typing import Any
 
 
 class Names(tuple[str, ...]):
-    """Names in the order of an array; as an attribute, each gives its place in the array.
+    """Names in the order of an array; each is also an attribute with its index in the array.
 
-    `robot.joints[2]` is the name of the third joint, `robot.joints.elbow` the place of the joint
-    `elbow`; where a name is no identifier, `robot.joints.place("base/rx")`, and so for `index`,
-    `count` and `place`, which are methods, and names that begin with two underscores.
+    `robot.joints[2]` is the name of the third joint, `robot.joints.elbow` the index of the joint
+    `elbow`. Use `robot.joints.place("base/rx")` for names that are not identifiers, that begin with
+    two underscores, or that are methods (`index`, `count`, `place`).
     """
 
     __slots__ = ()
 
     def place(self, name: str) -> int:
-        """Give the place of a name; a `KeyError` suggests the nearest one."""
+        """Give the index of a name; a `KeyError` suggests the nearest one."""
         try:
             return self.index(name)
         except ValueError:

@@ -1,4 +1,4 @@
-"""Results of the methods of a robot; rows of states are a further first axis."""
+"""Results of the methods of a robot; rows of states add a first axis."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ class Robot(DescribedRobot):
         lock: Mapping[str, float | None] | Sequence[str] = (),
         only: Sequence[str] = (),
     ) -> Robot:
-        """Load a robot from the contents of its files; else as `Robot.load`."""
+        """Load a robot from the contents of its files; otherwise like `Robot.load`."""
         options = parts(gravity, lenient, floating_base, lock, only)
         texts = contents(urdf), None if submechanisms is None else contents(submechanisms)
         return cls(_native.Origin.text(*texts, options))
@@ -252,8 +252,8 @@ class Robot(DescribedRobot):
         """Map motion, forces and gains from the independents to the actuators.
 
         u̇ = G_u ẏ, ü = G_u ÿ + g_u, τ_y = G_uᵀ τ_u. `stiffness` and `damping` are diagonals (n_vy)
-        or matrices (n_vy, n_vy) of a law τ_y = K δy + D δẏ; the actuators' matrices K_u with
-        K = G_uᵀ K_u G_u make the same law with τ_u = K_u δu + D_u δu̇ near this pose.
+        or matrices (n_vy, n_vy) of a law τ_y = K δy + D δẏ; the actuators' matrices K_u with K =
+        G_uᵀ K_u G_u give the same law, τ_u = K_u δu + D_u δu̇, near this pose.
         """
         gains = _gains(stiffness, damping, len(self.independents))
         if gains and len(self.actuators) < len(self.independents):
@@ -315,9 +315,9 @@ class Robot(DescribedRobot):
         """Simulate the robot for a time [s] from a state; without `yd` it starts at rest.
 
         Forces are constant by `tau_u` (n_u) or `tau_y` (n_vy), or `inputs`. `method` is `euler` or
-        `rk4` with a fixed `step` [s], `dop853` or, for stiff problems, `radau5` with their own.
-        Every step is a sample, or one in `every` [s]. Ctrl-C ends it; `progress` gets the
-        reached time and the duration.
+        `rk4` with a fixed `step` [s], or `dop853` or, for stiff problems, `radau5` with step
+        control. Every step is a sample, or one per `every` [s]. Ctrl-C ends it; `progress` gets the
+        current time and the duration.
         """
         if self.is_connected:
             raise QueryError("a server does not simulate; load the robot's files by `Robot.load`")
@@ -390,7 +390,7 @@ class Robot(DescribedRobot):
 
     def __reduce__(self) -> tuple[Any, ...]:
         made = (type(self), *self.origin.contents(), self.fingerprint)
-        # what others set on it; what it keeps itself is made anew
+        # attributes set by users; its own state is rebuilt
         own = {
             name: value
             for name, value in self.__dict__.items()

@@ -40,7 +40,7 @@ class Gains(NamedTuple):
 
 
 class Simulation(NamedTuple):
-    """The results of a simulation, a row for each of n samples.
+    """The results of a simulation, one row for each of n samples.
 
     `end` is `finished`, or the reason of an earlier end: a status, `step_too_short` or
     `too_many_steps`.

@@ -1,10 +1,10 @@
-"""How an answer ends: the statuses and warnings of all of sarrus, by their numbers."""
+"""Statuses and warnings of answers, by their numbers."""
 
 from enum import IntEnum, IntFlag
 
 
 class Status(IntEnum):
-    """How the request for one state ended; the names are the words that scripts see."""
+    """The outcome of the request for one state; the names are those of scripts."""
 
     ok = 0
     bad_request = 1

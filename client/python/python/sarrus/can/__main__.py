@@ -334,7 +334,7 @@ def record(options: argparse.Namespace) -> int:
         stop = stack.enter_context(ending())
         adapters = open_all(replace(address(bus), listen_only=True) for bus in buses)
         stack.callback(close_all, adapters)
-        # a bus that cannot be opened leaves an earlier recording as it is
+        # a bus that cannot be opened leaves an earlier recording unchanged
         file = stack.enter_context(Recorder(options.out, [bus["name"] for bus in buses]))
         say("ready", out=True)
         while not stop and time.monotonic() < end:

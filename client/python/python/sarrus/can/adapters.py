@@ -11,7 +11,8 @@ Only this module distinguishes interfaces:
   number of frames that still wait.
 - all others: python-can's `send` and `recv` with a time-out of zero, which some interfaces ignore.
 
-`send_periodic` is never used: the kernel or a thread would go on sending while the program hangs.
+`send_periodic` is never used: the kernel or a thread would continue to send while the program
+hangs.
 """
 
 from __future__ import annotations
@@ -70,7 +71,7 @@ class BusError(Exception):
 
 @dataclass(frozen=True)
 class Address:
-    """Where a bus is, in python-can's words."""
+    """The address of a bus, in python-can's terms."""
 
     name: str
     interface: str
@@ -176,8 +177,8 @@ class Ownership:
     """A mark that one program owns a bus; the system removes it at any end of the program.
 
     The mark is a name in the abstract namespace of Unix sockets: it leaves no file, and like CAN
-    interfaces it belongs to the network namespace. A serial port is locked itself, which holds for
-    all its names.
+    interfaces it belongs to the network namespace. A serial port itself is locked, under all its
+    names.
     """
 
     def __init__(self, address: Address) -> None:
@@ -263,8 +264,8 @@ class AnyAdapter:
             except can.CanTimeoutError:
                 return self._full(len(frames) - sent)
             except can.CanOperationError as error:
-                # `timeout` does not cover a full queue of the interface, and some backends give
-                # no code
+                # `timeout` does not cover a full queue of the interface, and some backends set no
+                # code
                 if error.error_code not in (None, errno.ENOBUFS, errno.EAGAIN, errno.EINTR):
                     raise self._gone(error) from error
                 return self._full(len(frames) - sent)
@@ -299,7 +300,7 @@ class AnyAdapter:
                 yield frame
 
     def backlog(self) -> int:
-        """Zero: python-can has no such number."""
+        """Zero: python-can has no such count."""
         return 0
 
     def close(self) -> None:
@@ -366,7 +367,7 @@ class SlcanAdapter(AnyAdapter):
         taken = self._write(data)
         if taken == len(data):
             return 0
-        # of the bytes that were not taken, only a partly written line is kept
+        # of the unsent bytes, only a partly written line is kept
         rest, dropped = taken, 0
         for line in lines:
             if rest >= len(line):
@@ -461,7 +462,7 @@ class SocketcanAdapter(AnyAdapter):
                 route.send(interface_question(name))
                 # the kernel answers before `send` returns
                 answer = route.recv(16384, socket.MSG_DONTWAIT)
-            # any bit rate will do for listening
+            # any bit rate suffices for listening
             bitrate = None if self.address.listen_only else self.address.bitrate
             event = check_interface(answer, name, bitrate, self.address.data_bitrate)
         except (OSError, ValueError) as error:
@@ -527,7 +528,7 @@ class SocketcanAdapter(AnyAdapter):
         )[8]
         if lost != self._lost:
             yield ("overrun", (lost - self._lost) & 0xFFFFFFFF)
-            # echoes of ours may be among them
+            # echoes of our frames may be among them
             self._lost, self._waiting = lost, 0
 
     def backlog(self) -> int:

@@ -1,4 +1,4 @@
-"""Commissioning of one motor at a time, with people beside it and without a controller."""
+"""Commissioning of one motor at a time, under supervision and without a controller."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ class Commissioning:
     def _hear(self, seconds: float) -> Iterator[tuple[int, Frame, list[tuple[int, str, Any]]]]:
         """Give frames within a time, with their buses and their meaning for motors.
 
-        Raise `Leave` when the end is requested.
+        Raise `Leave` when an end is requested.
         """
         end = time.monotonic() + seconds
         while True:
@@ -134,7 +134,7 @@ class Commissioning:
             time.sleep(0.0005)
 
     def measure(self, motor: int, frames: Callable[[], list[Frame]]) -> dict[str, float]:
-        """Send the frames of a cycle until the motor sends a measurement, and give that."""
+        """Send the frames of a cycle until the motor sends a measurement; give the measurement."""
         end = time.monotonic() + self.ready
         malformed = 0
         while time.monotonic() < end:
@@ -175,9 +175,9 @@ class Commissioning:
                 )
 
     def disable(self, motor: int) -> None:
-        """Take a motor's power, three times since a frame may be lost."""
+        """Remove a motor's power, three times since a frame may be lost."""
         for _ in range(3):
-            # a bus that refuses these frames may take the next
+            # a bus that refuses these frames may accept the next
             with contextlib.suppress(Exception):
                 self._adapters[self.motors[motor]["bus"]].send(self.drives.disable(motor))
             time.sleep(PERIOD)

@@ -118,9 +118,9 @@ def _of_kind(
     seconds: float,
     progress: Callable[[str, int, int], None],
 ) -> set[tuple[Found, bool]]:
-    """Give the motors of a kind that answer on a bus, and whether in the form of its variant.
+    """Give the answering motors of a kind on a bus, and whether they use its variant's form.
 
-    A frame names its sender, so that late answers count too.
+    A frame names its sender, so late answers count too.
     """
     least, most = range_of(kind) or (0, -1)
     # a question must not be a command to a motor of another protocol
@@ -136,7 +136,7 @@ def _of_kind(
     def listen(time_left: float) -> None:
         frames.update(motors.hear_frames(bus, time_left))
 
-    # frames sent without a question are no answers
+    # unsolicited frames are not answers
     unasked = {(frame.id, frame.extended) for frame in motors.hear_frames(bus, UNASKED)}
     name = f"{motors.bus_name(bus)}: {kind}"
     for identifier in range(least, most + 1):

@@ -64,7 +64,7 @@ class Ending:
             raise Leave(why)
 
     def defer(self) -> None:
-        """Let signals no longer raise `Leave` by themselves."""
+        """Stop signals from raising `Leave`."""
         self._is_deferred = True
 
     def _note(self, number: int, _frame: FrameType | None) -> None:
@@ -79,14 +79,14 @@ class Ending:
 def ending(*, deferred: bool = True) -> Iterator[Ending]:
     """Handle signals within this block as requests to end.
 
-    Unless it is deferred, the first signal raises `Leave` at once: for programs that wait for
-    people. They call `Ending.defer` before they give a motor power.
+    Unless deferred, the first signal raises `Leave` at once, for programs that wait for a user.
+    They call `Ending.defer` before they power a motor.
     """
     end = Ending(deferred=deferred)
     with ExitStack() as stack:
         for number in (*SIGNALS, *IGNORED):
             before = signal.signal(number, signal.SIG_IGN if number in IGNORED else end._note)
-            # a handler that is not Python's cannot be put back
+            # a handler that is not Python's cannot be restored
             if before is not None:
                 stack.callback(signal.signal, number, before)
         yield end

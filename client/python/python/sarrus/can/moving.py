@@ -21,7 +21,7 @@ def within_limits(
 ) -> None:
     """Refuse a motion beyond a limit of the configuration, which would look like a faulty motor.
 
-    The way is a distance and the time for it; gains are stiffness and damping.
+    The motion is a distance and a time; gains are stiffness and damping.
     """
     (distance, seconds), (stiffness, damping) = way, gains
     limits, name = motors.motors[motor]["limits"], motors.name(motor)
@@ -67,8 +67,8 @@ def direction(
 
     A motion beyond a limit of the configuration is refused. The motor gets power once it confirms
     its watchdog. The set-point follows p₀ + d (1 - cos(π t / T)) / 2. The motor loses power when it
-    reports a fault, falls silent, or is farther than 1.5 d from its set-point, by a wrong sign of
-    its own control or by its load; and when the end is requested.
+    reports a fault, falls silent, or is farther than 1.5 d from its set-point (wrong sign of its
+    control, or load), and when an end is requested.
     """
     limit = FARTHEST * abs(distance)
 

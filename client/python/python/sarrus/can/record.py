@@ -27,10 +27,10 @@ ROOM = 1 << 16
 
 
 class Recorder:
-    """A file of frames, created when the context is entered and closed when it is left.
+    """A file of frames, created on entry to the context and closed on exit.
 
-    In `.log` a bus has its name, in `.blf` and `.asc` its number in the configuration, from 1. A
-    separate thread writes; frames that a slow disk leaves no room for are lost and counted.
+    `.log` identifies a bus by name, `.blf` and `.asc` by its number in the configuration, from 1. A
+    separate thread writes; frames are dropped and counted if a slow disk leaves no room.
     """
 
     def __init__(self, path: str, names: Sequence[str]) -> None:

@@ -1,4 +1,4 @@
-"""Replay of a log without a bus and a clock."""
+"""Replay of a log, without bus or clock."""
 
 from __future__ import annotations
 

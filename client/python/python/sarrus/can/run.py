@@ -1,7 +1,7 @@
 """`run`: the loop of `sarrus-can-run` over adapters of python-can.
 
-The cycle runs in a thread without Python, and each bus in one that takes the interpreter's lock to
-call its adapter: a busy interpreter may delay a bus, but never the cycle.
+The cycle runs in a thread without Python, and each bus in a thread that takes the interpreter's
+lock to call its adapter: a busy interpreter may delay a bus, but never the cycle.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def run(
 ) -> int:
     """Run the bridge of a configuration, and give its exit code.
 
-    It ends by a signal, with its parent process, or after `seconds`. `record` is a file for all
+    It ends on a signal, with its parent process, or after `seconds`. `record` is a file for all
     frames, `log` one for all inputs of the bridge, `fault_log` a folder for the inputs before each
     fault; `replay` reads the logs.
     """
@@ -84,7 +84,7 @@ def run(
             return Tap(adapter, bus, recorder, dry_run=dry_run)
 
         def ready() -> None:
-            # only now: a bus that cannot be opened leaves an earlier recording as it is
+            # only now: a bus that cannot be opened leaves an earlier recording unchanged
             if recorder is not None:
                 stack.enter_context(recorder)
             say(f"ready {name} {fingerprint:016x}", out=True)

@@ -1,4 +1,4 @@
-"""Output on stdout and stderr, which a missing reader does not end."""
+"""Output on stdout and stderr that survives a missing reader."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class WrongFlags(Exception):
 def say(text: object, *, out: bool = False) -> None:
     """Print a line on stderr or stdout and flush it."""
     stream = sys.stdout if out else sys.stderr
-    # Python has no stream for a descriptor that was closed at its start
+    # Python has no stream for a descriptor that was closed at start-up
     if stream is not None:
         try:
             print(text, file=stream, flush=True)
