@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 """Fails where cargo would compile a crate twice; `.ci/crates.py FILE` prints times of compilation.
 
-After `cargo run --release -- demo`, the tests and every program of the workspace find the libraries
-that they share compiled. Cargo's own plan of each build (its unit graph) shows it without compiling
-anything. Prints the number of crates that the first build compiles, which has a bound too.
+After `cargo run --release -- demo`, the tests and every program of the workspace share their
+compiled libraries. Cargo's plan of each build (its unit graph) proves this without compiling.
+Prints the number of crates that the first build compiles, which also has a bound.
 
 FILE is a page that `cargo build --timings` wrote: every unit that took longer than ten seconds is
-printed. The machine decides on these, so nothing is compared with them.
+printed. These times depend on the machine, so no check uses them.
 """
 
 import json
@@ -36,7 +36,7 @@ def units(command):
     plan = subprocess.run(
         ["cargo", *command, "--release", "--locked", "--offline"]
         + ["--unit-graph", "-Zunstable-options"],
-        # the plan is printed by every toolchain, but only this opens it
+        # every toolchain can print the plan, but only this variable enables it
         env=os.environ | {"RUSTC_BOOTSTRAP": "1"},
         capture_output=True,
         text=True,
@@ -57,7 +57,7 @@ def units(command):
 
 
 def name(unit):
-    """A library, for the build itself or for the product; nothing else is shared."""
+    """A library, for the build or the product; other units are not shared."""
     kinds = unit["target"]["kind"]
     is_library = unit["mode"] == "build" and "bin" not in kinds and "custom-build" not in kinds
     return (unit["pkg_id"], repr(unit["profile"]), *kinds) if is_library else None

@@ -3,7 +3,8 @@
 
 `.ci/house.py` prints every count with its bound; `.ci/house.py PATH…` lists the places below those
 paths instead. The bounds of code lines, one for each crate, are the last column of the table of
-crates in ARCHITECTURE.md; the others stand here. CONTRIBUTING.md says how a bound is raised.
+crates in ARCHITECTURE.md; the other bounds are defined here. CONTRIBUTING.md says how a bound is
+raised.
 
 - A code line is a line of a tracked `.rs` file that is neither blank nor a line comment, outside of
   tests, fuzz targets, examples and benchmarks.
@@ -12,10 +13,10 @@ crates in ARCHITECTURE.md; the others stand here. CONTRIBUTING.md says how a bou
 - A free relative clause is "what", "whatever", "whoever", "whichever" or "that which" in a comment
   or a page, except in questions.
 - An indirect head is an item's documentation that begins with What, The same or Those.
-- A circle is files of one crate of which each uses, perhaps through others, every other. A file
-  uses those whose items it names by a path (`crate::`, `super::`, `self::` or a module of its own),
-  imports and re-exports followed to the file that has the item. A re-export is no use. Neither is
-  the name of an item of a module around the file: the parts of a module share its vocabulary.
+- A circle is a set of files of one crate in which each uses, directly or indirectly, every other. A
+  file uses the files whose items it names by a path (`crate::`, `super::`, `self::` or a module of
+  its own), with imports and re-exports resolved to the file of the item. A re-export is not a use,
+  nor is the name of an item of an enclosing module: the parts of a module share its vocabulary.
 """
 
 import re

@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
-# Instructions per call, the regression gate: unlike times they do not depend on what else the
-# machine does, but on the compiler, so the baseline has a column for each version of it.
+# Counts instructions per call, the regression gate: unlike times, counts do not depend on other
+# load, but on the compiler, so the baseline has one column per compiler version.
 #   benches/count.sh                     print the table
 #   benches/count.sh --check             compare with benches/instructions.tsv; fails, with the
 #                                        name of the kernel, where a case needs 3 % more
 #   benches/count.sh --check --bound 1   the same with another bound, in percent
 #   benches/count.sh --update            write this compiler's column of benches/instructions.tsv
-# Each case goes four times through 16 states (bridge: 16 cycles) under callgrind, which collects
-# nothing while the robot is loaded; as many cases at once as there are processors. Without
-# valgrind, or without a baseline for this compiler, it says "not run" and ends with 0.
+# Each case runs four times through 16 states (bridge: 16 cycles) under callgrind, which collects no
+# counts while the robot loads; one case per processor at once. Without valgrind, or without a
+# baseline for this compiler, the script prints "not run" and exits with 0.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 baseline=benches/instructions.tsv
@@ -97,7 +97,7 @@ fi
 
 # --- counts, in the order of the cases ------------------------------------------------------------
 
-# features as for the whole workspace, so that what the tests have compiled serves here too
+# features as for the whole workspace, so that the tests' compiled crates are reused
 cargo build --quiet --locked --release --workspace --bin sarrus-benches --example outside
 SARRUS_COUNTED=${CARGO_TARGET_DIR:-target}/release/sarrus-benches
 export SARRUS_COUNTED
@@ -111,7 +111,7 @@ case $mode in
         printf 'case\tinstructions per call\n%s\n' "$counts" | column -t -s $'\t'
         ;;
     --update)
-        # this compiler's column anew, the others as they are; what one has not counted is a dash
+        # replaces this compiler's column and keeps the others; a missing count is a dash
         awk -F '\t' -v OFS='\t' -v compiler="$compiler" '
             FNR == NR && FNR == 1 {
                 for (k = 2; k <= NF; k++) if ($k != compiler) { keep[++n] = k; head = head OFS $k }
