@@ -1,20 +1,20 @@
 //! Times and instructions of sarrus in process, beside their errors; see `benches/README.md`.
 //!
 //! - In process (`cases.rs`, `errors.rs`, `in_process/`): nanoseconds per call of
-//!   [`sarrus_dynamics::Plan::run`], in short batches that take turns through all cases, so that
-//!   ratios hold on a machine that others use too; each time beside the error of the same answers
-//!   against double-double.
+//!   [`sarrus_dynamics::Plan::run`], in short batches that alternate between all cases, so that
+//!   ratios hold on a shared machine; each time with the error of the same answers against
+//!   double-double.
 //! - Forward dynamics by each method beside the predictions of the cost model (`forward.rs`).
-//! - Many states at once beside one after the other (`batches.rs`).
+//! - Many states at once, compared with one by one (`batches.rs`).
 //! - Instructions of one case (`count.rs`, `benches/count.sh`), among them those of the bridge
 //!   between commands and motors (`bridge.rs`).
 //!
 //! Robots, states, references and the clock are those of [`sarrus_report`].
 //!
-//! Cases are named `robot/closures[/start]/question`: `FD` goes by the method that the model
-//! chooses, `FD-recursion`, `FD-projection` and `FD-kkt` by that one; `chain/N/FD` is a row of N
-//! lambdas, whose instructions per lambda must not grow with N; `gravity`, the robot at rest, is
-//! counted and not timed.
+//! Cases are named `robot/closures[/start]/question`: `FD` uses the model's choice of method,
+//! `FD-recursion`, `FD-projection` and `FD-kkt` the named one; `chain/N/FD` is a row of N lambdas,
+//! whose instructions per lambda must not grow with N; `gravity`, the robot at rest, is counted and
+//! not timed.
 //!
 //! To add a bundled robot or a way to close its loops: one line in
 //! `server/report/src/robots/catalogue.rs`. A small robot: `server/report/src/robots/rare.rs`. A

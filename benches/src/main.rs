@@ -1,4 +1,4 @@
-//! The program of the times in process; see the library.
+//! Measures times in process; see the library.
 
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -1,5 +1,5 @@
-//! Round trips: both transports of a server process, beside plain shared memory that carries the
-//! same bytes.
+//! Round trips through both transports of a server process, compared with plain shared memory that
+//! carries the same bytes.
 //!
 //! ```text
 //! cargo run --release -p sarrus-round-trip                    # some minutes
@@ -30,7 +30,7 @@ use serde_json::json;
 use crate::crowd::Numbers;
 use crate::measure::{Effort, ROBOT, STATES, Trip};
 
-/// The service needs it: see `sarrus_server::pool`. Nothing else here notices.
+/// The service needs it: see `sarrus_server::pool`.
 #[global_allocator]
 static POOL: sarrus_server::pool::Pool = sarrus_server::pool::Pool;
 

@@ -1,6 +1,6 @@
 //! The extension module of `sarrus` for Python: robots with numpy arrays, in `dynamics`; the core
-//! of the CAN bridge as Python classes, without a bus and a clock; and in `run` its loop over buses
-//! of Python.
+//! of the CAN bridge as Python classes, without bus or clock; and, in `run`, its loop over Python
+//! buses.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -28,7 +28,7 @@ mod run;
 mod service;
 mod slcan;
 
-/// Locks; a panic under a lock of this extension leaves no value half changed.
+/// Locks; a panic under a lock of this extension leaves no half-changed value.
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -4,12 +4,12 @@
 //! with a scalar that records each operation, and so turns the plan and its model into a list of
 //! operations: the robot's constants are folded, products with zero and sums with zero are dropped,
 //! and no operation occurs twice. [`sarrus_dynamics::Plan::close`] closes loops by Newton's method
-//! beforehand; its results are inputs. The C code ([`Source`]) needs only `math.h`, computes
-//! operations that like parts of the robot share in pairs, uses no memory of its own and branches
-//! once, at its end. Where it answers, it gives the bits of [`sarrus_dynamics::Plan::run`]; where
-//! it cannot, it reports so, and the caller runs the plan.
+//! beforehand; its results are inputs. The C code ([`Source`]) needs only `math.h`, computes the
+//! common operations of equal parts of the robot in pairs, uses no memory and branches once, at its
+//! end. Where it answers, it gives the bits of [`sarrus_dynamics::Plan::run`]; where it cannot, it
+//! reports so, and the caller runs the plan.
 //!
-//! With the feature `load` a program loads the shared objects that a compiler made of it
+//! With the feature `load` a program loads the shared objects that a compiler makes from it
 //! (`ObjectFile`, `NativeKernel`) and keeps them for the next time (`Cache`).
 
 mod bound;

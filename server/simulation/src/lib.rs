@@ -1,13 +1,13 @@
-//! A robot in time.
+//! Integrates the motion of a robot in time.
 //!
 //! A [`Setup`] is a compiled robot with the springs between its links and the inputs on its joints.
 //! [`simulate`] integrates it from a [`Start`] over a span of time by one of several methods and
-//! returns a [`Run`]: samples, events, counts, and how it ended. The independent coordinates are
-//! integrated; loops are closed exactly at every evaluation. The crate uses no file, clock or
-//! thread.
+//! returns a [`Run`]: samples, events, counts and the reason of its end. The independent
+//! coordinates are integrated; loops are closed exactly at every evaluation. The crate uses no
+//! file, clock or thread.
 //!
-//! The modules know each other in this order, each only those before it: `coordinates` and
-//! `planned`; `forces`; `motion`, the right-hand side; `methods`, one a file; `run`.
+//! Each module depends only on those before it: `coordinates` and `planned`; `forces`; `motion`,
+//! the right-hand side; `methods`, one a file; `run`.
 //!
 //! ```
 //! use sarrus_dynamics::description::{Inertial, JointKind};

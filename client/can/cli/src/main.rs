@@ -1,4 +1,4 @@
-//! `sarrus-can`: the CAN bridge as a program, with the tools of a robot's owner around it.
+//! `sarrus-can`: the CAN bridge as a program, with tools for operators.
 
 #![forbid(unsafe_code)]
 

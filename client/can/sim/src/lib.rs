@@ -1,9 +1,9 @@
-//! Motors from their own side: their answers to frames, and the motion of their shafts. For tests
-//! and end-to-end runs.
+//! Simulated motors: their answers to frames, and the motion of their shafts. For tests and
+//! end-to-end runs.
 //!
-//! Everything here is written from the makers' manuals and not from the drives of
-//! [`sarrus_can_core::protocol`]: the two are a check of each other. No I/O and no clock; frames
-//! and times are arguments. To add a protocol: a file here, and its line in `firmware` below.
+//! This crate follows the makers' manuals, not the drives of [`sarrus_can_core::protocol`]: the two
+//! check each other. No I/O and no clock; frames and times are arguments. To add a protocol: a file
+//! here, and its line in `firmware` below.
 
 #![forbid(unsafe_code)]
 
@@ -24,13 +24,13 @@ use sarrus_can_core::drive::Setpoint;
 use sarrus_can_core::frame::{Frame, FrameQueue, Id};
 use sarrus_can_core::protocol::{Common, Settings};
 
-/// A motor's firmware. Nothing is checked here that the real one does not check.
+/// A motor's firmware. It checks only what the real one checks.
 trait Firmware: Send + core::fmt::Debug {
-    /// Reads a frame; whether it was for this motor.
+    /// Reads a frame; returns whether it was for this motor.
     fn receive(&mut self, frame: &Frame, plant: &mut Plant, out: &mut FrameQueue) -> bool;
 
-    /// Time goes by: watchdogs, which take the power unless the firmware has another reaction, and
-    /// frames that the motor sends by itself.
+    /// Advances time: watchdogs, which remove power unless the firmware reacts otherwise, and
+    /// cyclic frames of the motor.
     fn step(&mut self, plant: &mut Plant, _out: &mut FrameQueue) {
         if plant.trips() {
             plant.stop();
