@@ -254,6 +254,30 @@ fn upper_body(folder: &Path, times: [u64; 3]) -> String {
     text
 }
 
+/// The command under SCHED_FIFO, where the system permits it: other tests and programs then delay
+/// no motor, bridge or controller.
+fn in_real_time(command: Command) -> Command {
+    static PERMITTED: OnceLock<bool> = OnceLock::new();
+    let chrt = || {
+        let mut chrt = Command::new("chrt");
+        chrt.args(["--fifo", "5"]);
+        chrt
+    };
+    let tried = || chrt().arg("true").output().is_ok_and(|output| output.status.success());
+    if !PERMITTED.get_or_init(tried) {
+        return command;
+    }
+    let mut urgent = chrt();
+    urgent.arg(command.get_program()).args(command.get_args());
+    for (name, value) in command.get_envs() {
+        match value {
+            Some(value) => urgent.env(name, value),
+            None => urgent.env_remove(name),
+        };
+    }
+    urgent
+}
+
 /// A process with a thread that reads its lines; killed when dropped.
 pub(super) struct Process {
     name: String,
@@ -263,7 +287,8 @@ pub(super) struct Process {
 }
 
 impl Process {
-    pub(super) fn start(name: &str, mut command: Command) -> Process {
+    pub(super) fn start(name: &str, command: Command) -> Process {
+        let mut command = in_real_time(command);
         command.stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut child = command.spawn().unwrap_or_else(|error| panic!("{command:?}: {error}"));
         let (sender, lines) = channel();
