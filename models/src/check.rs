@@ -26,7 +26,7 @@ pub struct CheckReport {
     pub warnings: Vec<Diagnostic>,
     /// Faults to correct.
     pub errors: Vec<Diagnostic>,
-    /// The result of an assembly, if one was asked for.
+    /// The result of an assembly, if requested.
     pub assembled: Option<AssemblyReport>,
 }
 

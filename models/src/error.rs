@@ -27,7 +27,7 @@ pub enum LoadError {
         /// The nearest one, if one is close.
         near: Option<String>,
     },
-    /// The content of the files is faulty: every fault, and the warnings beside them.
+    /// The content of the files is faulty: every fault, and the warnings.
     #[error("{0}")]
     Faults(Report),
 }

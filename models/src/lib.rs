@@ -24,7 +24,7 @@
 //!   frames of these links.
 //! - On a loop, `cut_joint_type` instead of `constraint_axes`: `spherical`, `weld`; `revolute`,
 //!   `planar_revolute`, `prismatic` or `cylindrical` with `axis: [x, y, z]`; `universal` with
-//!   `axis` on the predecessor and `axis2` on the successor, perpendicular to it. Axes stand in the
+//!   `axis` on the predecessor and `axis2` on the successor, perpendicular to it. Axes are in the
 //!   cut frame. The rows are named x y z (along the frame's axes), b c (the two directions across
 //!   `axis`: b is the frame's axis that is least along it, made perpendicular, c = axis × b), with
 //!   an r before them for turns, and u for the two axes of a universal joint.

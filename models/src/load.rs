@@ -53,7 +53,7 @@ pub struct Options {
     /// Joints to hold still; a later lock of the same joint wins.
     pub lock: Vec<Lock>,
     /// Links to which the robot is reduced, with all joints that move them: names or patterns with
-    /// `*`, `?` and `[…]`. Empty: all links. Other branches are left out with their mass.
+    /// `*`, `?` and `[…]`. Empty: all links. Other branches are removed with their mass.
     pub only: Vec<String>,
 }
 

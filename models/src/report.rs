@@ -68,7 +68,7 @@ impl fmt::Display for Diagnostic {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct Report {
-    /// Name of the robot, as far as it was read.
+    /// Name of the robot, if it was read.
     #[serde(skip)]
     pub robot: Option<String>,
     /// Warnings, which do not prevent a compilation.
@@ -124,7 +124,7 @@ impl Diagnostics {
         Diagnostics { lenient, ..Diagnostics::default() }
     }
 
-    /// Adds a file, by the name that the user knows; the number stands for it in [`Span`].
+    /// Adds a file under the user's name for it; returns its number for [`Span`].
     pub fn add_file(&mut self, name: &str) -> u32 {
         self.files.push(name.to_owned());
         self.files.len() as u32 - 1

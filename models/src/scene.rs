@@ -1,4 +1,4 @@
-//! A robot reduced for a scene: joints that are held still, and branches that are left out.
+//! Reduces a robot for a scene: holds joints still, and omits branches.
 
 use std::str::FromStr;
 
@@ -72,7 +72,7 @@ pub(crate) fn reduce(
         let reduced = restricted(&robot.0, &links);
         robot = reported(reduced, &robot.1, diagnostics)?;
     }
-    // a joint that was left out needs no lock
+    // an omitted joint needs no lock
     let index = |name: &String| robot.0.joints.iter().position(|joint| joint.name == *name);
     let locks: Vec<sarrus_dynamics::Lock> = joints
         .iter()

@@ -14,8 +14,7 @@ pub(crate) fn is_smurf(path: &Path) -> bool {
     has_extension(path, &["smurf"])
 }
 
-/// The contents of the files that a SMURF file names; submechanisms that are given beside it come
-/// first.
+/// The contents of the files that a SMURF file names; separately given submechanisms come first.
 pub(crate) fn contents(
     path: &Path,
     submechanisms: Option<&Path>,

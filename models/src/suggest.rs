@@ -22,7 +22,7 @@ use crate::yaml::{self, Node, Value};
 pub struct Suggestion {
     /// The file.
     pub yaml: String,
-    /// The report of `check` on the robot with this file; no error where it is ready to use.
+    /// The report of `check` on the robot with this file; no error if it is ready to use.
     pub report: Report,
 }
 

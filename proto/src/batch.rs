@@ -101,8 +101,7 @@ impl BatchShape {
 pub struct ServedBatch(Mapping);
 
 impl ServedBatch {
-    /// A new area and the descriptor for its client; made and dropped beside the thread that
-    /// answers.
+    /// A new area and the descriptor for its client; made and dropped off the answering thread.
     pub fn create() -> io::Result<(ServedBatch, OwnedFd)> {
         let (mapping, memory) = Mapping::create("sarrus-batch", BATCH_WORDS)?;
         // otherwise a client's seal could prevent the release of the memory

@@ -49,8 +49,8 @@ pub struct ServedLane {
 }
 
 impl ServedLane {
-    /// Makes both boards of a lane for these classes in and out; made and dropped beside the thread
-    /// that answers.
+    /// Makes both boards of a lane for these classes in and out; made and dropped off the answering
+    /// thread.
     pub fn create(
         node: &Node,
         [class_in, class_out]: [usize; 2],

@@ -1,4 +1,4 @@
-//! Calls beside the data path: JSON messages through the control socket, each answered by one.
+//! Calls outside the data path: JSON messages through the control socket, each answered by one.
 
 use std::io::ErrorKind;
 use std::os::fd::OwnedFd;

@@ -32,10 +32,10 @@ const MADE: &str = "made";
 /// The directory and the names of all shared memory of one installation, fixed in code: no
 /// configuration file changes them.
 ///
-/// Every user has a domain of their own: `/run/user/UID/sarrus` where the system makes such
-/// folders, else `/tmp/sarrus-UID`; the environment variable `SARRUS_ROOT` names another directory,
-/// which is a separate domain. Names in shared memory are [`Domain::prefix`] followed by random
-/// digits that only this user can read.
+/// Every user has a separate domain: `/run/user/UID/sarrus` if the system makes such folders, else
+/// `/tmp/sarrus-UID`; the environment variable `SARRUS_ROOT` names another directory, which is a
+/// separate domain. Names in shared memory are [`Domain::prefix`] followed by random digits that
+/// only this user can read.
 #[derive(Clone, Debug)]
 pub struct Domain {
     root: PathBuf,
@@ -350,7 +350,7 @@ fn close_to_others(prefix: &str) {
         if let Ok(file) = rustix::fs::open(&path, flags, Mode::empty())
             && rustix::fs::fstat(&file).is_ok_and(|found| found.st_mode & 0o077 != 0)
         {
-            // a file of another user stays as it is
+            // a file of another user stays unchanged
             let _ = rustix::fs::fchmod(&file, Mode::RUSR | Mode::WUSR);
         }
     }
@@ -513,7 +513,7 @@ mod tests {
         let base = std::env::temp_dir().join(format!("sarrus-domain-test-{}", std::process::id()));
         let [a, b] = ["a", "b"].map(|name| Domain::at(&base.join(name)).unwrap());
         assert_ne!(a.prefix(), b.prefix());
-        // to look at a domain makes nothing
+        // reading a domain creates nothing
         assert!(!base.exists());
     }
 

@@ -106,8 +106,8 @@ wire_enum! {
         /// The largest distance that the answer's state moved from the given q or q̇, in radians or
         /// lengths of the cluster (1).
         Projection = 42, "projection";
-        /// How far each tree coordinate, its velocity and its actuator's force are outside their
-        /// limits: negative below, positive above, zero inside or without a limit (n_v × 3).
+        /// Excess of each tree coordinate, its velocity and its actuator's force over their limits:
+        /// negative below, positive above, zero inside or without a limit (n_v × 3).
         Limits = 43, "limits";
     }
 }

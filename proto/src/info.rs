@@ -93,7 +93,7 @@ pub struct ClosureInfo {
     pub kind: ClosureKind,
     /// Constraint rows.
     pub rows: usize,
-    /// How many of them are independent.
+    /// Number of independent rows.
     pub rank: usize,
     /// Idle joints, which only turn a rod between its ball joints; they keep their initial value.
     pub idle: Vec<String>,
@@ -113,7 +113,7 @@ pub enum ClosureKind {
     Analytic,
     /// By Newton's method.
     Numerical,
-    /// There are none.
+    /// No loops.
     Serial,
 }
 

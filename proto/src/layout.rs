@@ -48,7 +48,7 @@ impl Slot {
 pub struct Layout {
     slots: Vec<Slot>,
     len: usize,
-    /// Index of each field among the slots, by field number; [`ABSENT`] where it is not there.
+    /// Index of each field among the slots, by field number; [`ABSENT`] if it is not in the set.
     index: [u8; Field::ALL.len()],
 }
 

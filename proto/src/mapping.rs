@@ -63,8 +63,8 @@ impl Mapping {
     /// The words.
     #[inline]
     pub(crate) fn words(&self) -> &[AtomicU64] {
-        // SAFETY: so many are mapped, aligned to a page, and any bits are atomic integers; where
-        // the mapping is read-only its owner stores nothing.
+        // SAFETY: this many words are mapped, aligned to a page, and any bits are atomic integers;
+        // where the mapping is read-only its owner stores nothing.
         unsafe { std::slice::from_raw_parts(self.start.as_ptr(), self.n_words) }
     }
 

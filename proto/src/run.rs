@@ -108,7 +108,7 @@ impl Run {
     /// Makes the folders again if they were removed, as cleaners of temporary files do; true if
     /// they were.
     pub fn restore(&mut self) -> bool {
-        // a root of another user is left alone
+        // a root of another user stays unchanged
         if self.domain.make_root().is_err() {
             return false;
         }

@@ -99,7 +99,7 @@ impl ControlSocket {
     /// Connects to the server of this folder.
     ///
     /// # Errors
-    /// `NotFound` and `ConnectionRefused`: no server is there. `WouldBlock`: too many wait.
+    /// `NotFound` and `ConnectionRefused`: no server is running. `WouldBlock`: too many wait.
     pub fn connect(folder: &Path) -> io::Result<ControlSocket> {
         let folder = open_folder(folder)?;
         let socket = new_socket()?;

@@ -25,10 +25,10 @@ impl Robot {
     /// [`MAX_BATCH_ROWS`](sarrus_proto::batch::MAX_BATCH_ROWS) rows at once, computes some of them
     /// together, and answers other clients in between;
     /// [`ConnectOptions::timeout`](crate::ConnectOptions::timeout) is its longest time without an
-    /// answered row. Plans with a checksum are asked row by row. Rows of a batch that it refuses
-    /// have the reason as their status. If the sizes do not fit, every row is [`Status::WrongSize`]
-    /// and NaN. [`Robot::times`] is `None` after a batch, and deadlines apply to single requests
-    /// only. Allocates nothing after the first batch.
+    /// answered row. Plans with a checksum are asked row by row. The rows of a refused batch have
+    /// the reason as their status. If the sizes do not fit, every row is [`Status::WrongSize`] and
+    /// NaN. [`Robot::times`] is `None` after a batch, and deadlines apply to single requests only.
+    /// Allocates nothing after the first batch.
     ///
     /// # Errors
     /// As [`Robot::ask`]; rows that have no answer yet are NaN then, with the status

@@ -12,7 +12,7 @@ use crate::ConnectError;
 
 /// The controller of a bridge; a bridge has one at a time.
 ///
-/// A state older than a few cycles means that the bridge is gone: look at its stamp. Commands must
+/// A state older than a few cycles means that the bridge is gone: check its stamp. Commands must
 /// keep coming: without one for T1 of the configuration the actuators are damped, for T2 disabled.
 #[derive(Debug)]
 pub struct Controller {
@@ -40,8 +40,8 @@ impl Controller {
         Ok(Controller { end, fingerprint, sequence: 0, _place: place })
     }
 
-    /// Sends a command; its sequence, stamp and fingerprint are filled in. False where it could not
-    /// be sent.
+    /// Sends a command; its sequence, stamp and fingerprint are filled in. False if it could not be
+    /// sent.
     pub fn send(&mut self, command: &mut ActuatorCommand) -> bool {
         self.sequence += 1;
         command.sequence = self.sequence;

@@ -1,4 +1,4 @@
-//! A connection to a run of a server: calls beside the data path, and the server's liveness.
+//! A connection to a run of a server: calls outside the data path, and the server's liveness.
 
 use std::io::{self, ErrorKind};
 use std::os::fd::OwnedFd;
@@ -200,7 +200,7 @@ impl Control {
         Ok((node, client))
     }
 
-    /// An area for batches beside the lane or the service.
+    /// An area for batches in addition to the lane or the service.
     pub(crate) fn batch(&self, deadline: Instant) -> Result<ClaimedBatch, ConnectError> {
         let (response, descriptor) = self.exchange(Call::Batch, deadline)?;
         let granted = granted(&response, self.fingerprint)?;

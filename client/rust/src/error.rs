@@ -41,7 +41,7 @@ pub enum ConnectError {
     NoAnswer {
         /// The name.
         name: String,
-        /// How long was waited.
+        /// The waiting time.
         timeout: Duration,
         /// The state of the server's process and heartbeat.
         life: Life,
@@ -133,7 +133,7 @@ pub enum ConnectError {
         /// Free shared memory `[byte]`.
         free: u64,
     },
-    /// This process has too little memory of its own for a connection.
+    /// This process has too little memory for a connection.
     #[error(
         "this process has no memory left for {what} of the server: {source}; give it more, \
          `ulimit -v`, or let it hold less"
@@ -166,15 +166,15 @@ pub enum Error {
     ServerGone {
         /// The server's name.
         name: String,
-        /// How long was waited.
+        /// The waiting time.
         timeout: Duration,
     },
-    /// The server is there but did not answer in time.
+    /// The server is alive but did not answer in time.
     #[error("the server `{name}` gave no answer within {} s: {life}", seconds(timeout))]
     NoAnswer {
         /// The server's name.
         name: String,
-        /// How long was waited.
+        /// The waiting time.
         timeout: Duration,
         /// The state of the server's process and heartbeat.
         life: Life,

@@ -113,14 +113,14 @@ impl<'a> QueryBuilder<'a> {
         self
     }
 
-    /// The links whose frames are asked; [`QueryBuilder::want`] selects the fields of frames.
+    /// The links whose frames are wanted; [`QueryBuilder::want`] selects the fields of frames.
     pub fn frames<L: AsRef<str>>(mut self, links: impl IntoIterator<Item = L>) -> Self {
         let links = self.links(links, "frames", MAX_FRAMES);
         self.query = self.query.with_frames(&links);
         self
     }
 
-    /// The joints whose rows are asked, by names with `*`, `?` and `[…]` as in shells (`AL*`):
+    /// The joints whose rows are wanted, by names with `*`, `?` and `[…]` as in shells (`AL*`):
     /// coordinates, forces and rows of matrices, in the order of the model. Only quantities on
     /// which these rows depend are computed; a closure that no row needs cannot fail the request.
     /// Without it, all joints.

@@ -27,8 +27,8 @@ impl Waiter {
         Waiter { wait_strategy, polls: 0, start: None, yielding: false, next_look: LIFE }
     }
 
-    /// Pauses between two polls; now and then true, when it is time to check the server's
-    /// heartbeat.
+    /// Pauses between two polls; returns the time waited when a check of the server's heartbeat is
+    /// due.
     #[inline]
     pub(crate) fn pause(&mut self) -> Option<Duration> {
         std::hint::spin_loop();

@@ -1,4 +1,4 @@
-//! The types of submechanisms: their names and how many joints they have.
+//! The types of submechanisms: their names and numbers of joints.
 
 use sarrus_dynamics::description::{JointKind, SubmechanismKind as Kind};
 

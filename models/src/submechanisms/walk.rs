@@ -178,7 +178,7 @@ fn loop_entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<LoopEntry> {
     Some(LoopEntry { span: node.span, cut_joint, predecessor, successor, is_placed, rows })
 }
 
-/// Checks the placements of the cut frames and returns whether both are there.
+/// Checks the placements of the cut frames and returns whether both are present.
 fn placements(node: &Node, diagnostics: &mut Diagnostics) -> bool {
     let given = ["predecessor_placement", "successor_placement"].map(|key| (key, node.get(key)));
     for (key, placement) in given {

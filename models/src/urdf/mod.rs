@@ -247,7 +247,7 @@ impl Urdf {
         }
     }
 
-    /// Each loop has a name of its own; Drake's need none, and are numbered.
+    /// Each loop has a unique name; Drake's need none, and are numbered.
     fn name_closings(&mut self, diagnostics: &mut Diagnostics) {
         let mut names: BTreeSet<String> = BTreeSet::new();
         for closing in &mut self.closings {

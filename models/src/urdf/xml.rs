@@ -165,7 +165,7 @@ impl<'t, 'f> Reader<'t, 'f> {
                 continue;
             }
             self.unread.push(child.range());
-            // loops have a reader of their own
+            // a separate reader handles loops
             if super::closing::is_closing(child) && shape.many.contains(&"link") {
                 continue;
             }

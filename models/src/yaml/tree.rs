@@ -10,7 +10,7 @@ use crate::text::{DEEPEST, Text};
 
 /// Most nodes of a file.
 const MOST_NODES: usize = 1_000_000;
-/// Most nodes that the aliases of a file may stand for, all together.
+/// Most nodes that all aliases of a file may expand to.
 const MOST_EXPANDED: usize = 100_000;
 
 /// A node and its position.
@@ -191,7 +191,7 @@ impl Builder {
         Some(())
     }
 
-    /// Writes out the value that an alias stands for.
+    /// Expands an alias to its value.
     fn alias(&mut self, anchor: usize, here: Span, diagnostics: &mut Diagnostics) -> Option<()> {
         let Some(Anchored { node, size, depth }) = self.anchors.get(&anchor) else {
             let found = "an alias (`*…`) within the value that it stands for";

@@ -18,7 +18,7 @@
 //! | option | 0, or 1 and the value |
 //! | variant | its number in this file, one byte, then its fields |
 //!
-//! The zero pose comes last and is left out where it is empty.
+//! The zero pose comes last and is omitted if it is empty.
 //!
 //! They include names (types as written too), orders, every constant, limits and gravity. They
 //! exclude everything outside a description (file names, positions, comments, warnings,

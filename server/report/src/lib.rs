@@ -2,7 +2,7 @@
 //!
 //! [`run()`] measures the sections of a report (error against run time, time integration, stress
 //! cases) and writes them as a page that opens offline, with its data as JSON and CSV.
-//! [`page::Pictures`] draws figures on a page of their own. [`robots`], [`mod@reference`] and
+//! [`page::Pictures`] draws figures on a separate page. [`robots`], [`mod@reference`] and
 //! [`measure`] serve programs that measure more.
 //!
 //! Each module depends only on those above it:

@@ -13,8 +13,8 @@ pub enum Wait {
 }
 
 impl Wait {
-    /// Busy where at least three processors are there: one for the server, one for a client, one
-    /// for everything else.
+    /// Busy if there are at least three processors: one for the server, one for a client, one for
+    /// everything else.
     pub fn auto() -> Wait {
         match std::thread::available_parallelism() {
             Ok(n) if n.get() >= 3 => Wait::Busy,

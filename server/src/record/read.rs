@@ -37,7 +37,7 @@ pub struct Entry<'a> {
 }
 
 impl Entry<'_> {
-    /// Status and warnings of a computed answer as they are recorded.
+    /// Status and warnings of a computed answer, as in the record.
     pub const fn code(answer: Answer) -> [u32; 2] {
         let Answer { status, warnings: Warnings(bits) } = answer;
         [status as u32, bits]

@@ -2,7 +2,7 @@
 //! writer and one reader.
 //!
 //! The answering thread copies head, numbers and answer; it allocates nothing, takes no lock, makes
-//! no system call and reads no clock. A record that does not fit is left out and counted.
+//! no system call and reads no clock. A record that does not fit is dropped and counted.
 
 use rtrb::{Consumer, Producer, RingBuffer};
 use sarrus_proto::message::RequestHead;

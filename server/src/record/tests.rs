@@ -223,7 +223,7 @@ impl Random {
     }
 }
 
-/// Reads and computes all readable records of bytes; false where there are none.
+/// Reads and computes all readable records of bytes; false if there are none.
 fn survives(bytes: &[u8], model: &Model<f64>) -> bool {
     let Ok(mut recording) = Recording::open(Cursor::new(bytes)) else { return false };
     let _ = recording.robot().load();

@@ -47,8 +47,8 @@ extern "C" fn replace_page(
     _context: *mut libc::c_void,
 ) {
     // SAFETY: the kernel gives a valid record; only async-signal-safe calls are made. The page that
-    // is replaced belongs to a mapping whose file has no such page: it can hold no data. It
-    // is not executable, so a fault in code goes on being fatal.
+    // is replaced belongs to a mapping whose file has no such page: it can hold no data. It is not
+    // executable, so a fault in code remains fatal.
     unsafe {
         if (*info).si_code == libc::BUS_ADRERR {
             let size = PAGE.load(Relaxed);

@@ -34,8 +34,7 @@ const MAX_OBSERVERS: usize = 64;
 const SILENCE: Duration = Duration::from_millis(100);
 /// Longest wait of a client for an end that is being returned.
 const HAND_BACK_TIME: Duration = Duration::from_millis(100);
-/// Shared memory that the transport takes for a lane beside its numbers, and that stays free for
-/// others `[byte]`.
+/// Shared memory of a lane besides its numbers, and reserve for others `[byte]`.
 const LANE_MARGIN: u64 = 256 << 10;
 /// Shared memory that a service takes, and that stays free for others `[byte]`.
 const SERVICE_NEEDS: u64 = 2 << 20;

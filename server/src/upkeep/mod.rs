@@ -1,4 +1,4 @@
-//! The thread beside the answering thread: clients, their calls, segments and plans.
+//! The upkeep thread: clients, their calls, segments and plans.
 
 pub(crate) mod calls;
 pub(crate) mod connections;

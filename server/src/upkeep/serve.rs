@@ -1,4 +1,4 @@
-//! A run of the server: start, upkeep beside the answering thread, end.
+//! A run of the server: start, upkeep, end.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};

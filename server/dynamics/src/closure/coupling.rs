@@ -1,8 +1,8 @@
 //! Linear couplings: dependents that are fixed combinations of the independents (`<mimic>`, geared
 //! transmissions, differentials, parallelograms).
 //!
-//! A bevel gear differential needs no closure of its own: with roll and pitch of the cage, its
-//! wheels turn by roll + pitch and roll − pitch, two couplings of two masters each. A file of type
+//! A bevel gear differential needs no separate closure: with roll and pitch of the cage, its wheels
+//! turn by roll + pitch and roll − pitch, two couplings of two masters each. A file of type
 //! DIFFERENTIAL (or TRANSMISSION) holds one coupling for each dependent joint; it may express the
 //! wheels by the cage or the cage by the wheels.
 

@@ -8,7 +8,7 @@ use crate::scalar::{Dd, Real, Triple};
 use crate::spatial::Pose;
 
 /// Half the largest distance between two joint origins or cut points of a cluster at zero: the size
-/// of the mechanism; 1 m where there is none.
+/// of the mechanism; 1 m without such points.
 pub(super) fn characteristic_length(
     cluster: &Cluster<Dd>,
     bodies: &[Body<Dd>],

@@ -31,7 +31,7 @@ pub(super) struct Drift<'a> {
 }
 
 impl Drift<'_> {
-    /// True where the motion is idle; `has_child_cluster` is that of the local bodies.
+    /// True if the motion is idle; `has_child_cluster` has one entry per local body.
     pub(super) fn is_idle(&self, has_child_cluster: &[bool]) -> bool {
         let cluster = self.cluster;
         let still = |v: usize| self.rate[v].abs() < STILL * column_unit(cluster, v);

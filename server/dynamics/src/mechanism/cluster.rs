@@ -31,7 +31,7 @@ pub(crate) struct Cluster<T> {
     pub(crate) dependent: Vec<usize>,
     pub(crate) independent_q: Vec<usize>,
     pub(crate) dependent_q: Vec<usize>,
-    /// Idle velocities, which stand still; they are in neither list.
+    /// Idle velocities, which are zero; they are in neither list.
     pub(crate) locked: Vec<usize>,
     /// Local parent of each local body, counted from 1; 0 is the cluster's parent body.
     pub(crate) local_parent: Vec<usize>,

@@ -11,17 +11,17 @@ use crate::plan::Plan;
 pub struct Outline {
     /// The steps in their order.
     pub steps: Vec<&'static str>,
-    /// Bodies whose pose, motion or force is computed, and how many the robot has.
+    /// Number of bodies whose pose, motion or force is computed, and of all bodies.
     pub bodies: usize,
     /// See `bodies`.
     pub bodies_of_robot: usize,
     /// Clusters whose coordinates are read or whose loops are closed.
     pub clusters: usize,
-    /// How many the robot has.
+    /// Number of clusters of the robot.
     pub clusters_of_robot: usize,
     /// Clusters whose loops are closed.
     pub closed: usize,
-    /// How many have loops.
+    /// Number of clusters with loops.
     pub closed_of_robot: usize,
     /// Bytes of the numbers that a request gives.
     pub bytes_in: usize,

@@ -10,7 +10,7 @@ use crate::plan::{Answer, Plan, Space};
 use crate::scalar::{Dd, Dual, Real, all_finite};
 use crate::workspace::Workspace;
 
-/// Results of a run beside the numbers in the workspace.
+/// Results of a run other than the numbers in the workspace.
 pub(super) struct RunReport<T> {
     pub(super) status: Status,
     pub(super) iterations: u32,

@@ -15,7 +15,7 @@ pub(super) struct Choice {
     /// Joints that determine its pose together with the independents, and their held positions; a
     /// joint of several degrees of freedom is held at zero.
     pub(super) locked: Vec<(usize, f64)>,
-    /// Independents that are left, as declared.
+    /// Remaining independents, as declared.
     pub(super) independent: Vec<usize>,
     /// Independents that now depend on these.
     pub(super) dropped: Vec<usize>,

@@ -13,7 +13,7 @@ use crate::robots::{Planned, Robot};
 pub(super) struct Case {
     pub(super) planned: Planned,
     kernel: Option<Arc<NativeKernel>>,
-    /// Where all states are asked at once.
+    /// The input and output of all states at once.
     rows: Option<Rows>,
 }
 

@@ -13,7 +13,7 @@ const STEPS: f64 = 1000.0;
 /// No estimate of the remaining time before this fraction is done.
 const EARLY: f64 = 0.02;
 
-/// A bar on a terminal; elsewhere nothing, or plain lines now and then.
+/// A bar on a terminal; elsewhere nothing, or occasional plain lines.
 #[derive(Debug)]
 pub struct Progress {
     bar: Option<ProgressBar>,

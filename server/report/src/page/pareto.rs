@@ -40,10 +40,10 @@ pub(crate) fn pareto_front(figure: &Figure) -> Vec<(&Series, &Point)> {
 /// A figure's front and its ends.
 #[derive(Clone, Debug)]
 pub(super) struct FrontSummary {
-    /// How many points are on the front, and how many of them are not a peer's.
+    /// Number of points on the front, and of those that are not a peer's.
     pub(super) front: usize,
     pub(super) ours: usize,
-    /// Whether a peer competes at all.
+    /// Whether a peer competes.
     pub(super) with_peer: bool,
     /// Title of the figure, share of the front, both ends, peers.
     pub(super) cells: Vec<String>,

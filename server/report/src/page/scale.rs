@@ -21,7 +21,7 @@ pub(super) struct Scale {
 
 impl Scale {
     /// Over these values, with at most about `most` ticks; none without a finite value. `errors`
-    /// have a place for zero of their own.
+    /// have a separate position for zero.
     pub(super) fn new(axis: &Axis, errors: bool, values: &[f64], most: usize) -> Option<Scale> {
         let finite: Vec<f64> = values.iter().copied().filter(|x| x.is_finite()).collect();
         if finite.is_empty() {

@@ -165,7 +165,7 @@ pub struct Case {
     pub status: String,
     /// Warnings of the answer.
     pub warnings: Vec<String>,
-    /// Reports beside status and warnings: fields, messages.
+    /// Reports other than status and warnings: fields, messages.
     pub reported: String,
     /// The assessment, by one rule for all cases.
     pub assessment: Assessment,

@@ -249,7 +249,7 @@ impl<'a> Check<'a> {
         Ok(Check { model, workspace: Workspace::for_plans(model, &plans), plans })
     }
 
-    /// Finds the guess; false where the variant of this place cannot close its loops or has no
+    /// Finds the guess; false if the variant with this index cannot close its loops or has no
     /// dynamics.
     fn fits(&mut self, variant: usize, earlier: &[f64], state: &mut State) -> bool {
         let Check { model, plans: [close, dynamics @ ..], workspace } = self;

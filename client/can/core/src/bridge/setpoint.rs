@@ -33,7 +33,7 @@ impl Motor {
         };
         let stiffness = setpoint.stiffness;
         if self.config.common.mode == Mode::Torque {
-            // a motor without gains of its own gets their sum
+            // a motor without gains gets their sum
             if !matches!(course, Course::Follow(_)) {
                 let error = setpoint.damping * (setpoint.velocity - velocity);
                 let gain = self.chatter.gain(error, self.config.limits.effort);

@@ -7,12 +7,12 @@
 //! τ = g + k (p* − p) + d (v* − v),   p* = p₀ + ∫ v* dt,   k = d · 10/s
 //! ```
 //!
-//! This is a velocity servo whose integral is the spring: it holds a load beside gravity g after a
-//! tenth of a second or two. Where the robot is sound and the motor is at rest, the last effort
-//! replaces a g that no model gives. p* stays within the position limits, and so close to p that
-//! spring and damper together do not exceed the greatest effort: a load that this effort cannot
-//! stop at once is not thrown back. Against an inertia J the servo does not swing where d ≥ 40/s ·
-//! J.
+//! This is a velocity servo whose integral is the spring: after a tenth of a second or two it holds
+//! a load in addition to gravity g. Where the robot is sound and the motor is at rest, the last
+//! effort replaces a g that no model gives. p* stays within the position limits, and so close to p
+//! that spring and damper together do not exceed the greatest effort: a load that this effort
+//! cannot stop at once is not thrown back. Against an inertia J the servo does not swing where d ≥
+//! 40/s · J.
 //!
 //! A heavier load swings. So while the speed is above a line from its first value to zero at half
 //! of the stop's time, damping and spring grow: they double every 20 ms, up to 16 times and within

@@ -19,13 +19,13 @@ pub enum ConfigurationError {
         /// The system's message.
         reason: String,
     },
-    /// Its content is faulty: every fault, and the warnings beside them.
+    /// Its content is faulty: every fault, and the warnings.
     #[error("{0}")]
     Faults(Report),
 }
 
 impl Configuration {
-    /// Reads the configuration of a file; files that it names lie beside it.
+    /// Reads the configuration of a file; paths in it are relative to its folder.
     ///
     /// # Errors
     /// A file that cannot be opened, or every fault of its content.

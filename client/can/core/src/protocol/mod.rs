@@ -22,7 +22,7 @@ use sarrus_models::Diagnostics;
 use crate::drive::{Drive, Mode};
 pub use crate::settings::{Key, KeyKind, Settings};
 
-/// Settings of all drives besides their own.
+/// Settings common to all drives.
 #[derive(Clone, Copy, Debug)]
 pub struct Common {
     /// Mode of the motor's controller; one of [`Protocol::modes`].

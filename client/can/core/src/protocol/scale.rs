@@ -1,6 +1,6 @@
 //! Numbers as integer codes over a range: the packing of MIT mode and CyberGear.
 
-/// The codes 0 … 2^bits − 1 stand for `low` … `high` in equal steps, both ends included.
+/// The codes 0 … 2^bits − 1 represent `low` … `high` in equal steps, both ends included.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Scale {
     low: f64,

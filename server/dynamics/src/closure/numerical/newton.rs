@@ -18,12 +18,12 @@
 //!   s_k < 0.3 s_{k−1}                                  contraction
 //!   det A_k · det A_{k−1} > 0                          assembly branch
 //! ```
-//! m is how far the independents have moved, α the least angle between a column of A at the start
-//! and the span of the others: the search for a pose stays well within the distance to the nearest
-//! singular pose. Chord rule: after s_{k−1} < ε^(3/8) the inverse of step k − 1 serves again, as
-//! the error then is the cube of that step. In blocks of more than eight rows, whose inverse costs
-//! more than several residuals, it serves again after s_{k−1} < ε^(1/4) with s_{k−1} < sin α / 100
-//! already, and the error after a step is estimated from the contraction:
+//! m is the distance that the independents have moved, α the least angle between a column of A at
+//! the start and the span of the others: the search for a pose stays well within the distance to
+//! the nearest singular pose. Chord rule: after s_{k−1} < ε^(3/8) the inverse of step k − 1 serves
+//! again, as the error then is the cube of that step. In blocks of more than eight rows, whose
+//! inverse costs more than several residuals, it serves again after s_{k−1} < ε^(1/4) with s_{k−1}
+//! < sin α / 100 already, and the error after a step is estimated from the contraction:
 //!
 //! ```text
 //!   2 s_k² / s_{k−1} < ε / 16

@@ -1,6 +1,6 @@
 //! Newton's method, G and g of a block whose unknowns are joints in series, each on the one before,
-//! that carry one end of its only cut while the other end stands still: a leg with a ball at its
-//! end, a crank and its slider. The same equations, thresholds and order of steps as for any block
+//! that carry one end of its only cut while the other end is fixed: a leg with a ball at its end, a
+//! crank and its slider. The same equations, thresholds and order of steps as for any block
 //! ([`super::newton`], [`super::jacobian`], [`super::bias`]), with all variables of fixed size.
 
 use core::array::from_fn;

@@ -21,7 +21,7 @@ struct Joints {
     universal: [usize; 2],
     /// The universal joint is on the crank.
     on_crank: bool,
-    /// The body for which the leg reaches, and how many joints of the chain carry it.
+    /// The body that the leg holds, and the number of chain joints that carry it.
     platform: usize,
     depth: usize,
 }

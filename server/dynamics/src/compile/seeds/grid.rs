@@ -16,7 +16,7 @@ pub(super) struct Grid {
     sizes: Vec<usize>,
     /// Node of the zero pose, or first cell beyond it.
     pub(super) below: Vec<usize>,
-    /// Cells lie between nodes: two of them are beside the zero pose.
+    /// Cells lie between nodes: two of them are next to the zero pose.
     cells: bool,
 }
 

@@ -229,7 +229,7 @@ fn reference_numbers(
     ))
 }
 
-/// Further diagnostics after a failure, beside status and warnings.
+/// Further diagnostics after a failure, other than status and warnings.
 fn reported(robot: &Robot, ask: &Question, answer: &Answered<f64>) -> Outcome<String> {
     use Field::{NearestY, Residual, SigmaMin, Uncontrolled};
     if matches!(

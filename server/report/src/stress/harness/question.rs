@@ -46,7 +46,7 @@ fn scatter(k: usize) -> f64 {
 
 impl State {
     /// A state within `reach` radians, or that many tenths of the robot's length where a joint
-    /// slides; forces of the size of its own.
+    /// slides; forces of the size of its inverse dynamics.
     pub(crate) fn of(robot: &Robot, reach: f64) -> Outcome<State> {
         let model = &robot.compiled.model;
         let units = |field| robot.units(field);

@@ -138,7 +138,7 @@ impl Trial<'_> {
     }
 }
 
-/// True where a run's estimate is about as large as its error or as the answer, or is not finite.
+/// True if a run's estimate is about as large as its error or as the answer, or is not finite.
 fn tells(figure: f64, error: Option<f64>) -> bool {
     error.is_some_and(|error| !figure.is_finite() || figure >= (TELLS * error).min(1.0))
 }

@@ -7,7 +7,7 @@ use super::evaluator::Pose;
 use super::linkage::Linkage;
 use super::tracker::Tracker;
 
-/// A mechanism that is lost for longer is retried only every so many assessments.
+/// Assessments between two retries of a mechanism that is lost for longer.
 const RARELY: u64 = 16;
 /// Part of the range of an independent by which it may exceed its limits.
 const MARGIN: f64 = 0.01;

@@ -5,10 +5,9 @@
 //! |δτ_u| > part · limits.effort + ½ |τ_u(y, ẏ, ÿ) − τ_u(y, 0, 0)|   for 10 ms: fault
 //! ```
 //!
-//! ẏ is the velocity that the motors report, or else the change of y; both it and its
-//! derivative ÿ go through a filter of 5 ms, and the efforts through two of them, so that they are
-//! as late. Half of the motion's forces may be wrong besides: rotors and friction are not in
-//! the model.
+//! ẏ is the velocity that the motors report, or else the change of y; both it and its derivative ÿ
+//! go through a filter of 5 ms, and the efforts through two of them, so that they are as late. In
+//! addition, half of the motion's forces may be wrong: rotors and friction are not in the model.
 
 /// Time constant of the filters `[s]`.
 const FILTER: f64 = 0.005;

@@ -9,7 +9,7 @@
 
 use crate::config::MonitorBounds;
 
-/// One surplus answer expires after so many requests.
+/// One surplus answer expires after this many requests.
 const FORGOTTEN: u32 = 16;
 /// More open requests than this are lost, or the motor is late.
 const MOST: u32 = 1 << 16;

@@ -14,7 +14,7 @@ use sarrus_proto::actuators::Reason;
 use super::{NOISE, Seen};
 use crate::drive::Mode;
 
-/// How long set-points are remembered `[s]`.
+/// Time for which set-points are kept `[s]`.
 const MEMORY: f64 = 8e-3;
 /// Consecutive measurements outside the range, and the time from the first to the last `[s]`.
 const OFF: (u32, f64) = (3, 6e-3);

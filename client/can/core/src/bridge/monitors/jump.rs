@@ -8,7 +8,7 @@ use sarrus_proto::actuators::Reason;
 
 use super::{NOISE, Seen};
 
-/// Without a limit a speed may change by so many codes between two measurements.
+/// Without a limit a speed may change by this many codes between two measurements.
 const FREE: f64 = 500.0;
 
 pub(super) fn check(seen: &Seen<'_>) -> Option<Reason> {

@@ -1,8 +1,8 @@
 //! Monitors of measurements: one rule per file, each with its reason.
 //!
-//! A rule is a struct with its state for one motor. Those that look at measurements have
-//! `check(&mut self, seen)`; it is called for each new measurement while the motor has power. Noise
-//! of two codes on every number must never cause a fault, so bounds are [`NOISE`] codes wider.
+//! A rule is a struct with its state for one motor. Rules for measurements have `check(&mut self,
+//! seen)`; it is called for each new measurement while the motor has power. Noise of two codes on
+//! every number must never cause a fault, so bounds are [`NOISE`] codes wider.
 
 mod age;
 mod answers;

@@ -22,7 +22,7 @@ impl Default for Position {
     }
 }
 
-/// How far beyond a limit a position may be measured.
+/// Margin of a measured position beyond its limit.
 pub(super) fn margin(limits: &Limits, bounds: &MonitorBounds, steps: &ActuatorSetpoint) -> f64 {
     let range = limits.upper - limits.lower;
     let noise = NOISE * steps.position;

@@ -20,11 +20,11 @@
 //! (2: no voltage), and the time between set-points 60C2. The rated torque, the mode, the heartbeat
 //! and the reaction to its loss are read back, and in the modes position and velocity, where the
 //! drive's own loops produce the torque, so is the largest torque: a drive that does not hold it
-//! gets no power. A drive that shows another mode in 6061 is asked again, before its start and
-//! after it; one that shows none may get power, holds its position until it shows the mode, and has
-//! a second to do so. The set-up is repeated after a boot, and when a drive that should be
-//! operational is not: after a lost NMT command, or when it missed the heartbeat and went back by
-//! itself (1029).
+//! gets no power. The mode is requested again from a drive that shows another one in 6061, before
+//! its start and after it; one that shows none may get power, holds its position until it shows the
+//! mode, and has a second to do so. The set-up is repeated after a boot, and when a drive that
+//! should be operational is not: after a lost NMT command, or when it missed the heartbeat and went
+//! back by itself (1029).
 //!
 //! The position is unwrapped beyond its 32 bits. A target cannot be: in the mode position a drive
 //! outside their range has a fault.
