@@ -2,8 +2,8 @@
 //!
 //! A motion of the dependents at y = const is idle if it stays within the cluster, no actuator or
 //! coupled joint moves, and every moving body turns about a line through a fixed centre: one of its
-//! cut points, or the point where two of its axes meet. It must not pass a cut: both points of
-//! every cut rest, and each side of a cut satisfies its rows alone. Or it passes cuts only within a
+//! cut points, or the point where two of its axes meet. Either it passes no cut: both points of
+//! every cut rest, and each side of a cut satisfies its rows alone; or it passes cuts only within a
 //! rod and its balls, which are chains of revolute joints with a common point: then all these
 //! bodies turn about one of two centres, and the rod about both.
 
