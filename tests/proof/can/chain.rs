@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use super::harness::{BUSES, Frontend, N_U, Process, Stage, sarrus_can, wait_for};
+use super::harness::{BUSES, Frontend, N_U, Process, Stage, sarrus_can, takes_power, wait_for};
 
 #[test]
 fn motors_go_safe_when_the_server_is_stopped_or_killed() {
@@ -54,9 +54,7 @@ fn run_chain(frontend: Frontend, stage: &Stage, signal: &str) {
         report.iter().all(|motor| motor["power"] == false).then_some(report)
     });
     // the bridge took the power, before the motors' own watchdogs did
-    let took = |motor: &Value| {
-        motor["tripped"] == false && motor["frame"].as_str().unwrap().ends_with("#FFFFFFFFFFFFFFFD")
-    };
+    let took = |motor: &Value| motor["tripped"] == false && takes_power(motor);
     assert!(report.len() == N_U && report.iter().all(took), "{frontend:?} {signal}: {report:?}");
     let end = Instant::now() + Duration::from_millis(2 * stage.times[1]);
     while Instant::now() < end {

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 
 use super::harness::{
-    Allowance, BUSES, FRONTENDS, Frontend, N_U, Process, Stage, gear, sign, wait_for,
+    Allowance, BUSES, FRONTENDS, Frontend, N_U, Process, Stage, gear, sign, takes_power, wait_for,
 };
 
 /// Motors, a bridge and a controller, with power on all motors.
@@ -87,13 +87,6 @@ fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
 }
 
-/// True if the motor's last frame takes its power away, or sets a parameter, which the bridge does
-/// without power only.
-fn takes_power(motor: &Value) -> bool {
-    let takes = |frame: &str| frame.ends_with("#FFFFFFFFFFFFFFFD") || frame.starts_with("7FF#");
-    motor["frame"].as_str().is_some_and(takes)
-}
-
 #[test]
 fn motors_get_power_only_when_armed_and_first_where_they_are() {
     for frontend in FRONTENDS {
@@ -143,6 +136,10 @@ fn motors_follow_the_commands_of_the_actuators() {
                 BUSES.iter().flat_map(|(_, actuators)| actuators.iter().copied()).collect();
             wait_for("motors at the target", || {
                 let report = system.report();
+                if report.iter().any(|motor| motor["power"] == false) {
+                    system.arm();
+                    return None;
+                }
                 let good = |(place, motor): (usize, &Value)| {
                     assert_eq!(motor["motor"], actuators[place]);
                     let desired = sign(place) * gear(actuators[place]) * target;

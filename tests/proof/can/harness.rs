@@ -278,6 +278,13 @@ fn in_real_time(command: Command) -> Command {
     urgent
 }
 
+/// True if the motor's last frame takes its power away, or sets a parameter, which the bridge does
+/// without power only.
+pub(super) fn takes_power(motor: &Value) -> bool {
+    let takes = |frame: &str| frame.ends_with("#FFFFFFFFFFFFFFFD") || frame.starts_with("7FF#");
+    motor["frame"].as_str().is_some_and(takes)
+}
+
 /// A process with a thread that reads its lines; killed when dropped.
 pub(super) struct Process {
     name: String,
