@@ -229,9 +229,10 @@ fn boot(frontend: Frontend, script: &str) -> Option<String> {
     let stage = Stage::new();
     let path = |name: &str| stage.folder.join(name);
     let write = |name: &str, text: &str| std::fs::write(path(name), text).unwrap();
+    // the kernel has one processor and may be seconds late
     let bus = |interface: &str, channel: &str, more: &str| {
-        let times = "rate_hz: 50\nramp_ms: 200\ntimeouts: {damping_ms: 1000, disable_ms: 3000, \
-            feedback_ms: 2000, arming_ms: 10000}\n";
+        let times = "rate_hz: 50\nramp_ms: 200\nmonitors: {late_ms: off, second_answer: off}\n\
+            timeouts: {damping_ms: 1000, disable_ms: 4000, feedback_ms: 3500, arming_ms: 10000}\n";
         format!(
             "{times}buses: [{{name: arm, interface: {interface}, channel: {channel}, bitrate: \
                 1000000{more}}}]\nmotors:\n"
