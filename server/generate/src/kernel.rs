@@ -36,7 +36,7 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// Arithmetic operations, as [`Plan::operations`] counts them; checks are none.
+    /// Arithmetic operations, as the crate `sarrus-counting` counts them; checks are none.
     pub fn operations(&self) -> usize {
         use Operation::*;
         let is_one = |operation: &&Operation| match operation {
