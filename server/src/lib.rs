@@ -1,25 +1,134 @@
-//! The sarrus server: one process holds a robot's model and answers requests over shared memory.
-//!
-//! [`serve()`] runs it. Two threads share the work. The answering thread (`answering/`) polls
-//! lanes, services and batches and runs plans. The thread that called [`serve()`] (`upkeep/`)
-//! accepts clients, answers their calls on the control socket, and makes and retires segments and
-//! plans. The threads share counters and bounded channels, and no lock.
-//!
-//! Further threads are optional: one writes the last seconds of requests to a file ([`record`]),
-//! one compiles plans to native code (`kernels/`). `system/` holds all code that depends on the
-//! operating system: placement of threads, limits, SIGBUS, stderr. [`pool`] is the binary's
-//! allocator.
+//! The program `sarrus`: its flags and commands.
 
-mod answering;
-mod error;
-mod kernels;
-pub mod pool;
-pub mod record;
-pub mod system;
-mod upkeep;
+mod commands;
 
-pub use answering::wait::Wait;
-pub use error::{MAX_LANES, ServeError};
-pub use kernels::Kernels;
-pub use system::placement::PlacementError;
-pub use upkeep::serve::{ServeOptions, serve};
+use std::process::ExitCode;
+
+use clap::{CommandFactory, Parser, Subcommand};
+
+use commands::output::conclude;
+
+/// Low-latency kinematics and dynamics of series-parallel hybrid robots.
+#[derive(Parser)]
+#[command(name = "sarrus", version)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Show a server process and a controller that asks it, with every answer checked.
+    ///
+    /// Takes about five seconds and leaves nothing behind. Ends with 0 when every answer is ok and
+    /// within 1e-12 of double-double arithmetic.
+    Demo(commands::demo::Demo),
+    /// Read a robot's files and report every fault, or describe the robot.
+    ///
+    /// Each fault is one line, FILE:LINE:COLUMN first. Ends with 0 for a valid robot, 1 for faulty
+    /// files, 2 for files that cannot be opened and wrong flags.
+    Check(commands::check::Check),
+    /// Answer requests: JSON lines in, JSON lines out.
+    ///
+    /// A line such as `{"y": [0.1], "yd": [1], "want": ["q", "tau_u"], "frames": ["hand"],
+    /// "wrenches": {"hand": [0,0,0,0,0,-10]}}` gives the state from y, u or q (and their rates yd,
+    /// ud, qd, ydd, udd, qdd; zero where they are missing), forces as tau_u, tau_y or tau_q, and
+    /// for numerical loops a q_guess and qd_guess. `"joints": ["AL*"]` asks for the rows of some
+    /// joints only. `sarrus check` prints the order of each list.
+    /// The answer is one line with status, warnings and each wanted field: numbers, lists, lists of
+    /// rows, or null where the status forbids numbers.
+    ///
+    /// Ends with 0 if every line was answered; a failed state is an answer, and so are wrong_size
+    /// and singular_closure. Ends with 1 if some line was no valid request (status bad_request,
+    /// with the column) or the model is bad, with 2 if it could not start or lost its server.
+    Ask(commands::ask::Ask),
+    /// Hold a robot and answer requests over shared memory.
+    ///
+    /// Prints `ready NAME FINGERPRINT` when clients can attach. SIGTERM and SIGINT are a clean
+    /// stop, which ends with 0. With `--supervise` a server that dies is started again; one that
+    /// dies five times within a minute soon after its start is given up, which ends with 2 (1 for a
+    /// bad model).
+    Serve(commands::serve::Serve),
+    /// Compute a recording of `serve --record` again and compare every bit.
+    ///
+    /// Prints the number of requests, their time span, missing records, and the first answers that
+    /// differ. Ends with 0 when all answers are the same, 1 when some differ or cannot be read, 2
+    /// for a file that is no whole recording and wrong flags.
+    Replay(commands::replay::Replay),
+    /// Write one query on one robot as straight-line C, and build it where there is a compiler.
+    ///
+    /// NAME.c with one function, NAME.h with its sizes and orders, NAME_test.c with answers that it
+    /// must give to the bit; with a C compiler (CC, or cc) a shared object and the test, which is
+    /// run. Prints the files, the number of operations and the compiler's name or "not built".
+    /// Ends with 0 when all was written, 1 when the query has no straight-line code, the test
+    /// failed or the robot is bad, 2 for wrong flags and files that cannot be written.
+    #[cfg(feature = "generate")]
+    Generate(commands::generate::Generate),
+    /// Check this machine for settings that slow or hinder a server, each with its remedy.
+    ///
+    /// Prints one line for each finding. Ends with 0 without a finding, 1 with one, 2 for wrong
+    /// flags.
+    Doctor(commands::doctor::Doctor),
+    /// Print the state of a server and its clients: rates, latencies, statuses, heartbeat.
+    Top(commands::top::Top),
+    /// Remove the files of dead servers and clients; living ones are left alone.
+    ///
+    /// Prints the removed files. A server that starts or stops does the same.
+    Tidy(commands::tidy::Tidy),
+    /// List the bundled robots, or write the files of one.
+    Robots(commands::robots::Robots),
+    /// Print the completions of commands, flags and values for a shell.
+    ///
+    /// For bash: `sarrus completions bash > ~/.local/share/bash-completion/completions/sarrus`.
+    Completions(commands::completions::Completions),
+    /// Write the manual: a page of the program and one of each command.
+    Man(commands::man::Man),
+    /// Measure: error against run time, time integration, stress cases, as a page that
+    /// opens offline.
+    ///
+    /// Writes report.html, report.json and one CSV file for each figure and table. Ends with 0,
+    /// with 1 when some stress case failed silently, and with 2 when it could not measure or
+    /// write.
+    #[cfg(feature = "report")]
+    Report(commands::report::Report),
+    /// Integrate a robot in time: a table, pictures, and estimates of the error.
+    ///
+    /// From y and yd (or q and qd) under gravity, constant forces, a table of forces, gains and
+    /// springs. Writes motion.csv and motion.html; prints the status, the run time, the drift of
+    /// energy and the events on the way. Ends with 0 when the whole time was simulated, 1 when the
+    /// robot's files are faulty or the motion ended early (the status names the reason), 2 for
+    /// wrong flags and files that cannot be opened.
+    #[cfg(feature = "simulate")]
+    Simulate(Box<commands::simulate::Simulate>),
+}
+
+/// Runs the command of this process's arguments and returns its exit code.
+pub fn run() -> ExitCode {
+    // before any instruction that needs the baseline
+    if let Err(missing) = sarrus_client::processor::check() {
+        eprintln!(
+            "sarrus: this processor has no {missing}; sarrus is built for x86-64-v3 (FMA and \
+             AVX2, processors from 2015 on)"
+        );
+        return ExitCode::from(2);
+    }
+    match Arguments::parse().command {
+        Command::Demo(command) => conclude("demo", command.run()),
+        Command::Check(command) => conclude("check", command.run()),
+        Command::Ask(command) => conclude("ask", command.run()),
+        Command::Serve(command) => conclude("serve", command.run()),
+        Command::Replay(command) => conclude("replay", command.run()),
+        #[cfg(feature = "generate")]
+        Command::Generate(command) => conclude("generate", command.run()),
+        Command::Doctor(command) => conclude("doctor", command.run()),
+        Command::Top(command) => conclude("top", command.run()),
+        Command::Tidy(command) => conclude("tidy", command.run()),
+        Command::Robots(command) => conclude("robots", command.run()),
+        Command::Completions(command) => conclude("completions", command.run(Arguments::command())),
+        Command::Man(command) => conclude("man", command.run(Arguments::command())),
+        #[cfg(feature = "report")]
+        Command::Report(command) => conclude("report", command.run()),
+        #[cfg(feature = "simulate")]
+        Command::Simulate(command) => conclude("simulate", command.run()),
+    }
+}

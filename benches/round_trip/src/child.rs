@@ -13,8 +13,8 @@ use sarrus_models::{LoadError, Options, Source, load};
 use sarrus_proto::Domain;
 use sarrus_report::Outcome;
 use sarrus_report::measure::cores::{Cores, pin};
-use sarrus_server::record::{RecordOptions, RecordedRobot};
-use sarrus_server::{ServeOptions, Wait, serve};
+use sarrus_serve::record::{RecordOptions, RecordedRobot};
+use sarrus_serve::{ServeOptions, Wait, serve};
 
 use crate::floor;
 use crate::measure::ROBOT;

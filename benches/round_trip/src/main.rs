@@ -30,9 +30,9 @@ use serde_json::json;
 use crate::crowd::Numbers;
 use crate::measure::{Effort, ROBOT, STATES, Trip};
 
-/// The service needs it: see `sarrus_server::pool`.
+/// The service needs it: see `sarrus_serve::pool`.
 #[global_allocator]
-static POOL: sarrus_server::pool::Pool = sarrus_server::pool::Pool;
+static POOL: sarrus_serve::pool::Pool = sarrus_serve::pool::Pool;
 
 /// Times of round trips between two processes.
 #[derive(Parser)]

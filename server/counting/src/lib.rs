@@ -110,6 +110,7 @@ impl Real for Counted {
     const ZERO: Counted = Counted(0.0);
     const ONE: Counted = Counted(1.0);
     const EPSILON: f64 = <f64 as Real>::EPSILON;
+    const UNROLLED: bool = true;
 
     fn from_f64(x: f64) -> Counted {
         Counted(x)

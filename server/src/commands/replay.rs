@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use sarrus_client::{LoadError, Source};
 use sarrus_models::Loaded;
-use sarrus_server::record::{
+use sarrus_serve::record::{
     Difference, RecordedRobot, Recording, RecordingError, Replayed, replay,
 };
 

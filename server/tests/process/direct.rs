@@ -9,7 +9,7 @@ use std::time::Instant;
 use sarrus_client::{
     Error, Field, Model, Options, QueryOptions, Robot, Source, Status, Transport, Warnings,
 };
-use sarrus_server::pool;
+use sarrus_serve::pool;
 
 use sarrus_torture::patience::LIMIT;
 

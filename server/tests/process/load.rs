@@ -9,7 +9,7 @@ use sarrus_client::{Options, QueryOptions, Robot, Source, Status, Transport};
 use sarrus_proto::board::ClaimedLane;
 use sarrus_proto::message::RequestHead;
 use sarrus_proto::service::OpenedService;
-use sarrus_server::pool;
+use sarrus_serve::pool;
 
 use sarrus_torture::patience::LIMIT;
 use sarrus_torture::raw::Raw;

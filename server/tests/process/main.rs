@@ -34,7 +34,7 @@ use support::{Asker, ROBOT, STATE, Sandbox, options};
 
 /// Counts the blocks that an adopted thread takes from an allocator.
 #[global_allocator]
-static POOL: sarrus_server::pool::Pool = sarrus_server::pool::Pool;
+static POOL: sarrus_serve::pool::Pool = sarrus_serve::pool::Pool;
 
 /// Not a test of its own: the body of the clients that tests start as other processes.
 #[test]

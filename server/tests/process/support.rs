@@ -13,7 +13,7 @@ use sarrus_client::{
     Status, Transport, WaitStrategy,
 };
 use sarrus_proto::Domain;
-use sarrus_server::pool;
+use sarrus_serve::pool;
 use sarrus_torture::patience::{LIMIT, holds, poll};
 use sarrus_torture::process::{Process, TemporaryDomain, files_of, serve_command, start_server};
 use sarrus_torture::raw::Raw;

@@ -1,4 +1,4 @@
-//! The free lists of the server's allocator, `server/src/pool/free_list.rs` itself, on atomics of
+//! The free lists of the server's allocator, `server/serve/src/pool/free_list.rs` itself, on atomics of
 //! loom: every interleaving of a few calls (to five preemptions), every value that a weak memory
 //! may show.
 //!

@@ -1,6 +1,6 @@
 //! The free list on atomics that forget every ordering.
 
-#[path = "../../../server/src/pool/free_list.rs"]
+#[path = "../../../server/serve/src/pool/free_list.rs"]
 mod free_list;
 
 pub(crate) use free_list::FreeList;

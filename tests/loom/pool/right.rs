@@ -2,7 +2,7 @@
 
 use loom::sync::atomic;
 
-#[path = "../../../server/src/pool/free_list.rs"]
+#[path = "../../../server/serve/src/pool/free_list.rs"]
 mod free_list;
 
 pub(crate) use free_list::FreeList;

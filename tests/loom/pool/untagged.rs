@@ -1,6 +1,6 @@
 //! The free list on atomics that keep the lower half only, so without the count of changes.
 
-#[path = "../../../server/src/pool/free_list.rs"]
+#[path = "../../../server/serve/src/pool/free_list.rs"]
 mod free_list;
 
 pub(crate) use free_list::FreeList;

@@ -65,9 +65,9 @@ pub(crate) fn embedded_solve<T: Real>(
                 1 if cluster.n_v == 1 => {
                     pass.single_joint(cluster, &mut Y[0], &mut D[0], &mut b[0])
                 }
-                1 => pass.several_joints::<1>(cluster, Y, D, b, uncoupled_diagonal),
-                2 => pass.several_joints::<2>(cluster, Y, D, b, uncoupled_diagonal),
-                3 => pass.several_joints::<3>(cluster, Y, D, b, uncoupled_diagonal),
+                1 if T::UNROLLED => pass.several_joints::<1>(cluster, Y, D, b, uncoupled_diagonal),
+                2 if T::UNROLLED => pass.several_joints::<2>(cluster, Y, D, b, uncoupled_diagonal),
+                3 if T::UNROLLED => pass.several_joints::<3>(cluster, Y, D, b, uncoupled_diagonal),
                 _ => pass.several_joints::<0>(cluster, Y, D, b, uncoupled_diagonal),
             };
             positive &= sound;

@@ -396,10 +396,10 @@ fn to_independent<T: Real>(
         let (tau_y, terms) =
             (&mut tau_y[cluster.independents()], &mut terms[cluster.independents()]);
         match cluster.n_vy {
-            1 => columns::<T, 1>(G, tau_q, tau_y, terms),
-            2 => columns::<T, 2>(G, tau_q, tau_y, terms),
-            3 => columns::<T, 3>(G, tau_q, tau_y, terms),
-            6 => columns::<T, 6>(G, tau_q, tau_y, terms),
+            1 if T::UNROLLED => columns::<T, 1>(G, tau_q, tau_y, terms),
+            2 if T::UNROLLED => columns::<T, 2>(G, tau_q, tau_y, terms),
+            3 if T::UNROLLED => columns::<T, 3>(G, tau_q, tau_y, terms),
+            6 if T::UNROLLED => columns::<T, 6>(G, tau_q, tau_y, terms),
             m => {
                 for k in 0..m {
                     let column = G[k..].iter().step_by(m);

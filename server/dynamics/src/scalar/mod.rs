@@ -66,8 +66,8 @@ pub trait Real:
     /// Whether one run stands for others, so that rows change places by [`Real::select`] and not by
     /// a branch.
     const STRAIGHT: bool = false;
-    /// Whether kernels are compiled for each small width. It changes speed and no bit; rare scalars
-    /// do without, since each copy takes time to compile.
+    /// Whether kernels are compiled for each small width and for joints in series. Rare scalars do
+    /// without, since each copy takes time to compile.
     const UNROLLED: bool = false;
 
     /// An exactly representable number.

@@ -18,7 +18,7 @@ use sarrus_client::{
 };
 use sarrus_dynamics::{Plan, Workspace};
 use sarrus_models::{bundled, load};
-use sarrus_server::Wait;
+use sarrus_serve::Wait;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use super::output::{Failure, FormatFlag, Outcome, Results, stop_at};

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 use sarrus_client::Domain;
-use sarrus_server::Wait;
+use sarrus_serve::Wait;
 
 /// Time for a clean stop.
 const STOP: Duration = Duration::from_secs(3);

@@ -5,7 +5,7 @@ use std::str::FromStr;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use clap::{Args, ValueEnum};
-use sarrus_server::system::stderr::{LONGEST, has_room};
+use sarrus_serve::system::stderr::{LONGEST, has_room};
 use tracing_subscriber::filter::LevelFilter;
 
 /// The variable that sets the level where no flag does.

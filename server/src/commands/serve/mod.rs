@@ -14,8 +14,8 @@ use sarrus_client::describe;
 use sarrus_dynamics::Model;
 use sarrus_models::{LoadError, Loaded};
 use sarrus_proto::{Domain, ModelInfo, ServerName, supervision};
-use sarrus_server::record::{RecordOptions, RecordedRobot};
-use sarrus_server::{Kernels, ServeError, ServeOptions, Wait, serve};
+use sarrus_serve::record::{RecordOptions, RecordedRobot};
+use sarrus_serve::{Kernels, ServeError, ServeOptions, Wait, serve};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use super::output::{self, Outcome, Results};

@@ -23,7 +23,7 @@ use sarrus_proto::{
     Answer, Domain, Field, FieldSet, MAX_FRAMES, MAX_WRENCHES, Node, PROTOCOL_VERSION, Query,
     Request, ServerName, Status, Warnings,
 };
-use sarrus_server::{ServeOptions, Wait, serve};
+use sarrus_serve::{ServeOptions, Wait, serve};
 
 use super::{Check, Target, law};
 

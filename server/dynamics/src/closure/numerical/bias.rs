@@ -11,7 +11,7 @@ impl Block {
     /// g_d = K_d⁻¹ (k − K_before g_before).
     #[inline]
     pub(super) fn bias<T: Real>(&self, cluster: &Cluster<T>, local: &mut Local<'_, T>) {
-        match (self.series, self.unknowns.len()) {
+        match (self.series.filter(|_| T::UNROLLED), self.unknowns.len()) {
             (Some(_), 1) => self.bias_in_series::<T, 1>(cluster, local),
             (Some(_), 2) => self.bias_in_series::<T, 2>(cluster, local),
             (Some(_), _) => self.bias_in_series::<T, 3>(cluster, local),

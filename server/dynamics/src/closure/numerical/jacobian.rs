@@ -18,7 +18,7 @@ impl Block {
         local: &mut Local<'_, T>,
         level: Level,
     ) -> (bool, T) {
-        if self.series.is_some() && cluster.n_vy <= INDEPENDENTS {
+        if T::UNROLLED && self.series.is_some() && cluster.n_vy <= INDEPENDENTS {
             return match self.unknowns.len() {
                 1 => self.jacobian_in_series::<T, 1>(cluster, local, level),
                 2 => self.jacobian_in_series::<T, 2>(cluster, local, level),

@@ -178,7 +178,7 @@ impl Block {
         start: Start<T>,
         end: End,
     ) -> (bool, u32, T) {
-        if self.series.is_some() {
+        if T::UNROLLED && self.series.is_some() {
             return match self.unknowns.len() {
                 1 => self.newton_in_series::<T, 1>(cluster, bodies, local, start, end),
                 2 => self.newton_in_series::<T, 2>(cluster, bodies, local, start, end),
