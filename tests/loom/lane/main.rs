@@ -3,8 +3,8 @@
 //! The atomics are inside iceoryx2, so they are written out again in `board.rs`, with the orderings
 //! of version 0.10.0 (a test compares that number with the lock file: another version asks for
 //! another look). The uses of them are those of `proto/src/lane.rs` and
-//! `server/serve/src/answering/thread.rs`: the client publishes a request and polls for its answer, the
-//! server polls and publishes; each side writes in place into the cell that is not published.
+//! `server/serve/src/answering/thread.rs`: the client publishes a request and polls for its answer,
+//! the server polls and publishes; each side writes in place into the cell that is not published.
 //!
 //! The model shows that values are whole and in order, that none is lost, and that no cell is
 //! written while a client that waits for its answers reads it. It has a limit: loom does not move a

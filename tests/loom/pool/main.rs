@@ -1,5 +1,5 @@
-//! The free lists of the server's allocator, `server/serve/src/pool/free_list.rs` itself, on atomics of
-//! loom: every interleaving of a few calls (to five preemptions), every value that a weak memory
+//! The free lists of the server's allocator, `server/serve/src/pool/free_list.rs` itself, on loom's
+//! atomics: every interleaving of a few calls (to five preemptions), every value that a weak memory
 //! may show.
 //!
 //! A block's memory is a cell that only records its accesses: the test ends when two owners access
