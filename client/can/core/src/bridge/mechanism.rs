@@ -167,16 +167,14 @@ impl Mechanism {
 
     /// The motion of its motors; `None` without power.
     pub(super) fn course(&self, now_ns: u64, ramp_ns: u64) -> Option<Course> {
-        let passed = |since: u64| now_ns.saturating_sub(since) as f64;
+        let passed = |since: u64| now_ns.saturating_sub(since);
         match self.phase {
             Phase::Off | Phase::Waiting => None,
             Phase::Starting => Some(Course::Follow(0.0)),
             Phase::Damped(_) => Some(Course::Damp),
             Phase::Following(_) if self.returns => Some(Course::Return),
-            Phase::Following(_) if ramp_ns == 0 => Some(Course::Follow(1.0)),
-            Phase::Following(since) => {
-                Some(Course::Follow((passed(since) / ramp_ns as f64).min(1.0)))
-            }
+            Phase::Following(since) if passed(since) >= ramp_ns => Some(Course::Follow(1.0)),
+            Phase::Following(since) => Some(Course::Follow(passed(since) as f64 / ramp_ns as f64)),
             Phase::Stopping(_) if self.stop.function == StopFunction::QuickStop => {
                 Some(Course::QuickStop)
             }
@@ -188,7 +186,7 @@ impl Mechanism {
                     Reaction::Ramp => RAMP * self.stop.stop_ns as f64,
                     _ => 0.0,
                 };
-                let passed = since.map_or(0.0, passed);
+                let passed = since.map_or(0.0, |since| passed(since) as f64);
                 let speed = if passed < ramp { 1.0 - passed / ramp } else { 0.0 };
                 Some(Course::Brake { speed, passed: passed / self.stop.stop_ns as f64 })
             }

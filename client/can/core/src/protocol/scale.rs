@@ -39,7 +39,9 @@ impl Scale {
     /// alternating between the two beside it gives zero on average.
     pub(super) fn code(self, value: f64, odd: bool) -> u16 {
         let value = if value.is_nan() { 0.0 } else { value };
-        let place = (value.max(self.low).min(self.high) - self.low) / self.range * self.most;
+        let value = if value < self.low { self.low } else { value };
+        let value = if value > self.high { self.high } else { value };
+        let place = (value - self.low) / self.range * self.most;
         let below = place.floor();
         let rest = place - below;
         let up = rest > 0.5 || rest == 0.5 && odd;

@@ -76,7 +76,7 @@ impl Turns {
     /// [`fault::OUT_OF_RANGE`] where set-points of a mode have no code, or the position is not
     /// known; else 0.
     pub(super) fn fault(&self, mode: Mode) -> u32 {
-        let is_fault = self.uncounted || self.is_outside() && mode != Mode::Torque;
+        let is_fault = self.uncounted || mode != Mode::Torque && self.is_outside();
         fault::when(is_fault, fault::OUT_OF_RANGE)
     }
 
