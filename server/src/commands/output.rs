@@ -77,10 +77,12 @@ impl Failure {
 
     /// Prints the reason; the exit code.
     pub(crate) fn report(&self, command: &str) -> ExitCode {
-        match self.is_report {
-            true => eprint!("{}", self.reason),
-            false => eprintln!("sarrus {command}: {}", self.reason),
-        }
+        let mut stderr = io::stderr().lock();
+        // a closed stderr changes no exit code
+        let _ = match self.is_report {
+            true => write!(stderr, "{}", self.reason),
+            false => writeln!(stderr, "sarrus {command}: {}", self.reason),
+        };
         ExitCode::from(self.code)
     }
 }

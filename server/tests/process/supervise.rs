@@ -1,6 +1,7 @@
 //! A supervised server: killed, it is back; stopped, nothing remains; hopeless, it is given up.
 
 use std::fs;
+use std::io::{PipeWriter, Write};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -94,6 +95,38 @@ fn ready_is_printed_once_for_all_servers_of_a_supervisor() {
     let words = String::from_utf8(output.stderr).unwrap();
     let deaths = words.lines().filter(|line| line.contains("was killed by signal 9 after "));
     assert_eq!(deaths.count(), 3, "{words}");
+}
+
+/// Three servers of a supervisor with this stderr, then a clean stop.
+fn three_servers(name: &str, stderr: PipeWriter) {
+    let sandbox = Sandbox::new();
+    let mut command = sandbox.command(ROBOT, name, &["--supervise", "--short-life", "0"]);
+    let mut child = command.stderr(stderr).spawn().unwrap();
+    let mut process = 0;
+    for _ in 0..3 {
+        process = next_server(&sandbox, name, process);
+        kill(process);
+    }
+    next_server(&sandbox, name, process);
+    send_signal(child.id(), Signal::TERM);
+    let status = until("the supervisor's end", || child.try_wait().unwrap());
+    assert_eq!(status.code(), Some(0), "{status:?}");
+}
+
+#[test]
+fn a_closed_stderr_ends_no_supervisor() {
+    let (_, closed) = std::io::pipe().unwrap();
+    three_servers("closed", closed);
+}
+
+#[test]
+fn a_full_stderr_stops_no_supervisor() {
+    let (unread, mut full) = std::io::pipe().unwrap();
+    rustix::io::ioctl_fionbio(&full, true).unwrap();
+    while full.write(&[b'x'; 4096]).is_ok() {}
+    rustix::io::ioctl_fionbio(&full, false).unwrap();
+    three_servers("full", full);
+    drop(unread);
 }
 
 #[test]

@@ -1,7 +1,8 @@
 //! Lines on stderr that never block.
 
 use std::fmt::Arguments;
-use std::io::{self, StderrLock, Write};
+use std::io::{self, Write};
+use std::os::fd::AsFd;
 use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, poll};
@@ -10,16 +11,16 @@ use sarrus_proto::socket::timespec;
 /// Bytes that a pipe with any room takes at once (PIPE_BUF).
 pub const LONGEST: usize = 4096;
 
-/// Whether stderr has room for a line of [`LONGEST`] bytes.
-pub fn has_room(stderr: &StderrLock<'_>) -> bool {
-    let mut descriptors = [PollFd::new(stderr, PollFlags::OUT)];
+/// Whether stderr or stdout has room for a line of [`LONGEST`] bytes.
+pub fn has_room(out: &impl AsFd) -> bool {
+    let mut descriptors = [PollFd::new(out, PollFlags::OUT)];
     poll(&mut descriptors, Some(&timespec(Duration::ZERO)))
         .is_ok_and(|_| descriptors[0].revents().contains(PollFlags::OUT))
 }
 
-/// Writes a line, or omits it if there is no room: a full pipe blocks no thread, and none that
-/// waits for the lock.
-pub(crate) fn line(text: Arguments<'_>) {
+/// Writes a line, or omits it if there is no room or no reader: a full pipe blocks no thread, and
+/// none that waits for the lock; a closed one ends no process.
+pub fn line(text: Arguments<'_>) {
     let mut line = text.to_string().into_bytes();
     line.truncate(LONGEST - 1);
     line.push(b'\n');

@@ -15,6 +15,7 @@ use sarrus_dynamics::Model;
 use sarrus_models::{LoadError, Loaded};
 use sarrus_proto::{Domain, ModelInfo, ServerName, supervision};
 use sarrus_serve::record::{RecordOptions, RecordedRobot};
+use sarrus_serve::system::stderr::line;
 use sarrus_serve::{Kernels, ServeError, ServeOptions, Wait, serve};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
@@ -151,12 +152,14 @@ impl Serve {
         let is_served = |loaded: Loaded| loaded.compiled.model.fingerprint() == info.fingerprint;
         // the recorded files alone describe the robot that is served
         if record.is_some_and(|record| !record.robot.load().is_ok_and(is_served)) {
-            eprintln!(
+            line(format_args!(
                 "sarrus serve: warning: the recording cannot hold this robot, whose files name \
                  further ones; replay it with --urdf"
-            );
+            ));
         }
-        info.warnings.iter().for_each(|warning| eprintln!("sarrus serve: warning: {warning}"));
+        for warning in &info.warnings {
+            line(format_args!("sarrus serve: warning: {warning}"));
+        }
     }
 
     /// Reports a failure to the supervisor, where there is one.
@@ -196,7 +199,7 @@ impl Serve {
         match kernels {
             // a file that went bad after the first start makes answers slow, not wrong
             Err(error) if self.again.is_some() => {
-                eprintln!("sarrus serve: warning: {error}; the generic kernels answer");
+                line(format_args!("sarrus serve: warning: {error}; the generic kernels answer"));
                 Ok(Kernels::default())
             }
             kernels => kernels,

@@ -15,6 +15,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use rustix::process::{Pid, Signal, getppid, kill_process, set_parent_process_death_signal};
 use sarrus_proto::{Domain, ServerName, supervision};
+use sarrus_serve::system::stderr::{has_room, line};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use super::backoff::Backoff;
@@ -64,9 +65,9 @@ pub(super) fn run(name: &str, short_life: Duration) -> Result<u8, output::Failur
         End::GivenUp { reason, code, is_public } => {
             // clients first: an operator who reads the line may connect at once
             let left = if is_public { leave_reason(name, &reason) } else { Ok(()) };
-            eprintln!("sarrus serve: given up: {reason}");
+            line(format_args!("sarrus serve: given up: {reason}"));
             if let Err(error) = left {
-                eprintln!("sarrus serve: clients cannot read the reason: {error}");
+                line(format_args!("sarrus serve: clients cannot read the reason: {error}"));
             }
             Ok(code)
         }
@@ -181,7 +182,7 @@ impl Supervisor {
             None => how,
         };
         self.report_death();
-        eprintln!("sarrus serve: the server (process {id}) {how}, before it was ready");
+        line(format_args!("sarrus serve: the server (process {id}) {how}, before it was ready"));
         self.delay(None, &how)
     }
 
@@ -204,21 +205,21 @@ impl Supervisor {
 
     /// Handles readiness: passes on the first such line, reports the preceding death before later
     /// ones.
-    fn announce(&mut self, line: &str, id: u32) {
+    fn announce(&mut self, ready: &str, id: u32) {
         if let Some((words, since)) = self.death.take() {
             let gap = since.elapsed();
-            eprintln!("{words}; process {id} serves, {gap:.1?} later");
+            line(format_args!("{words}; process {id} serves, {gap:.1?} later"));
         }
         if self.fingerprint.is_none() {
-            self.fingerprint = line.rsplit(' ').next().map(str::to_owned);
-            print_line(line);
+            self.fingerprint = ready.rsplit(' ').next().map(str::to_owned);
+            print_line(ready);
         }
     }
 
     /// Reports a death without a later server.
     fn report_death(&mut self) {
         if let Some((words, _)) = self.death.take() {
-            eprintln!("{words}");
+            line(format_args!("{words}"));
         }
     }
 
@@ -251,7 +252,9 @@ impl Supervisor {
                 Err(_) => {
                     let _ = end(&mut process);
                     let id = process.id();
-                    eprintln!("sarrus serve: the server (process {id}) did not stop: killed");
+                    line(format_args!(
+                        "sarrus serve: the server (process {id}) did not stop: killed"
+                    ));
                     return End::Stopped(2);
                 }
             }
@@ -285,8 +288,10 @@ fn leave_reason(name: &str, reason: &str) -> io::Result<()> {
     supervision::give_up(domain.root(), &name, reason, now)
 }
 
-/// Prints a line; a closed stdout does not end the server.
+/// Prints a line, where stdout has a reader and room.
 pub(super) fn print_line(line: &str) {
     let mut out = std::io::stdout().lock();
-    let _ = writeln!(out, "{line}").and_then(|()| out.flush());
+    if has_room(&out) {
+        let _ = writeln!(out, "{line}").and_then(|()| out.flush());
+    }
 }
