@@ -58,6 +58,12 @@ pub enum CacheError {
     /// Another user owns it, or others may write into it.
     #[error("{}: not a folder that only this user may write; chmod 700 or remove it", .0.display())]
     Open(PathBuf),
+    /// A folder above it belongs to another user, or others may write into it.
+    #[error(
+        "{}: another user may put a folder of kernels here; chmod go-w, or set XDG_CACHE_HOME",
+        .0.display()
+    )]
+    Above(PathBuf),
 }
 
 /// Why no kernel was made.
@@ -224,14 +230,27 @@ impl Cache {
         Ok(Made { kernel: loaded, path, origin })
     }
 
-    /// Only this user may write into it.
+    /// Only this user may write into it, and only this user and root may put another folder in its
+    /// place: every folder above is checked, by its name and behind symbolic links, as sshd checks
+    /// its files. A group with the user's number counts as the user's own.
     fn check(&self, folder: &Path) -> Result<(), CacheError> {
+        let user = rustix::process::geteuid().as_raw();
         let about = fs::symlink_metadata(folder).map_err(|error| io_error(folder, error))?;
-        let is_ours = about.uid() == rustix::process::geteuid().as_raw();
-        match about.is_dir() && is_ours && about.mode() & 0o022 == 0 {
-            true => Ok(()),
-            false => Err(CacheError::Open(folder.to_owned())),
+        if !about.is_dir() || about.uid() != user || about.mode() & 0o022 != 0 {
+            return Err(CacheError::Open(folder.to_owned()));
         }
+        let named = std::path::absolute(folder).map_err(|error| io_error(folder, error))?;
+        let real = fs::canonicalize(folder).map_err(|error| io_error(folder, error))?;
+        for above in named.ancestors().chain(real.ancestors()).skip(1) {
+            let about = fs::symlink_metadata(above).map_err(|error| io_error(above, error))?;
+            let others = if about.gid() == user { 0o002 } else { 0o022 };
+            // in a sticky folder only the owner of an entry replaces it
+            let is_closed = about.mode() & others == 0 || about.mode() & 0o1000 != 0;
+            if ![0, user].contains(&about.uid()) || !(is_closed || about.is_symlink()) {
+                return Err(CacheError::Above(above.to_owned()));
+            }
+        }
+        Ok(())
     }
 }
 

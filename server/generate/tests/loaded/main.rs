@@ -13,8 +13,8 @@ use std::time::{Duration, Instant, SystemTime};
 
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Status, Workspace};
 use sarrus_generate::{
-    Cache, Cancel, Compiler, FLAGS, Kernel, LoadError, MakeError, NativeKernel, ObjectFile, Origin,
-    RandomInputs, Source, random_input,
+    Cache, CacheError, Cancel, Compiler, FLAGS, Kernel, LoadError, MakeError, NativeKernel,
+    ObjectFile, Origin, RandomInputs, Source, random_input,
 };
 use sarrus_models::{Options, load};
 
@@ -321,9 +321,29 @@ fn what_was_made_once_is_kept_and_what_was_changed_is_made_again() {
     let left = [&abandoned, &recent, &unlocked].map(|path| path.exists());
     assert_eq!((left, made.path.is_file()), ([false, true, false], true));
 
-    // a folder that others may write is not used
-    fs::set_permissions(cache.folder(), fs::Permissions::from_mode(0o777)).unwrap();
-    assert!(matches!(cache.find(&lambda, &plan), Err(MakeError::Cache(_))));
+    // a folder that others may write is not used, nor one below it, by whatever name; one that only
+    // its owners change is
+    let refuses = |cache: &Cache, found: &Path| match cache.find(&lambda, &plan) {
+        Err(MakeError::Cache(CacheError::Open(path) | CacheError::Above(path))) => path == found,
+        _ => false,
+    };
+    let set = |path: &Path, mode| {
+        fs::set_permissions(path, fs::Permissions::from_mode(mode)).unwrap();
+    };
+    let linked = Cache::at(folder.join("link/below"));
+    fs::create_dir_all(folder.join("above/inner")).unwrap();
+    fs::rename(cache.folder(), folder.join("above/inner/below")).unwrap();
+    std::os::unix::fs::symlink("above/inner", folder.join("link")).unwrap();
+    let named = Cache::at(folder.join("above/inner/below"));
+    for open in [folder.join("above"), folder.join("above/inner")] {
+        set(&open, 0o777);
+        assert!(refuses(&named, &open) && refuses(&linked, &fs::canonicalize(&open).unwrap()));
+        set(&open, 0o1777);
+        assert!(!refuses(&named, &open), "{:?}", named.find(&lambda, &plan));
+        set(&open, 0o755);
+    }
+    set(named.folder(), 0o777);
+    assert!(refuses(&named, named.folder()) && refuses(&linked, linked.folder()));
 }
 
 /// Nanoseconds of a call, the least of several runs.

@@ -4,15 +4,20 @@
 //! where /dev/shm is full, or where a client truncates a file. Segments are reserved when they are
 //! made, but the transport touches them earlier, and a client controls its own file. The guard puts
 //! a page of zeros, private to this process, in place of the missing one and counts; only the
-//! client of that page gets wrong answers, and a segment that is being set up is refused.
+//! client of that page gets wrong answers, and a segment that is being set up is refused. Pages of
+//! private mappings, such as this program's code and constants, are never replaced: there a fault
+//! ends the process.
 // lint: a handler of a memory fault cannot be written in safe Rust; everything that needs it is in
 // this file
 #![allow(unsafe_code)]
 
 use std::io;
 use std::mem::MaybeUninit;
+use std::ops::Range;
 use std::ptr::null_mut;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
+
+use rustix::fs::{Mode, OFlags};
 
 /// Bytes of a page on this machine.
 static PAGE: AtomicUsize = AtomicUsize::new(4096);
@@ -47,12 +52,12 @@ extern "C" fn replace_page(
     _context: *mut libc::c_void,
 ) {
     // SAFETY: the kernel gives a valid record; only async-signal-safe calls are made. The page that
-    // is replaced belongs to a mapping whose file has no such page: it can hold no data. It is not
-    // executable, so a fault in code remains fatal.
+    // is replaced belongs to a shared mapping whose file has no such page: it can hold no data.
     unsafe {
-        if (*info).si_code == libc::BUS_ADRERR {
+        let address = (*info).si_addr() as usize;
+        if (*info).si_code == libc::BUS_ADRERR && is_shared(address) {
             let size = PAGE.load(Relaxed);
-            let page = ((*info).si_addr() as usize & !(size - 1)) as *mut libc::c_void;
+            let page = (address & !(size - 1)) as *mut libc::c_void;
             let protection = libc::PROT_READ | libc::PROT_WRITE;
             let flags = libc::MAP_PRIVATE | libc::MAP_ANONYMOUS | libc::MAP_FIXED;
             if libc::mmap(page, size, protection, flags, -1, 0) != libc::MAP_FAILED {
@@ -65,6 +70,41 @@ extern "C" fn replace_page(
         libc::signal(libc::SIGBUS, libc::SIG_DFL);
         libc::raise(libc::SIGBUS);
     }
+}
+
+/// Whether an address lies in a shared mapping, by the kernel's list; async-signal-safe.
+fn is_shared(address: usize) -> bool {
+    let flags = OFlags::RDONLY | OFlags::CLOEXEC;
+    let Ok(maps) = rustix::fs::open(c"/proc/self/maps", flags, Mode::empty()) else { return false };
+    let mut chunk = [0; 1024];
+    // a line begins with `START-END PERMISSIONS`, two hexadecimal numbers and four letters
+    let mut head = [0; 40];
+    let mut length = 0;
+    while let Ok(n @ 1..) = rustix::io::read(&maps, &mut chunk) {
+        for byte in &chunk[..n] {
+            if *byte == b'\n' {
+                if let Some((range, shared)) = mapping(&head[..length])
+                    && range.contains(&address)
+                {
+                    return shared;
+                }
+                length = 0;
+            } else if length < head.len() {
+                head[length] = *byte;
+                length += 1;
+            }
+        }
+    }
+    false
+}
+
+/// The addresses of a line of the list, and whether its memory is shared.
+fn mapping(line: &[u8]) -> Option<(Range<usize>, bool)> {
+    let text = core::str::from_utf8(line).ok()?;
+    let (range, rest) = text.split_once(' ')?;
+    let (start, end) = range.split_once('-')?;
+    let address = |digits| usize::from_str_radix(digits, 16).ok();
+    Some((address(start)?..address(end)?, rest.as_bytes().get(3) == Some(&b's')))
 }
 
 /// Held by tests that replace pages, and by tests that fail after a replaced page: the count is per
@@ -96,5 +136,32 @@ mod tests {
             libc::close(file);
         }
         assert_eq!(replaced_pages(), before + 1);
+    }
+
+    #[test]
+    fn a_private_page_that_is_missing_ends_the_process() {
+        let _replacing = REPLACING.lock();
+        install().unwrap();
+        let size = PAGE.load(Relaxed);
+        // SAFETY: a mapping as above, but private; the forked child makes no call but the read that
+        // ends it.
+        unsafe {
+            let file = libc::memfd_create(c"short".as_ptr(), 0);
+            assert!(file >= 0 && libc::ftruncate(file, size as libc::off_t) == 0);
+            let start =
+                libc::mmap(null_mut(), 2 * size, libc::PROT_READ, libc::MAP_PRIVATE, file, 0)
+                    .cast::<u8>();
+            let child = libc::fork();
+            if child == 0 {
+                start.add(size).read_volatile();
+                libc::_exit(0);
+            }
+            let mut status = 0;
+            assert_eq!(libc::waitpid(child, &mut status, 0), child);
+            assert!(libc::WIFSIGNALED(status), "{status}");
+            assert_eq!(libc::WTERMSIG(status), libc::SIGBUS);
+            libc::munmap(start.cast(), 2 * size);
+            libc::close(file);
+        }
     }
 }
