@@ -100,7 +100,7 @@ pub(crate) fn child(role: Role, processors: &[usize], record: Option<PathBuf>) -
             let loaded = load(&source, &options)?;
             let record = record.map(|file| {
                 let robot = RecordedRobot::new(&source, &options)?;
-                Ok::<_, LoadError>(RecordOptions { file, seconds: 10, robot })
+                Ok::<_, LoadError>(RecordOptions { file, seconds: 10, robot, is_optional: false })
             });
             let info = describe(&loaded);
             let options = ServeOptions {

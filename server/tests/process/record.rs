@@ -10,6 +10,7 @@ use sarrus_client::{Field, FieldSet, Query, Request, Robot, Status, Transport};
 use sarrus_torture::patience::LIMIT;
 
 use crate::batches::Rows;
+use crate::supervise::{kill, serving};
 use crate::support::{Asker, ROBOT, Sandbox};
 
 /// A folder of its own for each test.
@@ -205,6 +206,57 @@ fn a_clean_stop_leaves_everything_and_the_next_run_keeps_it() {
             assert_eq!(replay(&format!("{file}.1"), &[]).1["requests"], 100);
         }
     }
+}
+
+#[test]
+fn the_last_runs_are_kept_in_their_order() {
+    let sandbox = Sandbox::new();
+    let folder = Folder::new("record-runs");
+    let file = folder.file("box");
+    let flags = ["--record", &file, "--record-seconds", "1", "--lanes", "1"];
+    for run in 1..=6 {
+        let server = sandbox.serve("box", &flags);
+        let mut robot = sandbox.connect("box", Transport::Lane).unwrap();
+        let _ = ask(&mut robot, 10 * run, 7);
+        drop(robot);
+        assert!(server.stop().success());
+    }
+    let requests = |name: &str| replay(&format!("{file}{name}"), &[]).1["requests"].as_u64();
+    let kept = ["", ".1", ".2", ".3", ".4"].map(requests);
+    assert_eq!(kept, [60, 50, 40, 30, 20].map(Some));
+    assert!(!Path::new(&format!("{file}.5")).exists());
+}
+
+#[test]
+fn a_supervised_server_without_room_for_its_recording_answers() {
+    let sandbox = Sandbox::new();
+    let folder = Folder::new("record-room");
+    let file = folder.file("box");
+    let flags = ["--supervise", "--short-life", "0", "--record", &file, "--lanes", "1"];
+    let inner = sandbox.command(ROBOT, "box", &[&flags[..], &["--record-seconds", "60"]].concat());
+    // a disk with room for one recording and a sixth, seen by these processes only
+    let script = "mount -t tmpfs -o size=50m sarrus \"$0\" && exec \"$@\"";
+    let mut outer = Command::new("unshare");
+    outer.args(["--mount", "sh", "-c", script]).arg(&folder.0);
+    outer.arg(inner.get_program()).args(inner.get_args());
+    outer.envs(inner.get_envs().filter_map(|(name, value)| Some((name, value?))));
+    let probe = Command::new("unshare").args(["--mount", "true"]).output();
+    if !probe.is_ok_and(|output| output.status.success()) {
+        println!("not run: this user has no mounts of its own");
+        return;
+    }
+    let server = sandbox.start(&mut outer);
+    for warning in ["the disk has room to record ", "nothing is recorded: no room for "] {
+        let mut robot = sandbox.attach_briefly("box", Transport::Lane).robot;
+        let _ = ask(&mut robot, 10, 7);
+        settle();
+        kill(serving(server.id()));
+        server.wait_for_line(warning);
+    }
+    let mut robot = sandbox.attach_briefly("box", Transport::Lane).robot;
+    let _ = ask(&mut robot, 10, 7);
+    drop(robot);
+    assert!(server.stop().success());
 }
 
 #[test]

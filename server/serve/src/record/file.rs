@@ -20,6 +20,8 @@ use super::header::Header;
 
 /// Most bytes in one write.
 const BATCH: usize = 1 << 20;
+/// Recordings of earlier runs that are kept: a supervisor gives up after as many deaths and one.
+const KEPT: u32 = 4;
 
 /// A file that is being recorded to.
 pub(super) struct RecordFile {
@@ -151,8 +153,8 @@ fn reserve(file: &File, bytes: u64) -> io::Result<()> {
     }
 }
 
-/// Keeps the recording of an earlier run as `FILE.1`, in place of the one before it; one without a
-/// record is removed.
+/// Keeps the recording of an earlier run as `FILE.1`, and those before it under the next numbers;
+/// one without a record is removed.
 fn set_aside(path: &Path) -> Result<(), RecordError> {
     let failed = |source| RecordError::Make { file: path.to_owned(), source };
     let metadata = match fs::symlink_metadata(path) {
@@ -177,7 +179,11 @@ fn set_aside(path: &Path) -> Result<(), RecordError> {
         Err(fs::TryLockError::Error(source)) => return Err(failed(source)),
     }
     if has_records(&file, &page) {
-        fs::rename(path, earlier(path)).map_err(failed)
+        let gap = (1..KEPT).find(|n| !earlier(path, *n).exists()).unwrap_or(KEPT);
+        for n in (1..gap).rev() {
+            fs::rename(earlier(path, n), earlier(path, n + 1)).map_err(failed)?;
+        }
+        fs::rename(path, earlier(path, 1)).map_err(failed)
     } else {
         fs::remove_file(path).map_err(failed)
     }
@@ -193,9 +199,9 @@ fn has_records(file: &File, page: &[u8]) -> bool {
     }
 }
 
-/// The path for the recording of the previous run.
-fn earlier(path: &Path) -> PathBuf {
+/// The path for the recording of the last run, for n = 1, or of an earlier one.
+fn earlier(path: &Path, n: u32) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
-    name.push(".1");
+    name.push(format!(".{n}"));
     name.into()
 }

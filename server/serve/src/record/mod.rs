@@ -32,6 +32,7 @@ pub use replay::{Difference, Replayed, replay};
 pub(crate) use ring::Recorder;
 pub use robot::RecordedRobot;
 
+use crate::system::stderr::line;
 use file::RecordFile;
 use format::{checksum, words};
 use header::Header;
@@ -43,12 +44,36 @@ const NAP: Duration = Duration::from_millis(2);
 /// Options of a recording.
 #[derive(Clone, Debug)]
 pub struct RecordOptions {
-    /// The file; one of an earlier run is kept with `.1` after its name.
+    /// The file; those of the last runs are kept with `.1` to `.4` after its name.
     pub file: PathBuf,
     /// The least recorded time, with 1 kHz through each lane `[s]`.
     pub seconds: u32,
     /// The robot to store in the file.
     pub robot: RecordedRobot,
+    /// Whether the server answers without a recording rather than not at all, and with a shorter
+    /// one where the disk has no room; a warning on stderr reports either.
+    pub is_optional: bool,
+}
+
+/// As [`start`]; with a warning instead of an error for an optional recording.
+///
+/// # Errors
+/// [`RecordError`].
+pub(crate) fn start_or_warn(
+    options: &RecordOptions,
+    model: &Model<f64>,
+    lanes: usize,
+    clock: Clock,
+    place: impl FnOnce() + Send + 'static,
+) -> Result<Option<(Recorder, JoinHandle<()>)>, RecordError> {
+    match start(options, model, lanes, clock, place) {
+        Err(error) if options.is_optional => {
+            line(format_args!("sarrus serve: warning: nothing is recorded: {error}"));
+            error!(%error, "nothing is recorded");
+            Ok(None)
+        }
+        started => started.map(Some),
+    }
 }
 
 /// Makes the file and starts the thread that writes it.
@@ -59,7 +84,7 @@ pub struct RecordOptions {
 ///
 /// # Errors
 /// [`RecordError`]; a new file is then removed.
-pub(crate) fn start(
+fn start(
     options: &RecordOptions,
     model: &Model<f64>,
     lanes: usize,
@@ -82,10 +107,25 @@ pub(crate) fn start(
         ..Header::default()
     };
     let Sizes { n_vy, n_u, .. } = model.sizes();
-    let header = header
-        .sized(lanes as u64, (4 * n_vy + n_u) as u64)
-        .ok_or_else(|| RecordError::NoSpace { file: options.file.clone(), bytes: u64::MAX })?;
-    let file = RecordFile::create(&options.file, header, &robot)?;
+    let create = |seconds| {
+        let header = Header { seconds, ..header }
+            .sized(lanes as u64, (4 * n_vy + n_u) as u64)
+            .ok_or_else(|| RecordError::NoSpace { file: options.file.clone(), bytes: u64::MAX })?;
+        RecordFile::create(&options.file, header, &robot)
+    };
+    let mut seconds = options.seconds.into();
+    let mut file = create(seconds);
+    while let Err(RecordError::NoSpace { .. }) = file
+        && options.is_optional
+        && seconds > 1
+    {
+        seconds /= 2;
+        file = create(seconds);
+    }
+    let file = file?;
+    if seconds < options.seconds.into() {
+        line(format_args!("sarrus serve: warning: the disk has room to record {seconds} s only"));
+    }
 
     let (recorder, records) = ring::ring(ring::CAPACITY);
     let writer = Writer { records, file, clock, start: ticks };
@@ -114,9 +154,7 @@ impl Writer {
             // read before the last write, which then includes all records
             let is_last = self.records.is_abandoned();
             if let Err(error) = self.write() {
-                crate::system::stderr::line(format_args!(
-                    "sarrus serve: warning: the recording ends here: {error}"
-                ));
+                line(format_args!("sarrus serve: warning: the recording ends here: {error}"));
                 error!(%error, "the recording ends");
                 return;
             }

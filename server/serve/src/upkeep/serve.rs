@@ -131,10 +131,9 @@ fn serve_in(
     let heartbeat = hot.heartbeat.reader_descriptor().map_err(ServeError::Heartbeat)?;
     let mut recording = None;
     if let Some(to) = &options.record {
-        let (recorder, thread) =
-            record::start(to, &model, options.lanes, clock.clone(), place_other(placement))?;
-        hot.engine.recorder = Some(recorder);
-        recording = Some(thread);
+        let place = place_other(placement);
+        let started = record::start_or_warn(to, &model, options.lanes, clock.clone(), place)?;
+        (hot.engine.recorder, recording) = started.unzip();
     }
     let kernels = Maker::start(&options.kernels, &model, place_other(placement))?;
     // clients that connect before the first step of upkeep wait

@@ -210,7 +210,9 @@ impl Serve {
     fn record(&self) -> Result<Option<RecordOptions>, LoadError> {
         let Some(file) = self.record.clone() else { return Ok(None) };
         let robot = RecordedRobot::new(&self.robot.source(), &self.robot.options())?;
-        Ok(Some(RecordOptions { file, seconds: self.record_seconds, robot }))
+        // a server that was announced answers, recorded or not
+        let is_optional = self.again.is_some();
+        Ok(Some(RecordOptions { file, seconds: self.record_seconds, robot, is_optional }))
     }
 }
 
