@@ -316,6 +316,7 @@ fn rooms_of_these_crates_use_each_other_in_no_circle() {
         "server",
         "server/dynamics",
         "server/report",
+        "server/serve",
         "server/simulation",
         "client/rust",
         "client/can/core",

@@ -12,6 +12,7 @@ use clap::{Args, ValueEnum};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::Errno;
 use sarrus_client::LoadError;
+use sarrus_serve::system::stderr::line;
 use serde::Serialize;
 
 use super::robot::diagnostics;
@@ -77,12 +78,17 @@ impl Failure {
 
     /// Prints the reason; the exit code.
     pub(crate) fn report(&self, command: &str) -> ExitCode {
-        let mut stderr = io::stderr().lock();
-        // a closed stderr changes no exit code
-        let _ = match self.is_report {
-            true => write!(stderr, "{}", self.reason),
-            false => writeln!(stderr, "sarrus {command}: {}", self.reason),
+        let text = match self.is_report {
+            true => self.reason.clone(),
+            false => format!("sarrus {command}: {}\n", self.reason),
         };
+        if command == "serve" {
+            // a supervisor waits for the end of this process
+            text.lines().for_each(|words| line(format_args!("{words}")));
+        } else {
+            // a closed stderr changes no exit code
+            let _ = io::stderr().lock().write_all(text.as_bytes());
+        }
         ExitCode::from(self.code)
     }
 }

@@ -11,7 +11,7 @@ use sarrus_torture::patience::LIMIT;
 
 use crate::batches::Rows;
 use crate::supervise::{kill, serving};
-use crate::support::{Asker, ROBOT, Sandbox};
+use crate::support::{Asker, ROBOT, Sandbox, wait_until};
 
 /// A folder of its own for each test.
 struct Folder(PathBuf);
@@ -229,34 +229,43 @@ fn the_last_runs_are_kept_in_their_order() {
 
 #[test]
 fn a_supervised_server_without_room_for_its_recording_answers() {
-    let sandbox = Sandbox::new();
-    let folder = Folder::new("record-room");
-    let file = folder.file("box");
-    let flags = ["--supervise", "--short-life", "0", "--record", &file, "--lanes", "1"];
-    let inner = sandbox.command(ROBOT, "box", &[&flags[..], &["--record-seconds", "60"]].concat());
-    // a disk with room for one recording and a sixth, seen by these processes only
-    let script = "mount -t tmpfs -o size=50m sarrus \"$0\" && exec \"$@\"";
-    let mut outer = Command::new("unshare");
-    outer.args(["--mount", "sh", "-c", script]).arg(&folder.0);
-    outer.arg(inner.get_program()).args(inner.get_args());
-    outer.envs(inner.get_envs().filter_map(|(name, value)| Some((name, value?))));
     let probe = Command::new("unshare").args(["--mount", "true"]).output();
     if !probe.is_ok_and(|output| output.status.success()) {
         println!("not run: this user has no mounts of its own");
         return;
     }
-    let server = sandbox.start(&mut outer);
-    for warning in ["the disk has room to record ", "nothing is recorded: no room for "] {
+    // a disk with room for one recording and a sixth, or for one, seen by these processes only
+    for (size, warning) in [
+        ("50m", "the disk has room to record 7 s only"),
+        ("43m", "nothing is recorded: no room for "),
+    ] {
+        let sandbox = Sandbox::new();
+        let folder = Folder::new("record-room");
+        let file = folder.file("box");
+        let flags = ["--supervise", "--short-life", "0", "--record", &file, "--lanes", "1"];
+        let flags = [&flags[..], &["--record-seconds", "60"]].concat();
+        let inner = sandbox.command(ROBOT, "box", &flags);
+        let script = format!("mount -t tmpfs -o size={size} sarrus \"$0\" && exec \"$@\"");
+        let mut outer = Command::new("unshare");
+        outer.args(["--mount", "sh", "-c", &script]).arg(&folder.0);
+        outer.arg(inner.get_program()).args(inner.get_args());
+        outer.envs(inner.get_envs().filter_map(|(name, value)| Some((name, value?))));
+        let server = sandbox.start(&mut outer);
+
         let mut robot = sandbox.attach_briefly("box", Transport::Lane).robot;
         let _ = ask(&mut robot, 10, 7);
-        settle();
-        kill(serving(server.id()));
+        let process = serving(server.id());
+        let seen = format!("/proc/{process}/root{file}");
+        wait_until("the requests are on record", || {
+            replay(&seen, &[]).1["requests"].as_u64() >= Some(10)
+        });
+        kill(process);
         server.wait_for_line(warning);
+        let mut robot = sandbox.attach_briefly("box", Transport::Lane).robot;
+        let _ = ask(&mut robot, 10, 7);
+        drop(robot);
+        assert!(server.stop().success());
     }
-    let mut robot = sandbox.attach_briefly("box", Transport::Lane).robot;
-    let _ = ask(&mut robot, 10, 7);
-    drop(robot);
-    assert!(server.stop().success());
 }
 
 #[test]
@@ -318,6 +327,20 @@ fn what_is_no_recording_is_refused_with_the_reason() {
     assert_eq!(server.status.code(), Some(2));
     assert!(words.contains("is no recording and is left as it is"), "{words}");
     assert_eq!(fs::read_to_string(&text).unwrap(), "a text that somebody needs");
+    let text = format!("{file}.1");
+    fs::write(&text, "another text").unwrap();
+    let flags = ["--record", &file, "--record-seconds", "1", "--lanes", "1"];
+    let server = sandbox.serve_robot("lambda", "box", &flags);
+    let mut robot = sandbox.connect("box", Transport::Lane).unwrap();
+    robot.prepare(&queries()[2]).unwrap();
+    let mut asker = Asker::new(robot);
+    assert_eq!(asker.ask().unwrap().status, Status::Ok);
+    assert!(server.stop().success());
+    let server = sandbox.command("lambda", "box", &flags).output().unwrap();
+    let words = String::from_utf8(server.stderr).unwrap();
+    assert_eq!(server.status.code(), Some(2));
+    assert!(words.contains("box.1 is no recording and is left as it is"), "{words}");
+    assert_eq!(fs::read_to_string(&text).unwrap(), "another text");
 
     // a disk without the room
     let full = folder.file("full");

@@ -1,7 +1,7 @@
 //! A supervised server: killed, it is back; stopped, nothing remains; hopeless, it is given up.
 
 use std::fs;
-use std::io::{PipeWriter, Write};
+use std::io::{PipeReader, PipeWriter, Write};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -113,6 +113,15 @@ fn three_servers(name: &str, stderr: PipeWriter) {
     assert_eq!(status.code(), Some(0), "{status:?}");
 }
 
+/// A pipe that nobody reads, and its full end.
+fn full_pipe() -> (PipeReader, PipeWriter) {
+    let (unread, mut full) = std::io::pipe().unwrap();
+    rustix::io::ioctl_fionbio(&full, true).unwrap();
+    while full.write(&[b'x'; 4096]).is_ok() {}
+    rustix::io::ioctl_fionbio(&full, false).unwrap();
+    (unread, full)
+}
+
 #[test]
 fn a_closed_stderr_ends_no_supervisor() {
     let (_, closed) = std::io::pipe().unwrap();
@@ -121,11 +130,26 @@ fn a_closed_stderr_ends_no_supervisor() {
 
 #[test]
 fn a_full_stderr_stops_no_supervisor() {
-    let (unread, mut full) = std::io::pipe().unwrap();
-    rustix::io::ioctl_fionbio(&full, true).unwrap();
-    while full.write(&[b'x'; 4096]).is_ok() {}
-    rustix::io::ioctl_fionbio(&full, false).unwrap();
+    let (unread, full) = full_pipe();
     three_servers("full", full);
+    drop(unread);
+}
+
+#[test]
+fn a_server_that_refuses_with_a_full_stderr_is_given_up() {
+    let sandbox = Sandbox::new();
+    let urdf = sandbox.make_root().join("pendulum.urdf");
+    fs::write(&urdf, pendulum(1.0)).unwrap();
+    let (unread, stderr) = full_pipe();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
+    command.args(["serve", "--name", "mute", "--supervise", "--urdf"]).arg(&urdf);
+    command.env("SARRUS_ROOT", sandbox.domain().root()).stdout(Stdio::null()).stderr(stderr);
+    let mut child = command.spawn().unwrap();
+    let process = next_server(&sandbox, "mute", 0);
+    fs::write(&urdf, pendulum(2.0)).unwrap();
+    kill(process);
+    let status = until("the supervisor's end", || child.try_wait().unwrap());
+    assert_eq!(status.code(), Some(2), "{status:?}");
     drop(unread);
 }
 

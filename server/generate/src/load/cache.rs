@@ -28,6 +28,8 @@ use crate::{BuildError, Cancel, Compiler, FLAGS, GenerateError, Kernel, Source};
 const KEPT: usize = 256;
 /// Prefix of the names of build folders.
 const BUILD: &str = ".build-";
+/// Most symbolic links in the path of the folder, as of the kernel.
+const LINKS: usize = 40;
 /// The file in it that its process locks.
 const LOCK: &str = "lock";
 /// From which age on such a folder is of a process that ended within its build: no build takes so
@@ -231,26 +233,37 @@ impl Cache {
     }
 
     /// Only this user may write into it, and only this user and root may put another folder in its
-    /// place: every folder above is checked, by its name and behind symbolic links, as sshd checks
-    /// its files. A group with the user's number counts as the user's own.
+    /// place: every folder above is checked, and those above each symbolic link's target, as sshd
+    /// checks its files. A group with the user's number counts as the user's own.
     fn check(&self, folder: &Path) -> Result<(), CacheError> {
         let user = rustix::process::geteuid().as_raw();
         let about = fs::symlink_metadata(folder).map_err(|error| io_error(folder, error))?;
         if !about.is_dir() || about.uid() != user || about.mode() & 0o022 != 0 {
             return Err(CacheError::Open(folder.to_owned()));
         }
-        let named = std::path::absolute(folder).map_err(|error| io_error(folder, error))?;
-        let real = fs::canonicalize(folder).map_err(|error| io_error(folder, error))?;
-        for above in named.ancestors().chain(real.ancestors()).skip(1) {
-            let about = fs::symlink_metadata(above).map_err(|error| io_error(above, error))?;
-            let others = if about.gid() == user { 0o002 } else { 0o022 };
-            // in a sticky folder only the owner of an entry replaces it
-            let is_closed = about.mode() & others == 0 || about.mode() & 0o1000 != 0;
-            if ![0, user].contains(&about.uid()) || !(is_closed || about.is_symlink()) {
-                return Err(CacheError::Above(above.to_owned()));
+        let mut named = std::path::absolute(folder).map_err(|error| io_error(folder, error))?;
+        for _ in 0..LINKS {
+            let mut link = None;
+            for above in named.ancestors() {
+                let about = fs::symlink_metadata(above).map_err(|error| io_error(above, error))?;
+                let others = if about.gid() == user { 0o002 } else { 0o022 };
+                // in a sticky folder only the owner of an entry replaces it
+                let is_closed = about.mode() & others == 0 || about.mode() & 0o1000 != 0;
+                if ![0, user].contains(&about.uid()) || !(is_closed || about.is_symlink()) {
+                    return Err(CacheError::Above(above.to_owned()));
+                }
+                if about.is_symlink() {
+                    link = Some(above);
+                }
             }
+            // the link nearest to the root, and the same path without it
+            let Some(link) = link else { return Ok(()) };
+            let target = fs::read_link(link).map_err(|error| io_error(link, error))?;
+            let rest = named.strip_prefix(link).unwrap_or(Path::new(""));
+            let there = link.parent().unwrap_or(Path::new("/")).join(target);
+            named = if rest == Path::new("") { there } else { there.join(rest) };
         }
-        Ok(())
+        Err(CacheError::Above(named))
     }
 }
 

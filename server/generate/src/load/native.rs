@@ -64,6 +64,7 @@ impl NativeKernel {
     /// [`Batch::run`](sarrus_dynamics::Batch::run) does: several at once, those that it leaves to
     /// the plan alone, every row to the bit; how many it answered itself. Rows of other sizes than
     /// there are answers are [`Status::WrongSize`]. Never allocates, locks, or calls the system.
+    #[inline]
     pub fn answer_rows(
         &self,
         plan: &Plan,

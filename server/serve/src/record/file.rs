@@ -20,7 +20,8 @@ use super::header::Header;
 
 /// Most bytes in one write.
 const BATCH: usize = 1 << 20;
-/// Recordings of earlier runs that are kept: a supervisor gives up after as many deaths and one.
+/// Recordings of earlier runs that are kept, one fewer than the deaths after which a supervisor
+/// gives up.
 const KEPT: u32 = 4;
 
 /// A file that is being recorded to.
@@ -157,8 +158,35 @@ fn reserve(file: &File, bytes: u64) -> io::Result<()> {
 /// one without a record is removed.
 fn set_aside(path: &Path) -> Result<(), RecordError> {
     let failed = |source| RecordError::Make { file: path.to_owned(), source };
+    let Some((file, page)) = claim(path)? else { return Ok(()) };
+    if !has_records(&file, &page) {
+        return fs::remove_file(path).map_err(failed);
+    }
+    let mut kept = Vec::new();
+    while kept.len() < KEPT as usize
+        && let Some(claimed) = claim(&earlier(path, kept.len() as u32 + 1))?
+    {
+        kept.push(claimed);
+    }
+    for n in (1..=kept.len() as u32).rev().filter(|n| *n < KEPT) {
+        fs::rename(earlier(path, n), earlier(path, n + 1)).map_err(failed)?;
+    }
+    fs::rename(path, earlier(path, 1)).map_err(failed)
+}
+
+/// Removes the oldest recording but `FILE.1`; false if there is none.
+pub(super) fn remove_oldest(path: &Path) -> bool {
+    let paths = (2..=KEPT).rev().map(|n| earlier(path, n));
+    let mut oldest = paths.filter(|path| claim(path).is_ok_and(|claimed| claimed.is_some()));
+    oldest.next().is_some_and(|path| fs::remove_file(path).is_ok())
+}
+
+/// A recording to which no server records, locked, and its first page; `None` where there is no
+/// file.
+fn claim(path: &Path) -> Result<Option<(File, Vec<u8>)>, RecordError> {
+    let failed = |source| RecordError::Make { file: path.to_owned(), source };
     let metadata = match fs::symlink_metadata(path) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         found => found.map_err(failed)?,
     };
     let foreign = || RecordError::Foreign { file: path.to_owned() };
@@ -172,20 +200,9 @@ fn set_aside(path: &Path) -> Result<(), RecordError> {
         return Err(foreign());
     }
     match file.try_lock() {
-        Ok(()) => {}
-        Err(fs::TryLockError::WouldBlock) => {
-            return Err(RecordError::InUse { file: path.to_owned() });
-        }
-        Err(fs::TryLockError::Error(source)) => return Err(failed(source)),
-    }
-    if has_records(&file, &page) {
-        let gap = (1..KEPT).find(|n| !earlier(path, *n).exists()).unwrap_or(KEPT);
-        for n in (1..gap).rev() {
-            fs::rename(earlier(path, n), earlier(path, n + 1)).map_err(failed)?;
-        }
-        fs::rename(path, earlier(path, 1)).map_err(failed)
-    } else {
-        fs::remove_file(path).map_err(failed)
+        Ok(()) => Ok(Some((file, page))),
+        Err(fs::TryLockError::WouldBlock) => Err(RecordError::InUse { file: path.to_owned() }),
+        Err(fs::TryLockError::Error(source)) => Err(failed(source)),
     }
 }
 

@@ -33,7 +33,7 @@ pub(crate) use ring::Recorder;
 pub use robot::RecordedRobot;
 
 use crate::system::stderr::line;
-use file::RecordFile;
+use file::{RecordFile, remove_oldest};
 use format::{checksum, words};
 use header::Header;
 use ring::Records;
@@ -115,11 +115,13 @@ fn start(
     };
     let mut seconds = options.seconds.into();
     let mut file = create(seconds);
-    while let Err(RecordError::NoSpace { .. }) = file
-        && options.is_optional
-        && seconds > 1
-    {
-        seconds /= 2;
+    while let Err(RecordError::NoSpace { .. }) = file {
+        if !remove_oldest(&options.file) {
+            if !options.is_optional || seconds <= 1 {
+                break;
+            }
+            seconds /= 2;
+        }
         file = create(seconds);
     }
     let file = file?;

@@ -14,8 +14,9 @@
 use std::io;
 use std::mem::MaybeUninit;
 use std::ops::Range;
+use std::os::fd::{BorrowedFd, IntoRawFd};
 use std::ptr::null_mut;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::{AtomicI32, AtomicU64, AtomicUsize, Ordering::Relaxed};
 
 use rustix::fs::{Mode, OFlags};
 
@@ -24,11 +25,18 @@ static PAGE: AtomicUsize = AtomicUsize::new(4096);
 
 static PAGES: AtomicU64 = AtomicU64::new(0);
 
+/// The kernel's list of this process's mappings.
+static MAPS: AtomicI32 = AtomicI32::new(-1);
+
 /// Installs the guard for the whole process.
 pub(crate) fn install() -> io::Result<()> {
     // SAFETY: asks for a number.
     let page = unsafe { libc::sysconf(libc::_SC_PAGESIZE) };
     PAGE.store(usize::try_from(page).unwrap_or(4096), Relaxed);
+    // opened once: later the process may have no descriptor left
+    let flags = OFlags::RDONLY | OFlags::CLOEXEC;
+    let maps = rustix::fs::open(c"/proc/self/maps", flags, Mode::empty())?;
+    MAPS.store(maps.into_raw_fd(), Relaxed);
     let mut action = MaybeUninit::<libc::sigaction>::zeroed();
     // SAFETY: all fields of `sigaction` may be zero; the handler has the signature that SA_SIGINFO
     // asks for.
@@ -55,7 +63,12 @@ extern "C" fn replace_page(
     // is replaced belongs to a shared mapping whose file has no such page: it can hold no data.
     unsafe {
         let address = (*info).si_addr() as usize;
-        if (*info).si_code == libc::BUS_ADRERR && is_shared(address) {
+        let missing = (*info).si_code == libc::BUS_ADRERR;
+        let mapping = if missing { mapping_of(address) } else { None };
+        if mapping == Some(Mapping::Anonymous) {
+            return;
+        }
+        if mapping == Some(Mapping::Shared) {
             let size = PAGE.load(Relaxed);
             let page = (address & !(size - 1)) as *mut libc::c_void;
             let protection = libc::PROT_READ | libc::PROT_WRITE;
@@ -72,21 +85,32 @@ extern "C" fn replace_page(
     }
 }
 
-/// Whether an address lies in a shared mapping, by the kernel's list; async-signal-safe.
-fn is_shared(address: usize) -> bool {
-    let flags = OFlags::RDONLY | OFlags::CLOEXEC;
-    let Ok(maps) = rustix::fs::open(c"/proc/self/maps", flags, Mode::empty()) else { return false };
+/// A kind of mapping.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Mapping {
+    Shared,
+    /// Of a file, such as the program.
+    Private,
+    /// Of no file: a page that another thread has just replaced.
+    Anonymous,
+}
+
+/// The mapping of an address, by the kernel's list; async-signal-safe.
+fn mapping_of(address: usize) -> Option<Mapping> {
+    // SAFETY: the descriptor was opened by `install` and is never closed.
+    let maps = unsafe { BorrowedFd::borrow_raw(MAPS.load(Relaxed)) };
     let mut chunk = [0; 1024];
-    // a line begins with `START-END PERMISSIONS`, two hexadecimal numbers and four letters
-    let mut head = [0; 40];
+    let mut at = 0;
+    // the fields of a line before the path: addresses, permissions, offset, device, inode
+    let mut head = [0; 96];
     let mut length = 0;
-    while let Ok(n @ 1..) = rustix::io::read(&maps, &mut chunk) {
+    while let Ok(n @ 1..) = rustix::io::pread(maps, &mut chunk, at) {
+        at += n as u64;
         for byte in &chunk[..n] {
             if *byte == b'\n' {
-                if let Some((range, shared)) = mapping(&head[..length])
-                    && range.contains(&address)
-                {
-                    return shared;
+                let found = mapping(&head[..length]);
+                if let Some((_, kind)) = found.filter(|(range, _)| range.contains(&address)) {
+                    return Some(kind);
                 }
                 length = 0;
             } else if length < head.len() {
@@ -95,16 +119,24 @@ fn is_shared(address: usize) -> bool {
             }
         }
     }
-    false
+    None
 }
 
-/// The addresses of a line of the list, and whether its memory is shared.
-fn mapping(line: &[u8]) -> Option<(Range<usize>, bool)> {
-    let text = core::str::from_utf8(line).ok()?;
-    let (range, rest) = text.split_once(' ')?;
-    let (start, end) = range.split_once('-')?;
+/// The addresses of a line of the list, and the kind of mapping.
+fn mapping(line: &[u8]) -> Option<(Range<usize>, Mapping)> {
+    // a path may be cut within a letter
+    let fields = line.split(|byte| *byte == b' ').filter(|field| !field.is_empty());
+    let mut fields = fields.map_while(|field| core::str::from_utf8(field).ok());
+    let (start, end) = fields.next()?.split_once('-')?;
+    let permissions = fields.next()?;
+    let inode = fields.nth(2)?;
     let address = |digits| usize::from_str_radix(digits, 16).ok();
-    Some((address(start)?..address(end)?, rest.as_bytes().get(3) == Some(&b's')))
+    let kind = match (permissions.as_bytes().get(3)?, inode) {
+        (b's', _) => Mapping::Shared,
+        (_, "0") => Mapping::Anonymous,
+        _ => Mapping::Private,
+    };
+    Some((address(start)?..address(end)?, kind))
 }
 
 /// Held by tests that replace pages, and by tests that fail after a replaced page: the count is per

@@ -18,8 +18,10 @@ pub fn has_room(out: &impl AsFd) -> bool {
         .is_ok_and(|_| descriptors[0].revents().contains(PollFlags::OUT))
 }
 
-/// Writes a line, or omits it if there is no room or no reader: a full pipe blocks no thread, and
-/// none that waits for the lock; a closed one ends no process.
+/// Writes a line, or omits it where stderr has no room or no reader.
+///
+/// A writer of another process that fills the last room between the look and the write makes this
+/// thread wait for the reader.
 pub fn line(text: Arguments<'_>) {
     let mut line = text.to_string().into_bytes();
     line.truncate(LONGEST - 1);

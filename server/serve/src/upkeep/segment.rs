@@ -19,10 +19,24 @@ pub(crate) struct Segment {
 
 impl Segment {
     /// Makes a new link and ports in it; returns the number of the link. A failure leaves nothing.
+    ///
+    /// The transport fails where a stop of the process interrupts a system call: a second try
+    /// follows.
     pub(crate) fn make<T>(
         run: &Run,
         needed: u64,
-        make: impl FnOnce(&Node, &Link) -> Result<T, Refusal>,
+        make: impl Fn(&Node, &Link) -> Result<T, Refusal>,
+    ) -> Result<(u64, Segment, T), Refusal> {
+        match Segment::attempt(run, needed, &make) {
+            Err(Refusal::Failed { .. }) => Segment::attempt(run, needed, &make),
+            outcome => outcome,
+        }
+    }
+
+    fn attempt<T>(
+        run: &Run,
+        needed: u64,
+        make: impl Fn(&Node, &Link) -> Result<T, Refusal>,
     ) -> Result<(u64, Segment, T), Refusal> {
         let free = free_shared_memory();
         if free < needed {

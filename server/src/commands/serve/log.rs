@@ -87,6 +87,10 @@ impl Write for Stderr {
                 format!("WARN lines lost lines={lost}\n")
             };
             stderr.write_all(words.as_bytes())?;
+            if !has_room(&stderr) {
+                LOST.fetch_add(1, Relaxed);
+                return Ok(line.len());
+            }
         }
         match line.get(..LONGEST - 1) {
             Some(start) if line.len() > LONGEST => {

@@ -56,8 +56,8 @@ pub(crate) struct Serve {
     /// or cc) and keeps the results in the cache (XDG_CACHE_HOME).
     #[arg(long, value_name = "none|auto|FILE", default_value = "none")]
     kernel: PathBuf,
-    /// Keep the last requests and answers in this file, for `sarrus replay`; a file of an earlier
-    /// run is renamed to FILE.1.
+    /// Keep the last requests and answers in this file, for `sarrus replay`; files of
+    /// earlier runs are kept as FILE.1 to FILE.4.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
     /// Seconds of requests to keep at least, with every lane at 1 kHz.
@@ -99,6 +99,8 @@ enum ServeFailure {
 
 impl Serve {
     pub(crate) fn run(self) -> Outcome {
+        // a caught panic of the transport must not wait for a reader of stderr
+        std::panic::set_hook(Box::new(|panic| line(format_args!("sarrus serve: {panic}"))));
         self.log.start().map_err(output::Failure::start)?;
         let code = if self.supervise {
             supervise::run(&self.name, Duration::from_secs(self.short_life))?

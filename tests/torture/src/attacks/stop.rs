@@ -11,6 +11,7 @@ use rustix::process::Signal;
 use sarrus_proto::Node;
 use sarrus_proto::board::ClaimedLane;
 use sarrus_proto::control::{Call, Grant};
+use sarrus_proto::message::Statistics;
 use sarrus_proto::service::OpenedService;
 
 use crate::Settings;
@@ -118,18 +119,24 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
         // the first round attaches everybody
         observer.call(Call::Statistics)?;
         if before.is_none() {
-            // one of the two other processes and two of the four threads have a lane
+            // one of the two other processes and two of the four threads have a lane, the others a
+            // service, and nobody else is left but the observer
+            let have = |statistics: &Statistics, end| {
+                statistics.clients.iter().filter(|client| client.end == end).count()
+            };
             holds(|| {
                 matches!(observer.call(Call::Statistics), Ok(Grant::Statistics(statistics))
-                    if statistics.lanes_taken == 3)
+                    if [have(&statistics, "lane"), have(&statistics, "service")] == [3, 3]
+                        && statistics.clients.len() == 7 && statistics.lanes_taken == 3)
             });
             before = Some(server.descriptors());
         }
     }
 
-    // everybody is attached again as before
+    // everybody is attached again as before; a service that its client has yet to open has three
+    // descriptors fewer, and six clients leave at each stop
     let before = before.unwrap_or_default();
-    let leaks = !holds(|| server.descriptors() <= before);
+    let leaks = !holds(|| server.descriptors() < before + 4 + stops as usize);
     let after = server.descriptors();
     let counts = askers.finish();
     let true_words = true_words.load(Relaxed);
