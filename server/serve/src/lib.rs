@@ -7,8 +7,8 @@
 //!
 //! Further threads are optional: one writes the last seconds of requests to a file ([`record`]),
 //! one compiles plans to native code (`kernels/`). `system/` holds all code that depends on the
-//! operating system: placement of threads, limits, SIGBUS, stderr. [`pool`] is the binary's
-//! allocator.
+//! operating system: placement of threads, limits, SIGBUS, stderr. [`pool`] is the
+//! allocator of programs that serve.
 
 mod answering;
 mod error;

@@ -12,7 +12,6 @@ use clap::{Args, ValueEnum};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::Errno;
 use sarrus_client::LoadError;
-use sarrus_serve::system::stderr::line;
 use serde::Serialize;
 
 use super::robot::diagnostics;
@@ -76,20 +75,12 @@ impl Failure {
         Failure { code: 1, ..Failure::start(reason) }
     }
 
-    /// Prints the reason; the exit code.
-    pub(crate) fn report(&self, command: &str) -> ExitCode {
-        let text = match self.is_report {
+    /// The reason in lines.
+    pub(crate) fn text(&self, command: &str) -> String {
+        match self.is_report {
             true => self.reason.clone(),
             false => format!("sarrus {command}: {}\n", self.reason),
-        };
-        if command == "serve" {
-            // a supervisor waits for the end of this process
-            text.lines().for_each(|words| line(format_args!("{words}")));
-        } else {
-            // a closed stderr changes no exit code
-            let _ = io::stderr().lock().write_all(text.as_bytes());
         }
-        ExitCode::from(self.code)
     }
 }
 
@@ -110,7 +101,11 @@ impl From<LoadError> for Failure {
 pub(crate) fn conclude(command: &str, outcome: Outcome) -> ExitCode {
     match outcome.and_then(print_results) {
         Ok(code) => ExitCode::from(code),
-        Err(failure) => failure.report(command),
+        Err(failure) => {
+            // a closed stderr changes no exit code
+            let _ = io::stderr().lock().write_all(failure.text(command).as_bytes());
+            ExitCode::from(failure.code)
+        }
     }
 }
 

@@ -113,7 +113,7 @@ fn three_servers(name: &str, stderr: PipeWriter) {
     assert_eq!(status.code(), Some(0), "{status:?}");
 }
 
-/// A pipe that nobody reads, and its full end.
+/// The reading end of a pipe, and its writing end without room.
 fn full_pipe() -> (PipeReader, PipeWriter) {
     let (unread, mut full) = std::io::pipe().unwrap();
     rustix::io::ioctl_fionbio(&full, true).unwrap();

@@ -22,7 +22,7 @@ use super::header::Header;
 const BATCH: usize = 1 << 20;
 /// Recordings of earlier runs that are kept, one fewer than the deaths after which a supervisor
 /// gives up.
-const KEPT: u32 = 4;
+const KEPT: usize = 4;
 
 /// A file that is being recorded to.
 pub(super) struct RecordFile {
@@ -163,12 +163,12 @@ fn set_aside(path: &Path) -> Result<(), RecordError> {
         return fs::remove_file(path).map_err(failed);
     }
     let mut kept = Vec::new();
-    while kept.len() < KEPT as usize
-        && let Some(claimed) = claim(&earlier(path, kept.len() as u32 + 1))?
+    while kept.len() < KEPT
+        && let Some(claimed) = claim(&earlier(path, kept.len() + 1))?
     {
         kept.push(claimed);
     }
-    for n in (1..=kept.len() as u32).rev().filter(|n| *n < KEPT) {
+    for n in (1..=kept.len()).rev().filter(|n| *n < KEPT) {
         fs::rename(earlier(path, n), earlier(path, n + 1)).map_err(failed)?;
     }
     fs::rename(path, earlier(path, 1)).map_err(failed)
@@ -217,7 +217,7 @@ fn has_records(file: &File, page: &[u8]) -> bool {
 }
 
 /// The path for the recording of the last run, for n = 1, or of an earlier one.
-fn earlier(path: &Path, n: u32) -> PathBuf {
+fn earlier(path: &Path, n: usize) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(format!(".{n}"));
     name.into()

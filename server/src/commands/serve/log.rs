@@ -5,7 +5,7 @@ use std::str::FromStr;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use clap::{Args, ValueEnum};
-use sarrus_serve::system::stderr::{LONGEST, has_room};
+use sarrus_serve::system::stderr::write;
 use tracing_subscriber::filter::LevelFilter;
 
 /// The variable that sets the level where no flag does.
@@ -75,28 +75,20 @@ struct Stderr {
 impl Write for Stderr {
     fn write(&mut self, line: &[u8]) -> io::Result<usize> {
         let mut stderr = io::stderr().lock();
-        if !has_room(&stderr) {
-            LOST.fetch_add(1, Relaxed);
-            return Ok(line.len());
-        }
-        let lost = LOST.swap(0, Relaxed);
+        let lost = LOST.load(Relaxed);
         if lost > 0 {
-            let words = if self.is_json {
-                format!("{{\"level\":\"WARN\",\"message\":\"lines lost\",\"lines\":{lost}}}\n")
-            } else {
-                format!("WARN lines lost lines={lost}\n")
+            let words = match self.is_json {
+                true => {
+                    format!("{{\"level\":\"WARN\",\"message\":\"lines lost\",\"lines\":{lost}}}\n")
+                }
+                false => format!("WARN lines lost lines={lost}\n"),
             };
-            stderr.write_all(words.as_bytes())?;
-            if !has_room(&stderr) {
-                LOST.fetch_add(1, Relaxed);
-                return Ok(line.len());
+            if write(&mut stderr, words.as_bytes()) {
+                LOST.fetch_sub(lost, Relaxed);
             }
         }
-        match line.get(..LONGEST - 1) {
-            Some(start) if line.len() > LONGEST => {
-                stderr.write_all(start).and_then(|()| stderr.write_all(b"\n"))?;
-            }
-            _ => stderr.write_all(line)?,
+        if !write(&mut stderr, line) {
+            LOST.fetch_add(1, Relaxed);
         }
         Ok(line.len())
     }

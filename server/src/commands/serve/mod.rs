@@ -99,10 +99,19 @@ enum ServeFailure {
 
 impl Serve {
     pub(crate) fn run(self) -> Outcome {
-        // a caught panic of the transport must not wait for a reader of stderr
+        // neither a caught panic of the transport nor an end, for which a supervisor waits, may
+        // wait for a reader of stderr
         std::panic::set_hook(Box::new(|panic| line(format_args!("sarrus serve: {panic}"))));
+        let code = self.run_until_stopped().unwrap_or_else(|failure| {
+            failure.text("serve").lines().for_each(|words| line(format_args!("{words}")));
+            failure.code
+        });
+        Ok(Results { text: String::new(), code })
+    }
+
+    fn run_until_stopped(&self) -> Result<u8, output::Failure> {
         self.log.start().map_err(output::Failure::start)?;
-        let code = if self.supervise {
+        Ok(if self.supervise {
             supervise::run(&self.name, Duration::from_secs(self.short_life))?
         } else if self.supervisor.is_some_and(|supervisor| !supervise::die_with(supervisor)) {
             2
@@ -110,8 +119,7 @@ impl Serve {
             let stop = output::stop_at(&[SIGTERM, SIGINT])?;
             self.serve(&stop).map_err(|failure| self.report(failure))?;
             0
-        };
-        Ok(Results { text: String::new(), code })
+        })
     }
 
     /// Loads the robot and serves it until a signal.

@@ -120,7 +120,7 @@ pub(crate) fn run(settings: &Settings) -> Result<Verdict, String> {
         observer.call(Call::Statistics)?;
         if before.is_none() {
             // one of the two other processes and two of the four threads have a lane, the others a
-            // service, and nobody else is left but the observer
+            // service; the seventh client is the observer
             let have = |statistics: &Statistics, end| {
                 statistics.clients.iter().filter(|client| client.end == end).count()
             };
