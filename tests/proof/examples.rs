@@ -1,9 +1,12 @@
 //! The examples of the Rust client do as their pages promise.
 
+use std::fs::{self, DirEntry};
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::OnceLock;
+use std::thread;
+use std::time::Duration;
 
 use sarrus_dynamics::{Field, Request};
 use sarrus_models::{Options, Source, load};
@@ -74,10 +77,27 @@ impl Server {
         Server(child)
     }
 
-    /// Sends the process a signal by its name in `kill`.
-    pub(crate) fn signal(&self, signal: &str) {
-        let id = self.0.id().to_string();
-        assert!(Command::new("kill").args([signal, &id]).status().unwrap().success());
+    /// Sends the process a signal.
+    pub(crate) fn signal(&self, name: &str) {
+        signal(self.0.id(), name);
+    }
+}
+
+/// Sends a process a signal by its name in `kill`; after `-STOP` every thread has stopped.
+pub(crate) fn signal(process: u32, name: &str) {
+    let kill = Command::new("kill").args([name, &process.to_string()]).status();
+    assert!(kill.unwrap().success());
+    let has_stopped = |thread: DirEntry| {
+        let Ok(stat) = fs::read_to_string(thread.path().join("stat")) else {
+            return true; // it ended meanwhile
+        };
+        stat.rsplit_once(") ").unwrap().1.starts_with(['T', 'Z', 'X'])
+    };
+    let threads = format!("/proc/{process}/task");
+    while name == "-STOP"
+        && !fs::read_dir(&threads).unwrap().all(|thread| has_stopped(thread.unwrap()))
+    {
+        thread::sleep(Duration::from_millis(1));
     }
 }
 

@@ -14,6 +14,7 @@ use serde_json::Value;
 
 pub(super) use super::allowance::{Allowance, wait_for};
 use super::allowance::{next, slowness};
+use crate::examples::signal;
 
 /// Buses of the end-to-end tests, and the actuators of the upper body on them.
 pub(super) const BUSES: [(&str, &[&str]); 3] = [
@@ -355,10 +356,8 @@ impl Process {
         self.until(|value| value["states"].is_array())
     }
 
-    pub(super) fn signal(&self, signal: &str) {
-        assert!(
-            Command::new("kill").args([signal, &self.id().to_string()]).status().unwrap().success()
-        );
+    pub(super) fn signal(&self, name: &str) {
+        signal(self.id(), name);
     }
 
     pub(super) fn end(&mut self) -> ExitStatus {

@@ -12,6 +12,7 @@ use sarrus_tests::reference::vectors;
 
 use super::vectors::lines;
 use super::{Run, run, sarrus, subset};
+use crate::examples::signal;
 
 /// A test's domain.
 struct Place {
@@ -97,14 +98,8 @@ impl Process {
         self.line()
     }
 
-    fn signal(&self, signal: &str) {
-        assert!(
-            Command::new("kill")
-                .args([signal, &self.child.id().to_string()])
-                .status()
-                .unwrap()
-                .success()
-        );
+    fn signal(&self, name: &str) {
+        signal(self.child.id(), name);
     }
 
     fn end(&mut self) -> ExitStatus {
