@@ -69,15 +69,16 @@ impl FailedState {
                 "nobody holds a plan of this number; prepare it again and ask with the new one"
             }
             Status::NotConverged => {
-                "Newton's method ran out of steps; give `q_guess`, a closed pose nearby, or go \
-                 there in smaller steps"
+                "Newton's method ran out of the steps of a request; give `q_guess`, a closed pose \
+                 nearby, go there in smaller steps, or ask with `search`"
             }
             Status::BranchChanged => {
                 "the straight path from the guess to the target crosses a singularity onto \
                  another branch; give a guess on the branch that is meant"
             }
             Status::Unreachable => {
-                "no closed pose has these coordinates; `nearest_y` is the closest one that does"
+                "no closed pose has these coordinates; with `search`, `nearest_y` is the closest \
+                 one that does"
             }
             Status::SingularClosure => {
                 "a loop is at a singularity and gains a degree of freedom; keep `sigma_min` away \
@@ -98,6 +99,7 @@ impl FailedState {
             Status::Overloaded => {
                 "the server has more work than it accepts; ask again or start another server"
             }
+            Status::Late => "the deadline passed first; allow more time, or ask other clients for less",
             Status::ShuttingDown => "the server is stopping; ask again when it is back",
             Status::CorruptAnswer => {
                 "memory was changed on the way, the checksum fails; ask again, and find out which \

@@ -202,20 +202,23 @@ pub(crate) fn send_request(
     request.send().ok().filter(|pending| pending.number_of_server_connections() > 0)
 }
 
-/// Lets `fill` write an answer in place and sends it; false when it could not be sent, then `fill`
-/// may not have run.
+/// Lets `fill` write an answer in place and sends it, if it can be sent; false where `fill` has no
+/// answer yet. It may not have run.
 pub(crate) fn send_response(
     request: &ComputeActive,
-    fill: impl FnOnce(&mut [f64; MAX_NUMBERS_OUT]) -> ResponseHead,
+    fill: impl FnOnce(&mut [f64; MAX_NUMBERS_OUT]) -> Option<ResponseHead>,
 ) -> bool {
-    let Ok(mut response) = request.loan_uninit() else { return false };
+    // without memory there is no answer
+    let Ok(mut response) = request.loan_uninit() else { return true };
     let payload = response.payload_mut().as_mut_ptr();
     // SAFETY: the payload lies in a shared mapping that is loaned to us alone: every byte has some
     // value, and any bits are a double. The head is written before the answer is sent.
     let response = unsafe {
-        let head = fill(&mut *addr_of_mut!((*payload).numbers));
+        let Some(head) = fill(&mut *addr_of_mut!((*payload).numbers)) else { return false };
         addr_of_mut!((*payload).head).write(head);
         response.assume_init()
     };
-    response.send().is_ok()
+    // the client may have gone meanwhile
+    let _ = response.send();
+    true
 }

@@ -68,8 +68,7 @@ impl Request {
     }
 }
 
-/// Additions to the heads of a query's requests and answers, as bits. The mathematics does not
-/// depend on them, but equal queries have equal options.
+/// Additions to the heads of a query's requests and answers, and how long it may take, as bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "transport", derive(serde::Serialize, serde::Deserialize))]
 #[repr(transparent)]
@@ -83,7 +82,12 @@ impl QueryOptions {
     /// Requests have a stamp; answers have the request's age and the time taken.
     pub const TIMES: QueryOptions = QueryOptions(2);
 
-    const KNOWN: QueryOptions = QueryOptions::CHECKSUM.with(QueryOptions::TIMES);
+    /// Closures are continued and the nearest independents sought as long as it takes; without it
+    /// the work of a request is bounded.
+    pub const SEARCH: QueryOptions = QueryOptions(4);
+
+    const KNOWN: QueryOptions =
+        QueryOptions::CHECKSUM.with(QueryOptions::TIMES).with(QueryOptions::SEARCH);
 
     /// True when every bit of `other` is set.
     pub const fn contains(self, other: QueryOptions) -> bool {

@@ -119,11 +119,15 @@ pub trait ServedService: Send {
     fn connect(&mut self);
 
     /// Answers the pending request, if its client still waits for it: `answer` writes the numbers
-    /// of the response in place and returns its head. True if there was such a request; `answer`
-    /// has not run if the transport had no memory for a response.
+    /// of the response in place and returns its head, or `None` if the request stays pending. True
+    /// if a request was answered; `answer` has not run if the transport had no memory for a
+    /// response.
     fn answer(
         &mut self,
-        answer: &mut dyn FnMut(&ComputeRequest, &mut [f64; MAX_NUMBERS_OUT]) -> ResponseHead,
+        answer: &mut dyn FnMut(
+            &ComputeRequest,
+            &mut [f64; MAX_NUMBERS_OUT],
+        ) -> Option<ResponseHead>,
     ) -> bool;
 }
 
@@ -147,29 +151,42 @@ pub trait OpenedService: Send {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Disconnected;
 
-struct Serving(Server<Threadsafe, ComputeRequest, (), ComputeResponse, ()>);
+/// Dropped in this order.
+struct Serving {
+    pending: Option<ComputeActive>,
+    server: Server<Threadsafe, ComputeRequest, (), ComputeResponse, ()>,
+}
 
 impl ServedService for Serving {
     fn connect(&mut self) {
-        drop(self.0.receive());
+        drop(self.server.receive());
     }
 
     #[inline]
     fn answer(
         &mut self,
-        answer: &mut dyn FnMut(&ComputeRequest, &mut [f64; MAX_NUMBERS_OUT]) -> ResponseHead,
+        answer: &mut dyn FnMut(
+            &ComputeRequest,
+            &mut [f64; MAX_NUMBERS_OUT],
+        ) -> Option<ResponseHead>,
     ) -> bool {
         // an error concerns a client that is about to leave
-        let Ok(Some(request)) = self.0.receive() else { return false };
-        let held = Held(Some(request));
+        let found = match self.pending.take() {
+            None => self.server.receive().ok().flatten(),
+            pending => pending,
+        };
+        let Some(request) = found else { return false };
+        let mut held = Held(Some(request));
         // otherwise cancelled meanwhile, or its client is gone: dropping it releases it
         let Some(request) = held.0.as_ref().filter(|request| request.is_connected()) else {
             return false;
         };
         let payload: &ComputeRequest = request.payload();
-        // the client may have gone meanwhile
-        let _ = send_response(request, |numbers| answer(payload, numbers));
-        true
+        let is_done = send_response(request, |numbers| answer(payload, numbers));
+        if !is_done {
+            self.pending = held.0.take();
+        }
+        is_done
     }
 }
 
@@ -246,7 +263,7 @@ pub fn serve_compute(node: &Node) -> Result<Box<dyn ServedService>, ServiceError
         .max_loaned_responses_per_request(1)
         .backpressure_strategy(BackpressureStrategy::DiscardData);
     let port = builder.create().map_err(|error| ServiceError::memory(&service, &error))?;
-    Ok(Box::new(Serving(port)))
+    Ok(Box::new(Serving { pending: None, server: port }))
 }
 
 /// Opens the service that the server made for this client.

@@ -7,6 +7,12 @@ use crate::mechanism::{Body, Cluster};
 use crate::scalar::Real;
 use crate::spatial::{Pose, zero};
 
+/// Operations that the iterations of a request may spend: of any, of one between those of others,
+/// and of one that searches as long as it takes.
+pub(crate) const BUDGET: u64 = 1_150_000;
+pub(crate) const TURN: u64 = BUDGET / 16;
+pub(crate) const UNBOUNDED: u64 = u64::MAX;
+
 /// The level up to which a closure is evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Level {
@@ -26,6 +32,8 @@ pub(crate) struct Local<'a, T> {
     pub(crate) start: &'a [T],
     /// It is the zero pose, as the request gives no other: seeds may serve.
     pub(crate) from_zero: bool,
+    /// One of many attempts: a failure needs no cause, and only a short path is followed.
+    pub(crate) is_trial: bool,
     /// The tree velocity at that pose, if given (n_v).
     pub(crate) tangent: Option<&'a [T]>,
     /// Tree coordinates, independents set (n_q).
@@ -72,6 +80,8 @@ pub(crate) struct Scratch<T> {
     /// The last closed pose on a path, and the goal (n_q each).
     pub(crate) last: Vec<T>,
     pub(crate) goal: Vec<T>,
+    /// Operations that the request may still spend on iterations.
+    pub(crate) left: u64,
 }
 
 /// Rates of a local body, cluster axes.
@@ -111,6 +121,14 @@ impl<T: Real> Scratch<T> {
             step: of(side),
             last: of(n),
             goal: of(n),
+            left: UNBOUNDED,
         }
+    }
+
+    /// Takes operations from those that are left; false where none is left.
+    #[inline(always)]
+    pub(crate) fn spend(&mut self, operations: u64) -> bool {
+        self.left = self.left.saturating_sub(operations);
+        self.left > 0
     }
 }

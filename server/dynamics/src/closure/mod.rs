@@ -27,7 +27,7 @@ pub(crate) use constraint::scaling::{
 };
 pub(crate) use coupling::Coupling;
 pub(crate) use leg::Strut;
-pub(crate) use local::{Level, Local, Rate, Scratch};
+pub(crate) use local::{BUDGET, Level, Local, Rate, Scratch, TURN, UNBOUNDED};
 pub(crate) use numerical::block::{Block, BlockCut, Blocks, RowKind};
 pub(crate) use numerical::continuation::loses_rank;
 pub(crate) use numerical::elimination::Elimination;

@@ -259,6 +259,7 @@ impl<T: Real> State<T> {
         Local {
             start: &self.start,
             from_zero: false,
+            is_trial: false,
             tangent: None,
             q: &mut self.q,
             cos_sin: &mut self.cos_sin,

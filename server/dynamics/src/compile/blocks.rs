@@ -101,7 +101,7 @@ impl Form<'_> {
         let remember = cuts.iter().any(|cut| !one_sided(cut));
         let offset = self.offset;
         self.offset += size * size;
-        self.blocks.push(Block {
+        let mut block = Block {
             unknowns,
             cuts,
             bodies,
@@ -111,7 +111,10 @@ impl Form<'_> {
             elimination,
             series,
             remember,
-        });
+            work: 0,
+        };
+        block.work = block.operations();
+        self.blocks.push(block);
     }
 
     /// A cut with its first row in a block, and the velocities on its path by their role.

@@ -182,6 +182,16 @@ impl BatchWorkspace {
         }
     }
 
+    /// As [`Workspace::answer_in_turns`]; rows are answered up to the first that goes alone.
+    pub fn answer_in_turns(&mut self) {
+        self.workspace.answer_in_turns();
+    }
+
+    /// True after [`BatchWorkspace::answer_in_turns`].
+    pub fn answers_in_turns(&self) -> bool {
+        self.workspace.is_in_turns()
+    }
+
     /// The model that it was made for.
     pub fn model(&self) -> &Model<f64> {
         &self.model
@@ -200,8 +210,14 @@ impl BatchWorkspace {
         close_rows(plan, &self.model, &mut self.workspace, &mut self.closed, given)
     }
 
-    /// Answers states of a plan, as [`Batch::run`].
-    pub fn run(&mut self, plan: &Plan, input: &[f64], output: &mut [f64], answers: &mut [Answer]) {
+    /// Answers states of a plan, as [`Batch::run`]; how many, which are all but in turns.
+    pub fn run(
+        &mut self,
+        plan: &Plan,
+        input: &[f64],
+        output: &mut [f64],
+        answers: &mut [Answer],
+    ) -> usize {
         let n_in = plan.given().len();
         let n_out = plan.want().len();
         let rows = answers.len();
@@ -210,8 +226,9 @@ impl BatchWorkspace {
         {
             output.fill(f64::NAN);
             answers.fill(Answer { status: Status::WrongSize, warnings: Warnings::NONE });
-            return;
+            return rows;
         }
+        let mut done = 0;
         let packed =
             plan.batch_width > 1 && self.tile.as_ref().is_some_and(|tile| tile.holds(plan));
         let mut input = input;
@@ -235,8 +252,13 @@ impl BatchWorkspace {
                     &given[row * n_in..][..n_in],
                     &mut want[row * n_out..][..n_out],
                 );
+                if self.answers_in_turns() {
+                    return done + row + 1;
+                }
             }
+            done += rows;
         }
+        done
     }
 
     /// Answers [`LANES`] states but for those in the bits that it returns, which have to go alone.
@@ -276,6 +298,7 @@ fn close_rows<'a>(
     let width = n_in + plan.closed_len();
     let rows = given.len().checked_div(n_in)?.min(MOST_ROWS);
     let closed = closed.get_mut(..rows * width)?;
+    let in_turns = workspace.is_in_turns();
     let mut open = 0;
     let mut sound = None;
     for row in 0..rows {
@@ -284,6 +307,11 @@ fn close_rows<'a>(
             Some(numbers) => {
                 closed[row * width..][..width].copy_from_slice(numbers);
                 sound = Some(row);
+            }
+            // it goes alone, and those behind it have their turn later
+            None if in_turns => {
+                open |= u32::MAX << row;
+                break;
             }
             None => open |= 1 << row,
         }

@@ -268,6 +268,7 @@ impl Plan {
         if !fits || !is_ours || !all_finite(input) {
             return None;
         }
+        ws.scratch.left = ws.budget(self.searches());
         self.set_state(model, ws, input).ok()?;
         for &c in &self.closed.by_form {
             let cluster = &model.clusters[c];

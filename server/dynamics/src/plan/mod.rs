@@ -25,7 +25,7 @@ pub use run::PlanScalar;
 pub(crate) use sarrus_proto::Answer;
 #[cfg(doc)]
 use sarrus_proto::Warnings;
-use sarrus_proto::{Field, FieldSet, Layout, Query, QueryError, Request, Rows};
+use sarrus_proto::{Field, FieldSet, Layout, Query, QueryError, QueryOptions, Request, Rows};
 
 use crate::model::{Method, Model};
 use crate::plan::closed::Closed;
@@ -156,6 +156,11 @@ impl Plan {
     pub(crate) fn needs(&self) -> Needs {
         let kkt = self.method == Method::Kkt && self.request == Request::ForwardDynamics;
         Needs { mass_matrix: self.steps.mass_matrix, dense: self.steps.conditions, kkt }
+    }
+
+    /// True if a request may search as long as it takes.
+    pub fn searches(&self) -> bool {
+        self.query.options.contains(QueryOptions::SEARCH)
     }
 
     fn wants(&self, field: Field) -> bool {

@@ -170,6 +170,21 @@ impl Plan {
         Answer { status: Status::Ok, warnings: report.warnings }
     }
 
+    /// True if a workspace that does not answer in turns may have another answer than this status,
+    /// the last one of this workspace.
+    pub fn is_cut_short<T: Real>(&self, workspace: &Workspace<T>, status: Status) -> bool {
+        let is_of_closures = matches!(
+            status,
+            Status::NotConverged
+                | Status::BranchChanged
+                | Status::Unreachable
+                | Status::SingularClosure
+                | Status::SingularIndependents
+        );
+        let has_more = workspace.scratch.left == 0 || self.searches();
+        workspace.is_in_turns() && is_of_closures && has_more
+    }
+
     fn compute<T: Real, const CLOSED: bool>(
         &self,
         model: &Model<T>,
@@ -181,6 +196,7 @@ impl Plan {
         if !all_finite(input) {
             return Err(Status::NonFiniteInput);
         }
+        ws.scratch.left = ws.budget(self.searches());
         self.set_state(model, ws, input)?;
         self.close_state::<T, CLOSED>(model, ws, input, closed, report)?;
         if self.steps.poses {

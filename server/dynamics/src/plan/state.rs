@@ -38,6 +38,7 @@ impl Plan {
         let start = slot(Field::Q).or(slot(Field::QGuess));
         let mut sound = Ok(());
         match start {
+            _ if ws.resumes => {}
             Some(start) => {
                 scatter(start, &mut ws.start, &order.q);
                 sound = normalise_quaternions(&self.needed.quaternions, &mut ws.start);
@@ -48,8 +49,8 @@ impl Plan {
 
         // from actuators the guess moves on the path, and its velocity means nothing any more
         ws.tangent = false;
-        if let (Some(rate), true) = (slot(Field::QdGuess), self.steps.position != Space::Actuation)
-        {
+        let leads = self.steps.position != Space::Actuation && !ws.resumes;
+        if let (Some(rate), true) = (slot(Field::QdGuess), leads) {
             scatter(rate, &mut ws.start_rate, &order.v);
             ws.tangent = true;
         }
@@ -186,7 +187,7 @@ impl Plan {
         } else {
             let level = if self.actuated_rates() { Level::Jacobian } else { self.steps.level };
             let guess = self.given.slot(Field::Q).or(self.given.slot(Field::QGuess));
-            (ws.close_from(model, c, level, guess.is_none()), 1.0)
+            (ws.close_from(model, c, level, guess.is_none() && !ws.resumes), 1.0)
         };
         report.iterations += outcome.iterations;
         if outcome.status != Status::Ok {
@@ -320,7 +321,13 @@ fn actuator_newton<T: Real>(
     let mut sign = T::ZERO;
     let mut damping = T::ONE;
     for k in 0..STEPS {
-        let outcome = ws.close(model, c, Level::Jacobian);
+        if ws.scratch.left == 0 {
+            return Ok((Outcome::failed(Status::NotConverged, 0), 1.0));
+        }
+        let outcome = match k {
+            0 => ws.close(model, c, Level::Jacobian),
+            _ => ws.try_to_close(model, c, Level::Jacobian),
+        };
         report.iterations += outcome.iterations + 1;
         let G = cluster.G(&ws.G);
         for (r, &(_, j)) in cluster.active.iter().enumerate() {

@@ -11,11 +11,17 @@ pub(crate) use body::{Articulated, BodyState, Composite, Embedding, Force};
 pub(crate) use probe::Probe;
 use probe::longest_input;
 
-use crate::closure::{self, Closure, Level, Local, Numerical, Outcome, Scratch};
+use crate::closure::{
+    self, BUDGET, Closure, Level, Local, Numerical, Outcome, Scratch, TURN, UNBOUNDED,
+};
 use crate::mechanism::{Body, Cluster};
 use crate::model::Model;
 use crate::scalar::{Real, Symmetric, Triple};
 use crate::spatial::{Pose, zero};
+
+/// The part of the budget that a request may spend which starts from its answer: its scalar costs
+/// as much more.
+const RESUMED: u64 = 32;
 
 /// All scratch of one model, allocated once. Nothing that a request leaves here is read by the next
 /// one.
@@ -26,8 +32,10 @@ pub struct Workspace<T: Real> {
     pub(crate) q: Vec<T>,
     pub(crate) qd: Vec<T>,
     pub(crate) qdd: Vec<T>,
-    /// The closed pose that numerical closures start from (n_q).
+    /// The closed pose that numerical closures start from (n_q), and whether it is the answer of
+    /// this request in another scalar (`plan/diagnostics/digits.rs`).
     pub(crate) start: Vec<T>,
+    pub(crate) resumes: bool,
     /// The velocity there (n_v), and whether it was given.
     pub(crate) start_rate: Vec<T>,
     pub(crate) tangent: bool,
@@ -101,6 +109,8 @@ pub struct Workspace<T: Real> {
     pub(crate) closed: Vec<T>,
     /// Scratch to compute doubtful answers again, for scalars that support it.
     pub(crate) probe: Option<Box<Probe>>,
+    /// Requests have a small part of their budget: those of others wait meanwhile.
+    in_turns: bool,
     needs: Needs,
     /// The model that it was made for.
     fingerprint: u64,
@@ -146,6 +156,7 @@ impl<T: Real> Workspace<T> {
         Local {
             start: &self.start[q.clone()],
             from_zero: false,
+            is_trial: false,
             tangent: self.tangent.then_some(&self.start_rate[v.clone()]),
             q: &mut self.q[q],
             cos_sin: &mut self.cos_sin[cluster.bodies()],
@@ -174,6 +185,16 @@ impl<T: Real> Workspace<T> {
         self.close_from(model, c, level, false)
     }
 
+    /// As `close`, for one of many attempts.
+    pub(crate) fn try_to_close(&mut self, model: &Model<T>, c: usize, level: Level) -> Outcome {
+        let cluster = &model.clusters[c];
+        if let Closure::Numerical(numerical) = &model.closures[c] {
+            self.bring_start(cluster, numerical);
+        }
+        let mut local = Local { is_trial: true, ..self.local(cluster) };
+        model.closures[c].close(cluster, model.bodies_of(cluster), &mut local, level)
+    }
+
     /// As `close`; `zero` is true if the start is the model's zero pose for lack of another.
     pub(crate) fn close_from(
         &mut self,
@@ -188,6 +209,28 @@ impl<T: Real> Workspace<T> {
         }
         let mut local = Local { from_zero: zero, ..self.local(cluster) };
         model.closures[c].close(cluster, model.bodies_of(cluster), &mut local, level)
+    }
+
+    /// Answers requests in turns from now on: each has a small part of its budget, and one that
+    /// needs more is [`crate::Plan::is_cut_short`].
+    pub fn answer_in_turns(&mut self) {
+        self.in_turns = true;
+    }
+
+    /// True after [`Workspace::answer_in_turns`].
+    pub(crate) fn is_in_turns(&self) -> bool {
+        self.in_turns
+    }
+
+    /// Operations that the iterations of a request may spend; of one that starts from its answer in
+    /// another scalar as many as it takes there.
+    pub(crate) fn budget(&self, searches: bool) -> u64 {
+        match (self.resumes, self.in_turns, searches) {
+            (true, ..) => BUDGET / RESUMED,
+            (_, true, _) => TURN,
+            (_, _, true) => UNBOUNDED,
+            (_, _, false) => BUDGET,
+        }
     }
 
     /// Brings the start of a cluster within half a turn of its independents.
@@ -242,6 +285,7 @@ impl<T: Real> Workspace<T> {
             qd: of(sizes.n_v),
             qdd: of(sizes.n_v),
             start: of(sizes.n_q),
+            resumes: false,
             start_rate: of(sizes.n_v),
             tangent: false,
             goal_u: of(sizes.n_u),
@@ -273,6 +317,7 @@ impl<T: Real> Workspace<T> {
             kkt_scale: of(kkt),
             closed: Vec::new(),
             probe: None,
+            in_turns: false,
             needs,
             fingerprint: model.fingerprint(),
             dense: of(side * side),

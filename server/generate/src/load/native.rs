@@ -62,8 +62,10 @@ impl NativeKernel {
 
     /// Answers rows of the plan that it was loaded with, as
     /// [`Batch::run`](sarrus_dynamics::Batch::run) does: several at once, those that it leaves to
-    /// the plan alone, every row to the bit; how many it answered itself. Rows of other sizes than
-    /// there are answers are [`Status::WrongSize`]. Never allocates, locks, or calls the system.
+    /// the plan alone, every row to the bit. How many rows are answered, which are all but in turns
+    /// ([`BatchWorkspace::answer_in_turns`]), and how many it answered itself. Rows of other sizes
+    /// than there are answers are [`Status::WrongSize`]. Never allocates, locks, or calls the
+    /// system.
     #[inline]
     pub fn answer_rows(
         &self,
@@ -72,15 +74,14 @@ impl NativeKernel {
         input: &[f64],
         output: &mut [f64],
         answers: &mut [Answer],
-    ) -> usize {
+    ) -> (usize, usize) {
         let n_in = plan.given().len();
         let n_out = plan.want().len();
         let rows = answers.len();
         if Some(input.len()) != rows.checked_mul(n_in)
             || Some(output.len()) != rows.checked_mul(n_out)
         {
-            scratch.run(plan, input, output, answers);
-            return 0;
+            return (scratch.run(plan, input, output, answers), 0);
         }
         let mut by_kernel = 0;
         let mut first = 0;
@@ -106,11 +107,15 @@ impl NativeKernel {
                     None => self.answer((model, plan), workspace, input, output),
                 };
                 by_kernel += usize::from(by_code.is_some());
+                let is_alone = by_code.is_none();
                 *answer = by_code.unwrap_or_else(|| plan.run(model, workspace, input, output));
+                if is_alone && scratch.answers_in_turns() {
+                    return (first + row + 1, by_kernel);
+                }
             }
             first += count;
         }
-        by_kernel
+        (rows, by_kernel)
     }
 
     /// The result of the function for rows on a full set of closed rows; those in `open` are not

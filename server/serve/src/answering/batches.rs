@@ -47,9 +47,11 @@ impl Batches {
         self.area.empty();
     }
 
-    /// Answers a tile, or refuses a batch; false if there is nothing to do.
+    /// Answers a tile, or refuses a batch; false if there is nothing to do, or another thread does
+    /// it.
     pub(crate) fn turn(
         &mut self,
+        place: usize,
         engine: &mut Engine,
         counters: &Counters,
         clock: &Clock,
@@ -77,8 +79,12 @@ impl Batches {
         assert_ne!(self.panics_at, Some(row), "a plan that panics");
         let mut answers =
             [Answer { status: Status::UnknownRequest, warnings: Warnings::NONE }; MOST_ROWS];
-        match engine.answer_tile(&head, row, &self.area, &mut answers) {
-            Ok(Tile { answers, is_last }) => {
+        match engine.answer_tile(&head, (place, row), &self.area, &mut answers) {
+            Ok(None) => {
+                self.under_way = Some(UnderWay { head, row });
+                return false;
+            }
+            Ok(Some(Tile { answers, is_last })) => {
                 counters.record_states(answers);
                 counters.set_by_kernel(engine.by_kernel);
                 match is_last {

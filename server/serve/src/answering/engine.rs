@@ -12,14 +12,15 @@ use sarrus_proto::message::{
 };
 use sarrus_proto::{Answer, PROTOCOL_VERSION, Status, Warnings};
 
-use crate::answering::timing::RequestTiming;
+use crate::answering::aside::{Aside, Key, Look};
+use crate::answering::timing::{RequestTiming, is_late};
 use crate::kernels::NativeKernel;
 use crate::record::{Client, Recorder};
 
 /// A plan as the answering thread holds it.
 pub(crate) struct ServedPlan {
     pub(crate) number: PlanNumber,
-    pub(crate) plan: Plan,
+    pub(crate) plan: Arc<Plan>,
     /// Answers most states faster, with the same bits.
     pub(crate) kernel: Option<Arc<NativeKernel>>,
     /// Requests and answers have a checksum.
@@ -59,6 +60,9 @@ pub(crate) struct Engine {
     /// Private buffer for answers with a checksum, recorded answers and those of batches: other
     /// processes can write to their destination.
     private: Vec<f64>,
+    /// Threads for states that need more than a turn: up to the bound of a request, and of any
+    /// length. Without them every state is computed here.
+    aside: Option<[Aside; 2]>,
     /// Copies requests and answers, with `--record`.
     pub(crate) recorder: Option<Recorder>,
     /// Answers by generated kernels.
@@ -85,8 +89,24 @@ impl Engine {
         let plans = (0..MAX_PLANS).map(|_| None).collect();
         let [scratch, private] =
             [MAX_NUMBERS_IN, MAX_NUMBERS_OUT].map(|n| vec![0.0; MOST_ROWS * n]);
-        let recorder = None;
-        Engine { plans, orders, retired, workspace, scratch, private, recorder, by_kernel: 0 }
+        Engine {
+            plans,
+            orders,
+            retired,
+            workspace,
+            scratch,
+            private,
+            aside: None,
+            recorder: None,
+            by_kernel: 0,
+        }
+    }
+
+    /// Hands states that need more than a turn to these threads from now on: for states up to the
+    /// bound of a request, and for searches.
+    pub(crate) fn set_aside(&mut self, threads: [Aside; 2]) {
+        self.aside = Some(threads);
+        self.workspace.answer_in_turns();
     }
 
     /// Takes new plans and returns old ones; never blocks.
@@ -144,31 +164,42 @@ impl Engine {
     }
 
     /// Checks a request, runs its plan from `input` into `output`, and returns the head of the
-    /// answer, with times and checksum where the request has them. Never allocates, never panics,
-    /// and touches nothing outside `input` and `output`. A refused request leaves NaN.
+    /// answer, with times and checksum where the request has them; `None` while another thread
+    /// computes it, then call it again. Never allocates, never panics, and touches nothing outside
+    /// `input` and `output`. A refused or late request leaves NaN.
     #[inline]
     pub(crate) fn answer_request(
         &mut self,
         head: &RequestHead,
+        place: usize,
         input: Input<'_>,
         output: &mut [f64],
         timing: &RequestTiming<'_>,
-    ) -> ResponseHead {
-        match self.run_plan(head, input, output) {
-            Ok(Outcome { status, warnings, n_out, is_private, checks }) => {
+    ) -> Option<ResponseHead> {
+        let outcome = match timing.is_late() {
+            true => Err(Status::Late),
+            false => self.run_plan(head, place, input, output),
+        };
+        match outcome {
+            Ok(None) => None,
+            Ok(Some(Outcome { status, warnings, n_out, is_private, checks })) => {
                 let numbers = &self.private[..n_out];
                 if is_private {
                     output[..n_out].copy_from_slice(numbers);
                 }
                 // without a checksum, even if the request has one: it was meant for another plan
                 let answer = ResponseHead::new(status, warnings, head.sequence);
-                timing.close(answer, checks.then_some(numbers))
+                let answer = timing.close(answer, checks.then_some(numbers));
+                Some(match is_late(head, &answer) {
+                    true => refuse(head, Status::Late, output, timing),
+                    false => answer,
+                })
             }
             Err(status) => {
                 if let Some(recorder) = &mut self.recorder {
                     recorder.record_refusal(head, status);
                 }
-                refuse(head, status, output, timing)
+                Some(refuse(head, status, output, timing))
             }
         }
     }
@@ -193,9 +224,10 @@ impl Engine {
     fn run_plan(
         &mut self,
         head: &RequestHead,
+        place: usize,
         input: Input<'_>,
         output: &mut [f64],
-    ) -> Result<Outcome, Status> {
+    ) -> Result<Option<Outcome>, Status> {
         let slot = self.admit(head.version, head.fingerprint, head.plan)?;
         let Some(ServedPlan { plan, kernel, checks, .. }) = self.plans[slot].as_deref() else {
             return Err(Status::UnknownRequest);
@@ -225,13 +257,31 @@ impl Engine {
             output = self.private.get_mut(..n_out).ok_or(Status::WrongSize)?;
         }
 
-        let of = (plan, kernel.as_deref());
-        let answer = compute(of, &mut self.workspace, input, output, &mut self.by_kernel);
+        let key = Key { place, plan: PlanNumber(head.plan), sequence: head.sequence, row: None };
+        let known = match &mut self.aside {
+            Some(threads) => known(threads, key, plan, input, output),
+            None => Known::Nothing,
+        };
+        let answer = match known {
+            Known::Answer(answer) => answer,
+            Known::Later => return Ok(None),
+            Known::Nothing => {
+                let of = (&**plan, kernel.as_deref());
+                let answer = compute(of, &mut self.workspace, input, output, &mut self.by_kernel);
+                if let Some(threads) = &mut self.aside
+                    && plan.is_cut_short(self.workspace.one().1, answer.status)
+                {
+                    thread_of(threads, plan).submit(key, plan, input, false);
+                    return Ok(None);
+                }
+                answer
+            }
+        };
         if let Some(recorder) = &mut self.recorder {
             recorder.record(head, plan.query(), input, output, answer);
         }
         let Answer { status, warnings } = answer;
-        Ok(Outcome { status, warnings, n_out, is_private, checks })
+        Ok(Some(Outcome { status, warnings, n_out, is_private, checks }))
     }
 }
 
@@ -244,16 +294,18 @@ pub(crate) struct Tile<'a> {
 
 impl Engine {
     /// Checks a batch and answers the tile of it that begins at row `first`: as many states as its
-    /// plan computes together; the error is the status of a refused batch. Never allocates, never
-    /// panics; the rows of a tile are read once, and written when all of them are answered.
+    /// plan computes together, or fewer, of which the last needs more than a turn; `None` while
+    /// another thread computes the first one. The error is the status of a refused batch. Never
+    /// allocates, never panics; the rows of a tile are read once, and written when all of them are
+    /// answered.
     pub(crate) fn answer_tile<'a>(
         &mut self,
         head: &BatchHead,
-        first: usize,
+        (place, first): (usize, usize),
         area: &ServedBatch,
         answers: &'a mut [Answer; MOST_ROWS],
-    ) -> Result<Tile<'a>, Status> {
-        let tile = self.run_tile(head, first, area, answers);
+    ) -> Result<Option<Tile<'a>>, Status> {
+        let tile = self.run_tile(head, (place, first), area, answers);
         if let (Err(status), Some(recorder)) = (&tile, &mut self.recorder) {
             recorder.record_refusal(&single(head), *status);
             recorder.commit();
@@ -264,10 +316,10 @@ impl Engine {
     fn run_tile<'a>(
         &mut self,
         head: &BatchHead,
-        first: usize,
+        (place, first): (usize, usize),
         area: &ServedBatch,
         answers: &'a mut [Answer; MOST_ROWS],
-    ) -> Result<Tile<'a>, Status> {
+    ) -> Result<Option<Tile<'a>>, Status> {
         // also for later tiles: the client may have released the plan meanwhile
         let slot = self.admit(head.version, head.fingerprint, head.plan)?;
         let Some(ServedPlan { plan, kernel, checks, .. }) = self.plans[slot].as_deref() else {
@@ -288,14 +340,47 @@ impl Engine {
         let output = self.private.get_mut(..rows * n_out).ok_or(Status::WrongSize)?;
         let answers = answers.get_mut(..rows).ok_or(Status::WrongSize)?;
         area.read(&shape, first, input);
-        match kernel.as_deref() {
-            Some(kernel) => {
-                let by_kernel =
-                    kernel.answer_rows(plan, &mut self.workspace, input, output, answers);
-                self.by_kernel += by_kernel as u64;
+        let row = Some(first);
+        let key = Key { place, plan: PlanNumber(head.plan), sequence: head.sequence, row };
+        let known = match &mut self.aside {
+            Some(threads) if rows > 0 => {
+                known(threads, key, plan, &input[..n_in], &mut output[..n_out])
             }
-            None => self.workspace.run(plan, input, output, answers),
-        }
+            _ => Known::Nothing,
+        };
+        let rows = match known {
+            Known::Later => return Ok(None),
+            Known::Answer(answer) => {
+                answers[0] = answer;
+                1
+            }
+            Known::Nothing => {
+                let rows = match kernel.as_deref() {
+                    Some(kernel) => {
+                        let (rows, by_kernel) =
+                            kernel.answer_rows(plan, &mut self.workspace, input, output, answers);
+                        self.by_kernel += by_kernel as u64;
+                        rows
+                    }
+                    None => self.workspace.run(plan, input, output, answers),
+                };
+                // the last one may need more
+                let last = rows.checked_sub(1).map_or(Status::Ok, |last| answers[last].status);
+                match &mut self.aside {
+                    Some(threads) if plan.is_cut_short(self.workspace.one().1, last) => {
+                        if rows == 1 {
+                            let input = &input[..n_in];
+                            thread_of(threads, plan).submit(key, plan, input, false);
+                            return Ok(None);
+                        }
+                        rows - 1
+                    }
+                    _ => rows,
+                }
+            }
+        };
+        let answers = &mut answers[..rows];
+        let (input, output) = (&input[..rows * n_in], &mut output[..rows * n_out]);
         area.write(&shape, first, answers, output);
 
         // each row as a separate request
@@ -307,7 +392,43 @@ impl Engine {
                 recorder.commit_row();
             }
         }
-        Ok(Tile { answers, is_last: first + rows >= shape.rows() })
+        Ok(Some(Tile { answers, is_last: first + rows >= shape.rows() }))
+    }
+}
+
+/// What is known of a state before it is computed.
+enum Known {
+    Nothing,
+    Later,
+    Answer(Answer),
+}
+
+/// The thread for the states of a plan that need more than a turn.
+fn thread_of<'a>(threads: &'a mut [Aside; 2], plan: &Plan) -> &'a mut Aside {
+    &mut threads[usize::from(plan.searches())]
+}
+
+/// What a thread knows of a state; its numbers into `output`. The next state goes to it.
+#[inline]
+fn known(
+    threads: &mut [Aside; 2],
+    key: Key,
+    plan: &Arc<Plan>,
+    input: &[f64],
+    output: &mut [f64],
+) -> Known {
+    let thread = thread_of(threads, plan);
+    match thread.look(key, input) {
+        Look::Nothing => Known::Nothing,
+        Look::Waits => Known::Later,
+        Look::IsNext => {
+            thread.submit(key, plan, input, true);
+            Known::Later
+        }
+        Look::Answered(answer, numbers) => {
+            output.copy_from_slice(numbers);
+            Known::Answer(answer)
+        }
     }
 }
 

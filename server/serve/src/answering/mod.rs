@@ -2,6 +2,7 @@
 //!
 //! It allocates nothing, takes no lock and writes no log; orders reach it through bounded channels.
 
+pub(crate) mod aside;
 pub(crate) mod batches;
 pub(crate) mod counters;
 pub(crate) mod engine;

@@ -1,7 +1,8 @@
 //! The thread that answers.
 //!
 //! A sweep answers at most one pending request of each client: no client can starve another, and no
-//! request is overwritten, because a client has one pending request. After start-up the loop never
+//! request is overwritten, because a client has one pending request. A state that needs more than a
+//! turn is computed on a thread beside this one ([`crate::answering::aside`]). After start-up the loop never
 //! blocks, writes no log, reads no clock but the processor's counter (and the system's for a
 //! heartbeat and for a request with a stamp), and in busy mode makes no system call. The other
 //! thread maps and unmaps the segments of clients.
@@ -10,7 +11,7 @@
 //! client with a lane or a service waits for one tile at most, however many batches are in
 //! progress.
 //!
-//! Overload: work is bounded by the number of clients, so requests wait, at most for one request of
+//! Overload: work is bounded by the number of clients, so requests wait, at most for one turn of
 //! each other client. A client that cancels a request and sends another before the server took it
 //! gets `overloaded` from its own side of the service; through a lane the newer request replaces
 //! the older one. A new batch cancels the pending one and is answered `overloaded`. No other
@@ -36,9 +37,10 @@ use crate::answering::timing::{RequestTiming, is_late};
 use crate::answering::wait::Wait;
 use crate::record::Client;
 
-/// Sweeps between two checks for orders of the maintenance thread.
+/// Sweeps without an answer between two checks for orders of the maintenance thread; after an
+/// answer one is due when the heartbeat is.
 const SWEEPS_BETWEEN_ORDERS: u32 = 32;
-/// Greatest age of a heartbeat.
+/// Greatest age of a heartbeat; it is checked after each answer.
 const BEAT: Duration = Duration::from_millis(1);
 /// In sleeping mode: the thread polls for this long after the last request, then sleeps.
 const IDLE: Duration = Duration::from_micros(200);
@@ -96,6 +98,9 @@ pub(crate) struct AnsweringThread {
     pub(crate) ends: Vec<Retired>,
     /// The end with the next turn for a tile of a batch.
     pub(crate) next: usize,
+    /// When the last heartbeat was, and their interval `[tick]`.
+    pub(crate) last_beat: u64,
+    pub(crate) beat: u64,
     pub(crate) orders: Consumer<Order>,
     pub(crate) retired: Producer<Retired>,
     pub(crate) heartbeat: HeartbeatWriter,
@@ -110,11 +115,12 @@ impl AnsweringThread {
         // the first reading, before any request, locates the kernel's clock page
         self.heartbeat.beat(false);
         let ticks = |span: Duration| Ticks::of(&self.clock, span);
-        let (beat, idle, quiet, drain_time) =
-            (ticks(BEAT), ticks(IDLE), ticks(QUIET), ticks(DRAIN_TIME));
+        let [beat, idle, quiet, drain_time] = [BEAT, IDLE, QUIET, DRAIN_TIME].map(ticks);
+        self.beat = beat.0;
+        self.last_beat = self.clock.raw();
         let mut sweeps = 0_u32;
-        let (mut last_beat, mut last_request, mut stop_since) =
-            (self.clock.raw(), self.clock.raw(), None);
+        let mut last_request = self.last_beat;
+        let mut stop_since = None;
 
         loop {
             let stopping = self.shared.stopping.load(Relaxed);
@@ -141,10 +147,7 @@ impl AnsweringThread {
             if napped || sweeps.is_multiple_of(SWEEPS_BETWEEN_ORDERS) {
                 self.handle_orders();
                 let now = self.clock.raw();
-                if now.wrapping_sub(last_beat) > beat.0 {
-                    last_beat = now;
-                    self.heartbeat.beat(false);
-                }
+                self.beat_at(now);
                 if stopping && now.wrapping_sub(*stop_since.get_or_insert(now)) > drain_time.0 {
                     self.heartbeat.beat(true);
                     return;
@@ -156,37 +159,58 @@ impl AnsweringThread {
     /// Polls each client once, answers the pending requests and one tile of a batch; the number of
     /// answers.
     fn sweep(&mut self, stopping: bool) -> usize {
-        let AnsweringThread { engine, ends, shared, clock, .. } = self;
         let mut answered = 0;
-        let mut broken = None;
-        for (index, (place, end)) in ends.iter_mut().enumerate() {
+        let mut index = 0;
+        loop {
+            let AnsweringThread { engine, ends, shared, clock, .. } = self;
+            let Some((place, end)) = ends.get_mut(index) else { break };
+            index += 1;
             // the transport panics if a client has overwritten its records
             let look = catch_unwind(AssertUnwindSafe(|| match end {
                 End::Lane(lane, last) => poll_lane(lane, last, *place, engine, clock, stopping),
-                End::Service(port) => poll_service(port.as_mut(), engine, clock, stopping),
+                End::Service(port) => poll_service(port.as_mut(), *place, engine, clock, stopping),
                 End::Batches(_) | End::Broken => None,
             }));
             let turn = match look {
                 Ok(Some(turn)) => turn,
                 Ok(None) => continue,
                 Err(_) => {
-                    broken = Some(index);
+                    self.give_up(index - 1);
                     continue;
                 }
             };
             if turn.late {
                 shared.counters.record_late(*place);
             }
-            let ticks = clock.raw().wrapping_sub(turn.start);
-            shared.counters.record(turn.transport, turn.status, ticks);
+            let now = clock.raw();
+            shared.counters.record(turn.transport, turn.status, now.wrapping_sub(turn.start));
             shared.counters.set_by_kernel(engine.by_kernel);
             engine.sent();
             answered += 1;
+            self.serve_between(now);
         }
-        if let Some(index) = broken {
-            self.give_up(index);
+        if self.answer_tile(stopping) {
+            answered += 1;
+            self.serve_between(self.clock.raw());
         }
-        answered + usize::from(self.answer_tile(stopping))
+        answered
+    }
+
+    /// Heartbeat and orders between two answers, when they are due.
+    #[inline]
+    fn serve_between(&mut self, now: u64) {
+        if now.wrapping_sub(self.last_beat) > self.beat {
+            self.beat_at(now);
+            self.handle_orders();
+        }
+    }
+
+    /// The heartbeat, when it is due.
+    fn beat_at(&mut self, now: u64) {
+        if now.wrapping_sub(self.last_beat) > self.beat {
+            self.last_beat = now;
+            self.heartbeat.beat(false);
+        }
     }
 
     /// Answers one tile of one batch, if any is in progress; the others have the next turns.
@@ -196,7 +220,7 @@ impl AnsweringThread {
             let Some((place, End::Batches(batches))) = ends.get_mut(index) else { continue };
             // as for a single request: a panic ends its client alone
             let turn = catch_unwind(AssertUnwindSafe(|| {
-                batches.turn(engine, &shared.counters, clock, stopping)
+                batches.turn(*place, engine, &shared.counters, clock, stopping)
             }));
             if let Ok(false) = turn {
                 continue;
@@ -274,15 +298,15 @@ fn poll_lane(
     if head.sequence == *last {
         return None;
     }
-    *last = head.sequence;
     let start = clock.raw();
     engine.found(start, Client::Lane(place as u32));
     let timing = RequestTiming::new(clock, &head, start);
     let output = lane.outbox.numbers();
     let answer = match stopping {
-        false => engine.answer_request(&head, Input::Copied(numbers), output, &timing),
+        false => engine.answer_request(&head, place, Input::Copied(numbers), output, &timing)?,
         true => refuse(&head, Status::ShuttingDown, output, &timing),
     };
+    *last = head.sequence;
     lane.outbox.publish(answer);
     Some(Turn::of(Transport::Lane, &head, &answer, start))
 }
@@ -291,6 +315,7 @@ fn poll_lane(
 #[inline]
 fn poll_service(
     port: &mut dyn ServedService,
+    place: usize,
     engine: &mut Engine,
     clock: &Clock,
     stopping: bool,
@@ -303,11 +328,13 @@ fn poll_service(
         engine.found(start, Client::Service);
         let timing = RequestTiming::new(clock, &head, start);
         let answer = match stopping {
-            false => engine.answer_request(&head, Input::Shared(request), output, &timing),
+            false => {
+                engine.answer_request(&head, place, Input::Shared(request), output, &timing)?
+            }
             true => refuse(&head, Status::ShuttingDown, output, &timing),
         };
         turn = Some(Turn::of(transport, &head, &answer, start));
-        answer
+        Some(answer)
     });
     // a request for whose answer there was no memory is counted too
     let status = Status::Overloaded as u32;
@@ -328,7 +355,8 @@ struct Turn {
 impl Turn {
     #[inline]
     fn of(transport: Transport, request: &RequestHead, answer: &ResponseHead, start: u64) -> Turn {
-        Turn { transport, status: answer.status, late: is_late(request, answer), start }
+        let late = answer.status == Status::Late as u32 || is_late(request, answer);
+        Turn { transport, status: answer.status, late, start }
     }
 }
 

@@ -32,6 +32,13 @@ impl<'a> RequestTiming<'a> {
         RequestTiming { clock, head, stamped }
     }
 
+    /// True if the request's deadline had passed when it was taken.
+    #[inline]
+    pub(crate) fn is_late(&self) -> bool {
+        let is_older = |stamped: &Stamped| stamped.age > self.head.deadline_ns;
+        self.head.deadline_ns != 0 && self.stamped.as_ref().is_some_and(is_older)
+    }
+
     /// The head of the answer with its times and, if the request and these numbers have one, the
     /// checksum. Call it right before the publication.
     #[inline]

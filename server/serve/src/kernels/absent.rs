@@ -56,7 +56,7 @@ impl NativeKernel {
         _input: &[f64],
         _output: &mut [f64],
         _answers: &mut [Answer],
-    ) -> usize {
+    ) -> (usize, usize) {
         match *self {}
     }
 }

@@ -4,6 +4,7 @@
 //! share one plan. The answering thread owns the plans that it runs and never frees one: it returns
 //! each, and only then is its slot in the table free for another plan, under another number.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use rtrb::{Consumer, Producer};
@@ -98,7 +99,7 @@ impl Plans {
         let number = PlanNumber::new(index, slot.generation);
         let checks = query.options.contains(QueryOptions::CHECKSUM);
         let kernel = self.kernels.kernel_of(&plan);
-        let order = PlanOrder::Serve(Box::new(ServedPlan { number, plan, kernel, checks }));
+        let order = PlanOrder::Serve(Box::new(ServedPlan { number, plan: Arc::new(plan), kernel, checks }));
         // there is room: full means that the answering thread is gone
         self.orders.push(order).map_err(|_| Refusal::TooManyPlans)?;
         slot.generation += 1;

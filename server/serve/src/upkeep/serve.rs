@@ -16,6 +16,7 @@ use sarrus_proto::run::{Run, RunError};
 use sarrus_proto::{Domain, ModelInfo, ServerName};
 use tracing::{error, info, warn};
 
+use crate::answering::aside::Aside;
 use crate::answering::counters::Counters;
 use crate::answering::engine::{Engine, MAX_PLAN_ORDERS, PlanOrder, ServedPlan};
 use crate::answering::thread::{self, AnsweringThread, Order, Retired, Shared};
@@ -135,6 +136,10 @@ fn serve_in(
         let started = record::start_or_warn(to, &model, options.lanes, clock.clone(), place)?;
         (hot.engine.recorder, recording) = started.unzip();
     }
+    let threads = ["sarrus-long", "sarrus-search"]
+        .map(|name| Aside::start(&model, name, n_places, place_other(placement)));
+    let [long, search] = threads;
+    hot.engine.set_aside([long?, search?]);
     let kernels = Maker::start(&options.kernels, &model, place_other(placement))?;
     // clients that connect before the first step of upkeep wait
     let socket = |source| ServeError::Socket { path: run.name_folder().to_owned(), source };
@@ -201,6 +206,8 @@ fn answering_thread(
         engine: Engine::new(model.clone(), plan_orders_out, retired_plans_in),
         ends: Vec::with_capacity(2 * n_places),
         next: 0,
+        last_beat: 0,
+        beat: 0,
         orders: orders_out,
         retired: retired_in,
         heartbeat: HeartbeatWriter::new().map_err(ServeError::Heartbeat)?,

@@ -20,6 +20,11 @@ pub(crate) struct Blocks {
     pub(crate) after: Vec<usize>,
 }
 
+// operations of a body's pose, of a row of the residual, of an entry of the Jacobian
+const POSE: usize = 60;
+const ROW: usize = 20;
+const ENTRY: usize = 8;
+
 /// A smallest set of rows that determines as many joints.
 #[derive(Clone, Debug)]
 pub(crate) struct Block {
@@ -44,6 +49,8 @@ pub(crate) struct Block {
     /// True when the determinant at the old unknowns changes with the new y, so that the first step
     /// does not show its old sign.
     pub(crate) remember: bool,
+    /// Operations of one Newton step, see [`Block::operations`].
+    pub(crate) work: u64,
 }
 
 /// The rows of one cut that a block holds.
@@ -90,6 +97,18 @@ macro_rules! by_width {
 pub(super) use by_width;
 
 impl Block {
+    /// Estimate of the operations of one Newton step: poses, residual, Jacobian, inverse and step;
+    /// those on whole rows of a wide block count half, as the processor does several at once.
+    pub(crate) fn operations(&self) -> u64 {
+        let m = self.unknowns.len();
+        let columns: usize = self.cuts.iter().map(|cut| cut.rows.len() * cut.solve.len()).sum();
+        let inverse = match &self.elimination {
+            None => 3 * m * m * m,
+            Some(elimination) => elimination.operations() / 2 + m * m,
+        };
+        (POSE * self.bodies.len() + ROW * m + ENTRY * columns + inverse + m * m) as u64
+    }
+
     /// The determinant at the closed pose in `local`, whose poses are fresh.
     pub(super) fn determinant<T: Real>(&self, cluster: &Cluster<T>, local: &mut Local<'_, T>) -> T {
         self.evaluate::<T, ANY>(cluster, local, true);

@@ -15,6 +15,8 @@ use crate::scalar::Real;
 
 /// Most attempts at a substep per request; each takes at most ten Newton steps per block.
 const ATTEMPTS: u32 = 300;
+/// The same on the way to a trial pose.
+const TRIALS: u32 = 24;
 /// First and shortest substep, as fractions of the whole path.
 const FIRST: f64 = 1.0;
 const SHORTEST: f64 = 1e-12;
@@ -70,6 +72,10 @@ pub(in crate::closure) fn follow<T: Real>(
     let mut failed = false;
     let mut open = T::ZERO;
     while at < 1.0 {
+        if local.scratch.left == 0 {
+            leave_at_last(cluster, local);
+            return Outcome::failed(Status::NotConverged, iterations);
+        }
         attempts += 1;
         let next = f64::min(1.0, at + step);
         interpolate(cluster, local.start, &local.scratch.goal, T::from_f64(next), local.q);
@@ -100,9 +106,10 @@ pub(in crate::closure) fn follow<T: Real>(
         } else {
             step *= 0.5;
             failed = true;
-            if step < SHORTEST || attempts > ATTEMPTS {
+            let most = if local.is_trial { TRIALS } else { ATTEMPTS };
+            if step < SHORTEST || attempts > most {
                 leave_at_last(cluster, local);
-                let status = if attempts > ATTEMPTS {
+                let status = if attempts > most || local.is_trial {
                     Status::NotConverged
                 } else {
                     stalled(cluster, bodies, local)
@@ -134,7 +141,11 @@ fn leads_on_from<T: Real>(
     bodies: &[Body<T>],
     local: &mut Local<'_, T>,
 ) -> bool {
-    !numerical.meets || numerical.rates(cluster, bodies, local, Level::Jacobian)
+    if !numerical.meets {
+        return true;
+    }
+    local.scratch.spend(numerical.blocks.iter().map(|block| block.work).sum());
+    numerical.rates(cluster, bodies, local, Level::Jacobian)
 }
 
 /// True where assemblies cannot meet, or the step from `scratch.last` to `local.q` ends so near to
@@ -219,9 +230,14 @@ fn search<T: Real>(
     let scratch = &mut *local.scratch;
     local_poses(cluster, bodies, local.q, local.cos_sin, &mut scratch.pose);
     let mut cost = squared_residual(cluster, scratch, local.q);
+    // K, JᵀJ and its factors
+    let work = 60 * cluster.n + 8 * rows * cluster.n_v + m * m * (rows + m / 3) + 30 * rows;
     for _ in 0..SEARCH {
         if cost < T::from_f64(found * found) {
             return Some(true);
+        }
+        if !scratch.spend(work as u64) {
+            return None;
         }
         constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
         squared_residual(cluster, scratch, local.q);

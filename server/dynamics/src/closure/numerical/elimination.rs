@@ -22,6 +22,16 @@ pub(crate) struct Elimination {
 }
 
 impl Elimination {
+    /// Operations of an inversion in order.
+    pub(super) fn operations(&self) -> usize {
+        let m = self.below.len();
+        let pivots = self.below.iter().zip(&self.right).enumerate();
+        let of = |(k, (below, right)): (usize, (&Vec<usize>, &Vec<usize>))| {
+            below.len() * (right.len() + k + 1) + (right.len() + 1) * m
+        };
+        pivots.map(of).sum()
+    }
+
     /// Inverse of A (m × m), which is destroyed; `spare` has room for a copy.
     pub(super) fn invert<T: Real>(
         &self,

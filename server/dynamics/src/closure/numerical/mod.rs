@@ -161,6 +161,7 @@ impl<T: Real> Numerical<T> {
             let start = Start { branch, moved };
             let (fine, count, own) = block.newton(cluster, bodies, local, start, self.end);
             block.multiply_gain(b, own, &mut local.scratch.gain);
+            local.scratch.spend(u64::from(count) * block.work);
             good &= fine;
             taken += count;
             if !good {
@@ -186,6 +187,7 @@ impl<T: Real> Numerical<T> {
         }
         local_poses(cluster, bodies, local.q, local.cos_sin, &mut local.scratch.pose);
         for (b, block) in self.blocks.iter().enumerate().filter(|(_, block)| block.remember) {
+            local.scratch.spend(block.work);
             local.scratch.branch[b] = block.determinant(cluster, local);
         }
     }

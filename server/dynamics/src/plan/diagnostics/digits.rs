@@ -89,6 +89,11 @@ impl Plan {
         let keeps = fits && {
             let given = &mut probe.input[..input.len()];
             let found = &mut probe.output[..output.len()];
+            // from the answer, so that a long path to it is not followed twice
+            probe.workspace.resumes = true;
+            for (to, x) in probe.workspace.start.iter_mut().zip(&ws.q) {
+                *to = Dd::from(x.to_f64());
+            }
             for (to, x) in given.iter_mut().zip(input) {
                 *to = Dd::from(x.to_f64());
             }

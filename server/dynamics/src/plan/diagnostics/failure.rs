@@ -5,7 +5,7 @@ use sarrus_proto::{Field, Status};
 
 use crate::closure::{
     Closure, Level, constraint_jacobian, constraint_residual, dependents_range, interpolate,
-    largest_residual,
+    largest_residual, UNBOUNDED,
 };
 use crate::mechanism::{Body, Cluster};
 use crate::model::Model;
@@ -65,7 +65,7 @@ impl Plan {
                 ws.loop_q.fill(T::from_f64(f64::NAN));
             }
         }
-        if self.wants(Field::NearestY) {
+        if self.wants(Field::NearestY) && ws.budget(self.searches()) == UNBOUNDED {
             report.nearest = true;
             if !actuated {
                 nearest::nearest_pose(cluster, bodies, ws);

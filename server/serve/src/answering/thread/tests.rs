@@ -39,7 +39,7 @@ impl Stepped {
         let fingerprint = model.fingerprint();
         let (mut plan_orders, plan_orders_out) = RingBuffer::new(MAX_PLAN_ORDERS);
         let (retired_plans, _) = RingBuffer::new(8);
-        let served = ServedPlan { number: NUMBER, plan: plan.clone(), kernel: None, checks: false };
+        let served = ServedPlan { number: NUMBER, plan: Arc::new(plan.clone()), kernel: None, checks: false };
         assert!(plan_orders.push(PlanOrder::Serve(Box::new(served))).is_ok());
         let (orders_in, orders) = RingBuffer::new(16);
         let (retired_in, retired) = RingBuffer::new(16);
@@ -47,6 +47,8 @@ impl Stepped {
             engine: Engine::new(Arc::new(model), plan_orders_out, retired_plans),
             ends: Vec::with_capacity(16),
             next: 0,
+            last_beat: 0,
+            beat: 0,
             orders,
             retired: retired_in,
             heartbeat: HeartbeatWriter::new().unwrap(),

@@ -1,0 +1,224 @@
+//! States that need more than a turn of the answering thread are computed on threads beside it, one
+//! at a time, while it answers other clients: one thread for states up to the bound of a request,
+//! one for searches of any length.
+//!
+//! A request that waits for such a thread stays pending, and is looked at in each sweep until its
+//! answer is there. Clients wait in a queue. The place or the answer of a client that does not come
+//! for it any more is dropped after [`PATIENCE`] looks of others.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use rtrb::{Consumer, Producer, RingBuffer};
+use sarrus_dynamics::{Model, Plan, Workspace};
+use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, PlanNumber};
+use sarrus_proto::{Answer, Status, Warnings};
+
+use crate::error::ServeError;
+
+/// Looks of others at a thread that is kept for one client.
+const PATIENCE: u32 = 4096;
+/// After its last state a thread naps shortly for this long, then longer.
+const QUIET: Duration = Duration::from_millis(200);
+const NAP: Duration = Duration::from_micros(50);
+const LONG_NAP: Duration = Duration::from_millis(1);
+
+/// A state of a pending request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Key {
+    /// The client.
+    pub(crate) place: usize,
+    pub(crate) plan: PlanNumber,
+    pub(crate) sequence: u64,
+    /// The row of a batch; `None` for a single request.
+    pub(crate) row: Option<usize>,
+}
+
+/// A state on its way to a thread and back, with room for any.
+struct Job {
+    /// Dropped by the thread, so that the answering thread frees none.
+    plan: Option<Arc<Plan>>,
+    input: Vec<f64>,
+    output: Vec<f64>,
+    n_in: usize,
+    n_out: usize,
+    answer: Answer,
+}
+
+/// The answering thread's end.
+pub(crate) struct Aside {
+    to: Producer<Box<Job>>,
+    from: Consumer<Box<Job>>,
+    /// The job, while no state is computed.
+    job: Option<Box<Job>>,
+    /// The state that is computed, or whose answer is in the job.
+    current: Option<Key>,
+    /// States that wait for the thread, the first one next.
+    queue: Vec<Key>,
+    /// Looks of others since the last change.
+    looks: u32,
+}
+
+/// What a look at a thread finds.
+pub(crate) enum Look<'a> {
+    /// Nothing of this state.
+    Nothing,
+    /// It waits for the thread, or is computed.
+    Waits,
+    /// It is the next one: submit it.
+    IsNext,
+    /// Its answer, with the numbers.
+    Answered(Answer, &'a [f64]),
+}
+
+impl Aside {
+    /// Starts a thread, which ends with this end; `place` is called on it first. There are at most
+    /// so many clients.
+    ///
+    /// # Errors
+    /// [`ServeError::Thread`].
+    pub(crate) fn start(
+        model: &Arc<Model<f64>>,
+        name: &str,
+        clients: usize,
+        place: impl FnOnce() + Send + 'static,
+    ) -> Result<Aside, ServeError> {
+        let (to, jobs) = RingBuffer::new(1);
+        let (done, from) = RingBuffer::new(1);
+        let model = model.clone();
+        let body = move || {
+            place();
+            let workspace = Workspace::new(&model);
+            compute_jobs(&model, workspace, jobs, done);
+        };
+        let builder = thread::Builder::new().name(name.to_owned());
+        builder.spawn(body).map_err(|source| ServeError::Thread { source })?;
+        let job = Box::new(Job {
+            plan: None,
+            input: vec![0.0; MAX_NUMBERS_IN],
+            output: vec![0.0; MAX_NUMBERS_OUT],
+            n_in: 0,
+            n_out: 0,
+            answer: Answer { status: Status::UnknownRequest, warnings: Warnings::NONE },
+        });
+        // a client has a request and a batch at once
+        let queue = Vec::with_capacity(2 * clients);
+        Ok(Aside { to, from, job: Some(job), current: None, queue, looks: 0 })
+    }
+
+    /// Looks for a state: its answer, or its place in the queue.
+    #[inline]
+    pub(crate) fn look(&mut self, key: Key, input: &[f64]) -> Look<'_> {
+        if self.current.is_none() && self.queue.is_empty() {
+            return Look::Nothing;
+        }
+        self.look_closely(key, input)
+    }
+
+    #[cold]
+    fn look_closely(&mut self, key: Key, input: &[f64]) -> Look<'_> {
+        if let Ok(job) = self.from.pop() {
+            self.job = Some(job);
+            self.looks = 0;
+        }
+        // a client that asks for something else has given its older state up
+        let is_older = |other: &Key| other.is_of(key) && *other != key;
+        self.queue.retain(|other| !is_older(other));
+        if self.job.is_some() && self.current.as_ref().is_some_and(is_older) {
+            self.current = None;
+        }
+        self.forget_the_absent(key);
+        if self.current == Some(key) {
+            let Some(job) = &self.job else { return Look::Waits };
+            self.current = None;
+            // the next client of this place may count from the same number
+            let (own, given) = (job.input[..job.n_in].iter(), input.iter());
+            return match own.map(|x| x.to_bits()).eq(given.map(|x| x.to_bits())) {
+                true => Look::Answered(job.answer, &job.output[..job.n_out]),
+                false => Look::Nothing,
+            };
+        }
+        if !self.queue.contains(&key) {
+            return Look::Nothing;
+        }
+        if self.current.is_none() && self.queue.first() == Some(&key) {
+            self.queue.remove(0);
+            return Look::IsNext;
+        }
+        Look::Waits
+    }
+
+    /// Drops an answer, or the first in the queue, that nobody has come for.
+    fn forget_the_absent(&mut self, key: Key) {
+        let has_answer = self.current.is_some() && self.job.is_some();
+        let awaited = if has_answer { self.current } else { self.queue.first().copied() };
+        if awaited == Some(key) || self.job.is_none() {
+            return;
+        }
+        self.looks += 1;
+        if self.looks > PATIENCE {
+            self.looks = 0;
+            match has_answer {
+                true => self.current = None,
+                false => drop(self.queue.remove(0)),
+            }
+        }
+    }
+
+    /// Hands a state to the thread, or puts it into the queue.
+    #[cold]
+    pub(crate) fn submit(&mut self, key: Key, plan: &Arc<Plan>, input: &[f64], is_next: bool) {
+        let is_free = self.current.is_none() && (is_next || self.queue.is_empty());
+        match self.job.take_if(|_| is_free) {
+            Some(mut job) => {
+                job.plan = Some(plan.clone());
+                (job.n_in, job.n_out) = (input.len(), plan.want().len());
+                job.input[..input.len()].copy_from_slice(input);
+                self.current = Some(key);
+                // there is room for the only job
+                drop(self.to.push(job));
+            }
+            None if self.queue.len() < self.queue.capacity() => self.queue.push(key),
+            // more states than clients: the request is computed once more in its next turn
+            None => {}
+        }
+    }
+}
+
+impl Key {
+    /// True if both are of the same client, each a request or each a row of its batch.
+    fn is_of(&self, other: Key) -> bool {
+        self.place == other.place && self.row.is_some() == other.row.is_some()
+    }
+}
+
+/// Computes one state after the other until the other end is dropped.
+fn compute_jobs(
+    model: &Model<f64>,
+    mut workspace: Workspace<f64>,
+    mut jobs: Consumer<Box<Job>>,
+    mut done: Producer<Box<Job>>,
+) {
+    let mut last = Instant::now();
+    while !done.is_abandoned() {
+        let Ok(mut job) = jobs.pop() else {
+            thread::sleep(if last.elapsed() < QUIET { NAP } else { LONG_NAP });
+            continue;
+        };
+        if let Some(plan) = job.plan.take() {
+            let Job { input, output, n_in, n_out, .. } = &mut *job;
+            let (input, output) = (&input[..*n_in], &mut output[..*n_out]);
+            let run = AssertUnwindSafe(|| plan.run(model, &mut workspace, input, output));
+            job.answer = catch_unwind(run).unwrap_or_else(|_| {
+                output.fill(f64::NAN);
+                Answer { status: Status::NotConverged, warnings: Warnings::NONE }
+            });
+        }
+        last = Instant::now();
+        if done.push(job).is_err() {
+            return;
+        }
+    }
+}
