@@ -138,18 +138,19 @@ fn a_full_stderr_stops_no_supervisor() {
 #[test]
 fn a_server_that_refuses_with_a_full_stderr_is_given_up() {
     let sandbox = Sandbox::new();
-    let urdf = sandbox.make_root().join("pendulum.urdf");
-    fs::write(&urdf, pendulum(1.0)).unwrap();
+    let root = sandbox.make_root();
     let (unread, stderr) = full_pipe();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
-    command.args(["serve", "--name", "mute", "--supervise", "--urdf"]).arg(&urdf);
-    command.env("SARRUS_ROOT", sandbox.domain().root()).stdout(Stdio::null()).stderr(stderr);
-    let mut child = command.spawn().unwrap();
+    let mut command = sandbox.command(ROBOT, "mute", &["--supervise"]);
+    let mut child = command.stdout(Stdio::null()).stderr(stderr).spawn().unwrap();
     let process = next_server(&sandbox, "mute", 0);
-    fs::write(&urdf, pendulum(2.0)).unwrap();
+    // a file in place of the domain's folder
+    let away = root.with_extension("away");
+    fs::rename(&root, &away).unwrap();
+    fs::write(&root, "").unwrap();
     kill(process);
     let status = until("the supervisor's end", || child.try_wait().unwrap());
     assert_eq!(status.code(), Some(2), "{status:?}");
+    fs::remove_dir_all(&away).unwrap();
     drop(unread);
 }
 
@@ -193,24 +194,77 @@ fn pendulum(mass: f64) -> String {
 }
 
 #[test]
-fn only_the_robot_that_was_announced_is_served_again() {
+fn the_robot_that_was_announced_is_served_again_whatever_its_files_say() {
     let sandbox = Sandbox::new();
     let root = sandbox.make_root();
-    let urdf = root.join("pendulum.urdf");
+    let [urdf, record] = ["pendulum.urdf", "pendulum.rec"].map(|name| root.join(name));
     fs::write(&urdf, pendulum(1.0)).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
-    command.args(["serve", "--name", "filed", "--supervise", "--short-life", "0", "--urdf"]);
-    let server = sandbox.start(command.arg(&urdf));
-    fs::write(&urdf, pendulum(2.0)).unwrap();
+    command.args(["serve", "--name", "filed", "--supervise", "--short-life", "0", "--lanes", "1"]);
+    command.args(["--record-seconds", "1", "--record"]).arg(&record);
+    let server = sandbox.start(command.arg("--urdf").arg(&urdf));
+    let fingerprint = server.ready.trim_end().rsplit(' ').next().unwrap();
+    let mut process = serving(server.id());
+    for text in [pendulum(2.0), pendulum(3.0), "no robot".to_owned()] {
+        fs::write(&urdf, text).unwrap();
+        kill(process);
+        server.wait_for_line("the robot's files have changed; the robot as first loaded is served");
+        process = next_server(&sandbox, "filed", process);
+        let robot = sandbox.connect("filed", Transport::Lane).unwrap();
+        assert_eq!(format!("{:016x}", robot.model().fingerprint), fingerprint);
+    }
+    fs::remove_file(&urdf).unwrap();
+    kill(process);
+    next_server(&sandbox, "filed", process);
+    // a recording holds the robot that is served
+    let (code, _, words) = sandbox.sarrus(&["replay", record.to_str().unwrap()]);
+    assert_eq!(code, Some(0), "{words}");
+    assert!(server.stop().success());
+    for n in ["", ".1", ".2", ".3", ".4"] {
+        let _ = fs::remove_file(format!("{}{n}", record.display()));
+    }
+}
+
+/// Two joints, and their coupling by a further file.
+const PAIR: &str = r#"<robot name="pair"><link name="base"/><link name="one"/>
+    <link name="two"><inertial><mass value="1"/>
+    <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+    <joint name="a" type="continuous"><parent link="base"/><child link="one"/>
+    <axis xyz="0 1 0"/></joint><joint name="b" type="continuous"><parent link="one"/>
+    <child link="two"/><axis xyz="0 1 0"/></joint></robot>"#;
+const COUPLED: &str = "submechanisms: [{name: t, type: TRANSMISSION, contextual_name: t, \
+    file_path: more.urdf, jointnames: [a, b], jointnames_active: [a], \
+    jointnames_independent: [a], jointnames_spanningtree: [a, b]}]";
+
+/// The further file, with this ratio.
+fn coupling(ratio: u32) -> String {
+    format!(
+        r#"<robot name="more"><joint name="b"><mimic joint="a" multiplier="{ratio}"/></joint>
+        </robot>"#
+    )
+}
+
+#[test]
+fn a_robot_of_further_files_is_given_up_when_these_change() {
+    let sandbox = Sandbox::new();
+    let root = sandbox.make_root();
+    let files = ["pair.urdf", "pair.yml", "more.urdf"].map(|name| root.join(name));
+    fs::write(&files[0], PAIR).unwrap();
+    fs::write(&files[1], COUPLED).unwrap();
+    fs::write(&files[2], coupling(2)).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
+    command.args(["serve", "--name", "more", "--supervise", "--short-life", "0", "--urdf"]);
+    let server = sandbox.start(command.arg(&files[0]).arg("--submechanisms").arg(&files[1]));
+    fs::write(&files[2], coupling(3)).unwrap();
     kill(serving(server.id()));
-    let reason = "the robot's files have changed";
+    let reason = "the robot's files have changed (fingerprint ";
     server.wait_for_line(reason);
     server.wait_for_line("given up: five times within a minute");
-    let reason_of_clients = supervision::given_up(&root, &name("filed")).unwrap();
+    let reason_of_clients = supervision::given_up(&root, &name("more")).unwrap();
     assert!(reason_of_clients.contains(reason), "{reason_of_clients}");
-    fs::remove_file(&urdf).unwrap();
+    files.iter().for_each(|file| fs::remove_file(file).unwrap());
     drop(server);
-    assert!(sandbox.serve("filed", &[]).stop().success());
+    assert!(sandbox.serve("more", &[]).stop().success());
 }
 
 #[test]
