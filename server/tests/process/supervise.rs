@@ -1,17 +1,17 @@
 //! A supervised server: killed, it is back; stopped, nothing remains; hopeless, it is given up.
 
 use std::fs;
-use std::io::{PipeReader, PipeWriter, Write};
+use std::io::{BufRead, BufReader, PipeReader, PipeWriter, Write};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use rustix::process::Signal;
+use rustix::process::{Pid, Signal, kill_process};
 use sarrus_client::{Status, Transport};
 use sarrus_proto::{ServerName, supervision};
 
 use sarrus_torture::patience::LIMIT;
-use sarrus_torture::process::send_signal;
+use sarrus_torture::process::{Process, send_signal};
 
 use crate::support::{Asker, ROBOT, Sandbox, Server};
 
@@ -360,4 +360,76 @@ fn five_deaths_soon_after_a_start_are_given_up() {
     assert!(reason.ends_with("was killed by signal 9"), "{reason}");
     assert!(sandbox.serve("frail", &[]).stop().success());
     assert_eq!(supervision::given_up(sandbox.domain().root(), &name("frail")), None);
+}
+
+/// Stops a process, which may go on before this returns.
+fn stop(process: u32) {
+    kill_process(Pid::from_raw(process as i32).unwrap(), Signal::STOP).unwrap();
+}
+
+#[test]
+fn a_stopped_server_or_supervisor_is_continued_by_the_other_one() {
+    let sandbox = Sandbox::new();
+    let server = supervised(&sandbox, "halted", &["--short-life", "0"]);
+    let mut asker = sandbox.attach_briefly("halted", Transport::Lane);
+    let process = serving(server.id());
+    let mut gaps: Vec<Duration> = (0..5)
+        .map(|_| {
+            stop(process);
+            let start = Instant::now();
+            let _ = until("an answer", || asker.ask().ok().filter(|one| one.status == Status::Ok));
+            let gap = start.elapsed();
+            server.wait_for_line(&format!("stopped the server (process {process}): continued"));
+            gap
+        })
+        .collect();
+    gaps.sort();
+    println!("from SIGSTOP of the server to the next answer, sorted: {gaps:.1?}");
+    assert_eq!(serving(server.id()), process);
+
+    stop(server.id());
+    let start = Instant::now();
+    server.wait_for_line("a signal had stopped the supervisor: continued");
+    println!("from SIGSTOP of the supervisor to its next run: {:.1?}", start.elapsed());
+    kill(process);
+    next_server(&sandbox, "halted", process);
+    // nor does a stop of the whole wait for a server that is stopped
+    stop(serving(server.id()));
+    assert!(server.stop().success());
+}
+
+/// strace that delays each wait of the upkeep thread of a process for a minute.
+fn hang_upkeep(process: u32) -> Option<Process> {
+    let mut command = Command::new("strace");
+    command.args(["-e", "trace=ppoll", "-e", "inject=ppoll:delay_enter=60000000", "-p"]);
+    command.arg(process.to_string()).stdout(Stdio::null()).stderr(Stdio::piped());
+    let mut strace = Process(command.spawn().ok()?);
+    let mut said = String::new();
+    BufReader::new(strace.0.stderr.as_mut()?).read_line(&mut said).ok()?;
+    said.contains("attached").then_some(strace)
+}
+
+#[test]
+fn a_hanging_upkeep_thread_ends_a_supervised_server_and_is_reported_by_others() {
+    let sandbox = Sandbox::new();
+    let server = supervised(&sandbox, "kept", &["--short-life", "0"]);
+    let alone = sandbox.serve("alone", &[]);
+    let mut asker = sandbox.attach_briefly("alone", Transport::Lane);
+    let process = serving(server.id());
+    let (Some(first), Some(second)) = (hang_upkeep(process), hang_upkeep(alone.id())) else {
+        println!("not run: no strace, or no right to use it");
+        return;
+    };
+    let start = Instant::now();
+    server.wait_for_line("the upkeep thread hangs: no step for 10 s");
+    println!("from the hang to its line: {:.1?}", start.elapsed());
+    // a traced thread ends with its tracer
+    drop(first);
+    next_server(&sandbox, "kept", process);
+    println!("from the hang to the next server: {:.1?}", start.elapsed());
+    server.wait_for_line("was killed by signal 9");
+    alone.wait_for_line("attached clients are answered, new ones are not");
+    assert_eq!(asker.ask().unwrap().status, Status::Ok);
+    drop(second);
+    assert!(server.stop().success() && alone.stop().success());
 }

@@ -216,10 +216,11 @@ impl Serve {
 
     fn options(&self) -> ServeOptions {
         let wait = self.wait.unwrap_or_else(Wait::auto);
-        let &Serve { lanes, cpu, priority, lock_memory, .. } = self;
+        let &Serve { lanes, cpu, priority, lock_memory, supervisor, .. } = self;
         let name = self.name.clone();
         let kernels = Kernels::default();
-        ServeOptions { name, wait, lanes, cpu, priority, lock_memory, kernels, record: None }
+        let record = None;
+        ServeOptions { name, wait, lanes, cpu, priority, lock_memory, supervisor, kernels, record }
     }
 
     /// The kernels of the clients' plans.

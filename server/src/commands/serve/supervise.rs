@@ -11,7 +11,7 @@ use std::io::{self, BufRead, BufReader, Read, Seek, Write};
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -19,6 +19,7 @@ use rustix::fs::{MemfdFlags, memfd_create};
 use rustix::process::{Pid, Signal, getppid, kill_process, set_parent_process_death_signal};
 use sarrus_proto::{Domain, ServerName, supervision};
 use sarrus_serve::record::RecordedRobot;
+use sarrus_serve::system::processes::continue_stopped;
 use sarrus_serve::system::stderr::{has_room, line};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
@@ -27,6 +28,8 @@ use crate::commands::output;
 
 /// Time for a clean stop of a server.
 const STOP: Duration = Duration::from_secs(5);
+/// Time between two looks whether a signal has stopped the server.
+const LOOK: Duration = Duration::from_millis(500);
 
 /// First words of the line with which a process reports why it cannot serve: another server runs
 /// under the name, or any other reason.
@@ -159,7 +162,16 @@ impl Supervisor {
         let mut ready: Option<Instant> = None;
         let mut failure = None;
         loop {
-            match self.events.recv() {
+            match self.events.recv_timeout(LOOK) {
+                Err(RecvTimeoutError::Timeout) => {
+                    if continue_stopped(process.id() as i32) {
+                        line(format_args!(
+                            "sarrus serve: warning: a signal had stopped the server (process {}): \
+                             continued",
+                            process.id()
+                        ));
+                    }
+                }
                 Ok(Event::Signal) => return Err(self.stop(process)),
                 Ok(Event::Line(line)) if line.starts_with("ready ") => {
                     ready = Some(Instant::now());
@@ -170,7 +182,7 @@ impl Supervisor {
                     let read = read.filter(|(word, _)| [TAKEN, FAILED].contains(word));
                     failure = read.map(|(word, why)| (word == TAKEN, why.to_owned())).or(failure);
                 }
-                Ok(Event::Closed) | Err(_) => break,
+                Ok(Event::Closed) | Err(RecvTimeoutError::Disconnected) => break,
             }
         }
         let died = Instant::now();
@@ -262,6 +274,7 @@ impl Supervisor {
     /// Stops a server process after a signal.
     fn stop(&mut self, mut process: Child) -> End {
         let _ = kill_process(Pid::from_child(&process), Signal::TERM);
+        continue_stopped(process.id() as i32);
         let due = Instant::now() + STOP;
         loop {
             match self.events.recv_timeout(due.saturating_duration_since(Instant::now())) {
