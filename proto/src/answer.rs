@@ -109,6 +109,10 @@ impl FailedState {
                 "the server ends requests in a way that this client does not know; use client and \
                  server of one version"
             }
+            Status::OtherProcess => {
+                "the connection belongs to the process that made it, and this one was forked from \
+                 it; connect again here"
+            }
         }
     }
 }

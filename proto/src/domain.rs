@@ -1,5 +1,6 @@
 //! The directory and the file names of one user in shared memory.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io;
 use std::ops::Deref;
@@ -343,9 +344,10 @@ pub(crate) fn node(root: &Path, config: &Config) -> Result<Node, DomainError> {
     Ok(Node::new(node))
 }
 
-/// Removes other users' access to the files in shared memory whose names begin with `prefix`.
+/// Removes other users' access to the files in shared memory that this process maps and whose names
+/// begin with `prefix`.
 fn close_to_others(prefix: &str) {
-    for path in shared_files(prefix) {
+    for path in mapped_files(prefix) {
         let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
         if let Ok(file) = rustix::fs::open(&path, flags, Mode::empty())
             && rustix::fs::fstat(&file).is_ok_and(|found| found.st_mode & 0o077 != 0)
@@ -428,7 +430,19 @@ pub(crate) fn is_at(directory: &File, path: &Path) -> bool {
     directory.metadata().map(id).is_ok_and(|ours| there.is_ok_and(|there| ours == there))
 }
 
-/// The files in shared memory whose names begin with `prefix`.
+/// The files in shared memory that this process maps and whose names begin with `prefix`. Takes no
+/// longer for the files of other programs there.
+pub(crate) fn mapped_files(prefix: &str) -> BTreeSet<PathBuf> {
+    let Ok(maps) = fs::read_to_string("/proc/self/maps") else {
+        return shared_files(prefix).collect();
+    };
+    let start = format!("{SHARED_MEMORY}/{prefix}");
+    let names = maps.lines().filter_map(|line| line.find(&start).map(|at| &line[at..]));
+    // a removed file has a remark behind its name
+    names.filter(|name| !name.contains(' ')).map(PathBuf::from).collect()
+}
+
+/// The files in shared memory whose names begin with `prefix`; takes time for each file there.
 pub(crate) fn shared_files(prefix: &str) -> impl Iterator<Item = PathBuf> {
     fs::read_dir(SHARED_MEMORY)
         .into_iter()

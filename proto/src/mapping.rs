@@ -1,19 +1,22 @@
 //! Memory that server and client share without a name: a file in memory that goes through the
 //! control socket, mapped as words. Its size is sealed, so that the other side cannot shrink it,
-//! and each word is read and written whole.
+//! and each word is read and written whole. A page of private memory shows a process that it was
+//! forked from another.
 // lint: a mapping cannot be made in safe Rust; everything that needs it is in this file
 #![allow(unsafe_code)]
 
+use std::ffi::c_void;
 use std::io;
 use std::os::fd::OwnedFd;
 use std::ptr::NonNull;
-use std::sync::atomic::AtomicU64;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use rustix::fs::{
     FallocateFlags, MemfdFlags, SealFlags, fallocate, fcntl_add_seals, fcntl_get_seals, fstat,
     memfd_create,
 };
-use rustix::mm::{Advice, MapFlags, ProtFlags, madvise, mmap, munmap};
+use rustix::mm::{Advice, MapFlags, ProtFlags, madvise, mmap, mmap_anonymous, munmap};
 
 /// Words of shared memory, mapped until this is dropped.
 pub(crate) struct Mapping {
@@ -55,6 +58,24 @@ impl Mapping {
         // is sealed against shrinking, so that every byte stays there.
         let start =
             unsafe { mmap(std::ptr::null_mut(), bytes(n_words), protection, flags, memory, 0) }?;
+        Mapping::at(start, n_words)
+    }
+
+    /// A private word, which is zero again in a child of `fork`.
+    fn wiped_on_fork() -> io::Result<Mapping> {
+        let protection = ProtFlags::READ | ProtFlags::WRITE;
+        // SAFETY: a fresh mapping at an address that the kernel chooses.
+        let start = unsafe {
+            mmap_anonymous(std::ptr::null_mut(), bytes(1), protection, MapFlags::PRIVATE)
+        }?;
+        let mapping = Mapping::at(start, 1)?;
+        // SAFETY: the page is this mapping's; zero is a valid atomic integer.
+        unsafe { madvise(start, bytes(1), Advice::LinuxWipeOnFork) }?;
+        Ok(mapping)
+    }
+
+    /// The mapping that was made here.
+    fn at(start: *mut c_void, n_words: usize) -> io::Result<Mapping> {
         let start = NonNull::new(start.cast());
         let start = start.ok_or_else(|| io::Error::from(io::ErrorKind::OutOfMemory))?;
         Ok(Mapping { start, n_words })
@@ -86,6 +107,31 @@ impl Drop for Mapping {
     }
 }
 
+/// A number of this process, other than that of each process from which it was forked. Makes no
+/// system call after the first time.
+#[inline]
+pub fn process_number() -> u64 {
+    static MARK: OnceLock<Option<Mapping>> = OnceLock::new();
+    match MARK.get_or_init(|| Mapping::wiped_on_fork().ok()) {
+        Some(mark) => match mark.words()[0].load(Relaxed) {
+            0 => number_process(&mark.words()[0]),
+            number => number,
+        },
+        // a kernel before 4.14: a system call each time
+        None => std::process::id().into(),
+    }
+}
+
+/// Numbers this process after its start or after a fork.
+#[cold]
+fn number_process(mark: &AtomicU64) -> u64 {
+    // a forked process continues the count of its parent
+    static LAST: AtomicU64 = AtomicU64::new(0);
+    let fresh = LAST.fetch_add(1, Relaxed) + 1;
+    // another thread may have been first
+    mark.compare_exchange(0, fresh, Relaxed, Relaxed).map_or_else(|found| found, |_| fresh)
+}
+
 const fn bytes(n_words: usize) -> usize {
     n_words * size_of::<AtomicU64>()
 }
@@ -93,7 +139,9 @@ const fn bytes(n_words: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::atomic::Ordering::Relaxed;
+    use std::os::unix::process::CommandExt;
+    use std::process::Command;
+    use std::sync::Arc;
 
     use rustix::fs::ftruncate;
 
@@ -119,6 +167,24 @@ mod tests {
         assert_eq!(blocks(&memory), 0);
         drop(mine);
         assert!([0, (1 << 17) - 1].iter().all(|k| theirs.words()[*k].load(Relaxed) == 0));
+    }
+
+    #[test]
+    fn a_forked_process_has_a_number_of_its_own() {
+        let number = process_number();
+        let seen = Arc::new(Mapping::create("seen", 2).unwrap().0);
+        let theirs = Arc::clone(&seen);
+        let mut command = Command::new("true");
+        let look = move || {
+            theirs.words().iter().for_each(|word| word.store(process_number(), Relaxed));
+            Ok(())
+        };
+        // SAFETY: in the forked process `look` allocates nothing and takes no lock.
+        unsafe { command.pre_exec(look) };
+        assert!(command.status().unwrap().success());
+        let [first, second] = [0, 1].map(|k| seen.words()[k].load(Relaxed));
+        assert!(first != 0 && first == second && first != number);
+        assert_eq!(process_number(), number);
     }
 
     #[test]

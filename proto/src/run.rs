@@ -6,6 +6,7 @@
 //! lock ends with its process, even if the process is killed, so any process may clear an unlocked
 //! folder: nothing else decides whether a run is alive.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -14,7 +15,9 @@ use std::time::Duration;
 use iceoryx2::prelude::Config;
 use rustix::fs::{FallocateFlags, Mode, OFlags, fallocate};
 
-use crate::domain::{self, config, is_at, make_folder, node, random, remove_shared, shared_files};
+use crate::domain::{
+    self, config, is_at, make_folder, mapped_files, node, random, remove_shared, shared_files,
+};
 use crate::socket::ControlListener;
 use crate::{Domain, DomainError, Node, ServerName};
 
@@ -159,6 +162,8 @@ pub struct Link {
     root: PathBuf,
     prefix: String,
     config: Config,
+    /// All its files in shared memory, once both sides have made theirs.
+    files: Option<BTreeSet<PathBuf>>,
 }
 
 impl Link {
@@ -173,7 +178,7 @@ impl Link {
         config.global.node.cleanup_dead_nodes_on_creation = false;
         config.global.node.cleanup_dead_nodes_on_destruction = false;
         config.global.service.cleanup_dead_nodes_on_open = false;
-        Ok(Link { config, root, prefix })
+        Ok(Link { config, root, prefix, files: None })
     }
 
     /// The transport's settings for nodes in the link.
@@ -186,31 +191,37 @@ impl Link {
         node(&self.root, &self.config)
     }
 
-    /// Reserves the memory of every file of the link, so that it cannot run out later.
+    /// Reserves the memory of every file of the link that this process maps, so that it cannot run
+    /// out later. With `is_complete`, no further file comes.
     ///
     /// # Errors
     /// `StorageFull`: there is not enough shared memory; `InvalidData`: a file is empty.
-    pub fn reserve(&self) -> io::Result<()> {
-        for path in shared_files(&self.prefix) {
+    pub fn reserve(&mut self, is_complete: bool) -> io::Result<()> {
+        let files = mapped_files(&self.prefix);
+        for path in &files {
             let flags = OFlags::RDWR | OFlags::NOFOLLOW | OFlags::CLOEXEC;
-            let file = match rustix::fs::open(&path, flags, Mode::empty()) {
+            let file = match rustix::fs::open(path, flags, Mode::empty()) {
                 // gone meanwhile
                 Err(rustix::io::Errno::NOENT) => continue,
                 other => File::from(other?),
             };
-            // the transport waits for ever for the first byte of such a file
             let size = match file.metadata()?.len() {
                 0 => return Err(io::ErrorKind::InvalidData.into()),
                 size => size,
             };
             fallocate(&file, FallocateFlags::empty(), 0, size)?;
         }
+        self.files = is_complete.then_some(files);
         Ok(())
     }
 
-    /// Removes the whole link; call it after this process's node in it is dropped.
+    /// Removes the whole link; call it after this process's node in it is dropped. An incomplete
+    /// link is searched for.
     pub fn remove(&self) {
-        remove_shared(&self.prefix);
+        match &self.files {
+            Some(files) => files.iter().for_each(|path| drop(fs::remove_file(path))),
+            None => drop(remove_shared(&self.prefix)),
+        }
         let _ = fs::remove_dir_all(&self.root);
     }
 }

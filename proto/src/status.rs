@@ -5,7 +5,7 @@ use crate::wire_enum::wire_enum;
 wire_enum! {
     /// The outcome of a request. The numbers are part of the wire contract and never change.
     ///
-    /// Only clients set [`Status::UnknownStatus`]; no server sends it.
+    /// Only clients set [`Status::UnknownStatus`] and [`Status::OtherProcess`]; no server sends them.
     Status: u32 {
         /// The answer is complete.
         Ok = 0, "ok";
@@ -47,6 +47,9 @@ wire_enum! {
         /// This client does not know the status: the server has another version. The numbers are
         /// NaN.
         UnknownStatus = 16, "unknown_status";
+        /// The connection was made by another process, from which this one was forked. The numbers
+        /// are NaN, and the server was not asked.
+        OtherProcess = 17, "other_process";
     }
 }
 
@@ -114,7 +117,7 @@ mod tests {
             assert_eq!(*status as usize, code);
             assert_eq!(Status::from_code(code as u32), Some(*status));
         }
-        for code in [17, 1 << 31, u32::MAX] {
+        for code in [18, 1 << 31, u32::MAX] {
             assert_eq!(Status::from_code(code), None);
             assert_eq!(Status::of_answer(code), Status::UnknownStatus);
         }

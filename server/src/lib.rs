@@ -3,8 +3,10 @@
 mod commands;
 
 use std::process::ExitCode;
+use std::sync::Arc;
 
 use clap::{CommandFactory, Parser, Subcommand};
+use signal_hook::consts::SIGXFSZ;
 
 use commands::output::conclude;
 
@@ -112,6 +114,8 @@ pub fn run() -> ExitCode {
         );
         return ExitCode::from(2);
     }
+    // a write beyond the limit of a file's size fails and ends nothing
+    let _ = signal_hook::flag::register(SIGXFSZ, Arc::default());
     match Arguments::parse().command {
         Command::Demo(command) => conclude("demo", command.run()),
         Command::Check(command) => conclude("check", command.run()),

@@ -18,8 +18,10 @@
  * the library gives as const char * is its own.
  *
  * Threads. Any thread may use a handle, one at a time; different handles are independent. The text
- * of sarrus_last_error is the thread's own. A child of fork() may use what it made itself, and
- * nothing that was made before: not even to free it.
+ * of sarrus_last_error is the thread's own. In a child of fork() a robot that its parent connected
+ * gives SARRUS_STATUS_OTHER_PROCESS, and a controller or observer sends and reads nothing; the child
+ * may free them, which changes nothing for the parent, and connects its own. No thread may be in a
+ * call at the time of the fork.
  *
  * Nothing here throws or exits, and no panic leaves the library.
  */
@@ -126,6 +128,10 @@ enum sarrus_status
      * The server answered with a status that this version does not know.
      */
     SARRUS_STATUS_UNKNOWN_STATUS = 16,
+    /**
+     * The connection belongs to the process that made it, from which this one was forked.
+     */
+    SARRUS_STATUS_OTHER_PROCESS = 17,
     /**
      * A pointer that must not be NULL is.
      */

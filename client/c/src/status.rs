@@ -43,6 +43,8 @@ pub enum StatusCode {
     CorruptAnswer = 15,
     /// The server answered with a status that this version does not know.
     UnknownStatus = 16,
+    /// The connection belongs to the process that made it, from which this one was forked.
+    OtherProcess = 17,
     /// A pointer that must not be NULL is.
     NullPointer = 100,
     /// A pointer is not aligned for its type.
@@ -100,7 +102,7 @@ pub enum Warning {
 }
 
 /// All statuses with their names, which are those of the wire for the status of an answer.
-const NAMES: [(StatusCode, &CStr); 37] = [
+const NAMES: [(StatusCode, &CStr); 38] = [
     (StatusCode::Ok, c"ok"),
     (StatusCode::BadRequest, c"bad_request"),
     (StatusCode::NonFiniteInput, c"non_finite_input"),
@@ -118,6 +120,7 @@ const NAMES: [(StatusCode, &CStr); 37] = [
     (StatusCode::ShuttingDown, c"shutting_down"),
     (StatusCode::CorruptAnswer, c"corrupt_answer"),
     (StatusCode::UnknownStatus, c"unknown_status"),
+    (StatusCode::OtherProcess, c"other_process"),
     (StatusCode::NullPointer, c"null_pointer"),
     (StatusCode::UnalignedPointer, c"unaligned_pointer"),
     (StatusCode::OverlappingArrays, c"overlapping_arrays"),

@@ -6,7 +6,7 @@ use sarrus_proto::bridge::{ControllerEnd, ObserverEnd};
 use sarrus_proto::heartbeat::monotonic_ns;
 use sarrus_proto::service::ServiceError;
 use sarrus_proto::watch::BridgeStatistics;
-use sarrus_proto::{Domain, DomainError, DomainNode, Node, ServerName};
+use sarrus_proto::{Domain, DomainError, DomainNode, Node, ServerName, process_number};
 
 use crate::ConnectError;
 
@@ -14,19 +14,18 @@ use crate::ConnectError;
 ///
 /// A state older than a few cycles means that the bridge is gone: check its stamp. Commands must
 /// keep coming: without one for T1 of the configuration the actuators are damped, for T2 disabled.
+/// A child of `fork` sends and reads nothing through the controller of its parent.
 #[derive(Debug)]
 pub struct Controller {
-    end: ControllerEnd,
+    place: Place<ControllerEnd>,
     fingerprint: u64,
     sequence: u64,
-    _place: Place,
 }
 
-/// An observer of a bridge, which may also operate it.
+/// An observer of a bridge, which may also operate it; a child of `fork` as for a [`Controller`].
 #[derive(Debug)]
 pub struct Observer {
-    end: ObserverEnd,
-    _place: Place,
+    place: Place<ObserverEnd>,
 }
 
 impl Controller {
@@ -36,8 +35,8 @@ impl Controller {
     /// # Errors
     /// No bridge of this name runs, or it has a controller.
     pub fn connect(name: &str, fingerprint: u64) -> Result<Controller, ConnectError> {
-        let (end, place) = Place::enter(name, ControllerEnd::open)?;
-        Ok(Controller { end, fingerprint, sequence: 0, _place: place })
+        let place = Place::enter(name, ControllerEnd::open)?;
+        Ok(Controller { place, fingerprint, sequence: 0 })
     }
 
     /// Sends a command; its sequence, stamp and fingerprint are filled in. False if it could not be
@@ -47,24 +46,28 @@ impl Controller {
         command.sequence = self.sequence;
         command.stamp_ns = now_ns();
         command.fingerprint = self.fingerprint;
-        self.end.send(command)
+        self.place.end().is_some_and(|end| end.send(command))
     }
 
     /// The newest state of the actuators, once.
     pub fn state(&self) -> Option<ActuatorState> {
-        self.end.observer().state()
+        self.observer()?.state()
+    }
+
+    fn observer(&self) -> Option<&ObserverEnd> {
+        self.place.end().map(ControllerEnd::observer)
     }
 
     /// Requests an operation; returns the time of the request `[ns]`, after which states may show
     /// it. Repeat the request until a state shows it: the first one can get lost before the bridge
     /// has discovered this program.
     pub fn operate(&self, operation: Operation) -> u64 {
-        operate(self.end.observer(), operation, None)
+        operate(self.observer(), operation, None)
     }
 
     /// Requests an operation of the mechanism that an actuator acts on, by its place in u.
     pub fn operate_mechanism(&self, operation: Operation, actuator: usize) -> u64 {
-        operate(self.end.observer(), operation, Some(actuator))
+        operate(self.observer(), operation, Some(actuator))
     }
 }
 
@@ -74,37 +77,38 @@ impl Observer {
     /// # Errors
     /// No bridge of this name runs, or too many watch it.
     pub fn connect(name: &str) -> Result<Observer, ConnectError> {
-        let (end, place) = Place::enter(name, ObserverEnd::open)?;
-        Ok(Observer { end, _place: place })
+        Ok(Observer { place: Place::enter(name, ObserverEnd::open)? })
     }
 
     /// The newest state of the actuators, once.
     pub fn state(&self) -> Option<ActuatorState> {
-        self.end.state()
+        self.place.end()?.state()
     }
 
     /// The newest statistics, once; the bridge publishes them twice a second.
     pub fn statistics(&self) -> Option<BridgeStatistics> {
-        self.end.statistics()
+        self.place.end()?.statistics()
     }
 
     /// Requests an operation; returns the time of the request `[ns]`, after which states may show
     /// it. Repeat the request until a state shows it: the first one can get lost before the bridge
     /// has discovered this program.
     pub fn operate(&self, operation: Operation) -> u64 {
-        operate(&self.end, operation, None)
+        operate(self.place.end(), operation, None)
     }
 
     /// Requests an operation of the mechanism that an actuator acts on, by its place in u.
     pub fn operate_mechanism(&self, operation: Operation, actuator: usize) -> u64 {
-        operate(&self.end, operation, Some(actuator))
+        operate(self.place.end(), operation, Some(actuator))
     }
 }
 
-fn operate(end: &ObserverEnd, operation: Operation, actuator: Option<usize>) -> u64 {
+fn operate(end: Option<&ObserverEnd>, operation: Operation, actuator: Option<usize>) -> u64 {
     let stamp_ns = now_ns();
     let actuator = actuator.map_or(0, |actuator| u32::try_from(actuator + 1).unwrap_or(u32::MAX));
-    end.operate(&OperatorRequest { stamp_ns, operation: operation as u32, actuator });
+    if let Some(end) = end {
+        end.operate(&OperatorRequest { stamp_ns, operation: operation as u32, actuator });
+    }
     stamp_ns
 }
 
@@ -126,30 +130,44 @@ pub fn now_ns() -> u64 {
     monotonic_ns()
 }
 
-/// This process's node in the shared memory, dropped before its files are removed.
+/// An end of a bridge's services with the node of this process, dropped before its files are
+/// removed.
 #[derive(Debug)]
-struct Place {
+struct Place<E> {
+    end: Option<E>,
     node: Option<DomainNode>,
     domain: Domain,
+    /// [`process_number`] of the owner.
+    process: u64,
 }
 
-impl Place {
+impl<E> Place<E> {
     /// A node, and the end of a bridge's services that `open` returns for it.
-    fn enter<E>(
+    fn enter(
         name: &str,
         open: fn(&Node, &ServerName) -> Result<E, ServiceError>,
-    ) -> Result<(E, Place), ConnectError> {
+    ) -> Result<Place<E>, ConnectError> {
         let of_domain = |error: DomainError| ConnectError::Service(ServiceError::Domain(error));
         let server = ServerName::new(name).map_err(of_domain)?;
         let domain = Domain::of_user().map_err(of_domain)?;
         let node = domain.node().map_err(of_domain)?;
-        let end = open(&node, &server).map_err(|error| refused(name, error))?;
-        Ok((end, Place { node: Some(node), domain }))
+        let end = Some(open(&node, &server).map_err(|error| refused(name, error))?);
+        Ok(Place { end, node: Some(node), domain, process: process_number() })
+    }
+
+    /// The end; `None` in a child of the process that connected.
+    fn end(&self) -> Option<&E> {
+        self.end.as_ref().filter(|_| process_number() == self.process)
     }
 }
 
-impl Drop for Place {
+impl<E> Drop for Place<E> {
     fn drop(&mut self) {
+        // the end is still the parent's
+        if self.end().is_none() {
+            return std::mem::forget((self.end.take(), self.node.take()));
+        }
+        self.end = None;
         self.node = None;
         self.domain.tidy();
     }

@@ -4,7 +4,9 @@ use std::time::{Duration, Instant};
 
 use sarrus_proto::batch::{BatchHead, BatchShape};
 use sarrus_proto::message::Statistics;
-use sarrus_proto::{Domain, ModelInfo, PROTOCOL_VERSION, ServerName};
+use sarrus_proto::{
+    Domain, FailedState, ModelInfo, PROTOCOL_VERSION, ServerName, Status, Warnings, process_number,
+};
 
 use crate::control::{Control, deadline_after};
 use crate::head::{Seen, Terms};
@@ -36,7 +38,12 @@ pub(crate) struct Remote {
     options: ConnectOptions,
     fingerprint: u64,
     sequence: u64,
+    /// [`process_number`] of the process that connected; a child of it must not use the connection.
+    process: u64,
 }
+
+/// What a forked child gets from its parent's connection.
+const INHERITED: Answer = Answer { status: Status::OtherProcess, warnings: Warnings::NONE };
 
 impl Remote {
     pub(crate) fn connect(
@@ -57,17 +64,28 @@ impl Remote {
             // without plans only attaching can fail
             _ => ConnectError::BadAnswer { what: "to an attach" },
         })?);
-        Ok((Remote { session, domain, name, options, fingerprint, sequence: 0 }, info))
+        let process = process_number();
+        Ok((Remote { session, domain, name, options, fingerprint, sequence: 0, process }, info))
+    }
+
+    /// True in a child of the process that connected.
+    #[inline]
+    fn is_inherited(&self) -> bool {
+        process_number() != self.process
     }
 
     /// The statistics of the server, as it answers.
     pub(crate) fn statistics(&self) -> Option<Statistics> {
         let deadline = deadline_after(self.options.timeout);
-        self.session.as_ref().and_then(|session| session.control.statistics(deadline).ok())
+        let session = self.session.as_ref().filter(|_| !self.is_inherited());
+        session.and_then(|session| session.control.statistics(deadline).ok())
     }
 
     /// Registers the plan in this slot with the server, and enlarges the lane if needed.
     pub(crate) fn register(&mut self, prepared: &Plans, place: usize) -> Result<(), Error> {
+        if self.is_inherited() {
+            return Err(FailedState { status: INHERITED.status }.into());
+        }
         let deadline = deadline_after(self.options.timeout);
         if self.session.is_some() {
             match self.extend(prepared, place, deadline) {
@@ -82,6 +100,9 @@ impl Remote {
     /// Releases the plan of this slot in the server. If that fails, the session ends, and the
     /// server frees all its resources.
     pub(crate) fn release(&mut self, place: usize) {
+        if self.is_inherited() {
+            return;
+        }
         let Some(session) = &mut self.session else { return };
         let Some(number) = session.plans.get_mut(place).and_then(Option::take) else { return };
         let deadline = deadline_after(self.options.timeout);
@@ -99,6 +120,10 @@ impl Remote {
         output: &mut [f64],
         seen: &mut Seen,
     ) -> Result<Answer, Error> {
+        if self.is_inherited() {
+            output.fill(f64::NAN);
+            return Ok(INHERITED);
+        }
         let query = prepared.at(place).ok_or(Error::ReleasedPlan)?.query();
         let terms = Terms::of(query, self.options.deadline);
         self.exchange(prepared, place, |attempt| {
@@ -121,6 +146,10 @@ impl Remote {
         output: &mut [f64],
         answers: &mut [Answer],
     ) -> Result<(), Error> {
+        if self.is_inherited() {
+            answers.fill(INHERITED);
+            return Ok(());
+        }
         self.exchange(prepared, place, |attempt| {
             let Attempt { session, plan, fingerprint, options, deadline, .. } = attempt;
             let version = PROTOCOL_VERSION;

@@ -6,7 +6,7 @@ use sarrus_proto::batch::{BatchHead, BatchShape, ClaimedBatch};
 use sarrus_proto::board::ClaimedLane;
 use sarrus_proto::message::{RequestHead, ResponseHead};
 use sarrus_proto::service::OpenedService;
-use sarrus_proto::{Answer, Node, Status, Warnings};
+use sarrus_proto::{Answer, Node, Status, Warnings, process_number};
 
 use crate::control::{Control, deadline_after};
 use crate::plan::Plans;
@@ -23,10 +23,16 @@ pub(crate) struct Session {
     // dropped before the connection: when that ends the server removes its side
     end: End,
     pub(crate) control: Control,
+    /// [`process_number`] of the owner.
+    process: u64,
 }
 
 impl Drop for Session {
     fn drop(&mut self) {
+        // the ports are still the parent's: they neither close nor tell the server
+        if process_number() != self.process {
+            return std::mem::forget(std::mem::replace(&mut self.end, End::None));
+        }
         // a port that closes while the server polls it is removed by the answering thread
         if matches!(self.end, End::Requests { .. }) && !self.control.is_over() {
             self.control.leave();
@@ -84,7 +90,7 @@ impl Session {
                 End::Requests { client, _node: node }
             }
         };
-        Ok(Session { plans, batch: None, end, control })
+        Ok(Session { plans, batch: None, end, control, process: process_number() })
     }
 
     /// The server's number of the plan in this slot.

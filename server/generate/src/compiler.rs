@@ -21,6 +21,10 @@ const NAME: Duration = Duration::from_secs(10);
 /// The longest time for which a compiler, or the test of its output, may run.
 const COMPILE: Duration = Duration::from_secs(120);
 
+/// Beginnings of flags that add code with constructors to an object: sanitizers, profiles.
+const INSTRUMENTS: [&str; 6] =
+    ["-fsanitize", "-fprofile-arcs", "-fprofile-generate", "--coverage", "-finstrument", "-pg"];
+
 /// With this flag the function for rows is compiled too.
 const ROWS: &str = "-DSARRUS_ROWS";
 
@@ -120,6 +124,7 @@ impl Compiler {
     ) -> Result<Built, BuildError> {
         let library = self.library(source, folder, flags, cancel)?;
         let [from, test] = ["_test.c", "_test"].map(|end| folder.join(source.name.clone() + end));
+        let _ = std::fs::remove_file(&test);
         let mut command = self.start();
         command.args(FLAGS).arg(ROWS).args(flags).arg(from).arg(&library);
         // the test finds the shared object beside itself
@@ -137,7 +142,13 @@ impl Compiler {
         flags: &[&str],
         cancel: &Cancel,
     ) -> Result<PathBuf, BuildError> {
+        let is_instrument = |word: &&str| INSTRUMENTS.iter().any(|flag| word.starts_with(flag));
+        if let Some(flag) = self.command.split_whitespace().find(is_instrument) {
+            return Err(BuildError::Flag { flag: flag.to_owned() });
+        }
         let [from, to] = [".c", ".so"].map(|end| folder.join(source.name.clone() + end));
+        // a compiler may write through a link or into a pipe
+        let _ = std::fs::remove_file(&to);
         let mut command = self.start();
         command.args(FLAGS).arg(ROWS).arg(format!("-D{DEFINITION}")).args(flags);
         command.args(["-fPIC", "-shared", "-o"]).arg(&to).arg(&from).arg("-lm");

@@ -89,6 +89,12 @@ pub enum BuildError {
         /// The bound `[s]`.
         seconds: u64,
     },
+    /// `CC` has a flag that adds code of its own.
+    #[error("CC has {flag}, whose code no other program can load; remove it")]
+    Flag {
+        /// The flag.
+        flag: String,
+    },
     /// The caller cancelled it.
     #[error("cancelled")]
     Cancelled,

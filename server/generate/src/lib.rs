@@ -35,7 +35,9 @@ pub use compiler::{Built, Compiler};
 pub use error::{BuildError, GenerateError};
 pub use kernel::{Kernel, Outcome};
 #[cfg(feature = "load")]
-pub use load::{Cache, CacheError, LoadError, Made, MakeError, NativeKernel, ObjectFile, Origin};
+pub use load::{
+    Cache, CacheError, LoadError, Made, MakeError, NativeKernel, ObjectFile, Origin, Trial,
+};
 pub use manifest::{Manifest, bare_query};
 pub use run::Cancel;
 pub use states::{RandomInputs, random_input};

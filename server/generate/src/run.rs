@@ -1,4 +1,5 @@
-//! A program in the background: within a time, and ended together with all that it started.
+//! A program in the background: within a time, and ended together with all that it started, also
+//! where this process is killed.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
@@ -59,15 +60,15 @@ pub(crate) fn run(
     let mut log = File::from(log.map_err(|error| failed(error.into()))?);
     let [output, errors] = [log.try_clone().map_err(failed)?, log.try_clone().map_err(failed)?];
     command.stdin(Stdio::null()).stdout(output).stderr(errors);
-    // a group of its own: compilers start others
-    let mut child = command.process_group(0).spawn().map_err(failed)?;
+    let group = Group::new().map_err(failed)?;
+    let mut child = command.process_group(group.id()).spawn().map_err(failed)?;
     let _ = std::fs::write(format!("/proc/{}/oom_score_adj", child.id()), OUT_OF_MEMORY);
     let start = Instant::now();
     loop {
         let floods = log.metadata().map_err(failed)?.len() > FLOOD;
         let mut status = child.try_wait().map_err(failed)?;
         if floods && status.is_none() {
-            end(&child);
+            group.end();
             status = Some(child.wait().map_err(failed)?);
         }
         match status {
@@ -82,7 +83,7 @@ pub(crate) fn run(
                 return Ok(Ended { is_success: status.success(), words });
             }
             None if cancel.is_cancelled() || start.elapsed() > most => {
-                end(&child);
+                group.end();
                 let _ = child.wait();
                 return Err(match cancel.is_cancelled() {
                     true => BuildError::Cancelled,
@@ -96,9 +97,34 @@ pub(crate) fn run(
     }
 }
 
-/// Ends a program and all that it started.
-fn end(child: &Child) {
-    if let Some(group) = Pid::from_raw(child.id() as i32) {
-        let _ = kill_process_group(group, Signal::KILL);
+/// Waits until the other end of its input closes, as it does at any end of the process that holds
+/// it, and ends its group.
+const GUARD: &str = "read end; kill -KILL 0";
+
+/// A process group: a program and all that it starts, ended when dropped or with this process.
+struct Group(Child);
+
+impl Group {
+    fn new() -> io::Result<Group> {
+        let mut guard = Command::new("/bin/sh");
+        guard.args(["-c", GUARD]).stdin(Stdio::piped()).stdout(Stdio::null());
+        Ok(Group(guard.stderr(Stdio::null()).process_group(0).spawn()?))
+    }
+
+    fn id(&self) -> i32 {
+        self.0.id() as i32
+    }
+
+    fn end(&self) {
+        if let Some(group) = Pid::from_raw(self.id()) {
+            let _ = kill_process_group(group, Signal::KILL);
+        }
+    }
+}
+
+impl Drop for Group {
+    fn drop(&mut self) {
+        self.end();
+        let _ = self.0.wait();
     }
 }

@@ -129,10 +129,11 @@ impl Generate {
         let built =
             found.build_unless(&source, &self.out, &[], cancel).map_err(Failure::finding)?;
         stage.store(2, Relaxed);
+        // a process of its own runs the object first
+        generated.test = Some(built.test_unless(cancel).map_err(Failure::finding)?);
         // as `serve --kernel` does: the few states of the test are for other machines
         built.load(model, &plan).map_err(Failure::finding)?;
         generated.compared = Some(NativeKernel::STATES);
-        generated.test = Some(built.test_unless(cancel).map_err(Failure::finding)?);
         generated.files.extend([built.library, built.test]);
         generated.compiler = found.name().to_owned();
         Ok(generated)

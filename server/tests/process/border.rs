@@ -250,6 +250,39 @@ fn a_client_that_cuts_its_files_short_disturbs_nobody() {
 }
 
 #[test]
+fn a_client_that_empties_its_files_before_they_are_mapped_is_refused() {
+    let sandbox = Sandbox::new();
+    let server = sandbox.serve("hollow", &[]);
+    let mut honest = Asker::new(sandbox.connect("hollow", Transport::Lane).unwrap());
+    let threads = || fs::read_dir(format!("/proc/{}/task", server.id())).unwrap().count();
+    let usual = threads();
+    for ending in ["data", "connection"] {
+        let before = sandbox.leftovers();
+        let liar = sandbox.raw("hollow");
+        let opened = liar.open_service().unwrap();
+        let is_its = |path: &PathBuf| {
+            path.extension().is_some_and(|found| found == ending) && !before.contains(path)
+        };
+        let own: Vec<PathBuf> = sandbox.leftovers().into_iter().filter(is_its).collect();
+        assert!(!own.is_empty(), "{ending}");
+        for path in own {
+            let status = Command::new("truncate").args(["-s", "0"]).arg(path).status().unwrap();
+            assert!(status.success());
+        }
+        assert!(liar.try_call(Call::Serve).unwrap().is_err(), "{ending}");
+        assert_eq!(honest.ask().unwrap().status, Status::Ok);
+        assert!(sandbox.connect("hollow", Transport::Service).is_ok());
+        // dropping them would kill this process
+        std::mem::forget(opened);
+        drop(liar);
+        wait_until("its thread ends", || threads() == usual);
+    }
+    drop(honest);
+    assert!(server.stop().success());
+    assert_eq!(sandbox.leftovers(), NOTHING);
+}
+
+#[test]
 fn tidy_clears_what_is_dead_and_nothing_that_lives() {
     let sandbox = Sandbox::new();
     let dead = sandbox.serve("dead", &[]);

@@ -3,6 +3,7 @@
 
 use std::fs;
 use std::num::NonZeroUsize;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::Instant;
@@ -251,4 +252,104 @@ fn without_a_compiler_or_a_straight_line_the_generic_kernels_answer_and_that_is_
         assert!(server.stop().success());
     }
     assert!(!cache.exists());
+}
+
+/// A script as the compiler, in a folder; `--version` is that of `cc`.
+fn script(folder: &Path, text: &str) -> String {
+    let path = folder.join("cc.sh");
+    let head = "#!/bin/sh\n[ \"$1\" = --version ] && exec cc --version\n";
+    fs::write(&path, format!("{head}{text}\n")).unwrap();
+    fs::set_permissions(&path, fs::Permissions::from_mode(0o700)).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+/// A compiler that adds a constructor to each object.
+fn with_constructor(folder: &Path, body: &str) -> String {
+    let more = folder.join("more.c");
+    let code = format!("__attribute__((constructor)) static void f(void) {{ {body} }}");
+    fs::write(&more, code).unwrap();
+    script(folder, &format!("exec cc \"$@\" '{}'", more.display()))
+}
+
+/// A folder of one test.
+fn folder(name: &str) -> PathBuf {
+    let folder = format!("sarrus-{name}-{}", std::process::id());
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(folder);
+    fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+#[test]
+fn an_object_that_crashes_or_hangs_leaves_its_query_without_a_kernel_and_ends_no_server() {
+    if Compiler::found().is_none() {
+        return println!("not run: no C compiler");
+    }
+    let sandbox = Sandbox::new();
+    let folder = folder("crash");
+    let trap = |folder: &Path| with_constructor(folder, "__builtin_trap();");
+    let hang = |folder: &Path| with_constructor(folder, "for (volatile int k = 0;;) k = 1;");
+    let sanitizer = |_: &Path| "cc -fsanitize=address".to_owned();
+    let trials: [(&dyn Fn(&Path) -> String, &str); 3] = [
+        (&sanitizer, "CC has -fsanitize=address"),
+        (&trap, "tried in a process of its own: signal: "),
+        (&hang, "tried in a process of its own: it was ended after 30 s"),
+    ];
+    for (compiler, words) in trials {
+        let server = auto(&sandbox, "lambda", &folder, Some(&compiler(&folder)));
+        let mut served = Asker::new(sandbox.connect("auto", Transport::Lane).unwrap());
+        let line = server.wait_for_line("no kernel for ");
+        assert!(line.contains(words) && line.ends_with("; the generic ones answer"), "{line}");
+        assert_eq!(served.ask().unwrap().status, Status::Ok);
+        assert!(server.stop().success());
+    }
+    fs::remove_dir_all(&folder).unwrap();
+}
+
+/// Whether a process is there and has not ended.
+fn is_there(process: &str) -> bool {
+    let state = fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
+    !state.is_empty() && !state.contains(") Z ")
+}
+
+#[test]
+fn a_hanging_object_delays_no_stop() {
+    if Compiler::found().is_none() {
+        return println!("not run: no C compiler");
+    }
+    let sandbox = Sandbox::new();
+    let folder = folder("hang");
+    let compiler = with_constructor(&folder, "for (volatile int k = 0;;) k = 1;");
+    let server = auto(&sandbox, "lambda", &folder, Some(&compiler));
+    let _served = Asker::new(sandbox.connect("auto", Transport::Lane).unwrap());
+    let id = server.id().to_string();
+    let trial = until("a trial", || {
+        let entries = fs::read_dir("/proc").unwrap().flatten();
+        let mut ids = entries.filter_map(|entry| entry.file_name().into_string().ok());
+        ids.find(|process| {
+            let read = |file| fs::read_to_string(format!("/proc/{process}/{file}"));
+            let stat = read("stat").unwrap_or_default();
+            stat.contains(&format!(") R {id} "))
+                && read("cmdline").is_ok_and(|line| line.contains("--try-kernel"))
+        })
+    });
+    assert!(server.stop().success());
+    assert!(!is_there(&trial));
+    fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
+fn compilers_end_with_a_server_that_is_killed() {
+    let sandbox = Sandbox::new();
+    let folder = folder("orphans");
+    let marker = folder.join("marker");
+    let text = "sleep 1000 &\necho $$ $! > \"$0.new\"\nmv \"$0.new\" \"${0%/*}/marker\"\nwait";
+    let compiler = script(&folder, text);
+    let server = auto(&sandbox, "lambda", &folder, Some(&compiler));
+    let _served = Asker::new(sandbox.connect("auto", Transport::Lane).unwrap());
+    let words = until("a compiler", || fs::read_to_string(&marker).ok());
+    server.kill();
+    for process in words.split_whitespace() {
+        until("the compiler's end", || (!is_there(process)).then_some(()));
+    }
+    fs::remove_dir_all(&folder).unwrap();
 }

@@ -1,10 +1,12 @@
 //! The answering thread under load: fair, without the system's allocator and system calls.
 
 use std::fs;
-use std::io::{BufRead, BufReader};
-use std::process::{Command, Stdio};
+use std::io::{BufRead, BufReader, Lines};
+use std::path::PathBuf;
+use std::process::{Child, ChildStderr, Command, Stdio};
 use std::time::Instant;
 
+use rustix::process::Signal;
 use sarrus_client::{Options, QueryOptions, Robot, Source, Status, Transport};
 use sarrus_proto::board::ClaimedLane;
 use sarrus_proto::message::RequestHead;
@@ -12,10 +14,11 @@ use sarrus_proto::service::OpenedService;
 use sarrus_serve::pool;
 
 use sarrus_torture::patience::LIMIT;
+use sarrus_torture::process::send_signal;
 use sarrus_torture::raw::Raw;
 
 use crate::batches::Rows;
-use crate::support::{Asker, ROBOT, STATE, Sandbox, published};
+use crate::support::{Asker, ROBOT, STATE, Sandbox, Server, published, wait_until};
 
 #[test]
 fn no_request_reaches_the_systems_allocator() {
@@ -94,11 +97,77 @@ fn the_busy_loop_makes_no_system_call_where_everything_is_logged() {
     system_calls_of_the_busy_loop(&["--log", "debug"]);
 }
 
+/// The system calls of a process, as strace writes them.
+struct Trace {
+    strace: Child,
+    // it stays open as long as strace runs
+    _words: Lines<BufReader<ChildStderr>>,
+    path: PathBuf,
+}
+
+impl Trace {
+    /// Traces all threads of a server from now on; `None`, with a word, where that cannot be.
+    fn of(server: &Server) -> Option<Trace> {
+        let path = std::env::temp_dir().join(format!("sarrus-strace-{}", std::process::id()));
+        let mut command = Command::new("strace");
+        command.args(["-f", "-s", "200", "-o"]).arg(&path);
+        let spawned = command.args(["-p", &server.id().to_string()]).stderr(Stdio::piped()).spawn();
+        let Ok(mut strace) = spawned else {
+            println!("not run: strace is missing");
+            return None;
+        };
+        let mut words = BufReader::new(strace.stderr.take().unwrap()).lines();
+        // printed once it traces all threads
+        if words.any(|line| line.unwrap().contains(" attached")) {
+            return Some(Trace { strace, _words: words, path });
+        }
+        let status = strace.wait().unwrap();
+        println!("not run: strace may not look into processes here ({status})");
+        None
+    }
+
+    fn end(mut self) -> String {
+        send_signal(self.strace.id(), Signal::INT);
+        self.strace.wait().unwrap();
+        let calls = fs::read_to_string(&self.path).unwrap();
+        fs::remove_file(&self.path).unwrap();
+        calls
+    }
+}
+
+#[test]
+fn nobody_lists_the_files_of_other_programs_while_clients_come_and_go() {
+    let sandbox = Sandbox::new();
+    let server = sandbox.serve("beside", &[]);
+    let mut stays = Asker::new(sandbox.connect("beside", Transport::Lane).unwrap());
+    let Some(trace) = Trace::of(&server) else { return };
+    for transport in [Transport::Lane, Transport::Service] {
+        let mut asker = Asker::new(sandbox.connect("beside", transport).unwrap());
+        assert_eq!(asker.ask().unwrap().status, Status::Ok);
+        drop(asker);
+        let alone = || stays.robot.statistics().unwrap().clients.len() == 1;
+        wait_until("it is gone", alone);
+    }
+    assert_eq!(stays.ask().unwrap().status, Status::Ok);
+    let of_server = trace.end();
+    // the client's side, from its start to its end
+    let path = std::env::temp_dir().join(format!("sarrus-client-{}", std::process::id()));
+    let mut client = Command::new("strace");
+    client.args(["-f", "-o"]).arg(&path).arg(env!("CARGO_BIN_EXE_sarrus"));
+    client.args(["ask", "kinematics", "--connect", "beside"]);
+    client.env("SARRUS_ROOT", sandbox.domain().root()).stdin(Stdio::null());
+    assert!(client.status().unwrap().success());
+    let of_client = fs::read_to_string(&path).unwrap();
+    fs::remove_file(&path).unwrap();
+    for calls in [of_server, of_client] {
+        assert!(calls.contains("\"/dev/shm/sarrus_"), "the trace sees nothing");
+        let listed = calls.lines().find(|line| line.contains("\"/dev/shm\", O_"));
+        assert_eq!(listed, None);
+    }
+}
+
 /// Serves with these flags, and looks at the answering thread while it answers.
 pub(crate) fn system_calls_of_the_busy_loop(flags: &[&str]) {
-    if Command::new("strace").arg("-V").stdout(Stdio::null()).status().is_err() {
-        return println!("not run: strace is missing");
-    }
     let sandbox = Sandbox::new();
     let server = sandbox.serve("silent", &[&["--wait", "busy"], flags].concat());
     let mut askers = [Transport::Lane, Transport::Service]
@@ -116,21 +185,8 @@ pub(crate) fn system_calls_of_the_busy_loop(flags: &[&str]) {
         })
         .collect::<Vec<_>>();
     let [hot] = &hot[..] else { panic!("one answering thread, found {hot:?}") };
-    let trace = std::env::temp_dir().join(format!("sarrus-strace-{}", std::process::id()));
     let hot = hot.file_name().unwrap().to_str().unwrap();
-    let mut strace = Command::new("strace")
-        .args(["-f", "-s", "200", "-o"])
-        .arg(&trace)
-        .args(["-p", &server.id().to_string()])
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    // strace prints this once it traces all threads; its pipe stays open as long as it runs
-    let mut words = BufReader::new(strace.stderr.take().unwrap()).lines();
-    if !words.any(|line| line.unwrap().contains(" attached")) {
-        let status = strace.wait().unwrap();
-        return println!("not run: strace may not look into processes here ({status})");
-    }
+    let Some(trace) = Trace::of(&server) else { return };
     let before = askers[0].robot.statistics().unwrap();
     for (asker, rows) in askers.iter_mut().zip(&mut rows) {
         rows.ask(asker).unwrap();
@@ -140,18 +196,13 @@ pub(crate) fn system_calls_of_the_busy_loop(flags: &[&str]) {
             assert_eq!(asker.ask().unwrap().status, Status::Ok);
         }
     }
-    assert!(
-        Command::new("kill").args(["-INT", &strace.id().to_string()]).status().unwrap().success()
-    );
-    strace.wait().unwrap();
+    let calls = trace.end();
     // counts are published now and then
     published(&askers[0].robot, |after| {
         after.counts.lane_requests >= before.counts.lane_requests + 5_000
             && after.counts.service_requests >= before.counts.service_requests + 5_000
             && after.counts.batch_states >= before.counts.batch_states + 6_000
     });
-    let calls = fs::read_to_string(&trace).unwrap();
-    fs::remove_file(&trace).unwrap();
     let (of_hot, of_others): (Vec<&str>, Vec<&str>) =
         calls.lines().partition(|line| line.split(' ').next() == Some(hot));
     assert!(!of_others.is_empty(), "the trace sees nothing");

@@ -269,6 +269,22 @@ fn a_supervised_server_without_room_for_its_recording_answers() {
 }
 
 #[test]
+fn a_limit_of_the_sizes_of_files_is_a_reason_and_no_signal() {
+    let sandbox = Sandbox::new();
+    let folder = Folder::new("record-limit");
+    let flags = ["--record", &folder.file("box"), "--record-seconds", "1", "--lanes", "1"];
+    let inner = sandbox.command("lambda", "box", &flags);
+    let mut outer = Command::new("sh");
+    outer.args(["-c", "ulimit -f 64 && exec \"$@\"", "sh"]);
+    outer.arg(inner.get_program()).args(inner.get_args());
+    outer.envs(inner.get_envs().filter_map(|(name, value)| Some((name, value?))));
+    let output = outer.output().unwrap();
+    let words = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{:?}: {words}", output.status);
+    assert!(words.contains("cannot record to") && words.contains("File too large"), "{words}");
+}
+
+#[test]
 fn a_changed_bit_is_found() {
     let sandbox = Sandbox::new();
     let folder = Folder::new("record-bit");

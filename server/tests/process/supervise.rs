@@ -1,17 +1,17 @@
 //! A supervised server: killed, it is back; stopped, nothing remains; hopeless, it is given up.
 
 use std::fs;
-use std::io::{PipeReader, PipeWriter, Write};
+use std::io::{BufRead, BufReader, PipeReader, PipeWriter, Write};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use rustix::process::Signal;
+use rustix::process::{Pid, Signal, kill_process};
 use sarrus_client::{Status, Transport};
 use sarrus_proto::{ServerName, supervision};
 
 use sarrus_torture::patience::LIMIT;
-use sarrus_torture::process::send_signal;
+use sarrus_torture::process::{Process, send_signal};
 
 use crate::support::{Asker, ROBOT, Sandbox, Server};
 
@@ -138,18 +138,19 @@ fn a_full_stderr_stops_no_supervisor() {
 #[test]
 fn a_server_that_refuses_with_a_full_stderr_is_given_up() {
     let sandbox = Sandbox::new();
-    let urdf = sandbox.make_root().join("pendulum.urdf");
-    fs::write(&urdf, pendulum(1.0)).unwrap();
+    let root = sandbox.make_root();
     let (unread, stderr) = full_pipe();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
-    command.args(["serve", "--name", "mute", "--supervise", "--urdf"]).arg(&urdf);
-    command.env("SARRUS_ROOT", sandbox.domain().root()).stdout(Stdio::null()).stderr(stderr);
-    let mut child = command.spawn().unwrap();
+    let mut command = sandbox.command(ROBOT, "mute", &["--supervise"]);
+    let mut child = command.stdout(Stdio::null()).stderr(stderr).spawn().unwrap();
     let process = next_server(&sandbox, "mute", 0);
-    fs::write(&urdf, pendulum(2.0)).unwrap();
+    // a file in place of the domain's folder
+    let away = root.with_extension("away");
+    fs::rename(&root, &away).unwrap();
+    fs::write(&root, "").unwrap();
     kill(process);
     let status = until("the supervisor's end", || child.try_wait().unwrap());
     assert_eq!(status.code(), Some(2), "{status:?}");
+    fs::remove_dir_all(&away).unwrap();
     drop(unread);
 }
 
@@ -193,24 +194,77 @@ fn pendulum(mass: f64) -> String {
 }
 
 #[test]
-fn only_the_robot_that_was_announced_is_served_again() {
+fn the_robot_that_was_announced_is_served_again_whatever_its_files_say() {
     let sandbox = Sandbox::new();
     let root = sandbox.make_root();
-    let urdf = root.join("pendulum.urdf");
+    let [urdf, record] = ["pendulum.urdf", "pendulum.rec"].map(|name| root.join(name));
     fs::write(&urdf, pendulum(1.0)).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
-    command.args(["serve", "--name", "filed", "--supervise", "--short-life", "0", "--urdf"]);
-    let server = sandbox.start(command.arg(&urdf));
-    fs::write(&urdf, pendulum(2.0)).unwrap();
+    command.args(["serve", "--name", "filed", "--supervise", "--short-life", "0", "--lanes", "1"]);
+    command.args(["--record-seconds", "1", "--record"]).arg(&record);
+    let server = sandbox.start(command.arg("--urdf").arg(&urdf));
+    let fingerprint = server.ready.trim_end().rsplit(' ').next().unwrap();
+    let mut process = serving(server.id());
+    for text in [pendulum(2.0), pendulum(3.0), "no robot".to_owned()] {
+        fs::write(&urdf, text).unwrap();
+        kill(process);
+        server.wait_for_line("the robot's files have changed; the robot as first loaded is served");
+        process = next_server(&sandbox, "filed", process);
+        let robot = sandbox.connect("filed", Transport::Lane).unwrap();
+        assert_eq!(format!("{:016x}", robot.model().fingerprint), fingerprint);
+    }
+    fs::remove_file(&urdf).unwrap();
+    kill(process);
+    next_server(&sandbox, "filed", process);
+    // a recording holds the robot that is served
+    let (code, _, words) = sandbox.sarrus(&["replay", record.to_str().unwrap()]);
+    assert_eq!(code, Some(0), "{words}");
+    assert!(server.stop().success());
+    for n in ["", ".1", ".2", ".3", ".4"] {
+        let _ = fs::remove_file(format!("{}{n}", record.display()));
+    }
+}
+
+/// Two joints, and their coupling by a further file.
+const PAIR: &str = r#"<robot name="pair"><link name="base"/><link name="one"/>
+    <link name="two"><inertial><mass value="1"/>
+    <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+    <joint name="a" type="continuous"><parent link="base"/><child link="one"/>
+    <axis xyz="0 1 0"/></joint><joint name="b" type="continuous"><parent link="one"/>
+    <child link="two"/><axis xyz="0 1 0"/></joint></robot>"#;
+const COUPLED: &str = "submechanisms: [{name: t, type: TRANSMISSION, contextual_name: t, \
+    file_path: more.urdf, jointnames: [a, b], jointnames_active: [a], \
+    jointnames_independent: [a], jointnames_spanningtree: [a, b]}]";
+
+/// The further file, with this ratio.
+fn coupling(ratio: u32) -> String {
+    format!(
+        r#"<robot name="more"><joint name="b"><mimic joint="a" multiplier="{ratio}"/></joint>
+        </robot>"#
+    )
+}
+
+#[test]
+fn a_robot_of_further_files_is_given_up_when_these_change() {
+    let sandbox = Sandbox::new();
+    let root = sandbox.make_root();
+    let files = ["pair.urdf", "pair.yml", "more.urdf"].map(|name| root.join(name));
+    fs::write(&files[0], PAIR).unwrap();
+    fs::write(&files[1], COUPLED).unwrap();
+    fs::write(&files[2], coupling(2)).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sarrus"));
+    command.args(["serve", "--name", "more", "--supervise", "--short-life", "0", "--urdf"]);
+    let server = sandbox.start(command.arg(&files[0]).arg("--submechanisms").arg(&files[1]));
+    fs::write(&files[2], coupling(3)).unwrap();
     kill(serving(server.id()));
-    let reason = "the robot's files have changed";
+    let reason = "the robot's files have changed (fingerprint ";
     server.wait_for_line(reason);
     server.wait_for_line("given up: five times within a minute");
-    let reason_of_clients = supervision::given_up(&root, &name("filed")).unwrap();
+    let reason_of_clients = supervision::given_up(&root, &name("more")).unwrap();
     assert!(reason_of_clients.contains(reason), "{reason_of_clients}");
-    fs::remove_file(&urdf).unwrap();
+    files.iter().for_each(|file| fs::remove_file(file).unwrap());
     drop(server);
-    assert!(sandbox.serve("filed", &[]).stop().success());
+    assert!(sandbox.serve("more", &[]).stop().success());
 }
 
 #[test]
@@ -306,4 +360,76 @@ fn five_deaths_soon_after_a_start_are_given_up() {
     assert!(reason.ends_with("was killed by signal 9"), "{reason}");
     assert!(sandbox.serve("frail", &[]).stop().success());
     assert_eq!(supervision::given_up(sandbox.domain().root(), &name("frail")), None);
+}
+
+/// Stops a process, which may go on before this returns.
+fn stop(process: u32) {
+    kill_process(Pid::from_raw(process as i32).unwrap(), Signal::STOP).unwrap();
+}
+
+#[test]
+fn a_stopped_server_or_supervisor_is_continued_by_the_other_one() {
+    let sandbox = Sandbox::new();
+    let server = supervised(&sandbox, "halted", &["--short-life", "0"]);
+    let mut asker = sandbox.attach_briefly("halted", Transport::Lane);
+    let process = serving(server.id());
+    let mut gaps: Vec<Duration> = (0..5)
+        .map(|_| {
+            stop(process);
+            let start = Instant::now();
+            let _ = until("an answer", || asker.ask().ok().filter(|one| one.status == Status::Ok));
+            let gap = start.elapsed();
+            server.wait_for_line(&format!("stopped the server (process {process}): continued"));
+            gap
+        })
+        .collect();
+    gaps.sort();
+    println!("from SIGSTOP of the server to the next answer, sorted: {gaps:.1?}");
+    assert_eq!(serving(server.id()), process);
+
+    stop(server.id());
+    let start = Instant::now();
+    server.wait_for_line("a signal had stopped the supervisor: continued");
+    println!("from SIGSTOP of the supervisor to its next run: {:.1?}", start.elapsed());
+    kill(process);
+    next_server(&sandbox, "halted", process);
+    // nor does a stop of the whole wait for a server that is stopped
+    stop(serving(server.id()));
+    assert!(server.stop().success());
+}
+
+/// strace that delays each wait of the upkeep thread of a process for a minute.
+fn hang_upkeep(process: u32) -> Option<Process> {
+    let mut command = Command::new("strace");
+    command.args(["-e", "trace=ppoll", "-e", "inject=ppoll:delay_enter=60000000", "-p"]);
+    command.arg(process.to_string()).stdout(Stdio::null()).stderr(Stdio::piped());
+    let mut strace = Process(command.spawn().ok()?);
+    let mut said = String::new();
+    BufReader::new(strace.0.stderr.as_mut()?).read_line(&mut said).ok()?;
+    said.contains("attached").then_some(strace)
+}
+
+#[test]
+fn a_hanging_upkeep_thread_ends_a_supervised_server_and_is_reported_by_others() {
+    let sandbox = Sandbox::new();
+    let server = supervised(&sandbox, "kept", &["--short-life", "0"]);
+    let alone = sandbox.serve("alone", &[]);
+    let mut asker = sandbox.attach_briefly("alone", Transport::Lane);
+    let process = serving(server.id());
+    let (Some(first), Some(second)) = (hang_upkeep(process), hang_upkeep(alone.id())) else {
+        println!("not run: no strace, or no right to use it");
+        return;
+    };
+    let start = Instant::now();
+    server.wait_for_line("the upkeep thread hangs: no step for 10 s");
+    println!("from the hang to its line: {:.1?}", start.elapsed());
+    // a traced thread ends with its tracer
+    drop(first);
+    next_server(&sandbox, "kept", process);
+    println!("from the hang to the next server: {:.1?}", start.elapsed());
+    server.wait_for_line("was killed by signal 9");
+    alone.wait_for_line("attached clients are answered, new ones are not");
+    assert_eq!(asker.ask().unwrap().status, Status::Ok);
+    drop(second);
+    assert!(server.stop().success() && alone.stop().success());
 }

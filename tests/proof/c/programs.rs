@@ -95,6 +95,14 @@ fn a_server_that_dies_is_a_status() {
 }
 
 #[test]
+fn a_forked_child_gets_no_answer_through_the_connection_of_its_parent() {
+    let _server = Server::start("forks");
+    for compiler in present(&C) {
+        Program::compile(compiler, &source("fork.c"), &["-D_GNU_SOURCE"]).run(&["forks"]);
+    }
+}
+
+#[test]
 fn nothing_allocates_after_set_up_and_memory_does_not_grow() {
     let Some(compiler) = present(&C).into_iter().next() else { return };
     let program = Program::compile(compiler, &source("steady.c"), &["-D_GNU_SOURCE"]);

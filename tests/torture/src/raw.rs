@@ -122,9 +122,15 @@ impl Raw {
 
     /// Asks for a service, opens it and has it served.
     pub fn take_service(&self) -> Result<(Node, Box<dyn OpenedService>), String> {
+        let opened = self.open_service()?;
+        self.call(Call::Serve)?;
+        Ok(opened)
+    }
+
+    /// A service whose client's side the server does not know yet.
+    pub fn open_service(&self) -> Result<(Node, Box<dyn OpenedService>), String> {
         let link = self.service()?;
         let (client, node) = self.open(link)?;
-        self.call(Call::Serve)?;
         Ok((node, client))
     }
 

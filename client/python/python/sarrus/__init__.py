@@ -83,5 +83,5 @@ def __dir__() -> list[str]:
     return [*globals(), *__all__]
 
 
-# a forked child must not use its parent's connection
+# batches of other threads do not go on in a forked child
 os.register_at_fork(after_in_child=_native.forked)

@@ -23,6 +23,7 @@ class Status(IntEnum):
     shutting_down = 14
     corrupt_answer = 15
     unknown_status = 16
+    other_process = 17
 
 
 class Warnings(IntFlag):

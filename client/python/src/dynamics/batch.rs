@@ -6,7 +6,7 @@
 
 use std::cell::Cell;
 use std::num::NonZero;
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, OnceLock};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -22,8 +22,6 @@ const ROWS_OF_A_THREAD: usize = 2048;
 /// Between two looks for signals.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// How often this process was forked from another since it began.
-static FORKS: AtomicU64 = AtomicU64::new(0);
 /// Batches under way, which write arrays without Python's lock.
 static UNDER_WAY: AtomicUsize = AtomicUsize::new(0);
 /// Whether a fork has cut batches off, whose claims on arrays are never released.
@@ -52,19 +50,13 @@ impl Drop for UnderWay {
     }
 }
 
-/// Counts a fork, which Python calls in the child: batches of threads that are not there are no
-/// longer under way.
+/// Python calls it in the child of a fork: batches of threads that are not there are no longer
+/// under way.
 #[pyfunction]
 pub(crate) fn forked() {
-    FORKS.fetch_add(1, Relaxed);
     if UNDER_WAY.swap(OWN.get(), Relaxed) != OWN.get() {
         CUT_OFF.store(true, Relaxed);
     }
-}
-
-/// How many forks there were.
-pub(super) fn forks() -> u64 {
-    FORKS.load(Relaxed)
 }
 
 /// Whether a claim on an array can only be that of a batch which a fork has cut off.

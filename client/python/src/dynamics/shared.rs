@@ -10,8 +10,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use pyo3::prelude::*;
 use sarrus_client::{Answer, Error, FailedState, Model, PlanId, Robot, Status, Warnings};
+use sarrus_proto::process_number;
 
-use super::batch::forks;
 use super::errors::{ConnectError, robot_error};
 use super::signals::{hold, is_main, waiting};
 use crate::locked;
@@ -42,7 +42,8 @@ pub(super) struct Shared {
     pub(super) model: Option<Arc<Model<f64>>>,
     /// Plans of a connected robot that are held no more, and of which its server does not know yet.
     released: Mutex<Vec<PlanId>>,
-    forks: u64,
+    /// [`process_number`] of the owner.
+    process: u64,
 }
 
 impl Shared {
@@ -51,14 +52,14 @@ impl Shared {
             model: robot.shared_model(),
             robot: Mutex::new(Some(robot)),
             released: Mutex::new(Vec::new()),
-            forks: forks(),
+            process: process_number(),
         }
     }
 
     /// True in a child of a fork: the connection belongs to the parent, and no other process may
     /// use it.
     fn is_inherited(&self) -> bool {
-        self.model.is_none() && forks() != self.forks
+        self.model.is_none() && process_number() != self.process
     }
 
     /// Does something with the robot, which must call nothing of Python; Ctrl-C ends the wait for a

@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use pyo3::intern;
 use pyo3::prelude::*;
 use sarrus_client::interruptible;
+use sarrus_proto::process_number;
 
-use super::batch::forks;
 use super::errors::ConnectError;
 use crate::locked;
 
@@ -23,7 +23,7 @@ thread_local! {
     static RAISED: RefCell<Option<PyErr>> = const { RefCell::new(None) };
     /// The locks that this thread holds, by address; handlers that come meanwhile wait for none.
     static HOLDS: RefCell<Vec<usize>> = const { RefCell::new(Vec::new()) };
-    /// Whether handlers run in this thread, with the count of forks for which that is known.
+    /// Whether handlers run in this thread, with the process for which that is known.
     static IS_MAIN: Cell<Option<(u64, bool)>> = const { Cell::new(None) };
 }
 
@@ -31,14 +31,14 @@ thread_local! {
 /// takes Python's lock while it waits: it may be one that outlives the interpreter.
 pub(super) fn is_main(py: Python<'_>) -> PyResult<bool> {
     if let Some((at, is_main)) = IS_MAIN.get()
-        && at == forks()
+        && at == process_number()
     {
         return Ok(is_main);
     }
     let threading = py.import(intern!(py, "threading"))?;
     let main = threading.call_method0(intern!(py, "main_thread"))?.getattr(intern!(py, "ident"))?;
     let is_main = main.eq(threading.call_method0(intern!(py, "get_ident"))?)?;
-    IS_MAIN.set(Some((forks(), is_main)));
+    IS_MAIN.set(Some((process_number(), is_main)));
     Ok(is_main)
 }
 

@@ -12,6 +12,7 @@ use std::hash::{BuildHasher, Hasher};
 use std::io::{self, Write};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::time::{Duration, Instant, SystemTime};
 
 use sarrus_dynamics::{Model, Plan};
@@ -22,6 +23,7 @@ use rustix::fs::{Access, FlockOperation, flock};
 use super::file::sum;
 use super::{LoadError, NativeKernel, ObjectFile};
 use crate::manifest::{HEAD, bare_query, query_text};
+use crate::run::run;
 use crate::{BuildError, Cancel, Compiler, FLAGS, GenerateError, Kernel, Source};
 
 /// Objects that are kept for one compiler.
@@ -35,11 +37,18 @@ const LOCK: &str = "lock";
 /// From which age on such a folder is of a process that ended within its build: no build takes so
 /// long.
 const ABANDONED: Duration = Duration::from_secs(3600);
+/// The longest time for which an object may be tried.
+const TRIAL: Duration = Duration::from_secs(30);
+
+/// The program that loads an object with [`NativeKernel::of_file`] and ends with 0, or with
+/// another code and the reason on stderr.
+pub type Trial = fn(&Path) -> Command;
 
 /// Where objects are kept.
 #[derive(Clone, Debug)]
 pub struct Cache {
     folder: PathBuf,
+    trial: Option<Trial>,
 }
 
 /// Why there is no such folder.
@@ -122,7 +131,13 @@ pub struct Made {
 impl Cache {
     /// In a folder, which is made when it is needed.
     pub fn at(folder: PathBuf) -> Cache {
-        Cache { folder }
+        Cache { folder, trial: None }
+    }
+
+    /// Has this program try each object, new or kept, before this process loads it. Without one, a
+    /// new object is tried by the test program of its source, and a kept one was.
+    pub fn tried_by(self, trial: Trial) -> Cache {
+        Cache { trial: Some(trial), ..self }
     }
 
     /// In the usual folder, by the conventions of XDG; `of` gives variables of the environment.
@@ -192,12 +207,13 @@ impl Cache {
         let refused = match ObjectFile::read_kept(&path, &path) {
             Err(LoadError::Io { error, .. }) if error.kind() == io::ErrorKind::NotFound => None,
             Err(error) => Some(error),
-            Ok(file) => match NativeKernel::load(&file, model, plan) {
+            Ok(file) => match self.load(&file, &path, model, plan, cancel) {
                 Ok(kernel) => {
                     touch(&path);
                     return Ok(Made { kernel, path, origin: Origin::Kept });
                 }
-                Err(error) => Some(error),
+                Err(MakeError::Load(error)) => Some(error),
+                Err(error) => return Err(error),
             },
         };
         // before a trace that would be for nothing
@@ -220,16 +236,45 @@ impl Cache {
         }
         let build = Build::new(&folder)?;
         Compiler::write(&source, &build.folder)?;
-        let built = compiler.library(&source, &build.folder, &[], cancel)?;
-        let file = finished(&built, &path).map_err(|error| io_error(&path, error))?;
-        let loaded = NativeKernel::load(&file?, model, plan)?;
+        let built = match self.trial {
+            Some(_) => compiler.library(&source, &build.folder, &[], cancel)?,
+            None => {
+                let built = compiler.build_unless(&source, &build.folder, &[], cancel)?;
+                built.test_unless(cancel)?;
+                built.library
+            }
+        };
+        let new = build.folder.join("new");
+        let file = finished(&built, &new, &path)?;
+        let loaded = self.load(&file, &new, model, plan, cancel)?;
         // every reader gets either the old file or the new one
-        fs::rename(&built, &path).map_err(|error| io_error(&path, error))?;
+        fs::rename(&new, &path).map_err(|error| io_error(&path, error))?;
         remove_oldest(&folder);
         let time = start.elapsed();
         let operations = kernel.operations();
         let origin = Origin::Made { time, operations, refused };
         Ok(Made { kernel: loaded, path, origin })
+    }
+
+    /// Loads an object that another process has loaded before, from the file `from`.
+    fn load(
+        &self,
+        file: &ObjectFile,
+        from: &Path,
+        model: &Model<f64>,
+        plan: &Plan,
+        cancel: &Cancel,
+    ) -> Result<NativeKernel, MakeError> {
+        if let Some(trial) = self.trial {
+            let refused = |reason| LoadError::Trial { path: file.path().to_owned(), reason };
+            match run(&mut trial(from), "it", TRIAL, cancel) {
+                Ok(ended) if ended.is_success => {}
+                Ok(ended) => return Err(refused(ended.words).into()),
+                Err(BuildError::Cancelled) => return Err(BuildError::Cancelled.into()),
+                Err(error) => return Err(refused(error.to_string()).into()),
+            }
+        }
+        Ok(NativeKernel::load(file, model, plan)?)
     }
 
     /// Only this user may write into it, and only this user and root may put another folder in its
@@ -278,17 +323,21 @@ fn writable(folder: &Path) -> Result<(), CacheError> {
     access.map_err(|error| io_error(there, error.into()))
 }
 
-/// Writes the compiler's file to the disk with its hash behind it, and reads it; its mode depended
-/// on the user's mask. Errors name the path under which it will be kept.
-fn finished(built: &Path, path: &Path) -> io::Result<Result<ObjectFile, LoadError>> {
+/// Writes the bytes of the compiler's file, which may be a link to another one, to a new file with
+/// their hash behind them, and reads it. Its errors name the path under which it will be kept.
+fn finished(built: &Path, new: &Path, path: &Path) -> Result<ObjectFile, MakeError> {
     use std::os::unix::fs::PermissionsExt;
-    fs::set_permissions(built, fs::Permissions::from_mode(0o600))?;
-    let sum = sum(&fs::read(built)?);
-    let mut file = File::options().append(true).open(built)?;
-    file.write_all(sum.as_bytes())?;
-    // a name that is on the disk before its bytes would name a part of them after a power cut
-    file.sync_all()?;
-    Ok(ObjectFile::read_kept(built, path))
+    let built = ObjectFile::read_built(built)?;
+    let written = File::create_new(new).and_then(|mut file| {
+        // the mode of a new file depends on the user's mask
+        file.set_permissions(fs::Permissions::from_mode(0o600))?;
+        file.write_all(built.bytes())?;
+        file.write_all(sum(built.bytes()).as_bytes())?;
+        // a name that is on the disk before its bytes would name a part of them after a power cut
+        file.sync_all()
+    });
+    written.map_err(|error| io_error(path, error))?;
+    Ok(ObjectFile::read_kept(new, path)?)
 }
 
 /// Marks an object as used: the one that was used longest ago goes first.

@@ -59,6 +59,26 @@ pub enum LoadError {
     /// It is no shared object, or its end is missing.
     #[error("{}: no whole shared object of this kind of computer", .0.display())]
     Broken(PathBuf),
+    /// It takes a symbol from another object that no kernel takes.
+    #[error(
+        "{}: needs `{symbol}` of another library; compile it with a CC without sanitizers, \
+         profiles and further code",
+        path.display()
+    )]
+    Needs {
+        /// The file.
+        path: PathBuf,
+        /// The symbol.
+        symbol: String,
+    },
+    /// The process that tried it before this one crashed, hung or refused it.
+    #[error("{}: tried in a process of its own: {reason}", path.display())]
+    Trial {
+        /// The file.
+        path: PathBuf,
+        /// How that process ended.
+        reason: String,
+    },
     /// It needs instructions that this processor does not have.
     #[error(
         "{}: made for a processor with {missing}, which this one does not have; generate it again \

@@ -7,10 +7,12 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{MemfdFlags, OFlags, SealFlags, fcntl_add_seals, memfd_create};
+use rustix::io::Errno;
 use sarrus_dynamics::{Model, Plan};
 use sarrus_proto::fnv1a_64;
 
 use super::LoadError;
+use super::elf::Elf;
 use crate::Manifest;
 
 /// The largest file that is read `[byte]`.
@@ -37,18 +39,18 @@ impl ObjectFile {
     /// [`LoadError`]: it cannot be read, others could have written it, it is no object
     /// of sarrus, or not whole. Whether bytes between its ends were changed is not seen.
     pub fn read(path: &Path) -> Result<ObjectFile, LoadError> {
-        ObjectFile::read_as((path, OTHERS_WRITE), path)
+        ObjectFile::read_as(path, OFlags::empty(), OTHERS_WRITE, path)
     }
 
-    /// Reads one that this program has just had compiled, of any mode.
+    /// Reads one that this program has just had compiled, of any mode; no link is followed.
     pub(crate) fn read_built(path: &Path) -> Result<ObjectFile, LoadError> {
-        ObjectFile::read_as((path, 0), path)
+        ObjectFile::read_as(path, OFlags::NOFOLLOW, 0, path)
     }
 
     /// Reads one that the cache wrote, with the hash of its bytes behind them; errors name it
     /// `path`.
     pub(super) fn read_kept(from: &Path, path: &Path) -> Result<ObjectFile, LoadError> {
-        let file = ObjectFile::read_as((from, OTHERS_WRITE), path)?;
+        let file = ObjectFile::read_as(from, OFlags::NOFOLLOW, OTHERS_WRITE, path)?;
         let length = file.bytes.len().saturating_sub(sum(&[]).len());
         let (bytes, end) = file.bytes.split_at(length);
         match sum(bytes).as_bytes() == end {
@@ -57,13 +59,21 @@ impl ObjectFile {
         }
     }
 
-    /// Reads a file whose mode has none of these bits.
-    fn read_as((from, refused): (&Path, u32), path: &Path) -> Result<ObjectFile, LoadError> {
+    /// Reads a file, opened with these flags, whose mode has none of the refused bits; errors name
+    /// it `path`.
+    fn read_as(
+        from: &Path,
+        flags: OFlags,
+        refused: u32,
+        path: &Path,
+    ) -> Result<ObjectFile, LoadError> {
         let failed = |error: io::Error| LoadError::Io { path: path.to_owned(), error };
         // opening a pipe would wait for a writer
-        let flags = OFlags::RDONLY | OFlags::CLOEXEC | OFlags::NONBLOCK;
-        let file = rustix::fs::open(from, flags, rustix::fs::Mode::empty());
-        let file = File::from(file.map_err(|error| failed(error.into()))?);
+        let flags = flags | OFlags::RDONLY | OFlags::CLOEXEC | OFlags::NONBLOCK;
+        let file = match rustix::fs::open(from, flags, rustix::fs::Mode::empty()) {
+            Err(Errno::LOOP) => return Err(LoadError::NoFile(path.to_owned())),
+            file => File::from(file.map_err(|error| failed(error.into()))?),
+        };
         // of the open file: the checked file is the one that is read
         let about = file.metadata().map_err(failed)?;
         if !about.is_file() {
@@ -91,8 +101,11 @@ impl ObjectFile {
             return Err(LoadError::NoKernel(path.to_owned()));
         };
         let text = text.to_owned();
-        if !is_whole(&bytes) {
-            return Err(LoadError::Broken(path.to_owned()));
+        let elf = Elf::new(&bytes).filter(|elf| elf.is_whole() == Some(true));
+        let stranger = elf.and_then(|elf| elf.first_stranger());
+        let stranger = stranger.ok_or_else(|| LoadError::Broken(path.to_owned()))?;
+        if let Some(symbol) = stranger {
+            return Err(LoadError::Needs { path: path.to_owned(), symbol });
         }
         Ok(ObjectFile { path: path.to_owned(), bytes, manifest, text })
     }
@@ -126,6 +139,11 @@ impl ObjectFile {
         Plan::new(model, &manifest.query).map_err(|_| LoadError::WrongQuery(path()))
     }
 
+    /// All of the file.
+    pub(super) fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
     /// The text of the manifest as it stands in the object.
     pub(super) fn text(&self) -> &[u8] {
         &self.text
@@ -147,41 +165,4 @@ impl ObjectFile {
 /// The hash behind the bytes of a kept file.
 pub(super) fn sum(bytes: &[u8]) -> String {
     format!("{SUM}{:016x}\n", fnv1a_64(bytes))
-}
-
-/// Whether every part that the loader maps is in the file: reading beyond its end would end the
-/// process. The head of a 64-bit ELF file in this computer's order of bytes.
-fn is_whole(bytes: &[u8]) -> bool {
-    const CLASS_64: u8 = 2;
-    const ORDER: u8 = if cfg!(target_endian = "little") { 1 } else { 2 };
-    const LOAD: u64 = 1;
-    let number = |at: u64, size: u64| -> Option<u64> {
-        let part = bytes.get(at as usize..at.checked_add(size)? as usize)?;
-        let fold = |sum: u64, byte: &u8| sum << 8 | u64::from(*byte);
-        Some(match ORDER {
-            1 => part.iter().rev().fold(0, fold),
-            _ => part.iter().fold(0, fold),
-        })
-    };
-    let is_inside =
-        |from: u64, size: u64| from.checked_add(size).is_some_and(|end| end <= bytes.len() as u64);
-    let whole = || -> Option<bool> {
-        let kind = bytes.get(..6)? == [0x7f, b'E', b'L', b'F', CLASS_64, ORDER];
-        let programs = number(0x20, 8)?;
-        let sections = number(0x28, 8)?;
-        let [program_size, n_programs] = [number(0x36, 2)?, number(0x38, 2)?];
-        let [section_size, n_sections] = [number(0x3a, 2)?, number(0x3c, 2)?];
-        let mut inside = kind
-            && program_size >= 56
-            && is_inside(programs, program_size * n_programs)
-            && is_inside(sections, section_size * n_sections);
-        for k in 0..n_programs {
-            let at = programs.checked_add(k * program_size)?;
-            if number(at, 4)? == LOAD {
-                inside &= is_inside(number(at.checked_add(8)?, 8)?, number(at + 32, 8)?);
-            }
-        }
-        Some(inside)
-    };
-    whole().unwrap_or(false)
 }

@@ -3,6 +3,7 @@
 
 mod fused;
 mod light;
+mod trial;
 
 use std::fs;
 use std::hint::black_box;

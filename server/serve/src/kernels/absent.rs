@@ -1,6 +1,7 @@
 //! A server without generated kernels.
 
 use std::path::Path;
+use std::process::Command;
 use std::sync::Arc;
 
 use sarrus_dynamics::{BatchWorkspace, Model, Plan, Workspace};
@@ -17,7 +18,11 @@ impl Kernels {
     ///
     /// # Errors
     /// [`ServeError::Kernel`].
-    pub fn auto() -> Result<Kernels, ServeError> {
+    pub fn auto(_trial: fn(&Path) -> Command) -> Result<Kernels, ServeError> {
+        Kernels::refused()
+    }
+
+    fn refused() -> Result<Kernels, ServeError> {
         Err(ServeError::Kernel { reason: "built without the feature `generate`".to_owned() })
     }
 
@@ -26,7 +31,7 @@ impl Kernels {
     /// # Errors
     /// [`ServeError::Kernel`].
     pub fn of_file(_path: &Path, _model: &Model<f64>) -> Result<Kernels, ServeError> {
-        Kernels::auto()
+        Kernels::refused()
     }
 }
 

@@ -2,8 +2,9 @@
 //! register.
 //!
 //! The thread traces and compiles one plan at a time, at a lower priority than the serving threads;
-//! clients that register a plan do not wait. The kernels are kept in the user's cache for the next
-//! start. A refused query is not tried again.
+//! clients that register a plan do not wait. A process of its own loads each object before this one
+//! does: an object that crashes or hangs there only leaves its query without a kernel. The kernels
+//! are kept in the user's cache for the next start. A refused query is not tried again.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -15,7 +16,8 @@ use std::time::{Duration, Instant};
 use rustix::process::setpriority_process;
 use sarrus_dynamics::{Model, Plan};
 use sarrus_generate::{
-    BuildError, Cache, Cancel, Compiler, LoadError, MakeError, NativeKernel, Origin, bare_query,
+    BuildError, Cache, Cancel, Compiler, LoadError, MakeError, NativeKernel, Origin, Trial,
+    bare_query,
 };
 use sarrus_proto::{FieldSet, Query, Request};
 
@@ -38,17 +40,18 @@ pub struct Kernels(Choice);
 enum Choice {
     #[default]
     None,
-    Auto,
+    Auto(Trial),
     One(Arc<NativeKernel>),
 }
 
 impl Kernels {
-    /// Kernels of the cache, and new ones by the C compiler of this machine.
+    /// Kernels of the cache, and new ones by the C compiler of this machine. The program `trial`
+    /// loads each object as [`Kernels::of_file`] does before this process loads it.
     ///
     /// # Errors
     /// None in this build.
-    pub fn auto() -> Result<Kernels, ServeError> {
-        Ok(Kernels(Choice::Auto))
+    pub fn auto(trial: Trial) -> Result<Kernels, ServeError> {
+        Ok(Kernels(Choice::Auto(trial)))
     }
 
     /// One shared object, for the query that it was made for.
@@ -96,7 +99,9 @@ impl Maker {
                 line(format_args!("sarrus serve: kernel for {what}: from the file"));
                 known.insert(kernel.manifest().query, Some(Arc::clone(kernel)));
             }
-            Choice::Auto => thread = Some(Thread::start(Arc::clone(model), place)?),
+            Choice::Auto(trial) => {
+                thread = Some(Thread::start(Arc::clone(model), *trial, place)?);
+            }
         }
         Ok(Maker { known, thread })
     }
@@ -160,6 +165,7 @@ impl Drop for Maker {
 impl Thread {
     fn start(
         model: Arc<Model<f64>>,
+        trial: Trial,
         place: impl FnOnce() + Send + 'static,
     ) -> Result<Thread, ServeError> {
         let (plans, orders) = channel::<Plan>();
@@ -172,7 +178,7 @@ impl Thread {
             let mut compiler = None;
             for plan in orders {
                 let compiler = compiler.get_or_insert_with(|| Compiler::found_unless(&cancelled));
-                let kernel = make(&model, &plan, compiler.as_ref(), &cancelled);
+                let kernel = make(&model, &plan, compiler.as_ref(), trial, &cancelled);
                 let query = bare_query(plan.query());
                 if cancelled.is_cancelled() || done.send((query, kernel)).is_err() {
                     return;
@@ -192,11 +198,12 @@ fn make(
     model: &Model<f64>,
     plan: &Plan,
     compiler: Option<&Compiler>,
+    trial: Trial,
     cancel: &Cancel,
 ) -> Option<Arc<NativeKernel>> {
     let what = label(plan.query());
     let made = (|| {
-        let cache = Cache::usual(|name| std::env::var_os(name))?;
+        let cache = Cache::usual(|name| std::env::var_os(name))?.tried_by(trial);
         let compiler = compiler.ok_or(MakeError::NoCompiler)?;
         cache.kernel(model, plan, compiler, cancel)
     })();

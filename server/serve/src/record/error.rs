@@ -78,6 +78,12 @@ pub enum RecordingError {
         /// The size that its header names.
         expected: u64,
     },
+    /// Its segments are all but empty.
+    #[error("more than {most} bytes of it hold no record; take another copy of the file")]
+    Holes {
+        /// The bytes without a record that are read.
+        most: u64,
+    },
     /// The robot in it is damaged.
     #[error("the robot in it is damaged; take another copy of the file")]
     Robot,

@@ -12,6 +12,10 @@ const SEGMENTS: u64 = 16;
 const LARGE: u64 = 64 << 20;
 /// No segment of a recording is larger.
 const LARGEST: u64 = 128 << 20;
+/// Most segments, whose heads are read one by one: 128 TiB of long ones.
+const MOST_SEGMENTS: u64 = 1 << 21;
+/// Most bytes of the robot, which is read into memory.
+const MOST_ROBOT: u64 = 512 << 20;
 /// The rate of requests for which each lane has room `[1/s]`.
 const RATE: u64 = 1000;
 
@@ -38,7 +42,7 @@ pub(super) struct Header {
 
 impl Header {
     /// Adds segments for `seconds` of requests at 1 kHz through each of `lanes`, of `numbers`
-    /// numbers with their answers; `None` on overflow.
+    /// numbers with their answers; `None` if they are too many.
     ///
     /// One segment is always being overwritten, so the others hold all of it; each may lack room
     /// for its last frame.
@@ -58,8 +62,11 @@ impl Header {
         self.first() + index * self.segment
     }
 
-    /// Bytes of the file; `None` on overflow.
+    /// Bytes of the file; `None` if that is more than any recording has.
     pub(super) fn file(&self) -> Option<u64> {
+        if self.segments > MOST_SEGMENTS || self.robot > MOST_ROBOT {
+            return None;
+        }
         let robot = self.robot.checked_add(2 * PAGE as u64)?;
         robot.checked_add(self.segments.checked_mul(self.segment)?)?;
         Some(self.segment_at(self.segments))
@@ -109,7 +116,9 @@ impl Header {
             segments,
             segment,
         };
-        let is_sound = segments >= 2
+        // more segments than usual are long ones
+        let is_sound = (segments <= SEGMENTS || segment >= LARGE / 2)
+            && segments >= 2
             && (PAGE as u64..=LARGEST).contains(&segment)
             && segment.is_multiple_of(PAGE as u64)
             && header.file().is_some();
@@ -133,6 +142,19 @@ mod tests {
             assert!(Header::read(&changed).is_err(), "{bit}");
         }
         assert!(Header::read(&[]).is_err() && Header::read(&page[..90]).is_err());
+    }
+
+    #[test]
+    fn a_header_of_more_than_can_be_read_is_refused() {
+        let header = Header { segments: 3, segment: PAGE as u64, ..Header::default() };
+        let is_read = |header: Header| Header::read(&header.to_bytes()).is_ok();
+        assert!(is_read(header));
+        for segments in [SEGMENTS + 1, MOST_SEGMENTS + 1, 1 << 40, u64::MAX / PAGE as u64] {
+            assert!(!is_read(Header { segments, ..header }));
+        }
+        assert!(is_read(Header { segments: MOST_SEGMENTS, segment: LARGE, ..header }));
+        assert!(!is_read(Header { segments: MOST_SEGMENTS + 1, segment: LARGE, ..header }));
+        assert!(!is_read(Header { robot: MOST_ROBOT + 1, ..header }));
     }
 
     #[test]

@@ -13,6 +13,9 @@ use super::format::{
 use super::header::Header;
 use super::robot::RecordedRobot;
 
+/// Most bytes without a record that are read: only the newest segment has many of them.
+const HOLES: u64 = 1 << 30;
+
 /// One request and its answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Entry<'a> {
@@ -133,11 +136,12 @@ impl<R: Read + Seek> Recording<R> {
     /// progress over the segments; returns the gaps.
     ///
     /// # Errors
-    /// [`RecordingError::Read`].
+    /// [`RecordingError::Read`], [`RecordingError::Holes`].
     pub fn read(&mut self, mut each: impl FnMut(&Entry<'_>, f64)) -> Result<Gaps, RecordingError> {
         let mut expected = None;
         let mut gaps = Gaps::default();
         let mut numbers = Vec::with_capacity(MAX_BODY);
+        let mut holes = 0;
         for (k, number) in self.segments.iter().enumerate() {
             let start = self.header.segment_at((number - 1) % self.header.segments);
             let segment = bytes_at(&mut self.source, start, self.header.segment)?;
@@ -147,6 +151,10 @@ impl<R: Read + Seek> Recording<R> {
                 let Some(frame) = Frame::read(rest, self.header.run ^ number) else {
                     // the next frame may be readable
                     at += WORD;
+                    holes += WORD as u64;
+                    if holes > HOLES {
+                        return Err(RecordingError::Holes { most: HOLES });
+                    }
                     continue;
                 };
                 at += WORD * FRAME_HEAD + frame.body.len();

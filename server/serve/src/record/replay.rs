@@ -79,7 +79,7 @@ pub struct Difference {
 /// Computes every answer again, on the recording's model; `progress` gets the fraction done.
 ///
 /// # Errors
-/// [`RecordingError::WrongModel`], [`RecordingError::Read`].
+/// [`RecordingError::WrongModel`], [`RecordingError::Read`], [`RecordingError::Holes`].
 pub fn replay<R: Read + Seek>(
     recording: &mut Recording<R>,
     model: &Model<f64>,

@@ -2,12 +2,13 @@
 
 use std::fs;
 use std::io::Cursor;
+use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
 
 use sarrus_models::{Options, Source, load};
 use sarrus_proto::{Answer, Field, FieldSet, Query, Request, Status, Warnings};
 
-use super::file::RecordFile;
+use super::file::{RecordFile, segment_head};
 use super::format::{
     BODY_HEAD, PAGE, QUERY_HEAD, SEGMENT_HEAD, WORD, checksum, join, words, write_query,
 };
@@ -86,6 +87,35 @@ fn sequences(bytes: &[u8]) -> (Vec<u64>, Gaps) {
 const FRAME: usize = WORD * (4 + BODY_HEAD + 4);
 /// Frames of a segment.
 const FRAMES: u64 = ((4096 - WORD * SEGMENT_HEAD) / FRAME) as u64;
+
+/// A sparse file with this header and as many heads of segments, and nothing behind each head.
+fn hollow(header: Header, heads: u64) -> fs::File {
+    let path = path("hollow");
+    let file = fs::File::options().read(true).write(true).create_new(true).open(&path).unwrap();
+    fs::remove_file(&path).unwrap();
+    let robot = serde_json::to_vec(&robot()).unwrap();
+    file.write_all_at(&header.to_bytes(), 0).unwrap();
+    file.write_all_at(&robot, PAGE as u64).unwrap();
+    file.set_len(header.segment_at(header.segments)).unwrap();
+    for number in 1..=heads {
+        let head = segment_head(header.run, number, 0).map(u64::to_le_bytes).concat();
+        file.write_all_at(&head, header.segment_at(number - 1)).unwrap();
+    }
+    file
+}
+
+#[test]
+fn a_forged_recording_with_holes_is_refused_in_bounded_work() {
+    let (_, header) = recorded("forged", 1);
+    let header = Header { segments: 1000, segment: 128 << 20, ..header };
+    // segments that were never begun cost a look each
+    let many = Header { segments: 1 << 14, segment: 64 << 20, ..header };
+    let mut recording = Recording::open(hollow(many, 1)).unwrap();
+    assert_eq!(recording.read(|_, _| {}).unwrap(), Gaps::default());
+    let mut recording = Recording::open(hollow(header, 1000)).unwrap();
+    let error = recording.read(|_, _| {}).unwrap_err();
+    assert!(matches!(error, RecordingError::Holes { .. }), "{error}");
+}
 
 #[test]
 fn the_newest_records_stay_in_order_after_any_number_of_laps() {

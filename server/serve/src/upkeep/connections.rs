@@ -5,9 +5,12 @@
 //! client dies; then the answering thread gives the end back, and the link is removed.
 
 use std::collections::BTreeMap;
+use std::io::ErrorKind;
 use std::ops::Range;
 use std::os::fd::OwnedFd;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::mpsc;
+use std::thread;
 use std::time::{Duration, Instant};
 
 use rtrb::{Consumer, Producer};
@@ -24,6 +27,7 @@ use tracing::info;
 use crate::answering::batches::Batches;
 use crate::answering::thread::{End, Order, Retired};
 use crate::record::Client;
+use crate::system::sigbus::replaced_pages;
 use crate::upkeep::listener::Listener;
 use crate::upkeep::refusals::{failed, no_space, take_down};
 use crate::upkeep::segment::Segment;
@@ -34,6 +38,8 @@ const MAX_OBSERVERS: usize = 64;
 const SILENCE: Duration = Duration::from_millis(100);
 /// Longest wait of a client for an end that is being returned.
 const HAND_BACK_TIME: Duration = Duration::from_millis(100);
+/// Longest time in which the memory of a client is mapped.
+const CONNECT_TIME: Duration = Duration::from_millis(250);
 /// Shared memory of a lane besides its numbers, and reserve for others `[byte]`.
 const LANE_MARGIN: u64 = 256 << 10;
 /// Shared memory that a service takes, and that stays free for others `[byte]`.
@@ -284,7 +290,7 @@ impl Connections {
         let bytes = 2 * 8 * (classes[0] + classes[1]) as u64;
         let (name, place, lane) = Segment::make(run, bytes + LANE_MARGIN, |node, link| {
             let mut lane = ServedLane::create(node, classes).map_err(|error| failed(&error))?;
-            link.reserve().map_err(|error| no_space(&error))?;
+            link.reserve(true).map_err(|error| no_space(&error))?;
             lane.map();
             Ok(lane)
         })?;
@@ -302,7 +308,7 @@ impl Connections {
             self.free_place(services).ok_or(Refusal::NoService { limit: MAX_SERVICE_CLIENTS })?;
         let (name, place, port) = Segment::make(run, SERVICE_NEEDS, |node, link| {
             let port = serve_compute(node).map_err(|error| failed(&error))?;
-            link.reserve().map_err(|error| no_space(&error))?;
+            link.reserve(false).map_err(|error| no_space(&error))?;
             Ok(port)
         })?;
         self.places[index] = Some(place);
@@ -316,25 +322,29 @@ impl Connections {
     /// answering thread poll it.
     pub(crate) fn serve_service(&mut self, number: u64) -> Result<(), Refusal> {
         let client = self.clients.get_mut(&number).ok_or(Refusal::NoEnd)?;
-        let (Some(index), Some(mut port)) = (client.place, client.unserved.take()) else {
+        let (Some(index), Some(port)) = (client.place, client.unserved.take()) else {
             return Err(Refusal::NoEnd);
         };
-        if let Some(place) = &self.places[index]
-            && let Err(error) = place.link.reserve()
-        {
-            take_down(port);
-            client.place = None;
-            self.free(index);
-            return Err(no_space(&error));
+        let pages = replaced_pages();
+        let outcome = connected(port).and_then(|port| {
+            let link = self.places[index].as_mut().map(|place| &mut place.link);
+            match link.map_or(Ok(()), |link| link.reserve(true)) {
+                Ok(()) if replaced_pages() == pages => Ok(port),
+                // without an error a page was missing meanwhile: the port is damaged
+                reserved => {
+                    take_down(port);
+                    Err(no_space(&reserved.err().unwrap_or(ErrorKind::StorageFull.into())))
+                }
+            }
+        });
+        match outcome {
+            Ok(port) => self.serve(number, index, End::Service(port)),
+            Err(refusal) => {
+                client.place = None;
+                self.free(index);
+                Err(refusal)
+            }
         }
-        // connects; a request cannot have come yet, and is dropped
-        if catch_unwind(AssertUnwindSafe(|| port.connect())).is_err() {
-            std::mem::forget(port);
-            client.place = None;
-            self.free(index);
-            return Err(Refusal::NoEnd);
-        }
-        self.serve(number, index, End::Service(port))
     }
 
     /// Makes an area for batches beside a client's end, if there is none yet.
@@ -383,6 +393,26 @@ impl Connections {
             self.collect();
         }
     }
+}
+
+/// Maps the memory of a client that has opened its side of a service; a request cannot have come
+/// yet, and is dropped. The transport waits for ever for the first byte of a file that the client
+/// emptied: a thread of its own waits, and ends when the link is removed.
+fn connected(mut port: Box<dyn ServedService>) -> Result<Box<dyn ServedService>, Refusal> {
+    let (done, outcome) = mpsc::channel();
+    let connect = move || {
+        // dropping it could panic again
+        if catch_unwind(AssertUnwindSafe(|| port.connect())).is_err() {
+            return std::mem::forget(port);
+        }
+        // too late: dropped here
+        if let Err(late) = done.send(port) {
+            take_down(late);
+        }
+    };
+    let thread = thread::Builder::new().name("sarrus-connect".to_owned()).spawn(connect);
+    thread.map_err(|error| failed(&error))?;
+    outcome.recv_timeout(CONNECT_TIME).map_err(|_| Refusal::NoEnd)
 }
 
 impl Connection {

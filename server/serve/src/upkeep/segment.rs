@@ -25,7 +25,7 @@ impl Segment {
     pub(crate) fn make<T>(
         run: &Run,
         needed: u64,
-        make: impl Fn(&Node, &Link) -> Result<T, Refusal>,
+        make: impl Fn(&Node, &mut Link) -> Result<T, Refusal>,
     ) -> Result<(u64, Segment, T), Refusal> {
         match Segment::attempt(run, needed, &make) {
             Err(Refusal::Failed { .. }) => Segment::attempt(run, needed, &make),
@@ -36,17 +36,17 @@ impl Segment {
     fn attempt<T>(
         run: &Run,
         needed: u64,
-        make: impl Fn(&Node, &Link) -> Result<T, Refusal>,
+        make: impl Fn(&Node, &mut Link) -> Result<T, Refusal>,
     ) -> Result<(u64, Segment, T), Refusal> {
         let free = free_shared_memory();
         if free < needed {
             return Err(Refusal::NoSpace { needed, free });
         }
-        let (number, link) = run.new_link().map_err(|error| failed(&error))?;
+        let (number, mut link) = run.new_link().map_err(|error| failed(&error))?;
         let pages = replaced_pages();
         let made = catch_unwind(AssertUnwindSafe(|| {
             let node = link.node().map_err(|error| failed(&error))?;
-            let made = make(&node, &link)?;
+            let made = make(&node, &mut link)?;
             // a page was missing meanwhile: the ports are damaged
             match replaced_pages() == pages {
                 true => Ok((node, made)),

@@ -1,7 +1,7 @@
 //! A run of the server: start, upkeep, end.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::mpsc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -10,7 +10,7 @@ use quanta::Clock;
 use rtrb::{Consumer, Producer, RingBuffer};
 use rustix::process::{Resource, getrlimit, setrlimit};
 use sarrus_dynamics::Model;
-use sarrus_proto::heartbeat::HeartbeatWriter;
+use sarrus_proto::heartbeat::{HeartbeatReader, HeartbeatWriter};
 use sarrus_proto::message::{MAX_PLANS, Statistics};
 use sarrus_proto::run::{Run, RunError};
 use sarrus_proto::{Domain, ModelInfo, ServerName};
@@ -30,7 +30,7 @@ use crate::system::sigbus;
 use crate::upkeep::calls::{Calls, pages};
 use crate::upkeep::connections::Connections;
 use crate::upkeep::plans::Plans;
-use crate::upkeep::watchdog::{HEARTBEAT_TIMEOUT, Watchdog};
+use crate::upkeep::watchdog::{HEARTBEAT_TIMEOUT, Watchdog, watch_upkeep};
 
 /// Options of a run.
 #[derive(Clone, Debug)]
@@ -51,6 +51,8 @@ pub struct ServeOptions {
     pub priority: Option<u8>,
     /// Whether memory is locked, so that the answering thread meets no page fault.
     pub lock_memory: bool,
+    /// The process that starts another server when this one ends.
+    pub supervisor: Option<i32>,
 }
 
 impl Default for ServeOptions {
@@ -64,6 +66,7 @@ impl Default for ServeOptions {
             cpu: None,
             priority: None,
             lock_memory: false,
+            supervisor: None,
         }
     }
 }
@@ -164,8 +167,17 @@ fn serve_in(
         run,
     };
     let now = Instant::now();
-    let watchdog = Watchdog::new(&calls.heartbeat).map_err(ServeError::Heartbeat)?;
-    let mut upkeep = Upkeep { calls, clock, shared, watchdog, since: now, checked: now, late: 0 };
+    let mut upkeep = Upkeep {
+        heartbeat: HeartbeatReader::new(&calls.heartbeat).map_err(ServeError::Heartbeat)?,
+        watchdog: Watchdog::new(2 * WAIT),
+        steps: watch_upkeep(options.supervisor, place_other(placement))?,
+        calls,
+        clock,
+        shared,
+        since: now,
+        checked: now,
+        late: 0,
+    };
     ready();
     let fingerprint = format_args!("{:016x}", info.fingerprint);
     let robot = info.robot.as_str();
@@ -174,6 +186,7 @@ fn serve_in(
         let is_clean = thread.join().is_ok() && stop.load(Relaxed);
         if is_clean { Ok(()) } else { Err(ServeError::Died) }
     });
+    upkeep.steps = Arc::default();
     if !matches!(ended, Err(ServeError::Hung { .. })) {
         upkeep.calls.plans.stop();
         // the recorder ends when it has written all answers
@@ -281,7 +294,11 @@ struct Upkeep {
     calls: Calls,
     clock: Clock,
     shared: Arc<Shared>,
+    /// Of the answering thread.
+    heartbeat: HeartbeatReader,
     watchdog: Watchdog,
+    /// Steps of this thread, which another one watches.
+    steps: Arc<AtomicU64>,
     since: Instant,
     checked: Instant,
     /// Late answers logged so far.
@@ -324,7 +341,8 @@ impl Upkeep {
     /// Waits for clients, answers one call of each that sent one, and does the periodic work.
     fn step(&mut self, stop: &AtomicBool, stopping: bool) {
         let wait = if stopping { Duration::from_millis(1) } else { WAIT };
-        self.watchdog.poll();
+        self.watchdog.poll(self.heartbeat.read().beats);
+        self.steps.fetch_add(1, Relaxed);
         for client in self.calls.connections.wait(wait) {
             // a stop does not wait for the calls of many clients
             if stop.load(Relaxed) && !stopping {

@@ -4,7 +4,9 @@ mod backoff;
 mod log;
 mod supervise;
 
-use std::path::PathBuf;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -77,6 +79,9 @@ pub(crate) struct Serve {
     /// Serve in place of a server with this fingerprint that died.
     #[arg(long, value_name = "FINGERPRINT", hide = true, requires = "supervisor")]
     again: Option<String>,
+    /// Load this object for the robot, compare its answers, and end.
+    #[arg(long, value_name = "FILE", hide = true, conflicts_with = "supervise")]
+    try_kernel: Option<PathBuf>,
     /// Seconds of life after which the next server starts without delay.
     #[arg(long, value_name = "SECONDS", hide = true, default_value_t = 10)]
     short_life: u64,
@@ -112,7 +117,12 @@ impl Serve {
     fn run_until_stopped(&self) -> Result<u8, output::Failure> {
         self.log.start().map_err(output::Failure::start)?;
         Ok(if self.supervise {
-            supervise::run(&self.name, Duration::from_secs(self.short_life))?
+            let robot = RecordedRobot::new(&self.robot.source(), &self.robot.options());
+            supervise::run(&self.name, Duration::from_secs(self.short_life), robot.ok())?
+        } else if let Some(object) = &self.try_kernel {
+            let loaded = self.robot.load()?;
+            Kernels::of_file(object, &loaded.compiled.model).map_err(output::Failure::start)?;
+            0
         } else if self.supervisor.is_some_and(|supervisor| !supervise::die_with(supervisor)) {
             2
         } else {
@@ -126,10 +136,9 @@ impl Serve {
     fn serve(&self, stop: &AtomicBool) -> Result<(), ServeFailure> {
         let mut options = self.options();
         options.check()?;
-        let loaded = self.robot.load()?;
+        let (loaded, robot) = self.load()?;
         let info = describe(&loaded);
-        self.check_fingerprint(info.fingerprint)?;
-        options.record = self.record()?;
+        options.record = self.record(robot);
         options.kernels = self.kernels(&loaded.compiled.model)?;
         // the first server of a supervisor has printed the warnings
         if self.again.is_none() {
@@ -145,17 +154,32 @@ impl Serve {
         Ok(serve(Arc::new(loaded.compiled.model), &info, &options, stop, ready)?)
     }
 
-    /// Refuses a robot whose files have changed since the supervisor's first server.
-    fn check_fingerprint(&self, loaded: u64) -> Result<(), ServeFailure> {
-        match &self.again {
-            Some(served) if *served != format!("{loaded:016x}") => {
-                Err(ServeFailure::Other(format!(
-                    "the robot's files have changed (fingerprint {loaded:016x}, served was \
-                     {served}); start the supervisor again to serve the new robot"
-                )))
-            }
-            _ => Ok(()),
+    /// The robot and its files, read now; where they have changed since the supervisor's first
+    /// server, as the supervisor read them before it.
+    fn load(&self) -> Result<(Loaded, RecordedRobot), ServeFailure> {
+        let loaded = self.robot.load();
+        let now = RecordedRobot::new(&self.robot.source(), &self.robot.options());
+        let Some(served) = &self.again else { return Ok((loaded?, now?)) };
+        let fingerprint = |loaded: &Loaded| format!("{:016x}", loaded.compiled.model.fingerprint());
+        if loaded.as_ref().is_ok_and(|loaded| fingerprint(loaded) == *served) {
+            return Ok((loaded?, now?));
         }
+        let copy: Option<RecordedRobot> = serde_json::from_reader(std::io::stdin().lock()).ok();
+        if let Some(copy) = copy
+            && let Ok(first) = copy.load()
+            && fingerprint(&first) == *served
+        {
+            line(format_args!(
+                "sarrus serve: warning: the robot's files have changed; the robot as first loaded \
+                 is served until the supervisor is started again"
+            ));
+            return Ok((first, copy));
+        }
+        let found = fingerprint(&loaded?);
+        Err(ServeFailure::Other(format!(
+            "the robot's files have changed (fingerprint {found}, served was {served}); start the \
+             supervisor again to serve the new robot"
+        )))
     }
 
     fn warn(&self, info: &ModelInfo, record: Option<&RecordOptions>) {
@@ -192,10 +216,11 @@ impl Serve {
 
     fn options(&self) -> ServeOptions {
         let wait = self.wait.unwrap_or_else(Wait::auto);
-        let &Serve { lanes, cpu, priority, lock_memory, .. } = self;
+        let &Serve { lanes, cpu, priority, lock_memory, supervisor, .. } = self;
         let name = self.name.clone();
         let kernels = Kernels::default();
-        ServeOptions { name, wait, lanes, cpu, priority, lock_memory, kernels, record: None }
+        let record = None;
+        ServeOptions { name, wait, lanes, cpu, priority, lock_memory, supervisor, kernels, record }
     }
 
     /// The kernels of the clients' plans.
@@ -203,7 +228,7 @@ impl Serve {
         // a file called `auto` is `./auto`
         let kernels = match self.kernel.to_str() {
             Some("none") => Ok(Kernels::default()),
-            Some("auto") => Kernels::auto(),
+            Some("auto") => Kernels::auto(trial),
             _ => Kernels::of_file(&self.kernel, model),
         };
         match kernels {
@@ -217,13 +242,19 @@ impl Serve {
     }
 
     /// The recording, with the robot's files in it; `None` without `--record`.
-    fn record(&self) -> Result<Option<RecordOptions>, LoadError> {
-        let Some(file) = self.record.clone() else { return Ok(None) };
-        let robot = RecordedRobot::new(&self.robot.source(), &self.robot.options())?;
+    fn record(&self, robot: RecordedRobot) -> Option<RecordOptions> {
+        let file = self.record.clone()?;
         // a server that was announced answers, recorded or not
         let is_optional = self.again.is_some();
-        Ok(Some(RecordOptions { file, seconds: self.record_seconds, robot, is_optional }))
+        Some(RecordOptions { file, seconds: self.record_seconds, robot, is_optional })
     }
+}
+
+/// This program with its arguments, as the process that tries an object before this one loads it.
+fn trial(object: &Path) -> Command {
+    let mut command = Command::new("/proc/self/exe");
+    command.arg0("sarrus").args(std::env::args_os().skip(1)).arg("--try-kernel").arg(object);
+    command
 }
 
 /// The first fault of a robot, and the number of the others.

@@ -1,20 +1,25 @@
 //! `sarrus serve --supervise`: a server process that is started again when it dies.
 //!
-//! The supervisor holds no resource of a server. A process that serves writes one line to its
+//! The supervisor holds no resource of a server but a copy of the robot's files, in memory, for
+//! servers that start after the files have changed. A process that serves writes one line to its
 //! output, `ready NAME FINGERPRINT`, or the reason why it cannot serve; the kernel closes that
 //! output when the process ends. If the supervisor is killed, the kernel kills its process too.
 
 use std::ffi::OsString;
-use std::io::{self, BufRead, BufReader, Read, Write};
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read, Seek, Write};
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use rustix::fs::{MemfdFlags, memfd_create};
 use rustix::process::{Pid, Signal, getppid, kill_process, set_parent_process_death_signal};
 use sarrus_proto::{Domain, ServerName, supervision};
+use sarrus_serve::record::RecordedRobot;
+use sarrus_serve::system::processes::continue_stopped;
 use sarrus_serve::system::stderr::{has_room, line};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
@@ -23,6 +28,8 @@ use crate::commands::output;
 
 /// Time for a clean stop of a server.
 const STOP: Duration = Duration::from_secs(5);
+/// Time between two looks whether a signal has stopped the server.
+const LOOK: Duration = Duration::from_millis(500);
 
 /// First words of the line with which a process reports why it cannot serve: another server runs
 /// under the name, or any other reason.
@@ -40,7 +47,11 @@ pub(super) fn die_with(supervisor: i32) -> bool {
 
 /// Supervises until a signal arrives (exit code 0) or the supervisor gives up (1 for a bad model,
 /// else 2).
-pub(super) fn run(name: &str, short_life: Duration) -> Result<u8, output::Failure> {
+pub(super) fn run(
+    name: &str,
+    short_life: Duration,
+    robot: Option<RecordedRobot>,
+) -> Result<u8, output::Failure> {
     let (sender, events) = channel();
     send_signals(sender.clone())
         .map_err(|error| output::Failure::start(format!("signals cannot be caught: {error}")))?;
@@ -51,6 +62,7 @@ pub(super) fn run(name: &str, short_life: Duration) -> Result<u8, output::Failur
         sender,
         since: Instant::now(),
         backoff: Backoff::new(short_life),
+        robot: robot.and_then(|robot| copy_of(&robot).ok()),
         fingerprint: None,
         death: None,
     };
@@ -72,6 +84,13 @@ pub(super) fn run(name: &str, short_life: Duration) -> Result<u8, output::Failur
             Ok(code)
         }
     }
+}
+
+/// The robot's files in a file in memory.
+fn copy_of(robot: &RecordedRobot) -> io::Result<File> {
+    let mut copy = File::from(memfd_create("sarrus-robot", MemfdFlags::CLOEXEC)?);
+    copy.write_all(&serde_json::to_vec(robot)?)?;
+    Ok(copy)
 }
 
 /// Sends [`Event::Signal`] at SIGTERM and SIGINT.
@@ -125,6 +144,8 @@ struct Supervisor {
     sender: Sender<Event>,
     since: Instant,
     backoff: Backoff,
+    /// The robot's files as they were before the first server, for the input of later ones.
+    robot: Option<File>,
     /// The fingerprint of the first server.
     fingerprint: Option<String>,
     /// The last death and its time; reported when the next server is ready.
@@ -141,7 +162,16 @@ impl Supervisor {
         let mut ready: Option<Instant> = None;
         let mut failure = None;
         loop {
-            match self.events.recv() {
+            match self.events.recv_timeout(LOOK) {
+                Err(RecvTimeoutError::Timeout) => {
+                    if continue_stopped(process.id() as i32) {
+                        line(format_args!(
+                            "sarrus serve: warning: a signal had stopped the server (process {}): \
+                             continued",
+                            process.id()
+                        ));
+                    }
+                }
                 Ok(Event::Signal) => return Err(self.stop(process)),
                 Ok(Event::Line(line)) if line.starts_with("ready ") => {
                     ready = Some(Instant::now());
@@ -152,7 +182,7 @@ impl Supervisor {
                     let read = read.filter(|(word, _)| [TAKEN, FAILED].contains(word));
                     failure = read.map(|(word, why)| (word == TAKEN, why.to_owned())).or(failure);
                 }
-                Ok(Event::Closed) | Err(_) => break,
+                Ok(Event::Closed) | Err(RecvTimeoutError::Disconnected) => break,
             }
         }
         let died = Instant::now();
@@ -191,11 +221,15 @@ impl Supervisor {
         let mut command = Command::new("/proc/self/exe");
         command.arg0("sarrus").args(&self.arguments);
         command.arg("--supervisor").arg(std::process::id().to_string());
-        if let Some(fingerprint) = &self.fingerprint {
-            command.args(["--again", fingerprint]);
-        }
         // Ctrl-C reaches the supervisor alone, which stops the process in order
         command.process_group(0).stdin(Stdio::null()).stdout(Stdio::piped());
+        if let Some(fingerprint) = &self.fingerprint {
+            command.args(["--again", fingerprint]);
+            if let Some(mut robot) = self.robot.as_ref() {
+                robot.rewind()?;
+                command.stdin(robot.try_clone()?);
+            }
+        }
         let mut process = command.spawn()?;
         let output = process.stdout.take();
         let output = output.ok_or_else(|| io::Error::other("a process without output"));
@@ -240,6 +274,7 @@ impl Supervisor {
     /// Stops a server process after a signal.
     fn stop(&mut self, mut process: Child) -> End {
         let _ = kill_process(Pid::from_child(&process), Signal::TERM);
+        continue_stopped(process.id() as i32);
         let due = Instant::now() + STOP;
         loop {
             match self.events.recv_timeout(due.saturating_duration_since(Instant::now())) {
