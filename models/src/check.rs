@@ -1,7 +1,8 @@
 //! The report of `check` about a robot.
 
-use sarrus_dynamics::{ClosureInfo, ModelInfo};
-use serde::ser::{Serialize, SerializeStruct, Serializer};
+use sarrus_dynamics::{Bound, ClosureInfo, ModelInfo};
+use serde::Serialize;
+use serde::ser::{SerializeStruct, Serializer};
 
 use crate::assembly_report::AssemblyReport;
 use crate::closures;
@@ -22,6 +23,8 @@ pub struct CheckReport {
     pub model: Option<ModelInfo>,
     /// How each submechanism is closed.
     pub closures: Vec<ClosureReport>,
+    /// The bound on the work of a request.
+    pub bound: Option<Bound>,
     /// Warnings.
     pub warnings: Vec<Diagnostic>,
     /// Faults to correct.
@@ -54,9 +57,10 @@ pub struct ClosureReport {
 // the keys of `check --format json`
 impl Serialize for CheckReport {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let CheckReport { robot, fingerprint, model, closures, warnings, errors, assembled } = self;
+        let CheckReport { robot, fingerprint, model, closures, bound, .. } = self;
+        let CheckReport { warnings, errors, assembled, .. } = self;
         let names = |of: fn(&ModelInfo) -> &[String]| model.as_ref().map_or(&[][..], of);
-        let n = 10 + usize::from(assembled.is_some());
+        let n = 11 + usize::from(assembled.is_some());
         let mut object = serializer.serialize_struct("CheckReport", n)?;
         object.serialize_field("robot", robot)?;
         object.serialize_field("fingerprint", fingerprint)?;
@@ -66,12 +70,26 @@ impl Serialize for CheckReport {
         object.serialize_field("active", names(|model| &model.active))?;
         object.serialize_field("loops", names(|model| &model.loops))?;
         object.serialize_field("closures", closures)?;
+        object.serialize_field("bound", &bound.map(BoundReport::from))?;
         object.serialize_field("warnings", warnings)?;
         object.serialize_field("errors", errors)?;
         if let Some(assembled) = assembled {
             object.serialize_field("assembled", assembled)?;
         }
         object.end()
+    }
+}
+
+/// A bound as `check --format json` prints it.
+#[derive(Serialize)]
+struct BoundReport {
+    steps: u32,
+    ns: f64,
+}
+
+impl From<Bound> for BoundReport {
+    fn from(Bound { steps, ns }: Bound) -> BoundReport {
+        BoundReport { steps, ns: ns.round() }
     }
 }
 
@@ -142,6 +160,7 @@ impl CheckReport {
             fingerprint: Some(format!("{:016x}", model.fingerprint())),
             model: Some(model.info().clone()),
             closures: closures.collect(),
+            bound: Some(model.bound()),
             ..CheckReport::of_diagnostics(&loaded.report)
         }
     }

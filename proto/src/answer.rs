@@ -99,7 +99,9 @@ impl FailedState {
             Status::Overloaded => {
                 "the server has more work than it accepts; ask again or start another server"
             }
-            Status::Late => "the deadline passed first; allow more time, or ask other clients for less",
+            Status::Late => {
+                "the deadline passed first; allow more time, or ask other clients for less"
+            }
             Status::ShuttingDown => "the server is stopping; ask again when it is back",
             Status::CorruptAnswer => {
                 "memory was changed on the way, the checksum fails; ask again, and find out which \

@@ -50,6 +50,8 @@ wire_enum! {
         /// The connection was made by another process, from which this one was forked. The numbers
         /// are NaN, and the server was not asked.
         OtherProcess = 17, "other_process";
+        /// The deadline of the request passed before its answer was there. The numbers are NaN.
+        Late = 18, "late";
     }
 }
 
@@ -117,7 +119,7 @@ mod tests {
             assert_eq!(*status as usize, code);
             assert_eq!(Status::from_code(code as u32), Some(*status));
         }
-        for code in [18, 1 << 31, u32::MAX] {
+        for code in [19, 1 << 31, u32::MAX] {
             assert_eq!(Status::from_code(code), None);
             assert_eq!(Status::of_answer(code), Status::UnknownStatus);
         }

@@ -1,7 +1,9 @@
 //! Failed requests have the status of their cause, and NaN in place of every invalid number.
 
 use sarrus_dynamics::scalar::{Dd, Real};
-use sarrus_dynamics::{Field, Model, Plan, PlanScalar, Request, Status, Workspace};
+use sarrus_dynamics::{
+    Field, FieldSet, Model, Plan, PlanScalar, Query, QueryOptions, Request, Status, Workspace,
+};
 use sarrus_models::{Options, Source, load};
 use sarrus_tests::cases::{Case, Ledger, robots};
 use sarrus_tests::compare::error_by_size;
@@ -361,7 +363,12 @@ fn actuators_that_cannot_tell_the_pose_do_not_pretend_to() {
 fn a_failure_tells_how_open_the_loop_stayed_where_that_is_asked() {
     let case = lambda("NUMERICAL", 0.9, 0.3);
     let mut robot = Robot::new(case.compiled.model.clone());
-    let x = robot.ask(Request::Kinematics, &[(Y, &[-1.5])], &[Q, Residual, NearestY]);
+    let want = FieldSet::of(&[Q, Residual, NearestY]);
+    let query = Query::new(Request::Kinematics, FieldSet::EMPTY, want);
+    // without a search the nearest y is not sought
+    let bounded = robot.ask_for(query, &[(Y, &[-1.5])]);
+    assert!(bounded.answer.status != Status::Ok && bounded.get(NearestY)[0].is_nan());
+    let x = robot.ask_for(query.with_options(QueryOptions::SEARCH), &[(Y, &[-1.5])]);
     assert_ne!(x.answer.status, Status::Ok);
     assert!(x.get(Residual)[0] > 1e-6, "residual {:?}", x.get(Residual));
     let nearest = x.get(NearestY)[0];

@@ -141,7 +141,7 @@ fn compare_rows(
     let mut count = Count::default();
     for first in range.step_by(ROWS) {
         let input: Vec<f64> = (first..).take(ROWS).flat_map(|k| states.state(k)).collect();
-        let by_code = native.answer_rows(plan, &mut scratch, &input, &mut found, &mut answers);
+        let (_, by_code) = native.answer_rows(plan, &mut scratch, &input, &mut found, &mut answers);
         count.answered += by_code as u64;
         for (row, answer) in answers.iter().enumerate() {
             let input = &input[row * n_in..][..n_in];

@@ -13,6 +13,7 @@ mod agreement;
 mod allocation;
 mod assembly;
 mod batches;
+mod bounded;
 mod c;
 mod can;
 mod closures;

@@ -95,7 +95,7 @@ fn fields_keep_their_numbers_and_names() {
 
 #[test]
 fn statuses_and_requests_keep_their_numbers_and_names() {
-    const NAMES: [&str; 18] = [
+    const NAMES: [&str; 19] = [
         "ok",
         "bad_request",
         "non_finite_input",
@@ -114,6 +114,7 @@ fn statuses_and_requests_keep_their_numbers_and_names() {
         "corrupt_answer",
         "unknown_status",
         "other_process",
+        "late",
     ];
     for (code, name) in NAMES.into_iter().enumerate() {
         assert_eq!(Status::from_code(code as u32).map(Status::name), Some(name));
@@ -261,7 +262,7 @@ fn what_a_bridge_says_keeps_its_numbers_and_names() {
 
 #[test]
 fn a_number_that_this_version_does_not_know_has_no_meaning() {
-    for code in [18, 19, 1 << 16, u32::MAX] {
+    for code in [19, 20, 1 << 16, u32::MAX] {
         assert_eq!((Status::from_code(code), Status::name_of(code)), (None, "unknown"));
         assert_eq!(Status::of_answer(code), Status::UnknownStatus);
     }

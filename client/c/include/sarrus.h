@@ -133,6 +133,10 @@ enum sarrus_status
      */
     SARRUS_STATUS_OTHER_PROCESS = 17,
     /**
+     * The deadline of the request passed before its answer was there.
+     */
+    SARRUS_STATUS_LATE = 18,
+    /**
      * A pointer that must not be NULL is.
      */
     SARRUS_STATUS_NULL_POINTER = 100,
@@ -410,6 +414,11 @@ enum sarrus_query_option
      * Answers have the age of their request and the time taken: sarrus_robot_times.
      */
     SARRUS_QUERY_OPTION_TIMES = 2,
+    /**
+     * Loops are followed, and nearest_y is sought, as long as it takes; without it the work of a
+     * request is bounded.
+     */
+    SARRUS_QUERY_OPTION_SEARCH = 4,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L

@@ -35,6 +35,9 @@ pub enum QueryOption {
     Checksum = 1,
     /// Answers have the age of their request and the time taken: sarrus_robot_times.
     Times = 2,
+    /// Loops are followed, and nearest_y is sought, as long as it takes; without it the work of a
+    /// request is bounded.
+    Search = 4,
 }
 
 /// A query by names. Begin with zeros, `sarrus_query query = {0};`, and set the members needed.
@@ -144,6 +147,9 @@ pub unsafe extern "C" fn sarrus_robot_prepare(
         }
         if options.contains(sarrus_client::QueryOptions::TIMES) {
             builder = builder.times();
+        }
+        if options.contains(sarrus_client::QueryOptions::SEARCH) {
+            builder = builder.search();
         }
         if let Some(bound) = tolerance("loop_tolerance", query.loop_tolerance)? {
             builder = builder.loop_tolerance(bound);

@@ -45,6 +45,8 @@ pub enum StatusCode {
     UnknownStatus = 16,
     /// The connection belongs to the process that made it, from which this one was forked.
     OtherProcess = 17,
+    /// The deadline of the request passed before its answer was there.
+    Late = 18,
     /// A pointer that must not be NULL is.
     NullPointer = 100,
     /// A pointer is not aligned for its type.
@@ -102,7 +104,7 @@ pub enum Warning {
 }
 
 /// All statuses with their names, which are those of the wire for the status of an answer.
-const NAMES: [(StatusCode, &CStr); 38] = [
+const NAMES: [(StatusCode, &CStr); 39] = [
     (StatusCode::Ok, c"ok"),
     (StatusCode::BadRequest, c"bad_request"),
     (StatusCode::NonFiniteInput, c"non_finite_input"),
@@ -121,6 +123,7 @@ const NAMES: [(StatusCode, &CStr); 38] = [
     (StatusCode::CorruptAnswer, c"corrupt_answer"),
     (StatusCode::UnknownStatus, c"unknown_status"),
     (StatusCode::OtherProcess, c"other_process"),
+    (StatusCode::Late, c"late"),
     (StatusCode::NullPointer, c"null_pointer"),
     (StatusCode::UnalignedPointer, c"unaligned_pointer"),
     (StatusCode::OverlappingArrays, c"overlapping_arrays"),

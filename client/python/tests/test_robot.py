@@ -260,7 +260,7 @@ class Arrays(unittest.TestCase):
 
     def test_what_survives_a_failure_is_in_the_error(self):
         robot = sarrus.Robot.bundled("wrist")
-        query = robot.query("kinematics", ["y"], ["q", "nearest_y"])
+        query = robot.query("kinematics", ["y"], ["q", "nearest_y"], search=True)
         with self.assertRaises(sarrus.StateError) as caught:
             query(y=[2.0, 2.0])
         error = caught.exception

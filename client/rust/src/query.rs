@@ -172,6 +172,13 @@ impl<'a> QueryBuilder<'a> {
         self
     }
 
+    /// Lets closures be continued, and `nearest_y` be sought, as long as it takes: without it the
+    /// work of a request is bounded, and a state that needs more is `not_converged`.
+    pub fn search(mut self) -> Self {
+        self.query = self.query.with_options(QueryOptions::SEARCH);
+        self
+    }
+
     /// The largest gap of redundant rows, in radians or lengths of the cluster, without the warning
     /// `loop_open`; 1e-6 by default.
     pub fn loop_tolerance(mut self, tolerance: f64) -> Self {

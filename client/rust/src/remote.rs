@@ -111,6 +111,11 @@ impl Remote {
         }
     }
 
+    /// The deadline of single requests from now on.
+    pub(crate) fn set_deadline(&mut self, deadline: Option<Duration>) {
+        self.options.deadline = deadline;
+    }
+
     /// Asks and waits. The request is sent again if the server restarts meanwhile.
     pub(crate) fn ask(
         &mut self,

@@ -1,6 +1,7 @@
 //! A robot, in another process or in this one.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use sarrus_dynamics::{Compiled, Model};
 use sarrus_models::{LoadError, Options, Source, load};
@@ -180,7 +181,15 @@ impl Robot {
         self.seen.times
     }
 
-    /// Answers that came after [`ConnectOptions::deadline`], as measured on this side; 0 in
+    /// Requests to a server from now on have this deadline in place of
+    /// [`ConnectOptions::deadline`]; `None`: none. No effect in process.
+    pub fn set_deadline(&mut self, deadline: Option<Duration>) {
+        if let Side::Remote(remote) = &mut self.side {
+            remote.set_deadline(deadline);
+        }
+    }
+
+    /// Answers that came after the deadline of their requests, as measured on this side; 0 in
     /// process.
     pub fn late(&self) -> u64 {
         self.seen.late

@@ -71,7 +71,7 @@ pub use compile::{SuggestedIndependents, suggest_independents};
 pub use constrained::ImplicitForm;
 pub use diagnostic::{CompileError, Diagnostic, Site};
 pub use initial_pose::{AssembleError, Assembled, OpenModel, closing_placements, rezeroed};
-pub use model::{ClosureAtZero, Compiled, Method, Model};
+pub use model::{Bound, ClosureAtZero, Compiled, Method, Model};
 pub use plan::{
     Batch, BatchWorkspace, ClosedNumbers, MOST_ROWS, Outline, PackedRows, Plan, PlanScalar,
     STRAIGHT_FIELDS,
@@ -79,6 +79,6 @@ pub use plan::{
 pub use reduction::{Lock, Reduced, locked, restricted};
 pub use sarrus_proto::{
     Answer, ClosureInfo, ClosureKind, FailedState, Field, FieldSet, JointLimits, Layout, ModelInfo,
-    Query, QueryError, Request, Sizes, Slot, Status, Warnings,
+    Query, QueryError, QueryOptions, Request, Sizes, Slot, Status, Warnings,
 };
 pub use workspace::Workspace;

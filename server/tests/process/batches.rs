@@ -64,8 +64,8 @@ impl Rows {
     }
 }
 
-/// Questions whose states go abreast, and one whose states do not.
-fn queries() -> [Query; 4] {
+/// Questions whose states go abreast, one whose states do not, and that with a search.
+fn queries() -> [Query; 5] {
     use Field::*;
     let of = |request, given: &[Field], want: &[Field]| {
         Query::new(request, FieldSet::of(given), FieldSet::of(want))
@@ -77,6 +77,7 @@ fn queries() -> [Query; 4] {
             .with_wrenches(&[2]),
         of(Request::Kinematics, &[Y, Yd], &[Q, Qd, U, Ud]),
         of(Request::Kinematics, &[U], &[Q, G, Residual, NearestY]),
+        of(Request::Kinematics, &[U], &[Q, NearestY]).with_options(QueryOptions::SEARCH),
     ]
 }
 

@@ -69,7 +69,7 @@ fn lies_through_the_control_socket_are_refused() {
     for bad in [
         Query { request: 99, ..STATE },
         Query { want: FieldSet(u64::MAX), ..STATE },
-        Query { options: QueryOptions(4), ..STATE },
+        Query { options: QueryOptions(8), ..STATE },
         Query { n_frames: u16::MAX, ..STATE },
         Query { n_wrenches: 17, ..STATE },
         Query { n_frames: 1, frames: [u16::MAX; 32], ..STATE },

@@ -9,7 +9,7 @@ use faer::Mat;
 use sarrus_dynamics::description::SubmechanismKind::Numerical;
 use sarrus_dynamics::scalar::Dd;
 use sarrus_dynamics::{
-    Compiled, Field, FieldSet, LinkId, Model, Plan, Query, Request, Status, Workspace,
+    Compiled, Field, FieldSet, LinkId, Model, Plan, Query, QueryOptions, Request, Status, Workspace,
 };
 use sarrus_report::robots::small::{
     LOOSE, RHOMBUS, Slide, Turn, X as X_AXIS, Y as Y_AXIS, Z as Z_AXIS, cut, joint, mechanism,
@@ -35,7 +35,8 @@ fn warned(compiled: &Compiled) -> String {
 }
 
 fn at(robot: &mut Robot<f64>, y: &[f64], want: &[Field]) -> Fields<f64> {
-    robot.ask(Request::Kinematics, &[(Y, y)], want)
+    let query = Query::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(want));
+    robot.ask_for(query.with_options(QueryOptions::SEARCH), &[(Y, y)])
 }
 
 #[test]

@@ -139,6 +139,7 @@ class Robot:
         joints: list[str] | None = None,
         wrenches: list[str] = ...,
         checksum: bool = False,
+        search: bool = False,
         loop_tolerance: float | None = None,
         projection_tolerance: float | None = None,
     ) -> Query: ...

@@ -118,6 +118,7 @@ class Robot(DescribedRobot):
         joints: Sequence[str] | None = None,
         wrenches: Sequence[str] = (),
         checksum: bool = False,
+        search: bool = False,
         loop_tolerance: float | None = None,
         projection_tolerance: float | None = None,
     ) -> Query:
@@ -125,7 +126,9 @@ class Robot(DescribedRobot):
 
         `given` and `want` are names of fields, such as `y` and `tau_u`; the default of `want`
         depends on the request. `frames` and `wrenches` are names of links, `joints` names or
-        patterns (`AL*`) of the wanted rows. A `QueryError` has every unknown name.
+        patterns (`AL*`) of the wanted rows. A `QueryError` has every unknown name. The work of a
+        state is bounded; with `search` loops are followed, and `nearest_y` is sought, as long as
+        it takes.
 
         >>> import sarrus
         >>> robot = sarrus.Robot.bundled("lambda")
@@ -142,6 +145,7 @@ class Robot(DescribedRobot):
                 None if joints is None else list(joints),
                 list(wrenches),
                 checksum,
+                search,
                 loop_tolerance,
                 projection_tolerance,
             )

@@ -24,6 +24,7 @@ class Status(IntEnum):
     corrupt_answer = 15
     unknown_status = 16
     other_process = 17
+    late = 18
 
 
 class Warnings(IntFlag):

@@ -100,7 +100,7 @@ impl PyRobot {
     /// exception.
     #[pyo3(signature = (
         request, given, want = None, frames = vec![], joints = None, wrenches = vec![],
-        checksum = false, loop_tolerance = None, projection_tolerance = None
+        checksum = false, search = false, loop_tolerance = None, projection_tolerance = None
     ))]
     fn prepare(
         &self,
@@ -112,6 +112,7 @@ impl PyRobot {
         joints: Option<Vec<String>>,
         wrenches: Vec<String>,
         checksum: bool,
+        search: bool,
         loop_tolerance: Option<f64>,
         projection_tolerance: Option<f64>,
     ) -> PyResult<PyQuery> {
@@ -137,6 +138,9 @@ impl PyRobot {
             }
             if checksum {
                 query = query.checksum();
+            }
+            if search {
+                query = query.search();
             }
             if let Some(tolerance) = loop_tolerance {
                 query = query.loop_tolerance(tolerance);

@@ -4,6 +4,7 @@
 //! moves along or about the z axis of its body: loading rotates the frames of the bodies
 //! accordingly, and keeps a link's own frame as a [`Frame`].
 
+mod bound;
 mod closures_at_zero;
 mod compiled;
 mod method;
@@ -17,6 +18,8 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use sarrus_proto::{ClosureInfo, ModelInfo, Sizes};
 
+pub(crate) use bound::ACTUATOR_STEPS;
+pub use bound::Bound;
 pub use closures_at_zero::ClosureAtZero;
 pub(crate) use closures_at_zero::assess;
 pub use compiled::Compiled;

@@ -5,14 +5,12 @@ use sarrus_proto::{Field, Slot, Status};
 use crate::closure::{Level, Outcome, column_unit, largest_distance};
 use crate::linalg::solve_sound;
 use crate::mechanism::Cluster;
-use crate::model::Model;
+use crate::model::{ACTUATOR_STEPS, Model};
 use crate::plan::run::RunReport;
 use crate::plan::{Plan, Space};
 use crate::scalar::Real;
 use crate::workspace::Workspace;
 
-/// Newton steps from actuator to independent coordinates.
-const STEPS: u32 = 60;
 /// Longest of these steps, in radians or cluster lengths.
 const LONGEST: f64 = 0.2;
 /// Largest deviation of a quaternion from unit length.
@@ -320,7 +318,7 @@ fn actuator_newton<T: Real>(
     let tolerance = T::from_f64(0.1 * T::EPSILON.sqrt());
     let mut sign = T::ZERO;
     let mut damping = T::ONE;
-    for k in 0..STEPS {
+    for k in 0..ACTUATOR_STEPS {
         if ws.scratch.left == 0 {
             return Ok((Outcome::failed(Status::NotConverged, 0), 1.0));
         }

@@ -99,7 +99,8 @@ impl Plans {
         let number = PlanNumber::new(index, slot.generation);
         let checks = query.options.contains(QueryOptions::CHECKSUM);
         let kernel = self.kernels.kernel_of(&plan);
-        let order = PlanOrder::Serve(Box::new(ServedPlan { number, plan: Arc::new(plan), kernel, checks }));
+        let order =
+            PlanOrder::Serve(Box::new(ServedPlan { number, plan: Arc::new(plan), kernel, checks }));
         // there is room: full means that the answering thread is gone
         self.orders.push(order).map_err(|_| Refusal::TooManyPlans)?;
         slot.generation += 1;

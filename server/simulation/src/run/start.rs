@@ -1,6 +1,6 @@
 //! Where a simulation starts.
 
-use sarrus_dynamics::{Field, FieldSet, Model, Query, Request, Status, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Model, Query, QueryOptions, Request, Status, Workspace};
 
 use crate::coordinates::{Coordinates, largest};
 use crate::error::SimulationError;
@@ -81,7 +81,8 @@ impl Start {
 /// The closed pose at y, where closures start from their own zero.
 fn closed_from_zero(model: &Model<f64>, y: &[f64]) -> Result<Vec<f64>, SimulationError> {
     let [given, want] = [Field::Y, Field::Q].map(|field| FieldSet::of(&[field]));
-    let mut planned = Planned::new(model, &Query::new(Request::Kinematics, given, want))?;
+    let query = Query::new(Request::Kinematics, given, want);
+    let mut planned = Planned::new(model, &query.with_options(QueryOptions::SEARCH))?;
     planned.give(Field::Y, y);
     let status = planned.run(model, &mut Workspace::for_plans(model, [planned.plan()])).status;
     match status {
@@ -102,7 +103,8 @@ fn closed(
         Request::Kinematics,
         FieldSet::of(&[Q, Qd]),
         FieldSet::of(&[Y, Yd, Q, Qd, Residual]),
-    );
+    )
+    .with_options(QueryOptions::SEARCH);
     let mut planned = Planned::new(model, &query)?;
     let mut workspace = Workspace::for_plans(model, [planned.plan()]);
     planned.give(Q, q);

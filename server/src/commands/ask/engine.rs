@@ -58,10 +58,12 @@ impl Engine {
         self.was_lost
     }
 
-    /// Answers `rows` states of one query; `input` and `output` hold one packed row each.
+    /// Answers `rows` states of one query; `input` and `output` hold one packed row each. Rows with
+    /// a deadline are asked one by one.
     pub(super) fn ask(
         &mut self,
         query: &Query,
+        deadline: Option<Duration>,
         rows: usize,
         input: &[f64],
         output: &mut [f64],
@@ -74,15 +76,18 @@ impl Engine {
         }
         let nothing = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
         let mut answers = vec![nothing; rows];
-        let outcome = match (self.plan(query), &mut answers[..]) {
-            (Err(error), _) => Err(error),
-            (Ok(plan), [answer]) => {
-                self.robot.ask(plan, input, output).map(|answered| *answer = answered)
+        let outcome = self.plan(query).and_then(|plan| {
+            self.robot.set_deadline(deadline);
+            if rows > 1 && deadline.is_none() {
+                return self.robot.batch(plan, NonZeroUsize::MIN, input, output, &mut answers);
             }
-            (Ok(plan), answers) => {
-                self.robot.batch(plan, NonZeroUsize::MIN, input, output, answers)
+            let (n_in, n_out) = (input.len() / rows, output.len() / rows);
+            for (row, answer) in answers.iter_mut().enumerate() {
+                let input = &input[row * n_in..][..n_in];
+                *answer = self.robot.ask(plan, input, &mut output[row * n_out..][..n_out])?;
             }
-        };
+            Ok(())
+        });
         let Err(error) = outcome else {
             self.lost = None;
             return answers.into_iter().map(|answer| Reply { answer, words: None }).collect();

@@ -69,6 +69,11 @@ impl<'a> Value<'a> {
         if first.is_ascii_digit() || *first == b'-' { self.text.parse().ok() } else { None }
     }
 
+    /// True or false.
+    pub(super) fn boolean(&self) -> Option<bool> {
+        self.text.parse().ok()
+    }
+
     /// The name of its kind.
     pub(super) fn kind(&self) -> &'static str {
         match self.text.as_bytes().first() {

@@ -271,14 +271,16 @@ impl Session {
                 _ => None,
             })
             .collect();
-        while let Some(query) = open.first().map(|question| question.asked.query) {
-            let (mut alike, others): (Vec<_>, Vec<_>) =
-                open.into_iter().partition(|question| question.asked.query == query);
+        while let Some(first) = open.first() {
+            let Asked { query, deadline, .. } = first.asked;
+            let is_alike =
+                |one: &&mut Question| one.asked.query == query && one.asked.deadline == deadline;
+            let (mut alike, others): (Vec<_>, Vec<_>) = open.into_iter().partition(is_alike);
             open = others;
             let input: Vec<f64> = alike.iter().flat_map(|one| &one.input).copied().collect();
             let n_out = alike.first().map_or(0, |one| one.numbers.len());
             let mut output = vec![f64::NAN; alike.len() * n_out];
-            let replies = self.engine.ask(&query, alike.len(), &input, &mut output);
+            let replies = self.engine.ask(&query, deadline, alike.len(), &input, &mut output);
             for (row, (question, reply)) in alike.drain(..).zip(replies).enumerate() {
                 if reply.answer.status == Status::SingularActuation
                     && query.want.has(Field::JacobianActuator)

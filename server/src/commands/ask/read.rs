@@ -1,6 +1,8 @@
 //! Reads a line: its inputs and its wanted outputs, or the reason why it is invalid.
 
-use sarrus_client::{Field, FieldSet, ModelInfo, Query, QueryError, Request, Status};
+use std::time::Duration;
+
+use sarrus_client::{Field, FieldSet, ModelInfo, Query, QueryError, QueryOptions, Request, Status};
 use sarrus_models::{matching_joints, nearest_first};
 
 use sarrus_proto::Tolerance;
@@ -31,6 +33,8 @@ pub(super) fn read(
         joints: Vec::new(),
         wrenches: Vec::new(),
         tolerances,
+        searches: false,
+        deadline: None,
         given: Vec::new(),
         doubt: None,
     };
@@ -47,6 +51,13 @@ fn tolerance(name: &str, value: Value<'_>) -> Result<Tolerance, Problem> {
     Ok(Tolerance::new(number))
 }
 
+/// Microseconds from 1 on.
+fn deadline(value: Value<'_>) -> Result<Duration, Problem> {
+    let number = value.number().filter(|x| (1.0..=1e9).contains(x) && x.fract() == 0.0);
+    let expected = "deadline_us as whole microseconds from 1 to 1000000000";
+    number.map(|us| Duration::from_micros(us as u64)).ok_or_else(|| value.is_no(expected).into())
+}
+
 struct Reader<'a> {
     model: &'a ModelInfo,
     request: Option<Request>,
@@ -58,6 +69,8 @@ struct Reader<'a> {
     joints: Vec<u16>,
     wrenches: Vec<(u16, Vec<f64>)>,
     tolerances: [Tolerance; 2],
+    searches: bool,
+    deadline: Option<Duration>,
     given: Vec<Given>,
     doubt: Option<Problem>,
 }
@@ -76,6 +89,11 @@ impl Reader<'_> {
             "wrenches" => self.wrenches = self.read_wrenches(value)?,
             "loop_tolerance" => self.tolerances[0] = tolerance(&name, value)?,
             "projection_tolerance" => self.tolerances[1] = tolerance(&name, value)?,
+            "search" => {
+                let flag = value.boolean();
+                self.searches = flag.ok_or_else(|| value.is_no("search as true or false"))?;
+            }
+            "deadline_us" => self.deadline = Some(deadline(value)?),
             _ => match INPUTS.into_iter().find(|field| field.name() == name) {
                 Some(field) => {
                     let n = field.shape(&self.model.sizes, 0, 0).0;
@@ -85,7 +103,8 @@ impl Reader<'_> {
                 None => {
                     let known: Vec<&str> = INPUTS.iter().map(|field| field.name()).collect();
                     let known = format!(
-                        "{}, wrenches, frames, joints, want, loop_tolerance, projection_tolerance",
+                        "{}, wrenches, frames, joints, want, loop_tolerance, projection_tolerance, \
+                         search, deadline_us",
                         known.join(", ")
                     );
                     return Err(key.fault(format!(
@@ -238,6 +257,9 @@ impl Reader<'_> {
         let [loop_tolerance, projection_tolerance] = self.tolerances;
         let mut query =
             Query { loop_tolerance, projection_tolerance, ..Query::new(request, given, want) };
+        if self.searches {
+            query = query.with_options(QueryOptions::SEARCH);
+        }
         query = query.with_joints(self.joints);
         let frames = self.frames.unwrap_or_default();
         query = query.with_frames(&frames.iter().map(|(_, link)| *link).collect::<Vec<u16>>());
@@ -273,6 +295,7 @@ impl Reader<'_> {
             outputs: outputs.into_iter().map(|(output, _)| output).collect(),
             frames: frames.into_iter().map(|(name, _)| name).collect(),
             given,
+            deadline: self.deadline,
             doubt: self.doubt,
         })
     }

@@ -1,5 +1,7 @@
 //! The parts of a request line and the names of its fields.
 
+use std::time::Duration;
+
 use sarrus_client::{Field, FieldSet, Query, Status};
 
 use super::json::Fault;
@@ -13,6 +15,8 @@ pub(super) struct Asked {
     /// Names of the links whose frames are wanted.
     pub(super) frames: Vec<String>,
     pub(super) given: Vec<Given>,
+    /// Time until the answer, for a server.
+    pub(super) deadline: Option<Duration>,
     /// The fault that fails the state of a valid request.
     pub(super) doubt: Option<Problem>,
 }

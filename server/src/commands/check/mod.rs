@@ -158,6 +158,10 @@ fn in_words(report: &CheckReport) -> String {
         text += "\n";
         text += closures::LEGEND;
     }
+    if let Some(bound) = &report.bound {
+        let us = bound.ns / 1e3;
+        text += &format!("\nbound        {} Newton steps, {us:.0} µs a state\n", bound.steps);
+    }
     if let Some(assembled) = &report.assembled {
         text += "\n";
         text += &assembled::in_words(assembled);

@@ -15,8 +15,8 @@ use crate::scalar::Real;
 
 /// Most attempts at a substep per request; each takes at most ten Newton steps per block.
 const ATTEMPTS: u32 = 300;
-/// The same on the way to a trial pose.
-const TRIALS: u32 = 24;
+/// The same on the way to a trial pose, of which the next one is nearer.
+const TRIALS: u32 = 32;
 /// First and shortest substep, as fractions of the whole path.
 const FIRST: f64 = 1.0;
 const SHORTEST: f64 = 1e-12;

@@ -4,8 +4,8 @@
 use sarrus_proto::{Field, Status};
 
 use crate::closure::{
-    Closure, Level, constraint_jacobian, constraint_residual, dependents_range, interpolate,
-    largest_residual, UNBOUNDED,
+    Closure, Level, UNBOUNDED, constraint_jacobian, constraint_residual, dependents_range,
+    interpolate, largest_residual,
 };
 use crate::mechanism::{Body, Cluster};
 use crate::model::Model;

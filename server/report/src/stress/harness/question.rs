@@ -4,8 +4,8 @@ use std::collections::HashMap;
 
 use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{
-    Answer, Field, FieldSet, Method, Model, Plan, PlanScalar, Query, Request, Status, Warnings,
-    Workspace,
+    Answer, Field, FieldSet, Method, Model, Plan, PlanScalar, Query, QueryOptions, Request, Status,
+    Warnings, Workspace,
 };
 
 use super::robot::Robot;
@@ -174,7 +174,8 @@ impl Question {
     ) -> Outcome<Answered<T>> {
         let given = self.given.iter().fold(FieldSet::EMPTY, |set, (field, _)| set.with(*field));
         let query = Query::new(self.request, given, FieldSet::of(&self.want));
-        let query = query.with_frames(&self.frames);
+        // statuses and helps of a failure as the longest search finds them
+        let query = query.with_frames(&self.frames).with_options(QueryOptions::SEARCH);
         let query =
             if self.wrenches.is_empty() { query } else { query.with_wrenches(&self.wrenches) };
         let plan = match self.method {

@@ -10,9 +10,10 @@ use sarrus_proto::batch::{BatchHead, BatchShape, ClaimedBatch, MAX_BATCH_ROWS, S
 use sarrus_proto::board::{ClaimedLane, class_of};
 use sarrus_proto::message::PlanNumber;
 use sarrus_proto::run::{Link, Run};
-use sarrus_proto::{Domain, Field, FieldSet, PROTOCOL_VERSION, Query, Request, ServerName};
+use sarrus_proto::{Domain, Field, FieldSet, Node, PROTOCOL_VERSION, Query, Request, ServerName};
 
 use super::*;
+use crate::answering::aside::Aside;
 use crate::answering::engine::{MAX_PLAN_ORDERS, PlanOrder, ServedPlan};
 
 /// The number of the served plan.
@@ -31,15 +32,24 @@ struct Stepped {
 
 impl Stepped {
     fn new() -> Stepped {
-        let source = Source::Bundled("rh5v2_upper_body".into());
-        let model: Model<f64> = load(&source, &Options::default()).unwrap().compiled.model;
         let motion = FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]);
         let query = Query::new(Request::InverseDynamics, motion, FieldSet::of(&[Field::TauU]));
+        Stepped::of("rh5v2_upper_body", query)
+    }
+
+    fn of(robot: &str, query: Query) -> Stepped {
+        let source = Source::Bundled(robot.into());
+        let model: Model<f64> = load(&source, &Options::default()).unwrap().compiled.model;
         let plan = Plan::new(&model, &query).unwrap();
         let fingerprint = model.fingerprint();
         let (mut plan_orders, plan_orders_out) = RingBuffer::new(MAX_PLAN_ORDERS);
         let (retired_plans, _) = RingBuffer::new(8);
-        let served = ServedPlan { number: NUMBER, plan: Arc::new(plan.clone()), kernel: None, checks: false };
+        let served = ServedPlan {
+            number: NUMBER,
+            plan: Arc::new(plan.clone()),
+            kernel: None,
+            checks: false,
+        };
         assert!(plan_orders.push(PlanOrder::Serve(Box::new(served))).is_ok());
         let (orders_in, orders) = RingBuffer::new(16);
         let (retired_in, retired) = RingBuffer::new(16);
@@ -60,6 +70,20 @@ impl Stepped {
             wait: Wait::Busy,
         };
         Stepped { hot, plan, fingerprint, plan_orders, orders: orders_in, retired }
+    }
+
+    /// The client's side of a lane that is polled from now on; it ends with the link.
+    fn lane(&mut self, domain: &Domain, run: &Run, place: usize) -> (ClaimedLane, Vec<Node>, Link) {
+        let (number, link) = run.new_link().unwrap();
+        let classes = [self.plan.given().len(), self.plan.want().len()];
+        let classes = classes.map(|n| class_of(n).unwrap());
+        let node = link.node().unwrap();
+        let lane = ServedLane::create(&node, classes).unwrap();
+        assert!(self.orders.push(Order::Serve { place, end: End::Lane(lane, 0) }).is_ok());
+        self.hot.handle_orders();
+        let other = Link::new(domain, run.instance(), number).unwrap().node().unwrap();
+        let lane = ClaimedLane::claim(&other, classes).unwrap();
+        (lane, vec![node, other], link)
     }
 
     /// The client's side of an area, which is polled from now on.
@@ -227,4 +251,122 @@ fn a_plan_that_panics_over_a_tile_ends_its_client_alone() {
     let broken = back.iter().filter(|(_, end)| matches!(end, End::Broken)).count();
     assert_eq!((back.len(), broken, stepped.hot.ends.len()), (2, 1, 1));
     assert!(back.iter().all(|(place, _)| *place == 2));
+}
+
+/// Requests a state through a lane.
+fn request(stepped: &Stepped, lane: &mut ClaimedLane, sequence: u64, y: &[f64]) {
+    let head = RequestHead {
+        version: PROTOCOL_VERSION,
+        plan: NUMBER.0,
+        fingerprint: stepped.fingerprint,
+        sequence,
+        ..RequestHead::default()
+    };
+    lane.outbox.numbers()[..y.len()].copy_from_slice(y);
+    lane.outbox.publish(head);
+}
+
+/// The status and the bits of the answer of this sequence, if it is there.
+fn answer(stepped: &Stepped, lane: &mut ClaimedLane, sequence: u64) -> Option<(u32, Vec<u64>)> {
+    let n = stepped.plan.want().len();
+    let (head, numbers) = lane.inbox.poll()?;
+    let bits = numbers[..n].iter().map(|x| x.to_bits()).collect();
+    (head.sequence == sequence).then_some((head.status, bits))
+}
+
+#[test]
+fn a_state_that_needs_more_than_a_turn_delays_nobody_and_has_the_bits_of_the_plan() {
+    let root = std::env::temp_dir().join(format!("sarrus-aside-{}", std::process::id()));
+    let domain = Domain::at(&root).unwrap();
+    let run = Run::start(&domain, &ServerName::new("aside").unwrap()).unwrap();
+    let (given, want) = (FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q, Field::NearestY]));
+    // near zero a turn suffices; the others need longer, and one of them has no answer
+    let good = [0.1, 0.1, 0.0];
+    let long = [[0.38, 0.38, 0.1], [-0.39, 0.37, 0.2], [0.7, 0.6, 0.3]];
+    for options in [sarrus_proto::QueryOptions::NONE, sarrus_proto::QueryOptions::SEARCH] {
+        let query = Query::new(Request::Kinematics, given, want).with_options(options);
+        let mut stepped = Stepped::of("delta", query);
+        let source = Source::Bundled("delta".into());
+        let model = Arc::new(load(&source, &Options::default()).unwrap().compiled.model);
+        let threads = [(); 2].map(|()| Aside::start(&model, "aside", 8, || {}).unwrap());
+        stepped.hot.engine.set_aside(threads);
+        let mut whole = sarrus_dynamics::Workspace::new(&model);
+        let mut expect = |y: &[f64]| {
+            let mut output = vec![0.0; stepped.plan.want().len()];
+            let status = stepped.plan.run(&model, &mut whole, y, &mut output).status;
+            (status as u32, output.iter().map(|x| x.to_bits()).collect::<Vec<u64>>())
+        };
+        let expected = long.map(|y| expect(&y));
+        let of_good = expect(&good);
+        assert_eq!(of_good.0, Status::Ok as u32);
+
+        let mut honest = stepped.lane(&domain, &run, 0);
+        let mut others = [1, 2, 3].map(|place| stepped.lane(&domain, &run, place));
+        for (other, y) in others.iter_mut().zip(&long) {
+            request(&stepped, &mut other.0, 1, y);
+        }
+        let mut found = [const { None }; 3];
+        let mut sequence = 0;
+        let mut waited = 0;
+        while found.iter().any(Option::is_none) {
+            sequence += 1;
+            request(&stepped, &mut honest.0, sequence, &good);
+            let answered = stepped.hot.sweep(false);
+            assert_eq!(answer(&stepped, &mut honest.0, sequence).as_ref(), Some(&of_good));
+            let mut new = 0;
+            for (found, other) in found.iter_mut().zip(&mut others) {
+                if found.is_none() {
+                    *found = answer(&stepped, &mut other.0, 1);
+                    new += usize::from(found.is_some());
+                }
+            }
+            // at most one state for each client
+            assert_eq!(answered, 1 + new);
+            waited += usize::from(new == 0);
+        }
+        assert!(waited > 0, "no state was computed aside");
+        assert_eq!(found.map(Option::unwrap), expected);
+
+        // a client that is gone meanwhile holds nobody up
+        request(&stepped, &mut others[0].0, 2, &long[1]);
+        request(&stepped, &mut others[1].0, 2, &long[2]);
+        stepped.hot.sweep(false);
+        for place in [1, 2] {
+            assert!(stepped.orders.push(Order::Retire { place }).is_ok());
+        }
+        stepped.hot.handle_orders();
+        request(&stepped, &mut others[2].0, 2, &long[0]);
+        let last = loop {
+            stepped.hot.sweep(false);
+            if let Some(last) = answer(&stepped, &mut others[2].0, 2) {
+                break last;
+            }
+        };
+        assert_eq!(last, expected[0]);
+        let [first, second, third] = others;
+        drop((stepped, honest.0, first.0, second.0, third.0));
+        for (nodes, link) in [(honest.1, honest.2), (first.1, first.2), (second.1, second.2)] {
+            drop(nodes);
+            link.remove();
+        }
+        drop(third.1);
+        third.2.remove();
+    }
+    drop(run);
+    domain.tidy();
+}
+
+#[test]
+fn the_heart_beats_between_two_states_once_it_is_due() {
+    let mut stepped = Stepped::new();
+    let areas = [0, 1].map(|place| stepped.batches(place));
+    areas.iter().for_each(|area| stepped.ask(area, 1, ROWS));
+    let descriptor = stepped.hot.heartbeat.reader_descriptor().unwrap();
+    let reader = sarrus_proto::heartbeat::HeartbeatReader::new(&descriptor).unwrap();
+    for beats in [1, 1, 0] {
+        stepped.hot.beat = if beats == 1 { 0 } else { u64::MAX };
+        let before = reader.read().beats;
+        assert_eq!(stepped.hot.sweep(false), 1);
+        assert_eq!(reader.read().beats - before, beats);
+    }
 }
