@@ -9,6 +9,8 @@ use crate::{Status, Warnings};
 pub const PROTOCOL_VERSION: u32 = 7;
 /// Plans that a server holds at once; a power of two, see [`PlanNumber`].
 pub const MAX_PLANS: usize = 1024;
+/// Plans that one process of clients may hold; the others stay for other processes.
+pub const MAX_PLANS_OF_PROCESS: usize = 768;
 /// Numbers that one request can carry: y, ẏ, ÿ and a guess of a thousand joints.
 pub const MAX_NUMBERS_IN: usize = 4096;
 /// Numbers that one answer can carry.

@@ -152,6 +152,28 @@ fn one_client_too_many_of_the_service_is_told_so() {
 }
 
 #[test]
+fn one_process_cannot_take_all_lanes_and_connections() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("shared", &["--lanes", "8"]);
+    let mut own: Vec<Asker> =
+        (0..7).map(|_| Asker::new(sandbox.connect("shared", Transport::Lane).unwrap())).collect();
+    let us = std::process::id();
+    let error = sandbox.connect("shared", Transport::Lane).err().unwrap();
+    assert!(matches!(error, ConnectError::NoFreeSlot { limit: 7, .. }), "{error}");
+    assert!(error.to_string().contains(&format!("; process {us} holds 7; ")), "{error}");
+    sandbox.client("shared", Transport::Lane).kill();
+    // and its connections with nothing but a greeting
+    let room = 8 + MAX_SERVICE_CLIENTS + 64 - own.len();
+    let _crowd: Vec<Raw> = (0..room).map(|_| sandbox.raw("shared")).collect();
+    let error = sandbox.connect("shared", Transport::Service).err().unwrap();
+    assert!(error.to_string().contains(&format!("; process {us} holds 104; ")), "{error}");
+    for transport in [Transport::Lane, Transport::Service] {
+        sandbox.client("shared", transport).kill();
+    }
+    own.iter_mut().for_each(|asker| assert_eq!(asker.ask().unwrap().status, Status::Ok));
+}
+
+#[test]
 fn a_client_behind_a_crowd_that_says_nothing_is_told_that_there_is_no_room() {
     let sandbox = Sandbox::new();
     let server = sandbox.serve("queue", &["--lanes", "1"]);

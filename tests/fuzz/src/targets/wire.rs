@@ -15,7 +15,7 @@ use sarrus_proto::board::class_of;
 use sarrus_proto::control::{
     Call, CallHead, ControlRequest, ControlResponse, Grant, Refusal, exchange,
 };
-use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, RequestHead};
+use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS_OF_PROCESS, RequestHead};
 use sarrus_proto::run::Link;
 use sarrus_proto::service::{OpenedService, open_compute};
 use sarrus_proto::socket::{ControlSocket, MAX_MESSAGE};
@@ -372,7 +372,7 @@ impl Served {
                 law(given > MAX_NUMBERS_IN || want > MAX_NUMBERS_OUT, || about("it is not"))
             }
             (Ok(_), Err(Refusal::TooManyPlans)) => {
-                law(self.plans.len() == MAX_PLANS, || about("there is room"))
+                law(self.plans.len() == MAX_PLANS_OF_PROCESS, || about("there is room"))
             }
             (Ok((given, want)), Ok(Grant::Plan { number, n_in, n_out })) => {
                 law([*n_in, *n_out] == [given, want], || about("other sizes"))?;
