@@ -215,6 +215,13 @@ impl Link {
         Ok(())
     }
 
+    /// True if a file of the link is empty, as none is that a client has made; lists all files in
+    /// shared memory.
+    pub fn has_empty_file(&self) -> bool {
+        shared_files(&self.prefix)
+            .any(|path| fs::metadata(path).is_ok_and(|found| found.len() == 0))
+    }
+
     /// Removes the whole link; call it after this process's node in it is dropped. An incomplete
     /// link is searched for.
     pub fn remove(&self) {

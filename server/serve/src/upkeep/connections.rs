@@ -9,7 +9,7 @@ use std::io::ErrorKind;
 use std::ops::Range;
 use std::os::fd::OwnedFd;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::mpsc;
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -19,7 +19,7 @@ use sarrus_proto::batch::ServedBatch;
 use sarrus_proto::board::ServedLane;
 use sarrus_proto::control::{Holder, Refusal};
 use sarrus_proto::message::{ClientStatistics, MAX_SERVICE_CLIENTS};
-use sarrus_proto::run::Run;
+use sarrus_proto::run::{Link, Run};
 use sarrus_proto::service::{ServedService, serve_compute};
 use sarrus_proto::socket::{ControlListener, ControlSocket, MAX_MESSAGE, timespec};
 use tracing::info;
@@ -39,8 +39,11 @@ const MAX_OBSERVERS: usize = 64;
 const SILENCE: Duration = Duration::from_millis(100);
 /// Longest wait of a client for an end that is being returned.
 const HAND_BACK_TIME: Duration = Duration::from_millis(100);
-/// Longest time in which the memory of a client is mapped.
-const CONNECT_TIME: Duration = Duration::from_millis(250);
+/// Usual time in which the memory of a client is mapped; then its files are searched for an empty
+/// one.
+const CONNECT_TIME: Duration = Duration::from_millis(100);
+/// Longest time in which it is mapped.
+const LONGEST_CONNECT: Duration = Duration::from_secs(2);
 /// Shared memory of a lane besides its numbers, and reserve for others `[byte]`.
 const LANE_MARGIN: u64 = 256 << 10;
 /// Shared memory that a service takes, and that stays free for others `[byte]`.
@@ -165,7 +168,7 @@ impl Connections {
         self.clients.values().filter(move |client| client.place.is_some_and(&holds))
     }
 
-    /// The process that holds most of what is refused.
+    /// The process that holds most lanes, services or connections, where these are refused.
     pub(crate) fn greatest_holder(&self, refusal: &Refusal) -> Option<Holder> {
         let lanes = self.lanes();
         let process = |client: &Connection| client.process;
@@ -365,9 +368,9 @@ impl Connections {
             return Err(Refusal::NoEnd);
         };
         let pages = replaced_pages();
-        let outcome = connected(port).and_then(|port| {
-            let link = self.places[index].as_mut().map(|place| &mut place.link);
-            match link.map_or(Ok(()), |link| link.reserve(true)) {
+        let Some(place) = &mut self.places[index] else { return Err(Refusal::NoEnd) };
+        let outcome = connected(port, &place.link).and_then(|port| {
+            match place.link.reserve(true) {
                 Ok(()) if replaced_pages() == pages => Ok(port),
                 // without an error a page was missing meanwhile: the port is damaged
                 reserved => {
@@ -437,7 +440,10 @@ impl Connections {
 /// Maps the memory of a client that has opened its side of a service; a request cannot have come
 /// yet, and is dropped. The transport waits for ever for the first byte of a file that the client
 /// emptied: a thread of its own waits, and ends when the link is removed.
-fn connected(mut port: Box<dyn ServedService>) -> Result<Box<dyn ServedService>, Refusal> {
+fn connected(
+    mut port: Box<dyn ServedService>,
+    link: &Link,
+) -> Result<Box<dyn ServedService>, Refusal> {
     let (done, outcome) = mpsc::channel();
     let connect = move || {
         // dropping it could panic again
@@ -451,7 +457,16 @@ fn connected(mut port: Box<dyn ServedService>) -> Result<Box<dyn ServedService>,
     };
     let thread = thread::Builder::new().name("sarrus-connect".to_owned()).spawn(connect);
     thread.map_err(|error| failed(&error))?;
-    outcome.recv_timeout(CONNECT_TIME).map_err(|_| Refusal::NoEnd)
+    let start = Instant::now();
+    loop {
+        match outcome.recv_timeout(CONNECT_TIME) {
+            Ok(port) => return Ok(port),
+            // it may only lack a processor
+            Err(RecvTimeoutError::Timeout)
+                if start.elapsed() < LONGEST_CONNECT && !link.has_empty_file() => {}
+            Err(_) => return Err(Refusal::NoEnd),
+        }
+    }
 }
 
 impl Connection {
