@@ -93,7 +93,7 @@ pub struct ControlResponse {
     pub fingerprint: u64,
     /// Distinguishes the runs of a server.
     pub instance: u64,
-    /// The process that holds most of what is refused.
+    /// The process that holds most plans, lanes, services or connections, where these are refused.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub holder: Option<Holder>,
     /// The grant, or the reason of the refusal.

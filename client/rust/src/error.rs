@@ -267,7 +267,7 @@ fn lines(names: &[UnknownName]) -> String {
     names.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }
 
-/// Who holds most, with what separates it from the rest of the message.
+/// The process that holds most, as the middle of a message.
 fn held(holder: &Option<Holder>) -> String {
     holder.map_or(String::new(), |holder| format!("{holder}; "))
 }

@@ -187,10 +187,9 @@ fn log(client: u64, response: &ControlResponse) {
         Ok(Grant::Batch) => debug!(client, "batches are polled"),
         Ok(Grant::Left) => debug!(client, "lane or service given back"),
         Ok(Grant::Hello { .. } | Grant::Page { .. } | Grant::Statistics(_)) => {}
-        Err(reason) => match &response.holder {
-            Some(holder) => warn!(client, ?reason, %holder, "refused"),
-            None => warn!(client, ?reason, "refused"),
-        },
+        Err(reason) => {
+            warn!(client, ?reason, holder = response.holder.map(display), "refused");
+        }
     }
 }
 

@@ -1,10 +1,9 @@
-//! What one process of clients may hold, so that it cannot take everything from the others.
+//! The share of one process of clients, so that it cannot take everything from the others.
 //!
-//! A process is counted whole, by the number that the kernel gives for the other end of its
-//! connections, with all connections that it has. It may hold three quarters of the plans, all but
-//! an eighth of the lanes, and as many connections as are served without the reserve; it may make
-//! plans, lanes and services at a limited rate. What it holds beyond that is refused with its
-//! number.
+//! All connections of a process count together; the kernel gives its number. It may hold three
+//! quarters of the plans, all but an eighth of the lanes, and all but a few connections, and makes
+//! plans, lanes and services at a limited rate. More than that is refused, with the number of the
+//! process that holds most.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -26,7 +25,7 @@ pub(crate) fn most_lanes(n_lanes: usize) -> usize {
     n_lanes - n_lanes / 8
 }
 
-/// The process that holds most, from the process of each held thing.
+/// The process that holds most, by the process of each plan, lane or connection.
 pub(crate) fn greatest(processes: impl Iterator<Item = u32>) -> Option<Holder> {
     let mut held = BTreeMap::<u32, usize>::new();
     processes.for_each(|process| *held.entry(process).or_default() += 1);
