@@ -1,6 +1,7 @@
 //! The service of one client, with its settings: made by the server, opened by the client.
 
 use core::fmt::Debug;
+use core::sync::atomic::AtomicU64;
 
 use iceoryx2::port::server::Server;
 use iceoryx2::prelude::{BackpressureStrategy, ServiceName};
@@ -11,7 +12,7 @@ use iceoryx2::service::port_factory::request_response;
 use crate::lane::{
     ComputeActive, ComputeClient, ComputePending, Threadsafe, send_request, send_response,
 };
-use crate::message::{ComputeRequest, ComputeResponse, MAX_NUMBERS_OUT, RequestHead, ResponseHead};
+use crate::message::{ComputeRequest, ComputeResponse, RequestHead, ResponseHead};
 use crate::{DomainError, Node, PROTOCOL_VERSION};
 
 type Factory = request_response::PortFactory<Threadsafe, ComputeRequest, (), ComputeResponse, ()>;
@@ -123,7 +124,7 @@ pub trait ServedService: Send {
     /// has not run if the transport had no memory for a response.
     fn answer(
         &mut self,
-        answer: &mut dyn FnMut(&ComputeRequest, &mut [f64; MAX_NUMBERS_OUT]) -> ResponseHead,
+        answer: &mut dyn FnMut(&ComputeRequest, &[AtomicU64]) -> ResponseHead,
     ) -> bool;
 }
 
@@ -137,7 +138,7 @@ pub trait OpenedService: Send {
     ///
     /// # Errors
     /// [`Disconnected`] if no response can come.
-    fn poll(&mut self) -> Result<Option<(ResponseHead, &[f64])>, Disconnected>;
+    fn poll(&mut self) -> Result<Option<(ResponseHead, &[AtomicU64])>, Disconnected>;
 
     /// Ends the last request, answered or not.
     fn cancel(&mut self);
@@ -157,7 +158,7 @@ impl ServedService for Serving {
     #[inline]
     fn answer(
         &mut self,
-        answer: &mut dyn FnMut(&ComputeRequest, &mut [f64; MAX_NUMBERS_OUT]) -> ResponseHead,
+        answer: &mut dyn FnMut(&ComputeRequest, &[AtomicU64]) -> ResponseHead,
     ) -> bool {
         // an error concerns a client that is about to leave
         let Ok(Some(request)) = self.0.receive() else { return false };
@@ -201,12 +202,12 @@ impl OpenedService for Opened {
         is_taken
     }
 
-    fn poll(&mut self) -> Result<Option<(ResponseHead, &[f64])>, Disconnected> {
+    fn poll(&mut self) -> Result<Option<(ResponseHead, &[AtomicU64])>, Disconnected> {
         self.response = None;
         let pending = self.pending.as_ref().ok_or(Disconnected)?;
         self.response = pending.receive().map_err(|_| Disconnected)?;
         let payload = self.response.as_ref().map(|response| response.payload());
-        Ok(payload.map(|payload| (payload.head, payload.numbers.as_slice())))
+        Ok(payload.map(|payload| (payload.head(), payload.numbers())))
     }
 
     fn cancel(&mut self) {

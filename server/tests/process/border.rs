@@ -4,6 +4,7 @@
 use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
+use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
 use rustix::process::Signal;
@@ -364,7 +365,7 @@ fn an_entry_that_is_seen_again_is_answered_once() {
     let (_node, mut lane) = liar.take_lane([39, 256]).unwrap();
     for sequence in 1..50 {
         let head = liar.head(plan, sequence);
-        lane.outbox.numbers().fill(0.0);
+        lane.outbox.numbers().iter().for_each(|word| word.store(0, Relaxed));
         lane.outbox.publish(head);
         wait_until("an answer", || lane.inbox.poll().is_some());
         // the same request once more
