@@ -28,7 +28,7 @@ use std::sync::atomic::{
 use rustix::fs::{SealFlags, fcntl_add_seals};
 
 use crate::mapping::Mapping;
-use crate::message::{halves, pair};
+use crate::message::{halves, load_numbers, pair, store_numbers};
 use crate::{Answer, Status, Warnings};
 
 /// The most rows of one batch.
@@ -222,15 +222,11 @@ impl ClaimedBatch {
 }
 
 fn read(words: &[AtomicU64], first: usize, numbers: &mut [f64]) {
-    let words = words.get(first..).unwrap_or_default();
-    numbers.iter_mut().zip(words).for_each(|(number, word)| {
-        *number = f64::from_bits(word.load(Relaxed));
-    });
+    load_numbers(words.get(first..).unwrap_or_default(), numbers);
 }
 
 fn write(words: &[AtomicU64], first: usize, numbers: &[f64]) {
-    let words = words.get(first..).unwrap_or_default();
-    words.iter().zip(numbers).for_each(|(word, number)| word.store(number.to_bits(), Relaxed));
+    store_numbers(words.get(first..).unwrap_or_default(), numbers);
 }
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
 //! The boards of a lane, made by the server and claimed by its client.
 
+use core::sync::atomic::Ordering::Relaxed;
+
 use iceoryx2::port::writer::WriterCreateError;
 use iceoryx2::prelude::{ServiceName, ZeroCopySend};
 use iceoryx2::service::builder::blackboard::{BlackboardCreateError, BlackboardOpenError};
@@ -138,7 +140,7 @@ fn names() -> Result<[ServiceName; 2], ServiceError> {
 /// Writes both cells of an entry, so that their memory is mapped before a client waits for it.
 fn map<H: Default>(outbox: &mut dyn Outbox<H>) {
     for _ in 0..2 {
-        outbox.numbers().fill(0.0);
+        outbox.numbers().iter().for_each(|word| word.store(0, Relaxed));
         outbox.publish(H::default());
     }
 }

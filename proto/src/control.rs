@@ -1,5 +1,6 @@
 //! Calls outside the data path: JSON messages through the control socket, each answered by one.
 
+use std::fmt::{self, Display, Formatter};
 use std::io::ErrorKind;
 use std::os::fd::OwnedFd;
 use std::time::Instant;
@@ -92,8 +93,26 @@ pub struct ControlResponse {
     pub fingerprint: u64,
     /// Distinguishes the runs of a server.
     pub instance: u64,
+    /// The process that holds most plans, lanes, services or connections, where these are refused.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub holder: Option<Holder>,
     /// The grant, or the reason of the refusal.
     pub outcome: Result<Grant, Refusal>,
+}
+
+/// A process of clients, and how much it holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Holder {
+    /// Its number, as the server sees it.
+    pub process: u32,
+    /// Number of its plans, lanes, services or connections.
+    pub held: usize,
+}
+
+impl Display for Holder {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "process {} holds {}", self.process, self.held)
+    }
 }
 
 /// The grants of a server.
@@ -172,9 +191,17 @@ pub enum Refusal {
         /// Numbers out.
         n_out: usize,
     },
-    /// The table of plans is full.
+    /// The table of plans is full, or this process has
+    /// [`MAX_PLANS_OF_PROCESS`](crate::message::MAX_PLANS_OF_PROCESS).
     TooManyPlans,
-    /// Every lane is taken.
+    /// This process has made plans, lanes and services too fast for a while.
+    TooManyOrders {
+        /// The process.
+        process: u32,
+        /// Orders that it may make in a second.
+        per_second: u32,
+    },
+    /// Every lane is taken, or all that one process may hold.
     NoLane {
         /// Their number.
         limit: usize,

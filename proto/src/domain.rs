@@ -344,17 +344,27 @@ pub(crate) fn node(root: &Path, config: &Config) -> Result<Node, DomainError> {
     Ok(Node::new(node))
 }
 
-/// Removes other users' access to the files in shared memory that this process maps and whose names
-/// begin with `prefix`.
+/// The name of the transport's counter of nodes behind the prefix: the hash of a type's name and the
+/// version.
+const COUNTER: &str = "9204dd183d1c4d8e1ff592a30766ffa6765aa8b5_node.0_10_0.global_mgmt";
+
+/// The counter of nodes, which no process maps for long; searched for if another compiler gave it
+/// another name.
+fn counter(prefix: &str) -> Option<PathBuf> {
+    let path = Path::new(SHARED_MEMORY).join(format!("{prefix}{COUNTER}"));
+    let is_counter = |path: &PathBuf| path.extension().is_some_and(|end| end == "global_mgmt");
+    if path.exists() { Some(path) } else { shared_files(prefix).find(is_counter) }
+}
+
+/// Removes other users' access to the counter of nodes.
 fn close_to_others(prefix: &str) {
-    for path in mapped_files(prefix) {
-        let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
-        if let Ok(file) = rustix::fs::open(&path, flags, Mode::empty())
-            && rustix::fs::fstat(&file).is_ok_and(|found| found.st_mode & 0o077 != 0)
-        {
-            // a file of another user stays unchanged
-            let _ = rustix::fs::fchmod(&file, Mode::RUSR | Mode::WUSR);
-        }
+    let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    if let Some(path) = counter(prefix)
+        && let Ok(file) = rustix::fs::open(&path, flags, Mode::empty())
+        && rustix::fs::fstat(&file).is_ok_and(|found| found.st_mode & 0o077 != 0)
+    {
+        // a file of another user stays unchanged
+        let _ = rustix::fs::fchmod(&file, Mode::RUSR | Mode::WUSR);
     }
 }
 
@@ -430,16 +440,17 @@ pub(crate) fn is_at(directory: &File, path: &Path) -> bool {
     directory.metadata().map(id).is_ok_and(|ours| there.is_ok_and(|there| ours == there))
 }
 
-/// The files in shared memory that this process maps and whose names begin with `prefix`. Takes no
-/// longer for the files of other programs there.
-pub(crate) fn mapped_files(prefix: &str) -> BTreeSet<PathBuf> {
+/// The files in shared memory that this process maps and whose names begin with `prefix`, and the
+/// counter of nodes. Takes no longer for the files of other programs there.
+pub(crate) fn used_files(prefix: &str) -> BTreeSet<PathBuf> {
     let Ok(maps) = fs::read_to_string("/proc/self/maps") else {
         return shared_files(prefix).collect();
     };
     let start = format!("{SHARED_MEMORY}/{prefix}");
     let names = maps.lines().filter_map(|line| line.find(&start).map(|at| &line[at..]));
     // a removed file has a remark behind its name
-    names.filter(|name| !name.contains(' ')).map(PathBuf::from).collect()
+    let mapped = names.filter(|name| !name.contains(' ')).map(PathBuf::from);
+    mapped.chain(counter(prefix)).collect()
 }
 
 /// The files in shared memory whose names begin with `prefix`; takes time for each file there.
@@ -552,6 +563,22 @@ mod tests {
         assert_eq!(fs::read_dir(&named).unwrap().count(), 0);
         assert_eq!(fs::metadata(&named).unwrap().mode() & 0o7777, 0o2770);
         fs::remove_dir_all(&base).unwrap();
+    }
+
+    #[test]
+    fn the_counter_of_nodes_has_the_name_that_is_known_and_is_closed_to_others() {
+        let root = std::env::temp_dir().join(format!("sarrus-domain-count-{}", std::process::id()));
+        let domain = Domain::at(&root).unwrap();
+        let node = domain.node().unwrap();
+        let random = fs::read_to_string(root.join(PREFIX)).unwrap();
+        let prefix = format!("{}{random}_", domain.prefix());
+        let path = counter(&prefix).unwrap();
+        assert!(path.to_str().unwrap().ends_with(COUNTER), "{path:?}");
+        assert_eq!(fs::metadata(&path).unwrap().mode() & 0o777, 0o600);
+        assert!(used_files(&prefix).contains(&path));
+        drop(node);
+        domain.clear_nodes();
+        assert!(!path.exists());
     }
 
     #[test]

@@ -5,6 +5,14 @@
 //! polls for the answer, the server the other way round. Both write in place and neither allocates.
 //! The service is here for the same reason: its payloads are filled in place.
 //!
+//! # Shared words
+//!
+//! Memory that another process can write holds [`AtomicU64`] words here: each is read or written
+//! whole, once, and no `&[f64]` or `&mut [f64]` lies over it. Requests are copied into private
+//! memory before they are looked at, and answers are computed there and copied out; a process that
+//! writes meanwhile changes the numbers of an answer, and nothing that the compiler relies on. The
+//! same holds for the words of `mapping.rs`: batches and the heartbeat.
+//!
 //! # Memory ordering
 //!
 //! An entry is iceoryx2's cell (0.10.0, `iceoryx2-bb-lock-free`, `spmc/unrestricted_atomic.rs`):
@@ -38,12 +46,14 @@
 //! *Left to iceoryx2*: a copy whose exchange fails has read bytes while they were written. The copy
 //! is discarded and harmless on every processor, but the language requires these bytes to be
 //! atomic. Entries that are written by `update_with_copy` have no such fence. Payloads of the
-//! service pass through iceoryx2's queues; requests there are words, each of them atomic.
+//! service pass through iceoryx2's queues, and are words, each of them atomic. Those of the CAN
+//! bridge are plain values that are copied at once.
 // lint: safe Rust cannot write in place into shared memory; all code that needs it is in this file
 #![allow(unsafe_code)]
 
 use core::ptr::addr_of_mut;
-use core::sync::atomic::{Ordering::Acquire, fence};
+use core::slice;
+use core::sync::atomic::{AtomicU64, Ordering::Acquire, fence};
 
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::pending_response::PendingResponse;
@@ -53,9 +63,7 @@ use iceoryx2::port::writer::{EntryHandleMut, EntryValueUninit, Writer};
 use iceoryx2::prelude::{ZeroCopySend, ipc_threadsafe};
 
 use crate::actuators::{ActuatorCommand, ActuatorState, OperatorRequest};
-use crate::message::{
-    ComputeRequest, ComputeResponse, Entry, MAX_NUMBERS_OUT, RequestHead, ResponseHead,
-};
+use crate::message::{ComputeRequest, ComputeResponse, Entry, RequestHead, ResponseHead};
 use crate::watch::BridgeStatistics;
 
 /// The service variant of all ports: they move between threads.
@@ -83,6 +91,8 @@ plain! {
     BridgeStatistics = "sarrus.BridgeStatistics.v1";
     OperatorRequest = "sarrus.OperatorRequest.v1";
     ComputeRequest = "sarrus.ComputeRequest.v4";
+    // its bytes are those of the largest entry
+    ComputeResponse = "sarrus.LaneResponse.v4";
 }
 
 /// The reading end of a board.
@@ -95,9 +105,9 @@ pub trait Inbox<H>: Send {
 
 /// The writing end of a board.
 pub trait Outbox<H>: Send {
-    /// The numbers of the entry being written, with arbitrary contents; the reader does not see
-    /// them yet.
-    fn numbers(&mut self) -> &mut [f64];
+    /// The words of the numbers of the entry being written, with arbitrary contents; the reader
+    /// does not see them yet.
+    fn numbers(&mut self) -> &[AtomicU64];
     /// Gives head and numbers to the reader. Makes no system call, takes no lock, never allocates.
     fn publish(&mut self, head: H);
 }
@@ -134,8 +144,6 @@ impl<H: Copy + Send + 'static, const N: usize> Inbox<H> for Reading<H, N> {
 struct Writing<H: Copy + 'static, const N: usize> {
     // `None` only inside `publish`
     value: Option<EntryValueUninit<Threadsafe, u64, Entry<H, N>>>,
-    // holds the numbers if that ever fails
-    spare: [f64; 1],
     // an entry without its port is never recognised as a dead client's
     _port: Writer<Threadsafe, u64>,
 }
@@ -149,25 +157,26 @@ where
     Entry<H, N>: ZeroCopySend,
 {
     let entry: EntryHandleMut<_, _, Entry<H, N>> = port.entry(&KEY).ok()?;
-    Some(Box::new(Writing { value: Some(entry.loan_uninit()), spare: [0.0], _port: port }))
+    Some(Box::new(Writing { value: Some(entry.loan_uninit()), _port: port }))
 }
 
 impl<H: Copy + Send + 'static, const N: usize> Outbox<H> for Writing<H, N> {
     #[inline]
-    fn numbers(&mut self) -> &mut [f64] {
-        match &mut self.value {
-            // SAFETY: the value is a cell of a shared mapping that lives as long as the handle:
-            // every byte is mapped and has some value, and every bit pattern is a double. The cell
-            // is not the published one, and this handle is the board's only writer.
-            Some(value) => unsafe { &mut *addr_of_mut!((*value.value_mut().as_mut_ptr()).numbers) },
-            None => &mut self.spare,
+    fn numbers(&mut self) -> &[AtomicU64] {
+        let Some(value) = &mut self.value else { return &[] };
+        // SAFETY: the value is a cell of a shared mapping that lives as long as the handle: `N`
+        // doubles are mapped at this field, aligned as words, and any bits are an atomic integer.
+        // While the slice lives this process touches them through it alone.
+        unsafe {
+            let numbers = addr_of_mut!((*value.value_mut().as_mut_ptr()).numbers);
+            slice::from_raw_parts(numbers.cast(), N)
         }
     }
 
     #[inline]
     fn publish(&mut self, head: H) {
         if let Some(mut value) = self.value.take() {
-            // SAFETY: as in `numbers`; the head is plain data.
+            // SAFETY: the field lies in the cell of `numbers`; the head is plain data.
             unsafe { addr_of_mut!((*value.value_mut().as_mut_ptr()).head).write(head) };
             // SYNC POINT: lane entry (the other end is `poll`) SAFETY: the head was just written,
             // and unwritten numbers hold earlier bytes of the mapping: any bits are a double.
@@ -206,18 +215,16 @@ pub(crate) fn send_request(
 /// answer yet. It may not have run.
 pub(crate) fn send_response(
     request: &ComputeActive,
-    fill: impl FnOnce(&mut [f64; MAX_NUMBERS_OUT]) -> Option<ResponseHead>,
+    fill: impl FnOnce(&[AtomicU64]) -> Option<ResponseHead>,
 ) -> bool {
     // without memory there is no answer
-    let Ok(mut response) = request.loan_uninit() else { return true };
-    let payload = response.payload_mut().as_mut_ptr();
-    // SAFETY: the payload lies in a shared mapping that is loaned to us alone: every byte has some
-    // value, and any bits are a double. The head is written before the answer is sent.
-    let response = unsafe {
-        let Some(head) = fill(&mut *addr_of_mut!((*payload).numbers)) else { return false };
-        addr_of_mut!((*payload).head).write(head);
-        response.assume_init()
-    };
+    let Ok(response) = request.loan_uninit() else { return true };
+    // SAFETY: the payload lies in a shared mapping: every byte has some value, and any bits are an
+    // atomic integer.
+    let response = unsafe { response.assume_init() };
+    let payload: &ComputeResponse = response.payload();
+    let Some(head) = fill(payload.numbers()) else { return false };
+    payload.write_head(&head);
     // the client may have gone meanwhile
     let _ = response.send();
     true

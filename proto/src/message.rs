@@ -9,6 +9,8 @@ use crate::{Status, Warnings};
 pub const PROTOCOL_VERSION: u32 = 7;
 /// Plans that a server holds at once; a power of two, see [`PlanNumber`].
 pub const MAX_PLANS: usize = 1024;
+/// Plans that one process of clients may hold; the others stay for other processes.
+pub const MAX_PLANS_OF_PROCESS: usize = 768;
 /// Numbers that one request can carry: y, ẏ, ÿ and a guess of a thousand joints.
 pub const MAX_NUMBERS_IN: usize = 4096;
 /// Numbers that one answer can carry.
@@ -156,10 +158,7 @@ impl ComputeRequest {
     /// refuses plans that need more.
     pub fn write(&self, head: &RequestHead, numbers: &[f64]) {
         self.head.iter().zip(head.words()).for_each(|(word, value)| word.store(value, Relaxed));
-        self.numbers
-            .iter()
-            .zip(numbers)
-            .for_each(|(word, number)| word.store(number.to_bits(), Relaxed));
+        store_numbers(&self.numbers, numbers);
     }
 
     /// Reads the head.
@@ -172,15 +171,61 @@ impl ComputeRequest {
 
     /// Reads as many numbers as `numbers` holds.
     pub fn read(&self, numbers: &mut [f64]) {
-        numbers
-            .iter_mut()
-            .zip(&self.numbers)
-            .for_each(|(number, word)| *number = f64::from_bits(word.load(Relaxed)));
+        load_numbers(&self.numbers, numbers);
     }
 }
 
-/// An answer through the service.
-pub type ComputeResponse = Entry<ResponseHead, MAX_NUMBERS_OUT>;
+/// An answer through the service, in atomic words as the request.
+#[derive(Debug)]
+#[repr(C)]
+pub struct ComputeResponse {
+    head: [AtomicU64; ANSWER_HEAD],
+    numbers: [AtomicU64; MAX_NUMBERS_OUT],
+}
+
+/// Words of a [`ResponseHead`].
+const ANSWER_HEAD: usize = 4;
+
+impl ComputeResponse {
+    /// Writes the head.
+    pub(crate) fn write_head(&self, head: &ResponseHead) {
+        let ResponseHead { status, warnings, sequence, age_ns, took_ns, checksum } = *head;
+        let words = [pair(status, warnings), sequence, pair(age_ns, took_ns), checksum];
+        self.head.iter().zip(words).for_each(|(word, value)| word.store(value, Relaxed));
+    }
+
+    /// Reads the head.
+    pub(crate) fn head(&self) -> ResponseHead {
+        let [outcome, sequence, times, checksum] =
+            self.head.each_ref().map(|word| word.load(Relaxed));
+        let [status, warnings] = halves(outcome);
+        let [age_ns, took_ns] = halves(times);
+        ResponseHead { status, warnings, sequence, age_ns, took_ns, checksum }
+    }
+
+    /// The words of its numbers.
+    pub(crate) fn numbers(&self) -> &[AtomicU64] {
+        &self.numbers
+    }
+}
+
+/// Writes numbers to words that other processes reach; false if there are too few words. Never
+/// allocates.
+#[inline]
+pub fn store_numbers(words: &[AtomicU64], numbers: &[f64]) -> bool {
+    words.iter().zip(numbers).for_each(|(word, number)| word.store(number.to_bits(), Relaxed));
+    numbers.len() <= words.len()
+}
+
+/// Reads numbers from words that other processes reach; false if there are too few words. Never
+/// allocates.
+#[inline]
+pub fn load_numbers(words: &[AtomicU64], numbers: &mut [f64]) -> bool {
+    numbers.iter_mut().zip(words).for_each(|(number, word)| {
+        *number = f64::from_bits(word.load(Relaxed));
+    });
+    numbers.len() <= words.len()
+}
 
 /// Counters of the answering thread, every counter once: a `u64` as it travels, an atomic
 /// integer where it is counted.

@@ -16,7 +16,7 @@ use iceoryx2::prelude::Config;
 use rustix::fs::{FallocateFlags, Mode, OFlags, fallocate};
 
 use crate::domain::{
-    self, config, is_at, make_folder, mapped_files, node, random, remove_shared, shared_files,
+    self, config, is_at, make_folder, node, random, remove_shared, shared_files, used_files,
 };
 use crate::socket::ControlListener;
 use crate::{Domain, DomainError, Node, ServerName};
@@ -191,13 +191,13 @@ impl Link {
         node(&self.root, &self.config)
     }
 
-    /// Reserves the memory of every file of the link that this process maps, so that it cannot run
+    /// Reserves the memory of every file of the link that this process uses, so that it cannot run
     /// out later. With `is_complete`, no further file comes.
     ///
     /// # Errors
     /// `StorageFull`: there is not enough shared memory; `InvalidData`: a file is empty.
     pub fn reserve(&mut self, is_complete: bool) -> io::Result<()> {
-        let files = mapped_files(&self.prefix);
+        let files = used_files(&self.prefix);
         for path in &files {
             let flags = OFlags::RDWR | OFlags::NOFOLLOW | OFlags::CLOEXEC;
             let file = match rustix::fs::open(path, flags, Mode::empty()) {
@@ -213,6 +213,13 @@ impl Link {
         }
         self.files = is_complete.then_some(files);
         Ok(())
+    }
+
+    /// True if a file of the link is empty, as none is that a client has made; lists all files in
+    /// shared memory.
+    pub fn has_empty_file(&self) -> bool {
+        shared_files(&self.prefix)
+            .any(|path| fs::metadata(path).is_ok_and(|found| found.len() == 0))
     }
 
     /// Removes the whole link; call it after this process's node in it is dropped. An incomplete

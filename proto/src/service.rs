@@ -1,6 +1,7 @@
 //! The service of one client, with its settings: made by the server, opened by the client.
 
 use core::fmt::Debug;
+use core::sync::atomic::AtomicU64;
 
 use iceoryx2::port::server::Server;
 use iceoryx2::prelude::{BackpressureStrategy, ServiceName};
@@ -11,7 +12,7 @@ use iceoryx2::service::port_factory::request_response;
 use crate::lane::{
     ComputeActive, ComputeClient, ComputePending, Threadsafe, send_request, send_response,
 };
-use crate::message::{ComputeRequest, ComputeResponse, MAX_NUMBERS_OUT, RequestHead, ResponseHead};
+use crate::message::{ComputeRequest, ComputeResponse, RequestHead, ResponseHead};
 use crate::{DomainError, Node, PROTOCOL_VERSION};
 
 type Factory = request_response::PortFactory<Threadsafe, ComputeRequest, (), ComputeResponse, ()>;
@@ -124,10 +125,7 @@ pub trait ServedService: Send {
     /// response.
     fn answer(
         &mut self,
-        answer: &mut dyn FnMut(
-            &ComputeRequest,
-            &mut [f64; MAX_NUMBERS_OUT],
-        ) -> Option<ResponseHead>,
+        answer: &mut dyn FnMut(&ComputeRequest, &[AtomicU64]) -> Option<ResponseHead>,
     ) -> bool;
 }
 
@@ -141,7 +139,7 @@ pub trait OpenedService: Send {
     ///
     /// # Errors
     /// [`Disconnected`] if no response can come.
-    fn poll(&mut self) -> Result<Option<(ResponseHead, &[f64])>, Disconnected>;
+    fn poll(&mut self) -> Result<Option<(ResponseHead, &[AtomicU64])>, Disconnected>;
 
     /// Ends the last request, answered or not.
     fn cancel(&mut self);
@@ -165,10 +163,7 @@ impl ServedService for Serving {
     #[inline]
     fn answer(
         &mut self,
-        answer: &mut dyn FnMut(
-            &ComputeRequest,
-            &mut [f64; MAX_NUMBERS_OUT],
-        ) -> Option<ResponseHead>,
+        answer: &mut dyn FnMut(&ComputeRequest, &[AtomicU64]) -> Option<ResponseHead>,
     ) -> bool {
         // an error concerns a client that is about to leave
         let found = match self.pending.take() {
@@ -218,12 +213,12 @@ impl OpenedService for Opened {
         is_taken
     }
 
-    fn poll(&mut self) -> Result<Option<(ResponseHead, &[f64])>, Disconnected> {
+    fn poll(&mut self) -> Result<Option<(ResponseHead, &[AtomicU64])>, Disconnected> {
         self.response = None;
         let pending = self.pending.as_ref().ok_or(Disconnected)?;
         self.response = pending.receive().map_err(|_| Disconnected)?;
         let payload = self.response.as_ref().map(|response| response.payload());
-        Ok(payload.map(|payload| (payload.head, payload.numbers.as_slice())))
+        Ok(payload.map(|payload| (payload.head(), payload.numbers())))
     }
 
     fn cancel(&mut self) {

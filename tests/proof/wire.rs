@@ -153,6 +153,10 @@ fn calls_and_their_answers_keep_their_words() {
         (Refusal::BadQuery { reason: "x".into() }, r#"{"bad_query":{"reason":"x"}}"#),
         (Refusal::TooLarge { n_in: 1, n_out: 2 }, r#"{"too_large":{"n_in":1,"n_out":2}}"#),
         (Refusal::TooManyPlans, r#""too_many_plans""#),
+        (
+            Refusal::TooManyOrders { process: 7, per_second: 500 },
+            r#"{"too_many_orders":{"process":7,"per_second":500}}"#,
+        ),
         (Refusal::NoLane { limit: 16 }, r#"{"no_lane":{"limit":16}}"#),
         (Refusal::NoService { limit: 32 }, r#"{"no_service":{"limit":32}}"#),
         (Refusal::NoEnd, r#""no_end""#),
@@ -168,6 +172,7 @@ fn calls_and_their_answers_keep_their_words() {
         query: 0,
         fingerprint: 1,
         instance: 2,
+        holder: None,
         outcome,
     };
     for (refusal, words) in refusals {

@@ -105,11 +105,14 @@ pub(crate) fn handle(robot: &Robot, id: PlanId) -> Result<Plan, Failure> {
 }
 
 /// A bound that may be left out.
-fn tolerance(name: &'static str, bound: *const f64) -> Result<Option<f64>, Failure> {
+///
+/// # Safety
+/// It is NULL or as [`arrays`] needs a single number.
+unsafe fn tolerance(name: &'static str, bound: *const f64) -> Result<Option<f64>, Failure> {
     if bound.is_null() {
         return Ok(None);
     }
-    // SAFETY: by the header it is NULL or points to a number.
+    // SAFETY: this function's own condition.
     let ([numbers], []) = unsafe { arrays([(name, bound, 1)], [])? };
     Ok(numbers.first().copied())
 }
@@ -151,10 +154,17 @@ pub unsafe extern "C" fn sarrus_robot_prepare(
         if options.contains(sarrus_client::QueryOptions::SEARCH) {
             builder = builder.search();
         }
-        if let Some(bound) = tolerance("loop_tolerance", query.loop_tolerance)? {
+        // SAFETY: by the header each bound is NULL or points to a number.
+        let (loops, projection) = unsafe {
+            (
+                tolerance("loop_tolerance", query.loop_tolerance)?,
+                tolerance("projection_tolerance", query.projection_tolerance)?,
+            )
+        };
+        if let Some(bound) = loops {
             builder = builder.loop_tolerance(bound);
         }
-        if let Some(bound) = tolerance("projection_tolerance", query.projection_tolerance)? {
+        if let Some(bound) = projection {
             builder = builder.projection_tolerance(bound);
         }
         let id = builder.prepare()?;
@@ -174,13 +184,17 @@ pub extern "C" fn sarrus_plan_outputs(plan: Option<&Plan>) -> usize {
     plan.map_or(0, |plan| plan.want.len())
 }
 
-fn slot(
+/// Writes where a field lies.
+///
+/// # Safety
+/// The name is as [`text`] needs it.
+unsafe fn slot(
     layout: &Layout,
     name: *const c_char,
     place: Option<&mut MaybeUninit<Slot>>,
 ) -> Result<(), Failure> {
     let place = place.ok_or(Failure::Null("slot"))?;
-    // SAFETY: the header states the requirements on the text.
+    // SAFETY: this function's own condition.
     let name = unsafe { text("field", name)? };
     let found = Field::from_name(name).and_then(|field| layout.slot(field));
     let found = found.ok_or_else(|| Failure::NoField(name.to_owned()))?;
@@ -197,7 +211,11 @@ pub unsafe extern "C" fn sarrus_plan_given(
     field: *const c_char,
     place: Option<&mut MaybeUninit<Slot>>,
 ) -> StatusCode {
-    guarded(|| slot(&plan.ok_or(Failure::Null("plan"))?.given, field, place))
+    guarded(|| {
+        let plan = plan.ok_or(Failure::Null("plan"))?;
+        // SAFETY: the header states the requirements on the text.
+        unsafe { slot(&plan.given, field, place) }
+    })
 }
 
 /// Where a wanted field lies in the output.
@@ -208,7 +226,11 @@ pub unsafe extern "C" fn sarrus_plan_want(
     field: *const c_char,
     place: Option<&mut MaybeUninit<Slot>>,
 ) -> StatusCode {
-    guarded(|| slot(&plan.ok_or(Failure::Null("plan"))?.want, field, place))
+    guarded(|| {
+        let plan = plan.ok_or(Failure::Null("plan"))?;
+        // SAFETY: the header states the requirements on the text.
+        unsafe { slot(&plan.want, field, place) }
+    })
 }
 
 /// Asks: `input` holds the given fields, `output` gets the wanted ones, both packed in the plan's

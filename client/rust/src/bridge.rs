@@ -119,6 +119,7 @@ fn refused(name: &str, error: ServiceError) -> ConnectError {
         ServiceError::Full { limit, .. } => ConnectError::NoFreeSlot {
             transport: "places at the bridge",
             limit,
+            holder: None,
             help: "end the other controller or observers",
         },
         other => ConnectError::Service(other),

@@ -142,7 +142,9 @@ impl Control {
                 max_in: MAX_NUMBERS_IN,
                 max_out: MAX_NUMBERS_OUT,
             }),
-            Err(Refusal::TooManyPlans) => Err(Error::TooManyPlans { limit: MAX_PLANS }),
+            Err(Refusal::TooManyPlans) => {
+                Err(Error::TooManyPlans { limit: MAX_PLANS, holder: response.holder })
+            }
             Err(refusal) => {
                 Err(ConnectError::of_refusal(refusal, &response, self.fingerprint).into())
             }
@@ -235,9 +237,19 @@ impl Control {
         let start = Instant::now();
         let head = CallHead { version: PROTOCOL_VERSION, nonce: self.nonce.fetch_add(1, Relaxed) };
         let request = ControlRequest { head, fingerprint: self.fingerprint, call };
-        exchange(&self.socket, &request, deadline)
-            .map_err(|error| failed(error, &self.domain, &self.name, start, || self.life()))?
-            .ok_or(ConnectError::Interrupted)
+        loop {
+            let answered = exchange(&self.socket, &request, deadline)
+                .map_err(|error| failed(error, &self.domain, &self.name, start, || self.life()))?
+                .ok_or(ConnectError::Interrupted)?;
+            let is_early = matches!(answered.0.outcome, Err(Refusal::TooManyOrders { .. }));
+            if !is_early || Instant::now() + RETRY[1] >= deadline {
+                return Ok(answered);
+            }
+            std::thread::sleep(RETRY[1]);
+            if interrupt::is_wanted() {
+                return Err(ConnectError::Interrupted);
+            }
+        }
     }
 }
 

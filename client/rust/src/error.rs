@@ -2,7 +2,8 @@ use std::io;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use sarrus_proto::control::{ControlResponse, Refusal};
+use sarrus_proto::control::{ControlResponse, Holder, Refusal};
+use sarrus_proto::message::MAX_PLANS_OF_PROCESS;
 use sarrus_proto::service::ServiceError;
 use sarrus_proto::{Domain, DomainError, FailedState, Field, PROTOCOL_VERSION, QueryError};
 
@@ -93,14 +94,27 @@ pub enum ConnectError {
         expected: u64,
     },
     /// Every place at this transport is taken.
-    #[error("all {limit} {transport} are taken; {help}")]
+    #[error("all {limit} {transport} are taken; {}{help}", held(holder))]
     NoFreeSlot {
         /// The exhausted transport.
         transport: &'static str,
         /// The number of places.
         limit: usize,
+        /// The process that holds most of them.
+        holder: Option<Holder>,
         /// The remedy.
         help: &'static str,
+    },
+    /// This process orders too much of the server.
+    #[error(
+        "process {process} has ordered plans, lanes and services from the server faster than \
+         {per_second} a second; keep and ask the plans that it has"
+    )]
+    TooManyOrders {
+        /// The process, as the server sees it.
+        process: u32,
+        /// Orders that it may make in a second.
+        per_second: u32,
     },
     /// The caller ended the wait; see [`interruptible`](crate::interruptible).
     #[error("the wait for the server was given up; ask again to connect anew")]
@@ -225,14 +239,18 @@ pub enum Error {
         /// The limit of numbers out.
         max_out: usize,
     },
-    /// The server's table of plans is full.
+    /// The server's table of plans is full, or holds as many of this process as it may.
     #[error(
-        "the server's clients hold {limit} plans and it takes no more; release some \
-         that nobody asks any more, or use queries that are registered"
+        "the server takes no more plans; {}its table has {limit} places, of which one process may \
+         have {MAX_PLANS_OF_PROCESS}; release some that nobody asks any more, or use queries that \
+         are registered",
+        held(holder)
     )]
     TooManyPlans {
         /// Size of the table.
         limit: usize,
+        /// The process that holds most of them.
+        holder: Option<Holder>,
     },
     /// The plan belongs to another robot, perhaps one of the same model.
     #[error(
@@ -247,6 +265,11 @@ pub enum Error {
 
 fn lines(names: &[UnknownName]) -> String {
     names.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+}
+
+/// The process that holds most, as the middle of a message.
+fn held(holder: &Option<Holder>) -> String {
+    holder.map_or(String::new(), |holder| format!("{holder}; "))
 }
 
 fn seconds(timeout: &Duration) -> String {
@@ -265,6 +288,7 @@ impl ConnectError {
             ServiceError::Full { limit, .. } => ConnectError::NoFreeSlot {
                 transport: "ports of the server",
                 limit,
+                holder: None,
                 help: "close other clients of this server",
             },
             other => ConnectError::Service(other),
@@ -310,6 +334,7 @@ impl ConnectError {
         response: &ControlResponse,
         expected: u64,
     ) -> ConnectError {
+        let holder = response.holder;
         match refusal {
             Refusal::WrongVersion => ConnectError::WrongVersion { found: response.version },
             Refusal::WrongModel => {
@@ -318,19 +343,25 @@ impl ConnectError {
             Refusal::NoLane { limit } => ConnectError::NoFreeSlot {
                 transport: "lanes of the server",
                 limit: *limit,
+                holder,
                 help: "close a client, serve with more --lanes, or connect through requests and \
                        responses, the transport `service`",
             },
             Refusal::NoService { limit } => ConnectError::NoFreeSlot {
                 transport: "services of the server",
                 limit: *limit,
+                holder,
                 help: "close a client, or connect through a lane",
             },
             Refusal::TooManyClients { limit } => ConnectError::NoFreeSlot {
                 transport: "connections of the server",
                 limit: *limit,
+                holder,
                 help: "close a client, or serve with more --lanes",
             },
+            Refusal::TooManyOrders { process, per_second } => {
+                ConnectError::TooManyOrders { process: *process, per_second: *per_second }
+            }
             Refusal::NoSpace { free, .. } => ConnectError::NoSpace { free: *free },
             Refusal::Stopping => ConnectError::ShuttingDown,
             Refusal::Failed { reason } => ConnectError::Failed { reason: reason.clone() },

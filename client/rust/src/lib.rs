@@ -45,6 +45,7 @@ pub use sarrus_dynamics::{
     CompileError, Compiled, CutBuilder, CutJoint, DescriptionBuilder, JointBuilder, LinkId, Model,
 };
 pub use sarrus_models::{LoadError, Lock, Options, Source};
+pub use sarrus_proto::control::Holder;
 pub use sarrus_proto::message::{ClientStatistics, Statistics};
 pub use sarrus_proto::{
     Answer, Domain, FailedState, Field, FieldSet, Layout, ModelInfo, Query, QueryError,

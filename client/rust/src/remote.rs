@@ -42,7 +42,7 @@ pub(crate) struct Remote {
     process: u64,
 }
 
-/// What a forked child gets from its parent's connection.
+/// The answer to a forked child that uses the connection of its parent.
 const INHERITED: Answer = Answer { status: Status::OtherProcess, warnings: Warnings::NONE };
 
 impl Remote {

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use sarrus_proto::batch::{BatchHead, BatchShape, ClaimedBatch};
 use sarrus_proto::board::ClaimedLane;
-use sarrus_proto::message::{RequestHead, ResponseHead};
+use sarrus_proto::message::{RequestHead, ResponseHead, load_numbers, store_numbers};
 use sarrus_proto::service::OpenedService;
 use sarrus_proto::{Answer, Node, Status, Warnings, process_number};
 
@@ -128,10 +128,16 @@ impl Session {
         match &mut self.end {
             End::None => Err(Unanswered::Lost),
             End::Lane { lane, .. } => {
-                let numbers = lane.outbox.numbers().get_mut(..input.len());
-                numbers.ok_or(Unanswered::Lost)?.copy_from_slice(input);
+                if !store_numbers(lane.outbox.numbers(), input) {
+                    return Err(Unanswered::Lost);
+                }
                 lane.outbox.publish(*head);
-                wait(control, options, deadline, || Ok(take(head, lane.inbox.poll(), output)))
+                wait(control, options, deadline, || {
+                    let found = lane.inbox.poll();
+                    Ok(found.and_then(|(answer, numbers)| {
+                        take(head, answer, output, |output| copy(numbers, output))
+                    }))
+                })
             }
             End::Requests { client, .. } => {
                 if !client.send(head, input) {
@@ -145,7 +151,9 @@ impl Session {
                 }
                 let end = wait(control, options, deadline, || {
                     let found = client.poll().map_err(|_| Unanswered::Lost)?;
-                    Ok(take(head, found, output))
+                    Ok(found.and_then(|(answer, words)| {
+                        take(head, answer, output, |output| load_numbers(words, output))
+                    }))
                 });
                 client.cancel();
                 end
@@ -209,19 +217,31 @@ fn is_for(request: &RequestHead, sequence: u64) -> bool {
     sequence == request.sequence || request.checksum != 0 && !is_older
 }
 
-/// Copies the numbers of an answer that is taken for the request's.
+/// Reads the numbers of an answer that is taken for the request's.
 #[inline]
 fn take(
     request: &RequestHead,
-    found: Option<(ResponseHead, &[f64])>,
+    answer: ResponseHead,
     output: &mut [f64],
+    read: impl FnOnce(&mut [f64]) -> bool,
 ) -> Option<ResponseHead> {
-    let (answer, numbers) = found.filter(|(answer, _)| is_for(request, answer.sequence))?;
-    match numbers.get(..output.len()) {
-        Some(numbers) => output.copy_from_slice(numbers),
-        None => output.fill(f64::NAN),
+    if !is_for(request, answer.sequence) {
+        return None;
+    }
+    if !read(output) {
+        output.fill(f64::NAN);
     }
     Some(answer)
+}
+
+/// Copies the first numbers; false if there are too few.
+#[inline]
+fn copy(numbers: &[f64], output: &mut [f64]) -> bool {
+    let numbers = numbers.get(..output.len());
+    numbers.is_some_and(|numbers| {
+        output.copy_from_slice(numbers);
+        true
+    })
 }
 
 /// Polls until there is an answer or the wait ends.

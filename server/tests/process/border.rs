@@ -4,6 +4,7 @@
 use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
+use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
 use rustix::process::Signal;
@@ -149,6 +150,28 @@ fn one_client_too_many_of_the_service_is_told_so() {
     askers.pop();
     let mut next = Asker::new(sandbox.connect("crowd", Transport::Service).unwrap());
     assert_eq!(next.ask().unwrap().status, Status::Ok);
+}
+
+#[test]
+fn one_process_cannot_take_all_lanes_and_connections() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("shared", &["--lanes", "8"]);
+    let mut own: Vec<Asker> =
+        (0..7).map(|_| Asker::new(sandbox.connect("shared", Transport::Lane).unwrap())).collect();
+    let us = std::process::id();
+    let error = sandbox.connect("shared", Transport::Lane).err().unwrap();
+    assert!(matches!(error, ConnectError::NoFreeSlot { limit: 7, .. }), "{error}");
+    assert!(error.to_string().contains(&format!("; process {us} holds 7; ")), "{error}");
+    sandbox.client("shared", Transport::Lane).kill();
+    // and its connections with nothing but a greeting
+    let room = 8 + MAX_SERVICE_CLIENTS + 64 - own.len();
+    let _crowd: Vec<Raw> = (0..room).map(|_| sandbox.raw("shared")).collect();
+    let error = sandbox.connect("shared", Transport::Service).err().unwrap();
+    assert!(error.to_string().contains(&format!("; process {us} holds 104; ")), "{error}");
+    for transport in [Transport::Lane, Transport::Service] {
+        sandbox.client("shared", transport).kill();
+    }
+    own.iter_mut().for_each(|asker| assert_eq!(asker.ask().unwrap().status, Status::Ok));
 }
 
 #[test]
@@ -342,7 +365,7 @@ fn an_entry_that_is_seen_again_is_answered_once() {
     let (_node, mut lane) = liar.take_lane([39, 256]).unwrap();
     for sequence in 1..50 {
         let head = liar.head(plan, sequence);
-        lane.outbox.numbers().fill(0.0);
+        lane.outbox.numbers().iter().for_each(|word| word.store(0, Relaxed));
         lane.outbox.publish(head);
         wait_until("an answer", || lane.inbox.poll().is_some());
         // the same request once more

@@ -7,7 +7,7 @@ use sarrus_client::{
 };
 use sarrus_proto::PROTOCOL_VERSION;
 use sarrus_proto::checksum::of_request;
-use sarrus_proto::message::{RequestHead, ResponseHead};
+use sarrus_proto::message::{RequestHead, ResponseHead, store_numbers};
 
 use sarrus_torture::patience::LIMIT;
 
@@ -119,7 +119,7 @@ fn a_request_that_was_changed_is_answered_corrupt_answer() {
 
     let mut sequence = 0;
     let mut ask = |head: &RequestHead, numbers: &[f64]| -> (ResponseHead, Vec<f64>) {
-        lane.outbox.numbers()[..numbers.len()].copy_from_slice(numbers);
+        assert!(store_numbers(lane.outbox.numbers(), numbers));
         lane.outbox.publish(*head);
         let start = Instant::now();
         loop {

@@ -5,7 +5,9 @@ use std::time::Instant;
 use sarrus_client::{Status, Transport};
 use sarrus_proto::board::{ClaimedLane, class_of};
 use sarrus_proto::control::{Call, CallHead, ControlRequest, ControlResponse, Grant, Refusal};
-use sarrus_proto::message::{MAX_NUMBERS_IN, RequestHead, ResponseHead};
+use sarrus_proto::message::{
+    MAX_NUMBERS_IN, RequestHead, ResponseHead, load_numbers, store_numbers,
+};
 use sarrus_proto::socket::MAX_MESSAGE;
 use sarrus_proto::{FieldSet, PROTOCOL_VERSION, Query, QueryOptions};
 
@@ -122,7 +124,7 @@ fn lies_through_a_lane_get_their_status() {
     assert!(ClaimedLane::claim(&node, classes).is_err(), "a lane has one client");
     for (k, (head, numbers, status)) in lies(liar.fingerprint, n_in).into_iter().enumerate() {
         let head = RequestHead { sequence: k as u64 + 1, ..head };
-        lane.outbox.numbers()[..n_in].copy_from_slice(&numbers);
+        assert!(store_numbers(lane.outbox.numbers(), &numbers));
         lane.outbox.publish(head);
         let start = Instant::now();
         let (answer, numbers) = loop {
@@ -183,7 +185,9 @@ fn lies_through_the_service_get_their_status() {
         let start = Instant::now();
         let (answer, numbers) = loop {
             if let Some((answer, numbers)) = client.poll().unwrap() {
-                break (answer, numbers.to_vec());
+                let mut private = vec![0.0; numbers.len()];
+                assert!(load_numbers(numbers, &mut private));
+                break (answer, private);
             }
             assert!(start.elapsed() < LIMIT, "no answer to {head:?}");
         };

@@ -9,7 +9,7 @@ use std::time::Instant;
 use rustix::process::Signal;
 use sarrus_client::{Options, QueryOptions, Robot, Source, Status, Transport};
 use sarrus_proto::board::ClaimedLane;
-use sarrus_proto::message::RequestHead;
+use sarrus_proto::message::{RequestHead, store_numbers};
 use sarrus_proto::service::OpenedService;
 use sarrus_serve::pool;
 
@@ -229,7 +229,7 @@ impl Pusher {
                 if lane.inbox.poll().is_none() {
                     return 0;
                 }
-                lane.outbox.numbers()[..numbers.len()].copy_from_slice(numbers);
+                assert!(store_numbers(lane.outbox.numbers(), numbers));
                 *sequence += 1;
                 lane.outbox.publish(RequestHead { sequence: *sequence, ..*head });
                 1
@@ -266,7 +266,7 @@ fn no_client_starves_another() {
     for liar in &liars[3..] {
         let (node, mut lane) = liar.take_lane([numbers.len(), asker.output.len()]).unwrap();
         nodes.push(node);
-        lane.outbox.numbers()[..numbers.len()].copy_from_slice(&numbers);
+        assert!(store_numbers(lane.outbox.numbers(), &numbers));
         lane.outbox.publish(head);
         pushers.push(Pusher::Lane(lane, head.sequence));
     }

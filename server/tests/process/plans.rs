@@ -8,7 +8,7 @@ use sarrus_client::{
     Warnings,
 };
 use sarrus_proto::control::{Call, Grant};
-use sarrus_proto::message::{MAX_PLANS, PlanNumber};
+use sarrus_proto::message::{MAX_PLANS, MAX_PLANS_OF_PROCESS, PlanNumber};
 
 use sarrus_torture::patience::LIMIT;
 
@@ -142,11 +142,18 @@ fn plans_of_clients_that_leave_or_are_killed_come_free() {
             Err(error) => break error,
         }
     };
-    assert!(matches!(error, Error::TooManyPlans { limit: MAX_PLANS }), "{error}");
+    assert!(matches!(error, Error::TooManyPlans { limit: MAX_PLANS, .. }), "{error}");
+    let holder = format!("process {} holds {MAX_PLANS_OF_PROCESS};", std::process::id());
+    assert!(error.to_string().contains(&holder), "{error}");
     // one of them is also the other client's
-    assert_eq!(plans.len(), MAX_PLANS);
-    wait_for_plans(&asker.robot, MAX_PLANS as u64);
-    assert_eq!(status(&mut greedy, plans[1000]), Status::Ok);
+    assert_eq!(plans.len(), MAX_PLANS_OF_PROCESS);
+    wait_for_plans(&asker.robot, MAX_PLANS_OF_PROCESS as u64);
+    assert_eq!(status(&mut greedy, plans[700]), Status::Ok);
+    // the others stay for other processes
+    let other = sandbox.client_with("heirs", Transport::Lane, Some(4000));
+    wait_for_plans(&asker.robot, MAX_PLANS_OF_PROCESS as u64 + 1);
+    other.kill();
+    wait_for_plans(&asker.robot, MAX_PLANS_OF_PROCESS as u64);
 
     // a client that leaves makes room at once
     drop(greedy);

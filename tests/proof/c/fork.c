@@ -62,7 +62,7 @@ static int forks(const char *name, uint32_t transport) {
     }
     int status = 0;
     pid_t ended = 0;
-    /* while the child asks, and after it has freed what is the parent's */
+    /* while the child asks, and after it has freed its copies of the handles */
     for (int after = 0; after < 100; after += ended == process) {
         CHECK(ask(robot, &force) == SARRUS_STATUS_OK && force == expected);
         CHECK(ask_rows(robot, plan, forces, statuses) == SARRUS_STATUS_OK);

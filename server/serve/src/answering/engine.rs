@@ -1,6 +1,7 @@
 //! Turns an unchecked request into its answer: checks of the head, the plan, the kernel.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use rtrb::{Consumer, Producer, PushError};
 use sarrus_dynamics::{BatchWorkspace, MOST_ROWS, Model, Plan};
@@ -8,7 +9,7 @@ use sarrus_proto::batch::{BatchHead, BatchShape, ServedBatch};
 use sarrus_proto::checksum::of_request;
 use sarrus_proto::message::{
     ComputeRequest, MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, PlanNumber, RequestHead,
-    ResponseHead,
+    ResponseHead, store_numbers,
 };
 use sarrus_proto::{Answer, PROTOCOL_VERSION, Status, Warnings};
 
@@ -74,8 +75,6 @@ struct Outcome {
     status: Status,
     warnings: Warnings,
     n_out: usize,
-    /// The numbers are in `private`.
-    is_private: bool,
     checks: bool,
 }
 
@@ -173,20 +172,18 @@ impl Engine {
         head: &RequestHead,
         place: usize,
         input: Input<'_>,
-        output: &mut [f64],
+        output: &[AtomicU64],
         timing: &RequestTiming<'_>,
     ) -> Option<ResponseHead> {
         let outcome = match timing.is_late() {
             true => Err(Status::Late),
-            false => self.run_plan(head, place, input, output),
+            false => self.run_plan(head, place, input, output.len()),
         };
         match outcome {
             Ok(None) => None,
-            Ok(Some(Outcome { status, warnings, n_out, is_private, checks })) => {
+            Ok(Some(Outcome { status, warnings, n_out, checks })) => {
                 let numbers = &self.private[..n_out];
-                if is_private {
-                    output[..n_out].copy_from_slice(numbers);
-                }
+                store_numbers(output, numbers);
                 // without a checksum, even if the request has one: it was meant for another plan
                 let answer = ResponseHead::new(status, warnings, head.sequence);
                 let answer = timing.close(answer, checks.then_some(numbers));
@@ -220,13 +217,14 @@ impl Engine {
         Ok(number.slot())
     }
 
+    /// Runs the plan of a request into `private`; its numbers must not exceed `room`.
     #[inline]
     fn run_plan(
         &mut self,
         head: &RequestHead,
         place: usize,
         input: Input<'_>,
-        output: &mut [f64],
+        room: usize,
     ) -> Result<Option<Outcome>, Status> {
         let slot = self.admit(head.version, head.fingerprint, head.plan)?;
         let Some(ServedPlan { plan, kernel, checks, .. }) = self.plans[slot].as_deref() else {
@@ -237,7 +235,8 @@ impl Engine {
         let n_in = plan.given().len();
         let n_out = plan.want().len();
         let checks = *checks;
-        let mut output = output.get_mut(..n_out).ok_or(Status::WrongSize)?;
+        let output = self.private.get_mut(..n_out).filter(|_| n_out <= room);
+        let output = output.ok_or(Status::WrongSize)?;
         let input = match input {
             Input::Copied(numbers) => numbers.get(..n_in).ok_or(Status::WrongSize)?,
             Input::Shared(request) => {
@@ -250,11 +249,6 @@ impl Engine {
         // the numbers are the ones that the client sent
         if checks && of_request(head, input) != head.checksum {
             return Err(Status::CorruptAnswer);
-        }
-        // checksums and recordings are of the computed numbers, not of memory that clients write
-        let is_private = checks || self.recorder.is_some();
-        if is_private {
-            output = self.private.get_mut(..n_out).ok_or(Status::WrongSize)?;
         }
 
         let key = Key { place, plan: PlanNumber(head.plan), sequence: head.sequence, row: None };
@@ -281,7 +275,7 @@ impl Engine {
             recorder.record(head, plan.query(), input, output, answer);
         }
         let Answer { status, warnings } = answer;
-        Ok(Some(Outcome { status, warnings, n_out, is_private, checks }))
+        Ok(Some(Outcome { status, warnings, n_out, checks }))
     }
 }
 
@@ -464,9 +458,9 @@ fn single(head: &BatchHead) -> RequestHead {
 pub(crate) fn refuse(
     head: &RequestHead,
     status: Status,
-    output: &mut [f64],
+    output: &[AtomicU64],
     timing: &RequestTiming<'_>,
 ) -> ResponseHead {
-    output.fill(f64::NAN);
+    output.iter().for_each(|word| word.store(f64::NAN.to_bits(), Relaxed));
     timing.close(ResponseHead::new(status, Warnings::NONE, head.sequence), Some(&[]))
 }

@@ -59,8 +59,12 @@ extern "C" fn replace_page(
     info: *mut libc::siginfo_t,
     _context: *mut libc::c_void,
 ) {
-    // SAFETY: the kernel gives a valid record; only async-signal-safe calls are made. The page that
-    // is replaced belongs to a shared mapping whose file has no such page: it can hold no data.
+    // SAFETY: the kernel gives a valid record; only async-signal-safe calls are made. The fault was
+    // that of an access to a shared mapping, whose file has no memory for this page. The accessing
+    // thread borrows the mapping, so that no other can lie there before the page is replaced.
+    // Another thread may have replaced the page already, or the client may have given it memory:
+    // what was written there is lost, as the words of a mapping may change at any time. No
+    // reference to them exists that assumes otherwise (the rule stands in `proto/src/lane.rs`).
     unsafe {
         let address = (*info).si_addr() as usize;
         let missing = (*info).si_code == libc::BUS_ADRERR;

@@ -2,6 +2,7 @@
 
 use std::os::fd::{AsFd, OwnedFd};
 use std::sync::Arc;
+use std::time::Instant;
 
 use sarrus_dynamics::Model;
 use sarrus_proto::PROTOCOL_VERSION;
@@ -15,6 +16,7 @@ use tracing::{debug, info, warn};
 
 use crate::upkeep::connections::Connections;
 use crate::upkeep::plans::{Plans, Registered};
+use crate::upkeep::quota::{Client, Orders};
 
 /// State behind the clients' calls.
 pub(crate) struct Calls {
@@ -23,6 +25,7 @@ pub(crate) struct Calls {
     pub(crate) connections: Connections,
     pub(crate) model: Arc<Model<f64>>,
     pub(crate) plans: Plans,
+    pub(crate) orders: Orders,
     /// The model information in pages.
     pub(crate) pages: Vec<String>,
     pub(crate) fingerprint: u64,
@@ -88,11 +91,16 @@ impl Calls {
             query,
             fingerprint: self.fingerprint,
             instance: self.run.instance(),
+            holder: match &outcome {
+                Err(Refusal::TooManyPlans) => self.plans.greatest_holder(),
+                Err(refusal) => self.connections.greatest_holder(refusal),
+                Ok(_) => None,
+            },
             outcome,
         };
         let sent =
             connection.map(|connection| connection.socket.send(&response.to_bytes(), descriptor));
-        log(client, &response.outcome);
+        log(client, &response);
         let is_surplus = matches!(response.outcome, Err(Refusal::TooManyClients { .. }));
         if is_surplus || !matches!(sent, Some(Ok(()))) {
             self.end(client);
@@ -119,8 +127,13 @@ impl Calls {
         if fingerprint != 0 && fingerprint != self.fingerprint {
             return Err(Refusal::WrongModel);
         }
-        if self.connections.get(client).is_none_or(|one| one.surplus_since.is_some()) {
+        let served = self.connections.get(client).filter(|one| one.surplus_since.is_none());
+        let Some(process) = served.map(|one| one.process) else {
             return Err(Refusal::TooManyClients { limit: self.connections.limit() });
+        };
+        let holder = Client { number: client, process };
+        if matches!(call, Call::Lane { .. } | Call::Service) {
+            self.orders.count(process, Instant::now())?;
         }
         match call {
             Call::Hello => Ok(Grant::Hello { root: self.root.clone(), pages: self.pages.len() }),
@@ -130,10 +143,10 @@ impl Calls {
             }
             Call::Plan { query } => {
                 let Registered { number, n_in, n_out } =
-                    self.plans.register(&self.model, &query, client)?;
+                    self.plans.register(&self.model, &query, holder, &mut self.orders)?;
                 Ok(Grant::Plan { number, n_in, n_out })
             }
-            Call::Release { plan } => Ok(Grant::Released { had: self.plans.release(plan, client) }),
+            Call::Release { plan } => Ok(Grant::Released { had: self.plans.release(plan, holder) }),
             Call::Lane { n_in, n_out } => {
                 let (Some(class_in), Some(class_out)) = (class_of(n_in), class_of(n_out)) else {
                     return Err(Refusal::TooLarge { n_in, n_out });
@@ -162,8 +175,8 @@ impl Calls {
 }
 
 /// Logs the answer to a call.
-fn log(client: u64, outcome: &Result<Grant, Refusal>) {
-    match outcome {
+fn log(client: u64, response: &ControlResponse) {
+    match &response.outcome {
         Ok(Grant::Plan { number, n_in, n_out }) => {
             info!(client, plan = number.0, n_in, n_out, "plan registered");
         }
@@ -174,7 +187,9 @@ fn log(client: u64, outcome: &Result<Grant, Refusal>) {
         Ok(Grant::Batch) => debug!(client, "batches are polled"),
         Ok(Grant::Left) => debug!(client, "lane or service given back"),
         Ok(Grant::Hello { .. } | Grant::Page { .. } | Grant::Statistics(_)) => {}
-        Err(reason) => warn!(client, ?reason, "refused"),
+        Err(reason) => {
+            warn!(client, ?reason, holder = response.holder.map(display), "refused");
+        }
     }
 }
 

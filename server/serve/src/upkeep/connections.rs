@@ -9,7 +9,7 @@ use std::io::ErrorKind;
 use std::ops::Range;
 use std::os::fd::OwnedFd;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::mpsc;
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -17,9 +17,9 @@ use rtrb::{Consumer, Producer};
 use rustix::event::{PollFd, PollFlags, poll};
 use sarrus_proto::batch::ServedBatch;
 use sarrus_proto::board::ServedLane;
-use sarrus_proto::control::Refusal;
+use sarrus_proto::control::{Holder, Refusal};
 use sarrus_proto::message::{ClientStatistics, MAX_SERVICE_CLIENTS};
-use sarrus_proto::run::Run;
+use sarrus_proto::run::{Link, Run};
 use sarrus_proto::service::{ServedService, serve_compute};
 use sarrus_proto::socket::{ControlListener, ControlSocket, MAX_MESSAGE, timespec};
 use tracing::info;
@@ -29,6 +29,7 @@ use crate::answering::thread::{End, Order, Retired};
 use crate::record::Client;
 use crate::system::sigbus::replaced_pages;
 use crate::upkeep::listener::Listener;
+use crate::upkeep::quota::{RESERVED_CONNECTIONS, greatest, most_lanes};
 use crate::upkeep::refusals::{failed, no_space, take_down};
 use crate::upkeep::segment::Segment;
 
@@ -38,8 +39,11 @@ const MAX_OBSERVERS: usize = 64;
 const SILENCE: Duration = Duration::from_millis(100);
 /// Longest wait of a client for an end that is being returned.
 const HAND_BACK_TIME: Duration = Duration::from_millis(100);
-/// Longest time in which the memory of a client is mapped.
-const CONNECT_TIME: Duration = Duration::from_millis(250);
+/// Usual time in which the memory of a client is mapped; then its files are searched for an empty
+/// one.
+const CONNECT_TIME: Duration = Duration::from_millis(100);
+/// Longest time in which it is mapped.
+const LONGEST_CONNECT: Duration = Duration::from_secs(2);
 /// Shared memory of a lane besides its numbers, and reserve for others `[byte]`.
 const LANE_MARGIN: u64 = 256 << 10;
 /// Shared memory that a service takes, and that stays free for others `[byte]`.
@@ -48,6 +52,8 @@ const SERVICE_NEEDS: u64 = 2 << 20;
 /// A client, from its connection on.
 pub(crate) struct Connection {
     pub(crate) socket: ControlSocket,
+    /// Its process, as the kernel knows it; 0 for one of another namespace.
+    pub(crate) process: u32,
     /// The place of its end.
     place: Option<usize>,
     /// The time of its connection, if the server was full then: it gets only that refusal.
@@ -103,7 +109,7 @@ impl Connections {
         2 * (n_lanes + MAX_SERVICE_CLIENTS)
     }
 
-    /// Number of clients served.
+    /// Number of connections that one process may hold.
     pub(crate) fn limit(&self) -> usize {
         self.n_lanes + MAX_SERVICE_CLIENTS + MAX_OBSERVERS
     }
@@ -138,7 +144,7 @@ impl Connections {
         late: impl Fn(usize) -> u64,
     ) -> Vec<ClientStatistics> {
         let of = |(number, client): (&u64, &Connection)| ClientStatistics {
-            process: client.socket.peer().map_or(0, |peer| peer.process.into()),
+            process: client.process.into(),
             end: match client.place {
                 None => "none",
                 Some(place) if self.lanes().contains(&place) => "lane",
@@ -149,6 +155,31 @@ impl Connections {
             late: client.place.map_or(0, &late),
         };
         self.clients.iter().map(of).collect()
+    }
+
+    /// Clients that are not refused.
+    fn served(&self) -> impl Iterator<Item = &Connection> {
+        self.clients.values().filter(|client| client.surplus_since.is_none())
+    }
+
+    /// Clients with an end in these places.
+    fn holders(&self, among: Range<usize>) -> impl Iterator<Item = &Connection> {
+        let holds = move |place: usize| among.contains(&place);
+        self.clients.values().filter(move |client| client.place.is_some_and(&holds))
+    }
+
+    /// The process that holds most lanes, services or connections, where these are refused.
+    pub(crate) fn greatest_holder(&self, refusal: &Refusal) -> Option<Holder> {
+        let lanes = self.lanes();
+        let process = |client: &Connection| client.process;
+        match refusal {
+            Refusal::NoLane { .. } => greatest(self.holders(lanes).map(process)),
+            Refusal::NoService { .. } => {
+                greatest(self.holders(lanes.end..self.places.len()).map(process))
+            }
+            Refusal::TooManyClients { .. } => greatest(self.served().map(process)),
+            _ => None,
+        }
     }
 
     pub(crate) fn listener_mut(&mut self) -> &mut ControlListener {
@@ -179,11 +210,15 @@ impl Connections {
         if new_clients {
             for socket in self.listener.take(room) {
                 self.numbers += 1;
-                let is_surplus = self.clients.len() >= self.limit();
                 let process = socket.peer().map_or(0, |peer| peer.process);
+                let served = self.served().count();
+                let own = self.served().filter(|client| client.process == process).count();
+                let limit = self.limit();
+                let is_surplus = own >= limit || served >= limit + RESERVED_CONNECTIONS;
                 info!(client = self.numbers, process, "attached");
                 let client = Connection {
                     socket,
+                    process,
                     place: None,
                     surplus_since: is_surplus.then(Instant::now),
                     is_over: false,
@@ -199,7 +234,8 @@ impl Connections {
     /// Number of further clients to accept: beyond the limit each is refused at its first call, and
     /// far beyond it they wait until an earlier one is refused.
     fn room(&mut self) -> usize {
-        let room = (2 * self.limit()).saturating_sub(self.clients.len());
+        let most = 2 * (self.limit() + RESERVED_CONNECTIONS);
+        let room = most.saturating_sub(self.clients.len());
         if room == 0 {
             let is_silent = |since: Instant| since.elapsed() > SILENCE;
             for client in self.clients.values_mut() {
@@ -285,6 +321,12 @@ impl Connections {
         classes: [usize; 2],
     ) -> Result<u64, Refusal> {
         self.give_back(number);
+        let process = self.clients.get(&number).map(|client| client.process);
+        let own = self.holders(self.lanes()).filter(|client| Some(client.process) == process);
+        let limit = most_lanes(self.n_lanes);
+        if own.count() >= limit {
+            return Err(Refusal::NoLane { limit });
+        }
         let limit = self.n_lanes;
         let index = self.free_place(self.lanes()).ok_or(Refusal::NoLane { limit })?;
         let bytes = 2 * 8 * (classes[0] + classes[1]) as u64;
@@ -326,9 +368,9 @@ impl Connections {
             return Err(Refusal::NoEnd);
         };
         let pages = replaced_pages();
-        let outcome = connected(port).and_then(|port| {
-            let link = self.places[index].as_mut().map(|place| &mut place.link);
-            match link.map_or(Ok(()), |link| link.reserve(true)) {
+        let Some(place) = &mut self.places[index] else { return Err(Refusal::NoEnd) };
+        let outcome = connected(port, &place.link).and_then(|port| {
+            match place.link.reserve(true) {
                 Ok(()) if replaced_pages() == pages => Ok(port),
                 // without an error a page was missing meanwhile: the port is damaged
                 reserved => {
@@ -398,7 +440,10 @@ impl Connections {
 /// Maps the memory of a client that has opened its side of a service; a request cannot have come
 /// yet, and is dropped. The transport waits for ever for the first byte of a file that the client
 /// emptied: a thread of its own waits, and ends when the link is removed.
-fn connected(mut port: Box<dyn ServedService>) -> Result<Box<dyn ServedService>, Refusal> {
+fn connected(
+    mut port: Box<dyn ServedService>,
+    link: &Link,
+) -> Result<Box<dyn ServedService>, Refusal> {
     let (done, outcome) = mpsc::channel();
     let connect = move || {
         // dropping it could panic again
@@ -412,7 +457,16 @@ fn connected(mut port: Box<dyn ServedService>) -> Result<Box<dyn ServedService>,
     };
     let thread = thread::Builder::new().name("sarrus-connect".to_owned()).spawn(connect);
     thread.map_err(|error| failed(&error))?;
-    outcome.recv_timeout(CONNECT_TIME).map_err(|_| Refusal::NoEnd)
+    let start = Instant::now();
+    loop {
+        match outcome.recv_timeout(CONNECT_TIME) {
+            Ok(port) => return Ok(port),
+            // it may only lack a processor
+            Err(RecvTimeoutError::Timeout)
+                if start.elapsed() < LONGEST_CONNECT && !link.has_empty_file() => {}
+            Err(_) => return Err(Refusal::NoEnd),
+        }
+    }
 }
 
 impl Connection {

@@ -4,6 +4,7 @@ pub(crate) mod calls;
 pub(crate) mod connections;
 pub(crate) mod listener;
 pub(crate) mod plans;
+pub(crate) mod quota;
 pub(crate) mod refusals;
 pub(crate) mod segment;
 pub(crate) mod serve;

@@ -9,12 +9,15 @@ use std::time::{Duration, Instant};
 
 use rtrb::{Consumer, Producer};
 use sarrus_dynamics::{Model, Plan};
-use sarrus_proto::control::Refusal;
-use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, PlanNumber};
+use sarrus_proto::control::{Holder, Refusal};
+use sarrus_proto::message::{
+    MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, MAX_PLANS_OF_PROCESS, PlanNumber,
+};
 use sarrus_proto::{Query, QueryError, QueryOptions};
 
 use crate::answering::engine::{PlanOrder, ServedPlan};
 use crate::kernels::Maker;
+use crate::upkeep::quota::{Client, Orders, greatest};
 
 /// Longest wait of a registration for a slot that is being returned.
 const HAND_BACK: Duration = Duration::from_millis(20);
@@ -32,7 +35,7 @@ enum State {
     Held {
         query: Box<Query>,
         registered: Registered,
-        holders: Vec<u64>,
+        holders: Vec<Client>,
     },
     /// Being returned by the answering thread.
     Leaving,
@@ -42,6 +45,15 @@ struct Slot {
     /// Number of uses.
     generation: u32,
     state: State,
+}
+
+impl Slot {
+    fn holders(&self) -> &[Client] {
+        match &self.state {
+            State::Held { holders, .. } => holders,
+            _ => &[],
+        }
+    }
 }
 
 /// The plans of all clients.
@@ -72,13 +84,21 @@ impl Plans {
         &mut self,
         model: &Model<f64>,
         query: &Query,
-        holder: u64,
+        holder: Client,
+        orders: &mut Orders,
     ) -> Result<Registered, Refusal> {
+        let of_process =
+            |slot: &&Slot| slot.holders().iter().any(|one| one.process == holder.process);
+        let held = self.slots.iter().filter(of_process).count();
         // a plan that others hold
         for slot in &mut self.slots {
+            let is_own = of_process(&&*slot);
             if let State::Held { query: known, registered, holders } = &mut slot.state
                 && **known == *query
             {
+                if !is_own && held >= MAX_PLANS_OF_PROCESS {
+                    return Err(Refusal::TooManyPlans);
+                }
                 if !holders.contains(&holder) {
                     holders.push(holder);
                 }
@@ -87,6 +107,10 @@ impl Plans {
         }
 
         // a new one
+        if held >= MAX_PLANS_OF_PROCESS {
+            return Err(Refusal::TooManyPlans);
+        }
+        orders.count(holder.process, Instant::now())?;
         let bad = |error: QueryError| Refusal::BadQuery { reason: error.to_string() };
         let plan = Plan::new(model, query).map_err(bad)?;
         let n_in = plan.given().len();
@@ -110,7 +134,7 @@ impl Plans {
     }
 
     /// Releases a plan held by `holder`; false if it held none.
-    pub(crate) fn release(&mut self, number: PlanNumber, holder: u64) -> bool {
+    pub(crate) fn release(&mut self, number: PlanNumber, holder: Client) -> bool {
         let Some(slot) = self.slots.get_mut(number.slot()) else { return false };
         let State::Held { registered, holders, .. } = &mut slot.state else { return false };
         if registered.number != number {
@@ -123,23 +147,30 @@ impl Plans {
         had
     }
 
-    /// Releases all plans of `holder`.
-    pub(crate) fn release_all(&mut self, holder: u64) {
+    /// Releases all plans of the client with this number.
+    pub(crate) fn release_all(&mut self, number: u64) {
         for slot in &mut self.slots {
             if let State::Held { holders, .. } = &mut slot.state {
-                holders.retain(|one| *one != holder);
+                holders.retain(|one| one.number != number);
                 retire_if_unheld(&mut self.orders, slot);
             }
         }
     }
 
-    /// Number of plans that `holder` has.
-    pub(crate) fn held(&self, holder: u64) -> usize {
-        let holds = |slot: &&Slot| match &slot.state {
-            State::Held { holders, .. } => holders.contains(&holder),
-            _ => false,
-        };
+    /// Number of plans that the client with this number has.
+    pub(crate) fn held(&self, number: u64) -> usize {
+        let holds = |slot: &&Slot| slot.holders().iter().any(|one| one.number == number);
         self.slots.iter().filter(holds).count()
+    }
+
+    /// The process that holds most plans; a plan counts once for each of its processes.
+    pub(crate) fn greatest_holder(&self) -> Option<Holder> {
+        greatest(self.slots.iter().flat_map(|slot| {
+            let holders = slot.holders();
+            let is_first =
+                |k: usize| holders[..k].iter().all(|before| before.process != holders[k].process);
+            (0..holders.len()).filter(move |k| is_first(*k)).map(|k| holders[k].process)
+        }))
     }
 
     /// Frees returned plans, retires unheld ones, passes new kernels on; call it often.

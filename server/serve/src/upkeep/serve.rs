@@ -30,6 +30,7 @@ use crate::system::sigbus;
 use crate::upkeep::calls::{Calls, pages};
 use crate::upkeep::connections::Connections;
 use crate::upkeep::plans::Plans;
+use crate::upkeep::quota::Orders;
 use crate::upkeep::watchdog::{HEARTBEAT_TIMEOUT, Watchdog, watch_upkeep};
 
 /// Options of a run.
@@ -160,6 +161,7 @@ fn serve_in(
         connections: Connections::new(listener, options.lanes, orders, retired),
         model,
         plans: Plans::new(plan_orders, retired_plans, kernels),
+        orders: Orders::default(),
         pages: pages(&String::from_utf8_lossy(&info.to_json())),
         fingerprint: info.fingerprint,
         heartbeat,

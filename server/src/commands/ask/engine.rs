@@ -97,7 +97,7 @@ impl Engine {
             Error::Query(_) | Error::TooLarge { .. } => {
                 return vec![Reply::failed(Status::BadRequest, words); rows];
             }
-            Error::TooManyPlans { .. } => {
+            Error::TooManyPlans { .. } | Error::Connect(ConnectError::TooManyOrders { .. }) => {
                 return vec![Reply::failed(Status::Overloaded, words); rows];
             }
             Error::NoAnswer { .. } => Status::Overloaded,

@@ -15,7 +15,9 @@ use sarrus_proto::board::class_of;
 use sarrus_proto::control::{
     Call, CallHead, ControlRequest, ControlResponse, Grant, Refusal, exchange,
 };
-use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS, RequestHead};
+use sarrus_proto::message::{
+    MAX_NUMBERS_IN, MAX_NUMBERS_OUT, MAX_PLANS_OF_PROCESS, RequestHead, load_numbers,
+};
 use sarrus_proto::run::Link;
 use sarrus_proto::service::{OpenedService, open_compute};
 use sarrus_proto::socket::{ControlSocket, MAX_MESSAGE};
@@ -372,7 +374,7 @@ impl Served {
                 law(given > MAX_NUMBERS_IN || want > MAX_NUMBERS_OUT, || about("it is not"))
             }
             (Ok(_), Err(Refusal::TooManyPlans)) => {
-                law(self.plans.len() == MAX_PLANS, || about("there is room"))
+                law(self.plans.len() == MAX_PLANS_OF_PROCESS, || about("there is room"))
             }
             (Ok((given, want)), Ok(Grant::Plan { number, n_in, n_out })) => {
                 law([*n_in, *n_out] == [given, want], || about("other sizes"))?;
@@ -403,7 +405,9 @@ impl Served {
         let since = Instant::now();
         loop {
             let received = self.compute.poll().map_err(|error| format!("{error:?}"))?;
-            if let Some((answer, numbers)) = received {
+            if let Some((answer, words)) = received {
+                let mut numbers = vec![0.0; words.len()];
+                load_numbers(words, &mut numbers);
                 let about = |words: &str| format!("{words}: {:?} to {head:?}", answer);
                 law(answer.sequence == head.sequence, || about("another number"))?;
                 let status = Status::from_code(answer.status);
@@ -423,7 +427,7 @@ impl Served {
                 law(gate.is_none_or(|gate| gate == status), || about("another status"))?;
                 if let (None, Some(query)) = (gate, plan) {
                     let plan = Plan::new(&self.model, query).map_err(|error| error.to_string())?;
-                    kept(plan.want(), status, numbers)?;
+                    kept(plan.want(), status, &numbers)?;
                 }
                 return Ok(1 << 40 | status as u64);
             }

@@ -10,7 +10,7 @@ use fastrand::Rng;
 use sarrus_client::Status;
 use sarrus_proto::Node;
 use sarrus_proto::board::ClaimedLane;
-use sarrus_proto::message::{RequestHead, ResponseHead};
+use sarrus_proto::message::{RequestHead, ResponseHead, load_numbers, store_numbers};
 use sarrus_proto::service::OpenedService;
 
 use crate::Settings;
@@ -244,8 +244,10 @@ impl End {
                 judge(head, numbers);
             }
             Way::Service { client, .. } => {
-                let Ok(Some((head, numbers))) = client.poll() else { return false };
-                judge(head, numbers);
+                let Ok(Some((head, words))) = client.poll() else { return false };
+                let mut numbers = vec![0.0; words.len()];
+                load_numbers(words, &mut numbers);
+                judge(head, &numbers);
                 client.cancel();
             }
         }
@@ -273,9 +275,7 @@ impl End {
         };
         match &mut self.way {
             Way::Lane { lane, .. } => {
-                if let Some(numbers) = lane.outbox.numbers().get_mut(..question.input.len()) {
-                    numbers.copy_from_slice(&question.input);
-                }
+                store_numbers(lane.outbox.numbers(), &question.input);
                 lane.outbox.publish(head);
             }
             Way::Service { client, .. } => {

@@ -8,6 +8,7 @@ use clap::Args;
 use fastrand::Rng;
 use sarrus_client::{Field, FieldSet, Query, Request, Transport};
 use sarrus_proto::control::Call;
+use sarrus_proto::message::store_numbers;
 
 use super::Target;
 use crate::Settings;
@@ -57,9 +58,7 @@ impl Scribbler {
                 let (mut lane, _node) = raw.claim(link, classes)?;
                 let prefix = raw.prefix_of(link);
                 for sequence in 1.. {
-                    if let Some(entry) = lane.outbox.numbers().get_mut(..numbers.len()) {
-                        entry.copy_from_slice(&numbers);
-                    }
+                    store_numbers(lane.outbox.numbers(), &numbers);
                     scribble(&mut random, &prefix);
                     lane.outbox.publish(raw.head(plan, sequence));
                     let _ = lane.inbox.poll();

@@ -8,6 +8,7 @@ use rustix::process::Signal;
 use sarrus_client::{Field, FieldSet, Query, Request, Transport};
 use sarrus_proto::batch::BatchShape;
 use sarrus_proto::control::Call;
+use sarrus_proto::message::store_numbers;
 
 use super::Target;
 use crate::process::send_signal;
@@ -130,9 +131,7 @@ impl Victim {
                     return ask_rows(&mut raw, plan, sizes, at);
                 }
                 for sequence in 1.. {
-                    if let Some(entry) = lane.outbox.numbers().get_mut(..numbers.len()) {
-                        entry.copy_from_slice(&numbers);
-                    }
+                    store_numbers(lane.outbox.numbers(), &numbers);
                     lane.outbox.publish(raw.head(plan, sequence));
                     at(Stage::Asked);
                     while lane.inbox.poll().is_none() {

@@ -8,7 +8,7 @@ use sarrus_dynamics::{Model, Plan};
 use sarrus_models::{Options, Source, load};
 use sarrus_proto::batch::{BatchHead, BatchShape, ClaimedBatch, MAX_BATCH_ROWS, ServedBatch};
 use sarrus_proto::board::{ClaimedLane, class_of};
-use sarrus_proto::message::PlanNumber;
+use sarrus_proto::message::{PlanNumber, store_numbers};
 use sarrus_proto::run::{Link, Run};
 use sarrus_proto::{Domain, Field, FieldSet, Node, PROTOCOL_VERSION, Query, Request, ServerName};
 
@@ -145,7 +145,7 @@ fn a_lane_waits_for_one_tile_at_most_and_batches_take_turns() {
             sequence,
             ..RequestHead::default()
         };
-        lane.outbox.numbers()[..n_in].fill(0.1);
+        assert!(store_numbers(lane.outbox.numbers(), &vec![0.1; n_in]));
         lane.outbox.publish(head);
         stepped.hot.sweep(false);
         let (answer, _) = lane.inbox.poll().unwrap();
