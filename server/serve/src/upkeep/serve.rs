@@ -1,5 +1,6 @@
 //! A run of the server: start, upkeep, end.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::mpsc;
@@ -24,6 +25,7 @@ use crate::error::{MAX_LANES, ServeError};
 use crate::kernels::{Kernels, Maker};
 use crate::pool;
 use crate::record::{self, RecordOptions};
+use crate::system::memory::MemoryLimits;
 use crate::system::placement::{Flags, Placement};
 use crate::system::sigbus;
 use crate::upkeep::calls::{Calls, pages};
@@ -52,6 +54,8 @@ pub struct ServeOptions {
     pub lock_memory: bool,
     /// The process that starts another server when this one ends.
     pub supervisor: Option<i32>,
+    /// The folder that stands for `/sys/fs/cgroup`, with `self` for `/proc/self/cgroup`, in tests.
+    pub cgroups: Option<PathBuf>,
 }
 
 impl Default for ServeOptions {
@@ -66,6 +70,7 @@ impl Default for ServeOptions {
             priority: None,
             lock_memory: false,
             supervisor: None,
+            cgroups: None,
         }
     }
 }
@@ -155,6 +160,7 @@ fn serve_in(
         connections: Connections::new(listener, options.lanes, orders, retired),
         model,
         plans: Plans::new(plan_orders, retired_plans, kernels),
+        memory: MemoryLimits::of_process(options.cgroups.as_deref()),
         pages: pages(&String::from_utf8_lossy(&info.to_json())),
         fingerprint: info.fingerprint,
         heartbeat,
