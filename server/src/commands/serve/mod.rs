@@ -125,6 +125,7 @@ impl Serve {
         } else if let Some(object) = &self.try_kernel {
             let loaded = self.robot.load()?;
             Kernels::of_file(object, &loaded.compiled.model).map_err(output::Failure::start)?;
+            print_line("compared");
             0
         } else if self.supervisor.is_some_and(|supervisor| !supervise::die_with(supervisor)) {
             2
