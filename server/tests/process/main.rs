@@ -14,6 +14,7 @@ mod kernels;
 mod lies;
 mod load;
 mod log;
+mod memory;
 mod placement;
 mod plans;
 mod record;

@@ -398,11 +398,12 @@ fn a_stopped_server_or_supervisor_is_continued_by_the_other_one() {
     assert!(server.stop().success());
 }
 
-/// strace that delays each wait of the upkeep thread of a process for a minute.
-fn hang_upkeep(process: u32) -> Option<Process> {
+/// strace that delays this system call of a thread for a minute.
+fn hang(thread: &str, call: &str) -> Option<Process> {
     let mut command = Command::new("strace");
-    command.args(["-e", "trace=ppoll", "-e", "inject=ppoll:delay_enter=60000000", "-p"]);
-    command.arg(process.to_string()).stdout(Stdio::null()).stderr(Stdio::piped());
+    command.args(["-e", &format!("trace={call}"), "-p", thread, "-e"]);
+    command.arg(format!("inject={call}:delay_enter=60000000"));
+    command.stdout(Stdio::null()).stderr(Stdio::piped());
     let mut strace = Process(command.spawn().ok()?);
     let mut said = String::new();
     BufReader::new(strace.0.stderr.as_mut()?).read_line(&mut said).ok()?;
@@ -410,26 +411,37 @@ fn hang_upkeep(process: u32) -> Option<Process> {
 }
 
 #[test]
-fn a_hanging_upkeep_thread_ends_a_supervised_server_and_is_reported_by_others() {
+fn a_hanging_thread_ends_a_supervised_server_and_a_hanging_upkeep_thread_no_other() {
     let sandbox = Sandbox::new();
-    let server = supervised(&sandbox, "kept", &["--short-life", "0"]);
+    let [server, other] = ["kept", "hot"]
+        .map(|name| supervised(&sandbox, name, &["--short-life", "0", "--wait", "sleep"]));
     let alone = sandbox.serve("alone", &[]);
     let mut asker = sandbox.attach_briefly("alone", Transport::Lane);
-    let process = serving(server.id());
-    let (Some(first), Some(second)) = (hang_upkeep(process), hang_upkeep(alone.id())) else {
-        println!("not run: no strace, or no right to use it");
-        return;
+    let [process, hot] = [&server, &other].map(|server| serving(server.id()));
+    let thread = answering_thread(hot).unwrap();
+    let thread = thread.file_name().unwrap().to_str().unwrap();
+    let hanging = [(&*process.to_string(), "ppoll"), (&alone.id().to_string(), "ppoll")];
+    let hanging = hanging.into_iter().chain([(thread, "clock_nanosleep")]);
+    let hanging: Option<Vec<Process>> = hanging.map(|(thread, call)| hang(thread, call)).collect();
+    let Some(mut hanging) = hanging else {
+        return println!("not run: no strace, or no right to use it");
     };
     let start = Instant::now();
-    server.wait_for_line("the upkeep thread hangs: no step for 10 s");
-    println!("from the hang to its line: {:.1?}", start.elapsed());
+    let said = "the upkeep thread hangs: no step for 10 s";
+    alone.wait_for_line(said);
+    server.wait_for_line(said);
+    println!("from the hang of upkeep to its line: {:.1?}", start.elapsed());
     // a traced thread ends with its tracer
-    drop(first);
+    drop(hanging.remove(0));
     next_server(&sandbox, "kept", process);
-    println!("from the hang to the next server: {:.1?}", start.elapsed());
+    println!("from the hang of upkeep to the next server: {:.1?}", start.elapsed());
     server.wait_for_line("was killed by signal 9");
-    alone.wait_for_line("attached clients are answered, new ones are not");
+    other.wait_for_line("the answering thread hangs: no heartbeat for 10 s");
+    drop(hanging.pop());
+    next_server(&sandbox, "hot", hot);
+    println!("from the hang of the answering thread to the next server: {:.1?}", start.elapsed());
+    // attached clients are answered still
     assert_eq!(asker.ask().unwrap().status, Status::Ok);
-    drop(second);
-    assert!(server.stop().success() && alone.stop().success());
+    drop(hanging);
+    assert!([server, other, alone].into_iter().all(|server| server.stop().success()));
 }

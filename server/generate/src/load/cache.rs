@@ -40,8 +40,11 @@ const ABANDONED: Duration = Duration::from_secs(3600);
 /// The longest time for which an object may be tried.
 const TRIAL: Duration = Duration::from_secs(30);
 
-/// The program that loads an object with [`NativeKernel::of_file`] and ends with 0, or with
-/// another code and the reason on stderr.
+/// Last line of a trial that succeeds: an object may end its process with 0.
+const COMPARED: &str = "compared";
+
+/// The program that loads an object with [`NativeKernel::of_file`] and prints `compared`, or ends
+/// with another code than 0 and the reason on stderr.
 pub type Trial = fn(&Path) -> Command;
 
 /// Where objects are kept.
@@ -268,7 +271,10 @@ impl Cache {
         if let Some(trial) = self.trial {
             let refused = |reason| LoadError::Trial { path: file.path().to_owned(), reason };
             match run(&mut trial(from), "it", TRIAL, cancel) {
-                Ok(ended) if ended.is_success => {}
+                Ok(ended) if ended.is_success && ended.words.ends_with(COMPARED) => {}
+                Ok(ended) if ended.is_success => {
+                    return Err(refused(format!("it ended early: {}", ended.words)).into());
+                }
                 Ok(ended) => return Err(refused(ended.words).into()),
                 Err(BuildError::Cancelled) => return Err(BuildError::Cancelled.into()),
                 Err(error) => return Err(refused(error.to_string()).into()),

@@ -23,7 +23,7 @@ const NAME: usize = 80;
 #[derive(Clone, Copy)]
 pub(super) struct Elf<'a>(&'a [u8]);
 
-/// The place and the number of the entries of a table, and the size of each.
+/// The place of a table in the file, the size of its entries, and their number.
 struct Table {
     start: u64,
     entry: u64,
@@ -42,16 +42,15 @@ impl<'a> Elf<'a> {
     /// process.
     pub(super) fn is_whole(self) -> Option<bool> {
         const LOAD: u64 = 1;
-        let programs =
-            Table { start: self.u64(0x20)?, entry: self.u16(0x36)?, count: self.u16(0x38)? };
+        let [programs, sections] = [self.table(0x20, 0x36)?, self.table(0x28, 0x3a)?];
         let mut is_whole = programs.entry >= 56;
-        for table in [&programs, &self.sections()?] {
+        for table in [&programs, &sections] {
             is_whole &= self.has(table.start, table.entry * table.count);
         }
         for k in 0..programs.count {
-            let at = programs.start.checked_add(k * programs.entry)?;
-            if self.u32(at)? == LOAD {
-                is_whole &= self.has(self.u64(at.checked_add(8)?)?, self.u64(at + 32)?);
+            let at = programs.at(k)?;
+            if self.number(at, 4)? == LOAD {
+                is_whole &= self.has(self.number(at + 8, 8)?, self.number(at + 32, 8)?);
             }
         }
         Some(is_whole)
@@ -62,23 +61,17 @@ impl<'a> Elf<'a> {
     pub(super) fn first_stranger(self) -> Option<Option<String>> {
         const DYNAMIC_SYMBOLS: u64 = 11;
         const SYMBOL: u64 = 24;
-        let sections = self.sections()?;
-        let section = |k: u64| sections.start.checked_add(k.checked_mul(sections.entry)?);
-        let mut table = None;
-        for k in 0..sections.count {
-            if self.u32(section(k)?.checked_add(4)?)? == DYNAMIC_SYMBOLS {
-                table = section(k);
-            }
-        }
-        let table = table?;
-        let start = self.u64(table.checked_add(0x18)?)?;
-        let size = self.u64(table.checked_add(0x20)?)?;
-        let names = self.u64(section(self.u32(table.checked_add(0x28)?)?)?.checked_add(0x18)?)?;
+        let sections = self.table(0x28, 0x3a)?;
+        let mut places = (0..sections.count).filter_map(|k| sections.at(k));
+        let place = places.find(|at| self.number(at + 4, 4) == Some(DYNAMIC_SYMBOLS))?;
+        let [start, size] = [self.number(place + 0x18, 8)?, self.number(place + 0x20, 8)?];
+        let names = self.number(sections.at(self.number(place + 0x28, 4)?)? + 0x18, 8)?;
+        let symbols = Table { start, entry: SYMBOL, count: size / SYMBOL };
         // the first one is empty
-        for k in 1..size / SYMBOL {
-            let at = start.checked_add(k * SYMBOL)?;
-            let is_defined = self.u16(at.checked_add(6)?)? != 0;
-            let name = self.0.get(names.checked_add(self.u32(at)?)? as usize..)?;
+        for k in 1..symbols.count {
+            let at = symbols.at(k)?;
+            let is_defined = self.number(at + 6, 2)? != 0;
+            let name = self.0.get(names.checked_add(self.number(at, 4)?)? as usize..)?;
             let name = name.iter().take(NAME).take_while(|byte| **byte != 0).copied();
             let name = String::from_utf8_lossy(&name.collect::<Vec<u8>>()).into_owned();
             if !is_defined && !SYMBOLS.contains(&name.as_str()) {
@@ -88,8 +81,10 @@ impl<'a> Elf<'a> {
         Some(None)
     }
 
-    fn sections(self) -> Option<Table> {
-        Some(Table { start: self.u64(0x28)?, entry: self.u16(0x3a)?, count: self.u16(0x3c)? })
+    /// The table whose place is at `start`, and the size and the number of entries at `sizes`.
+    fn table(self, start: u64, sizes: u64) -> Option<Table> {
+        let [entry, count] = [self.number(sizes, 2)?, self.number(sizes + 2, 2)?];
+        Some(Table { start: self.number(start, 8)?, entry, count })
     }
 
     /// Whether these bytes are in the file.
@@ -97,20 +92,21 @@ impl<'a> Elf<'a> {
         from.checked_add(size).is_some_and(|end| end <= self.0.len() as u64)
     }
 
-    fn u16(self, at: u64) -> Option<u64> {
-        self.bytes(at).map(u16::from_ne_bytes).map(u64::from)
+    /// The number of so many bytes here.
+    fn number(self, at: u64, size: u64) -> Option<u64> {
+        let part = self.0.get(at as usize..at.checked_add(size)? as usize)?;
+        let fold = |sum: u64, byte: &u8| sum << 8 | u64::from(*byte);
+        Some(match cfg!(target_endian = "little") {
+            true => part.iter().rev().fold(0, fold),
+            false => part.iter().fold(0, fold),
+        })
     }
+}
 
-    fn u32(self, at: u64) -> Option<u64> {
-        self.bytes(at).map(u32::from_ne_bytes).map(u64::from)
-    }
-
-    fn u64(self, at: u64) -> Option<u64> {
-        self.bytes(at).map(u64::from_ne_bytes)
-    }
-
-    fn bytes<const N: usize>(self, at: u64) -> Option<[u8; N]> {
-        let at = usize::try_from(at).ok()?;
-        self.0.get(at..at.checked_add(N)?)?.try_into().ok()
+impl Table {
+    /// The place of an entry, far enough from the end of all numbers to add its fields.
+    fn at(&self, k: u64) -> Option<u64> {
+        let at = self.start.checked_add(k.checked_mul(self.entry)?)?;
+        (at < 1 << 48).then_some(at)
     }
 }

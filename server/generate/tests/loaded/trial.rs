@@ -29,6 +29,12 @@ fn error(cache: &Cache, compiler: &Compiler, cancel: &Cancel) -> MakeError {
 }
 
 fn good(_object: &Path) -> Command {
+    let mut command = Command::new("echo");
+    command.arg("compared");
+    command
+}
+
+fn early(_object: &Path) -> Command {
     Command::new("true")
 }
 
@@ -95,6 +101,8 @@ fn only_an_object_that_another_process_has_survived_is_loaded() {
             if reason.starts_with("signal: 11"))
     };
     assert!(is_found(&crashed), "{crashed}");
+    let ended = error(&of(early), &compiler, &Cancel::default());
+    assert!(ended.to_string().contains("it ended early"), "{ended}");
     let lambda = model("lambda");
     let plan = plan(&lambda, Field::TauU);
     let made = of(good).kernel(&lambda, &plan, &compiler, &Cancel::default()).unwrap();

@@ -1,5 +1,7 @@
-//! The operating system: processors, policies and limits, stopped processes, SIGBUS, stderr.
+//! The operating system: processors, policies and limits, limits of memory, stopped processes,
+//! SIGBUS, stderr.
 
+pub(crate) mod memory;
 pub(crate) mod placement;
 pub mod processes;
 pub(crate) mod sigbus;

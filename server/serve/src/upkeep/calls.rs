@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use sarrus_dynamics::Model;
 use sarrus_proto::PROTOCOL_VERSION;
+use sarrus_proto::batch::BATCH_WORDS;
 use sarrus_proto::board::class_of;
 use sarrus_proto::control::{
     Call, CallHead, ControlRequest, ControlResponse, Grant, PAGE, Refusal, query_hash,
@@ -14,9 +15,13 @@ use sarrus_proto::message::Statistics;
 use sarrus_proto::run::Run;
 use tracing::{debug, info, warn};
 
-use crate::upkeep::connections::Connections;
+use crate::system::memory::MemoryLimits;
+use crate::upkeep::connections::{Connections, SERVICE_NEEDS, lane_needs};
 use crate::upkeep::plans::{Plans, Registered};
 use crate::upkeep::quota::{Client, Orders};
+
+/// Memory of a plan `[byte]`.
+const PLAN_NEEDS: u64 = 64 << 10;
 
 /// State behind the clients' calls.
 pub(crate) struct Calls {
@@ -26,6 +31,7 @@ pub(crate) struct Calls {
     pub(crate) model: Arc<Model<f64>>,
     pub(crate) plans: Plans,
     pub(crate) orders: Orders,
+    pub(crate) memory: MemoryLimits,
     /// The model information in pages.
     pub(crate) pages: Vec<String>,
     pub(crate) fingerprint: u64,
@@ -134,6 +140,18 @@ impl Calls {
         let holder = Client { number: client, process };
         if matches!(call, Call::Lane { .. } | Call::Service) {
             self.orders.count(process, Instant::now())?;
+        }
+        let needed = match &call {
+            Call::Plan { .. } => PLAN_NEEDS,
+            Call::Lane { n_in, n_out } => {
+                lane_needs([*n_in, *n_out].map(|n| class_of(n).unwrap_or(0)))
+            }
+            Call::Service => SERVICE_NEEDS,
+            Call::Batch => 8 * BATCH_WORDS as u64,
+            _ => 0,
+        };
+        if needed > 0 {
+            self.memory.admit(needed)?;
         }
         match call {
             Call::Hello => Ok(Grant::Hello { root: self.root.clone(), pages: self.pages.len() }),

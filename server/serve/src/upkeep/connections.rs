@@ -47,7 +47,12 @@ const LONGEST_CONNECT: Duration = Duration::from_secs(2);
 /// Shared memory of a lane besides its numbers, and reserve for others `[byte]`.
 const LANE_MARGIN: u64 = 256 << 10;
 /// Shared memory that a service takes, and that stays free for others `[byte]`.
-const SERVICE_NEEDS: u64 = 2 << 20;
+pub(crate) const SERVICE_NEEDS: u64 = 2 << 20;
+
+/// Shared memory that a lane of these classes takes, and that stays free for others `[byte]`.
+pub(crate) fn lane_needs(classes: [usize; 2]) -> u64 {
+    2 * 8 * (classes[0] + classes[1]) as u64 + LANE_MARGIN
+}
 
 /// A client, from its connection on.
 pub(crate) struct Connection {
@@ -329,8 +334,7 @@ impl Connections {
         }
         let limit = self.n_lanes;
         let index = self.free_place(self.lanes()).ok_or(Refusal::NoLane { limit })?;
-        let bytes = 2 * 8 * (classes[0] + classes[1]) as u64;
-        let (name, place, lane) = Segment::make(run, bytes + LANE_MARGIN, |node, link| {
+        let (name, place, lane) = Segment::make(run, lane_needs(classes), |node, link| {
             let mut lane = ServedLane::create(node, classes).map_err(|error| failed(&error))?;
             link.reserve(true).map_err(|error| no_space(&error))?;
             lane.map();

@@ -1,5 +1,6 @@
 //! A run of the server: start, upkeep, end.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::mpsc;
@@ -25,6 +26,7 @@ use crate::error::{MAX_LANES, ServeError};
 use crate::kernels::{Kernels, Maker};
 use crate::pool;
 use crate::record::{self, RecordOptions};
+use crate::system::memory::MemoryLimits;
 use crate::system::placement::{Flags, Placement};
 use crate::system::sigbus;
 use crate::upkeep::calls::{Calls, pages};
@@ -54,6 +56,8 @@ pub struct ServeOptions {
     pub lock_memory: bool,
     /// The process that starts another server when this one ends.
     pub supervisor: Option<i32>,
+    /// The folder that stands for `/sys/fs/cgroup`, with `self` for `/proc/self/cgroup`, in tests.
+    pub cgroups: Option<PathBuf>,
 }
 
 impl Default for ServeOptions {
@@ -68,6 +72,7 @@ impl Default for ServeOptions {
             priority: None,
             lock_memory: false,
             supervisor: None,
+            cgroups: None,
         }
     }
 }
@@ -162,6 +167,7 @@ fn serve_in(
         model,
         plans: Plans::new(plan_orders, retired_plans, kernels),
         orders: Orders::default(),
+        memory: MemoryLimits::of_process(options.cgroups.as_deref()),
         pages: pages(&String::from_utf8_lossy(&info.to_json())),
         fingerprint: info.fingerprint,
         heartbeat,

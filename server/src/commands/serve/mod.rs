@@ -82,6 +82,9 @@ pub(crate) struct Serve {
     /// Load this object for the robot, compare its answers, and end.
     #[arg(long, value_name = "FILE", hide = true, conflicts_with = "supervise")]
     try_kernel: Option<PathBuf>,
+    /// Folder of a test that stands for /sys/fs/cgroup, with `self` for /proc/self/cgroup.
+    #[arg(long, value_name = "FOLDER", hide = true)]
+    cgroups: Option<PathBuf>,
     /// Seconds of life after which the next server starts without delay.
     #[arg(long, value_name = "SECONDS", hide = true, default_value_t = 10)]
     short_life: u64,
@@ -122,6 +125,7 @@ impl Serve {
         } else if let Some(object) = &self.try_kernel {
             let loaded = self.robot.load()?;
             Kernels::of_file(object, &loaded.compiled.model).map_err(output::Failure::start)?;
+            print_line("compared");
             0
         } else if self.supervisor.is_some_and(|supervisor| !supervise::die_with(supervisor)) {
             2
@@ -217,10 +221,17 @@ impl Serve {
     fn options(&self) -> ServeOptions {
         let wait = self.wait.unwrap_or_else(Wait::auto);
         let &Serve { lanes, cpu, priority, lock_memory, supervisor, .. } = self;
-        let name = self.name.clone();
-        let kernels = Kernels::default();
-        let record = None;
-        ServeOptions { name, wait, lanes, cpu, priority, lock_memory, supervisor, kernels, record }
+        ServeOptions {
+            name: self.name.clone(),
+            wait,
+            lanes,
+            cpu,
+            priority,
+            lock_memory,
+            supervisor,
+            cgroups: self.cgroups.clone(),
+            ..ServeOptions::default()
+        }
     }
 
     /// The kernels of the clients' plans.
