@@ -262,7 +262,7 @@ fn request(stepped: &Stepped, lane: &mut ClaimedLane, sequence: u64, y: &[f64]) 
         sequence,
         ..RequestHead::default()
     };
-    lane.outbox.numbers()[..y.len()].copy_from_slice(y);
+    assert!(store_numbers(lane.outbox.numbers(), y));
     lane.outbox.publish(head);
 }
 
@@ -282,7 +282,7 @@ fn a_state_that_needs_more_than_a_turn_delays_nobody_and_has_the_bits_of_the_pla
     let (given, want) = (FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q, Field::NearestY]));
     // near zero a turn suffices; the others need longer, and one of them has no answer
     let good = [0.1, 0.1, 0.0];
-    let long = [[0.38, 0.38, 0.1], [-0.39, 0.37, 0.2], [0.7, 0.6, 0.3]];
+    let long = [[-1.0, 0.5, -0.8], [0.9, 0.9, 0.9], [-2.2, 2.2, -2.2]];
     for options in [sarrus_proto::QueryOptions::NONE, sarrus_proto::QueryOptions::SEARCH] {
         let query = Query::new(Request::Kinematics, given, want).with_options(options);
         let mut stepped = Stepped::of("delta", query);
