@@ -344,8 +344,8 @@ pub(crate) fn node(root: &Path, config: &Config) -> Result<Node, DomainError> {
     Ok(Node::new(node))
 }
 
-/// The name of the transport's counter of nodes behind the prefix: the hash of a type's name and the
-/// version.
+/// The name of the transport's counter of nodes behind the prefix: the hash of a type's name and
+/// the version.
 const COUNTER: &str = "9204dd183d1c4d8e1ff592a30766ffa6765aa8b5_node.0_10_0.global_mgmt";
 
 /// The counter of nodes, which no process maps for long; searched for if another compiler gave it

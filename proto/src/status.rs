@@ -5,7 +5,8 @@ use crate::wire_enum::wire_enum;
 wire_enum! {
     /// The outcome of a request. The numbers are part of the wire contract and never change.
     ///
-    /// Only clients set [`Status::UnknownStatus`] and [`Status::OtherProcess`]; no server sends them.
+    /// Only clients set [`Status::UnknownStatus`] and [`Status::OtherProcess`]; no server sends
+    /// them.
     Status: u32 {
         /// The answer is complete.
         Ok = 0, "ok";

@@ -19,9 +19,9 @@
  *
  * Threads. Any thread may use a handle, one at a time; different handles are independent. The text
  * of sarrus_last_error is the thread's own. In a child of fork() a robot that its parent connected
- * gives SARRUS_STATUS_OTHER_PROCESS, and a controller or observer sends and reads nothing; the child
- * may free them, which changes nothing for the parent, and connects its own. No thread may be in a
- * call at the time of the fork.
+ * gives SARRUS_STATUS_OTHER_PROCESS, and a controller or observer sends and reads nothing; the
+ * child may free them, which changes nothing for the parent, and connects its own. No thread may be
+ * in a call at the time of the fork.
  *
  * Nothing here throws or exits, and no panic leaves the library.
  */

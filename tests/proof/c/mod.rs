@@ -123,6 +123,13 @@ impl Program {
         command
     }
 
+    /// The program as an argument of another one.
+    fn under(&self, outer: &str, flags: &[&str]) -> Command {
+        let mut command = Command::new(outer);
+        command.args(flags).arg(&self.path).env("SARRUS_ROOT", crate::examples::root());
+        command
+    }
+
     /// Runs the program, which must succeed, and returns its stdout.
     fn run(&self, arguments: &[&str]) -> String {
         let output = self.command(arguments).output().unwrap();

@@ -7,9 +7,14 @@ use super::{C, CPP, Program, SANITIZERS, folder, present, with_sanitizers};
 use crate::examples::Server;
 use sarrus_dynamics::{Field, Request};
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// Calls of each kind; a longer run has 10^6.
 const CALLS: &str = "20000";
+
+/// Flags of valgrind: any wrong access and any memory that nothing points to is a failure.
+const LEAKS: &[&str] =
+    &["-q", "--error-exitcode=9", "--leak-check=full", "--errors-for-leak-kinds=definite"];
 
 fn source(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("proof/c").join(name)
@@ -77,6 +82,19 @@ fn what_a_program_does_wrong_is_a_status_and_never_the_end_of_it() {
     // header and programs are valid C++ too
     for compiler in present(&CPP) {
         Program::compile(compiler, &source("calls.cpp"), &["-fno-exceptions"]);
+    }
+}
+
+#[test]
+fn valgrind_finds_no_wrong_access_and_no_leak_in_the_library() {
+    if Command::new("valgrind").arg("--version").output().is_err() {
+        return println!("not run: valgrind is missing");
+    }
+    for compiler in present(&C) {
+        let program = Program::compile(compiler, &source("checks.c"), &["-g"]);
+        let output = program.under("valgrind", LEAKS).output().unwrap();
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{compiler}: {text}");
     }
 }
 
