@@ -101,6 +101,8 @@ pub trait Inbox<H>: Send {
     /// concurrent write changes nothing. Makes no system call, takes no lock, never
     /// allocates.
     fn poll(&mut self) -> Option<(H, &[f64])>;
+    /// The copy of the entry that the last successful call of [`Inbox::poll`] made.
+    fn last(&self) -> (H, &[f64]);
 }
 
 /// The writing end of a board.
@@ -137,7 +139,12 @@ impl<H: Copy + Send + 'static, const N: usize> Inbox<H> for Reading<H, N> {
         }
         // SYNC POINT: lane entry (the other end is `publish`)
         self.last = self.entry.get();
-        Some((self.last.head, &self.last.numbers))
+        Some(self.last())
+    }
+
+    #[inline]
+    fn last(&self) -> (H, &[f64]) {
+        (self.last.head, &self.last.numbers)
     }
 }
 

@@ -154,7 +154,7 @@ impl Aside {
     fn forget_the_absent(&mut self, key: Key) {
         let has_answer = self.current.is_some() && self.job.is_some();
         let awaited = if has_answer { self.current } else { self.queue.first().copied() };
-        if awaited == Some(key) || self.job.is_none() {
+        if self.job.is_none() || awaited.is_none_or(|awaited| awaited == key) {
             return;
         }
         self.looks += 1;

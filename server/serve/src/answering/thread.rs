@@ -55,14 +55,21 @@ const DRAIN_TIME: Duration = Duration::from_millis(100);
 
 /// The answering thread's end of a client's transport.
 pub(crate) enum End {
-    /// With the sequence of the last request: the reader may see an entry twice while it is
-    /// written.
-    Lane(ServedLane, u64),
+    Lane(ServedLane, LastRequest),
     Service(Box<dyn ServedService>),
     /// In addition to one of the others.
     Batches(Batches),
     /// The end of a client that has overwritten the transport's records.
     Broken,
+}
+
+/// The last request of a lane.
+#[derive(Default)]
+pub(crate) struct LastRequest {
+    /// Its sequence: the reader may see an entry twice while it is written.
+    sequence: u64,
+    /// Another thread computes its state.
+    is_pending: bool,
 }
 
 /// Orders of the maintenance thread to the answering thread.
@@ -287,15 +294,19 @@ impl AnsweringThread {
 #[inline]
 fn poll_lane(
     lane: &mut ServedLane,
-    last: &mut u64,
+    last: &mut LastRequest,
     place: usize,
     engine: &mut Engine,
     clock: &Clock,
     stopping: bool,
 ) -> Option<Turn> {
-    let (head, numbers) = lane.inbox.poll()?;
+    let is_new = lane.inbox.poll().is_some();
+    if !is_new && !last.is_pending {
+        return None;
+    }
+    let (head, numbers) = lane.inbox.last();
     // no new request: answered before, or, with sequence 0, the client has just claimed its lane
-    if head.sequence == *last {
+    if head.sequence == last.sequence {
         return None;
     }
     let start = clock.raw();
@@ -303,10 +314,12 @@ fn poll_lane(
     let timing = RequestTiming::new(clock, &head, start);
     let output = lane.outbox.numbers();
     let answer = match stopping {
-        false => engine.answer_request(&head, place, Input::Copied(numbers), output, &timing)?,
-        true => refuse(&head, Status::ShuttingDown, output, &timing),
+        false => engine.answer_request(&head, place, Input::Copied(numbers), output, &timing),
+        true => Some(refuse(&head, Status::ShuttingDown, output, &timing)),
     };
-    *last = head.sequence;
+    last.is_pending = answer.is_none();
+    let answer = answer?;
+    last.sequence = head.sequence;
     lane.outbox.publish(answer);
     Some(Turn::of(Transport::Lane, &head, &answer, start))
 }

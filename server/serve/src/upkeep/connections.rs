@@ -25,7 +25,7 @@ use sarrus_proto::socket::{ControlListener, ControlSocket, MAX_MESSAGE, timespec
 use tracing::info;
 
 use crate::answering::batches::Batches;
-use crate::answering::thread::{End, Order, Retired};
+use crate::answering::thread::{End, LastRequest, Order, Retired};
 use crate::record::Client;
 use crate::system::sigbus::replaced_pages;
 use crate::upkeep::listener::Listener;
@@ -342,7 +342,7 @@ impl Connections {
         })?;
         self.places[index] = Some(place);
         self.lanes_made += 1;
-        self.serve(number, index, End::Lane(lane, 0))?;
+        self.serve(number, index, End::Lane(lane, LastRequest::default()))?;
         Ok(name)
     }
 

@@ -79,7 +79,11 @@ impl Stepped {
         let classes = classes.map(|n| class_of(n).unwrap());
         let node = link.node().unwrap();
         let lane = ServedLane::create(&node, classes).unwrap();
-        assert!(self.orders.push(Order::Serve { place, end: End::Lane(lane, 0) }).is_ok());
+        assert!(
+            self.orders
+                .push(Order::Serve { place, end: End::Lane(lane, LastRequest::default()) })
+                .is_ok()
+        );
         self.hot.handle_orders();
         let other = Link::new(domain, run.instance(), number).unwrap().node().unwrap();
         let lane = ClaimedLane::claim(&other, classes).unwrap();
@@ -127,7 +131,12 @@ fn a_lane_waits_for_one_tile_at_most_and_batches_take_turns() {
     let classes = [n_in, n_out].map(|n| class_of(n).unwrap());
     let node = link.node().unwrap();
     let lane = ServedLane::create(&node, classes).unwrap();
-    assert!(stepped.orders.push(Order::Serve { place: 0, end: End::Lane(lane, 0) }).is_ok());
+    assert!(
+        stepped
+            .orders
+            .push(Order::Serve { place: 0, end: End::Lane(lane, LastRequest::default()) })
+            .is_ok()
+    );
     let other = Link::new(&domain, run.instance(), number).unwrap().node().unwrap();
     let mut lane = ClaimedLane::claim(&other, classes).unwrap();
 
