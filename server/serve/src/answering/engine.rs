@@ -349,26 +349,22 @@ impl Engine {
                 1
             }
             Known::Nothing => {
-                let rows = match kernel.as_deref() {
+                let (rows, by_kernel) = match kernel.as_deref() {
                     Some(kernel) => {
-                        let (rows, by_kernel) =
-                            kernel.answer_rows(plan, &mut self.workspace, input, output, answers);
-                        self.by_kernel += by_kernel as u64;
-                        rows
+                        kernel.answer_rows(plan, &mut self.workspace, input, output, answers)
                     }
-                    None => self.workspace.run(plan, input, output, answers),
+                    None => (self.workspace.run(plan, input, output, answers), 0),
                 };
+                self.by_kernel += by_kernel as u64;
                 // the last one may need more
-                let last = rows.checked_sub(1).map_or(Status::Ok, |last| answers[last].status);
+                let last = answers[..rows].last().map_or(Status::Ok, |answer| answer.status);
+                let is_cut_short = plan.is_cut_short(self.workspace.one().1, last);
                 match &mut self.aside {
-                    Some(threads) if plan.is_cut_short(self.workspace.one().1, last) => {
-                        if rows == 1 {
-                            let input = &input[..n_in];
-                            thread_of(threads, plan).submit(key, plan, input, false);
-                            return Ok(None);
-                        }
-                        rows - 1
+                    Some(threads) if is_cut_short && rows == 1 => {
+                        thread_of(threads, plan).submit(key, plan, &input[..n_in], false);
+                        return Ok(None);
                     }
+                    Some(_) if is_cut_short => rows - 1,
                     _ => rows,
                 }
             }

@@ -145,10 +145,7 @@ fn serve_in(
         let started = record::start_or_warn(to, &model, options.lanes, clock.clone(), place)?;
         (hot.engine.recorder, recording) = started.unzip();
     }
-    let threads = ["sarrus-long", "sarrus-search"]
-        .map(|name| Aside::start(&model, name, n_places, place_other(placement)));
-    let [long, search] = threads;
-    hot.engine.set_aside([long?, search?]);
+    hot.engine.set_aside(threads_aside(&model, n_places, placement)?);
     let kernels = Maker::start(&options.kernels, &model, place_other(placement))?;
     // clients that connect before the first step of upkeep wait
     let socket = |source| ServeError::Socket { path: run.name_folder().to_owned(), source };
@@ -201,6 +198,16 @@ fn serve_in(
         recording.map(JoinHandle::join);
     }
     ended
+}
+
+/// The threads for states that need more than a turn of the answering thread.
+fn threads_aside(
+    model: &Arc<Model<f64>>,
+    n_places: usize,
+    placement: &Placement,
+) -> Result<[Aside; 2], ServeError> {
+    let start = |name| Aside::start(model, name, n_places, place_other(placement));
+    Ok([start("sarrus-long")?, start("sarrus-search")?])
 }
 
 /// Upkeep's ends of the channels to the answering thread.

@@ -33,7 +33,7 @@ pub(super) fn read(
         joints: Vec::new(),
         wrenches: Vec::new(),
         tolerances,
-        searches: false,
+        options: QueryOptions::NONE,
         deadline: None,
         given: Vec::new(),
         doubt: None,
@@ -49,6 +49,15 @@ fn tolerance(name: &str, value: Value<'_>) -> Result<Tolerance, Problem> {
     let number = value.number().filter(|x| *x >= 0.0);
     let number = number.ok_or_else(|| value.is_no(&format!("{name} as a number from 0 on")))?;
     Ok(Tolerance::new(number))
+}
+
+/// The option of a query that searches, or none.
+fn search(value: Value<'_>) -> Result<QueryOptions, Problem> {
+    match value.boolean() {
+        Some(true) => Ok(QueryOptions::SEARCH),
+        Some(false) => Ok(QueryOptions::NONE),
+        None => Err(value.is_no("search as true or false").into()),
+    }
 }
 
 /// Microseconds from 1 on.
@@ -69,7 +78,7 @@ struct Reader<'a> {
     joints: Vec<u16>,
     wrenches: Vec<(u16, Vec<f64>)>,
     tolerances: [Tolerance; 2],
-    searches: bool,
+    options: QueryOptions,
     deadline: Option<Duration>,
     given: Vec<Given>,
     doubt: Option<Problem>,
@@ -89,10 +98,7 @@ impl Reader<'_> {
             "wrenches" => self.wrenches = self.read_wrenches(value)?,
             "loop_tolerance" => self.tolerances[0] = tolerance(&name, value)?,
             "projection_tolerance" => self.tolerances[1] = tolerance(&name, value)?,
-            "search" => {
-                let flag = value.boolean();
-                self.searches = flag.ok_or_else(|| value.is_no("search as true or false"))?;
-            }
+            "search" => self.options = search(value)?,
             "deadline_us" => self.deadline = Some(deadline(value)?),
             _ => match INPUTS.into_iter().find(|field| field.name() == name) {
                 Some(field) => {
@@ -255,12 +261,9 @@ impl Reader<'_> {
             .iter()
             .fold(FieldSet::EMPTY, |set, (output, _)| FieldSet(set.0 | output.fields().0));
         let [loop_tolerance, projection_tolerance] = self.tolerances;
-        let mut query =
-            Query { loop_tolerance, projection_tolerance, ..Query::new(request, given, want) };
-        if self.searches {
-            query = query.with_options(QueryOptions::SEARCH);
-        }
-        query = query.with_joints(self.joints);
+        let query = Query::new(request, given, want).with_options(self.options);
+        let query = Query { loop_tolerance, projection_tolerance, ..query };
+        let mut query = query.with_joints(self.joints);
         let frames = self.frames.unwrap_or_default();
         query = query.with_frames(&frames.iter().map(|(_, link)| *link).collect::<Vec<u16>>());
         if !self.wrenches.is_empty() {
