@@ -793,7 +793,7 @@ typedef struct sarrus_connect_options {
      */
     uint64_t timeout_ns;
     /**
-     * How long an answer may take before it is counted as late [ns]; 0 for any time.
+     * How long an answer may take before it is late, without numbers [ns]; 0 for any time.
      */
     uint64_t deadline_ns;
     /**

@@ -64,7 +64,7 @@ pub struct Connecting {
     pub wait_strategy: u32,
     /// How long one call waits at most, for a server that is gone to come back included [ns].
     pub timeout_ns: u64,
-    /// How long an answer may take before it is counted as late [ns]; 0 for any time.
+    /// How long an answer may take before it is late, without numbers [ns]; 0 for any time.
     pub deadline_ns: u64,
     /// The model that must be served; 0 for any.
     pub fingerprint: u64,

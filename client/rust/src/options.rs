@@ -38,10 +38,10 @@ pub struct ConnectOptions {
     pub timeout: Duration,
     /// How to wait.
     pub wait_strategy: WaitStrategy,
-    /// How long an answer may take, from the question to its publication by the server and, as this
-    /// robot sees it, to its arrival; later ones are counted, by [`crate::Robot::late`] and in the
-    /// server's [`crate::Statistics`], and are answers like any other. Beyond 8 s the server counts
-    /// none. Costs a few readings of the clock for each request; any time when `None`.
+    /// How long an answer may take, from the question to its publication by the server; a later one
+    /// is [`crate::Status::Late`], without numbers. Late arrivals are counted by
+    /// [`crate::Robot::late`] and in the server's [`crate::Statistics`]. Beyond 8 s none is late.
+    /// Costs a few readings of the clock for each request; any time when `None`.
     pub deadline: Option<Duration>,
     /// The model that must be served; any when `None`.
     pub fingerprint: Option<u64>,

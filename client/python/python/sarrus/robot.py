@@ -99,7 +99,7 @@ class Robot(DescribedRobot):
         """Connect to a server on this machine, started by `sarrus serve --name NAME`.
 
         A call waits at most `timeout` [s], also for the return of a lost server. Ctrl-C ends the
-        wait, and the next call connects again. `late` counts answers later than `deadline` [s].
+        wait, and the next call connects again. Answers later than `deadline` [s] are `late`.
         `transport` is `lane` or `service`, `wait` is `auto`, `busy` or `polite`. A model without
         this `fingerprint` is refused. The message of a `ConnectError` names the remedy.
         """
