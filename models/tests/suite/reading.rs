@@ -259,8 +259,11 @@ fn a_check_report_holds_names_orders_and_closures() {
     let cond = good.closures[0].cond;
     let (cells, bytes) = good.closures[0].seeds;
     assert!(cells > 0 && bytes > 0);
+    let bound = good.bound.unwrap();
+    let (steps, ns) = (bound.steps, bound.ns.round());
+    assert!(steps > 0 && (1.0..=500_000.0).contains(&ns), "{bound:?}");
     let expected = format!(
-        r#"{{"robot":"lambda","fingerprint":"{fingerprint}","tree":["elbow","swing","slide"],"tree_q":["elbow","swing","slide"],"independent":["elbow"],"active":["slide"],"loops":["slide/y","slide/z"],"closures":[{{"name":"elbow_joint","type":"NUMERICAL","kind":"numerical","rows":2,"rank":2,"misfit":0.0,"redundant":[],"idle":[],"branch":[-1.0],"sigma_min":{sigma:?},"cond_Kd":{cond:?},"singular":"","seed_cells":{cells},"seed_bytes":{bytes}}}],"warnings":[],"errors":[]}}"#
+        r#"{{"robot":"lambda","fingerprint":"{fingerprint}","tree":["elbow","swing","slide"],"tree_q":["elbow","swing","slide"],"independent":["elbow"],"active":["slide"],"loops":["slide/y","slide/z"],"closures":[{{"name":"elbow_joint","type":"NUMERICAL","kind":"numerical","rows":2,"rank":2,"misfit":0.0,"redundant":[],"idle":[],"branch":[-1.0],"sigma_min":{sigma:?},"cond_Kd":{cond:?},"singular":"","seed_cells":{cells},"seed_bytes":{bytes}}}],"bound":{{"steps":{steps},"ns":{ns:?}}},"warnings":[],"errors":[]}}"#
     );
     assert_eq!(json, expected);
 
