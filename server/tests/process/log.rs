@@ -24,7 +24,7 @@ fn logged(flags: &[&str], variable: Option<&str>, awaited: &[&str]) -> String {
     let options = ConnectOptions { transport: Transport::Lane, deadline, ..options() };
     let mut asker = Asker::new(sandbox.connect_with("talker", options).unwrap());
     for _ in 0..LATE {
-        assert_eq!(asker.ask().unwrap().status, Status::Ok);
+        assert_eq!(asker.ask().unwrap().status, Status::Late);
     }
     let refused = sandbox.connect("talker", Transport::Lane).err().unwrap();
     assert!(matches!(refused, ConnectError::NoFreeSlot { .. }), "{refused}");

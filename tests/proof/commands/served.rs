@@ -131,7 +131,8 @@ impl Drop for Process {
 fn through_a_server_the_text_is_the_same() {
     let place = Place::new();
     let odd = "bad\n{\"y\":[1]}\n{\"yy\":1}\n{\"y\":[1e999]}\n\n{\"u\":[9]}\n\
-        {\"want\":[\"q\"],\"u\":[1e9]}\n[]\n";
+        {\"want\":[\"q\"],\"u\":[1e9]}\n[]\n{\"y\":[2,2],\"search\":true,\"deadline_us\":90000000}\n\
+        {\"y\":[2,2]}\n{\"search\":1}\n{\"deadline_us\":0}\n";
     for robot in ["torso", "wrist", "rh5v2_upper_body"] {
         let server = place.serve(robot, "same");
         let file = vectors(robot);
@@ -163,6 +164,33 @@ fn through_a_server_the_text_is_the_same() {
         server.stop();
     }
     assert_eq!(place.leftovers(), Vec::<PathBuf>::new());
+}
+
+#[test]
+fn a_state_that_takes_longer_than_its_deadline_is_late_through_a_server() {
+    let place = Place::new();
+    let server = place.serve("wrist", "late");
+    // hundreds of microseconds
+    let line = |deadline: &str| {
+        format!("{{\"y\":[2,2],\"want\":[\"nearest_y\"],\"search\":true{deadline}}}\n")
+    };
+    let text = line("") + &line(",\"deadline_us\":1") + &line(",\"deadline_us\":100000000");
+    for (flags, expected) in [
+        (["--robot", "wrist"], ["unreachable", "unreachable", "unreachable"]),
+        (["--connect", "late"], ["unreachable", "late", "unreachable"]),
+    ] {
+        for batch in ["1", "3"] {
+            let command = [&["ask", "kinematics", "--batch", batch][..], &flags].concat();
+            let answers = Run::of(&mut place.command(&command), text.as_bytes()).json();
+            let statuses: Vec<&str> =
+                answers.iter().map(|answer| answer["status"].as_str().unwrap()).collect();
+            assert_eq!(statuses, expected, "{flags:?}");
+            for (answer, status) in answers.iter().zip(statuses) {
+                assert_eq!(answer["nearest_y"].is_null(), status == "late", "{answer}");
+            }
+        }
+    }
+    server.stop();
 }
 
 /// A moving link.
