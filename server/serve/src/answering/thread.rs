@@ -2,10 +2,10 @@
 //!
 //! A sweep answers at most one pending request of each client: no client can starve another, and no
 //! request is overwritten, because a client has one pending request. A state that needs more than a
-//! turn is computed on a thread beside this one ([`crate::answering::aside`]). After start-up the loop never
-//! blocks, writes no log, reads no clock but the processor's counter (and the system's for a
-//! heartbeat and for a request with a stamp), and in busy mode makes no system call. The other
-//! thread maps and unmaps the segments of clients.
+//! turn is computed on a thread beside this one ([`crate::answering::aside`]). After start-up the
+//! loop never blocks, writes no log, reads no clock but the processor's counter (and the system's
+//! for a heartbeat and for a request with a stamp), and in busy mode makes no system call. The
+//! upkeep thread maps and unmaps the segments of clients.
 //!
 //! Batches are answered tile by tile: after each sweep one tile of one of them, in turns. So a
 //! client with a lane or a service waits for one tile at most, however many batches are in
