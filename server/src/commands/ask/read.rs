@@ -56,7 +56,7 @@ fn search(value: Value<'_>) -> Result<QueryOptions, Problem> {
     match value.boolean() {
         Some(true) => Ok(QueryOptions::SEARCH),
         Some(false) => Ok(QueryOptions::NONE),
-        None => Err(value.is_no("search as true or false").into()),
+        None => Err(value.is_no("search as true or false")),
     }
 }
 
@@ -64,7 +64,7 @@ fn search(value: Value<'_>) -> Result<QueryOptions, Problem> {
 fn deadline(value: Value<'_>) -> Result<Duration, Problem> {
     let number = value.number().filter(|x| (1.0..=1e9).contains(x) && x.fract() == 0.0);
     let expected = "deadline_us as whole microseconds from 1 to 1000000000";
-    number.map(|us| Duration::from_micros(us as u64)).ok_or_else(|| value.is_no(expected).into())
+    number.map(|us| Duration::from_micros(us as u64)).ok_or_else(|| value.is_no(expected))
 }
 
 struct Reader<'a> {
