@@ -4,7 +4,7 @@
 //!
 //! A request that waits for such a thread stays pending, and is looked at in each sweep until its
 //! answer is there. Clients wait in a queue. The place or the answer of a client that does not come
-//! for it any more is dropped after [`PATIENCE`] looks of others.
+//! for it any more is dropped after [`PATIENCE`] sweeps.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -18,7 +18,7 @@ use sarrus_proto::{Answer, Status, Warnings};
 
 use crate::error::ServeError;
 
-/// Looks of others at a thread that is kept for one client.
+/// Sweeps for which a thread is kept for one client.
 const PATIENCE: u32 = 4096;
 /// After its last state a thread naps shortly for this long, then longer.
 const QUIET: Duration = Duration::from_millis(200);
@@ -57,8 +57,8 @@ pub(crate) struct Aside {
     current: Option<Key>,
     /// States that wait for the thread, the first one next.
     queue: Vec<Key>,
-    /// Looks of others since the last change.
-    looks: u32,
+    /// Sweeps since the client that is awaited has last looked.
+    sweeps: u32,
 }
 
 /// What a look at a thread finds.
@@ -105,7 +105,7 @@ impl Aside {
         });
         // a client has a request and a batch at once
         let queue = Vec::with_capacity(2 * clients);
-        Ok(Aside { to, from, job: Some(job), current: None, queue, looks: 0 })
+        Ok(Aside { to, from, job: Some(job), current: None, queue, sweeps: 0 })
     }
 
     /// Looks for a state: its answer, or its place in the queue.
@@ -121,7 +121,7 @@ impl Aside {
     fn look_closely(&mut self, key: Key, input: &[f64]) -> Look<'_> {
         if let Ok(job) = self.from.pop() {
             self.job = Some(job);
-            self.looks = 0;
+            self.sweeps = 0;
         }
         // a client that asks for something else has given its older state up
         let is_older = |other: &Key| other.is_of(key) && *other != key;
@@ -129,7 +129,9 @@ impl Aside {
         if self.job.is_some() && self.current.as_ref().is_some_and(is_older) {
             self.current = None;
         }
-        self.forget_the_absent(key);
+        if self.awaited() == Some(key) {
+            self.sweeps = 0;
+        }
         if self.current == Some(key) {
             let Some(job) = &self.job else { return Look::Waits };
             self.current = None;
@@ -150,21 +152,27 @@ impl Aside {
         Look::Waits
     }
 
-    /// Drops an answer, or the first in the queue, that nobody has come for.
-    fn forget_the_absent(&mut self, key: Key) {
-        let has_answer = self.current.is_some() && self.job.is_some();
-        let awaited = if has_answer { self.current } else { self.queue.first().copied() };
-        if self.job.is_none() || awaited.is_none_or(|awaited| awaited == key) {
-            return;
+    /// The state whose client has to come: for its answer, or as the next one.
+    fn awaited(&self) -> Option<Key> {
+        let is_home = self.job.is_some();
+        self.current.or(self.queue.first().copied()).filter(|_| is_home)
+    }
+
+    /// Drops the answer, or the first in the queue, that nobody has come for; true if a client has
+    /// to come.
+    #[inline]
+    pub(crate) fn end_sweep(&mut self) -> bool {
+        if self.awaited().is_none() {
+            return false;
         }
-        self.looks += 1;
-        if self.looks > PATIENCE {
-            self.looks = 0;
-            match has_answer {
-                true => self.current = None,
-                false => drop(self.queue.remove(0)),
+        self.sweeps += 1;
+        if self.sweeps > PATIENCE {
+            self.sweeps = 0;
+            if self.current.take().is_none() {
+                self.queue.remove(0);
             }
         }
+        true
     }
 
     /// Hands a state to the thread, or puts it into the queue.
@@ -213,6 +221,7 @@ fn compute_jobs(
             let run = AssertUnwindSafe(|| plan.run(model, &mut workspace, input, output));
             job.answer = catch_unwind(run).unwrap_or_else(|_| {
                 output.fill(f64::NAN);
+                workspace = Workspace::new(model);
                 Answer { status: Status::NotConverged, warnings: Warnings::NONE }
             });
         }

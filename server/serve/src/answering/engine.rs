@@ -64,6 +64,8 @@ pub(crate) struct Engine {
     /// Threads for states that need more than a turn: up to the bound of a request, and of any
     /// length. Without them every state is computed here.
     aside: Option<[Aside; 2]>,
+    /// A state of this sweep took its turn without an answer.
+    pub(crate) cut_short: bool,
     /// Copies requests and answers, with `--record`.
     pub(crate) recorder: Option<Recorder>,
     /// Answers by generated kernels.
@@ -96,6 +98,7 @@ impl Engine {
             scratch,
             private,
             aside: None,
+            cut_short: false,
             recorder: None,
             by_kernel: 0,
         }
@@ -201,6 +204,13 @@ impl Engine {
         }
     }
 
+    /// Ends a sweep; true if the answer of a thread, or its next state, waits for a client.
+    #[inline]
+    pub(crate) fn end_sweep(&mut self) -> bool {
+        let threads = self.aside.iter_mut().flatten();
+        threads.fold(false, |awaits, thread| thread.end_sweep() | awaits)
+    }
+
     /// Checks the head of a request; the slot of its plan.
     #[inline]
     fn admit(&mut self, version: u32, fingerprint: u64, plan: u32) -> Result<usize, Status> {
@@ -266,6 +276,7 @@ impl Engine {
                     && plan.is_cut_short(self.workspace.one().1, answer.status)
                 {
                     thread_of(threads, plan).submit(key, plan, input, false);
+                    self.cut_short = true;
                     return Ok(None);
                 }
                 answer
@@ -362,6 +373,7 @@ impl Engine {
                 match &mut self.aside {
                     Some(threads) if is_cut_short && rows == 1 => {
                         thread_of(threads, plan).submit(key, plan, &input[..n_in], false);
+                        self.cut_short = true;
                         return Ok(None);
                     }
                     Some(_) if is_cut_short => rows - 1,

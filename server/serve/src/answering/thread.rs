@@ -56,7 +56,8 @@ const DRAIN_TIME: Duration = Duration::from_millis(100);
 /// The answering thread's end of a client's transport.
 pub(crate) enum End {
     Lane(ServedLane, LastRequest),
-    Service(Box<dyn ServedService>),
+    /// With the time when its request was found, while another thread computes its state.
+    Service(Box<dyn ServedService>, Option<u64>),
     /// In addition to one of the others.
     Batches(Batches),
     /// The end of a client that has overwritten the transport's records.
@@ -68,8 +69,8 @@ pub(crate) enum End {
 pub(crate) struct LastRequest {
     /// Its sequence: the reader may see an entry twice while it is written.
     sequence: u64,
-    /// Another thread computes its state.
-    is_pending: bool,
+    /// When it was found, while another thread computes its state.
+    pending: Option<u64>,
 }
 
 /// Orders of the maintenance thread to the answering thread.
@@ -108,6 +109,8 @@ pub(crate) struct AnsweringThread {
     /// When the last heartbeat was, and their interval `[tick]`.
     pub(crate) last_beat: u64,
     pub(crate) beat: u64,
+    /// A thread beside this one waits for a client.
+    pub(crate) awaits: bool,
     pub(crate) orders: Consumer<Order>,
     pub(crate) retired: Producer<Retired>,
     pub(crate) heartbeat: HeartbeatWriter,
@@ -141,7 +144,7 @@ impl AnsweringThread {
                 let pause = now.wrapping_sub(last_request);
                 if answered > 0 {
                     last_request = now;
-                } else if pause > idle.0 {
+                } else if pause > idle.0 && !self.awaits {
                     std::thread::sleep(if pause > quiet.0 { LONG_NAP } else { NAP });
                     napped = true;
                 }
@@ -175,7 +178,9 @@ impl AnsweringThread {
             // the transport panics if a client has overwritten its records
             let look = catch_unwind(AssertUnwindSafe(|| match end {
                 End::Lane(lane, last) => poll_lane(lane, last, *place, engine, clock, stopping),
-                End::Service(port) => poll_service(port.as_mut(), *place, engine, clock, stopping),
+                End::Service(port, pending) => {
+                    poll_service((port.as_mut(), pending), *place, engine, clock, stopping)
+                }
                 End::Batches(_) | End::Broken => None,
             }));
             let turn = match look {
@@ -196,10 +201,12 @@ impl AnsweringThread {
             answered += 1;
             self.serve_between(now);
         }
-        if self.answer_tile(stopping) {
-            answered += 1;
+        let has_tile = self.answer_tile(stopping);
+        answered += usize::from(has_tile);
+        if std::mem::take(&mut self.engine.cut_short) || has_tile {
             self.serve_between(self.clock.raw());
         }
+        self.awaits = self.engine.end_sweep();
         answered
     }
 
@@ -301,7 +308,8 @@ fn poll_lane(
     stopping: bool,
 ) -> Option<Turn> {
     let is_new = lane.inbox.poll().is_some();
-    if !is_new && !last.is_pending {
+    let pending = last.pending.take().filter(|_| !is_new);
+    if !is_new && pending.is_none() {
         return None;
     }
     let (head, numbers) = lane.inbox.last();
@@ -309,7 +317,7 @@ fn poll_lane(
     if head.sequence == last.sequence {
         return None;
     }
-    let start = clock.raw();
+    let start = pending.unwrap_or_else(|| clock.raw());
     engine.found(start, Client::Lane(place as u32));
     let timing = RequestTiming::new(clock, &head, start);
     let output = lane.outbox.numbers();
@@ -317,7 +325,7 @@ fn poll_lane(
         false => engine.answer_request(&head, place, Input::Copied(numbers), output, &timing),
         true => Some(refuse(&head, Status::ShuttingDown, output, &timing)),
     };
-    last.is_pending = answer.is_none();
+    last.pending = answer.is_none().then_some(start);
     let answer = answer?;
     last.sequence = head.sequence;
     lane.outbox.publish(answer);
@@ -327,7 +335,7 @@ fn poll_lane(
 /// Polls a service.
 #[inline]
 fn poll_service(
-    port: &mut dyn ServedService,
+    (port, pending): (&mut dyn ServedService, &mut Option<u64>),
     place: usize,
     engine: &mut Engine,
     clock: &Clock,
@@ -335,8 +343,11 @@ fn poll_service(
 ) -> Option<Turn> {
     let transport = Transport::Service;
     let mut turn = None;
+    // a request that is gone takes its time with it
+    let before = pending.take();
     let is_found = port.answer(&mut |request, output| {
-        let start = clock.raw();
+        let start = before.unwrap_or_else(|| clock.raw());
+        *pending = Some(start);
         let head = request.head();
         engine.found(start, Client::Service);
         let timing = RequestTiming::new(clock, &head, start);
@@ -346,6 +357,7 @@ fn poll_service(
             }
             true => refuse(&head, Status::ShuttingDown, output, &timing),
         };
+        *pending = None;
         turn = Some(Turn::of(transport, &head, &answer, start));
         Some(answer)
     });

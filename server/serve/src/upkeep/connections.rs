@@ -384,7 +384,7 @@ impl Connections {
             }
         });
         match outcome {
-            Ok(port) => self.serve(number, index, End::Service(port)),
+            Ok(port) => self.serve(number, index, End::Service(port, None)),
             Err(refusal) => {
                 client.place = None;
                 self.free(index);

@@ -236,6 +236,7 @@ fn answering_thread(
         next: 0,
         last_beat: 0,
         beat: 0,
+        awaits: false,
         orders: orders_out,
         retired: retired_in,
         heartbeat: HeartbeatWriter::new().map_err(ServeError::Heartbeat)?,

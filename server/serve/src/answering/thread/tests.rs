@@ -59,6 +59,7 @@ impl Stepped {
             next: 0,
             last_beat: 0,
             beat: 0,
+            awaits: false,
             orders,
             retired: retired_in,
             heartbeat: HeartbeatWriter::new().unwrap(),
