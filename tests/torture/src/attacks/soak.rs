@@ -65,7 +65,8 @@ impl Soak {
         let robot = settings.robot.as_deref().unwrap_or("lambda");
         let oracle = Arc::new(Oracle::new(robot, settings.seed, QUESTIONS)?);
         let sandbox = Sandbox::new(settings)?;
-        let lanes = (self.lanes + 1).to_string();
+        // one process has all but an eighth of them
+        let lanes = ((self.lanes + 1).div_ceil(7) * 8).to_string();
         // a server that polls answers more, unless something else was asked for
         let wait: &[&str] = if settings.wait.is_some() { &[] } else { &["--wait", "busy"] };
         let mut server = sandbox.serve(robot, &[&["--lanes", &lanes], wait].concat())?;
