@@ -25,10 +25,14 @@ fn a_valid_robot_is_one_object_with_every_order() {
             "active",
             "loops",
             "closures",
+            "bound",
             "warnings",
             "errors",
         ];
         assert_eq!((code, keys), (Some(0), expected.to_vec()));
+        let bound = &report["bound"];
+        let ns = bound["ns"].as_f64().unwrap();
+        assert!(bound["steps"].is_u64() && ns > 0.0 && ns <= 500_000.0, "{name}: {bound}");
         let file = vectors(name);
         assert_eq!(
             [&report["tree"], &report["independent"], &report["active"]],
