@@ -11,7 +11,7 @@ use sarrus_proto::socket::timespec;
 /// Bytes that a pipe with any room takes at once (PIPE_BUF).
 const LONGEST: usize = 4096;
 
-/// Whether stderr or stdout has room for a line of [`LONGEST`] bytes.
+/// Whether stderr or stdout has room for a line of 4 KiB.
 pub fn has_room(out: &impl AsFd) -> bool {
     let mut descriptors = [PollFd::new(out, PollFlags::OUT)];
     poll(&mut descriptors, Some(&timespec(Duration::ZERO)))
@@ -19,7 +19,7 @@ pub fn has_room(out: &impl AsFd) -> bool {
 }
 
 /// Writes a line with its end, or omits it where stderr has no room or no reader; false without
-/// room. Bytes beyond [`LONGEST`] are left out.
+/// room. Bytes beyond 4 KiB are left out.
 ///
 /// A writer of another process that fills the last room between the look and the write makes this
 /// thread wait for the reader.
