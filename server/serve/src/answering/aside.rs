@@ -2,28 +2,25 @@
 //! at a time, while it answers other clients: one thread for states up to the bound of a request,
 //! one for searches of any length.
 //!
-//! A request that waits for such a thread stays pending, and is looked at in each sweep until its
-//! answer is there. Clients wait in a queue. The place or the answer of a client that does not come
-//! for it any more is dropped after [`PATIENCE`] sweeps.
+//! A request that waits for such a thread stays pending, and each sweep looks for its answer.
+//! Clients wait in a queue; one that stops looking loses its place or answer after [`PATIENCE`]
+//! sweeps.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use rtrb::{Consumer, Producer, RingBuffer};
 use sarrus_dynamics::{Model, Plan, Workspace};
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, PlanNumber};
 use sarrus_proto::{Answer, Status, Warnings};
 
+use crate::answering::wait::{LONG_NAP, NAP, QUIET};
 use crate::error::ServeError;
 
 /// Sweeps for which a thread is kept for one client.
 const PATIENCE: u32 = 4096;
-/// After its last state a thread naps shortly for this long, then longer.
-const QUIET: Duration = Duration::from_millis(200);
-const NAP: Duration = Duration::from_micros(50);
-const LONG_NAP: Duration = Duration::from_millis(1);
 
 /// A state of a pending request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,8 +64,6 @@ pub(crate) enum Look<'a> {
     Nothing,
     /// It waits for the thread, or is computed.
     Waits,
-    /// It is the next one: submit it.
-    IsNext,
     /// Its answer, with the numbers.
     Answered(Answer, &'a [f64]),
 }
@@ -108,17 +103,17 @@ impl Aside {
         Ok(Aside { to, from, job: Some(job), current: None, queue, sweeps: 0 })
     }
 
-    /// Looks for a state: its answer, or its place in the queue.
+    /// Looks for a state: its answer, or its place in the queue, from which the thread takes it.
     #[inline]
-    pub(crate) fn look(&mut self, key: Key, input: &[f64]) -> Look<'_> {
+    pub(crate) fn look(&mut self, key: Key, plan: &Arc<Plan>, input: &[f64]) -> Look<'_> {
         if self.current.is_none() && self.queue.is_empty() {
             return Look::Nothing;
         }
-        self.look_closely(key, input)
+        self.look_closely(key, plan, input)
     }
 
     #[cold]
-    fn look_closely(&mut self, key: Key, input: &[f64]) -> Look<'_> {
+    fn look_closely(&mut self, key: Key, plan: &Arc<Plan>, input: &[f64]) -> Look<'_> {
         if let Ok(job) = self.from.pop() {
             self.job = Some(job);
             self.sweeps = 0;
@@ -147,7 +142,7 @@ impl Aside {
         }
         if self.current.is_none() && self.queue.first() == Some(&key) {
             self.queue.remove(0);
-            return Look::IsNext;
+            self.start_job(key, plan, input);
         }
         Look::Waits
     }
@@ -177,21 +172,24 @@ impl Aside {
 
     /// Hands a state to the thread, or puts it into the queue.
     #[cold]
-    pub(crate) fn submit(&mut self, key: Key, plan: &Arc<Plan>, input: &[f64], is_next: bool) {
-        let is_free = self.current.is_none() && (is_next || self.queue.is_empty());
-        match self.job.take_if(|_| is_free) {
-            Some(mut job) => {
-                job.plan = Some(plan.clone());
-                (job.n_in, job.n_out) = (input.len(), plan.want().len());
-                job.input[..input.len()].copy_from_slice(input);
-                self.current = Some(key);
-                // there is room for the only job
-                drop(self.to.push(job));
-            }
-            None if self.queue.len() < self.queue.capacity() => self.queue.push(key),
-            // more states than clients: the request is computed once more in its next turn
-            None => {}
+    pub(crate) fn submit(&mut self, key: Key, plan: &Arc<Plan>, input: &[f64]) {
+        if self.current.is_none() && self.queue.is_empty() {
+            self.start_job(key, plan, input);
+        } else if self.queue.len() < self.queue.capacity() {
+            self.queue.push(key);
         }
+        // beyond that there are more states than clients: it is computed again in its next turn
+    }
+
+    /// Hands a state to the thread, which computes none.
+    fn start_job(&mut self, key: Key, plan: &Arc<Plan>, input: &[f64]) {
+        let Some(mut job) = self.job.take() else { return };
+        job.plan = Some(plan.clone());
+        (job.n_in, job.n_out) = (input.len(), plan.want().len());
+        job.input[..input.len()].copy_from_slice(input);
+        self.current = Some(key);
+        // there is room for the only job
+        drop(self.to.push(job));
     }
 }
 

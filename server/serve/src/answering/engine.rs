@@ -275,7 +275,7 @@ impl Engine {
                 if let Some(threads) = &mut self.aside
                     && plan.is_cut_short(self.workspace.one().1, answer.status)
                 {
-                    thread_of(threads, plan).submit(key, plan, input, false);
+                    thread_of(threads, plan).submit(key, plan, input);
                     self.cut_short = true;
                     return Ok(None);
                 }
@@ -299,7 +299,7 @@ pub(crate) struct Tile<'a> {
 
 impl Engine {
     /// Checks a batch and answers the tile of it that begins at row `first`: as many states as its
-    /// plan computes together, or fewer, of which the last needs more than a turn; `None` while
+    /// plan computes together, or those before one that needs more than a turn; `None` while
     /// another thread computes the first one. The error is the status of a refused batch. Never
     /// allocates, never panics; the rows of a tile are read once, and written when all of them are
     /// answered.
@@ -372,7 +372,7 @@ impl Engine {
                 let is_cut_short = plan.is_cut_short(self.workspace.one().1, last);
                 match &mut self.aside {
                     Some(threads) if is_cut_short && rows == 1 => {
-                        thread_of(threads, plan).submit(key, plan, &input[..n_in], false);
+                        thread_of(threads, plan).submit(key, plan, &input[..n_in]);
                         self.cut_short = true;
                         return Ok(None);
                     }
@@ -410,7 +410,7 @@ fn thread_of<'a>(threads: &'a mut [Aside; 2], plan: &Plan) -> &'a mut Aside {
     &mut threads[usize::from(plan.searches())]
 }
 
-/// What a thread knows of a state; its numbers into `output`. The next state goes to it.
+/// What a thread knows of a state; its numbers into `output`.
 #[inline]
 fn known(
     threads: &mut [Aside; 2],
@@ -419,14 +419,9 @@ fn known(
     input: &[f64],
     output: &mut [f64],
 ) -> Known {
-    let thread = thread_of(threads, plan);
-    match thread.look(key, input) {
+    match thread_of(threads, plan).look(key, plan, input) {
         Look::Nothing => Known::Nothing,
         Look::Waits => Known::Later,
-        Look::IsNext => {
-            thread.submit(key, plan, input, true);
-            Known::Later
-        }
         Look::Answered(answer, numbers) => {
             output.copy_from_slice(numbers);
             Known::Answer(answer)

@@ -34,7 +34,7 @@ use crate::answering::batches::Batches;
 use crate::answering::counters::{Counters, Transport};
 use crate::answering::engine::{Engine, Input, refuse};
 use crate::answering::timing::{RequestTiming, is_late};
-use crate::answering::wait::Wait;
+use crate::answering::wait::{LONG_NAP, NAP, QUIET, Wait};
 use crate::record::Client;
 
 /// Sweeps without an answer between two checks for orders of the maintenance thread; after an
@@ -44,12 +44,6 @@ const SWEEPS_BETWEEN_ORDERS: u32 = 32;
 const BEAT: Duration = Duration::from_millis(1);
 /// In sleeping mode: the thread polls for this long after the last request, then sleeps.
 const IDLE: Duration = Duration::from_micros(200);
-/// In sleeping mode: the length of one sleep while requests arrive occasionally.
-const NAP: Duration = Duration::from_micros(50);
-/// In sleeping mode: without a request for this long, sleeps are long.
-const QUIET: Duration = Duration::from_millis(200);
-/// In sleeping mode: the length of one long sleep.
-const LONG_NAP: Duration = Duration::from_millis(1);
 /// Time during which requests are refused after the order to stop, so that clients get an answer.
 const DRAIN_TIME: Duration = Duration::from_millis(100);
 

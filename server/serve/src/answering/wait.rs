@@ -1,5 +1,7 @@
 //! Waiting of the answering thread between requests.
 
+use std::time::Duration;
+
 /// How the answering thread waits for requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wait {
@@ -22,3 +24,12 @@ impl Wait {
         }
     }
 }
+
+/// In sleeping mode: the length of one sleep while requests arrive occasionally.
+pub(crate) const NAP: Duration = Duration::from_micros(50);
+
+/// In sleeping mode: without a request for this long, sleeps are long.
+pub(crate) const QUIET: Duration = Duration::from_millis(200);
+
+/// In sleeping mode: the length of one long sleep.
+pub(crate) const LONG_NAP: Duration = Duration::from_millis(1);

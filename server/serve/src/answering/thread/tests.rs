@@ -125,21 +125,9 @@ fn a_lane_waits_for_one_tile_at_most_and_batches_take_turns() {
     let root = std::env::temp_dir().join(format!("sarrus-turns-{}", std::process::id()));
     let domain = Domain::at(&root).unwrap();
     let run = Run::start(&domain, &ServerName::new("turns").unwrap()).unwrap();
-    let (number, link) = run.new_link().unwrap();
     let mut stepped = Stepped::new();
-    let n_in = stepped.plan.given().len();
-    let n_out = stepped.plan.want().len();
-    let classes = [n_in, n_out].map(|n| class_of(n).unwrap());
-    let node = link.node().unwrap();
-    let lane = ServedLane::create(&node, classes).unwrap();
-    assert!(
-        stepped
-            .orders
-            .push(Order::Serve { place: 0, end: End::Lane(lane, LastRequest::default()) })
-            .is_ok()
-    );
-    let other = Link::new(&domain, run.instance(), number).unwrap().node().unwrap();
-    let mut lane = ClaimedLane::claim(&other, classes).unwrap();
+    let (mut lane, nodes, link) = stepped.lane(&domain, &run, 0);
+    let y = vec![0.1; stepped.plan.given().len()];
 
     let areas = [1, 2, 3].map(|place| stepped.batches(place));
     areas.iter().for_each(|area| stepped.ask(area, 1, ROWS));
@@ -148,15 +136,7 @@ fn a_lane_waits_for_one_tile_at_most_and_batches_take_turns() {
         // whenever the lane asks, its answer precedes the next whole tile
         let done = areas.each_ref().map(ClaimedBatch::done);
         sequence += 1;
-        let head = RequestHead {
-            version: PROTOCOL_VERSION,
-            plan: NUMBER.0,
-            fingerprint: stepped.fingerprint,
-            sequence,
-            ..RequestHead::default()
-        };
-        assert!(store_numbers(lane.outbox.numbers(), &vec![0.1; n_in]));
-        lane.outbox.publish(head);
+        request(&stepped, &mut lane, sequence, &y);
         stepped.hot.sweep(false);
         let (answer, _) = lane.inbox.poll().unwrap();
         assert_eq!((answer.sequence, answer.status), (sequence, Status::Ok as u32));
@@ -171,7 +151,7 @@ fn a_lane_waits_for_one_tile_at_most_and_batches_take_turns() {
     let counts = stepped.hot.shared.counters.counts();
     assert_eq!((counts.lane_requests, counts.batch_states), (sequence, 3 * ROWS as u64));
     assert_eq!(stepped.answered(Status::Ok), sequence + 3 * ROWS as u64);
-    drop((lane, other, stepped, node));
+    drop((lane, stepped, nodes));
     link.remove();
     drop(run);
     domain.tidy();
