@@ -177,7 +177,8 @@ impl Field {
     }
 }
 
-/// A set of fields, as one machine word.
+/// A set of fields, as the bits of their numbers: fields have numbers up to 127. As text it is two
+/// words, the lower first.
 ///
 /// ```
 /// use sarrus_proto::{Field, FieldSet};
@@ -191,8 +192,9 @@ impl Field {
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "transport", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "transport", serde(from = "[u64; 2]", into = "[u64; 2]"))]
 #[repr(transparent)]
-pub struct FieldSet(pub u64);
+pub struct FieldSet(pub u128);
 
 impl FieldSet {
     /// The empty set.
@@ -249,6 +251,18 @@ impl FieldSet {
     /// True if this version knows the field of every bit.
     pub fn is_known(self) -> bool {
         self.0 & !FieldSet::of(Field::ALL).0 == 0
+    }
+}
+
+impl From<[u64; 2]> for FieldSet {
+    fn from([low, high]: [u64; 2]) -> FieldSet {
+        FieldSet(u128::from(low) | u128::from(high) << 64)
+    }
+}
+
+impl From<FieldSet> for [u64; 2] {
+    fn from(FieldSet(bits): FieldSet) -> [u64; 2] {
+        [bits as u64, (bits >> 64) as u64]
     }
 }
 

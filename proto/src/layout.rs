@@ -44,6 +44,9 @@ impl Slot {
 }
 
 /// The layout of a set of fields in one flat array, in the order of the field numbers.
+///
+/// The plan fixes every place. A field whose number of rows depends on the state has the largest
+/// number in its slot; rows that an answer does not have are NaN and come last.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
     slots: Vec<Slot>,

@@ -6,7 +6,7 @@ use crate::{Status, Warnings};
 
 /// Version of everything on the wire; a change of any payload raises it, together with the type
 /// names in `lane.rs`.
-pub const PROTOCOL_VERSION: u32 = 7;
+pub const PROTOCOL_VERSION: u32 = 8;
 /// Plans that a server holds at once; a power of two, see [`PlanNumber`].
 pub const MAX_PLANS: usize = 1024;
 /// Plans that one process of clients may hold; the others stay for other processes.
@@ -315,8 +315,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn payloads_keep_the_sizes_of_version_7() {
-        assert_eq!(PROTOCOL_VERSION, 7);
+    fn payloads_keep_the_sizes_of_version_8() {
+        assert_eq!(PROTOCOL_VERSION, 8);
         assert_eq!(size_of::<RequestHead>(), 48);
         assert_eq!(size_of::<ResponseHead>(), 32);
         assert_eq!(size_of::<Entry<RequestHead, 16>>(), 48 + 8 * 16);

@@ -9,6 +9,10 @@ pub const MAX_FRAMES: usize = 32;
 pub const MAX_WRENCHES: usize = 16;
 /// Most runs of neighbouring joints of one plan.
 pub const MAX_JOINT_RUNS: usize = 31;
+/// The version of this package, for messages about what it does not know.
+const VERSION: &str = env!("CARGO_PKG_VERSION");
+/// Words of a query that have no meaning yet.
+const RESERVED: usize = 16;
 
 wire_enum! {
     /// The kinds of request.
@@ -165,6 +169,9 @@ pub struct Query {
     /// The joints whose rows are wanted, as half-open runs of tree velocities, ascending and
     /// disjoint; see [`crate::Rows`].
     pub joints: [[u16; 2]; MAX_JOINT_RUNS],
+    /// Zeros: room for numbers of rows, links and parameters of later requests. A server refuses
+    /// those that it does not know.
+    pub reserved: [u64; RESERVED],
 }
 
 /// Why a [`Query`] cannot be planned.
@@ -175,7 +182,7 @@ pub enum QueryError {
     UnknownRequest(u32),
     /// A bit of `given` or `want` is no field of this version.
     UnknownField,
-    /// A bit of `options` is unknown to this version.
+    /// A bit of `options` or a word of `reserved` is unknown to this version.
     UnknownOption,
     /// A tolerance is negative or not a number.
     BadTolerance,
@@ -207,10 +214,10 @@ impl fmt::Display for QueryError {
                 write!(f, "request number {code} is unknown; this version knows 1 to 4")
             }
             QueryError::UnknownField => {
-                f.write_str("a field number is unknown to this version; client and server differ")
+                write!(f, "a field number is unknown to sarrus {VERSION}; client and server differ")
             }
             QueryError::UnknownOption => {
-                f.write_str("an option is unknown to this version; client and server differ")
+                write!(f, "an option is unknown to sarrus {VERSION}; client and server differ")
             }
             QueryError::BadTolerance => {
                 f.write_str("a tolerance is negative or no number; give one from 0 on")
@@ -254,6 +261,7 @@ impl Query {
             wrench_links: [0; MAX_WRENCHES],
             n_joint_runs: 0,
             joints: [[0; 2]; MAX_JOINT_RUNS],
+            reserved: [0; RESERVED],
         }
     }
 
@@ -349,7 +357,7 @@ impl Query {
         if !self.given.is_known() || !self.want.is_known() {
             return Err(QueryError::UnknownField);
         }
-        if !self.options.is_known() {
+        if !self.options.is_known() || self.reserved != [0; RESERVED] {
             return Err(QueryError::UnknownOption);
         }
         for tolerance in [self.loop_tolerance, self.projection_tolerance] {

@@ -14,8 +14,8 @@ use sarrus_proto::message::PlanNumber;
 use sarrus_proto::{ModelInfo, PROTOCOL_VERSION};
 
 #[test]
-fn a_query_is_272_bytes_with_its_fields_at_fixed_places() {
-    assert_eq!((size_of::<Query>(), align_of::<Query>()), (272, 8));
+fn a_query_is_432_bytes_with_its_fields_at_fixed_places() {
+    assert_eq!((size_of::<Query>(), align_of::<Query>()), (432, 16));
     let offsets = [
         offset_of!(Query, request),
         offset_of!(Query, n_frames),
@@ -29,11 +29,12 @@ fn a_query_is_272_bytes_with_its_fields_at_fixed_places() {
         offset_of!(Query, wrench_links),
         offset_of!(Query, n_joint_runs),
         offset_of!(Query, joints),
+        offset_of!(Query, reserved),
     ];
-    assert_eq!(offsets, [0, 4, 6, 8, 16, 24, 32, 40, 48, 112, 144, 148]);
+    assert_eq!(offsets, [0, 4, 6, 16, 32, 48, 56, 64, 72, 136, 168, 172, 296]);
     assert_eq!(
         (size_of::<FieldSet>(), size_of::<Status>(), size_of::<Request>(), size_of::<Field>()),
-        (8, 4, 4, 1)
+        (16, 4, 4, 1)
     );
 }
 
@@ -128,7 +129,7 @@ fn statuses_and_requests_keep_their_numbers_and_names() {
 
 #[test]
 fn calls_and_their_answers_keep_their_words() {
-    assert_eq!(PROTOCOL_VERSION, 7);
+    assert_eq!(PROTOCOL_VERSION, 8);
     let head = CallHead { version: PROTOCOL_VERSION, nonce: 7 };
     let text = |call| ControlRequest { head, fingerprint: 1, call }.to_bytes();
     let calls = [
@@ -143,7 +144,7 @@ fn calls_and_their_answers_keep_their_words() {
         (Call::Statistics, r#""statistics""#),
     ];
     for (call, words) in calls {
-        let expected = format!(r#"{{"version":7,"nonce":7,"fingerprint":1,"call":{words}}}"#);
+        let expected = format!(r#"{{"version":8,"nonce":7,"fingerprint":1,"call":{words}}}"#);
         assert_eq!(String::from_utf8(text(call)).unwrap(), expected);
     }
     let refusals = [
@@ -177,7 +178,7 @@ fn calls_and_their_answers_keep_their_words() {
     };
     for (refusal, words) in refusals {
         let expected = format!(
-            r#"{{"version":7,"nonce":7,"query":0,"fingerprint":1,"instance":2,"outcome":{{"Err":{words}}}}}"#
+            r#"{{"version":8,"nonce":7,"query":0,"fingerprint":1,"instance":2,"outcome":{{"Err":{words}}}}}"#
         );
         let bytes = answer(Err(refusal)).to_bytes();
         assert_eq!(String::from_utf8(bytes).unwrap(), expected);
@@ -191,6 +192,32 @@ fn calls_and_their_answers_keep_their_words() {
     let query = Query::new(Request::Kinematics, FieldSet(1), FieldSet(2));
     let other = Query::new(Request::Kinematics, FieldSet(1), FieldSet(3));
     assert_ne!(query_hash(&query), query_hash(&other));
+}
+
+#[test]
+fn messages_of_version_7_are_refused_and_the_refusal_reads_as_there() {
+    let recorded = include_str!("../vectors/wire/version_7.jsonl");
+    let (calls, refusal) = recorded.trim_end().rsplit_once('\n').unwrap();
+    for (nonce, call) in (1..).zip(calls.lines()) {
+        let head = CallHead { version: 7, nonce };
+        let read = ControlRequest::from_bytes(call.as_bytes());
+        assert_eq!(read, Err((head, Refusal::WrongVersion)), "{call}");
+    }
+    let response = ControlResponse::from_bytes(refusal.as_bytes()).unwrap();
+    assert_eq!((response.version, &response.outcome), (7, &Err(Refusal::WrongVersion)));
+    let written = ControlResponse { version: 7, ..response }.to_bytes();
+    assert_eq!(String::from_utf8(written).unwrap(), refusal);
+}
+
+#[test]
+fn every_set_of_fields_travels_unchanged() {
+    for bits in [0, 1, u128::from(u64::MAX), 1 << 64, 1 << 127, u128::MAX] {
+        let head = CallHead { version: PROTOCOL_VERSION, nonce: 1 };
+        let query = Query::new(Request::Map, FieldSet(bits), FieldSet(!bits));
+        let call = Call::Plan { query: Box::new(query) };
+        let request = ControlRequest { head, fingerprint: 1, call };
+        assert_eq!(ControlRequest::from_bytes(&request.to_bytes()), Ok(request));
+    }
 }
 
 #[test]

@@ -935,6 +935,10 @@ typedef struct sarrus_query {
      * input_projected; NULL for 1e-6.
      */
     const double *projection_tolerance;
+    /**
+     * Zeros, for members of later versions; other values are refused.
+     */
+    uint64_t reserved[8];
 } sarrus_query;
 
 /**

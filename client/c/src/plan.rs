@@ -75,6 +75,8 @@ pub struct Query {
     /// How far an answer may be from the q or qd that was given before it has the warning
     /// input_projected; NULL for 1e-6.
     pub projection_tolerance: *const f64,
+    /// Zeros, for members of later versions; other values are refused.
+    pub reserved: [u64; 8],
 }
 
 /// A prepared query of one robot, with the layouts of its input and output. It belongs to the robot
@@ -144,6 +146,9 @@ pub unsafe extern "C" fn sarrus_robot_prepare(
         }
         names!(given: n_given, want: n_want, frames: n_frames);
         names!(wrenches: n_wrenches, joints: n_joints);
+        if let Some(word) = query.reserved.iter().find(|word| **word != 0) {
+            return Err(Failure::Number("reserved", *word as u32));
+        }
         let options = query_options(query.options)?;
         if options.contains(sarrus_client::QueryOptions::CHECKSUM) {
             builder = builder.checksum();

@@ -194,11 +194,11 @@ fn query_of(text: &str) -> Option<Query> {
     let (numbers, lists) = text.split_once(" frames")?;
     let (frames, lists) = lists.split_once(" wrenches")?;
     let (wrenches, joints) = lists.split_once(" joints")?;
-    let wide = |word: &str| u64::from_str_radix(word, 16).ok();
+    let wide = |word: &str| u128::from_str_radix(word, 16).ok();
     let list = |text: &str| -> Option<Vec<u16>> {
         text.split_whitespace().map(|word| u16::from_str_radix(word, 16).ok()).collect()
     };
-    let numbers: Option<Vec<u64>> = numbers.split_whitespace().map(wide).collect();
+    let numbers: Option<Vec<u128>> = numbers.split_whitespace().map(wide).collect();
     let [request, given, want, loop_tolerance, projection_tolerance] = *numbers?.as_slice() else {
         return None;
     };
@@ -214,8 +214,8 @@ fn query_of(text: &str) -> Option<Query> {
         *query.joints.get_mut(k)? = [*run.first()?, *run.get(1)?];
         query.n_joint_runs += 1;
     }
-    query.loop_tolerance = Tolerance(loop_tolerance);
-    query.projection_tolerance = Tolerance(projection_tolerance);
+    query.loop_tolerance = Tolerance(loop_tolerance.try_into().ok()?);
+    query.projection_tolerance = Tolerance(projection_tolerance.try_into().ok()?);
     (query_text(&query) == text).then_some(query)
 }
 

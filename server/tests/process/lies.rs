@@ -8,13 +8,17 @@ use sarrus_proto::control::{Call, CallHead, ControlRequest, ControlResponse, Gra
 use sarrus_proto::message::{
     MAX_NUMBERS_IN, RequestHead, ResponseHead, load_numbers, store_numbers,
 };
+use sarrus_proto::run::Run;
 use sarrus_proto::socket::MAX_MESSAGE;
-use sarrus_proto::{FieldSet, PROTOCOL_VERSION, Query, QueryOptions};
+use sarrus_proto::{FieldSet, PROTOCOL_VERSION, Query, QueryOptions, ServerName};
 
-use sarrus_torture::patience::{LIMIT, deadline};
+use sarrus_torture::patience::{LIMIT, deadline, poll};
 use sarrus_torture::raw::Raw;
 
 use crate::support::{Asker, STATE, Sandbox};
+
+/// Calls of a client of version 7, and the refusal of its server.
+const VERSION_7: &str = include_str!("../../../tests/vectors/wire/version_7.jsonl");
 
 /// The refusal of a message that is no call.
 fn refusal_of(raw: &Raw, message: &[u8]) -> Refusal {
@@ -49,12 +53,35 @@ fn lies(fingerprint: u64, n_in: usize) -> Vec<(RequestHead, Vec<f64>, Status)> {
 }
 
 #[test]
+fn a_client_names_both_versions_where_the_server_has_version_7() {
+    let sandbox = Sandbox::new();
+    sandbox.make_root();
+    let run = Run::start(sandbox.domain(), &ServerName::new("old").unwrap()).unwrap();
+    let listener = run.listen().unwrap();
+    let server = std::thread::spawn(move || {
+        let client = poll(|| listener.accept().unwrap()).unwrap();
+        let mut call = vec![0; MAX_MESSAGE];
+        assert!(client.wait(deadline()).unwrap());
+        client.receive(&mut call).unwrap().unwrap();
+        client.send(VERSION_7.lines().last().unwrap().as_bytes(), None).unwrap();
+        client
+    });
+    let refused = sandbox.connect("old", Transport::Lane).err().unwrap().to_string();
+    let both = format!("protocol version 7, expected {PROTOCOL_VERSION}");
+    assert!(refused.contains(&both), "{refused}");
+    drop(server.join().unwrap());
+}
+
+#[test]
 fn lies_through_the_control_socket_are_refused() {
     let sandbox = Sandbox::new();
     let _server = sandbox.serve("liar", &["--lanes", "1"]);
     let liar = sandbox.raw("liar");
 
     let hello = || liar.request(Call::Hello);
+    for call in VERSION_7.lines().take(4) {
+        assert_eq!(refusal_of(&liar, call.as_bytes()), Refusal::WrongVersion);
+    }
     let other = CallHead { version: PROTOCOL_VERSION + 1, nonce: 9 };
     let refusal = |request| liar.send(&request).unwrap().unwrap_err();
     assert_eq!(refusal(ControlRequest { head: other, ..hello() }), Refusal::WrongVersion);
@@ -63,15 +90,16 @@ fn lies_through_the_control_socket_are_refused() {
         assert_eq!(liar.try_call(Call::Model { page }), Ok(Err(Refusal::NoSuchPage)));
     }
     let deep = "[".repeat(10_000);
-    for garbage in ["{", "\0", &deep, "{\"version\":7,\"nonce\":1}", "null"] {
+    for garbage in ["{", "\0", &deep, "{\"version\":8,\"nonce\":1}", "null"] {
         assert_eq!(refusal_of(&liar, garbage.as_bytes()), Refusal::UnknownCall);
     }
 
     // queries
     for bad in [
         Query { request: 99, ..STATE },
-        Query { want: FieldSet(u64::MAX), ..STATE },
+        Query { want: FieldSet(u128::MAX), ..STATE },
         Query { options: QueryOptions(8), ..STATE },
+        Query { reserved: [1; 16], ..STATE },
         Query { n_frames: u16::MAX, ..STATE },
         Query { n_wrenches: 17, ..STATE },
         Query { n_frames: 1, frames: [u16::MAX; 32], ..STATE },

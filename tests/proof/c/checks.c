@@ -144,6 +144,9 @@ static int plans(void) {
     query.want = NULL;
     IS(sarrus_robot_prepare(robot, &query, &plan), "null_pointer");
     query.want = want;
+    query.reserved[7] = 1;
+    IS(sarrus_robot_prepare(robot, &query, &plan), "unknown_number");
+    query.reserved[7] = 0;
     query.options = SARRUS_QUERY_OPTION_TIMES;
     IS(sarrus_robot_prepare(robot, &query, &plan), "ok");
     CHECK(sarrus_plan_inputs(plan) == 2 && sarrus_plan_outputs(plan) == 2);

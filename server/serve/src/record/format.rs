@@ -26,7 +26,7 @@ pub(super) const SEGMENT: u64 = u64::from_le_bytes(*b"sarrusSG");
 /// Upper half of the first word of a frame.
 pub(super) const FRAME: u32 = u32::from_le_bytes(*b"saFR");
 /// Version of this layout.
-pub(super) const FORMAT: u64 = 4;
+pub(super) const FORMAT: u64 = 5;
 /// Bytes of a word.
 pub(super) const WORD: usize = 8;
 /// Bytes of the header; the robot is padded to a multiple of it.
@@ -38,9 +38,9 @@ pub(super) const SEGMENT_HEAD: usize = 4;
 /// Words before the body of a frame.
 pub(super) const FRAME_HEAD: usize = 4;
 /// Words of a body that has no links, joints or numbers.
-pub(super) const BODY_HEAD: usize = 11;
+pub(super) const BODY_HEAD: usize = 13;
 /// Words of a query that has neither links nor joints.
-pub(super) const QUERY_HEAD: usize = 5;
+pub(super) const QUERY_HEAD: usize = 7;
 /// The most words of a body before its numbers: three lists, each filled up to a word.
 pub(super) const MAX_BODY_HEAD: usize =
     BODY_HEAD + (MAX_FRAMES + MAX_WRENCHES + 2 * MAX_JOINT_RUNS).div_ceil(LINKS) + 2;
@@ -128,10 +128,14 @@ pub(super) fn write_query(query: &Query, words: &mut [u64]) -> usize {
     let runs = query.joint_runs().as_flattened();
     let counts = frames.len() as u32 | (wrenches.len() as u32) << 8 | (runs.len() as u32) << 16;
     let packed = |links: &[u16]| links.iter().rev().fold(0, |word, link| word << 16 | *link as u64);
+    let [given, given_above] = query.given.into();
+    let [want, want_above] = query.want.into();
     let fixed = [
         join(query.request, counts),
-        query.given.0,
-        query.want.0,
+        given,
+        given_above,
+        want,
+        want_above,
         query.loop_tolerance.0,
         query.projection_tolerance.0,
     ];
@@ -142,7 +146,9 @@ pub(super) fn write_query(query: &Query, words: &mut [u64]) -> usize {
 
 /// Reads a query (`None` where no plan ran) and its number of words; `None` for malformed words.
 pub(super) fn read_query(words: &[u64]) -> Option<(Option<Query>, usize)> {
-    let &[first, given, want, open, projection, ..] = words else { return None };
+    let &[first, given, given_above, want, want_above, open, projection, ..] = words else {
+        return None;
+    };
     let (request, counts) = halves(first);
     if request == 0 {
         return Some((None, QUERY_HEAD));
@@ -164,11 +170,12 @@ pub(super) fn read_query(words: &[u64]) -> Option<(Option<Query>, usize)> {
     let wrenches = links(n_wrenches)?;
     let ends = links(n_ends)?;
     let request = Request::from_code(request)?;
+    let [given, want] = [[given, given_above], [want, want_above]].map(FieldSet::from);
     let mut query = Query {
         loop_tolerance: Tolerance(open),
         projection_tolerance: Tolerance(projection),
         n_joint_runs: (n_ends / 2) as u32,
-        ..Query::new(request, FieldSet(given), FieldSet(want)).with_frames(&frames)
+        ..Query::new(request, given, want).with_frames(&frames)
     };
     query.joints.iter_mut().zip(ends.chunks_exact(2)).for_each(|(run, ends)| {
         *run = [ends[0], ends[1]];

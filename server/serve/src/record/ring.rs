@@ -199,7 +199,7 @@ mod tests {
 
     #[test]
     fn a_record_that_does_not_fit_is_left_out_and_counted() {
-        let (mut recorder, mut records) = ring(44);
+        let (mut recorder, mut records) = ring(2 * (1 + BODY_HEAD + 10));
         let mut body = Vec::new();
         for _ in 0..10 {
             recorder.record(&RequestHead::default(), &QUERY, &[1.0; 5], &[2.0; 5], OK);

@@ -117,11 +117,12 @@ impl Bytes<'_> {
         let counts = [self.u8(), self.u8()];
         let [n_frames, n_wrenches] =
             counts.map(|n| if n < 240 { u16::from(n % 4) } else { u16::from(n) << 6 | 3 });
-        let known = (1 << Field::ALL.len()) - 1;
-        let sets = [self.u64(), self.u64()];
+        let known = FieldSet::of(Field::ALL);
+        let sets = [self.u64(), self.u64()].map(|set| FieldSet(u128::from(set)));
         let [given, want] = match self.u8() {
-            0..240 => sets.map(|set| FieldSet(set & known)),
-            _ => sets.map(FieldSet),
+            0..240 => sets.map(|set| FieldSet(set.0 & known.0)),
+            240..248 => sets,
+            _ => sets.map(|set| FieldSet(set.0 << 64 | set.0)),
         };
         let mut query = Query { n_frames, n_wrenches, ..Query::new(Request::Map, given, want) };
         query.request = request;

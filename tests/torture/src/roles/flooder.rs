@@ -47,7 +47,7 @@ fn flood(domain: &Domain, random: &mut Rng) -> Result<(), String> {
             4 => Call::Release { plan: PlanNumber(random.u32(..)) },
             5 | 6 => {
                 let given = FieldSet::of(&[Field::Y]);
-                let want = FieldSet(random.u64(..));
+                let want = FieldSet(random.u128(..));
                 Call::Plan { query: Box::new(Query::new(Request::Kinematics, given, want)) }
             }
             7 => Call::Hello,
