@@ -1,13 +1,16 @@
 //! Memory that server and client share without a name: a file in memory that goes through the
 //! control socket, mapped as words. Its size is sealed, so that the other side cannot shrink it,
-//! and each word is read and written whole. A page of private memory shows a process that it was
-//! forked from another.
+//! and each word is read and written whole. Words that outlive a process have a name. A page of
+//! private memory shows a process that it was forked from another.
 // lint: a mapping cannot be made in safe Rust; everything that needs it is in this file
 #![allow(unsafe_code)]
 
 use std::ffi::c_void;
+use std::fs::{self, File};
 use std::io;
 use std::os::fd::OwnedFd;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
 use std::ptr::NonNull;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -17,6 +20,8 @@ use rustix::fs::{
     memfd_create,
 };
 use rustix::mm::{Advice, MapFlags, ProtFlags, madvise, mmap, mmap_anonymous, munmap};
+
+use crate::domain::SHARED_MEMORY;
 
 /// Words of shared memory, mapped until this is dropped.
 pub(crate) struct Mapping {
@@ -54,8 +59,9 @@ impl Mapping {
     fn new(memory: &OwnedFd, n_words: usize, protection: ProtFlags) -> io::Result<Mapping> {
         // no page fault occurs while a client waits
         let flags = MapFlags::SHARED | MapFlags::POPULATE;
-        // SAFETY: a fresh mapping at an address that the kernel chooses; the file has this size and
-        // is sealed against shrinking, so that every byte stays there.
+        // SAFETY: a fresh mapping at an address that the kernel chooses; the file has this size. It
+        // is sealed against shrinking, or this user's; a page that is missing all the same is a
+        // fault that the guard of the server answers or that ends the process.
         let start =
             unsafe { mmap(std::ptr::null_mut(), bytes(n_words), protection, flags, memory, 0) }?;
         Mapping::at(start, n_words)
@@ -104,6 +110,64 @@ impl Drop for Mapping {
     fn drop(&mut self) {
         // SAFETY: the mapping was made by `new` and nothing refers to it any more.
         let _ = unsafe { munmap(self.start.as_ptr().cast(), bytes(self.n_words)) };
+    }
+}
+
+/// Words that outlive this process, however it ends: those of a file in /dev/shm.
+pub struct KeptWords {
+    mapping: Mapping,
+    path: PathBuf,
+}
+
+impl KeptWords {
+    /// New words, all zero and fully allocated, in a file that only this user reads.
+    ///
+    /// # Errors
+    /// The name is taken, or there is no room.
+    pub fn create(name: &str, n_words: usize) -> io::Result<KeptWords> {
+        let path = KeptWords::path(name);
+        let mut options = File::options();
+        let file = options.read(true).write(true).create_new(true).mode(0o600).open(&path)?;
+        let memory = OwnedFd::from(file);
+        let mapping = fallocate(&memory, FallocateFlags::empty(), 0, bytes(n_words) as u64)
+            .map_err(io::Error::from)
+            .and_then(|()| Mapping::new(&memory, n_words, ProtFlags::READ | ProtFlags::WRITE));
+        match mapping {
+            Ok(mapping) => Ok(KeptWords { mapping, path }),
+            Err(error) => {
+                let _ = fs::remove_file(path);
+                Err(error)
+            }
+        }
+    }
+
+    /// The words.
+    #[inline]
+    pub fn words(&self) -> &[AtomicU64] {
+        self.mapping.words()
+    }
+
+    /// The bytes that a process of this user left under the name; `None` where there are none.
+    pub fn read(name: &str) -> Option<Vec<u8>> {
+        let path = KeptWords::path(name);
+        let found = fs::symlink_metadata(&path).ok()?;
+        let is_ours = found.is_file() && found.uid() == rustix::process::geteuid().as_raw();
+        is_ours.then(|| fs::read(path).ok())?
+    }
+
+    /// Removes the file that a process left under the name.
+    pub fn forget(name: &str) {
+        let _ = fs::remove_file(KeptWords::path(name));
+    }
+
+    fn path(name: &str) -> PathBuf {
+        Path::new(SHARED_MEMORY).join(format!("sarrus_{name}"))
+    }
+}
+
+impl Drop for KeptWords {
+    fn drop(&mut self) {
+        let _ = fs::remove_file(&self.path);
     }
 }
 

@@ -9,7 +9,7 @@ pub const MAX_FRAMES: usize = 32;
 pub const MAX_WRENCHES: usize = 16;
 /// Most runs of neighbouring joints of one plan.
 pub const MAX_JOINT_RUNS: usize = 31;
-/// The version of this package, for messages about what it does not know.
+/// The version of this package, for messages about unknown numbers.
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// Words of a query that have no meaning yet.
 const RESERVED: usize = 16;

@@ -7,7 +7,7 @@ use clap::Args;
 use sarrus_client::{LoadError, Source};
 use sarrus_models::Loaded;
 use sarrus_serve::record::{
-    Difference, RecordedRobot, Recording, RecordingError, Replayed, replay,
+    Difference, RecordedRobot, Recording, RecordingError, Replayed, complete, replay,
 };
 
 use super::output::{Failure, FormatFlag, Outcome, Results, table};
@@ -35,6 +35,9 @@ impl Replay {
     pub(crate) fn run(self) -> Outcome {
         let unreadable =
             |error: RecordingError| Failure::start(format!("{}: {error}", self.file.display()));
+        if let Err(error) = complete(&self.file) {
+            eprintln!("sarrus replay: the last records of its server may be missing: {error}");
+        }
         let mut recording = open(&self.file).map_err(unreadable)?;
         // faults of a recorded robot are this program's: the recording server read it without
         let loaded =

@@ -40,6 +40,12 @@ pub enum RecordError {
         /// The error of the system.
         source: io::Error,
     },
+    /// The memory between the threads cannot be made.
+    #[error("the recorder has no memory in /dev/shm: {source}; `df /dev/shm` shows its room")]
+    Ring {
+        /// The error of the system.
+        source: io::Error,
+    },
     /// The thread that writes cannot be started.
     #[error("the recorder does not start: {source}; check the limits of this process")]
     Thread {

@@ -9,6 +9,7 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::os::unix::fs::{FileExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
+use quanta::Clock;
 use rustix::fs::{FallocateFlags, fallocate};
 use rustix::io::Errno;
 
@@ -17,6 +18,7 @@ use super::format::{
     FRAME, FRAME_HEAD, MAGIC, PAGE, SEGMENT, SEGMENT_HEAD, WORD, checksum, join, word,
 };
 use super::header::Header;
+use super::ring::{self, Settled};
 
 /// Most bytes in one write.
 const BATCH: usize = 1 << 20;
@@ -78,6 +80,12 @@ impl RecordFile {
         // no room: the first frame begins the first segment
         let at = header.segment;
         Ok(RecordFile { file, header, segment: 0, at, sequence: 0, batch })
+    }
+
+    /// The end of the file, once every frame is flushed.
+    pub(super) fn end(&self) -> Settled {
+        let RecordFile { segment, at, sequence, .. } = *self;
+        Settled { taken: 0, segment, at, sequence }
     }
 
     /// Adds a frame.
@@ -154,10 +162,37 @@ fn reserve(file: &File, bytes: u64) -> io::Result<()> {
     }
 }
 
+/// Adds to a recording the records that a killed server had not yet written. A file to which a server records, or that is no recording, stays as it is.
+///
+/// # Errors
+/// [`RecordError`]; the records then stay outside of the file.
+pub fn complete(path: &Path) -> Result<(), RecordError> {
+    let failed = |source| RecordError::Make { file: path.to_owned(), source };
+    let Ok(Some((_locked, page))) = claim(path) else { return Ok(()) };
+    let Ok(header) = Header::read(&page) else { return Ok(()) };
+    let Some(ring::Left { start, end, bodies }) = ring::left(header.run) else { return Ok(()) };
+    let Settled { segment, at, sequence, .. } = end;
+    let is_sound = at <= header.segment && (segment > 0 || at == header.segment);
+    if is_sound && !bodies.is_empty() {
+        let file = OpenOptions::new().write(true).open(path).map_err(failed)?;
+        let batch = Vec::with_capacity(BATCH);
+        let mut file = RecordFile { file, header, segment, at, sequence, batch };
+        let clock = Clock::new();
+        for mut body in bodies {
+            ring::since(start, &clock, &mut body);
+            file.add(&body).map_err(failed)?;
+        }
+        file.flush().map_err(failed)?;
+    }
+    ring::forget(header.run);
+    Ok(())
+}
+
 /// Keeps the recording of an earlier run as `FILE.1`, and those before it under the next numbers;
 /// one without a record is removed.
 fn set_aside(path: &Path) -> Result<(), RecordError> {
     let failed = |source| RecordError::Make { file: path.to_owned(), source };
+    complete(path)?;
     let Some((file, page)) = claim(path)? else { return Ok(()) };
     if !has_records(&file, &page) {
         return fs::remove_file(path).map_err(failed);

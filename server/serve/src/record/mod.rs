@@ -1,9 +1,9 @@
 //! The last seconds of requests and answers in a file: the black box of a robot that fell.
 //!
-//! The answering thread copies each request with its answer into a ring (`ring.rs`); a thread of
-//! normal priority moves them into a file (`file.rs`, `format.rs`) that holds robot, plans and
-//! numbers, so that [`replay()`] needs nothing else. Answers are functions of model, plan and
-//! input alone, so they can be computed again and compared bit by bit.
+//! The answering thread copies each request with its answer into a ring (`ring.rs`), which outlives
+//! the process; a thread of normal priority moves them into a file (`file.rs`, `format.rs`) that
+//! holds robot, plans and numbers, so that [`replay()`] needs nothing else. Answers are functions
+//! of model, plan and input alone, so they can be computed again and compared bit by bit.
 
 mod error;
 mod file;
@@ -33,6 +33,7 @@ pub(crate) use ring::Recorder;
 pub use robot::RecordedRobot;
 
 use crate::system::stderr::line;
+pub use file::complete;
 use file::{RecordFile, remove_oldest};
 use format::{checksum, words};
 use header::Header;
@@ -129,7 +130,8 @@ fn start(
         line(format_args!("sarrus serve: warning: the disk has room to record {seconds} s only"));
     }
 
-    let (recorder, records) = ring::ring(ring::CAPACITY);
+    let (recorder, records) = ring::ring(header.run, ticks, file.end(), ring::CAPACITY)
+        .map_err(|source| RecordError::Ring { source })?;
     let writer = Writer { records, file, clock, start: ticks };
     let thread = std::thread::Builder::new()
         .name("sarrus-record".to_owned())
@@ -171,11 +173,11 @@ impl Writer {
     fn write(&mut self) -> std::io::Result<()> {
         let mut body = Vec::with_capacity(format::MAX_BODY);
         while self.records.next(&mut body) {
-            if let Some(time) = body.get_mut(ring::TIME) {
-                *time = self.clock.delta_as_nanos(self.start, *time);
-            }
+            ring::since(self.start, &self.clock, &mut body);
             self.file.add(&body)?;
         }
-        self.file.flush()
+        self.file.flush()?;
+        self.records.settle(self.file.end());
+        Ok(())
     }
 }

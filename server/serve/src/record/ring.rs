@@ -1,63 +1,115 @@
 //! Passes records from the answering thread to the recorder: a bounded ring of words with one
-//! writer and one reader.
+//! writer and one reader, in memory that outlives the process. The records that a killed server had
+//! not yet written are read from there ([`left`]).
 //!
 //! The answering thread copies head, numbers and answer; it allocates nothing, takes no lock, makes
 //! no system call and reads no clock. A record that does not fit is dropped and counted.
 
-use rtrb::{Consumer, Producer, RingBuffer};
-use sarrus_proto::message::RequestHead;
-use sarrus_proto::{Answer, Query, Status, Warnings};
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 
-use super::format::{BODY_HEAD, Client, MAX_BODY, MAX_BODY_HEAD, QUERY_HEAD, join, write_query};
+use quanta::Clock;
+use sarrus_proto::message::RequestHead;
+use sarrus_proto::{Answer, KeptWords, Query, Status, Warnings};
+
+use super::format::{
+    BODY_HEAD, Client, MAX_BODY, MAX_BODY_HEAD, QUERY_HEAD, WORD, join, word, write_query,
+};
 
 /// Most pending words `[8 byte]`: 16 MiB, one second at 16 MB/s.
 pub(super) const CAPACITY: usize = 1 << 21;
-/// Offsets of the time and the count of losses in a body.
-pub(super) const TIME: usize = 0;
+/// Offset of the time in a body.
+const TIME: usize = 0;
 
-/// The answering thread's end. The record is assembled in this thread's memory while the answer is
-/// computed, and enters the ring after the answer is published: the ring's memory is cold, and no
-/// client waits for it.
-///
-/// Words are stored as doubles, so that the numbers of a request are copied without conversion; a
-/// copy changes no bit.
+// words of the memory
+/// Time 0 of the recording `[tick]`.
+const START: usize = 0;
+/// 1 once the answering thread has ended.
+const ENDED: usize = 1;
+/// Words that were put into the ring since the start.
+const PUT: usize = 2;
+/// Words of the record that is staged; 0 without one.
+const STAGED: usize = 3;
+/// Where that record will be in the ring, as words since the start.
+const PLACE: usize = 4;
+/// The [`Settled`] that counts: 0 or 1.
+const LAST: usize = 5;
+/// Both of them, on a line of the cache that the answering thread does not write.
+const SETTLED: usize = 8;
+/// The staged record, then the ring.
+const RECORD: usize = 16;
+const RING: usize = RECORD + MAX_BODY;
+
+/// The state of the file: the words taken from the ring, and the end of the file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Settled {
+    /// Words of the ring since the start.
+    pub(super) taken: u64,
+    /// Number of the current segment; 0 before the first.
+    pub(super) segment: u64,
+    /// Offset of the next frame in it `[byte]`.
+    pub(super) at: u64,
+    /// Sequence of the next frame.
+    pub(super) sequence: u64,
+}
+
+/// The answering thread's end. The record is assembled while the answer is computed, and enters the
+/// ring after the answer is published: the ring's memory is cold, and no client waits for it.
 pub(crate) struct Recorder {
-    ring: Producer<f64>,
-    /// The record that is not in the ring yet, its first `n_staged` words.
-    staged: Box<[f64]>,
+    memory: Arc<KeptWords>,
+    /// Words put into the ring, and those taken from it when that was last read.
+    put: u64,
+    taken: u64,
     n_staged: usize,
     lost: u64,
-    taken: u64,
+    found: u64,
     client: Client,
 }
 
 /// The recorder's end.
 pub(super) struct Records {
-    ring: Consumer<f64>,
+    memory: Arc<KeptWords>,
+    taken: u64,
 }
 
-/// Both ends of a ring of `capacity` words, whose memory is mapped.
-pub(super) fn ring(capacity: usize) -> (Recorder, Records) {
-    let (mut producer, mut consumer) = RingBuffer::new(capacity);
-    // maps all pages before the answering thread uses them
-    while producer.push(0.0).is_ok() {}
-    while consumer.pop().is_ok() {}
+/// Both ends of a ring for the recording `run`, which begins at `start` `[tick]`.
+///
+/// # Errors
+/// /dev/shm has no room for it.
+pub(super) fn ring(
+    run: u64,
+    start: u64,
+    end: Settled,
+    capacity: usize,
+) -> io::Result<(Recorder, Records)> {
+    let memory = Arc::new(KeptWords::create(&name(run), RING + capacity)?);
+    memory.words()[START].store(start, Relaxed);
+    let records = Records { memory: memory.clone(), taken: 0 };
+    records.settle(end);
     let recorder = Recorder {
-        ring: producer,
-        staged: vec![0.0; 1 + MAX_BODY].into(),
+        memory,
+        put: 0,
+        taken: 0,
         n_staged: 0,
         lost: 0,
-        taken: 0,
+        found: 0,
         client: Client::Service,
     };
-    (recorder, Records { ring: consumer })
+    Ok((recorder, records))
+}
+
+/// Name of the memory of a recording.
+fn name(run: u64) -> String {
+    format!("record_{run:016x}")
 }
 
 impl Recorder {
     /// Notes the client of the next request and its time `[tick]`.
     #[inline]
     pub(crate) fn take(&mut self, ticks: u64, client: Client) {
-        (self.taken, self.client) = (ticks, client);
+        (self.found, self.client) = (ticks, client);
     }
 
     /// Copies a request and its answer.
@@ -91,22 +143,45 @@ impl Recorder {
     #[inline]
     pub(crate) fn commit(&mut self) {
         let n = std::mem::take(&mut self.n_staged);
-        let record = self.staged.get(..n).unwrap_or_default();
-        // SYNC POINT: ring of records (the other end is `next`)
-        if self.ring.push_entire_slice(record).is_err() {
+        if n == 0 {
+            return;
+        }
+        let fits = n < self.free();
+        let words = self.memory.words();
+        if fits {
+            let record = words.get(RECORD..RECORD + n).unwrap_or_default();
+            let [first, second] = part(words, self.put, 1 + n);
+            let mut to = first.iter().chain(second);
+            to.next().into_iter().for_each(|length| length.store(n as u64, Relaxed));
+            record.iter().zip(to).for_each(|(from, to)| to.store(from.load(Relaxed), Relaxed));
+            self.put += 1 + n as u64;
+            // SYNC POINT: ring of records (the other end is `next`)
+            words[PUT].store(self.put, Release);
+        } else {
             self.lost += 1;
         }
+        words[STAGED].store(0, Release);
     }
 
     /// Commits a row of a batch; half of the ring is for single requests.
     #[inline]
     pub(crate) fn commit_row(&mut self) {
-        if 2 * self.ring.slots() < self.ring.buffer().capacity() {
+        if 2 * self.free() < capacity(self.memory.words()) {
             self.n_staged = 0;
+            self.memory.words()[STAGED].store(0, Release);
             self.lost += 1;
         } else {
             self.commit();
         }
+    }
+
+    /// Free words of the ring; asks the other thread where half of them are taken.
+    fn free(&mut self) -> usize {
+        let words = self.memory.words();
+        if 2 * (self.put - self.taken) > capacity(words) as u64 {
+            self.taken = settled(|at| words[at].load(Acquire)).taken;
+        }
+        capacity(words).saturating_sub((self.put - self.taken) as usize)
     }
 
     /// The words of a body up to the query.
@@ -118,7 +193,7 @@ impl Recorder {
         answer: Answer,
     ) -> [u64; BODY_HEAD - QUERY_HEAD] {
         [
-            self.taken,
+            self.found,
             self.lost,
             join(head.plan, self.client.code()),
             head.sequence,
@@ -129,40 +204,123 @@ impl Recorder {
 
     fn stage(&mut self, words: &[u64], input: &[f64], output: &[f64]) {
         let n = words.len() + input.len() + output.len();
-        // plans have no more numbers
-        let Some((length, body)) = self.staged.get_mut(..=n).and_then(<[f64]>::split_first_mut)
+        let Some(record) = self.memory.words().get(RECORD..RING).and_then(|all| all.get(..n))
         else {
+            // plans have no more numbers
             self.lost += 1;
             return;
         };
-        *length = f64::from_bits(n as u64);
-        let (to_words, numbers) = body.split_at_mut(words.len());
-        to_words.iter_mut().zip(words).for_each(|(to, word)| *to = f64::from_bits(*word));
-        let (to_input, to_output) = numbers.split_at_mut(input.len());
-        to_input.copy_from_slice(input);
-        to_output.copy_from_slice(output);
-        self.n_staged = n + 1;
+        let numbers = input.iter().chain(output).map(|number| number.to_bits());
+        let all = words.iter().copied().chain(numbers);
+        record.iter().zip(all).for_each(|(to, word)| to.store(word, Relaxed));
+        self.memory.words()[PLACE].store(self.put, Relaxed);
+        self.memory.words()[STAGED].store(n as u64, Release);
+        self.n_staged = n;
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        self.memory.words()[ENDED].store(1, Release);
     }
 }
 
 impl Records {
     /// The next body, if it is complete.
     pub(super) fn next(&mut self, body: &mut Vec<u64>) -> bool {
-        // SYNC POINT: ring of records (the other end is `push`)
-        let Ok(length) = self.ring.peek() else { return false };
-        let n = (length.to_bits() as usize).min(MAX_BODY);
-        let Ok(chunk) = self.ring.read_chunk(1 + n) else { return false };
-        let (first, second) = chunk.as_slices();
+        let words = self.memory.words();
+        // SYNC POINT: ring of records (the other end is `commit`)
+        if words[PUT].load(Acquire) == self.taken {
+            return false;
+        }
+        let length = part(words, self.taken, 1)[0].first().map_or(0, |word| word.load(Relaxed));
+        let [first, second] = part(words, self.taken + 1, (length as usize).min(MAX_BODY));
         body.clear();
-        body.extend(first.iter().chain(second).skip(1).map(|word| word.to_bits()));
-        chunk.commit_all();
+        body.extend(first.iter().chain(second).map(|word| word.load(Relaxed)));
+        self.taken += 1 + body.len() as u64;
         true
+    }
+
+    /// Notes that the file has every record that was taken, and ends here.
+    pub(super) fn settle(&self, end: Settled) {
+        let words = self.memory.words();
+        let other = 1 - words[LAST].load(Relaxed).min(1);
+        let all = [self.taken, end.segment, end.at, end.sequence];
+        let to = words.get(SETTLED + 4 * other as usize..).unwrap_or_default();
+        to.iter().zip(all).for_each(|(to, word)| to.store(word, Release));
+        words[LAST].store(other, Release);
     }
 
     /// True when the answering thread has dropped its end.
     pub(super) fn is_abandoned(&self) -> bool {
-        self.ring.is_abandoned()
+        self.memory.words()[ENDED].load(Acquire) != 0
     }
+}
+
+/// Converts the time of a body from ticks to `[ns]` since the start of the recording.
+pub(super) fn since(start: u64, clock: &Clock, body: &mut [u64]) {
+    if let Some(time) = body.get_mut(TIME) {
+        *time = clock.delta_as_nanos(start, *time);
+    }
+}
+
+/// Words of the ring.
+fn capacity(words: &[AtomicU64]) -> usize {
+    words.len() - RING
+}
+
+/// `n` words of the ring from the `from`-th since the start, in two pieces.
+fn part(words: &[AtomicU64], from: u64, n: usize) -> [&[AtomicU64]; 2] {
+    let ring = words.get(RING..).unwrap_or_default();
+    let at = (from % ring.len().max(1) as u64) as usize;
+    let first = ring.get(at..).unwrap_or_default();
+    let first = first.get(..n).unwrap_or(first);
+    [first, ring.get(..n - first.len()).unwrap_or_default()]
+}
+
+/// The last state that was settled, of the words that `word` reads.
+fn settled(word: impl Fn(usize) -> u64) -> Settled {
+    let at = SETTLED + 4 * word(LAST).min(1) as usize;
+    let [taken, segment, at, sequence] = std::array::from_fn(|k| word(at + k));
+    Settled { taken, segment, at, sequence }
+}
+
+/// The records that a killed server left.
+pub(super) struct Left {
+    /// Time 0 of the recording `[tick]`.
+    pub(super) start: u64,
+    /// The end of the file.
+    pub(super) end: Settled,
+    /// The bodies that the file may lack.
+    pub(super) bodies: Vec<Vec<u64>>,
+}
+
+/// The records that the server of the recording `run` left; `None` without a readable ring.
+pub(super) fn left(run: u64) -> Option<Left> {
+    let bytes = KeptWords::read(&name(run))?;
+    let capacity = (bytes.len() / WORD).checked_sub(RING).filter(|capacity| *capacity > 0)? as u64;
+    let at = |at: usize| word(&bytes, at);
+    let end = settled(at);
+    let ring = |position: u64| at(RING + (position % capacity) as usize);
+    let put = at(PUT);
+    let mut bodies: Vec<Vec<u64>> = Vec::new();
+    let mut from = end.taken;
+    while from < put && put - from <= capacity {
+        let n = ring(from).min(MAX_BODY as u64);
+        bodies.push((1..=n).map(|k| ring(from + k)).collect());
+        from += 1 + n;
+    }
+    // after a kill between ring and mark the record is in both
+    let n = (at(STAGED) as usize).min(MAX_BODY);
+    if n > 0 && at(PLACE) == put {
+        bodies.push((0..n).map(|k| at(RECORD + k)).collect());
+    }
+    Some(Left { start: at(START), end, bodies })
+}
+
+/// Removes the ring that the server of the recording `run` left.
+pub(super) fn forget(run: u64) {
+    KeptWords::forget(&name(run));
 }
 
 #[cfg(test)]
@@ -173,11 +331,16 @@ mod tests {
 
     const QUERY: Query =
         Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q]));
+    /// The recording `k` of this process.
+    fn run(k: u64) -> u64 {
+        u64::from(std::process::id()) << 8 | k
+    }
+
     const OK: Answer = Answer { status: Status::Ok, warnings: Warnings::NONE };
 
     #[test]
     fn records_come_out_as_they_went_in_round_after_round() {
-        let (mut recorder, mut records) = ring(100);
+        let (mut recorder, mut records) = ring(run(1), 0, Settled::default(), 100).unwrap();
         let mut body = Vec::new();
         for k in 0..1000_u32 {
             let head = RequestHead { plan: 7, sequence: u64::from(k), ..RequestHead::default() };
@@ -194,18 +357,51 @@ mod tests {
             assert_eq!(numbers.pop(), Some(f64::from(k).to_bits()));
             assert_eq!(numbers, input.iter().map(|number| number.to_bits()).collect::<Vec<_>>());
             assert!(!records.next(&mut body));
+            records.settle(Settled::default());
         }
     }
 
     #[test]
+    fn what_is_not_settled_is_left_after_a_kill() {
+        let end = |at| Settled { taken: 0, segment: 3, at, sequence: 4 };
+        let (mut recorder, mut records) = ring(run(2), 77, end(1), 150).unwrap();
+        let mut body = Vec::new();
+        let record = |recorder: &mut Recorder, k: u32| {
+            let head = RequestHead { sequence: u64::from(k), ..RequestHead::default() };
+            recorder.record(&head, &QUERY, &[1.0; 5], &[f64::from(k); 5], OK);
+        };
+        let sequences =
+            || left(run(2)).unwrap().bodies.iter().map(|body| body[3]).collect::<Vec<_>>();
+        for k in 0..40_u32 {
+            record(&mut recorder, k);
+            assert_eq!(sequences().last(), Some(&u64::from(k)), "staged");
+            recorder.commit();
+            assert_eq!(sequences().last(), Some(&u64::from(k)), "in the ring, once");
+            assert_eq!(sequences().len(), 1 + k as usize % 3);
+            if k % 3 == 2 {
+                while records.next(&mut body) {}
+                assert_eq!(sequences().len(), 3);
+                records.settle(end(u64::from(k)));
+                let Left { start, end: found, bodies } = left(run(2)).unwrap();
+                assert_eq!((start, found.at, bodies.len()), (77, u64::from(k), 0));
+                assert_eq!((found.segment, found.sequence), (3, 4));
+            }
+        }
+        drop((recorder, records));
+        assert!(left(run(2)).is_none());
+    }
+
+    #[test]
     fn a_record_that_does_not_fit_is_left_out_and_counted() {
-        let (mut recorder, mut records) = ring(2 * (1 + BODY_HEAD + 10));
+        let capacity = 2 * (1 + BODY_HEAD + 10);
+        let (mut recorder, mut records) = ring(run(3), 0, Settled::default(), capacity).unwrap();
         let mut body = Vec::new();
         for _ in 0..10 {
             recorder.record(&RequestHead::default(), &QUERY, &[1.0; 5], &[2.0; 5], OK);
             recorder.commit();
         }
         assert_eq!([(); 3].map(|()| records.next(&mut body)), [true, true, false]);
+        records.settle(Settled::default());
         recorder.record_refusal(&RequestHead::default(), Status::WrongModel);
         recorder.commit();
         recorder.commit();

@@ -274,16 +274,19 @@ impl Supervisor {
     /// Stops a server process after a signal.
     fn stop(&mut self, mut process: Child) -> End {
         let _ = kill_process(Pid::from_child(&process), Signal::TERM);
-        continue_stopped(process.id() as i32);
         let due = Instant::now() + STOP;
         loop {
-            match self.events.recv_timeout(due.saturating_duration_since(Instant::now())) {
+            // a stop may take effect later than the order
+            continue_stopped(process.id() as i32);
+            let left = due.saturating_duration_since(Instant::now());
+            match self.events.recv_timeout(left.min(LOOK)) {
                 Ok(Event::Closed) => {
                     let is_clean = end(&mut process).is_ok_and(|status| status.success());
                     return End::Stopped(if is_clean { 0 } else { 2 });
                 }
                 // further signals change nothing
                 Ok(_) => {}
+                Err(RecvTimeoutError::Timeout) if left > LOOK => {}
                 Err(_) => {
                     let _ = end(&mut process);
                     let id = process.id();
