@@ -162,7 +162,8 @@ fn reserve(file: &File, bytes: u64) -> io::Result<()> {
     }
 }
 
-/// Adds to a recording the records that a killed server had not yet written. A file to which a server records, or that is no recording, stays as it is.
+/// Adds to a recording the records that a killed server had not yet written. A file to which a
+/// server records, or that is no recording, stays as it is.
 ///
 /// # Errors
 /// [`RecordError`]; the records then stay outside of the file.
