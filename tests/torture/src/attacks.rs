@@ -3,6 +3,7 @@
 mod batches;
 mod burst;
 mod clear;
+mod fair;
 mod flood;
 pub(crate) mod full;
 mod kill_clients;
@@ -40,6 +41,8 @@ pub(crate) enum Attack {
     Batches,
     /// The server's folder is removed while it runs.
     Clear,
+    /// Clients of the costliest states beside one of 1 kHz.
+    Fair(fair::Fair),
     /// Requests of every kind through many lanes and services, every bit compared.
     Soak(soak::Soak),
 }
@@ -58,6 +61,7 @@ impl Attack {
             Attack::Flood,
             Attack::Batches,
             Attack::Clear,
+            Attack::Fair(fair::Fair::default()),
             Attack::Soak(soak::Soak::default()),
         ]
     }
@@ -74,6 +78,7 @@ impl Attack {
             Attack::Flood => "flood",
             Attack::Batches => "batches",
             Attack::Clear => "clear",
+            Attack::Fair(_) => "fair",
             Attack::Soak(_) => "soak",
         }
     }
@@ -90,6 +95,7 @@ impl Attack {
             Attack::Flood => flood::run(settings),
             Attack::Batches => batches::run(settings),
             Attack::Clear => clear::run(settings),
+            Attack::Fair(attack) => attack.run(settings),
             Attack::Soak(attack) => attack.run(settings),
         }
     }
