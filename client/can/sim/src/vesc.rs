@@ -3,11 +3,11 @@
 //! Extended identifiers: command << 8 | number; big-endian. It hears 1 (current i32 in mA), 2
 //! (brake current), 3 (speed i32 in electrical rpm), 4 (position i32 in 1e-6 °) and 21 (least and
 //! largest current, i32 each in mA), and sends by itself, every 2 ms here, 9 (electrical rpm i32,
-//! current i16 in .1 A, duty i16), 16 (temperatures i16 of bridge and motor in .1 °C, input current
-//! i16, position i16 in .02 ° of one turn) and 27 (tachometer i32 in sixths of an electrical turn,
-//! voltage i16 in .1 V). It has power while it has a command that is not a current of 0. Without
-//! one for its timeout its torque is off. Source: B. Vedder, *bldc*, documentation/comm_can.md,
-//! comm_can.c.
+//! current i16 in .1 A, positive where it takes power, duty i16), 16 (temperatures i16 of bridge and
+//! motor in .1 °C, input current i16, position i16 in .02 ° of one turn) and 27 (tachometer i32 in
+//! sixths of an electrical turn, voltage i16 in .1 V). It has power while it has a command that is
+//! not a current of 0. Without one for its timeout its torque is off. Source: B. Vedder, *bldc*,
+//! documentation/comm_can.md, comm_can.c, and mcpwm_foc.c for the sign of the current.
 
 use core::f64::consts::TAU;
 
@@ -20,6 +20,9 @@ use sarrus_can_core::protocol::{Common, Settings};
 const STATUS_NS: u64 = 2_000_000;
 /// Stiffness and damping of its own loops `[N m/rad, N m s/rad]`.
 const OWN_GAINS: [f64; 2] = [20.0, 0.5];
+/// Voltage of the supply `[V]`, and resistance of the motor `[Ω]`.
+const SUPPLY: f64 = 24.0;
+const RESISTANCE: f64 = 0.2;
 
 #[derive(Debug)]
 pub(super) struct Vesc {
@@ -98,15 +101,19 @@ impl Firmware for Vesc {
         self.status_ns = plant.now_ns + STATUS_NS;
         let rpm = plant.velocity * 60.0 / TAU * self.pole_pairs;
         let [a, b, c, d] = (rpm as i32).to_be_bytes();
-        let [e, f] = ((plant.torque / self.constant * 10.0) as i16).to_be_bytes();
-        self.tell(9, &[a, b, c, d, e, f, 0, 0], out);
+        // the firmware tells the current that takes power, and the voltage's part of the supply's
+        let current = plant.torque / self.constant;
+        let volts = RESISTANCE * current + self.constant * plant.velocity;
+        let [e, f] = ((current.copysign(current * volts) * 10.0) as i16).to_be_bytes();
+        let [g, h] = ((volts / SUPPLY * 1000.0) as i16).to_be_bytes();
+        self.tell(9, &[a, b, c, d, e, f, g, h], out);
         let [t, u] = ((plant.temperature * 10.0) as i16).to_be_bytes();
         let place = plant.measured().rem_euclid(TAU).to_degrees();
         let [p, q] = ((place * 50.0) as i16).to_be_bytes();
         self.tell(16, &[t, u, t, u, 0, 0, p, q], out);
         let sixths = plant.measured() / TAU * self.pole_pairs * 6.0;
         let [a, b, c, d] = (sixths as i32).to_be_bytes();
-        let [v, w] = 240_i16.to_be_bytes();
+        let [v, w] = ((SUPPLY * 10.0) as i16).to_be_bytes();
         self.tell(27, &[a, b, c, d, v, w, 0, 0], out);
     }
 }

@@ -9,6 +9,10 @@
 //!   duty i16; 16 temperatures of bridge and motor i16 [.1 °C], input current i16, position i16
 //!   [.02 °]; 27 tachometer i32, input voltage i16 [.1 V].
 //!
+//! The current of status 1 is positive where the motor takes power and negative where it gives some
+//! back (`mcpwm_foc_get_tot_current_filtered`). Its voltage has the sign of the duty cycle, so their
+//! product has that of the torque; with a duty cycle of 0 the torque is unknown.
+//!
 //! Status 1 and 4 must arrive in each cycle of the bridge. All numbers are the rotor's:
 //! `pole_pairs` electrical turns are one rotor turn, and the position is unwrapped over several
 //! turns. A current of zero removes power; no message reports this, nor faults. In the modes
@@ -172,10 +176,15 @@ impl Drive for Vesc {
         let whole = |high: &u8, low: &u8| i16::from_be_bytes([*high, *low]);
         match (status, frame.data()) {
             _ if frame.is_fd() => Receipt::Malformed,
-            (STATUS_1, [a, b, c, d, e, f, _, _]) => {
+            (STATUS_1, [a, b, c, d, e, f, g, h]) => {
                 let rpm = f64::from(i32::from_be_bytes([*a, *b, *c, *d]));
                 self.reported.velocity = rpm / self.pole_pairs * TAU / 60.0;
-                self.reported.torque = f64::from(whole(e, f)) * 0.1 * self.constant;
+                let way = match (whole(e, f), whole(g, h)) {
+                    (0, _) => 0.0,
+                    (_, 0) => f64::NAN,
+                    (_, duty) => f64::from(duty.signum()),
+                };
+                self.reported.torque = way * f64::from(whole(e, f)) * 0.1 * self.constant;
                 self.reported_ns = Some(now_ns);
                 Receipt::Noted
             }

@@ -71,12 +71,26 @@ fn status_messages_are_read_and_the_position_goes_on_over_its_turn() {
     };
     let places = [350.0, 359.0, 8.0, 100.0, 250.0, 30.0, 350.0, 200.0].map(&mut position);
     assert_eq!(places.map(f64::round), [350.0, 359.0, 368.0, 460.0, 610.0, 750.0, 710.0, 560.0]);
-    // 4200 electrical rpm are ten turns of the rotor a second; -3.2 A
-    assert_eq!(receive(&mut *drive, "00000917#00001068FFE00000"), Receipt::Noted);
-    let Receipt::Measured(measured) = receive(&mut *drive, STATUS_4) else { panic!() };
-    assert!((measured.velocity - 10.0 * TAU).abs() < 1e-9);
-    assert!((measured.torque + 0.32).abs() < 1e-12);
-    assert_eq!(measured.temperature, 30.0);
+    // 4200 electrical rpm are ten turns of the rotor a second; 3.2 A, positive where the motor takes
+    // power, at a positive, a negative and no voltage
+    let mut reported = |current_and_duty: &str| {
+        let status_1 = format!("00000917#00001068{current_and_duty}");
+        assert_eq!(receive(&mut *drive, &status_1), Receipt::Noted);
+        let Receipt::Measured(measured) = receive(&mut *drive, STATUS_4) else { panic!() };
+        assert!((measured.velocity - 10.0 * TAU).abs() < 1e-9);
+        assert_eq!(measured.temperature, 30.0);
+        measured.torque
+    };
+    for (current_and_duty, torque) in [
+        ("002000C8", 0.32),
+        ("0020FF38", -0.32),
+        ("FFE000C8", -0.32),
+        ("FFE0FF38", 0.32),
+        ("00000000", 0.0),
+    ] {
+        assert!((reported(current_and_duty) - torque).abs() < 1e-12, "{current_and_duty}");
+    }
+    assert!(reported("FFE00000").is_nan());
     assert_eq!(receive(&mut *drive, "00001B17#0000000000F00000"), Receipt::Noted);
     // a status 1 of long ago is not used
     let late = drive.receive(300_000_000, &crate::support::frame(STATUS_4));
