@@ -1,8 +1,9 @@
 //! The five codes that MIT mode and CyberGear share, and the state of a motor that has them.
 //!
-//! Position and velocity become the nearest codes, stiffness and damping those towards zero. The
-//! motor sums τ = t + k (p − q) + d (v − q̇) from these codes: the torque is rounded towards zero,
-//! and moved by one more code if the sum, by the last measurement, would exceed the limit.
+//! Position and velocity become the nearest codes, stiffness and damping those towards zero; a gain
+//! below its first code is added to the torque, by the last measurement.
+//! The motor sums τ = t + k (p − q) + d (v − q̇) from these codes: the torque is rounded towards
+//! zero, and moved by one more code if the sum would exceed the limit.
 
 use super::Common;
 use super::number::limited;
@@ -41,13 +42,20 @@ impl Coded {
         let velocity = codes.velocity.code(setpoint.velocity, odd);
         let (stiffness, k) = codes.stiffness.toward_zero(setpoint.stiffness, odd);
         let (damping, d) = codes.damping.toward_zero(setpoint.damping, odd);
-        // torque of spring and damper for these codes
-        let by_gains = measured.map_or(0.0, |[q, qd]| {
-            k * (codes.position.value(position) - q) + d * (codes.velocity.value(velocity) - qd)
+        // torque of spring and damper for these codes, and of gains without one
+        let [by_gains, uncoded] = measured.map_or([0.0; 2], |[q, qd]| {
+            let behind = codes.position.value(position) - q;
+            let slower = codes.velocity.value(velocity) - qd;
+            let uncoded = |code: u16, gain: f64| if code == 0 { gain } else { 0.0 };
+            [
+                k * behind + d * slower,
+                uncoded(stiffness, setpoint.stiffness) * behind
+                    + uncoded(damping, setpoint.damping) * slower,
+            ]
         });
         let least = -limit - by_gains;
         let most = limit - by_gains;
-        let torque = limited(setpoint.torque, limit).max(least).min(most);
+        let torque = limited(setpoint.torque + uncoded, limit).max(least).min(most);
         let torque = codes.torque.within(codes.torque.toward_zero(torque, odd), least, most);
         [position, velocity, stiffness, damping, torque]
     }
@@ -190,5 +198,24 @@ mod tests {
         let setpoint = Setpoint { position: 10.0, stiffness: 0.1, ..Setpoint::default() };
         let [_, _, stiffness, ..] = coded(1.0, [0.0, 0.0], false).setpoint(&setpoint);
         assert_eq!(stiffness, 0);
+    }
+
+    #[test]
+    fn gains_below_a_code_are_torques() {
+        // 40 kN/m at a screw of 10 mm lead are 0.101 N m/rad, less than a code of 0.122
+        for (stiffness, damping) in [(0.101, 0.0), (0.0, 1e-3), (0.121, 1e-3)] {
+            for (q, qd) in [(1.0, 0.0), (-2.0, 3.0), (0.5, -20.0)] {
+                let setpoint = Setpoint { stiffness, damping, ..Setpoint::default() };
+                let [p, v, k, d, t] = coded(18.0, [q, qd], true).setpoint(&setpoint);
+                let [k, d] = [CODES.stiffness.value(k), CODES.damping.value(d)];
+                let sum = CODES.torque.value(t)
+                    + k * (CODES.position.value(p) - q)
+                    + d * (CODES.velocity.value(v) - qd);
+                let wanted = (-stiffness * q - damping * qd).clamp(-18.0, 18.0);
+                // a code of torque, and half a code of position and velocity
+                let near = 36.0 / 4095.0 + 2e-4 * stiffness + 0.012 * damping;
+                assert!((sum - wanted).abs() < near, "{stiffness} {damping} {q} {qd}: {sum}");
+            }
+        }
     }
 }

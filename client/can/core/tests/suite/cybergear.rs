@@ -72,8 +72,9 @@ fn random_values_are_the_nearest_and_no_torque_or_gain_grows() {
             position: random.between(-12.5, 12.5),
             velocity: random.between(-30.0, 30.0),
             torque: random.between(-12.0, 12.0),
-            stiffness: random.between(0.0, 500.0),
-            damping: random.between(0.0, 5.0),
+            // from the first code on
+            stiffness: random.between(0.01, 500.0),
+            damping: random.between(0.0001, 5.0),
         };
         let frame = last(&mut *drive, DriveCommand::On(setpoint));
         let code = |i: usize| f64::from(frame.data()[i]) * 256.0 + f64::from(frame.data()[i + 1]);

@@ -110,8 +110,9 @@ fn random_set_points_are_the_nearest_and_no_torque_or_gain_grows() {
             position: random.between(-12.5, 12.5),
             velocity: random.between(-45.0, 45.0),
             torque: random.between(-18.0, 18.0),
-            stiffness: random.between(0.0, 500.0),
-            damping: random.between(0.0, 5.0),
+            // from the first code on
+            stiffness: random.between(0.13, 500.0),
+            damping: random.between(0.0013, 5.0),
         };
         let sent = decode(last(&mut *drive, DriveCommand::On(setpoint)).data());
         let setpoint = [
