@@ -3,6 +3,7 @@
 use sarrus_proto::{Field, Slot, Status};
 
 use crate::algorithms::{self, TreeMotion};
+use crate::closure::column_unit;
 use crate::model::{Direct, Method, Model, Runs, Scope};
 use crate::plan::Plan;
 use crate::plan::actuation::to_actuators;
@@ -18,11 +19,12 @@ const BALANCE: f64 = 1e-14;
 /// Largest remainder relative to the largest ÿ, in a method that keeps ten digits.
 const WORTH: f64 = 1e-10;
 
-/// The largest of each over the independents: inertia / pivot, Σ |terms| / pivot, Σ |terms| /
-/// inertia.
+/// The largest of each over the independents: inertia / pivot, Σ |terms| / pivot, |ÿ|; and Σ
+/// |terms| / inertia of the one with the largest ÿ.
 struct Divided<T> {
     inertia: T,
     terms: T,
+    left: T,
     alone: T,
 }
 
@@ -101,7 +103,7 @@ impl Plan {
         let scope = &self.needed.scope;
         ws.tau_terms.fill(T::ZERO);
         self.bias_force(model, ws, input, true);
-        self.given_forces(model, ws, input);
+        report.doubt.times(self.given_forces(model, ws, input));
         for run in scope.independents.runs() {
             let forces = ws.tau_y[run.clone()].iter().zip(&ws.C_y[run.clone()]);
             ws.ydd[run].iter_mut().zip(forces).for_each(|(x, (tau, C))| *x = *tau - *C);
@@ -121,7 +123,7 @@ impl Plan {
         } else {
             algorithms::embedded_solve(model, scope, ws)
         };
-        let Divided { inertia, terms, alone } = self.divided(model, ws);
+        let Divided { inertia, terms, left, alone } = self.divided(model, ws);
         let pivots = inertia / T::from_f64(PIVOTS);
         report.doubt.times(pivots.to_branch_value(BranchValue::Growth));
         if self.method == Method::Kkt {
@@ -134,7 +136,6 @@ impl Plan {
         if !positive {
             return Err(Status::MassNotPositive);
         }
-        let left = largest(&scope.independents, &ws.ydd);
         let (growth, zero) = cancellation(terms, left, T::from_f64(STILL) * alone);
         report.doubt.times(growth);
         let of_method = T::from_f64(model.growth_of(self.method) / ROUNDINGS);
@@ -165,14 +166,19 @@ impl Plan {
     /// Largest ratios to the pivots; a pivot is the articulated inertia.
     fn divided<T: Real>(&self, model: &Model<T>, ws: &Workspace<T>) -> Divided<T> {
         let larger = |a: T, b: T| T::select_lt(a, b, b, a);
-        let mut largest = Divided { inertia: T::ONE, terms: T::ZERO, alone: T::ZERO };
+        let none = -T::ONE;
+        let mut largest = Divided { inertia: T::ONE, terms: T::ZERO, left: none, alone: T::ZERO };
+        let mut own_of_left = T::ZERO;
         let mut of = |k: usize, inverse: T| {
             let own = larger(T::from_f64(model.inertia[k]), ws.uncoupled_diagonal[k]);
-            let alone = if T::ZERO < own { ws.tau_terms[k] / own } else { T::ZERO };
+            let terms = ws.tau_terms[k];
+            let left = ws.ydd[k].abs();
+            own_of_left = T::select_lt(largest.left, left, own, own_of_left);
             largest = Divided {
                 inertia: larger(largest.inertia, inverse * own),
-                terms: larger(largest.terms, inverse * ws.tau_terms[k]),
-                alone: larger(largest.alone, alone),
+                terms: larger(largest.terms, inverse * terms),
+                left: larger(largest.left, left),
+                alone: T::select_lt(largest.left, left, terms, largest.alone),
             }
         };
         let scope = &self.needed.scope;
@@ -187,7 +193,8 @@ impl Plan {
             inverses
                 .for_each(|inverse| independents.next().into_iter().for_each(|k| of(k, inverse)));
         }
-        largest
+        let alone = if T::ZERO < own_of_left { largest.alone / own_of_left } else { T::ZERO };
+        Divided { alone, ..largest }
     }
 
     /// q̈ of the tree under its constraints.
@@ -273,7 +280,7 @@ impl Plan {
     ) -> Result<(), Status> {
         if self.wants_any(&[Field::TauY, Field::TauU, Field::TauUnactuated]) {
             ws.tau_terms.fill(T::ZERO);
-            self.given_forces(model, ws, input);
+            report.doubt.times(self.given_forces(model, ws, input));
             if self.wants_any(&[Field::TauU, Field::TauUnactuated]) {
                 report.doubt.times(to_actuators(model, &self.needed.scope, ws)?);
             }
@@ -307,22 +314,33 @@ impl Plan {
     /// Digits that forces on the independents lose in the sums of their terms.
     fn doubt_forces<T: Real>(&self, terms: &[T], forces: &[T], report: &mut RunReport<T>) {
         let independents = &self.needed.scope.independents;
-        let terms = largest(independents, terms);
+        let most = largest(independents, terms);
         let left = largest(independents, forces);
-        let (growth, zero) = cancellation(terms, left, T::from_f64(ZERO) * terms);
+        let (growth, zero) = cancellation(most, left, T::from_f64(ZERO) * most);
         report.doubt.times(growth);
         report.doubt.force = zero;
+        if zero > 1.0 {
+            // the largest terms may be those of another force
+            let mut of_largest = (-T::ONE, T::ZERO);
+            for k in independents.indices() {
+                let (force, of) = of_largest;
+                let own = forces[k].abs();
+                of_largest = (force.larger(own), T::select_lt(force, own, terms[k], of));
+            }
+            report.doubt.force = cancellation(most, left, T::from_f64(ZERO) * of_largest.1).1;
+        }
     }
 
-    /// The given forces as τ_y.
-    fn given_forces<T: Real>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) {
+    /// The given forces as τ_y; returns the growth of roundings, of forces that hardly act along
+    /// the independents.
+    fn given_forces<T: Real>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> f64 {
         let slot = |field| self.given.slot(field).map(|slot: &Slot| &input[slot.range()]);
         if let Some(tau) = slot(Field::TauY) {
             for (x, &k) in tau.iter().zip(&model.order.vy) {
                 ws.tau_y[k] = *x;
                 ws.tau_terms[k] += x.abs();
             }
-            return;
+            return 1.0;
         }
         ws.tau_q.fill(T::ZERO);
         if let Some(tau) = slot(Field::TauU) {
@@ -332,6 +350,22 @@ impl Plan {
         }
         let scope = &self.needed.scope;
         to_independent(model, scope, &ws.G, &ws.tau_q, &mut ws.tau_y, &mut ws.tau_terms);
+        // roundings of G are of the size of its largest entries
+        let of_actuators = slot(Field::TauU).is_some();
+        let mut most = T::ONE;
+        for cluster in scope.joined.iter().map(|c| &model.clusters[*c]) {
+            let size = |tau: T, j: usize| tau.abs() * T::from_f64(column_unit(cluster, j));
+            let along = cluster.independents().zip(&cluster.independent);
+            let along = along.fold(T::ZERO, |most, (k, j)| most.larger(size(ws.tau_y[k], *j)));
+            let given = |most: T, j: usize| most.larger(size(ws.tau_q[cluster.v + j], j));
+            let given = if of_actuators {
+                cluster.active.iter().map(|(_, j)| *j).fold(T::ZERO, given)
+            } else {
+                (0..cluster.n_v).fold(T::ZERO, given)
+            };
+            most = most.larger(given / T::select_lt(T::ZERO, given, along, T::ONE));
+        }
+        most.to_branch_value(BranchValue::Growth)
     }
 
     /// True if wrenches are given on needed bodies.
