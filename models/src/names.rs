@@ -136,6 +136,9 @@ mod tests {
         assert_eq!(nearest("TYPE", known), Some("type"));
         assert_eq!(nearest("tpye", known), Some("type"));
         assert_eq!(nearest("damping", known), None);
+        // a subscript is forgotten more easily than the letter is mistaken
+        assert_eq!(nearest("M", ["y", "q", "M_y"]), Some("M_y"));
+        assert_eq!(nearest("cond", ["conds_Kd", "cond_Kd"]), Some("cond_Kd"));
         assert_eq!(nearest(&"x".repeat(1 << 20), known), None);
     }
 

@@ -387,7 +387,7 @@ fn large_forces_that_balance_at_one_joint_do_not_hide_what_another_loses() {
         });
         let held = -0.7 * 9.81 * length * 0.3_f64.cos();
         let given = [(Y, [0.2, 0.3]), (TauY, [1.0, held])];
-        check(&model, &exact, Request::ForwardDynamics, &given, Ydd, exponent < -4);
+        check(&model, &exact, Request::ForwardDynamics, &given, Ydd, exponent < -2);
     }
     // springs in a loop against each other
     for exponent in 0..=9 {
@@ -404,7 +404,7 @@ fn large_forces_that_balance_at_one_joint_do_not_hide_what_another_loses() {
         });
         // k (y − 0.3) + k (y / 3 + 0.1) / 3
         let given = [(Y, [0.2, 0.24]), (Ydd, [1.0, 0.0])];
-        check(&model, &exact, Request::InverseDynamics, &given, TauY, exponent > 5);
+        check(&model, &exact, Request::InverseDynamics, &given, TauY, exponent > 4);
     }
 }
 
