@@ -4,6 +4,7 @@ use sarrus_proto::{Field, Slot, Status};
 
 use crate::algorithms::{self, TreeMotion};
 use crate::closure::column_unit;
+use crate::mechanism::Cluster;
 use crate::model::{Direct, Method, Model, Runs, Scope};
 use crate::plan::Plan;
 use crate::plan::actuation::to_actuators;
@@ -19,12 +20,11 @@ const BALANCE: f64 = 1e-14;
 /// Largest remainder relative to the largest ÿ, in a method that keeps ten digits.
 const WORTH: f64 = 1e-10;
 
-/// The largest of each over the independents: inertia / pivot, Σ |terms| / pivot, |ÿ|; and Σ
-/// |terms| / inertia of the one with the largest ÿ.
+/// The largest of each over the independents: inertia / pivot, Σ |terms| / pivot, Σ |terms| /
+/// inertia.
 struct Divided<T> {
     inertia: T,
     terms: T,
-    left: T,
     alone: T,
 }
 
@@ -34,6 +34,12 @@ const PIVOTS: f64 = 200.0;
 /// Acceleration below which a joint counts as still, relative to the one that its own forces would
 /// cause alone.
 const STILL: f64 = 1e-3;
+/// Ratio of the forces of actuators to those along the independents where control is ordinary.
+const CONTROL: f64 = 100.0;
+/// Difference of accelerations from those of their terms below which they are looked at one by one,
+/// and part of it that ordinary robots have without losing digits.
+const APART: f64 = 5e5;
+const SPREAD: f64 = 100.0;
 /// Error of the accelerations of an ordinary robot, in unit roundoffs.
 const ROUNDINGS: f64 = 50.0;
 
@@ -123,7 +129,7 @@ impl Plan {
         } else {
             algorithms::embedded_solve(model, scope, ws)
         };
-        let Divided { inertia, terms, left, alone } = self.divided(model, ws);
+        let Divided { inertia, terms, alone } = self.divided(model, ws);
         let pivots = inertia / T::from_f64(PIVOTS);
         report.doubt.times(pivots.to_branch_value(BranchValue::Growth));
         if self.method == Method::Kkt {
@@ -136,11 +142,7 @@ impl Plan {
         if !positive {
             return Err(Status::MassNotPositive);
         }
-        let (growth, zero) = cancellation(terms, left, T::from_f64(STILL) * alone);
-        report.doubt.times(growth);
-        let of_method = T::from_f64(model.growth_of(self.method) / ROUNDINGS);
-        report.doubt.times(of_method.to_branch_value(BranchValue::Growth));
-        report.doubt.acceleration = zero;
+        self.doubt_accelerations(model, ws, terms, alone, report);
         for run in scope.clusters.runs() {
             for cluster in &model.clusters[run] {
                 for (k, &j) in cluster.independent.iter().enumerate() {
@@ -163,22 +165,46 @@ impl Plan {
         Ok(())
     }
 
+    /// Digits that accelerations lose, from the largest Σ |terms| / pivot and Σ |terms| / inertia.
+    #[inline(always)]
+    fn doubt_accelerations<T: Real>(
+        &self,
+        model: &Model<T>,
+        ws: &Workspace<T>,
+        terms: T,
+        alone: T,
+        report: &mut RunReport<T>,
+    ) {
+        let independents = &self.needed.scope.independents;
+        let left = largest(independents, &ws.ydd);
+        let (growth, zero) = cancellation(terms, left, T::from_f64(STILL) * alone);
+        report.doubt.times(growth);
+        let of_method = T::from_f64(model.growth_of(self.method) / ROUNDINGS);
+        report.doubt.times(of_method.to_branch_value(BranchValue::Growth));
+        report.doubt.acceleration = zero;
+        if zero > 1.0 || left.lt(terms * T::from_f64(1.0 / APART)) {
+            // the largest forces may be those of another joint
+            let alone = of_largest(independents, &ws.ydd, |k| {
+                let own = T::from_f64(model.inertia[k]).larger(ws.uncoupled_diagonal[k]);
+                if T::ZERO < own { ws.tau_terms[k] / own } else { T::ZERO }
+            });
+            let (own_growth, zero) = cancellation(terms, left, T::from_f64(STILL) * alone);
+            report.doubt.times(own_growth / (SPREAD * growth.max(1.0)));
+            report.doubt.acceleration = zero;
+        }
+    }
+
     /// Largest ratios to the pivots; a pivot is the articulated inertia.
     fn divided<T: Real>(&self, model: &Model<T>, ws: &Workspace<T>) -> Divided<T> {
         let larger = |a: T, b: T| T::select_lt(a, b, b, a);
-        let none = -T::ONE;
-        let mut largest = Divided { inertia: T::ONE, terms: T::ZERO, left: none, alone: T::ZERO };
-        let mut own_of_left = T::ZERO;
+        let mut largest = Divided { inertia: T::ONE, terms: T::ZERO, alone: T::ZERO };
         let mut of = |k: usize, inverse: T| {
             let own = larger(T::from_f64(model.inertia[k]), ws.uncoupled_diagonal[k]);
-            let terms = ws.tau_terms[k];
-            let left = ws.ydd[k].abs();
-            own_of_left = T::select_lt(largest.left, left, own, own_of_left);
+            let alone = if T::ZERO < own { ws.tau_terms[k] / own } else { T::ZERO };
             largest = Divided {
                 inertia: larger(largest.inertia, inverse * own),
-                terms: larger(largest.terms, inverse * terms),
-                left: larger(largest.left, left),
-                alone: T::select_lt(largest.left, left, terms, largest.alone),
+                terms: larger(largest.terms, inverse * ws.tau_terms[k]),
+                alone: larger(largest.alone, alone),
             }
         };
         let scope = &self.needed.scope;
@@ -193,8 +219,7 @@ impl Plan {
             inverses
                 .for_each(|inverse| independents.next().into_iter().for_each(|k| of(k, inverse)));
         }
-        let alone = if T::ZERO < own_of_left { largest.alone / own_of_left } else { T::ZERO };
-        Divided { alone, ..largest }
+        largest
     }
 
     /// q̈ of the tree under its constraints.
@@ -321,13 +346,8 @@ impl Plan {
         report.doubt.force = zero;
         if zero > 1.0 {
             // the largest terms may be those of another force
-            let mut of_largest = (-T::ONE, T::ZERO);
-            for k in independents.indices() {
-                let (force, of) = of_largest;
-                let own = forces[k].abs();
-                of_largest = (force.larger(own), T::select_lt(force, own, terms[k], of));
-            }
-            report.doubt.force = cancellation(most, left, T::from_f64(ZERO) * of_largest.1).1;
+            let of_left = of_largest(independents, forces, |k| terms[k]);
+            report.doubt.force = cancellation(most, left, T::from_f64(ZERO) * of_left).1;
         }
     }
 
@@ -350,20 +370,10 @@ impl Plan {
         }
         let scope = &self.needed.scope;
         to_independent(model, scope, &ws.G, &ws.tau_q, &mut ws.tau_y, &mut ws.tau_terms);
-        // roundings of G are of the size of its largest entries
         let of_actuators = slot(Field::TauU).is_some();
         let mut most = T::ONE;
         for cluster in scope.joined.iter().map(|c| &model.clusters[*c]) {
-            let size = |tau: T, j: usize| tau.abs() * T::from_f64(column_unit(cluster, j));
-            let along = cluster.independents().zip(&cluster.independent);
-            let along = along.fold(T::ZERO, |most, (k, j)| most.larger(size(ws.tau_y[k], *j)));
-            let given = |most: T, j: usize| most.larger(size(ws.tau_q[cluster.v + j], j));
-            let given = if of_actuators {
-                cluster.active.iter().map(|(_, j)| *j).fold(T::ZERO, given)
-            } else {
-                (0..cluster.n_v).fold(T::ZERO, given)
-            };
-            most = most.larger(given / T::select_lt(T::ZERO, given, along, T::ONE));
+            most = most.larger(lost_control(cluster, ws, of_actuators));
         }
         most.to_branch_value(BranchValue::Growth)
     }
@@ -466,6 +476,32 @@ fn columns<T: Real, const M: usize>(G: &[T], tau_q: &[T], tau_y: &mut [T], terms
     terms.copy_from_slice(&sum);
 }
 
+/// By how much the forces on the tree joints of a cluster, or on its actuators, are larger than
+/// those along its independents that they make, in the units of their coordinates: the roundings of
+/// G are those of its largest entries. Below an ordinary ratio 1.
+#[inline(always)]
+fn lost_control<T: Real>(cluster: &Cluster<T>, ws: &Workspace<T>, of_actuators: bool) -> T {
+    let tau_y = &ws.tau_y[cluster.independents()];
+    let tau_q = &ws.tau_q[cluster.velocities()];
+    let along = tau_y.iter().fold(T::ZERO, |most: T, tau| most.larger(tau.abs()));
+    let given = if of_actuators {
+        cluster.active.iter().fold(T::ZERO, |most: T, (_, j)| most.larger(tau_q[*j].abs()))
+    } else {
+        tau_q.iter().fold(T::ZERO, |most: T, tau| most.larger(tau.abs()))
+    };
+    // a force of one newton may have a moment of as many as the length
+    let longest = T::from_f64(cluster.length.max(1.0));
+    if !(along * T::from_f64(CONTROL)).lt(given * longest) {
+        return T::ONE;
+    }
+    let unit = |tau: T, j: usize| tau.abs() * T::from_f64(column_unit(cluster, j));
+    let along = tau_y.iter().zip(&cluster.independent);
+    let along = along.fold(T::ZERO, |most: T, (tau, j)| most.larger(unit(*tau, *j)));
+    let acts = |j: &usize| !of_actuators || cluster.active.iter().any(|(_, of)| of == j);
+    let given = (0..cluster.n_v).filter(acts).map(|j| unit(tau_q[j], j));
+    given.fold(T::ZERO, T::larger) / along
+}
+
 /// Takes a force on the independents off the tree forces.
 fn independents_subtract<T: Real>(model: &Model<T>, tau_y: &[T], tau_q: &mut [T]) {
     for cluster in &model.clusters {
@@ -484,4 +520,15 @@ fn largest<T: Real>(places: &Runs, x: &[T]) -> T {
         }
     }
     largest
+}
+
+/// The number of the place with the largest absolute value.
+fn of_largest<T: Real>(places: &Runs, x: &[T], of: impl Fn(usize) -> T) -> T {
+    let mut found = (-T::ONE, T::ZERO);
+    for k in places.indices() {
+        let (largest, number) = found;
+        let own = x[k].abs();
+        found = (largest.larger(own), T::select_lt(largest, own, of(k), number));
+    }
+    found.1
 }
