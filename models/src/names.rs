@@ -34,18 +34,21 @@ pub(crate) fn visible(text: &str) -> String {
 /// close.
 pub fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let letters = folded(name)?;
-    let mut best: Option<(usize, &str)> = None;
+    let mut best: Option<((usize, bool), &str)> = None;
     for candidate in known.into_iter().take(MOST) {
         // a third of the letters may differ
-        let most =
-            best.map_or(letters.len().max(3) / 3, |(distance, _)| distance.saturating_sub(1));
+        let most = best.map_or(letters.len().max(3) / 3, |((distance, _), _)| distance);
         let Some(other) = folded(candidate) else { continue };
-        if letters.len().abs_diff(other.len()) > most {
+        // a subscript that is missing counts as one letter, and less than another letter
+        let rest = other.strip_prefix(&letters[..]);
+        let goes_on = rest.is_some_and(|rest| rest.first() == Some(&'_'));
+        if !goes_on && letters.len().abs_diff(other.len()) > most {
             continue;
         }
-        let distance = edit_distance(&letters, &other);
-        if distance <= most && best.is_none_or(|(least, _)| distance < least) {
-            best = Some((distance, candidate));
+        let distance = if goes_on { 1 } else { edit_distance(&letters, &other) };
+        let rank = (distance, !goes_on);
+        if distance <= most && best.is_none_or(|(least, _)| rank < least) {
+            best = Some((rank, candidate));
         }
     }
     best.map(|(_, candidate)| candidate)
@@ -133,6 +136,9 @@ mod tests {
         assert_eq!(nearest("TYPE", known), Some("type"));
         assert_eq!(nearest("tpye", known), Some("type"));
         assert_eq!(nearest("damping", known), None);
+        // a subscript is forgotten more easily than the letter is mistaken
+        assert_eq!(nearest("M", ["y", "q", "M_y"]), Some("M_y"));
+        assert_eq!(nearest("cond", ["conds_Kd", "cond_Kd"]), Some("cond_Kd"));
         assert_eq!(nearest(&"x".repeat(1 << 20), known), None);
     }
 

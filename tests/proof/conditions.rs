@@ -3,9 +3,11 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use sarrus_dynamics::description::{Description, Placement, SubmechanismKind};
+use sarrus_dynamics::description::{Description, Inertial, Placement, SubmechanismKind};
 use sarrus_dynamics::scalar::{Dd, Real};
-use sarrus_dynamics::{Compiled, Field::*, Method, Model, Plan, Workspace};
+use sarrus_dynamics::{
+    Compiled, DescriptionBuilder, Field::*, LinkId, Method, Model, Plan, Workspace,
+};
 use sarrus_proto::{FieldSet, Query, Request, Status, Warnings};
 use sarrus_tests::cases::Case;
 use sarrus_tests::compare::error_by_size;
@@ -323,6 +325,107 @@ fn actuators_that_nearly_lose_control_are_told() {
         warned += i32::from(is_reported(&found));
     }
     assert!(warned > 2, "{warned}");
+}
+
+#[test]
+fn forces_of_actuators_that_nearly_lose_control_are_told_too() {
+    let mut description = Case::bundled("lambda").description;
+    description.gravity = [0.0; 3];
+    let Compiled { model, exact, .. } = compiled(&description);
+    let slider = model.tree_names().iter().position(|name| name == "ElbowAct").unwrap();
+    let mut robot = Robot::new(model);
+    let mut reference = Robot::new(exact);
+    // where the slider stands still while the rocker turns
+    let mut control =
+        |y: f64| robot.ask(Request::Kinematics, &[(Y, &[y])], &[G]).ok().get(G)[slider];
+    let ends = (-30..30).map(|k| 0.1 * f64::from(k));
+    let mut low = ends.into_iter().find(|y| control(*y) * control(y + 0.1) < 0.0).unwrap();
+    let mut high = low + 0.1;
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        *(if control(low) * control(middle) > 0.0 { &mut low } else { &mut high }) = middle;
+    }
+    for (request, want) in [(Request::ForwardDynamics, Ydd), (Request::Map, TauY)] {
+        for space in [TauU, TauQ] {
+            let mut warned = 0;
+            for k in 0..13 {
+                let y = [low + 10f64.powi(-k)];
+                let mut tau = vec![0.0; if space == TauU { 1 } else { 3 }];
+                tau[if space == TauU { 0 } else { slider }] = 50.0;
+                let found = robot.ask(request, &[(Y, &y), (space, &tau)], &[want]).ok();
+                let tau: Vec<Dd> = tau.iter().map(|x| Dd::from_f64(*x)).collect();
+                let exact = [(Y, y.map(Dd::from_f64).to_vec()), (space, tau)];
+                let exact = exact.each_ref().map(|(field, x)| (*field, x.as_slice()));
+                let exact = reference.ask(request, &exact, &[want]).ok().map(Dd::hi);
+                let error = error_by_size(found.get(want), exact.get(want), 1e-99);
+                assert!(error < FEW || is_reported(&found), "{want:?}: {error:.1e} at 1e-{k}");
+                assert!(k > 3 || !is_reported(&found), "{want:?}: reported at 1e-{k}");
+                warned += i32::from(is_reported(&found));
+            }
+            assert!(warned > 3, "{want:?} of {space:?}: {warned}");
+        }
+    }
+}
+
+/// A robot of an ordinary arm and one more.
+fn beside_an_arm(more: impl FnOnce(&mut DescriptionBuilder)) -> Compiled {
+    let mut robot = DescriptionBuilder::new("two arms");
+    let bob = Inertial::point(1.0, [0.0, 0.0, -0.5]);
+    robot.revolute("arm", LinkId::BASE, [0.0, 1.0, 0.0]).inertial(bob);
+    more(&mut robot);
+    robot.compile().unwrap_or_else(|errors| panic!("{errors:?}"))
+}
+
+#[test]
+fn large_forces_that_balance_at_one_joint_do_not_hide_what_another_loses() {
+    // a lever held by a force, of any length and mass: what is left of both turns it at once
+    for exponent in -9..=0 {
+        let length = 10f64.powi(exponent);
+        let Compiled { model, exact, .. } = beside_an_arm(|robot| {
+            let lever = Inertial::point(0.7, [length, 0.0, 0.0]);
+            robot.revolute("lever", LinkId::BASE, [0.0, 1.0, 0.0]).inertial(lever);
+        });
+        let held = -0.7 * 9.81 * length * 0.3_f64.cos();
+        let given = [(Y, [0.2, 0.3]), (TauY, [1.0, held])];
+        check(&model, &exact, Request::ForwardDynamics, &given, Ydd, exponent < -2);
+    }
+    // springs in a loop against each other
+    for exponent in 0..=9 {
+        let stiffness = 10f64.powi(exponent);
+        let Compiled { model, exact, .. } = beside_an_arm(|robot| {
+            robot.submechanism("gear", SubmechanismKind::Transmission);
+            let small = || Inertial::sphere(0.1, [0.0; 3], 0.1);
+            let axis = [0.0, 1.0, 0.0];
+            let wheel = robot.revolute("wheel", LinkId::BASE, axis).inertial(small());
+            let wheel = wheel.spring(stiffness, 0.3).link();
+            let pinion = robot.revolute("pinion", LinkId::BASE, axis).inertial(small());
+            let pinion = pinion.spring(stiffness, -0.1).link();
+            robot.couple(pinion, [(wheel, 1.0 / 3.0)], 0.0).independent([wheel]);
+        });
+        // k (y − 0.3) + k (y / 3 + 0.1) / 3
+        let given = [(Y, [0.2, 0.24]), (Ydd, [1.0, 0.0])];
+        check(&model, &exact, Request::InverseDynamics, &given, TauY, exponent > 4);
+    }
+}
+
+/// Checks an answer against double-double; a warning only where it may come.
+fn check(
+    model: &Model<f64>,
+    exact: &Model<Dd>,
+    request: Request,
+    given: &[(sarrus_proto::Field, [f64; 2])],
+    want: sarrus_proto::Field,
+    may_warn: bool,
+) {
+    let rounded: Vec<_> = given.iter().map(|(field, x)| (*field, x.as_slice())).collect();
+    let found = Robot::new(model.clone()).ask(request, &rounded, &[want]).ok();
+    let numbers: Vec<_> = given.iter().map(|(field, x)| (*field, x.map(Dd::from_f64))).collect();
+    let numbers: Vec<_> = numbers.iter().map(|(field, x)| (*field, x.as_slice())).collect();
+    let exact = Robot::new(exact.clone()).ask(request, &numbers, &[want]).ok().map(Dd::hi);
+    let error = error_by_size(found.get(want), exact.get(want), 1e-99);
+    println!("{want:?}: {error:.1e}, {:?}", found.answer.warnings);
+    assert!(error < FEW || is_reported(&found), "{want:?}: {error:.1e} and nothing is reported");
+    assert!(may_warn || !is_reported(&found), "{want:?}: {error:.1e} is reported");
 }
 
 #[test]

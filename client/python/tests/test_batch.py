@@ -19,6 +19,9 @@ def bits(array):
     """The bits of numbers, which NaN has too."""
     return np.ascontiguousarray(array).view(np.uint64)
 
+# random motions exceed some limits
+warnings.filterwarnings("ignore", ".*limits_exceeded", sarrus.StateWarning)
+
 
 def motions(robot, rows):
     """Random states near the zero pose."""

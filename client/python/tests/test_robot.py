@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 import unittest
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -374,6 +375,64 @@ class Words(unittest.TestCase):
         for closure in robot.closures:
             self.assertIn(f"<td>{closure['name']}</td><td>{closure['type']}</td>", page)
         self.assertFalse(robot.is_connected)
+
+    def test_exceeded_limits_are_told(self):
+        robot = sarrus.Robot.bundled("lambda")
+        for ask in (
+            lambda: robot.inverse_dynamics([2.9], [1.0], [0.0]),
+            lambda: robot.forward_dynamics([2.9], [1.0], [0.0]),
+            lambda: robot.state([2.9]),
+            lambda: robot.mass_matrix([2.9]),
+        ):
+            with self.assertWarnsRegex(sarrus.StateWarning, "has a warning: limits_exceeded"):
+                ask()
+        rows = np.array([[0.2], [2.9], [0.3], [-2.9]])
+        words = "2 of 4 answers have warnings, the first in row 1: limits_exceeded"
+        for ask in (lambda: robot.inverse_dynamics(rows), lambda: robot.mass_matrix(rows)):
+            with self.assertWarnsRegex(sarrus.StateWarning, words):
+                ask()
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            robot.inverse_dynamics([2.9], return_status=True)
+            robot.inverse_dynamics([0.2], [1.0], [0.0])
+            answer = robot.query("kinematics", ["y"])(y=[2.9])
+        self.assertEqual(answer.warnings, sarrus.Warnings.limits_exceeded)
+        run = robot.simulate(5.0, [0.3])
+        since = {name: time for time, name in run.events}
+        first = run.time[np.argmax(np.abs(run.y[:, 0]) > 1.5)]
+        self.assertEqual(since["limits_exceeded: position of Elbow"], first)
+        self.assertIn("limits_exceeded: velocity of Elbow", since)
+        self.assertEqual(robot.simulate(0.1, [0.3]).events, ())
+
+    def test_python_behaves_as_a_user_of_numpy_expects(self):
+        robot = sarrus.Robot.bundled("lambda")
+        with tempfile.TemporaryDirectory() as folder:
+            urdf, submechanisms, _ = robot.origin.contents()
+            paths = [Path(folder, name) for name in ("a.urdf", "a.yml")]
+            paths[0].write_bytes(urdf)
+            paths[1].write_bytes(submechanisms)
+            same = sarrus.Robot(paths[0], str(paths[1]))
+            self.assertEqual(same.fingerprint, robot.fingerprint)
+            free = sarrus.Robot(str(paths[0]), gravity=[0, 0, 0])
+            self.assertEqual(len(free.independents), len(free.joints))
+        with self.assertRaises(FileNotFoundError):
+            sarrus.Robot("absent.urdf")
+        rest = robot.inverse_dynamics([0.2], [0.0], [0.0])
+        np.testing.assert_array_equal(robot.inverse_dynamics([0.2]), rest)
+        rows = np.array([[0.2], [0.3]])
+        np.testing.assert_array_equal(
+            robot.inverse_dynamics(rows, ydd=rows),
+            robot.inverse_dynamics(rows, np.zeros((2, 1)), rows),
+        )
+        both = sarrus.Warnings.limits_exceeded | sarrus.Warnings.loop_open
+        self.assertEqual(str(both), "limits_exceeded, loop_open")
+        self.assertEqual((str(sarrus.Warnings(0)), str(sarrus.Status.ok)), ("none", "ok"))
+        words = repr(robot.simulate(5.0, [0.3]))
+        self.assertRegex(words, "finished, .* samples to 5 s, limits_exceeded: .* of Elbow")
+        self.assertLess(len(words), 500)
+        with self.assertRaisesRegex(sarrus.QueryError, "did you mean `M_y`"):
+            robot.query("inverse-dynamics", ["y"], ["M"])
+        self.assertEqual(dir(sarrus), sorted(sarrus.__all__))
 
     def test_statuses_and_warnings_are_those_of_the_core(self):
         self.assertEqual([status.name for status in sarrus.Status], _native.statuses())

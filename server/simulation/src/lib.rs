@@ -45,6 +45,7 @@ pub use forces::springs::{Point, Spring};
 pub use motion::energy::Energy;
 pub use motion::engine::Counts;
 pub use run::events::{Event, EventKind};
+pub use run::limits::Exceeded;
 pub use run::output::{End, Run, Sample};
 pub use run::settings::{Method, Settings};
 pub use run::setup::Setup;

@@ -88,65 +88,65 @@ fn ring(
     draft.shuffled()
 }
 
+/// The FOURBAR.
+pub(super) fn four_bar(seed: u64, straight: bool) -> Draft {
+    let points = crank_rocker(&mut Seeded::new(seed + 77), straight);
+    ring(seed, Kind::FourBar, straight, points, None)
+}
+
+/// The SLIDERCRANK.
+pub(super) fn slider_crank(seed: u64, straight: bool) -> Draft {
+    let mut seeded = Seeded::new(seed + 78);
+    let crank = if straight {
+        [0.25, 0.5, 0.0]
+    } else {
+        add([0.0, 0.5 * seeded.sign(), 0.0], 0.2, [seeded.within(-1.0, 1.0), 0.0, 0.0])
+    };
+    let wrist = if straight {
+        [1.25, -0.125, 0.0]
+    } else {
+        [seeded.within(0.8, 1.2) * seeded.sign(), seeded.within(-0.2, 0.2), 0.0]
+    };
+    let along = if straight { X } else { unit([1.0, seeded.within(-0.2, 0.2), 0.0]) };
+    // crank pivot, crank pin, wrist, slider
+    let points = [[0.0; 3], crank, wrist, [0.75, 0.0, 0.0]];
+    ring(seed, Kind::SliderCrank, straight, points, Some((3, along)))
+}
+
+/// The RRPR whose pin circles at a part of the distance of the pivots, or at more than it.
+pub(super) fn lambda(seed: u64, straight: bool, size: f64) -> Draft {
+    let mut seeded = Seeded::new(seed + 79);
+    let pin = if straight {
+        [0.25, 0.5, 0.0]
+    } else {
+        [seeded.within(-0.3, 0.3), seeded.within(0.4, 0.6) * seeded.sign(), 0.0]
+    };
+    let pin = pin.map(|x| size * x);
+    let stator = [1.0, 0.0, 0.0];
+    let span = unit(add(pin, -1.0, stator));
+    let along = if straight {
+        [-0.75, 0.625, 0.0]
+    } else {
+        unit(add(span, seeded.within(-0.2, 0.2), [-span[1], span[0], 0.0]))
+    };
+    // rocker, pin, slider, stator
+    let points = [[0.0; 3], pin, [0.625, 0.25, 0.0], stator];
+    ring(seed, Kind::Rrpr, straight, points, Some((2, along)))
+}
+
 #[test]
 fn four_bars_of_any_lengths_close_from_any_of_their_joints() {
-    agrees(|seed, straight| {
-        let points = crank_rocker(&mut Seeded::new(seed + 77), straight);
-        ring(seed, Kind::FourBar, straight, points, None)
-    });
+    agrees(four_bar);
 }
 
 #[test]
 fn slider_cranks_close_from_crank_coupler_and_slider() {
-    agrees(|seed, straight| {
-        let mut seeded = Seeded::new(seed + 78);
-        let crank = if straight {
-            [0.25, 0.5, 0.0]
-        } else {
-            add([0.0, 0.5 * seeded.sign(), 0.0], 0.2, [seeded.within(-1.0, 1.0), 0.0, 0.0])
-        };
-        let wrist = if straight {
-            [1.25, -0.125, 0.0]
-        } else {
-            [seeded.within(0.8, 1.2) * seeded.sign(), seeded.within(-0.2, 0.2), 0.0]
-        };
-        let along = if straight { X } else { unit([1.0, seeded.within(-0.2, 0.2), 0.0]) };
-        // crank pivot, crank pin, wrist, slider
-        ring(
-            seed,
-            Kind::SliderCrank,
-            straight,
-            [[0.0; 3], crank, wrist, [0.75, 0.0, 0.0]],
-            Some((3, along)),
-        )
-    });
+    agrees(slider_crank);
 }
 
 #[test]
 fn lambdas_close_whichever_joint_is_independent() {
-    agrees(|seed, straight| {
-        let mut seeded = Seeded::new(seed + 79);
-        let pin = if straight {
-            [0.25, 0.5, 0.0]
-        } else {
-            [seeded.within(-0.3, 0.3), seeded.within(0.4, 0.6) * seeded.sign(), 0.0]
-        };
-        let stator = [1.0, 0.0, 0.0];
-        let span = unit(add(pin, -1.0, stator));
-        let along = if straight {
-            [-0.75, 0.625, 0.0]
-        } else {
-            unit(add(span, seeded.within(-0.2, 0.2), [-span[1], span[0], 0.0]))
-        };
-        // rocker, pin, slider, stator
-        ring(
-            seed,
-            Kind::Rrpr,
-            straight,
-            [[0.0; 3], pin, [0.625, 0.25, 0.0], stator],
-            Some((2, along)),
-        )
-    });
+    agrees(|seed, straight| lambda(seed, straight, 1.0));
 }
 
 /// The 2SPRR+1U with offset joints at the base, or with arms on the foot.

@@ -241,12 +241,7 @@ fn the_lambda_has_the_lengths_and_rates_of_its_closed_form() {
         let at = y - std::f64::consts::FRAC_PI_2;
         let x = robot.ask(Request::Kinematics, &[(Y, &[at]), (Yd, &[1.0])], &[Q, G, GBias]).ok();
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-15, "y {y}: {a} instead of {b}");
-        // the coordinate of a dependent turn lies in (−π, π]
-        let turned = q2 - q20;
-        near(
-            x.get(Q)[1],
-            if turned < -std::f64::consts::PI { turned + std::f64::consts::TAU } else { turned },
-        );
+        near(x.get(Q)[1], q2 - q20);
         near(x.get(Q)[2], q3 - length0);
         near(x.get(G)[1], G2);
         near(x.get(G)[2], G3);

@@ -4,6 +4,7 @@
 mod cranks;
 mod drawn;
 mod known;
+mod winding;
 
 use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
 use sarrus_dynamics::scalar::{Dd, Real};

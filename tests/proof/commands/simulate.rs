@@ -263,3 +263,20 @@ fn a_stop_half_way_is_told_with_its_status_and_leaves_the_rows_up_to_there() {
     assert!(rows > 3, "{rows} rows");
     std::fs::remove_dir_all(folder("early")).unwrap();
 }
+
+#[test]
+fn the_example_of_the_readme_stays_within_limits_and_a_free_swing_does_not() {
+    let page = include_str!("../../../README.md");
+    let line = page.lines().find_map(|line| line.strip_prefix("sarrus simulate ")).unwrap();
+    let (example, _) = line.split_once(" --out ").unwrap();
+    let arguments: Vec<&str> = example.split_whitespace().collect();
+    let limits = |arguments: &[&str]| {
+        let run = simulate("limits", &[arguments, &["--format", "json"]].concat());
+        assert_eq!(run.code, Some(0), "{}", run.err);
+        let answer: Value = serde_json::from_str(&run.out).unwrap();
+        answer["limits"].as_array().unwrap().len()
+    };
+    assert_eq!(limits(&arguments), 0, "{example}");
+    assert!(limits(&["--robot", "lambda", "--y", "0.3", "--duration", "5"]) > 0);
+    std::fs::remove_dir_all(folder("limits")).unwrap();
+}

@@ -2,9 +2,13 @@
 
 import json
 import sys
+import warnings
 
 import numpy as np
 import sarrus
+
+# some states exceed limits
+warnings.simplefilter("ignore", sarrus.StateWarning)
 
 QUESTIONS = {
     "inverse_dynamics": ("y", "yd", "ydd"),

@@ -322,6 +322,8 @@ fn beyond_its_reach_a_loop_says_so_with_the_nearest_y() {
             "{name} {beyond:.1e} beyond: nearest {reported}, truly {reach}, off by {:.1e}",
             reported - reach
         );
+        let there = robot.ask(Request::Kinematics, &[(Y, &[reported]), (Yd, &[1.0])], &[Q, GBias]);
+        assert_eq!(there.answer.status, Status::Ok, "{name} {beyond:.1e} beyond: at {reported}");
         assert!(x.get(SigmaMin)[0] < 1e-2, "{name}: {:?}", x.get(SigmaMin));
         // the crank is a bad independent there, some dependent a good one
         assert_eq!(x.get(GoodIndependents)[0], 0.0, "{name} {beyond:.1e} beyond");

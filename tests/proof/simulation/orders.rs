@@ -153,3 +153,28 @@ fn a_step_as_long_as_the_samples_or_the_motion_is_estimated_too() {
         assert!(estimate > 0.03 * error, "step {step}: error {error:e}, estimate {estimate:e}");
     }
 }
+
+#[test]
+fn samples_and_kinks_that_force_the_steps_do_not_hide_the_error() {
+    let mut robot = Robot::bundled("lambda");
+    let times: Vec<f64> = (0..11).map(|k| 0.1 * f64::from(k)).collect();
+    let forces = times.iter().map(|_| vec![0.0]).collect();
+    let start = from(&[0.3], &[0.0]);
+    let reference = robot.run(&start, &adaptive(Method::Dop853, 1e-12, 1.0));
+    let mut check = |robot: &Robot, settings: Settings| {
+        let run = robot.run(&start, &Settings { estimate: true, ..settings });
+        let error = (arrived(&run).y[0] - arrived(&reference).y[0]).abs();
+        let [estimate, _] = run.error_estimate.unwrap();
+        let name = settings.method.name();
+        println!("{name} error {error:e} estimate {estimate:e} {:?}", run.counts);
+        assert!(
+            estimate > 0.3 * error && estimate < 3.0 * error,
+            "{name}: error {error:e}, estimate {estimate:e}"
+        );
+    };
+    for method in [Method::Dop853, Method::Radau5] {
+        check(&robot, Settings { every: Some(0.1), ..adaptive(method, 0.5, 1.0) });
+    }
+    robot.inputs.push(Input { space: Space::Actuator, source: Source::Table { times, forces } });
+    check(&robot, fixed(Method::RungeKutta, 0.4, 1.0));
+}

@@ -1,6 +1,7 @@
 //! A change of independents during a simulation.
 
-use sarrus_dynamics::Status;
+use sarrus_dynamics::description::{JointKind, Limits};
+use sarrus_dynamics::{Field, Request, Status, Warnings};
 use sarrus_simulation::{End, EventKind, Source, Space};
 
 use super::*;
@@ -170,4 +171,34 @@ fn an_input_on_the_declared_independents_stays_with_its_joint() {
     let expected = 0.5 * (end.q[2] - run.samples[0].q[2]);
     assert!((end.work - expected).abs() < 1e-8, "{} instead of {expected}", end.work);
     assert!(run.drift() < 1e-7, "{:e}", run.drift());
+}
+
+#[test]
+fn a_spring_on_a_dependent_joint_winds_up_alike_in_a_closed_form_and_in_newtons_method() {
+    let wound = |kind: &str| {
+        let mut robot = slider_crank(kind, "turn");
+        let pin = robot.loaded.description.joints.iter_mut().find(|joint| joint.name == "pin");
+        let pin = pin.unwrap();
+        pin.terms.stiffness = 0.05;
+        // a limit that no angle exceeds
+        pin.kind = JointKind::Revolute;
+        let [velocity, effort] = [f64::INFINITY; 2];
+        pin.limits = Some(Limits { lower: -4.0, upper: 4.0, velocity, effort });
+        let description = &robot.loaded.description;
+        robot.loaded.compiled = sarrus_dynamics::Model::compile(description).unwrap();
+        let run = robot.run(&from(&[0.0], &[6.0]), &adaptive(Method::Dop853, 1e-10, 3.0));
+        assert!(run.drift() < 1e-7, "{kind}: energy drifts by {:e}", run.drift());
+        let beyond = run.exceeded(robot.loaded.compiled.model.info());
+        assert!(beyond.iter().any(|limit| limit.name == "pin"), "{kind}: {beyond:?}");
+        let mut asked = sarrus_tests::run::Robot::new(robot.loaded.compiled.model.clone());
+        for (turn, warnings) in [(3.0, Warnings::NONE), (5.0, Warnings::LIMITS_EXCEEDED)] {
+            let answer = asked.ask(Request::Kinematics, &[(Field::Y, &[turn])], &[Field::Q]).ok();
+            assert_eq!(answer.answer.warnings, warnings, "{kind} at {turn}");
+        }
+        arrived(&run).q.clone()
+    };
+    let [form, newton] = ["SLIDERCRANK", "NUMERICAL"].map(wound);
+    let gap = form.iter().zip(&newton).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
+    assert!(gap < 1e-7, "{form:?} and {newton:?}");
+    assert!(form[1].abs() > std::f64::consts::PI, "{form:?}");
 }

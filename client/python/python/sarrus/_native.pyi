@@ -69,8 +69,8 @@ class Robot:
     def inverse_dynamics(
         self,
         y: npt.ArrayLike,
-        yd: npt.ArrayLike,
-        ydd: npt.ArrayLike,
+        yd: npt.ArrayLike | None = None,
+        ydd: npt.ArrayLike | None = None,
         *,
         out: _Array | None = None,
         threads: int | None = None,
@@ -79,21 +79,22 @@ class Robot:
     ) -> _Array:
         """Actuator forces for a motion: τ_u = G_u⁻ᵀ (M_y ÿ + C_y).
 
-        `y` [m, rad] (n_qy), `yd` and `ydd` (n_vy); gives `tau_u` [N, N m] (n_u). With rows of each
-        (n, …) the states are answered on `threads` threads, with the same bits, and `progress` gets
-        how many are done and how many there are; Ctrl-C ends it.
+        `y` [m, rad] (n_qy), `yd` and `ydd` (n_vy), zero by default; gives `tau_u` [N, N m] (n_u).
+        With rows of each (n, …) the states are answered on `threads` threads, with the same bits,
+        and `progress` gets how many are done and how many there are; Ctrl-C ends it.
 
-        One state without an answer raises `StateError`. Rows without one are NaN, with a
-        `StateWarning`; with `return_status` the statuses come beside the forces, and nothing is
-        raised or warned of. `out` is written in place: float64, contiguous, of the right shape.
+        One state without an answer raises `StateError`. Rows without one are NaN; a `StateWarning`
+        tells of them, and of answers with warnings such as `limits_exceeded`. With `return_status`
+        the statuses come beside the forces, and nothing is raised or warned of. `out` is written in
+        place: float64, contiguous, of the right shape.
         """
 
     @overload
     def inverse_dynamics(
         self,
         y: npt.ArrayLike,
-        yd: npt.ArrayLike,
-        ydd: npt.ArrayLike,
+        yd: npt.ArrayLike | None = None,
+        ydd: npt.ArrayLike | None = None,
         *,
         out: _Array | None = None,
         threads: int | None = None,
@@ -130,7 +131,7 @@ class Robot:
         progress: _Progress = None,
         return_status: Literal[True],
     ) -> tuple[_Array, int | _Codes]: ...
-    def prepare(
+    def _prepare(
         self,
         request: str,
         given: list[str],
@@ -153,8 +154,8 @@ class Robot:
     def late(self) -> int:
         """Answers that came after the deadline of `connect`; 0 in process."""
 
-    def information_json(self) -> bytes: ...
-    def run_simulation(
+    def _information_json(self) -> bytes: ...
+    def _run_simulation(
         self,
         y: list[float],
         yd: list[float],

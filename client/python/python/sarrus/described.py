@@ -21,7 +21,7 @@ class DescribedRobot(_native.Robot):
     @cached_property
     def information(self) -> dict[str, Any]:
         """Names, orders, sizes, limits and closures, as a server sends them."""
-        information: dict[str, Any] = json.loads(super().information_json())
+        information: dict[str, Any] = json.loads(super()._information_json())
         return information
 
     @property

@@ -56,7 +56,7 @@ class StateError(Error, ValueError):
 
 
 class StateWarning(RuntimeWarning):
-    """Some states of a batch have no answer; their rows are NaN."""
+    """States of a batch have no answer, so that their rows are NaN, or answers have warnings."""
 
 
 def state_error(code: int, answer: object = None) -> StateError:

@@ -18,11 +18,13 @@ from sarrus.options import GRAVITY, contents, parts
 from sarrus.query import Answer, Array, Progress, Query, RequestName
 from sarrus.results import Actuators, Frames, Independents, State
 from sarrus.simulation import Constant, Gains, Method, Simulation, Table
-from sarrus.status import Status
+from sarrus.status import Status, Warnings
 
 
 class Robot(DescribedRobot):
     """A robot, made by `Robot.bundled`, `Robot.load`, `Robot.from_text` or `Robot.connect`.
+
+    `Robot(urdf, submechanisms)` is `Robot.load`.
 
     `y` are the independent coordinates, `u` the actuators, `q` the spanning tree; the suffixes `d`
     and `dd` denote their rates. Units are SI and radians. An array with one dimension is one state,
@@ -30,6 +32,17 @@ class Robot(DescribedRobot):
     """
 
     # --- constructors -----------------------------------------------------------------------------
+
+    def __new__(
+        cls,
+        urdf: str | os.PathLike[str] | _native.Origin,
+        submechanisms: str | os.PathLike[str] | None = None,
+        **options: Any,
+    ) -> Robot:
+        """Load a robot from its files: the same as `Robot.load`."""
+        if isinstance(urdf, _native.Origin):
+            return super().__new__(cls, urdf)
+        return cls.load(urdf, submechanisms, **options)
 
     @classmethod
     def bundled(
@@ -137,7 +150,7 @@ class Robot(DescribedRobot):
         (1, 1)
         """
         return Query(
-            self.prepare(
+            self._prepare(
                 request,
                 list(given),
                 None if want is None else list(want),
@@ -333,7 +346,7 @@ class Robot(DescribedRobot):
         sorted_inputs = _sorted(all_inputs)
         settings = (method, duration, step, every, rtol, atol)
         start = _list(y, "y"), _list(self._zeros(y) if yd is None else yd, "yd")
-        arrays, (end, _, drift, independents, events) = self.run_simulation(
+        arrays, (end, _, drift, independents, events) = self._run_simulation(
             *start, sorted_inputs, settings, progress
         )
         return Simulation(
@@ -412,17 +425,22 @@ GAINS = ("stiffness", "damping")
 
 
 def _warned(answer: Answer, stacklevel: int = 3) -> Answer:
-    """Warn of rows without an answer, at the caller's line."""
-    failed = np.flatnonzero(answer.status)
-    if failed.size:
+    """Warn of rows without an answer and of answers with warnings, at the caller's line."""
+    words = []
+    if (failed := np.flatnonzero(answer.status)).size:
         first = int(failed[0])
-        name = Status(int(np.ravel(answer.status)[first])).name
-        warnings.warn(
+        words.append(
             f"{failed.size} of {np.size(answer.status)} states have no answer and are NaN, the "
-            f"first in row {first}: {name}",
-            StateWarning,
-            stacklevel=stacklevel,
+            f"first in row {first}: {Status(int(np.ravel(answer.status)[first])).name}"
         )
+    if (warned := np.flatnonzero(answer.warnings)).size:
+        first = int(warned[0])
+        names = Warnings(int(np.ravel(answer.warnings)[first]))
+        rows = np.size(answer.warnings)
+        of = f"{warned.size} of {rows} answers have warnings, the first in row {first}"
+        words.append(f"{of if np.ndim(answer.warnings) else 'the answer has a warning'}: {names!s}")
+    for word in words:
+        warnings.warn(word, StateWarning, stacklevel=stacklevel)
     return answer
 
 

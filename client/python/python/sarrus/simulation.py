@@ -70,7 +70,12 @@ class Simulation(NamedTuple):
     independents: tuple[str, ...]
     """The independents at the end, which change near singular poses."""
     events: tuple[tuple[float, str], ...]
-    """Events: time [s] and name."""
+    """Events: time [s] and name, such as `limits_exceeded: position of Elbow`."""
+
+    def __repr__(self) -> str:
+        samples = f"{len(self.time)} samples to {self.time[-1]:g} s"
+        events = "".join(f", {name} at {time:g} s" for time, name in self.events)
+        return f"<sarrus.Simulation {self.end}, {samples}{events}>"
 
     @property
     def energy(self) -> Array:

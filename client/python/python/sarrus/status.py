@@ -26,6 +26,9 @@ class Status(IntEnum):
     other_process = 17
     late = 18
 
+    def __str__(self) -> str:
+        return self.name
+
 
 class Warnings(IntFlag):
     """Remarks that change neither status nor numbers."""
@@ -34,3 +37,6 @@ class Warnings(IntFlag):
     ill_conditioned = 2
     loop_open = 4
     input_projected = 8
+
+    def __str__(self) -> str:
+        return ", ".join(bit.name or "" for bit in Warnings if bit in self) or "none"

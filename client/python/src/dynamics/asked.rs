@@ -50,26 +50,27 @@ pub(super) enum Answered<'py> {
         fields: Vec<Bound<'py, PyAny>>,
         statuses: Bound<'py, PyArray1<u32>>,
         warnings: Bound<'py, PyArray1<u32>>,
-        failed: Failed,
+        failed: Marked,
+        warned: Marked,
     },
 }
 
-/// States without an answer among rows.
+/// Rows with a number other than zero among statuses or warnings.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Failed {
+pub(super) struct Marked {
     pub(super) count: usize,
-    /// The first of them, and its status.
+    /// The first of them, and its number.
     pub(super) first: Option<(usize, u32)>,
 }
 
-impl Failed {
-    fn among(statuses: &[u32]) -> Failed {
-        let mut failed = Failed::default();
-        for (row, status) in statuses.iter().enumerate().filter(|(_, status)| **status != 0) {
-            failed.count += 1;
-            failed.first.get_or_insert((row, *status));
+impl Marked {
+    fn among(numbers: &[u32]) -> Marked {
+        let mut marked = Marked::default();
+        for (row, number) in numbers.iter().enumerate().filter(|(_, number)| **number != 0) {
+            marked.count += 1;
+            marked.first.get_or_insert((row, *number));
         }
-        failed
+        marked
     }
 }
 
@@ -204,10 +205,11 @@ impl Asked {
         drop(written);
         targets.iter().try_for_each(Target::finish)?;
         outcome?;
-        let failed = Failed::among(all_statuses.as_slice()?);
+        let failed = Marked::among(all_statuses.as_slice()?);
+        let warned = Marked::among(all_warnings.as_slice()?);
         drop((all_statuses, all_warnings));
         let fields = fields.into_iter().map(Bound::into_any).collect();
-        Ok(Answered::Rows { fields, statuses, warnings, failed })
+        Ok(Answered::Rows { fields, statuses, warnings, failed, warned })
     }
 
     /// Answers rows with one engine for each thread, or through the one lane of a connected robot.

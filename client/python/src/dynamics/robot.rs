@@ -9,9 +9,10 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
-use sarrus_client::{Field, Request, Status};
+use sarrus_client::{Field, Request, Status, Warnings};
 
-use super::asked::{Answered, Asked, BatchOptions, Failed};
+use super::arrays::zeros;
+use super::asked::{Answered, Asked, BatchOptions, Marked};
 use super::errors::state_error;
 use super::options::{progress, threads};
 use super::origin::PyOrigin;
@@ -43,22 +44,25 @@ impl PyRobot {
 
     /// Actuator forces for a motion: τ_u = G_u⁻ᵀ (M_y ÿ + C_y).
     ///
-    /// `y` [m, rad] (n_qy), `yd` and `ydd` (n_vy); gives `tau_u` [N, N m] (n_u). With rows of each
-    /// (n, …) the states are answered on `threads` threads, with the same bits, and `progress` gets
-    /// how many are done and how many there are; Ctrl-C ends it. A connected robot has one thread.
+    /// `y` [m, rad] (n_qy), `yd` and `ydd` (n_vy), zero by default; gives `tau_u` [N, N m] (n_u).
+    /// With rows of each (n, …) the states are answered on `threads` threads, with the same bits,
+    /// and `progress` gets how many are done and how many there are; Ctrl-C ends it. A connected
+    /// robot has one thread.
     ///
-    /// One state without an answer raises `StateError`. Rows without one are NaN, with a
-    /// `StateWarning`; with `return_status` the statuses come beside the forces, and nothing is
-    /// raised or warned of. `out` is written in place: float64, contiguous, of the right shape.
+    /// One state without an answer raises `StateError`. Rows without one are NaN; a `StateWarning`
+    /// tells of them, and of answers with warnings such as `limits_exceeded`. With `return_status`
+    /// the statuses come beside the forces, and nothing is raised or warned of. `out` is written in
+    /// place: float64, contiguous, of the right shape.
     #[pyo3(signature = (
-        y, yd, ydd, *, out = None, threads = None, progress = None, return_status = false
+        y, yd = None, ydd = None, *, out = None, threads = None, progress = None,
+        return_status = false
     ))]
     fn inverse_dynamics<'py>(
         &self,
         py: Python<'py>,
         y: Bound<'py, PyAny>,
-        yd: Bound<'py, PyAny>,
-        ydd: Bound<'py, PyAny>,
+        yd: Option<Bound<'py, PyAny>>,
+        ydd: Option<Bound<'py, PyAny>>,
         out: Option<Bound<'py, PyAny>>,
         #[pyo3(from_py_with = threads)] threads: Option<NonZero<usize>>,
         #[pyo3(from_py_with = progress)] progress: Option<Py<PyAny>>,
@@ -68,7 +72,9 @@ impl PyRobot {
         let request = Request::InverseDynamics;
         let asked = self.direct(py, &self.inverse, request, GIVEN, Field::TauU)?;
         let options = BatchOptions { threads, progress };
-        one_field(py, asked, [y, yd, ydd], out, &options, return_status)
+        let [yd, ydd] = [(Field::Yd, yd), (Field::Ydd, ydd)]
+            .map(|(field, given)| given.map_or_else(|| at_rest(asked, field, &y), Ok));
+        one_field(py, asked, [y, yd?, ydd?], out, &options, return_status)
     }
 
     /// Motion under actuator forces: ÿ = M_y⁻¹ (G_uᵀ τ_u − C_y).
@@ -98,7 +104,7 @@ impl PyRobot {
 
     /// Prepares a query by the words of `sarrus ask`; every name that stands for nothing is in the
     /// exception.
-    #[pyo3(signature = (
+    #[pyo3(name = "_prepare", signature = (
         request, given, want = None, frames = vec![], joints = None, wrenches = vec![],
         checksum = false, search = false, loop_tolerance = None, projection_tolerance = None
     ))]
@@ -166,6 +172,7 @@ impl PyRobot {
     }
 
     /// Names, orders, sizes and limits, as JSON.
+    #[pyo3(name = "_information_json")]
     fn information_json<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let json = self.shared.with(py, |robot| Ok(robot.model().to_json()))?;
         Ok(PyBytes::new(py, &json))
@@ -178,7 +185,7 @@ impl PyRobot {
     }
 
     /// The robot in time; see `sarrus.Robot.simulate`.
-    #[pyo3(signature = (y, yd, inputs, settings, progress = None))]
+    #[pyo3(name = "_run_simulation", signature = (y, yd, inputs, settings, progress = None))]
     fn run_simulation<'py>(
         &self,
         py: Python<'py>,
@@ -222,6 +229,15 @@ impl PyRobot {
     }
 }
 
+/// Rates of zero for a state, or for each row of y.
+fn at_rest<'py>(asked: &Asked, field: Field, y: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    let numpy = y.py().import("numpy")?;
+    let mut shape: Vec<usize> = numpy.call_method1("shape", (y,))?.extract()?;
+    shape.pop();
+    shape.push(asked.given().slot(field).map_or(0, |slot| slot.range().len()));
+    zeros::<f64>(y.py(), &shape)
+}
+
 /// Asks for a single field: one state raises, rows without an answer are NaN and counted.
 fn one_field<'py>(
     py: Python<'py>,
@@ -238,11 +254,14 @@ fn one_field<'py>(
             if answer.status != Status::Ok && !return_status {
                 return Err(state_error(answer.status));
             }
+            if answer.warnings != Warnings::NONE && !return_status {
+                warn(py, &format!("the answer has a warning: {}", names(answer.warnings.0)))?;
+            }
             (fields, (answer.status as u32).into_pyobject(py)?.into_any())
         }
-        Answered::Rows { fields, statuses, failed, .. } => {
+        Answered::Rows { fields, statuses, failed, warned, .. } => {
             if !return_status {
-                warn_of(py, failed, statuses.len()?)?;
+                warn_of(py, failed, warned, statuses.len()?)?;
             }
             (fields, statuses.into_any())
         }
@@ -255,16 +274,31 @@ fn one_field<'py>(
     Ok(PyTuple::new(py, [field, status])?.into_any())
 }
 
-/// Warns of rows without an answer.
-fn warn_of(py: Python<'_>, failed: Failed, rows: usize) -> PyResult<()> {
+/// Warns of rows without an answer, and of rows with warnings.
+fn warn_of(py: Python<'_>, failed: Marked, warned: Marked, rows: usize) -> PyResult<()> {
+    if let Some((row, status)) = failed.first {
+        let name = Status::of_answer(status).name();
+        warn(
+            py,
+            &format!(
+                "{} of {rows} states have no answer and are NaN, the first in row {row}: {name}; \
+                 `return_status=True` gives all statuses",
+                failed.count,
+            ),
+        )?;
+    }
+    let Some((row, warnings)) = warned.first else { return Ok(()) };
+    let of = format!("{} of {rows} answers have warnings, the first in row {row}", warned.count);
+    warn(py, &format!("{of}: {}", names(warnings)))
+}
+
+fn names(warnings: u32) -> String {
+    Warnings(warnings).names().collect::<Vec<_>>().join(", ")
+}
+
+/// A `StateWarning` at the caller's line.
+fn warn(py: Python<'_>, words: &str) -> PyResult<()> {
     static WARNING: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
-    let Some((row, status)) = failed.first else { return Ok(()) };
-    let words = format!(
-        "{} of {rows} states have no answer and are NaN, the first in row {row}: {}; \
-         `return_status=True` gives all statuses",
-        failed.count,
-        Status::of_answer(status).name(),
-    );
     let category = WARNING.import(py, "sarrus.errors", "StateWarning")?;
     let words = CString::new(words).unwrap_or_default();
     PyErr::warn(py, category.as_any(), &words, 1)

@@ -30,7 +30,7 @@ pub(super) type Parts = (String, f64, Option<f64>, Option<f64>, f64, f64);
 
 /// The end of a simulation, its time, the drift of its energy, the independents at the end, and the
 /// events.
-pub(super) type Simulated = (&'static str, f64, f64, Vec<String>, Vec<(f64, &'static str)>);
+pub(super) type Simulated = (&'static str, f64, f64, Vec<String>, Vec<(f64, String)>);
 
 /// An exception of Python on its way through the integrator, whose callback cannot stop it.
 struct Interrupted(PyErr);
@@ -80,7 +80,12 @@ pub(super) fn run<'py>(
             Err(other) => resume_unwind(other),
         },
     };
-    let events = run.events.iter().map(|event| (event.time, word(&event.kind))).collect();
+    let beyond = run.exceeded(compiled.model.info());
+    let beyond = beyond.iter().map(|of| (of.since, format!("{} of {}", of.what, of.name)));
+    let beyond = beyond.map(|(since, what)| (since, format!("limits_exceeded: {what}")));
+    let events = run.events.iter().map(|event| (event.time, word(&event.kind).to_owned()));
+    let mut events: Vec<_> = events.chain(beyond).collect();
+    events.sort_by(|a, b| a.0.total_cmp(&b.0));
     let simulated = (run.end.name(), run.time, run.drift(), run.independents.clone(), events);
     Ok((arrays(py, &run)?, simulated))
 }

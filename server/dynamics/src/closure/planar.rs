@@ -14,8 +14,8 @@
 //! with D from J1 to J3, t the direction of the slider J3 in link d, ε the distance of J1 from the
 //! line on which J2 slides, J a turn by a right angle. The branch is the sign of W or of L, which
 //! is that of det K_d: it is that of the zero pose for every y. A closed form knows no path: beyond
-//! an unreachable gap it answers on the same side again. The coordinates of the turning dependents
-//! lie in (−π, π]. A loop whose slider lies opposite to J0 is a lambda, see [`super::Rrpr`].
+//! an unreachable gap it answers on the same side again. A loop whose slider lies opposite to J0 is
+//! a lambda, see [`super::Rrpr`].
 
 use crate::closure::{Level, Local, Numerical, Validity};
 use crate::scalar::{Real, constants};

@@ -12,7 +12,7 @@
 //! is independent; "stator" is the other turn of the tree beside the slider. The branch is the sign
 //! of ℓ, for every y that of the zero pose: the closed form knows no path, so beyond a gap with |d|
 //! < |ε| it answers on the same side of the slider's root. Newton's method, which follows the path,
-//! calls that target unreachable. The stator's coordinate lies in (−π, π].
+//! calls that target unreachable.
 
 use crate::closure::{Level, Local, Numerical, Validity};
 use crate::scalar::{Real, constants};

@@ -4,7 +4,7 @@ use crate::closure::Closure;
 use crate::compile::assemble::Builder;
 use crate::compile::geometry::inertia;
 use crate::description::JointKind;
-use crate::mechanism::{Body, Cluster, Dof, Frame, Motion};
+use crate::mechanism::{Body, Cluster, Dof, Frame, Motion, Windings};
 use crate::scalar::{Dd, Real};
 use crate::spatial::{Pose, zero};
 
@@ -87,6 +87,7 @@ impl Builder<'_> {
             dependent_q,
             local_parent,
             active,
+            windings: Windings::default(),
             cuts: Vec::new(),
             rows: Vec::new(),
             used: Vec::new(),

@@ -86,6 +86,10 @@ fn build(
 
 /// Whole turns of both models; seed tables and verified closed forms of the f64 model alone.
 fn find_turns_and_seeds(model: &mut Model<f64>, exact: &mut Model<Dd>) {
+    turns::wind(model);
+    for (cluster, of) in exact.clusters.iter_mut().zip(&model.clusters) {
+        cluster.windings.clone_from(&of.windings);
+    }
     for (c, turns) in turns::find(model) {
         if let Some(numerical) = exact.closures[c].numerical() {
             numerical.turns.clone_from(&turns);

@@ -3,7 +3,7 @@
 use crate::scalar::constants;
 use core::ops::{Index, Range};
 
-use crate::mechanism::{Cut, Dof};
+use crate::mechanism::{Cut, Dof, Windings};
 
 /// Tree joints that loops or couplings close together, on one parent body.
 #[derive(Clone, Debug)]
@@ -37,6 +37,7 @@ pub(crate) struct Cluster<T> {
     pub(crate) local_parent: Vec<usize>,
     /// Actuators: (index in u, local velocity).
     pub(crate) active: Vec<(usize, usize)>,
+    pub(crate) windings: Windings,
     pub(crate) cuts: Vec<Cut<T>>,
     /// External index of each local constraint row; the rows that, with the dependents, make the
     /// square system.
@@ -48,7 +49,7 @@ pub(crate) struct Cluster<T> {
 
 constants! { Cluster:
     keep parent body n v q n_v n_q dofs vy n_vy g_offset independent dependent locked independent_q
-        dependent_q local_parent active rows used length;
+        dependent_q local_parent active windings rows used length;
     each cuts;
 }
 

@@ -7,6 +7,7 @@ mod cut;
 mod joint;
 mod terms;
 mod turns;
+mod winding;
 
 pub(crate) use body::{Body, Frame};
 pub(crate) use cluster::{Cluster, GBlock};
@@ -14,3 +15,4 @@ pub(crate) use cut::{Cut, CutRow};
 pub(crate) use joint::{Dof, Motion, joint_pose, single_pose};
 pub(crate) use terms::{Damper, JointTerms, Rotor, Spring};
 pub(crate) use turns::{read_turns, turn, turn_some};
+pub(crate) use winding::{Winding, Windings};

@@ -3,6 +3,8 @@
 use sarrus_proto::{Field, Slot, Status};
 
 use crate::algorithms::{self, TreeMotion};
+use crate::closure::column_unit;
+use crate::mechanism::Cluster;
 use crate::model::{Direct, Method, Model, Runs, Scope};
 use crate::plan::Plan;
 use crate::plan::actuation::to_actuators;
@@ -32,6 +34,12 @@ const PIVOTS: f64 = 200.0;
 /// Acceleration below which a joint counts as still, relative to the one that its own forces would
 /// cause alone.
 const STILL: f64 = 1e-3;
+/// Ratio of the forces of actuators to those along the independents where control is ordinary.
+const CONTROL: f64 = 100.0;
+/// Difference of accelerations from those of their terms below which they are looked at one by one,
+/// and part of it that ordinary robots have without losing digits.
+const APART: f64 = 5e5;
+const SPREAD: f64 = 100.0;
 /// Error of the accelerations of an ordinary robot, in unit roundoffs.
 const ROUNDINGS: f64 = 50.0;
 
@@ -101,7 +109,7 @@ impl Plan {
         let scope = &self.needed.scope;
         ws.tau_terms.fill(T::ZERO);
         self.bias_force(model, ws, input, true);
-        self.given_forces(model, ws, input);
+        report.doubt.times(self.given_forces(model, ws, input));
         for run in scope.independents.runs() {
             let forces = ws.tau_y[run.clone()].iter().zip(&ws.C_y[run.clone()]);
             ws.ydd[run].iter_mut().zip(forces).for_each(|(x, (tau, C))| *x = *tau - *C);
@@ -134,12 +142,7 @@ impl Plan {
         if !positive {
             return Err(Status::MassNotPositive);
         }
-        let left = largest(&scope.independents, &ws.ydd);
-        let (growth, zero) = cancellation(terms, left, T::from_f64(STILL) * alone);
-        report.doubt.times(growth);
-        let of_method = T::from_f64(model.growth_of(self.method) / ROUNDINGS);
-        report.doubt.times(of_method.to_branch_value(BranchValue::Growth));
-        report.doubt.acceleration = zero;
+        self.doubt_accelerations(model, ws, terms, alone, report);
         for run in scope.clusters.runs() {
             for cluster in &model.clusters[run] {
                 for (k, &j) in cluster.independent.iter().enumerate() {
@@ -160,6 +163,35 @@ impl Plan {
             self.each_given_force(model, input, |v, tau| ws.loop_q[v] -= tau);
         }
         Ok(())
+    }
+
+    /// Digits that accelerations lose, from the largest Σ |terms| / pivot and Σ |terms| / inertia.
+    #[inline(always)]
+    fn doubt_accelerations<T: Real>(
+        &self,
+        model: &Model<T>,
+        ws: &Workspace<T>,
+        terms: T,
+        alone: T,
+        report: &mut RunReport<T>,
+    ) {
+        let independents = &self.needed.scope.independents;
+        let left = largest(independents, &ws.ydd);
+        let (growth, zero) = cancellation(terms, left, T::from_f64(STILL) * alone);
+        report.doubt.times(growth);
+        let of_method = T::from_f64(model.growth_of(self.method) / ROUNDINGS);
+        report.doubt.times(of_method.to_branch_value(BranchValue::Growth));
+        report.doubt.acceleration = zero;
+        if zero > 1.0 || left.lt(terms * T::from_f64(1.0 / APART)) {
+            // the largest forces may be those of another joint
+            let alone = of_largest(independents, &ws.ydd, |k| {
+                let own = T::from_f64(model.inertia[k]).larger(ws.uncoupled_diagonal[k]);
+                if T::ZERO < own { ws.tau_terms[k] / own } else { T::ZERO }
+            });
+            let (own_growth, zero) = cancellation(terms, left, T::from_f64(STILL) * alone);
+            report.doubt.times(own_growth / (SPREAD * growth.max(1.0)));
+            report.doubt.acceleration = zero;
+        }
     }
 
     /// Largest ratios to the pivots; a pivot is the articulated inertia.
@@ -273,7 +305,7 @@ impl Plan {
     ) -> Result<(), Status> {
         if self.wants_any(&[Field::TauY, Field::TauU, Field::TauUnactuated]) {
             ws.tau_terms.fill(T::ZERO);
-            self.given_forces(model, ws, input);
+            report.doubt.times(self.given_forces(model, ws, input));
             if self.wants_any(&[Field::TauU, Field::TauUnactuated]) {
                 report.doubt.times(to_actuators(model, &self.needed.scope, ws)?);
             }
@@ -307,22 +339,28 @@ impl Plan {
     /// Digits that forces on the independents lose in the sums of their terms.
     fn doubt_forces<T: Real>(&self, terms: &[T], forces: &[T], report: &mut RunReport<T>) {
         let independents = &self.needed.scope.independents;
-        let terms = largest(independents, terms);
+        let most = largest(independents, terms);
         let left = largest(independents, forces);
-        let (growth, zero) = cancellation(terms, left, T::from_f64(ZERO) * terms);
+        let (growth, zero) = cancellation(most, left, T::from_f64(ZERO) * most);
         report.doubt.times(growth);
         report.doubt.force = zero;
+        if zero > 1.0 {
+            // the largest terms may be those of another force
+            let of_left = of_largest(independents, forces, |k| terms[k]);
+            report.doubt.force = cancellation(most, left, T::from_f64(ZERO) * of_left).1;
+        }
     }
 
-    /// The given forces as τ_y.
-    fn given_forces<T: Real>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) {
+    /// The given forces as τ_y; returns the growth of roundings, of forces that hardly act along
+    /// the independents.
+    fn given_forces<T: Real>(&self, model: &Model<T>, ws: &mut Workspace<T>, input: &[T]) -> f64 {
         let slot = |field| self.given.slot(field).map(|slot: &Slot| &input[slot.range()]);
         if let Some(tau) = slot(Field::TauY) {
             for (x, &k) in tau.iter().zip(&model.order.vy) {
                 ws.tau_y[k] = *x;
                 ws.tau_terms[k] += x.abs();
             }
-            return;
+            return 1.0;
         }
         ws.tau_q.fill(T::ZERO);
         if let Some(tau) = slot(Field::TauU) {
@@ -332,6 +370,12 @@ impl Plan {
         }
         let scope = &self.needed.scope;
         to_independent(model, scope, &ws.G, &ws.tau_q, &mut ws.tau_y, &mut ws.tau_terms);
+        let of_actuators = slot(Field::TauU).is_some();
+        let mut most = T::ONE;
+        for cluster in scope.joined.iter().map(|c| &model.clusters[*c]) {
+            most = most.larger(lost_control(cluster, ws, of_actuators));
+        }
+        most.to_branch_value(BranchValue::Growth)
     }
 
     /// True if wrenches are given on needed bodies.
@@ -432,6 +476,32 @@ fn columns<T: Real, const M: usize>(G: &[T], tau_q: &[T], tau_y: &mut [T], terms
     terms.copy_from_slice(&sum);
 }
 
+/// By how much the forces on the tree joints of a cluster, or on its actuators, are larger than
+/// those along its independents that they make, in the units of their coordinates: the roundings of
+/// G are those of its largest entries. Below an ordinary ratio 1.
+#[inline(always)]
+fn lost_control<T: Real>(cluster: &Cluster<T>, ws: &Workspace<T>, of_actuators: bool) -> T {
+    let tau_y = &ws.tau_y[cluster.independents()];
+    let tau_q = &ws.tau_q[cluster.velocities()];
+    let along = tau_y.iter().fold(T::ZERO, |most: T, tau| most.larger(tau.abs()));
+    let given = if of_actuators {
+        cluster.active.iter().fold(T::ZERO, |most: T, (_, j)| most.larger(tau_q[*j].abs()))
+    } else {
+        tau_q.iter().fold(T::ZERO, |most: T, tau| most.larger(tau.abs()))
+    };
+    // a force of one newton may have a moment of as many as the length
+    let longest = T::from_f64(cluster.length.max(1.0));
+    if !(along * T::from_f64(CONTROL)).lt(given * longest) {
+        return T::ONE;
+    }
+    let unit = |tau: T, j: usize| tau.abs() * T::from_f64(column_unit(cluster, j));
+    let along = tau_y.iter().zip(&cluster.independent);
+    let along = along.fold(T::ZERO, |most: T, (tau, j)| most.larger(unit(*tau, *j)));
+    let acts = |j: &usize| !of_actuators || cluster.active.iter().any(|(_, of)| of == j);
+    let given = (0..cluster.n_v).filter(acts).map(|j| unit(tau_q[j], j));
+    given.fold(T::ZERO, T::larger) / along
+}
+
 /// Takes a force on the independents off the tree forces.
 fn independents_subtract<T: Real>(model: &Model<T>, tau_y: &[T], tau_q: &mut [T]) {
     for cluster in &model.clusters {
@@ -450,4 +520,15 @@ fn largest<T: Real>(places: &Runs, x: &[T]) -> T {
         }
     }
     largest
+}
+
+/// The number of the place with the largest absolute value.
+fn of_largest<T: Real>(places: &Runs, x: &[T], of: impl Fn(usize) -> T) -> T {
+    let mut found = (-T::ONE, T::ZERO);
+    for k in places.indices() {
+        let (largest, number) = found;
+        let own = x[k].abs();
+        found = (largest.larger(own), T::select_lt(largest, own, of(k), number));
+    }
+    found.1
 }

@@ -209,6 +209,9 @@ impl Real for Dd {
     fn select(condition: bool, a: Dd, b: Dd) -> Dd {
         if condition { a } else { b }
     }
+    fn nearest_whole(self) -> Dd {
+        Dd::from(self.hi.nearest_whole())
+    }
     #[inline(always)]
     fn to_f64(self) -> f64 {
         self.hi

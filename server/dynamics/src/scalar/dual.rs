@@ -165,6 +165,9 @@ impl<S: Real> Real for Dual<S> {
     fn select(condition: bool, a: Dual<S>, b: Dual<S>) -> Dual<S> {
         if condition { a } else { b }
     }
+    fn nearest_whole(self) -> Dual<S> {
+        Dual::constant(self.re.nearest_whole())
+    }
     fn to_f64(self) -> f64 {
         self.re.to_f64()
     }

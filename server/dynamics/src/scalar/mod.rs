@@ -109,6 +109,13 @@ pub trait Real:
     fn larger(self, other: Self) -> Self {
         Self::select_lt(self, other, other, self)
     }
+    /// The nearest whole number, of numbers up to 2^51; its derivative is zero.
+    #[inline(always)]
+    fn nearest_whole(self) -> Self {
+        // doubles from 2^52 on are whole
+        let large = Self::from_f64(1.5 * (1_u64 << 52) as f64);
+        self + large - large
+    }
     /// The nearest double.
     fn to_f64(self) -> f64;
     /// The nearest double, on which a plan branches as `value` describes; a scalar that records its

@@ -192,7 +192,9 @@ impl<T: Real> Workspace<T> {
             self.bring_start(cluster, numerical);
         }
         let mut local = Local { is_trial: true, ..self.local(cluster) };
-        model.closures[c].close(cluster, model.bodies_of(cluster), &mut local, level)
+        let outcome = model.closures[c].close(cluster, model.bodies_of(cluster), &mut local, level);
+        cluster.windings.count(local.start, local.q);
+        outcome
     }
 
     /// As `close`; `zero` is true if the start is the model's zero pose for lack of another.
@@ -208,7 +210,11 @@ impl<T: Real> Workspace<T> {
             self.bring_start(cluster, numerical);
         }
         let mut local = Local { from_zero: zero, ..self.local(cluster) };
-        model.closures[c].close(cluster, model.bodies_of(cluster), &mut local, level)
+        let outcome = model.closures[c].close(cluster, model.bodies_of(cluster), &mut local, level);
+        if !zero || cluster.windings.leave(local.q) {
+            cluster.windings.count(local.start, local.q);
+        }
+        outcome
     }
 
     /// Answers requests in turns from now on: each has a small part of its budget, and one that

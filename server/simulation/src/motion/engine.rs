@@ -48,8 +48,6 @@ pub(crate) struct Engine {
     duals: Option<Box<Other<Dual<f64>>>>,
     pub(crate) anchor: Anchor,
     guess: Vec<f64>,
-    /// The guess is not at the independents, which are too far.
-    is_far: bool,
     /// Offset from the anchor, in ẏ and in q̇.
     offset: (Vec<f64>, Vec<f64>),
     pub(crate) counts: Counts,
@@ -137,7 +135,6 @@ impl Engine {
             duals: None,
             anchor,
             guess: q.to_vec(),
-            is_far: false,
             offset: (zero(n_vy), zero(n_v)),
             counts: Counts::default(),
             may_be_precise: true,
@@ -228,10 +225,6 @@ impl Engine {
             Some(other) if precisely => anchor.take(&other.rates),
             _ => anchor.take(&self.rates),
         }
-        // a closed form knows its angles up to whole turns only
-        if !self.is_far {
-            self.mechanism.unwind(&self.guess, &mut anchor.q);
-        }
         status
     }
 
@@ -290,8 +283,7 @@ impl Engine {
             dq.iter_mut().zip(qd).for_each(|(to, v)| *to = (t - from) * v);
         }
         let farthest = largest(dq.iter().copied());
-        self.is_far = farthest > REACH;
-        let part = if self.is_far { REACH / farthest } else { 1.0 };
+        let part = if farthest > REACH { REACH / farthest } else { 1.0 };
         self.mechanism.q.advance(&mut self.guess, dq, part);
     }
 }

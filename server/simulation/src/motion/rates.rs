@@ -7,9 +7,7 @@
 //! The work of inputs and dampers is integrated beside the state, so that energy less work stays
 //! constant.
 
-use std::f64::consts::TAU;
-
-use sarrus_dynamics::description::{Description, JointKind};
+use sarrus_dynamics::description::Description;
 use sarrus_dynamics::{
     Answer, Field, FieldSet, Model, PlanScalar, Query, Request, Sizes, Status, Warnings, Workspace,
 };
@@ -31,8 +29,6 @@ pub(crate) struct Mechanism {
     pub(crate) q: Coordinates,
     pub(crate) springs: Springs,
     pub(crate) inputs: Vec<OnTree>,
-    /// The dependent coordinates that are angles.
-    angles: Vec<usize>,
     /// Velocity and damping of each joint that has some.
     dampers: Vec<(usize, f64)>,
 }
@@ -45,35 +41,16 @@ impl Mechanism {
         inputs: Vec<OnTree>,
     ) -> Mechanism {
         let place = |name: &String| model.tree_names().iter().position(|of| of == name);
-        let q = Coordinates::of(model.tree_q_names(), model.tree_names());
-        let turns = description
-            .joints
-            .iter()
-            .filter(|joint| matches!(joint.kind, JointKind::Revolute | JointKind::Continuous));
-        let given = |name: &String| model.independent_names().contains(name);
-        let angles = turns
-            .filter(|joint| !given(&joint.name))
-            .filter_map(|joint| q.coordinate(place(&joint.name)?))
-            .collect();
         let damped = description.joints.iter().filter(|joint| joint.terms.damping != 0.0);
         Mechanism {
             sizes: model.sizes(),
             y: Coordinates::of(model.independent_q_names(), model.independent_names()),
-            q,
-            angles,
+            q: Coordinates::of(model.tree_q_names(), model.tree_names()),
             springs,
             inputs,
             dampers: damped
                 .filter_map(|joint| Some((place(&joint.name)?, joint.terms.damping)))
                 .collect(),
-        }
-    }
-
-    /// Counts the turns of dependent angles: those of a pose are taken to the whole turn that is
-    /// nearest to where they were expected.
-    pub(crate) fn unwind(&self, expected: &[f64], q: &mut [f64]) {
-        for &i in &self.angles {
-            q[i] += TAU * ((expected[i] - q[i]) / TAU).round();
         }
     }
 

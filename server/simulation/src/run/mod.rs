@@ -1,9 +1,11 @@
 //! From a start through a span of time.
 //!
-//! Each file knows those before it: `events`, `output`, `settings`, `setup`, `start`, `switching`,
-//! then the two loops over steps, `simulator` in independent coordinates and `tree_coordinates`.
+//! Each file knows those before it: `events`, `output`, `limits`, `settings`, `setup`, `start`,
+//! `switching`, then the two loops over steps, `simulator` in independent coordinates and
+//! `tree_coordinates`.
 
 pub(crate) mod events;
+pub(crate) mod limits;
 pub(crate) mod output;
 pub(crate) mod settings;
 pub(crate) mod setup;
@@ -13,7 +15,7 @@ mod switching;
 mod tree_coordinates;
 
 use self::output::{Run, Sample};
-use self::settings::Settings;
+use self::settings::{Settings, Stops};
 use self::setup::Setup;
 use self::simulator::Simulator;
 use self::start::Start;
@@ -36,18 +38,19 @@ pub fn simulate(
         return Err(SimulationError::Rigid);
     }
     settings.check()?;
-    let once = |settings: &Settings, progress: &mut dyn FnMut(f64)| {
+    let once = |settings: &Settings, halved: bool, progress: &mut dyn FnMut(f64)| {
+        let stops = Stops::new(halved);
         if settings.method.is_implicit_form() {
-            tree_coordinates::run(setup, start, settings, progress)
+            tree_coordinates::run(setup, start, settings, stops, progress)
         } else {
-            Simulator::new(setup, start, settings)?.run(progress)
+            Simulator::new(setup, start, settings, stops)?.run(progress)
         }
     };
-    let mut run = once(settings, progress)?;
+    let mut run = once(settings, false, progress)?;
     if settings.estimate {
         let (settings, factor) = settings.finer();
-        let other =
-            once(&Settings { duration: run.time.max(f64::MIN_POSITIVE), ..settings }, &mut |_| ())?;
+        let settings = Settings { duration: run.time.max(f64::MIN_POSITIVE), ..settings };
+        let other = once(&settings, true, &mut |_| ())?;
         let gap = |f: fn(&Sample) -> &[f64]| match (run.last(), other.last()) {
             (Some(a), Some(b)) if a.time == b.time => {
                 factor * largest(f(a).iter().zip(f(b)).map(|(a, b)| a - b))

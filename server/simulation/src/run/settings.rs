@@ -188,9 +188,7 @@ impl Settings {
     /// estimates the error of the coarser.
     pub(crate) fn finer(&self) -> (Settings, f64) {
         let once = Settings { estimate: false, ..*self };
-        // half of the actual step: steps meet samples and the end
-        let longest = self.every.unwrap_or(self.duration).min(self.duration);
-        let half = self.step.map(|step| 0.5 * step.min(longest));
+        let half = self.step.map(|step| 0.5 * step);
         match self.method {
             Method::Euler => (Settings { step: half, ..once }, 2.0),
             Method::RungeKutta | Method::Baumgarte | Method::Projection => {
@@ -204,5 +202,28 @@ impl Settings {
                 (Settings { rtol, atol, step: Some(step), ..once }, 1.0)
             }
         }
+    }
+}
+
+/// Times that end a step: kinks of forces and samples; of the finer of two runs also the middle
+/// between two of these, so that no step of it is as long as the coarser run's.
+pub(super) struct Stops {
+    halved: bool,
+    from: f64,
+    to: f64,
+}
+
+impl Stops {
+    pub(super) fn new(halved: bool) -> Stops {
+        Stops { halved, from: 0.0, to: 0.0 }
+    }
+
+    /// The next one after t, where the next kink or sample is at `to`.
+    pub(super) fn after(&mut self, t: f64, to: f64) -> f64 {
+        if to != self.to {
+            (self.from, self.to) = (t, to);
+        }
+        let middle = 0.5 * (self.from + to);
+        if self.halved && t < middle { middle } else { to }
     }
 }

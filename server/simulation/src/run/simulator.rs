@@ -5,7 +5,7 @@ use sarrus_dynamics::scalar::Dd;
 
 use super::events::{Event, EventKind};
 use super::output::{End, Run, Sample};
-use super::settings::Settings;
+use super::settings::{Settings, Stops};
 use super::setup::Setup;
 use super::start::Start;
 use super::switching::{NEAR, Watch};
@@ -25,6 +25,7 @@ const IN_VAIN: u32 = 2;
 /// A simulation under way.
 pub(super) struct Simulator<'a> {
     settings: &'a Settings,
+    stops: Stops,
     engine: Engine,
     stepper: Box<dyn Stepper>,
     meter: Meter<f64>,
@@ -44,6 +45,7 @@ impl<'a> Simulator<'a> {
         setup: &Setup<'_>,
         start: &Start,
         settings: &'a Settings,
+        stops: Stops,
     ) -> Result<Simulator<'a>, SimulationError> {
         let model = &setup.compiled.model;
         let start = start.check(model)?;
@@ -64,6 +66,7 @@ impl<'a> Simulator<'a> {
             near: None,
             stepper: settings.stepper(),
             settings,
+            stops,
             t: 0.0,
             x,
             run: Run::new(start.correction),
@@ -100,7 +103,8 @@ impl<'a> Simulator<'a> {
             // near a singularity a step may turn out to be none
             let near = self.watch.is_some() && self.near.is_none_or(|near| near < NEAR);
             let kept = near.then(|| (self.t, self.x.clone(), self.engine.anchor.clone()));
-            let limit = self.engine.mechanism.next_kink(self.t).min(next_sample);
+            let forced = self.engine.mechanism.next_kink(self.t).min(next_sample);
+            let limit = self.stops.after(self.t, forced);
             let failed = self.engine.counts.failed;
             match self.stepper.attempt(&mut self.engine, &mut self.t, &mut self.x, limit) {
                 Attempt::Done => {

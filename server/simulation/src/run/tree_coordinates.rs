@@ -3,7 +3,7 @@
 use sarrus_dynamics::{Field, FieldSet, Model, Query, Request, Status, Workspace};
 
 use super::output::{End, Run, Sample};
-use super::settings::{Method, Settings};
+use super::settings::{Method, Settings, Stops};
 use super::setup::Setup;
 use super::start::Start;
 use crate::error::SimulationError;
@@ -17,6 +17,7 @@ pub(super) fn run(
     setup: &Setup<'_>,
     start: &Start,
     settings: &Settings,
+    mut stops: Stops,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Run, SimulationError> {
     let model = &setup.compiled.model;
@@ -49,7 +50,7 @@ pub(super) fn run(
         // kinks of forces and samples end a step; the last is a little longer than the others,
         // never a crumb
         let next_sample = settings.sample_after(sampled);
-        let limit = form.mechanism.next_kink(t).min(next_sample);
+        let limit = stops.after(t, form.mechanism.next_kink(t).min(next_sample));
         let to = if t + 1.000_001 * step >= limit { limit } else { t + step };
         let status = form.step(t, to, &mut x, settings.method == Method::Projection);
         run.counts.evaluations += 4;

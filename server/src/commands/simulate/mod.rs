@@ -1,7 +1,6 @@
 //! `sarrus simulate`: a robot integrated in time.
 
 mod input;
-mod limits;
 mod output;
 
 use std::path::PathBuf;

@@ -7,10 +7,8 @@ use std::path::Path;
 use sarrus_models::Loaded;
 use sarrus_report::csv_rows::{self, LineEnd};
 use sarrus_report::page::{Axis, Figure, Pictures, Point, Series};
-use sarrus_simulation::{EventKind, Method, Run, Sample};
+use sarrus_simulation::{EventKind, Exceeded, Method, Run, Sample};
 use serde_json::{Value, json};
-
-use super::limits;
 
 /// Curves in one picture.
 const CURVES: usize = 8;
@@ -84,8 +82,10 @@ impl Report<'_> {
                 run.correction[0], run.correction[1]
             ));
         }
-        for limit in limits::exceeded(loaded, run) {
-            line(limit.words());
+        for limit in run.exceeded(loaded.compiled.model.info()) {
+            let Exceeded { name, what, value, time, .. } = &limit;
+            let by = limit.by();
+            line(format!("{what} of {name} is {by:.3} beyond its limit at {time} s ({value:.3})"));
         }
         for event in &run.events {
             line(format!("at {} s: {}", event.time, words(&event.kind)));
@@ -118,6 +118,14 @@ impl Report<'_> {
                 .into()
         };
         let model = &loaded.compiled.model;
+        let limit = |of: Exceeded| {
+            let Exceeded { name, what, value, lower, upper, time, .. } = of;
+            json!({
+                "name": name, "what": what, "value": value, "lower": lower, "upper": upper,
+                "time": time
+            })
+        };
+        let limits: Vec<Value> = run.exceeded(model.info()).into_iter().map(limit).collect();
         json!({
             "robot": loaded.description.name,
             "method": method.name(),
@@ -136,7 +144,7 @@ impl Report<'_> {
             "error_estimate": run.error_estimate,
             "independents": run.independents,
             "events": events,
-            "limits": limits::exceeded(loaded, run),
+            "limits": limits,
             "y": named(model.independent_q_names(), |sample| &sample.y),
             "yd": named(model.independent_names(), |sample| &sample.yd),
             "files": files,

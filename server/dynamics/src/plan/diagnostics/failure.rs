@@ -4,14 +4,15 @@
 use sarrus_proto::{Field, Status};
 
 use crate::closure::{
-    Closure, Level, UNBOUNDED, constraint_jacobian, constraint_residual, dependents_range,
-    interpolate, largest_residual,
+    Closure, Level, UNBOUNDED, column_unit, constraint_jacobian, constraint_residual,
+    dependents_range, interpolate, largest_residual,
 };
 use crate::mechanism::{Body, Cluster};
 use crate::model::Model;
 use crate::plan::Plan;
 use crate::plan::diagnostics::{nearest, singular};
 use crate::plan::run::RunReport;
+use crate::plan::state::hold_idle;
 use crate::scalar::Real;
 use crate::workspace::Workspace;
 
@@ -19,6 +20,10 @@ use crate::workspace::Workspace;
 const BISECTIONS: u32 = 50;
 /// Residual, in cluster lengths, up to which a pose counts as closed; at least 64 unit roundoffs.
 const CLOSED: f64 = 1e-8;
+/// The level at which every request for a pose is answered.
+const DEEPEST: Level = Level::Acceleration;
+/// Doublings of a rounding away from a target out of reach.
+const AWAY: u32 = 30;
 
 impl Plan {
     /// Keeps the wanted outputs of a cluster that could not be closed, with the requested
@@ -39,18 +44,11 @@ impl Plan {
         if !self.wants_any(&[Field::NearestY, Field::SigmaMin, Field::GoodIndependents]) {
             return;
         }
-        let at = cluster.coordinates();
-        if !matches!(model.closures[c], Closure::Numerical(_)) {
-            ws.scratch.last[..cluster.n_q].copy_from_slice(&ws.q[at.clone()]);
-        }
-        // a closed pose: the one that was found after all, or the last on the path
-        for (k, &v) in cluster.independent.iter().enumerate() {
-            ws.step_y[k] = ws.q[cluster.q + cluster.dofs[v].q];
-        }
         if actuated {
+            let at = cluster.coordinates();
             ws.q[at.clone()].copy_from_slice(&ws.start[at]);
-        } else if !residual(cluster, bodies, ws).lt(T::from_f64(CLOSED.max(64.0 * T::EPSILON))) {
-            last_on_path(model, c, ws);
+        } else {
+            last_closed(model, c, ws);
         }
         residual(cluster, bodies, ws);
         constraint_jacobian(cluster, &ws.scratch.pose, &mut ws.scratch.K);
@@ -66,11 +64,28 @@ impl Plan {
             }
         }
         if self.wants(Field::NearestY) && ws.budget(self.searches()) == UNBOUNDED {
-            report.nearest = true;
-            if !actuated {
-                nearest::nearest_pose(cluster, bodies, ws);
-            }
+            report.nearest = actuated || self.all_nearest(model, c, ws);
         }
+    }
+
+    /// Moves the independents of cluster c, whose last closed pose is in q, and those of the
+    /// clusters behind it that cannot be closed either, to the nearest ones that are answered;
+    /// false where there are none.
+    fn all_nearest<T: Real>(&self, model: &Model<T>, c: usize, ws: &mut Workspace<T>) -> bool {
+        let is_cold = self.given.slot(Field::Q).or(self.given.slot(Field::QGuess)).is_none();
+        let closed = &self.needed.scope.closed;
+        closed[closed.partition_point(|other| *other < c)..].iter().all(|&other| {
+            let cluster = &model.clusters[other];
+            if other != c {
+                hold_idle(cluster, ws);
+                if ws.close_from(model, other, DEEPEST, is_cold).status == Status::Ok {
+                    return true;
+                }
+                last_closed(model, other, ws);
+            }
+            nearest::nearest_pose(cluster, model.bodies_of(cluster), ws);
+            answered(model, other, ws, is_cold)
+        })
     }
 
     /// The least distance to singularity among the clusters that were closed and the one that was
@@ -101,6 +116,62 @@ impl Plan {
         }
         least
     }
+}
+
+/// Puts into q a closed pose of a cluster that could not be closed, the one that was found after
+/// all or the last on the path, and into `step_y` the independents that were asked for.
+fn last_closed<T: Real>(model: &Model<T>, c: usize, ws: &mut Workspace<T>) {
+    let cluster = &model.clusters[c];
+    if !matches!(model.closures[c], Closure::Numerical(_)) {
+        ws.scratch.last[..cluster.n_q].copy_from_slice(&ws.q[cluster.coordinates()]);
+    }
+    for (k, &v) in cluster.independent.iter().enumerate() {
+        ws.step_y[k] = ws.q[cluster.q + cluster.dofs[v].q];
+    }
+    let open = residual(cluster, model.bodies_of(cluster), ws);
+    if !open.lt(T::from_f64(CLOSED.max(64.0 * T::EPSILON))) {
+        last_on_path(model, c, ws);
+    }
+}
+
+/// Moves the pose in q inside the reach, until a request for its independents is answered: away
+/// from those in `step_y` by 2^k roundings, then towards the start by 2^k roundings of the way.
+fn answered<T: Real>(model: &Model<T>, c: usize, ws: &mut Workspace<T>, is_cold: bool) -> bool {
+    let cluster = &model.clusters[c];
+    let at = cluster.coordinates();
+    let mut spare = core::mem::take(&mut ws.dense_spare);
+    let nearest = &mut spare[..cluster.n_q];
+    nearest.copy_from_slice(&ws.q[at.clone()]);
+    let singles = || {
+        let dofs = cluster.independent.iter().map(|v| cluster.dofs[*v]).enumerate();
+        dofs.filter(|(_, dof)| dof.single)
+    };
+    let away = singles().fold(T::ZERO, |most: T, (k, dof)| {
+        let unit = T::from_f64(column_unit(cluster, dof.v));
+        most.larger((nearest[dof.q] - ws.step_y[k]).abs() / unit)
+    });
+    let rounding = |k: u32| T::from_f64(T::EPSILON * 2_f64.powi(k as i32));
+    let longest = (1.0 / T::EPSILON).log2() as u32;
+    let ask =
+        |ws: &mut Workspace<T>| ws.close_from(model, c, DEEPEST, is_cold).status == Status::Ok;
+    let is_found = ask(ws)
+        || T::ZERO.lt(away)
+            && (0..AWAY).any(|k| {
+                let part = rounding(k) / away;
+                for (k, dof) in singles() {
+                    let x = nearest[dof.q];
+                    ws.q[cluster.q + dof.q] = (x - ws.step_y[k]).mul_add(part, x);
+                }
+                ask(ws)
+            })
+        || (0..=longest).any(|k| {
+            let start = &ws.start[at.clone()];
+            let part = T::ONE - rounding(k);
+            interpolate(cluster, start, nearest, part, &mut ws.q[at.clone()]);
+            ask(ws)
+        });
+    ws.dense_spare = spare;
+    is_found
 }
 
 /// Largest scaled residual of one cluster at the pose in q; leaves its poses in the scratch.
