@@ -2,6 +2,7 @@
 //! poses, unreachable targets.
 
 mod mechanisms;
+mod rows;
 
 use std::f64::consts::FRAC_PI_6;
 

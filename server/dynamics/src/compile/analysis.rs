@@ -133,6 +133,16 @@ pub(super) fn analyse(
         ));
     }
 
+    let screws = cluster.cuts.iter().flat_map(|cut| &cut.rows).map(|row| row.screw.as_ref());
+    let screws = screws.zip(subject.row_names);
+    for (_, name) in screws.filter(|(screw, _)| screw.is_some_and(|of| of.joints.is_empty())) {
+        warnings.push(Diagnostic::new(
+            site,
+            format!("{name}: a screw along whose line no joint turns"),
+            "a joint of the loop along it, whose coordinate counts the turns",
+            "turn it by less than half a turn from zero, where its slide is known",
+        ));
+    }
     let n_dependent = cluster.dependent.len();
     let used = independent_rows(&generic.columns(&cluster.dependent, &cluster), n_dependent);
     if used.len() < cluster.rows.len() {

@@ -117,6 +117,7 @@ impl Builder<'_> {
             v,
             R_parent_body: x_parent_body.R,
             p_parent_body: x_parent_body.p,
+            p_local: x_parent_body.p,
             mass: Dd::ZERO,
             h: zero(),
             inertia: [Dd::ZERO; 6],
