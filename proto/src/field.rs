@@ -57,7 +57,7 @@ wire_enum! {
         K = 20, "K";
         /// K q̈ = k, k = −K̇ q̇ (n_c).
         KBias = 21, "k_bias";
-        /// Loop-closure forces (n_c).
+        /// Loop-closure forces and moments along the rows of K `[N, N m]` (n_c).
         Lambda = 22, "lambda";
         /// Reduced mass matrix GᵀMG (n_vy × n_vy).
         MY = 23, "M_y";
@@ -67,7 +67,7 @@ wire_enum! {
         Residual = 25, "residual";
         /// Newton steps taken (1).
         Iterations = 26, "iterations";
-        /// 2-norm condition number of K_d, unscaled (1).
+        /// 2-norm condition number of K_d = ∂φ/∂q_d, unscaled (1).
         CondKd = 27, "cond_Kd";
         /// 2-norm condition number of G_u, unscaled (1).
         CondGu = 28, "cond_Gu";

@@ -5,7 +5,8 @@ use sarrus_proto::Status;
 
 use crate::algorithms::{self, TreeMotion};
 use crate::closure::{
-    column_unit, constraint_residual, largest_residual, loses_rank, row_unit, scaled,
+    Scratch, column_unit, constraint_residual, forces_of_derivative, largest_residual, loses_rank,
+    row_unit, scaled,
 };
 use crate::linalg::least_norm;
 use crate::mechanism::{Cluster, Motion};
@@ -241,13 +242,20 @@ impl<T: Real> ImplicitForm<T> {
         if !ws.kkt_rhs.iter().all(|x| x.is_finite()) {
             return Err(Status::NonFiniteInput);
         }
-        self.lambda.fill(T::ZERO);
-        let used = model
-            .closed_clusters
-            .iter()
-            .flat_map(|c| model.clusters[*c].used.iter().map(|r| model.clusters[*c].rows[*r]));
-        for (row, x) in used.zip(&ws.kkt_rhs[model.sizes().n_v..]) {
-            self.lambda[row] = -*x;
+        let mut first = model.sizes().n_v;
+        for cluster in model.closed_clusters.iter().map(|c| &model.clusters[*c]) {
+            ws.local_poses(cluster, model.bodies_of(cluster));
+            ws.scratch.phi.fill(T::ZERO);
+            for (r, x) in cluster.used.iter().zip(&ws.kkt_rhs[first..]) {
+                ws.scratch.phi[*r] = -*x;
+            }
+            first += cluster.used.len();
+            let Scratch { pose, phi, A, B, .. } = &mut ws.scratch;
+            forces_of_derivative(cluster, pose, phi, (A, B));
+            let rows = cluster.rows.iter().zip(cluster.cuts.iter().flat_map(|cut| &cut.rows));
+            for ((row, of), x) in rows.zip(&ws.scratch.phi) {
+                self.lambda[*row] = *x / of.size;
+            }
         }
         Ok(())
     }

@@ -2,6 +2,8 @@
 //! poses, unreachable targets.
 
 mod mechanisms;
+mod rows;
+mod turns;
 
 use std::f64::consts::FRAC_PI_6;
 

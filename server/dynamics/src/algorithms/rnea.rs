@@ -35,7 +35,7 @@ pub(crate) fn joint_poses<T: Real>(
                     state.p = state.p.add_scaled(state.R[2], q[body.q]);
                 }
                 Motion::Spherical | Motion::Floating => {
-                    let pose = joint_pose(body, &q[body.q..], *cos_sin);
+                    let pose = joint_pose(body, &body.p_parent_body, &q[body.q..], *cos_sin);
                     (state.R, state.p) = (T::Triple::columns_of(&pose.R), T::Triple::of(&pose.p));
                 }
             }

@@ -20,7 +20,8 @@ mod rrpr;
 
 pub(crate) use constraint::rates::local_rates;
 pub(crate) use constraint::rows::{
-    constraint_bias, constraint_jacobian, constraint_residual, largest_residual, local_poses,
+    constraint_bias, constraint_jacobian, constraint_residual, force_bias, force_jacobian,
+    forces_of_derivative, largest_residual, local_poses,
 };
 pub(crate) use constraint::scaling::{
     assembly_branch, column_unit, dependents_range, row_unit, scaled,

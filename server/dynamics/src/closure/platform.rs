@@ -129,8 +129,9 @@ impl<T: Real> Platform<T> {
         turn(&self.turned, local.q, local.cos_sin);
         let mut pose = Pose::identity();
         for (at, _) in self.chain.iter().filter(|(at, _)| at.k == 0) {
-            pose =
-                pose.then(&joint_pose(&bodies[at.body], &local.q[at.q..], local.cos_sin[at.body]));
+            let body = &bodies[at.body];
+            let q = &local.q[at.q..];
+            pose = pose.then(&joint_pose(body, &body.p_local, q, local.cos_sin[at.body]));
             local.scratch.pose[at.body + 1] = pose;
         }
         if level == Level::Acceleration {

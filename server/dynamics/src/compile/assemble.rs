@@ -8,8 +8,8 @@ use sarrus_proto::{ModelInfo, Sizes};
 
 use crate::closure::Closure;
 use crate::compile::canonical;
-use crate::compile::couplings::{characteristic_length, couplings};
-use crate::compile::geometry::{onto_z, unit, vector};
+use crate::compile::couplings::{characteristic_length, couplings, units};
+use crate::compile::geometry::{norm, onto_z, unit, vector};
 use crate::compile::orders::Names;
 use crate::compile::owners::owners;
 use crate::compile::spanning_tree::{Partition, Skeleton};
@@ -20,6 +20,9 @@ use crate::mechanism::{Body, JointTerms, Motion};
 use crate::model::{Model, Order};
 use crate::scalar::{Dd, Real};
 use crate::spatial::{Pose, zero};
+
+/// Lengths of a cluster from which on its loops are measured from their own place.
+const FAR: f64 = 16.0;
 
 /// A model before its closures are chosen, and the owners of its joints and rows.
 pub(crate) struct Assembly {
@@ -194,6 +197,7 @@ impl<'a> Builder<'a> {
             v: 0,
             R_parent_body: Pose::<Dd>::identity().R,
             p_parent_body: zero(),
+            p_local: zero(),
             mass: Dd::ZERO,
             h: zero(),
             inertia: [Dd::ZERO; 6],
@@ -282,11 +286,14 @@ impl<'a> Builder<'a> {
                 }
                 continue;
             }
+            self.measure_from_loops(c);
+            let cluster = &self.model.clusters[c];
             let zero = &self.model.zero[cluster.coordinates()];
             let length = characteristic_length(cluster, self.model.bodies_of(cluster), zero);
             let coupling = couplings(cluster);
             let cluster = &mut self.model.clusters[c];
             cluster.length = length;
+            cluster.units = units(cluster);
             self.model.closed_clusters.push(c);
             if let Some(coupling) = coupling {
                 for &j in &cluster.dependent {
@@ -295,6 +302,24 @@ impl<'a> Builder<'a> {
                 cluster.used = (0..cluster.rows.len()).collect();
                 self.model.closures[c] = Closure::Coupling(coupling);
             }
+        }
+    }
+
+    /// Measures the places on a cluster's parent body from its first joint where that is far away,
+    /// so that they keep their digits.
+    fn measure_from_loops(&mut self, c: usize) {
+        let cluster = &mut self.model.clusters[c];
+        let bodies = &mut self.model.bodies[cluster.body..cluster.body + cluster.n];
+        let zero = &self.model.zero[cluster.q..cluster.q + cluster.n_q];
+        let origin = bodies[0].p_parent_body;
+        if norm(&origin).to_f64() < FAR * characteristic_length(cluster, bodies, zero) {
+            return;
+        }
+        let carried = bodies.iter_mut().zip(&cluster.local_parent).filter(|(_, p)| **p == 0);
+        carried.for_each(|(body, _)| body.p_local -= origin);
+        for cut in &mut cluster.cuts {
+            let ends = [(cut.predecessor, &mut cut.x_p_cut), (cut.successor, &mut cut.x_s_cut)];
+            ends.into_iter().filter(|(end, _)| *end == 0).for_each(|(_, x)| x.p -= origin);
         }
     }
 

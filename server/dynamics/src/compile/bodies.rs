@@ -92,6 +92,7 @@ impl Builder<'_> {
             rows: Vec::new(),
             used: Vec::new(),
             length: 1.0,
+            units: vec![1.0; n_v],
         });
         self.model.closures.push(Closure::Serial);
     }
@@ -118,6 +119,7 @@ impl Builder<'_> {
             v,
             R_parent_body: x_parent_body.R,
             p_parent_body: x_parent_body.p,
+            p_local: x_parent_body.p,
             mass: Dd::ZERO,
             h: zero(),
             inertia: [Dd::ZERO; 6],

@@ -1,11 +1,17 @@
 //! Turns cut joints and couplings into rows of their clusters.
 
+use nalgebra::Vector3;
+
 use crate::compile::assemble::Builder;
-use crate::compile::geometry::{pose, vector};
-use crate::description::{self as written, Coupling, Loop};
-use crate::mechanism::{Cut, CutRow};
-use crate::scalar::{Dd, Real};
+use crate::compile::geometry::{norm, pose, unit, vector};
+use crate::description::{self as written, Coupling, Loop, Row};
+use crate::mechanism::{Cut, CutRow, Motion, Screw};
+use crate::scalar::{Dd, Real, Triple};
 use crate::spatial::{Matrix, Pose, zero};
+
+/// Cosine from which on a joint turns along a line, and sine from which on rows are independent.
+const PARALLEL: f64 = 1.0 - 1e-8;
+const SKEW: f64 = 1e-6;
 
 impl Builder<'_> {
     /// Adds cuts and couplings to their clusters; returns the submechanism of each external row.
@@ -56,8 +62,10 @@ impl Builder<'_> {
             linear: zero(),
             linear_p: zero(),
             against: None,
+            screw: None,
             terms,
             offset: -Dd::from_f64(coupling.offset),
+            size: Dd::ONE,
         };
         Cut {
             predecessor: 0,
@@ -67,6 +75,7 @@ impl Builder<'_> {
             rows: vec![row],
             path,
             angular: false,
+            on_line: false,
         }
     }
 
@@ -112,18 +121,18 @@ impl Builder<'_> {
             ),
         };
         let x_p_cut = world[global(p)].inverse().then(&P);
-        let rows = cycle.rows.iter().map(|row| {
-            let [wx, wy, wz, vx, vy, vz] = row.axis;
-            let against = row.against.map(vector);
-            let linear = if against.is_some() { zero() } else { vector([vx, vy, vz]) };
-            CutRow {
-                angular: vector([wx, wy, wz]),
-                linear,
-                linear_p: x_p_cut.R.apply(linear),
-                against,
-                terms: Vec::new(),
-                offset: Dd::ZERO,
+        let rows: Vec<CutRow<Dd>> = cycle.rows.iter().map(|row| unit_row(row, &x_p_cut)).collect();
+        let held = held_turns(&rows);
+        let rows = rows.into_iter().map(|mut row| {
+            let line = match held[..] {
+                [_, _, _] => None,
+                [a, b] => Some(a.cross(b)),
+                _ => unit(&row.angular),
+            };
+            if let Some(line) = line.filter(|line| is_screw(&row, line)) {
+                row.screw = self.screw(line, &P, c, a, b, world);
             }
+            row
         });
         let path = a.iter().map(|m| (m, false)).chain(b.iter().map(|m| (m, true))).flat_map(
             |(m, side)| {
@@ -139,6 +148,93 @@ impl Builder<'_> {
             rows: rows.collect(),
             path: path.collect(),
             angular: cycle.rows.iter().any(|row| row.axis[..3].iter().any(|x| *x != 0.0)),
+            on_line: held.len() >= 2,
         }
     }
+
+    /// A screw along a line of the cut frame P, and the joints of its path that turn along it;
+    /// `None` where no joint turns about it in part.
+    fn screw(
+        &self,
+        line: Vector3<Dd>,
+        P: &Pose<Dd>,
+        c: usize,
+        a: &[usize],
+        b: &[usize],
+        world: &[Pose<Dd>],
+    ) -> Option<Screw<Dd>> {
+        let along = P.R.apply(line);
+        let sides = a.iter().map(|m| (m, -Dd::ONE)).chain(b.iter().map(|m| (m, Dd::ONE)));
+        let sides: Vec<_> = sides.map(|(m, side)| (self.body_of[*m], side)).collect();
+        let cosine = |body: usize| world[body].R.col(2).dot(along);
+        let turns_in_part = |(body, _): &(usize, Dd)| match self.model.bodies[*body].motion {
+            Motion::Revolute => cosine(*body).abs().to_f64() > SKEW,
+            Motion::Prismatic => false,
+            Motion::Spherical | Motion::Floating => true,
+        };
+        let turns = |(body, _): &&(usize, Dd)| {
+            self.model.bodies[*body].motion == Motion::Revolute
+                && cosine(*body).abs().to_f64() > PARALLEL
+        };
+        let sense = |&(body, side): &(usize, Dd)| {
+            let v = self.model.bodies[body].v - self.model.clusters[c].v;
+            (v, if cosine(body) < Dd::ZERO { -side } else { side })
+        };
+        let joints = sides.iter().filter(turns).map(sense).collect();
+        sides.iter().any(turns_in_part).then_some(Screw { line, joints })
+    }
+}
+
+/// A row as written, of unit length.
+fn unit_row(row: &Row, x_p_cut: &Pose<Dd>) -> CutRow<Dd> {
+    let [wx, wy, wz, vx, vy, vz] = row.axis;
+    let [w, v] = [vector([wx, wy, wz]), vector([vx, vy, vz])];
+    let slides = row.against.is_none() && norm(&v) > Dd::ZERO;
+    let of_turn = row.against.map_or(Dd::ONE, |b| norm(&vector(b)));
+    let own = norm(if slides { &v } else { &w });
+    let linear = if slides { v.map(|x| x / own) } else { zero() };
+    CutRow {
+        angular: w.map(|x| x / own),
+        linear,
+        linear_p: x_p_cut.R.apply(linear),
+        against: row.against.map(|b| vector(b).map(|x| x / of_turn)),
+        screw: None,
+        terms: Vec::new(),
+        offset: Dd::ZERO,
+        size: own * of_turn,
+    }
+}
+
+/// Unit vectors, perpendicular to each other, about which the rows of a cut hold every turn: the
+/// angular parts of their sums without a linear part.
+fn held_turns(rows: &[CutRow<Dd>]) -> Vec<Vector3<Dd>> {
+    let mut slides: Vec<[Vector3<Dd>; 2]> = Vec::new();
+    let mut held: Vec<Vector3<Dd>> = Vec::new();
+    for row in rows.iter().filter(|row| row.against.is_none()) {
+        let [mut linear, mut angular] = [row.linear, row.angular];
+        for [l, a] in &slides {
+            let along = l.dot(linear);
+            linear = linear.add_scaled(*l, -along);
+            angular = angular.add_scaled(*a, -along);
+        }
+        let size = norm(&linear);
+        if size.to_f64() > SKEW {
+            slides.push([linear, angular].map(|x| x.map(|x| x / size)));
+            continue;
+        }
+        for a in &held {
+            angular = angular.add_scaled(*a, -a.dot(angular));
+        }
+        if norm(&angular).to_f64() > SKEW {
+            held.extend(unit(&angular));
+        }
+    }
+    held
+}
+
+/// True where a row ties a slide to the turns about a line.
+fn is_screw(row: &CutRow<Dd>, line: &Vector3<Dd>) -> bool {
+    row.against.is_none()
+        && norm(&row.linear) > Dd::ZERO
+        && row.angular.dot(*line).abs().to_f64() > SKEW * norm(&row.angular).to_f64()
 }

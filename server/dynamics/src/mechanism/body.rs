@@ -18,6 +18,9 @@ pub(crate) struct Body<T> {
     /// p_parent_body. The rotation is the transpose of Featherstone's E.
     pub(crate) R_parent_body: Matrix3<T>,
     pub(crate) p_parent_body: Vector3<T>,
+    /// The same place, from the origin of the cluster's loops if the cluster's parent carries the
+    /// body.
+    pub(crate) p_local: Vector3<T>,
     /// Mass, first moment m c, rotational inertia xx xy xz yy yz zz about the body's origin {body}.
     pub(crate) mass: T,
     pub(crate) h: Vector3<T>,
@@ -27,7 +30,7 @@ pub(crate) struct Body<T> {
 constants! { Body:
     keep parent motion q v;
     number mass;
-    map R_parent_body p_parent_body h inertia;
+    map R_parent_body p_parent_body p_local h inertia;
 }
 
 /// A link's frame on the body that carries it.

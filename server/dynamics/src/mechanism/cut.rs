@@ -19,15 +19,18 @@ pub(crate) struct Cut<T> {
     pub(crate) path: Vec<(usize, bool)>,
     /// True when some row has an angular part.
     pub(crate) angular: bool,
+    /// True when, where the cut is closed, θ keeps to one line or is zero: rows of ω have the span
+    /// of those of θ̇ then.
+    pub(crate) on_line: bool,
 }
 
 constants! { Cut:
-    keep predecessor successor path angular;
+    keep predecessor successor path angular on_line;
     map x_p_cut x_s_cut;
     each rows;
 }
 
-/// One row of a cut, or a linear coupling when `terms` is not empty.
+/// One row of a cut, of unit length, or a linear coupling when `terms` is not empty.
 #[derive(Clone, Debug)]
 pub(crate) struct CutRow<T> {
     pub(crate) angular: Vector3<T>,
@@ -36,14 +39,31 @@ pub(crate) struct CutRow<T> {
     pub(crate) linear_p: Vector3<T>,
     /// A direction {successor's cut frame} that the row holds perpendicular to the angular part.
     pub(crate) against: Option<Vector3<T>>,
+    /// Where it ties a slide to a turn: the count of the turns.
+    pub(crate) screw: Option<Screw<T>>,
     /// φ = Σ coefficient · q + offset over local joints.
     pub(crate) terms: Vec<(usize, T)>,
     pub(crate) offset: T,
+    /// Length of the declared row, whose K and k are these times `size`, and λ this over it.
+    pub(crate) size: T,
 }
 
 constants! { CutRow:
-    number offset;
+    number offset size;
     map angular linear linear_p;
-    each against;
+    each against screw;
     other terms: |f, (j, c)| (*j, f(*c));
+}
+
+/// The line of a screw {predecessor's cut frame}, and the local joints along it with their sense:
+/// their coordinates count the turns beyond half of one.
+#[derive(Clone, Debug)]
+pub(crate) struct Screw<T> {
+    pub(crate) line: Vector3<T>,
+    pub(crate) joints: Vec<(usize, T)>,
+}
+
+constants! { Screw:
+    map line;
+    other joints: |f, (j, c)| (*j, f(*c));
 }

@@ -73,25 +73,30 @@ impl Dof {
 }
 
 /// Pose of a body in its parent from the cosine and sine and the coordinates of its joint, which
-/// come first in `q`.
+/// come first in `q`, and the place of the joint.
 #[inline(always)]
-pub(crate) fn joint_pose<T: Real>(body: &Body<T>, q: &[T], cos_sin: (T, T)) -> Pose<T> {
+pub(crate) fn joint_pose<T: Real>(
+    body: &Body<T>,
+    place: &Vector3<T>,
+    q: &[T],
+    cos_sin: (T, T),
+) -> Pose<T> {
     match body.motion {
         Motion::Revolute | Motion::Prismatic => {
-            single_pose(body, &Pose { R: body.R_parent_body, p: body.p_parent_body }, q[0], cos_sin)
+            single_pose(body, &Pose { R: body.R_parent_body, p: *place }, q[0], cos_sin)
         }
-        Motion::Spherical | Motion::Floating => free_pose(body, q),
+        Motion::Spherical | Motion::Floating => free_pose(body, place, q),
     }
 }
 
 /// Pose by a joint of several degrees of freedom.
 #[inline(never)]
-fn free_pose<T: Real>(body: &Body<T>, q: &[T]) -> Pose<T> {
+fn free_pose<T: Real>(body: &Body<T>, place: &Vector3<T>, q: &[T]) -> Pose<T> {
     let R: Matrix3<T> = body.R_parent_body;
     if body.motion == Motion::Spherical {
-        return Pose { R: R.times(from_quaternion(q[0], q[1], q[2], q[3])), p: body.p_parent_body };
+        return Pose { R: R.times(from_quaternion(q[0], q[1], q[2], q[3])), p: *place };
     }
-    let p = R.apply_add(Vector3::new(q[0], q[1], q[2]), body.p_parent_body);
+    let p = R.apply_add(Vector3::new(q[0], q[1], q[2]), *place);
     Pose { R: R.times(from_quaternion(q[3], q[4], q[5], q[6])), p }
 }
 

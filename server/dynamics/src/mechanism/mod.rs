@@ -11,7 +11,7 @@ mod winding;
 
 pub(crate) use body::{Body, Frame};
 pub(crate) use cluster::{Cluster, GBlock};
-pub(crate) use cut::{Cut, CutRow};
+pub(crate) use cut::{Cut, CutRow, Screw};
 pub(crate) use joint::{Dof, Motion, joint_pose, single_pose};
 pub(crate) use terms::{Damper, JointTerms, Rotor, Spring};
 pub(crate) use turns::{read_turns, turn, turn_some};

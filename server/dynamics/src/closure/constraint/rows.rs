@@ -1,18 +1,23 @@
-//! The rows of the implicit closure φ(q) = 0, their Jacobian K and bias k = −K̇ q̇, relative to the
-//! cluster's parent body.
+//! The rows of the implicit closure φ(q) = 0, their Jacobian and bias, relative to the cluster's
+//! parent body.
 //!
 //! ```text
 //!   x = R_Pᵀ (p_S − p_P)         θ = log(R_Pᵀ R_S)         φ = linear · x + angular · θ
 //! ```
 //! or, where two directions stay perpendicular as in a universal joint, φ = a · b with a fixed in P
 //! and b in S. P and S are the cut frames on predecessor and successor [K21, eq. 2.79 with its
-//! errata].
+//! errata]. The θ of a screw goes on beyond half a turn.
+//!
+//! Newton's method takes the derivative of φ, with θ̇ = A ω; K and k = −K̇ q̇, of which λ are the
+//! forces, take ω = R_Pᵀ (ω_S − ω_P) instead, so that λ are moments. At a closed pose either has
+//! the span of the other where θ keeps to one line; elsewhere K is the derivative.
 
 use nalgebra::{Matrix3, Vector3};
 
 use crate::closure::Rate;
 use crate::closure::constraint::so3_log::{log, log_factors, rate_matrix};
-use crate::mechanism::{Body, Cluster, Cut, CutRow, Dof, Motion, joint_pose, single_pose};
+use crate::linalg::solve_pivoted;
+use crate::mechanism::{Body, Cluster, Cut, CutRow, Dof, Motion, Screw, joint_pose, single_pose};
 use crate::scalar::{Real, Triple};
 use crate::spatial::{Matrix, Pose, zero};
 
@@ -69,14 +74,14 @@ pub(in crate::closure) fn base<T: Real>(
     j: usize,
     pose: &[Pose<T>],
 ) -> Pose<T> {
-    let at_zero = Pose { R: bodies[j].R_parent_body, p: bodies[j].p_parent_body };
+    let at_zero = Pose { R: bodies[j].R_parent_body, p: bodies[j].p_local };
     let parent = cluster.local_parent[j];
     if parent == 0 { at_zero } else { pose[parent].then(&at_zero) }
 }
 
 #[inline(never)]
 fn place_freely<T: Real>(body: &Body<T>, q: &[T], parent: &Pose<T>) -> Pose<T> {
-    parent.then(&joint_pose(body, q, (T::ONE, T::ZERO)))
+    parent.then(&joint_pose(body, &body.p_local, q, (T::ONE, T::ZERO)))
 }
 
 /// One cut at one pose: the quantities that all of its rows share.
@@ -104,11 +109,25 @@ impl<'a, T: Real> CutState<'a, T> {
     /// The state of a cut.
     #[inline(always)]
     pub(in crate::closure) fn new(cut: &Cut<T>, pose: &'a [Pose<T>]) -> CutState<'a, T> {
+        CutState::with(cut, pose, Angular::new)
+    }
+
+    /// The same with ω for θ̇ where the cut allows it: the rows of K and k.
+    fn of_forces(cut: &Cut<T>, pose: &'a [Pose<T>]) -> CutState<'a, T> {
+        CutState::with(cut, pose, if cut.on_line { Angular::at_zero } else { Angular::new })
+    }
+
+    #[inline(always)]
+    fn with(
+        cut: &Cut<T>,
+        pose: &'a [Pose<T>],
+        angular: impl FnOnce(&Cut<T>, &Pose<T>, &Pose<T>) -> Angular<T>,
+    ) -> CutState<'a, T> {
         let p = &pose[cut.predecessor];
         let s = &pose[cut.successor];
         let point = s.point(&cut.x_s_cut.p);
         let d = point - p.point(&cut.x_p_cut.p);
-        let angular = cut.angular.then(|| Angular::new(cut, p, s));
+        let angular = cut.angular.then(|| angular(cut, p, s));
         CutState { R_p: &p.R, point, d, angular }
     }
 
@@ -124,7 +143,11 @@ impl<'a, T: Real> CutState<'a, T> {
         let x = self.R_p.apply_transposed(self.d);
         match (&self.angular, &row.against) {
             (None, _) => row.linear_p.dot(x),
-            (Some(of), None) => row_along(row, &x, &of.theta),
+            (Some(of), None) => {
+                let along = row_along(row, &x, &of.theta);
+                let Some(screw) = &row.screw else { return along };
+                turns(cluster, screw, of, q).mul_add(row.angular.dot(screw.line), along)
+            }
             (Some(of), Some(b)) => of.R_P.apply(row.angular).dot(of.R_S.apply(*b)),
         }
     }
@@ -198,7 +221,24 @@ impl<'a, T: Real> CutState<'a, T> {
     }
 }
 
+/// The whole turns of a screw: of all its angles the nearest to the one that its joints have made,
+/// less the principal one.
+fn turns<T: Real>(cluster: &Cluster<T>, screw: &Screw<T>, of: &Angular<T>, q: &[T]) -> T {
+    let angle = screw.line.dot(of.theta);
+    let made =
+        (screw.joints.iter()).fold(T::ZERO, |sum, (j, c)| c.mul_add(q[cluster.dofs[*j].q], sum));
+    let (sine, cosine) = T::sin_cos(angle - made);
+    made + sine.atan2(cosine) - angle
+}
+
 impl<T: Real> Angular<T> {
+    /// With θ = 0, for which θ̇ = ω.
+    fn at_zero(cut: &Cut<T>, p: &Pose<T>, s: &Pose<T>) -> Angular<T> {
+        let R_P = p.R.times(cut.x_p_cut.R);
+        let R_S = s.R.times(cut.x_s_cut.R);
+        Angular { A: Matrix::identity(), R_P, R_S, theta: zero() }
+    }
+
     #[inline(never)]
     fn new(cut: &Cut<T>, p: &Pose<T>, s: &Pose<T>) -> Angular<T> {
         let R_P = p.R.times(cut.x_p_cut.R);
@@ -268,12 +308,27 @@ pub(crate) fn largest_residual<T: Real>(cluster: &Cluster<T>, phi: &[T]) -> T {
     })
 }
 
-/// K of a cluster (rows × n_v, row-major).
+/// ∂φ/∂q of a cluster (rows × n_v, row-major).
 pub(crate) fn constraint_jacobian<T: Real>(cluster: &Cluster<T>, pose: &[Pose<T>], K: &mut [T]) {
+    jacobian(cluster, pose, CutState::new, K);
+}
+
+/// K of a cluster, of which λ are the forces.
+pub(crate) fn force_jacobian<T: Real>(cluster: &Cluster<T>, pose: &[Pose<T>], K: &mut [T]) {
+    jacobian(cluster, pose, CutState::of_forces, K);
+}
+
+#[inline(always)]
+fn jacobian<'a, T: Real>(
+    cluster: &Cluster<T>,
+    pose: &'a [Pose<T>],
+    state: impl Fn(&Cut<T>, &'a [Pose<T>]) -> CutState<'a, T>,
+    K: &mut [T],
+) {
     let n = cluster.n_v;
     let mut r = 0;
     for cut in &cluster.cuts {
-        let state = CutState::new(cut, pose);
+        let state = state(cut, pose);
         for row in &cut.rows {
             let of_row = &mut K[r * n..(r + 1) * n];
             of_row.fill(T::ZERO);
@@ -293,20 +348,75 @@ pub(crate) fn constraint_jacobian<T: Real>(cluster: &Cluster<T>, pose: &[Pose<T>
     }
 }
 
-/// k = −K̇ q̇ of a cluster, from the rates of its bodies at q̈ = 0.
+/// The bias that belongs to [`constraint_jacobian`], from the rates of the bodies at q̈ = 0.
 pub(crate) fn constraint_bias<T: Real>(
     cluster: &Cluster<T>,
     pose: &[Pose<T>],
     rate: &[Rate<T>],
     k: &mut [T],
 ) {
+    bias(cluster, pose, rate, CutState::new, k);
+}
+
+/// k = −K̇ q̇, which belongs to [`force_jacobian`].
+pub(crate) fn force_bias<T: Real>(
+    cluster: &Cluster<T>,
+    pose: &[Pose<T>],
+    rate: &[Rate<T>],
+    k: &mut [T],
+) {
+    bias(cluster, pose, rate, CutState::of_forces, k);
+}
+
+#[inline(always)]
+fn bias<'a, T: Real>(
+    cluster: &Cluster<T>,
+    pose: &'a [Pose<T>],
+    rate: &[Rate<T>],
+    state: impl Fn(&Cut<T>, &'a [Pose<T>]) -> CutState<'a, T>,
+    k: &mut [T],
+) {
     let mut r = 0;
     for cut in &cluster.cuts {
-        let state = CutState::new(cut, pose);
+        let state = state(cut, pose);
         let second = state.acceleration(cut, pose, rate, false);
         for row in &cut.rows {
             k[r] = -row_acceleration(cut, row, &state, &second, rate);
             r += 1;
+        }
+    }
+}
+
+/// Turns λ of ∂φ/∂q into that of K, which exerts the same wrenches; `A` and `x` are scratch.
+pub(crate) fn forces_of_derivative<T: Real>(
+    cluster: &Cluster<T>,
+    pose: &[Pose<T>],
+    lambda: &mut [T],
+    (A, x): (&mut [T], &mut [T]),
+) {
+    let mut rest = lambda;
+    for cut in &cluster.cuts {
+        let (lambda, after) = rest.split_at_mut(cut.rows.len());
+        rest = after;
+        let state = CutState::new(cut, pose);
+        let Some(of) = state.angular.filter(|_| cut.on_line) else { continue };
+        // the wrench, and its parts along the rows: Σ_s (r · s) λ_s = r · wrench
+        let rows = || cut.rows.iter().enumerate().filter(|(_, row)| row.against.is_none());
+        let m = rows().count();
+        let mut moment = zero();
+        let mut force = zero();
+        for (k, row) in rows() {
+            moment = moment.add_scaled(of.A.apply_transposed(row.angular), lambda[k]);
+            force = force.add_scaled(row.linear, lambda[k]);
+        }
+        for (i, (_, a)) in rows().enumerate() {
+            for (j, (_, b)) in rows().enumerate() {
+                A[i * m + j] = a.angular.dot(b.angular) + a.linear.dot(b.linear);
+            }
+            x[i] = a.angular.dot(moment) + a.linear.dot(force);
+        }
+        if solve_pivoted(A, x, m, 1).is_some() {
+            rows().zip(&*x).for_each(|((k, _), x)| lambda[k] = *x);
         }
     }
 }

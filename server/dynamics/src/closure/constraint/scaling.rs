@@ -3,23 +3,23 @@
 //! ```text
 //!   K_s = D_r K D_c        λ = D_r λ_s
 //! ```
-//! D_c measures sliding joints in cluster lengths. D_r measures linear rows in the same lengths,
-//! gives angular rows unit axes, and gives couplings unit norm. So K_s is dimensionless and
-//! independent of units, and λ_s holds moments: forces times the cluster's length.
+//! D_c measures sliding joints in cluster lengths, and joints behind gears by the joints that they
+//! turn with. D_r measures linear rows in the same lengths, and gives couplings unit norm. So K_s
+//! has no dimension and does not depend on units, and λ_s holds moments: forces times the cluster's
+//! length.
 
 use crate::closure::Scratch;
 use crate::linalg::{determinant_sign, singular_range};
 use crate::mechanism::{Cluster, CutRow};
 use crate::scalar::Real;
 
-/// The unit of one local velocity: the cluster's length for a slider.
+/// The unit of one local velocity.
 pub(crate) fn column_unit<T>(cluster: &Cluster<T>, v: usize) -> f64 {
-    if cluster.dofs[v].slides() { cluster.length } else { 1.0 }
+    cluster.units[v]
 }
 
 /// The factor by which a row is scaled.
 pub(crate) fn row_unit<T: Real>(cluster: &Cluster<T>, row: &CutRow<T>) -> f64 {
-    let norm = |x: f64, y: f64, z: f64| (x * x + y * y + z * z).sqrt();
     if !row.terms.is_empty() {
         let size = row.terms.iter().fold(0.0, |sum, (j, c)| {
             let x = c.to_f64() * column_unit(cluster, *j);
@@ -27,12 +27,7 @@ pub(crate) fn row_unit<T: Real>(cluster: &Cluster<T>, row: &CutRow<T>) -> f64 {
         });
         return 1.0 / f64::sqrt(size);
     }
-    let linear = norm(row.linear[0].to_f64(), row.linear[1].to_f64(), row.linear[2].to_f64());
-    let angular = norm(row.angular[0].to_f64(), row.angular[1].to_f64(), row.angular[2].to_f64());
-    if let Some(b) = &row.against {
-        return 1.0 / (angular * norm(b[0].to_f64(), b[1].to_f64(), b[2].to_f64()));
-    }
-    if linear > 0.0 { 1.0 / (cluster.length * linear) } else { 1.0 / angular }
+    if row.linear.iter().any(|x| *x != T::ZERO) { 1.0 / cluster.length } else { 1.0 }
 }
 
 /// Calls `put(i, a, entry)` for the i-th of the given rows and the a-th of the given columns of the

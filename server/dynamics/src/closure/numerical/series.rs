@@ -104,7 +104,7 @@ impl<T: Real, const M: usize> Series<T, M> {
             self.pose[a] = if a == 0 {
                 single_pose(body, first, q, cos_sin)
             } else {
-                let at_zero = Pose { R: body.R_parent_body, p: body.p_parent_body };
+                let at_zero = Pose { R: body.R_parent_body, p: body.p_local };
                 single_pose(body, &self.pose[a - 1].then(&at_zero), q, cos_sin)
             };
         }

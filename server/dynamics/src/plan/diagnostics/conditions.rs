@@ -5,8 +5,8 @@ use sarrus_proto::{Field, Status};
 
 use crate::closure;
 use crate::closure::{
-    Scratch, column_unit, constraint_bias, constraint_jacobian, constraint_residual,
-    dependents_range, largest_residual, local_rates, row_unit, scaled,
+    Scratch, column_unit, constraint_jacobian, constraint_residual, dependents_range, force_bias,
+    force_jacobian, largest_residual, local_rates, row_unit, scaled,
 };
 use crate::linalg::{column_square, decompose, singular_range, solve_pivoted};
 use crate::mechanism::Cluster;
@@ -57,9 +57,20 @@ impl Plan {
             constraint_residual(cluster, &scratch.pose, q, &mut scratch.phi);
             let of_cluster = largest_residual(cluster, &scratch.phi);
             residual = T::select_lt(residual, of_cluster, of_cluster, residual);
-            constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
+            force_jacobian(cluster, &scratch.pose, &mut scratch.K);
             self.write_rows(model, cluster, ws, output);
             let scratch = &mut ws.scratch;
+            if let Some(range) = slot(Field::Lambda) {
+                let rest = &ws.loop_q[cluster.velocities()];
+                loop_forces(cluster, rest, scratch, &mut output[range])?;
+            }
+            if let Some(range) = slot(Field::LambdaDeterminate) {
+                determinate_forces(cluster, scratch, &mut output[range]);
+            }
+            // the rest is about φ
+            if cluster.cuts.iter().any(|cut| cut.angular) {
+                constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
+            }
             if self.wants_any(&[Field::CondKd, Field::SigmaMin]) {
                 unscaled.add(K_d(cluster, &scratch.K, &mut scratch.A));
                 scaled.add(dependents_range(cluster, scratch));
@@ -72,13 +83,6 @@ impl Plan {
                 // if this finds none, the declared ones remain, which did close the loop
                 let dense = (ws.dense.as_mut_slice(), ws.dense_rhs.as_mut_slice());
                 singular::good_independents(model, cluster, &scratch.K, dense, &mut output[range]);
-            }
-            if let Some(range) = slot(Field::Lambda) {
-                let rest = &ws.loop_q[cluster.velocities()];
-                loop_forces(cluster, rest, scratch, &mut output[range])?;
-            }
-            if let Some(range) = slot(Field::LambdaDeterminate) {
-                determinate_forces(cluster, scratch, &mut output[range]);
             }
         }
         if let Some(range) = slot(Field::Uncontrolled) {
@@ -104,10 +108,10 @@ impl Plan {
         let scratch = &mut ws.scratch;
         if let Some(slot) = self.want().slot(Field::K) {
             let K = &mut output[slot.range()];
-            for (r, row) in cluster.rows.iter().enumerate() {
+            for (r, (row, size)) in sized(cluster).enumerate() {
                 for j in 0..cluster.n_v {
                     let column = model.order.v_external[cluster.v + j];
-                    K[row * model.sizes().n_v + column] = scratch.K[r * cluster.n_v + j];
+                    K[row * model.sizes().n_v + column] = scratch.K[r * cluster.n_v + j] * size;
                 }
             }
         }
@@ -115,11 +119,17 @@ impl Plan {
             let bodies = model.bodies_of(cluster);
             let qd = &ws.qd[cluster.velocities()];
             local_rates(cluster, bodies, qd, &scratch.pose, &mut scratch.rate);
-            constraint_bias(cluster, &scratch.pose, &scratch.rate, &mut scratch.phi);
+            force_bias(cluster, &scratch.pose, &scratch.rate, &mut scratch.phi);
             let k = &mut output[slot.range()];
-            cluster.rows.iter().enumerate().for_each(|(r, row)| k[*row] = scratch.phi[r]);
+            sized(cluster).zip(&scratch.phi).for_each(|((row, size), x)| k[row] = *x * size);
         }
     }
+}
+
+/// The external index of each local row, and the length of the declared row.
+fn sized<T: Real>(cluster: &Cluster<T>) -> impl Iterator<Item = (usize, T)> {
+    let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
+    cluster.rows.iter().zip(rows).map(|(row, of)| (*row, of.size))
 }
 
 /// The largest and least of several ranges of singular values.
@@ -147,8 +157,9 @@ impl<T: Real> Range<T> {
 fn K_d<T: Real>(cluster: &Cluster<T>, K: &[T], A: &mut [T]) -> (T, T) {
     let m = cluster.dependent.len();
     for (i, &r) in cluster.used.iter().enumerate() {
+        let size = sized(cluster).nth(r).map_or(T::ONE, |(_, size)| size);
         for (a, &j) in cluster.dependent.iter().enumerate() {
-            A[i * m + a] = K[r * cluster.n_v + j];
+            A[i * m + a] = K[r * cluster.n_v + j] * size;
         }
     }
     singular_range(A, m, m)
@@ -173,7 +184,7 @@ fn loop_forces<T: Real>(
             scratch.B[a] = rest[j];
         }
         solve_pivoted(&mut scratch.A, &mut scratch.B, m, 1).ok_or(Status::SingularClosure)?;
-        cluster.rows.iter().enumerate().for_each(|(r, row)| lambda[*row] = scratch.B[r]);
+        sized(cluster).zip(&scratch.B).for_each(|((row, size), x)| lambda[row] = *x / size);
         return Ok(());
     }
     decompose_dependents(cluster, scratch);
@@ -195,7 +206,7 @@ fn loop_forces<T: Real>(
         cluster.rows.iter().zip(cluster.cuts.iter().flat_map(|cut| &cut.rows)).enumerate()
     {
         let x = (0..m).fold(T::ZERO, |sum, a| A[r * m + a].mul_add(scratch.step[a], sum));
-        lambda[*row] = x * T::from_f64(row_unit(cluster, cut_row));
+        lambda[*row] = x * T::from_f64(row_unit(cluster, cut_row)) / cut_row.size;
     }
     Ok(())
 }
