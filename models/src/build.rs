@@ -1,7 +1,7 @@
 //! Builds the [`Description`] from checked files, and maps its parts back to their positions.
 
 use sarrus_dynamics::description::{
-    Coupling, Cut, Description, Joint, Link, Loop, Placement, Row, Submechanism,
+    Coupling, Cut, Description, Joint, JointKind, Limits, Link, Loop, Placement, Row, Submechanism,
 };
 use sarrus_dynamics::{Diagnostic, Reduced, Site};
 
@@ -10,7 +10,7 @@ use crate::report::{Diagnostics, Span};
 use crate::submechanisms::{
     Entry, EntryValues, LoopValues, PlacementValues, Submechanisms, kind_named,
 };
-use crate::urdf::{Urdf, Values};
+use crate::urdf::{JointEntry, Urdf, Weight};
 
 /// The positions of a description's parts in the files.
 #[derive(Debug)]
@@ -118,19 +118,20 @@ impl Spans {
 }
 
 /// The description of checked files, with the submechanisms that a file lists; `None` if the two
-/// readings of a file differ, which should never happen to a checked file.
+/// readings of the submechanism file differ, which should never happen to a checked file.
 pub(crate) fn description(
     urdf: &Urdf,
-    values: Values,
     entries: Option<Vec<EntryValues>>,
     gravity: [f64; 3],
 ) -> Option<Description> {
-    let links = urdf
-        .links
-        .iter()
-        .zip(values.inertials)
-        .map(|(link, inertial)| Link { name: link.name.clone(), inertial });
-    let joints = urdf.joints.iter().zip(values.joints).map(|(entry, value)| {
+    let links = urdf.links.iter().map(|link| {
+        let inertial = match link.inertial {
+            Weight::Given { inertial, .. } => Some(inertial),
+            Weight::Absent | Weight::Malformed => None,
+        };
+        Link { name: link.name.clone(), inertial }
+    });
+    let joints = urdf.joints.iter().map(|entry| {
         let terms = entry
             .masters
             .iter()
@@ -142,9 +143,9 @@ pub(crate) fn description(
             kind: entry.kind?,
             parent: urdf.link_at(&entry.parent)?,
             child: urdf.link_at(&entry.child)?,
-            origin: value.origin,
-            axis: value.axis,
-            limits: value.limits,
+            origin: entry.origin,
+            axis: entry.axis,
+            limits: limits(entry),
             coupling: (!terms.is_empty()).then_some(Coupling { terms, offset }),
             terms: entry.terms,
         })
@@ -161,6 +162,18 @@ pub(crate) fn description(
         gravity,
         zero_pose: Vec::new(),
     })
+}
+
+/// The limits of a joint of one axis; a continuous one has no range.
+fn limits(entry: &JointEntry) -> Option<Limits> {
+    let limits = entry.limits?;
+    match entry.kind? {
+        JointKind::Revolute | JointKind::Prismatic => Some(limits),
+        JointKind::Continuous => {
+            Some(Limits { lower: f64::NEG_INFINITY, upper: f64::INFINITY, ..limits })
+        }
+        _ => None,
+    }
 }
 
 fn submechanism(urdf: &Urdf, entry: EntryValues) -> Option<Submechanism> {

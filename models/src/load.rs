@@ -15,7 +15,7 @@ use crate::report::{Diagnostics, Report};
 use crate::scene::{self, Lock};
 use crate::submechanisms::{self, Entry, Submechanisms};
 use crate::text::{self, Text};
-use crate::urdf::{self, Urdf};
+use crate::urdf::Urdf;
 use crate::{bundled, smurf, units, unlisted, yaml};
 
 /// The source of a robot.
@@ -219,13 +219,12 @@ pub(crate) fn describe(
 
     // the values
     let urdf = urdf?;
-    let values = urdf::values(&urdf_text?, &urdf, diagnostics)?;
     let entries = match &submechanism_text {
         Some(text) => Some(submechanisms::values(text, diagnostics)?),
         None => None,
     };
     let has_file = entries.is_some();
-    let Some(mut description) = build::description(&urdf, values, entries, options.gravity) else {
+    let Some(mut description) = build::description(&urdf, entries, options.gravity) else {
         let found = "two readers of these files see different names";
         let help = "use letters, digits, _ and / in names";
         diagnostics.error(urdf.span, found, "plain names", help);

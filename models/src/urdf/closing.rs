@@ -15,6 +15,7 @@ use std::collections::BTreeSet;
 use roxmltree::Node;
 use sarrus_dynamics::description::Placement;
 
+use super::origin::placement;
 use super::sdf;
 use super::xml::Reader;
 use crate::cut::CutKind;
@@ -84,7 +85,6 @@ fn drake<'a>(node: Node<'a, '_>) -> Option<&'a str> {
 
 /// The loops of one element of the robot.
 pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec<Closing> {
-    reader.unread.push(node.range());
     let closing = match (drake(node), node.tag_name().name()) {
         (Some(name), _) => drake_constraint(reader, node, name),
         (_, "gazebo") => {
@@ -270,13 +270,4 @@ pub(super) fn to_write(name: &str, links: [&str; 2], kind: Option<&str>) -> Stri
 fn link<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Named> {
     let is_name = node.has_attribute("name") && !node.has_attribute("link");
     reader.required(node, if is_name { "name" } else { "link" })
-}
-
-/// `xyz` and `rpy` of an element, zero without; `None` after an error.
-fn placement<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Placement> {
-    let [xyz, rpy] = ["xyz", "rpy"].map(|name| match node.has_attribute(name) {
-        true => reader.numbers::<3>(node, name),
-        false => Some([0.0; 3]),
-    });
-    Some(Placement { xyz: xyz?, rpy: rpy? })
 }

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use sarrus_dynamics::description::{JointKind, Terms};
+use sarrus_dynamics::description::{JointKind, Placement, Terms};
 
 use super::joint::JointEntry;
 use super::link::{LinkEntry, Weight};
@@ -20,7 +20,7 @@ pub(crate) enum Compound {
 
 /// One joint of a chain.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Part {
+struct Part {
     compound: Compound,
     index: usize,
 }
@@ -36,15 +36,10 @@ impl Compound {
 }
 
 impl Part {
-    /// Whether the origin of the whole joint is that of this part.
-    pub(super) fn is_first(self) -> bool {
-        self.index == 0
-    }
-
     /// The axis of this part, where `axis` is that of the whole joint. The directions in the plane
     /// are x and y of the joint frame where the axis is z; else the frame's axis that is least
     /// along it, made perpendicular, and the cross product of the axis with this one.
-    pub(super) fn axis(self, axis: [f64; 3]) -> [f64; 3] {
+    fn axis(self, axis: [f64; 3]) -> [f64; 3] {
         match (self.compound, self.index) {
             (Compound::Planar, 0) => across(axis),
             (Compound::Planar, 1) => cross(axis, across(axis)),
@@ -101,14 +96,13 @@ pub(super) fn expand(
             chains.push(JointEntry {
                 name: if joint.name.is_empty() { String::new() } else { name.clone() },
                 span: joint.span,
-                kind: Some(part.kind(joint.has_limits)),
+                kind: Some(part.kind(joint.limits.is_some())),
                 compound: None,
-                part: Some(part),
-                source: joint.source,
+                origin: if index == 0 { joint.origin } else { Placement::default() },
+                axis: part.axis(joint.axis),
                 parent,
                 child: child.clone(),
-                has_limits: joint.has_limits && compound != Compound::Planar,
-                has_range: joint.has_range,
+                limits: joint.limits.filter(|_| compound != Compound::Planar),
                 masters: Vec::new(),
                 independent: joint.independent,
                 terms: if compound == Compound::Planar { Terms::default() } else { joint.terms },

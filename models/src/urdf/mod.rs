@@ -1,4 +1,4 @@
-//! URDF: a strict walk over the text with positions, and the numbers by urdf-rs.
+//! URDF: a strict walk over the text, which reads every value with its position.
 
 mod closing;
 mod compound;
@@ -7,10 +7,10 @@ mod dynamics;
 mod guard;
 mod joint;
 mod link;
+mod origin;
 mod sdf;
 mod topology;
 mod transmission;
-mod values;
 mod xml;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -21,7 +21,6 @@ use sarrus_dynamics::description::JointKind;
 pub(crate) use closing::{Closing, Place};
 pub(crate) use joint::JointEntry;
 pub(crate) use link::{LinkEntry, Weight};
-pub(crate) use values::{Values, values};
 
 use crate::report::{Diagnostics, Span, quoted};
 use crate::text::Text;
@@ -50,7 +49,7 @@ const ROBOT: Shape = Shape {
 const MOST_LINKS: usize = 4096;
 const MOST_JOINTS: usize = 1024;
 
-/// A URDF file as written, with positions; [`Values`] has the numbers.
+/// A URDF file as written, with positions.
 pub(crate) struct Urdf {
     pub(crate) name: String,
     pub(crate) span: Span,
@@ -66,12 +65,6 @@ pub(crate) struct Urdf {
     pub(crate) actuated: BTreeSet<String>,
     /// The link that is no joint's child.
     pub(crate) root: Option<usize>,
-    /// Names of joints as written.
-    written_joints: Vec<String>,
-    /// Byte ranges that no part of sarrus reads.
-    unread: Vec<core::ops::Range<usize>>,
-    /// Byte ranges of values that urdf-rs knows by another name.
-    replaced: Vec<(core::ops::Range<usize>, &'static str)>,
 }
 
 /// The version that the robot element states; before 1.1 there are no quaternions, before 1.2
@@ -129,22 +122,14 @@ impl Urdf {
         for node in reader.children(root, &ROBOT) {
             match node.tag_name().name() {
                 "link" => urdf.links.push(link::read(&mut reader, node)),
-                "joint" => {
-                    let source = urdf.joints.len();
-                    urdf.joints.push(joint::read(&mut reader, node, source));
-                }
-                "coupling" => {
-                    couplings.extend(transmission::gear(&mut reader, node));
-                    reader.unread.push(node.range());
-                }
+                "joint" => urdf.joints.push(joint::read(&mut reader, node)),
+                "coupling" => couplings.extend(transmission::gear(&mut reader, node)),
                 _ => {
                     dependences.extend(transmission::read(&mut reader, node));
                     rotors.extend(dynamics::rotors(&mut reader, node));
-                    reader.unread.push(node.range());
                 }
             }
         }
-        urdf.written_joints = urdf.joint_names().map(str::to_owned).collect();
         (urdf.joints, urdf.parts) =
             compound::expand(std::mem::take(&mut urdf.joints), &mut urdf.links, reader.diagnostics);
         urdf.index_names(reader.diagnostics);
@@ -157,8 +142,6 @@ impl Urdf {
         for (link, is_root) in urdf.links.iter().zip(is_root) {
             link::check(link, is_root, reader.diagnostics);
         }
-        urdf.unread = reader.unread;
-        urdf.replaced = reader.replaced;
         Some(urdf)
     }
 
@@ -192,9 +175,6 @@ impl Urdf {
             closings: Vec::new(),
             actuated: closing::actuated(root),
             root: None,
-            written_joints: Vec::new(),
-            unread: Vec::new(),
-            replaced: Vec::new(),
         })
     }
 

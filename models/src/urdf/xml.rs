@@ -98,10 +98,6 @@ pub(super) struct Reader<'t, 'f> {
     pub(super) diagnostics: &'f mut Diagnostics,
     /// The version that the file states.
     pub(super) version: Version,
-    /// Byte ranges of everything that is not read.
-    pub(super) unread: Vec<core::ops::Range<usize>>,
-    /// Byte ranges of values that urdf-rs knows by another name.
-    pub(super) replaced: Vec<(core::ops::Range<usize>, &'static str)>,
 }
 
 impl<'t, 'f> Reader<'t, 'f> {
@@ -111,7 +107,7 @@ impl<'t, 'f> Reader<'t, 'f> {
         diagnostics: &'f mut Diagnostics,
         version: Version,
     ) -> Reader<'t, 'f> {
-        Reader { text, diagnostics, version, unread: Vec::new(), replaced: Vec::new() }
+        Reader { text, diagnostics, version }
     }
 
     pub(super) fn span(&self, node: Node<'_, 't>) -> Span {
@@ -164,7 +160,6 @@ impl<'t, 'f> Reader<'t, 'f> {
                 children.push(child);
                 continue;
             }
-            self.unread.push(child.range());
             // a separate reader handles loops
             if super::closing::is_closing(child) && shape.many.contains(&"link") {
                 continue;

@@ -32,6 +32,13 @@ fn a_limit_without_a_range_bounds_only_speed_and_effort() {
 }
 
 #[test]
+fn an_effort_of_minus_one_is_no_bound() {
+    let urdf = with(URDF, "effort=\"100\"", "effort=\"-1\"");
+    let limits = good(&urdf, Some(YAML)).description.joints[0].limits.unwrap();
+    assert_eq!((limits.velocity, limits.effort), (10.0, f64::INFINITY));
+}
+
+#[test]
 fn joints_that_no_submechanism_lists_are_serial_behind_the_others() {
     let tool = r#"<link name="tool"><inertial><mass value="1"/>
         <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>

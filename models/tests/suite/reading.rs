@@ -202,6 +202,18 @@ fn a_quaternion_is_read_from_version_one_point_one_on() {
     let rpy = good(&urdf, Some(YAML)).description.joints[1].origin.rpy;
     let off = rpy.iter().zip([0.3, 0.5, -0.7]).map(|(found, given)| (found - given).abs());
     assert!(off.fold(0.0, f64::max) < 1e-14, "{rpy:?}");
+    // almost straight down: roll 0.3, pitch π/2 − 0.0028, yaw -0.7
+    let steep = "0.33880804465697045 0.6195737563346051 -0.33920138973533087 0.6215141885257067";
+    let steep = urdf.replace(turned, steep);
+    let rpy = good(&steep, Some(YAML)).description.joints[1].origin.rpy;
+    let given = [0.3, core::f64::consts::FRAC_PI_2 - 0.0028, -0.7];
+    let off = rpy.iter().zip(given).map(|(found, given)| (found - given).abs());
+    assert!(off.fold(0.0, f64::max) < 1e-12, "{rpy:?}");
+    // of few digits, and of no length
+    let coarse = good(&urdf.replace(turned, "0.22 0.18 -0.363 0.887"), Some(YAML));
+    assert!(coarse.report.to_string().contains("the quaternion of `origin` has the length 0.999"));
+    let none = reported(&urdf.replace(turned, "0 0 0 0"), YAML);
+    assert!(none.contains("the quaternion of `origin` has the length 0, expected 1"), "{none}");
 }
 
 #[test]
