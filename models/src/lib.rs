@@ -40,6 +40,8 @@
 //!   without the prefix `drake:`; or `rotor_inertia` and `gear_ratio` on `<dynamics>`. It adds
 //!   ratio² × inertia to the joint. Transmissions without a rotor and without `<depends_on>` are
 //!   ignored.
+//! - `springStiffness`, `springReference` and the mimic plug-in in `<gazebo>`; other elements there
+//!   that change the dynamics are errors, as damping and springs of closing joints are.
 //! - Loops in the elements of other programs (`<gazebo><joint>`, `<loop>`, `<loop_joint>`,
 //!   `<constraint>`, `<drake:ball_constraint>`), and `<coupling>` of URDF+; the README has a table.
 //! - `<mimic>`, and `<transmission>` with `<joint name><depends_on joint multiplier
@@ -75,6 +77,7 @@ mod open;
 mod pattern;
 mod report;
 mod rewrite;
+mod rotation;
 mod scene;
 mod smurf;
 mod submechanisms;

@@ -46,7 +46,7 @@ pub enum Source {
 pub struct Options {
     /// Gravity in root axes `[m/s²]`.
     pub gravity: [f64; 3],
-    /// Faults of mass and inertia are warnings.
+    /// Faults of mass and inertia, and effects that are not modelled, are warnings.
     pub lenient: bool,
     /// The connection of the root link to the world.
     pub base: Base,

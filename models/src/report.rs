@@ -108,7 +108,7 @@ pub struct Diagnostics {
     files: Vec<String>,
     errors: Pile,
     warnings: Pile,
-    /// Faults of mass and inertia count as warnings.
+    /// Faults of the dynamics that still leave a model count as warnings.
     pub(crate) lenient: bool,
 }
 
@@ -119,7 +119,7 @@ struct Pile {
 }
 
 impl Diagnostics {
-    /// None so far; `lenient` makes faults of mass and inertia warnings.
+    /// None so far; `lenient` makes faults of the dynamics warnings where they leave a model.
     pub fn new(lenient: bool) -> Diagnostics {
         Diagnostics { lenient, ..Diagnostics::default() }
     }
@@ -154,8 +154,8 @@ impl Diagnostics {
         self.warnings.push(span, diagnostic);
     }
 
-    /// A fault of mass or inertia: a warning when the caller is lenient.
-    pub fn inertia(
+    /// A fault of the dynamics that still leaves a model: a warning when the caller is lenient.
+    pub fn dynamics(
         &mut self,
         span: Span,
         found: impl Into<String>,

@@ -3,11 +3,8 @@
 use crate::cut::CutKind::Universal;
 use crate::cut::{CutKind, KINDS};
 use crate::report::{Diagnostics, Span, quoted};
+use crate::rotation::dot;
 use crate::yaml::{Node, numbers, word};
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
 
 /// Checks `cut_joint_type` and its axes; the position of each row that they make.
 pub(super) fn walk(node: &Node, diagnostics: &mut Diagnostics) -> Vec<Span> {

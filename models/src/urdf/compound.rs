@@ -8,6 +8,7 @@ use sarrus_dynamics::description::{JointKind, Placement, Terms};
 use super::joint::JointEntry;
 use super::link::{LinkEntry, Weight};
 use crate::report::{Diagnostics, quoted};
+use crate::rotation::cross;
 
 /// A joint of several axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -124,13 +125,5 @@ fn across(axis: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| {
         let unit = if k == least { 1.0 } else { 0.0 };
         unit - axis[k] * axis[least] / square
-    })
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|k| {
-        let i = (k + 1) % 3;
-        let j = (k + 2) % 3;
-        a[i] * b[j] - a[j] * b[i]
     })
 }

@@ -9,6 +9,7 @@ use super::origin::origin;
 use super::xml::{Reader, Shape};
 use crate::number;
 use crate::report::{Span, quoted};
+use crate::rotation::dot;
 
 const JOINT: Shape = Shape {
     attributes: &["name", "type", "independent"],
@@ -206,7 +207,6 @@ fn universal(
         }
         return None;
     };
-    let dot = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
     let cosine = dot(axis, axis2) / (dot(axis, axis) * dot(axis2, axis2)).sqrt();
     if cosine.abs() > 1.0 - 1e-6 {
         let found = format!("the axes of the universal joint {} are parallel", quoted(joint));

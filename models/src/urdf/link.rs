@@ -114,10 +114,10 @@ pub(super) fn check(link: &LinkEntry, is_root: bool, diagnostics: &mut Diagnosti
     let no_inertia = inertia == [0.0; 6];
     if mass < 0.0 {
         let found = format!("the mass of link {name} is {mass}");
-        diagnostics.inertia(span, found, "zero or more", "correct the value");
+        diagnostics.dynamics(span, found, "zero or more", "correct the value");
     } else if mass == 0.0 && !no_inertia {
         let found = format!("link {name} has inertia but no mass");
-        diagnostics.inertia(span, found, "a mass, or zero inertia too", "correct one of them");
+        diagnostics.dynamics(span, found, "a mass, or zero inertia too", "correct one of them");
     } else if mass == 0.0 && !is_root {
         massless(span, "zero mass", diagnostics);
     } else if no_inertia && !is_root {
@@ -138,5 +138,5 @@ pub(super) fn check(link: &LinkEntry, is_root: bool, diagnostics: &mut Diagnosti
             "none above the sum of the others",
         ),
     };
-    diagnostics.inertia(span, found, expected, "correct the inertia about the centre of mass");
+    diagnostics.dynamics(span, found, expected, "correct the inertia about the centre of mass");
 }

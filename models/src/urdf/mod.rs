@@ -4,6 +4,7 @@ mod closing;
 mod compound;
 mod couplings;
 mod dynamics;
+mod gazebo;
 mod guard;
 mod joint;
 mod link;
@@ -25,6 +26,7 @@ pub(crate) use link::{LinkEntry, Weight};
 use crate::report::{Diagnostics, Span, quoted};
 use crate::text::Text;
 use dynamics::Rotor;
+use gazebo::Extras;
 use transmission::{Dependence, Gear};
 use xml::{Reader, Shape};
 
@@ -114,10 +116,12 @@ impl Urdf {
         let mut urdf = Urdf::of_robot(&mut reader, root)?;
         let mut rotors: Vec<Rotor> = Vec::new();
         let mut dependences: Vec<Dependence> = Vec::new();
-        for node in root.children().filter(|node| node.is_element() && closing::is_closing(*node)) {
+        for node in root.children().filter(|node| node.is_element() && xml::is_closing(*node)) {
             urdf.closings.extend(closing::read(&mut reader, node));
         }
         urdf.name_closings(reader.diagnostics);
+        let mut extras = Extras::default();
+        root.children().for_each(|node| extras.read(&mut reader, node));
         let mut couplings: Vec<Gear> = Vec::new();
         for node in reader.children(root, &ROBOT) {
             match node.tag_name().name() {
@@ -134,8 +138,10 @@ impl Urdf {
             compound::expand(std::mem::take(&mut urdf.joints), &mut urdf.links, reader.diagnostics);
         urdf.index_names(reader.diagnostics);
         urdf.couple(dependences, reader.diagnostics);
+        urdf.couple_again(extras.couplings, reader.diagnostics);
         urdf.mesh(&couplings, reader.diagnostics);
         urdf.add_rotors(&rotors, reader.diagnostics);
+        urdf.add_springs(&extras.springs, reader.diagnostics);
         urdf.check_size(reader.diagnostics);
         let is_root = topology::check(&urdf, reader.diagnostics);
         urdf.root = is_root.iter().position(|is_root| *is_root);

@@ -34,6 +34,25 @@ pub(super) fn child<'a, 't>(node: Node<'a, 't>, name: &str) -> Option<Node<'a, '
     node.children().find(|child| child.has_tag_name(name))
 }
 
+/// Whether an element of the robot is a loop.
+pub(super) fn is_closing(node: Node<'_, '_>) -> bool {
+    let name = node.tag_name().name();
+    match drake(node) {
+        Some(name) => name.ends_with("_constraint") || name == "linear_bushing_rpy",
+        None => {
+            node.tag_name().namespace().is_none()
+                && matches!(name, "gazebo" | "loop" | "loop_joint" | "constraint")
+        }
+    }
+}
+
+/// The name of an element of Drake, whether its prefix is declared or not.
+pub(super) fn drake<'a>(node: Node<'a, '_>) -> Option<&'a str> {
+    let name = node.tag_name().name();
+    let is_declared = node.tag_name().namespace().is_some_and(|space| space.contains("drake"));
+    if is_declared { Some(name) } else { name.strip_prefix("drake_") }
+}
+
 /// Parses the text as XML; `None` after an error.
 pub(super) fn parse<'t>(text: &'t Text, diagnostics: &mut Diagnostics) -> Option<Document<'t>> {
     if !guard::is_harmless(text, diagnostics) {
@@ -161,7 +180,7 @@ impl<'t, 'f> Reader<'t, 'f> {
                 continue;
             }
             // a separate reader handles loops
-            if super::closing::is_closing(child) && shape.many.contains(&"link") {
+            if is_closing(child) && shape.many.contains(&"link") {
                 continue;
             }
             if !is_ours || !(shape.ignored.contains(&name) || shape.ignored == ["*"]) {

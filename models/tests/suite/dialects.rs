@@ -6,7 +6,7 @@ use sarrus_models::Loaded;
 use super::*;
 
 /// A four-bar, cut between the ends of coupler and rocker at (1, 0, 1), with `inside` behind it.
-fn four_bar(inside: &str) -> String {
+pub(super) fn four_bar(inside: &str) -> String {
     let link = |name: &str| {
         format!(
             r#"<link name="{name}"><inertial><mass value="1"/>
@@ -40,7 +40,7 @@ fn yaml(cut: &str) -> String {
     )
 }
 
-fn good(urdf: &str, yaml: Option<&str>) -> Loaded {
+pub(super) fn good(urdf: &str, yaml: Option<&str>) -> Loaded {
     let source = Source::Text { urdf: urdf.into(), submechanisms: yaml.map(Into::into) };
     load(&source, &Options::default()).unwrap_or_else(|error| panic!("{error}"))
 }
@@ -63,12 +63,12 @@ fn a_cut_lies_between_the_frames_of_two_links() {
 }
 
 /// The four-bar's crank has a motor.
-const MOTOR: &str = r#"<transmission name="t"><type>transmission_interface/SimpleTransmission</type>
+pub(super) const MOTOR: &str = r#"<transmission name="t"><type>transmission_interface/SimpleTransmission</type>
     <joint name="crank_joint"><hardwareInterface>EffortJointInterface</hardwareInterface></joint>
     <actuator name="m"><mechanicalReduction>1</mechanicalReduction></actuator></transmission>"#;
 
 /// The loop in the words of each program; each with the same meaning.
-const DIALECTS: [(&str, &str); 6] = [
+pub(super) const DIALECTS: [(&str, &str); 6] = [
     (
         "gazebo",
         r#"<gazebo><joint name="pin" type="revolute"><parent>coupler</parent><child>rocker</child>

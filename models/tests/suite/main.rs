@@ -19,6 +19,7 @@ mod compounds;
 mod cuts;
 mod dialects;
 mod fingerprints;
+mod gazebo;
 mod hostile;
 mod loops;
 mod other_faults;

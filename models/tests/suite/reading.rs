@@ -222,7 +222,7 @@ fn what_other_programs_read_may_be_faulty() {
         URDF,
         "<link name=\"base\"/>",
         "<link name=\"base\"><visual><origin xyz=\"0 x\"/><geometry/></visual></link><gazebo \
-         reference=\"base\"><link name=\"rod\"/></gazebo>",
+         reference=\"base\"><sensor><link name=\"rod\"/></sensor></gazebo>",
     );
     let read = good(&urdf, Some(YAML));
     assert_eq!(read.report.to_string(), "");

@@ -20,7 +20,7 @@ pub(crate) struct RobotFlags {
     /// Gravity in root axes, m/s².
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,-9.81", allow_hyphen_values = true)]
     gravity: Gravity,
-    /// Faults of mass and inertia are warnings.
+    /// Faults of mass and inertia, and effects that are not modelled, are warnings.
     #[arg(long)]
     lenient: bool,
     /// The root link hangs on the world by a free joint without actuator, `floating_base`: six
