@@ -12,6 +12,9 @@ use crate::submechanisms::{
 };
 use crate::urdf::{JointEntry, Urdf, Weight};
 
+/// Deviation of an axis from unit length that the rounding of a file explains.
+const ROUNDED: f64 = 1e-6;
+
 /// The positions of a description's parts in the files.
 #[derive(Debug)]
 pub(crate) struct Spans {
@@ -229,10 +232,21 @@ fn closed_loop(urdf: &Urdf, each: LoopValues) -> Option<Loop> {
         None => each
             .constraint_axes?
             .into_iter()
-            .map(|row| Row { name: row.name, axis: row.axis, against: None })
+            .map(|row| Row { name: row.name, axis: of_unit_length(row.axis), against: None })
             .collect(),
     };
     Some(Loop { name, predecessor, successor, cut, rows })
+}
+
+/// A constraint axis of which the longer part, of the turn or of the translation, has unit length;
+/// unchanged where it has that up to rounding.
+fn of_unit_length(axis: [f64; 6]) -> [f64; 6] {
+    let largest = axis.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
+    let length = |part: &[f64]| part.iter().map(|x| (x / largest).powi(2)).sum::<f64>().sqrt();
+    let (turn, translation) = axis.split_at(3);
+    let longer = length(turn).max(length(translation));
+    let is_unit = (longer * largest - 1.0).abs() <= ROUNDED;
+    if is_unit { axis } else { axis.map(|x| x / largest / longer) }
 }
 
 fn placement(values: PlacementValues) -> Placement {

@@ -173,7 +173,11 @@ fn tied(
     let is = |is_true: bool| {
         move |j: &&usize| joint(j).is_some_and(|of| of.independent == Some(is_true))
     };
-    let declared: Vec<usize> = tree.iter().filter(is(true)).copied().collect();
+    let mut declared: Vec<usize> = tree.iter().filter(is(true)).copied().collect();
+    if declared.is_empty() && tree.iter().any(|j| is(false)(&j)) {
+        // URDF+ marks the dependent joints; the others are independent
+        declared = tree.iter().filter(free).filter(|j| !is(false)(j)).copied().collect();
+    }
     let is_actuated = |j: &&usize| joint(j).is_some_and(|of| urdf.actuated.contains(&of.name));
     let actuated: Vec<usize> = tree.iter().filter(free).filter(is_actuated).copied().collect();
     let (independent, active) = match (declared.is_empty(), actuated.is_empty()) {

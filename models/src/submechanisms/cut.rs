@@ -63,7 +63,7 @@ fn direction(node: &Node, key: &str, diagnostics: &mut Diagnostics) -> Option<[f
     let axis = numbers::<3>(node, "the loop constraint", key, diagnostics)?;
     let size = axis.iter().fold(0.0_f64, |size, x| size.max(x.abs()));
     // far from unit length its square would leave the range of numbers
-    if (1e-6..=1e6).contains(&size) {
+    if (1e-50..=1e50).contains(&size) {
         return Some(axis);
     }
     let span = node.get(key).map_or(node.span, |value| value.span);

@@ -239,7 +239,7 @@ fn drake_constraint<'t>(
 pub(super) fn closing(reader: &mut Reader<'_, '_>, closing: Closing) -> Option<Closing> {
     let bad = [closing.axis, closing.axis2].into_iter().find(|axis| {
         let size = axis.iter().fold(0.0_f64, |size, x| size.max(x.abs()));
-        !(1e-6..=1e6).contains(&size)
+        !(1e-50..=1e50).contains(&size)
     });
     if bad.is_some() {
         let found = format!("an axis of the loop {} has no direction", quoted(&closing.name));

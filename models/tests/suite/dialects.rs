@@ -277,3 +277,30 @@ fn a_loop_between_links_that_do_not_move_is_a_warning() {
     assert!(loaded.report.to_string().contains("the loop `weld` lies between links that do not"));
     assert_eq!(loaded.compiled.model.loop_names().len(), 0);
 }
+
+/// As GRBDA's six_bar and planar_leg_linkage: two of the joints are marked, and the zero pose is a
+/// dead point where the gap is that of rounding.
+#[test]
+fn the_joints_that_urdf_plus_does_not_mark_dependent_are_independent() {
+    let marked = |names: &[&str], urdf: String| {
+        names.iter().fold(urdf, |urdf, name| {
+            let joint = format!("<joint name=\"{name}\"");
+            urdf.replace(&joint, &joint.replace("<joint", "<joint independent=\"false\""))
+        })
+    };
+    let urdf = marked(&["coupler_joint", "rocker_joint"], four_bar(DIALECTS[1].1));
+    let loaded = good(&urdf, None);
+    assert_eq!(loaded.compiled.model.independent_names(), ["crank_joint"]);
+    assert_eq!(loaded.compiled.model.active_names(), ["crank_joint"]);
+    // stretched: 0.096 + 0.031 = 0.011 + 0.096 + 0.02 up to rounding
+    let flat = urdf
+        .replace("xyz=\"0 0 1\"/><axis", "xyz=\"0.096 0 0\"/><axis")
+        .replace("1.2 0 0", "0.031 0 0")
+        .replace("<origin xyz=\"1 0 0\"/>", "<origin xyz=\"0.031 0 0\"/>")
+        .replace("<origin xyz=\"-0.2 0 1\"/>", "<origin xyz=\"0.0960000000000001 0 0\"/>");
+    let reported = good(&flat, None).report.to_string();
+    assert!(reported.contains("the zero pose is a dead point of pin"), "{reported}");
+    // a loop that is open at zero says so
+    let open = reported_of(urdf.replace("-0.2 0 1", "-0.2 0 1.1").as_bytes(), None, false);
+    assert!(open.contains("a loop that is open by 1.000e-1 m (or rad)"), "{open}");
+}

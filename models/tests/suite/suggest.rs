@@ -76,3 +76,56 @@ fn every_bundled_robot_keeps_what_it_has() {
         }
     }
 }
+
+/// A leg as Cassie's: a rod on a ball joint of the hip, cut at the heel, where it is a ball too.
+fn leg(independent: &str) -> (String, String) {
+    let link = |name: &str| {
+        format!(
+            r#"<link name="{name}"><inertial><mass value="1"/>
+            <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>"#
+        )
+    };
+    let joint = |name: &str, kind: &str, links: [&str; 2], xyz: &str| {
+        format!(
+            r#"<joint name="{name}" type="{kind}"><parent link="{}"/><child link="{}"/>
+            <origin xyz="{xyz}"/><axis xyz="0 0 1"/></joint>"#,
+            links[0], links[1]
+        )
+    };
+    let urdf = [
+        "<robot name=\"leg\"><link name=\"hip\"/>".to_owned(),
+        ["rod", "thigh", "shin", "tarsus", "heel"].map(link).concat(),
+        joint("ball", "spherical", ["hip", "rod"], "0 0 0.045"),
+        joint("knee", "continuous", ["hip", "thigh"], "0.12 0 0.005"),
+        joint("spring", "continuous", ["thigh", "shin"], "0.06 0.047 0"),
+        joint("ankle", "continuous", ["shin", "tarsus"], "0.43 0.02 0"),
+        joint("back", "continuous", ["tarsus", "heel"], "-0.013 -0.03 0"),
+        "</robot>".to_owned(),
+    ];
+    let yaml = format!(
+        "submechanisms:\n- type: NUMERICAL\n  contextual_name: leg\n  \
+         jointnames_spanningtree: [ball, knee, spring, ankle, back]\n  \
+         jointnames_independent: [{independent}]\n  jointnames_active: [knee]\n  \
+         loop_constraints:\n  - {{cut_joint: end, predecessor_body: rod, successor_body: heel, \
+         cut_joint_type: spherical, predecessor_placement: {{xyz: [0.487, 0.027, -0.02]}}, \
+         successor_placement: {{xyz: [-0.11, -0.01, 0.02]}}}}\n"
+    );
+    (urdf.concat(), yaml)
+}
+
+/// A ball joint turns in one direction of the loop only, which a file cannot name.
+#[test]
+fn independents_are_whole_joints() {
+    for (independent, named) in [
+        ("knee, spring", "such as [knee, spring, back]"),
+        ("knee, ball", "write jointnames_independent: [knee, ankle, back]"),
+        ("knee, spring, ankle, back", "write jointnames_independent: [knee, spring, ankle]"),
+    ] {
+        let (urdf, yaml) = leg(independent);
+        let reported = super::reported(&urdf, &yaml);
+        assert!(reported.contains(named), "{independent}: {reported}");
+        let yaml = suggested(&urdf, Some(&yaml));
+        assert!(yaml.contains("jointnames_independent: [knee, spring, "), "{yaml}");
+        assert!(yaml.contains("rods that spin idly, by the joint that stands still: ball"));
+    }
+}

@@ -32,9 +32,9 @@ use std::sync::Arc;
 use sarrus_proto::ModelInfo;
 
 use crate::closure::Closure;
-use crate::description::Description;
+use crate::description::{Description, SubmechanismKind};
 use crate::diagnostic::{CompileError, Diagnostic, Site};
-use crate::model::{Compiled, Model};
+use crate::model::{ClosureAtZero, Compiled, Model};
 use crate::scalar::{Dd, Real};
 
 pub(crate) use assemble::Assembly;
@@ -111,7 +111,14 @@ fn warn_of_dead_points(
     warnings: &mut Vec<Diagnostic>,
 ) {
     let at_zero = model.closures_at_zero();
-    for (s, loops) in at_zero.iter().enumerate().filter(|(_, loops)| loops.sigma_min < SINGULAR) {
+    // couplings alone are linear, however their sizes differ
+    let has_loops = |s: usize| {
+        let of = &description.submechanisms[s];
+        of.kind != SubmechanismKind::Transmission || !of.loops.is_empty()
+    };
+    let singular =
+        |(s, loops): &(usize, &ClosureAtZero)| loops.sigma_min < SINGULAR && has_loops(*s);
+    for (s, loops) in at_zero.iter().enumerate().filter(singular) {
         warnings.push(Diagnostic::new(
             Site::Submechanism(s),
             format!(
