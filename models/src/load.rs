@@ -108,10 +108,44 @@ fn bundled_contents(name: &str) -> Result<Contents, LoadError> {
 /// variants are for sources that cannot be read at all.
 pub fn load(source: &Source, options: &Options) -> Result<Loaded, LoadError> {
     let mut diagnostics = Diagnostics::new(options.lenient);
+    let contents = contents(source, &mut diagnostics)?;
+    load_contents(contents, options, diagnostics)
+}
+
+/// As [`load`], of contents that may be missing after an error.
+pub(crate) fn load_contents(
+    contents: Option<Contents>,
+    options: &Options,
+    mut diagnostics: Diagnostics,
+) -> Result<Loaded, LoadError> {
     let mut robot = None;
-    let loaded = contents(source, &mut diagnostics)?
-        .and_then(|contents| read(contents, options, &mut diagnostics, &mut robot));
+    let loaded =
+        contents.and_then(|contents| read(contents, options, &mut diagnostics, &mut robot));
     Loaded::new(loaded, Report { robot, ..diagnostics.into_report() })
+}
+
+/// A URDF and its joints, without its loops and without submechanisms.
+pub(crate) fn urdf_alone(
+    (name, bytes): (String, Vec<u8>),
+    options: &Options,
+) -> Result<(Urdf, Description), LoadError> {
+    let mut diagnostics = Diagnostics::new(options.lenient);
+    let mut text = Text::new(&name, bytes, &mut diagnostics);
+    let urdf = text.as_mut().and_then(|text| read_urdf(text, &mut diagnostics));
+    let urdf = urdf.map(|mut urdf| {
+        urdf.check_couplings(&mut diagnostics);
+        urdf
+    });
+    let described = urdf.filter(|_| !diagnostics.has_errors()).and_then(|urdf| {
+        let description = build::description(&urdf, None, options.gravity)?;
+        Some((urdf, description))
+    });
+    described.ok_or_else(|| LoadError::Faults(diagnostics.into_report()))
+}
+
+fn read_urdf(text: &mut Text, diagnostics: &mut Diagnostics) -> Option<Urdf> {
+    text.join_stray_prefix("drake", diagnostics);
+    Urdf::read(text, diagnostics)
 }
 
 impl Loaded {
@@ -192,10 +226,7 @@ pub(crate) fn describe(
     // every fault of each file, even if the other one is faulty
     let (urdf_name, bytes) = contents.urdf;
     let mut urdf_text = Text::new(&urdf_name, bytes, diagnostics);
-    if let Some(text) = &mut urdf_text {
-        text.join_stray_prefix("drake", diagnostics);
-    }
-    let mut urdf = urdf_text.as_ref().and_then(|text| Urdf::read(text, diagnostics));
+    let mut urdf = urdf_text.as_mut().and_then(|text| read_urdf(text, diagnostics));
     *robot = urdf.as_ref().map(|urdf| urdf.name.clone());
     let with_submechanisms = contents.submechanisms.is_some();
     let submechanism_text =

@@ -38,6 +38,7 @@ use crate::model::{ClosureAtZero, Compiled, Model};
 use crate::scalar::{Dd, Real};
 
 pub(crate) use assemble::Assembly;
+pub use canonical::fitting_types;
 pub(crate) use geometry::{link_pose, pose as pose_of, unit_of};
 pub(crate) use structure::Structure;
 pub use suggest::{SuggestedIndependents, suggest_independents};
