@@ -18,12 +18,6 @@ use pose::Numbers;
 #[derive(Args)]
 #[command(after_long_help = closures::LEGEND)]
 pub(crate) struct Check {
-    /// A URDF file, as --urdf.
-    #[arg(value_name = "FILE.urdf", group = "SourceFlags")]
-    urdf_file: Option<PathBuf>,
-    /// Its submechanism file, as --submechanisms.
-    #[arg(value_name = "FILE.yml", requires = "urdf_file", conflicts_with = "submechanisms")]
-    submechanisms_file: Option<PathBuf>,
     #[command(flatten)]
     robot: RobotFlags,
     #[command(flatten)]
@@ -56,8 +50,7 @@ pub(crate) struct Check {
 }
 
 impl Check {
-    pub(crate) fn run(mut self) -> Outcome {
-        self.robot.add_files(self.urdf_file.take(), self.submechanisms_file.take());
+    pub(crate) fn run(self) -> Outcome {
         if self.suggest {
             return self.suggestion();
         }
