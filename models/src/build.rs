@@ -16,7 +16,7 @@ use crate::urdf::{JointEntry, Urdf, Weight};
 const ROUNDED: f64 = 1e-6;
 
 /// The positions of a description's parts in the files.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Spans {
     robot: Span,
     links: Vec<Span>,
@@ -24,7 +24,7 @@ pub(crate) struct Spans {
     submechanisms: Vec<SubmechanismSpan>,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct SubmechanismSpan {
     span: Span,
     loops: Vec<(Span, Vec<Span>)>,

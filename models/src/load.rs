@@ -80,6 +80,9 @@ pub struct Loaded {
     pub compiled: Compiled,
     /// Warnings.
     pub report: Report,
+    /// Positions of the description's parts, and the names of the files.
+    pub(crate) spans: Spans,
+    pub(crate) files: Vec<String>,
 }
 
 /// The contents of a bundled robot.
@@ -121,7 +124,7 @@ pub(crate) fn load_contents(
     let mut robot = None;
     let loaded =
         contents.and_then(|contents| read(contents, options, &mut diagnostics, &mut robot));
-    Loaded::new(loaded, Report { robot, ..diagnostics.into_report() })
+    Loaded::new(loaded, robot, diagnostics)
 }
 
 /// A URDF and its joints, without its loops and without submechanisms.
@@ -151,12 +154,15 @@ fn read_urdf(text: &mut Text, diagnostics: &mut Diagnostics) -> Option<Urdf> {
 impl Loaded {
     /// A robot without a fault.
     pub(crate) fn new(
-        robot: Option<(Description, Compiled)>,
-        report: Report,
+        loaded: Option<(Description, Spans, Compiled)>,
+        robot: Option<String>,
+        diagnostics: Diagnostics,
     ) -> Result<Loaded, LoadError> {
-        match robot {
-            Some((description, compiled)) if report.errors.is_empty() => {
-                Ok(Loaded { description, compiled, report })
+        let files = diagnostics.files().to_vec();
+        let report = Report { robot, ..diagnostics.into_report() };
+        match loaded {
+            Some((description, spans, compiled)) if report.errors.is_empty() => {
+                Ok(Loaded { description, compiled, report, spans, files })
             }
             _ => Err(LoadError::Faults(report)),
         }
@@ -208,12 +214,12 @@ fn read(
     options: &Options,
     diagnostics: &mut Diagnostics,
     robot: &mut Option<String>,
-) -> Option<(Description, Compiled)> {
+) -> Option<(Description, Spans, Compiled)> {
     let (description, spans) = describe(contents, options, diagnostics, robot)?;
     let (description, spans) =
         scene::reduce((&options.lock, &options.only), description, spans, diagnostics)?;
     let compiled = compile(&description, &spans, diagnostics)?;
-    Some((description, compiled))
+    Some((description, spans, compiled))
 }
 
 /// Reads; `None` after a fault.

@@ -61,7 +61,7 @@ impl Opened {
     pub fn compile(&self, description: Description) -> Result<Loaded, LoadError> {
         let mut diagnostics = self.diagnostics.clone();
         let compiled = compile(&description, &self.spans, &mut diagnostics);
-        let robot = compiled.map(|compiled| (description, compiled));
-        Loaded::new(robot, Report { robot: self.robot.clone(), ..diagnostics.into_report() })
+        let loaded = compiled.map(|compiled| (description, self.spans.clone(), compiled));
+        Loaded::new(loaded, self.robot.clone(), diagnostics)
     }
 }

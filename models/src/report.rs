@@ -135,6 +135,11 @@ impl Diagnostics {
         self.files.len() as u32 - 1
     }
 
+    /// The names of the files, by their numbers.
+    pub(crate) fn files(&self) -> &[String] {
+        &self.files
+    }
+
     /// Adds a fault.
     pub fn error(
         &mut self,

@@ -18,6 +18,7 @@ mod as_published;
 mod compounds;
 mod cuts;
 mod dialects;
+mod dimensions;
 mod fingerprints;
 mod gazebo;
 mod hostile;

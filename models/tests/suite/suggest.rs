@@ -131,7 +131,7 @@ fn independents_are_whole_joints() {
 }
 
 /// The slider-crank of the README, and its submechanism file with this type and without its loop.
-fn slider_crank(type_name: &str) -> (String, String) {
+pub(super) fn slider_crank(type_name: &str) -> (String, String) {
     let readme = include_str!("../../README.md");
     let block = |language: &str| {
         let start = readme.split(&format!("```{language}\n")).nth(1).unwrap();

@@ -102,7 +102,7 @@ impl<'a> Subject<'a> {
 }
 
 /// Rank, rows and blocks of a cluster; faults where the mobility does not fit the declared
-/// independents. Couplings that are solved determine every dependent, whatever their size.
+/// independents. Couplings that are solved determine every dependent, of any size.
 pub(super) fn analyse(
     subject: &Subject<'_>,
     is_solved: bool,

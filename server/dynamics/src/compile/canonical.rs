@@ -2,12 +2,15 @@
 
 use nalgebra::Vector3;
 
-use crate::compile::closed_forms::TYPES;
+use crate::compile::CLOSED_FORMS;
 use crate::compile::geometry::{link_pose, unit, vector};
 use crate::description::{Cut, Description, JointKind, Loop, Row, Submechanism, SubmechanismKind};
 use crate::diagnostic::{Diagnostic, Site};
 use crate::scalar::{Dd, Real, Triple};
 use crate::spatial::Matrix;
+
+/// Joints of the largest type that defines its loops.
+const MOST_JOINTS: usize = 24;
 
 /// The loops of a submechanism: the given ones, or the defaults of its type.
 pub(super) fn loops(
@@ -64,6 +67,11 @@ pub(super) fn loops(
     })
 }
 
+/// The loops of a submechanism: the given ones, or those of its type; none after a fault.
+pub fn loops_of(description: &Description, s: usize) -> Vec<Loop> {
+    loops(description, s, &mut Vec::new())
+}
+
 /// The loops that a type defines on these joints; `None` where their geometry is another.
 fn of_type(description: &Description, submechanism: &Submechanism) -> Option<Vec<Loop>> {
     match submechanism.kind {
@@ -84,6 +92,10 @@ pub fn fitting_types(
     description: &Description,
     submechanism: &Submechanism,
 ) -> Vec<(&'static str, Vec<usize>)> {
+    // a hostile file has more joints than any of these types, and the search is quadratic
+    if submechanism.spanning_tree.len() > MOST_JOINTS || submechanism.independent.len() > 6 {
+        return Vec::new();
+    }
     let orders: Vec<Vec<usize>> = match submechanism.spanning_tree[..] {
         [a, b, c] => [[a, b, c], [a, c, b], [b, a, c], [b, c, a], [c, a, b], [c, b, a]]
             .map(|order| order.to_vec())
@@ -98,7 +110,7 @@ pub fn fitting_types(
         };
         orders.iter().find(has).map(|order| (name, order.clone()))
     };
-    TYPES.into_iter().filter_map(fits).collect()
+    CLOSED_FORMS.into_iter().filter_map(fits).collect()
 }
 
 /// RRPR: rocker, stator, slider; the pin is the slider's origin, tied to the rocker along the

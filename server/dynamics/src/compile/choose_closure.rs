@@ -4,6 +4,7 @@
 use sarrus_proto::{ClosureInfo, ClosureKind};
 
 use crate::closure::{Closure, Numerical};
+use crate::compile::CLOSED_FORMS;
 use crate::compile::assemble::{Assembly, Labels};
 use crate::compile::closed_forms::{self, Form};
 use crate::description::{Description, SubmechanismKind};
@@ -55,7 +56,7 @@ impl Candidate<'_> {
                 let form = form(*other)?.ok().filter(|form| form.misfit_size() <= POLISHABLE)?;
                 Some((*name, *other, form))
             };
-            if let Some((name, other, form)) = closed_forms::TYPES.iter().find_map(fits) {
+            if let Some((name, other, form)) = CLOSED_FORMS.iter().find_map(fits) {
                 warnings.push(self.other_geometry(reason, name));
                 (kind, found) = (other, Some(Ok(form)));
             }

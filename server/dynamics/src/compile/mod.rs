@@ -38,10 +38,22 @@ use crate::model::{ClosureAtZero, Compiled, Model};
 use crate::scalar::{Dd, Real};
 
 pub(crate) use assemble::Assembly;
-pub use canonical::fitting_types;
+pub use canonical::{fitting_types, loops_of};
 pub(crate) use geometry::{link_pose, pose as pose_of, unit_of};
 pub(crate) use structure::Structure;
 pub use suggest::{SuggestedIndependents, suggest_independents};
+
+/// The types with a closed form, in the order in which they are tried on a loop of another type.
+const CLOSED_FORMS: [(&str, SubmechanismKind); 8] = [
+    ("RRPR", SubmechanismKind::Rrpr),
+    ("SLIDERCRANK", SubmechanismKind::SliderCrank),
+    ("FOURBAR", SubmechanismKind::FourBar),
+    ("2SPU+1U", SubmechanismKind::Spu2U1),
+    ("2SPRR+1U", SubmechanismKind::Sprr2U1),
+    ("2SURRPR+1U", SubmechanismKind::Surrpr2U1),
+    ("6UPS", SubmechanismKind::Ups6),
+    ("PARALLELOGRAMCHAIN", SubmechanismKind::ParallelogramChain),
+];
 
 /// Distance to singularity of the zero pose below which a warning is given.
 const SINGULAR: f64 = 1e-9;

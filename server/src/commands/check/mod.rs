@@ -2,6 +2,7 @@
 
 mod assembled;
 mod closures;
+mod dimensions;
 mod plan;
 mod pose;
 
@@ -154,6 +155,9 @@ fn in_words(report: &CheckReport) -> String {
     if let Some(bound) = &report.bound {
         let us = bound.ns / 1e3;
         text += &format!("\nbound        {} Newton steps, {us:.0} µs a state\n", bound.steps);
+    }
+    if let Some(dimensions) = &report.dimensions {
+        text += &dimensions::in_words(dimensions);
     }
     if let Some(assembled) = &report.assembled {
         text += "\n";

@@ -71,18 +71,6 @@ impl Form {
     }
 }
 
-/// The types with a closed form, in the order in which they are tried on a loop of another type.
-pub(super) const TYPES: [(&str, SubmechanismKind); 8] = [
-    ("RRPR", SubmechanismKind::Rrpr),
-    ("SLIDERCRANK", SubmechanismKind::SliderCrank),
-    ("FOURBAR", SubmechanismKind::FourBar),
-    ("2SPU+1U", SubmechanismKind::Spu2U1),
-    ("2SPRR+1U", SubmechanismKind::Sprr2U1),
-    ("2SURRPR+1U", SubmechanismKind::Surrpr2U1),
-    ("6UPS", SubmechanismKind::Ups6),
-    ("PARALLELOGRAMCHAIN", SubmechanismKind::ParallelogramChain),
-];
-
 /// The closed form of a type on this cluster with its coordinates at the zero pose: `None` for a
 /// type without one, `Some(Err)` with the mismatch of the cluster.
 pub(super) fn build(
