@@ -1,7 +1,7 @@
 //! Builds the [`Description`] from checked files, and maps its parts back to their positions.
 
 use sarrus_dynamics::description::{
-    Coupling, Cut, Description, Joint, Link, Loop, Placement, Row, Submechanism,
+    Coupling, Cut, Description, Joint, JointKind, Limits, Link, Loop, Placement, Row, Submechanism,
 };
 use sarrus_dynamics::{Diagnostic, Reduced, Site};
 
@@ -10,10 +10,13 @@ use crate::report::{Diagnostics, Span};
 use crate::submechanisms::{
     Entry, EntryValues, LoopValues, PlacementValues, Submechanisms, kind_named,
 };
-use crate::urdf::{Urdf, Values};
+use crate::urdf::{JointEntry, Urdf, Weight};
+
+/// Deviation of an axis from unit length that the rounding of a file explains.
+const ROUNDED: f64 = 1e-6;
 
 /// The positions of a description's parts in the files.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Spans {
     robot: Span,
     links: Vec<Span>,
@@ -21,7 +24,7 @@ pub(crate) struct Spans {
     submechanisms: Vec<SubmechanismSpan>,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct SubmechanismSpan {
     span: Span,
     loops: Vec<(Span, Vec<Span>)>,
@@ -118,19 +121,20 @@ impl Spans {
 }
 
 /// The description of checked files, with the submechanisms that a file lists; `None` if the two
-/// readings of a file differ, which should never happen to a checked file.
+/// readings of the submechanism file differ, which should never happen to a checked file.
 pub(crate) fn description(
     urdf: &Urdf,
-    values: Values,
     entries: Option<Vec<EntryValues>>,
     gravity: [f64; 3],
 ) -> Option<Description> {
-    let links = urdf
-        .links
-        .iter()
-        .zip(values.inertials)
-        .map(|(link, inertial)| Link { name: link.name.clone(), inertial });
-    let joints = urdf.joints.iter().zip(values.joints).map(|(entry, value)| {
+    let links = urdf.links.iter().map(|link| {
+        let inertial = match link.inertial {
+            Weight::Given { inertial, .. } => Some(inertial),
+            Weight::Absent | Weight::Malformed => None,
+        };
+        Link { name: link.name.clone(), inertial }
+    });
+    let joints = urdf.joints.iter().map(|entry| {
         let terms = entry
             .masters
             .iter()
@@ -142,9 +146,9 @@ pub(crate) fn description(
             kind: entry.kind?,
             parent: urdf.link_at(&entry.parent)?,
             child: urdf.link_at(&entry.child)?,
-            origin: value.origin,
-            axis: value.axis,
-            limits: value.limits,
+            origin: entry.origin,
+            axis: entry.axis,
+            limits: limits(entry),
             coupling: (!terms.is_empty()).then_some(Coupling { terms, offset }),
             terms: entry.terms,
         })
@@ -161,6 +165,18 @@ pub(crate) fn description(
         gravity,
         zero_pose: Vec::new(),
     })
+}
+
+/// The limits of a joint of one axis; a continuous one has no range.
+fn limits(entry: &JointEntry) -> Option<Limits> {
+    let limits = entry.limits?;
+    match entry.kind? {
+        JointKind::Revolute | JointKind::Prismatic => Some(limits),
+        JointKind::Continuous => {
+            Some(Limits { lower: f64::NEG_INFINITY, upper: f64::INFINITY, ..limits })
+        }
+        _ => None,
+    }
 }
 
 fn submechanism(urdf: &Urdf, entry: EntryValues) -> Option<Submechanism> {
@@ -216,10 +232,21 @@ fn closed_loop(urdf: &Urdf, each: LoopValues) -> Option<Loop> {
         None => each
             .constraint_axes?
             .into_iter()
-            .map(|row| Row { name: row.name, axis: row.axis, against: None })
+            .map(|row| Row { name: row.name, axis: of_unit_length(row.axis), against: None })
             .collect(),
     };
     Some(Loop { name, predecessor, successor, cut, rows })
+}
+
+/// A constraint axis of which the longer part, of the turn or of the translation, has unit length;
+/// unchanged where it has that up to rounding.
+fn of_unit_length(axis: [f64; 6]) -> [f64; 6] {
+    let largest = axis.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
+    let length = |part: &[f64]| part.iter().map(|x| (x / largest).powi(2)).sum::<f64>().sqrt();
+    let (turn, translation) = axis.split_at(3);
+    let longer = length(turn).max(length(translation));
+    let is_unit = (longer * largest - 1.0).abs() <= ROUNDED;
+    if is_unit { axis } else { axis.map(|x| x / largest / longer) }
 }
 
 fn placement(values: PlacementValues) -> Placement {

@@ -6,9 +6,10 @@ use serde::ser::{SerializeStruct, Serializer};
 
 use crate::assembly_report::AssemblyReport;
 use crate::closures;
+use crate::dimensions::Dimensions;
 use crate::error::LoadError;
 use crate::load::Loaded;
-use crate::report::{Diagnostic, Report};
+use crate::report::{Diagnostic, Diagnostics, Report};
 
 /// One robot as `check --format json` prints it. A faulty robot has only its name, if it was read,
 /// and the diagnostics.
@@ -25,6 +26,8 @@ pub struct CheckReport {
     pub closures: Vec<ClosureReport>,
     /// The bound on the work of a request.
     pub bound: Option<Bound>,
+    /// Dimensions that follow from the files.
+    pub dimensions: Option<Dimensions>,
     /// Warnings.
     pub warnings: Vec<Diagnostic>,
     /// Faults to correct.
@@ -57,10 +60,10 @@ pub struct ClosureReport {
 // the keys of `check --format json`
 impl Serialize for CheckReport {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let CheckReport { robot, fingerprint, model, closures, bound, .. } = self;
+        let CheckReport { robot, fingerprint, model, closures, bound, dimensions, .. } = self;
         let CheckReport { warnings, errors, assembled, .. } = self;
         let names = |of: fn(&ModelInfo) -> &[String]| model.as_ref().map_or(&[][..], of);
-        let n = 11 + usize::from(assembled.is_some());
+        let n = 12 + usize::from(assembled.is_some());
         let mut object = serializer.serialize_struct("CheckReport", n)?;
         object.serialize_field("robot", robot)?;
         object.serialize_field("fingerprint", fingerprint)?;
@@ -71,6 +74,7 @@ impl Serialize for CheckReport {
         object.serialize_field("loops", names(|model| &model.loops))?;
         object.serialize_field("closures", closures)?;
         object.serialize_field("bound", &bound.map(BoundReport::from))?;
+        object.serialize_field("dimensions", dimensions)?;
         object.serialize_field("warnings", warnings)?;
         object.serialize_field("errors", errors)?;
         if let Some(assembled) = assembled {
@@ -155,13 +159,19 @@ impl CheckReport {
                     seeds: at_zero.seeds,
                 }
             });
+        let mut found = Diagnostics::new(false);
+        loaded.files.iter().for_each(|file| _ = found.add_file(file));
+        let dimensions = Dimensions::new(&loaded.description, model, &loaded.spans, &mut found);
+        let mut report = loaded.report.clone();
+        report.warnings.extend(found.into_report().warnings);
         CheckReport {
             robot: Some(model.name().to_owned()),
             fingerprint: Some(format!("{:016x}", model.fingerprint())),
             model: Some(model.info().clone()),
             closures: closures.collect(),
             bound: Some(model.bound()),
-            ..CheckReport::of_diagnostics(&loaded.report)
+            dimensions: Some(dimensions),
+            ..CheckReport::of_diagnostics(&report)
         }
     }
 }

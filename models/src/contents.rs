@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 /// The contents of a source, with the names that messages give them.
+#[derive(Clone)]
 pub(crate) struct Contents {
     pub(crate) urdf: (String, Vec<u8>),
     pub(crate) submechanisms: Option<(String, Vec<u8>)>,

@@ -40,6 +40,8 @@
 //!   without the prefix `drake:`; or `rotor_inertia` and `gear_ratio` on `<dynamics>`. It adds
 //!   ratio² × inertia to the joint. Transmissions without a rotor and without `<depends_on>` are
 //!   ignored.
+//! - `springStiffness`, `springReference` and the mimic plug-in in `<gazebo>`; other elements there
+//!   that change the dynamics are errors, as damping and springs of closing joints are.
 //! - Loops in the elements of other programs (`<gazebo><joint>`, `<loop>`, `<loop_joint>`,
 //!   `<constraint>`, `<drake:ball_constraint>`), and `<coupling>` of URDF+; the README has a table.
 //! - `<mimic>`, and `<transmission>` with `<joint name><depends_on joint multiplier
@@ -66,6 +68,7 @@ mod check;
 pub mod closures;
 mod contents;
 mod cut;
+mod dimensions;
 mod error;
 mod inertia;
 mod load;
@@ -75,6 +78,7 @@ mod open;
 mod pattern;
 mod report;
 mod rewrite;
+mod rotation;
 mod scene;
 mod smurf;
 mod submechanisms;
@@ -90,6 +94,7 @@ pub use assembly_report::{AssemblyReport, Moved, NewPlacements};
 pub use base::Base;
 pub use bundled::{bundled, bundled_text};
 pub use check::{CheckReport, ClosureReport};
+pub use dimensions::{Density, Dimensions, Length, Range};
 pub use error::LoadError;
 pub use load::{Loaded, Options, Source, load, texts};
 pub use names::{nearest, nearest_first};

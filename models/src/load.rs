@@ -15,7 +15,7 @@ use crate::report::{Diagnostics, Report};
 use crate::scene::{self, Lock};
 use crate::submechanisms::{self, Entry, Submechanisms};
 use crate::text::{self, Text};
-use crate::urdf::{self, Urdf};
+use crate::urdf::Urdf;
 use crate::{bundled, smurf, units, unlisted, yaml};
 
 /// The source of a robot.
@@ -46,7 +46,7 @@ pub enum Source {
 pub struct Options {
     /// Gravity in root axes `[m/s²]`.
     pub gravity: [f64; 3],
-    /// Faults of mass and inertia are warnings.
+    /// Faults of mass and inertia, and effects that are not modelled, are warnings.
     pub lenient: bool,
     /// The connection of the root link to the world.
     pub base: Base,
@@ -80,6 +80,9 @@ pub struct Loaded {
     pub compiled: Compiled,
     /// Warnings.
     pub report: Report,
+    /// Positions of the description's parts, and the names of the files.
+    pub(crate) spans: Spans,
+    pub(crate) files: Vec<String>,
 }
 
 /// The contents of a bundled robot.
@@ -108,21 +111,58 @@ fn bundled_contents(name: &str) -> Result<Contents, LoadError> {
 /// variants are for sources that cannot be read at all.
 pub fn load(source: &Source, options: &Options) -> Result<Loaded, LoadError> {
     let mut diagnostics = Diagnostics::new(options.lenient);
+    let contents = contents(source, &mut diagnostics)?;
+    load_contents(contents, options, diagnostics)
+}
+
+/// As [`load`], of contents that may be missing after an error.
+pub(crate) fn load_contents(
+    contents: Option<Contents>,
+    options: &Options,
+    mut diagnostics: Diagnostics,
+) -> Result<Loaded, LoadError> {
     let mut robot = None;
-    let loaded = contents(source, &mut diagnostics)?
-        .and_then(|contents| read(contents, options, &mut diagnostics, &mut robot));
-    Loaded::new(loaded, Report { robot, ..diagnostics.into_report() })
+    let loaded =
+        contents.and_then(|contents| read(contents, options, &mut diagnostics, &mut robot));
+    Loaded::new(loaded, robot, diagnostics)
+}
+
+/// A URDF and its joints, without its loops and without submechanisms.
+pub(crate) fn urdf_alone(
+    (name, bytes): (String, Vec<u8>),
+    options: &Options,
+) -> Result<(Urdf, Description), LoadError> {
+    let mut diagnostics = Diagnostics::new(options.lenient);
+    let mut text = Text::new(&name, bytes, &mut diagnostics);
+    let urdf = text.as_mut().and_then(|text| read_urdf(text, &mut diagnostics));
+    let urdf = urdf.map(|mut urdf| {
+        urdf.check_couplings(&mut diagnostics);
+        urdf
+    });
+    let described = urdf.filter(|_| !diagnostics.has_errors()).and_then(|urdf| {
+        let description = build::description(&urdf, None, options.gravity)?;
+        Some((urdf, description))
+    });
+    described.ok_or_else(|| LoadError::Faults(diagnostics.into_report()))
+}
+
+fn read_urdf(text: &mut Text, diagnostics: &mut Diagnostics) -> Option<Urdf> {
+    text.join_stray_prefix("drake", diagnostics);
+    Urdf::read(text, diagnostics)
 }
 
 impl Loaded {
     /// A robot without a fault.
     pub(crate) fn new(
-        robot: Option<(Description, Compiled)>,
-        report: Report,
+        loaded: Option<(Description, Spans, Compiled)>,
+        robot: Option<String>,
+        diagnostics: Diagnostics,
     ) -> Result<Loaded, LoadError> {
-        match robot {
-            Some((description, compiled)) if report.errors.is_empty() => {
-                Ok(Loaded { description, compiled, report })
+        let files = diagnostics.files().to_vec();
+        let report = Report { robot, ..diagnostics.into_report() };
+        match loaded {
+            Some((description, spans, compiled)) if report.errors.is_empty() => {
+                Ok(Loaded { description, compiled, report, spans, files })
             }
             _ => Err(LoadError::Faults(report)),
         }
@@ -174,12 +214,12 @@ fn read(
     options: &Options,
     diagnostics: &mut Diagnostics,
     robot: &mut Option<String>,
-) -> Option<(Description, Compiled)> {
+) -> Option<(Description, Spans, Compiled)> {
     let (description, spans) = describe(contents, options, diagnostics, robot)?;
     let (description, spans) =
         scene::reduce((&options.lock, &options.only), description, spans, diagnostics)?;
     let compiled = compile(&description, &spans, diagnostics)?;
-    Some((description, compiled))
+    Some((description, spans, compiled))
 }
 
 /// Reads; `None` after a fault.
@@ -192,10 +232,7 @@ pub(crate) fn describe(
     // every fault of each file, even if the other one is faulty
     let (urdf_name, bytes) = contents.urdf;
     let mut urdf_text = Text::new(&urdf_name, bytes, diagnostics);
-    if let Some(text) = &mut urdf_text {
-        text.join_stray_prefix("drake", diagnostics);
-    }
-    let mut urdf = urdf_text.as_ref().and_then(|text| Urdf::read(text, diagnostics));
+    let mut urdf = urdf_text.as_mut().and_then(|text| read_urdf(text, diagnostics));
     *robot = urdf.as_ref().map(|urdf| urdf.name.clone());
     let with_submechanisms = contents.submechanisms.is_some();
     let submechanism_text =
@@ -219,13 +256,12 @@ pub(crate) fn describe(
 
     // the values
     let urdf = urdf?;
-    let values = urdf::values(&urdf_text?, &urdf, diagnostics)?;
     let entries = match &submechanism_text {
         Some(text) => Some(submechanisms::values(text, diagnostics)?),
         None => None,
     };
     let has_file = entries.is_some();
-    let Some(mut description) = build::description(&urdf, values, entries, options.gravity) else {
+    let Some(mut description) = build::description(&urdf, entries, options.gravity) else {
         let found = "two readers of these files see different names";
         let help = "use letters, digits, _ and / in names";
         diagnostics.error(urdf.span, found, "plain names", help);

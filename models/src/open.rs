@@ -4,6 +4,7 @@ use sarrus_dynamics::OpenModel;
 use sarrus_dynamics::description::Description;
 
 use crate::build::Spans;
+use crate::contents::Contents;
 use crate::error::LoadError;
 use crate::load::{Loaded, Options, Source, compile, contents, describe};
 use crate::report::{Diagnostics, Report};
@@ -27,9 +28,19 @@ pub struct Opened {
 /// As [`crate::load`], without the faults of rank, mobility and mass, which need closed loops.
 pub fn load_open(source: &Source, options: &Options) -> Result<Opened, LoadError> {
     let mut diagnostics = Diagnostics::new(options.lenient);
+    let contents = contents(source, &mut diagnostics)?;
+    open_contents(contents, options, diagnostics)
+}
+
+/// As [`load_open`], of contents that may be missing after an error.
+pub(crate) fn open_contents(
+    contents: Option<Contents>,
+    options: &Options,
+    mut diagnostics: Diagnostics,
+) -> Result<Opened, LoadError> {
     let mut robot = None;
-    let described = contents(source, &mut diagnostics)?
-        .and_then(|contents| describe(contents, options, &mut diagnostics, &mut robot));
+    let described =
+        contents.and_then(|contents| describe(contents, options, &mut diagnostics, &mut robot));
     if let Some((description, spans)) = described
         && !diagnostics.has_errors()
     {
@@ -50,7 +61,7 @@ impl Opened {
     pub fn compile(&self, description: Description) -> Result<Loaded, LoadError> {
         let mut diagnostics = self.diagnostics.clone();
         let compiled = compile(&description, &self.spans, &mut diagnostics);
-        let robot = compiled.map(|compiled| (description, compiled));
-        Loaded::new(robot, Report { robot: self.robot.clone(), ..diagnostics.into_report() })
+        let loaded = compiled.map(|compiled| (description, self.spans.clone(), compiled));
+        Loaded::new(loaded, self.robot.clone(), diagnostics)
     }
 }

@@ -22,7 +22,7 @@ pub struct Diagnostic {
     pub line: usize,
     /// Column in characters, from 1.
     pub column: usize,
-    /// The finding.
+    /// The finding, whole; a line of text is cut at 400 characters.
     pub found: String,
     /// The expected content.
     pub expected: String,
@@ -30,6 +30,8 @@ pub struct Diagnostic {
     pub help: String,
 }
 
+/// Most characters of a message as data: only a hostile file has more.
+const LONGEST: usize = 1 << 14;
 /// Most characters of a line, of the file name in it, and of the text between its parts.
 const LONGEST_LINE: usize = 400;
 const LONGEST_FILE: usize = 120;
@@ -52,8 +54,11 @@ impl Diagnostic {
         format!("…{end}:{line}:{column}: ")
     }
 
+    /// The message, cut where the line would be too long.
     fn message(&self) -> String {
-        let Diagnostic { found, expected, help, .. } = self;
+        let Diagnostic { file, found, expected, help, .. } = self;
+        let most = LONGEST_LINE - BETWEEN - file.chars().count().min(LONGEST_FILE);
+        let [found, expected, help] = bounded([found, expected, help].map(String::as_str), most);
         format!("{found}, expected {expected}, {help}")
     }
 }
@@ -108,7 +113,7 @@ pub struct Diagnostics {
     files: Vec<String>,
     errors: Pile,
     warnings: Pile,
-    /// Faults of mass and inertia count as warnings.
+    /// Faults of the dynamics that still leave a model count as warnings.
     pub(crate) lenient: bool,
 }
 
@@ -119,7 +124,7 @@ struct Pile {
 }
 
 impl Diagnostics {
-    /// None so far; `lenient` makes faults of mass and inertia warnings.
+    /// None so far; `lenient` makes faults of the dynamics warnings where they leave a model.
     pub fn new(lenient: bool) -> Diagnostics {
         Diagnostics { lenient, ..Diagnostics::default() }
     }
@@ -128,6 +133,11 @@ impl Diagnostics {
     pub fn add_file(&mut self, name: &str) -> u32 {
         self.files.push(name.to_owned());
         self.files.len() as u32 - 1
+    }
+
+    /// The names of the files, by their numbers.
+    pub(crate) fn files(&self) -> &[String] {
+        &self.files
     }
 
     /// Adds a fault.
@@ -154,8 +164,8 @@ impl Diagnostics {
         self.warnings.push(span, diagnostic);
     }
 
-    /// A fault of mass or inertia: a warning when the caller is lenient.
-    pub fn inertia(
+    /// A fault of the dynamics that still leaves a model: a warning when the caller is lenient.
+    pub fn dynamics(
         &mut self,
         span: Span,
         found: impl Into<String>,
@@ -239,9 +249,8 @@ impl Diagnostics {
 
     fn diagnostic(&self, span: Span, found: String, expected: String, help: String) -> Diagnostic {
         let file = self.files.get(span.file as usize).cloned().unwrap_or_default();
-        let of_file = file.chars().count().min(LONGEST_FILE);
-        let most = LONGEST_LINE - BETWEEN - of_file;
-        let [found, expected, help] = bounded([found, expected, help], most);
+        let parts = [found, expected, help].map(|part| visible(&part));
+        let [found, expected, help] = bounded(parts.each_ref().map(String::as_str), LONGEST);
         Diagnostic {
             file,
             line: span.line as usize,
@@ -284,10 +293,10 @@ impl Pile {
     }
 }
 
-/// The parts of a message on one line of at most this many characters: control characters are made
-/// visible, and the longest part is cut if the line is too long.
-fn bounded(parts: [String; 3], most: usize) -> [String; 3] {
-    let mut parts = parts.map(|part| visible(&part));
+/// The parts of a message in at most this many characters: the longest part is cut if they are too
+/// long.
+fn bounded(parts: [&str; 3], most: usize) -> [String; 3] {
+    let mut parts = parts.map(str::to_owned);
     let length = |part: &String| part.chars().count();
     loop {
         let excess = parts.iter().map(length).sum::<usize>().saturating_sub(most);
@@ -318,14 +327,25 @@ mod tests {
 
     #[test]
     fn a_message_is_one_line_of_bounded_length_and_keeps_its_parts() {
-        let short = ["a\nb", "c", "d"].map(str::to_owned);
-        assert_eq!(bounded(short, 360), ["a\\nb", "c", "d"]);
+        assert_eq!(bounded(["a", "c", "d"], 360), ["a", "c", "d"]);
         for lengths in [[500, 10, 10], [500, 500, 500], [119, 121, 121], [0, 0, 361]] {
-            let cut = bounded(lengths.map(|n| "é".repeat(n)), 360);
+            let long = lengths.map(|n| "é".repeat(n));
+            let cut = bounded(long.each_ref().map(String::as_str), 360);
             let kept = cut.each_ref().map(|part| part.chars().count());
             assert!(kept.iter().sum::<usize>() <= 360, "{lengths:?}: {kept:?}");
             assert!(kept.iter().zip(lengths).all(|(kept, n)| *kept >= n.min(119)), "{kept:?}");
         }
+    }
+
+    #[test]
+    fn a_message_as_data_is_whole_on_one_line() {
+        let mut diagnostics = Diagnostics::new(false);
+        let span = Span::start(diagnostics.add_file("f"));
+        diagnostics.error(span, "é".repeat(5000), "a\nb", "c");
+        let report = diagnostics.into_report();
+        let [error] = &report.errors[..] else { return assert_eq!(report.errors.len(), 1) };
+        assert_eq!((error.found.as_str(), error.expected.as_str()), (&*"é".repeat(5000), "a\\nb"));
+        assert!(error.to_string().chars().count() <= LONGEST_LINE);
     }
 
     #[test]

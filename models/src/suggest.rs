@@ -6,14 +6,17 @@
 
 use std::collections::BTreeSet;
 
-use sarrus_dynamics::description::{Description, Joint, JointKind, SubmechanismKind};
-use sarrus_dynamics::{ClosureKind, Model, suggest_independents};
+use sarrus_dynamics::description::{Description, Joint, JointKind, Submechanism, SubmechanismKind};
+use sarrus_dynamics::{ClosureKind, Diagnostic, Model, fitting_types, suggest_independents};
 
+use crate::contents::Contents;
 use crate::error::LoadError;
-use crate::load::{Options, Source, load, texts};
-use crate::open::load_open;
+use crate::load::{Options, Source, contents, load_contents, urdf_alone};
+use crate::open::open_contents;
 use crate::report::{Diagnostics, Report};
 use crate::submechanisms::kind::{KNOWN, Known, freedoms};
+use crate::submechanisms::kind_named;
+use crate::urdf::Urdf;
 use crate::yaml::{self, Node, Value};
 
 /// A submechanism file, and the faults that the robot still has with it.
@@ -36,6 +39,41 @@ struct Draft {
     file_path: Option<String>,
     /// Written out, a line each.
     loops: Vec<String>,
+    /// Loops of the URDF tie its joints.
+    is_tied: bool,
+}
+
+/// The robot's files with a submechanism file of ours.
+struct Files<'a> {
+    contents: Contents,
+    options: &'a Options,
+}
+
+impl Files<'_> {
+    fn with(&self, drafts: &[Draft], idle: &[String]) -> Option<Contents> {
+        let yaml = written(drafts, idle).into_bytes();
+        Some(Contents {
+            submechanisms: Some(("suggested.yml".to_owned(), yaml)),
+            ..self.contents.clone()
+        })
+    }
+
+    /// The robot with these submechanisms, whose loops may be open.
+    fn opened(&self, drafts: &[Draft]) -> Result<Description, LoadError> {
+        let diagnostics = Diagnostics::new(self.options.lenient);
+        Ok(open_contents(self.with(drafts, &[]), self.options, diagnostics)?.description)
+    }
+
+    /// These submechanisms as a file, with the report of `check`.
+    fn suggestion(&self, drafts: &[Draft], idle: &[String]) -> Result<Suggestion, LoadError> {
+        let diagnostics = Diagnostics::new(self.options.lenient);
+        let report = match load_contents(self.with(drafts, idle), self.options, diagnostics) {
+            Ok(loaded) => loaded.report,
+            Err(LoadError::Faults(report)) => report,
+            Err(other) => return Err(other),
+        };
+        Ok(Suggestion { yaml: written(drafts, idle), report })
+    }
 }
 
 /// Proposes a submechanism file for a robot.
@@ -43,41 +81,40 @@ struct Draft {
 /// # Errors
 /// Sources that cannot be read; faults of the URDF or the loops that prevent a proposal.
 pub fn suggest(source: &Source, options: &Options) -> Result<Suggestion, LoadError> {
-    let (urdf, submechanisms) = texts(source)?;
-    let text = |yaml: Option<&str>| Source::Text {
-        urdf: urdf.clone(),
-        submechanisms: yaml.map(|yaml| yaml.as_bytes().to_vec()),
+    let mut diagnostics = Diagnostics::new(options.lenient);
+    let Some(contents) = contents(source, &mut diagnostics)? else {
+        return Err(LoadError::Faults(diagnostics.into_report()));
     };
-    let robot = load_open(&text(None), options)?.description;
-    let mut drafts = match &submechanisms {
-        Some(bytes) => drafts(bytes, &robot)?,
+    let (urdf, robot) = urdf_alone(contents.urdf.clone(), options)?;
+    let mut drafts = match &contents.submechanisms {
+        Some((name, bytes)) => drafts(name, bytes, &robot)?,
         None => Vec::new(),
     };
+    let files = Files { contents, options };
+    add_tied(&mut drafts, &urdf);
     add_rest(&mut drafts, &robot);
     drafts.iter_mut().for_each(|draft| draft.relax(&robot));
 
     // types that define their own loops use their order; independents of the others are found
     for k in 0..drafts.len() {
         if drafts[k].defines_loops() {
-            let loads = |drafts: &[Draft]| load_open(&text(Some(&written(drafts, &[]))), options);
             let of_type = drafts[k].candidates(&robot);
             let before = drafts[k].independent.clone();
             let found = of_type.into_iter().find(|independent| {
                 drafts[k].independent.clone_from(independent);
-                loads(&drafts).is_ok_and(|open| compiles(&open.description))
+                files.opened(&drafts).is_ok_and(|open| compiles(&open))
             });
             drafts[k].independent = found.unwrap_or(before);
         }
     }
-    let description = load_open(&text(Some(&written(&drafts, &[]))), options)?.description;
+    let Ok(description) = files.opened(&drafts) else { return files.suggestion(&drafts, &[]) };
     let first = description.submechanisms.len() - drafts.len();
     let Ok(found) = suggest_independents(&description) else {
-        let report = report(load(&text(Some(&written(&drafts, &[]))), options))?;
-        return Ok(Suggestion { yaml: written(&drafts, &[]), report });
+        return files.suggestion(&drafts, &[]);
     };
     let name = |j: &usize| description.joints[*j].name.clone();
     for (draft, independent) in drafts.iter_mut().zip(found.independent.iter().skip(first)) {
-        if !draft.loops.is_empty() {
+        if draft.has_loops() {
             draft.independent = independent.iter().map(name).collect();
         }
     }
@@ -85,22 +122,11 @@ pub fn suggest(source: &Source, options: &Options) -> Result<Suggestion, LoadErr
 
     // the closed forms that the geometry has
     for k in 0..drafts.len() {
-        if let Some((type_name, tree)) = fitting(&drafts, k, &text, options) {
+        if let Some((type_name, tree)) = fitting(&drafts, k, &files) {
             (drafts[k].type_name, drafts[k].tree) = (type_name, tree);
         }
     }
-    let yaml = written(&drafts, &idle);
-    let report = report(load(&text(Some(&yaml)), options))?;
-    Ok(Suggestion { yaml, report })
-}
-
-/// The faults and warnings of a robot.
-fn report(loaded: Result<crate::load::Loaded, LoadError>) -> Result<Report, LoadError> {
-    match loaded {
-        Ok(loaded) => Ok(loaded.report),
-        Err(LoadError::Faults(report)) => Ok(report),
-        Err(other) => Err(other),
-    }
+    files.suggestion(&drafts, &idle)
 }
 
 fn compiles(description: &Description) -> bool {
@@ -108,9 +134,8 @@ fn compiles(description: &Description) -> bool {
 }
 
 /// The submechanisms of a file, as far as they can be read.
-fn drafts(bytes: &[u8], robot: &Description) -> Result<Vec<Draft>, LoadError> {
+fn drafts(name: &str, bytes: &[u8], robot: &Description) -> Result<Vec<Draft>, LoadError> {
     let mut diagnostics = Diagnostics::new(false);
-    let name = "submechanisms.yml";
     let root = yaml::read(name, bytes.to_vec(), yaml::SUBMECHANISMS, &mut diagnostics);
     let Some(root) = root.filter(|_| !diagnostics.has_errors()) else {
         return Err(LoadError::Faults(diagnostics.into_report()));
@@ -146,10 +171,45 @@ fn drafts(bytes: &[u8], robot: &Description) -> Result<Vec<Draft>, LoadError> {
                 .iter()
                 .map(loop_lines)
                 .collect(),
+            is_tied: false,
             tree,
         }
     };
     Ok(items.iter().enumerate().map(of).filter(|draft| !draft.tree.is_empty()).collect())
+}
+
+/// The joints of the URDF's loops: in the submechanism that has one of them, else in their own.
+fn add_tied(drafts: &mut Vec<Draft>, urdf: &Urdf) {
+    let above = urdf.above();
+    for closing in &urdf.closings {
+        let links = closing.links.each_ref().map(|(name, _)| urdf.link_index.get(name).copied());
+        let [Some(a), Some(b)] = links else { continue };
+        let mut path = urdf.paths(&above, [a, b]).concat();
+        path.sort_unstable();
+        let names: Vec<String> = path.iter().map(|j| urdf.joints[*j].name.clone()).collect();
+        let has_one = |draft: &&mut Draft| names.iter().any(|name| draft.tree.contains(name));
+        let actuated = |name: &&String| urdf.actuated.contains(*name);
+        let is_free =
+            |drafts: &[Draft], name: &String| !drafts.iter().any(|of| of.tree.contains(name));
+        let free: Vec<String> =
+            names.iter().filter(|name| is_free(drafts, name)).cloned().collect();
+        if let Some(draft) = drafts.iter_mut().find(has_one) {
+            draft.is_tied = true;
+            draft.active.extend(free.iter().filter(actuated).cloned());
+            draft.tree.extend(free);
+        } else if !names.is_empty() {
+            drafts.push(Draft {
+                name: closing.name.clone(),
+                type_name: "NUMERICAL".to_owned(),
+                independent: Vec::new(),
+                active: names.iter().filter(actuated).cloned().collect(),
+                tree: names,
+                file_path: None,
+                loops: Vec::new(),
+                is_tied: true,
+            });
+        }
+    }
 }
 
 /// Joints in no submechanism: those that move bodies of a loop belong to it, the others are serial.
@@ -177,23 +237,65 @@ fn add_rest(drafts: &mut Vec<Draft>, robot: &Description) {
         active: names(&free.into_iter().filter(is_single).collect::<Vec<_>>()),
         file_path: None,
         loops: Vec::new(),
+        is_tied: false,
     });
 }
 
 impl Draft {
+    fn has_loops(&self) -> bool {
+        self.is_tied || !self.loops.is_empty()
+    }
+
     /// Chooses a type that accepts any independents.
     fn relax(&mut self, robot: &Description) {
         let joint = |name: &String| robot.joints.iter().find(|joint| joint.name == *name);
         let coupled = |name: &&String| joint(name).is_some_and(|joint| joint.coupling.is_some());
-        if !self.loops.is_empty() {
+        if self.has_loops() {
             self.type_name = "NUMERICAL".to_owned();
         } else if self.tree.iter().any(|name| coupled(&name)) {
             self.type_name = "TRANSMISSION".to_owned();
             self.independent = self.tree.iter().filter(|name| !coupled(name)).cloned().collect();
-        } else if !self.defines_loops() && self.file_path.is_none() {
+        } else if let Some((type_name, tree)) = self.other_type(robot) {
+            (self.type_name, self.tree) = (type_name, tree);
+        } else if !self.needs_loops() && self.file_path.is_none() {
             self.type_name = "SERIAL".to_owned();
             self.independent.clone_from(&self.tree);
         }
+    }
+
+    /// True where the type, or the number of independents of an unknown one, says that there are
+    /// loops.
+    fn needs_loops(&self) -> bool {
+        match kind_named(&self.type_name) {
+            Some((kind, _)) => kind != SubmechanismKind::Serial,
+            None => !self.independent.is_empty() && self.independent.len() < self.tree.len(),
+        }
+    }
+
+    /// The type that defines the loops of these three joints, if it is not the given one, with the
+    /// order of the joints.
+    fn other_type(&self, robot: &Description) -> Option<(String, Vec<String>)> {
+        let index = |name: &String| robot.joints.iter().position(|joint| joint.name == *name);
+        let spanning_tree: Vec<usize> = self.tree.iter().map(index).collect::<Option<_>>()?;
+        let is_free = !self.needs_loops() && [0, self.tree.len()].contains(&self.independent.len());
+        if spanning_tree.len() != 3 || is_free {
+            return None;
+        }
+        let submechanism = Submechanism {
+            name: self.name.clone(),
+            kind: SubmechanismKind::Numerical,
+            type_name: self.type_name.clone(),
+            spanning_tree,
+            independent: Vec::new(),
+            active: Vec::new(),
+            loops: Vec::new(),
+        };
+        let (fitting, order) = fitting_types(robot, &submechanism).into_iter().next()?;
+        let tree = order.iter().map(|j| robot.joints[*j].name.clone()).collect();
+        let is_given = self.known().is_some_and(|known| {
+            KNOWN.iter().any(|of| of.name == fitting && of.kind == known.kind)
+        });
+        (!is_given || self.tree != tree).then(|| (fitting.to_owned(), tree))
     }
 
     fn known(&self) -> Option<&'static Known> {
@@ -203,7 +305,7 @@ impl Draft {
     /// True if the loops are those of the type.
     fn defines_loops(&self) -> bool {
         use SubmechanismKind::{Rrpr, SliderCrank, Sprr2U1, Spu2U1, Ups6};
-        self.loops.is_empty()
+        !self.has_loops()
             && self.known().is_some_and(|known| {
                 matches!(known.kind, Rrpr | SliderCrank | Spu2U1 | Sprr2U1 | Ups6)
             })
@@ -263,17 +365,11 @@ impl Draft {
 }
 
 /// The first type whose closed form fits the k-th submechanism, with the order of its joints.
-fn fitting(
-    drafts: &[Draft],
-    k: usize,
-    text: &dyn Fn(Option<&str>) -> Source,
-    options: &Options,
-) -> Option<(String, Vec<String>)> {
-    let draft = &drafts[k];
-    if draft.loops.is_empty() {
+fn fitting(drafts: &[Draft], k: usize, files: &Files<'_>) -> Option<(String, Vec<String>)> {
+    if !drafts[k].has_loops() {
         return None;
     }
-    let given = load_open(&text(Some(&written(drafts, &[]))), options).ok()?.description;
+    let given = files.opened(drafts).ok()?;
     let s = given.submechanisms.len() - drafts.len() + k;
     // a comparison needs a robot that can be closed numerically
     if !compiles(&given) {
@@ -301,8 +397,11 @@ fn fitting(
             let of = &mut trial.submechanisms[s];
             (of.kind, of.type_name) = (kind, known.name.to_owned());
             of.spanning_tree.clone_from(order);
-            let is_closed = Model::compile(&trial)
-                .is_ok_and(|compiled| compiled.model.closures()[s].kind == ClosureKind::Analytic);
+            let is_closed = Model::compile(&trial).is_ok_and(|compiled| {
+                let is_other = |of: &Diagnostic| of.found.contains("its geometry is that of");
+                compiled.model.closures()[s].kind == ClosureKind::Analytic
+                    && !compiled.warnings.iter().any(is_other)
+            });
             if is_closed {
                 let tree = order.iter().map(|j| given.joints[*j].name.clone()).collect();
                 return Some((known.name.to_owned(), tree));

@@ -2,6 +2,8 @@
 //! warning, and machines from micrometres to kilometres pass the rules: bodies denser than any
 //! metal, and robots lighter than the surrounding air.
 
+use std::f64::consts::PI;
+
 use sarrus_dynamics::Site;
 use sarrus_dynamics::description::{Description, Inertial};
 
@@ -10,9 +12,8 @@ use crate::report::{Diagnostics, quoted};
 
 /// A large mass for a link `[kg]`.
 const HEAVY: f64 = 50.0;
-/// An m / r³, with radius of gyration r, that no body reaches: a ball of tungsten has 3e5
-/// `[kg/m³]`.
-const IMPOSSIBLE: f64 = 1e6;
+/// A density that no body reaches: osmium has 2.3e4 `[kg/m³]`.
+const IMPOSSIBLE: f64 = 6e4;
 /// Mass of heavy links alone in the cube of the robot's reach that is dense `[kg/m³]`.
 const DENSE: f64 = 5e3;
 /// All mass in the cube of the robot's reach, where that is too large `[kg/m³]`, and the least
@@ -42,7 +43,7 @@ pub(crate) fn check(description: &Description, spans: &Spans, diagnostics: &mut 
     // grams
     let heaviest = bodies.iter().max_by(|a, b| a.1.mass.total_cmp(&b.1.mass));
     let mut densities: Vec<f64> =
-        bodies.iter().map(|(_, of)| of.mass / gyration(of).powi(3)).collect();
+        bodies.iter().map(|(_, of)| least_density(of).unwrap_or(f64::INFINITY)).collect();
     densities.sort_by(f64::total_cmp);
     let median = densities.get(densities.len() / 2).copied().filter(|x| x.is_finite());
     let all_heavy = bodies.iter().all(|(_, of)| of.mass >= HEAVY);
@@ -53,6 +54,18 @@ pub(crate) fn check(description: &Description, spans: &Spans, diagnostics: &mut 
         let found = format!("{} kg of link {name} in a robot of {reach:.2} m", of.mass);
         let help = "divide the masses and inertias by 1000 if they are in grams";
         diagnostics.warning(spans.of(Site::Link(*i)), found, "masses in kilograms", help);
+    }
+
+    // one body among others
+    let is_dense = |of: &Inertial| least_density(of).filter(|density| *density > IMPOSSIBLE);
+    if median.is_none_or(|median| median <= IMPOSSIBLE) {
+        for (i, density) in bodies.iter().filter_map(|(i, of)| Some((*i, is_dense(of)?))) {
+            let name = description.links.get(i).map(|link| quoted(&link.name)).unwrap_or_default();
+            let found = format!("link {name} is denser than {density:.1e} kg/m³");
+            let help = "correct its mass or its inertia";
+            let expected = "at most 2.3e4, the density of osmium";
+            diagnostics.warning(spans.of(Site::Link(i)), found, expected, help);
+        }
     }
 
     // millimetres
@@ -88,6 +101,14 @@ fn distances(description: &Description) -> Vec<f64> {
         path.iter().rev().map(|(_, offset)| offset).sum()
     };
     (0..n).map(distance).collect()
+}
+
+/// The density of a ball with the mass and the largest moment of the diagonal of a body: no body
+/// with these is less dense `[kg/m³]`. `None` without a moment.
+pub(crate) fn least_density(of: &Inertial) -> Option<f64> {
+    // r² = 2/5 R²
+    let radius = 2.5_f64.sqrt() * gyration(of);
+    (radius > 0.0).then(|| of.mass / (4.0 / 3.0 * PI * radius.powi(3)))
 }
 
 /// Radius of gyration about the axis of the largest moment of the diagonal.

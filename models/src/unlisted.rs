@@ -2,18 +2,22 @@
 
 use std::collections::BTreeSet;
 
-use sarrus_dynamics::closing_placements;
 use sarrus_dynamics::description::{
     Cut, Description, Joint, JointKind, Loop, Placement, Submechanism, SubmechanismKind,
 };
+use sarrus_dynamics::{Site, closing_placements};
 
 use crate::build::Spans;
 use crate::report::{Diagnostics, quoted};
+use crate::rotation::{between, product, quaternion, rotated, rpy};
 use crate::submechanisms::MOST_ROWS;
 use crate::urdf::{Closing, Place, Urdf};
 
 /// The submechanism of the joints that a submechanism file does not list.
 const UNLISTED: &str = "unlisted";
+
+/// Angle between the axes of a loop that a file's rounding explains `[rad]`.
+const OPEN: f64 = 1e-6;
 
 /// Joints that loops of the URDF tie together, with the cuts of these loops.
 struct Group<'a> {
@@ -78,7 +82,7 @@ pub(crate) fn complete(
         }
         description.submechanisms.push(part);
     }
-    place(description, &open);
+    place(description, &open, spans, diagnostics);
     let n_rows: usize = description
         .submechanisms
         .iter()
@@ -169,7 +173,11 @@ fn tied(
     let is = |is_true: bool| {
         move |j: &&usize| joint(j).is_some_and(|of| of.independent == Some(is_true))
     };
-    let declared: Vec<usize> = tree.iter().filter(is(true)).copied().collect();
+    let mut declared: Vec<usize> = tree.iter().filter(is(true)).copied().collect();
+    if declared.is_empty() && tree.iter().any(|j| is(false)(&j)) {
+        // URDF+ marks the dependent joints; the others are independent
+        declared = tree.iter().filter(free).filter(|j| !is(false)(j)).copied().collect();
+    }
     let is_actuated = |j: &&usize| joint(j).is_some_and(|of| urdf.actuated.contains(&of.name));
     let actuated: Vec<usize> = tree.iter().filter(free).filter(is_actuated).copied().collect();
     let (independent, active) = match (declared.is_empty(), actuated.is_empty()) {
@@ -213,7 +221,7 @@ fn cut(closing: &Closing, [predecessor, successor]: [usize; 2]) -> Loop {
     let cut = match closing.place {
         Place::Both([predecessor, successor]) => Cut::Placed { predecessor, successor },
         Place::Predecessor(at) if at == Placement::default() => Cut::AtLink(predecessor),
-        Place::Predecessor(at) | Place::Point(at, _) => {
+        Place::Predecessor(at) | Place::Point(at, _) | Place::Axes([at, _], _) => {
             Cut::Placed { predecessor: at, successor: Placement::default() }
         }
     };
@@ -222,16 +230,37 @@ fn cut(closing: &Closing, [predecessor, successor]: [usize; 2]) -> Loop {
 }
 
 /// Places the cuts of these loops on their successors, at the predecessor's frame in the zero pose.
-fn place(description: &mut Description, open: &[(usize, usize, Place)]) {
+fn place(
+    description: &mut Description,
+    open: &[(usize, usize, Place)],
+    spans: &Spans,
+    diagnostics: &mut Diagnostics,
+) {
     for (s, l, closed) in closing_placements(description) {
         let Some((_, _, place)) = open.iter().find(|of| (of.0, of.1) == (s, l)) else { continue };
-        let Cut::Placed { successor, .. } = &mut description.submechanisms[s].loops[l].cut else {
-            continue;
-        };
+        let of = &mut description.submechanisms[s].loops[l];
+        let Cut::Placed { successor, .. } = &mut of.cut else { continue };
         match place {
             Place::Both(_) => {}
             Place::Predecessor(_) => *successor = closed,
             Place::Point(_, xyz) => *successor = Placement { xyz: *xyz, ..closed },
+            Place::Axes([_, at], [axis, own]) => {
+                let [x_s_p, x_s_c] = [closed.rpy, at.rpy].map(quaternion);
+                let turn = between(rotated(x_s_p, *axis), rotated(x_s_c, *own));
+                let rpy = turn.map_or(closed.rpy, |turn| rpy(product(turn, x_s_p)));
+                let gap = turn.map_or(0.0, |[x, y, z, w]| 2.0 * x.hypot(y).hypot(z).atan2(w));
+                if gap > OPEN {
+                    // the loop is open at zero, which is an error unless it is to be assembled
+                    let found = format!(
+                        "the axes of the loop {} are {gap:.3e} rad apart at the zero pose",
+                        quoted(&of.name)
+                    );
+                    let help = "correct parent_axis, child_axis or the joints' origins";
+                    let span = spans.of(Site::Loop(s, l));
+                    diagnostics.warning(span, found, "axes that coincide at zero", help);
+                }
+                *successor = Placement { xyz: at.xyz, rpy };
+            }
         }
     }
 }

@@ -750,7 +750,7 @@ typedef struct sarrus_load_options {
      */
     double gravity[3];
     /**
-     * Faults of mass and inertia are warnings.
+     * Faults of mass and inertia, and effects that are not modelled, are warnings.
      */
     bool lenient;
     /**

@@ -17,7 +17,7 @@ use crate::failure::Failure;
 pub struct LoadOptions {
     /// Gravity in root axes [m/s^2].
     pub gravity: [f64; 3],
-    /// Faults of mass and inertia are warnings.
+    /// Faults of mass and inertia, and effects that are not modelled, are warnings.
     pub lenient: bool,
     /// The root link is on a free joint, the first of all: q = [p; x y z w], qd = [w; v] in the
     /// root link.

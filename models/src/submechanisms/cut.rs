@@ -3,11 +3,8 @@
 use crate::cut::CutKind::Universal;
 use crate::cut::{CutKind, KINDS};
 use crate::report::{Diagnostics, Span, quoted};
+use crate::rotation::dot;
 use crate::yaml::{Node, numbers, word};
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
 
 /// Checks `cut_joint_type` and its axes; the position of each row that they make.
 pub(super) fn walk(node: &Node, diagnostics: &mut Diagnostics) -> Vec<Span> {
@@ -66,7 +63,7 @@ fn direction(node: &Node, key: &str, diagnostics: &mut Diagnostics) -> Option<[f
     let axis = numbers::<3>(node, "the loop constraint", key, diagnostics)?;
     let size = axis.iter().fold(0.0_f64, |size, x| size.max(x.abs()));
     // far from unit length its square would leave the range of numbers
-    if (1e-6..=1e6).contains(&size) {
+    if (1e-50..=1e50).contains(&size) {
         return Some(axis);
     }
     let span = node.get(key).map_or(node.span, |value| value.span);

@@ -209,7 +209,11 @@ impl<'a> Check<'a, '_> {
                 let found =
                     format!("`{key}` names {}, which is not in the spanning tree", quoted(name));
                 let expected = "names of jointnames_spanningtree";
-                let known = tree.iter().copied();
+                // a name of the tree that the URDF lacks is the slip, not the help
+                let exists =
+                    |name: &str| self.urdf.is_none_or(|urdf| urdf.joint_index.contains_key(name));
+                let is_slip = self.urdf.is_none() || !exists(name);
+                let known = tree.iter().copied().filter(|other| is_slip && exists(other));
                 let help = "add it to jointnames_spanningtree or remove it";
                 self.diagnostics.unknown(*span, found, expected, name, known, help);
             }

@@ -15,8 +15,9 @@ use std::collections::BTreeSet;
 use roxmltree::Node;
 use sarrus_dynamics::description::Placement;
 
+use super::origin::placement;
 use super::sdf;
-use super::xml::Reader;
+use super::xml::{Reader, Shape, child, drake};
 use crate::cut::CutKind;
 use crate::report::{Span, quoted};
 
@@ -48,7 +49,33 @@ pub(crate) enum Place {
     Predecessor(Placement),
     /// As before; on the successor at this point, with the orientation of that frame.
     Point(Placement, [f64; 3]),
+    /// As before; at zero this axis in the predecessor's cut frame is that in the frame given on
+    /// the successor, and the loop is open where they differ.
+    Axes([Placement; 2], [[f64; 3]; 2]),
 }
+
+/// `<loop>`, `<loop_joint>` and `<constraint>`.
+const ELEMENT: Shape = Shape {
+    attributes: &["name", "type"],
+    once: &[],
+    many: &[
+        "predecessor",
+        "successor",
+        "sucessor",
+        "parent",
+        "child",
+        "link1",
+        "link2",
+        "parent_origin",
+        "child_origin",
+        "axis",
+        "axis2",
+        "parent_axis",
+        "child_axis",
+        "dynamics",
+    ],
+    ignored: &[],
+};
 
 /// The cut joint of a joint type.
 pub(super) fn kind(written: &str) -> Option<CutKind> {
@@ -63,28 +90,8 @@ pub(super) fn kind(written: &str) -> Option<CutKind> {
     })
 }
 
-/// Whether an element of the robot is a loop that this module reads.
-pub(super) fn is_closing(node: Node<'_, '_>) -> bool {
-    let name = node.tag_name().name();
-    match drake(node) {
-        Some(name) => name.ends_with("_constraint") || name == "linear_bushing_rpy",
-        None => {
-            node.tag_name().namespace().is_none()
-                && matches!(name, "gazebo" | "loop" | "loop_joint" | "constraint")
-        }
-    }
-}
-
-/// The name of an element of Drake, whether its prefix is declared or not.
-fn drake<'a>(node: Node<'a, '_>) -> Option<&'a str> {
-    let name = node.tag_name().name();
-    let is_declared = node.tag_name().namespace().is_some_and(|space| space.contains("drake"));
-    if is_declared { Some(name) } else { name.strip_prefix("drake_") }
-}
-
 /// The loops of one element of the robot.
 pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec<Closing> {
-    reader.unread.push(node.range());
     let closing = match (drake(node), node.tag_name().name()) {
         (Some(name), _) => drake_constraint(reader, node, name),
         (_, "gazebo") => {
@@ -120,6 +127,8 @@ fn element<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Closin
     let span = reader.span(node);
     let name = reader.required(node, "name");
     let written = reader.required(node, "type");
+    reader.children(node, &ELEMENT);
+    passive(reader, node, node.attribute("name").unwrap_or_default());
     let child = |names: &[&str]| {
         node.children().find(|child| names.contains(&child.tag_name().name()) && child.is_element())
     };
@@ -167,6 +176,10 @@ fn element<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Closin
     let axis = match axis {
         Some(axis) => axis?,
         None => [1.0, 0.0, 0.0],
+    };
+    let place = match (axis2, kind.n_axes(), child(&["child_axis"])) {
+        (Some(own), 1, Some(_)) => Place::Axes([first, second], [axis, own?]),
+        _ => place,
     };
     let axis2 = match axis2 {
         Some(axis2) => axis2?,
@@ -226,7 +239,7 @@ fn drake_constraint<'t>(
 pub(super) fn closing(reader: &mut Reader<'_, '_>, closing: Closing) -> Option<Closing> {
     let bad = [closing.axis, closing.axis2].into_iter().find(|axis| {
         let size = axis.iter().fold(0.0_f64, |size, x| size.max(x.abs()));
-        !(1e-6..=1e6).contains(&size)
+        !(1e-50..=1e50).contains(&size)
     });
     if bad.is_some() {
         let found = format!("an axis of the loop {} has no direction", quoted(&closing.name));
@@ -234,6 +247,38 @@ pub(super) fn closing(reader: &mut Reader<'_, '_>, closing: Closing) -> Option<C
         return None;
     }
     Some(closing)
+}
+
+/// Reports damping, a spring, a rotor or a coupling of a closing joint: a cut has none of them.
+pub(super) fn passive<'t>(reader: &mut Reader<'t, '_>, joint: Node<'_, 't>, name: &str) {
+    const TERMS: [&str; 4] = ["damping", "spring_stiffness", "rotor_inertia", "friction"];
+    let joint_of = format!("the closing joint {}", quoted(name));
+    if let Some(mimic) = child(joint, "mimic") {
+        let found = format!("{joint_of} is coupled, which a cut is not");
+        let help = "cut the loop at another joint, or remove the coupling";
+        reader.diagnostics.dynamics(reader.span(mimic), found, "a joint of the tree", help);
+    }
+    for dynamics in joint.children().filter(|node| node.has_tag_name("dynamics")) {
+        let mut value = |term: &str| match child(dynamics, term) {
+            Some(node) => reader.numbers_of_text(node).map(|[number]| number),
+            None => reader.number(dynamics, term),
+        };
+        let terms: Vec<&str> =
+            TERMS.into_iter().filter(|term| value(term).is_some_and(|of| of != 0.0)).collect();
+        let span = reader.span(dynamics);
+        match &terms[..] {
+            [] => {}
+            ["friction"] => {
+                let found = format!("{joint_of} has dry friction, which is not modelled");
+                reader.diagnostics.warning(span, found, "none", "remove it");
+            }
+            terms => {
+                let found = format!("{joint_of} has {}, which a cut cannot have", terms.join(", "));
+                let help = "cut the loop at another joint, so that this one is in the tree";
+                reader.diagnostics.dynamics(span, found, "a joint of the tree", help);
+            }
+        }
+    }
 }
 
 /// Reports a type without a cut joint.
@@ -270,13 +315,4 @@ pub(super) fn to_write(name: &str, links: [&str; 2], kind: Option<&str>) -> Stri
 fn link<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Named> {
     let is_name = node.has_attribute("name") && !node.has_attribute("link");
     reader.required(node, if is_name { "name" } else { "link" })
-}
-
-/// `xyz` and `rpy` of an element, zero without; `None` after an error.
-fn placement<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Placement> {
-    let [xyz, rpy] = ["xyz", "rpy"].map(|name| match node.has_attribute(name) {
-        true => reader.numbers::<3>(node, name),
-        false => Some([0.0; 3]),
-    });
-    Some(Placement { xyz: xyz?, rpy: rpy? })
 }

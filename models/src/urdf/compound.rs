@@ -3,11 +3,12 @@
 
 use std::collections::BTreeMap;
 
-use sarrus_dynamics::description::{JointKind, Terms};
+use sarrus_dynamics::description::{JointKind, Placement, Terms};
 
 use super::joint::JointEntry;
 use super::link::{LinkEntry, Weight};
 use crate::report::{Diagnostics, quoted};
+use crate::rotation::cross;
 
 /// A joint of several axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,7 +21,7 @@ pub(crate) enum Compound {
 
 /// One joint of a chain.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Part {
+struct Part {
     compound: Compound,
     index: usize,
 }
@@ -36,15 +37,10 @@ impl Compound {
 }
 
 impl Part {
-    /// Whether the origin of the whole joint is that of this part.
-    pub(super) fn is_first(self) -> bool {
-        self.index == 0
-    }
-
     /// The axis of this part, where `axis` is that of the whole joint. The directions in the plane
     /// are x and y of the joint frame where the axis is z; else the frame's axis that is least
     /// along it, made perpendicular, and the cross product of the axis with this one.
-    pub(super) fn axis(self, axis: [f64; 3]) -> [f64; 3] {
+    fn axis(self, axis: [f64; 3]) -> [f64; 3] {
         match (self.compound, self.index) {
             (Compound::Planar, 0) => across(axis),
             (Compound::Planar, 1) => cross(axis, across(axis)),
@@ -101,14 +97,13 @@ pub(super) fn expand(
             chains.push(JointEntry {
                 name: if joint.name.is_empty() { String::new() } else { name.clone() },
                 span: joint.span,
-                kind: Some(part.kind(joint.has_limits)),
+                kind: Some(part.kind(joint.limits.is_some())),
                 compound: None,
-                part: Some(part),
-                source: joint.source,
+                origin: if index == 0 { joint.origin } else { Placement::default() },
+                axis: part.axis(joint.axis),
                 parent,
                 child: child.clone(),
-                has_limits: joint.has_limits && compound != Compound::Planar,
-                has_range: joint.has_range,
+                limits: joint.limits.filter(|_| compound != Compound::Planar),
                 masters: Vec::new(),
                 independent: joint.independent,
                 terms: if compound == Compound::Planar { Terms::default() } else { joint.terms },
@@ -130,13 +125,5 @@ fn across(axis: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| {
         let unit = if k == least { 1.0 } else { 0.0 };
         unit - axis[k] * axis[least] / square
-    })
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|k| {
-        let i = (k + 1) % 3;
-        let j = (k + 2) % 3;
-        a[i] * b[j] - a[j] * b[i]
     })
 }

@@ -1,11 +1,11 @@
 //! Assigns couplings and rotors to their joints, and checks them.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
-use sarrus_dynamics::description::JointKind;
+use sarrus_dynamics::description::{JointKind, Terms};
 
 use super::dynamics::{self, Rotor};
-use super::joint::JointEntry;
+use super::joint::{JointEntry, Master};
 use super::transmission::{self, Dependence, Gear};
 use super::xml::{self, Reader};
 use super::{MOST_JOINTS, Urdf, Version};
@@ -123,6 +123,22 @@ impl Urdf {
         }
     }
 
+    /// As [`Urdf::couple`], of dependences that may repeat a `<mimic>` for another program.
+    pub(super) fn couple_again(
+        &mut self,
+        mut dependences: Vec<Dependence>,
+        diagnostics: &mut Diagnostics,
+    ) {
+        let same = |a: &Master, b: &Master| {
+            (&a.joint, a.multiplier, a.offset) == (&b.joint, b.multiplier, b.offset)
+        };
+        dependences.retain(|of| {
+            let known = self.joint(&of.joint).map_or(&[][..], |joint| &joint.masters);
+            !matches!((known, &of.masters[..]), ([a], [b]) if same(a, b))
+        });
+        self.couple(dependences, diagnostics);
+    }
+
     /// Assigns the couplings of URDF+ to the following joints one by one: each takes a joint that
     /// does not follow another yet.
     pub(super) fn mesh(&mut self, gears: &[Gear], diagnostics: &mut Diagnostics) {
@@ -154,6 +170,31 @@ impl Urdf {
                 let help = "add both inertias up, each times its ratio squared";
                 diagnostics.error(span, found, "one", help);
             } else if dynamics::accepts(joint.kind, &joint.name, &terms, span, diagnostics) {
+                joint.terms = terms;
+            }
+        }
+    }
+
+    /// Assigns the springs of Gazebo, stiffness and reference, to their joints.
+    pub(super) fn add_springs(
+        &mut self,
+        springs: &BTreeMap<String, (Span, [f64; 2])>,
+        diagnostics: &mut Diagnostics,
+    ) {
+        for (name, (span, [stiffness, rest])) in springs {
+            let what = "the spring belongs to";
+            let Some(joint) = self.named_joint(name, *span, what, diagnostics) else { continue };
+            let terms = Terms { stiffness: *stiffness, rest: *rest, ..joint.terms };
+            if *stiffness == 0.0 && joint.terms.stiffness == 0.0 {
+                continue;
+            }
+            if *stiffness < 0.0 {
+                let found = format!("`springStiffness` is {stiffness}");
+                diagnostics.error(*span, found, "zero or more", "correct the value");
+            } else if joint.terms.stiffness != 0.0 && joint.terms != terms {
+                let found = format!("the joint {} has a second spring", quoted(&joint.name));
+                diagnostics.error(*span, found, "one", "add both up, or remove one of them");
+            } else if dynamics::accepts(joint.kind, &joint.name, &terms, *span, diagnostics) {
                 joint.terms = terms;
             }
         }

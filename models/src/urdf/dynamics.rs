@@ -43,7 +43,6 @@ pub(super) fn read<'t>(
     joint: &str,
 ) -> Terms {
     reader.children(node, &DYNAMICS);
-    reader.unread.push(node.range());
     let names = ["damping", "friction", "spring_stiffness", "rotor_inertia"];
     let [damping, friction, stiffness, rotor_inertia] = names.map(|name| {
         let value = reader.number(node, name).unwrap_or(0.0);

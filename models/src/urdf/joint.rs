@@ -1,12 +1,15 @@
 //! Joints: type, links, axis, limits, couplings.
 
 use roxmltree::Node;
-use sarrus_dynamics::description::{JointKind, Terms};
+use sarrus_dynamics::description::{JointKind, Limits, Placement, Terms};
 
-use super::compound::{Compound, Part};
+use super::compound::Compound;
 use super::dynamics;
+use super::origin::origin;
 use super::xml::{Reader, Shape};
+use crate::number;
 use crate::report::{Span, quoted};
+use crate::rotation::dot;
 
 const JOINT: Shape = Shape {
     attributes: &["name", "type", "independent"],
@@ -21,7 +24,6 @@ const JOINT: Shape = Shape {
         "gazebo",
     ],
 };
-const ORIGIN: Shape = Shape::of(&["xyz", "rpy", "quat_xyzw"]);
 const REFERENCE: Shape = Shape::of(&["link"]);
 const AXIS: Shape = Shape::of(&["xyz"]);
 const LIMIT: Shape =
@@ -41,9 +43,9 @@ const TYPES: [(&str, JointKind); 9] = [
     (UNIVERSAL, JointKind::Continuous),
 ];
 
-/// Another name of `spherical`, which urdf-rs does not know.
+/// Another name of `spherical`.
 const BALL: &str = "ball";
-/// Joints of several axes; urdf-rs does not know the second.
+/// Joints of several axes.
 const PLANAR: &str = "planar";
 const UNIVERSAL: &str = "universal";
 
@@ -56,15 +58,12 @@ pub(crate) struct JointEntry {
     pub(crate) kind: Option<JointKind>,
     /// The chain that replaces a joint of several axes.
     pub(super) compound: Option<Compound>,
-    /// Which part of a chain the joint is.
-    pub(crate) part: Option<Part>,
-    /// Index of the joint in the file.
-    pub(crate) source: usize,
     pub(crate) parent: Option<(String, Span)>,
     pub(crate) child: Option<(String, Span)>,
-    pub(crate) has_limits: bool,
-    /// Whether the limits define a range; without `lower` and `upper` they do not.
-    pub(crate) has_range: bool,
+    pub(crate) origin: Placement,
+    pub(crate) axis: [f64; 3],
+    /// Of the position without bounds where the file gives no range.
+    pub(crate) limits: Option<Limits>,
     pub(crate) masters: Vec<Master>,
     pub(crate) terms: Terms,
     /// `independent` of URDF+, of a joint in a loop.
@@ -80,37 +79,27 @@ pub(crate) struct Master {
     pub(crate) offset: f64,
 }
 
-pub(super) fn read<'t>(
-    reader: &mut Reader<'t, '_>,
-    node: Node<'_, 't>,
-    source: usize,
-) -> JointEntry {
+pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> JointEntry {
     let span = reader.span(node);
     let name = reader.required(node, "name").map(|(name, _)| name).unwrap_or_default();
     let kind =
         reader.required(node, "type").and_then(|(written, span)| kind_of(reader, &written, span));
     let is_planar = node.attribute("type") == Some(PLANAR);
-    replace_type(reader, node);
     let children = reader.children(node, &JOINT);
     let find = |name: &str| children.iter().copied().find(|child| child.has_tag_name(name));
-    if let Some(node) = find("origin") {
-        origin(reader, node);
-    }
+    let origin = find("origin").and_then(|node| origin(reader, node)).unwrap_or_default();
     let [parent, child] = ["parent", "child"].map(|end| link(reader, span, end, find(end)));
     let motion = if is_planar { Some(JointKind::Continuous) } else { kind };
     let first = find("axis").and_then(|node| axis(reader, node, motion, &name));
-    let compound = compound(reader, node, &name, first.unwrap_or([1.0, 0.0, 0.0]), find("axis2"));
-    let limit_node = find("limit");
-    match limit_node {
-        Some(node) => limit(reader, node, kind.filter(|_| !is_planar), &name),
-        None => without_limits(reader, span, kind, &name),
+    let axis = first.unwrap_or([1.0, 0.0, 0.0]);
+    let compound = compound(reader, node, &name, axis, find("axis2"));
+    let limits = find("limit").map(|node| limit(reader, node, kind.filter(|_| !is_planar), &name));
+    if limits.is_none() {
+        without_limits(reader, span, kind, &name);
     }
     let terms =
         find("dynamics").map(|node| dynamics::read(reader, node, kind, &name)).unwrap_or_default();
     let masters = find("mimic").and_then(|node| mimic(reader, node)).into_iter().collect();
-    let has_range =
-        limit_node.is_some_and(|node| node.has_attribute("lower") || node.has_attribute("upper"));
-    let has_limits = limit_node.is_some();
     let independent = independent(reader, node);
     JointEntry {
         name,
@@ -118,26 +107,14 @@ pub(super) fn read<'t>(
         kind,
         independent,
         compound,
-        part: None,
-        source,
         parent,
         child,
-        has_limits,
-        has_range,
+        origin,
+        axis,
+        limits,
         masters,
         terms,
     }
-}
-
-/// Replaces a type that urdf-rs does not know in the text for urdf-rs.
-fn replace_type<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) {
-    let Some(attribute) = node.attribute_node("type") else { return };
-    let known = match attribute.value() {
-        BALL => "spherical",
-        UNIVERSAL => "floating",
-        _ => return,
-    };
-    reader.replaced.push((attribute.range_value(), known));
 }
 
 /// The link that an end of a joint names.
@@ -164,10 +141,7 @@ fn compound<'t>(
     first: [f64; 3],
     axis2: Option<Node<'_, 't>>,
 ) -> Option<Compound> {
-    let second = axis2.and_then(|node| {
-        reader.unread.push(node.range());
-        axis(reader, node, Some(JointKind::Continuous), name)
-    });
+    let second = axis2.and_then(|node| axis(reader, node, Some(JointKind::Continuous), name));
     if joint.attribute("type") == Some(UNIVERSAL) {
         return universal(reader, reader.span(joint), name, first, second, axis2.is_some());
     }
@@ -217,29 +191,6 @@ fn kind_of(reader: &mut Reader<'_, '_>, written: &str, span: Span) -> Option<Joi
     kind
 }
 
-/// Checks an origin, of a joint or of an inertial.
-pub(super) fn origin<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) {
-    reader.children(node, &ORIGIN);
-    reader.numbers::<3>(node, "xyz");
-    reader.numbers::<3>(node, "rpy");
-    let Some(quaternion) = reader.numbers::<4>(node, "quat_xyzw") else { return };
-    let span = reader.span(node);
-    if !reader.version.has_quaternions() {
-        let found = "`quat_xyzw` in a file of version 1.0";
-        let help = "write version=\"1.1\" on `robot` or use `rpy`";
-        return reader.diagnostics.error(span, found, "`rpy`", help);
-    }
-    if node.has_attribute("rpy") {
-        let found = "`origin` has both `rpy` and `quat_xyzw`";
-        reader.diagnostics.error(span, found, "one of them", "remove the other");
-    }
-    let length = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
-    if (length - 1.0).abs() >= 1e-3 {
-        let found = format!("the quaternion of `origin` has the length {length}");
-        reader.diagnostics.error(span, found, "1", "normalise it");
-    }
-}
-
 /// A universal joint of these axes; `None` after an error.
 fn universal(
     reader: &mut Reader<'_, '_>,
@@ -256,7 +207,6 @@ fn universal(
         }
         return None;
     };
-    let dot = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
     let cosine = dot(axis, axis2) / (dot(axis, axis) * dot(axis2, axis2)).sqrt();
     if cosine.abs() > 1.0 - 1e-6 {
         let found = format!("the axes of the universal joint {} are parallel", quoted(joint));
@@ -265,7 +215,8 @@ fn universal(
     Some(Compound::Universal { axis2 })
 }
 
-/// Checks an axis; its direction where the joint moves along or about it.
+/// Reads an axis, and checks its direction. A joint that has none is not refused for a fault in
+/// it.
 fn axis<'t>(
     reader: &mut Reader<'t, '_>,
     node: Node<'_, 't>,
@@ -275,12 +226,21 @@ fn axis<'t>(
     reader.children(node, &AXIS);
     let span = reader.span(node);
     let expected = "a direction as 0 0 1";
+    if matches!(kind, Some(JointKind::Fixed | JointKind::Floating | JointKind::Spherical)) {
+        let written = node.attribute("xyz")?;
+        let axis = number::numbers(written);
+        if let Err(fault) = &axis {
+            let found =
+                format!("`xyz` of `axis`, which the joint {} lacks: {fault}", quoted(joint));
+            let help = "remove it; it is not read";
+            reader.diagnostics.warning(span, found, number::expected(3), help);
+        }
+        return axis.ok();
+    }
     if !node.has_attribute("xyz") {
         reader.diagnostics.error(span, "`axis` has no `xyz`", expected, "add it");
     }
-    let moves =
-        matches!(kind, Some(JointKind::Revolute | JointKind::Continuous | JointKind::Prismatic));
-    let axis = reader.numbers::<3>(node, "xyz").filter(|_| moves);
+    let axis = reader.numbers::<3>(node, "xyz");
     if let Some(axis) = axis {
         let length = axis.iter().fold(0.0_f64, |length, x| length.max(x.abs()));
         // far from unit length its square would leave the range of numbers
@@ -301,36 +261,49 @@ fn limit<'t>(
     node: Node<'_, 't>,
     kind: Option<JointKind>,
     joint: &str,
-) {
+) -> Limits {
     reader.children(node, &LIMIT);
     let span = reader.span(node);
-    let [lower, upper] = ["lower", "upper"].map(|name| reader.number(node, name));
-    for name in ["effort", "velocity", "acceleration", "deceleration", "jerk"] {
-        let needed = matches!(name, "effort" | "velocity") && !reader.version.has_optional_limits();
+    let is_optional = reader.version.has_optional_limits();
+    let has_bound = node.has_attribute("lower") || node.has_attribute("upper");
+    let absent = match has_bound && !is_optional {
+        true => [0.0, 0.0],
+        false => [f64::NEG_INFINITY, f64::INFINITY],
+    };
+    let lower = reader.number(node, "lower").unwrap_or(absent[0]);
+    let upper = reader.number(node, "upper").unwrap_or(absent[1]);
+    let names = ["effort", "velocity", "acceleration", "deceleration", "jerk"];
+    let [effort, velocity, ..] = names.map(|name| {
+        let needed = matches!(name, "effort" | "velocity") && !is_optional;
         let value =
             if needed { reader.required_number(node, name) } else { reader.number(node, name) };
-        if value.is_some_and(|value| value < 0.0) {
-            let found = format!("the limit `{name}` is negative");
-            reader.diagnostics.error(span, found, "zero or more", "correct the value");
+        let found = format!("the limit `{name}` is {}", value.unwrap_or_default());
+        match value {
+            // many files write −1 for none
+            Some(-1.0) => {
+                let help = "remove it or correct it; it is read as unbounded";
+                reader.diagnostics.warning(span, found, "zero or more", help);
+                f64::INFINITY
+            }
+            Some(value) if value < 0.0 => {
+                reader.diagnostics.error(span, found, "zero or more", "correct the value");
+                value
+            }
+            value => value.unwrap_or(f64::INFINITY),
         }
-    }
+    });
     let has_range = matches!(kind, Some(JointKind::Revolute | JointKind::Prismatic));
-    if has_range
-        && !reader.version.has_optional_limits()
-        && !node.has_attribute("lower")
-        && !node.has_attribute("upper")
-    {
+    if has_range && !is_optional && !has_bound {
         let found =
             format!("`limit` of the joint {} has neither `lower` nor `upper`", quoted(joint));
         let help = "add them; it is read as unbounded";
         reader.diagnostics.warning(span, found, "the range of the joint", help);
     }
-    let lower = lower.unwrap_or(0.0);
-    let upper = upper.unwrap_or(f64::INFINITY);
     if has_range && lower > upper {
         let found = format!("the lower limit {lower} is above the upper limit {upper}");
         reader.diagnostics.error(span, found, "lower ≤ upper", "swap them");
     }
+    Limits { lower, upper, velocity, effort }
 }
 
 fn mimic<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Master> {

@@ -1,7 +1,9 @@
 //! Links: their names, masses and inertias.
 
 use roxmltree::Node;
+use sarrus_dynamics::description::{Inertial, Placement};
 
+use super::origin::origin;
 use super::xml::{Reader, Shape};
 use crate::inertia::{self, InertiaFault};
 use crate::report::{Diagnostics, Span, quoted};
@@ -45,7 +47,7 @@ pub(crate) enum Weight {
     /// It is malformed, which has been reported.
     Malformed,
     /// Both can be read.
-    Given { span: Span, mass: f64, inertia: [f64; 6] },
+    Given { span: Span, inertial: Inertial },
 }
 
 pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> LinkEntry {
@@ -66,9 +68,7 @@ fn weight<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Weight {
     let span = reader.span(node);
     let children = reader.children(node, &INERTIAL);
     let find = |name: &str| children.iter().copied().find(|child| child.has_tag_name(name));
-    if let Some(origin) = find("origin") {
-        super::joint::origin(reader, origin);
-    }
+    let origin = find("origin").map_or(Some(Placement::default()), |node| origin(reader, node));
     let mass = find("mass").map(|mass| {
         reader.children(mass, &MASS);
         reader.required_number(mass, "value")
@@ -89,8 +89,10 @@ fn weight<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Weight {
             );
         }
     }
-    match (mass.flatten(), inertia.flatten()) {
-        (Some(mass), Some(inertia)) => Weight::Given { span, mass, inertia },
+    match (origin, mass.flatten(), inertia.flatten()) {
+        (Some(origin), Some(mass), Some(inertia)) => {
+            Weight::Given { span, inertial: Inertial { origin, mass, inertia } }
+        }
         _ => Weight::Malformed,
     }
 }
@@ -102,8 +104,8 @@ pub(super) fn check(link: &LinkEntry, is_root: bool, diagnostics: &mut Diagnosti
         let found = format!("link {name} has {why}: a massless body");
         diagnostics.warning(span, found, "mass and inertia", "add them if it has any");
     };
-    let (span, mass, inertia) = match link.inertial {
-        Weight::Given { span, mass, inertia } => (span, mass, inertia),
+    let (span, Inertial { mass, inertia, .. }) = match link.inertial {
+        Weight::Given { span, inertial } => (span, inertial),
         Weight::Absent if !is_root && link.is_written => {
             return massless(link.span, "no inertial", diagnostics);
         }
@@ -112,10 +114,10 @@ pub(super) fn check(link: &LinkEntry, is_root: bool, diagnostics: &mut Diagnosti
     let no_inertia = inertia == [0.0; 6];
     if mass < 0.0 {
         let found = format!("the mass of link {name} is {mass}");
-        diagnostics.inertia(span, found, "zero or more", "correct the value");
+        diagnostics.dynamics(span, found, "zero or more", "correct the value");
     } else if mass == 0.0 && !no_inertia {
         let found = format!("link {name} has inertia but no mass");
-        diagnostics.inertia(span, found, "a mass, or zero inertia too", "correct one of them");
+        diagnostics.dynamics(span, found, "a mass, or zero inertia too", "correct one of them");
     } else if mass == 0.0 && !is_root {
         massless(span, "zero mass", diagnostics);
     } else if no_inertia && !is_root {
@@ -136,5 +138,5 @@ pub(super) fn check(link: &LinkEntry, is_root: bool, diagnostics: &mut Diagnosti
             "none above the sum of the others",
         ),
     };
-    diagnostics.inertia(span, found, expected, "correct the inertia about the centre of mass");
+    diagnostics.dynamics(span, found, expected, "correct the inertia about the centre of mass");
 }

@@ -1,16 +1,17 @@
-//! URDF: a strict walk over the text with positions, and the numbers by urdf-rs.
+//! URDF: a strict walk over the text, which reads every value with its position.
 
 mod closing;
 mod compound;
 mod couplings;
 mod dynamics;
+mod gazebo;
 mod guard;
 mod joint;
 mod link;
+mod origin;
 mod sdf;
 mod topology;
 mod transmission;
-mod values;
 mod xml;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -21,11 +22,11 @@ use sarrus_dynamics::description::JointKind;
 pub(crate) use closing::{Closing, Place};
 pub(crate) use joint::JointEntry;
 pub(crate) use link::{LinkEntry, Weight};
-pub(crate) use values::{Values, values};
 
 use crate::report::{Diagnostics, Span, quoted};
 use crate::text::Text;
 use dynamics::Rotor;
+use gazebo::Extras;
 use transmission::{Dependence, Gear};
 use xml::{Reader, Shape};
 
@@ -50,7 +51,7 @@ const ROBOT: Shape = Shape {
 const MOST_LINKS: usize = 4096;
 const MOST_JOINTS: usize = 1024;
 
-/// A URDF file as written, with positions; [`Values`] has the numbers.
+/// A URDF file as written, with positions.
 pub(crate) struct Urdf {
     pub(crate) name: String,
     pub(crate) span: Span,
@@ -66,12 +67,6 @@ pub(crate) struct Urdf {
     pub(crate) actuated: BTreeSet<String>,
     /// The link that is no joint's child.
     pub(crate) root: Option<usize>,
-    /// Names of joints as written.
-    written_joints: Vec<String>,
-    /// Byte ranges that no part of sarrus reads.
-    unread: Vec<core::ops::Range<usize>>,
-    /// Byte ranges of values that urdf-rs knows by another name.
-    replaced: Vec<(core::ops::Range<usize>, &'static str)>,
 }
 
 /// The version that the robot element states; before 1.1 there are no quaternions, before 1.2
@@ -121,44 +116,38 @@ impl Urdf {
         let mut urdf = Urdf::of_robot(&mut reader, root)?;
         let mut rotors: Vec<Rotor> = Vec::new();
         let mut dependences: Vec<Dependence> = Vec::new();
-        for node in root.children().filter(|node| node.is_element() && closing::is_closing(*node)) {
+        for node in root.children().filter(|node| node.is_element() && xml::is_closing(*node)) {
             urdf.closings.extend(closing::read(&mut reader, node));
         }
         urdf.name_closings(reader.diagnostics);
+        let mut extras = Extras::default();
+        root.children().for_each(|node| extras.read(&mut reader, node));
         let mut couplings: Vec<Gear> = Vec::new();
         for node in reader.children(root, &ROBOT) {
             match node.tag_name().name() {
                 "link" => urdf.links.push(link::read(&mut reader, node)),
-                "joint" => {
-                    let source = urdf.joints.len();
-                    urdf.joints.push(joint::read(&mut reader, node, source));
-                }
-                "coupling" => {
-                    couplings.extend(transmission::gear(&mut reader, node));
-                    reader.unread.push(node.range());
-                }
+                "joint" => urdf.joints.push(joint::read(&mut reader, node)),
+                "coupling" => couplings.extend(transmission::gear(&mut reader, node)),
                 _ => {
                     dependences.extend(transmission::read(&mut reader, node));
                     rotors.extend(dynamics::rotors(&mut reader, node));
-                    reader.unread.push(node.range());
                 }
             }
         }
-        urdf.written_joints = urdf.joint_names().map(str::to_owned).collect();
         (urdf.joints, urdf.parts) =
             compound::expand(std::mem::take(&mut urdf.joints), &mut urdf.links, reader.diagnostics);
         urdf.index_names(reader.diagnostics);
         urdf.couple(dependences, reader.diagnostics);
+        urdf.couple_again(extras.couplings, reader.diagnostics);
         urdf.mesh(&couplings, reader.diagnostics);
         urdf.add_rotors(&rotors, reader.diagnostics);
+        urdf.add_springs(&extras.springs, reader.diagnostics);
         urdf.check_size(reader.diagnostics);
         let is_root = topology::check(&urdf, reader.diagnostics);
         urdf.root = is_root.iter().position(|is_root| *is_root);
         for (link, is_root) in urdf.links.iter().zip(is_root) {
             link::check(link, is_root, reader.diagnostics);
         }
-        urdf.unread = reader.unread;
-        urdf.replaced = reader.replaced;
         Some(urdf)
     }
 
@@ -192,9 +181,6 @@ impl Urdf {
             closings: Vec::new(),
             actuated: closing::actuated(root),
             root: None,
-            written_joints: Vec::new(),
-            unread: Vec::new(),
-            replaced: Vec::new(),
         })
     }
 

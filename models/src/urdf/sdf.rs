@@ -3,10 +3,24 @@
 use roxmltree::Node;
 use sarrus_dynamics::description::Placement;
 
-use super::closing::{Closing, Named, Place, closing, kind, to_write, unknown};
-use super::xml::{Reader, child};
+use super::closing::{Closing, Named, Place, closing, kind, passive, to_write, unknown};
+use super::origin;
+use super::xml::{Reader, Shape, child};
 use crate::cut::CutKind;
 use crate::report::quoted;
+
+const JOINT: Shape = Shape {
+    attributes: &["name", "type"],
+    once: &["parent", "child", "pose", "axis", "axis2"],
+    many: &[],
+    ignored: &["physics", "sensor"],
+};
+const AXIS: Shape = Shape {
+    attributes: &[],
+    once: &["xyz", "use_parent_model_frame", "dynamics", "mimic"],
+    many: &[],
+    ignored: &["limit", "initial_position"],
+};
 
 /// A joint between two links of the tree. Its frame lies in the child, its axes in this frame; at
 /// zero it is the same frame on the parent. So the child is the predecessor of the cut.
@@ -16,6 +30,12 @@ pub(super) fn joint<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Opti
     let written = reader.required(node, "type");
     let links = ["parent", "child"].map(|end| link(reader, node, end));
     let (name, (written, at)) = (name?.0, written?);
+    for axis in reader.children(node, &JOINT) {
+        if ["axis", "axis2"].contains(&axis.tag_name().name()) {
+            reader.children(axis, &AXIS);
+            passive(reader, axis, &name);
+        }
+    }
     let [parent, own] = links;
     let parent = parent?;
     let own = own?;
@@ -34,8 +54,7 @@ pub(super) fn joint<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Opti
                 reader.diagnostics.error(reader.span(pose), found, "a pose in the child", help);
                 return None;
             }
-            let [x, y, z, roll, pitch, yaw] = reader.numbers_of_text::<6>(pose)?;
-            Placement { xyz: [x, y, z], rpy: [roll, pitch, yaw] }
+            placement(reader, pose)?
         }
     };
     let mut axes = [[0.0, 0.0, 1.0]; 2];
@@ -68,6 +87,36 @@ pub(super) fn joint<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Opti
     let links = [own, parent];
     let place = Place::Predecessor(place);
     closing(reader, Closing { name, is_unnamed: false, span, links, place, kind, axis, axis2 })
+}
+
+/// The pose of a `<pose>`, in radians, degrees or with a quaternion; `None` after an error.
+fn placement<'t>(reader: &mut Reader<'t, '_>, pose: Node<'_, 't>) -> Option<Placement> {
+    let in_degrees = match pose.attribute("degrees").unwrap_or("false") {
+        "true" | "1" => true,
+        "false" | "0" => false,
+        other => {
+            let found = format!("`degrees` of `pose` is {}", quoted(other));
+            reader.diagnostics.error(reader.span(pose), found, "true or false", "correct it");
+            return None;
+        }
+    };
+    match pose.attribute("rotation_format").unwrap_or("euler_rpy") {
+        "euler_rpy" => {
+            let [x, y, z, angles @ ..] = reader.numbers_of_text::<6>(pose)?;
+            let rpy = if in_degrees { angles.map(f64::to_radians) } else { angles };
+            Some(Placement { xyz: [x, y, z], rpy })
+        }
+        "quat_xyzw" if !in_degrees => {
+            let [x, y, z, quaternion @ ..] = reader.numbers_of_text::<7>(pose)?;
+            Some(Placement { xyz: [x, y, z], rpy: origin::turned(reader, pose, quaternion)? })
+        }
+        format => {
+            let found = format!("the rotation format {} of `pose`", quoted(format));
+            let expected = "euler_rpy, or quat_xyzw without degrees";
+            reader.diagnostics.error(reader.span(pose), found, expected, "correct it");
+            None
+        }
+    }
 }
 
 /// The link that an end names, without the name of its model.

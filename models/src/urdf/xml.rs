@@ -34,6 +34,25 @@ pub(super) fn child<'a, 't>(node: Node<'a, 't>, name: &str) -> Option<Node<'a, '
     node.children().find(|child| child.has_tag_name(name))
 }
 
+/// Whether an element of the robot is a loop.
+pub(super) fn is_closing(node: Node<'_, '_>) -> bool {
+    let name = node.tag_name().name();
+    match drake(node) {
+        Some(name) => name.ends_with("_constraint") || name == "linear_bushing_rpy",
+        None => {
+            node.tag_name().namespace().is_none()
+                && matches!(name, "gazebo" | "loop" | "loop_joint" | "constraint")
+        }
+    }
+}
+
+/// The name of an element of Drake, whether its prefix is declared or not.
+pub(super) fn drake<'a>(node: Node<'a, '_>) -> Option<&'a str> {
+    let name = node.tag_name().name();
+    let is_declared = node.tag_name().namespace().is_some_and(|space| space.contains("drake"));
+    if is_declared { Some(name) } else { name.strip_prefix("drake_") }
+}
+
 /// Parses the text as XML; `None` after an error.
 pub(super) fn parse<'t>(text: &'t Text, diagnostics: &mut Diagnostics) -> Option<Document<'t>> {
     if !guard::is_harmless(text, diagnostics) {
@@ -98,10 +117,6 @@ pub(super) struct Reader<'t, 'f> {
     pub(super) diagnostics: &'f mut Diagnostics,
     /// The version that the file states.
     pub(super) version: Version,
-    /// Byte ranges of everything that is not read.
-    pub(super) unread: Vec<core::ops::Range<usize>>,
-    /// Byte ranges of values that urdf-rs knows by another name.
-    pub(super) replaced: Vec<(core::ops::Range<usize>, &'static str)>,
 }
 
 impl<'t, 'f> Reader<'t, 'f> {
@@ -111,7 +126,7 @@ impl<'t, 'f> Reader<'t, 'f> {
         diagnostics: &'f mut Diagnostics,
         version: Version,
     ) -> Reader<'t, 'f> {
-        Reader { text, diagnostics, version, unread: Vec::new(), replaced: Vec::new() }
+        Reader { text, diagnostics, version }
     }
 
     pub(super) fn span(&self, node: Node<'_, 't>) -> Span {
@@ -164,9 +179,8 @@ impl<'t, 'f> Reader<'t, 'f> {
                 children.push(child);
                 continue;
             }
-            self.unread.push(child.range());
             // a separate reader handles loops
-            if super::closing::is_closing(child) && shape.many.contains(&"link") {
+            if is_closing(child) && shape.many.contains(&"link") {
                 continue;
             }
             if !is_ours || !(shape.ignored.contains(&name) || shape.ignored == ["*"]) {

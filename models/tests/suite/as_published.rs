@@ -32,6 +32,13 @@ fn a_limit_without_a_range_bounds_only_speed_and_effort() {
 }
 
 #[test]
+fn an_effort_of_minus_one_is_no_bound() {
+    let urdf = with(URDF, "effort=\"100\"", "effort=\"-1\"");
+    let limits = good(&urdf, Some(YAML)).description.joints[0].limits.unwrap();
+    assert_eq!((limits.velocity, limits.effort), (10.0, f64::INFINITY));
+}
+
+#[test]
 fn joints_that_no_submechanism_lists_are_serial_behind_the_others() {
     let tool = r#"<link name="tool"><inertial><mass value="1"/>
         <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
@@ -109,4 +116,38 @@ fn anchors_and_aliases_are_read_as_pyyaml_writes_them() {
     assert_eq!(good(URDF, Some(&yaml)).description, good(URDF, Some(YAML)).description);
     let fault = with(&yaml, "*id001", "&id003 [elbow, elbow]\n  file_path: *id003");
     assert!(reported(URDF, &fault).contains("`elbow` is in `jointnames_spanningtree` twice"));
+}
+
+#[test]
+fn couplings_of_any_size_in_a_row_are_read() {
+    let link = |k: usize| format!("<link name=\"l{k}\"/>");
+    let joint = |k: usize, mimic: &str| {
+        format!(
+            "<joint name=\"j{k}\" type=\"continuous\"><parent link=\"base\"/>\
+             <child link=\"l{k}\"/>{mimic}</joint>"
+        )
+    };
+    for [first, second] in [[1e6, 1e6], [1e6, 1e-6], [1e-6, 1e6], [1e-6, 1e-6]] {
+        let mimic = |k: usize, by: f64| format!("<mimic joint=\"j{k}\" multiplier=\"{by:e}\"/>");
+        let urdf = [
+            "<robot name=\"gears\"><link name=\"base\"/>".to_owned(),
+            (0..3).map(link).collect(),
+            joint(0, ""),
+            joint(1, &mimic(0, first)),
+            joint(2, &mimic(1, second)),
+            "</robot>".to_owned(),
+        ];
+        let loaded = good(&urdf.concat(), None);
+        assert!(!loaded.report.to_string().contains("dead point"), "{}", loaded.report);
+        let model = &loaded.compiled.model;
+        let given = FieldSet::of(&[Field::Y]);
+        let query = Query::new(Request::Kinematics, given, FieldSet::of(&[Field::Q]));
+        let plan = Plan::new(model, &query).unwrap();
+        let mut q = [0.0; 3];
+        let answer = plan.run(model, &mut Workspace::new(model), &[0.5], &mut q);
+        assert_eq!(answer.status, Status::Ok);
+        for (found, expected) in q.iter().zip([0.5, 0.5 * first, 0.5 * first * second]) {
+            assert!((found / expected - 1.0_f64).abs() < 1e-15, "{q:?}");
+        }
+    }
 }

@@ -133,3 +133,30 @@ fn the_types_with_closed_forms_of_their_own_count_their_joints() {
     let slip = reported(URDF, &with(YAML, "NUMERICAL", "FOUR_BAR"));
     assert!(slip.contains("did you mean `FOURBAR`?"), "{slip}");
 }
+
+/// The length of a constraint axis does not count.
+#[test]
+fn constraint_axes_of_any_length_hold_the_same_directions() {
+    let read = |yaml: &str| {
+        let source = Source::Text { urdf: URDF.into(), submechanisms: Some(yaml.into()) };
+        let loaded = load(&source, &Options::default()).unwrap_or_else(|error| panic!("{error}"));
+        let zero = loaded.compiled.model.closures_at_zero()[0].clone();
+        (loaded.description.submechanisms[0].loops[0].rows.clone(), zero.cond_Kd)
+    };
+    let expected = read(YAML);
+    for length in ["1e6", "1e-6", "3e-9", "-2e40"] {
+        let one = with(YAML, "[0, 0, 0, 0, 1, 0]", &format!("[0, 0, 0, 0, {length}, 0]"));
+        let (rows, cond) = read(&one);
+        let sign = if length.starts_with('-') { -1.0 } else { 1.0 };
+        assert_eq!(rows[0].axis, [0.0, 0.0, 0.0, 0.0, sign, 0.0], "{length}");
+        assert_eq!(cond, expected.1, "{length}");
+    }
+    // a helical axis keeps its pitch; the rounding of a unit axis stays
+    let of = |axis: &str| read(&with(YAML, "[0, 0, 0, 0, 1, 0]", axis)).0[0].axis;
+    assert_eq!(of("[4, 0, 0, 0, 2, 0]"), [1.0, 0.0, 0.0, 0.0, 0.5, 0.0]);
+    assert_eq!(of("[0, 0, 0, 0, 0.7071068, 0.7071068]")[4..], [0.7071068, 0.7071068]);
+    for length in ["1e7", "1e-7"] {
+        let cut = format!("cut_joint_type: planar_revolute\n    axis: [{length}, 0, 0]");
+        assert_eq!(reported_of_cut(&cut), [""; 0], "{length}");
+    }
+}

@@ -6,7 +6,7 @@ use sarrus_models::Loaded;
 use super::*;
 
 /// A four-bar, cut between the ends of coupler and rocker at (1, 0, 1), with `inside` behind it.
-fn four_bar(inside: &str) -> String {
+pub(super) fn four_bar(inside: &str) -> String {
     let link = |name: &str| {
         format!(
             r#"<link name="{name}"><inertial><mass value="1"/>
@@ -40,7 +40,7 @@ fn yaml(cut: &str) -> String {
     )
 }
 
-fn good(urdf: &str, yaml: Option<&str>) -> Loaded {
+pub(super) fn good(urdf: &str, yaml: Option<&str>) -> Loaded {
     let source = Source::Text { urdf: urdf.into(), submechanisms: yaml.map(Into::into) };
     load(&source, &Options::default()).unwrap_or_else(|error| panic!("{error}"))
 }
@@ -63,12 +63,12 @@ fn a_cut_lies_between_the_frames_of_two_links() {
 }
 
 /// The four-bar's crank has a motor.
-const MOTOR: &str = r#"<transmission name="t"><type>transmission_interface/SimpleTransmission</type>
+pub(super) const MOTOR: &str = r#"<transmission name="t"><type>transmission_interface/SimpleTransmission</type>
     <joint name="crank_joint"><hardwareInterface>EffortJointInterface</hardwareInterface></joint>
     <actuator name="m"><mechanicalReduction>1</mechanicalReduction></actuator></transmission>"#;
 
 /// The loop in the words of each program; each with the same meaning.
-const DIALECTS: [(&str, &str); 6] = [
+pub(super) const DIALECTS: [(&str, &str); 6] = [
     (
         "gazebo",
         r#"<gazebo><joint name="pin" type="revolute"><parent>coupler</parent><child>rocker</child>
@@ -276,4 +276,31 @@ fn a_loop_between_links_that_do_not_move_is_a_warning() {
     let loaded = good(&four_bar(tip), None);
     assert!(loaded.report.to_string().contains("the loop `weld` lies between links that do not"));
     assert_eq!(loaded.compiled.model.loop_names().len(), 0);
+}
+
+/// As GRBDA's six_bar and planar_leg_linkage: two of the joints are marked, and the zero pose is a
+/// dead point where the gap is that of rounding.
+#[test]
+fn the_joints_that_urdf_plus_does_not_mark_dependent_are_independent() {
+    let marked = |names: &[&str], urdf: String| {
+        names.iter().fold(urdf, |urdf, name| {
+            let joint = format!("<joint name=\"{name}\"");
+            urdf.replace(&joint, &joint.replace("<joint", "<joint independent=\"false\""))
+        })
+    };
+    let urdf = marked(&["coupler_joint", "rocker_joint"], four_bar(DIALECTS[1].1));
+    let loaded = good(&urdf, None);
+    assert_eq!(loaded.compiled.model.independent_names(), ["crank_joint"]);
+    assert_eq!(loaded.compiled.model.active_names(), ["crank_joint"]);
+    // stretched: 0.096 + 0.031 = 0.011 + 0.096 + 0.02 up to rounding
+    let flat = urdf
+        .replace("xyz=\"0 0 1\"/><axis", "xyz=\"0.096 0 0\"/><axis")
+        .replace("1.2 0 0", "0.031 0 0")
+        .replace("<origin xyz=\"1 0 0\"/>", "<origin xyz=\"0.031 0 0\"/>")
+        .replace("<origin xyz=\"-0.2 0 1\"/>", "<origin xyz=\"0.0960000000000001 0 0\"/>");
+    let reported = good(&flat, None).report.to_string();
+    assert!(reported.contains("the zero pose is a dead point of pin"), "{reported}");
+    // a loop that is open at zero says so
+    let open = reported_of(urdf.replace("-0.2 0 1", "-0.2 0 1.1").as_bytes(), None, false);
+    assert!(open.contains("a loop that is open by 1.000e-1 m (or rad)"), "{open}");
 }

@@ -202,6 +202,18 @@ fn a_quaternion_is_read_from_version_one_point_one_on() {
     let rpy = good(&urdf, Some(YAML)).description.joints[1].origin.rpy;
     let off = rpy.iter().zip([0.3, 0.5, -0.7]).map(|(found, given)| (found - given).abs());
     assert!(off.fold(0.0, f64::max) < 1e-14, "{rpy:?}");
+    // almost straight down: roll 0.3, pitch π/2 − 0.0028, yaw -0.7
+    let steep = "0.33880804465697045 0.6195737563346051 -0.33920138973533087 0.6215141885257067";
+    let steep = urdf.replace(turned, steep);
+    let rpy = good(&steep, Some(YAML)).description.joints[1].origin.rpy;
+    let given = [0.3, core::f64::consts::FRAC_PI_2 - 0.0028, -0.7];
+    let off = rpy.iter().zip(given).map(|(found, given)| (found - given).abs());
+    assert!(off.fold(0.0, f64::max) < 1e-12, "{rpy:?}");
+    // of few digits, and of no length
+    let coarse = good(&urdf.replace(turned, "0.22 0.18 -0.363 0.887"), Some(YAML));
+    assert!(coarse.report.to_string().contains("the quaternion of `origin` has the length 0.999"));
+    let none = reported(&urdf.replace(turned, "0 0 0 0"), YAML);
+    assert!(none.contains("the quaternion of `origin` has the length 0, expected 1"), "{none}");
 }
 
 #[test]
@@ -210,7 +222,7 @@ fn what_other_programs_read_may_be_faulty() {
         URDF,
         "<link name=\"base\"/>",
         "<link name=\"base\"><visual><origin xyz=\"0 x\"/><geometry/></visual></link><gazebo \
-         reference=\"base\"><link name=\"rod\"/></gazebo>",
+         reference=\"base\"><sensor><link name=\"rod\"/></sensor></gazebo>",
     );
     let read = good(&urdf, Some(YAML));
     assert_eq!(read.report.to_string(), "");
@@ -262,8 +274,12 @@ fn a_check_report_holds_names_orders_and_closures() {
     let bound = good.bound.unwrap();
     let (steps, ns) = (bound.steps, bound.ns.round());
     assert!(steps > 0 && (1.0..=500_000.0).contains(&ns), "{bound:?}");
+    let dimensions = serde_json::to_string(&good.dimensions).unwrap();
+    let range = r#""ranges":[{"name":"elbow","lower":-1.5,"upper":1.4,"closes_from":null,"closes_to":null}]"#;
+    let length = r#"{"cut":"slide","link":"base","from":"elbow","to":"swing","length":0.1}"#;
+    assert!(dimensions.contains(range) && dimensions.contains(length), "{dimensions}");
     let expected = format!(
-        r#"{{"robot":"lambda","fingerprint":"{fingerprint}","tree":["elbow","swing","slide"],"tree_q":["elbow","swing","slide"],"independent":["elbow"],"active":["slide"],"loops":["slide/y","slide/z"],"closures":[{{"name":"elbow_joint","type":"NUMERICAL","kind":"numerical","rows":2,"rank":2,"misfit":0.0,"redundant":[],"idle":[],"branch":[-1.0],"sigma_min":{sigma:?},"cond_Kd":{cond:?},"singular":"","seed_cells":{cells},"seed_bytes":{bytes}}}],"bound":{{"steps":{steps},"ns":{ns:?}}},"warnings":[],"errors":[]}}"#
+        r#"{{"robot":"lambda","fingerprint":"{fingerprint}","tree":["elbow","swing","slide"],"tree_q":["elbow","swing","slide"],"independent":["elbow"],"active":["slide"],"loops":["slide/y","slide/z"],"closures":[{{"name":"elbow_joint","type":"NUMERICAL","kind":"numerical","rows":2,"rank":2,"misfit":0.0,"redundant":[],"idle":[],"branch":[-1.0],"sigma_min":{sigma:?},"cond_Kd":{cond:?},"singular":"","seed_cells":{cells},"seed_bytes":{bytes}}}],"bound":{{"steps":{steps},"ns":{ns:?}}},"dimensions":{dimensions},"warnings":[],"errors":[]}}"#
     );
     assert_eq!(json, expected);
 

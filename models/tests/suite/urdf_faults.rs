@@ -183,7 +183,14 @@ faults! { urdf:
          upper, swap them";
     a_negative_effort_is_an_error:
         r#"effort="100""# => r#"effort="-100""#,
-        "robot.urdf:27:5: the limit `effort` is negative, expected zero or more, correct the value";
+        "robot.urdf:27:5: the limit `effort` is -100, expected zero or more, correct the value";
+    an_effort_of_minus_one_is_read_as_none:
+        r#"effort="100""# => r#"effort="-1""#,
+        "robot.urdf:27:5: the limit `effort` is -1, expected zero or more, remove it or correct it; it is read as unbounded";
+    a_fault_in_the_axis_of_a_fixed_joint_is_a_warning:
+        r#"<link name="base"/>"# => r#"<link name="base"/><link name="cap"/><joint name="f" type="fixed"><parent link="base"/><child link="cap"/><axis xyz="0 0 0 1"/></joint>"#,
+        "robot.urdf:2:22: link `cap` has no inertial: a massless body, expected mass and inertia, add them if it has any",
+        "robot.urdf:2:109: `xyz` of `axis`, which the joint `f` lacks: it holds 4 numbers, expected 3 finite numbers, remove it; it is not read";
     a_joint_needs_a_child:
         "    <child link=\"stator\"/>\n" => "",
         r#"robot.urdf:29:3: the joint has no `child`, expected <child link="…"/>, add it"#;

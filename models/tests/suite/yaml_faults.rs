@@ -310,3 +310,18 @@ faults! { yaml:
          successor_placement or the joints' origins; `sarrus check --assemble --write OUT.urdf` \
          does it";
 }
+
+/// The name that the URDF lacks is the slip: it is no help for the others.
+#[test]
+fn a_misspelt_joint_of_the_tree_is_not_proposed() {
+    let yaml = with(YAML, "jointnames_spanningtree: [elbow", "jointnames_spanningtree: [elbw");
+    let lines = [
+        "submechanisms.yml:7:29: `jointnames_spanningtree` names the joint `elbw`, which does not \
+         exist, expected a joint of the URDF, did you mean `elbow`?",
+        "submechanisms.yml:8:28: `jointnames_independent` names `elbow`, which is not in the \
+         spanning tree, expected names of jointnames_spanningtree, add it to \
+         jointnames_spanningtree or remove it",
+    ];
+    let reported = reported(URDF, &yaml);
+    assert_eq!(reported.lines().take(2).collect::<Vec<_>>(), lines);
+}

@@ -18,14 +18,20 @@ use super::progress::Progress;
 pub(crate) struct Replay {
     /// The file of `sarrus serve --record`, also of a server that is still running.
     file: PathBuf,
-    /// A bundled robot instead of the one in the file.
-    #[arg(long, value_name = "NAME")]
+    /// A bundled robot instead of the one in the file; a URDF file likewise.
+    #[arg(long, value_name = "NAME", group = "source")]
     robot: Option<String>,
+    /// A URDF file, as --urdf.
+    #[arg(value_name = "FILE.urdf", group = "source")]
+    urdf_file: Option<PathBuf>,
+    /// Its submechanism file, as --submechanisms.
+    #[arg(value_name = "FILE.yml", requires = "urdf_file", conflicts_with = "submechanisms")]
+    submechanisms_file: Option<PathBuf>,
     /// A URDF file, or a SMURF file that names one, instead of the robot in the file.
-    #[arg(long, value_name = "FILE", conflicts_with = "robot")]
+    #[arg(long, value_name = "FILE", group = "source")]
     urdf: Option<PathBuf>,
-    /// Submechanism file that goes with --urdf.
-    #[arg(long, value_name = "FILE", requires = "urdf")]
+    /// Submechanism file that goes with a URDF file.
+    #[arg(long, value_name = "FILE", requires = "source", conflicts_with = "robot")]
     submechanisms: Option<PathBuf>,
     #[command(flatten)]
     format: FormatFlag,
@@ -50,11 +56,11 @@ impl Replay {
     }
 
     fn load(&self, recorded: &RecordedRobot) -> Result<Loaded, LoadError> {
-        match (&self.robot, &self.urdf) {
+        match (&self.robot, self.urdf_file.as_ref().or(self.urdf.as_ref())) {
             (Some(name), _) => recorded.load_as(&Source::Bundled(name.clone())),
             (None, Some(urdf)) => recorded.load_as(&Source::Files {
                 urdf: urdf.clone(),
-                submechanisms: self.submechanisms.clone(),
+                submechanisms: self.submechanisms_file.clone().or(self.submechanisms.clone()),
             }),
             (None, None) => recorded.load(),
         }

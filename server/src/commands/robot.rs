@@ -14,13 +14,16 @@ use sarrus_models::{Base, Diagnostic, Loaded, Lock, bundled, load};
 pub(crate) struct RobotFlags {
     #[command(flatten)]
     source: SourceFlags,
+    /// Its submechanism file, as --submechanisms.
+    #[arg(value_name = "FILE.yml", requires = "urdf_file", conflicts_with = "submechanisms")]
+    submechanisms_file: Option<PathBuf>,
     /// Submechanism file that goes with --urdf; without it every joint is independent and active.
     #[arg(long, value_name = "FILE", conflicts_with = "robot")]
     submechanisms: Option<PathBuf>,
     /// Gravity in root axes, m/s².
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,-9.81", allow_hyphen_values = true)]
     gravity: Gravity,
-    /// Faults of mass and inertia are warnings.
+    /// Faults of mass and inertia, and effects that are not modelled, are warnings.
     #[arg(long)]
     lenient: bool,
     /// The root link hangs on the world by a free joint without actuator, `floating_base`: six
@@ -42,6 +45,9 @@ pub(crate) struct RobotFlags {
 #[derive(Args)]
 #[group(required = true, multiple = false)]
 struct SourceFlags {
+    /// A URDF file, as --urdf.
+    #[arg(value_name = "FILE.urdf")]
+    urdf_file: Option<PathBuf>,
     /// A bundled robot.
     #[arg(long, value_name = "NAME", value_parser = RobotName, hide_possible_values = true)]
     robot: Option<String>,
@@ -89,12 +95,6 @@ impl FromStr for Gravity {
 }
 
 impl RobotFlags {
-    /// Adds files that were given without flags.
-    pub(crate) fn add_files(&mut self, urdf: Option<PathBuf>, submechanisms: Option<PathBuf>) {
-        self.source.urdf = urdf.or(self.source.urdf.take());
-        self.submechanisms = submechanisms.or(self.submechanisms.take());
-    }
-
     /// Reads and compiles the robot.
     pub(crate) fn load(&self) -> Result<Loaded, LoadError> {
         load(&self.source(), &self.options())
@@ -107,11 +107,16 @@ impl RobotFlags {
 
     /// The robot's files.
     pub(crate) fn source(&self) -> Source {
-        match (&self.source.robot, &self.source.urdf) {
-            (Some(name), _) => Source::Bundled(name.clone()),
-            (None, urdf) => Source::Files {
-                urdf: urdf.clone().unwrap_or_default(),
-                submechanisms: self.submechanisms.clone(),
+        let SourceFlags { urdf_file, robot, urdf } = &self.source;
+        match robot {
+            Some(name) => Source::Bundled(name.clone()),
+            None => Source::Files {
+                urdf: urdf_file.as_ref().or(urdf.as_ref()).cloned().unwrap_or_default(),
+                submechanisms: self
+                    .submechanisms_file
+                    .as_ref()
+                    .or(self.submechanisms.as_ref())
+                    .cloned(),
             },
         }
     }

@@ -26,6 +26,7 @@ fn a_valid_robot_is_one_object_with_every_order() {
             "loops",
             "closures",
             "bound",
+            "dimensions",
             "warnings",
             "errors",
         ];
@@ -188,6 +189,29 @@ fn files_are_taken_with_and_without_flags() {
     assert_eq!(report(&[&urdf, &yaml]), flags);
     assert_eq!(report(&[&urdf, "--submechanisms", &yaml]), flags);
     assert_eq!(report(&[&urdf]), report(&["--urdf", &urdf]));
+    // wherever a robot is chosen
+    let [without, with] = [vec![&*urdf, &yaml], vec!["--urdf", &urdf, "--submechanisms", &yaml]];
+    let line = r#"{"y": [0.2], "yd": [1], "want": ["q", "tau_y"]}"#;
+    let query = r#"{"request": "kinematics", "y": [0.2], "want": ["q"]}"#;
+    let [positional, flagged] = ["positional", "flagged"].map(|name| folder.0.join(name));
+    for arguments in [
+        &["ask", "inverse-dynamics"][..],
+        &["simulate", "--duration", "0.01", "--format", "json"],
+        &["generate", "--query", query],
+    ] {
+        let of = |files: &[&str], out: &std::path::Path| {
+            let out = ["--out", out.to_str().unwrap()];
+            let out = if arguments[0] == "ask" { &[][..] } else { &out };
+            let run = run(&[arguments, files, out].concat(), line.as_bytes());
+            assert_eq!(run.code, Some(0), "{arguments:?}: {run:?}");
+        };
+        of(&without, &positional);
+        of(&with, &flagged);
+        let ask = |files: &[&str]| run(&[arguments, files].concat(), line.as_bytes()).out;
+        if arguments[0] == "ask" {
+            assert_eq!(ask(&without), ask(&with));
+        }
+    }
     for wrong in [
         &[][..],
         &[&urdf, "--robot", "lambda"],

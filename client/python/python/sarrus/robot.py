@@ -74,9 +74,10 @@ class Robot(DescribedRobot):
         """Load a robot from its files into this process.
 
         Without a submechanism file every joint is independent and active. `gravity` is in root axes
-        [m/s²]; with `lenient` faults of inertia are warnings; `floating_base` hangs the root on a
-        free joint; `lock` fixes joints at a position or at zero; `only` keeps these links and the
-        links that their motion depends on. A `LoadError` has every fault of the files.
+        [m/s²]; with `lenient` faults of inertia and effects that are not modelled are warnings;
+        `floating_base` hangs the root on a free joint; `lock` fixes joints at a position or at
+        zero; `only` keeps these links and the links that their motion depends on. A `LoadError` has
+        every fault of the files.
         """
         options = parts(gravity, lenient, floating_base, lock, only)
         return cls(_native.Origin.files(urdf, submechanisms, options))

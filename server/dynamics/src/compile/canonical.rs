@@ -2,11 +2,15 @@
 
 use nalgebra::Vector3;
 
+use crate::compile::CLOSED_FORMS;
 use crate::compile::geometry::{link_pose, unit, vector};
 use crate::description::{Cut, Description, JointKind, Loop, Row, Submechanism, SubmechanismKind};
 use crate::diagnostic::{Diagnostic, Site};
 use crate::scalar::{Dd, Real, Triple};
 use crate::spatial::Matrix;
+
+/// Joints of the largest type that defines its loops.
+const MOST_JOINTS: usize = 24;
 
 /// The loops of a submechanism: the given ones, or the defaults of its type.
 pub(super) fn loops(
@@ -26,7 +30,51 @@ pub(super) fn loops(
     if submechanism.independent.len() + coupled >= submechanism.spanning_tree.len() {
         return Vec::new();
     }
-    let of_type = match submechanism.kind {
+    of_type(description, submechanism).unwrap_or_else(|| {
+        let Submechanism { name, type_name, .. } = submechanism;
+        let needs = match submechanism.kind {
+            SubmechanismKind::Rrpr => "a rocker and a stator on one body, a slider on the stator",
+            SubmechanismKind::SliderCrank => "a crank, a coupler on it, a slider beside the crank",
+            SubmechanismKind::Spu2U1 | SubmechanismKind::Sprr2U1 | SubmechanismKind::Ups6 => {
+                "independents that carry a platform, and legs that end in sliders"
+            }
+            _ => "loop_constraints, couplings, or a type that defines its loops for these joints",
+        };
+        let fits: Vec<String> = fitting_types(description, submechanism)
+            .into_iter()
+            .map(|(fitting, order)| {
+                let names: Vec<&str> =
+                    order.iter().map(|j| description.joints[*j].name.as_str()).collect();
+                format!("type: {fitting} with jointnames_spanningtree: [{}]", names.join(", "))
+            })
+            .collect();
+        let help = match &fits[..] {
+            [] => "add loop_constraints".to_owned(),
+            fits => format!("write {}, which fits, or add loop_constraints", fits.join(" or ")),
+        };
+        let found = match submechanism.kind {
+            SubmechanismKind::Rrpr
+            | SubmechanismKind::SliderCrank
+            | SubmechanismKind::Spu2U1
+            | SubmechanismKind::Sprr2U1
+            | SubmechanismKind::Ups6 => {
+                format!("the joints of {name} have not the geometry of their type {type_name}")
+            }
+            _ => format!("dependent joints in {name} (type {type_name}) that nothing determines"),
+        };
+        errors.push(Diagnostic::new(Site::Submechanism(s), found, needs, help));
+        Vec::new()
+    })
+}
+
+/// The loops of a submechanism: the given ones, or those of its type; none after a fault.
+pub fn loops_of(description: &Description, s: usize) -> Vec<Loop> {
+    loops(description, s, &mut Vec::new())
+}
+
+/// The loops that a type defines on these joints; `None` where their geometry is another.
+fn of_type(description: &Description, submechanism: &Submechanism) -> Option<Vec<Loop>> {
+    match submechanism.kind {
         SubmechanismKind::Rrpr => lambda(description, submechanism),
         SubmechanismKind::SliderCrank => slider_crank(description, submechanism),
         SubmechanismKind::Spu2U1 => legs(description, submechanism, 2),
@@ -36,25 +84,45 @@ pub(super) fn loops(
         SubmechanismKind::Sprr2U1 => legs(description, submechanism, 2),
         SubmechanismKind::Ups6 => legs(description, submechanism, 6),
         _ => None,
+    }
+}
+
+/// The types whose loops the geometry of these joints defines, each with the order of the joints.
+pub fn fitting_types(
+    description: &Description,
+    submechanism: &Submechanism,
+) -> Vec<(&'static str, Vec<usize>)> {
+    // a hostile file has more joints than any of these types, and the search is quadratic
+    if submechanism.spanning_tree.len() > MOST_JOINTS || submechanism.independent.len() > 6 {
+        return Vec::new();
+    }
+    let orders: Vec<Vec<usize>> = match submechanism.spanning_tree[..] {
+        [a, b, c] => [[a, b, c], [a, c, b], [b, a, c], [b, c, a], [c, a, b], [c, b, a]]
+            .map(|order| order.to_vec())
+            .to_vec(),
+        _ => vec![submechanism.spanning_tree.clone()],
     };
-    of_type.unwrap_or_else(|| {
-        errors.push(Diagnostic::new(
-            Site::Submechanism(s),
-            format!(
-                "dependent joints in {} (type {}) that nothing determines",
-                submechanism.name, submechanism.type_name
-            ),
-            "loop_constraints, couplings, or a type that defines its loops for these joints",
-            "add loop_constraints",
-        ));
-        Vec::new()
-    })
+    let fits = |(name, kind): (&'static str, SubmechanismKind)| {
+        let has = |order: &&Vec<usize>| {
+            let spanning_tree = (*order).clone();
+            let trial = Submechanism { kind, spanning_tree, ..submechanism.clone() };
+            of_type(description, &trial).is_some()
+        };
+        orders.iter().find(has).map(|order| (name, order.clone()))
+    };
+    CLOSED_FORMS.into_iter().filter_map(fits).collect()
 }
 
 /// RRPR: rocker, stator, slider; the pin is the slider's origin, tied to the rocker along the
 /// slider and across it in the plane that is perpendicular to the rocker's axis.
 fn lambda(description: &Description, submechanism: &Submechanism) -> Option<Vec<Loop>> {
-    let [rocker, _, slider] = submechanism.spanning_tree[..] else { return None };
+    let [rocker, stator, slider] = submechanism.spanning_tree[..] else { return None };
+    let [below_rocker, below_stator, below_slider] =
+        [rocker, stator, slider].map(|j| carrier(description, description.joints[j].parent));
+    let fits = below_rocker == below_stator && below_slider == Some(stator);
+    if !fits || !turn_turn_slide(description, [rocker, stator, slider]) {
+        return None;
+    }
     Some(vec![pin(description, rocker, rocker, slider)?])
 }
 
@@ -62,7 +130,21 @@ fn lambda(description: &Description, submechanism: &Submechanism) -> Option<Vec<
 /// the slider and across it in the plane that is perpendicular to the crank's axis.
 fn slider_crank(description: &Description, submechanism: &Submechanism) -> Option<Vec<Loop>> {
     let [crank, coupler, slider] = submechanism.spanning_tree[..] else { return None };
+    let [below_crank, below_coupler, below_slider] =
+        [crank, coupler, slider].map(|j| carrier(description, description.joints[j].parent));
+    let fits = below_crank == below_slider && below_coupler == Some(crank);
+    if !fits || !turn_turn_slide(description, [crank, coupler, slider]) {
+        return None;
+    }
     Some(vec![pin(description, crank, coupler, slider)?])
+}
+
+/// Whether the first two joints turn and the third slides.
+fn turn_turn_slide(description: &Description, [a, b, c]: [usize; 3]) -> bool {
+    let turns = |j: usize| {
+        matches!(description.joints[j].kind, JointKind::Revolute | JointKind::Continuous)
+    };
+    turns(a) && turns(b) && description.joints[c].kind == JointKind::Prismatic
 }
 
 /// The slider's origin tied to the body of another joint along the slider and across it,

@@ -4,6 +4,7 @@
 use sarrus_proto::{ClosureInfo, ClosureKind};
 
 use crate::closure::{Closure, Numerical};
+use crate::compile::CLOSED_FORMS;
 use crate::compile::assemble::{Assembly, Labels};
 use crate::compile::closed_forms::{self, Form};
 use crate::description::{Description, SubmechanismKind};
@@ -42,13 +43,25 @@ impl Candidate<'_> {
             errors.push(self.contradicting_couplings());
             return None;
         }
-        let kind = self.kind();
+        let mut kind = self.kind();
         let order = self.assembly.local_order(self.description, self.c);
         let zero: Vec<Dd> = described_zero.iter().map(|x| Dd::from_f64(*x)).collect();
         if closed_forms::has_change_point(self.cluster, self.bodies, &order, &zero) {
             self.numerical.set_meets();
         }
-        let closure = match closed_forms::build(kind, self.cluster, self.bodies, &order, &zero) {
+        let form = |kind| closed_forms::build(kind, self.cluster, self.bodies, &order, &zero);
+        let mut found = form(kind);
+        if let Some(Err(reason)) = &found {
+            let fits = |(name, other): &(&'static str, SubmechanismKind)| {
+                let form = form(*other)?.ok().filter(|form| form.misfit_size() <= POLISHABLE)?;
+                Some((*name, *other, form))
+            };
+            if let Some((name, other, form)) = CLOSED_FORMS.iter().find_map(fits) {
+                warnings.push(self.other_geometry(reason, name));
+                (kind, found) = (other, Some(Ok(form)));
+            }
+        }
+        let closure = match found {
             Some(Ok(form)) => self.fit(form, kind, closures, errors, warnings)?,
             refused => {
                 warnings.extend(match refused {
@@ -173,6 +186,16 @@ impl Candidate<'_> {
             format!("a {} whose {reason}", self.type_name()),
             "the geometry that the type's closed form assumes",
             "it is closed numerically; write NUMERICAL to say so",
+        )
+    }
+
+    /// A cluster of a type with a closed form that has the geometry of another.
+    fn other_geometry(&self, reason: &str, name: &str) -> Diagnostic {
+        Diagnostic::new(
+            self.labels.site,
+            format!("a {} whose {reason}: its geometry is that of a {name}", self.type_name()),
+            format!("type {name}"),
+            format!("it is closed as a {name}; write type: {name}"),
         )
     }
 

@@ -25,7 +25,9 @@ pub(super) fn close_clusters(
     for c in exact.closed_clusters.clone() {
         let labels = assembly.labels(c);
         let subject = Subject::new(&rough, c, &labels);
-        let Some(analysis) = analyse(&subject, errors, warnings) else { continue };
+        // a coupling is solved already
+        let is_solved = matches!(exact.closures[c], Closure::Coupling(_));
+        let Some(analysis) = analyse(&subject, is_solved, errors, warnings) else { continue };
         record(&analysis, &subject, assembly, c, &mut closures);
         let Analysis { used, choices, locked } = analysis;
         let zero = &mut exact.zero[subject.cluster.coordinates()];
@@ -34,8 +36,7 @@ pub(super) fn close_clusters(
         cluster.used = used;
         cluster.dependent.retain(|v| !locked.contains(v));
         cluster.locked = locked;
-        // a coupling is solved already
-        if matches!(exact.closures[c], Closure::Coupling(_)) {
+        if is_solved {
             continue;
         }
         let bodies = &exact.bodies[subject.cluster.bodies()];

@@ -15,6 +15,8 @@ const TRIALS: usize = 6;
 const REACH: f64 = 0.3;
 /// Least motion of a preferred independent, relative to the largest.
 const ENOUGH: f64 = 0.05;
+/// Least share of a joint in a motion of unit size.
+const MOVES: f64 = 1e-3;
 
 /// The fault of a mobility that differs from the declared one: dead points, redundant rows and
 /// undetermined joints by name.
@@ -23,14 +25,14 @@ pub(super) fn fault(subject: &Subject<'_>, generic: &Sample, rank_of_K: usize) -
     let mobility = cluster.n_v - rank_of_K;
     let K_d = generic.columns(&cluster.dependent, cluster);
     let drift = null_space(&K_d);
-    let moves = |i: &usize| drift.iter().any(|motion| motion[*i].abs() > 1e-3);
+    let moves = |i: &usize| drift.iter().any(|motion| motion[*i].abs() > MOVES);
     let moving: Vec<usize> = (0..K_d.ncols()).filter(moves).map(|i| cluster.dependent[i]).collect();
     if is_dead_point(subject) {
         return dead_point(subject, &moving);
     }
     let good = || {
         let good = good_independents(subject, generic, mobility, &preferred(cluster).concat());
-        joined(names, &good)
+        whole_joints(subject, &good).join(", ")
     };
     let mut found = format!(
         "mobility {mobility} ({} joints less rank {rank_of_K} of {} rows)",
@@ -129,8 +131,26 @@ pub(super) fn preferred(cluster: &Cluster<f64>) -> [Vec<usize>; 3] {
     ]
 }
 
+/// The joints of which all of these velocities are: a file names whole joints.
+fn whole_joints<'a>(subject: &Subject<'a>, velocities: &[usize]) -> Vec<&'a str> {
+    let dofs = &subject.cluster.dofs;
+    let of_joint = |v: usize, body: usize| dofs[v].body == body;
+    let mut joints: Vec<&str> = Vec::new();
+    for v in velocities.iter().copied() {
+        let name = subject.names[v].as_str();
+        let body = dofs[v].body;
+        let is_whole = (0..dofs.len()).all(|w| !of_joint(w, body) || velocities.contains(&w));
+        match name.rsplit_once('/') {
+            _ if dofs[v].single => joints.push(name),
+            Some((joint, _)) if is_whole && !joints.contains(&joint) => joints.push(joint),
+            _ => {}
+        }
+    }
+    joints
+}
+
 /// As many velocities as a loop has degrees of freedom that determine all others, preferred ones
-/// first.
+/// first; those of a joint of several only together, as far as that is possible.
 pub(super) fn good_independents(
     subject: &Subject<'_>,
     at: &Sample,
@@ -147,7 +167,16 @@ pub(super) fn good_independents(
     };
     let mut chosen: Vec<usize> = Vec::new();
     while chosen.len() < mobility.min(free.len()) {
-        let rest: Vec<usize> = all.iter().copied().filter(|v| !chosen.contains(v)).collect();
+        let mut rest: Vec<usize> = all.iter().copied().filter(|v| !chosen.contains(v)).collect();
+        let is_whole = |v: &usize| {
+            let own = |w: &usize| cluster.dofs[*w].body == cluster.dofs[*v].body;
+            let rows: Vec<usize> = all.iter().copied().filter(own).collect();
+            let motions = Mat::from_fn(rows.len(), left.ncols(), |k, a| left[(rows[k], a)]);
+            rows.len() == 1 || chosen.iter().any(own) || rank(&motions) == rows.len()
+        };
+        if rest.iter().any(|v| size(&left, *v) > MOVES && is_whole(v)) {
+            rest.retain(is_whole);
+        }
         let largest =
             rest.iter().copied().max_by(|a, b| size(&left, *a).total_cmp(&size(&left, *b)));
         let Some(largest) = largest else { break };
@@ -155,7 +184,7 @@ pub(super) fn good_independents(
         let next = preferred
             .iter()
             .copied()
-            .find(|v| !chosen.contains(v) && size(&left, *v) > enough)
+            .find(|v| rest.contains(v) && size(&left, *v) > enough)
             .unwrap_or(largest);
         let length = size(&left, next);
         let along: Vec<f64> = (0..left.ncols()).map(|a| left[(next, a)] / length).collect();

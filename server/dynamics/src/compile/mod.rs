@@ -32,15 +32,28 @@ use std::sync::Arc;
 use sarrus_proto::ModelInfo;
 
 use crate::closure::Closure;
-use crate::description::Description;
+use crate::description::{Description, SubmechanismKind};
 use crate::diagnostic::{CompileError, Diagnostic, Site};
-use crate::model::{Compiled, Model};
+use crate::model::{ClosureAtZero, Compiled, Model};
 use crate::scalar::{Dd, Real};
 
 pub(crate) use assemble::Assembly;
+pub use canonical::{fitting_types, loops_of};
 pub(crate) use geometry::{link_pose, pose as pose_of, unit_of};
 pub(crate) use structure::Structure;
 pub use suggest::{SuggestedIndependents, suggest_independents};
+
+/// The types with a closed form, in the order in which they are tried on a loop of another type.
+const CLOSED_FORMS: [(&str, SubmechanismKind); 8] = [
+    ("RRPR", SubmechanismKind::Rrpr),
+    ("SLIDERCRANK", SubmechanismKind::SliderCrank),
+    ("FOURBAR", SubmechanismKind::FourBar),
+    ("2SPU+1U", SubmechanismKind::Spu2U1),
+    ("2SPRR+1U", SubmechanismKind::Sprr2U1),
+    ("2SURRPR+1U", SubmechanismKind::Surrpr2U1),
+    ("6UPS", SubmechanismKind::Ups6),
+    ("PARALLELOGRAMCHAIN", SubmechanismKind::ParallelogramChain),
+];
 
 /// Distance to singularity of the zero pose below which a warning is given.
 const SINGULAR: f64 = 1e-9;
@@ -115,7 +128,14 @@ fn warn_of_dead_points(
     warnings: &mut Vec<Diagnostic>,
 ) {
     let at_zero = model.closures_at_zero();
-    for (s, loops) in at_zero.iter().enumerate().filter(|(_, loops)| loops.sigma_min < SINGULAR) {
+    // couplings alone are linear, however their sizes differ
+    let has_loops = |s: usize| {
+        let of = &description.submechanisms[s];
+        of.kind != SubmechanismKind::Transmission || !of.loops.is_empty()
+    };
+    let singular =
+        |(s, loops): &(usize, &ClosureAtZero)| loops.sigma_min < SINGULAR && has_loops(*s);
+    for (s, loops) in at_zero.iter().enumerate().filter(singular) {
         warnings.push(Diagnostic::new(
             Site::Submechanism(s),
             format!(

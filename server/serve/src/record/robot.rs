@@ -15,7 +15,7 @@ pub struct RecordedRobot {
     pub submechanisms: Option<String>,
     /// Gravity in root axes `[m/s²]`.
     pub gravity: [f64; 3],
-    /// Faults of mass and inertia are warnings.
+    /// Faults of mass and inertia, and effects that are not modelled, are warnings.
     pub lenient: bool,
     /// The root link of a floating base, empty if not named; none for a fixed base.
     #[serde(default, skip_serializing_if = "Option::is_none")]

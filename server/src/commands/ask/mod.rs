@@ -52,8 +52,15 @@ pub(crate) struct Ask {
         long,
         value_name = "NAME",
         group = "SourceFlags",
-        conflicts_with_all =
-            ["submechanisms", "gravity", "lenient", "floating_base", "lock", "only"]
+        conflicts_with_all = [
+            "submechanisms",
+            "submechanisms_file",
+            "gravity",
+            "lenient",
+            "floating_base",
+            "lock",
+            "only",
+        ]
     )]
     connect: Option<String>,
     #[command(flatten)]

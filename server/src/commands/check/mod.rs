@@ -2,6 +2,7 @@
 
 mod assembled;
 mod closures;
+mod dimensions;
 mod plan;
 mod pose;
 
@@ -18,12 +19,6 @@ use pose::Numbers;
 #[derive(Args)]
 #[command(after_long_help = closures::LEGEND)]
 pub(crate) struct Check {
-    /// A URDF file, as --urdf.
-    #[arg(value_name = "FILE.urdf", group = "SourceFlags")]
-    urdf_file: Option<PathBuf>,
-    /// Its submechanism file, as --submechanisms.
-    #[arg(value_name = "FILE.yml", requires = "urdf_file", conflicts_with = "submechanisms")]
-    submechanisms_file: Option<PathBuf>,
     #[command(flatten)]
     robot: RobotFlags,
     #[command(flatten)]
@@ -56,8 +51,7 @@ pub(crate) struct Check {
 }
 
 impl Check {
-    pub(crate) fn run(mut self) -> Outcome {
-        self.robot.add_files(self.urdf_file.take(), self.submechanisms_file.take());
+    pub(crate) fn run(self) -> Outcome {
         if self.suggest {
             return self.suggestion();
         }
@@ -161,6 +155,9 @@ fn in_words(report: &CheckReport) -> String {
     if let Some(bound) = &report.bound {
         let us = bound.ns / 1e3;
         text += &format!("\nbound        {} Newton steps, {us:.0} µs a state\n", bound.steps);
+    }
+    if let Some(dimensions) = &report.dimensions {
+        text += &dimensions::in_words(dimensions);
     }
     if let Some(assembled) = &report.assembled {
         text += "\n";

@@ -62,7 +62,7 @@ impl Form {
         agreement::agrees(&self.closure, numerical, cluster, bodies, self.misfit_size())
     }
 
-    fn misfit_size(&self) -> f64 {
+    pub(super) fn misfit_size(&self) -> f64 {
         self.deviations.iter().fold(0.0, |worst, (_, _, size)| f64::max(worst, *size))
     }
 
@@ -82,6 +82,10 @@ pub(super) fn build(
 ) -> Option<Result<Form, String>> {
     let of = Reading::new(cluster, bodies, order, zero);
     let mut form = match kind {
+        SubmechanismKind::Rrpr if of.slides_on_base() => Err("slider is on the base".into()),
+        SubmechanismKind::SliderCrank if !of.slides_on_base() => {
+            Err("slider is not on the base".into())
+        }
         SubmechanismKind::Rrpr | SubmechanismKind::SliderCrank => planar::read(&of, true),
         SubmechanismKind::FourBar => planar::read(&of, false),
         SubmechanismKind::ParallelogramChain => parallelogram::read(&of),
@@ -177,6 +181,13 @@ impl<'a> Reading<'a> {
     /// True where a joint's degrees of freedom are independent.
     fn is_independent(&self, j: usize) -> bool {
         self.cluster.independent.contains(&(self.bodies[j].v - self.cluster.v))
+    }
+
+    /// True where a slider hangs on the base: of a slider-crank, and not of a lambda.
+    fn slides_on_base(&self) -> bool {
+        let slides =
+            |(body, parent): (&Body<Dd>, &usize)| body.motion == Motion::Prismatic && *parent == 0;
+        self.bodies.iter().zip(&self.cluster.local_parent).any(slides)
     }
 
     /// True where every joint has one degree of freedom, so that one index serves joints,
