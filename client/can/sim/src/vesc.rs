@@ -3,10 +3,10 @@
 //! Extended identifiers: command << 8 | number; big-endian. It hears 1 (current i32 in mA), 2
 //! (brake current), 3 (speed i32 in electrical rpm), 4 (position i32 in 1e-6 °) and 21 (least and
 //! largest current, i32 each in mA), and sends by itself, every 2 ms here, 9 (electrical rpm i32,
-//! current i16 in .1 A, positive where it takes power, duty i16), 16 (temperatures i16 of bridge and
-//! motor in .1 °C, input current i16, position i16 in .02 ° of one turn) and 27 (tachometer i32 in
-//! sixths of an electrical turn, voltage i16 in .1 V). It has power while it has a command that is
-//! not a current of 0. Without one for its timeout its torque is off. Source: B. Vedder, *bldc*,
+//! current i16 in .1 A, positive where it takes power, duty i16), 16 (temperatures i16 of bridge
+//! and motor in .1 °C, input current i16, position i16 in .02 ° of one turn) and 27 (tachometer i32
+//! in sixths of an electrical turn, voltage i16 in .1 V). It has power while it has a command that
+//! is not a current of 0. Without one for its timeout its torque is off. Source: B. Vedder, *bldc*,
 //! documentation/comm_can.md, comm_can.c, and mcpwm_foc.c for the sign of the current.
 
 use core::f64::consts::TAU;

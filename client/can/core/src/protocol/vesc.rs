@@ -10,8 +10,8 @@
 //!   [.02 °]; 27 tachometer i32, input voltage i16 [.1 V].
 //!
 //! The current of status 1 is positive where the motor takes power and negative where it gives some
-//! back (`mcpwm_foc_get_tot_current_filtered`). Its voltage has the sign of the duty cycle, so their
-//! product has that of the torque; with a duty cycle of 0 the torque is unknown.
+//! back (`mcpwm_foc_get_tot_current_filtered`). The voltage has the sign of the duty cycle, so the
+//! product of both signs is that of the torque; with a duty cycle of 0 the torque is unknown.
 //!
 //! Status 1 and 4 must arrive in each cycle of the bridge. All numbers are the rotor's:
 //! `pole_pairs` electrical turns are one rotor turn, and the position is unwrapped over several

@@ -71,8 +71,8 @@ fn status_messages_are_read_and_the_position_goes_on_over_its_turn() {
     };
     let places = [350.0, 359.0, 8.0, 100.0, 250.0, 30.0, 350.0, 200.0].map(&mut position);
     assert_eq!(places.map(f64::round), [350.0, 359.0, 368.0, 460.0, 610.0, 750.0, 710.0, 560.0]);
-    // 4200 electrical rpm are ten turns of the rotor a second; 3.2 A, positive where the motor takes
-    // power, at a positive, a negative and no voltage
+    // 4200 electrical rpm are ten turns of the rotor a second; 3.2 A, positive where the motor
+    // takes power, at a positive, a negative and no voltage
     let mut reported = |current_and_duty: &str| {
         let status_1 = format!("00000917#00001068{current_and_duty}");
         assert_eq!(receive(&mut *drive, &status_1), Receipt::Noted);
