@@ -3,7 +3,7 @@
 
 use std::f64::consts::PI;
 
-use sarrus_dynamics::description::{Cut, Description, JointKind, Link, Loop};
+use sarrus_dynamics::description::{Cut, Description, JointKind, Link, Loop, Placement};
 use sarrus_dynamics::{
     Field, FieldSet, Model, Plan, Query, Request, Site, Status, Workspace, loops_of,
 };
@@ -172,12 +172,12 @@ fn lengths(tree: &Tree<'_>, of: &Loop) -> Vec<Length> {
         down.pop();
         up.pop();
     }
-    let p_cut = match &of.cut {
-        Cut::AtJoint(j) => tree.origin(*j),
-        Cut::AtLink(link) => pose[*link].0,
-        Cut::Placed { predecessor, .. } => {
-            let (p, turn) = pose[of.predecessor];
-            plus(p, rotated(turn, predecessor.xyz))
+    let on = |link: usize, at: &Placement| plus(pose[link].0, rotated(pose[link].1, at.xyz));
+    let [first, last] = match &of.cut {
+        Cut::AtJoint(j) => [tree.origin(*j); 2],
+        Cut::AtLink(link) => [pose[*link].0; 2],
+        Cut::Placed { predecessor, successor } => {
+            [on(of.predecessor, predecessor), on(of.successor, successor)]
         }
         _ => return Vec::new(),
     };
@@ -187,9 +187,9 @@ fn lengths(tree: &Tree<'_>, of: &Loop) -> Vec<Length> {
     let mut links: Vec<usize> = down.iter().map(|j| joints[*j].child).collect();
     links.push(if down.is_empty() { of.predecessor } else { base });
     links.extend(up.iter().rev().map(|j| joints[*j].child));
-    let mut ends = vec![(of.name.as_str(), p_cut)];
+    let mut ends = vec![(of.name.as_str(), first)];
     ends.extend(ring.iter().map(|j| (joints[*j].name.as_str(), tree.origin(*j))));
-    ends.push((of.name.as_str(), p_cut));
+    ends.push((of.name.as_str(), last));
     let normal = normal(tree, &ring);
     let length = |(link, pair): (&usize, &[(&str, [f64; 3])])| {
         let [(from, p), (to, q)] = pair else { return None };
