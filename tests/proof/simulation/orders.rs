@@ -161,7 +161,7 @@ fn samples_and_kinks_that_force_the_steps_do_not_hide_the_error() {
     let forces = times.iter().map(|_| vec![0.0]).collect();
     let start = from(&[0.3], &[0.0]);
     let reference = robot.run(&start, &adaptive(Method::Dop853, 1e-12, 1.0));
-    let mut check = |robot: &Robot, settings: Settings| {
+    let check = |robot: &Robot, settings: Settings| {
         let run = robot.run(&start, &Settings { estimate: true, ..settings });
         let error = (arrived(&run).y[0] - arrived(&reference).y[0]).abs();
         let [estimate, _] = run.error_estimate.unwrap();

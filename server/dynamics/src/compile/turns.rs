@@ -16,10 +16,14 @@ const SHORTEST: f64 = 1e-4;
 const CLEAR: f64 = 4.0;
 /// Deviation from a whole turn, in radians or cluster lengths.
 const WHOLE: f64 = 1e-6;
+/// Most independents of a closed form whose turns are looked for: beyond them, ways along one at a
+/// time tell little of the others.
+const WIDEST: usize = 3;
 /// Longest way of a sliding independent to either side, in cluster lengths.
 const SLIDE: f64 = 16.0;
-/// Fewest steps of it, and of a whole turn.
+/// Fewest steps of it, and of a whole turn; most steps of either, at which the way ends.
 const SWEEP: f64 = 128.0;
+const MOST: usize = 1024;
 /// Largest turn of a dependent in one step of a closed form, and the shortest step as part of the
 /// longest one.
 const BEND: f64 = 0.5;
@@ -103,7 +107,9 @@ pub(super) fn wind(model: &mut Model<f64>) {
         });
         // the sweep counts from pose to pose
         cluster.windings.joints = joints.collect();
-        model.clusters[c].windings = swept(model, c, &mut ws);
+        if cluster.n_vy <= WIDEST {
+            model.clusters[c].windings = swept(model, c, &mut ws);
+        }
     }
 }
 
@@ -166,7 +172,7 @@ fn sweep(
     let mut step = longest;
     let mut gone = 0.0;
     let mut rate = f64::INFINITY;
-    while poses.is_empty() || gone < way && step > FINEST * longest {
+    while poses.is_empty() || gone < way && step > FINEST * longest && poses.len() < MOST {
         let last: &[f64] = poses.last().map_or(zero, |q: &Vec<f64>| q);
         ws.start[at.clone()].copy_from_slice(last);
         ws.q[at.clone()].copy_from_slice(last);
