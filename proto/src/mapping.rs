@@ -7,17 +7,18 @@
 
 use std::ffi::c_void;
 use std::fs::{self, File};
-use std::io;
+use std::io::{self, Read};
 use std::os::fd::OwnedFd;
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::ptr::NonNull;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::time::Duration;
 
 use rustix::fs::{
-    FallocateFlags, MemfdFlags, SealFlags, fallocate, fcntl_add_seals, fcntl_get_seals, fstat,
-    memfd_create,
+    FallocateFlags, MemfdFlags, OFlags, SealFlags, fallocate, fcntl_add_seals, fcntl_get_seals,
+    fstat, memfd_create,
 };
 use rustix::mm::{Advice, MapFlags, ProtFlags, madvise, mmap, mmap_anonymous, munmap};
 
@@ -113,27 +114,35 @@ impl Drop for Mapping {
     }
 }
 
-/// Words that outlive this process, however it ends: those of a file in /dev/shm.
+/// Words that outlive this process, however it ends: those of a file in /dev/shm, which is locked
+/// while the process lives. The first word is its own, not 0 until the words are [taken](LeftWords).
 pub struct KeptWords {
     mapping: Mapping,
     path: PathBuf,
+    _locked: OwnedFd,
 }
 
 impl KeptWords {
-    /// New words, all zero and fully allocated, in a file that only this user reads.
+    /// New words, zero but for the first, fully allocated, in a file that only this user reads.
     ///
     /// # Errors
     /// The name is taken, or there is no room.
     pub fn create(name: &str, n_words: usize) -> io::Result<KeptWords> {
-        let path = KeptWords::path(name);
+        let path = path_of(name);
         let mut options = File::options();
         let file = options.read(true).write(true).create_new(true).mode(0o600).open(&path)?;
-        let memory = OwnedFd::from(file);
-        let mapping = fallocate(&memory, FallocateFlags::empty(), 0, bytes(n_words) as u64)
-            .map_err(io::Error::from)
-            .and_then(|()| Mapping::new(&memory, n_words, ProtFlags::READ | ProtFlags::WRITE));
-        match mapping {
-            Ok(mapping) => Ok(KeptWords { mapping, path }),
+        let make = || {
+            file.try_lock()?;
+            let memory = OwnedFd::from(file);
+            fallocate(&memory, FallocateFlags::empty(), 0, bytes(n_words) as u64)?;
+            let mapping = Mapping::new(&memory, n_words, ProtFlags::READ | ProtFlags::WRITE)?;
+            if let Some(first) = mapping.words().first() {
+                first.store(1, Relaxed);
+            }
+            Ok((mapping, memory))
+        };
+        match make() {
+            Ok((mapping, _locked)) => Ok(KeptWords { mapping, path, _locked }),
             Err(error) => {
                 let _ = fs::remove_file(path);
                 Err(error)
@@ -146,29 +155,95 @@ impl KeptWords {
     pub fn words(&self) -> &[AtomicU64] {
         self.mapping.words()
     }
-
-    /// The bytes that a process of this user left under the name; `None` where there are none.
-    pub fn read(name: &str) -> Option<Vec<u8>> {
-        let path = KeptWords::path(name);
-        let found = fs::symlink_metadata(&path).ok()?;
-        let is_ours = found.is_file() && found.uid() == rustix::process::geteuid().as_raw();
-        is_ours.then(|| fs::read(path).ok())?
-    }
-
-    /// Removes the file that a process left under the name.
-    pub fn forget(name: &str) {
-        let _ = fs::remove_file(KeptWords::path(name));
-    }
-
-    fn path(name: &str) -> PathBuf {
-        Path::new(SHARED_MEMORY).join(format!("sarrus_{name}"))
-    }
 }
 
 impl Drop for KeptWords {
     fn drop(&mut self) {
         let _ = fs::remove_file(&self.path);
     }
+}
+
+/// The words that a dead process left, locked for this one.
+pub struct LeftWords {
+    /// Their bytes.
+    pub bytes: Vec<u8>,
+    path: PathBuf,
+    _locked: File,
+}
+
+impl LeftWords {
+    /// Whether there is a file of this name.
+    pub fn exist(name: &str) -> bool {
+        fs::symlink_metadata(path_of(name)).is_ok()
+    }
+
+    /// Takes at most `n_words` that a process of this user left under the name; waits while another
+    /// process has taken them. `None` where there are none, or their process lives.
+    ///
+    /// # Errors
+    /// The file is another user's or too large, or it is taken for too long.
+    pub fn take(name: &str, n_words: usize) -> io::Result<Option<LeftWords>> {
+        let path = path_of(name);
+        let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32;
+        let file = match File::options().read(true).write(true).custom_flags(flags).open(&path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            opened => opened?,
+        };
+        let found = file.metadata()?;
+        if !found.is_file() || found.uid() != rustix::process::geteuid().as_raw() {
+            let words = format!("{} belongs to user {}", path.display(), found.uid());
+            return Err(io::Error::new(io::ErrorKind::PermissionDenied, words));
+        }
+        let mut first = [0; 8];
+        let mut looks = 0;
+        while file.try_lock().is_err() {
+            // a process that takes them marks them soon after it locked them
+            looks = match file.read_exact_at(&mut first, 0) {
+                Ok(()) if first != [0; 8] => looks + 1,
+                _ => 0,
+            };
+            if looks > LOOKS {
+                return Ok(None);
+            }
+            std::thread::sleep(LOOK);
+        }
+        let found = file.metadata()?;
+        if found.nlink() == 0 {
+            return Ok(None);
+        }
+        if found.len() > bytes(n_words) as u64 {
+            return Err(io::ErrorKind::FileTooLarge.into());
+        }
+        let mut words = Vec::new();
+        (&file).read_to_end(&mut words)?;
+        file.write_all_at(&[0; 8], 0)?;
+        Ok(Some(LeftWords { bytes: words, path, _locked: file }))
+    }
+
+    /// Removes them.
+    pub fn remove(self) {
+        let _ = fs::remove_file(&self.path);
+    }
+
+    /// Removes those of dead processes of this user whose names begin so; their paths.
+    pub fn clear(prefix: &str) -> Vec<PathBuf> {
+        let all = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
+        let names = all.filter_map(|entry| entry.file_name().into_string().ok());
+        let names = names.filter_map(|name| Some(name.strip_prefix(PREFIX)?.to_owned()));
+        let left = names.filter(|name| name.starts_with(prefix));
+        let left = left.filter_map(|name| LeftWords::take(&name, usize::MAX >> 4).ok()?);
+        left.map(|left| (left.path.clone(), left.remove()).0).collect()
+    }
+}
+
+/// Looks at words that are locked and not marked, after which their process counts as alive.
+const LOOKS: u32 = 3;
+const LOOK: Duration = Duration::from_millis(20);
+/// The names of all files in shared memory begin so.
+const PREFIX: &str = "sarrus_";
+
+fn path_of(name: &str) -> PathBuf {
+    Path::new(SHARED_MEMORY).join(format!("{PREFIX}{name}"))
 }
 
 /// A number of this process, other than that of each process from which it was forked. Makes no

@@ -41,7 +41,8 @@ impl Replay {
     pub(crate) fn run(self) -> Outcome {
         let unreadable =
             |error: RecordingError| Failure::start(format!("{}: {error}", self.file.display()));
-        if let Err(error) = complete(&self.file) {
+        let completed = complete(&self.file);
+        if let Err(error) = &completed {
             eprintln!("sarrus replay: the last records of its server may be missing: {error}");
         }
         let mut recording = open(&self.file).map_err(unreadable)?;
@@ -51,7 +52,7 @@ impl Replay {
         let mut progress = Progress::new();
         let show = |done| progress.show("computing again", done);
         let replayed = replay(&mut recording, &loaded.compiled.model, show).map_err(unreadable)?;
-        let code = u8::from(!replayed.is_same());
+        let code = u8::from(!replayed.is_same() || completed.is_err());
         Ok(Results { text: self.format.render(&replayed, in_words), code })
     }
 

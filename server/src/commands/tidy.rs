@@ -16,7 +16,8 @@ pub(crate) struct Tidy {
 impl Tidy {
     /// Clears the domain; the results are the removed files.
     pub(crate) fn run(self) -> Outcome {
-        let removed = Domain::of_user().map_err(Failure::start)?.tidy();
+        let mut removed = Domain::of_user().map_err(Failure::start)?.tidy();
+        removed.extend(sarrus_serve::record::clear());
         let cleared: Vec<String> = removed.iter().map(|path| path.display().to_string()).collect();
         let text = self.format.render(&json!({ "cleared": cleared }), |_| {
             cleared.iter().map(|path| format!("{path}\n")).collect()

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use sarrus_client::{Field, FieldSet, Query, Request, Robot, Status, Transport};
+use sarrus_client::{Field, FieldSet, Query, QueryOptions, Request, Robot, Status, Transport};
 
 use sarrus_serve::record::{Client, Gaps, Recording};
 use sarrus_torture::patience::LIMIT;
@@ -170,6 +170,56 @@ fn every_answer_is_on_record_however_soon_the_kill_comes() {
             assert_eq!(fs::read(&file).unwrap(), complete);
         }
     }
+}
+
+#[test]
+fn replays_at_once_and_of_a_copy_lose_nothing() {
+    let sandbox = Sandbox::new();
+    let folder = Folder::new("record-copy");
+    let [file, copy] = ["box", "copy"].map(|name| folder.file(name));
+    let flags = ["--record", &file, "--record-seconds", "20", "--lanes", "1"];
+    for _ in 0..3 {
+        let server = sandbox.serve_robot("lambda", "box", &flags);
+        let mut asker = sandbox.attach_briefly("box", Transport::Lane);
+        (0..100).for_each(|_| assert!(asker.ask().is_ok()));
+        settle();
+        fs::copy(&file, &copy).unwrap();
+        let (code, replayed, words) = replay(&copy, &[]);
+        assert_eq!((code, &replayed["requests"], words.as_str()), (Some(0), &100.into(), ""));
+        (0..1000).for_each(|_| assert!(asker.ask().is_ok()));
+        server.kill();
+        let all = std::thread::scope(|scope| {
+            [(); 3].map(|()| scope.spawn(|| replay(&file, &[]))).map(|one| one.join().unwrap())
+        });
+        for (code, replayed, words) in all {
+            assert_eq!((code, &replayed["requests"], words.as_str()), (Some(0), &1100.into(), ""));
+        }
+    }
+}
+
+#[test]
+fn a_search_and_a_late_answer_are_on_record_as_they_were() {
+    let sandbox = Sandbox::new();
+    let folder = Folder::new("record-search");
+    let file = folder.file("box");
+    let flags = ["--record", &file, "--record-seconds", "20", "--lanes", "1"];
+    let server = sandbox.serve_robot("delta", "box", &flags);
+    let mut robot = sandbox.attach_briefly("box", Transport::Lane).robot;
+    let query = Query::new(Request::Kinematics, Field::Y.into(), Field::NearestY.into())
+        .with_options(QueryOptions::SEARCH);
+    let plan = robot.prepare(&query).unwrap();
+    let mut statuses = BTreeMap::new();
+    for k in 0..60_u64 {
+        robot.set_deadline((k > 2).then(|| Duration::from_micros(10 * k)));
+        let y = [5.0 + 0.01 * k as f64, -5.0, 5.0];
+        let answer = robot.ask(plan, &y, &mut [0.0; 3]).unwrap();
+        *statuses.entry(answer.status.name()).or_insert(0) += 1;
+    }
+    drop(robot);
+    assert!(server.stop().success());
+    let (code, replayed, words) = replay(&file, &[]);
+    assert_eq!((code, words.as_str()), (Some(0), ""), "{replayed}");
+    assert_eq!(replayed["statuses"], serde_json::to_value(&statuses).unwrap(), "{replayed}");
 }
 
 #[test]

@@ -191,17 +191,27 @@ impl Engine {
                 let answer = ResponseHead::new(status, warnings, head.sequence);
                 let answer = timing.close(answer, checks.then_some(numbers));
                 Some(match is_late(head, &answer) {
-                    true => refuse(head, Status::Late, output, timing),
+                    true => self.refused(head, Status::Late, output, timing),
                     false => answer,
                 })
             }
-            Err(status) => {
-                if let Some(recorder) = &mut self.recorder {
-                    recorder.record_refusal(head, status);
-                }
-                Some(refuse(head, status, output, timing))
-            }
+            Err(status) => Some(self.refused(head, status, output, timing)),
         }
+    }
+
+    /// The head of a refusal, which is on record instead of an answer.
+    #[cold]
+    fn refused(
+        &mut self,
+        head: &RequestHead,
+        status: Status,
+        output: &[AtomicU64],
+        timing: &RequestTiming<'_>,
+    ) -> ResponseHead {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.record_refusal(head, status);
+        }
+        refuse(head, status, output, timing)
     }
 
     /// Ends a sweep; true if the answer of a thread, or its next state, waits for a client.

@@ -41,7 +41,7 @@ pub enum RecordError {
         source: io::Error,
     },
     /// The memory between the threads cannot be made.
-    #[error("the recorder has no memory in /dev/shm: {source}; `df /dev/shm` shows its room")]
+    #[error("the recorder has no memory in /dev/shm: {source}; see `df /dev/shm` and `ulimit -a`")]
     Ring {
         /// The error of the system.
         source: io::Error,

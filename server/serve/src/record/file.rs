@@ -6,19 +6,20 @@
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
-use std::os::unix::fs::{FileExt, OpenOptionsExt};
+use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 use quanta::Clock;
-use rustix::fs::{FallocateFlags, fallocate};
+use rustix::fs::{FallocateFlags, OFlags, fallocate};
 use rustix::io::Errno;
 
-use super::error::RecordError;
+use super::error::{RecordError, RecordingError};
 use super::format::{
-    FRAME, FRAME_HEAD, MAGIC, PAGE, SEGMENT, SEGMENT_HEAD, WORD, checksum, join, word,
+    FRAME, FRAME_HEAD, MAGIC, PAGE, SEGMENT, SEGMENT_HEAD, WORD, checksum, join, word, words,
 };
 use super::header::Header;
-use super::ring::{self, Settled};
+use super::ring::{self, Left, Settled};
+use crate::system::stderr::line;
 
 /// Most bytes in one write.
 const BATCH: usize = 1 << 20;
@@ -162,38 +163,84 @@ fn reserve(file: &File, bytes: u64) -> io::Result<()> {
     }
 }
 
-/// Adds to a recording the records that a killed server had not yet written. A file to which a
-/// server records, or that is no recording, stays as it is.
+/// Adds to a recording the records that a killed server had not yet written. The recording of a
+/// living server, and a file that is none, stay as they are.
 ///
 /// # Errors
-/// [`RecordError`]; the records then stay outside of the file.
-pub fn complete(path: &Path) -> Result<(), RecordError> {
-    let failed = |source| RecordError::Make { file: path.to_owned(), source };
-    let Ok(Some((_locked, page))) = claim(path) else { return Ok(()) };
-    let Ok(header) = Header::read(&page) else { return Ok(()) };
-    let Some(ring::Left { start, end, bodies }) = ring::left(header.run) else { return Ok(()) };
+/// The records cannot be added, and stay where they are.
+pub fn complete(path: &Path) -> io::Result<()> {
+    let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32;
+    let Ok(path) = fs::canonicalize(path) else { return Ok(()) };
+    let Ok(file) = File::options().read(true).custom_flags(flags).open(&path) else {
+        return Ok(());
+    };
+    let Ok(header) = header_of(&file) else { return Ok(()) };
+    if !ring::is_there(header.run) {
+        return Ok(());
+    }
+    // one descriptor for the checks and the writes
+    let file = File::options().read(true).write(true).custom_flags(flags).open(&path)?;
+    let owner = file.metadata()?.uid();
+    if owner != rustix::process::geteuid().as_raw() {
+        let words = format!("{} belongs to user {owner}", path.display());
+        return Err(io::Error::new(io::ErrorKind::PermissionDenied, words));
+    }
+    let Some((Left { start, end, bodies }, ring)) = ring::left(header.run)? else { return Ok(()) };
+    if header_of(&file).ok() != Some(header) || !ends_at(&file, &header, end) {
+        return Err(io::Error::other("the records in /dev/shm do not continue the file"));
+    }
     let Settled { segment, at, sequence, .. } = end;
-    let is_sound = at <= header.segment && (segment > 0 || at == header.segment);
-    if is_sound && !bodies.is_empty() {
-        let file = OpenOptions::new().write(true).open(path).map_err(failed)?;
-        let batch = Vec::with_capacity(BATCH);
-        let mut file = RecordFile { file, header, segment, at, sequence, batch };
+    let batch = Vec::with_capacity(BATCH);
+    let mut file = RecordFile { file, header, segment, at, sequence, batch };
+    if !bodies.is_empty() {
         let clock = Clock::new();
         for mut body in bodies {
             ring::since(start, &clock, &mut body);
-            file.add(&body).map_err(failed)?;
+            file.add(&body)?;
         }
-        file.flush().map_err(failed)?;
+        file.flush()?;
     }
-    ring::forget(header.run);
+    ring.remove();
     Ok(())
+}
+
+fn header_of(file: &File) -> Result<Header, RecordingError> {
+    let mut page = vec![0; PAGE];
+    file.read_exact_at(&mut page, 0)?;
+    Header::read(&page)
+}
+
+/// Whether a recording, of its full size, may end there: in a segment of its own, or before the
+/// first.
+fn ends_at(file: &File, header: &Header, end: Settled) -> bool {
+    let head_of = |number: u64| {
+        let mut head = [0; WORD * SEGMENT_HEAD];
+        let at = header.segment_at((number - 1) % header.segments);
+        file.read_exact_at(&mut head, at).ok()?;
+        let first = word(&head, 2);
+        words(&head).eq(segment_head(header.run, number, first)).then_some(first)
+    };
+    let is_whole =
+        file.metadata().ok().zip(header.file()).is_some_and(|(found, all)| found.len() >= all);
+    let begun = match end.segment {
+        0 => end.at == header.segment,
+        number => {
+            end.at <= header.segment && head_of(number).is_some_and(|first| first <= end.sequence)
+        }
+    };
+    is_whole && begun
 }
 
 /// Keeps the recording of an earlier run as `FILE.1`, and those before it under the next numbers;
 /// one without a record is removed.
 fn set_aside(path: &Path) -> Result<(), RecordError> {
     let failed = |source| RecordError::Make { file: path.to_owned(), source };
-    complete(path)?;
+    if let Err(error) = complete(path) {
+        line(format_args!(
+            "sarrus serve: warning: the last records of {} may be missing: {error}",
+            path.display()
+        ));
+    }
     let Some((file, page)) = claim(path)? else { return Ok(()) };
     if !has_records(&file, &page) {
         return fs::remove_file(path).map_err(failed);

@@ -17,7 +17,7 @@
 
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT};
 use sarrus_proto::{FieldSet, MAX_FRAMES, MAX_JOINT_RUNS, MAX_WRENCHES, Query};
-use sarrus_proto::{Request, Tolerance};
+use sarrus_proto::{QueryOptions, Request, Tolerance};
 
 /// First word of a recording.
 pub(super) const MAGIC: u64 = u64::from_le_bytes(*b"sarrusRC");
@@ -38,9 +38,9 @@ pub(super) const SEGMENT_HEAD: usize = 4;
 /// Words before the body of a frame.
 pub(super) const FRAME_HEAD: usize = 4;
 /// Words of a body that has no links, joints or numbers.
-pub(super) const BODY_HEAD: usize = 13;
+pub(super) const BODY_HEAD: usize = 14;
 /// Words of a query that has neither links nor joints.
-pub(super) const QUERY_HEAD: usize = 7;
+pub(super) const QUERY_HEAD: usize = 8;
 /// The most words of a body before its numbers: three lists, each filled up to a word.
 pub(super) const MAX_BODY_HEAD: usize =
     BODY_HEAD + (MAX_FRAMES + MAX_WRENCHES + 2 * MAX_JOINT_RUNS).div_ceil(LINKS) + 2;
@@ -138,6 +138,7 @@ pub(super) fn write_query(query: &Query, words: &mut [u64]) -> usize {
         want_above,
         query.loop_tolerance.0,
         query.projection_tolerance.0,
+        query.options.0,
     ];
     let links = frames.chunks(LINKS).chain(wrenches.chunks(LINKS)).chain(runs.chunks(LINKS));
     let links = links.map(packed);
@@ -146,7 +147,8 @@ pub(super) fn write_query(query: &Query, words: &mut [u64]) -> usize {
 
 /// Reads a query (`None` where no plan ran) and its number of words; `None` for malformed words.
 pub(super) fn read_query(words: &[u64]) -> Option<(Option<Query>, usize)> {
-    let &[first, given, given_above, want, want_above, open, projection, ..] = words else {
+    let &[first, given, given_above, want, want_above, open, projection, options, ..] = words
+    else {
         return None;
     };
     let (request, counts) = halves(first);
@@ -174,6 +176,7 @@ pub(super) fn read_query(words: &[u64]) -> Option<(Option<Query>, usize)> {
     let mut query = Query {
         loop_tolerance: Tolerance(open),
         projection_tolerance: Tolerance(projection),
+        options: QueryOptions(options),
         n_joint_runs: (n_ends / 2) as u32,
         ..Query::new(request, given, want).with_frames(&frames)
     };

@@ -38,6 +38,7 @@ use file::{RecordFile, remove_oldest};
 use format::{checksum, words};
 use header::Header;
 use ring::Records;
+pub use ring::clear;
 
 /// Sleep of the recorder when nothing is pending.
 const NAP: Duration = Duration::from_millis(2);
@@ -130,8 +131,10 @@ fn start(
         line(format_args!("sarrus serve: warning: the disk has room to record {seconds} s only"));
     }
 
-    let (recorder, records) = ring::ring(header.run, ticks, file.end(), ring::CAPACITY)
-        .map_err(|source| RecordError::Ring { source })?;
+    let ends = ring::ring(header.run, ticks, file.end(), ring::CAPACITY).inspect_err(|_| {
+        let _ = std::fs::remove_file(&options.file);
+    });
+    let (recorder, records) = ends.map_err(|source| RecordError::Ring { source })?;
     let writer = Writer { records, file, clock, start: ticks };
     let thread = std::thread::Builder::new()
         .name("sarrus-record".to_owned())

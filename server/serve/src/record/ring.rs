@@ -6,13 +6,14 @@
 //! no system call and reads no clock. A record that does not fit is dropped and counted.
 
 use std::io;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 
 use quanta::Clock;
 use sarrus_proto::message::RequestHead;
-use sarrus_proto::{Answer, KeptWords, Query, Status, Warnings};
+use sarrus_proto::{Answer, KeptWords, LeftWords, Query, Status, Warnings};
 
 use super::format::{
     BODY_HEAD, Client, MAX_BODY, MAX_BODY_HEAD, QUERY_HEAD, WORD, join, word, write_query,
@@ -25,17 +26,17 @@ const TIME: usize = 0;
 
 // words of the memory
 /// Time 0 of the recording `[tick]`.
-const START: usize = 0;
+const START: usize = 1;
 /// 1 once the answering thread has ended.
-const ENDED: usize = 1;
+const ENDED: usize = 2;
 /// Words that were put into the ring since the start.
-const PUT: usize = 2;
+const PUT: usize = 3;
 /// Words of the record that is staged; 0 without one.
-const STAGED: usize = 3;
+const STAGED: usize = 4;
 /// Where that record will be in the ring, as words since the start.
-const PLACE: usize = 4;
+const PLACE: usize = 5;
 /// The [`Settled`] that counts: 0 or 1.
-const LAST: usize = 5;
+const LAST: usize = 6;
 /// Both of them, on a line of the cache that the answering thread does not write.
 const SETTLED: usize = 8;
 /// The staged record, then the ring.
@@ -102,8 +103,11 @@ pub(super) fn ring(
 
 /// Name of the memory of a recording.
 fn name(run: u64) -> String {
-    format!("record_{run:016x}")
+    format!("{NAME}{run:016x}")
 }
+
+/// The names of all rings begin so.
+const NAME: &str = "record_";
 
 impl Recorder {
     /// Notes the client of the next request and its time `[tick]`.
@@ -295,32 +299,48 @@ pub(super) struct Left {
     pub(super) bodies: Vec<Vec<u64>>,
 }
 
-/// The records that the server of the recording `run` left; `None` without a readable ring.
-pub(super) fn left(run: u64) -> Option<Left> {
-    let bytes = KeptWords::read(&name(run))?;
-    let capacity = (bytes.len() / WORD).checked_sub(RING).filter(|capacity| *capacity > 0)? as u64;
-    let at = |at: usize| word(&bytes, at);
+/// Whether a server of the recording `run` lives or left its ring.
+pub(super) fn is_there(run: u64) -> bool {
+    LeftWords::exist(&name(run))
+}
+
+/// The records that the dead server of the recording `run` left; waits while another process
+/// completes the recording.
+///
+/// # Errors
+/// They are another user's, or cannot be read.
+pub(super) fn left(run: u64) -> io::Result<Option<(Left, LeftWords)>> {
+    let words = LeftWords::take(&name(run), RING + CAPACITY)?;
+    Ok(words.map(|words| (parse(&words.bytes), words)))
+}
+
+fn parse(bytes: &[u8]) -> Left {
+    let capacity = (bytes.len() / WORD).saturating_sub(RING) as u64;
+    let at = |at: usize| word(bytes, at);
     let end = settled(at);
-    let ring = |position: u64| at(RING + (position % capacity) as usize);
+    let ring = |position: u64| at(RING + (position % capacity.max(1)) as usize);
     let put = at(PUT);
     let mut bodies: Vec<Vec<u64>> = Vec::new();
     let mut from = end.taken;
     while from < put && put - from <= capacity {
-        let n = ring(from).min(MAX_BODY as u64);
+        let n = ring(from);
+        if !(BODY_HEAD as u64..=MAX_BODY as u64).contains(&n) {
+            break;
+        }
         bodies.push((1..=n).map(|k| ring(from + k)).collect());
         from += 1 + n;
     }
     // after a kill between ring and mark the record is in both
-    let n = (at(STAGED) as usize).min(MAX_BODY);
-    if n > 0 && at(PLACE) == put {
+    let n = at(STAGED) as usize;
+    if (BODY_HEAD..=MAX_BODY).contains(&n) && at(PLACE) == put {
         bodies.push((0..n).map(|k| at(RECORD + k)).collect());
     }
-    Some(Left { start: at(START), end, bodies })
+    Left { start: at(START), end, bodies }
 }
 
-/// Removes the ring that the server of the recording `run` left.
-pub(super) fn forget(run: u64) {
-    KeptWords::forget(&name(run));
+/// Removes the rings of dead servers; their paths.
+pub fn clear() -> Vec<PathBuf> {
+    LeftWords::clear(NAME)
 }
 
 #[cfg(test)]
@@ -370,8 +390,12 @@ mod tests {
             let head = RequestHead { sequence: u64::from(k), ..RequestHead::default() };
             recorder.record(&head, &QUERY, &[1.0; 5], &[f64::from(k); 5], OK);
         };
-        let sequences =
-            || left(run(2)).unwrap().bodies.iter().map(|body| body[3]).collect::<Vec<_>>();
+        let memory = recorder.memory.clone();
+        let left = || {
+            let words = memory.words().iter();
+            parse(&words.flat_map(|word| word.load(Relaxed).to_le_bytes()).collect::<Vec<u8>>())
+        };
+        let sequences = || left().bodies.iter().map(|body| body[3]).collect::<Vec<_>>();
         for k in 0..40_u32 {
             record(&mut recorder, k);
             assert_eq!(sequences().last(), Some(&u64::from(k)), "staged");
@@ -382,13 +406,15 @@ mod tests {
                 while records.next(&mut body) {}
                 assert_eq!(sequences().len(), 3);
                 records.settle(end(u64::from(k)));
-                let Left { start, end: found, bodies } = left(run(2)).unwrap();
+                let Left { start, end: found, bodies } = left();
                 assert_eq!((start, found.at, bodies.len()), (77, u64::from(k), 0));
                 assert_eq!((found.segment, found.sequence), (3, 4));
             }
         }
-        drop((recorder, records));
-        assert!(left(run(2)).is_none());
+        // the ring of a living process is its own, and goes with it
+        assert!(is_there(run(2)) && super::left(run(2)).unwrap().is_none());
+        drop((recorder, records, memory));
+        assert!(!is_there(run(2)) && super::left(run(2)).unwrap().is_none());
     }
 
     #[test]
