@@ -182,7 +182,8 @@ impl Plan {
         let of_method = T::from_f64(model.growth_of(self.method) / ROUNDINGS);
         report.doubt.times(of_method.to_branch_value(BranchValue::Growth));
         report.doubt.acceleration = zero;
-        if zero > 1.0 || left.lt(terms * T::from_f64(1.0 / APART)) {
+        let is_still = zero > 1.0 && report.doubt.is_large();
+        if is_still || left.lt(terms * T::from_f64(1.0 / APART)) {
             // the largest forces may be those of another joint
             let alone = of_largest(independents, &ws.ydd, |k| {
                 let own = T::from_f64(model.inertia[k]).larger(ws.uncoupled_diagonal[k]);
