@@ -106,7 +106,8 @@ fn double_cranks(n: usize) -> Compiled {
     let first = crank;
     for k in 0..n {
         let k = k as f64;
-        let [rod, follower] = [0.9 + 0.05 * (0.51 * k).cos(), 1.05 + 0.05 * (0.3 * k).sin()];
+        let rod = 0.9 + 0.05 * (0.51 * (k + 1.0)).cos();
+        let follower = 1.05 + 0.05 * (0.3 * (k + 1.0)).sin();
         let angle = 1.3 + 0.4 * k;
         let pin = [0.35 * k + angle.cos(), angle.sin()];
         let pivot = [0.35 * (k + 1.0), 0.0];

@@ -396,6 +396,7 @@ impl<T: Real> Numerical<T> {
     }
 
     /// The levels below the position, with the reason where a block cannot be inverted.
+    #[inline(always)]
     pub(crate) fn differentiate(
         &self,
         cluster: &Cluster<T>,
@@ -405,11 +406,8 @@ impl<T: Real> Numerical<T> {
         outcome: Outcome,
     ) -> Outcome {
         let mut sound = level == Level::Position || self.rates(cluster, bodies, local, level);
-        if self.choices.len() > 1
-            && (!sound || !self.gain(local).lt(T::from_f64(POOR)))
-            && self.rechoose(cluster, bodies, local)
-        {
-            sound = level == Level::Position || self.rates(cluster, bodies, local, level);
+        if self.choices.len() > 1 {
+            sound = self.rechosen(cluster, bodies, local, level, sound);
         }
         if !sound {
             return Outcome::failed(
@@ -421,18 +419,32 @@ impl<T: Real> Numerical<T> {
     }
 
     /// The largest gain of the blocks, at least 1.
+    #[inline(always)]
     fn gain(&self, local: &Local<'_, T>) -> T {
         let gains = &local.scratch.gain[..self.chosen(local.scratch).blocks.len()];
         gains.iter().fold(T::ONE, |largest, gain| largest.larger(*gain))
     }
 
-    /// Closes the pose in `local.q` to the last digit by another choice of rows; false where none
-    /// is better.
-    #[cold]
-    fn rechoose(&self, cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> bool {
+    /// Whether the levels below the position are sound, by another choice of rows where the one in
+    /// use is poor and another one closes the pose to the last digit.
+    #[inline(never)]
+    fn rechosen(
+        &self,
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
+        local: &mut Local<'_, T>,
+        level: Level,
+        sound: bool,
+    ) -> bool {
+        if sound && self.gain(local).lt(T::from_f64(POOR)) {
+            return sound;
+        }
         let before = local.scratch.choice;
         self.choose(cluster, bodies, local);
-        local.scratch.choice != before
-            && self.newton(cluster, bodies, local, Branches::Unknown, T::ZERO).0
+        if local.scratch.choice == before {
+            return sound;
+        }
+        self.newton(cluster, bodies, local, Branches::Unknown, T::ZERO).0
+            && (level == Level::Position || self.rates(cluster, bodies, local, level))
     }
 }
