@@ -3,6 +3,7 @@
 
 mod mechanisms;
 mod rows;
+mod turns;
 
 use std::f64::consts::FRAC_PI_6;
 

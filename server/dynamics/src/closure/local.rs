@@ -71,6 +71,8 @@ pub(crate) struct Scratch<T> {
     pub(crate) inverse: Vec<T>,
     /// A matrix that may have to be inverted once more.
     pub(crate) spare: Vec<T>,
+    /// Which choice among redundant rows is in use.
+    pub(crate) choice: usize,
     /// Determinant of each block at the pose that Newton's method leaves.
     pub(crate) branch: Vec<T>,
     /// Gain of each block, see [`crate::closure::Outcome::gain`].
@@ -116,6 +118,7 @@ impl<T: Real> Scratch<T> {
             B: of(side * side),
             inverse: of(side * side),
             spare: of(side * side),
+            choice: 0,
             branch: of(n),
             gain: of(n),
             step: of(side),

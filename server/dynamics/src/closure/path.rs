@@ -1,5 +1,6 @@
 //! The straight path between two poses of a cluster's independents.
 
+use crate::closure::column_unit;
 use crate::mechanism::{Cluster, Dof};
 use crate::scalar::Real;
 
@@ -40,7 +41,8 @@ pub(crate) fn distance<T: Real>(cluster: &Cluster<T>, from: &[T], to: &[T]) -> T
     for dof in cluster.independent.iter().map(|v| &cluster.dofs[*v]) {
         if dof.single {
             let step = (to[dof.q] - from[dof.q]).abs();
-            distance += if dof.slides() { step * T::from_f64(1.0 / cluster.length) } else { step };
+            let unit = column_unit(cluster, dof.v);
+            distance += if unit == 1.0 { step } else { step * T::from_f64(1.0 / unit) };
         } else if dof.k == 0 {
             distance += free_distance(cluster, dof, from, to);
         }

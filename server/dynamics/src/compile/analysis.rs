@@ -30,7 +30,8 @@ const OPEN: f64 = 1e-6;
 /// Result of the analysis of one cluster.
 pub(super) struct Analysis {
     pub(super) used: Vec<usize>,
-    pub(super) blocks: Blocks,
+    /// Of each choice of rows, the used ones first.
+    pub(super) choices: Vec<Blocks>,
     /// Idle dependents, which keep their initial value.
     pub(super) locked: Vec<usize>,
 }
@@ -150,8 +151,11 @@ pub(super) fn analyse(
     }
     let at_zero = Sample::at(&cluster, subject.bodies, subject.zero);
     let others: Vec<&[f64]> = samples.iter().chain([&at_zero]).map(|at| &at.K[..]).collect();
-    let blocks = blocks(&cluster, &used, &generic.K, &others);
-    Some(Analysis { used, blocks, locked })
+    let mut choices = vec![blocks(&cluster, &used, &generic.K, &others)];
+    for (other, at) in redundant::choices(subject, &cluster, &used) {
+        choices.push(blocks(&cluster, &other, &at.K, &[&at.K]));
+    }
+    Some(Analysis { used, choices, locked })
 }
 
 /// The idle motions of the dependents; `None` if the independents leave other motions undetermined

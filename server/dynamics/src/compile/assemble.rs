@@ -8,7 +8,7 @@ use sarrus_proto::{ModelInfo, Sizes};
 
 use crate::closure::Closure;
 use crate::compile::canonical;
-use crate::compile::couplings::{characteristic_length, couplings};
+use crate::compile::couplings::{characteristic_length, couplings, units};
 use crate::compile::geometry::{norm, onto_z, unit, vector};
 use crate::compile::orders::Names;
 use crate::compile::owners::owners;
@@ -293,6 +293,7 @@ impl<'a> Builder<'a> {
             let coupling = couplings(cluster);
             let cluster = &mut self.model.clusters[c];
             cluster.length = length;
+            cluster.units = units(cluster);
             self.model.closed_clusters.push(c);
             if let Some(coupling) = coupling {
                 for &j in &cluster.dependent {

@@ -91,6 +91,7 @@ impl Builder<'_> {
             rows: Vec::new(),
             used: Vec::new(),
             length: 1.0,
+            units: vec![1.0; n_v],
         });
         self.model.closures.push(Closure::Serial);
     }

@@ -27,9 +27,9 @@ pub(super) fn close_clusters(
         let subject = Subject::new(&rough, c, &labels);
         let Some(analysis) = analyse(&subject, errors, warnings) else { continue };
         record(&analysis, &subject, assembly, c, &mut closures);
-        let Analysis { used, blocks, locked } = analysis;
+        let Analysis { used, choices, locked } = analysis;
         let zero = &mut exact.zero[subject.cluster.coordinates()];
-        let mut numerical = Numerical::new(blocks, zero.to_vec());
+        let mut numerical = Numerical::new(choices, zero.to_vec());
         let cluster = &mut exact.clusters[c];
         cluster.used = used;
         cluster.dependent.retain(|v| !locked.contains(v));

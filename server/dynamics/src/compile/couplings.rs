@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::closure::{Coupling, local_poses};
-use crate::mechanism::{Body, Cluster};
+use crate::mechanism::{Body, Cluster, Cut, Dof};
 use crate::scalar::{Dd, Real, Triple};
 use crate::spatial::Pose;
 
@@ -28,6 +28,28 @@ pub(super) fn characteristic_length(
         }
     }
     if largest > 0.0 { 0.5 * largest } else { 1.0 }
+}
+
+/// Units of the velocities of a cluster: a radian, its length; that of a joint on the way to no cut
+/// moves the other joints of its coupling by theirs.
+pub(super) fn units(cluster: &Cluster<Dd>) -> Vec<f64> {
+    let is_gear = |cut: &&Cut<Dd>| cut.rows.iter().all(|row| !row.terms.is_empty());
+    let own = |dof: &Dof| if dof.slides() { cluster.length } else { 1.0 };
+    let mut units: Vec<Option<f64>> = vec![None; cluster.n_v];
+    for (v, _) in cluster.cuts.iter().filter(|cut| !is_gear(cut)).flat_map(|cut| &cut.path) {
+        units[*v] = Some(own(&cluster.dofs[*v]));
+    }
+    let rows = || cluster.cuts.iter().filter(is_gear).flat_map(|cut| &cut.rows);
+    // from gear to gear
+    for row in rows().flat_map(|_| rows()) {
+        let unknown: Vec<_> = row.terms.iter().filter(|(v, _)| units[*v].is_none()).collect();
+        if let [(v, of_v)] = unknown[..] {
+            let others = row.terms.iter().filter_map(|(j, c)| Some(c.abs().to_f64() * units[*j]?));
+            let unit = others.sum::<f64>() / of_v.abs().to_f64();
+            units[*v] = (unit > 0.0 && unit.is_finite()).then_some(unit);
+        }
+    }
+    cluster.dofs.iter().zip(units).map(|(dof, unit)| unit.unwrap_or(own(dof))).collect()
 }
 
 /// Poses of the local bodies of a cluster at its coordinates {cluster's parent body}; 0 is that.

@@ -1,12 +1,15 @@
 //! Redundant rows: the loop gaps along them, and cut joints without them.
 
+use core::f64::consts::PI;
+
+use faer::Mat;
 use faer::linalg::solvers::Solve;
 use nalgebra::Vector3;
 
 use crate::closure::{Scratch, column_unit, constraint_residual};
-use crate::compile::analysis::{Sample, Subject, joined};
+use crate::compile::analysis::{Sample, Subject, closed_near, joined};
 use crate::compile::blocks::is_length;
-use crate::compile::rank::{matrix, rank};
+use crate::compile::rank::{independent_rows, matrix, rank};
 use crate::diagnostic::Diagnostic;
 use crate::mechanism::{Body, Cluster, Motion};
 use crate::scalar::noise;
@@ -19,6 +22,12 @@ const STEPS: usize = 8;
 const STEP: f64 = 0.1;
 /// Dependents of a cluster beyond which fewer poses are sampled.
 const LARGE: usize = 100;
+/// Choices of rows: dependents of a cluster up to which they are sought, steps of half a turn, how
+/// many at most, and the part of the best clearance that the known ones keep.
+const SMALL: usize = 30;
+const WAY: usize = 24;
+const MOST: usize = 8;
+const NARROW: f64 = 0.3;
 /// Sine of the angle between axes that count as parallel.
 const PARALLEL: f64 = 1e-4;
 
@@ -58,6 +67,46 @@ pub(super) fn warn(
             "correct axes and origins of the loop's joints, or take these axes out",
         ));
     }
+}
+
+/// Other choices of rows, each with a pose where it is much farther from a singular pose than all
+/// before it, on the way of one independent after the other from zero, half a turn either way.
+pub(super) fn choices(
+    subject: &Subject<'_>,
+    cluster: &Cluster<f64>,
+    used: &[usize],
+) -> Vec<(Vec<usize>, Sample)> {
+    let m = cluster.dependent.len();
+    let mut found: Vec<(Vec<usize>, Sample)> = Vec::new();
+    if used.len() == cluster.rows.len() || m > SMALL {
+        return found;
+    }
+    let ways = cluster.independent.iter().flat_map(|v| [(v, 1.0), (v, -1.0)]).take(2 * DIRECTIONS);
+    for (&v, way) in ways {
+        let mut q = subject.zero.to_vec();
+        for _ in 0..WAY {
+            let step = way * PI / WAY as f64 * column_unit(cluster, v);
+            cluster.dofs[v].advance(&mut q, step);
+            if !closed_near(cluster, subject.bodies, &mut q, &cluster.dependent) {
+                break;
+            }
+            let at = Sample::at(cluster, subject.bodies, &q);
+            let K_d = at.columns(&cluster.dependent, cluster);
+            let best = independent_rows(&K_d, m);
+            let known = std::iter::once(used).chain(found.iter().map(|(rows, _)| &rows[..]));
+            let reached = known.map(|rows| clearance(&K_d, rows)).fold(0.0, f64::max);
+            if reached < NARROW * clearance(&K_d, &best) && found.len() < MOST {
+                found.push((best, at));
+            }
+        }
+    }
+    found
+}
+
+/// The least singular value of some rows.
+fn clearance(K_d: &Mat<f64>, rows: &[usize]) -> f64 {
+    let part = Mat::from_fn(rows.len(), K_d.ncols(), |i, a| K_d[(rows[i], a)]);
+    part.thin_svd().map_or(0.0, |svd| svd.S().column_vector()[K_d.ncols() - 1])
 }
 
 /// The largest gaps of some rows `[m]`, `[rad]`.

@@ -109,7 +109,7 @@ impl Table<'_> {
         self.ws.start[cluster.coordinates()].copy_from_slice(&zero);
         let bodies = model.bodies_of(cluster);
         self.numerical.determinants(cluster, bodies, &mut self.ws.local(cluster));
-        self.signs = self.ws.scratch.branch[..self.numerical.blocks.len()]
+        self.signs = self.ws.scratch.branch[..self.numerical.choices[0].blocks.len()]
             .iter()
             .map(|det| det.signum())
             .collect();

@@ -4,14 +4,15 @@ use core::f64::consts::TAU;
 
 use sarrus_proto::Status;
 
-use crate::closure::{Closure, Level, Turn, column_unit};
+use crate::closure::{Closure, Level, Turn};
 use crate::mechanism::Motion;
 use crate::model::Model;
 use crate::workspace::{Needs, Workspace};
 
-/// Steps of one turn, and least sine of the distance to a singular pose in steps: no change point
-/// lies between two of them.
-const STEPS: usize = 512;
+/// Longest and shortest step `[rad]`, and least sine of the distance to a singular pose in steps:
+/// no change point lies between two of them.
+const LONGEST: f64 = TAU / 512.0;
+const SHORTEST: f64 = 1e-4;
 const CLEAR: f64 = 4.0;
 /// Deviation from a whole turn, in radians or cluster lengths.
 const WHOLE: f64 = 1e-6;
@@ -42,21 +43,31 @@ fn turn(model: &Model<f64>, c: usize, i: usize, ws: &mut Workspace<f64>) -> Opti
     let at = cluster.coordinates();
     let zero = &model.zero[at.clone()];
     ws.q[at.clone()].copy_from_slice(zero);
-    for k in 1..=STEPS {
+    let mut made = 0.0;
+    let mut step = LONGEST;
+    while made < TAU {
         ws.start[at.clone()].copy_from_slice(&ws.q[at.clone()]);
-        ws.q[cluster.q + i] = zero[i] + TAU * k as f64 / STEPS as f64;
+        let next = f64::min(made + step, TAU);
+        ws.q[cluster.q + i] = zero[i] + next;
         let outcome = ws.close(model, c, Level::Position);
-        let clear = CLEAR * TAU / STEPS as f64;
-        if outcome.status != Status::Ok || clear * clear * outcome.gain > 1.0 {
+        let clear = 1.0 / (CLEAR * outcome.gain.sqrt());
+        if outcome.status != Status::Ok || clear < SHORTEST {
             return None;
         }
+        if step <= clear {
+            made = next;
+        } else {
+            ws.q[at.clone()].copy_from_slice(&ws.start[at.clone()]);
+        }
+        step = f64::min(LONGEST, 0.5 * clear);
     }
     let mut turns = vec![0.0; cluster.n_q];
     for v in &cluster.dependent {
         let dof = &cluster.dofs[*v];
         let gone = ws.q[cluster.q + dof.q] - zero[dof.q];
         let whole = if dof.motion == Motion::Revolute { (gone / TAU).round() } else { 0.0 };
-        if (gone - whole * TAU).abs() > WHOLE * column_unit(cluster, *v) {
+        let unit = if dof.slides() { cluster.length } else { 1.0 };
+        if (gone - whole * TAU).abs() > WHOLE * unit {
             return None;
         }
         turns[dof.q] = whole;

@@ -25,11 +25,11 @@
 //! | TRANSMISSION | any | those that follow none | by couplings |
 //! | DIFFERENTIAL | cage, spider and wheels, 3 or 4 | two of them | by couplings |
 //!
-//! A cut of five rows, as of a hinge, serves as well as two in the plane; loading drops and names
-//! redundant rows. RRPR, SLIDERCRANK, 2SPU+1U, 2SPRR+1U and 6UPS define their cuts if none is
-//! given: the pin is the origin of the slider's frame. 2SURRPR+1U falls back on Newton's method,
-//! with a warning, where axes do not cross or Newton's method does not confirm the form beside the
-//! zero pose.
+//! A cut of five rows, as of a hinge, serves as well as two in the plane; loading names redundant
+//! rows, which Newton's method leaves out until the others come near a singular pose. RRPR,
+//! SLIDERCRANK, 2SPU+1U, 2SPRR+1U and 6UPS define their cuts if none is given: the pin is the
+//! origin of the slider's frame. 2SURRPR+1U falls back on Newton's method, with a warning, where
+//! axes do not cross or Newton's method does not confirm the form beside the zero pose.
 //!
 //! # RRPR
 //!

@@ -44,11 +44,15 @@ pub(crate) struct Cluster<T> {
     pub(crate) used: Vec<usize>,
     /// Characteristic length `[m]`.
     pub(crate) length: f64,
+    /// Unit of each local velocity (n_v): 1 rad, a slider's the length; a joint that moves by
+    /// couplings alone has the one that belongs to theirs.
+    pub(crate) units: Vec<f64>,
 }
 
 constants! { Cluster:
     keep parent body n v q n_v n_q dofs vy n_vy g_offset independent dependent locked independent_q
-        dependent_q local_parent active rows used length;
+        dependent_q local_parent active rows used length
+        units;
     each cuts;
 }
 

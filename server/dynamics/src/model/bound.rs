@@ -23,7 +23,10 @@ impl<C> Model<C> {
     /// The bound on the work of a request: Newton steps times their operations.
     pub fn bound(&self) -> Bound {
         let answer = BODY * self.bodies.len() as u64;
-        let blocks = || self.closures.iter().filter_map(iterated).flat_map(|n| &n.blocks);
+        let blocks = || {
+            let choices = self.closures.iter().filter_map(iterated).flat_map(|n| &n.choices);
+            choices.flat_map(|choice| &choice.blocks)
+        };
         let least = blocks().map(|block| block.work).min();
         let (steps, operations) = match least {
             // the last attempt may begin just below the budget

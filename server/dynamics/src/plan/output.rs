@@ -14,6 +14,7 @@ use crate::workspace::Workspace;
 
 impl Plan {
     /// Writes every wanted field.
+    #[inline]
     pub(super) fn write<T: Real>(
         &self,
         model: &Model<T>,

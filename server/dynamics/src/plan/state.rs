@@ -167,6 +167,7 @@ impl Plan {
 
     /// Closes one cluster from numbers of any space; returns its gain, and the part of their
     /// control that the actuators have there.
+    #[inline]
     pub(super) fn close_cluster<T: Real>(
         &self,
         model: &Model<T>,

@@ -3,7 +3,8 @@
 //! ```text
 //!   K_s = D_r K D_c        λ = D_r λ_s
 //! ```
-//! D_c measures sliding joints in cluster lengths. D_r measures linear rows in the same lengths, and gives couplings unit norm. So K_s
+//! D_c measures sliding joints in cluster lengths, and joints behind gears by the joints that they
+//! turn with. D_r measures linear rows in the same lengths, and gives couplings unit norm. So K_s
 //! has no dimension and does not depend on units, and λ_s holds moments: forces times the cluster's
 //! length.
 
@@ -12,9 +13,9 @@ use crate::linalg::{determinant_sign, singular_range};
 use crate::mechanism::{Cluster, CutRow};
 use crate::scalar::Real;
 
-/// The unit of one local velocity: the cluster's length for a slider.
+/// The unit of one local velocity.
 pub(crate) fn column_unit<T>(cluster: &Cluster<T>, v: usize) -> f64 {
-    if cluster.dofs[v].slides() { cluster.length } else { 1.0 }
+    cluster.units[v]
 }
 
 /// The factor by which a row is scaled.

@@ -46,6 +46,8 @@ pub(crate) struct Block {
     /// Where up to three unknowns are joints in series that carry one end of the only cut, whose
     /// rows are linear: whether that is the successor's.
     pub(crate) series: Option<bool>,
+    /// All of its rows are couplings: one step of any length solves them.
+    pub(crate) couples: bool,
     /// True when the determinant at the old unknowns changes with the new y, so that the first step
     /// does not show its old sign.
     pub(crate) remember: bool,
@@ -113,6 +115,18 @@ impl Block {
     pub(super) fn determinant<T: Real>(&self, cluster: &Cluster<T>, local: &mut Local<'_, T>) -> T {
         self.evaluate::<T, ANY>(cluster, local, true);
         self.invert::<T, ANY>(local).det
+    }
+
+    /// 1/sin² of the angle that vanishes at a singular pose, at the pose in `local`, whose poses
+    /// are fresh; infinite where the block cannot be inverted.
+    pub(super) fn gain<T: Real>(&self, cluster: &Cluster<T>, local: &mut Local<'_, T>) -> T {
+        self.evaluate::<T, ANY>(cluster, local, true);
+        let inverted = self.invert::<T, ANY>(local);
+        match (inverted.sound, self.unknowns.len()) {
+            (false, _) => T::from_f64(f64::INFINITY),
+            (_, 1) => self.lever_gain_of(cluster, local.scratch.inverse[self.offset]),
+            _ => inverted.gain,
+        }
     }
 
     /// The gain of this block b, which multiplies that of the blocks before it.

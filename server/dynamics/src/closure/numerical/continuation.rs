@@ -54,7 +54,7 @@ pub(in crate::closure) fn follow<T: Real>(
     local.q.copy_from_slice(local.start);
     local.scratch.last[..n].copy_from_slice(local.start);
     // a guess that is not quite closed is closed first, at its own y
-    numerical.remember(cluster, bodies, local);
+    numerical.settle(cluster, bodies, local);
     let (closed, count) = numerical.newton(cluster, bodies, local, Branches::Remembered, T::ZERO);
     iterations += count;
     if !closed {
@@ -97,7 +97,7 @@ pub(in crate::closure) fn follow<T: Real>(
         if good && holds(gap) && leads_on && goes_straight(numerical, cluster, local) {
             open = gap;
             local.scratch.last[..n].copy_from_slice(local.q);
-            numerical.remember(cluster, bodies, local);
+            numerical.settle(cluster, bodies, local);
             at = next;
             leads_on = at == 1.0 || leads_on_from(numerical, cluster, bodies, local);
             // right after a failure the same step again
@@ -144,7 +144,8 @@ fn leads_on_from<T: Real>(
     if !numerical.meets {
         return true;
     }
-    local.scratch.spend(numerical.blocks.iter().map(|block| block.work).sum());
+    let blocks = &numerical.chosen(local.scratch).blocks;
+    local.scratch.spend(blocks.iter().map(|block| block.work).sum());
     numerical.rates(cluster, bodies, local, Level::Jacobian)
 }
 
@@ -181,7 +182,7 @@ pub(in crate::closure) fn is_apart<T: Real>(
     local: &Local<'_, T>,
     off: T,
 ) -> bool {
-    let gains = &local.scratch.gain[..numerical.blocks.len()];
+    let gains = &local.scratch.gain[..numerical.chosen(local.scratch).blocks.len()];
     gains.iter().all(|gain| off * off * *gain < T::from_f64(STRAIGHT * STRAIGHT))
 }
 

@@ -25,18 +25,20 @@ use sarrus_proto::Status;
 
 use crate::closure::constraint::rates::rate_of;
 use crate::closure::constraint::rows::{local_poses, place};
-use crate::closure::numerical::block::{Block, Blocks};
+use crate::closure::numerical::block::Blocks;
 use crate::closure::numerical::newton::Start;
 use crate::closure::numerical::seeds::Seeds;
 use crate::closure::path::distance;
 use crate::closure::platform::Platform;
-use crate::closure::{Level, Local, Outcome, Rate};
+use crate::closure::{Level, Local, Outcome, Rate, Scratch};
 use crate::mechanism::{Body, Cluster, Dof, Motion, turn_some};
 use crate::scalar::{Real, constants};
 use crate::spatial::Pose;
 
 /// Most Newton steps of one straight attempt.
 const STEPS: u32 = 10;
+/// Gain from which on another choice among redundant rows may be better.
+const POOR: f64 = 1e4;
 
 /// When one straight attempt of Newton's method ends.
 #[derive(Clone, Copy, Debug)]
@@ -62,11 +64,9 @@ pub(in crate::closure) enum Branches {
 /// The blocks of a cluster in the order in which they are closed.
 #[derive(Clone, Debug)]
 pub(crate) struct Numerical<T> {
-    pub(crate) blocks: Vec<Block>,
-    /// Bodies on the paths to the cuts, in tree order, and those among them that the blocks leave
-    /// without their pose.
-    pub(crate) on_way: Vec<usize>,
-    pub(crate) after: Vec<usize>,
+    /// The blocks of each choice among redundant rows. The first one serves, near a pose where it
+    /// is singular the one that is farthest from that.
+    pub(crate) choices: Vec<Blocks>,
     /// The closed pose at y = 0 from which a request without a guess starts (n_q).
     pub(crate) zero: Vec<T>,
     /// Coordinates that advance by whole turns with a continuous independent joint.
@@ -81,7 +81,7 @@ pub(crate) struct Numerical<T> {
 }
 
 constants! { Numerical:
-    keep blocks on_way after turns seeds end meets;
+    keep choices turns seeds end meets;
     list zero;
     other form: |f, form| Box::new(form.map(f));
 }
@@ -111,12 +111,10 @@ impl Turn {
 }
 
 impl<T: Real> Numerical<T> {
-    /// From the blocks and a closed pose.
-    pub(crate) fn new(Blocks { blocks, on_way, after }: Blocks, zero: Vec<T>) -> Numerical<T> {
+    /// From the blocks of each choice of rows and a closed pose.
+    pub(crate) fn new(choices: Vec<Blocks>, zero: Vec<T>) -> Numerical<T> {
         Numerical {
-            blocks,
-            on_way,
-            after,
+            choices,
             zero,
             turns: Vec::new(),
             seeds: None,
@@ -129,7 +127,35 @@ impl<T: Real> Numerical<T> {
     /// Marks a mechanism of which two assemblies can meet.
     pub(crate) fn set_meets(&mut self) {
         self.meets = true;
-        self.blocks.iter_mut().for_each(|block| block.remember = true);
+        let blocks = self.choices.iter_mut().flat_map(|choice| &mut choice.blocks);
+        blocks.for_each(|block| block.remember = true);
+    }
+
+    /// The choice of rows in use.
+    #[inline(always)]
+    pub(in crate::closure) fn chosen(&self, scratch: &Scratch<T>) -> &Blocks {
+        &self.choices[scratch.choice]
+    }
+
+    /// Takes the choice of rows that is farthest from a singular pose at the closed pose in
+    /// `local.q`.
+    fn choose(&self, cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) {
+        if self.choices.len() == 1 {
+            return;
+        }
+        local_poses(cluster, bodies, local.q, local.cos_sin, &mut local.scratch.pose);
+        let mut least = T::from_f64(f64::INFINITY);
+        let mut best = 0;
+        for (k, choice) in self.choices.iter().enumerate() {
+            let gain = choice.blocks.iter().fold(T::ONE, |gain, block| {
+                local.scratch.spend(block.work);
+                gain * block.gain(cluster, local)
+            });
+            if gain < least {
+                (least, best) = (gain, k);
+            }
+        }
+        local.scratch.choice = best;
     }
 
     /// Closes every block from the dependents in `local.q`; poses on the paths to all cuts are
@@ -149,7 +175,8 @@ impl<T: Real> Numerical<T> {
         turn_some(turns.map(|(j, body)| (j, body.q - cluster.q)), local.q, local.cos_sin);
         let mut good = true;
         let mut taken = 0;
-        for (b, block) in self.blocks.iter().enumerate() {
+        let Blocks { blocks, after, .. } = self.chosen(local.scratch);
+        for (b, block) in blocks.iter().enumerate() {
             for &j in &block.before {
                 place(cluster, bodies, j, local.q, local.cos_sin, &mut local.scratch.pose);
             }
@@ -168,10 +195,21 @@ impl<T: Real> Numerical<T> {
                 break;
             }
         }
-        for &j in &self.after {
+        for &j in after {
             place(cluster, bodies, j, local.q, local.cos_sin, &mut local.scratch.pose);
         }
         (good, taken)
+    }
+
+    /// Takes the best choice of rows at the closed pose in `local.q`, and notes its branch.
+    pub(in crate::closure) fn settle(
+        &self,
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
+        local: &mut Local<'_, T>,
+    ) {
+        self.choose(cluster, bodies, local);
+        self.remember(cluster, bodies, local);
     }
 
     /// Notes the branch of the closed pose in `local.q`, of the blocks whose first step would not
@@ -182,11 +220,12 @@ impl<T: Real> Numerical<T> {
         bodies: &[Body<T>],
         local: &mut Local<'_, T>,
     ) {
-        if !self.blocks.iter().any(|block| block.remember) {
+        let blocks = &self.chosen(local.scratch).blocks;
+        if !blocks.iter().any(|block| block.remember) {
             return;
         }
         local_poses(cluster, bodies, local.q, local.cos_sin, &mut local.scratch.pose);
-        for (b, block) in self.blocks.iter().enumerate().filter(|(_, block)| block.remember) {
+        for (b, block) in blocks.iter().enumerate().filter(|(_, block)| block.remember) {
             local.scratch.spend(block.work);
             local.scratch.branch[b] = block.determinant(cluster, local);
         }
@@ -211,7 +250,8 @@ impl<T: Real> Numerical<T> {
         }
         // G block by block: G_d = −K_d⁻¹ K_i
         let mut good = true;
-        for (b, block) in self.blocks.iter().enumerate() {
+        let Blocks { blocks, on_way, .. } = self.chosen(local.scratch);
+        for (b, block) in blocks.iter().enumerate() {
             let (sound, own) = block.jacobian(cluster, local, level);
             block.multiply_gain(b, own, &mut local.scratch.gain);
             good &= sound;
@@ -219,7 +259,7 @@ impl<T: Real> Numerical<T> {
         if level == Level::Jacobian {
             return good;
         }
-        for block in &self.blocks {
+        for block in blocks {
             for &Dof { v: j, .. } in &block.unknowns {
                 let mut qd = T::ZERO;
                 for (k, &i) in cluster.independent.iter().enumerate() {
@@ -231,10 +271,10 @@ impl<T: Real> Numerical<T> {
         if level >= Level::Acceleration {
             let scratch = &mut *local.scratch;
             scratch.rate[0] = Rate::at_rest();
-            for &j in &self.on_way {
+            for &j in on_way {
                 rate_of(cluster, bodies, j, local.qd, &scratch.pose, &mut scratch.rate);
             }
-            for block in &self.blocks {
+            for block in blocks {
                 block.bias(cluster, local);
             }
         }
@@ -251,6 +291,7 @@ impl<T: Real> Numerical<T> {
         local: &mut Local<'_, T>,
         level: Level,
     ) -> Outcome {
+        local.scratch.choice = 0;
         for &i in &cluster.dependent_q {
             local.q[i] = local.start[i];
         }
@@ -329,8 +370,9 @@ impl<T: Real> Numerical<T> {
         bodies: &[Body<T>],
         local: &mut Local<'_, T>,
     ) {
+        local.scratch.choice = 0;
         local_poses(cluster, bodies, local.q, local.cos_sin, &mut local.scratch.pose);
-        for (b, block) in self.blocks.iter().enumerate() {
+        for (b, block) in self.choices[0].blocks.iter().enumerate() {
             local.scratch.branch[b] = block.determinant(cluster, local);
         }
     }
@@ -342,6 +384,7 @@ impl<T: Real> Numerical<T> {
         bodies: &[Body<T>],
         local: &mut Local<'_, T>,
     ) -> Outcome {
+        local.scratch.choice = 0;
         self.remember(cluster, bodies, local);
         let (good, iterations) = self.newton(cluster, bodies, local, Branches::Remembered, T::ZERO);
         if good {
@@ -353,6 +396,7 @@ impl<T: Real> Numerical<T> {
     }
 
     /// The levels below the position, with the reason where a block cannot be inverted.
+    #[inline(always)]
     pub(crate) fn differentiate(
         &self,
         cluster: &Cluster<T>,
@@ -361,14 +405,46 @@ impl<T: Real> Numerical<T> {
         level: Level,
         outcome: Outcome,
     ) -> Outcome {
-        if level > Level::Position && !self.rates(cluster, bodies, local, level) {
+        let mut sound = level == Level::Position || self.rates(cluster, bodies, local, level);
+        if self.choices.len() > 1 {
+            sound = self.rechosen(cluster, bodies, local, level, sound);
+        }
+        if !sound {
             return Outcome::failed(
                 continuation::singular_status(cluster, bodies, local),
                 outcome.iterations,
             );
         }
-        let gains = &local.scratch.gain[..self.blocks.len()];
-        let gain = gains.iter().fold(1.0, |largest, gain| gain.to_f64().max(largest));
-        Outcome { gain, ..outcome }
+        Outcome { gain: self.gain(local).to_f64(), ..outcome }
+    }
+
+    /// The largest gain of the blocks, at least 1.
+    #[inline(always)]
+    fn gain(&self, local: &Local<'_, T>) -> T {
+        let gains = &local.scratch.gain[..self.chosen(local.scratch).blocks.len()];
+        gains.iter().fold(T::ONE, |largest, gain| largest.larger(*gain))
+    }
+
+    /// Whether the levels below the position are sound, by another choice of rows where the one in
+    /// use is poor and another one closes the pose to the last digit.
+    #[inline(never)]
+    fn rechosen(
+        &self,
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
+        local: &mut Local<'_, T>,
+        level: Level,
+        sound: bool,
+    ) -> bool {
+        if sound && self.gain(local).lt(T::from_f64(POOR)) {
+            return sound;
+        }
+        let before = local.scratch.choice;
+        self.choose(cluster, bodies, local);
+        if local.scratch.choice == before {
+            return sound;
+        }
+        self.newton(cluster, bodies, local, Branches::Unknown, T::ZERO).0
+            && (level == Level::Position || self.rates(cluster, bodies, local, level))
     }
 }

@@ -198,6 +198,9 @@ impl Block {
     ) -> (bool, u32, T) {
         let thresholds = Thresholds::<T>::new(cluster.length, end);
         let mut attempt = Attempt::<T>::new();
+        if self.couples {
+            attempt.size = T::from_f64(f64::MAX);
+        }
         let mut inverse_square_sine = T::ZERO;
         let mut taken = 0;
         // poses at the start; of bodies whose parent stands still also that at zero of their joint
@@ -226,7 +229,7 @@ impl Block {
             // Δ_k = A⁻¹ φ(q_k), q_{k+1} = q_k − Δ_k, s_k = ‖Δ_k‖∞
             let size = self.step::<T, M>(local, cluster.length, attempt.done);
             taken += 1;
-            if k == 0 {
+            if k == 0 && !self.couples {
                 attempt.check_trust(size, start.moved, inverse_square_sine);
             }
             attempt.check_contraction(size, residual, &thresholds, end.tolerance.is_some(), kept);
