@@ -115,7 +115,7 @@ impl Drop for Mapping {
 }
 
 /// Words that outlive this process, however it ends: those of a file in /dev/shm, which is locked
-/// while the process lives. The first word is its own, not 0 until the words are [taken](LeftWords).
+/// while the process lives. The first word is not 0 until the words are [taken](LeftWords).
 pub struct KeptWords {
     mapping: Mapping,
     path: PathBuf,
