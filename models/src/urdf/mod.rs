@@ -1,4 +1,5 @@
-//! URDF: a strict walk over the text, which reads every value with its position.
+//! URDF: a strict walk over the text, which reads every value with its position; urdf-rs reads the
+//! numbers a second time.
 
 mod closing;
 mod compound;
@@ -10,6 +11,7 @@ mod joint;
 mod link;
 mod origin;
 mod sdf;
+mod second;
 mod topology;
 mod transmission;
 mod xml;
@@ -134,6 +136,7 @@ impl Urdf {
                 }
             }
         }
+        second::check(&mut reader, root, &urdf);
         (urdf.joints, urdf.parts) =
             compound::expand(std::mem::take(&mut urdf.joints), &mut urdf.links, reader.diagnostics);
         urdf.index_names(reader.diagnostics);
