@@ -1,5 +1,6 @@
 //! Clients of the costliest states beside one of 1 kHz, compared with clients of good states.
 
+use std::cmp::Reverse;
 use std::num::NonZero;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
@@ -216,7 +217,7 @@ fn states(robot: &str, seed: u64) -> Result<(Query, [Vec<Vec<f64>>; 2]), String>
         }
     }
     good.truncate(CHOSEN);
-    all.sort_by(|a, b| b.0.cmp(&a.0));
+    all.sort_by_key(|(took, _)| Reverse(*took));
     all.truncate(CHOSEN);
     match good.is_empty() {
         true => Err("no random state is good".to_owned()),
