@@ -35,7 +35,7 @@ const PIVOTS: f64 = 200.0;
 /// cause alone.
 const STILL: f64 = 1e-3;
 /// Ratio of the forces of actuators to those along the independents where control is ordinary.
-const CONTROL: f64 = 100.0;
+const CONTROL: f64 = 1000.0;
 /// Difference of accelerations from those of their terms below which they are looked at one by one,
 /// and part of it that ordinary robots have without losing digits.
 const APART: f64 = 5e5;
