@@ -4,12 +4,11 @@ use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use sarrus_client::{Field, FieldSet, Query, QueryOptions, Request, Robot, Status, Transport};
 
 use sarrus_serve::record::{Client, Gaps, Recording};
-use sarrus_torture::patience::LIMIT;
 
 use crate::batches::Rows;
 use crate::supervise::{kill, serving};
