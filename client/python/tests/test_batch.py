@@ -19,6 +19,7 @@ def bits(array):
     """The bits of numbers, which NaN has too."""
     return np.ascontiguousarray(array).view(np.uint64)
 
+
 # random motions exceed some limits
 warnings.filterwarnings("ignore", ".*limits_exceeded", sarrus.StateWarning)
 

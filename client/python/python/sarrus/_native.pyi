@@ -4,6 +4,7 @@ from typing import Any, Literal, overload
 
 import numpy as np
 import numpy.typing as npt
+from typing_extensions import Self
 
 from sarrus.can.adapters import Adapter
 
@@ -64,7 +65,7 @@ class Query:
     ) -> tuple[tuple[Any, ...], Any, Any]: ...
 
 class Robot:
-    def __new__(cls, origin: Origin) -> Robot: ...
+    def __new__(cls, origin: Origin) -> Self: ...
     @overload
     def inverse_dynamics(
         self,
