@@ -64,7 +64,7 @@ pub use status::{Status, Warnings};
 #[cfg(feature = "transport")]
 pub use domain::{Domain, DomainError, DomainNode, MAX_NAME, ServerName};
 #[cfg(feature = "transport")]
-pub use mapping::{KeptWords, LeftWords, process_number};
+pub use mapping::{KeptWords, LeftWords, open_own, process_number};
 #[cfg(feature = "transport")]
 pub use message::PROTOCOL_VERSION;
 #[cfg(feature = "transport")]

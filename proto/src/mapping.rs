@@ -165,10 +165,8 @@ impl Drop for KeptWords {
 
 /// The words that a dead process left, locked for this one.
 pub struct LeftWords {
-    /// Their bytes.
-    pub bytes: Vec<u8>,
+    file: File,
     path: PathBuf,
-    _locked: File,
 }
 
 impl LeftWords {
@@ -177,47 +175,53 @@ impl LeftWords {
         fs::symlink_metadata(path_of(name)).is_ok()
     }
 
-    /// Takes at most `n_words` that a process of this user left under the name; waits while another
-    /// process has taken them. `None` where there are none, or their process lives.
+    /// Takes the words that a process of this user left under the name; waits while another process
+    /// has taken them. `None` where there are none, or their process lives.
     ///
     /// # Errors
-    /// The file is another user's or too large, or it is taken for too long.
-    pub fn take(name: &str, n_words: usize) -> io::Result<Option<LeftWords>> {
+    /// The file is another user's, or is taken for too long.
+    pub fn take(name: &str) -> io::Result<Option<LeftWords>> {
         let path = path_of(name);
-        let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32;
-        let file = match File::options().read(true).write(true).custom_flags(flags).open(&path) {
+        let file = match open_own(&path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             opened => opened?,
         };
-        let found = file.metadata()?;
-        if !found.is_file() || found.uid() != rustix::process::geteuid().as_raw() {
-            let words = format!("{} belongs to user {}", path.display(), found.uid());
-            return Err(io::Error::new(io::ErrorKind::PermissionDenied, words));
-        }
         let mut first = [0; 8];
+        let mut lives = 0;
         let mut looks = 0;
-        while file.try_lock().is_err() {
+        while let Err(error) = file.try_lock() {
             // a process that takes them marks them soon after it locked them
-            looks = match file.read_exact_at(&mut first, 0) {
-                Ok(()) if first != [0; 8] => looks + 1,
+            lives = match file.read_exact_at(&mut first, 0) {
+                Ok(()) if first != [0; 8] => lives + 1,
                 _ => 0,
             };
-            if looks > LOOKS {
+            if lives > ALIVE {
                 return Ok(None);
+            }
+            looks += 1;
+            if looks > LOOKS {
+                return Err(error.into());
             }
             std::thread::sleep(LOOK);
         }
-        let found = file.metadata()?;
-        if found.nlink() == 0 {
+        if file.metadata()?.nlink() == 0 {
             return Ok(None);
         }
-        if found.len() > bytes(n_words) as u64 {
+        file.write_all_at(&[0; 8], 0)?;
+        Ok(Some(LeftWords { file, path }))
+    }
+
+    /// The bytes of at most `n_words`.
+    ///
+    /// # Errors
+    /// There are more.
+    pub fn bytes(&self, n_words: usize) -> io::Result<Vec<u8>> {
+        if self.file.metadata()?.len() > bytes(n_words) as u64 {
             return Err(io::ErrorKind::FileTooLarge.into());
         }
         let mut words = Vec::new();
-        (&file).read_to_end(&mut words)?;
-        file.write_all_at(&[0; 8], 0)?;
-        Ok(Some(LeftWords { bytes: words, path, _locked: file }))
+        (&self.file).read_to_end(&mut words)?;
+        Ok(words)
     }
 
     /// Removes them.
@@ -231,13 +235,30 @@ impl LeftWords {
         let names = all.filter_map(|entry| entry.file_name().into_string().ok());
         let names = names.filter_map(|name| Some(name.strip_prefix(PREFIX)?.to_owned()));
         let left = names.filter(|name| name.starts_with(prefix));
-        let left = left.filter_map(|name| LeftWords::take(&name, usize::MAX >> 4).ok()?);
+        let left = left.filter_map(|name| LeftWords::take(&name).ok()?);
         left.map(|left| (left.path.clone(), left.remove()).0).collect()
     }
 }
 
-/// Looks at words that are locked and not marked, after which their process counts as alive.
-const LOOKS: u32 = 3;
+/// Opens a file of this user for reading and writing, and follows no link.
+///
+/// # Errors
+/// It is another user's, no file, or cannot be opened.
+pub fn open_own(path: &Path) -> io::Result<File> {
+    let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32;
+    let file = File::options().read(true).write(true).custom_flags(flags).open(path)?;
+    let found = file.metadata()?;
+    if !found.is_file() || found.uid() != rustix::process::geteuid().as_raw() {
+        let words = format!("{} belongs to user {}", path.display(), found.uid());
+        return Err(io::Error::new(io::ErrorKind::PermissionDenied, words));
+    }
+    Ok(file)
+}
+
+/// Looks at words that are locked and not marked, after which their process counts as alive, and at
+/// those that another process has taken, after which it takes too long.
+const ALIVE: u32 = 3;
+const LOOKS: u32 = 500;
 const LOOK: Duration = Duration::from_millis(20);
 /// The names of all files in shared memory begin so.
 const PREFIX: &str = "sarrus_";

@@ -45,7 +45,7 @@ impl Report {
 
     /// Times of something, which should take at most `aim` in 99 of 100 cases.
     pub(crate) fn times(&mut self, label: &str, times: &mut [Duration], aim: Option<Duration>) {
-        let [p50, p99, worst] = percentiles(times);
+        let [p50, p99, worst] = percentiles(times, [50, 99, 100]);
         let ms = |span: Duration| format!("{:.3}", 1e3 * span.as_secs_f64());
         let n = times.len();
         self.count(format!(
@@ -75,11 +75,11 @@ impl Report {
     }
 }
 
-/// The middle, the 99th of a hundred and the largest.
-fn percentiles(times: &mut [Duration]) -> [Duration; 3] {
+/// These percentiles; zero of no times.
+pub(crate) fn percentiles(times: &mut [Duration], of_hundred: [usize; 3]) -> [Duration; 3] {
     times.sort_unstable();
     let last = times.len().saturating_sub(1);
-    [last / 2, last * 99 / 100, last].map(|index| times.get(index).copied().unwrap_or_default())
+    of_hundred.map(|part| times.get(last * part / 100).copied().unwrap_or_default())
 }
 
 /// How long an attack goes on, with a line of how far it is on a terminal.
@@ -124,9 +124,9 @@ mod tests {
     #[test]
     fn percentiles_of_few_and_no_times_are_among_them() {
         let ms = Duration::from_millis;
-        assert_eq!(percentiles(&mut []), [ms(0); 3]);
-        assert_eq!(percentiles(&mut [ms(7)]), [ms(7); 3]);
+        assert_eq!(percentiles(&mut [], [50, 99, 100]), [ms(0); 3]);
+        assert_eq!(percentiles(&mut [ms(7)], [50, 99, 100]), [ms(7); 3]);
         let mut times: Vec<Duration> = (1..=100).rev().map(ms).collect();
-        assert_eq!(percentiles(&mut times), [ms(50), ms(99), ms(100)]);
+        assert_eq!(percentiles(&mut times, [50, 99, 100]), [ms(50), ms(99), ms(100)]);
     }
 }

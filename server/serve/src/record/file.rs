@@ -6,12 +6,13 @@
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
-use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::{FileExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 use quanta::Clock;
 use rustix::fs::{FallocateFlags, OFlags, fallocate};
 use rustix::io::Errno;
+use sarrus_proto::open_own;
 
 use super::error::{RecordError, RecordingError};
 use super::format::{
@@ -169,8 +170,8 @@ fn reserve(file: &File, bytes: u64) -> io::Result<()> {
 /// # Errors
 /// The records cannot be added, and stay where they are.
 pub fn complete(path: &Path) -> io::Result<()> {
-    let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32;
     let Ok(path) = fs::canonicalize(path) else { return Ok(()) };
+    let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32;
     let Ok(file) = File::options().read(true).custom_flags(flags).open(&path) else {
         return Ok(());
     };
@@ -179,12 +180,7 @@ pub fn complete(path: &Path) -> io::Result<()> {
         return Ok(());
     }
     // one descriptor for the checks and the writes
-    let file = File::options().read(true).write(true).custom_flags(flags).open(&path)?;
-    let owner = file.metadata()?.uid();
-    if owner != rustix::process::geteuid().as_raw() {
-        let words = format!("{} belongs to user {owner}", path.display());
-        return Err(io::Error::new(io::ErrorKind::PermissionDenied, words));
-    }
+    let file = open_own(&path)?;
     let Some((Left { start, end, bodies }, ring)) = ring::left(header.run)? else { return Ok(()) };
     if header_of(&file).ok() != Some(header) || !ends_at(&file, &header, end) {
         return Err(io::Error::other("the records in /dev/shm do not continue the file"));

@@ -310,8 +310,8 @@ pub(super) fn is_there(run: u64) -> bool {
 /// # Errors
 /// They are another user's, or cannot be read.
 pub(super) fn left(run: u64) -> io::Result<Option<(Left, LeftWords)>> {
-    let words = LeftWords::take(&name(run), RING + CAPACITY)?;
-    Ok(words.map(|words| (parse(&words.bytes), words)))
+    let Some(words) = LeftWords::take(&name(run))? else { return Ok(None) };
+    Ok(Some((parse(&words.bytes(RING + CAPACITY)?), words)))
 }
 
 fn parse(bytes: &[u8]) -> Left {

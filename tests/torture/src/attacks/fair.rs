@@ -14,7 +14,7 @@ use sarrus_proto::Domain;
 
 use crate::Settings;
 use crate::patience::LIMIT;
-use crate::report::{Clock, Report, Verdict};
+use crate::report::{Clock, Report, Verdict, percentiles};
 use crate::sandbox::{NAME, Sandbox, words};
 
 /// Robots whose loops Newton's method closes, and the largest one.
@@ -113,13 +113,7 @@ impl Fair {
             for client in clients {
                 client.join().map_err(|_| "a client ended")??;
             }
-            let mut times = times?;
-            times.sort_unstable();
-            let at = |part: usize| times.get((times.len() * part / 100).min(times.len() - 1));
-            match [at(50), at(95), at(100)] {
-                [Some(p50), Some(p95), Some(worst)] => Ok([*p50, *p95, *worst]),
-                _ => Err("the honest client had no answer".to_owned()),
-            }
+            Ok(percentiles(&mut times?, [50, 95, 100]))
         })
     }
 }
