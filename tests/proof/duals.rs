@@ -220,7 +220,27 @@ fn along_the_motion<S: PlanScalar>(
     let moving = later(case, &still, Dual::new(S::ZERO, S::ONE));
     let links: Vec<u16> = (0..plain.link_names().len().min(32) as u16).collect();
     let want = kinematics(&[
-        Q, Qd, Qdd, U, Ud, Udd, G, GBias, K, KBias, CondKd, FramePose, FrameTwist, FrameAcc,
+        Q,
+        Qd,
+        Qdd,
+        U,
+        Ud,
+        Udd,
+        G,
+        GBias,
+        K,
+        KBias,
+        CondKd,
+        FramePose,
+        FrameTwist,
+        FrameAcc,
+        JacobianIndependent,
+        JdYd,
+        Com,
+        ComJacobian,
+        ComBias,
+        Momentum,
+        Centroidal,
     ])
     .with_frames(&links);
     let given = [(Y, moving.y.as_slice()), (Yd, &moving.yd), (Ydd, &moving.ydd)];
@@ -267,6 +287,18 @@ fn along_the_motion<S: PlanScalar>(
         &acceleration,
         size.powi(2).max(largest(&acceleration)),
     );
+    let change_of_rows = |field| product(&change(field), &now.yd);
+    let bias = value(JdYd);
+    let size = size.powi(2).max(largest(&bias));
+    check("J̇ ẏ of frames", &change_of_rows(JacobianIndependent), &bias, size);
+
+    // sums over the links
+    let com_velocity = product(&value(ComJacobian), &now.yd);
+    check("velocity of the centre of mass", &change(Com), &com_velocity, speed);
+    check("J̇ ẏ of the centre of mass", &change_of_rows(ComJacobian), &value(ComBias), size);
+    let momentum = value(Momentum);
+    let of_matrix = product(&value(Centroidal), &now.yd);
+    check("momentum = A ẏ", &of_matrix, &momentum, largest(&momentum).max(1e-3));
 }
 
 #[test]

@@ -32,6 +32,7 @@ mod hyrodyn;
 mod implicit;
 mod laws;
 mod layers;
+mod links;
 mod parts;
 mod published;
 mod python;

@@ -40,7 +40,7 @@ fn a_query_is_432_bytes_with_its_fields_at_fixed_places() {
 
 #[test]
 fn fields_keep_their_numbers_and_names() {
-    const NAMES: [&str; 44] = [
+    const NAMES: [&str; 51] = [
         "y",
         "yd",
         "ydd",
@@ -85,6 +85,13 @@ fn fields_keep_their_numbers_and_names() {
         "uncontrolled",
         "projection",
         "limits",
+        "com",
+        "com_jacobian",
+        "com_bias",
+        "momentum",
+        "centroidal",
+        "energy",
+        "Jd_yd",
     ];
     assert!(Field::ALL.len() >= NAMES.len(), "a field has gone");
     for (number, (field, name)) in Field::ALL.iter().zip(NAMES).enumerate() {

@@ -1,5 +1,6 @@
 //! Recursions over the spanning tree: one algorithm, one file.
 
+mod centroidal;
 mod cluster_aba;
 mod cluster_columns;
 mod crba;
@@ -8,6 +9,7 @@ mod mass_matrix;
 mod rnea;
 mod terms;
 
+pub(crate) use centroidal::Links;
 pub(crate) use cluster_aba::embedded_solve;
 pub(crate) use crba::{own_inertias, projected_solve, reduced_mass_matrix};
 pub(crate) use frames::{

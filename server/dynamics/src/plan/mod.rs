@@ -7,6 +7,7 @@ mod diagnostics;
 mod forces;
 mod kkt;
 mod limits;
+mod links;
 mod needed;
 mod outline;
 mod output;
@@ -120,7 +121,10 @@ impl Plan {
             fingerprint: model.meta.fingerprint,
             steps,
             method,
-            frame_bodies: supports(model, &frames),
+            frame_bodies: match steps.links {
+                true => (1..model.bodies.len()).collect(),
+                false => supports(model, &frames),
+            },
             wrench_bodies: supports(model, &loaded),
             frames,
             wrench_links,

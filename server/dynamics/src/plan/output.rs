@@ -6,9 +6,10 @@ use crate::algorithms;
 use crate::linalg::solve_sound;
 use crate::mechanism::Frame;
 use crate::model::Model;
-use crate::plan::Plan;
 use crate::plan::diagnostics::singular;
+use crate::plan::needed::OF_THE_LINKS;
 use crate::plan::run::RunReport;
+use crate::plan::{Plan, links};
 use crate::scalar::{Real, all_finite};
 use crate::workspace::Workspace;
 
@@ -22,7 +23,7 @@ impl Plan {
         report: &RunReport<T>,
         output: &mut [T],
     ) -> Status {
-        if self.steps.frames {
+        if self.steps.frames || self.steps.links {
             algorithms::world_poses(model, &self.frame_bodies, &ws.motion, &mut ws.world);
             if self.steps.frame_velocities {
                 algorithms::velocities(model, &self.frame_bodies, &ws.qd, &mut ws.motion);
@@ -192,6 +193,17 @@ impl Plan {
                         frame, &ws.world, &ws.motion,
                     ))
                 });
+            }
+            Field::JdYd => {
+                algorithms::rates(model, &self.frame_bodies, &ws.qd, &ws.g, &mut ws.motion);
+                self.each_frame(model, out, 6, |frame, out| {
+                    out.copy_from_slice(&algorithms::frame_acceleration(
+                        frame, &ws.world, &ws.motion,
+                    ))
+                });
+            }
+            field if OF_THE_LINKS.contains(&field) => {
+                return links::write(model, ws, &self.frame_bodies, field, out);
             }
             Field::JacobianTree => self.each_frame(model, out, 6 * order.v.len(), |frame, out| {
                 tree_jacobian(model, ws, frame, out)
