@@ -32,32 +32,37 @@ fn compare_on<S: PlanScalar>(case: &Case, model: &Model<S>, ledger: &mut Ledger,
     let allowed = ROUNDING * S::EPSILON * case.compiled.model.sizes().n_v as f64;
     // the sums turn an inertia by a rotation in doubles
     let of_inertia = allowed.max(ROUNDING * f64::EPSILON);
-    let mut check_to = |what: &str, a: &[S], b: &[S], least: f64, allowed: f64| {
+    let mut check = |what: &str, a: &[S], b: &[S], least: f64, allowed: f64| {
         ledger.compare(&format!("{what} in {scalar}"), case, a, b, least, allowed)
     };
-    let mut check = |what: &str, a: &[S], b: &[S], least: f64| check_to(what, a, b, least, allowed);
 
     let moment = times(links.mass, x.get(Com));
-    check("m com = Σ m c", &moment, &links.moment, mass * scale);
+    check("m com = Σ m c", &moment, &links.moment, mass * scale, allowed);
     // the momentum about the root's origin, moved to the centre of mass
     let mut angular = links.angular;
     plus_cross(&mut angular, -S::ONE, x.get(Com), &links.linear);
     let momentum = [angular, links.linear].concat();
-    check("momentum", x.get(Momentum), &momentum, mass * scale.max(1.0) * scale.max(1.0) * speed);
+    check(
+        "momentum",
+        x.get(Momentum),
+        &momentum,
+        mass * scale.max(1.0) * scale.max(1.0) * speed,
+        of_inertia,
+    );
     let linear = &product(x.get(Centroidal), &now.yd)[3..];
     let of_com = times(links.mass, &product(x.get(ComJacobian), &now.yd));
-    check("m J_com ẏ", &of_com, linear, mass * scale.max(1.0) * speed);
+    check("m J_com ẏ", &of_com, linear, mass * scale.max(1.0) * speed, allowed);
 
     let [rotors, springs, _] = in_joints(case, model, x.get(Q), x.get(Qd));
     let gravity = case.description.gravity.map(S::from_f64);
     let kinetic = links.kinetic + rotors;
     let potential = springs - inner(&gravity, &links.moment);
     let weight = mass * scale * largest(&gravity).max(1.0) + springs.to_f64();
-    check("kinetic energy", &x.get(Energy)[..1], &[kinetic], kinetic.to_f64());
-    check("potential energy", &x.get(Energy)[1..], &[potential], weight);
+    check("kinetic energy", &x.get(Energy)[..1], &[kinetic], kinetic.to_f64(), of_inertia);
+    check("potential energy", &x.get(Energy)[1..], &[potential], weight, allowed);
     let of_mass = robot.ask(Request::InverseDynamics, &given, &[MY, Energy, Com, Momentum]).ok();
     let twice = inner(&product(of_mass.get(MY), &now.yd), &now.yd);
-    check("2 T = ẏᵀ M_y ẏ", &[x.get(Energy)[0] + x.get(Energy)[0]], &[twice], 0.0);
+    check("2 T = ẏᵀ M_y ẏ", &[x.get(Energy)[0] + x.get(Energy)[0]], &[twice], 0.0, allowed);
 
     // the same bits beside forces, and at rest nothing moves
     for field in [Energy, Com, Momentum] {

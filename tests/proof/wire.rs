@@ -29,9 +29,11 @@ fn a_query_is_432_bytes_with_its_fields_at_fixed_places() {
         offset_of!(Query, wrench_links),
         offset_of!(Query, n_joint_runs),
         offset_of!(Query, joints),
+        offset_of!(Query, axes),
+        offset_of!(Query, relative_to),
         offset_of!(Query, reserved),
     ];
-    assert_eq!(offsets, [0, 4, 6, 16, 32, 48, 56, 64, 72, 136, 168, 172, 296]);
+    assert_eq!(offsets, [0, 4, 6, 16, 32, 48, 56, 64, 72, 136, 168, 172, 296, 300, 304]);
     assert_eq!(
         (size_of::<FieldSet>(), size_of::<Status>(), size_of::<Request>(), size_of::<Field>()),
         (16, 4, 4, 1)

@@ -399,6 +399,35 @@ typedef uint32_t sarrus_request;
 #endif // __cplusplus
 
 /**
+ * Axes and reference point of the twists, accelerations and Jacobians of frames.
+ */
+enum sarrus_axes
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Root axes, at the frame's origin.
+     */
+    SARRUS_AXES_MIXED = 0,
+    /**
+     * Root axes, at the root's origin; accelerations stay those of the frame's origin.
+     */
+    SARRUS_AXES_WORLD = 1,
+    /**
+     * The frame's axes, at its origin.
+     */
+    SARRUS_AXES_LOCAL = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum sarrus_axes sarrus_axes;
+#else
+typedef uint32_t sarrus_axes;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * Additions to the requests and answers of a query, as bits.
  */
 enum sarrus_query_option
@@ -936,9 +965,21 @@ typedef struct sarrus_query {
      */
     const double *projection_tolerance;
     /**
+     * The link that takes the root's place for frames; NULL for the root.
+     */
+    const char *relative_to;
+    /**
+     * A sarrus_axes: axes and reference point of twists, accelerations and Jacobians of frames.
+     */
+    uint32_t axes;
+    /**
+     * Zero.
+     */
+    uint32_t padding;
+    /**
      * Zeros, for members of later versions; other values are refused.
      */
-    uint64_t reserved[8];
+    uint64_t reserved[6];
 } sarrus_query;
 
 /**

@@ -144,6 +144,8 @@ class Robot:
         search: bool = False,
         loop_tolerance: float | None = None,
         projection_tolerance: float | None = None,
+        axes: str = "mixed",
+        relative_to: str | None = None,
     ) -> Query: ...
     @property
     def origin(self) -> Origin: ...

@@ -13,8 +13,8 @@ pub(crate) use centroidal::Links;
 pub(crate) use cluster_aba::embedded_solve;
 pub(crate) use crba::{own_inertias, projected_solve, reduced_mass_matrix};
 pub(crate) use frames::{
-    frame_acceleration, frame_jacobian, frame_pose, frame_twist, frame_wrench, rates, velocities,
-    world_poses,
+    frame_acceleration, frame_jacobian, frame_pose, frame_twist, frame_wrench, in_root, pack,
+    pose_numbers, rates, velocities, world_poses,
 };
 pub(crate) use mass_matrix::tree_mass_matrix;
 pub(crate) use rnea::{TreeMotion, joint_poses, newton_euler, rest_forces};

@@ -11,7 +11,7 @@ use sarrus_proto::{Field, Query, Request, Rows};
 
 use crate::model::{Limit, Method, Model, Roots, Scope};
 use crate::plan::Steps;
-use crate::plan::{Space, supports};
+use crate::plan::{Space, posed_links, supports};
 
 /// Fields of all loops, or of all independents.
 pub(super) const OF_THE_ROBOT: [Field; 13] = [
@@ -149,10 +149,9 @@ fn roots<C>(
     let want = query.want;
     let all = || (0..model.clusters.len()).collect::<Vec<usize>>();
     let has_rows = want.iter().any(|field| field.has_joint_rows());
-    let links: Vec<usize> = query.frames().iter().map(|link| usize::from(*link)).collect();
     let frames = match (steps.links, steps.frames) {
         (true, _) => (1..model.bodies.len()).collect(),
-        (_, true) => supports(model, &links),
+        (_, true) => supports(model, &posed_links(query)),
         _ => Vec::new(),
     };
     // figures of the robot, or nothing but the status

@@ -1,7 +1,7 @@
 //! The steps of a plan, by the fields that a query gives and wants.
 
 use sarrus_proto::Field::{self, *};
-use sarrus_proto::{Query, Request};
+use sarrus_proto::{Axes, Query, Request};
 
 use crate::closure::Level;
 use crate::model::Method;
@@ -73,6 +73,7 @@ impl Steps {
         let rest = velocity.is_none() && acceleration.is_none();
         let frames = query.n_frames > 0 && want.has_any(&FRAMES);
         let conditions = want.has_any(&needed::OF_THE_ROBOT);
+        let is_seen = query.axes != Axes::Mixed as u32 || query.reference().is_some();
         let links = want.has_any(&needed::OF_THE_LINKS);
         let reads_acceleration = want.has_any(&TREE_ACCELERATIONS);
         let newton_euler = forward || dynamics && want.has_any(&FORCES);
@@ -92,7 +93,8 @@ impl Steps {
             found_acceleration: reads_acceleration || want.has(Lambda),
             poses: frames || links || dynamics && (newton_euler || mass_matrix || want.has(CY)),
             frames,
-            frame_velocities: want.has_any(&[FrameTwist, Momentum, Energy]),
+            frame_velocities: want.has_any(&[FrameTwist, Momentum, Energy])
+                || is_seen && want.has_any(&[FrameAcc, JdYd]),
             links,
             newton_euler,
             rest,
