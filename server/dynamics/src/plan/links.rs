@@ -7,8 +7,8 @@ use crate::model::Model;
 use crate::scalar::Real;
 use crate::workspace::Workspace;
 
-/// Writes a field of [`crate::plan::needed::OF_THE_LINKS`]; `bodies` are all of them. Needs the poses of all bodies in the
-/// root, their velocities, G and g, each where the field reads it.
+/// Writes a field of [`crate::plan::needed::OF_THE_LINKS`]; `bodies` are all of them. Needs their
+/// poses in the root, their velocities, G and g, each where the field reads it.
 pub(super) fn write<T: Real>(
     model: &Model<T>,
     ws: &mut Workspace<T>,
