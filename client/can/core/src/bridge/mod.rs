@@ -22,6 +22,7 @@ mod motor;
 mod operate;
 mod reaction;
 mod report;
+mod rest;
 mod setpoint;
 mod stop;
 #[cfg(test)]

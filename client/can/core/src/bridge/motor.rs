@@ -5,8 +5,9 @@ use sarrus_proto::actuators::Reason;
 use super::chatter::Chatter;
 use super::course::Reference;
 use super::monitors::Monitors;
+use super::rest::Rest;
 use crate::config::MotorConfig;
-use crate::drive::{DriveState, Measurement, Mode, Watchdog};
+use crate::drive::{DriveState, Measurement, Mode, Pairing, Watchdog};
 use crate::event::BusState;
 use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint, Mapping};
 use crate::protocol::fault;
@@ -53,6 +54,8 @@ pub(super) struct Motor {
     /// The largest damping that it can be given `[N m s/rad, N s/m]`.
     pub(super) most_damping: f64,
     pub(super) stop: Reference,
+    /// How long it has been at rest, without power.
+    pub(super) rest: Rest,
     pub(super) chatter: Chatter,
     pub(super) monitors: Monitors,
     /// The last measurement that the monitors saw, and when it came `[ns]`.
@@ -109,6 +112,7 @@ impl Motor {
             stop_damping,
             most_damping,
             stop: Reference::default(),
+            rest: Rest::default(),
             chatter: Chatter::default(),
             before: ActuatorMeasurement::NONE,
             seen_ns: None,
@@ -133,7 +137,7 @@ impl Motor {
             None => 0.0,
         };
         (self.measured_ns, self.is_known, self.is_malformed) = (Some(now_ns), true, false);
-        if self.config.drive.is_paired() {
+        if self.is_paired() {
             self.monitors.age.take(now_ns);
             self.monitors.answers.take();
         }
@@ -157,9 +161,15 @@ impl Motor {
         if self.is_known && self.is_silent {
             self.is_known = false;
             self.monitors.age.forget();
+            self.rest = Rest::default();
             self.config.drive.forget();
             self.ask_drive();
         }
+    }
+
+    /// Its drive answers each request with one measurement.
+    pub(super) fn is_paired(&self) -> bool {
+        self.config.drive.pairing() == Pairing::Paired
     }
 
     /// Takes the state of its drive.
@@ -238,13 +248,17 @@ impl Motor {
         if let Some(reason) = self.config.wrong_watchdog(self.drive.watchdog) {
             return Some(reason);
         }
-        if self.config.drive.is_paired() && self.monitors.age.is_unknown() {
-            return Some(Reason::FeedbackLate);
+        match self.config.drive.pairing() {
+            // settings that are read and written hide the age of measurements
+            Pairing::SettingUp => return Some(Reason::FeedbackLate),
+            Pairing::Paired if self.monitors.age.is_unknown() => return Some(Reason::FeedbackLate),
+            Pairing::Paired | Pairing::Unasked => {}
         }
         let round_trip_ns = self.config.drive.round_trip_ns(now_ns);
         if round_trip_ns.is_some_and(|taken_ns| self.monitors.age.is_beyond(taken_ns)) {
             return Some(Reason::FeedbackLate);
         }
-        self.monitors.check_bus(now_ns, BusState::Active)
+        let of_bus = self.monitors.check_bus(now_ns, BusState::Active);
+        of_bus.or_else(|| (!self.rest.is_long_enough()).then_some(Reason::Moving))
     }
 }

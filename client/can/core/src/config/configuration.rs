@@ -128,7 +128,7 @@ pub struct MotorConfig {
     pub monitors: MonitorBounds,
 }
 
-/// Limits of an actuator; infinite where there is none.
+/// Limits of an actuator; infinite for one without a motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Least position `[rad, m]`.

@@ -99,8 +99,8 @@ pub(super) const MOTOR: &[Key] = &[
         .or("read_back"),
 ];
 pub(super) const LIMITS: &[Key] = &[
-    Key::number("velocity", 1e-9, LARGE, "greatest speed, rad/s or m/s").optional(),
-    Key::number("effort", 0.0, LARGE, "greatest effort, N m or N").optional(),
+    Key::number("velocity", 1e-9, LARGE, "greatest speed, rad/s or m/s"),
+    Key::number("effort", 0.0, LARGE, "greatest effort, N m or N"),
     Key::number("effort_rate", 1e-9, 1e15, "greatest change of the effort, N m/s or N/s")
         .optional(),
 ];

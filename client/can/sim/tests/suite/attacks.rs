@@ -2,7 +2,7 @@
 //! of both frontends is a test of the whole.
 
 use sarrus_can_core::frame::{Frame, Id};
-use sarrus_proto::actuators::{MechanismState, Reason};
+use sarrus_proto::actuators::{MechanismState, Operation, Reason, flag};
 
 use crate::attack_table::{
     ATTACKS, Outcome, always, armed, bound, drives, is_possible, swing, watch,
@@ -52,6 +52,46 @@ fn nothing_is_armed_whose_feedback_is_old_from_the_beginning() {
             continue;
         }
         assert_eq!(armed, None, "{name}");
+    }
+}
+
+#[test]
+fn nothing_is_armed_by_old_feedback_while_its_settings_are_read() {
+    for (name, drive) in drives() {
+        if drive.contains("odrive") && !drive.contains("endpoint") {
+            continue;
+        }
+        for delay in [30, 60, 120, 200] {
+            for ms in [0, 20, 60, 100] {
+                let mut world = World::one(&drive, "");
+                world.shafts[0].delay_ns = delay * MS;
+                world.cycles(ms / 4);
+                world.operate(Operation::Arm);
+                for _ in 0..750 {
+                    world.cycle();
+                    let powered = world.bridge.state().flags[0] & flag::POWERED;
+                    assert_eq!(powered, 0, "{name} {delay} {ms}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn nothing_is_armed_in_motion() {
+    for (name, drive) in drives() {
+        let mut world = World::one(&drive, "");
+        (world.shafts[0].position, world.shafts[0].velocity) = (-2.0, 1.0);
+        (world.shafts[0].friction, world.shafts[0].inertia) = (0.0, 1.0);
+        world.cycles(125);
+        world.operate(Operation::Arm);
+        for _ in 0..250 {
+            world.cycle();
+            assert_ne!(world.state(0).0, MechanismState::Enabled, "{name}");
+        }
+        assert_eq!(world.state(0).1, Reason::Moving, "{name}");
+        (world.shafts[0].velocity, world.shafts[0].position) = (0.0, 0.0);
+        assert!(world.arm().is_some(), "{name}: {:?}", world.state(0));
     }
 }
 

@@ -18,6 +18,7 @@ mod watch;
 
 use sarrus_proto::actuators::Reason;
 
+use super::rest;
 use crate::config::{Limits, MonitorBounds, MotorConfig};
 use crate::drive::Mode;
 use crate::event::BusState;
@@ -178,6 +179,12 @@ impl Monitors {
         } else {
             0.0
         }
+    }
+
+    /// Distance that a joint at rest keeps to for a tenth of a second, and its speed, with noise.
+    fn still(&self, limits: &Limits) -> [f64; 2] {
+        let speed = rest::STILL * limits.speed();
+        [speed * rest::REST + NOISE * self.steps.position, speed + NOISE * self.steps.velocity]
     }
 
     /// Whether a position is so far outside the limits that nothing may be armed there.

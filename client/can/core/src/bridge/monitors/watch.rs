@@ -4,6 +4,7 @@ use sarrus_proto::actuators::Reason;
 
 use super::{Monitors, Seen, effort_of};
 use crate::bridge::motor::Motor;
+use crate::bridge::rest::Rest;
 use crate::bridge::{Bridge, BusState};
 use crate::mapping::ActuatorSetpoint;
 
@@ -61,11 +62,16 @@ impl Motor {
         found
     }
 
-    /// Without power nothing is doubted, and with power all rules start again.
+    /// Without power only its rest is watched, and with power all rules start again.
     fn unwatched(&mut self) {
         if self.seen_ns.take().is_some() {
             self.monitors.begin();
+            self.rest = Rest::default();
             (self.asked, self.stiffness) = ([ActuatorSetpoint::default(); 2], 0.0);
+        }
+        if let Some(measured_ns) = self.measured_ns {
+            let moved = self.monitors.still(&self.config.limits);
+            self.rest.see(measured_ns, &self.measured, moved);
         }
     }
 
@@ -89,7 +95,7 @@ impl Motor {
         has_power: bool,
         bus_has_power: bool,
     ) -> bool {
-        if !self.config.drive.is_paired() || bus_has_power && self.is_synchronous {
+        if !self.is_paired() || bus_has_power && self.is_synchronous {
             return false;
         }
         self.monitors.age.pauses(now_ns, has_power, &mut self.monitors.answers)
@@ -102,7 +108,7 @@ impl Motor {
 
     /// It was asked for a measurement, with so many frames.
     pub(in crate::bridge) fn ask(&mut self, n_frames: usize) {
-        if self.config.drive.is_paired() {
+        if self.is_paired() {
             self.monitors.answers.ask(n_frames, self.is_synchronous);
         } else {
             self.monitors.answers.forgive();

@@ -35,6 +35,8 @@ pub(super) const OFF: MonitorBounds = MonitorBounds {
 };
 
 pub(super) const MS: u64 = 1_000_000;
+/// Steps after which motors count as at rest.
+pub(super) const AT_REST: usize = 110;
 
 /// Commands that a motor was given.
 pub(super) type Given = std::sync::Arc<std::sync::Mutex<Vec<DriveCommand>>>;
@@ -354,7 +356,7 @@ impl Bench {
     }
 
     pub(super) fn arm(&mut self) {
-        self.steps(3);
+        self.steps(AT_REST);
         self.bridge.operate(self.now_ns, Operation::Arm);
         self.steps(5);
         assert_eq!(self.states(), [MechanismState::Enabled; 3]);

@@ -1,6 +1,6 @@
 //! Each rule of the monitors: when it fires, and when it does not.
 
-use super::bench::{Bench, OFF};
+use super::bench::{AT_REST, Bench, OFF};
 use super::*;
 use crate::bridge::monitors::{Monitors, Seen, effort_of};
 use crate::config::MonitorBounds;
@@ -293,6 +293,7 @@ fn a_second_master_is_heard_and_an_echo_is_none() {
     assert_eq!(bench.bridge.bus_counters(0).unwrap().1.foreign, 2);
     // nothing is armed while it is there
     bench.bridge.operate(bench.now_ns, Operation::Reset);
+    bench.steps(AT_REST);
     bench.bridge.operate(bench.now_ns, Operation::Arm);
     bench.steps(3);
     assert_eq!(bench.reason(0), Reason::SecondMaster);
@@ -336,7 +337,7 @@ fn beyond_a_limit_nothing_pushes_outwards() {
 fn outside_the_limits_nothing_is_armed_but_for_the_way_back() {
     let mut bench = Bench::new(|_| {});
     bench.position = 150;
-    bench.steps(3);
+    bench.steps(AT_REST);
     bench.bridge.operate(bench.now_ns, Operation::Arm);
     bench.step();
     assert_eq!(
