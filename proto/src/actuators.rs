@@ -163,8 +163,10 @@ pub mod flag {
     pub const UNCOMMISSIONED: u32 = 1 << 13;
     /// Nothing tells a frozen encoder from a joint at rest.
     pub const FROZEN_UNDETECTABLE: u32 = 1 << 14;
+    /// The motor reports another position than before nobody saw it.
+    pub const POSITION_CHANGED: u32 = 1 << 15;
     /// Name of each bit, from the lowest.
-    pub const NAMES: [&str; 15] = [
+    pub const NAMES: [&str; 16] = [
         "effort_limited",
         "position_limited",
         "velocity_limited",
@@ -180,6 +182,7 @@ pub mod flag {
         "outward_limited",
         "uncommissioned",
         "frozen_undetectable",
+        "position_changed",
     ];
 }
 

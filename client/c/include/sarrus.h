@@ -731,6 +731,10 @@ enum sarrus_flag
      * Nothing tells a frozen encoder from a joint at rest.
      */
     SARRUS_FLAG_FROZEN_UNDETECTABLE = (1 << 14),
+    /**
+     * The motor reports another position than before nobody saw it.
+     */
+    SARRUS_FLAG_POSITION_CHANGED = (1 << 15),
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L

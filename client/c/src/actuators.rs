@@ -151,6 +151,8 @@ pub enum Flag {
     Uncommissioned = 1 << 13,
     /// Nothing tells a frozen encoder from a joint at rest.
     FrozenUndetectable = 1 << 14,
+    /// The motor reports another position than before nobody saw it.
+    PositionChanged = 1 << 15,
 }
 
 /// One command for all actuators of a robot, in the order of u. An actuator follows

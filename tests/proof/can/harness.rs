@@ -222,7 +222,7 @@ fn upper_body(folder: &Path, times: [u64; 3]) -> String {
     let [damping_ms, disable_ms, watchdog_ms] = times;
     let feedback_ms = disable_ms * 7 / 8;
     let mut text = format!(
-        "robot: rh5v2_upper_body\nrate_hz: 250\nramp_ms: 200\n\
+        "robot: rh5v2_upper_body\ncommissioning: none\nrate_hz: 250\nramp_ms: 200\n\
          monitors: {{late_ms: off, second_answer: off}}\n\
          timeouts: {{damping_ms: {damping_ms}, disable_ms: {disable_ms}, feedback_ms: \
          {feedback_ms}, arming_ms: 60000}}\nbuses:\n"

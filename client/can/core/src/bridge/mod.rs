@@ -29,15 +29,16 @@ mod stop;
 mod tests;
 mod transitions;
 mod verdict;
+mod whereabouts;
 
 pub use counters::{Bookmark, BusCounters, Counters, Progress};
 pub use sarrus_proto::counts::CommandVerdict;
 
 pub use crate::event::{BusEvent, BusState};
 
-use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, MechanismState, Reason};
+use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, MechanismState, Reason, flag};
 
-use crate::config::Configuration;
+use crate::config::{Commissioning, Configuration};
 use crate::drive::{DriveCommand, Receipt};
 use crate::frame::{Frame, FrameQueue};
 use bus::{Bus, FRAMES_PER_MOTOR};
@@ -97,7 +98,12 @@ impl Bridge {
             .into_iter()
             .map(|motor| {
                 let mechanism = configuration.mechanisms.get(motor.actuator).copied();
-                Motor::new(motor, mechanism.unwrap_or(usize::MAX), period_ns, feedback_ns)
+                let number = mechanism.unwrap_or(usize::MAX);
+                let mut motor = Motor::new(motor, number, period_ns, feedback_ns);
+                if configuration.commissioning == Commissioning::Waived {
+                    motor.lasting |= flag::UNCOMMISSIONED;
+                }
+                motor
             })
             .collect();
         let of_mechanism = |number: usize| {

@@ -6,10 +6,11 @@ use super::chatter::Chatter;
 use super::course::Reference;
 use super::monitors::Monitors;
 use super::rest::Rest;
+use super::whereabouts::Whereabouts;
 use crate::config::MotorConfig;
 use crate::drive::{DriveState, Measurement, Mode, Pairing, Watchdog};
 use crate::event::BusState;
-use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint, Mapping};
+use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint};
 use crate::protocol::fault;
 
 /// A motor.
@@ -54,8 +55,11 @@ pub(super) struct Motor {
     /// The largest damping that it can be given `[N m s/rad, N s/m]`.
     pub(super) most_damping: f64,
     pub(super) stop: Reference,
-    /// How long it has been at rest, without power.
+    /// How long it has been at rest, without power, and where it was trusted.
     pub(super) rest: Rest,
+    pub(super) whereabouts: Whereabouts,
+    /// Flags that it always has.
+    pub(super) lasting: u32,
     pub(super) chatter: Chatter,
     pub(super) monitors: Monitors,
     /// The last measurement that the monitors saw, and when it came `[ns]`.
@@ -75,20 +79,8 @@ impl Motor {
         period_ns: u64,
         feedback_ns: u64,
     ) -> Motor {
-        // no more than the motor has, which the spring goes with
-        let most_damping = match config.common.mode {
-            Mode::Impedance => {
-                let Mapping { gear, torque_constant, .. } = config.mapping;
-                let [_, largest] = config.drive.largest_gains();
-                largest * gear * gear * torque_constant
-            }
-            _ => f64::INFINITY,
-        };
-        let stop_damping = match config.common.mode {
-            // whose damper has the rate of the bridge, and is no better for being stronger
-            Mode::Torque if config.damping > 0.0 => config.damping,
-            _ => config.damping.max(config.limits.damping()).min(most_damping),
-        };
+        let most_damping = config.most_damping();
+        let stop_damping = config.stop_damping();
         Motor {
             monitors: Monitors::new(&config, period_ns, feedback_ns),
             drive: config.drive.state(),
@@ -113,6 +105,8 @@ impl Motor {
             most_damping,
             stop: Reference::default(),
             rest: Rest::default(),
+            whereabouts: Whereabouts::default(),
+            lasting: 0,
             chatter: Chatter::default(),
             before: ActuatorMeasurement::NONE,
             seen_ns: None,
@@ -191,6 +185,7 @@ impl Motor {
         self.sent_ns = None;
         self.monitors.begin();
         // nothing is compared over the gap
+        self.whereabouts = Whereabouts::default();
         (self.seen_ns, self.before) = (self.measured_ns, ActuatorMeasurement::NONE);
         self.is_asked_nothing();
         self.hold();
@@ -231,6 +226,7 @@ impl Motor {
     pub(super) fn never_ready(&self, returns: bool) -> Option<Reason> {
         match self.config.drive.state().watchdog {
             _ if !self.config.is_calibrated => Some(Reason::NotCalibrated),
+            _ if self.whereabouts.is_elsewhere => Some(Reason::PositionChanged),
             _ if self.is_beyond() && !returns => Some(Reason::OutsideLimits),
             Watchdog::Unreadable => self.config.missing_watchdog(),
             _ => None,
@@ -247,6 +243,9 @@ impl Motor {
         }
         if let Some(reason) = self.config.wrong_watchdog(self.drive.watchdog) {
             return Some(reason);
+        }
+        if self.whereabouts.is_elsewhere {
+            return Some(Reason::PositionChanged);
         }
         match self.config.drive.pairing() {
             // settings that are read and written hide the age of measurements

@@ -10,6 +10,7 @@ pub(super) const TOP: &[Key] = &[
     Key::text("robot", "a bundled robot").optional(),
     Key::text("urdf", "the robot's URDF").optional(),
     Key::text("submechanisms", "the robot's submechanism file").optional(),
+    Key::text("commissioning", "the record of the robot's commissioning, or none").optional(),
     Key::number("rate_hz", 1.0, 4000.0, "cycles in a second"),
     Key::number("ramp_ms", 0.0, 60_000.0, "time in which gains and efforts grow after arming")
         .or("500"),

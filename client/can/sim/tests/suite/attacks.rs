@@ -7,7 +7,7 @@ use sarrus_proto::actuators::{MechanismState, Operation, Reason, flag};
 use crate::attack_table::{
     ATTACKS, Outcome, always, armed, bound, drives, is_possible, swing, watch,
 };
-use crate::world::{MS, World};
+use crate::world::{Encoder, MS, World};
 
 #[test]
 fn no_attack_leaves_a_mechanism_enabled() {
@@ -77,6 +77,57 @@ fn nothing_is_armed_by_old_feedback_while_its_settings_are_read() {
     }
 }
 
+/// A bridge over the same motor, started anew with the positions that the last one knew.
+fn started_again(world: World, drive: &str) -> World {
+    let mut again = World::one(drive, "");
+    for (actuator, position) in world.bridge.positions().collect::<Vec<_>>() {
+        again.bridge.remember(actuator, position);
+    }
+    again.shafts[0].encoder = world.shafts[0].encoder;
+    again.shafts[0].position = world.shafts[0].position;
+    again
+}
+
+#[test]
+fn a_zero_that_moves_without_power_is_not_armed_before_it_is_confirmed() {
+    for (name, drive) in drives() {
+        for silent_ms in [0, 500, u64::MAX] {
+            let mut world = armed(&drive);
+            world.operate(Operation::Disarm);
+            world.cycles(500);
+            let moved = |world: &mut World| world.shafts[0].encoder = Encoder::Off(1.2);
+            match silent_ms {
+                // with the bridge, after a silence, and over a new start of the bridge
+                0 => moved(&mut world),
+                u64::MAX => {
+                    moved(&mut world);
+                    world = started_again(world, &drive);
+                }
+                ms => {
+                    world.loss = 1.0;
+                    world.cycles(ms as usize / 4);
+                    world.loss = 0.0;
+                    moved(&mut world);
+                }
+            }
+            world.cycles(250);
+            let flags = world.bridge.state().flags[0];
+            assert_ne!(flags & flag::POSITION_CHANGED, 0, "{name} {silent_ms}");
+            world.operate(Operation::Reset);
+            assert_eq!(world.arm(), None, "{name} {silent_ms}");
+            assert_eq!(world.state(0).1, Reason::PositionChanged, "{name} {silent_ms}");
+            world.operate(Operation::Confirm);
+            assert!(world.arm().is_some(), "{name} {silent_ms}: {:?}", world.state(0));
+        }
+        // a motor that is where it was needs no operator
+        let mut world = armed(&drive);
+        world.operate(Operation::Disarm);
+        world.cycles(500);
+        let mut world = started_again(world, &drive);
+        assert!(world.arm().is_some(), "{name}: {:?}", world.state(0));
+    }
+}
+
 #[test]
 fn nothing_is_armed_in_motion() {
     for (name, drive) in drives() {
@@ -85,12 +136,12 @@ fn nothing_is_armed_in_motion() {
         (world.shafts[0].friction, world.shafts[0].inertia) = (0.0, 1.0);
         world.cycles(125);
         world.operate(Operation::Arm);
-        for _ in 0..250 {
+        for _ in 0..125 {
             world.cycle();
             assert_ne!(world.state(0).0, MechanismState::Enabled, "{name}");
         }
         assert_eq!(world.state(0).1, Reason::Moving, "{name}");
-        (world.shafts[0].velocity, world.shafts[0].position) = (0.0, 0.0);
+        (world.shafts[0].velocity, world.shafts[0].inertia) = (0.0, 0.011);
         assert!(world.arm().is_some(), "{name}: {:?}", world.state(0));
     }
 }

@@ -182,14 +182,19 @@ impl Monitors {
     }
 
     /// Distance that a joint at rest keeps to for a tenth of a second, and its speed, with noise.
-    fn still(&self, limits: &Limits) -> [f64; 2] {
+    pub(super) fn still(&self, limits: &Limits) -> [f64; 2] {
         let speed = rest::STILL * limits.speed();
         [speed * rest::REST + NOISE * self.steps.position, speed + NOISE * self.steps.velocity]
     }
 
+    /// Distance that counts as none.
+    pub(super) fn margin(&self, limits: &Limits) -> f64 {
+        position::margin(limits, &self.bounds, &self.steps)
+    }
+
     /// Whether a position is so far outside the limits that nothing may be armed there.
     pub(super) fn is_beyond(&self, limits: &Limits, position: f64) -> bool {
-        let margin = position::margin(limits, &self.bounds, &self.steps);
+        let margin = self.margin(limits);
         position > limits.upper + margin || position < limits.lower - margin
     }
 }

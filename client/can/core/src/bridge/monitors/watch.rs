@@ -12,13 +12,19 @@ impl Bridge {
     /// Fails motors with doubted measurements; a motor outside its limits does not arm.
     pub(in crate::bridge) fn look_at_measurements(&mut self, now_ns: u64) {
         let period = self.configuration.period_ns() as f64 * 1e-9;
+        let feedback_ns = self.configuration.timeouts.feedback_ns;
         for i in 0..self.motors.len() {
             let Some(motor) = self.motors.get_mut(i) else { continue };
             let number = motor.mechanism;
             let Some(mechanism) = self.mechanisms.get_mut(number) else { continue };
             if !mechanism.is_powered() {
-                motor.unwatched();
-                if mechanism.is_waiting() && motor.is_beyond() && !mechanism.returns() {
+                motor.unwatched(feedback_ns);
+                let is_elsewhere = motor.whereabouts.is_elsewhere;
+                if mechanism.is_waiting()
+                    && motor.is_beyond()
+                    && !mechanism.returns()
+                    && !is_elsewhere
+                {
                     mechanism.disable(Reason::OutsideLimits);
                 }
                 continue;
@@ -58,20 +64,25 @@ impl Motor {
                 is_following,
             })
         });
+        if let (Some(Reason::FeedbackJump), Some(before_ns)) = (found, self.seen_ns) {
+            self.jumped(before_ns);
+        }
         (self.seen_ns, self.before) = (self.measured_ns, self.measured);
         found
     }
 
-    /// Without power only its rest is watched, and with power all rules start again.
-    fn unwatched(&mut self) {
-        if self.seen_ns.take().is_some() {
+    /// Without power only its rest and its place are watched, and with power all rules start again.
+    fn unwatched(&mut self, feedback_ns: u64) {
+        if let Some(seen_ns) = self.seen_ns.take() {
             self.monitors.begin();
             self.rest = Rest::default();
+            self.leave(seen_ns);
             (self.asked, self.stiffness) = ([ActuatorSetpoint::default(); 2], 0.0);
         }
         if let Some(measured_ns) = self.measured_ns {
-            let moved = self.monitors.still(&self.config.limits);
-            self.rest.see(measured_ns, &self.measured, moved);
+            let still = self.monitors.still(&self.config.limits);
+            self.rest.see(measured_ns, &self.measured, still);
+            self.find(measured_ns, feedback_ns);
         }
     }
 

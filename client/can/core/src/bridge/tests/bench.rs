@@ -7,7 +7,7 @@ use sarrus_models::yaml;
 use sarrus_proto::actuators::{MAX_ACTUATORS, Operation};
 
 use super::super::*;
-use crate::config::{BusConfig, Limits, MechanismStop, MonitorBounds, MotorConfig, Stop, Timeouts};
+use crate::config::{BusConfig, Commissioning, Limits, MechanismStop, MonitorBounds, MotorConfig, Stop, Timeouts};
 use crate::drive::Power;
 use crate::drive::{Drive, DriveState, Measurement, Mode, Reply, Setpoint, Watchdog};
 use crate::frame::Id;
@@ -265,6 +265,8 @@ impl Bench {
             buses: vec![bus("x"), bus("y")],
             motors: (0..3).map(motor).collect(),
             encoders: Vec::new(),
+            commissioning: Commissioning::Unneeded,
+            record_file: String::new(),
             warnings: Vec::new(),
         };
         change(&mut configuration);
