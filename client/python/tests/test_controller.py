@@ -69,7 +69,7 @@ class Commands(unittest.TestCase):
     def test_a_bridge_with_a_robot_wants_the_fingerprint_of_the_commands_own(self):
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder, "robot.yml")
-            motor = MOTOR.format(id=1, reply=17).replace("motor1", "slide")
+            motor = MOTOR.format(id=1, reply=17).replace("motor1", "ElbowAct")
             path.write_text("robot: lambda\ncommissioning: none" + ROBOT + motor)
             bridge = _native.Bridge(_native.Configuration.load(path))
         for own, counted in ((Robot.bundled("lambda").fingerprint, "accepted"),

@@ -15,7 +15,7 @@ use bench::{AT_REST, Bench, MS, Shaft};
 use sarrus_models::LoadError;
 
 use super::*;
-use crate::config::{Limits, Stop, Surroundings};
+use crate::config::{Commissioning, Limits, Stop, Surroundings};
 use crate::drive::{Mode, Setpoint};
 use crate::frame::Id;
 use sarrus_proto::actuators::{MechanismState, Operation, OperatorRequest, flag};
@@ -116,6 +116,23 @@ fn a_motor_that_is_not_calibrated_is_never_armed() {
     assert_eq!(bench.reason(2), Reason::NotCalibrated);
     bench.steps(5);
     assert_eq!(bench.states()[..2], [MechanismState::Enabled; 2]);
+}
+
+#[test]
+fn a_robot_without_a_record_is_not_armed_unless_that_is_waived_which_the_state_shows() {
+    let armed = |commissioning: &Commissioning| {
+        let mut bench =
+            Bench::new(|configuration| configuration.commissioning = commissioning.clone());
+        bench.steps(AT_REST);
+        bench.bridge.operate(bench.now_ns, Operation::Arm);
+        bench.steps(5);
+        (bench.states()[0], bench.reason(0), bench.bridge.state().flags[0] & flag::UNCOMMISSIONED)
+    };
+    use MechanismState::{Disabled, Enabled};
+    let missing = Commissioning::Missing("absent".into());
+    assert_eq!(armed(&missing), (Disabled, Reason::NotCommissioned, 0));
+    assert_eq!(armed(&Commissioning::Done), (Enabled, Reason::None, 0));
+    assert_eq!(armed(&Commissioning::Waived), (Enabled, Reason::None, flag::UNCOMMISSIONED));
 }
 
 #[test]
