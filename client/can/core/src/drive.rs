@@ -345,6 +345,12 @@ pub trait Drive: Send + core::fmt::Debug {
         None
     }
 
+    /// Whether measurements carry a counter, without whose step they are none: a sensor that stands
+    /// still is told from a joint that does.
+    fn counts(&self) -> bool {
+        false
+    }
+
     /// Replies of the motor in one cycle while it is on.
     fn replies(&self) -> Vec<Reply>;
 

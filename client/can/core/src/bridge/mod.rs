@@ -113,7 +113,9 @@ impl Bridge {
         let mechanisms = (0..configuration.n_mechanisms())
             .map(|number| {
                 let stop = configuration.stops.get(number).copied().unwrap_or_default();
-                Mechanism::new(of_mechanism(number), stop)
+                let of_number = motors.iter().filter(|motor| motor.mechanism == number);
+                let has_rest = of_number.into_iter().all(|motor| motor.config.rest.is_some());
+                Mechanism::new(of_mechanism(number), stop, has_rest)
             })
             .collect();
         let reset_ns = vec![None; configuration.n_mechanisms()];

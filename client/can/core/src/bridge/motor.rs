@@ -1,10 +1,10 @@
 //! One motor and its state in the bridge.
 
-use sarrus_proto::actuators::Reason;
+use sarrus_proto::actuators::{Reason, flag};
 
 use super::chatter::Chatter;
 use super::course::Reference;
-use super::monitors::Monitors;
+use super::monitors::{Monitors, Noise, position};
 use super::rest::Rest;
 use super::whereabouts::Whereabouts;
 use crate::config::MotorConfig;
@@ -55,6 +55,11 @@ pub(super) struct Motor {
     /// The largest damping that it can be given `[N m s/rad, N s/m]`.
     pub(super) most_damping: f64,
     pub(super) stop: Reference,
+    /// Deceleration of a stop, and its delay `[rad/s², m/s², s]`.
+    pub(super) braking: [f64; 2],
+    pub(super) noise: Noise,
+    /// The phase of its dither, in turns.
+    pub(super) phase: f64,
     /// How long it has been at rest, without power, and where it was trusted.
     pub(super) rest: Rest,
     pub(super) whereabouts: Whereabouts,
@@ -81,6 +86,9 @@ impl Motor {
     ) -> Motor {
         let most_damping = config.most_damping();
         let stop_damping = config.stop_damping();
+        let braking = [config.braking(), position::delay(period_ns)];
+        let is_told = config.drive.counts() || config.dither > 0.0;
+        let is_blind = !is_told || config.monitors.frozen == f64::INFINITY;
         Motor {
             monitors: Monitors::new(&config, period_ns, feedback_ns),
             drive: config.drive.state(),
@@ -104,9 +112,12 @@ impl Motor {
             stop_damping,
             most_damping,
             stop: Reference::default(),
+            braking,
+            noise: Noise::default(),
+            phase: 0.0,
             rest: Rest::default(),
             whereabouts: Whereabouts::default(),
-            lasting: 0,
+            lasting: if is_blind { flag::FROZEN_UNDETECTABLE } else { 0 },
             chatter: Chatter::default(),
             before: ActuatorMeasurement::NONE,
             seen_ns: None,

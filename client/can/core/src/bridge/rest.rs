@@ -16,7 +16,7 @@ pub(super) struct Rest {
     /// Where it is, and the times of the first and last measurement there `[ns]`.
     position: Option<f64>,
     since_ns: u64,
-    until_ns: u64,
+    pub(super) until_ns: u64,
 }
 
 impl Rest {

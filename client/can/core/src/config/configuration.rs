@@ -129,6 +129,11 @@ pub struct MotorConfig {
     /// Damping while commands are late `[N m s/rad, N s/m]`; where the file has none it is
     /// [`Limits::damping`].
     pub damping: f64,
+    /// Swing of a dither of its set-points; 0 without one `[N m, N]`, in the mode position `[rad,
+    /// m]`.
+    pub dither: f64,
+    /// Where it may rest without power `[rad, m]`.
+    pub rest: Option<f64>,
     /// Bounds beyond which its measurements are doubted.
     pub monitors: MonitorBounds,
 }
@@ -172,6 +177,9 @@ impl Limits {
     }
 }
 
+/// The heaviest inertia that a stop brakes, for its damping `[s]`.
+const HEAVIEST: f64 = 0.4;
+
 impl MotorConfig {
     /// The largest damping that the motor can be given, which the spring goes with.
     pub(crate) fn most_damping(&self) -> f64 {
@@ -183,6 +191,12 @@ impl MotorConfig {
             }
             _ => f64::INFINITY,
         }
+    }
+
+    /// The deceleration that a stop has at least, τ_max / J with the heaviest inertia that its
+    /// damping brakes, J = 0.4 s · d, or which the limits' own does `[rad/s², m/s²]`.
+    pub(crate) fn braking(&self) -> f64 {
+        self.limits.effort / (HEAVIEST * self.stop_damping().max(self.limits.damping()))
     }
 
     /// The damping with which the motor is stopped.

@@ -95,6 +95,15 @@ pub(super) const MOTOR: &[Key] = &[
     .or("1"),
     Key::number("damping", 0.0, LARGE, "damping while commands are late, N m s/rad or N s/m")
         .optional(),
+    Key::number(
+        "dither",
+        1e-12,
+        LARGE,
+        "swing that moves the joint by two codes or more, N m or N; rad or m in the mode position",
+    )
+    .optional(),
+    Key::number("rest", -LARGE, LARGE, "where it may rest without power when hot, rad or m")
+        .optional(),
     Key::integer("watchdog_ms", 1, 10_000, "the motor's own watchdog in ms"),
     Key::word("watchdog", &["read_back", "believed"], "believed where the protocol cannot read it")
         .or("read_back"),

@@ -57,6 +57,8 @@ impl Reader<'_, '_> {
                 watchdog_believed: read.text("watchdog") == "believed",
                 limits,
                 damping: read.number_or("damping", limits.damping()),
+                dither: read.number_or("dither", 0.0),
+                rest: read.has("rest").then(|| read.number("rest")),
                 monitors,
             };
             motors.push((name, Read { motor, place: node.span }));

@@ -11,11 +11,13 @@ mod following;
 mod foreign;
 mod frozen;
 mod jump;
-mod position;
+mod noise;
+pub(super) mod position;
 mod temperature;
 mod velocity;
 mod watch;
 
+pub(super) use noise::{DITHER, Noise};
 use sarrus_proto::actuators::Reason;
 
 use super::rest;
@@ -53,6 +55,10 @@ pub(super) struct Seen<'a> {
     /// The stiffness before spring and effort were made to stay within the limit.
     pub(super) stiffness: f64,
     pub(super) limits: &'a Limits,
+    /// Deceleration of a stop, and its delay `[rad/s², m/s², s]`.
+    pub(super) braking: [f64; 2],
+    /// A position that stays one code for longer is frozen `[s]`.
+    pub(super) longest: f64,
     pub(super) mode: Mode,
     /// It follows commands: neither late ones, nor a stop.
     pub(super) is_following: bool,
@@ -163,7 +169,7 @@ impl Monitors {
         }
     }
 
-    /// The part of the effort's limit that a hot motor keeps, from 0 to 1.
+    /// The part of the speed's limit that a hot motor keeps, from 0 to 1.
     pub(super) fn derated(&self) -> f64 {
         self.rules.temperature.part(&self.bounds)
     }

@@ -1,8 +1,9 @@
 //! The monitors in each cycle: their input, and the faults that follow from their findings.
 
-use sarrus_proto::actuators::Reason;
+use sarrus_proto::actuators::{Reason, flag};
 
-use super::{Monitors, Seen, effort_of};
+use super::{Monitors, Seen, effort_of, noise};
+use crate::bridge::course::Course;
 use crate::bridge::motor::Motor;
 use crate::bridge::rest::Rest;
 use crate::bridge::{Bridge, BusState};
@@ -31,7 +32,7 @@ impl Bridge {
             }
             let bus = self.buses.get(motor.config.bus).map_or(BusState::Active, |bus| bus.state);
             let found = motor
-                .doubt(period, mechanism.is_following())
+                .doubt(period, mechanism.is_following(), mechanism.given)
                 .or_else(|| motor.monitors.check_bus(now_ns, bus));
             if let Some(reason) = found {
                 self.fail_mechanism(number, reason);
@@ -42,10 +43,16 @@ impl Bridge {
 
 impl Motor {
     /// The reason to doubt the newest measurement, if it is new.
-    fn doubt(&mut self, period: f64, is_following: bool) -> Option<Reason> {
+    fn doubt(
+        &mut self,
+        period: f64,
+        is_following: bool,
+        given: Option<Course>,
+    ) -> Option<Reason> {
         if self.measured_ns == self.seen_ns {
             return None;
         }
+        let longest = self.longest(given);
         let since = self.seen_ns.zip(self.measured_ns);
         let Monitors { bounds, steps, rules, .. } = &mut self.monitors;
         let found = since.and_then(|(before, measured)| {
@@ -60,6 +67,8 @@ impl Motor {
                 efforts: self.asked.map(|asked| effort_of(&asked, &self.measured)),
                 stiffness: self.stiffness,
                 limits: &self.config.limits,
+                braking: self.braking,
+                longest,
                 mode: self.config.common.mode,
                 is_following,
             })
@@ -79,10 +88,36 @@ impl Motor {
             self.leave(seen_ns);
             (self.asked, self.stiffness) = ([ActuatorSetpoint::default(); 2], 0.0);
         }
-        if let Some(measured_ns) = self.measured_ns {
+        if let Some(measured_ns) = self.measured_ns.filter(|last| *last != self.rest.until_ns) {
             let still = self.monitors.still(&self.config.limits);
             self.rest.see(measured_ns, &self.measured, still);
             self.find(measured_ns, feedback_ns);
+            self.learn();
+        }
+    }
+
+    /// Learns at rest whether the encoder is noisy.
+    fn learn(&mut self) {
+        if !self.rest.is_long_enough() {
+            return self.noise.begin();
+        }
+        self.noise.learn(self.measured.position, self.monitors.steps.position);
+        let is_blind = self.config.monitors.frozen == f64::INFINITY
+            || !(self.noise.is_noisy() || self.config.dither > 0.0 || self.config.drive.counts());
+        self.lasting = match is_blind {
+            true => self.lasting | flag::FROZEN_UNDETECTABLE,
+            false => self.lasting & !flag::FROZEN_UNDETECTABLE,
+        };
+    }
+
+    /// How long its position may stay one code.
+    fn longest(&self, given: Option<Course>) -> f64 {
+        if self.noise.is_noisy() {
+            noise::NOISY
+        } else if self.config.dither > 0.0 && given == Some(Course::Follow(1.0)) {
+            noise::DITHERED
+        } else {
+            f64::INFINITY
         }
     }
 

@@ -235,6 +235,8 @@ impl Bench {
                 effort_rate: f64::INFINITY,
             },
             damping: 3.0,
+            dither: 0.0,
+            rest: None,
             monitors: OFF,
         };
         let bus = |name: &str| BusConfig {
@@ -270,8 +272,11 @@ impl Bench {
             warnings: Vec::new(),
         };
         change(&mut configuration);
+        let mut bridge = Bridge::new(configuration);
+        // they stop at once: the braking distance has tests of its own
+        bridge.motors.iter_mut().for_each(|motor| motor.braking = [1e12, 1e-9]);
         Bench {
-            bridge: Bridge::new(configuration),
+            bridge,
             given,
             now_ns: 5 * MS,
             sequence: 0,
