@@ -85,8 +85,8 @@ enum End {
 
 #[pymethods]
 impl PyController {
-    /// Opens the services of a bridge; with `watch` it can command nothing. `fingerprint` is that of
-    /// the robot that commands are computed with, `robot.fingerprint`; a bridge with a robot
+    /// Opens the services of a bridge; with `watch` it can command nothing. `fingerprint` is that
+    /// of the robot that commands are computed with, `robot.fingerprint`; a bridge with a robot
     /// refuses commands for another one. A bridge that does not run or has a controller is an
     /// `OSError`.
     #[new]

@@ -1,4 +1,5 @@
-//! `sarrus-can arm`, `disarm`, `reset`, `return` and `confirm`: an operator's requests to a running bridge.
+//! `sarrus-can arm`, `disarm`, `reset`, `return` and `confirm`: an operator's requests to a running
+//! bridge.
 
 use std::io::{self, Write};
 use std::process::ExitCode;

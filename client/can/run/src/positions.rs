@@ -148,9 +148,8 @@ impl Positions {
 
 /// Nothing real is on a virtual bus or behind a pseudo-terminal.
 fn is_simulated(bus: &BusConfig) -> bool {
-    let is_pseudo = || {
-        fs::canonicalize(&bus.channel).is_ok_and(|channel| channel.starts_with("/dev/pts"))
-    };
+    let is_pseudo =
+        || fs::canonicalize(&bus.channel).is_ok_and(|channel| channel.starts_with("/dev/pts"));
     bus.interface == "virtual" || is_pseudo()
 }
 

@@ -101,11 +101,8 @@ impl Commission {
         let stop = Arc::new(AtomicBool::new(false));
         crate::run::end_by_signals(&stop)?;
         configuration.commissioning = Commissioning::Done;
-        let motors: Vec<Motor> = configuration
-            .motors
-            .iter()
-            .map(|motor| Motor::new(motor, &configuration))
-            .collect();
+        let motors: Vec<Motor> =
+            configuration.motors.iter().map(|motor| Motor::new(motor, &configuration)).collect();
         let mut model = Model::new(&configuration)?;
         let name = format!("commission-{}", std::process::id());
         let fingerprint = configuration.fingerprint;

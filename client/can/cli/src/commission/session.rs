@@ -7,9 +7,7 @@ use std::time::{Duration, Instant};
 
 use sarrus_can_core::config::{Configuration, Limits, MotorConfig};
 use sarrus_client::Controller;
-use sarrus_client::actuators::{
-    ActuatorCommand, ActuatorState, MechanismState, Operation, flag,
-};
+use sarrus_client::actuators::{ActuatorCommand, ActuatorState, MechanismState, Operation, flag};
 
 use super::model::Model;
 use crate::top::{of, reason_name, state_name};

@@ -27,8 +27,7 @@ fn elbow(folder: &Folder, name: &str, motor: &str) -> String {
 }
 
 fn sarrus_can(arguments: &[&str]) -> (Option<i32>, String, String) {
-    let output =
-        Command::new(env!("CARGO_BIN_EXE_sarrus-can")).args(arguments).output().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_sarrus-can")).args(arguments).output().unwrap();
     let text = |bytes| String::from_utf8(bytes).unwrap();
     (output.status.code(), text(output.stdout), text(output.stderr))
 }

@@ -177,6 +177,13 @@ impl Motor {
         self.config.drive.pairing() == Pairing::Paired
     }
 
+    /// An operator confirms its position.
+    pub(super) fn confirm(&mut self) {
+        if let Some(measured_ns) = self.measured_ns {
+            self.whereabouts.trust(measured_ns, &self.measured);
+        }
+    }
+
     /// Takes the state of its drive.
     pub(super) fn ask_drive(&mut self) {
         self.drive = self.config.drive.state();

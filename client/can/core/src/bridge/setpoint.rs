@@ -81,7 +81,7 @@ impl Motor {
         self.config.mapping.to_motor(&setpoint)
     }
 
-    /// The dither: so slow that a joint follows it, and so fast that a frozen encoder is found soon.
+    /// The dither: slow enough for a joint, and fast enough to find a frozen encoder soon.
     fn swing(&mut self, elapsed: f64) -> f64 {
         self.phase = (self.phase + elapsed / DITHER).fract();
         self.config.dither * (TAU * self.phase).sin()

@@ -140,7 +140,8 @@ impl Reader<'_, '_> {
             Err(reason) => Commissioning::Missing(reason),
         };
         if let Commissioning::Missing(why) = &found {
-            let found = format!("no record of the commissioning: {}: {why}", quoted(&of.record_file));
+            let found =
+                format!("no record of the commissioning: {}: {why}", quoted(&of.record_file));
             let help = "run `sarrus-can commission`; without it nothing can be armed";
             self.diagnostics.warning(place, found, "one that fits this configuration", help);
         }

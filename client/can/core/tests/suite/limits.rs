@@ -38,7 +38,8 @@ fn a_damping_that_becomes_no_code_is_warned_of() {
     let drive = "{protocol: mit, variant: damiao, id: 1, reply_id: 17, position_range: 12.5, \
         velocity_range: 30, torque_range: 10, stiffness_range: 500, damping_range: 5}";
     let warnings = |damping: f64| {
-        let configuration = read(drive, "{position: [-1, 1], effort: 1, velocity: 1}", damping).unwrap();
+        let configuration =
+            read(drive, "{position: [-1, 1], effort: 1, velocity: 1}", damping).unwrap();
         let is_it = |warning: &&_| format!("{warning:?}").contains("is no code of this motor");
         configuration.warnings.iter().filter(is_it).count()
     };

@@ -1,4 +1,4 @@
-//! The encoder's own noise, learned from a joint at rest without power, where nothing else moves it.
+//! The encoder's own noise, learned from a joint at rest without power, where nothing else moves.
 //!
 //! An encoder is noisy if at least half of a row of reports differ from the one before, over two
 //! codes or more: then it leaves every code soon, wherever it is between two of them.

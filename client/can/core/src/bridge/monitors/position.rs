@@ -4,8 +4,8 @@
 //! beyond the limit or moves back causes no fault. It moves outwards by its reported speed, by the
 //! last two measurements, or relative to its least distance beyond the limit so far.
 //!
-//! Inside the limits a joint must be able to stop within a quarter of the margin: with the deceleration a of
-//! a stop and the delay t from a measurement to all of the effort that follows from it,
+//! Inside the limits a joint must be able to stop within a quarter of the margin: with the
+//! deceleration a of a stop and the delay t from a measurement to all of the effort that follows,
 //!
 //! ```text
 //! v² / (2 a) + v t ≤ distance
@@ -39,8 +39,8 @@ pub(super) fn margin(limits: &Limits, bounds: &MonitorBounds, steps: &ActuatorSe
     if range < f64::INFINITY { noise.max(part * range) } else { noise }
 }
 
-/// Cycles from a measurement to the effort that follows from it, and the time in which the effort of
-/// a stop grows `[s]`.
+/// Cycles from a measurement to the effort that follows from it, and the time in which the effort
+/// of a stop grows `[s]`.
 const DELAY: f64 = 4.0;
 const GROWTH: f64 = 0.04;
 /// Part of the margin within which a joint must be able to stop.

@@ -6,6 +6,7 @@ use super::{Monitors, Seen, effort_of, noise};
 use crate::bridge::course::Course;
 use crate::bridge::motor::Motor;
 use crate::bridge::rest::Rest;
+use crate::bridge::whereabouts::Allowed;
 use crate::bridge::{Bridge, BusState};
 use crate::mapping::ActuatorSetpoint;
 
@@ -43,12 +44,7 @@ impl Bridge {
 
 impl Motor {
     /// The reason to doubt the newest measurement, if it is new.
-    fn doubt(
-        &mut self,
-        period: f64,
-        is_following: bool,
-        given: Option<Course>,
-    ) -> Option<Reason> {
+    fn doubt(&mut self, period: f64, is_following: bool, given: Option<Course>) -> Option<Reason> {
         if self.measured_ns == self.seen_ns {
             return None;
         }
@@ -74,7 +70,7 @@ impl Motor {
             })
         });
         if let (Some(Reason::FeedbackJump), Some(before_ns)) = (found, self.seen_ns) {
-            self.jumped(before_ns);
+            self.whereabouts.jumped(before_ns, &self.before);
         }
         (self.seen_ns, self.before) = (self.measured_ns, self.measured);
         found
@@ -85,13 +81,16 @@ impl Motor {
         if let Some(seen_ns) = self.seen_ns.take() {
             self.monitors.begin();
             self.rest = Rest::default();
-            self.leave(seen_ns);
+            self.whereabouts.leave(seen_ns, &self.before);
             (self.asked, self.stiffness) = ([ActuatorSetpoint::default(); 2], 0.0);
         }
         if let Some(measured_ns) = self.measured_ns.filter(|last| *last != self.rest.until_ns) {
             let still = self.monitors.still(&self.config.limits);
             self.rest.see(measured_ns, &self.measured, still);
-            self.find(measured_ns, feedback_ns);
+            let speed = self.monitors.bounds.jump * self.config.limits.velocity;
+            let margin = self.monitors.margin(&self.config.limits);
+            let allowed = Allowed { margin, speed, feedback_ns };
+            self.whereabouts.find(measured_ns, &self.measured, allowed);
             self.learn();
         }
     }

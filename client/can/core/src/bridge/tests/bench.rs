@@ -7,7 +7,9 @@ use sarrus_models::yaml;
 use sarrus_proto::actuators::{MAX_ACTUATORS, Operation};
 
 use super::super::*;
-use crate::config::{BusConfig, Commissioning, Limits, MechanismStop, MonitorBounds, MotorConfig, Stop, Timeouts};
+use crate::config::{
+    BusConfig, Commissioning, Limits, MechanismStop, MonitorBounds, MotorConfig, Stop, Timeouts,
+};
 use crate::drive::Power;
 use crate::drive::{Drive, DriveState, Measurement, Mode, Reply, Setpoint, Watchdog};
 use crate::frame::Id;

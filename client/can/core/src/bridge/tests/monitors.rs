@@ -254,7 +254,7 @@ fn a_joint_that_cannot_stop_before_its_limit_is_stopped_in_time() {
         }
     };
     let first = |position: f64, velocity: f64| Line::new().run(9, at(position, velocity));
-    // 4.5 rad/s need 0.203 rad at 50 rad/s², and 0.225 rad for the delay; nine cycles take 0.162 rad
+    // 4.5 rad/s need 0.203 rad at 50 rad/s² and 0.225 rad for the delay; nine cycles are 0.162 rad
     assert_eq!(first(0.35, 4.5), None);
     assert_eq!(reason(first(0.7, 4.5)), Some(Reason::PositionLimit));
     assert_eq!(reason(first(-0.7, -4.5)), Some(Reason::PositionLimit));
@@ -292,7 +292,8 @@ fn a_hot_motor_is_slow_and_keeps_its_effort() {
     let mut bench = Bench::armed();
     bench.steps(200);
     // it reports 30 °C
-    bench.bridge.motors[0].monitors.bounds = MonitorBounds { derate: 10.0, temperature: 50.0, ..OFF };
+    bench.bridge.motors[0].monitors.bounds =
+        MonitorBounds { derate: 10.0, temperature: 50.0, ..OFF };
     bench.target = Setpoint { torque: -20.0, velocity: 90.0, ..Setpoint::default() };
     bench.step();
     assert_eq!((bench.setpoint(0).torque, bench.setpoint(0).velocity), (-10.0, 50.0));

@@ -7,8 +7,7 @@ use super::keys::{
     SAVE, SET_ID, SETPOINT, TIMEOUT_PER_MS, WHO, WRITE, ZERO,
 };
 use crate::drive::{
-    Drive, DriveCommand, DriveState, Pairing, Parameter, Power, Receipt, Reply, Setpoint,
-    Watchdog,
+    Drive, DriveCommand, DriveState, Pairing, Parameter, Power, Receipt, Reply, Setpoint, Watchdog,
 };
 use crate::frame::{Frame, FrameQueue, Id};
 use crate::protocol::codes::{Coded, Codes};
