@@ -57,6 +57,8 @@ pub(super) struct Motor {
     pub(super) stop: Reference,
     /// Deceleration of a stop, and its delay `[rad/s², m/s², s]`.
     pub(super) braking: [f64; 2],
+    /// The positions from which it can stop at any allowed speed.
+    pub(super) free: [f64; 2],
     pub(super) noise: Noise,
     /// The phase of its dither, in turns.
     pub(super) phase: f64,
@@ -87,6 +89,7 @@ impl Motor {
         let most_damping = config.most_damping();
         let stop_damping = config.stop_damping();
         let braking = [config.braking(), position::delay(period_ns)];
+        let free = position::free(&config.limits, braking);
         let is_told = config.drive.counts() || config.dither > 0.0;
         let is_blind = !is_told || config.monitors.frozen == f64::INFINITY;
         Motor {
@@ -113,6 +116,7 @@ impl Motor {
             most_damping,
             stop: Reference::default(),
             braking,
+            free,
             noise: Noise::default(),
             phase: 0.0,
             rest: Rest::default(),

@@ -31,7 +31,6 @@ impl Bridge {
             let is_ramping = matches!(course, Some(Course::Follow(ramp)) if ramp < 1.0);
             let flags = motor.flags
                 | motor.lasting
-                | bit(motor.whereabouts.is_elsewhere, flag::POSITION_CHANGED)
                 | bit(course == Some(Course::Damp), flag::DAMPED)
                 | bit(course.is_some_and(Course::is_stop), flag::STOPPING)
                 | bit(is_ramping, flag::RAMPING)

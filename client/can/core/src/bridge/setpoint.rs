@@ -72,13 +72,26 @@ impl Motor {
         let setpoint = self.within_limits(setpoint, velocity);
         let part = if course == Course::Return { RETURN_EFFORT } else { 1.0 };
         let setpoint = self.within_effort(setpoint, velocity, part);
-        (self.last_position, self.last_effort) = match self.config.common.mode {
-            Mode::Position => (setpoint.position - swing, setpoint.effort),
-            _ => (setpoint.position, setpoint.effort - swing),
-        };
+        (self.last_position, self.last_effort) = (setpoint.position, setpoint.effort);
+        if self.config.dither > 0.0 {
+            match self.config.common.mode {
+                Mode::Position => self.last_position -= swing,
+                _ => self.last_effort -= swing,
+            }
+        }
         let [last, _] = self.asked;
         self.asked = [self.monitors.given(setpoint), last];
         self.config.mapping.to_motor(&setpoint)
+    }
+
+    /// The greatest speeds of set-points, back and ahead, at which they stop before the limits.
+    fn stopping_speeds(&self, most: f64) -> [f64; 2] {
+        let limits = &self.config.limits;
+        let [braking, delay] = self.braking;
+        [self.last_position - limits.lower, limits.upper - self.last_position].map(|room| {
+            let room = room.max(0.0);
+            (CALM * braking * 2.0 * room).sqrt().min(CALM * room / delay).min(most)
+        })
     }
 
     /// The dither: slow enough for a joint, and fast enough to find a frozen encoder soon.
@@ -124,13 +137,11 @@ impl Motor {
             self.flags |= flag::DERATED;
         }
         let most = derated * limits.velocity;
-        let [braking, delay] = self.braking;
-        let stops = |room: f64| {
-            let room = room.max(0.0);
-            (CALM * braking * 2.0 * room).sqrt().min(CALM * room / delay).min(most)
+        let [low, high] = self.free;
+        let [back, ahead] = match self.last_position < low || self.last_position > high {
+            true => self.stopping_speeds(most),
+            false => [most, most],
         };
-        let [back, ahead] =
-            [stops(self.last_position - limits.lower), stops(limits.upper - self.last_position)];
         let velocity = self.limited(desired.velocity, -back, ahead, flag::VELOCITY_LIMITED);
         let effort =
             self.limited(desired.effort, -limits.effort, limits.effort, flag::EFFORT_LIMITED);

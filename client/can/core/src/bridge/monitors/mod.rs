@@ -56,7 +56,9 @@ pub(super) struct Seen<'a> {
     pub(super) stiffness: f64,
     pub(super) limits: &'a Limits,
     /// Deceleration of a stop, and its delay `[rad/s², m/s², s]`.
-    pub(super) braking: [f64; 2],
+    pub(super) braking: &'a [f64; 2],
+    /// The positions from which it can stop at any allowed speed.
+    pub(super) free: &'a [f64; 2],
     /// A position that stays one code for longer is frozen `[s]`.
     pub(super) longest: f64,
     pub(super) mode: Mode,

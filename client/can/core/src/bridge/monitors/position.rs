@@ -46,35 +46,48 @@ const GROWTH: f64 = 0.04;
 /// Part of the margin within which a joint must be able to stop.
 const WITHIN: f64 = 0.25;
 
+/// The positions from which a joint stops before its limits at any allowed speed, and to which
+/// set-points go at any of them.
+pub(in crate::bridge) fn free(limits: &Limits, [braking, delay]: [f64; 2]) -> [f64; 2] {
+    let speed = 1.1 * limits.speed();
+    let reach = speed * (speed / braking).max(2.0 * delay).max(0.5 * speed / braking + delay);
+    [limits.lower + reach, limits.upper - reach]
+}
+
 /// The delay of a stop, for a cycle `[s]`.
 pub(in crate::bridge) fn delay(period_ns: u64) -> f64 {
     GROWTH + DELAY * period_ns as f64 * 1e-9
 }
 
-impl Position {
-    /// It cannot stop within the margin beyond the limit that it moves to.
-    fn is_too_fast(&self, seen: &Seen<'_>) -> bool {
-        let Seen { bounds, steps, limits, measured, .. } = seen;
-        // a speed that is hidden or not reported shows in the positions
-        let way = seen.way();
-        let noise = NOISE * steps.position;
-        let by_way = (way.abs() - noise) / (seen.elapsed + seen.period);
-        let speed = measured.velocity.abs().max(by_way);
-        let ahead = if by_way > 0.0 { way } else { measured.velocity };
-        let room = match ahead > 0.0 {
-            true => limits.upper - measured.position,
-            false => measured.position - limits.lower,
-        };
-        let left = room + WITHIN * margin(limits, bounds, steps);
-        let [braking, delay] = seen.braking;
-        let braking = speed * (0.5 * speed / braking + delay);
-        left > 0.0 && braking > left && bounds.position < f64::INFINITY
-    }
+/// It cannot stop within the margin beyond the limit that it moves to.
+fn is_too_fast(seen: &Seen<'_>) -> bool {
+    let Seen { bounds, steps, limits, measured, .. } = seen;
+    // a speed that is hidden or not reported shows in the positions
+    let way = seen.way();
+    let noise = NOISE * steps.position;
+    let by_way = (way.abs() - noise) / (seen.elapsed + seen.period);
+    let speed = measured.velocity.abs().max(by_way);
+    let ahead = if by_way > 0.0 { way } else { measured.velocity };
+    let room = match ahead > 0.0 {
+        true => limits.upper - measured.position,
+        false => measured.position - limits.lower,
+    };
+    let left = room + WITHIN * margin(limits, bounds, steps);
+    let [braking, delay] = seen.braking;
+    let braking = speed * (0.5 * speed / braking + delay);
+    left > 0.0 && braking > left && bounds.position < f64::INFINITY
+}
 
+impl Position {
     pub(super) fn check(&mut self, seen: &Seen<'_>) -> Option<Reason> {
         let Seen { bounds, steps, limits, .. } = seen;
         let position = seen.measured.position;
-        if self.is_too_fast(seen) {
+        let [low, high] = seen.free;
+        if *low < position && position < *high {
+            self.least = f64::INFINITY;
+            return None;
+        }
+        if is_too_fast(seen) {
             return Some(Reason::PositionLimit);
         }
         let (beyond, outwards) = if position > limits.upper {

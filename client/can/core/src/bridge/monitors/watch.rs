@@ -4,6 +4,7 @@ use sarrus_proto::actuators::{Reason, flag};
 
 use super::{Monitors, Seen, effort_of, noise};
 use crate::bridge::course::Course;
+use crate::bridge::mechanism::Mechanism;
 use crate::bridge::motor::Motor;
 use crate::bridge::rest::Rest;
 use crate::bridge::whereabouts::Allowed;
@@ -32,9 +33,8 @@ impl Bridge {
                 continue;
             }
             let bus = self.buses.get(motor.config.bus).map_or(BusState::Active, |bus| bus.state);
-            let found = motor
-                .doubt(period, mechanism.is_following(), mechanism.given)
-                .or_else(|| motor.monitors.check_bus(now_ns, bus));
+            let found =
+                motor.doubt(period, mechanism).or_else(|| motor.monitors.check_bus(now_ns, bus));
             if let Some(reason) = found {
                 self.fail_mechanism(number, reason);
             }
@@ -44,11 +44,11 @@ impl Bridge {
 
 impl Motor {
     /// The reason to doubt the newest measurement, if it is new.
-    fn doubt(&mut self, period: f64, is_following: bool, given: Option<Course>) -> Option<Reason> {
+    fn doubt(&mut self, period: f64, mechanism: &Mechanism) -> Option<Reason> {
         if self.measured_ns == self.seen_ns {
             return None;
         }
-        let longest = self.longest(given);
+        let longest = self.longest(mechanism);
         let since = self.seen_ns.zip(self.measured_ns);
         let Monitors { bounds, steps, rules, .. } = &mut self.monitors;
         let found = since.and_then(|(before, measured)| {
@@ -63,10 +63,11 @@ impl Motor {
                 efforts: self.asked.map(|asked| effort_of(&asked, &self.measured)),
                 stiffness: self.stiffness,
                 limits: &self.config.limits,
-                braking: self.braking,
+                braking: &self.braking,
+                free: &self.free,
                 longest,
                 mode: self.config.common.mode,
-                is_following,
+                is_following: mechanism.is_following(),
             })
         });
         if let (Some(Reason::FeedbackJump), Some(before_ns)) = (found, self.seen_ns) {
@@ -93,6 +94,10 @@ impl Motor {
             self.whereabouts.find(measured_ns, &self.measured, allowed);
             self.learn();
         }
+        self.lasting &= !flag::POSITION_CHANGED;
+        if self.whereabouts.is_elsewhere {
+            self.lasting |= flag::POSITION_CHANGED;
+        }
     }
 
     /// Learns at rest whether the encoder is noisy.
@@ -110,10 +115,10 @@ impl Motor {
     }
 
     /// How long its position may stay one code.
-    fn longest(&self, given: Option<Course>) -> f64 {
+    fn longest(&self, mechanism: &Mechanism) -> f64 {
         if self.noise.is_noisy() {
             noise::NOISY
-        } else if self.config.dither > 0.0 && given == Some(Course::Follow(1.0)) {
+        } else if self.config.dither > 0.0 && mechanism.given == Some(Course::Follow(1.0)) {
             noise::DITHERED
         } else {
             f64::INFINITY

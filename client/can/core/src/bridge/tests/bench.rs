@@ -276,7 +276,10 @@ impl Bench {
         change(&mut configuration);
         let mut bridge = Bridge::new(configuration);
         // they stop at once: the braking distance has tests of its own
-        bridge.motors.iter_mut().for_each(|motor| motor.braking = [1e12, 1e-9]);
+        for motor in &mut bridge.motors {
+            motor.braking = [1e12, 1e-9];
+            motor.free = [f64::NEG_INFINITY, f64::INFINITY];
+        }
         Bench {
             bridge,
             given,
