@@ -260,8 +260,8 @@ fn what_a_bridge_says_keeps_its_numbers_and_names() {
     let states = MechanismState::ALL.iter().map(|state| (*state as u32, state.name()));
     assert!(states.eq((0..).zip(["disabled", "arming", "enabled", "fault", "stopping"])));
     let operations = Operation::ALL.iter().map(|operation| (*operation as u32, operation.name()));
-    assert!(operations.eq((1..).zip(["arm", "disarm", "reset", "return"])));
-    const REASONS: [&str; 33] = [
+    assert!(operations.eq((1..).zip(["arm", "disarm", "reset", "return", "confirm"])));
+    const REASONS: [&str; 36] = [
         "none",
         "disarmed",
         "command_lost",
@@ -295,6 +295,9 @@ fn what_a_bridge_says_keeps_its_numbers_and_names() {
         "near_singular",
         "loop_residual",
         "model_effort",
+        "moving",
+        "not_commissioned",
+        "position_changed",
     ];
     for (code, name) in (0..).zip(REASONS) {
         assert_eq!(Reason::from_code(code).map(Reason::name), Some(name));

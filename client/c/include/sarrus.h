@@ -634,6 +634,18 @@ enum sarrus_reason
      * Reported efforts contradict the inverse dynamics of the model.
      */
     SARRUS_REASON_MODEL_EFFORT = 32,
+    /**
+     * An actuator moves, and power is given at rest only.
+     */
+    SARRUS_REASON_MOVING = 33,
+    /**
+     * The configuration names a robot, and no record of its commissioning fits.
+     */
+    SARRUS_REASON_NOT_COMMISSIONED = 34,
+    /**
+     * A motor reports another position than before nobody saw it: an operator confirms it.
+     */
+    SARRUS_REASON_POSITION_CHANGED = 35,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -667,6 +679,10 @@ enum sarrus_operation
      * Move actuators outside their limits slowly back inside, then remove the power.
      */
     SARRUS_OPERATION_RETURN = 4,
+    /**
+     * Believe the positions of motors that changed while nobody saw them.
+     */
+    SARRUS_OPERATION_CONFIRM = 5,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -736,6 +752,18 @@ enum sarrus_flag
      * An effort that pushes outwards beyond a position limit was taken away.
      */
     SARRUS_FLAG_OUTWARD_LIMITED = (1 << 12),
+    /**
+     * The configuration waives the commissioning of the robot.
+     */
+    SARRUS_FLAG_UNCOMMISSIONED = (1 << 13),
+    /**
+     * Nothing tells a frozen encoder from a joint at rest.
+     */
+    SARRUS_FLAG_FROZEN_UNDETECTABLE = (1 << 14),
+    /**
+     * The motor reports another position than before nobody saw it.
+     */
+    SARRUS_FLAG_POSITION_CHANGED = (1 << 15),
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L

@@ -293,7 +293,9 @@ class Service:
     def close(self) -> None: ...
 
 class Controller:
-    def __init__(self, name: str = "default", *, watch: bool = False) -> None: ...
+    def __init__(
+        self, name: str = "default", *, fingerprint: int | None = None, watch: bool = False
+    ) -> None: ...
     def command(
         self,
         sequence: int | None = None,

@@ -71,6 +71,8 @@ pub(crate) struct Shaft {
     /// The motor's torque with any set-point.
     pub(crate) stuck: Option<f64>,
     pub(crate) encoder: Encoder,
+    /// A frozen encoder has no noise either.
+    pub(crate) is_frozen_code: bool,
     /// It reports a velocity of 0.
     pub(crate) hides_velocity: bool,
     pub(crate) temperature: f64,
@@ -113,7 +115,8 @@ impl Shaft {
             if noise == 0.0 { 0.0 } else { chance.within(-noise - 0.5, noise + 0.5).round() * step }
         };
         let plant = &mut self.motor.plant;
-        plant.position = position + off(self.steps.position);
+        let swing = off(self.steps.position);
+        plant.position = if self.is_frozen_code { position } else { position + swing };
         plant.velocity = if self.hides_velocity { 0.0 } else { velocity };
         plant.velocity += off(self.steps.velocity);
         plant.torque = self.torque + off(self.steps.torque);
@@ -184,6 +187,7 @@ impl World {
                     is_blocked: false,
                     stuck: None,
                     encoder: Encoder::True,
+                    is_frozen_code: false,
                     hides_velocity: false,
                     temperature: 30.0,
                     is_doubled: false,

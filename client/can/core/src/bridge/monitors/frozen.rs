@@ -4,10 +4,13 @@
 //!
 //! - the reported velocity, less its noise, integrates to more than five codes; or
 //! - the commanded effort changed by more than a part of the limit; or
-//! - the code stopped from one measurement to the next after two steps of more than eight codes.
+//! - the code stopped from one measurement to the next after two steps of more than eight codes; or
+//! - the joint was held for longer than its encoder's own noise, or a dither of its set-points,
+//!   leaves one code.
 //!
-//! A balanced joint repeats its code for hours under a constant effort. That raises no alarm,
-//! although without noise it cannot be distinguished from a frozen encoder.
+//! A balanced joint repeats its code for hours under a constant effort. Without noise, dither and a
+//! counter of the drive it cannot be distinguished from a frozen encoder: that raises no alarm, and
+//! the state has the flag `frozen_undetectable`.
 
 use sarrus_proto::actuators::Reason;
 
@@ -33,6 +36,8 @@ pub(super) struct Frozen {
     high: f64,
     /// The last two steps before the code stopped.
     ways: [f64; 2],
+    /// Time since the last change of the code `[s]`.
+    held: f64,
     moved: Run,
     pushed: Run,
     stopped: Run,
@@ -63,7 +68,8 @@ impl Frozen {
             self.passed += velocity * seen.elapsed;
         }
         (self.low, self.high) = (self.low.min(last), self.high.max(last));
-        let moved = self.passed.abs() > PASSED * steps.position;
+        self.held += seen.elapsed;
+        let moved = self.passed.abs() > PASSED * steps.position || self.held > seen.longest;
         let pushed = self.high - self.low > bounds.frozen * seen.limits.effort;
         let [one, two] = self.ways;
         let fast = FAST * steps.position;
