@@ -32,6 +32,7 @@ mod hyrodyn;
 mod implicit;
 mod laws;
 mod layers;
+mod pairs;
 mod parts;
 mod published;
 mod python;

@@ -196,8 +196,7 @@ fn the_origin_of_a_loop_may_have_a_quaternion() {
         let quaternion = "quat_xyzw=\"0.7071067811865476 0 0 0.7071067811865476\"";
         let turned = plain.replace(" rpy=\"0 0 0\"", "");
         let turned = turned.replace("xyz=\"1 0 0\"", &format!("xyz=\"1 0 0\" {quaternion}"));
-        let turned =
-            turned.replace("xyz=\"-0.2 0 1\"", &format!("xyz=\"-0.2 0 1\" {quaternion}"));
+        let turned = turned.replace("xyz=\"-0.2 0 1\"", &format!("xyz=\"-0.2 0 1\" {quaternion}"));
         let turned = turned.replace("axis xyz=\"0 1 0\"", "axis xyz=\"0 0 -1\"");
         assert!((condition(&turned) / condition(plain) - 1.0).abs() < 1e-9, "{program}");
     }
