@@ -16,7 +16,7 @@ fn number(name: &str, otherwise: u64) -> u64 {
     std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(otherwise)
 }
 
-/// Runs the cases of a pair and prints what became of them.
+/// Runs the cases of a pair and prints their outcomes.
 fn searched(pair: usize) {
     let (name, with) = PAIRS[pair];
     let cases = number("SARRUS_PAIRS", FEW);

@@ -44,7 +44,7 @@ pub struct Features {
 
 /// A drawn robot.
 pub struct Drawn {
-    /// What it is.
+    /// Its mechanisms in words.
     pub name: String,
     /// The robot.
     pub description: Description,

@@ -78,7 +78,7 @@ const NONE: Features = Features {
     files: false,
 };
 
-/// What became of the cases.
+/// Outcomes of the cases.
 #[derive(Default, Debug)]
 pub struct Ledger {
     /// Cases, one robot at one state each.
@@ -87,7 +87,7 @@ pub struct Ledger {
     pub answers: u64,
     /// Answers by status and warning.
     pub outcomes: BTreeMap<String, u64>,
-    /// Wrong answers without a word: pair, seed and what.
+    /// Wrong answers without a word: pair, seed and field.
     pub silent: Vec<String>,
     /// Refusals where the path is regular.
     pub refused: Vec<String>,
@@ -697,7 +697,8 @@ impl Judge<'_> {
             let mut most = 0.0_f64;
             for c in 0..n_y {
                 let terms = row.iter().zip(&of_v).map(|(k, v)| Dd::from(*k) * rates.G[v * n_y + c]);
-                let (mut sum, mut abs) = (Dd::ZERO, 0.0);
+                let mut sum = Dd::ZERO;
+                let mut abs = 0.0;
                 terms.for_each(|x| {
                     sum += x;
                     abs += x.to_f64().abs();
@@ -1055,7 +1056,8 @@ impl Judge<'_> {
         let query = query.with_options(QueryOptions::SEARCH).with_frames(&[0]);
         let Ok(plan) = Plan::new(self.model, &query) else { return };
         let mut batch = Batch::new(&self.shared, &plan);
-        let (n_in, n_out) = (plan.given().len(), plan.want().len());
+        let n_in = plan.given().len();
+        let n_out = plan.want().len();
         let mut input = vec![0.0; ROWS * n_in];
         for (row, input) in input.chunks_mut(n_in.max(1)).enumerate() {
             let part = 1.0 - 0.2 * row as f64;

@@ -213,7 +213,8 @@ impl<'a> Oracle<'a> {
         }
         let mut q = Vec::new();
         let mut v = Vec::new();
-        let (mut n_q, mut n_v) = (0, 0);
+        let mut n_q = 0;
+        let mut n_v = 0;
         for joint in &of.joints {
             q.push(n_q);
             v.push(n_v);
@@ -385,7 +386,7 @@ impl<'a> Oracle<'a> {
             let qd = &qd[self.v[j]..];
             let qdd = &qdd[self.v[j]..];
             // velocity and acceleration against the parent, seen from it
-            let (mut w, mut a, mut d, mut e) = (o, o, o, o);
+            let [mut w, mut a, mut d, mut e] = [o; 4];
             match joint.kind {
                 JointKind::Revolute | JointKind::Continuous => {
                     (w, a) = (scaled(axis, qd[0]), scaled(axis, qdd[0]));
@@ -514,8 +515,8 @@ impl<'a> Oracle<'a> {
                 }
                 Row::Cut { cut, axis, against, line } => {
                     let (p, s, on_p, on_s) = &self.cuts[*cut];
-                    let (on_p, on_s) = (converted::<T>(on_p), converted::<T>(on_s));
-                    let (P, S) = (&links[*p], &links[*s]);
+                    let [on_p, on_s] = [on_p, on_s].map(converted::<T>);
+                    let [P, S] = [p, s].map(|link| &links[*link]);
                     let R_P = product(&P.R, &on_p.R);
                     let R_S = product(&S.R, &on_s.R);
                     let [angular, linear] =
@@ -538,7 +539,8 @@ impl<'a> Oracle<'a> {
                             let e = add(x.e, add(cross(x.a, r), cross(x.w, cross(x.w, r))));
                             (add(x.p, r), d, e)
                         };
-                        let (from, to) = (at(P, on_p.p), at(S, on_s.p));
+                        let from = at(P, on_p.p);
+                        let to = at(S, on_s.p);
                         let [x, d, e] = [sub(to.0, from.0), sub(to.1, from.1), sub(to.2, from.2)];
                         let rel = sub(d, cross(P.w, x));
                         let acc = sub(

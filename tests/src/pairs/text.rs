@@ -297,7 +297,8 @@ pub fn written(of: &Description, seeded: &mut Seeded) -> Files {
                     );
                 }
                 3 => {
-                    let (a, b) = (origin(seeded, on_p), origin(seeded, on_s));
+                    let a = origin(seeded, on_p);
+                    let b = origin(seeded, on_s);
                     let _ = writeln!(
                         gazebo,
                         "<loop name=\"{name}\" type=\"{joint}\"><predecessor link=\"{p}\">{a}\

@@ -57,10 +57,9 @@ pub(super) fn to_actuators<T: Real>(
             }
         } else {
             actuator_matrix(cluster, ws);
-            let (A, x) = (&mut ws.dense, &mut ws.dense_spare);
-            let solved =
-                least_norm(A, &mut ws.dense_rhs, x, m, n_u).ok_or(Status::SingularActuation)?;
-            // refined, the normal equations lose the digits of their matrix once
+            let solved = least_norm(&mut ws.dense, &mut ws.dense_rhs, &mut ws.dense_spare, m, n_u)
+                .ok_or(Status::SingularActuation)?;
+            // the pivots of the normal equations are squares, and so is the growth of roundings
             let of_all = authority(cluster, ws, solved.largest.sqrt());
             control = lesser(control, solved.least * of_all);
             for (r, (u, _)) in cluster.active.iter().enumerate() {
