@@ -46,9 +46,8 @@ pub(crate) fn solve_pivoted<T: Real>(A: &mut [T], B: &mut [T], m: usize, n: usiz
 pub(crate) struct Solved<T> {
     /// Of the determinant.
     pub(crate) sign: T,
-    /// Least pivot against the largest entry, and that entry.
+    /// Least pivot against the largest entry.
     pub(crate) least: T,
-    pub(crate) largest: T,
 }
 
 /// Solves A X = B; `None` also if the solution of a matrix of like entries would have less than
@@ -104,7 +103,7 @@ fn solve_of<T: Real>(
         eliminate(A, B, m, n, k);
     }
     substitute_back(A, B, m, n);
-    Some(Solved { sign, least: least / largest, largest })
+    Some(Solved { sign, least: least / largest })
 }
 
 /// Brings the largest entry of column k, on or below the diagonal, to its place; −1 where rows
@@ -302,7 +301,7 @@ pub(crate) fn least_norm<T: Real>(
     m: usize,
     n: usize,
 ) -> Option<Solved<T>> {
-    let mut solved = Solved { sign: T::ONE, least: T::ONE, largest: T::ONE };
+    let mut solved = Solved { sign: T::ONE, least: T::ONE };
     if n == 0 {
         return Some(solved);
     }

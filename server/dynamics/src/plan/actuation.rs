@@ -47,8 +47,7 @@ pub(super) fn to_actuators<T: Real>(
             actuator_matrix(cluster, ws);
             let solved = solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1)
                 .ok_or(Status::SingularActuation)?;
-            let of_all = authority(cluster, ws, solved.largest);
-            control = lesser(control, solved.least * of_all);
+            control = lesser(control, solved.least);
             for (r, (u, _)) in cluster.active.iter().enumerate() {
                 if !(ws.dense_rhs[r].is_finite()) {
                     return Err(Status::SingularActuation);
@@ -60,8 +59,7 @@ pub(super) fn to_actuators<T: Real>(
             let solved = least_norm(&mut ws.dense, &mut ws.dense_rhs, &mut ws.dense_spare, m, n_u)
                 .ok_or(Status::SingularActuation)?;
             // the pivots of the normal equations are squares, and so is the growth of roundings
-            let of_all = authority(cluster, ws, solved.largest.sqrt());
-            control = lesser(control, solved.least * of_all);
+            control = lesser(control, solved.least * authority(cluster, ws));
             for (r, (u, _)) in cluster.active.iter().enumerate() {
                 ws.tau_u[*u] = ws.dense_spare[r];
             }
@@ -77,13 +75,9 @@ pub(super) fn to_actuators<T: Real>(
     Ok((T::ONE / control).to_branch_value(BranchValue::Growth))
 }
 
-/// The largest scaled entry of G_u, at most 1; 1 where the largest one as it stands, in no unit, is
-/// far from the roundings of any.
-fn authority<T: Real>(cluster: &Cluster<T>, ws: &Workspace<T>, largest: T) -> T {
+/// The largest scaled entry of G_u, at most 1.
+fn authority<T: Real>(cluster: &Cluster<T>, ws: &Workspace<T>) -> T {
     let unit = |j| T::from_f64(column_unit(cluster, j));
-    if T::from_f64(1e-3).lt(largest * T::from_f64(cluster.length.min(1.0))) {
-        return T::ONE;
-    }
     let G = cluster.G(&ws.G);
     let mut most = T::ZERO;
     for &(_, j) in &cluster.active {
