@@ -75,11 +75,11 @@ pub(super) fn to_actuators<T: Real>(
     Ok((T::ONE / control).to_branch_value(BranchValue::Growth))
 }
 
-/// The largest scaled entry of G_u, at most 1.
+/// The largest scaled entry of G_u, at most 1; 1 without actuators.
 fn authority<T: Real>(cluster: &Cluster<T>, ws: &Workspace<T>) -> T {
     let unit = |j| T::from_f64(column_unit(cluster, j));
     let G = cluster.G(&ws.G);
-    let mut most = T::ZERO;
+    let mut most = if cluster.active.is_empty() { T::ONE } else { T::ZERO };
     for &(_, j) in &cluster.active {
         for (k, &i) in cluster.independent.iter().enumerate() {
             most = most.larger((G[(j, k)] * unit(i) / unit(j)).abs());
