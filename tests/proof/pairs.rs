@@ -1,6 +1,6 @@
 //! Features that meet in one robot: random mechanisms of each pair against the oracle of
-//! `sarrus_tests::pairs`, in double-double. `SARRUS_PAIRS=100000 cargo test --release -p
-//! sarrus-tests --test proof pairs -- --nocapture` searches; seeds are printed.
+//! `sarrus_tests::pairs`, in double-double. `SARRUS_PAIRS` is the number of cases of each pair,
+//! `SARRUS_PAIRS_SEED` the first seed.
 
 use std::time::Instant;
 
@@ -57,13 +57,13 @@ macro_rules! pairs {
 }
 
 pairs! {
-    winding_limits_springs 0
-    far_numerical_floating 1
-    locks_redundant_rows 2
-    mimic_loops_sizes 3
-    actuators_redundant_floating 4
-    files_mimic_springs 5
-    files_floating_locks_far 6
-    winding_mimic_locks 7
-    far_sizes_springs_turns 8
+    windings_limits_and_springs_are_right_or_told 0
+    far_bases_numerical_loops_and_floating_bases_are_right_or_told 1
+    locked_joints_and_redundant_rows_are_right_or_told 2
+    couplings_loops_and_sizes_are_right_or_told 3
+    actuators_redundant_rows_and_floating_bases_are_right_or_told 4
+    dialects_couplings_and_springs_are_right_or_told 5
+    dialects_floating_bases_and_locks_are_right_or_told 6
+    windings_couplings_and_locks_are_right_or_told 7
+    far_bases_sizes_and_springs_are_right_or_told 8
 }
