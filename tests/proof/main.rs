@@ -33,6 +33,7 @@ mod implicit;
 mod laws;
 mod layers;
 mod links;
+mod pairs;
 mod parts;
 mod published;
 mod python;
