@@ -3,6 +3,7 @@
 
 mod cranks;
 mod drawn;
+mod dyads;
 mod known;
 mod winding;
 
@@ -28,7 +29,7 @@ fn compile(description: &Description) -> Compiled {
 /// The robot with every mechanism closed by Newton's method.
 fn numerical(description: &Description) -> Compiled {
     let mut description = description.clone();
-    description.submechanisms[0].kind = Kind::Numerical;
+    description.submechanisms[0].closed_forms = false;
     compile(&description)
 }
 

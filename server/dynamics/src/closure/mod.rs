@@ -8,6 +8,7 @@
 
 mod constraint;
 mod coupling;
+mod dyads;
 mod leg;
 mod local;
 mod numerical;
@@ -27,18 +28,19 @@ pub(crate) use constraint::scaling::{
     assembly_branch, column_unit, dependents_range, row_unit, scaled,
 };
 pub(crate) use coupling::Coupling;
+pub(crate) use dyads::{Driven, Dyads, Pair, Pin, Point, Step};
 pub(crate) use leg::Strut;
 pub(crate) use local::{BUDGET, Level, Local, Rate, Scratch, TURN, UNBOUNDED};
 pub(crate) use numerical::block::{Block, BlockCut, Blocks, RowKind};
 pub(crate) use numerical::continuation::loses_rank;
 pub(crate) use numerical::elimination::Elimination;
 pub(crate) use numerical::seeds::{Axis, LANES, MOST, Seeds};
-pub(crate) use numerical::{End, Numerical, Turn};
+pub(crate) use numerical::{End, Formed, Numerical, Turn};
 pub(crate) use outcome::{Outcome, Validity};
 pub(crate) use path::{distance, interpolate, largest_distance};
-pub(crate) use planar::{LoopJoint, Planar};
+pub(crate) use planar::{LoopJoint, Planar, TwoLinks};
 pub(crate) use platform::{Arm, Leg, Platform};
-pub(crate) use rod::RodLeg;
+pub(crate) use rod::{RodLeg, Universal};
 pub(crate) use rrpr::Rrpr;
 
 use sarrus_proto::Status;
@@ -61,6 +63,8 @@ pub(crate) enum Closure<T> {
     Platform(Platform<T>),
     /// A plane loop of four joints (four-bar, slider-crank).
     Planar(Planar<T>),
+    /// Plane loops that pairs of links close one after the other.
+    Dyads(Dyads<T>),
     /// Newton's method on the rows.
     Numerical(Numerical<T>),
 }
@@ -125,6 +129,9 @@ impl<T: Real> Closure<T> {
                     level,
                 ),
             },
+            Closure::Dyads(dyads) => {
+                report(dyads.close(cluster, local, level), cluster, bodies, local)
+            }
             Closure::Numerical(numerical) => numerical.close(cluster, bodies, local, level),
         }
     }
@@ -168,7 +175,7 @@ impl<T> Closure<T> {
     /// True where no state needs Newton's method.
     pub(crate) fn is_closed_form(&self) -> bool {
         match self {
-            Closure::Serial => true,
+            Closure::Serial | Closure::Dyads(_) => true,
             Closure::Coupling(coupling) => coupling.polish.is_none(),
             Closure::Rrpr(rrpr) => rrpr.polish.is_none(),
             Closure::Platform(platform) => platform.polish.is_none(),
@@ -180,7 +187,7 @@ impl<T> Closure<T> {
     /// Newton's method, where the closure has need of it.
     pub(crate) fn numerical(&mut self) -> Option<&mut Numerical<T>> {
         match self {
-            Closure::Serial => None,
+            Closure::Serial | Closure::Dyads(_) => None,
             Closure::Coupling(coupling) => coupling.polish.as_mut(),
             Closure::Rrpr(rrpr) => rrpr.polish.as_mut(),
             Closure::Platform(platform) => platform.polish.as_mut(),
@@ -199,6 +206,7 @@ impl<C: nalgebra::Scalar + Copy> Closure<C> {
             Closure::Rrpr(rrpr) => Closure::Rrpr(rrpr.map(f)),
             Closure::Platform(platform) => Closure::Platform(platform.map(f)),
             Closure::Planar(planar) => Closure::Planar(planar.map(f)),
+            Closure::Dyads(dyads) => Closure::Dyads(dyads.map(f)),
             Closure::Numerical(numerical) => Closure::Numerical(numerical.map(f)),
         }
     }

@@ -7,7 +7,7 @@ use crate::closure::{Closure, Numerical};
 use crate::compile::CLOSED_FORMS;
 use crate::compile::assemble::{Assembly, Labels};
 use crate::compile::closed_forms::{self, Form};
-use crate::description::{Description, SubmechanismKind};
+use crate::description::{Description, Submechanism, SubmechanismKind};
 use crate::diagnostic::{Diagnostic, Site};
 use crate::mechanism::{Body, Cluster};
 use crate::scalar::{Dd, Real};
@@ -68,8 +68,10 @@ impl Candidate<'_> {
                     Some(Err(reason)) => Some(self.wrong_geometry(&reason)),
                     _ => self.no_closed_form(kind),
                 });
-                self.numerical.form =
-                    closed_forms::start(self.cluster, self.bodies, &zero, ROUNDING);
+                if self.submechanism().closed_forms {
+                    self.numerical.form =
+                        closed_forms::recognised(self.cluster, self.bodies, &zero, ROUNDING);
+                }
                 Closure::Numerical(self.numerical)
             }
         };
@@ -142,6 +144,9 @@ impl Candidate<'_> {
     /// The submechanism's kind if the cluster is all of it, else numerical; parallelograms of one
     /// chain may be clusters of their own.
     fn kind(&self) -> SubmechanismKind {
+        if !self.submechanism().closed_forms {
+            return SubmechanismKind::Numerical;
+        }
         let submechanisms = &self.description.submechanisms;
         let kind = match self.assembly.owners(self.c).as_slice() {
             [(s, n)]
@@ -164,8 +169,12 @@ impl Candidate<'_> {
         }
     }
 
+    fn submechanism(&self) -> &Submechanism {
+        &self.description.submechanisms[self.assembly.owner[self.c]]
+    }
+
     fn type_name(&self) -> &str {
-        &self.description.submechanisms[self.assembly.owner[self.c]].type_name
+        &self.submechanism().type_name
     }
 
     /// Couplings of full rank that no pose satisfies.

@@ -11,7 +11,9 @@ mod grid;
 use core::f64::consts::PI;
 use std::sync::Arc;
 
-use crate::closure::{Axis, Closure, LANES, Level, MOST, Numerical, Seeds, column_unit, distance};
+use crate::closure::{
+    Axis, Closure, Formed, LANES, Level, MOST, Numerical, Seeds, column_unit, distance,
+};
 use crate::compile::seeds::grid::{Grid, center};
 use crate::mechanism::{Cluster, Motion};
 use crate::model::Model;
@@ -40,8 +42,8 @@ const CLEAR: f64 = 0.02;
 pub(super) struct Found {
     pub(super) cluster: usize,
     pub(super) seeds: Arc<Seeds>,
-    /// The cluster's closed form holds in every used cell.
-    pub(super) form_holds: bool,
+    /// The cluster's closed form, if it holds in every used cell.
+    pub(super) form: Option<Box<Formed<f64>>>,
 }
 
 /// The tables of all clusters that can have one. Allocates.
@@ -62,11 +64,11 @@ pub(super) fn find(model: &Model<f64>) -> Vec<Found> {
     let mut found: Vec<Found> = Vec::new();
     for &(c, numerical) in &chosen {
         let mut table = Table { model, c, numerical, ws: &mut ws, signs: Vec::new() };
-        if let Some((seeds, form_holds)) = table.seeds(chosen.len()) {
+        if let Some((seeds, form)) = table.seeds(chosen.len()) {
             // equal limbs share one
             let equal = found.iter().find(|other| *other.seeds == seeds);
             let seeds = equal.map_or_else(|| Arc::new(seeds), |other| other.seeds.clone());
-            found.push(Found { cluster: c, seeds, form_holds });
+            found.push(Found { cluster: c, seeds, form });
         }
     }
     found
@@ -94,8 +96,8 @@ impl Table<'_> {
         &self.model.clusters[self.c]
     }
 
-    /// The table, and whether the closed form holds in it.
-    fn seeds(&mut self, tables: usize) -> Option<(Seeds, bool)> {
+    /// The table, and the closed form that holds in it.
+    fn seeds(&mut self, tables: usize) -> Option<(Seeds, Option<Box<Formed<f64>>>)> {
         let model = self.model;
         let c = self.c;
         let cluster = &model.clusters[c];
@@ -137,8 +139,11 @@ impl Table<'_> {
         let cells = self.cells(&seeds, &zero, &nodes);
         let any = cells.contains(&true);
         seeds.cells = cells;
-        let holds = any && self.form_holds(&seeds, &zero, &nodes);
-        any.then_some((seeds, holds))
+        if !any {
+            return None;
+        }
+        let form = self.form(&seeds, &zero, &nodes);
+        Some((seeds, form))
     }
 
     /// The nodes along independent k.

@@ -61,7 +61,8 @@ impl Windings {
 
 impl Winding {
     /// The coordinate of the angle in `q` that continues the one of `start`.
-    fn continued<T: Real>(&self, start: &[T], q: &[T]) -> T {
+    #[inline]
+    pub(crate) fn continued<T: Real>(&self, start: &[T], q: &[T]) -> T {
         let turn = T::from_f64(TAU) + T::from_f64(TAU_REST);
         let in_turns = |x: T| (x * T::from_f64(1.0 / TAU)).nearest_whole();
         let off = |q: &[T]| {

@@ -2,6 +2,7 @@
 
 use std::cmp::Ordering;
 
+use sarrus_dynamics::Part;
 use sarrus_models::ClosureReport;
 
 use crate::commands::output::table;
@@ -47,11 +48,22 @@ pub(super) fn in_words(closures: &[ClosureReport]) -> String {
         if closure.rows > 0 && !report.singular.is_empty() {
             line("singular poses", report.singular);
         }
+        if closure.rows > 0 {
+            line("parts", &parts(&report.parts));
+        }
         if let (cells @ 1.., bytes) = report.seeds {
             line("starts without a guess", &format!("{cells} cells, {} kB", bytes.div_ceil(1000)));
         }
     }
     text
+}
+
+/// The parts in the order of solution.
+fn parts(parts: &[Part]) -> String {
+    let words = |part: &Part| {
+        format!("{} of {} rows ({})", part.method, part.rows, part.joints.join(" "))
+    };
+    parts.iter().map(words).collect::<Vec<_>>().join(", ")
 }
 
 fn row(report: &ClosureReport) -> Vec<String> {

@@ -29,11 +29,12 @@ use crate::closure::numerical::block::Blocks;
 use crate::closure::numerical::newton::Start;
 use crate::closure::numerical::seeds::Seeds;
 use crate::closure::path::distance;
-use crate::closure::platform::Platform;
 use crate::closure::{Level, Local, Outcome, Rate, Scratch};
 use crate::mechanism::{Body, Cluster, Dof, Motion, turn_some};
 use crate::scalar::{Real, constants};
 use crate::spatial::Pose;
+
+pub(crate) use form::Formed;
 
 /// Most Newton steps of one straight attempt.
 const STEPS: u32 = 10;
@@ -74,7 +75,7 @@ pub(crate) struct Numerical<T> {
     /// Closed poses near which a request without a guess can start.
     pub(crate) seeds: Option<Arc<Seeds>>,
     /// The closed form that holds where there are seeds.
-    pub(crate) form: Option<Box<Platform<T>>>,
+    pub(crate) form: Option<Box<Formed<T>>>,
     pub(crate) end: End,
     /// Two assemblies can meet: every way is followed along its tangent.
     pub(crate) meets: bool,

@@ -2,13 +2,14 @@
 //! fits: one file for each mechanism.
 
 mod agreement;
+mod dyads;
 mod loops;
 mod parallelogram;
 mod planar;
 mod platform;
 mod rods;
 
-use crate::closure::{Closure, Numerical, Platform, constraint_residual};
+use crate::closure::{Closure, Formed, Numerical, constraint_residual};
 use crate::compile::couplings::poses_at;
 use crate::compile::geometry::norm;
 use crate::description::SubmechanismKind;
@@ -48,7 +49,7 @@ impl Form {
             Closure::Rrpr(rrpr) => rrpr.polish = Some(numerical),
             Closure::Planar(planar) => planar.polish = Some(numerical),
             Closure::Platform(platform) => platform.polish = Some(numerical),
-            Closure::Serial | Closure::Numerical(_) => {}
+            Closure::Serial | Closure::Dyads(_) | Closure::Numerical(_) => {}
         }
     }
 
@@ -100,21 +101,18 @@ pub(super) fn build(
     Some(form)
 }
 
-/// The closed form of cranks and rods from which Newton's method can start on this cluster, if its
-/// geometry has it up to rounding.
-pub(super) fn start(
+/// The closed form that this cluster's geometry has up to rounding, whatever its type.
+pub(super) fn recognised(
     cluster: &Cluster<Dd>,
     bodies: &[Body<Dd>],
     zero: &[Dd],
     rounding: f64,
-) -> Option<Box<Platform<Dd>>> {
+) -> Option<Box<Formed<Dd>>> {
     let of = Reading::new(cluster, bodies, &[], zero);
-    let form = rods::read(&of).ok()?;
-    let fits = of.open(zero) <= rounding && form.misfit_size() <= rounding;
-    match form.closure {
-        Closure::Platform(platform) if fits => Some(Box::new(platform)),
-        _ => None,
-    }
+    let fits = |form: &Form| form.misfit_size() <= rounding;
+    let form = [rods::read, dyads::read].into_iter().find_map(|read| read(&of).ok().filter(fits));
+    let closure = form.filter(|_| of.open(zero) <= rounding)?.closure;
+    Some(Box::new(Formed { closure, windings: Vec::new() }))
 }
 
 /// True for a plane loop of four joints of which two assemblies can meet.
