@@ -172,19 +172,18 @@ impl CheckReport {
             rows: 0,
             joints: of.spanning_tree.iter().map(|j| description.joints[*j].name.clone()).collect(),
         };
-        let closures =
-            model.closures().iter().zip(at_zero).zip(&description.submechanisms).map(|((info, at_zero), of)| {
-                ClosureReport {
-                    closure: info.clone(),
-                    redundant: at_zero.redundant,
-                    branch: at_zero.branch,
-                    sigma_min: at_zero.sigma_min,
-                    cond: at_zero.cond_Kd,
-                    singular: closures::singular(of.kind),
-                    seeds: at_zero.seeds,
-                    parts: if info.rows == 0 { vec![serial(of)] } else { at_zero.parts },
-                }
-            });
+        let closures = model.closures().iter().zip(at_zero).zip(&description.submechanisms).map(
+            |((info, at_zero), of)| ClosureReport {
+                closure: info.clone(),
+                redundant: at_zero.redundant,
+                branch: at_zero.branch,
+                sigma_min: at_zero.sigma_min,
+                cond: at_zero.cond_Kd,
+                singular: closures::singular(of.kind),
+                seeds: at_zero.seeds,
+                parts: if info.rows == 0 { vec![serial(of)] } else { at_zero.parts },
+            },
+        );
         let mut found = Diagnostics::new(false);
         loaded.files.iter().for_each(|file| _ = found.add_file(file));
         let dimensions = Dimensions::new(&loaded.description, model, &loaded.spans, &mut found);

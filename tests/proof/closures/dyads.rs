@@ -1,9 +1,10 @@
 //! Plane loops that are pairs of links on each other, recognised by geometry, against Newton's
 //! method on the same rows.
 
-use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
+use sarrus_dynamics::description::SubmechanismKind as Kind;
 use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Compiled, Field, Part, Request, Status};
+use sarrus_tests::cases::Case;
 use sarrus_tests::compare::error_by_size;
 use sarrus_tests::draft::Draft;
 use sarrus_tests::rigid::Vector;
@@ -77,12 +78,6 @@ fn is_all(parts: &[Part], method: &str) -> bool {
     parts.iter().all(|part| part.method == method)
 }
 
-fn off(description: &Description) -> Compiled {
-    let mut description = description.clone();
-    description.submechanisms[0].closed_forms = false;
-    compile(&description)
-}
-
 #[test]
 fn chains_of_pairs_are_closed_as_by_newtons_method_on_their_rows() {
     let mut worst = [0.0_f64; 2];
@@ -90,9 +85,9 @@ fn chains_of_pairs_are_closed_as_by_newtons_method_on_their_rows() {
     for seed in 0..150 {
         let draft = chain(seed, seed % 5 == 0);
         let description = &draft.description();
-        let mut form = compile(description);
-        let newton = off(description);
-        assert_eq!(newton.model.fingerprint() == form.model.fingerprint(), false, "seed {seed}");
+        let form = compile(description);
+        let newton = numerical(description);
+        assert_ne!(newton.model.fingerprint(), form.model.fingerprint(), "seed {seed}");
         let parts = methods(&form);
         // a zero pose near a dead point, or many loops, has no table
         if !is_all(&parts, "dyad") {
@@ -123,7 +118,8 @@ fn chains_of_pairs_are_closed_as_by_newtons_method_on_their_rows() {
             let mine = cast(mine);
             let newtons = cast(newtons);
             let epsilon = 64.0 / 100.0 * <f64 as Real>::EPSILON;
-            worst[0] = worst[0].max(share(&mine, &newtons, epsilon, draft.scale));
+            // both are rounded
+            worst[0] = worst[0].max(share(&mine, &newtons, 2.0 * epsilon, draft.scale));
             if k % 20 == 0 {
                 let exact = answers::<Dd>(&form.exact, &y, &yd).expect("a pose of doubles");
                 worst[1] = worst[1].max(share(&mine, &exact, epsilon, draft.scale));
@@ -131,7 +127,6 @@ fn chains_of_pairs_are_closed_as_by_newtons_method_on_their_rows() {
             }
             assert!(worst.iter().all(|x| *x <= 1.0), "seed {seed} at {y:?}: {worst:?}");
         }
-        form.warnings.clear();
     }
     println!("{count:?} chains, states, states in double-double: {worst:.1?} of what is allowed");
     assert!(count[0] > 100 && count[1] > 5000 && count[2] > 200, "{count:?}");
@@ -139,8 +134,8 @@ fn chains_of_pairs_are_closed_as_by_newtons_method_on_their_rows() {
 
 #[test]
 fn a_cell_of_the_table_needs_no_newton_step_and_a_guess_has_the_same_pose() {
-    for name in ["five_bar", "squeezer", "four_bars_2"] {
-        let compiled = sarrus_tests::reference::bundled(name);
+    for name in ["five_bar", "squeezer"] {
+        let compiled = Case::bundled(name).compiled;
         let parts = methods(&compiled);
         assert!(is_all(&parts, "dyad") && !parts.is_empty(), "{name}: {parts:?}");
         let n = compiled.model.sizes().n_vy;

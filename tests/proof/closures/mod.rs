@@ -5,6 +5,7 @@ mod cranks;
 mod drawn;
 mod dyads;
 mod known;
+mod rods;
 mod winding;
 
 use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
@@ -24,6 +25,13 @@ const Z: Vector = [0.0, 0.0, 1.0];
 
 fn compile(description: &Description) -> Compiled {
     Model::compile(description).unwrap_or_else(|error| panic!("{}: {error:?}", description.name))
+}
+
+/// The robot with a type that names no closed form.
+fn unnamed(description: &Description) -> Compiled {
+    let mut description = description.clone();
+    description.submechanisms[0].kind = Kind::Numerical;
+    compile(&description)
 }
 
 /// The robot with every mechanism closed by Newton's method.

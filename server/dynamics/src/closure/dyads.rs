@@ -11,12 +11,10 @@
 //!   X = x + R(θ) r        Ẋ = ẋ + θ̇ J r        Ẍ = ẍ + θ̈ J r − θ̇² r
 //! ```
 
-use crate::closure::planar::{TwoLinks, add, right};
-use crate::closure::{Level, Local, MOST, Validity};
+use crate::closure::plane::{Plane, PlaneLink, add};
+use crate::closure::{Level, Local, TwoLinks, Validity};
 use crate::mechanism::{Cluster, read_turns, turn};
 use crate::scalar::{Real, constants};
-
-type Plane<T> = [T; 2];
 
 /// Links of a plane in the order in which they are closed.
 #[derive(Clone, Debug)]
@@ -107,55 +105,6 @@ pub(crate) struct Pin<T> {
 constants! { Pin:
     keep joint links;
     number sense;
-}
-
-/// A link at a pose: cosine and sine of its turn since zero, its anchor, the rates of both for each
-/// independent, and their accelerations at ÿ = 0.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct PlaneLink<T> {
-    turn: (T, T),
-    at: Plane<T>,
-    rate: [(T, Plane<T>); MOST],
-    /// θ̇ for the ẏ that is given.
-    speed: T,
-    bias: (T, Plane<T>),
-    /// As [`crate::closure::Outcome::gain`].
-    gain: T,
-}
-
-impl<T: Real> PlaneLink<T> {
-    /// The base.
-    pub(crate) fn at_rest() -> PlaneLink<T> {
-        let none = [T::ZERO; 2];
-        PlaneLink {
-            turn: (T::ONE, T::ZERO),
-            at: none,
-            rate: [(T::ZERO, none); MOST],
-            speed: T::ZERO,
-            bias: (T::ZERO, none),
-            gain: T::ONE,
-        }
-    }
-
-    /// The arm of a point as it is turned.
-    #[inline(always)]
-    fn arm(&self, point: &Plane<T>) -> Plane<T> {
-        let (c, s) = self.turn;
-        [c.mul_add(point[0], -(s * point[1])), s.mul_add(point[0], c * point[1])]
-    }
-
-    /// Velocity of a point for one independent.
-    #[inline(always)]
-    fn velocity(&self, arm: &Plane<T>, k: usize) -> Plane<T> {
-        add(&right(arm), self.rate[k].0, &self.rate[k].1)
-    }
-
-    /// Acceleration of a point at ÿ = 0.
-    #[inline(always)]
-    fn acceleration(&self, arm: &Plane<T>) -> Plane<T> {
-        let turned = add(&right(arm), self.bias.0, &self.bias.1);
-        add(arm, -(self.speed * self.speed), &turned)
-    }
 }
 
 impl<T: Real> Dyads<T> {
@@ -257,12 +206,7 @@ impl<T: Real> Driven<T> {
 impl<T: Real> Pair<T> {
     /// Both links from A and B on the links before them.
     #[inline(always)]
-    fn close(
-        &self,
-        independent: &[usize],
-        local: &mut Local<'_, T>,
-        level: Level,
-    ) -> Validity<T> {
+    fn close(&self, independent: &[usize], local: &mut Local<'_, T>, level: Level) -> Validity<T> {
         let links = &mut local.scratch.plane;
         let [from_a, from_b] = [&links[self.from[0].link], &links[self.from[1].link]];
         let arms = [from_a.arm(&self.from[0].arm), from_b.arm(&self.from[1].arm)];

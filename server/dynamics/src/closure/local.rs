@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::closure::dyads::PlaneLink;
+use crate::closure::plane::PlaneLink;
 use crate::closure::{constraint_jacobian, local_poses};
 use crate::mechanism::{Body, Cluster};
 use crate::scalar::Real;

@@ -15,6 +15,7 @@ mod numerical;
 mod outcome;
 mod path;
 mod planar;
+mod plane;
 mod platform;
 mod rod;
 mod rrpr;
@@ -35,7 +36,7 @@ pub(crate) use numerical::block::{Block, BlockCut, Blocks, RowKind};
 pub(crate) use numerical::continuation::loses_rank;
 pub(crate) use numerical::elimination::Elimination;
 pub(crate) use numerical::seeds::{Axis, LANES, MOST, Seeds};
-pub(crate) use numerical::{End, Formed, Numerical, Turn};
+pub(crate) use numerical::{End, Form, Formed, Numerical, Reduced, Rod, Turn};
 pub(crate) use outcome::{Outcome, Validity};
 pub(crate) use path::{distance, interpolate, largest_distance};
 pub(crate) use planar::{LoopJoint, Planar, TwoLinks};
@@ -63,8 +64,6 @@ pub(crate) enum Closure<T> {
     Platform(Platform<T>),
     /// A plane loop of four joints (four-bar, slider-crank).
     Planar(Planar<T>),
-    /// Plane loops that pairs of links close one after the other.
-    Dyads(Dyads<T>),
     /// Newton's method on the rows.
     Numerical(Numerical<T>),
 }
@@ -129,9 +128,6 @@ impl<T: Real> Closure<T> {
                     level,
                 ),
             },
-            Closure::Dyads(dyads) => {
-                report(dyads.close(cluster, local, level), cluster, bodies, local)
-            }
             Closure::Numerical(numerical) => numerical.close(cluster, bodies, local, level),
         }
     }
@@ -175,7 +171,7 @@ impl<T> Closure<T> {
     /// True where no state needs Newton's method.
     pub(crate) fn is_closed_form(&self) -> bool {
         match self {
-            Closure::Serial | Closure::Dyads(_) => true,
+            Closure::Serial => true,
             Closure::Coupling(coupling) => coupling.polish.is_none(),
             Closure::Rrpr(rrpr) => rrpr.polish.is_none(),
             Closure::Platform(platform) => platform.polish.is_none(),
@@ -187,7 +183,7 @@ impl<T> Closure<T> {
     /// Newton's method, where the closure has need of it.
     pub(crate) fn numerical(&mut self) -> Option<&mut Numerical<T>> {
         match self {
-            Closure::Serial | Closure::Dyads(_) => None,
+            Closure::Serial => None,
             Closure::Coupling(coupling) => coupling.polish.as_mut(),
             Closure::Rrpr(rrpr) => rrpr.polish.as_mut(),
             Closure::Platform(platform) => platform.polish.as_mut(),
@@ -206,7 +202,6 @@ impl<C: nalgebra::Scalar + Copy> Closure<C> {
             Closure::Rrpr(rrpr) => Closure::Rrpr(rrpr.map(f)),
             Closure::Platform(platform) => Closure::Platform(platform.map(f)),
             Closure::Planar(planar) => Closure::Planar(planar.map(f)),
-            Closure::Dyads(dyads) => Closure::Dyads(dyads.map(f)),
             Closure::Numerical(numerical) => Closure::Numerical(numerical.map(f)),
         }
     }

@@ -17,6 +17,7 @@
 //! an unreachable gap it answers on the same side again. A loop whose slider lies opposite to J0 is
 //! a lambda, see [`super::Rrpr`].
 
+use crate::closure::plane::{Plane, add, cross, dot, right};
 use crate::closure::{Level, Local, Numerical, Validity};
 use crate::scalar::{Real, constants};
 
@@ -95,31 +96,6 @@ struct Links<T> {
     slide: T,
     first: [T; 3],
     second: [T; 3],
-}
-
-type Plane<T> = [T; 2];
-
-#[inline(always)]
-fn dot<T: Real>(x: &Plane<T>, y: &Plane<T>) -> T {
-    x[0].mul_add(y[0], x[1] * y[1])
-}
-
-/// x × y = J x · y.
-#[inline(always)]
-fn cross<T: Real>(x: &Plane<T>, y: &Plane<T>) -> T {
-    x[0].mul_add(y[1], -(x[1] * y[0]))
-}
-
-/// y + s x.
-#[inline(always)]
-pub(super) fn add<T: Real>(x: &Plane<T>, s: T, y: &Plane<T>) -> Plane<T> {
-    [x[0].mul_add(s, y[0]), x[1].mul_add(s, y[1])]
-}
-
-/// J x.
-#[inline(always)]
-pub(super) fn right<T: Real>(x: &Plane<T>) -> Plane<T> {
-    [-x[1], x[0]]
 }
 
 impl<T: Real> TwoLinks<T> {

@@ -192,9 +192,8 @@ impl<T: Real> RodLeg<T> {
         let (r, carrier) = if self.on_crank { (d - arm, &turned) } else { (arm - d, &platform.R) };
         let (rod, of_rod) = self.universal.reach(carrier, r, self.universal.root, local);
         let size = self.reach_square;
-        let validity = Validity::of(W_square, size * square)
-            .or(Validity::of(square, size))
-            .or(of_rod);
+        let validity =
+            Validity::of(W_square, size * square).or(Validity::of(square, size)).or(of_rod);
 
         // r · t is −W where r runs from crank to platform, W where it runs back
         let (t, lever, ball) =

@@ -51,7 +51,7 @@ impl<C> Model<C> {
 fn iterated<C>(closure: &Closure<C>) -> Option<&Numerical<C>> {
     match closure {
         Closure::Numerical(numerical) => Some(numerical),
-        Closure::Serial | Closure::Dyads(_) => None,
+        Closure::Serial => None,
         Closure::Coupling(coupling) => coupling.polish.as_ref(),
         Closure::Planar(planar) => planar.polish.as_ref(),
         Closure::Rrpr(rrpr) => rrpr.polish.as_ref(),

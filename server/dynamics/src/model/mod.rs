@@ -22,11 +22,11 @@ use sarrus_proto::{ClosureInfo, ModelInfo, Sizes};
 pub(crate) use bound::ACTUATOR_STEPS;
 pub use bound::Bound;
 pub use closures_at_zero::ClosureAtZero;
-pub use parts::Part;
 pub(crate) use closures_at_zero::assess;
 pub use compiled::Compiled;
 pub use method::Method;
 pub(crate) use order::{Limit, Order};
+pub use parts::Part;
 pub(crate) use runs::Runs;
 pub(crate) use scope::{Direct, Roots, Scope};
 

@@ -58,12 +58,21 @@ pub(super) fn in_words(closures: &[ClosureReport]) -> String {
     text
 }
 
-/// The parts in the order of solution.
+/// The parts in the order of solution, with their joints where a line has room for them.
 fn parts(parts: &[Part]) -> String {
-    let words = |part: &Part| {
-        format!("{} of {} rows ({})", part.method, part.rows, part.joints.join(" "))
-    };
-    parts.iter().map(words).collect::<Vec<_>>().join(", ")
+    const ROOM: usize = 76;
+    let of = |part: &Part| format!("{} of {} rows", part.method, part.rows);
+    let whole = parts.iter().map(|part| format!("{} ({})", of(part), part.joints.join(" ")));
+    let whole = whole.collect::<Vec<_>>().join(", ");
+    if whole.len() <= ROOM {
+        return whole;
+    }
+    let equal = parts.chunk_by(|a, b| of(a) == of(b));
+    let words = equal.map(|some| match some.len() {
+        1 => of(&some[0]),
+        n => format!("{n} times {}", of(&some[0])),
+    });
+    words.collect::<Vec<_>>().join(", ")
 }
 
 fn row(report: &ClosureReport) -> Vec<String> {

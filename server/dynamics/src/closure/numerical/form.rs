@@ -4,21 +4,40 @@ use sarrus_proto::Status;
 
 use crate::closure::numerical::Numerical;
 use crate::closure::numerical::seeds::Seeds;
-use crate::closure::{Closure, Level, Local, Outcome};
+use crate::closure::{Dyads, Level, Local, Outcome, Platform};
 use crate::mechanism::{Body, Cluster, Winding};
 use crate::scalar::{Real, constants};
 
 /// The closed form of a cluster that the rows of Newton's method describe.
 #[derive(Clone, Debug)]
 pub(crate) struct Formed<T> {
-    pub(crate) closure: Closure<T>,
+    pub(crate) form: Form<T>,
     /// The coordinates that leave (−π, π] in the table or with whole turns.
     pub(crate) windings: Vec<Winding>,
 }
 
 constants! { Formed:
     keep windings;
-    map closure;
+    map form;
+}
+
+/// A form that no type names.
+#[derive(Clone, Debug)]
+pub(crate) enum Form<T> {
+    /// Cranks and rods.
+    Platform(Platform<T>),
+    /// Plane loops that pairs of links close one after the other.
+    Dyads(Dyads<T>),
+}
+
+impl<C: nalgebra::Scalar + Copy> Form<C> {
+    /// The form in another scalar.
+    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Form<D> {
+        match self {
+            Form::Platform(platform) => Form::Platform(platform.map(f)),
+            Form::Dyads(dyads) => Form::Dyads(dyads.map(f)),
+        }
+    }
 }
 
 impl<T> Numerical<T> {
@@ -62,10 +81,13 @@ impl<T: Real> Formed<T> {
         local: &mut Local<'_, T>,
         level: Level,
     ) -> Outcome {
-        let outcome = self.closure.close(cluster, bodies, local, level);
+        let validity = match &self.form {
+            Form::Platform(platform) => platform.close(cluster, bodies, local, level),
+            Form::Dyads(dyads) => dyads.close(cluster, local, level),
+        };
         for joint in &self.windings {
             local.q[joint.coordinate] = joint.continued(local.start, local.q);
         }
-        outcome
+        validity.into()
     }
 }

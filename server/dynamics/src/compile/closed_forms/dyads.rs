@@ -1,11 +1,11 @@
-//! Plane loops of pins as driven links and dyads, whichever joints are independent or cut.
+//! Reads plane loops of pins as driven links and pairs of links, with any pin cut.
 
 use nalgebra::Vector3;
 
-use crate::closure::{Closure, Driven, Dyads, Pair, Pin, Point, Step};
+use crate::closure::{Driven, Dyads, Pair, Pin, Point, Step};
 use crate::compile::closed_forms::loops::pin_in_plane;
 use crate::compile::closed_forms::planar::{DEGENERATE, Plane, minus, outer, size, two_links};
-use crate::compile::closed_forms::{Deviation, Form, Reading, Subject, sign};
+use crate::compile::closed_forms::{Deviation, Reading, Subject, sign};
 use crate::compile::geometry::{axis, norm, onto_z};
 use crate::mechanism::Motion;
 use crate::scalar::{Dd, Real, Triple};
@@ -35,7 +35,7 @@ struct Chain {
 }
 
 /// The links that independent joints drive, then pairs of the others on these.
-pub(super) fn read(of: &Reading<'_>) -> Result<Form, String> {
+pub(super) fn read(of: &Reading<'_>) -> Result<(Dyads<Dd>, Vec<Deviation>), String> {
     let cluster = of.cluster;
     let turns = of.bodies.iter().all(|body| body.motion == Motion::Revolute);
     if !of.is_simple() || !of.is_closed || !turns || !cluster.locked.is_empty() {
@@ -60,17 +60,14 @@ pub(super) fn read(of: &Reading<'_>) -> Result<Form, String> {
         edges.push(Edge { joint: None, links: [cut.predecessor, cut.successor], point });
     }
 
-    let mut chain = Chain {
-        taken: vec![false; edges.len()],
-        edges,
-        anchor: vec![None; cluster.n + 1],
-    };
+    let mut chain =
+        Chain { taken: vec![false; edges.len()], edges, anchor: vec![None; cluster.n + 1] };
     chain.anchor[0] = Some([Dd::ZERO; 2]);
     let mut steps = Vec::new();
     while chain.anchor.contains(&None) {
-        let step = chain.driven(&cluster.independent, &senses).or_else(|| {
-            chain.pair(&cluster.independent, DEGENERATE * cluster.length)
-        });
+        let step = chain
+            .driven(&cluster.independent, &senses)
+            .or_else(|| chain.pair(&cluster.independent, DEGENERATE * cluster.length));
         steps.push(step.ok_or("links are not driven ones and pairs")?);
     }
     if chain.taken.contains(&false) {
@@ -84,7 +81,7 @@ pub(super) fn read(of: &Reading<'_>) -> Result<Form, String> {
         found: places(&cluster.dependent),
         given: places(&cluster.independent),
     };
-    Ok(Form { closure: Closure::Dyads(dyads), deviations })
+    Ok((dyads, deviations))
 }
 
 impl Chain {
@@ -96,7 +93,8 @@ impl Chain {
     /// Takes a link that an independent joint drives.
     fn driven(&mut self, independent: &[usize], senses: &[Dd]) -> Option<Step<Dd>> {
         let (place, joint, from) = independent.iter().enumerate().find_map(|(place, j)| {
-            let from = self.edges[*j].links.into_iter().find(|link| self.anchor[*link].is_some())?;
+            let from =
+                self.edges[*j].links.into_iter().find(|link| self.anchor[*link].is_some())?;
             (!self.taken[*j]).then_some((place, *j, from))
         })?;
         let Edge { links, point, .. } = &self.edges[joint];

@@ -22,7 +22,8 @@ impl Table<'_> {
         let mut form = self.numerical.form.clone()?;
         let grid = Grid::of_cells(&seeds.axes);
         let corners = Grid::of_nodes(&seeds.axes);
-        let used = || (0..grid.len()).filter(|cell| seeds.cells[*cell]).map(|cell| grid.place(cell));
+        let used =
+            || (0..grid.len()).filter(|cell| seeds.cells[*cell]).map(|cell| grid.place(cell));
         let around = || used().flat_map(|place| corners.corners(&place).collect::<Vec<_>>());
         let cluster = self.cluster();
         let dofs = cluster.dependent.iter().map(|v| cluster.dofs[*v]);
