@@ -28,6 +28,8 @@ stewart/numerical/warm/state
 stewart_floating/analytic/ID
 wrist/numerical/warm/state
 wrist/numerical/cold/state
+five_bar/numerical/cold/state
+squeezer/numerical/cold/state
 active_ankle/numerical/cold/state
 delta/numerical/cold/state
 rh5v2_upper_body/analytic/state

@@ -107,6 +107,7 @@ pub(crate) fn put(
             independent: vec![joint],
             active: Vec::new(),
             loops: Vec::new(),
+            closed_forms: true,
         },
     );
     spans.put_first();

@@ -202,6 +202,7 @@ fn submechanism(urdf: &Urdf, entry: EntryValues) -> Option<Submechanism> {
             .into_iter()
             .map(|each| closed_loop(urdf, each))
             .collect::<Option<_>>()?,
+        closed_forms: entry.closed_forms.as_deref() != Some("off"),
     })
 }
 

@@ -1,6 +1,7 @@
 //! The report of `check` about a robot.
 
-use sarrus_dynamics::{Bound, ClosureInfo, ModelInfo};
+use sarrus_dynamics::description::Submechanism;
+use sarrus_dynamics::{Bound, ClosureInfo, ModelInfo, Part};
 use serde::Serialize;
 use serde::ser::{SerializeStruct, Serializer};
 
@@ -55,6 +56,8 @@ pub struct ClosureReport {
     /// Cells of the table of closed poses where a numerical closure starts without a guess, and
     /// its size `[B]`; 0 without one. Equal limbs share one table.
     pub seeds: (usize, usize),
+    /// The parts in which it is closed, in the order of solution.
+    pub parts: Vec<Part>,
 }
 
 // the keys of `check --format json`
@@ -97,11 +100,26 @@ impl From<Bound> for BoundReport {
     }
 }
 
+/// A part as `check --format json` prints it.
+#[derive(Serialize)]
+struct PartReport<'a> {
+    method: &'a str,
+    rows: usize,
+    joints: &'a [String],
+}
+
+impl<'a> From<&'a Part> for PartReport<'a> {
+    fn from(Part { method, rows, joints }: &'a Part) -> PartReport<'a> {
+        PartReport { method, rows: *rows, joints }
+    }
+}
+
 impl Serialize for ClosureReport {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let ClosureReport { closure, redundant, branch, sigma_min, cond, singular, seeds } = self;
+        let ClosureReport { closure, redundant, branch, sigma_min, cond, .. } = self;
+        let ClosureReport { singular, seeds, parts, .. } = self;
         let ClosureInfo { name, type_name, kind, rows, rank, idle, length: _, misfit } = closure;
-        let mut object = serializer.serialize_struct("ClosureReport", 14)?;
+        let mut object = serializer.serialize_struct("ClosureReport", 15)?;
         object.serialize_field("name", name)?;
         object.serialize_field("type", type_name)?;
         object.serialize_field("kind", kind.name())?;
@@ -117,6 +135,7 @@ impl Serialize for ClosureReport {
         object.serialize_field("singular", singular)?;
         object.serialize_field("seed_cells", &seeds.0)?;
         object.serialize_field("seed_bytes", &seeds.1)?;
+        object.serialize_field("parts", &parts.iter().map(PartReport::from).collect::<Vec<_>>())?;
         object.end()
     }
 }
@@ -146,19 +165,25 @@ impl CheckReport {
     fn of_model(loaded: &Loaded) -> CheckReport {
         let model = &loaded.compiled.model;
         let at_zero = model.closures_at_zero();
-        let kinds = loaded.description.submechanisms.iter().map(|of| of.kind);
-        let closures =
-            model.closures().iter().zip(at_zero).zip(kinds).map(|((info, at_zero), kind)| {
-                ClosureReport {
-                    closure: info.clone(),
-                    redundant: at_zero.redundant,
-                    branch: at_zero.branch,
-                    sigma_min: at_zero.sigma_min,
-                    cond: at_zero.cond_Kd,
-                    singular: closures::singular(kind),
-                    seeds: at_zero.seeds,
-                }
-            });
+        let description = &loaded.description;
+        // joints without rows are closed by nothing
+        let serial = |of: &Submechanism| Part {
+            method: "serial",
+            rows: 0,
+            joints: of.spanning_tree.iter().map(|j| description.joints[*j].name.clone()).collect(),
+        };
+        let closures = model.closures().iter().zip(at_zero).zip(&description.submechanisms).map(
+            |((info, at_zero), of)| ClosureReport {
+                closure: info.clone(),
+                redundant: at_zero.redundant,
+                branch: at_zero.branch,
+                sigma_min: at_zero.sigma_min,
+                cond: at_zero.cond_Kd,
+                singular: closures::singular(of.kind),
+                seeds: at_zero.seeds,
+                parts: if info.rows == 0 { vec![serial(of)] } else { at_zero.parts },
+            },
+        );
         let mut found = Diagnostics::new(false);
         loaded.files.iter().for_each(|file| _ = found.add_file(file));
         let dimensions = Dimensions::new(&loaded.description, model, &loaded.spans, &mut found);

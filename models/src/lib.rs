@@ -18,6 +18,7 @@
 //!   `loop_constraints`. `file_path` is opened for a `TRANSMISSION` only, and only when the robot's
 //!   URDF couples none of its joints: as in HyRoDyn, the submechanism's own URDF may then hold the
 //!   couplings.
+//! - On a submechanism, `closed_forms: off` for Newton's method on its rows alone.
 //! - On a loop, `predecessor_placement: {xyz: [..], rpy: [..]}` and `successor_placement` instead
 //!   of the frame of `cut_joint`.
 //! - On a loop, `frames: [LINK, LINK]` instead of bodies and placements: the cut lies between the

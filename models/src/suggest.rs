@@ -289,6 +289,7 @@ impl Draft {
             independent: Vec::new(),
             active: Vec::new(),
             loops: Vec::new(),
+            closed_forms: true,
         };
         let (fitting, order) = fitting_types(robot, &submechanism).into_iter().next()?;
         let tree = order.iter().map(|j| robot.joints[*j].name.clone()).collect();

@@ -213,6 +213,7 @@ fn tied(
         spanning_tree: tree,
         independent,
         active,
+        closed_forms: true,
     })
 }
 
@@ -287,6 +288,7 @@ fn serial(name: String, joints: &[Joint], has: impl Fn(usize) -> bool) -> Submec
         independent,
         active,
         loops: Vec::new(),
+        closed_forms: true,
     }
 }
 

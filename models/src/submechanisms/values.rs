@@ -18,6 +18,7 @@ pub(crate) struct EntryValues {
     pub(crate) jointnames_independent: Option<Vec<String>>,
     pub(crate) jointnames_active: Option<Vec<String>>,
     pub(crate) loop_constraints: Option<Vec<LoopValues>>,
+    pub(crate) closed_forms: Option<String>,
 }
 
 /// A loop constraint. Stabilisation parameters are of no use to exact closures.

@@ -56,6 +56,7 @@ const ENTRY: &[&str] = &[
     "jointnames_independent",
     "jointnames_active",
     "loop_constraints",
+    "closed_forms",
 ];
 const LOOP: &[&str] = &[
     "cut_joint",
@@ -117,6 +118,12 @@ fn entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<Entry> {
         if node.get(key).is_none() {
             missing(node, OF_ENTRY, key, "a list of joints, which may be empty", diagnostics);
         }
+    }
+    if let Some((text, span)) = word(node, "closed_forms", diagnostics)
+        && !["on", "off"].contains(&text.as_str())
+    {
+        let found = format!("`closed_forms` is {text}");
+        diagnostics.error(span, found, "on or off", "write `closed_forms: off`, or nothing");
     }
     Some(Entry {
         span: node.span,

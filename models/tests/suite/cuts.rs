@@ -160,3 +160,24 @@ fn constraint_axes_of_any_length_hold_the_same_directions() {
         assert_eq!(reported_of_cut(&cut), [""; 0], "{length}");
     }
 }
+
+#[test]
+fn closed_forms_are_on_or_off() {
+    let key = |value: &str| with(YAML, "  type: ", &format!("  closed_forms: {value}\n  type: "));
+    let read = |yaml: &str| {
+        let source = Source::Text { urdf: URDF.into(), submechanisms: Some(yaml.into()) };
+        let loaded = load(&source, &Options::default()).unwrap_or_else(|error| panic!("{error}"));
+        let parts = loaded.compiled.model.closures_at_zero()[0].parts.clone();
+        (loaded.description.submechanisms[0].closed_forms, parts[0].method)
+    };
+    let named = |yaml: &str| with(yaml, "NUMERICAL", "RRPR");
+    assert_eq!(read(&named(YAML)), (true, "dyad"));
+    assert_eq!(read(&named(&key("on"))), (true, "dyad"));
+    assert_eq!(read(&named(&key("off"))), (false, "newton"));
+    let reported = reported(URDF, &key("no"));
+    assert_eq!(
+        reported.trim(),
+        "submechanisms.yml:3:17: `closed_forms` is no, expected on or off, write `closed_forms: \
+         off`, or nothing"
+    );
+}

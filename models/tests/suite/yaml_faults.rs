@@ -13,8 +13,8 @@ faults! { yaml:
         "[elbow]\n" => "&one [elbow]\n  jointnames_other: *one\n",
         "submechanisms.yml:9:3: the key `jointnames_other` of a submechanism is not known, \
          expected type, contextual_name, name, file_path, jointnames, jointnames_spanningtree, \
-         jointnames_independent, jointnames_active, loop_constraints, did you mean \
-         `jointnames_active`?";
+         jointnames_independent, jointnames_active, loop_constraints, closed_forms, did you \
+         mean `jointnames_active`?";
     an_alias_of_nothing_is_an_error:
         "[elbow]\n" => "*one\n",
         "submechanisms.yml:8:27: this is not YAML: while parsing node, found unknown anchor, \
@@ -27,8 +27,8 @@ faults! { yaml:
         "file_path: lambda.urdf" => "<<: {file_path: lambda.urdf}",
         "submechanisms.yml:5:3: the key `<<` of a submechanism is not known, expected type, \
          contextual_name, name, file_path, jointnames, jointnames_spanningtree, \
-         jointnames_independent, jointnames_active, loop_constraints, write out the keys that it \
-         merges";
+         jointnames_independent, jointnames_active, loop_constraints, closed_forms, write out the \
+         keys that it merges";
     a_tag_is_an_error:
         "file_path: lambda.urdf" => "file_path: !path lambda.urdf",
         "submechanisms.yml:5:14: a tag (`!…`), expected plain values, remove it";
@@ -49,8 +49,8 @@ faults! { yaml:
          joints, which may be empty, add it",
         "submechanisms.yml:9:3: the key `jointname_active` of a submechanism is not known, \
          expected type, contextual_name, name, file_path, jointnames, jointnames_spanningtree, \
-         jointnames_independent, jointnames_active, loop_constraints, did you mean \
-         `jointnames_active`?";
+         jointnames_independent, jointnames_active, loop_constraints, closed_forms, did you \
+         mean `jointnames_active`?";
     an_unknown_key_of_a_loop_is_an_error:
         "predecessor_body" => "body",
         "submechanisms.yml:11:5: the loop constraint has no `predecessor_body`, expected \

@@ -166,6 +166,8 @@ pub struct Submechanism {
     pub active: Vec<usize>,
     /// Loops as given; empty where the type defines them.
     pub loops: Vec<Loop>,
+    /// Closed forms may answer for Newton's method on the rows.
+    pub closed_forms: bool,
 }
 
 /// How the loops of a submechanism are to be closed.

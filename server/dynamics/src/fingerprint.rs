@@ -167,10 +167,18 @@ impl CanonicalBytes {
     }
 
     fn submechanism(&mut self, submechanism: &Submechanism) {
-        let Submechanism { name, kind, type_name, spanning_tree, independent, active, loops } =
-            submechanism;
+        let Submechanism {
+            name,
+            kind,
+            type_name,
+            spanning_tree,
+            independent,
+            active,
+            loops,
+            closed_forms,
+        } = submechanism;
         self.text(name);
-        self.variant(match kind {
+        let kind = match kind {
             SubmechanismKind::Serial => 0,
             SubmechanismKind::Rrpr => 1,
             SubmechanismKind::Spu2U1 => 2,
@@ -184,7 +192,8 @@ impl CanonicalBytes {
             SubmechanismKind::SliderCrank => 10,
             SubmechanismKind::Differential => 11,
             SubmechanismKind::Numerical => 12,
-        });
+        };
+        self.variant(if *closed_forms { kind } else { 64 | kind });
         self.text(type_name);
         self.indices(spanning_tree);
         self.indices(independent);

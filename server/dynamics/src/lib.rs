@@ -71,7 +71,7 @@ pub use compile::{SuggestedIndependents, fitting_types, loops_of, suggest_indepe
 pub use constrained::ImplicitForm;
 pub use diagnostic::{CompileError, Diagnostic, Site};
 pub use initial_pose::{AssembleError, Assembled, OpenModel, closing_placements, rezeroed};
-pub use model::{Bound, ClosureAtZero, Compiled, Method, Model};
+pub use model::{Bound, ClosureAtZero, Compiled, Method, Model, Part};
 pub use plan::{
     Batch, BatchWorkspace, ClosedNumbers, MOST_ROWS, Outline, PackedRows, Plan, PlanScalar,
     STRAIGHT_FIELDS,

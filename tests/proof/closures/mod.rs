@@ -3,7 +3,9 @@
 
 mod cranks;
 mod drawn;
+mod dyads;
 mod known;
+mod rods;
 mod winding;
 
 use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
@@ -25,10 +27,17 @@ fn compile(description: &Description) -> Compiled {
     Model::compile(description).unwrap_or_else(|error| panic!("{}: {error:?}", description.name))
 }
 
+/// The robot with a type that names no closed form.
+fn unnamed(description: &Description) -> Compiled {
+    let mut description = description.clone();
+    description.submechanisms[0].kind = Kind::Numerical;
+    compile(&description)
+}
+
 /// The robot with every mechanism closed by Newton's method.
 fn numerical(description: &Description) -> Compiled {
     let mut description = description.clone();
-    description.submechanisms[0].kind = Kind::Numerical;
+    description.submechanisms[0].closed_forms = false;
     compile(&description)
 }
 

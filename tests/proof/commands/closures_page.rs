@@ -26,6 +26,10 @@ a test compares them.
   the mechanism's size.
 - `sigma` and `cond` are the least singular value and the condition number of the scaled K_d at the
   zero pose.
+- `parts` are the rows in the order in which they are solved: couplings (`linear`), pairs of links
+  in a plane (`dyad`), legs (`leg`) and the angles of rods (`rod`) in closed form, and blocks of
+  Newton's method (`newton`). Where there is a table of closed poses, closed forms other than of
+  rods answer in its cells, and Newton's method on all rows beyond them and from a guess.
 - `starts without a guess` is the table of closed poses, made at load, from which Newton's method
   starts where no pose is given: its cells in use, and its size.
 - Singular poses are those of the type: where the dependents cannot be distinguished from
@@ -104,4 +108,42 @@ fn closures_page_is_what_check_prints() {
         "the page is stale: SARRUS_UPDATE=1 cargo test --release -p sarrus-tests --test proof \
          closures_page"
     );
+}
+
+#[test]
+fn parts_name_rows_and_joints_in_the_order_of_solution() {
+    let parts = |robot: &str| -> Vec<(String, u64, Vec<String>)> {
+        let report = run(&["check", "--format", "json", "--robot", robot], b"").json().remove(0);
+        let closures = report["closures"].as_array().unwrap();
+        let parts = closures.iter().flat_map(|of| of["parts"].as_array().unwrap());
+        let names = |list: &serde_json::Value| {
+            list.as_array().unwrap().iter().map(|x| x.as_str().unwrap().to_owned()).collect()
+        };
+        parts
+            .map(|part| {
+                let method = part["method"].as_str().unwrap().to_owned();
+                (method, part["rows"].as_u64().unwrap(), names(&part["joints"]))
+            })
+            .collect()
+    };
+    let of = |method: &str, rows: u64, joints: &[&str]| {
+        (method.to_owned(), rows, joints.iter().map(|x| (*x).to_owned()).collect::<Vec<_>>())
+    };
+    assert_eq!(parts("five_bar"), [of("dyad", 2, &["left_elbow", "right_elbow"])]);
+    assert_eq!(
+        parts("squeezer"),
+        [
+            of("dyad", 2, &["Theta", "gamma"]),
+            of("dyad", 2, &["delta", "Phi"]),
+            of("dyad", 2, &["epsilon", "Omega"])
+        ]
+    );
+    for (robot, rod) in [("delta", "rod1a_u1"), ("active_ankle", "rod_xa_u1")] {
+        let parts = parts(robot);
+        let methods: Vec<(&str, u64)> = parts.iter().map(|x| (x.0.as_str(), x.1)).collect();
+        assert_eq!(methods[0], ("newton", 6), "{robot}");
+        assert_eq!(methods[1..], [("rod", 2); 6], "{robot}");
+        assert_eq!(parts[1].2[0], rod);
+    }
+    assert!(parts("rh5v2_full").iter().any(|(method, rows, _)| method == "serial" && *rows == 0));
 }

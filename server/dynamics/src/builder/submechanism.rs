@@ -65,6 +65,7 @@ impl Group {
             active: self.active.clone().unwrap_or_else(driven),
             independent,
             loops,
+            closed_forms: true,
         }
     }
 }

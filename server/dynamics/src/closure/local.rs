@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use crate::closure::plane::PlaneLink;
 use crate::closure::{constraint_jacobian, local_poses};
 use crate::mechanism::{Body, Cluster};
 use crate::scalar::Real;
@@ -61,6 +62,8 @@ pub(crate) struct Scratch<T> {
     /// Velocity and acceleration of each local body at q̈ = 0, cluster axes: ω, v, α, a of the
     /// origin (n + 1).
     pub(crate) rate: Vec<Rate<T>>,
+    /// Links of a plane mechanism; entry 0 is the cluster's parent body (n + 1).
+    pub(crate) plane: Vec<PlaneLink<T>>,
     /// Constraint Jacobian (n_c × n_v).
     pub(crate) K: Vec<T>,
     /// Residuals and right-hand sides.
@@ -112,6 +115,7 @@ impl<T: Real> Scratch<T> {
             pose: vec![Pose::identity(); n + 1],
             base: vec![Pose::identity(); n],
             rate: vec![Rate { w: zero(), v: zero(), alpha: zero(), a: zero() }; n + 1],
+            plane: vec![PlaneLink::at_rest(); n + 1],
             K: of(rows * n),
             phi: of(side),
             A: of(side * side),

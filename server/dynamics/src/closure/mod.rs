@@ -8,12 +8,14 @@
 
 mod constraint;
 mod coupling;
+mod dyads;
 mod leg;
 mod local;
 mod numerical;
 mod outcome;
 mod path;
 mod planar;
+mod plane;
 mod platform;
 mod rod;
 mod rrpr;
@@ -27,18 +29,19 @@ pub(crate) use constraint::scaling::{
     assembly_branch, column_unit, dependents_range, row_unit, scaled,
 };
 pub(crate) use coupling::Coupling;
+pub(crate) use dyads::{Driven, Dyads, Pair, Pin, Point, Step};
 pub(crate) use leg::Strut;
 pub(crate) use local::{BUDGET, Level, Local, Rate, Scratch, TURN, UNBOUNDED};
 pub(crate) use numerical::block::{Block, BlockCut, Blocks, RowKind};
 pub(crate) use numerical::continuation::loses_rank;
 pub(crate) use numerical::elimination::Elimination;
 pub(crate) use numerical::seeds::{Axis, LANES, MOST, Seeds};
-pub(crate) use numerical::{End, Numerical, Turn};
+pub(crate) use numerical::{End, Form, Formed, Numerical, Reduced, Rod, Turn};
 pub(crate) use outcome::{Outcome, Validity};
 pub(crate) use path::{distance, interpolate, largest_distance};
-pub(crate) use planar::{LoopJoint, Planar};
+pub(crate) use planar::{LoopJoint, Planar, TwoLinks};
 pub(crate) use platform::{Arm, Leg, Platform};
-pub(crate) use rod::RodLeg;
+pub(crate) use rod::{RodLeg, Universal};
 pub(crate) use rrpr::Rrpr;
 
 use sarrus_proto::Status;

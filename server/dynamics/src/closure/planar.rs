@@ -17,6 +17,7 @@
 //! an unreachable gap it answers on the same side again. A loop whose slider lies opposite to J0 is
 //! a lambda, see [`super::Rrpr`].
 
+use crate::closure::plane::{Plane, add, cross, dot, right};
 use crate::closure::{Level, Local, Numerical, Validity};
 use crate::scalar::{Real, constants};
 
@@ -30,15 +31,10 @@ pub(crate) struct Planar<T> {
     pub(crate) a: [T; 2],
     pub(crate) d: [T; 2],
     pub(crate) t: [T; 2],
-    /// Links b and c at zero, from J1 and from J3 to J2, and their squares.
-    pub(crate) b: [T; 2],
-    pub(crate) c: [T; 2],
-    pub(crate) b_square: T,
-    pub(crate) c_square: T,
+    /// Links b and c, from J1 and from J3 to J2.
+    pub(crate) links: TwoLinks<T>,
     /// J3 is the slider, c its bearing.
     pub(crate) slider: bool,
-    /// ±1, the sign of W or of L.
-    pub(crate) side: T,
     /// The dependent joints of the tree.
     pub(crate) others: [LoopJoint<T>; 2],
     /// Newton's method on the true rows, where the geometry is only nearly plane.
@@ -47,9 +43,34 @@ pub(crate) struct Planar<T> {
 
 constants! { Planar:
     keep joint slides slider;
-    number b_square c_square side;
-    map a d t b c;
+    map a d t links;
     each others polish;
+}
+
+/// Links b and c that meet in a pin.
+#[derive(Clone, Debug)]
+pub(crate) struct TwoLinks<T> {
+    /// Both at zero, and their squares.
+    pub(crate) b: [T; 2],
+    pub(crate) c: [T; 2],
+    pub(crate) b_square: T,
+    pub(crate) c_square: T,
+    /// ±1, the sign of W or of L.
+    pub(crate) side: T,
+}
+
+constants! { TwoLinks:
+    number b_square c_square side;
+    map b c;
+}
+
+/// Two links that rotate, with b − c = D: both, their turns, and W.
+pub(super) struct Met<T> {
+    b: Plane<T>,
+    c: Plane<T>,
+    pub(super) turn_b: (T, T),
+    pub(super) turn_c: (T, T),
+    inverse_W: T,
 }
 
 /// A local joint and which one of the loop it is.
@@ -77,29 +98,51 @@ struct Links<T> {
     second: [T; 3],
 }
 
-type Plane<T> = [T; 2];
+impl<T: Real> TwoLinks<T> {
+    /// Both links for D; rates need a level above the position.
+    #[inline(always)]
+    pub(super) fn meet(&self, D: &Plane<T>, level: Level) -> (Met<T>, Validity<T>) {
+        let b0 = self.b;
+        let c0 = self.c;
+        let b_square = self.b_square;
+        let c_square = self.c_square;
+        let half = T::from_f64(0.5);
 
-#[inline(always)]
-fn dot<T: Real>(x: &Plane<T>, y: &Plane<T>) -> T {
-    x[0].mul_add(y[0], x[1] * y[1])
+        // b · D, W
+        let square = dot(D, D);
+        let along = half * (square + (b_square - c_square));
+        let W_square = b_square.mul_add(square, -(along * along));
+        let W = self.side * W_square.sqrt();
+        let inverse = T::ONE / square;
+        let b = add(&right(D), W * inverse, &[along * inverse * D[0], along * inverse * D[1]]);
+        let c = [b[0] - D[0], b[1] - D[1]];
+        let inverse_b = T::ONE / b_square;
+        let inverse_c = T::ONE / c_square;
+        let validity = Validity::of(W_square, b_square * c_square)
+            .or(Validity::of(square, b_square + c_square));
+        let met = Met {
+            b,
+            c,
+            turn_b: (dot(&b0, &b) * inverse_b, cross(&b0, &b) * inverse_b),
+            turn_c: (dot(&c0, &c) * inverse_c, cross(&c0, &c) * inverse_c),
+            inverse_W: if level > Level::Position { T::ONE / W } else { T::ZERO },
+        };
+        (met, validity)
+    }
 }
 
-/// x × y = J x · y.
-#[inline(always)]
-fn cross<T: Real>(x: &Plane<T>, y: &Plane<T>) -> T {
-    x[0].mul_add(y[1], -(x[1] * y[0]))
-}
+impl<T: Real> Met<T> {
+    /// Rates of both turns for D′: b′ J b − c′ J c = D′.
+    #[inline(always)]
+    pub(super) fn rates(&self, x: &Plane<T>) -> (T, T) {
+        (dot(x, &self.c) * self.inverse_W, dot(x, &self.b) * self.inverse_W)
+    }
 
-/// y + s x.
-#[inline(always)]
-fn add<T: Real>(x: &Plane<T>, s: T, y: &Plane<T>) -> Plane<T> {
-    [x[0].mul_add(s, y[0]), x[1].mul_add(s, y[1])]
-}
-
-/// J x.
-#[inline(always)]
-fn right<T: Real>(x: &Plane<T>) -> Plane<T> {
-    [-x[1], x[0]]
+    /// Accelerations of both for the rates and D″.
+    #[inline(always)]
+    pub(super) fn bias(&self, (b1, c1): (T, T), x: &Plane<T>) -> (T, T) {
+        self.rates(&add(&self.b, b1 * b1, &add(&self.c, -(c1 * c1), x)))
+    }
 }
 
 impl<T: Real> Planar<T> {
@@ -186,29 +229,11 @@ impl<T: Real> Planar<T> {
         p2: &Plane<T>,
         level: Level,
     ) -> (Links<T>, Validity<T>) {
-        let b0 = self.b;
-        let c0 = self.c;
         let d = self.d;
-        let b_square = self.b_square;
-        let c_square = self.c_square;
-        let half = T::from_f64(0.5);
-
-        // D, b · D, W
-        let D = [d[0] - p[0], d[1] - p[1]];
-        let square = dot(&D, &D);
-        let along = half * (square + (b_square - c_square));
-        let W_square = b_square.mul_add(square, -(along * along));
-        let W = self.side * W_square.sqrt();
-        let inverse = T::ONE / square;
-        let b = add(&right(&D), W * inverse, &[along * inverse * D[0], along * inverse * D[1]]);
-        let c = [b[0] - D[0], b[1] - D[1]];
-        let inverse_b = T::ONE / b_square;
-        let inverse_c = T::ONE / c_square;
-        let validity = Validity::of(W_square, b_square * c_square)
-            .or(Validity::of(square, b_square + c_square));
+        let (met, validity) = self.links.meet(&[d[0] - p[0], d[1] - p[1]], level);
         let mut links = Links {
-            turn_b: (dot(&b0, &b) * inverse_b, cross(&b0, &b) * inverse_b),
-            turn_c: (dot(&c0, &c) * inverse_c, cross(&c0, &c) * inverse_c),
+            turn_b: met.turn_b,
+            turn_c: met.turn_c,
             slide: T::ZERO,
             first: [T::ZERO; 3],
             second: [T::ZERO; 3],
@@ -216,17 +241,12 @@ impl<T: Real> Planar<T> {
         if level == Level::Position {
             return (links, validity);
         }
-
-        // b′ J b − c′ J c = D′, then with the second derivatives of the turns
-        let inverse_W = T::ONE / W;
-        let solve = |x: &Plane<T>| (dot(x, &c) * inverse_W, dot(x, &b) * inverse_W);
-        let (b1, c1) = solve(&[-p1[0], -p1[1]]);
+        let (b1, c1) = met.rates(&[-p1[0], -p1[1]]);
         links.first = [b1, c1, T::ZERO];
         if level < Level::Acceleration {
             return (links, validity);
         }
-        let x = add(&b, b1 * b1, &add(&c, -(c1 * c1), &[-p2[0], -p2[1]]));
-        let (b2, c2) = solve(&x);
+        let (b2, c2) = met.bias((b1, c1), &[-p2[0], -p2[1]]);
         links.second = [b2, c2, T::ZERO];
         (links, validity)
     }
@@ -241,9 +261,9 @@ impl<T: Real> Planar<T> {
         level: Level,
     ) -> (Links<T>, Validity<T>) {
         let a = self.a;
-        let b0 = self.b;
+        let b0 = self.links.b;
         let t = self.t;
-        let b_square = self.b_square;
+        let b_square = self.links.b_square;
         let n = right(&t);
 
         // ε, L; PRECISION: the slide is made of changes since zero, so that it is exact there
@@ -253,7 +273,7 @@ impl<T: Real> Planar<T> {
         let change = -dot(&n, &moved);
         let offset = offset0 + change;
         let L_square = b_square - offset * offset;
-        let L = self.side * L_square.sqrt();
+        let L = self.links.side * L_square.sqrt();
         let extension = -(change * (offset + offset0)) / (L + length0);
         let b = [L.mul_add(t[0], offset * n[0]), L.mul_add(t[1], offset * n[1])];
         let inverse_b = T::ONE / b_square;

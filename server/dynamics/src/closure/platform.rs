@@ -109,7 +109,7 @@ impl<T: Real> Platform<T> {
         // joints of rods are single ones
         let of_rod = |rod: &RodLeg<T>| {
             let stator = rod.drive.as_ref().map(|lambda| lambda.joints[1]);
-            let joints = [rod.crank, rod.universal[0], rod.universal[1]].into_iter().chain(stator);
+            let joints = rod.joints().into_iter().chain(stator);
             joints.map(|j| (j, j)).collect::<Vec<_>>()
         };
         let found = legs.iter().flat_map(of_leg).chain(rods.iter().flat_map(of_rod)).collect();

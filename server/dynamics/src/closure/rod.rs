@@ -38,9 +38,10 @@ use crate::spatial::{Matrix, Pose, zero};
 /// Geometry of a crank and its rod; every joint has one degree of freedom.
 #[derive(Clone, Debug)]
 pub(crate) struct RodLeg<T> {
-    /// Local joints: the crank, first and second turn of the universal joint.
+    /// The crank, a local joint.
     pub(crate) crank: usize,
-    pub(crate) universal: [usize; 2],
+    /// The universal joint on the crank's axes or on the platform.
+    pub(crate) universal: Universal<T>,
     /// The local body for which it reaches, and how many degrees of freedom of the chain carry it.
     pub(crate) platform: usize,
     pub(crate) depth: usize,
@@ -51,49 +52,68 @@ pub(crate) struct RodLeg<T> {
     pub(crate) center: Vector3<T>,
     /// The rod's end on the platform {platform}.
     pub(crate) pin: Vector3<T>,
-    /// Axes of the universal joint at zero {crank's axes, or platform}.
-    pub(crate) universal_axes: Matrix3<T>,
-    /// The rod from its universal joint to its ball at zero {universal joint}.
-    pub(crate) rod: Vector3<T>,
     /// A point that d is near at zero {crank's axes}, and κ there.
     pub(crate) near: Vector3<T>,
     pub(crate) along: T,
-    /// a, a², ℓ², the larger one of these; w_x² + w_z².
+    /// a, a², the larger one of this and ℓ².
     pub(crate) radius: T,
     pub(crate) radius_square: T,
-    pub(crate) length_square: T,
     pub(crate) reach_square: T,
-    pub(crate) swing_square: T,
-    /// ±1, signs of W and of z.
+    /// ±1, the sign of W.
     pub(crate) side: T,
-    pub(crate) root: T,
     /// The drive of the crank.
     pub(crate) drive: Option<Rrpr<T>>,
 }
 
 constants! { RodLeg:
-    keep crank universal platform depth on_crank;
-    number along radius radius_square length_square reach_square swing_square side root;
-    map axes center pin universal_axes rod near;
+    keep crank platform depth on_crank;
+    number along radius radius_square reach_square side;
+    map universal axes center pin near;
     each drive;
+}
+
+/// A universal joint whose axes cross at a right angle, on a rod with a ball at its end.
+#[derive(Clone, Debug)]
+pub(crate) struct Universal<T> {
+    /// Local joints of its first and second turn.
+    pub(crate) joints: [usize; 2],
+    /// Its axes at zero {the body that carries it}.
+    pub(crate) axes: Matrix3<T>,
+    /// The rod from it to the ball at zero {its axes}.
+    pub(crate) rod: Vector3<T>,
+    /// ℓ², w_x² + w_z².
+    pub(crate) length_square: T,
+    pub(crate) swing_square: T,
+    /// ±1, the sign of z.
+    pub(crate) root: T,
+}
+
+constants! { Universal:
+    keep joints;
+    number length_square swing_square root;
+    map axes rod;
+}
+
+/// A rod at a pose: from universal joint to ball, that joint's axes, and 1 / z.
+pub(super) struct Reached<T> {
+    pub(super) r: Vector3<T>,
+    pub(super) b: Vector3<T>,
+    pub(super) c: Vector3<T>,
+    inverse_root: T,
 }
 
 /// A leg at a pose {cluster's parent body}.
 struct Posed<T> {
-    /// The rod's end on the platform and its ball; A from the center of the circle; the rod from
-    /// universal joint to ball.
+    /// The rod's end on the platform and its ball; A from the center of the circle; the rod.
     point: Vector3<T>,
     ball: Vector3<T>,
     arm: Vector3<T>,
-    r: Vector3<T>,
-    /// Axes of the crank and of the universal joint.
+    rod: Reached<T>,
+    /// Axis of the crank.
     a: Vector3<T>,
-    b: Vector3<T>,
-    c: Vector3<T>,
-    /// Velocity of the ball, or of A, for θ̇ = 1; 1 / (r · t) and 1 / z.
+    /// Velocity of the ball, or of A, for θ̇ = 1; 1 / (r · t).
     t: Vector3<T>,
     inverse_lever: T,
-    inverse_root: T,
 }
 
 impl<T: Real> RodLeg<T> {
@@ -168,41 +188,18 @@ impl<T: Real> RodLeg<T> {
         let arm = turned.col(0) * radius;
 
         // the universal joint: z, second turn, first turn
-        let (r, turned_axes) = if self.on_crank {
-            (d - arm, turned.times(self.universal_axes))
-        } else {
-            (arm - d, platform.R.times(self.universal_axes))
-        };
-        let x = turned_axes.apply_transposed(r);
-        let w: Vector3<T> = self.rod;
-        let swing_square = self.swing_square;
-        let root_square = swing_square - x[0] * x[0];
-        let z = self.root * root_square.sqrt();
-        let inverse_n = T::ONE / swing_square;
-        let c2 = w[0].mul_add(x[0], w[2] * z) * inverse_n;
-        let s2 = w[2].mul_add(x[0], -(w[0] * z)) * inverse_n;
-        let rho = x[1].mul_add(x[1], x[2] * x[2]);
-        let inverse_rho = T::ONE / (rho * w[1].mul_add(w[1], root_square)).sqrt();
-        let c1 = w[1].mul_add(x[1], z * x[2]) * inverse_rho;
-        let s1 = w[1].mul_add(x[2], -(z * x[1])) * inverse_rho;
-
-        let [first, second] = self.universal;
-        for (j, c, s) in [(self.crank, c0, s0), (first, c1, s1), (second, c2, s2)] {
-            local.cos_sin[j] = (c, s);
-        }
+        local.cos_sin[self.crank] = (c0, s0);
+        let (r, carrier) = if self.on_crank { (d - arm, &turned) } else { (arm - d, &platform.R) };
+        let (rod, of_rod) = self.universal.reach(carrier, r, self.universal.root, local);
         let size = self.reach_square;
-        let validity = Validity::of(W_square, size * square)
-            .or(Validity::of(square, size))
-            .or(Validity::of(root_square, self.length_square));
+        let validity =
+            Validity::of(W_square, size * square).or(Validity::of(square, size)).or(of_rod);
 
         // r · t is −W where r runs from crank to platform, W where it runs back
         let (t, lever, ball) =
             if self.on_crank { (a.cross(d), -W, point) } else { (a.cross(arm), W, arm + center) };
-        let b = turned_axes.col(0);
-        let c = (turned_axes.col(1) * c1).add_scaled(turned_axes.col(2), s1);
         let inverse_lever = T::ONE / lever;
-        let inverse_root = T::ONE / r.dot(b.cross(c));
-        (Posed { point, ball, arm, r, a, b, c, t, inverse_lever, inverse_root }, validity)
+        (Posed { point, ball, arm, rod, a, t, inverse_lever }, validity)
     }
 
     /// Their rows of G, their rates and g.
@@ -216,7 +213,7 @@ impl<T: Real> RodLeg<T> {
         local: &mut Local<'_, T>,
         level: Level,
     ) {
-        let joints = [self.crank, self.universal[0], self.universal[1]];
+        let joints = self.joints();
         let chain = &of.chain[..self.depth];
         for j in joints {
             local.G[j * n_vy..(j + 1) * n_vy].fill(T::ZERO);
@@ -251,11 +248,7 @@ impl<T: Real> RodLeg<T> {
         let a_arm = at.arm * -(w0 * w0);
         let (w, alpha) =
             if self.on_crank { (at.a * w0, zero()) } else { (of_platform.w, of_platform.alpha) };
-        let first = w.add_scaled(at.b, w1);
-        let whole = first.add_scaled(at.c, w2);
-        let turning = alpha.add_scaled(w.cross(at.b), w1);
-        let turning = turning.add_scaled(first.cross(at.c), w2);
-        let of_rod = whole.cross(whole.cross(at.r)).add_cross(turning, at.r);
+        let of_rod = at.rod.acceleration(w, alpha, [w1, w2]);
         let bias = if self.on_crank {
             self.solve(at, &(a_platform - a_arm - of_rod))
         } else {
@@ -269,9 +262,73 @@ impl<T: Real> RodLeg<T> {
     /// Rates of crank and universal joint for a velocity of the platform where the ball is.
     #[inline(always)]
     fn solve(&self, at: &Posed<T>, v: &Vector3<T>) -> [T; 3] {
-        let turn = at.r.dot(*v) * at.inverse_lever;
+        let turn = at.rod.r.dot(*v) * at.inverse_lever;
         let e = (*v).add_scaled(at.t, -turn);
-        let e = if self.on_crank { e } else { -e };
-        [turn, -(at.c.dot(e) * at.inverse_root), at.b.dot(e) * at.inverse_root]
+        let [first, second] = at.rod.solve(&if self.on_crank { e } else { -e });
+        [turn, first, second]
+    }
+}
+
+impl<T> RodLeg<T> {
+    /// The crank and the two turns of the universal joint.
+    pub(crate) fn joints(&self) -> [usize; 3] {
+        [self.crank, self.universal.joints[0], self.universal.joints[1]]
+    }
+}
+
+impl<T: Real> Universal<T> {
+    /// Cosines and sines for the rod r, with this sign of z: z, second turn, first turn.
+    #[inline(always)]
+    pub(super) fn reach(
+        &self,
+        carrier: &Matrix3<T>,
+        r: Vector3<T>,
+        root: T,
+        local: &mut Local<'_, T>,
+    ) -> (Reached<T>, Validity<T>) {
+        let axes = carrier.times(self.axes);
+        let x = axes.apply_transposed(r);
+        let w: Vector3<T> = self.rod;
+        let swing_square = self.swing_square;
+        let root_square = swing_square - x[0] * x[0];
+        let z = root * root_square.sqrt();
+        let inverse_n = T::ONE / swing_square;
+        let c2 = w[0].mul_add(x[0], w[2] * z) * inverse_n;
+        let s2 = w[2].mul_add(x[0], -(w[0] * z)) * inverse_n;
+        let rho = x[1].mul_add(x[1], x[2] * x[2]);
+        let inverse_rho = T::ONE / (rho * w[1].mul_add(w[1], root_square)).sqrt();
+        let c1 = w[1].mul_add(x[1], z * x[2]) * inverse_rho;
+        let s1 = w[1].mul_add(x[2], -(z * x[1])) * inverse_rho;
+        let [first, second] = self.joints;
+        local.cos_sin[first] = (c1, s1);
+        local.cos_sin[second] = (c2, s2);
+        let b = axes.col(0);
+        let c = (axes.col(1) * c1).add_scaled(axes.col(2), s1);
+        let inverse_root = T::ONE / r.dot(b.cross(c));
+        (Reached { r, b, c, inverse_root }, Validity::of(root_square, self.length_square))
+    }
+}
+
+impl<T: Real> Reached<T> {
+    /// Rates of both turns for a velocity of the ball against the body that carries the joint.
+    #[inline(always)]
+    pub(super) fn solve(&self, e: &Vector3<T>) -> [T; 2] {
+        [-(self.c.dot(*e) * self.inverse_root), self.b.dot(*e) * self.inverse_root]
+    }
+
+    /// Acceleration of the ball against the joint's center at constant rates of both turns, on a
+    /// body with these rates.
+    #[inline(always)]
+    pub(super) fn acceleration(
+        &self,
+        w: Vector3<T>,
+        alpha: Vector3<T>,
+        [w1, w2]: [T; 2],
+    ) -> Vector3<T> {
+        let first = w.add_scaled(self.b, w1);
+        let whole = first.add_scaled(self.c, w2);
+        let turning = alpha.add_scaled(w.cross(self.b), w1);
+        let turning = turning.add_scaled(first.cross(self.c), w2);
+        whole.cross(whole.cross(self.r)).add_cross(turning, self.r)
     }
 }

@@ -6,11 +6,13 @@ use sarrus_proto::{ClosureInfo, ClosureKind};
 use crate::closure::{Closure, Numerical};
 use crate::compile::CLOSED_FORMS;
 use crate::compile::assemble::{Assembly, Labels};
+use crate::compile::blocks::blocks_at;
 use crate::compile::closed_forms::{self, Form};
-use crate::description::{Description, SubmechanismKind};
+use crate::description::{Description, Submechanism, SubmechanismKind};
 use crate::diagnostic::{Diagnostic, Site};
 use crate::mechanism::{Body, Cluster};
 use crate::scalar::{Dd, Real};
+use crate::spatial::Pose;
 
 /// Misfit up to which a closed form is exact: the rounding of numbers in a file.
 const ROUNDING: f64 = 1e-13;
@@ -26,6 +28,8 @@ pub(super) struct Candidate<'a> {
     pub(super) cluster: &'a Cluster<Dd>,
     pub(super) bodies: &'a [Body<Dd>],
     pub(super) numerical: Numerical<Dd>,
+    /// As [`Analysis::poses`](super::analysis::Analysis).
+    pub(super) poses: Vec<Vec<Pose<f64>>>,
 }
 
 impl Candidate<'_> {
@@ -68,8 +72,13 @@ impl Candidate<'_> {
                     Some(Err(reason)) => Some(self.wrong_geometry(&reason)),
                     _ => self.no_closed_form(kind),
                 });
-                self.numerical.form =
-                    closed_forms::start(self.cluster, self.bodies, &zero, ROUNDING);
+                if self.submechanism().closed_forms {
+                    self.numerical.form =
+                        closed_forms::recognised(self.cluster, self.bodies, &zero, ROUNDING);
+                    if self.numerical.form.is_none() {
+                        self.leave_out_rods(&zero);
+                    }
+                }
                 Closure::Numerical(self.numerical)
             }
         };
@@ -142,6 +151,9 @@ impl Candidate<'_> {
     /// The submechanism's kind if the cluster is all of it, else numerical; parallelograms of one
     /// chain may be clusters of their own.
     fn kind(&self) -> SubmechanismKind {
+        if !self.submechanism().closed_forms {
+            return SubmechanismKind::Numerical;
+        }
         let submechanisms = &self.description.submechanisms;
         let kind = match self.assembly.owners(self.c).as_slice() {
             [(s, n)]
@@ -164,8 +176,21 @@ impl Candidate<'_> {
         }
     }
 
+    /// Takes one row for each rod that only holds a distance.
+    fn leave_out_rods(&mut self, zero: &[Dd]) {
+        let reduced = closed_forms::without_rods(self.cluster, self.bodies, zero, ROUNDING);
+        if let Some(reduced) = reduced.filter(|_| self.numerical.choices.len() == 1) {
+            self.numerical.choices = vec![blocks_at(&reduced.cluster.map(Dd::to_f64), &self.poses)];
+            self.numerical.reduced = Some(Box::new(reduced));
+        }
+    }
+
+    fn submechanism(&self) -> &Submechanism {
+        &self.description.submechanisms[self.assembly.owner[self.c]]
+    }
+
     fn type_name(&self) -> &str {
-        &self.description.submechanisms[self.assembly.owner[self.c]].type_name
+        &self.submechanism().type_name
     }
 
     /// Couplings of full rank that no pose satisfies.

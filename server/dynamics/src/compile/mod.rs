@@ -111,10 +111,10 @@ fn find_turns_and_seeds(model: &mut Model<f64>, exact: &mut Model<Dd>) {
             numerical.turns = turns;
         }
     }
-    for seeds::Found { cluster, seeds, form_holds } in seeds::find(model) {
+    for seeds::Found { cluster, seeds, form } in seeds::find(model) {
         if let Some(numerical) = model.closures[cluster].numerical() {
             numerical.seeds = Some(seeds);
-            numerical.form.take_if(|_| !form_holds);
+            numerical.form = form;
         }
     }
     for numerical in exact.closures.iter_mut().filter_map(Closure::numerical) {

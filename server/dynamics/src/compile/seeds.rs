@@ -11,7 +11,9 @@ mod grid;
 use core::f64::consts::PI;
 use std::sync::Arc;
 
-use crate::closure::{Axis, Closure, LANES, Level, MOST, Numerical, Seeds, column_unit, distance};
+use crate::closure::{
+    Axis, Closure, Formed, LANES, Level, MOST, Numerical, Seeds, column_unit, distance,
+};
 use crate::compile::seeds::grid::{Grid, center};
 use crate::mechanism::{Cluster, Motion};
 use crate::model::Model;
@@ -35,13 +37,15 @@ const REGULAR: f64 = 0.05;
 /// nearest singular pose.
 const ERROR: f64 = 2e-3;
 const CLEAR: f64 = 0.02;
+/// Largest turn of a rod from the zero pose at the center of a cell.
+const ANGLE: f64 = 2.5;
 
 /// A table of a cluster.
 pub(super) struct Found {
     pub(super) cluster: usize,
     pub(super) seeds: Arc<Seeds>,
-    /// The cluster's closed form holds in every used cell.
-    pub(super) form_holds: bool,
+    /// The cluster's closed form, if it holds in every used cell.
+    pub(super) form: Option<Box<Formed<f64>>>,
 }
 
 /// The tables of all clusters that can have one. Allocates.
@@ -62,11 +66,11 @@ pub(super) fn find(model: &Model<f64>) -> Vec<Found> {
     let mut found: Vec<Found> = Vec::new();
     for &(c, numerical) in &chosen {
         let mut table = Table { model, c, numerical, ws: &mut ws, signs: Vec::new() };
-        if let Some((seeds, form_holds)) = table.seeds(chosen.len()) {
+        if let Some((seeds, form)) = table.seeds(chosen.len()) {
             // equal limbs share one
             let equal = found.iter().find(|other| *other.seeds == seeds);
             let seeds = equal.map_or_else(|| Arc::new(seeds), |other| other.seeds.clone());
-            found.push(Found { cluster: c, seeds, form_holds });
+            found.push(Found { cluster: c, seeds, form });
         }
     }
     found
@@ -94,13 +98,16 @@ impl Table<'_> {
         &self.model.clusters[self.c]
     }
 
-    /// The table, and whether the closed form holds in it.
-    fn seeds(&mut self, tables: usize) -> Option<(Seeds, bool)> {
+    /// The table, and the closed form that holds in it.
+    fn seeds(&mut self, tables: usize) -> Option<(Seeds, Option<Box<Formed<f64>>>)> {
         let model = self.model;
         let c = self.c;
         let cluster = &model.clusters[c];
         let n = cluster.n_vy;
-        let columns: Vec<usize> = cluster.dependent.iter().map(|v| cluster.dofs[*v].q).collect();
+        // the turns of rods follow from the others
+        let solved = self.numerical.reduced.as_ref().map(|reduced| &reduced.cluster.dependent);
+        let solved = solved.unwrap_or(&cluster.dependent);
+        let columns: Vec<usize> = solved.iter().map(|v| cluster.dofs[*v].q).collect();
         let stride = columns.len().next_multiple_of(LANES);
 
         // the zero pose and its signs
@@ -128,7 +135,7 @@ impl Table<'_> {
         let axes = (0..n).map(|k| self.axis(k, along, &origin)).collect::<Option<Vec<_>>>()?;
         let nodes = self.nodes(&axes, origin);
         let mut seeds = Seeds {
-            values: values(cluster, &zero, &columns, &axes, &nodes),
+            values: values(cluster, &zero, solved, &axes, &nodes),
             cells: vec![true; axes.iter().map(|axis| axis.nodes - 1).product()],
             axes,
             columns,
@@ -137,8 +144,11 @@ impl Table<'_> {
         let cells = self.cells(&seeds, &zero, &nodes);
         let any = cells.contains(&true);
         seeds.cells = cells;
-        let holds = any && self.form_holds(&seeds, &zero, &nodes);
-        any.then_some((seeds, holds))
+        if !any {
+            return None;
+        }
+        let form = self.form(&seeds, &zero, &nodes);
+        Some((seeds, form))
     }
 
     /// The nodes along independent k.
@@ -277,11 +287,16 @@ impl Table<'_> {
         let Some(center) = self.step(&around[0].q, &q) else { return false };
         let gain = around.iter().fold(center.gain, |gain, node| gain.max(node.gain));
         let cluster = self.cluster();
-        let error = cluster.dependent.iter().fold(0.0_f64, |error, v| {
-            let i = cluster.dofs[*v].q;
-            error.max((q[i] - center.q[i]).abs() / column_unit(cluster, *v))
+        let dofs = cluster.dependent.iter().map(|v| cluster.dofs[*v]);
+        let tabled = dofs.filter(|dof| seeds.columns.contains(&dof.q));
+        let error = tabled.fold(0.0_f64, |error, dof| {
+            error.max((q[dof.q] - center.q[dof.q]).abs() / column_unit(cluster, dof.v))
         });
-        error < ERROR && error * error * gain < CLEAR * CLEAR
+        // a seed has the turns of rods at the zero pose
+        let rods = self.numerical.reduced.iter().flat_map(|reduced| &reduced.found);
+        let angles = rods.map(|(_, i)| (center.q[*i] - zero[*i]).abs());
+        let are_angles = angles.fold(0.0, f64::max) < ANGLE;
+        are_angles && error < ERROR && error * error * gain < CLEAR * CLEAR
     }
 }
 
@@ -289,20 +304,21 @@ impl Table<'_> {
 fn values(
     cluster: &Cluster<f64>,
     zero: &[f64],
-    columns: &[usize],
+    solved: &[usize],
     axes: &[Axis],
     nodes: &[Option<Node>],
 ) -> Vec<f32> {
     let grid = Grid::of_nodes(axes);
     let n = axes.len();
-    let m = columns.len();
+    let m = solved.len();
     let stride = m.next_multiple_of(LANES);
     let at = |number: usize, d: usize, a: usize| ((number << n) + d) * stride + a;
     let mut values = vec![0.0; (grid.len() * stride) << n];
     for (number, node) in nodes.iter().enumerate() {
         let Some(node) = node else { continue };
-        for (a, (v, i)) in cluster.dependent.iter().zip(columns).enumerate() {
-            values[at(number, 0, a)] = node.q[*i] - zero[*i];
+        for (a, v) in solved.iter().enumerate() {
+            let i = cluster.dofs[*v].q;
+            values[at(number, 0, a)] = node.q[i] - zero[i];
             for (k, axis) in axes.iter().enumerate() {
                 values[at(number, 1 << k, a)] = node.G[v * n + k] * axis.step;
             }

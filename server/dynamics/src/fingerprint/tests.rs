@@ -51,6 +51,7 @@ fn everything() -> Description {
                     cut("b", Cut::AtLink(2), vec![]),
                     cut("c", placed, vec![row("z", None)]),
                 ],
+                closed_forms: true,
             },
             Submechanism {
                 name: "arm".into(),
@@ -60,6 +61,7 @@ fn everything() -> Description {
                 independent: vec![],
                 active: vec![],
                 loops: vec![],
+                closed_forms: true,
             },
         ],
         gravity: [0.0, 0.0, -9.81],
@@ -122,6 +124,7 @@ impl<'a> Leaves<'a> {
                 independent,
                 active,
                 loops,
+                closed_forms: _,
             } = submechanism;
             leaves.texts.extend([name, type_name]);
             leaves.indices.extend(spanning_tree);

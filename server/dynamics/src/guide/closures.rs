@@ -181,10 +181,38 @@
 //! crank and rod in one plane with Z; where z = 0: the rod along the first axis of its universal
 //! joint; and where the lambda is.
 //!
-//! A file of type NUMERICAL with this geometry is closed by Newton's method, with one exception: a
-//! request without a guess, at a pose to which the straight path from the zero pose is known to be
-//! regular, is answered by these equations; loading has compared them with Newton's method at every
-//! node of a table of such poses. A guess, or another end of Newton's method, asks for the latter.
+//! # Forms that are found, not named
+//!
+//! Loops of type NUMERICAL, or of a type whose geometry they lack, are searched for structure; the
+//! joints that are cut do not matter. `sarrus check` prints the parts; `closed_forms: off` keeps
+//! Newton's method on all rows.
+//!
+//! **Cranks and rods** as of 2SURRPR+1U, and **pairs of links** in a plane: a link that an
+//! independent joint turns is known; then any two links that a pin C joins, each with another pin,
+//! A or B, on a known link, are the coupler and the rocker of a FOURBAR with D = B − A, one pair
+//! after the other. With X = x + R(θ) r a point of a known link:
+//!
+//! ```text
+//!   D′ = B′ − A′,    X′ = x′ + θ′ J r              for ẏ_k = 1 alone
+//!   θ_b′ = D′ · c / W,    θ_c′ = D′ · b / W        rates of the two links
+//!   D″ = B″ − A″,    X″ = x″ + θ″ J r − θ̇² r       at ÿ = 0
+//!   θ_b″ = x · c / W,    θ_c″ = x · b / W,    x = D″ + θ̇_b² b − θ̇_c² c
+//! ```
+//! These forms answer a request without a guess at a pose to which the straight path from the zero
+//! pose is known to be regular: loading has compared them with Newton's method at every node of a
+//! table of such poses. Elsewhere, from a guess, and with another end of Newton's method, that
+//! answers.
+//!
+//! **Rods** of any other mechanism: the two turns of a universal joint whose axes cross at a right
+//! angle, on a link with a ball at its other end, enter the loops only through the length ℓ of that
+//! link. Newton's method solves one row in place of the three of the ball, with P the center of the
+//! universal joint and S that of the ball:
+//!
+//! ```text
+//!   φ = ½ (|d|² − ℓ²) / ℓ,    d = p_S − p_P,    φ̇ = d · ḋ / ℓ,    φ̈ = (d · d̈ + ḋ · ḋ) / ℓ
+//! ```
+//! and n and m follow as those of a rod of 2SURRPR+1U, on the side of z on which they were. K, k
+//! and λ are those of the three rows. Singular where the other rows are, and where z = 0.
 //!
 //! # 6UPS
 //!

@@ -2,7 +2,7 @@
 
 use crate::closure::{Closure, Scratch, assembly_branch, dependents_range};
 use crate::mechanism::{Body, Cluster};
-use crate::model::Model;
+use crate::model::{Model, Part};
 
 /// The loops of one submechanism at the zero pose, with those of any submechanism tied to it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -18,6 +18,8 @@ pub struct ClosureAtZero {
     /// Cells of the table of closed poses where a numerical closure starts without a guess, and
     /// its size `[B]`; 0 without one. Equal limbs share one table.
     pub seeds: (usize, usize),
+    /// The parts of its clusters' closures.
+    pub parts: Vec<Part>,
 }
 
 impl Model<f64> {
@@ -43,6 +45,7 @@ impl Model<f64> {
             .iter()
             .filter(|c| self.clusters[**c].rows.iter().any(|row| own.contains(row)))
         {
+            found.parts.extend(self.parts_of(c));
             let cluster = &self.clusters[c];
             let bodies = self.bodies_of(cluster);
             let zero = &self.zero[cluster.coordinates()];

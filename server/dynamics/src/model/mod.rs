@@ -9,6 +9,7 @@ mod closures_at_zero;
 mod compiled;
 mod method;
 mod order;
+mod parts;
 mod runs;
 mod scope;
 mod tolerance;
@@ -25,6 +26,7 @@ pub(crate) use closures_at_zero::assess;
 pub use compiled::Compiled;
 pub use method::Method;
 pub(crate) use order::{Limit, Order};
+pub use parts::Part;
 pub(crate) use runs::Runs;
 pub(crate) use scope::{Direct, Roots, Scope};
 

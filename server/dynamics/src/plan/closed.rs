@@ -9,7 +9,7 @@
 
 use sarrus_proto::{Answer, Field, Query, Status};
 
-use crate::closure::{Closure, Level, Numerical, Platform};
+use crate::closure::{Closure, Formed, Level, Numerical};
 use crate::mechanism::Motion;
 use crate::model::{Model, Scope};
 use crate::plan::diagnostics::digits::larger;
@@ -175,13 +175,13 @@ impl Closed {
             hold_idle(cluster, ws);
             return Some(Ok(1.0));
         }
-        let (numerical, form) = self.form_of(model, c)?;
+        let (_, form) = self.form_of(model, c)?;
         hold_idle(cluster, ws);
         for q in cluster.dependent_q.iter().map(|q| cluster.q + q) {
             ws.q[q] = ws.start[q];
         }
         let bodies = model.bodies_of(cluster);
-        let outcome = numerical.close_by(form, cluster, bodies, &mut ws.local(cluster), level);
+        let outcome = form.close(cluster, bodies, &mut ws.local(cluster), level);
         let is_closed = outcome.status == Status::Ok;
         Some(if is_closed { Ok(outcome.gain) } else { Err(outcome.status) })
     }
@@ -191,7 +191,7 @@ impl Closed {
         &self,
         model: &'a Model<T>,
         c: usize,
-    ) -> Option<(&'a Numerical<T>, &'a Platform<T>)> {
+    ) -> Option<(&'a Numerical<T>, &'a Formed<T>)> {
         match &model.closures[c] {
             Closure::Numerical(numerical) if self.by_form.contains(&c) => {
                 Some((numerical, numerical.form()?))

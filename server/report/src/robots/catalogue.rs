@@ -148,7 +148,7 @@ pub(crate) fn numerical(robot: Description) -> Description {
 fn by_newton(mut robot: Description, which: fn(Kind) -> bool) -> Description {
     for part in robot.submechanisms.iter_mut() {
         if !part.loops.is_empty() && which(part.kind) {
-            part.kind = Kind::Numerical;
+            part.closed_forms = false;
         }
     }
     robot

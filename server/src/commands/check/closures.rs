@@ -2,6 +2,7 @@
 
 use std::cmp::Ordering;
 
+use sarrus_dynamics::Part;
 use sarrus_models::ClosureReport;
 
 use crate::commands::output::table;
@@ -47,11 +48,31 @@ pub(super) fn in_words(closures: &[ClosureReport]) -> String {
         if closure.rows > 0 && !report.singular.is_empty() {
             line("singular poses", report.singular);
         }
+        if closure.rows > 0 {
+            line("parts", &parts(&report.parts));
+        }
         if let (cells @ 1.., bytes) = report.seeds {
             line("starts without a guess", &format!("{cells} cells, {} kB", bytes.div_ceil(1000)));
         }
     }
     text
+}
+
+/// The parts in the order of solution, with their joints where a line has room for them.
+fn parts(parts: &[Part]) -> String {
+    const ROOM: usize = 76;
+    let of = |part: &Part| format!("{} of {} rows", part.method, part.rows);
+    let whole = parts.iter().map(|part| format!("{} ({})", of(part), part.joints.join(" ")));
+    let whole = whole.collect::<Vec<_>>().join(", ");
+    if whole.len() <= ROOM {
+        return whole;
+    }
+    let equal = parts.chunk_by(|a, b| of(a) == of(b));
+    let words = equal.map(|some| match some.len() {
+        1 => of(&some[0]),
+        n => format!("{n} times {}", of(&some[0])),
+    });
+    words.collect::<Vec<_>>().join(", ")
 }
 
 fn row(report: &ClosureReport) -> Vec<String> {

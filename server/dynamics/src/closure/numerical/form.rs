@@ -4,14 +4,45 @@ use sarrus_proto::Status;
 
 use crate::closure::numerical::Numerical;
 use crate::closure::numerical::seeds::Seeds;
-use crate::closure::platform::Platform;
-use crate::closure::{Level, Local, Outcome};
-use crate::mechanism::{Body, Cluster};
-use crate::scalar::Real;
+use crate::closure::{Dyads, Level, Local, Outcome, Platform};
+use crate::mechanism::{Body, Cluster, Winding};
+use crate::scalar::{Real, constants};
+
+/// The closed form of a cluster that the rows of Newton's method describe.
+#[derive(Clone, Debug)]
+pub(crate) struct Formed<T> {
+    pub(crate) form: Form<T>,
+    /// The coordinates that leave (−π, π] in the table or with whole turns.
+    pub(crate) windings: Vec<Winding>,
+}
+
+constants! { Formed:
+    keep windings;
+    map form;
+}
+
+/// A form that no type names.
+#[derive(Clone, Debug)]
+pub(crate) enum Form<T> {
+    /// Cranks and rods.
+    Platform(Platform<T>),
+    /// Plane loops that pairs of links close one after the other.
+    Dyads(Dyads<T>),
+}
+
+impl<C: nalgebra::Scalar + Copy> Form<C> {
+    /// The form in another scalar.
+    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Form<D> {
+        match self {
+            Form::Platform(platform) => Form::Platform(platform.map(f)),
+            Form::Dyads(dyads) => Form::Dyads(dyads.map(f)),
+        }
+    }
+}
 
 impl<T> Numerical<T> {
     /// The closed form, if it may be used at all: a tolerance requires Newton's method.
-    pub(crate) fn form(&self) -> Option<&Platform<T>> {
+    pub(crate) fn form(&self) -> Option<&Formed<T>> {
         self.form.as_deref().filter(|_| self.end.tolerance.is_none())
     }
 }
@@ -29,7 +60,7 @@ impl<T: Real> Numerical<T> {
     ) -> Option<Outcome> {
         let form = self.form()?;
         seeds.cell(local.start, local.q)?;
-        let outcome = self.close_by(form, cluster, bodies, local, level);
+        let outcome = form.close(cluster, bodies, local, level);
         (outcome.status == Status::Ok).then_some(outcome)
     }
 
@@ -38,23 +69,25 @@ impl<T: Real> Numerical<T> {
         let cell = |seeds: &Seeds| seeds.cell(start, q).is_some();
         self.form().is_some() && self.seeds.as_deref().is_some_and(cell)
     }
+}
 
-    /// All levels by the closed form, wherever that is.
-    pub(crate) fn close_by(
+impl<T: Real> Formed<T> {
+    /// All levels, wherever that is.
+    #[inline]
+    pub(crate) fn close(
         &self,
-        form: &Platform<T>,
         cluster: &Cluster<T>,
         bodies: &[Body<T>],
         local: &mut Local<'_, T>,
         level: Level,
     ) -> Outcome {
-        let outcome = Outcome::from(form.close(cluster, bodies, local, level));
-        // the start may be the zero pose turned round
-        if !self.turns.is_empty() {
-            for i in cluster.dependent.iter().map(|v| cluster.dofs[*v].q) {
-                local.q[i] += local.start[i] - self.zero[i];
-            }
+        let validity = match &self.form {
+            Form::Platform(platform) => platform.close(cluster, bodies, local, level),
+            Form::Dyads(dyads) => dyads.close(cluster, local, level),
+        };
+        for joint in &self.windings {
+            local.q[joint.coordinate] = joint.continued(local.start, local.q);
         }
-        outcome
+        validity.into()
     }
 }

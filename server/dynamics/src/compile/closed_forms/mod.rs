@@ -2,13 +2,15 @@
 //! fits: one file for each mechanism.
 
 mod agreement;
+mod dyads;
+mod lengths;
 mod loops;
 mod parallelogram;
 mod planar;
 mod platform;
 mod rods;
 
-use crate::closure::{Closure, Numerical, Platform, constraint_residual};
+use crate::closure::{self, Closure, Formed, Numerical, Reduced, constraint_residual};
 use crate::compile::couplings::poses_at;
 use crate::compile::geometry::norm;
 use crate::description::SubmechanismKind;
@@ -24,6 +26,11 @@ pub(super) struct Form {
 
 /// An assumption, its subject, and its error relative to the mechanism's size.
 type Deviation = (String, Subject, f64);
+
+/// The largest of them.
+fn size(deviations: &[Deviation]) -> f64 {
+    deviations.iter().fold(0.0, |worst, (_, _, size)| f64::max(worst, *size))
+}
 
 /// Subject of an assumption.
 enum Subject {
@@ -63,7 +70,7 @@ impl Form {
     }
 
     pub(super) fn misfit_size(&self) -> f64 {
-        self.deviations.iter().fold(0.0, |worst, (_, _, size)| f64::max(worst, *size))
+        size(&self.deviations)
     }
 
     pub(super) fn closure(self) -> Closure<Dd> {
@@ -100,21 +107,35 @@ pub(super) fn build(
     Some(form)
 }
 
-/// The closed form of cranks and rods from which Newton's method can start on this cluster, if its
-/// geometry has it up to rounding.
-pub(super) fn start(
+/// The closed form of this cluster's geometry up to rounding, of any type.
+pub(super) fn recognised(
     cluster: &Cluster<Dd>,
     bodies: &[Body<Dd>],
     zero: &[Dd],
     rounding: f64,
-) -> Option<Box<Platform<Dd>>> {
+) -> Option<Box<Formed<Dd>>> {
     let of = Reading::new(cluster, bodies, &[], zero);
-    let form = rods::read(&of).ok()?;
-    let fits = of.open(zero) <= rounding && form.misfit_size() <= rounding;
-    match form.closure {
-        Closure::Platform(platform) if fits => Some(Box::new(platform)),
-        _ => None,
+    if of.open(zero) > rounding {
+        return None;
     }
+    let fits = |deviations: &[Deviation]| size(deviations) <= rounding;
+    let rods = rods::read(&of).ok().filter(|form| fits(&form.deviations));
+    let form = match rods.map(|form| form.closure) {
+        Some(Closure::Platform(platform)) => closure::Form::Platform(platform),
+        _ => closure::Form::Dyads(dyads::read(&of).ok().filter(|of| fits(&of.1))?.0),
+    };
+    Some(Box::new(Formed { form, windings: Vec::new() }))
+}
+
+/// The cluster with one row in place of the three of each rod, if it has any up to rounding.
+pub(super) fn without_rods(
+    cluster: &Cluster<Dd>,
+    bodies: &[Body<Dd>],
+    zero: &[Dd],
+    rounding: f64,
+) -> Option<Reduced<Dd>> {
+    let of = Reading::new(cluster, bodies, &[], zero);
+    if of.is_closed && of.open(zero) <= rounding { lengths::reduced(&of, rounding) } else { None }
 }
 
 /// True for a plane loop of four joints of which two assemblies can meet.

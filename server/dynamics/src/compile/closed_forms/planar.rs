@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::closure::{Closure, LoopJoint, Planar, Rrpr};
+use crate::closure::{Closure, LoopJoint, Planar, Rrpr, TwoLinks};
 use crate::compile::closed_forms::loops::{
     Ring, pin_in_plane, reversed, ring, senses, starting_at,
 };
@@ -13,7 +13,7 @@ use crate::scalar::{Dd, Real, Triple};
 use crate::spatial::Matrix;
 
 /// Shortest link and least sine between links at zero, relative to the mechanism's size.
-const DEGENERATE: f64 = 1e-6;
+pub(super) const DEGENERATE: f64 = 1e-6;
 
 /// Deviation of the links from one line at a change point, relative to the mechanism's size; files
 /// are rounded.
@@ -22,7 +22,7 @@ const CHANGE: f64 = 1e-6;
 /// Message that refuses a loop with a change point.
 const MEETS: &str = "links can stand in one line where two assemblies meet, a change point";
 
-type Plane = [Dd; 2];
+pub(super) type Plane = [Dd; 2];
 
 /// True for a loop whose links can only just align.
 pub(super) fn has_change_point(of: &Reading<'_>) -> bool {
@@ -92,12 +92,8 @@ pub(super) fn read(of: &Reading<'_>, slider: bool) -> Result<Form, String> {
                 a,
                 d,
                 t,
-                b,
-                c,
-                b_square: inner(&b, &b),
-                c_square: inner(&c, &c),
+                links: two_links(b, c, sign(turned)),
                 slider: has_bearing,
-                side: sign(turned),
                 others,
                 polish: None,
             })
@@ -216,7 +212,12 @@ fn lambda(
     })
 }
 
-fn minus(x: &Plane, y: &Plane) -> Plane {
+/// Links that meet in a pin, on a side.
+pub(super) fn two_links(b: Plane, c: Plane, side: Dd) -> TwoLinks<Dd> {
+    TwoLinks { b, c, b_square: inner(&b, &b), c_square: inner(&c, &c), side }
+}
+
+pub(super) fn minus(x: &Plane, y: &Plane) -> Plane {
     [x[0] - y[0], x[1] - y[1]]
 }
 
@@ -224,11 +225,11 @@ fn inner(x: &Plane, y: &Plane) -> Dd {
     x[0] * y[0] + x[1] * y[1]
 }
 
-fn outer(x: &Plane, y: &Plane) -> Dd {
+pub(super) fn outer(x: &Plane, y: &Plane) -> Dd {
     x[0] * y[1] - x[1] * y[0]
 }
 
-fn size(x: &Plane) -> f64 {
+pub(super) fn size(x: &Plane) -> f64 {
     inner(x, x).to_f64().sqrt()
 }
 

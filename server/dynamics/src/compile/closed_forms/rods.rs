@@ -3,7 +3,7 @@
 
 use nalgebra::Matrix3;
 
-use crate::closure::{Closure, Platform, RodLeg, Rrpr};
+use crate::closure::{Closure, Platform, RodLeg, Rrpr, Universal};
 use crate::compile::closed_forms::{
     Deviation, Form, Reading, Subject, is_ball, planar, platform, sign,
 };
@@ -161,24 +161,26 @@ fn rod(
     let length_square = along.dot(along);
     Ok(RodLeg {
         crank,
-        universal,
+        universal: Universal {
+            joints: universal,
+            axes: carried_by.transpose().times(universal_joint.axes),
+            rod,
+            length_square,
+            swing_square: rod[0] * rod[0] + rod[2] * rod[2],
+            root: sign(rod[2]),
+        },
         platform,
         depth,
         on_crank,
         axes,
         center,
         pin: of.zero[platform].inverse().point(&point),
-        universal_axes: carried_by.transpose().times(universal_joint.axes),
-        rod,
         near,
         along: (radius_square - length_square + near.dot(near)) * Dd::from_f64(0.5),
         radius,
         radius_square,
-        length_square,
         reach_square: if radius_square < length_square { length_square } else { radius_square },
-        swing_square: rod[0] * rod[0] + rod[2] * rod[2],
         side: -sign(D[1]),
-        root: sign(rod[2]),
         drive: None,
     })
 }

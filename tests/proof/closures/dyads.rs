@@ -1,0 +1,154 @@
+//! Plane loops that are pairs of links on each other, recognised by geometry, against Newton's
+//! method on the same rows.
+
+use sarrus_dynamics::description::SubmechanismKind as Kind;
+use sarrus_dynamics::scalar::{Dd, Real};
+use sarrus_dynamics::{Compiled, Field, Part, Request, Status};
+use sarrus_tests::cases::Case;
+use sarrus_tests::compare::error_by_size;
+use sarrus_tests::draft::Draft;
+use sarrus_tests::rigid::Vector;
+use sarrus_tests::run::Robot;
+use sarrus_tests::seed::Seeded;
+
+use super::{X, Y_AXIS, Z, answers, compile, numerical, share};
+use Field::*;
+
+/// A chain of drivers and pairs of links; any of the three pins of a pair is the cut one.
+fn chain(seed: u64, straight: bool) -> Draft {
+    let mut draft = Draft::new(seed, Kind::Numerical, straight);
+    let drivers = 1 + draft.seeded.below(2);
+    let pairs = 1 + draft.seeded.below(3);
+    let mut links = vec![0];
+    let mut independent = Vec::new();
+    let spot = |draft: &mut Draft| -> Vector {
+        [draft.seeded.within(-1.0, 1.0), draft.seeded.within(-1.0, 1.0), 0.0]
+    };
+    for _ in 0..drivers {
+        let point = spot(&mut draft);
+        let on = links[draft.seeded.below(links.len())];
+        let (joint, link) = draft.turn(on, point, Z);
+        links.push(link);
+        independent.push((joint, 3.0));
+    }
+    // the first pair ties the last driver to the base, so that all of them move loops
+    let mut a = *links.last().unwrap_or(&0);
+    let mut b = 0;
+    for _ in 0..pairs {
+        let [A, B, C] = [(); 3].map(|()| spot(&mut draft));
+        let (first, second) = match draft.seeded.below(3) {
+            0 => {
+                let (_, first) = draft.turn(a, A, Z);
+                let (_, second) = draft.turn(b, B, Z);
+                draft.cut(first, second, C, &[], &[X, Y_AXIS]);
+                (first, second)
+            }
+            1 => {
+                let (_, first) = draft.turn(a, A, Z);
+                let (_, second) = draft.turn(first, C, Z);
+                draft.cut(second, b, B, &[], &[X, Y_AXIS]);
+                (first, second)
+            }
+            _ => {
+                let (_, second) = draft.turn(b, B, Z);
+                let (_, first) = draft.turn(second, C, Z);
+                draft.cut(a, first, A, &[], &[X, Y_AXIS]);
+                (first, second)
+            }
+        };
+        links.extend([first, second]);
+        a = links[draft.seeded.below(links.len())];
+        b = loop {
+            let b = links[draft.seeded.below(links.len())];
+            if b != a {
+                break b;
+            }
+        };
+    }
+    let active: Vec<usize> = independent.iter().map(|x| x.0).collect();
+    draft.roles(&independent, &active);
+    draft.shuffled()
+}
+
+fn methods(of: &Compiled) -> Vec<Part> {
+    of.model.closures_at_zero().remove(0).parts
+}
+
+fn is_all(parts: &[Part], method: &str) -> bool {
+    parts.iter().all(|part| part.method == method)
+}
+
+#[test]
+fn chains_of_pairs_are_closed_as_by_newtons_method_on_their_rows() {
+    let mut worst = [0.0_f64; 2];
+    let mut count = [0; 3];
+    for seed in 0..150 {
+        let draft = chain(seed, seed % 5 == 0);
+        let description = &draft.description();
+        let form = compile(description);
+        let newton = numerical(description);
+        assert_ne!(newton.model.fingerprint(), form.model.fingerprint(), "seed {seed}");
+        let parts = methods(&form);
+        // a zero pose near a dead point, or many loops, has no table
+        if !is_all(&parts, "dyad") {
+            continue;
+        }
+        assert!(is_all(&methods(&newton), "newton"), "seed {seed}");
+        assert!(parts.iter().all(|part| part.rows == 2 && part.joints.len() == 2), "{parts:?}");
+        let mut seeded = Seeded::new(seed + 900);
+        count[0] += 1;
+        for k in 0..100 {
+            let mut at = |size: f64| -> Vec<f64> {
+                draft.reach.iter().map(|reach| size * reach * seeded.within(-1.0, 1.0)).collect()
+            };
+            let y = at(0.7);
+            let yd = at(1.0);
+            let (mine, newtons) =
+                match (answers(&form.model, &y, &yd), answers(&newton.model, &y, &yd)) {
+                    (Some(mine), Some(newtons)) => (mine, newtons),
+                    (mine, newtons) => {
+                        assert!(mine.is_none() && newtons.is_none(), "seed {seed} at {y:?}");
+                        continue;
+                    }
+                };
+            count[1] += 1;
+            let cast = |x: (super::Fields<f64>, super::Fields<f64>)| {
+                (x.0.map(Dd::from), x.1.map(Dd::from))
+            };
+            let mine = cast(mine);
+            let newtons = cast(newtons);
+            let epsilon = 64.0 / 100.0 * <f64 as Real>::EPSILON;
+            // both are rounded
+            worst[0] = worst[0].max(share(&mine, &newtons, 2.0 * epsilon, draft.scale));
+            if k % 20 == 0 {
+                let exact = answers::<Dd>(&form.exact, &y, &yd).expect("a pose of doubles");
+                worst[1] = worst[1].max(share(&mine, &exact, epsilon, draft.scale));
+                count[2] += 1;
+            }
+            assert!(worst.iter().all(|x| *x <= 1.0), "seed {seed} at {y:?}: {worst:?}");
+        }
+    }
+    println!("{count:?} chains, states, states in double-double: {worst:.1?} of what is allowed");
+    assert!(count[0] > 100 && count[1] > 5000 && count[2] > 200, "{count:?}");
+}
+
+#[test]
+fn a_cell_of_the_table_needs_no_newton_step_and_a_guess_has_the_same_pose() {
+    for name in ["five_bar", "squeezer"] {
+        let compiled = Case::bundled(name).compiled;
+        let parts = methods(&compiled);
+        assert!(is_all(&parts, "dyad") && !parts.is_empty(), "{name}: {parts:?}");
+        let n = compiled.model.sizes().n_vy;
+        let mut robot = Robot::new(compiled.model);
+        let y = vec![0.1; n];
+        let cold = robot.ask(Request::Kinematics, &[(Y, &y)], &[Q, Iterations]).ok();
+        assert_eq!(cold.get(Iterations), [0.0], "{name}");
+        let guess: Vec<f64> = cold.get(Q).iter().map(|x| x + 1e-3).collect();
+        let given: [(Field, &[f64]); 2] = [(Y, &y), (QGuess, &guess)];
+        let warm = robot.ask(Request::Kinematics, &given, &[Q, Iterations]).ok();
+        assert!(warm.get(Iterations)[0] > 0.0, "{name}");
+        let apart = error_by_size(warm.get(Q), cold.get(Q), 1.0);
+        assert!(apart < 1e-14, "{name}: {apart:.1e}");
+        assert_eq!(warm.answer.status, Status::Ok);
+    }
+}
