@@ -57,11 +57,12 @@ enum Command {
     /// differ. Ends with 0 when all answers are the same, 1 when some differ or cannot be read, 2
     /// for a file that is no whole recording and wrong flags.
     Replay(commands::replay::Replay),
-    /// Write one query on one robot as straight-line C, and build it where there is a compiler.
+    /// Write one query on one robot as straight-line code, and build it where there is a compiler.
     ///
     /// NAME.c with one function, NAME.h with its sizes and orders, NAME_test.c with answers that it
     /// must give to the bit; with a C compiler (CC, or cc) a shared object and the test, which is
     /// run. Prints the files, the number of operations and the compiler's name or "not built".
+    /// With `--language js` NAME.js and NAME_test.js, which node runs where it is installed.
     /// Ends with 0 when all was written, 1 when the query has no straight-line code, the test
     /// failed or the robot is bad, 2 for wrong flags and files that cannot be written.
     #[cfg(feature = "generate")]
