@@ -94,6 +94,14 @@ enum Command {
     /// write.
     #[cfg(feature = "report")]
     Report(commands::report::Report),
+    /// Write a robot as one page that opens offline, with sliders that move it.
+    ///
+    /// The page draws the robot, its joint axes, cut points and inertia, and compares u and tau_u
+    /// with their limits; sliders set y or u, and the loops follow. Prints the page's path. Ends
+    /// with 0, with 1 for a bad robot and one without straight-line code, with 2 for wrong flags
+    /// and a page that cannot be written.
+    #[cfg(feature = "show")]
+    Show(commands::show::Show),
     /// Integrate a robot in time: a table, pictures, and estimates of the error.
     ///
     /// From y and yd (or q and qd) under gravity, constant forces, a table of forces, gains and
@@ -133,6 +141,8 @@ pub fn run() -> ExitCode {
         Command::Man(command) => conclude("man", command.run(Arguments::command())),
         #[cfg(feature = "report")]
         Command::Report(command) => conclude("report", command.run()),
+        #[cfg(feature = "show")]
+        Command::Show(command) => conclude("show", command.run()),
         #[cfg(feature = "simulate")]
         Command::Simulate(command) => conclude("simulate", command.run()),
     }

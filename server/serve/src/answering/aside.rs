@@ -267,9 +267,7 @@ mod tests {
         let plan = Arc::new(Plan::new(&model, &query).unwrap());
         let mut aside = Aside::start(&model, "aside", 5, || {}).unwrap();
         let input = [-1.0, 0.5, -0.8];
-        let key = |place: usize, sequence| {
-            Key { place, plan: PlanNumber(0), sequence, row: None }
-        };
+        let key = |place: usize, sequence| Key { place, plan: PlanNumber(0), sequence, row: None };
         let mut waiting = vec![key(1, 1), key(2, 1), key(3, 1)];
         for key in &waiting {
             aside.submit(*key, &plan, &input);

@@ -1,0 +1,62 @@
+#![doc = include_str!("../README.md")]
+
+mod code;
+mod error;
+mod scene;
+
+use sarrus_models::Loaded;
+
+pub use error::ShowError;
+
+/// The stack of a trace: its recursion is as deep as the robot.
+const STACK: usize = 16 << 20;
+
+/// Choices of a page.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Settings {
+    /// The robot swings as soon as the page opens.
+    pub swing: bool,
+    /// How `sarrus ask` names this robot: `--robot NAME`, `--urdf FILE`.
+    pub flags: String,
+}
+
+/// The page of a robot: one HTML file that refers to nothing outside.
+///
+/// The answers in it are those of generated code ([`sarrus_generate::Script`]). Allocates.
+///
+/// # Errors
+/// [`ShowError`]: some query has no straight-line code, or Newton's method closes a loop.
+pub fn page(loaded: &Loaded, settings: &Settings) -> Result<String, ShowError> {
+    let code = std::thread::scope(|scope| {
+        let builder = std::thread::Builder::new().stack_size(STACK);
+        let worker =
+            builder.spawn_scoped(scope, || code::code(loaded)).map_err(ShowError::Thread)?;
+        worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    })?;
+    let robot = scene::scene(loaded, settings, &code);
+    let scripts = [
+        include_str!("../page/three/three.min.js"),
+        &code.text,
+        &format!("const robot = {};", embedded(&robot.to_string())),
+        include_str!("../page/geometry.js"),
+        include_str!("../page/motion.js"),
+        include_str!("../page/view.js"),
+        include_str!("../page/panel.js"),
+    ];
+    let scripts: String = scripts.iter().map(|text| format!("<script>{text}</script>\n")).collect();
+    // names go last: no part of a page is a template of another
+    Ok(include_str!("../page/page.html")
+        .replace("@STYLE@", include_str!("../page/page.css"))
+        .replace("@TITLE@", &text(&loaded.description.name))
+        .replace("@SCRIPTS@", &scripts))
+}
+
+/// JSON that does not end the script around it.
+fn embedded(json: &str) -> String {
+    json.replace('<', "\\u003c").replace('\u{2028}', "\\u2028").replace('\u{2029}', "\\u2029")
+}
+
+/// Text of a page.
+fn text(name: &str) -> String {
+    name.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;").replace('@', "&#64;")
+}
