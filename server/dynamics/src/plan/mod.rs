@@ -8,6 +8,7 @@ mod forces;
 mod kkt;
 mod limits;
 mod needed;
+mod newton;
 mod outline;
 mod output;
 mod run;
@@ -19,6 +20,7 @@ pub use batch::{Batch, BatchWorkspace, MOST_ROWS, PackedRows, STRAIGHT_FIELDS};
 pub use closed::ClosedNumbers;
 pub(crate) use forces::wrenches_on_bodies;
 pub(crate) use kkt::{Drift, drift_of, tree_under_constraints};
+pub use newton::{NewtonBlock, NewtonCluster};
 pub use outline::Outline;
 pub use run::PlanScalar;
 

@@ -3,6 +3,8 @@
 //! JavaScript has no fused multiply-add; `head.js` makes one of seventeen operations, which is
 //! rounded as the instruction is. So the numbers have the bits of the generic kernel here too.
 
+mod newton;
+
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -57,6 +59,10 @@ pub struct Script {
     /// Lists `[state, [given], [wanted]]`: what the function returns, its numbers, and those of the
     /// generic kernel.
     pub states: Vec<String>,
+    /// `ask` closes all loops from the given numbers alone.
+    pub closes: bool,
+    /// Operations of all its functions.
+    pub operations: usize,
 }
 
 impl Script {
@@ -64,11 +70,13 @@ impl Script {
     /// `_` are kept. Allocates.
     pub fn new(kernel: &Kernel, model: &Model<f64>, name: &str) -> Script {
         let name = identifier(name);
-        let function = function(kernel, model, &name);
+        let (function, closing) = function(kernel, model, &name);
         let states = states(kernel, model);
         let rows: String = states.iter().map(|row| format!("  {row},\n")).collect();
         let test = include_str!("test.js").replace("@NAME@", &name).replace("@ROWS@", &rows);
-        Script { name, function, test, states }
+        let closes = closing.is_some();
+        let operations = kernel.operations() + closing.unwrap_or(0);
+        Script { name, function, test, states, closes, operations }
     }
 
     /// Writes the files into a folder, which is made where it is missing; their paths.
@@ -136,52 +144,54 @@ fn measured(measure: Measure) -> String {
     }
 }
 
-/// The script.
-fn function(kernel: &Kernel, model: &Model<f64>, name: &str) -> String {
+/// The script, and the operations that close loops; none where it does not close all of them.
+fn function(kernel: &Kernel, model: &Model<f64>, name: &str) -> (String, Option<usize>) {
     let info = &kernel.info;
     let plan = &kernel.plan;
     let of_c = [include_str!("../c/sin_cos.c"), include_str!("../c/atan2.c")].concat();
     let elementary = WORDS.iter().fold(of_c, |text, (word, with)| text.replace(word, with));
-    let (parts, waiting) = parts(kernel);
-    let count = parts.len();
-    let calls: Vec<String> = (0..count).map(|k| format!("part{k}(given, wanted)")).collect();
-    let text = |text: &str| format!("\"{}\"", plain(text));
-    let list =
-        |names: &[String]| names.iter().map(|name| text(name)).collect::<Vec<_>>().join(", ");
-    let closed = plan.closed_numbers(model).into_iter().map(|numbers| {
-        format!(
-            "    {{ name: {}, joints: [{}], columns: {} }},\n",
-            text(numbers.name),
-            list(&numbers.joints),
-            numbers.columns
-        )
+    let list = |names: &[String]| {
+        names.iter().map(|name| format!("\"{}\"", plain(name))).collect::<Vec<_>>().join(", ")
+    };
+    let numbers = plan.closed_numbers(model).into_iter().map(|numbers| {
+        let joints = list(&numbers.joints);
+        format!("    {{ name: \"{}\", joints: [{joints}] }},\n", numbers.name)
     });
+    let (newton, closing) = match newton::newton(model, plan) {
+        Ok(Some((newton, operations))) => (newton, Some(operations)),
+        Ok(None) => ("const close = (given) => given;".to_owned(), Some(0)),
+        Err(_) => ("const close = () => null;".to_owned(), None),
+    };
+    let count = |number: usize| number.to_string();
+    // names of joints go last: they are no template
+    let words = [
+        ("@NAME@", name.to_owned()),
+        ("@REQUEST@", request(kernel).to_owned()),
+        ("@FINGERPRINT@", format!("{:016x}", info.fingerprint)),
+        ("@OPERATIONS@", count(kernel.operations() + closing.unwrap_or(0))),
+        ("@HEAD@", include_str!("head.js").to_owned() + &elementary),
+        ("@CLOSED@", count(plan.closed_len())),
+        ("@NEWTON@", newton),
+        ("@ANSWER@", compiled(kernel)),
+        ("@INPUTS@", count(kernel.inputs())),
+        ("@OUTPUTS@", count(kernel.outputs())),
+        ("@ROBOT@", plain(&info.robot)),
+        ("@GIVEN@", fields(kernel, plan.given(), false)),
+        ("@WANTED@", fields(kernel, plan.want(), true)),
+        ("@NUMBERS@", numbers.collect()),
+    ];
+    let frame = include_str!("frame.js").to_owned();
+    (words.iter().fold(frame, |text, (word, with)| text.replace(word, with)), closing)
+}
+
+/// An expression: the function of a kernel's operations.
+fn compiled(kernel: &Kernel) -> String {
+    let (parts, waiting) = parts(kernel);
+    let calls: Vec<String> = (0..parts.len()).map(|k| format!("part{k}(given, wanted)")).collect();
     format!(
-        "// {name}: {} of the robot {}, fingerprint {:016x}, {} operations.\n// SI and radians. \
-         Written by sarrus.\nconst {name} = (() => {{\n\"use strict\";\n{}\n{elementary}\n\
-         // numbers that wait for later parts\nconst wait = new Float64Array({waiting});\n{}\n\
-         return {{\n  robot: {},\n  fingerprint: \"{:016x}\",\n  operations: {},\n  inputs: {},\n  \
-         outputs: {},\n  given: {{\n{}  }},\n  wanted: {{\n{}  }},\n  \
-         // numbers behind the given ones that close loops which Newton's method closes\n  \
-         closed: [\n{}  ],\n  \
-         // 0: answered; 1: some limit is exceeded, the numbers are right; 2: no answer, all NaN\n  \
-         run(given, wanted) {{\n    const state = {};\n    if (state & 2) {{\n      \
-         wanted.fill(NaN);\n      return 2;\n    }}\n    return state;\n  }},\n}};\n}})();\n\
-         if (typeof module === \"object\") module.exports = {name};\n",
-        request(kernel),
-        plain(&info.robot),
-        info.fingerprint,
-        kernel.operations(),
-        include_str!("head.js"),
+        "(() => {{\n// numbers that wait for later parts\nconst wait = new Float64Array({waiting});\n\
+         {}return (given, wanted) => {};\n}})()",
         parts.concat(),
-        text(&info.robot),
-        info.fingerprint,
-        kernel.operations(),
-        kernel.inputs(),
-        kernel.outputs(),
-        fields(kernel, plan.given(), false),
-        fields(kernel, plan.want(), true),
-        closed.collect::<String>(),
         calls.join(" | "),
     )
 }
@@ -203,7 +213,7 @@ fn fields(kernel: &Kernel, layout: &Layout, is_wanted: bool) -> String {
 
 /// Text in a string and in a comment.
 fn plain(text: &str) -> String {
-    let is_plain = |c: char| !c.is_control() && !"\"\\<>\u{2028}\u{2029}".contains(c);
+    let is_plain = |c: char| !c.is_control() && !"\"\\<>@\u{2028}\u{2029}".contains(c);
     text.chars().map(|c| if is_plain(c) { c } else { '_' }).collect()
 }
 

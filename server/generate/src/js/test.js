@@ -5,12 +5,16 @@ const kernel = require("./@NAME@.js");
 const states = [
 @ROWS@];
 const wanted = new Float64Array(kernel.outputs);
-if (process.argv[2] === "states") {
-  // doubles in; what it returns and its numbers out
+if (["states", "given"].includes(process.argv[2])) {
+  // doubles in, with the numbers of closures or without; what it returns and its numbers out
   const given = new Float64Array(new Uint8Array(require("fs").readFileSync(0)).buffer);
+  const alone = process.argv[2] === "given";
+  const size = Object.values(kernel.given).reduce((sum, of) => sum + of.rows * of.columns, 0);
+  const count = alone ? size : kernel.inputs;
   const answers = [];
-  for (let k = 0; k < given.length; k += kernel.inputs) {
-    answers.push(kernel.run(given.subarray(k, k + kernel.inputs), wanted), ...wanted);
+  for (let k = 0; k < given.length; k += count) {
+    const numbers = given.subarray(k, k + count);
+    answers.push(alone ? kernel.ask(numbers, wanted) : kernel.run(numbers, wanted), ...wanted);
   }
   require("fs").writeFileSync(1, new Uint8Array(new Float64Array(answers).buffer));
   process.exit(0);

@@ -2,10 +2,12 @@
 
 use std::process::Command;
 
-use sarrus_dynamics::Plan;
-use sarrus_generate::{Cancel, Kernel, Outcome, Script};
+use sarrus_dynamics::scalar::{Dd, Real};
+use sarrus_dynamics::{Field, Plan, Status, Workspace};
+use sarrus_generate::{Cancel, Kernel, Outcome, RandomInputs, Script};
+use sarrus_models::{Options, Source, load};
 
-use crate::{Comparison, OTHERS, ROBOTS, answers, folder, model, queries, states};
+use crate::{Comparison, FRESH, OTHERS, ROBOTS, answers, folder, model, queries, states};
 
 /// `SARRUS_STATES`: states of each query on every robot, instead of a few on some.
 fn asked() -> Option<u64> {
@@ -51,5 +53,85 @@ fn javascript_has_the_bits_of_the_plans() {
             println!("{words}; {answered} of {count} answered, {} closed", closed.len());
             assert!(answered > 0);
         }
+    }
+}
+
+/// The largest deviation of each field from another answer, by the field's size.
+fn deviation(plan: &Plan, found: &[f64], expected: &[f64]) -> f64 {
+    let of = |slot: &sarrus_dynamics::Slot| {
+        let expected = &expected[slot.range()];
+        let size = expected.iter().fold(1e-300, |size: f64, x| size.max(x.abs()));
+        let pairs = found[slot.range()].iter().zip(expected);
+        pairs.fold(0.0, |worst: f64, (a, b)| worst.max((a - b).abs() / size))
+    };
+    plan.want().slots().iter().map(of).fold(0.0, f64::max)
+}
+
+#[test]
+fn javascript_closes_loops_by_newtons_method_as_the_plans_do() {
+    let robots = match asked() {
+        Some(_) => OTHERS.to_vec(),
+        None => vec!["five_bar", "bricard"],
+    };
+    let count = asked().unwrap_or(64);
+    for robot in robots {
+        let source = Source::Bundled(robot.to_owned());
+        let compiled = load(&source, &Options::default()).unwrap().compiled;
+        let model = &compiled.model;
+        let [_, (_, mut query), _] = queries();
+        query.given |= Field::QGuess;
+        query.want |= Field::Q;
+        let plan = Plan::new(model, &query).unwrap();
+        let kernel = Kernel::trace_for_display(model, &plan).unwrap();
+        let script = Script::new(&kernel, model, &format!("{robot}_newton"));
+        assert!(script.closes, "{robot}");
+        let folder = folder("js");
+        let files = script.write(&folder).unwrap();
+        if script.test(&folder, &Cancel::default()).is_ok_and(|words| words.is_none()) {
+            println!("not run: no node");
+            return;
+        }
+        // from zero, as a page asks
+        let zero: Vec<f64> =
+            model.info().tree_q.iter().map(|q| f64::from(q.ends_with("/qw"))).collect();
+        let guess = plan.given().slot(Field::QGuess).unwrap().range();
+        let mut inputs = RandomInputs::new(model, &plan);
+        let given: Vec<Vec<f64>> = (0..count)
+            .map(|k| {
+                let mut input = inputs.input(FRESH + k);
+                input[guess.clone()].copy_from_slice(&zero);
+                input
+            })
+            .collect();
+        let mut node = Command::new("node");
+        node.arg(&files[1]);
+        let found = answers(node, "given", &given, plan.want().len());
+        let mut workspace = Workspace::for_plans(model, [&plan]);
+        let mut exact = Workspace::for_plans(&compiled.exact, [&plan]);
+        let mut output = vec![0.0; plan.want().len()];
+        let mut reference = vec![Dd::from_f64(0.0); plan.want().len()];
+        let mut both = 0;
+        let mut left = 0;
+        let mut worst: f64 = 0.0;
+        for (input, (outcome, numbers)) in given.iter().zip(found) {
+            let status = plan.run(model, &mut workspace, input, &mut output).status;
+            if outcome == Outcome::NotAnswered {
+                left += u64::from(status == Status::Ok);
+                continue;
+            }
+            assert_eq!(status, Status::Ok, "{robot} {input:?}");
+            both += 1;
+            let off = deviation(&plan, &numbers, &output);
+            worst = worst.max(off);
+            if off > 1e-13 {
+                let input: Vec<Dd> = input.iter().map(|x| Dd::from_f64(*x)).collect();
+                let _ = plan.run(&compiled.exact, &mut exact, &input, &mut reference);
+                let reference: Vec<f64> = reference.iter().map(|x| x.to_f64()).collect();
+                let own = deviation(&plan, &output, &reference);
+                assert!(off <= 4.0 * own, "{robot}: {off:e}, the plan {own:e} at {input:?}");
+            }
+        }
+        println!("{robot}: {both} of {count} as the plan, worst {worst:.1e}; {left} left to it");
+        assert!(both > count / 2 && left <= count / 10);
     }
 }

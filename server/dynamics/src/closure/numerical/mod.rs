@@ -18,6 +18,7 @@ mod jacobian;
 mod newton;
 pub(crate) mod seeds;
 mod series;
+mod straight;
 
 use std::sync::Arc;
 
