@@ -4,7 +4,7 @@
 const words = {
   no_pose: "No pose: the loops do not close here, or the pose is singular. The last pose stands.",
   no_motors: "No pose has these motor positions on this branch. The last pose stands.",
-  no_forces: "The motors do not control the robot here: no forces.",
+  no_forces: "No forces: the motors do not control the robot here, or no digit is certain.",
   ok: "ok",
 };
 const element = (id) => document.getElementById(id);
@@ -124,7 +124,7 @@ function slide(k, value) {
     y[k] = value;
     set(normalised(y));
   } else {
-    const from = now.answer ?? ask(start(), zeros(), zeros());
+    const from = now.answer ?? ask(start(), zeros, zeros);
     const u = [...from.u];
     u[k] = value;
     const y = independents(u, from.y);
@@ -137,12 +137,8 @@ function slide(k, value) {
   }
 }
 
-function zeros() {
-  return robot.yd.map(() => 0);
-}
-
 // takes y, and its rates, and shows the answer
-function set(y, yd = zeros(), ydd = zeros()) {
+function set(y, yd = zeros, ydd = zeros) {
   now.y = y;
   const answer = ask(y, yd, ydd);
   now.status = answer.status;
@@ -227,8 +223,8 @@ function swing() {
     const part = (0.5 * far) / 2;
     const s = t % seconds;
     const y = [...rest];
-    const yd = zeros();
-    const ydd = zeros();
+    const yd = [...zeros];
+    const ydd = [...zeros];
     const v = robot.yd.indexOf(of.name);
     y[k] = rest[k] + part * (1 - Math.cos(w * s));
     yd[v] = part * w * Math.sin(w * s);
@@ -254,9 +250,9 @@ function stop() {
   const off = deviation.worst === 0 ? "0" : deviation.worst.toExponential(1);
   element("fine").textContent =
     `Largest deviation from sarrus ${robot.version} in this browser: ${off}, by the size of each `
-    + `field, on ${deviation.states} states. ${robot.operations} operations; fingerprint ${robot.fingerprint}.`;
+    + `field, on ${deviation.states - deviation.left} of ${deviation.states} states. ${robot.operations} operations; fingerprint ${robot.fingerprint}.`;
   const y = start();
-  const answer = ask(y, zeros(), zeros());
+  const answer = ask(y, zeros, zeros);
   if (answer.worlds) fit(answer.worlds);
   open(element("canvas"));
   if (robot.u.length !== robot.yd.length || robot.y.some((of) => of.part)) {

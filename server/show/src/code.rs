@@ -1,7 +1,7 @@
 //! The functions of a page: generated code, with states on which the page compares it.
 
-use sarrus_dynamics::{ClosureKind, Field, FieldSet, Model, Plan, Query, Request};
-use sarrus_generate::{GenerateError, Kernel, Script};
+use sarrus_dynamics::{ClosureKind, Field, FieldSet, Model, Plan, Query, Request, Workspace};
+use sarrus_generate::{GenerateError, Kernel, Outcome, Script};
 use sarrus_models::Loaded;
 
 use crate::ShowError;
@@ -39,43 +39,74 @@ pub(crate) fn code(loaded: &Loaded) -> Result<Code, ShowError> {
     let links: Vec<usize> = (0..description.links.len()).filter(moving).collect();
     let frames: Vec<u16> = links.iter().filter_map(named).map(|link| link as u16).collect();
 
-    use Field::{FramePose, GU, Q, TauU, U, Y, Yd, Ydd};
-    let pose = query(Request::Kinematics, &[Y], &[Q, U, GU]);
-    let force = query(Request::InverseDynamics, &[Y, Yd, Ydd], &[TauU]);
-    let mut operations = 0;
-    let mut text = String::new();
-    let mut add = |name: &str, query: &Query| -> Result<(), ShowError> {
-        let (script, count) = script(model, query, name)?;
-        let states: String =
-            script.states.iter().take(STATES).map(|row| format!("  {row},\n")).collect();
-        text += &format!("{}{name}.states = [\n{states}];\n", script.function);
-        operations += count;
-        Ok(())
-    };
-    add("pose", &pose)?;
-    add("force", &force)?;
-    let mut list = Vec::new();
-    for (k, frames) in frames.chunks(FRAMES).enumerate() {
+    use Field::{FramePose, GU, Q, QGuess, TauU, U, Y, Yd, Ydd};
+    let plain = query(Request::Kinematics, &[Y], &[Q]);
+    let newton = Plan::new(model, &plain).map_err(GenerateError::from)?.closes_apart();
+    // from a guess Newton's method closes all loops that no closed form does
+    let given =
+        |fields: &[Field]| if newton { [fields, &[QGuess]].concat() } else { fields.to_vec() };
+    let mut code = Code { text: String::new(), links, operations: 0 };
+    let first = frames.len().min(FRAMES);
+    let pose = query(Request::Kinematics, &given(&[Y]), &[Q, U, GU, FramePose]);
+    code.add("pose", model, &pose.with_frames(&frames[..first]))?;
+    let force = query(Request::InverseDynamics, &given(&[Y, Yd, Ydd]), &[TauU]);
+    code.add("force", model, &force)?;
+    let mut list = vec!["pose".to_owned()];
+    for (k, frames) in frames[first..].chunks(FRAMES).enumerate() {
         let name = format!("frames{k}");
-        add(&name, &query(Request::Kinematics, &[Y], &[FramePose]).with_frames(frames))?;
+        let query = query(Request::Kinematics, &given(&[Y]), &[FramePose]);
+        code.add(&name, model, &query.with_frames(frames))?;
         list.push(name);
     }
-    text += &format!("const frames = [{}];\n", list.join(", "));
-    Ok(Code { text, links, operations })
+    code.text += &format!("const frames = [{}];\n", list.join(", "));
+    Ok(code)
+}
+
+impl Code {
+    /// Adds the function of a query, with states; as its `rest` that of the branch at zero, where
+    /// the other leaves zero to the plan, as where all forces are zero.
+    fn add(&mut self, name: &str, model: &Model<f64>, query: &Query) -> Result<(), ShowError> {
+        let plan = Plan::new(model, query).map_err(GenerateError::from)?;
+        let kernel = Kernel::trace_for_display(model, &plan)?;
+        self.add_kernel(name, model, &kernel)?;
+        let zero = vec![0.0; plan.given().len()];
+        let closed = plan
+            .close(model, &mut Workspace::for_plans(model, [&plan]), &zero)
+            .map(<[f64]>::to_vec);
+        let left = |closed: &Vec<f64>| {
+            kernel.evaluate(closed, &mut vec![0.0; kernel.outputs()]) == Outcome::NotAnswered
+        };
+        if closed.as_ref().is_some_and(left)
+            && let Ok(kernel) = Kernel::trace_at(model, &plan, &zero)
+        {
+            let rest = format!("{name}_rest");
+            self.add_kernel(&rest, model, &kernel)?;
+            self.text += &format!("{name}.rest = {rest};\n");
+        }
+        Ok(())
+    }
+
+    fn add_kernel(
+        &mut self,
+        name: &str,
+        model: &Model<f64>,
+        kernel: &Kernel,
+    ) -> Result<(), ShowError> {
+        let script = Script::new(kernel, model, name);
+        if !script.closes {
+            let closures = model.closures().iter();
+            let newton = closures.filter(|closure| closure.kind == ClosureKind::Numerical);
+            let names: Vec<&str> = newton.map(|closure| closure.name.as_str()).collect();
+            return Err(ShowError::Newton { closures: names.join(", ") });
+        }
+        let states = script.states.iter().take(STATES).map(|row| format!("  {row},\n"));
+        let states: String = states.collect();
+        self.text += &format!("{}{name}.states = [\n{states}];\n", script.function);
+        self.operations += script.operations;
+        Ok(())
+    }
 }
 
 fn query(request: Request, given: &[Field], want: &[Field]) -> Query {
     Query::new(request, FieldSet::of(given), FieldSet::of(want))
-}
-
-fn script(model: &Model<f64>, query: &Query, name: &str) -> Result<(Script, usize), ShowError> {
-    let plan = Plan::new(model, query).map_err(GenerateError::from)?;
-    if plan.closes_apart() {
-        let closures = model.closures().iter();
-        let newton = closures.filter(|closure| closure.kind == ClosureKind::Numerical);
-        let names: Vec<&str> = newton.map(|closure| closure.name.as_str()).collect();
-        return Err(ShowError::Newton { closures: names.join(", ") });
-    }
-    let kernel = Kernel::trace(model, &plan)?;
-    Ok((Script::new(&kernel, model, name), kernel.operations()))
 }

@@ -8,10 +8,11 @@ use sarrus_generate::GenerateError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ShowError {
-    /// Its loops are not closed by straight-line code.
+    /// Its loops are closed in a way that pages do not have: by a choice among redundant rows, along
+    /// tangents where assemblies meet, after a closed form, or by joints of several freedoms.
     #[error(
-        "Newton's method closes the loops of {closures}, and a page has none; `sarrus simulate` \
-         draws the robot"
+        "pages do not close the loops of {closures}, which need more than Newton's method on one \
+         set of rows; `sarrus simulate` draws the robot"
     )]
     Newton {
         /// The submechanisms.

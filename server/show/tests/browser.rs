@@ -86,7 +86,7 @@ fn answers(robot: &str, y: &[f64], want: Field) -> Vec<f64> {
 
 #[test]
 fn a_page_is_one_small_file_without_outside_references() {
-    for robot in ["lambda", "stewart", "rh5v2_upper_body"] {
+    for (robot, _) in sarrus_models::bundled() {
         let text = page(&loaded(robot), &settings(robot)).unwrap();
         assert!(text.len() < 3_000_000, "{}", text.len());
         let outside = text.split("http").skip(1).filter(|rest| {
@@ -154,18 +154,27 @@ fn a_slider_moves_the_robot_and_the_numbers_are_the_plans() {
         motor.dispatchEvent(new Event('input'));
         answer.by_u = [now.answer.u[0], now.status];
     ";
-    for (robot, hash) in [("lambda", ""), ("lambda", "#lines"), ("rh5v2_upper_body", "")] {
+    let cases =
+        [("lambda", ""), ("lambda", "#lines"), ("rh5v2_upper_body", ""), ("five_bar", "#lines")];
+    for (robot, hash) in cases {
+        let is_closed_form = robot != "five_bar";
         let Some(answer) = run(robot, script, [1280, 800], hash) else { return };
         println!("{robot}{hash}: {answer}");
         assert_eq!(answer["kind"], if hash.is_empty() { "solids" } else { "lines" });
         let y = numbers(&answer["y"]);
         assert_eq!(y[0], 0.4);
-        // the bits of the plan
-        assert_eq!(numbers(&answer["u"]), answers(robot, &y, Field::U));
-        let tau_u = answers(robot, &y, Field::TauU);
-        assert_eq!(numbers(&answer["tau_u"]), tau_u);
-        assert_eq!(answer["shown"].as_f64().unwrap(), tau_u[0]);
-        assert_eq!(answer["deviation"]["worst"].as_f64(), Some(0.0));
+        // the bits of the plan; Newton's method takes other last steps
+        let most = if is_closed_form { 0.0 } else { 1e-13 };
+        for (name, field) in [("u", Field::U), ("tau_u", Field::TauU)] {
+            let expected = answers(robot, &y, field);
+            let size = expected.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
+            for (found, expected) in numbers(&answer[name]).iter().zip(&expected) {
+                assert!((found - expected).abs() <= most * size, "{robot} {name} {found}");
+            }
+        }
+        assert_eq!(answer["shown"], answer["tau_u"][0]);
+        assert!(answer["deviation"]["worst"].as_f64().unwrap() <= most);
+        assert_eq!(answer["deviation"]["left"], 0);
         assert_eq!(answer["back"], true);
         // the picture changes where the rod goes
         assert!(answer["moved"].as_f64().unwrap() > 0.02);
@@ -199,10 +208,4 @@ fn no_size_of_window_is_white_or_wider_than_itself() {
         assert!(answer["wide"].as_f64() <= answer["width"].as_f64());
         assert_eq!(answer["labelled"], true);
     }
-}
-
-#[test]
-fn a_robot_closed_by_newtons_method_is_refused_with_its_loops() {
-    let error = page(&loaded("bricard"), &settings("bricard")).unwrap_err().to_string();
-    assert!(error.contains("Bricard"), "{error}");
 }
