@@ -149,6 +149,19 @@ impl PyOrigin {
         }
     }
 
+    /// The flags of the commands that choose this robot.
+    pub(super) fn flags(&self) -> String {
+        match &self.0 {
+            Origin::Read { source: Source::Bundled(name), .. } => format!("--robot {name}"),
+            Origin::Read { source: Source::Files { urdf, submechanisms }, .. } => {
+                let second = submechanisms.iter().map(|path| format!(" {}", path.display()));
+                urdf.display().to_string() + &second.collect::<String>()
+            }
+            Origin::Served { name, .. } => format!("--connect {name}"),
+            Origin::Read { .. } => "FILE.urdf FILE.yml".to_owned(),
+        }
+    }
+
     /// The robot, read from its files.
     pub(super) fn load(&self, py: Python<'_>) -> PyResult<Loaded> {
         let (source, options, _) = self.source()?;
