@@ -34,7 +34,7 @@ mod trace;
 pub use c::{FLAGS, Source};
 pub use compiler::{Built, Compiler};
 pub use error::{BuildError, GenerateError};
-pub use js::Script;
+pub use js::{Script, sigma_min};
 pub use kernel::{Kernel, Outcome};
 #[cfg(feature = "load")]
 pub use load::{

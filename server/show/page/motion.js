@@ -10,13 +10,20 @@ function field(kernel, numbers, name) {
 const guess = robot.q.map((name) => (name.endsWith("/qw") ? 1 : 0));
 
 function answered(kernel, y, yd = zeros, ydd = zeros) {
-  const parts = { y, yd, ydd, q_guess: guess };
+  const parts = { y, yd, ydd, q_guess: guess, wrenches: wrenches() };
   const given = new Float64Array(length(kernel));
   for (const [name, { at }] of Object.entries(kernel.given)) given.set(parts[name], at);
   const wanted = new Float64Array(kernel.outputs);
   let state = kernel.ask(given, wanted);
   if (state === 2 && kernel.rest) state = kernel.rest.ask(given, wanted);
   return { state, get: (name) => field(kernel, wanted, name) };
+}
+
+// a force at the origin of a tip, in the root's axes [N]
+const load = { tip: 0, force: [0, 0, 0] };
+
+function wrenches() {
+  return robot.tips.flatMap((_, k) => [0, 0, 0, ...(k === load.tip ? load.force : [0, 0, 0])]);
 }
 
 const zeros = robot.yd.map(() => 0);
@@ -83,6 +90,7 @@ function ask(y, yd, ydd) {
   if (!found) return { status: "no_pose" };
   const answer = { status: "ok", y, q: at.get("q"), u: at.get("u"), worlds: found, exceeded: [] };
   answer.G_u = at.get("G_u");
+  answer.sigma_min = sigma_min(Float64Array.from(answer.q));
   const forces = answered(force, y, yd, ydd);
   answer.tau_u = forces.state === 2 ? null : forces.get("tau_u");
   if (!answer.tau_u) answer.status = "no_forces";

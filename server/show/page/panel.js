@@ -7,6 +7,8 @@ const words = {
   no_forces: "No forces: the motors do not control the robot here, or no digit is certain.",
   ok: "ok",
 };
+// sigma_min from which on the status speaks of it
+const near = 0.01;
 const element = (id) => document.getElementById(id);
 const now = { by: "y", y: [], yd: [], ydd: [], answer: null, status: "ok" };
 
@@ -101,6 +103,39 @@ function makeSliders() {
   });
 }
 
+// sliders of a force along the root's axes
+function makeForces() {
+  element("load").hidden = robot.tips.length === 0;
+  robot.tips.forEach((name, k) => element("tip").add(new Option(name, k)));
+  element("tip").addEventListener("change", (event) => {
+    load.tip = Number(event.target.value);
+    again();
+  });
+  ["x", "y", "z"].forEach((axis, k) => {
+    const row = document.createElement("div");
+    row.className = "slider";
+    const label = document.createElement("label");
+    label.htmlFor = `force_${axis}`;
+    label.textContent = `force along ${axis}`;
+    const output = document.createElement("output");
+    const input = document.createElement("input");
+    Object.assign(input, { type: "range", id: label.htmlFor, min: -100, max: 100, step: 1, value: 0 });
+    output.textContent = "0 N";
+    input.addEventListener("input", () => {
+      load.force[k] = Number(input.value);
+      output.textContent = `${input.value} N`;
+      again();
+    });
+    row.append(label, output, input);
+    element("forces").append(row);
+  });
+}
+
+// the same pose once more
+function again() {
+  if (swinging === null) set(now.y);
+}
+
 function makeMotors() {
   const body = element("motors").tBodies[0];
   robot.u.forEach((of) => {
@@ -154,10 +189,16 @@ function show(asked, of) {
   const { answer, status } = now;
   const fails = status !== "ok";
   const exceeded = answer && !fails ? answer.exceeded : [];
-  element("picture").className = fails || exceeded.length > 0 ? "bad" : "";
-  const line = element("status");
-  line.className = fails ? "bad" : exceeded.length > 0 ? "warn" : "";
-  line.textContent = exceeded.length > 0 ? `Outside a limit: ${exceeded.join(", ")}` : words[status];
+  const notes = [];
+  if (!fails && answer.sigma_min < near) notes.push("Near a singular pose");
+  if (exceeded.length > 0) notes.push(`Outside a limit: ${exceeded.join(", ")}`);
+  element("picture").className = fails || notes.length > 0 ? "bad" : "";
+  const spoken = element("status");
+  spoken.className = fails ? "bad" : notes.length > 0 ? "warn" : "";
+  spoken.textContent = notes.length > 0 ? notes.join(". ") : words[status];
+  element("distance").textContent = !robot.closed || !answer
+    ? "" : `Distance to a singular pose, σ_min: ${text(answer.sigma_min)}`;
+  element("distance").dataset.value = answer?.sigma_min;
   for (const input of document.querySelectorAll("#sliders input")) {
     const k = Number(input.dataset.index);
     const list = now.by === "y" ? robot.y : robot.u;
@@ -189,9 +230,12 @@ function show(asked, of) {
     second.title = motor.effort === null ? "" : `limit ${motor.effort}`;
     first.title = limited ? `limits ${motor.lower ?? "none"} to ${motor.upper ?? "none"}` : "";
   });
-  const list = (numbers) => `[${numbers.join(", ")}]`;
+  const line = { y: now.y, want: ["q", "u", "tau_u"] };
+  if (load.force.some((x) => x !== 0)) {
+    line.wrenches = { [robot.tips[load.tip]]: [0, 0, 0, ...load.force] };
+  }
   element("command").textContent =
-    `echo '{"y": ${list(now.y)}, "want": ["q", "u", "tau_u"]}' | sarrus ask inverse-dynamics ${robot.flags}`;
+    `echo '${JSON.stringify(line)}' | sarrus ask inverse-dynamics ${robot.flags}`;
   view.draw();
 }
 
@@ -260,6 +304,7 @@ function stop() {
   }
   makeSliders();
   makeMotors();
+  makeForces();
   set(y);
   element("by").addEventListener("change", (event) => {
     stop();

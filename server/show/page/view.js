@@ -49,6 +49,15 @@ const view = {
 };
 
 
+// the force on a tip: its two ends, none without a force
+function arrow() {
+  const link = robot.links.findIndex((of) => of.name === robot.tips[load.tip]);
+  const size = Math.hypot(...load.force);
+  if (!view.worlds || link < 0 || size === 0) return null;
+  const from = view.worlds[link].slice(0, 3);
+  return [from, from.map((x, k) => x + (0.35 * view.size * load.force[k]) / (size + 50))];
+}
+
 // the eye, and the directions right and up of the picture
 function eye() {
   const { yaw, pitch, distance, target } = view;
@@ -97,7 +106,7 @@ function colours() {
   const of = (name) => style.getPropertyValue(name).trim();
   return {
     rod: of("--rod"), slide: of("--slide"), axis: of("--axis"), cut: of("--cut"), box: of("--box"),
-    grid: of("--grid"),
+    grid: of("--grid"), force: of("--force"),
   };
 }
 
@@ -138,6 +147,8 @@ function lines(canvas) {
         draw(end(-1), end(1), colour.axis, 1.5);
       }
     }
+    const force = arrow();
+    if (force) draw(...force, colour.force, 5);
     if (shown.cuts) {
       for (const [k, p] of marks) {
         context.fillStyle = colour.cut;
@@ -169,6 +180,8 @@ function solids(canvas) {
   };
   const of = { rod: material(colour.rod), slide: material(colour.slide) };
   const axisOf = material(colour.axis);
+  const forceOf = material(colour.force);
+  const pull = solid(cylinder, forceOf);
   const bars = rods.map(([, , , , kind]) => solid(cylinder, of[kind]));
   const joints = axes.map(() => solid(cylinder, axisOf));
   const ball = new THREE.SphereGeometry(0.014 * view.size, 20, 12);
@@ -201,7 +214,7 @@ function solids(canvas) {
   const recoloured = () => {
     const now = colours();
     for (const [name, list] of [["rod", [of.rod]], ["slide", [of.slide]], ["axis", [axisOf]],
-      ["cut", [cutOf]], ["box", [boxOf, lineOf]], ["grid", [].concat(grid.material)]]) {
+      ["cut", [cutOf]], ["box", [boxOf, lineOf]], ["force", [forceOf]], ["grid", [].concat(grid.material)]]) {
       list.forEach((each) => each.color.set(now[name]));
     }
     grid.geometry.deleteAttribute("color");
@@ -231,6 +244,9 @@ function solids(canvas) {
       rods.forEach(([a, p, b, q], k) => {
         lay(bars[k], placed(worlds[a], p), placed(worlds[b], q), radius);
       });
+      const force = arrow();
+      if (force) lay(pull, ...force, 1.3 * radius);
+      pull.visible = force !== null;
       axes.forEach(([k, axis], i) => {
         const end = (s) => placed(worlds[k], axis.map((x) => s * 0.06 * view.size * x));
         lay(joints[i], end(-1), end(1), 0.35 * radius);

@@ -1,13 +1,16 @@
 //! The functions of a page: generated code, with states on which the page compares it.
 
+use sarrus_dynamics::description::JointKind;
 use sarrus_dynamics::{ClosureKind, Field, FieldSet, Model, Plan, Query, Request, Workspace};
-use sarrus_generate::{GenerateError, Kernel, Outcome, Script};
+use sarrus_generate::{GenerateError, Kernel, Outcome, Script, sigma_min};
 use sarrus_models::Loaded;
 
 use crate::ShowError;
 
 /// Frames of one query.
 const FRAMES: usize = 32;
+/// Most links on which a force can act: each makes the code longer.
+const TIPS: usize = 2;
 /// States of each function that a page compares.
 const STATES: usize = 8;
 
@@ -18,6 +21,8 @@ pub(crate) struct Code {
     pub(crate) text: String,
     /// The links of the frames in their order.
     pub(crate) links: Vec<usize>,
+    /// Links on which a force can act, by their numbers in queries.
+    pub(crate) tips: Vec<u16>,
     /// Operations of all functions.
     pub(crate) operations: usize,
 }
@@ -29,8 +34,7 @@ pub(crate) fn code(loaded: &Loaded) -> Result<Code, ShowError> {
     // links that move against their parent
     let moving = |link: &usize| {
         let joint = description.joints.iter().find(|joint| joint.child == *link);
-        let is_fixed = |kind| kind == sarrus_dynamics::description::JointKind::Fixed;
-        joint.is_some_and(|joint| !is_fixed(joint.kind))
+        joint.is_some_and(|joint| joint.kind != JointKind::Fixed)
     };
     let named = |link: &usize| {
         let name = &description.links[*link].name;
@@ -41,15 +45,21 @@ pub(crate) fn code(loaded: &Loaded) -> Result<Code, ShowError> {
 
     use Field::{FramePose, GU, Q, QGuess, TauU, U, Y, Yd, Ydd};
     let plain = query(Request::Kinematics, &[Y], &[Q]);
-    let newton = Plan::new(model, &plain).map_err(GenerateError::from)?.closes_apart();
+    let plain = Plan::new(model, &plain).map_err(GenerateError::from)?;
+    let newton = plain.closes_apart();
     // from a guess Newton's method closes all loops that no closed form does
     let given =
         |fields: &[Field]| if newton { [fields, &[QGuess]].concat() } else { fields.to_vec() };
-    let mut code = Code { text: String::new(), links, operations: 0 };
+    let ends = tips(loaded);
+    let tips: Vec<u16> = ends.iter().filter_map(named).map(|link| link as u16).collect();
+    let mut code = Code { text: String::new(), links, tips, operations: 0 };
     let first = frames.len().min(FRAMES);
     let pose = query(Request::Kinematics, &given(&[Y]), &[Q, U, GU, FramePose]);
     code.add("pose", model, &pose.with_frames(&frames[..first]))?;
-    let force = query(Request::InverseDynamics, &given(&[Y, Yd, Ydd]), &[TauU]);
+    let mut force = query(Request::InverseDynamics, &given(&[Y, Yd, Ydd]), &[TauU]);
+    if !code.tips.is_empty() {
+        force = force.with_wrenches(&code.tips);
+    }
     code.add("force", model, &force)?;
     let mut list = vec!["pose".to_owned()];
     for (k, frames) in frames[first..].chunks(FRAMES).enumerate() {
@@ -59,7 +69,33 @@ pub(crate) fn code(loaded: &Loaded) -> Result<Code, ShowError> {
         list.push(name);
     }
     code.text += &format!("const frames = [{}];\n", list.join(", "));
+    let (text, operations) = sigma_min(model, &plain, "sigma_min")?;
+    code.text += &text;
+    code.operations += operations;
     Ok(code)
+}
+
+/// The links without a moving joint on them that most independents move.
+fn tips(loaded: &Loaded) -> Vec<usize> {
+    let joints = &loaded.description.joints;
+    let independent = &loaded.compiled.model.info().independent;
+    let moved_by = |link: usize| {
+        let mut at = link;
+        let mut count = 0;
+        while let Some(joint) = joints.iter().find(|joint| joint.child == at) {
+            let own = |name: &&String| name.split('/').next() == Some(joint.name.as_str());
+            count += independent.iter().filter(own).count();
+            at = joint.parent;
+        }
+        count
+    };
+    let moving = || joints.iter().filter(|joint| joint.kind != JointKind::Fixed);
+    let is_tip = |link: &usize| moving().all(|joint| joint.parent != *link);
+    let mut tips: Vec<usize> = moving().map(|joint| joint.child).filter(is_tip).collect();
+    tips.sort_by_key(|link| std::cmp::Reverse(moved_by(*link)));
+    tips.retain(|link| moved_by(*link) > 0);
+    tips.truncate(TIPS);
+    tips
 }
 
 impl Code {

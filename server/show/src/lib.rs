@@ -51,6 +51,17 @@ pub fn page(loaded: &Loaded, settings: &Settings) -> Result<String, ShowError> {
         .replace("@SCRIPTS@", &scripts))
 }
 
+/// A page of links to the pages NAME.html of these robots, each with a line about it. Allocates.
+pub fn index(robots: &[(&str, &str)]) -> String {
+    let row = |(name, about): &(&str, &str)| {
+        let [name, about] = [text(name), text(about)];
+        format!("<li><a href=\"{name}.html\">{name}</a> {about}</li>\n")
+    };
+    include_str!("../page/index.html")
+        .replace("@STYLE@", include_str!("../page/page.css"))
+        .replace("@ROBOTS@", &robots.iter().map(row).collect::<String>())
+}
+
 /// JSON that does not end the script around it.
 fn embedded(json: &str) -> String {
     json.replace('<', "\\u003c").replace('\u{2028}', "\\u2028").replace('\u{2029}', "\\u2029")

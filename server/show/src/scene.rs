@@ -45,6 +45,9 @@ pub(crate) fn scene(loaded: &Loaded, settings: &Settings, code: &Code) -> Value 
             .map(|link| link_of(description, link, code))
             .collect::<Vec<Value>>(),
         "loops": loops(description),
+        "closed": info.sizes.n_c > 0,
+        "tips": code.tips.iter().filter_map(|tip| info.links.get(usize::from(*tip)))
+            .collect::<Vec<_>>(),
     })
 }
 

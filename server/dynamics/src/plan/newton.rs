@@ -1,6 +1,6 @@
 //! The closures of [`Plan::close`] in pieces without branches, for code that iterates by itself.
 
-use crate::closure::{Closure, column_unit};
+use crate::closure::{Closure, column_unit, scaled};
 use crate::model::Model;
 use crate::plan::Plan;
 use crate::plan::state::hold_idle;
@@ -123,5 +123,37 @@ impl Plan {
         }
         self.save_closed(ws, largest, output);
         sound
+    }
+
+    /// Coordinates as [`Plan::newton_start`] has them in the order of q. Allocates.
+    pub fn tree_order(model: &Model<f64>, coordinates: &[f64]) -> Vec<f64> {
+        model.order.q.iter().map(|i| coordinates[*i]).collect()
+    }
+
+    /// Side of the scaled K_d of each cluster with loops. Allocates.
+    pub fn loop_sizes<C>(model: &Model<C>) -> Vec<usize> {
+        let clusters = model.closed_clusters.iter();
+        clusters.map(|c| model.clusters[*c].dependent.len()).collect()
+    }
+
+    /// These matrices, row by row, at closed tree coordinates q: the least of their singular values
+    /// is `sigma_min`. Allocates never.
+    pub fn scaled_loops<T: Real>(
+        model: &Model<T>,
+        workspace: &mut Workspace<T>,
+        q: &[T],
+        output: &mut [T],
+    ) {
+        model.order.q.iter().zip(q).for_each(|(i, x)| workspace.q[*i] = *x);
+        let mut first = 0;
+        for c in &model.closed_clusters {
+            let cluster = &model.clusters[*c];
+            let m = cluster.dependent.len();
+            workspace.constraint_jacobian(cluster, model.bodies_of(cluster));
+            let K = &workspace.scratch.K;
+            let rows = cluster.used.iter().copied();
+            scaled(cluster, K, rows, &cluster.dependent, |i, a, x| output[first + i * m + a] = x);
+            first += m * m;
+        }
     }
 }

@@ -4,6 +4,9 @@
 //! rounded as the instruction is. So the numbers have the bits of the generic kernel here too.
 
 mod newton;
+mod singular;
+
+pub use singular::sigma_min;
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -148,8 +151,6 @@ fn measured(measure: Measure) -> String {
 fn function(kernel: &Kernel, model: &Model<f64>, name: &str) -> (String, Option<usize>) {
     let info = &kernel.info;
     let plan = &kernel.plan;
-    let of_c = [include_str!("../c/sin_cos.c"), include_str!("../c/atan2.c")].concat();
-    let elementary = WORDS.iter().fold(of_c, |text, (word, with)| text.replace(word, with));
     let list = |names: &[String]| {
         names.iter().map(|name| format!("\"{}\"", plain(name))).collect::<Vec<_>>().join(", ")
     };
@@ -169,7 +170,7 @@ fn function(kernel: &Kernel, model: &Model<f64>, name: &str) -> (String, Option<
         ("@REQUEST@", request(kernel).to_owned()),
         ("@FINGERPRINT@", format!("{:016x}", info.fingerprint)),
         ("@OPERATIONS@", count(kernel.operations() + closing.unwrap_or(0))),
-        ("@HEAD@", include_str!("head.js").to_owned() + &elementary),
+        ("@HEAD@", head()),
         ("@CLOSED@", count(plan.closed_len())),
         ("@NEWTON@", newton),
         ("@ANSWER@", compiled(kernel)),
@@ -182,6 +183,13 @@ fn function(kernel: &Kernel, model: &Model<f64>, name: &str) -> (String, Option<
     ];
     let frame = include_str!("frame.js").to_owned();
     (words.iter().fold(frame, |text, (word, with)| text.replace(word, with)), closing)
+}
+
+/// Operations that JavaScript does not have: fused, and elementary functions as in C.
+fn head() -> String {
+    let of_c = [include_str!("../c/sin_cos.c"), include_str!("../c/atan2.c")].concat();
+    let elementary = WORDS.iter().fold(of_c, |text, (word, with)| text.replace(word, with));
+    include_str!("head.js").to_owned() + &elementary
 }
 
 /// An expression: the function of a kernel's operations.

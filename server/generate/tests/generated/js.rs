@@ -3,8 +3,8 @@
 use std::process::Command;
 
 use sarrus_dynamics::scalar::{Dd, Real};
-use sarrus_dynamics::{Field, Plan, Status, Workspace};
-use sarrus_generate::{Cancel, Kernel, Outcome, RandomInputs, Script};
+use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Status, Workspace};
+use sarrus_generate::{Cancel, Kernel, Outcome, RandomInputs, Script, sigma_min};
 use sarrus_models::{Options, Source, load};
 
 use crate::{Comparison, FRESH, OTHERS, ROBOTS, answers, folder, model, queries, states};
@@ -133,5 +133,50 @@ fn javascript_closes_loops_by_newtons_method_as_the_plans_do() {
         }
         println!("{robot}: {both} of {count} as the plan, worst {worst:.1e}; {left} left to it");
         assert!(both > count / 2 && left <= count / 10);
+    }
+}
+
+#[test]
+fn sigma_min_in_javascript_is_that_of_the_plans() {
+    let robots = match asked() {
+        Some(_) => ROBOTS.into_iter().chain(OTHERS).collect(),
+        None => vec!["lambda", "five_bar", "bricard"],
+    };
+    let count = asked().unwrap_or(64);
+    for robot in robots {
+        let model = model(robot);
+        let want = Field::Q | Field::SigmaMin;
+        let query = Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), want);
+        let plan = Plan::new(&model, &query).unwrap();
+        let (text, _) = sigma_min(&model, &plan, "sigma_min").unwrap();
+        let mut inputs = RandomInputs::new(&model, &plan);
+        let mut workspace = Workspace::for_plans(&model, [&plan]);
+        let mut output = vec![0.0; plan.want().len()];
+        let [q, sigma] = [Field::Q, Field::SigmaMin].map(|field| plan.want().slot(field).unwrap());
+        let mut rows = Vec::new();
+        for k in 0..count {
+            let status = plan.run(&model, &mut workspace, &inputs.input(k), &mut output).status;
+            if status == Status::Ok {
+                rows.push(format!("[{:?}, {:e}]", &output[q.range()], output[sigma.offset]));
+            }
+        }
+        let path = folder("js").join(format!("{robot}_sigma.js"));
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        let test = format!(
+            "{text}\nconst rows = [{}];\nlet worst = 0;\nfor (const [q, expected] of rows) {{\n\
+             const off = Math.abs(sigma_min(Float64Array.from(q)) - expected);\n\
+             worst = off <= worst ? worst : off;\n}}\nconsole.log(worst);\n",
+            rows.join(",\n")
+        );
+        std::fs::write(&path, test).unwrap();
+        let Ok(ended) = Command::new("node").arg(&path).output() else {
+            println!("not run: no node");
+            return;
+        };
+        assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stderr));
+        let worst: f64 = String::from_utf8_lossy(&ended.stdout).trim().parse().unwrap();
+        println!("{robot}: {} states, {worst:.1e}", rows.len());
+        // of scaled singular values, which are at most some units
+        assert!(worst < 1e-13 && !rows.is_empty(), "{robot}: {worst:e}");
     }
 }
