@@ -95,14 +95,16 @@ function ask(y, yd, ydd) {
   answer.tau_u = forces.state === 2 ? null : forces.get("tau_u");
   if (!answer.tau_u) answer.status = "no_forces";
   robot.y.forEach((of, k) => {
-    if (outside(y[k], of.lower, of.upper)) answer.exceeded.push(of.name);
+    if (outside(y[k], of.lower, of.upper)) answer.exceeded.push(`position of ${of.name}`);
   });
   robot.u.forEach((of, k) => {
     const tau = answer.tau_u ? Math.abs(answer.tau_u[k]) : 0;
-    const exceeds = outside(answer.u[k], of.lower, of.upper) || (of.effort !== null && tau > of.effort);
-    if (exceeds && !answer.exceeded.includes(of.name)) answer.exceeded.push(of.name);
+    const position = `position of ${of.name}`;
+    const exceeds = outside(answer.u[k], of.lower, of.upper);
+    if (exceeds && !answer.exceeded.includes(position)) answer.exceeded.push(position);
+    if (of.effort !== null && tau > of.effort) answer.exceeded.push(`force of ${of.name}`);
   });
-  if (at.state === 1 && answer.exceeded.length === 0) answer.exceeded.push("a dependent joint");
+  if (at.state === 1 && answer.exceeded.length === 0) answer.exceeded.push("position of a dependent joint");
   return answer;
 }
 

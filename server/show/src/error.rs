@@ -8,8 +8,8 @@ use sarrus_generate::GenerateError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ShowError {
-    /// Its loops are closed in a way that pages do not have: by a choice among redundant rows, along
-    /// tangents where assemblies meet, after a closed form, or by joints of several freedoms.
+    /// Its loops are closed in a way that pages do not have: by a choice among redundant rows,
+    /// along tangents where assemblies meet, after a closed form, or by joints of several freedoms.
     #[error(
         "pages do not close the loops of {closures}, which need more than Newton's method on one \
          set of rows; `sarrus simulate` draws the robot"

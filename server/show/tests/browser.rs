@@ -20,8 +20,7 @@ fn settings(robot: &str) -> Settings {
     Settings { swing: false, flags: format!("--robot {robot}") }
 }
 
-/// What a script at the end of a page leaves in `answer`, with no error on the way; nothing without
-/// a browser.
+/// The `answer` of a script at the end of a page, with no error on the way; none without a browser.
 fn run(robot: &str, script: &str, [width, height]: [u32; 2], hash: &str) -> Option<Value> {
     let names = ["chromium", "chromium-browser", "google-chrome"];
     let is_there = |name: &&str| {
@@ -72,14 +71,31 @@ fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
 }
 
-/// The numbers of the plan at rest at y.
-fn answers(robot: &str, y: &[f64], want: Field) -> Vec<f64> {
+/// The link at which a force pulls, from the command that the page shows.
+fn pulled(answer: &Value) -> Option<String> {
+    let command = answer["command"].as_str()?;
+    let line = command.strip_prefix("echo '")?.split_once('\'')?.0;
+    let line: Value = serde_json::from_str(line).unwrap();
+    let (link, wrench) = line["wrenches"].as_object()?.iter().next()?;
+    assert_eq!(numbers(wrench), [0.0, 0.0, 0.0, 0.0, 0.0, -20.0]);
+    Some(link.clone())
+}
+
+/// The numbers of the plan at rest at y, with 20 N down at a link.
+fn answers(robot: &str, y: &[f64], want: Field, link: Option<String>) -> Vec<f64> {
     let loaded = loaded(robot);
     let model = &loaded.compiled.model;
-    let (given, want) = (FieldSet::of(&[Field::Y]), FieldSet::of(&[want]));
-    let plan = Plan::new(model, &Query::new(Request::InverseDynamics, given, want)).unwrap();
+    let given = FieldSet::of(&[Field::Y]);
+    let mut query = Query::new(Request::InverseDynamics, given, FieldSet::of(&[want]));
+    let mut input = y.to_vec();
+    if let Some(link) = link {
+        let at = model.info().links.iter().position(|other| *other == link).unwrap();
+        query = query.with_wrenches(&[at as u16]);
+        input.extend([0.0, 0.0, 0.0, 0.0, 0.0, -20.0]);
+    }
+    let plan = Plan::new(model, &query).unwrap();
     let mut output = vec![0.0; plan.want().len()];
-    let answer = plan.run(model, &mut Workspace::for_plans(model, [&plan]), y, &mut output);
+    let answer = plan.run(model, &mut Workspace::for_plans(model, [&plan]), &input, &mut output);
     assert_eq!(answer.status, Status::Ok);
     output
 }
@@ -118,11 +134,10 @@ fn a_slider_moves_the_robot_and_the_numbers_are_the_plans() {
         view.shown.boxes = view.shown.axes = view.shown.cuts = false;
         answer.kind = view.kind;
         const tip = () => {
-            const moved = rods.map(([a, p, b, q, kind], k) => {
+            return rods.map(([a, p, b, q, kind], k) => {
                 const [s, t] = [placed(view.worlds[a], p), placed(view.worlds[b], q)];
                 return [kind === 'rod' ? distance(s, t) : 0, s.map((x, i) => (x + t[i]) / 2), k];
             });
-            return moved;
         };
         const before = tip();
         const slider = document.getElementById('slider0');
@@ -131,8 +146,8 @@ fn a_slider_moves_the_robot_and_the_numbers_are_the_plans() {
         slider.dispatchEvent(new Event('input'));
         const after = tip();
         // the rod whose middle moved farthest
-        const far = before.map(([length, at, k]) => [length > 0 ? distance(at, after[k][1]) : 0, k]);
-        const [moved, k] = far.sort((a, b) => b[0] - a[0])[0];
+        const way = ([length, at, k]) => [length > 0 ? distance(at, after[k][1]) : 0, k];
+        const [moved, k] = before.map(way).sort((a, b) => b[0] - a[0])[0];
         answer.moved = moved / view.size;
         answer.there = look(after[k][1]);
         answer.y = now.y;
@@ -140,6 +155,14 @@ fn a_slider_moves_the_robot_and_the_numbers_are_the_plans() {
         answer.tau_u = now.answer.tau_u;
         const cell = document.querySelector('#motors tbody tr').cells[2];
         answer.shown = Number(cell.querySelector('span').dataset.value);
+        answer.sigma_min = [now.answer.sigma_min];
+        const force = element('force_z');
+        force.value = -20;
+        force.dispatchEvent(new Event('input'));
+        answer.pulled = now.answer.tau_u;
+        answer.command = element('command').textContent;
+        force.value = 0;
+        force.dispatchEvent(new Event('input'));
         answer.status = element('status').textContent;
         answer.deviation = deviation;
         slider.value = 0;
@@ -160,16 +183,25 @@ fn a_slider_moves_the_robot_and_the_numbers_are_the_plans() {
         let is_closed_form = robot != "five_bar";
         let Some(answer) = run(robot, script, [1280, 800], hash) else { return };
         println!("{robot}{hash}: {answer}");
+        assert!(pulled(&answer).is_some());
         assert_eq!(answer["kind"], if hash.is_empty() { "solids" } else { "lines" });
         let y = numbers(&answer["y"]);
         assert_eq!(y[0], 0.4);
         // the bits of the plan; Newton's method takes other last steps
         let most = if is_closed_form { 0.0 } else { 1e-13 };
-        for (name, field) in [("u", Field::U), ("tau_u", Field::TauU)] {
-            let expected = answers(robot, &y, field);
+        let forces = Field::TauU;
+        for (name, field, link) in [
+            ("u", Field::U, None),
+            ("tau_u", forces, None),
+            ("sigma_min", Field::SigmaMin, None),
+            ("pulled", forces, pulled(&answer)),
+        ] {
+            let expected = answers(robot, &y, field, link);
+            let most = if name == "sigma_min" { 1e-13 } else { most };
             let size = expected.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
             for (found, expected) in numbers(&answer[name]).iter().zip(&expected) {
-                assert!((found - expected).abs() <= most * size, "{robot} {name} {found}");
+                let off = (found - expected).abs();
+                assert!(off <= most * size, "{robot} {name} {found} {expected}");
             }
         }
         assert_eq!(answer["shown"], answer["tau_u"][0]);

@@ -28,7 +28,7 @@ use crate::{Kernel, Outcome};
 const LONGEST: usize = 500;
 /// The longest time for which node may run.
 const NODE: Duration = Duration::from_secs(120);
-/// The words of the templates in C, and what they are here.
+/// The words of the templates in C, and their replacements here.
 const WORDS: [(&str, &str); 17] = [
     ("SARRUS_INLINE void NAME(REAL x, REAL *sine, REAL *cosine)", "function sin_cos(x)"),
     ("SARRUS_INLINE REAL NAME(REAL y, REAL x)", "function atan2(y, x)"),
@@ -59,7 +59,7 @@ pub struct Script {
     /// `NAME_test.js`: a program for node that ends with 0 where every answer has the generic
     /// kernel's bits.
     pub test: String,
-    /// Lists `[state, [given], [wanted]]`: what the function returns, its numbers, and those of the
+    /// Lists `[state, [given], [wanted]]`: the returned number, the input, and the numbers of the
     /// generic kernel.
     pub states: Vec<String>,
     /// `ask` closes all loops from the given numbers alone.
@@ -197,14 +197,14 @@ fn compiled(kernel: &Kernel) -> String {
     let (parts, waiting) = parts(kernel);
     let calls: Vec<String> = (0..parts.len()).map(|k| format!("part{k}(given, wanted)")).collect();
     format!(
-        "(() => {{\n// numbers that wait for later parts\nconst wait = new Float64Array({waiting});\n\
-         {}return (given, wanted) => {};\n}})()",
+        "(() => {{\n// numbers that wait for later parts\n\
+         const wait = new Float64Array({waiting});\n{}return (given, wanted) => {};\n}})()",
         parts.concat(),
         calls.join(" | "),
     )
 }
 
-/// Offset, rows, columns of each field, and what its rows are.
+/// Offset, rows and columns of each field, and the names of its rows.
 fn fields(kernel: &Kernel, layout: &Layout, is_wanted: bool) -> String {
     let line = |slot: &sarrus_dynamics::Slot| {
         format!(

@@ -25,7 +25,7 @@ pub(super) fn newton(
     for cluster in &clusters {
         text += &cluster_text(model, plan, cluster, &zero, &mut operations)?;
     }
-    // what follows from the closed coordinates, at zero and at rest
+    // the levels below the position, at zero and at rest
     let given = plan.given().len();
     let mut input = vec![0.0; given];
     for slot in plan.given().slots() {
