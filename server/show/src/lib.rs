@@ -4,7 +4,7 @@ mod code;
 mod error;
 mod scene;
 
-use sarrus_models::Loaded;
+use sarrus_models::{Base, Loaded, Options, Source};
 
 pub use error::ShowError;
 
@@ -16,8 +16,40 @@ const STACK: usize = 16 << 20;
 pub struct Settings {
     /// The robot swings as soon as the page opens.
     pub swing: bool,
-    /// How `sarrus ask` names this robot: `--robot NAME`, `--urdf FILE`.
+    /// The flags by which `sarrus ask` chooses this robot.
     pub flags: String,
+}
+
+impl Settings {
+    /// For the robot of this source with these options.
+    pub fn new(source: &Source, options: &Options, swing: bool) -> Settings {
+        let mut flags = match source {
+            Source::Bundled(name) => format!("--robot {name}"),
+            Source::Files { urdf, submechanisms } => {
+                let second = submechanisms.iter().map(|path| format!(" {}", path.display()));
+                urdf.display().to_string() + &second.collect::<String>()
+            }
+            _ => "FILE.urdf FILE.yml".to_owned(),
+        };
+        let Options { gravity: [x, y, z], lenient, base, lock, only } = options;
+        if options.gravity != Options::default().gravity {
+            flags += &format!(" --gravity {x},{y},{z}");
+        }
+        if *lenient {
+            flags += " --lenient";
+        }
+        match base {
+            Base::FloatingAt(link) => flags += &format!(" --floating-base {link}"),
+            Base::Floating => flags += " --floating-base",
+            _ => {}
+        }
+        for lock in lock {
+            let position = lock.position.map(|x| format!("={x}")).unwrap_or_default();
+            flags += &format!(" --lock '{}{position}'", lock.joint);
+        }
+        only.iter().for_each(|link| flags += &format!(" --only '{link}'"));
+        Settings { swing, flags }
+    }
 }
 
 /// The page of a robot: one HTML file that refers to nothing outside.

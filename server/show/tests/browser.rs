@@ -17,7 +17,7 @@ fn loaded(robot: &str) -> Loaded {
 }
 
 fn settings(robot: &str) -> Settings {
-    Settings { swing: false, flags: format!("--robot {robot}") }
+    Settings::new(&Source::Bundled(robot.to_owned()), &Options::default(), false)
 }
 
 /// The `answer` of a script at the end of a page, with no error on the way; none without a browser.

@@ -121,18 +121,6 @@ impl RobotFlags {
         }
     }
 
-    /// The robot as other commands name it: `--robot NAME`.
-    pub(crate) fn words(&self) -> String {
-        match self.source() {
-            Source::Files { urdf, submechanisms } => {
-                let second = submechanisms.map(|path| format!(" {}", path.display()));
-                format!("{}{}", urdf.display(), second.unwrap_or_default())
-            }
-            Source::Bundled(name) => format!("--robot {name}"),
-            _ => String::new(),
-        }
-    }
-
     /// The options of the model.
     pub(crate) fn options(&self) -> Options {
         Options {

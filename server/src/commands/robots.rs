@@ -75,8 +75,10 @@ fn gallery(folder: &Path) -> Outcome {
     let mut files = Vec::new();
     let mut robots = Vec::new();
     for (robot, about) in bundled() {
-        let loaded = load(&Source::Bundled(robot.to_owned()), &Options::default())?;
-        let settings = sarrus_show::Settings { swing: true, flags: format!("--robot {robot}") };
+        let source = Source::Bundled(robot.to_owned());
+        let options = Options::default();
+        let loaded = load(&source, &options)?;
+        let settings = sarrus_show::Settings::new(&source, &options, true);
         let page = sarrus_show::page(&loaded, &settings).map_err(Failure::finding)?;
         files.push((folder.join(format!("{robot}.html")), page.into_bytes()));
         robots.push((robot, about));

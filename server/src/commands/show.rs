@@ -24,7 +24,7 @@ pub(crate) struct Show {
 impl Show {
     pub(crate) fn run(self) -> Outcome {
         let loaded = self.robot.load_and_warn()?;
-        let settings = Settings { swing: self.swing, flags: self.robot.words() };
+        let settings = Settings::new(&self.robot.source(), &self.robot.options(), self.swing);
         let text = page(&loaded, &settings).map_err(Failure::finding)?;
         let usual = || PathBuf::from(format!("{}.html", loaded.compiled.model.name()));
         let path = self.out.unwrap_or_else(usual);

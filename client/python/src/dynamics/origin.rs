@@ -124,7 +124,7 @@ impl PyOrigin {
         Ok(PyOrigin(Origin::Read { source, options, parts }))
     }
 
-    fn source(&self) -> PyResult<(&Source, &Options, &Parts)> {
+    pub(super) fn source(&self) -> PyResult<(&Source, &Options, &Parts)> {
         match &self.0 {
             Origin::Read { source, options, parts } => Ok((source, options, parts)),
             Origin::Served { name, .. } => Err(PyTypeError::new_err(format!(
@@ -146,19 +146,6 @@ impl PyOrigin {
                 let connect = || waiting(is_main, || Robot::connect_with(name, *options));
                 py.detach(connect)?.map_err(connect_error)
             }
-        }
-    }
-
-    /// The flags of the commands that choose this robot.
-    pub(super) fn flags(&self) -> String {
-        match &self.0 {
-            Origin::Read { source: Source::Bundled(name), .. } => format!("--robot {name}"),
-            Origin::Read { source: Source::Files { urdf, submechanisms }, .. } => {
-                let second = submechanisms.iter().map(|path| format!(" {}", path.display()));
-                urdf.display().to_string() + &second.collect::<String>()
-            }
-            Origin::Served { name, .. } => format!("--connect {name}"),
-            Origin::Read { .. } => "FILE.urdf FILE.yml".to_owned(),
         }
     }
 

@@ -183,7 +183,8 @@ impl PyRobot {
     #[pyo3(name = "_page")]
     fn page(&self, py: Python<'_>, swing: bool) -> PyResult<String> {
         let loaded = self.origin.get().load(py)?;
-        let settings = Settings { swing, flags: self.origin.get().flags() };
+        let (source, options, _) = self.origin.get().source()?;
+        let settings = Settings::new(source, options, swing);
         let page = py.detach(|| sarrus_show::page(&loaded, &settings));
         page.map_err(|error| PyValueError::new_err(error.to_string()))
     }

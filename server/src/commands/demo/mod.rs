@@ -134,8 +134,10 @@ fn demo(stop: &AtomicBool) -> Result<Report, Failure> {
 /// Writes the robot as a page into the folder of temporary files; none where it cannot be written.
 #[cfg(feature = "show")]
 fn page() -> Option<std::path::PathBuf> {
-    let loaded = load(&Source::Bundled(ROBOT.to_owned()), &Options::default()).ok()?;
-    let settings = sarrus_show::Settings { swing: true, flags: format!("--robot {ROBOT}") };
+    let source = Source::Bundled(ROBOT.to_owned());
+    let options = Options::default();
+    let loaded = load(&source, &options).ok()?;
+    let settings = sarrus_show::Settings::new(&source, &options, true);
     let path = std::env::temp_dir().join(format!("sarrus_{ROBOT}.html"));
     // not through another user's link
     let _ = std::fs::remove_file(&path);
