@@ -53,7 +53,7 @@ fn run(robot: &str, script: &str, [width, height]: [u32; 2], hash: &str) -> Opti
     std::fs::write(&path, text).unwrap();
     let mut command = Command::new("timeout");
     command.args(["60", browser, "--headless=new", "--no-sandbox", "--disable-gpu-sandbox"]);
-    command.args(["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]);
+    command.args(["--use-gl=angle", "--use-angle=swiftshader"]);
     command.args(["--virtual-time-budget=4000", "--dump-dom"]);
     command.arg(format!("--user-data-dir={}", path.with_extension("profile").display()));
     command.arg(format!("--window-size={width},{height}"));
