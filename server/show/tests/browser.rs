@@ -38,13 +38,13 @@ fn run(robot: &str, script: &str, [width, height]: [u32; 2], hash: &str) -> Opti
         console.error = (...words) => errors.push(words.join(' '));</script>";
     let script = format!(
         "<script>const answer = {{}};
-        requestAnimationFrame(() => {{
+        {{
             try {{ {script} }} catch (error) {{ errors.push(String(error)); }}
             const out = document.createElement('pre');
             out.id = 'answer';
             out.textContent = JSON.stringify({{ ...answer, errors }});
             document.body.append(out);
-        }});</script>"
+        }}</script>"
     );
     let text = text.replacen("<head>", &format!("<head>{errors}"), 1);
     let text = text.replace("</body>", &format!("{script}</body>"));
