@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
 use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Status, Workspace};
-use sarrus_models::{Loaded, Options, Source, load};
+use sarrus_models::{Loaded, Options, Source, load, texts};
 use sarrus_show::{Settings, page};
 use serde_json::Value;
 
@@ -240,4 +240,22 @@ fn no_size_of_window_is_white_or_wider_than_itself() {
         assert!(answer["wide"].as_f64() <= answer["width"].as_f64());
         assert_eq!(answer["labelled"], true);
     }
+}
+
+#[test]
+fn names_of_a_file_end_no_script() {
+    let (urdf, submechanisms) = texts(&Source::Bundled("lambda".to_owned())).unwrap();
+    let in_xml = "\"&lt;/script&gt;&lt;b&gt;@SCRIPTS@@NUMBERS@\"";
+    let in_yaml = "'</script><b>@SCRIPTS@@NUMBERS@'";
+    let urdf = String::from_utf8(urdf).unwrap().replace("\"Elbow\"", in_xml);
+    let yaml = String::from_utf8(submechanisms.unwrap()).unwrap();
+    let yaml = yaml.replace("[Elbow]", &format!("[{in_yaml}]"));
+    let yaml = yaml.replace("[Elbow,", &format!("[{in_yaml},"));
+    let source = Source::Text { urdf: urdf.into_bytes(), submechanisms: Some(yaml.into_bytes()) };
+    let loaded = load(&source, &Options::default()).unwrap();
+    let names = &loaded.compiled.model.info().tree;
+    assert!(names.iter().any(|joint| joint.contains("</script>")), "{names:?}");
+    let text = page(&loaded, &Settings::new(&source, &Options::default(), false)).unwrap();
+    assert_eq!(text.matches("<script").count(), text.matches("</script").count());
+    assert!(!text.contains("<b>@"));
 }

@@ -26,7 +26,10 @@ impl Show {
         let loaded = self.robot.load_and_warn()?;
         let settings = Settings::new(&self.robot.source(), &self.robot.options(), self.swing);
         let text = page(&loaded, &settings).map_err(Failure::finding)?;
-        let usual = || PathBuf::from(format!("{}.html", loaded.compiled.model.name()));
+        // a name in a file leads to no other folder
+        let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+        let name = || loaded.compiled.model.name().chars().map(plain).collect::<String>();
+        let usual = || PathBuf::from(name() + ".html");
         let path = self.out.unwrap_or_else(usual);
         let failed =
             |error| Failure::start(format!("{} cannot be written: {error}", path.display()));

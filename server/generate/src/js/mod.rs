@@ -213,7 +213,7 @@ fn fields(kernel: &Kernel, layout: &Layout, is_wanted: bool) -> String {
             slot.offset,
             slot.rows,
             slot.columns,
-            names(kernel, slot, is_wanted).trim_start_matches(": "),
+            plain(names(kernel, slot, is_wanted).trim_start_matches(": ")),
         )
     };
     layout.slots().iter().map(line).collect()
