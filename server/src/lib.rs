@@ -22,7 +22,8 @@ struct Arguments {
 enum Command {
     /// Show a server process and a controller that asks it, with every answer checked.
     ///
-    /// Takes about five seconds and leaves nothing behind. Ends with 0 when every answer is ok and
+    /// Takes about five seconds and leaves one page, which it names: the robot with sliders. Ends
+    /// with 0 when every answer is ok and
     /// within 1e-12 of double-double arithmetic.
     Demo(commands::demo::Demo),
     /// Read a robot's files and report every fault, or describe the robot.
@@ -57,11 +58,12 @@ enum Command {
     /// differ. Ends with 0 when all answers are the same, 1 when some differ or cannot be read, 2
     /// for a file that is no whole recording and wrong flags.
     Replay(commands::replay::Replay),
-    /// Write one query on one robot as straight-line C, and build it where there is a compiler.
+    /// Write one query on one robot as straight-line code, and build it where there is a compiler.
     ///
     /// NAME.c with one function, NAME.h with its sizes and orders, NAME_test.c with answers that it
     /// must give to the bit; with a C compiler (CC, or cc) a shared object and the test, which is
     /// run. Prints the files, the number of operations and the compiler's name or "not built".
+    /// With `--language js` NAME.js and NAME_test.js, which node runs where it is installed.
     /// Ends with 0 when all was written, 1 when the query has no straight-line code, the test
     /// failed or the robot is bad, 2 for wrong flags and files that cannot be written.
     #[cfg(feature = "generate")]
@@ -93,6 +95,14 @@ enum Command {
     /// write.
     #[cfg(feature = "report")]
     Report(commands::report::Report),
+    /// Write a robot as one page that opens offline, with sliders that move it.
+    ///
+    /// The page draws the robot, its joint axes, cut points and inertia, and compares u and tau_u
+    /// with their limits; sliders set y or u, and the loops follow. Prints the page's path. Ends
+    /// with 0, with 1 for a bad robot and one without straight-line code, with 2 for wrong flags
+    /// and a page that cannot be written.
+    #[cfg(feature = "show")]
+    Show(commands::show::Show),
     /// Integrate a robot in time: a table, pictures, and estimates of the error.
     ///
     /// From y and yd (or q and qd) under gravity, constant forces, a table of forces, gains and
@@ -132,6 +142,8 @@ pub fn run() -> ExitCode {
         Command::Man(command) => conclude("man", command.run(Arguments::command())),
         #[cfg(feature = "report")]
         Command::Report(command) => conclude("report", command.run()),
+        #[cfg(feature = "show")]
+        Command::Show(command) => conclude("show", command.run()),
         #[cfg(feature = "simulate")]
         Command::Simulate(command) => conclude("simulate", command.run()),
     }

@@ -2,6 +2,7 @@
 
 import copy
 import gc
+import html
 import pickle
 import resource
 import subprocess
@@ -461,6 +462,20 @@ class Words(unittest.TestCase):
         with self.assertRaisesRegex(sarrus.QueryError, "did you mean `M_y`"):
             robot.query("inverse-dynamics", ["y"], ["M"])
         self.assertEqual(dir(sarrus), sorted(sarrus.__all__))
+
+    def test_a_page_opens_alone_and_in_a_notebook(self):
+        robot = sarrus.Robot.bundled("lambda")
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "lambda.html"
+            robot.save_page(path, swing=True)
+            text = path.read_text(encoding="utf-8")
+        self.assertTrue(text.startswith("<!DOCTYPE html>"))
+        self.assertIn('"swing":true', text)
+        self.assertIn("sarrus ask inverse-dynamics", text)
+        shown = robot.show()
+        self.assertEqual(shown.text, text.replace('"swing":true', '"swing":false'))
+        inline = html.unescape(shown._repr_html_())
+        self.assertIn(shown.text, inline)
 
     def test_statuses_and_warnings_are_those_of_the_core(self):
         self.assertEqual([status.name for status in sarrus.Status], _native.statuses())

@@ -207,7 +207,7 @@ fn finished(command: &mut Command, name: &str, cancel: &Cancel) -> Result<String
 }
 
 /// Writes a file in place of any existing one: writing to a pipe would wait for a reader.
-fn write_new(path: &Path, text: &str) -> io::Result<()> {
+pub(crate) fn write_new(path: &Path, text: &str) -> io::Result<()> {
     let _ = std::fs::remove_file(path);
     File::create_new(path)?.write_all(text.as_bytes())
 }

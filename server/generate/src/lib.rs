@@ -1,4 +1,4 @@
-//! Straight-line C of the dynamics of one robot.
+//! Straight-line code of the dynamics of one robot, in C or JavaScript.
 //!
 //! The kernels of [`sarrus_dynamics`] are generic over their scalar. [`Kernel::trace`] runs a plan
 //! with a scalar that records each operation, and so turns the plan and its model into a list of
@@ -7,7 +7,7 @@
 //! beforehand; its results are inputs. The C code ([`Source`]) needs only `math.h`, computes the
 //! common operations of equal parts of the robot in pairs, uses no memory and branches once, at its
 //! end. Where it answers, it gives the bits of [`sarrus_dynamics::Plan::run`]; where it cannot, it
-//! reports so, and the caller runs the plan.
+//! reports so, and the caller runs the plan. JavaScript ([`Script`]) does the same in a page.
 //!
 //! With the feature `load` a program loads the shared objects that a compiler makes from it
 //! (`ObjectFile`, `NativeKernel`) and keeps them for the next time (`Cache`).
@@ -17,6 +17,7 @@ mod c;
 mod compiler;
 mod error;
 mod graph;
+mod js;
 mod kernel;
 #[cfg(feature = "load")]
 mod load;
@@ -33,6 +34,7 @@ mod trace;
 pub use c::{FLAGS, Source};
 pub use compiler::{Built, Compiler};
 pub use error::{BuildError, GenerateError};
+pub use js::{Script, sigma_min};
 pub use kernel::{Kernel, Outcome};
 #[cfg(feature = "load")]
 pub use load::{

@@ -39,6 +39,37 @@ impl Kernel {
     /// Traces a plan on the model that it was made for, where most random states go, and compares
     /// the result with the plan's answers on others. Allocates.
     pub fn trace(model: &Model<f64>, plan: &Plan) -> Result<Kernel, GenerateError> {
+        Kernel::traced(model, plan, true)
+    }
+
+    /// As [`Kernel::trace`] for a display: zeros may have the other sign than the plan's, and
+    /// answers may have the warning `ill_conditioned`, which the code does not give. More states
+    /// are answered, as at rest and at symmetric poses.
+    pub fn trace_for_display(model: &Model<f64>, plan: &Plan) -> Result<Kernel, GenerateError> {
+        Kernel::traced(model, plan, false)
+    }
+
+    /// The branch that a plan takes at one given input, for states that the branch of most random
+    /// ones does not serve; for a display too.
+    pub fn trace_at(
+        model: &Model<f64>,
+        plan: &Plan,
+        input: &[f64],
+    ) -> Result<Kernel, GenerateError> {
+        check_fields(plan)?;
+        let mut generic = Generic::new(model, plan);
+        let (last, _) = generic.answer(input);
+        match generic.closed(input) {
+            Some(closed) if last == Status::Ok => {
+                let kernel = at_state(model, plan, &closed, std::slice::from_ref(&closed), false)?;
+                generic.compare(&kernel, input, false)?;
+                Ok(kernel)
+            }
+            _ => Err(GenerateError::NoState { tried: 1, last }),
+        }
+    }
+
+    fn traced(model: &Model<f64>, plan: &Plan, is_strict: bool) -> Result<Kernel, GenerateError> {
         check_fields(plan)?;
         let mut generic = Generic::new(model, plan);
         let mut states = Vec::new();
@@ -55,7 +86,7 @@ impl Kernel {
         let mut best: Option<(usize, Kernel)> = None;
         let mut refused = None;
         for state in states.iter().take(TRACED) {
-            let kernel = match at_state(model, plan, state, &states) {
+            let kernel = match at_state(model, plan, state, &states, is_strict) {
                 Ok(kernel) => kernel,
                 Err(error) => {
                     refused.get_or_insert(error);
@@ -78,7 +109,7 @@ impl Kernel {
         };
         for k in 0..COMPARED {
             let input = generic.inputs.input(TRIED + k);
-            generic.compare(&kernel, &input)?;
+            generic.compare(&kernel, &input, is_strict)?;
         }
         Ok(kernel)
     }
@@ -109,20 +140,40 @@ fn at_state(
     plan: &Plan,
     state: &[f64],
     states: &[Vec<f64>],
+    is_strict: bool,
+) -> Result<Kernel, GenerateError> {
+    let run = |model: &Model<Traced>, workspace: &mut Workspace<Traced>, given: &[Traced]| {
+        let mut output = vec![Traced::ZERO; plan.want().len()];
+        let answer = plan.run_closed(model, workspace, given, &mut output);
+        if is_strict {
+            record_doubt();
+        }
+        (answer.status == Status::Ok).then_some(output)
+    };
+    let kernel = recorded(model, plan, state, is_strict, run)?;
+    Ok(Kernel { golden: states.iter().take(GOLDEN).cloned().collect(), ..kernel })
+}
+
+/// The code of a function of kernels at one input; the function returns nothing where it fails.
+/// Unless `is_strict`, outputs may be zeros of the other sign.
+pub(crate) fn recorded(
+    model: &Model<f64>,
+    plan: &Plan,
+    input: &[f64],
+    is_strict: bool,
+    run: impl FnOnce(&Model<Traced>, &mut Workspace<Traced>, &[Traced]) -> Option<Vec<Traced>>,
 ) -> Result<Kernel, GenerateError> {
     let traced = model.convert(Traced::constant);
     let mut workspace = Workspace::for_plans(&traced, [plan]);
     recorder::start(RECORDED);
-    let input: Vec<Traced> = state.iter().enumerate().map(|(k, x)| Traced::input(k, *x)).collect();
-    let mut output = vec![Traced::ZERO; plan.want().len()];
-    let answer = plan.run_closed(&traced, &mut workspace, &input, &mut output);
-    record_doubt();
+    let given: Vec<Traced> = input.iter().enumerate().map(|(k, x)| Traced::input(k, *x)).collect();
+    let output = run(&traced, &mut workspace, &given);
     let record = recorder::take();
-    match record.obstacle {
-        None if answer.status == Status::Ok => {}
-        Some(Obstacle::TooLarge) => return Err(GenerateError::TooLarge { most: RECORDED }),
+    let output = match (record.obstacle, output) {
+        (None, Some(output)) => output,
+        (Some(Obstacle::TooLarge), _) => return Err(GenerateError::TooLarge { most: RECORDED }),
         _ => return Err(GenerateError::NotStraight),
-    }
+    };
     let Record { graph, decisions, mut checks, dropped, limited, .. } = record;
     let is_known = |comparison: Comparison| {
         let (Comparison::Less(a, b) | Comparison::Equal(a, b)) = comparison;
@@ -130,7 +181,8 @@ fn at_state(
     };
     let branches = decisions.iter().filter(|x| !x.is_choice && !is_known(x.comparison));
     checks.extend(branches.map(|x| Check::Branch(x.comparison, x.outcome)));
-    checks.extend(output.iter().filter(|x| x.loose).map(|x| Check::NotZero(x.term)));
+    let loose = output.iter().filter(|x| x.loose && is_strict);
+    checks.extend(loose.map(|x| Check::NotZero(x.term)));
     let kernel = Kernel {
         info: model.info().clone(),
         plan: plan.clone(),
@@ -138,7 +190,7 @@ fn at_state(
         outputs: output.iter().map(|x| x.term).collect(),
         checks,
         limited,
-        golden: states.iter().take(GOLDEN).cloned().collect(),
+        golden: Vec::new(),
     };
     let kernel = prune::pruned(kernel, &dropped);
     if kernel.operations.len() > COMPILED {
@@ -190,7 +242,12 @@ impl<'a> Generic<'a> {
     }
 
     /// Where the code answers it has the kernel's bits.
-    fn compare(&mut self, kernel: &Kernel, input: &[f64]) -> Result<(), GenerateError> {
+    fn compare(
+        &mut self,
+        kernel: &Kernel,
+        input: &[f64],
+        is_strict: bool,
+    ) -> Result<(), GenerateError> {
         let Some(closed) = self.closed(input) else { return Ok(()) };
         let (status, warnings) = self.answer(input);
         let mut output = vec![0.0; self.output.len()];
@@ -199,7 +256,15 @@ impl<'a> Generic<'a> {
             Outcome::Ok => Warnings::NONE,
             Outcome::LimitsExceeded => Warnings::LIMITS_EXCEEDED,
         };
-        let same = output.iter().zip(&self.output).all(|(a, b)| a.to_bits() == b.to_bits());
+        let warnings = match is_strict {
+            true => warnings,
+            false => Warnings(warnings.0 & !Warnings::ILL_CONDITIONED.0),
+        };
+        let is_same = |(a, b): (&f64, &f64)| match is_strict {
+            true => a.to_bits() == b.to_bits(),
+            false => a == b,
+        };
+        let same = output.iter().zip(&self.output).all(is_same);
         if status == Status::Ok && warnings == expected && same {
             Ok(())
         } else {

@@ -1,4 +1,4 @@
-//! `sarrus generate`: straight-line C of one query on one robot.
+//! `sarrus generate`: straight-line code of one query on one robot.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -6,10 +6,10 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use sarrus_client::describe;
 use sarrus_dynamics::Plan;
-use sarrus_generate::{BuildError, Cancel, Compiler, Kernel, NativeKernel, Source};
+use sarrus_generate::{BuildError, Cancel, Compiler, Kernel, NativeKernel, Script, Source};
 use sarrus_models::Loaded;
 use serde::Serialize;
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -31,8 +31,19 @@ pub(crate) struct Generate {
     /// Where the files go; made where it is missing.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// Language of the code.
+    #[arg(long, value_enum, value_name = "LANGUAGE", default_value_t = Language::C)]
+    language: Language,
     #[command(flatten)]
     format: FormatFlag,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Language {
+    /// C11.
+    C,
+    /// JavaScript, for a page or node.
+    Js,
 }
 
 /// The generated files and their sizes.
@@ -41,8 +52,8 @@ struct Generated {
     files: Vec<PathBuf>,
     operations: usize,
     checks: usize,
-    /// The compiler's name, or "not built".
-    compiler: String,
+    /// The compiler's name, or "not built"; of JavaScript none.
+    compiler: Option<String>,
     /// The number of states on which the shared object gave the bits of the generic kernels.
     compared: Option<u64>,
     /// The output of the test.
@@ -115,12 +126,15 @@ impl Generate {
         let plan = Plan::new(model, &query).map_err(|error| no_query(error.to_string()))?;
         let kernel = Kernel::trace(model, &plan).map_err(Failure::finding)?;
         let name = format!("{}_{}", model.name(), request.name());
+        if self.language == Language::Js {
+            return self.script(&Script::new(&kernel, model, &name), &kernel, (stage, cancel));
+        }
         let source = Source::new(&kernel, model, &name);
         let mut generated = Generated {
             files: Compiler::write(&source, &self.out).map_err(Failure::start)?,
             operations: kernel.operations(),
             checks: kernel.checks(),
-            compiler: "not built".to_owned(),
+            compiler: Some("not built".to_owned()),
             compared: None,
             test: None,
         };
@@ -135,8 +149,28 @@ impl Generate {
         built.load(model, &plan).map_err(Failure::finding)?;
         generated.compared = Some(NativeKernel::STATES);
         generated.files.extend([built.library, built.test]);
-        generated.compiler = found.name().to_owned();
+        generated.compiler = Some(found.name().to_owned());
         Ok(generated)
+    }
+
+    /// Writes a script and tests it where node is installed.
+    fn script(
+        &self,
+        script: &Script,
+        kernel: &Kernel,
+        (stage, cancel): (&AtomicUsize, &Cancel),
+    ) -> Result<Generated, Failure> {
+        let files = script.write(&self.out).map_err(Failure::start)?;
+        stage.store(2, Relaxed);
+        let test = script.test(&self.out, cancel).map_err(Failure::finding)?;
+        Ok(Generated {
+            files,
+            operations: kernel.operations(),
+            checks: kernel.checks(),
+            compiler: None,
+            compared: None,
+            test: Some(test.unwrap_or_else(|| "not run: node was not found".to_owned())),
+        })
     }
 }
 
@@ -147,7 +181,9 @@ fn in_words(generated: &Generated) -> String {
     }
     text += &labelled("operations", generated.operations);
     text += &labelled("checks", generated.checks);
-    text += &labelled("compiler", &generated.compiler);
+    if let Some(compiler) = &generated.compiler {
+        text += &labelled("compiler", compiler);
+    }
     if let Some(states) = generated.compared {
         text += &labelled("compared", format!("{states} states, the same bits"));
     }

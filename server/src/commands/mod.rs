@@ -18,6 +18,8 @@ pub(crate) mod report;
 pub(crate) mod robot;
 pub(crate) mod robots;
 pub(crate) mod serve;
+#[cfg(feature = "show")]
+pub(crate) mod show;
 #[cfg(feature = "simulate")]
 pub(crate) mod simulate;
 pub(crate) mod tidy;

@@ -8,6 +8,8 @@ use sarrus_models::{Options, Source, bundled, load, texts};
 use sarrus_proto::Sizes;
 use serde::Serialize;
 
+#[cfg(feature = "show")]
+use super::output::Failure;
 use super::output::{FormatFlag, Outcome, Results, table, write_new};
 
 /// Flags of `robots`.
@@ -25,6 +27,11 @@ pub(crate) struct Robots {
         conflicts_with = "format"
     )]
     export: Option<Vec<String>>,
+    /// Writes a page of each bundled robot into a folder, NAME.html as `sarrus show` does, and
+    /// index.html with links to them; existing files are not overwritten.
+    #[cfg(feature = "show")]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["format", "export"])]
+    gallery: Option<PathBuf>,
 }
 
 #[derive(Serialize)]
@@ -38,6 +45,10 @@ impl Robots {
     pub(crate) fn run(self) -> Outcome {
         if let Some([name, folder]) = self.export.as_deref() {
             return export(name, Path::new(folder));
+        }
+        #[cfg(feature = "show")]
+        if let Some(folder) = &self.gallery {
+            return gallery(folder);
         }
         let mut lines = Vec::new();
         for (robot, about) in bundled() {
@@ -56,6 +67,24 @@ fn export(name: &str, folder: &Path) -> Outcome {
         .into_iter()
         .filter_map(|(ending, text)| Some((folder.join(format!("{name}.{ending}")), text?)));
     write_new(folder, &files.collect::<Vec<(PathBuf, Vec<u8>)>>())
+}
+
+/// Writes the pages of all bundled robots.
+#[cfg(feature = "show")]
+fn gallery(folder: &Path) -> Outcome {
+    let mut files = Vec::new();
+    let mut robots = Vec::new();
+    for (robot, about) in bundled() {
+        let source = Source::Bundled(robot.to_owned());
+        let options = Options::default();
+        let loaded = load(&source, &options)?;
+        let settings = sarrus_show::Settings::new(&source, &options, true);
+        let page = sarrus_show::page(&loaded, &settings).map_err(Failure::finding)?;
+        files.push((folder.join(format!("{robot}.html")), page.into_bytes()));
+        robots.push((robot, about));
+    }
+    files.push((folder.join("index.html"), sarrus_show::index(&robots).into_bytes()));
+    write_new(folder, &files)
 }
 
 fn in_words(lines: &[Line]) -> String {

@@ -428,3 +428,29 @@ fn shells_and_man_know_every_command() {
     assert!(std::fs::read_to_string(format!("{pages}/sarrus.1")).unwrap().contains("SUBCOMMANDS"));
     assert_eq!(run(&["man", &folder.file("plain", "")], b"").code, Some(2));
 }
+
+#[test]
+fn show_writes_a_page_and_the_gallery_one_of_each_robot() {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("pages");
+    let _ = std::fs::remove_dir_all(&folder);
+    let place = folder.to_str().unwrap();
+    let gallery = run(&["robots", "--gallery", place], b"");
+    assert_eq!((gallery.code, gallery.err.as_str()), (Some(0), ""));
+    let index = std::fs::read_to_string(folder.join("index.html")).unwrap();
+    let names: Vec<&str> = sarrus_models::bundled().map(|(name, _)| name).collect();
+    for name in &names {
+        assert!(index.contains(&format!("href=\"{name}.html\"")), "{name}");
+        assert!(folder.join(format!("{name}.html")).is_file(), "{name}");
+    }
+    assert_eq!(gallery.out.lines().count(), names.len() + 1);
+    // never over an existing file
+    assert_eq!(run(&["robots", "--gallery", place], b"").code, Some(2));
+    let page = folder.join("own.html");
+    let path = page.to_str().unwrap();
+    let shown = run(&["show", "--robot", "lambda", "--swing", "--out", path], b"");
+    assert_eq!((shown.code, shown.out.as_str()), (Some(0), format!("{path}\n").as_str()));
+    let text = std::fs::read_to_string(&page).unwrap();
+    assert!(text.contains("\"swing\":true") && text.contains("--robot lambda"));
+    assert_eq!(run(&["show", "--robot", "lambda", "--out", place], b"").code, Some(2));
+    assert_eq!(run(&["show", "--robot", "lambd"], b"").code, Some(2));
+}

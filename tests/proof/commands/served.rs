@@ -1,7 +1,7 @@
 //! `ask --connect` and `demo`: other processes, and the files they leave. Tests run one at a time.
 
 use std::io::{BufRead, BufReader, Lines, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard};
@@ -287,9 +287,12 @@ fn more_askers_than_lanes_are_answered_through_the_service() {
 }
 
 #[test]
-fn the_demo_is_good_and_leaves_nothing_behind() {
+fn the_demo_is_good_and_leaves_a_page_alone() {
     let place = Place::new();
-    let demo = Run::of(&mut place.command(&["demo", "--format", "json"]), b"");
+    let temporary = place.root.with_extension("pages");
+    std::fs::create_dir_all(&temporary).unwrap();
+    let mut command = place.command(&["demo", "--format", "json"]);
+    let demo = Run::of(command.env("TMPDIR", &temporary), b"");
     assert_eq!((demo.code, demo.err.as_str()), (Some(0), ""), "{demo:?}");
     let report = demo.json().remove(0);
     assert_eq!(
@@ -308,6 +311,12 @@ fn the_demo_is_good_and_leaves_nothing_behind() {
             .all(|way| way["requests"].as_u64().unwrap() >= 5001 && way["failed"] == 0)
     );
     assert_eq!(place.leftovers(), Vec::<PathBuf>::new());
+    let page = Path::new(report["page"].as_str().unwrap());
+    let text = std::fs::read_to_string(page).unwrap();
+    assert!(text.starts_with("<!DOCTYPE html>") && text.contains("rh5v2_upper_body"));
+    let left: Vec<_> = std::fs::read_dir(&temporary).unwrap().flatten().collect();
+    assert_eq!((left.len(), left[0].path().as_path()), (1, page));
+    std::fs::remove_dir_all(temporary).unwrap();
 }
 
 #[test]

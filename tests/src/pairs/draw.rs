@@ -625,6 +625,7 @@ fn on_base(of: &mut Description, kind: JointKind, seeded: &mut Seeded, size: f64
             independent: vec![joint],
             active: vec![],
             loops: vec![],
+            closed_forms: true,
         });
     }
 }

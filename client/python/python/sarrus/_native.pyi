@@ -158,6 +158,7 @@ class Robot:
         """Answers that came after the deadline of `connect`; 0 in process."""
 
     def _information_json(self) -> bytes: ...
+    def _page(self, swing: bool) -> str: ...
     def _run_simulation(
         self,
         y: list[float],

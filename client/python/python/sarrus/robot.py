@@ -6,6 +6,7 @@ import os
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from sarrus import _native
 from sarrus.described import DescribedRobot
 from sarrus.errors import LoadError, QueryError, StateWarning
 from sarrus.options import GRAVITY, contents, parts
+from sarrus.page import Page
 from sarrus.query import Answer, Array, AxesName, Progress, Query, RequestName
 from sarrus.results import Actuators, Frames, Independents, State
 from sarrus.simulation import Constant, Gains, Method, Simulation, Table
@@ -119,6 +121,20 @@ class Robot(DescribedRobot):
         """
         origin = _native.Origin.served(name, timeout, deadline, transport, wait, fingerprint)
         return cls(origin)
+
+    # --- pictures ---------------------------------------------------------------------------------
+
+    def show(self, *, swing: bool = False) -> Page:
+        """Show the robot with sliders that move it: in a notebook where this is a cell's value.
+
+        The page has its own code and needs neither Python nor a network; with `swing` the robot
+        moves at once. `ValueError`: no straight-line code answers for the robot.
+        """
+        return Page(self._page(swing))
+
+    def save_page(self, path: str | os.PathLike[str], *, swing: bool = False) -> None:
+        """Write the page of `show` to a file, for any browser."""
+        Path(path).write_text(self._page(swing), encoding="utf-8")
 
     # --- requests ---------------------------------------------------------------------------------
 

@@ -124,7 +124,7 @@ impl PyOrigin {
         Ok(PyOrigin(Origin::Read { source, options, parts }))
     }
 
-    fn source(&self) -> PyResult<(&Source, &Options, &Parts)> {
+    pub(super) fn source(&self) -> PyResult<(&Source, &Options, &Parts)> {
         match &self.0 {
             Origin::Read { source, options, parts } => Ok((source, options, parts)),
             Origin::Served { name, .. } => Err(PyTypeError::new_err(format!(

@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 use sarrus_client::{Axes, Field, Request, Status, Warnings};
+use sarrus_show::Settings;
 
 use super::arrays::zeros;
 use super::asked::{Answered, Asked, BatchOptions, Marked};
@@ -186,6 +187,16 @@ impl PyRobot {
     fn information_json<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let json = self.shared.with(py, |robot| Ok(robot.model().to_json()))?;
         Ok(PyBytes::new(py, &json))
+    }
+
+    /// The robot as a page; see `sarrus.Robot.save_page`.
+    #[pyo3(name = "_page")]
+    fn page(&self, py: Python<'_>, swing: bool) -> PyResult<String> {
+        let loaded = self.origin.get().load(py)?;
+        let (source, options, _) = self.origin.get().source()?;
+        let settings = Settings::new(source, options, swing);
+        let page = py.detach(|| sarrus_show::page(&loaded, &settings));
+        page.map_err(|error| PyValueError::new_err(error.to_string()))
     }
 
     /// Answers that came after the deadline; 0 in process.

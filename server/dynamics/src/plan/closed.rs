@@ -110,8 +110,8 @@ impl Closed {
     }
 
     /// Copies the results from the workspace, in its order.
-    fn save<T: Real>(&self, ws: &Workspace<T>, gain: f64, out: &mut [T]) {
-        let gain = (!self.by_newton.is_empty()).then(|| T::from_f64(gain));
+    fn save<T: Real>(&self, ws: &Workspace<T>, gain: T, out: &mut [T]) {
+        let gain = (!self.by_newton.is_empty()).then_some(gain);
         let start = self.start.iter().map(|i| ws.start[*i]);
         let q = self.q.iter().map(|i| ws.q[*i]);
         let mut at = 0;
@@ -212,6 +212,16 @@ impl Plan {
     /// How many numbers [`Plan::close`] puts behind the given ones.
     pub fn closed_len(&self) -> usize {
         self.closed.len()
+    }
+
+    /// The clusters that Newton's method closes.
+    pub(super) fn newton_only(&self) -> impl Iterator<Item = &usize> {
+        self.closed.by_newton.iter()
+    }
+
+    /// Copies the results of closures from the workspace.
+    pub(super) fn save_closed<T: Real>(&self, ws: &Workspace<T>, gain: T, out: &mut [T]) {
+        self.closed.save(ws, gain, out);
     }
 
     /// Numbers, given ones included, that a workspace needs room for.

@@ -9,6 +9,7 @@ mod kkt;
 mod limits;
 mod links;
 mod needed;
+mod newton;
 mod outline;
 mod output;
 mod run;
@@ -21,6 +22,7 @@ pub use batch::{Batch, BatchWorkspace, MOST_ROWS, PackedRows, STRAIGHT_FIELDS};
 pub use closed::ClosedNumbers;
 pub(crate) use forces::wrenches_on_bodies;
 pub(crate) use kkt::{Drift, drift_of, tree_under_constraints};
+pub use newton::{NewtonBlock, NewtonCluster};
 pub use outline::Outline;
 pub use run::PlanScalar;
 

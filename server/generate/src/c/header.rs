@@ -94,7 +94,7 @@ fn closed_inputs(kernel: &Kernel, model: &Model<f64>, upper: &str) -> String {
     text
 }
 
-fn request(kernel: &Kernel) -> &'static str {
+pub(crate) fn request(kernel: &Kernel) -> &'static str {
     kernel.plan.query().check(&kernel.info).map_or("a query", |request| request.name())
 }
 
@@ -112,7 +112,7 @@ fn macro_name(field: Field) -> String {
 
 /// The rows of fields, in their order, and the columns of matrices. Wanted fields have the rows of
 /// the joints that the query picks.
-fn names(kernel: &Kernel, slot: &Slot, is_wanted: bool) -> String {
+pub(crate) fn names(kernel: &Kernel, slot: &Slot, is_wanted: bool) -> String {
     use Field::*;
     let info = &kernel.info;
     let query = kernel.plan.query();

@@ -9,6 +9,8 @@ mod table;
 mod test;
 mod watches;
 
+pub(crate) use header::{names, request};
+
 use sarrus_dynamics::Model;
 use sarrus_proto::fnv1a_64;
 
@@ -67,7 +69,7 @@ const ALL: [&str; 7] = [
 const LONGEST: usize = 100;
 
 /// A name that C and file systems take; the end of a long one is its hash.
-fn identifier(name: &str) -> String {
+pub(crate) fn identifier(name: &str) -> String {
     let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let word: String = name.chars().map(|c| if is_word(c) { c } else { '_' }).collect();
     let is_start = |c: char| c.is_ascii_alphabetic();
@@ -109,7 +111,7 @@ fn number_of_rows(x: Term) -> String {
 }
 
 /// A sum, a product or a quotient, which look alike for one number and for several.
-fn arithmetic(operation: &Operation, n: impl Fn(Term) -> String) -> Option<String> {
+pub(crate) fn arithmetic(operation: &Operation, n: impl Fn(Term) -> String) -> Option<String> {
     Some(match *operation {
         Operation::Add(a, b) if b.is_negated() => format!("{} - {}", n(a), n(b.negated())),
         Operation::Add(a, b) => format!("{} + {}", n(a), n(b)),

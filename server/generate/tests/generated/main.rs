@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 mod header;
+mod js;
 
 use std::io::Write as _;
 use std::ops::Range;
@@ -168,13 +169,12 @@ fn folder(name: &str) -> PathBuf {
 
 /// Answers of a test program for states, one by one (`states`) or several at once (`rows`).
 fn answers(
-    program: &Path,
+    mut command: Command,
     how: &str,
     states: &[Vec<f64>],
     outputs: usize,
 ) -> Vec<(Outcome, Vec<f64>)> {
     let bytes: Vec<u8> = states.iter().flatten().flat_map(|x| x.to_ne_bytes()).collect();
-    let mut command = Command::new(program);
     command.arg(how).stdin(Stdio::piped()).stdout(Stdio::piped());
     let mut child = command.spawn().unwrap();
     let mut stdin = child.stdin.take().unwrap();
@@ -231,8 +231,8 @@ fn queries_compared_in_c(
             let states: Vec<(Option<Vec<f64>>, Vec<f64>)> = states.map(of).collect();
             let closed: Vec<Vec<f64>> = states.iter().filter_map(|x| x.0.clone()).collect();
             unclosed += states.len() - closed.len();
-            let [answers, abreast] =
-                ["states", "rows"].map(|how| answers(&built.test, how, &closed, plan.want().len()));
+            let [answers, abreast] = ["states", "rows"]
+                .map(|how| answers(Command::new(&built.test), how, &closed, plan.want().len()));
             let inputs = states.iter().filter(|x| x.0.is_some()).map(|x| &x.1);
             for ((input, (outcome, output)), row) in inputs.zip(answers).zip(abreast) {
                 comparison.compare(input, outcome, &output);

@@ -124,7 +124,27 @@ fn demo(stop: &AtomicBool) -> Result<Report, Failure> {
         );
     }
     ways.push(alone);
-    Ok(Report::new(&info, course.counts, course.reference.failed == 0, ways))
+    #[cfg(feature = "show")]
+    let page = page();
+    #[cfg(not(feature = "show"))]
+    let page = None;
+    Ok(Report::new(&info, course.counts, course.reference.failed == 0, ways, page))
+}
+
+/// Writes the robot as a page into the folder of temporary files; none where it cannot be written.
+#[cfg(feature = "show")]
+fn page() -> Option<std::path::PathBuf> {
+    let source = Source::Bundled(ROBOT.to_owned());
+    let options = Options::default();
+    let loaded = load(&source, &options).ok()?;
+    let settings = sarrus_show::Settings::new(&source, &options, true);
+    let path = std::env::temp_dir().join(format!("sarrus_{ROBOT}.html"));
+    // not through another user's link
+    let _ = std::fs::remove_file(&path);
+    let text = sarrus_show::page(&loaded, &settings).ok()?;
+    let mut file = std::fs::File::create_new(&path).ok()?;
+    io::Write::write_all(&mut file, text.as_bytes()).ok()?;
+    Some(path)
 }
 
 /// The repeated movement and its reference.

@@ -1,5 +1,7 @@
 //! The results of the demo.
 
+use std::path::PathBuf;
+
 use hdrhistogram::Histogram;
 use sarrus_client::ModelInfo;
 use sarrus_proto::{ClosureKind, Sizes};
@@ -27,6 +29,9 @@ pub(super) struct Report {
     worst_error: f64,
     /// Every answer came with status `ok` and its error is below the limit.
     pub(super) good: bool,
+    /// The robot as a page.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    page: Option<PathBuf>,
 }
 
 /// Round-trip times of one way to ask.
@@ -72,6 +77,7 @@ impl Report {
         (numbers_in, numbers_out): (usize, usize),
         reference_is_whole: bool,
         ways: Vec<Way>,
+        page: Option<PathBuf>,
     ) -> Report {
         let of_kind = |kind| model.closures.iter().filter(|closure| closure.kind == kind).count();
         let worst_error = ways.iter().fold(0.0, |worst: f64, way| worst.max(way.worst_error));
@@ -88,6 +94,7 @@ impl Report {
                 && ways.iter().all(|way| way.failed == 0 && way.requests > 0),
             worst_error,
             ways,
+            page,
         }
     }
 
@@ -140,10 +147,14 @@ impl Report {
             n => format!("\n{n} of {requests} answers FAILED. "),
         };
         let relation = if self.worst_error < LIMIT { "within" } else { "OUTSIDE" };
-        text + &format!(
+        text += &format!(
             "Worst error {:.1e} of the largest force of its sample, {relation} the limit of \
              {LIMIT:.0e}.\n",
             self.worst_error
-        )
+        );
+        if let Some(page) = &self.page {
+            text += &format!("See the robot, with sliders that move it: {}\n", page.display());
+        }
+        text
     }
 }

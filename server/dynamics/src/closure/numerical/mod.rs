@@ -19,6 +19,7 @@ mod newton;
 mod rods;
 pub(crate) mod seeds;
 mod series;
+mod straight;
 
 use std::sync::Arc;
 

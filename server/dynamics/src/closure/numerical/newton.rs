@@ -308,7 +308,7 @@ impl Block {
 
     /// q ← q − A⁻¹ φ unless the attempt has converged; returns the size of the step.
     #[inline(always)]
-    fn step<T: Real, const M: usize>(
+    pub(super) fn step<T: Real, const M: usize>(
         &self,
         local: &mut Local<'_, T>,
         length: f64,
@@ -326,7 +326,7 @@ impl Block {
             for r in 0..m {
                 step = row[r].mul_add(phi[r], step);
             }
-            steps[i] = T::select(done, T::ZERO, step);
+            steps[i] = if done { T::ZERO } else { step };
         }
         let mut size = T::ZERO;
         for (i, dof) in self.unknowns[..m].iter().enumerate() {

@@ -1,0 +1,351 @@
+"use strict";
+// The drawing: points of links, from which a view with WebGL or one of lines is made.
+
+// lines between points of links: [link, point, link, point, kind]
+const rods = [];
+const marks = [];
+const boxes = [];
+const axes = [];
+
+(() => {
+  // all joints at zero: cut frames are given there
+  const zero = [];
+  const at = (k) => {
+    const joint = robot.links[k].joint;
+    zero[k] ??= joint ? times(at(joint.parent), joint.at) : unit;
+    return zero[k];
+  };
+  const origin = [0, 0, 0];
+  robot.links.forEach((link, k) => {
+    const { joint } = link;
+    if (joint) {
+      const from = joint.at.slice(0, 3);
+      rods.push([joint.parent, origin, joint.parent, from, "rod"]);
+      if (joint.kind === "prismatic") rods.push([joint.parent, from, k, origin, "slide"]);
+      if (joint.kind === "revolute" || joint.kind === "prismatic") {
+        const length = Math.hypot(...joint.axis);
+        axes.push([k, joint.axis.map((x) => x / length), joint.name]);
+      }
+    }
+    // the root does not move: its box would only hide the others
+    if (link.box && joint) boxes.push([k, link.box.at, link.box.half]);
+  });
+  for (const loop of robot.loops) {
+    const ends = [loop.predecessor, loop.successor];
+    const points = ends.map((end, k) => {
+      const cut = loop.at.placed ? loop.at.placed[k] : times(inverse(at(end)), at(loop.at.link));
+      return cut.slice(0, 3);
+    });
+    ends.forEach((end, k) => {
+      rods.push([end, origin, end, points[k], "rod"]);
+      marks.push([end, points[k], loop.name]);
+    });
+  }
+})();
+
+const view = {
+  yaw: -0.9, pitch: 0.35, distance: 3, target: [0, 0, 0], size: 1, shown: { axes: true, cuts: true, boxes: true },
+  worlds: null, bad: false,
+};
+
+
+// the force on a tip: its two ends, none without a force
+function arrow() {
+  const link = robot.links.findIndex((of) => of.name === robot.tips[load.tip]);
+  const size = Math.hypot(...load.force);
+  if (!view.worlds || link < 0 || size === 0) return null;
+  const from = view.worlds[link].slice(0, 3);
+  return [from, from.map((x, k) => x + (0.35 * view.size * load.force[k]) / (size + 50))];
+}
+
+// the eye, and the directions right and up of the picture
+function eye() {
+  const { yaw, pitch, distance, target } = view;
+  const back = [Math.cos(pitch) * Math.cos(yaw), Math.cos(pitch) * Math.sin(yaw), Math.sin(pitch)];
+  const right = [-Math.sin(yaw), Math.cos(yaw), 0];
+  const up = [
+    -Math.sin(pitch) * Math.cos(yaw), -Math.sin(pitch) * Math.sin(yaw), Math.cos(pitch),
+  ];
+  return { at: target.map((x, k) => x + distance * back[k]), back, right, up };
+}
+
+// that of view across the smaller side of the picture
+const angle = (35 * Math.PI) / 180;
+
+// where a point of the root's frame stands in the picture, in its pixels
+function pixel(p, width, height) {
+  const { at, back, right, up } = eye();
+  const d = p.map((x, k) => x - at[k]);
+  const along = (axis) => axis[0] * d[0] + axis[1] * d[1] + axis[2] * d[2];
+  const scale = Math.min(width, height) / 2 / Math.tan(angle / 2) / Math.max(1e-9, -along(back));
+  return [width / 2 + along(right) * scale, height / 2 - along(up) * scale];
+}
+
+// the view that holds the robot
+function fit(worlds) {
+  const points = [...rods.flatMap(([a, p, b, q]) => [placed(worlds[a], p), placed(worlds[b], q)]),
+    ...boxes.flatMap(([k, at, half]) =>
+      corners.map((c) => placed(times(worlds[k], at), c.map((x, i) => x * half[i]))))];
+  if (points.length === 0) points.push([0, 0, 0]);
+  const bound = (of) => [0, 1, 2].map((k) => of(...points.map((p) => p[k])));
+  const low = bound(Math.min);
+  const high = bound(Math.max);
+  view.target = low.map((x, k) => (x + high[k]) / 2);
+  view.size = Math.max(0.05, distance(low, high));
+  view.distance = (0.62 * view.size) / Math.tan(angle / 2);
+}
+
+const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((k) => [k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1]);
+const edges = [];
+for (let a = 0; a < 8; a++) {
+  for (const bit of [1, 2, 4]) if (!(a & bit)) edges.push([a, a | bit]);
+}
+
+function colours() {
+  const style = getComputedStyle(document.documentElement);
+  const of = (name) => style.getPropertyValue(name).trim();
+  return {
+    rod: of("--rod"), slide: of("--slide"), axis: of("--axis"), cut: of("--cut"), box: of("--box"),
+    grid: of("--grid"), force: of("--force"),
+  };
+}
+
+// lines on a canvas
+function lines(canvas) {
+  const context = canvas.getContext("2d");
+  return () => {
+    const scale = window.devicePixelRatio || 1;
+    const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+    canvas.width = width * scale;
+    canvas.height = height * scale;
+    context.setTransform(scale, 0, 0, scale, 0, 0);
+    const colour = colours();
+    const draw = (p, q, style, thick) => {
+      context.strokeStyle = style;
+      context.lineWidth = thick;
+      context.beginPath();
+      context.moveTo(...pixel(p, width, height));
+      context.lineTo(...pixel(q, width, height));
+      context.stroke();
+    };
+    const { worlds, shown, size } = view;
+    if (!worlds) return;
+    context.lineCap = "round";
+    if (shown.boxes) {
+      for (const [k, at, half] of boxes) {
+        const frame = times(worlds[k], at);
+        const points = corners.map((c) => placed(frame, c.map((x, i) => x * half[i])));
+        for (const [a, b] of edges) draw(points[a], points[b], colour.box, 1);
+      }
+    }
+    for (const [a, p, b, q, kind] of rods) {
+      draw(placed(worlds[a], p), placed(worlds[b], q), colour[kind], 4);
+    }
+    if (shown.axes) {
+      for (const [k, axis] of axes) {
+        const end = (s) => placed(worlds[k], axis.map((x) => s * 0.06 * size * x));
+        draw(end(-1), end(1), colour.axis, 1.5);
+      }
+    }
+    const force = arrow();
+    if (force) draw(...force, colour.force, 5);
+    if (shown.cuts) {
+      for (const [k, p] of marks) {
+        context.fillStyle = colour.cut;
+        context.beginPath();
+        context.arc(...pixel(placed(worlds[k], p), width, height), 5, 0, 7);
+        context.fill();
+      }
+    }
+  };
+}
+
+// solids by WebGL
+function solids(canvas) {
+  const renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true, preserveDrawingBuffer: true });
+  const scene = new THREE.Scene();
+  const camera = new THREE.PerspectiveCamera((angle * 180) / Math.PI, 1, 0.01, 100);
+  camera.up.set(0, 0, 1);
+  const sun = new THREE.DirectionalLight(0xffffff, 2);
+  scene.add(new THREE.HemisphereLight(0xffffff, 0x888888, 1.6), sun);
+  const material = (colour, opacity = 1) =>
+    new THREE.MeshLambertMaterial({ color: colour, transparent: opacity < 1, opacity });
+  const colour = colours();
+  const radius = 0.008 * view.size;
+  const cylinder = new THREE.CylinderGeometry(1, 1, 1, 16);
+  const solid = (geometry, of) => {
+    const mesh = new THREE.Mesh(geometry, of);
+    scene.add(mesh);
+    return mesh;
+  };
+  const of = { rod: material(colour.rod), slide: material(colour.slide) };
+  const axisOf = material(colour.axis);
+  const forceOf = material(colour.force);
+  const pull = solid(cylinder, forceOf);
+  const bars = rods.map(([, , , , kind]) => solid(cylinder, of[kind]));
+  const joints = axes.map(() => solid(cylinder, axisOf));
+  const ball = new THREE.SphereGeometry(0.014 * view.size, 20, 12);
+  const cutOf = material(colour.cut);
+  const cuts = marks.map(() => solid(ball, cutOf));
+  const boxOf = material(colour.box, 0.3);
+  const lineOf = new THREE.LineBasicMaterial({ color: colour.box });
+  const cube = new THREE.BoxGeometry(2, 2, 2);
+  const rim = new THREE.EdgesGeometry(cube);
+  const masses = boxes.map(([, , half]) => {
+    const group = new THREE.Group();
+    group.add(new THREE.Mesh(cube, boxOf), new THREE.LineSegments(rim, lineOf));
+    group.scale.set(...half.map((x) => Math.max(x, 1e-6)));
+    scene.add(group);
+    return group;
+  });
+  const grid = new THREE.GridHelper(2 * view.size, 10, colour.grid, colour.grid);
+  grid.rotation.x = Math.PI / 2;
+  scene.add(grid);
+  const vertical = new THREE.Vector3(0, 1, 0);
+  const along = new THREE.Vector3();
+  const lay = (mesh, p, q, thick) => {
+    along.set(q[0] - p[0], q[1] - p[1], q[2] - p[2]);
+    const length = along.length();
+    mesh.visible = length > 1e-6 * view.size;
+    mesh.scale.set(thick, Math.max(length, 1e-9), thick);
+    mesh.position.set((p[0] + q[0]) / 2, (p[1] + q[1]) / 2, (p[2] + q[2]) / 2);
+    if (mesh.visible) mesh.quaternion.setFromUnitVectors(vertical, along.divideScalar(length));
+  };
+  const recoloured = () => {
+    const now = colours();
+    for (const [name, list] of [["rod", [of.rod]], ["slide", [of.slide]], ["axis", [axisOf]],
+      ["cut", [cutOf]], ["box", [boxOf, lineOf]], ["force", [forceOf]], ["grid", [].concat(grid.material)]]) {
+      list.forEach((each) => each.color.set(now[name]));
+    }
+    grid.geometry.deleteAttribute("color");
+    grid.material.vertexColors = false;
+  };
+  recoloured();
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+    recoloured();
+    view.draw();
+  });
+  return () => {
+    const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+    renderer.setPixelRatio(Math.min(2, window.devicePixelRatio || 1));
+    renderer.setSize(width, height, false);
+    const { at } = eye();
+    camera.aspect = width / Math.max(1, height);
+    const narrow = Math.max(1, height / Math.max(1, width));
+    camera.fov = (360 / Math.PI) * Math.atan(Math.tan(angle / 2) * narrow);
+    camera.near = view.distance / 100;
+    camera.far = view.distance + 10 * view.size;
+    camera.updateProjectionMatrix();
+    camera.position.set(...at);
+    camera.lookAt(...view.target);
+    sun.position.set(at[0], at[1], at[2] + view.size);
+    const { worlds, shown } = view;
+    if (worlds) {
+      rods.forEach(([a, p, b, q], k) => {
+        lay(bars[k], placed(worlds[a], p), placed(worlds[b], q), radius);
+      });
+      const force = arrow();
+      if (force) lay(pull, ...force, 1.3 * radius);
+      pull.visible = force !== null;
+      axes.forEach(([k, axis], i) => {
+        const end = (s) => placed(worlds[k], axis.map((x) => s * 0.06 * view.size * x));
+        lay(joints[i], end(-1), end(1), 0.35 * radius);
+        joints[i].visible = shown.axes;
+      });
+      marks.forEach(([k, p], i) => {
+        cuts[i].position.set(...placed(worlds[k], p));
+        cuts[i].visible = shown.cuts;
+      });
+      boxes.forEach(([k, pose], i) => {
+        const world = times(worlds[k], pose);
+        masses[i].position.set(...world.slice(0, 3));
+        masses[i].quaternion.set(...world.slice(3));
+        masses[i].visible = shown.boxes;
+      });
+    }
+    renderer.render(scene, camera);
+  };
+}
+
+// turns, moves and magnifies by pointers, wheel and keys
+function steer(canvas) {
+  const pointers = new Map();
+  const turn = (x, y) => {
+    view.yaw -= 0.008 * x;
+    view.pitch = Math.max(-1.5, Math.min(1.5, view.pitch + 0.008 * y));
+  };
+  const move = (x, y) => {
+    const { right, up } = eye();
+    const least = Math.max(1, Math.min(canvas.clientWidth, canvas.clientHeight));
+    const scale = (2 * view.distance * Math.tan(angle / 2)) / least;
+    view.target = view.target.map((t, k) => t - scale * (x * right[k] - y * up[k]));
+  };
+  const zoom = (factor) => {
+    view.distance = Math.max(0.05 * view.size, Math.min(20 * view.size, view.distance * factor));
+  };
+  canvas.addEventListener("pointerdown", (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    pointers.set(event.pointerId, [event.clientX, event.clientY]);
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    const old = pointers.get(event.pointerId);
+    if (!old) return;
+    const now = [event.clientX, event.clientY];
+    const [x, y] = [now[0] - old[0], now[1] - old[1]];
+    if (pointers.size === 2) {
+      const other = [...pointers].find(([id]) => id !== event.pointerId)[1];
+      const length = (p) => Math.hypot(p[0] - other[0], p[1] - other[1]);
+      zoom(length(old) / Math.max(1, length(now)));
+      move(x / 2, y / 2);
+    } else if (event.shiftKey) {
+      move(x, y);
+    } else {
+      turn(x, y);
+    }
+    pointers.set(event.pointerId, now);
+    view.draw();
+  });
+  const away = (event) => pointers.delete(event.pointerId);
+  canvas.addEventListener("pointerup", away);
+  canvas.addEventListener("pointercancel", away);
+  canvas.addEventListener("wheel", (event) => {
+    event.preventDefault();
+    zoom(Math.exp(0.001 * event.deltaY));
+    view.draw();
+  }, { passive: false });
+  canvas.addEventListener("keydown", (event) => {
+    const arrows = { ArrowLeft: [-20, 0], ArrowRight: [20, 0], ArrowUp: [0, -20], ArrowDown: [0, 20] };
+    const by = arrows[event.key];
+    if (by) {
+      if (event.shiftKey) move(...by);
+      else turn(...by);
+    } else if (event.key === "+" || event.key === "=") {
+      zoom(0.9);
+    } else if (event.key === "-") {
+      zoom(1 / 0.9);
+    } else {
+      return;
+    }
+    event.preventDefault();
+    view.draw();
+  });
+}
+
+function open(canvas) {
+  let draw = null;
+  if (location.hash !== "#lines") {
+    try {
+      draw = solids(canvas);
+    } catch {
+      // no WebGL: another canvas, as this one may have lost its context
+      const fresh = canvas.cloneNode(false);
+      canvas.replaceWith(fresh);
+      canvas = fresh;
+    }
+  }
+  view.kind = draw ? "solids" : "lines";
+  view.draw = draw ?? lines(canvas);
+  view.canvas = canvas;
+  steer(canvas);
+  new ResizeObserver(() => view.draw()).observe(canvas);
+}
