@@ -123,7 +123,8 @@ pub(crate) fn frame_jacobian<T: Real>(
 ) {
     let point = in_root(frame, world).p;
     // parents have smaller numbers: both paths end where they meet
-    let (mut carries, mut against) = (frame.body, against);
+    let mut carries = frame.body;
+    let mut against = against;
     while carries != against {
         let moves = carries > against;
         let i = carries.max(against);

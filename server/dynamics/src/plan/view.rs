@@ -15,7 +15,7 @@ use crate::workspace::BodyState;
 #[derive(Clone, Copy)]
 pub(super) struct View<'a, T> {
     axes: Axes,
-    /// What takes the root's place.
+    /// The frame that takes the root's place.
     reference: Option<&'a Frame<T>>,
 }
 

@@ -68,7 +68,7 @@ pub(crate) struct Aside {
     sweeps: u32,
 }
 
-/// What a look at a thread finds.
+/// The outcome of a look at a thread.
 pub(crate) enum Look<'a> {
     /// Nothing of this state.
     Nothing,
@@ -111,7 +111,8 @@ impl Aside {
         });
         // a client has a request and a batch at once
         let queue = Vec::with_capacity(2 * clients);
-        let (last, due) = ((0, Duration::ZERO), vec![Duration::ZERO; clients]);
+        let last = (0, Duration::ZERO);
+        let due = vec![Duration::ZERO; clients];
         Ok(Aside { to, from, job: Some(job), current: None, queue, last, due, sweeps: 0 })
     }
 

@@ -408,7 +408,7 @@ impl Engine {
     }
 }
 
-/// What is known of a state before it is computed.
+/// Knowledge of a state before it is computed.
 enum Known {
     Nothing,
     Later,

@@ -94,7 +94,7 @@ pub(crate) struct Shared {
     pub(crate) stopping: AtomicBool,
 }
 
-/// What a look at a client found.
+/// The outcome of a look at a client.
 #[derive(PartialEq, Eq)]
 enum Polled {
     Nothing,
