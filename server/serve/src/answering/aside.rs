@@ -148,8 +148,8 @@ impl Aside {
             let Some(job) = &self.job else { return Look::Waits };
             self.current = None;
             // the next client of this place may count from the same number
-            let (own, given) = (job.input[..job.n_in].iter(), input.iter());
-            return match own.map(|x| x.to_bits()).eq(given.map(|x| x.to_bits())) {
+            let own = job.input[..job.n_in].iter().map(|x| x.to_bits());
+            return match own.eq(input.iter().map(|x| x.to_bits())) {
                 true => Look::Answered(job.answer, &job.output[..job.n_out]),
                 false => Look::Nothing,
             };
