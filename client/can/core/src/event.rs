@@ -20,6 +20,8 @@ pub enum BusEvent {
     Backlog(u32),
     /// Frames that were received and lost because no reader took them in time.
     Overrun(u32),
+    /// The program's own thread of the bus did not get to run since the last cycle.
+    Late,
 }
 
 /// The state of a bus.
@@ -59,6 +61,7 @@ impl BusEvent {
             BusEvent::Dropped(count),
             BusEvent::Backlog(count),
             BusEvent::Overrun(count),
+            BusEvent::Late,
         ];
         all.into_iter().find(|event| event.name() == name)
     }
@@ -74,6 +77,7 @@ impl BusEvent {
             BusEvent::Dropped(_) => "dropped",
             BusEvent::Backlog(_) => "backlog",
             BusEvent::Overrun(_) => "overrun",
+            BusEvent::Late => "late",
         }
     }
 

@@ -183,7 +183,8 @@ impl JournalWriter {
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         match files.write(since.as_millis(), reason, kept, &self.configuration) {
             Ok(path) => {
-                say(format_args!("{}: what led to it is in {}", reason.name(), path.display()))
+                let name = reason.name();
+                say(format_args!("{name}{}: what led to it is in {}", cure(reason), path.display()))
             }
             Err(error) => say(format_args!(
                 "{}: what led to it cannot be written to {}: {error}",
@@ -191,5 +192,16 @@ impl JournalWriter {
                 files.folder().display()
             )),
         }
+    }
+}
+
+/// What to do about a fault that is this program's own.
+fn cure(reason: Reason) -> &'static str {
+    match reason {
+        Reason::Stalled => {
+            " (this program did not get to run in time; CAP_SYS_NICE or LimitRTPRIO give it \
+                SCHED_FIFO, see `wake` in `sarrus-can top`)"
+        }
+        _ => "",
     }
 }

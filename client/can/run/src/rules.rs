@@ -80,6 +80,10 @@ impl Rules {
 
     fn cycle(&mut self, now: u64) {
         for (bus, end) in self.ends.iter_mut().enumerate() {
+            if end.is_late() {
+                self.journal.event(now, bus, BusEvent::Late);
+                self.bridge.bus_event(now, bus, BusEvent::Late);
+            }
             for (at_ns, heard) in end.heard() {
                 match heard {
                     Heard::Frame(frame) => {

@@ -64,7 +64,10 @@ pub struct BusCounters {
 impl BusCounters {
     pub(super) fn add(&mut self, event: BusEvent) {
         match event {
-            BusEvent::ErrorActive | BusEvent::ErrorWarning | BusEvent::Backlog(_) => {}
+            BusEvent::ErrorActive
+            | BusEvent::ErrorWarning
+            | BusEvent::Backlog(_)
+            | BusEvent::Late => {}
             BusEvent::ErrorPassive => self.counts.passive += 1,
             BusEvent::BusOff => self.counts.off += 1,
             BusEvent::Restarted => self.restarted += 1,

@@ -91,7 +91,7 @@ impl Bridge {
         });
         let buses = buses.collect();
         let (period_ns, feedback_ns) =
-            (configuration.period_ns(), configuration.timeouts.feedback_ns);
+            (configuration.period_ns(), configuration.feedback_ns());
         let motors: Vec<Motor> = std::mem::take(&mut configuration.motors)
             .into_iter()
             .map(|motor| {
@@ -180,7 +180,7 @@ impl Bridge {
     }
 
     /// Takes an event of a bus.
-    pub fn bus_event(&mut self, _now_ns: u64, bus: usize, event: BusEvent) {
+    pub fn bus_event(&mut self, now_ns: u64, bus: usize, event: BusEvent) {
         let Some(of_bus) = self.buses.get_mut(bus) else { return };
         of_bus.counters.add(event);
         match event {
@@ -190,6 +190,11 @@ impl Bridge {
             BusEvent::BusOff => of_bus.state = BusState::Off,
             BusEvent::Backlog(frames) => of_bus.backlog = frames,
             BusEvent::Dropped(_) | BusEvent::Overrun(_) => {}
+            BusEvent::Late => {
+                let period_ns = self.configuration.period_ns();
+                let of_bus = self.motors.iter_mut().filter(|motor| motor.config.bus == bus);
+                of_bus.for_each(|motor| motor.excuse(now_ns, period_ns));
+            }
         }
         if matches!(event, BusEvent::BusOff | BusEvent::Restarted) {
             self.motors
@@ -225,13 +230,17 @@ impl Bridge {
         if gap_ns > self.configuration.timeouts.disable_ns {
             self.mechanisms.iter_mut().for_each(|mechanism| mechanism.torque_off(Reason::Stalled));
         }
-        let feedback_ns = self.configuration.timeouts.feedback_ns;
+        let feedback_ns = self.configuration.feedback_ns();
+        // a deadline was missed
+        let period_ns = self.configuration.period_ns();
+        let late_ns = if gap_ns > 2 * period_ns { gap_ns - period_ns } else { 0 };
         for motor in &mut self.motors {
+            motor.own_late_ns += late_ns;
             motor.is_silent = motor.is_stale(now_ns, feedback_ns);
             motor.ask_drive();
         }
         self.assess_mechanisms(now_ns);
-        self.look_for_faults();
+        self.look_for_faults(now_ns);
         self.look_at_measurements(now_ns);
         self.motors.iter_mut().for_each(Motor::forget_if_silent);
 

@@ -28,6 +28,8 @@ pub(super) struct Motor {
     pub(super) velocity: f64,
     /// When it last measured `[ns]`.
     pub(super) measured_ns: Option<u64>,
+    /// How long this bridge itself was late since then `[ns]`.
+    pub(super) own_late_ns: u64,
     /// Its last answer was not one of its frames.
     pub(super) is_malformed: bool,
     /// It answers; its drive has state to forget.
@@ -55,9 +57,11 @@ pub(super) struct Motor {
     pub(super) stop: Reference,
     pub(super) chatter: Chatter,
     pub(super) monitors: Monitors,
-    /// The last measurement that the monitors saw, and when it came `[ns]`.
+    /// The last measurement that the monitors saw, when it came `[ns]`, and how much older it may
+    /// be `[s]`.
     pub(super) before: ActuatorMeasurement,
     pub(super) seen_ns: Option<u64>,
+    pub(super) late_before: f64,
     /// The last two set-points, and the stiffness before the last one's effort was limited.
     pub(super) asked: [ActuatorSetpoint; 2],
     pub(super) stiffness: f64,
@@ -96,6 +100,7 @@ impl Motor {
             measured: ActuatorMeasurement::NONE,
             velocity: 0.0,
             measured_ns: None,
+            own_late_ns: 0,
             is_malformed: false,
             is_known: false,
             sent_ns: None,
@@ -112,6 +117,7 @@ impl Motor {
             chatter: Chatter::default(),
             before: ActuatorMeasurement::NONE,
             seen_ns: None,
+            late_before: 0.0,
             asked: [ActuatorSetpoint::default(); 2],
             stiffness: 0.0,
         }
@@ -126,14 +132,22 @@ impl Motor {
         self.measured = self.config.mapping.to_actuator(measured);
         self.velocity = match self.measured_ns {
             _ if self.measured.velocity.is_finite() => self.measured.velocity,
+            // by the longest time that may have passed, which frames in a burst do not shorten
             Some(last) if before.is_finite() && now_ns > last => {
-                (self.measured.position - before) / ((now_ns - last) as f64 * 1e-9)
+                let elapsed = (now_ns - last) as f64 * 1e-9 + self.monitors.punctual.late;
+                (self.measured.position - before) / elapsed
             }
             Some(_) => self.velocity,
             None => 0.0,
         };
-        (self.measured_ns, self.is_known, self.is_malformed) = (Some(now_ns), true, false);
-        if self.config.drive.is_paired() {
+        let is_paired = self.config.drive.is_paired();
+        if let Some(last) = self.measured_ns {
+            let elapsed = now_ns.saturating_sub(last) as f64 * 1e-9;
+            self.monitors.punctual.take(elapsed, is_paired);
+        }
+        (self.measured_ns, self.own_late_ns) = (Some(now_ns), 0);
+        (self.is_known, self.is_malformed) = (true, false);
+        if is_paired {
             self.monitors.age.take(now_ns);
             self.monitors.answers.take();
         }
@@ -142,6 +156,21 @@ impl Motor {
 
     pub(super) fn is_stale(&self, now_ns: u64, feedback_ns: u64) -> bool {
         self.measured_ns.is_none_or(|measured| now_ns.saturating_sub(measured) > feedback_ns)
+    }
+
+    /// Why it counts as silent: by itself, or mostly because the bridge did not ask or hear it.
+    pub(super) fn silence(&self, now_ns: u64) -> Reason {
+        let silent_ns = self.measured_ns.map_or(u64::MAX, |at| now_ns.saturating_sub(at));
+        match self.own_late_ns > silent_ns / 2 {
+            true => Reason::Stalled,
+            false => Reason::FeedbackStale,
+        }
+    }
+
+    /// The bridge could not hear it for this time `[ns]`.
+    pub(super) fn excuse(&mut self, now_ns: u64, late_ns: u64) {
+        self.own_late_ns += late_ns;
+        self.monitors.age.excuse(now_ns);
     }
 
     /// The motor's fault, or the bridge's own finding in its answers; 0 without either.

@@ -101,7 +101,7 @@ impl RobotModel {
             limits,
             mechanisms: mechanisms.collect(),
             encoders: Vec::new(),
-            feedback_ns: configuration.timeouts.feedback_ns,
+            feedback_ns: configuration.feedback_ns(),
             measured: vec![Measured::NONE; n_u],
             u: zero.u.clone(),
             target: zero.u.clone(),

@@ -103,6 +103,13 @@ impl Age {
             self.phase == Phase::Pause && now_ns.saturating_sub(self.asked_ns) > self.late_ns;
     }
 
+    /// The bridge did not hear what came until now.
+    pub(in crate::bridge) fn excuse(&mut self, now_ns: u64) {
+        if self.phase == Phase::Pause {
+            self.asked_ns = now_ns;
+        }
+    }
+
     /// The motor may be another one when it answers again.
     pub(in crate::bridge) fn forget(&mut self) {
         if self.late_ns != u64::MAX {

@@ -2,12 +2,18 @@
 //!
 //! Since the last change of the code, one of these holds:
 //!
-//! - the reported velocity, less its noise, integrates to more than five codes; or
-//! - the commanded effort changed by more than a part of the limit; or
-//! - the code stopped from one measurement to the next after two steps of more than eight codes.
+//! - the reported velocity, less its noise, integrates to more than five codes in the shortest time
+//!   that may have passed; or
+//! - the commanded effort changed by more than a part of the limit while the joint was at rest, and
+//!   would have moved it by one and a half codes had it the least acceleration: with its greatest
+//!   effort a joint reaches its greatest speed within [`SLOWEST`]; or
+//! - the code stopped from one measurement to the next after two steps of more than eight codes,
+//!   and the set-point goes on as fast.
 //!
-//! A balanced joint repeats its code for hours under a constant effort. That raises no alarm,
-//! although without noise it cannot be distinguished from a frozen encoder.
+//! A joint that ends a quick move is at rest before its last set-points, which it has needed for
+//! that: efforts count from [`SETTLED`] after the last change of the code. A balanced joint repeats
+//! its code for hours under a constant effort. That raises no alarm, although without noise it
+//! cannot be distinguished from a frozen encoder.
 
 use sarrus_proto::actuators::Reason;
 
@@ -23,14 +29,24 @@ const REPEATED: (u32, f64) = (4, 12e-3);
 const PASSED: f64 = 5.0;
 /// Codes between two measurements that count as motion.
 const FAST: f64 = 8.0;
+/// Codes that a joint passes under an effort that moves it.
+const MOVED: f64 = 1.5;
+/// The longest time in which the greatest effort gives the greatest speed `[s]`.
+const SLOWEST: f64 = 1.0;
+/// Time after which set-points of the motion before have had their effect `[s]`.
+const SETTLED: f64 = 8e-3;
 
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Frozen {
     /// Distance by the reported velocity since the last change of the code.
     passed: f64,
-    /// Set-points since then.
+    /// Time since then `[s]`, and the set-points at rest.
+    still: f64,
     low: f64,
     high: f64,
+    /// Speed and way of the least acceleration by the change of the set-points.
+    speed: f64,
+    way: f64,
     /// The last two steps before the code stopped.
     ways: [f64; 2],
     moved: Run,
@@ -40,7 +56,7 @@ pub(super) struct Frozen {
 
 impl Frozen {
     pub(super) fn check(&mut self, seen: &Seen<'_>) -> Option<Reason> {
-        let Seen { bounds, steps, .. } = seen;
+        let Seen { bounds, steps, limits, .. } = seen;
         if bounds.frozen == f64::INFINITY {
             return None;
         }
@@ -50,27 +66,36 @@ impl Frozen {
         };
         let way = seen.way();
         if way != 0.0 {
-            // the last set-point acts after the code changed
-            let low = last.min(before);
-            let high = last.max(before);
             let [_, earlier] = self.ways;
-            *self = Frozen { low, high, ways: [earlier, way], ..Frozen::default() };
+            *self = Frozen { ways: [earlier, way], ..Frozen::default() };
             return None;
         }
+        let elapsed = seen.shortest();
         // comparisons of NaN fail: a velocity that is not reported passes none
         let velocity = seen.measured.velocity;
         if velocity.abs() > NOISE * steps.velocity {
-            self.passed += velocity * seen.elapsed;
+            self.passed += velocity * elapsed;
         }
-        (self.low, self.high) = (self.low.min(last), self.high.max(last));
+        let (low, high) = (last.min(before), last.max(before));
+        (self.low, self.high) = match self.still < SETTLED {
+            true => (low, high),
+            false => (self.low.min(low), self.high.max(high)),
+        };
+        self.still += elapsed;
         let moved = self.passed.abs() > PASSED * steps.position;
-        let pushed = self.high - self.low > bounds.frozen * seen.limits.effort;
-        let [one, two] = self.ways;
+        let change = (self.high - self.low) / limits.effort;
+        let pushed = change > bounds.frozen;
+        if pushed {
+            self.speed += change * limits.speed() / SLOWEST * elapsed;
+            self.way += self.speed * elapsed;
+        }
         let fast = FAST * steps.position;
-        let stopped = one.abs() > fast && two.abs() > fast && one * two > 0.0;
+        let ways = [self.ways[0], self.ways[1], seen.way_asked()];
+        let stopped = ways.iter().all(|way| *way > fast) || ways.iter().all(|way| *way < -fast);
+        let is_pushed = self.pushed.count(pushed, seen.elapsed, REPEATED);
         let is_frozen = [
             self.moved.count(moved, seen.elapsed, CONTRARY),
-            self.pushed.count(pushed, seen.elapsed, REPEATED),
+            is_pushed && self.way > MOVED * steps.position,
             self.stopped.count(stopped, seen.elapsed, CONTRARY),
         ];
         is_frozen.contains(&true).then_some(Reason::FeedbackFrozen)

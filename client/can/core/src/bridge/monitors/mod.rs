@@ -12,11 +12,14 @@ mod foreign;
 mod frozen;
 mod jump;
 mod position;
+mod punctual;
 mod temperature;
 mod velocity;
 mod watch;
 
 use sarrus_proto::actuators::Reason;
+
+pub(super) use punctual::Punctual;
 
 use crate::config::{Limits, MonitorBounds, MotorConfig};
 use crate::drive::Mode;
@@ -41,9 +44,11 @@ pub(super) struct Seen<'a> {
     pub(super) period: f64,
     /// The newest measurement.
     pub(super) measured: &'a ActuatorMeasurement,
-    /// The one before, and the time between the two `[s]`.
+    /// The one before, and the time between the arrivals of the two `[s]`.
     pub(super) before: &'a ActuatorMeasurement,
     pub(super) elapsed: f64,
+    /// How much older than its arrival the one before may be, and the newest `[s]`.
+    pub(super) late: [f64; 2],
     /// The last two set-points.
     pub(super) asked: &'a [ActuatorSetpoint; 2],
     /// Effort of each of the two at the newest measurement `[N m, N]`; NaN where it needs a
@@ -58,6 +63,25 @@ pub(super) struct Seen<'a> {
 }
 
 impl Seen<'_> {
+    /// The longest and the shortest time that may have passed between the two measurements `[s]`.
+    fn longest(&self) -> f64 {
+        self.elapsed + self.late[0]
+    }
+
+    fn shortest(&self) -> f64 {
+        (self.elapsed - self.late[1]).max(0.0)
+    }
+
+    /// How far the set-point moved in the last cycle; 0 where there is no position to follow.
+    fn way_asked(&self) -> f64 {
+        let [last, before] = self.asked;
+        match self.mode {
+            Mode::Velocity => last.velocity * self.period,
+            Mode::Impedance | Mode::Torque if self.stiffness == 0.0 => 0.0,
+            _ => last.position - before.position,
+        }
+    }
+
     /// How far the actuator moved between the two measurements.
     fn way(&self) -> f64 {
         self.measured.position - self.before.position
@@ -85,6 +109,7 @@ pub(super) struct Monitors {
     /// The largest stiffness and damping that the motor can be given.
     largest_gains: [f64; 2],
     pub(super) age: age::Age,
+    pub(super) punctual: Punctual,
     pub(super) answers: answers::Answers,
     pub(super) foreign: foreign::Foreign,
     pub(super) rules: Rules,
@@ -126,6 +151,7 @@ impl Monitors {
                 gain * config.mapping.gear * config.mapping.gear * config.mapping.torque_constant
             }),
             age: age::Age::new(config.monitors.late, period_ns, feedback_ns),
+            punctual: Punctual::new(period_ns as f64 * 1e-9),
             answers: answers::Answers::default(),
             foreign: foreign::Foreign::default(),
             rules: Rules::default(),

@@ -1,8 +1,13 @@
 //! A speed beyond its limit, by the reports and by the positions.
 //!
-//! Reported: |q̇| > (1 + margin) v in three consecutive measurements. By positions: the excess is
-//! summed up, s ← max(0, s ± Δq − (1 + margin) v Δt), which neither lost frames nor jitter enlarge,
-//! and compared with half a cycle at the limit.
+//! Reported: |q̇| > (1 + margin) v in three consecutive measurements. By positions: the way from the
+//! best of all earlier measurements to the newest exceeds what the limit allows in the longest time
+//! that may lie between the two. With the time of arrival r of the newest measurement, of which it
+//! may be a older (`punctual`), its excess s over the best is
+//!
+//! ```text
+//! s ← s ± Δq − (1 + margin) v Δr,    fault where s > v T / 2 + noise,    s ← max(s, −(1 + margin) v a)
+//! ```
 
 use sarrus_proto::actuators::Reason;
 
@@ -13,7 +18,7 @@ const MEASUREMENTS: u32 = 3;
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Velocity {
     n_fast: u32,
-    /// Distance in excess of the allowed one, forwards and backwards.
+    /// Distance in excess of the allowed one from the best measurement, forwards and backwards.
     ahead: f64,
     back: f64,
 }
@@ -28,10 +33,12 @@ impl Velocity {
         let is_fast = seen.measured.velocity.abs() > most + NOISE * steps.velocity;
         self.n_fast = if is_fast { self.n_fast + 1 } else { 0 };
         let allowed = most * seen.elapsed;
-        self.ahead = (self.ahead + seen.way() - allowed).max(0.0);
-        self.back = (self.back - seen.way() - allowed).max(0.0);
+        let ahead = self.ahead + seen.way() - allowed;
+        let back = self.back - seen.way() - allowed;
         let bound = 0.5 * seen.limits.velocity * seen.period + NOISE * steps.position;
-        let is_ahead = self.ahead.max(self.back) > bound;
+        let is_ahead = ahead.max(back) > bound;
+        let [_, late] = seen.late;
+        (self.ahead, self.back) = (ahead.max(-most * late), back.max(-most * late));
         (self.n_fast >= MEASUREMENTS || is_ahead).then_some(Reason::VelocityLimit)
     }
 }

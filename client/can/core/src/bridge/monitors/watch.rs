@@ -34,13 +34,14 @@ impl Bridge {
 }
 
 impl Motor {
-    /// The reason to doubt the newest measurement, if it is new.
+    /// The reason to doubt the newest measurement, if it is new. The rules see the newest one of
+    /// each cycle.
     fn doubt(&mut self, period: f64, is_following: bool) -> Option<Reason> {
         if self.measured_ns == self.seen_ns {
             return None;
         }
         let since = self.seen_ns.zip(self.measured_ns);
-        let Monitors { bounds, steps, rules, .. } = &mut self.monitors;
+        let Monitors { bounds, steps, rules, punctual, .. } = &mut self.monitors;
         let found = since.and_then(|(before, measured)| {
             rules.check(&Seen {
                 bounds,
@@ -49,6 +50,7 @@ impl Motor {
                 measured: &self.measured,
                 before: &self.before,
                 elapsed: measured.saturating_sub(before) as f64 * 1e-9,
+                late: [self.late_before, punctual.late],
                 asked: &self.asked,
                 efforts: self.asked.map(|asked| effort_of(&asked, &self.measured)),
                 stiffness: self.stiffness,
@@ -58,6 +60,7 @@ impl Motor {
             })
         });
         (self.seen_ns, self.before) = (self.measured_ns, self.measured);
+        self.late_before = self.monitors.punctual.late;
         found
     }
 
