@@ -10,8 +10,8 @@
 //! - the code stopped from one measurement to the next after two steps of more than eight codes,
 //!   and the set-point goes on as fast.
 //!
-//! A joint that ends a quick move is at rest before its last set-points, which it has needed for
-//! that: efforts count from [`SETTLED`] after the last change of the code. A balanced joint repeats
+//! A joint that ends a quick move is at rest before the effort that braked it ends: efforts then
+//! count from [`SETTLED`] after the last change of the code. A balanced joint repeats
 //! its code for hours under a constant effort. That raises no alarm, although without noise it
 //! cannot be distinguished from a frozen encoder.
 
@@ -35,6 +35,9 @@ const MOVED: f64 = 1.5;
 const SLOWEST: f64 = 1.0;
 /// Time after which set-points of the motion before have had their effect `[s]`.
 const SETTLED: f64 = 8e-3;
+/// Codes that a joint passed within about this time `[s]` where it comes from a motion.
+const QUICK: f64 = 4.0;
+const RECENTLY: f64 = 0.05;
 
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Frozen {
@@ -47,6 +50,8 @@ pub(super) struct Frozen {
     /// Speed and way of the least acceleration by the change of the set-points.
     speed: f64,
     way: f64,
+    /// Distance within about [`RECENTLY`].
+    recent: f64,
     /// The last two steps before the code stopped.
     ways: [f64; 2],
     moved: Run,
@@ -65,9 +70,12 @@ impl Frozen {
             Mode::Position | Mode::Velocity => [0.0; 2],
         };
         let way = seen.way();
+        self.recent *= (1.0 - seen.elapsed / RECENTLY).max(0.0);
+        self.recent += way.abs();
+        let (low, high) = (last.min(before), last.max(before));
         if way != 0.0 {
-            let [_, earlier] = self.ways;
-            *self = Frozen { ways: [earlier, way], ..Frozen::default() };
+            let (recent, [_, earlier]) = (self.recent, self.ways);
+            *self = Frozen { low, high, recent, ways: [earlier, way], ..Frozen::default() };
             return None;
         }
         let elapsed = seen.shortest();
@@ -76,8 +84,8 @@ impl Frozen {
         if velocity.abs() > NOISE * steps.velocity {
             self.passed += velocity * elapsed;
         }
-        let (low, high) = (last.min(before), last.max(before));
-        (self.low, self.high) = match self.still < SETTLED {
+        let settles = self.still < SETTLED && self.recent > QUICK * steps.position;
+        (self.low, self.high) = match settles {
             true => (low, high),
             false => (self.low.min(low), self.high.max(high)),
         };

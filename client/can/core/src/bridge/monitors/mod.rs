@@ -72,13 +72,16 @@ impl Seen<'_> {
         (self.elapsed - self.late[1]).max(0.0)
     }
 
-    /// How far the set-point moved in the last cycle; 0 where there is no position to follow.
+    /// How far the set-point goes in a cycle, by its position or its velocity; 0 for an effort.
     fn way_asked(&self) -> f64 {
         let [last, before] = self.asked;
+        let [by_velocity, by_position] =
+            [last.velocity * self.period, last.position - before.position];
         match self.mode {
-            Mode::Velocity => last.velocity * self.period,
+            Mode::Velocity => by_velocity,
             Mode::Impedance | Mode::Torque if self.stiffness == 0.0 => 0.0,
-            _ => last.position - before.position,
+            _ if by_velocity.abs() > by_position.abs() => by_velocity,
+            _ => by_position,
         }
     }
 
@@ -151,7 +154,7 @@ impl Monitors {
                 gain * config.mapping.gear * config.mapping.gear * config.mapping.torque_constant
             }),
             age: age::Age::new(config.monitors.late, period_ns, feedback_ns),
-            punctual: Punctual::new(period_ns as f64 * 1e-9),
+            punctual: Punctual::default(),
             answers: answers::Answers::default(),
             foreign: foreign::Foreign::default(),
             rules: Rules::default(),

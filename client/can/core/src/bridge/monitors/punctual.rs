@@ -7,45 +7,49 @@
 //! a ← max(0, a + r − r_before − T),    taken between r − a and r
 //! ```
 //!
-//! a is the delay beyond the smallest one so far, and counts lost measurements as delay. T is the
-//! cycle of a motor that is asked, and the mean interval of one that measures by itself; it is
-//! [`LEAK`] longer here, so that a lost measurement is forgotten after some hundred others.
+//! a is the delay beyond the smallest one so far. A lost measurement looks like a delay. T is the
+//! mean interval, lost measurements included, and [`LEAK`] longer, so that they are forgotten after
+//! some hundred others.
 
 /// Part by which an interval counts as longer than it is.
 const LEAK: f64 = 0.01;
-/// Weight of the newest interval in the mean of those of a motor that is not asked.
-const SHARE: f64 = 0.02;
+/// The mean is of this many intervals, or of all while there are fewer.
+const INTERVALS: f64 = 200.0;
 /// A longer interval is a silence, after which all begins anew `[s]`.
 const SILENCE: f64 = 0.2;
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(in crate::bridge) struct Punctual {
-    /// Time between two cycles `[s]`.
-    period: f64,
-    /// Mean interval of a motor that is not asked; 0 before the first one `[s]`.
+    /// Mean interval `[s]`, and of how many.
     mean: f64,
+    n_intervals: f64,
+    /// The motor was not asked since the last measurement, or for other things.
+    has_paused: bool,
+    /// It answers each request with a measurement.
+    is_paired: bool,
     /// How much older than its arrival the newest measurement may be `[s]`.
     pub(in crate::bridge) late: f64,
 }
 
 impl Punctual {
-    pub(in crate::bridge) fn new(period: f64) -> Punctual {
-        Punctual { period, mean: 0.0, late: 0.0 }
+    /// A measurement came, this long after the one before `[s]`.
+    pub(in crate::bridge) fn take(&mut self, elapsed: f64, is_paired: bool) {
+        self.has_paused |= is_paired && !self.is_paired;
+        self.is_paired = is_paired;
+        if elapsed > SILENCE {
+            *self = Punctual::default();
+        } else if self.has_paused {
+            // nothing was on its way: it answers the newest request
+            (self.has_paused, self.late) = (false, 0.0);
+        } else {
+            self.n_intervals = (self.n_intervals + 1.0).min(INTERVALS);
+            self.mean += (elapsed - self.mean) / self.n_intervals;
+            self.late = (self.late + elapsed - (1.0 + LEAK) * self.mean).max(0.0);
+        }
     }
 
-    /// A measurement came, this long after the one before `[s]`.
-    pub(in crate::bridge) fn take(&mut self, elapsed: f64, is_asked: bool) {
-        if elapsed > SILENCE {
-            (self.mean, self.late) = (0.0, 0.0);
-            return;
-        }
-        let interval = if is_asked {
-            self.period
-        } else {
-            let share = if self.mean == 0.0 { 1.0 } else { SHARE };
-            self.mean += share * (elapsed - self.mean);
-            self.mean
-        };
-        self.late = (self.late + elapsed - (1.0 + LEAK) * interval).max(0.0);
+    /// The motor goes without a request.
+    pub(super) fn pause(&mut self) {
+        self.has_paused = true;
     }
 }

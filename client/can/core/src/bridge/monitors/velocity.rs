@@ -6,14 +6,18 @@
 //! may be a older (`punctual`), its excess s over the best is
 //!
 //! ```text
-//! s ← s ± Δq − (1 + margin) v Δr,    fault where s > v T / 2 + noise,    s ← max(s, −(1 + margin) v a)
+//! s ← s ± Δq − (1 + margin) v Δr,    fault where s > v t + noise,    s ← max(s, −(1 + margin) v a)
 //! ```
+//!
+//! with t = T / 2, at least a millisecond, for what the bound of a forgets.
 
 use sarrus_proto::actuators::Reason;
 
 use super::{NOISE, Seen};
 
 const MEASUREMENTS: u32 = 3;
+/// Times of arrival may be off by this in spite of their bound `[s]`.
+const CLOCKS: f64 = 1e-3;
 
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Velocity {
@@ -35,7 +39,7 @@ impl Velocity {
         let allowed = most * seen.elapsed;
         let ahead = self.ahead + seen.way() - allowed;
         let back = self.back - seen.way() - allowed;
-        let bound = 0.5 * seen.limits.velocity * seen.period + NOISE * steps.position;
+        let bound = seen.limits.velocity * (0.5 * seen.period).max(CLOCKS) + NOISE * steps.position;
         let is_ahead = ahead.max(back) > bound;
         let [_, late] = seen.late;
         (self.ahead, self.back) = (ahead.max(-most * late), back.max(-most * late));

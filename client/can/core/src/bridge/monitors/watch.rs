@@ -95,7 +95,11 @@ impl Motor {
         if !self.config.drive.is_paired() || bus_has_power && self.is_synchronous {
             return false;
         }
-        self.monitors.age.pauses(now_ns, has_power, &mut self.monitors.answers)
+        let pauses = self.monitors.age.pauses(now_ns, has_power, &mut self.monitors.answers);
+        if pauses {
+            self.monitors.punctual.pause();
+        }
+        pauses
     }
 
     /// It stops by itself: its effort is unknown.

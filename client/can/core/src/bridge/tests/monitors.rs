@@ -275,7 +275,7 @@ fn a_quick_move_that_ends_at_rest_is_not_frozen() {
 #[test]
 fn frames_that_are_late_once_are_neither_a_jump_nor_a_speed() {
     // at 60 % of the limit, with answers that wait for up to three cycles, in order
-    let mut punctual = Punctual::new(PERIOD);
+    let mut punctual = Punctual::default();
     let mut line = Line::new();
     (line.limits.lower, line.limits.upper) = (-1e9, 1e9);
     let (mut came, mut late_before) = (0.0, 0.0);
