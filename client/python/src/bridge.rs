@@ -106,7 +106,10 @@ impl PyBridge {
         let mut bridge = self.lock();
         let line = Line::read(line, bridge.configuration()).map_err(PyValueError::new_err)?;
         let (faults, _) = bridge.faults();
-        line.apply(&mut bridge);
+        if !line.apply(&mut bridge) {
+            let found = "the state is of another configuration or version";
+            return Err(PyValueError::new_err(found));
+        }
         let frames = match line.what {
             What::Cycle => log::sent(&bridge, line.t).collect(),
             _ => Vec::new(),

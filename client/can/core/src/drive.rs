@@ -5,6 +5,7 @@
 //! motor's output shaft, N m, and the motor's sign.
 
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
+use crate::state::Words;
 
 /// Set-point of a motor, on the motor's side of gear and sign.
 ///
@@ -285,6 +286,9 @@ pub trait Drive: Send + core::fmt::Debug {
     /// State of the motor.
     fn state(&self) -> DriveState;
 
+    /// Writes all that changes, for a log, or reads it.
+    fn carry(&mut self, _words: &mut Words<'_>) {}
+
     /// Called when an operator arms, and before the motor gets power: the motor's settings are
     /// written and read back anew, since a motor whose supply was away has lost them. Does nothing
     /// if the protocol has no such settings.
@@ -313,6 +317,12 @@ pub trait Drive: Send + core::fmt::Debug {
     /// these.
     fn largest_gains(&self) -> [f64; 2] {
         [f64::INFINITY; 2]
+    }
+
+    /// When the position of the last measurement came, where it comes apart from the rest; `None`
+    /// where it came with the measurement `[ns]`.
+    fn position_ns(&self) -> Option<u64> {
+        None
     }
 
     /// Whether the motor answers the frames of a cycle with one measurement: its requests and

@@ -59,6 +59,10 @@ pub struct Frame {
 }
 
 impl Frame {
+    /// No content and the least identifier.
+    pub(crate) const EMPTY: Frame =
+        Frame { id: Id::Standard(0), kind: FrameKind::Classic, len: 0, data: [0; MAX_DATA] };
+
     /// A classic frame; `None` beyond 8 bytes.
     pub fn classic(id: Id, bytes: &[u8]) -> Option<Frame> {
         if bytes.len() <= 8 { Frame::of(id, FrameKind::Classic, bytes) } else { None }
@@ -176,6 +180,24 @@ impl FrameQueue {
     /// The frames, oldest first.
     pub fn frames(&self) -> &[Frame] {
         &self.frames
+    }
+
+    /// The most frames that it holds.
+    pub(crate) fn capacity(&self) -> usize {
+        self.capacity
+    }
+
+    /// Replaces the frame of a place, or adds one behind the last.
+    pub(crate) fn put(&mut self, place: usize, frame: Frame) {
+        match self.frames.get_mut(place) {
+            Some(of_place) => *of_place = frame,
+            None => self.push(frame),
+        }
+    }
+
+    /// Keeps the first `n` frames.
+    pub(crate) fn cut(&mut self, n: usize) {
+        self.frames.truncate(n);
     }
 
     /// Frames that found no room so far.

@@ -108,7 +108,7 @@ impl Rules {
             self.bridge.command(now, &command);
         }
         self.bridge.cycle(now);
-        self.journal.cycle(now, &self.bridge);
+        self.journal.cycle(now, &mut self.bridge);
         let number = self.bridge.counters().cycles;
         for (bus, end) in self.ends.iter_mut().enumerate() {
             let dropped = end.send(number, self.bridge.frames(bus));

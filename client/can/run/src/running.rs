@@ -65,8 +65,7 @@ pub fn prepare(
 
     let loads = bus_load::loads(&configuration);
     let fingerprint = configuration.fingerprint;
-    let without_motors = configuration.without_motors();
-    let bridge = Bridge::new(configuration);
+    let mut bridge = Bridge::new(configuration);
     let mut buses = Vec::new();
     let mut ends = Vec::new();
     for (number, config) in bridge.configuration().buses.iter().enumerate() {
@@ -80,7 +79,7 @@ pub fn prepare(
     let folder = settings.fault_log.clone().unwrap_or_else(usual);
     let files = FaultFiles::new(folder, name.as_str());
     let log = settings.log.as_deref();
-    let (journal, writer) = journal(Some(files), log, without_motors).map_err(|error| {
+    let (journal, writer) = journal(Some(files), log, &mut bridge).map_err(|error| {
         format!("{}: {error}", log.map_or("the log".into(), |path| path.to_string_lossy()))
     })?;
     let telemetry = Telemetry::new(&bridge, &loads, std::process::id(), now_ns())

@@ -10,7 +10,6 @@
 //! STOPPING, then DISABLED or FAULT. Nothing ever arms by itself.
 
 mod assess;
-mod bookmark;
 mod bus;
 mod chatter;
 mod counters;
@@ -23,18 +22,19 @@ mod operate;
 mod reaction;
 mod report;
 mod setpoint;
+mod snapshot;
 mod stop;
 #[cfg(test)]
 mod tests;
 mod transitions;
 mod verdict;
 
-pub use counters::{Bookmark, BusCounters, Counters, Progress};
+pub use counters::{BusCounters, Counters};
 pub use sarrus_proto::counts::CommandVerdict;
 
 pub use crate::event::{BusEvent, BusState};
 
-use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, MechanismState, Reason};
+use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Reason};
 
 use crate::config::Configuration;
 use crate::drive::{DriveCommand, Receipt};
@@ -70,9 +70,6 @@ pub struct Bridge {
     /// Since when a reset of each mechanism is under way `[ns]`.
     reset_ns: Vec<Option<u64>>,
     last_cycle_ns: Option<u64>,
-    /// Length of the gaps of a log `[ns]`, and whether one ended since the last cycle.
-    skipped_ns: u64,
-    resumes: bool,
     state: ActuatorState,
     counters: Counters,
     faults: u64,
@@ -128,8 +125,6 @@ impl Bridge {
             commanded: false,
             reset_ns,
             last_cycle_ns: None,
-            skipped_ns: 0,
-            resumes: false,
             state,
             counters: Counters::default(),
             faults: 0,
@@ -224,7 +219,6 @@ impl Bridge {
         self.last_cycle_ns = Some(now_ns);
         self.counters.cycles += 1;
         self.buses.iter_mut().for_each(Bus::begin);
-        self.go_on();
 
         // failures since the last cycle
         if gap_ns > self.configuration.timeouts.disable_ns {
@@ -309,7 +303,7 @@ impl Bridge {
                 motor.config.drive.cycle(now_ns, command, &mut bus.queue);
             }
             motor.ask_drive();
-            motor.ask(bus.queue.frames().len() - n_before);
+            motor.ask(bus.queue.frames().get(n_before..).unwrap_or_default());
         }
         for bus in &mut self.buses {
             bus.queue.push_some(bus.sync.filter(|_| bus.is_synchronous));
@@ -319,18 +313,6 @@ impl Bridge {
     /// How many faults there were since the start, and the mechanism and reason of the last one.
     pub fn faults(&self) -> (u64, Option<(usize, Reason)>) {
         (self.faults, self.last_fault)
-    }
-
-    /// How far the bridge is, for a log of its inputs.
-    pub fn progress(&self) -> Progress {
-        let mut mechanisms = self.mechanisms.iter();
-        if mechanisms.any(|mechanism| mechanism.state == MechanismState::Arming) {
-            Progress::Arming
-        } else if self.mechanisms.iter().any(Mechanism::is_live) {
-            Progress::Powered
-        } else {
-            Progress::Idle
-        }
     }
 
     /// The frames of the last cycle for a bus, in the order of sending. Drop frames that cannot be

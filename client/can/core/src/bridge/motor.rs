@@ -10,6 +10,7 @@ use crate::drive::{DriveState, Measurement, Mode, Watchdog};
 use crate::event::BusState;
 use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint, Mapping};
 use crate::protocol::fault;
+use crate::state::{State, Words, state};
 
 /// A motor.
 #[derive(Debug)]
@@ -128,6 +129,8 @@ impl Motor {
         if !measured.position.is_finite() {
             return None;
         }
+        let reply_ns = self.sent_ns.take().map(|sent| now_ns.saturating_sub(sent));
+        let now_ns = self.config.drive.position_ns().unwrap_or(now_ns);
         let before = self.measured.position;
         self.measured = self.config.mapping.to_actuator(measured);
         self.velocity = match self.measured_ns {
@@ -151,7 +154,7 @@ impl Motor {
             self.monitors.age.take(now_ns);
             self.monitors.answers.take();
         }
-        self.sent_ns.take().map(|sent| now_ns.saturating_sub(sent))
+        reply_ns
     }
 
     pub(super) fn is_stale(&self, now_ns: u64, feedback_ns: u64) -> bool {
@@ -199,25 +202,6 @@ impl Motor {
     /// Its position, as last reported.
     pub(super) fn place(&self) -> f64 {
         if self.measured.position.is_finite() { self.measured.position } else { self.hold }
-    }
-
-    /// Goes over a time that a log leaves out.
-    pub(super) fn resume_log(&mut self, is_in_time: bool) {
-        if is_in_time {
-            self.monitors.age.believe();
-            self.monitors.answers.forgive();
-        }
-        self.sent_ns = None;
-        self.monitors.begin();
-        // nothing is compared over the gap
-        (self.seen_ns, self.before) = (self.measured_ns, ActuatorMeasurement::NONE);
-        self.is_asked_nothing();
-        self.hold();
-    }
-
-    /// It followed commands meanwhile, as far as its limits go.
-    pub(super) fn resume_from(&mut self, desired: f64) {
-        self.last_position = desired.max(self.config.limits.lower).min(self.config.limits.upper);
     }
 
     /// Begins to follow from where it is.
@@ -275,5 +259,19 @@ impl Motor {
             return Some(Reason::FeedbackLate);
         }
         self.monitors.check_bus(now_ns, BusState::Active)
+    }
+}
+
+state!(Motor {
+    config, drive, is_silent, measured, velocity, measured_ns, own_late_ns, is_malformed, is_known,
+    sent_ns, flags, hold, deflection, last_position, last_effort, last_total, gravity, stop,
+    chatter, monitors, before, seen_ns, late_before, asked, stiffness;
+    mechanism, is_synchronous, stop_damping, most_damping
+});
+
+/// The drive alone changes.
+impl State for MotorConfig {
+    fn carry(&mut self, words: &mut Words<'_>) {
+        self.drive.carry(words);
     }
 }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, QueryError, Request, Workspace};
+use crate::state::state;
 
 /// The robot at one pose.
 #[derive(Clone, Debug)]
@@ -140,3 +141,5 @@ impl Evaluator {
         self.motion.run(&self.model, &mut self.workspace, pose)
     }
 }
+
+state!(Pose { y, q, u, loop_jacobian, tau_y });

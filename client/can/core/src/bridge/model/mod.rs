@@ -20,6 +20,7 @@ mod tracker;
 use sarrus_proto::actuators::Reason;
 
 use crate::config::{Configuration, Limits, ModelRules, MotorConfig};
+use crate::state::state;
 pub(super) use assessed::Activity;
 use assessed::Assessed;
 use effort::Filtered;
@@ -186,3 +187,10 @@ impl RobotModel {
             && self.mechanisms[number].measured.clearance > least_clearance
     }
 }
+
+state!(Measured { position, velocity, effort, setpoint });
+state!(RobotModel {
+    mechanisms, encoders, measured, u, target, pose, commanded, y_before, motion, efforts, yd, ydd,
+    gravity, known, cycle, last_ns;
+    rules, evaluator, owners, coupled, limits, feedback_ns, home, rates, asked
+});

@@ -14,6 +14,7 @@
 //! shows as a contradiction of the set-points (`effort`, `frozen`).
 
 use super::answers::Answers;
+use crate::state::{state, state_of_enum};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
@@ -117,11 +118,6 @@ impl Age {
         }
     }
 
-    /// It is in time, by an earlier observation.
-    pub(in crate::bridge) fn believe(&mut self) {
-        (self.phase, self.is_late) = (Phase::Good, false);
-    }
-
     /// Whether it is not known to be in time.
     pub(in crate::bridge) fn is_unknown(&self) -> bool {
         self.phase != Phase::Good
@@ -136,3 +132,6 @@ impl Age {
         self.is_late
     }
 }
+
+state_of_enum!(Phase { Unknown, Pause, Good });
+state!(Age { phase, asked_ns, answered_ns, is_answered, is_late; late_ns, most_open });

@@ -10,8 +10,9 @@
 //! - the code stopped from one measurement to the next after two steps of more than eight codes,
 //!   and the set-point goes on as fast.
 //!
-//! A joint that ends a quick move is at rest before the effort that braked it ends: efforts then
-//! count from [`SETTLED`] after the last change of the code. A balanced joint repeats
+//! A joint that comes from a motion is braked by efforts until it is at rest, and may pass part of a
+//! code meanwhile: efforts then count from [`SETTLED`] after the last change of the code on, or
+//! from eight times the interval between the last two changes on. A balanced joint repeats
 //! its code for hours under a constant effort. That raises no alarm, although without noise it
 //! cannot be distinguished from a frozen encoder.
 
@@ -20,6 +21,7 @@ use sarrus_proto::actuators::Reason;
 use super::effort::Run;
 use super::{NOISE, Seen};
 use crate::drive::Mode;
+use crate::state::state;
 
 /// Consecutive repetitions and the time from the first to the last `[s]`, if the motor contradicts
 /// itself and if it does not.
@@ -35,9 +37,10 @@ const MOVED: f64 = 1.5;
 const SLOWEST: f64 = 1.0;
 /// Time after which set-points of the motion before have had their effect `[s]`.
 const SETTLED: f64 = 8e-3;
-/// Codes that a joint passed within about this time `[s]` where it comes from a motion.
-const QUICK: f64 = 4.0;
-const RECENTLY: f64 = 0.05;
+/// A joint whose code changed at longer intervals does not come from a motion `[s]`.
+const SLOW: f64 = 0.05;
+/// Intervals in which a joint comes to rest from a code an interval.
+const REST: f64 = 8.0;
 
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Frozen {
@@ -50,8 +53,8 @@ pub(super) struct Frozen {
     /// Speed and way of the least acceleration by the change of the set-points.
     speed: f64,
     way: f64,
-    /// Distance within about [`RECENTLY`].
-    recent: f64,
+    /// Time between the last two changes `[s]`.
+    interval: f64,
     /// The last two steps before the code stopped.
     ways: [f64; 2],
     moved: Run,
@@ -70,12 +73,11 @@ impl Frozen {
             Mode::Position | Mode::Velocity => [0.0; 2],
         };
         let way = seen.way();
-        self.recent *= (1.0 - seen.elapsed / RECENTLY).max(0.0);
-        self.recent += way.abs();
         let (low, high) = (last.min(before), last.max(before));
         if way != 0.0 {
-            let (recent, [_, earlier]) = (self.recent, self.ways);
-            *self = Frozen { low, high, recent, ways: [earlier, way], ..Frozen::default() };
+            let interval = self.still + seen.longest();
+            let [_, earlier] = self.ways;
+            *self = Frozen { low, high, interval, ways: [earlier, way], ..Frozen::default() };
             return None;
         }
         let elapsed = seen.shortest();
@@ -84,7 +86,7 @@ impl Frozen {
         if velocity.abs() > NOISE * steps.velocity {
             self.passed += velocity * elapsed;
         }
-        let settles = self.still < SETTLED && self.recent > QUICK * steps.position;
+        let settles = self.interval < SLOW && self.still < SETTLED.max(REST * self.interval);
         (self.low, self.high) = match settles {
             true => (low, high),
             false => (self.low.min(low), self.high.max(high)),
@@ -106,6 +108,11 @@ impl Frozen {
             is_pushed && self.way > MOVED * steps.position,
             self.stopped.count(stopped, seen.elapsed, CONTRARY),
         ];
+        if is_frozen.contains(&true) && std::env::var_os("DBG").is_some() { eprintln!("{is_frozen:?} passed {} step {} v {} vstep {} low {} high {} way {} still {} interval {} ways {:?}", self.passed, steps.position, velocity, steps.velocity, self.low, self.high, self.way, self.still, self.interval, self.ways); }
         is_frozen.contains(&true).then_some(Reason::FeedbackFrozen)
     }
 }
+
+state!(Frozen {
+    passed, still, low, high, speed, way, interval, ways, moved, pushed, stopped
+});

@@ -18,6 +18,7 @@ mod velocity;
 mod watch;
 
 use sarrus_proto::actuators::Reason;
+use crate::state::state;
 
 pub(super) use punctual::Punctual;
 
@@ -231,3 +232,6 @@ fn steps(config: &MotorConfig) -> ActuatorSetpoint {
         damping: said.damping * gear * by_effort,
     }
 }
+
+state!(Rules { effort, following, frozen, position, velocity, temperature });
+state!(Monitors { age, punctual, answers, foreign, rules; bounds, steps, largest_gains });

@@ -9,6 +9,7 @@ use sarrus_proto::actuators::Reason;
 use super::{NOISE, Seen};
 use crate::config::{Limits, MonitorBounds};
 use crate::mapping::ActuatorSetpoint;
+use crate::state::state;
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Position {
@@ -53,3 +54,5 @@ impl Position {
         (moves && bounds.position < f64::INFINITY).then_some(Reason::PositionLimit)
     }
 }
+
+state!(Position { least });

@@ -11,6 +11,8 @@
 //! mean interval, lost measurements included, and [`LEAK`] longer, so that they are forgotten after
 //! some hundred others.
 
+use crate::state::state;
+
 /// Part by which an interval counts as longer than it is.
 const LEAK: f64 = 0.01;
 /// The mean is of this many intervals, or of all while there are fewer.
@@ -23,7 +25,7 @@ pub(in crate::bridge) struct Punctual {
     /// Mean interval `[s]`, and of how many.
     mean: f64,
     n_intervals: f64,
-    /// The motor was not asked since the last measurement, or for other things.
+    /// The motor was not asked until nothing was on its way any more, or for other things.
     has_paused: bool,
     /// It answers each request with a measurement.
     is_paired: bool,
@@ -39,7 +41,7 @@ impl Punctual {
         if elapsed > SILENCE {
             *self = Punctual::default();
         } else if self.has_paused {
-            // nothing was on its way: it answers the newest request
+            // it answers the newest request
             (self.has_paused, self.late) = (false, 0.0);
         } else {
             self.n_intervals = (self.n_intervals + 1.0).min(INTERVALS);
@@ -48,8 +50,10 @@ impl Punctual {
         }
     }
 
-    /// The motor goes without a request.
+    /// The motor goes without requests until it is silent.
     pub(super) fn pause(&mut self) {
         self.has_paused = true;
     }
 }
+
+state!(Punctual { mean, n_intervals, has_paused, is_paired, late });

@@ -14,6 +14,7 @@
 use sarrus_proto::actuators::Reason;
 
 use super::{NOISE, Seen};
+use crate::state::state;
 
 const MEASUREMENTS: u32 = 3;
 /// Times of arrival may be off by this in spite of their bound `[s]`.
@@ -43,6 +44,9 @@ impl Velocity {
         let is_ahead = ahead.max(back) > bound;
         let [_, late] = seen.late;
         (self.ahead, self.back) = (ahead.max(-most * late), back.max(-most * late));
+        if is_ahead && std::env::var_os("DBG").is_some() { eprintln!("ahead {ahead} back {back} bound {bound} way {} elapsed {} late {:?} v {}", seen.way(), seen.elapsed, seen.late, seen.measured.velocity); }
         (self.n_fast >= MEASUREMENTS || is_ahead).then_some(Reason::VelocityLimit)
     }
 }
+
+state!(Velocity { n_fast, ahead, back });

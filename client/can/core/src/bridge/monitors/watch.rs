@@ -5,6 +5,7 @@ use sarrus_proto::actuators::Reason;
 use super::{Monitors, Seen, effort_of};
 use crate::bridge::motor::Motor;
 use crate::bridge::{Bridge, BusState};
+use crate::frame::Frame;
 use crate::mapping::ActuatorSetpoint;
 
 impl Bridge {
@@ -96,7 +97,7 @@ impl Motor {
             return false;
         }
         let pauses = self.monitors.age.pauses(now_ns, has_power, &mut self.monitors.answers);
-        if pauses {
+        if pauses && !has_power {
             self.monitors.punctual.pause();
         }
         pauses
@@ -107,8 +108,14 @@ impl Motor {
         self.asked = [ActuatorSetpoint { effort: f64::NAN, ..ActuatorSetpoint::default() }; 2];
     }
 
-    /// It was asked for a measurement, with so many frames.
-    pub(in crate::bridge) fn ask(&mut self, n_frames: usize) {
+    /// It was asked for a measurement, with these frames; none answers a heartbeat.
+    pub(in crate::bridge) fn ask(&mut self, frames: &[Frame]) {
+        let mut n_frames = frames.len();
+        if n_frames > 1
+            && let Some((heartbeat, _)) = self.config.drive.heartbeat()
+        {
+            n_frames -= usize::from(frames.contains(&heartbeat));
+        }
         if self.config.drive.is_paired() {
             self.monitors.answers.ask(n_frames, self.is_synchronous);
         } else {
