@@ -120,14 +120,17 @@ impl Shaft {
     /// Alters the next report of the motor: noise of so many codes on each number.
     fn say(&mut self, noise: f64, chance: &mut Chance) {
         let (position, velocity) = self.sensed();
-        let mut off = |step: f64| {
-            if noise == 0.0 { 0.0 } else { chance.within(-noise - 0.5, noise + 0.5).round() * step }
+        // what is frozen has no noise either
+        let is_frozen = matches!(self.encoder, Encoder::Frozen { .. });
+        let is_all = matches!(self.encoder, Encoder::Frozen { velocity_too: true, .. });
+        let mut off = |step: f64, is_frozen: bool| {
+            if noise == 0.0 || is_frozen { 0.0 } else { chance.within(-noise - 0.5, noise + 0.5).round() * step }
         };
         let plant = &mut self.motor.plant;
-        plant.position = position + off(self.steps.position);
+        plant.position = position + off(self.steps.position, is_frozen);
         plant.velocity = if self.hides_velocity { 0.0 } else { velocity };
-        plant.velocity += off(self.steps.velocity);
-        plant.torque = self.torque + off(self.steps.torque);
+        plant.velocity += off(self.steps.velocity, is_all);
+        plant.torque = self.torque + off(self.steps.torque, false);
         plant.temperature = self.temperature;
     }
 }

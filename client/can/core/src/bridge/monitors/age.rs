@@ -16,6 +16,9 @@
 use super::answers::Answers;
 use crate::state::{state, state_of_enum};
 
+/// More open requests than this are lost in any case.
+const MOST_OPEN: u32 = 16;
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     /// Nothing is known yet.
@@ -126,6 +129,11 @@ impl Age {
     /// Whether an answer that took this long is late `[ns]`.
     pub(in crate::bridge) fn is_beyond(&self, round_trip_ns: u64) -> bool {
         self.late_ns < u64::MAX && round_trip_ns > self.late_ns
+    }
+
+    /// Whether so many open requests may all still be answered.
+    pub(super) fn explains(&self, open: u32) -> bool {
+        open <= self.most_open.min(MOST_OPEN)
     }
 
     pub(super) fn is_late(&self) -> bool {

@@ -5,7 +5,7 @@
 //! request is surplus, unless the motor may have answered another frame of this or the previous
 //! cycle. Two motors on one identifier soon cause three surplus answers, as every second answer is
 //! one; single ones expire at one per 16 requests. So do open requests that no pause (`age`) can
-//! clear. Requests that a pause clears may still be answered during the next 16.
+//! clear, where lateness does not explain them. Requests that a pause clears may still be answered during the next 16.
 
 use crate::config::MonitorBounds;
 use crate::state::state;
@@ -38,7 +38,7 @@ impl Answers {
             self.n_requests = 0;
             self.too_many = self.too_many.saturating_sub(1);
             self.given_up = [0, self.given_up[0]];
-            if is_forgotten && self.open > 1 {
+            if is_forgotten && self.open > 0 {
                 self.open -= 1;
             }
         }

@@ -108,7 +108,6 @@ impl Frozen {
             is_pushed && self.way > MOVED * steps.position,
             self.stopped.count(stopped, seen.elapsed, CONTRARY),
         ];
-        if is_frozen.contains(&true) && std::env::var_os("DBG").is_some() { eprintln!("{is_frozen:?} passed {} step {} v {} vstep {} low {} high {} way {} still {} interval {} ways {:?}", self.passed, steps.position, velocity, steps.velocity, self.low, self.high, self.way, self.still, self.interval, self.ways); }
         is_frozen.contains(&true).then_some(Reason::FeedbackFrozen)
     }
 }

@@ -44,7 +44,6 @@ impl Velocity {
         let is_ahead = ahead.max(back) > bound;
         let [_, late] = seen.late;
         (self.ahead, self.back) = (ahead.max(-most * late), back.max(-most * late));
-        if is_ahead && std::env::var_os("DBG").is_some() { eprintln!("ahead {ahead} back {back} bound {bound} way {} elapsed {} late {:?} v {}", seen.way(), seen.elapsed, seen.late, seen.measured.velocity); }
         (self.n_fast >= MEASUREMENTS || is_ahead).then_some(Reason::VelocityLimit)
     }
 }

@@ -117,7 +117,8 @@ impl Motor {
             n_frames -= usize::from(frames.contains(&heartbeat));
         }
         if self.config.drive.is_paired() {
-            self.monitors.answers.ask(n_frames, self.is_synchronous);
+            let Monitors { answers, age, .. } = &mut self.monitors;
+            answers.ask(n_frames, self.is_synchronous && !age.explains(answers.open));
         } else {
             self.monitors.answers.forgive();
         }
