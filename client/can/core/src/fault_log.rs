@@ -104,7 +104,10 @@ mod tests {
             log.push(cycle(t));
             if t == 900 {
                 // the bridge began here
-                assert_eq!(log.lines().collect::<Vec<_>>(), (0..901).map(cycle).collect::<Vec<_>>());
+                assert_eq!(
+                    log.lines().collect::<Vec<_>>(),
+                    (0..901).map(cycle).collect::<Vec<_>>()
+                );
             }
             if t % 1000 == 999 {
                 rooms += usize::from(log.state(t * MS, vec![t]).is_some());

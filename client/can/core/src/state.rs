@@ -173,7 +173,15 @@ state!(Measurement { position, velocity, torque, temperature });
 state!(ActuatorMeasurement { position, velocity, effort, temperature });
 state!(ActuatorSetpoint { position, velocity, effort, stiffness, damping });
 state!(ActuatorCommand {
-    sequence, stamp_ns, fingerprint, n_u, position, velocity, effort, stiffness, damping
+    sequence,
+    stamp_ns,
+    fingerprint,
+    n_u,
+    position,
+    velocity,
+    effort,
+    stiffness,
+    damping
 });
 state_of_enum!(Power { Unknown, Off, Starting, On });
 state_of_enum!(Watchdog { Unknown, Off, Set(u32), Unreadable });

@@ -299,8 +299,7 @@ mod tests {
             socketpair(AddressFamily::UNIX, SocketType::SEQPACKET, SocketFlags::empty(), None)
                 .unwrap();
         let socket = CanFdSocket::from(ours);
-        let mut bus =
-            SocketCan {
+        let mut bus = SocketCan {
             name: "pair".to_owned(),
             socket,
             waiting: 0,

@@ -63,10 +63,8 @@ fn a_fault_that_the_model_found_replays_to_the_byte() {
     }
 
     // and from its state in the middle on
-    let middle = lines.len() / 2 + lines[lines.len() / 2..]
-        .iter()
-        .position(|line| line.what == What::Cycle)
-        .unwrap();
+    let middle = lines.len() / 2
+        + lines[lines.len() / 2..].iter().position(|line| line.what == What::Cycle).unwrap();
     let (before, after) = lines.split_at(middle + 1);
     let mut bridge = Bridge::new(upper_body());
     before.iter().for_each(|line| assert!(line.apply(&mut bridge)));

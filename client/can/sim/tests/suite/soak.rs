@@ -37,8 +37,13 @@ pub(crate) fn all_drives() -> Vec<(&'static str, String)> {
     let cia402 = "node: 5, rated_torque: 2.0, counts_per_turn: 65536";
     let more = [
         ("mini_cheetah impedance", format!("{{protocol: mit, variant: mini_cheetah, {mit}}}")),
-        ("cia402 position alone", format!("{{protocol: cia402, {cia402}, mode: position, \
-            velocity_feedback: false}}")),
+        (
+            "cia402 position alone",
+            format!(
+                "{{protocol: cia402, {cia402}, mode: position, \
+            velocity_feedback: false}}"
+            ),
+        ),
         ("rmd torque", "{protocol: rmd, id: 3, motor_torque_constant: 1}".to_owned()),
         ("vesc torque", format!("{{protocol: vesc, {turns}}}")),
         ("ak_servo torque", format!("{{protocol: ak_servo, {turns}, reduction: 9}}")),
@@ -147,12 +152,10 @@ impl Run {
                 [most_ns, 3e6].map(|most: f64| (most * chance.within(0.0, 1.0)) as u64);
         }
         world.noise = if some(&mut chance) { 0.0 } else { chance.within(0.0, 2.0) };
-        let bursts = if some(&mut chance) {
-            [(6 * MS).max(3 * period_ns) / period_ns, 3]
-        } else {
-            [0, 0]
-        };
-        let next = Move { from: 0.0, way: 0.0, begin_ns: world.now_ns, seconds: 0.02, is_smooth: true };
+        let bursts =
+            if some(&mut chance) { [(6 * MS).max(3 * period_ns) / period_ns, 3] } else { [0, 0] };
+        let next =
+            Move { from: 0.0, way: 0.0, begin_ns: world.now_ns, seconds: 0.02, is_smooth: true };
         let armed_ns = world.now_ns;
         let knowledge = chance.within(0.8, 1.2);
         Some(Run {
@@ -234,7 +237,8 @@ const ATTACKS: &[(&str, Attack)] = &[
         world.intruder = frame.and_then(|frame| {
             let mut data = frame.data().to_vec();
             data[1] ^= 0x55;
-            let rate = frame.kind == sarrus_can_core::frame::FrameKind::Fd { bit_rate_switch: true };
+            let rate =
+                frame.kind == sarrus_can_core::frame::FrameKind::Fd { bit_rate_switch: true };
             match frame.is_fd() {
                 true => Frame::fd(frame.id, rate, &data),
                 false => Frame::classic(frame.id, &data),

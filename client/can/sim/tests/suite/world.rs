@@ -124,7 +124,11 @@ impl Shaft {
         let is_frozen = matches!(self.encoder, Encoder::Frozen { .. });
         let is_all = matches!(self.encoder, Encoder::Frozen { velocity_too: true, .. });
         let mut off = |step: f64, is_frozen: bool| {
-            if noise == 0.0 || is_frozen { 0.0 } else { chance.within(-noise - 0.5, noise + 0.5).round() * step }
+            if noise == 0.0 || is_frozen {
+                0.0
+            } else {
+                chance.within(-noise - 0.5, noise + 0.5).round() * step
+            }
         };
         let plant = &mut self.motor.plant;
         plant.position = position + off(self.steps.position, is_frozen);

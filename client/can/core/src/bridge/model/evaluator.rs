@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, QueryError, Request, Workspace};
 use crate::state::state;
+use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, QueryError, Request, Workspace};
 
 /// The robot at one pose.
 #[derive(Clone, Debug)]

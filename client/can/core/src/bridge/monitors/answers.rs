@@ -5,7 +5,8 @@
 //! request is surplus, unless the motor may have answered another frame of this or the previous
 //! cycle. Two motors on one identifier soon cause three surplus answers, as every second answer is
 //! one; single ones expire at one per 16 requests. So do open requests that no pause (`age`) can
-//! clear, where lateness does not explain them. Requests that a pause clears may still be answered during the next 16.
+//! clear, where lateness does not explain them. Requests that a pause clears may still be answered
+//! during the next 16.
 
 use crate::config::MonitorBounds;
 use crate::state::state;

@@ -112,6 +112,4 @@ impl Frozen {
     }
 }
 
-state!(Frozen {
-    passed, still, low, high, speed, way, interval, ways, moved, pushed, stopped
-});
+state!(Frozen { passed, still, low, high, speed, way, interval, ways, moved, pushed, stopped });

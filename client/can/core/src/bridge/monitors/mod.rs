@@ -17,8 +17,8 @@ mod temperature;
 mod velocity;
 mod watch;
 
-use sarrus_proto::actuators::Reason;
 use crate::state::state;
+use sarrus_proto::actuators::Reason;
 
 pub(super) use punctual::Punctual;
 

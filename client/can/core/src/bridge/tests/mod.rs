@@ -381,12 +381,18 @@ fn a_bridge_that_is_late_itself_names_itself_and_not_the_motors() {
         bench.step();
     }
     assert_eq!((bench.states()[0], bench.reason(0)), (MechanismState::Fault, Reason::Stalled));
-    assert_eq!((bench.states()[2], bench.reason(2)), (MechanismState::Fault, Reason::FeedbackStale));
+    assert_eq!(
+        (bench.states()[2], bench.reason(2)),
+        (MechanismState::Fault, Reason::FeedbackStale)
+    );
     // a motor that is silent most of the time is blamed
     let mut bench = Bench::armed();
     bench.answers[0] = false;
     bench.steps(5);
     bench.now_ns += 8 * MS;
     bench.steps(20);
-    assert_eq!((bench.states()[0], bench.reason(0)), (MechanismState::Fault, Reason::FeedbackStale));
+    assert_eq!(
+        (bench.states()[0], bench.reason(0)),
+        (MechanismState::Fault, Reason::FeedbackStale)
+    );
 }
