@@ -5,7 +5,7 @@
 //! motor's output shaft, N m, and the motor's sign.
 
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
-use crate::state::Words;
+use crate::state::{Words, state, state_of_enum};
 
 /// Set-point of a motor, on the motor's side of gear and sign.
 ///
@@ -388,3 +388,8 @@ pub trait Drive: Send + core::fmt::Debug {
         [f64::INFINITY; 3]
     }
 }
+
+state!(DriveState { power, fault, watchdog });
+state!(Measurement { position, velocity, torque, temperature });
+state_of_enum!(Power { Unknown, Off, Starting, On });
+state_of_enum!(Watchdog { Unknown, Off, Set(u32), Unreadable });

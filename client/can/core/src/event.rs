@@ -1,5 +1,7 @@
 //! Events and states of a bus.
 
+use crate::state::state_of_enum;
+
 /// News of a bus from its adapter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BusEvent {
@@ -91,3 +93,5 @@ impl BusEvent {
         }
     }
 }
+
+state_of_enum!(BusState { Active, Warning, Passive, Off });

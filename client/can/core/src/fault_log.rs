@@ -117,7 +117,7 @@ mod tests {
         assert_eq!(lines[0], state(7999));
         assert_eq!(lines[1..], (8000..10_000).map(cycle).collect::<Vec<_>>());
         assert_eq!(rooms, 7, "no room is lost");
-        // what is lost breaks the log until the next state
+        // a loss breaks the log until the next state
         assert_eq!(log.lose().count(), 3);
         log.push(cycle(10_000));
         assert_eq!(log.lines().count(), 0);

@@ -205,8 +205,8 @@ impl Queues {
         Ok(())
     }
 
-    /// Queues an input for the rules, with the time at which it came, as far as that is known; false
-    /// if there is no room. A change of the bus's state then waits for room.
+    /// Queues an input for the rules, with its time of arrival where that is known; false if there
+    /// is no room. A change of the bus's state then waits for room.
     fn tell(&mut self, heard: Heard, came_ns: Option<u64>) -> bool {
         let now_ns = now_ns();
         self.last_ns = came_ns.unwrap_or(now_ns).min(now_ns).max(self.last_ns);

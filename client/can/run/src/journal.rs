@@ -245,7 +245,7 @@ impl JournalWriter {
     }
 }
 
-/// What to do about a fault that is this program's own.
+/// The remedy of a fault of this program itself.
 fn cure(reason: Reason) -> &'static str {
     match reason {
         Reason::Stalled => {

@@ -87,7 +87,8 @@ impl Bridge {
             Bus::new(places, members.find_map(|(_, motor)| motor.drive.sync()))
         });
         let buses = buses.collect();
-        let (period_ns, feedback_ns) = (configuration.period_ns(), configuration.feedback_ns());
+        let period_ns = configuration.period_ns();
+        let feedback_ns = configuration.feedback_ns();
         let motors: Vec<Motor> = std::mem::take(&mut configuration.motors)
             .into_iter()
             .map(|motor| {

@@ -4,7 +4,7 @@ use super::Bridge;
 use crate::config::Configuration;
 use crate::state::{State, Words};
 
-/// Room for what grows: frames on their way and numbers that are not there yet.
+/// Factor of the room for frames on their way and numbers that are absent yet.
 const ROOM: usize = 2;
 
 impl Bridge {

@@ -215,3 +215,18 @@ pub fn wait_for(fds: &mut [PollFd<'_>], at_most: Duration) -> Result<bool, BusEr
         Err(error) => Err(BusError::Gone("the bus".to_owned(), error.into())),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_of_a_clock_that_was_set_are_not_believed() {
+        let before = Duration::from_millis(10);
+        let at = monotonic_ns(SystemTime::now() - before).unwrap();
+        let age = now_ns() - at;
+        assert!((10_000_000..2_000_000_000).contains(&age), "{age}");
+        assert_eq!(monotonic_ns(SystemTime::now() - 2 * OLDEST), None);
+        assert_eq!(monotonic_ns(SystemTime::now() + before), None);
+    }
+}

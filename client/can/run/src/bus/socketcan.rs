@@ -74,8 +74,8 @@ impl SocketCan {
         })
     }
 
-    /// Takes the frame that was looked at from the queue, and notes the kernel's time of it. A frame
-    /// that the crate cannot read is taken too.
+    /// Takes the frame that was looked at from the queue, also one that the crate cannot read, and
+    /// notes the kernel's time of it.
     fn take(&mut self) {
         let times = self.socket.read_frame_with_timestamps().ok();
         self.heard_ns = times.and_then(|(_, times)| monotonic_ns(times.socket?));
@@ -319,6 +319,29 @@ mod tests {
         // and a bus whose other end is gone is gone
         drop(kernel);
         assert!(bus.send(&Frame::classic(Id::Standard(1), &[]).unwrap()).is_err());
+    }
+
+    #[test]
+    fn a_frame_has_the_time_at_which_the_kernel_received_it() {
+        use rustix::net::{AddressFamily, SocketFlags, SocketType, socketpair};
+        let (ours, kernel) =
+            socketpair(AddressFamily::UNIX, SocketType::SEQPACKET, SocketFlags::empty(), None)
+                .unwrap();
+        let socket = CanFdSocket::from(ours);
+        socket.set_recv_timestamp(true).unwrap();
+        let name = "pair".to_owned();
+        let mut bus =
+            SocketCan { name, socket, waiting: 0, lost: 0, heard_ns: None, events: [None; 3] };
+        let before = sarrus_client::now_ns();
+        let frame = Frame::classic(Id::Standard(1), &[7]).unwrap();
+        let mut bytes = [0; FD];
+        let used = encode(&frame, &mut bytes);
+        send(&kernel, &bytes[..used], SendFlags::empty()).unwrap();
+        assert_eq!(bus.next().unwrap(), Some(Heard::Frame(frame)));
+        let at = bus.heard_ns().unwrap();
+        // the two clocks are read one after the other
+        assert!(at + 1_000_000 >= before && at <= sarrus_client::now_ns(), "{before} {at}");
+        assert_eq!(bus.next().unwrap(), None);
     }
 
     #[test]

@@ -1,6 +1,6 @@
-//! The log of a fault brings the same frames and the same fault at the same cycle in a new bridge, on
-//! each protocol, with every kind of fault, in motion, and after any past: mechanisms that had power,
-//! lost it and were armed again, others that failed meanwhile.
+//! The log of a fault brings the same frames and the same fault at the same cycle in a new bridge,
+//! on each protocol, with every kind of fault, in motion, and after any past: mechanisms that had
+//! power, lost it and were armed again, others that failed meanwhile.
 
 use std::f64::consts::PI;
 
@@ -18,8 +18,7 @@ use crate::world::{Encoder, MS, Record, World, keep};
 /// A fault: its time `[ns]`, mechanism and reason.
 type Fault = (u64, usize, Reason);
 
-/// What a bridge makes of these lines: frames with their times, and its faults, each with the log
-/// that would be written.
+/// Frames of a bridge with their times, and its faults, each with its log.
 struct Made {
     frames: Vec<(u64, String)>,
     faults: Vec<(Fault, Vec<Line>)>,
@@ -63,7 +62,8 @@ fn checked(name: &str, text: &str, world: &World) -> Vec<Fault> {
         let until = |made: &Made| -> Vec<(u64, String)> {
             made.frames.iter().filter(|(t, _)| *t <= fault.0).cloned().collect()
         };
-        let (of_run, of_log) = (until(&all), until(&again));
+        let of_run = until(&all);
+        let of_log = until(&again);
         assert!(of_log.len() > 100 && of_run.ends_with(&of_log), "{name}: {fault:?}");
         assert!(fault.0 - begin <= 3_100 * MS, "{name}");
     }

@@ -120,7 +120,7 @@ impl Shaft {
     /// Alters the next report of the motor: noise of so many codes on each number.
     fn say(&mut self, noise: f64, chance: &mut Chance) {
         let (position, velocity) = self.sensed();
-        // what is frozen has no noise either
+        // a frozen number has no noise
         let is_frozen = matches!(self.encoder, Encoder::Frozen { .. });
         let is_all = matches!(self.encoder, Encoder::Frozen { velocity_too: true, .. });
         let mut off = |step: f64, is_frozen: bool| {

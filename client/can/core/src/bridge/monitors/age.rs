@@ -107,7 +107,7 @@ impl Age {
             self.phase == Phase::Pause && now_ns.saturating_sub(self.asked_ns) > self.late_ns;
     }
 
-    /// The bridge did not hear what came until now.
+    /// The bridge could not hear its answers until now.
     pub(in crate::bridge) fn excuse(&mut self, now_ns: u64) {
         if self.phase == Phase::Pause {
             self.asked_ns = now_ns;

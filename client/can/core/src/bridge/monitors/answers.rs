@@ -20,7 +20,7 @@ const MOST: u32 = 1 << 16;
 pub(in crate::bridge) struct Answers {
     /// Requests without an answer.
     pub(super) open: u32,
-    /// Requests that counted as lost lately and before, whose answers may be held back all the same.
+    /// Requests that counted as lost lately and before, whose answers may be held back.
     given_up: [u32; 2],
     /// Other frames in the last two cycles.
     others: [usize; 2],

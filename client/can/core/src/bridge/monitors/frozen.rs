@@ -10,9 +10,9 @@
 //! - the code stopped from one measurement to the next after two steps of more than eight codes,
 //!   and the set-point goes on as fast.
 //!
-//! A joint that comes from a motion is braked by efforts until it is at rest, and may pass part of a
-//! code meanwhile: efforts then count from [`SETTLED`] after the last change of the code on, or
-//! from eight times the interval between the last two changes on. A balanced joint repeats
+//! A joint that ends a motion is braked by efforts until it is at rest, and may pass part of a code
+//! meanwhile: efforts then count from [`SETTLED`] after the last change of the code on, or from
+//! eight times the interval between the last two changes on. A balanced joint repeats
 //! its code for hours under a constant effort. That raises no alarm, although without noise it
 //! cannot be distinguished from a frozen encoder.
 
@@ -73,7 +73,8 @@ impl Frozen {
             Mode::Position | Mode::Velocity => [0.0; 2],
         };
         let way = seen.way();
-        let (low, high) = (last.min(before), last.max(before));
+        let low = last.min(before);
+        let high = last.max(before);
         if way != 0.0 {
             let interval = self.still + seen.longest();
             let [_, earlier] = self.ways;

@@ -1,15 +1,16 @@
 //! A speed beyond its limit, by the reports and by the positions.
 //!
-//! Reported: |q̇| > (1 + margin) v in three consecutive measurements. By positions: the way from the
-//! best of all earlier measurements to the newest exceeds what the limit allows in the longest time
-//! that may lie between the two. With the time of arrival r of the newest measurement, of which it
-//! may be a older (`punctual`), its excess s over the best is
+//! Reported: |q̇| > (1 + margin) v in three consecutive measurements.
+//!
+//! By positions: since some earlier measurement the actuator went farther than the limit allows in
+//! the longest possible time. A measurement arrives at r and may be a older (`punctual`). Its
+//! excess s over the best earlier one is
 //!
 //! ```text
-//! s ← s ± Δq − (1 + margin) v Δr,    fault where s > v t + noise,    s ← max(s, −(1 + margin) v a)
+//! s ← s ± Δq − (1 + margin) v Δr,   fault where s > v t + noise,   s ← max(s, −(1 + margin) v a)
 //! ```
 //!
-//! with t = T / 2, at least a millisecond, for what the bound of a forgets.
+//! with t = T / 2, at least [`CLOCKS`].
 
 use sarrus_proto::actuators::Reason;
 

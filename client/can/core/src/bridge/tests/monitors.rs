@@ -278,7 +278,8 @@ fn frames_that_are_late_once_are_neither_a_jump_nor_a_speed() {
     let mut punctual = Punctual::default();
     let mut line = Line::new();
     (line.limits.lower, line.limits.upper) = (-1e9, 1e9);
-    let (mut came, mut late_before) = (0.0, 0.0);
+    let mut came = 0.0;
+    let mut late_before = 0.0;
     for i in 1..2000 {
         let taken = PERIOD * f64::from(i);
         let late = if i > 100 && i % 100 < 3 { 3.0 - f64::from(i % 100) } else { 0.0 };

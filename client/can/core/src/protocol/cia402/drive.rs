@@ -406,7 +406,7 @@ impl Drive for Cia402 {
 }
 
 state!(Cia402 {
-    setup, state, power_up, emergency, emergency_holds, counted, n_new, heard_ns, position_ns, torque,
-    heartbeat_ns;
+    setup, state, power_up, emergency, emergency_holds, counted, n_new, heard_ns, position_ns,
+    torque, heartbeat_ns;
     desired, torque_limit, counts, velocity_counts
 });
