@@ -227,9 +227,10 @@ impl Bridge {
         let feedback_ns = self.configuration.feedback_ns();
         // a deadline was missed
         let period_ns = self.configuration.period_ns();
-        let late_ns = if gap_ns > 2 * period_ns { gap_ns - period_ns } else { 0 };
+        if gap_ns > 2 * period_ns {
+            self.motors.iter_mut().for_each(|motor| motor.own_late_ns += gap_ns - period_ns);
+        }
         for motor in &mut self.motors {
-            motor.own_late_ns += late_ns;
             motor.is_silent = motor.is_stale(now_ns, feedback_ns);
             motor.ask_drive();
         }
@@ -303,7 +304,11 @@ impl Bridge {
                 motor.config.drive.cycle(now_ns, command, &mut bus.queue);
             }
             motor.ask_drive();
-            motor.ask(bus.queue.frames().get(n_before..).unwrap_or_default());
+            let mut n_frames = bus.queue.frames().len() - n_before;
+            if n_frames > 1 {
+                n_frames -= motor.heartbeats(bus.queue.frames().get(n_before..));
+            }
+            motor.ask(n_frames);
         }
         for bus in &mut self.buses {
             bus.queue.push_some(bus.sync.filter(|_| bus.is_synchronous));

@@ -130,7 +130,11 @@ impl Motor {
             return None;
         }
         let reply_ns = self.sent_ns.take().map(|sent| now_ns.saturating_sub(sent));
-        let now_ns = self.config.drive.position_ns().unwrap_or(now_ns);
+        // only motors that wait for a common frame answer in parts
+        let now_ns = match self.is_synchronous {
+            true => self.config.drive.position_ns().unwrap_or(now_ns),
+            false => now_ns,
+        };
         let before = self.measured.position;
         self.measured = self.config.mapping.to_actuator(measured);
         self.velocity = match self.measured_ns {

@@ -140,7 +140,7 @@ pub(crate) fn recorded(drive: &str) -> World {
     prepared(World { record: Some(Record::default()), ..World::one(drive, "") }, drive)
 }
 
-fn prepared(mut world: World, drive: &str) -> World {
+pub(crate) fn prepared(mut world: World, drive: &str) -> World {
     assert!(world.arm().is_some(), "{drive}: {:?}", world.state(0));
     world.give(Setpoint { stiffness: 5.0, damping: 0.1, ..Setpoint::default() });
     world.cycles(50);

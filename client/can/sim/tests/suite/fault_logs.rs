@@ -10,7 +10,7 @@ use sarrus_can_core::fault_log::FaultLog;
 use sarrus_can_core::log::{Line, What, sent};
 use sarrus_proto::actuators::{MechanismState, Operation, Reason};
 
-use crate::attack_table::{drives, recorded, swing};
+use crate::attack_table::{drives, prepared, recorded, swing};
 use crate::closed_loop::DBC_FILE;
 use crate::soak::all_drives;
 use crate::world::{Encoder, MS, Record, World, keep};
@@ -102,7 +102,9 @@ fn every_fault_in_motion_replays_at_its_cycle_one_to_ten_seconds_after_arming() 
     for (place, (name, drive)) in all_drives().into_iter().enumerate() {
         for (number, (kind, begin)) in KINDS.iter().enumerate() {
             let text = World::text(&drive, "");
-            let mut world = recorded(&drive);
+            let record = Some(Record::default());
+            let world = World { record, ..World::read_beside(text.clone(), DBC_FILE) };
+            let mut world = prepared(world, &drive);
             (world.loss, world.noise, world.jitter_ns) = (0.005, 1.0, [MS / 2, MS]);
             swing(&mut world, [0.9, 2.3, 3.7, 9.6][(place + number) % 4]);
             let before_ns = world.now_ns;

@@ -76,9 +76,12 @@ impl Frozen {
         let low = last.min(before);
         let high = last.max(before);
         if way != 0.0 {
-            let interval = self.still + seen.longest();
             let [_, earlier] = self.ways;
-            *self = Frozen { low, high, interval, ways: [earlier, way], ..Frozen::default() };
+            self.interval = self.still + seen.elapsed;
+            if self.still > 0.0 {
+                *self = Frozen { interval: self.interval, ..Frozen::default() };
+            }
+            (self.low, self.high, self.ways) = (low, high, [earlier, way]);
             return None;
         }
         let elapsed = seen.shortest();

@@ -17,8 +17,11 @@ use crate::state::state;
 const LEAK: f64 = 0.01;
 /// The mean is of this many intervals, or of all while there are fewer.
 const INTERVALS: f64 = 200.0;
-/// A longer interval is a silence, after which all begins anew `[s]`.
+/// A longer interval is a silence, and not counted in the mean `[s]`.
 const SILENCE: f64 = 0.2;
+/// Part of a delay beyond this one that each measurement forgets `[s]`.
+const LONG: f64 = 0.02;
+const FORGOTTEN: f64 = 0.02;
 
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::bridge) struct Punctual {
@@ -38,15 +41,20 @@ impl Punctual {
     pub(in crate::bridge) fn take(&mut self, elapsed: f64, is_paired: bool) {
         self.has_paused |= is_paired && !self.is_paired;
         self.is_paired = is_paired;
-        if elapsed > SILENCE {
-            *self = Punctual::default();
-        } else if self.has_paused {
+        if self.has_paused {
             // it answers the newest request
             (self.has_paused, self.late) = (false, 0.0);
-        } else {
-            self.n_intervals = (self.n_intervals + 1.0).min(INTERVALS);
+            return;
+        }
+        if elapsed <= SILENCE {
+            if self.n_intervals < INTERVALS {
+                self.n_intervals += 1.0;
+            }
             self.mean += (elapsed - self.mean) / self.n_intervals;
-            self.late = (self.late + elapsed - (1.0 + LEAK) * self.mean).max(0.0);
+        }
+        self.late = (self.late + elapsed - (1.0 + LEAK) * self.mean).max(0.0);
+        if self.late > LONG {
+            self.late -= FORGOTTEN * (self.late - LONG);
         }
     }
 

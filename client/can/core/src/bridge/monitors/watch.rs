@@ -108,14 +108,15 @@ impl Motor {
         self.asked = [ActuatorSetpoint { effort: f64::NAN, ..ActuatorSetpoint::default() }; 2];
     }
 
-    /// It was asked for a measurement, with these frames; none answers a heartbeat.
-    pub(in crate::bridge) fn ask(&mut self, frames: &[Frame]) {
-        let mut n_frames = frames.len();
-        if n_frames > 1
-            && let Some((heartbeat, _)) = self.config.drive.heartbeat()
-        {
-            n_frames -= usize::from(frames.contains(&heartbeat));
-        }
+    /// The heartbeats among frames, which nothing answers.
+    pub(in crate::bridge) fn heartbeats(&self, frames: Option<&[Frame]>) -> usize {
+        let heartbeat = self.config.drive.heartbeat().map(|(frame, _)| frame);
+        let is_one = |frame: &&Frame| Some(**frame) == heartbeat;
+        frames.map_or(0, |frames| frames.iter().filter(is_one).count())
+    }
+
+    /// It was asked for a measurement, with so many frames.
+    pub(in crate::bridge) fn ask(&mut self, n_frames: usize) {
         if self.config.drive.is_paired() {
             let Monitors { answers, age, .. } = &mut self.monitors;
             answers.ask(n_frames, self.is_synchronous && !age.explains(answers.open));
