@@ -14,6 +14,10 @@ const FREE: f64 = 500.0;
 
 pub(super) fn check(seen: &Seen<'_>) -> Option<Reason> {
     let Seen { bounds, steps, .. } = seen;
+    // no speed is needed to explain noise
+    if seen.way().abs() <= NOISE * steps.position {
+        return None;
+    }
     let limit = seen.limits.velocity;
     let free = if limit < f64::INFINITY { 0.25 * limit } else { FREE * steps.velocity };
     let reported = seen.measured.velocity.abs().max(seen.before.velocity.abs());
