@@ -106,6 +106,12 @@ wire_enum! {
         LoopResidual = 31, "loop_residual";
         /// Reported efforts contradict the inverse dynamics of the model.
         ModelEffort = 32, "model_effort";
+        /// An actuator moves, and power is given at rest only.
+        Moving = 33, "moving";
+        /// The configuration names a robot, and no record of its commissioning fits.
+        NotCommissioned = 34, "not_commissioned";
+        /// A motor reports another position than before nobody saw it: an operator confirms it.
+        PositionChanged = 35, "position_changed";
     }
 }
 
@@ -120,6 +126,8 @@ wire_enum! {
         Reset = 3, "reset";
         /// Move actuators outside their limits back inside, slowly, then remove power.
         Return = 4, "return";
+        /// Believe the positions of motors that changed while nobody saw them.
+        Confirm = 5, "confirm";
     }
 }
 
@@ -151,8 +159,14 @@ pub mod flag {
     pub const STOPPING: u32 = 1 << 11;
     /// An effort that pushes outwards beyond a position limit was removed.
     pub const OUTWARD_LIMITED: u32 = 1 << 12;
+    /// The configuration waives the commissioning of the robot.
+    pub const UNCOMMISSIONED: u32 = 1 << 13;
+    /// Nothing tells a frozen encoder from a joint at rest.
+    pub const FROZEN_UNDETECTABLE: u32 = 1 << 14;
+    /// The motor reports another position than before nobody saw it.
+    pub const POSITION_CHANGED: u32 = 1 << 15;
     /// Name of each bit, from the lowest.
-    pub const NAMES: [&str; 13] = [
+    pub const NAMES: [&str; 16] = [
         "effort_limited",
         "position_limited",
         "velocity_limited",
@@ -166,6 +180,9 @@ pub mod flag {
         "derated",
         "stopping",
         "outward_limited",
+        "uncommissioned",
+        "frozen_undetectable",
+        "position_changed",
     ];
 }
 

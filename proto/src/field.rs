@@ -109,6 +109,22 @@ wire_enum! {
         /// Excess of each tree coordinate, its velocity and its actuator's force over their limits:
         /// negative below, positive above, zero inside or without a limit (n_v × 3).
         Limits = 43, "limits";
+        /// Centre of mass of the moving links, in the root frame `[m]` (3).
+        Com = 44, "com";
+        /// Its Jacobian over the independent velocities (3 × n_vy).
+        ComJacobian = 45, "com_jacobian";
+        /// Its acceleration at ÿ = 0 `[m/s²]` (3).
+        ComBias = 46, "com_bias";
+        /// Momentum of the moving links without rotors, root axes: angular about the centre of
+        /// mass, linear `[N m s, N s]` (6).
+        Momentum = 47, "momentum";
+        /// Centroidal matrix A: momentum = A ẏ (6 × n_vy).
+        Centroidal = 48, "centroidal";
+        /// Kinetic energy with rotors; potential energy of gravity, zero at the root's origin, and
+        /// of springs `[J]` (2).
+        Energy = 49, "energy";
+        /// Classical acceleration of each wanted frame at ÿ = 0, J̇ ẏ (n_frames × 6).
+        JdYd = 50, "Jd_yd";
     }
 }
 
@@ -147,11 +163,16 @@ impl Field {
             Uncontrolled => (s.n_vy, 1),
             Limits => (p.n_v, 3),
             FramePose => (n_frames, 7),
-            FrameTwist | FrameAcc => (n_frames, 6),
+            FrameTwist | FrameAcc | JdYd => (n_frames, 6),
             JacobianTree => (6 * n_frames, s.n_v),
             JacobianIndependent => (6 * n_frames, s.n_vy),
             JacobianActuator => (6 * n_frames, s.n_u),
             Branch => (s.n_branches, 1),
+            Com | ComBias => (3, 1),
+            ComJacobian => (3, s.n_vy),
+            Momentum => (6, 1),
+            Centroidal => (6, s.n_vy),
+            Energy => (2, 1),
         }
     }
 

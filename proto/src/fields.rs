@@ -82,6 +82,15 @@ fields! {
         "largest distance from the given q or q̇ to the answer's state";
     Limits "n_v × 3" "mixed"
         "distance of position, velocity and actuator force beyond their limits, zero inside";
+    Com "3" "m" "centre of mass of the moving links in the root frame";
+    ComJacobian "3 × n_vy" "mixed" "Jacobian of the centre of mass over ẏ";
+    ComBias "3" "m/s²" "acceleration of the centre of mass at ÿ = 0";
+    Momentum "6" "N m s, N s"
+        "momentum of the moving links without rotors, root axes: angular about com, linear";
+    Centroidal "6 × n_vy" "mixed" "centroidal matrix A, momentum = A ẏ";
+    Energy "2" "J"
+        "kinetic energy with rotors, potential energy of gravity (zero at the origin) and springs";
+    JdYd "n_frames × 6" "rad/s², m/s²" "acceleration of each frame at ÿ = 0, J̇ ẏ";
 }
 
 #[cfg(test)]

@@ -56,8 +56,8 @@ pub use fields::{FIELDS, FieldEntry};
 pub use fnv::fnv1a_64;
 pub use info::{ClosureInfo, ClosureKind, JointLimits, ModelInfo, TreeJoint};
 pub use layout::{Layout, Sizes, Slot};
+pub use query::{Axes, Query, QueryError, QueryOptions, Request, Tolerance};
 pub use query::{MAX_FRAMES, MAX_JOINT_RUNS, MAX_WRENCHES};
-pub use query::{Query, QueryError, QueryOptions, Request, Tolerance};
 pub use rows::Rows;
 pub use status::{Status, Warnings};
 

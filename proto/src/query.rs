@@ -12,7 +12,7 @@ pub const MAX_JOINT_RUNS: usize = 31;
 /// The version of this package, for messages about unknown numbers.
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// Words of a query that have no meaning yet.
-const RESERVED: usize = 16;
+const RESERVED: usize = 15;
 
 wire_enum! {
     /// The kinds of request.
@@ -69,6 +69,18 @@ impl Request {
             Request::ForwardDynamics => ANSWERS.without(FORCES).with(TauY),
             Request::Map => STATE.with(TauY).with(TauU).with(TauUnactuated),
         }
+    }
+}
+
+wire_enum! {
+    /// Axes and reference point of the twists, accelerations and Jacobians of frames.
+    Axes: u32 {
+        /// Root axes, at the frame's origin.
+        Mixed = 0, "mixed";
+        /// Root axes, at the root's origin; accelerations stay those of the frame's origin.
+        World = 1, "world";
+        /// The frame's axes, at its origin.
+        Local = 2, "local";
     }
 }
 
@@ -169,6 +181,11 @@ pub struct Query {
     /// The joints whose rows are wanted, as half-open runs of tree velocities, ascending and
     /// disjoint; see [`crate::Rows`].
     pub joints: [[u16; 2]; MAX_JOINT_RUNS],
+    /// Number of the [`Axes`] of frames.
+    pub axes: u32,
+    /// One more than the index of the link that takes the root's place for frames: poses are in its
+    /// frame, motions are those that it sees, and Jacobians theirs; 0 for the root.
+    pub relative_to: u32,
     /// Zeros: room for numbers of rows, links and parameters of later requests. A server refuses
     /// those that it does not know.
     pub reserved: [u64; RESERVED],
@@ -261,6 +278,8 @@ impl Query {
             wrench_links: [0; MAX_WRENCHES],
             n_joint_runs: 0,
             joints: [[0; 2]; MAX_JOINT_RUNS],
+            axes: Axes::Mixed as u32,
+            relative_to: 0,
             reserved: [0; RESERVED],
         }
     }
@@ -304,6 +323,20 @@ impl Query {
         self
     }
 
+    /// Sets axes and reference point of twists, accelerations and Jacobians of frames.
+    #[must_use]
+    pub const fn with_axes(mut self, axes: Axes) -> Query {
+        self.axes = axes as u32;
+        self
+    }
+
+    /// Sets the link that takes the root's place for frames.
+    #[must_use]
+    pub const fn relative_to(mut self, link: u16) -> Query {
+        self.relative_to = link as u32 + 1;
+        self
+    }
+
     /// Adds these options to the query.
     #[must_use]
     pub const fn with_options(mut self, options: QueryOptions) -> Query {
@@ -329,6 +362,11 @@ impl Query {
     /// The links whose frames are wanted.
     pub fn frames(&self) -> &[u16] {
         &self.frames[..(self.n_frames as usize).min(MAX_FRAMES)]
+    }
+
+    /// The link that takes the root's place for frames, if any.
+    pub fn reference(&self) -> Option<usize> {
+        (self.relative_to as usize).checked_sub(1)
     }
 
     /// The links that wrenches act on.
@@ -357,7 +395,8 @@ impl Query {
         if !self.given.is_known() || !self.want.is_known() {
             return Err(QueryError::UnknownField);
         }
-        if !self.options.is_known() || self.reserved != [0; RESERVED] {
+        let is_known = self.options.is_known() && Axes::from_code(self.axes).is_some();
+        if !is_known || self.reserved != [0; RESERVED] {
             return Err(QueryError::UnknownOption);
         }
         for tolerance in [self.loop_tolerance, self.projection_tolerance] {
@@ -374,6 +413,9 @@ impl Query {
         }
         if self.n_wrenches as usize > MAX_WRENCHES {
             return Err(QueryError::TooMany { what: "wrenches", limit: MAX_WRENCHES });
+        }
+        if let Some(link) = self.reference().filter(|link| *link >= model.links.len()) {
+            return Err(QueryError::UnknownLink(u16::try_from(link).unwrap_or(u16::MAX)));
         }
         let mut links = self.frames().iter().chain(self.wrench_links());
         match links.find(|link| **link as usize >= model.links.len()) {

@@ -77,22 +77,48 @@ pub(crate) fn turned<T: PlanScalar>(q: &[T], v: &[T]) -> [T; 3] {
     std::array::from_fn(|k| v[k] + twice[k] + twice[k])
 }
 
-/// Kinetic and potential energy from masses, poses and twists of the links, without a mass matrix.
-pub(crate) fn energy<T: PlanScalar>(case: &Case, pose: &[T], twist: &[T]) -> (T, T) {
-    let mut kinetic = T::ZERO;
-    let mut potential = T::ZERO;
+/// Sums over the links, without a mass matrix.
+pub(crate) struct Sums<T> {
+    pub(crate) kinetic: T,
+    /// Of gravity, with links that stand still.
+    pub(crate) potential: T,
+    /// Mass and first moment of the links that move.
+    pub(crate) mass: T,
+    pub(crate) moment: [T; 3],
+    /// Momentum: linear, and angular about the root's origin.
+    pub(crate) linear: [T; 3],
+    pub(crate) angular: [T; 3],
+}
+
+/// a + s b × c.
+pub(crate) fn plus_cross<T: PlanScalar>(a: &mut [T; 3], s: T, b: &[T], c: &[T]) {
+    for k in 0..3 {
+        let i = (k + 1) % 3;
+        let j = (k + 2) % 3;
+        a[k] += s * (b[i] * c[j] - b[j] * c[i]);
+    }
+}
+
+/// The sums from masses, poses and twists of the links.
+pub(crate) fn sums<T: PlanScalar>(case: &Case, pose: &[T], twist: &[T]) -> Sums<T> {
+    let none = [T::ZERO; 3];
+    let mut sums = Sums {
+        kinetic: T::ZERO,
+        potential: T::ZERO,
+        mass: T::ZERO,
+        moment: none,
+        linear: none,
+        angular: none,
+    };
     let links = case.description.links.iter().zip(pose.chunks_exact(7)).zip(twist.chunks_exact(6));
     for ((link, pose), twist) in links {
         let Some(inertial) = &link.inertial else { continue };
         let mass = T::from_f64(inertial.mass);
         let arm = turned(&pose[3..], &inertial.origin.xyz.map(T::from_f64));
         let w = &twist[..3];
-        let v = &twist[3..];
-        let at: [T; 3] = std::array::from_fn(|k| {
-            let i = (k + 1) % 3;
-            let j = (k + 2) % 3;
-            v[k] + w[i] * arm[j] - w[j] * arm[i]
-        });
+        let mut v = [twist[3], twist[4], twist[5]];
+        plus_cross(&mut v, T::ONE, w, &arm);
+        let centre: [T; 3] = std::array::from_fn(|k| pose[k] + arm[k]);
         // ω in the axes of the inertia
         let back = [-pose[3], -pose[4], -pose[5], pose[6]];
         let in_link = turned(&back, w);
@@ -101,14 +127,36 @@ pub(crate) fn energy<T: PlanScalar>(case: &Case, pose: &[T], twist: &[T]) -> (T,
             (0..3).fold(T::ZERO, |sum, i| sum + T::from_f64(R[i][k]) * in_link[i])
         });
         let [xx, xy, xz, yy, yz, zz] = inertial.inertia.map(T::from_f64);
-        let turning = w[0] * (xx * w[0] + xy * w[1] + xz * w[2])
-            + w[1] * (xy * w[0] + yy * w[1] + yz * w[2])
-            + w[2] * (xz * w[0] + yz * w[1] + zz * w[2]);
-        kinetic += T::from_f64(0.5) * (mass * inner(&at, &at) + turning);
+        let turning = [
+            xx * w[0] + xy * w[1] + xz * w[2],
+            xy * w[0] + yy * w[1] + yz * w[2],
+            xz * w[0] + yz * w[1] + zz * w[2],
+        ];
+        let in_link: [T; 3] = std::array::from_fn(|i| {
+            (0..3).fold(T::ZERO, |sum, k| sum + T::from_f64(R[i][k]) * turning[k])
+        });
+        let turning_in_root = turned(&pose[3..], &in_link);
+        sums.kinetic += T::from_f64(0.5) * (mass * inner(&v, &v) + inner(&w, &turning));
+        plus_cross(&mut sums.angular, mass, &centre, &v);
+        let moves = twist.iter().any(|x| *x != T::ZERO);
+        if moves {
+            sums.mass += mass;
+        }
         for k in 0..3 {
-            potential += -mass * T::from_f64(case.description.gravity[k]) * (pose[k] + arm[k]);
+            sums.potential += -mass * T::from_f64(case.description.gravity[k]) * centre[k];
+            sums.linear[k] += mass * v[k];
+            sums.angular[k] += turning_in_root[k];
+            if moves {
+                sums.moment[k] += mass * centre[k];
+            }
         }
     }
+    sums
+}
+
+/// Kinetic and potential energy of the links.
+pub(crate) fn energy<T: PlanScalar>(case: &Case, pose: &[T], twist: &[T]) -> (T, T) {
+    let Sums { kinetic, potential, .. } = sums(case, pose, twist);
     (kinetic, potential)
 }
 

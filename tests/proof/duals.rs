@@ -5,7 +5,7 @@
 //! step gives the first derivative, the next one the second.
 
 use sarrus_dynamics::scalar::{Dd, Dual, Real};
-use sarrus_dynamics::{Field, FieldSet, Model, PlanScalar, Query, Request};
+use sarrus_dynamics::{Axes, Field, FieldSet, Model, PlanScalar, Query, Request};
 use sarrus_tests::cases::{Case, Ledger, State, robots};
 use sarrus_tests::compare::largest;
 use sarrus_tests::dual::{First, Second, model};
@@ -13,7 +13,7 @@ use sarrus_tests::run::{Fields, Robot};
 use sarrus_tests::seed::Seeded;
 use sarrus_tests::small::{plus, product, times};
 
-use crate::derivatives::{energy, in_joints, later, moved, quaternion_rate, turned};
+use crate::derivatives::{energy, in_joints, later, moved, plus_cross, quaternion_rate, turned};
 
 use Field::*;
 
@@ -220,7 +220,27 @@ fn along_the_motion<S: PlanScalar>(
     let moving = later(case, &still, Dual::new(S::ZERO, S::ONE));
     let links: Vec<u16> = (0..plain.link_names().len().min(32) as u16).collect();
     let want = kinematics(&[
-        Q, Qd, Qdd, U, Ud, Udd, G, GBias, K, KBias, CondKd, FramePose, FrameTwist, FrameAcc,
+        Q,
+        Qd,
+        Qdd,
+        U,
+        Ud,
+        Udd,
+        G,
+        GBias,
+        K,
+        KBias,
+        CondKd,
+        FramePose,
+        FrameTwist,
+        FrameAcc,
+        JacobianIndependent,
+        JdYd,
+        Com,
+        ComJacobian,
+        ComBias,
+        Momentum,
+        Centroidal,
     ])
     .with_frames(&links);
     let given = [(Y, moving.y.as_slice()), (Yd, &moving.yd), (Ydd, &moving.ydd)];
@@ -267,6 +287,124 @@ fn along_the_motion<S: PlanScalar>(
         &acceleration,
         size.powi(2).max(largest(&acceleration)),
     );
+    let change_of_rows = |field| product(&change(field), &now.yd);
+    let bias = value(JdYd);
+    let size = size.powi(2).max(largest(&bias));
+    check("J̇ ẏ of frames", &change_of_rows(JacobianIndependent), &bias, size);
+
+    // sums over the links
+    let com_velocity = product(&value(ComJacobian), &now.yd);
+    check("velocity of the centre of mass", &change(Com), &com_velocity, speed);
+    check("J̇ ẏ of the centre of mass", &change_of_rows(ComJacobian), &value(ComBias), size);
+    let momentum = value(Momentum);
+    let of_matrix = product(&value(Centroidal), &now.yd);
+    check("momentum = A ẏ", &of_matrix, &momentum, largest(&momentum).max(1e-3));
+}
+
+/// Checks frames in all axes, against the root and against a link: twist, acceleration, Jacobians
+/// and J̇ ẏ are those of the pose that the view shows.
+fn along_views<S: PlanScalar>(case: &Case, plain: &Model<S>, ledger: &mut Ledger, scalar: &str) {
+    let mut robot = Robot::new(plain.clone());
+    let mut over_duals = Robot::new(model(plain));
+    let now = case.state::<S>(2);
+    let q = robot.ask_for(kinematics(&[Q]), &[(Y, &now.y)]).ok().get(Q).to_vec();
+    let still = State { y: constants(&now.y), yd: constants(&now.yd), ydd: constants(&now.ydd) };
+    let moving = later(case, &still, Dual::new(S::ZERO, S::ONE));
+    let given = [(Y, moving.y.as_slice()), (Yd, &moving.yd), (Ydd, &moving.ydd)];
+    let n = plain.link_names().len() as u64;
+    let mut seeded = Seeded::new(case.seed + 77);
+    let mut link = || (seeded.bits() % n) as u16;
+    let frames = [link(), link(), link()];
+    let reference = link();
+    let want = kinematics(&[
+        Qd,
+        CondKd,
+        FramePose,
+        FrameTwist,
+        FrameAcc,
+        JacobianTree,
+        JacobianIndependent,
+        JdYd,
+    ])
+    .with_frames(&frames);
+    let of_root = ask_at(&mut over_duals, want, &given, &constants(&q), 1);
+    let speed = largest(&of_root.get(Qd).iter().map(|x| x.re).collect::<Vec<S>>()).max(1.0);
+    let cond = of_root.get(CondKd)[0].re.to_f64();
+    let allowed = ROUNDING * S::EPSILON * cond * cond + case.contradiction();
+    for (axes, relative) in [
+        (Axes::Mixed, true),
+        (Axes::World, false),
+        (Axes::World, true),
+        (Axes::Local, false),
+        (Axes::Local, true),
+    ] {
+        let query = want.with_axes(axes);
+        let query = if relative { query.relative_to(reference) } else { query };
+        let x = ask_at(&mut over_duals, query, &given, &constants(&q), 1);
+        let value = |field: Field| -> Vec<S> { x.get(field).iter().map(|x| x.re).collect() };
+        let change = |field: Field| slopes(x.get(field));
+        let mut check = |what: &str, a: &[S], b: &[S], size: f64| {
+            let what = format!("{what}, {} axes, relative {relative} in {scalar}", axes.name());
+            ledger.compare(&what, case, a, b, size, allowed)
+        };
+        let (twist, acc) = (value(FrameTwist), value(FrameAcc));
+        let size = largest(&twist).max(speed);
+        let poses = value(FramePose);
+        let parts = change(FramePose);
+        let parts = parts.chunks_exact(7).zip(poses.chunks_exact(7)).zip(twist.chunks_exact(6));
+        for ((rate, pose), twist) in parts.clone() {
+            // the twist in root axes at the frame's origin
+            let back = |x: &[S]| -> [S; 3] {
+                match axes {
+                    Axes::Local => turned(&pose[3..], x),
+                    _ => [x[0], x[1], x[2]],
+                }
+            };
+            let w = back(&twist[..3]);
+            let mut v = back(&twist[3..]);
+            if axes == Axes::World {
+                // v_frame = v_origin + ω × p
+                plus_cross(&mut v, S::ONE, &w, &pose[..3]);
+            }
+            check("frame velocity", &rate[..3], &v, size);
+            let in_body = turned(&[-pose[3], -pose[4], -pose[5], pose[6]], &w);
+            check("quaternion rate", &rate[3..], &quaternion_rate(&pose[3..], &in_body), size);
+        }
+        // classical acceleration of the origin: the second rate of the position
+        let size = size.powi(2).max(largest(&acc));
+        for (((_, pose), twist), (rate, acc)) in
+            parts.zip(change(FrameTwist).chunks_exact(6).zip(acc.chunks_exact(6)))
+        {
+            let (w, v) = (&twist[..3], &twist[3..]);
+            let mut linear = [rate[3], rate[4], rate[5]];
+            match axes {
+                // d/dt (R ᵀv) = Rᵀ a − ω × v
+                Axes::Local => plus_cross(&mut linear, S::ONE, w, v),
+                // v = v_O + ω × p
+                Axes::World => {
+                    plus_cross(&mut linear, S::ONE, &rate[..3], &pose[..3]);
+                    let mut at = [v[0], v[1], v[2]];
+                    plus_cross(&mut at, S::ONE, w, &pose[..3]);
+                    plus_cross(&mut linear, S::ONE, w, &at);
+                }
+                _ => {}
+            }
+            check("angular acceleration", &rate[..3], &acc[..3], size);
+            check("classical acceleration", &linear, &acc[3..], size);
+        }
+        check("J ẏ = twist", &product(&value(JacobianIndependent), &now.yd), &twist, speed);
+        check("J q̇ = twist", &product(&value(JacobianTree), &value(Qd)), &twist, speed);
+        let bias = value(JdYd);
+        let rate = product(&change(JacobianIndependent), &now.yd);
+        check("J̇ ẏ", &rate, &bias, size.max(largest(&bias)));
+    }
+}
+
+#[test]
+fn frames_in_all_axes_and_against_a_link_are_derivatives_of_the_pose_they_show() {
+    Ledger::over(robots(), |case, ledger| {
+        along_views(case, &case.compiled.model, ledger, "double");
+    });
 }
 
 #[test]

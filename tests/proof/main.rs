@@ -32,6 +32,8 @@ mod hyrodyn;
 mod implicit;
 mod laws;
 mod layers;
+mod links;
+mod pairs;
 mod parts;
 mod published;
 mod python;

@@ -35,7 +35,7 @@ fn part(model: &Model, large: (&Plan, &[f64]), small: &Plan, frames: &[usize]) -
             field if !field.has_joint_rows() => {
                 let of_frames = slot.rows != whole.rows || field >= Field::FramePose;
                 let per_frame = match field {
-                    Field::FramePose | Field::FrameTwist | Field::FrameAcc => 1,
+                    Field::FramePose | Field::FrameTwist | Field::FrameAcc | Field::JdYd => 1,
                     Field::JacobianTree | Field::JacobianIndependent | Field::JacobianActuator => 6,
                     _ => 0,
                 };

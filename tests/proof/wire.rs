@@ -29,9 +29,11 @@ fn a_query_is_432_bytes_with_its_fields_at_fixed_places() {
         offset_of!(Query, wrench_links),
         offset_of!(Query, n_joint_runs),
         offset_of!(Query, joints),
+        offset_of!(Query, axes),
+        offset_of!(Query, relative_to),
         offset_of!(Query, reserved),
     ];
-    assert_eq!(offsets, [0, 4, 6, 16, 32, 48, 56, 64, 72, 136, 168, 172, 296]);
+    assert_eq!(offsets, [0, 4, 6, 16, 32, 48, 56, 64, 72, 136, 168, 172, 296, 300, 304]);
     assert_eq!(
         (size_of::<FieldSet>(), size_of::<Status>(), size_of::<Request>(), size_of::<Field>()),
         (16, 4, 4, 1)
@@ -40,7 +42,7 @@ fn a_query_is_432_bytes_with_its_fields_at_fixed_places() {
 
 #[test]
 fn fields_keep_their_numbers_and_names() {
-    const NAMES: [&str; 44] = [
+    const NAMES: [&str; 51] = [
         "y",
         "yd",
         "ydd",
@@ -85,6 +87,13 @@ fn fields_keep_their_numbers_and_names() {
         "uncontrolled",
         "projection",
         "limits",
+        "com",
+        "com_jacobian",
+        "com_bias",
+        "momentum",
+        "centroidal",
+        "energy",
+        "Jd_yd",
     ];
     assert!(Field::ALL.len() >= NAMES.len(), "a field has gone");
     for (number, (field, name)) in Field::ALL.iter().zip(NAMES).enumerate() {
@@ -251,8 +260,8 @@ fn what_a_bridge_says_keeps_its_numbers_and_names() {
     let states = MechanismState::ALL.iter().map(|state| (*state as u32, state.name()));
     assert!(states.eq((0..).zip(["disabled", "arming", "enabled", "fault", "stopping"])));
     let operations = Operation::ALL.iter().map(|operation| (*operation as u32, operation.name()));
-    assert!(operations.eq((1..).zip(["arm", "disarm", "reset", "return"])));
-    const REASONS: [&str; 33] = [
+    assert!(operations.eq((1..).zip(["arm", "disarm", "reset", "return", "confirm"])));
+    const REASONS: [&str; 36] = [
         "none",
         "disarmed",
         "command_lost",
@@ -286,6 +295,9 @@ fn what_a_bridge_says_keeps_its_numbers_and_names() {
         "near_singular",
         "loop_residual",
         "model_effort",
+        "moving",
+        "not_commissioned",
+        "position_changed",
     ];
     for (code, name) in (0..).zip(REASONS) {
         assert_eq!(Reason::from_code(code).map(Reason::name), Some(name));

@@ -7,6 +7,7 @@ pub mod cases;
 pub mod compare;
 pub mod draft;
 pub mod dual;
+pub mod pairs;
 pub mod path;
 pub mod plans;
 pub mod python;

@@ -399,6 +399,35 @@ typedef uint32_t sarrus_request;
 #endif // __cplusplus
 
 /**
+ * Axes and reference point of the twists, accelerations and Jacobians of frames.
+ */
+enum sarrus_axes
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Root axes, at the frame's origin.
+     */
+    SARRUS_AXES_MIXED = 0,
+    /**
+     * Root axes, at the root's origin; accelerations stay those of the frame's origin.
+     */
+    SARRUS_AXES_WORLD = 1,
+    /**
+     * The frame's axes, at its origin.
+     */
+    SARRUS_AXES_LOCAL = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum sarrus_axes sarrus_axes;
+#else
+typedef uint32_t sarrus_axes;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * Additions to the requests and answers of a query, as bits.
  */
 enum sarrus_query_option
@@ -605,6 +634,18 @@ enum sarrus_reason
      * Reported efforts contradict the inverse dynamics of the model.
      */
     SARRUS_REASON_MODEL_EFFORT = 32,
+    /**
+     * An actuator moves, and power is given at rest only.
+     */
+    SARRUS_REASON_MOVING = 33,
+    /**
+     * The configuration names a robot, and no record of its commissioning fits.
+     */
+    SARRUS_REASON_NOT_COMMISSIONED = 34,
+    /**
+     * A motor reports another position than before nobody saw it: an operator confirms it.
+     */
+    SARRUS_REASON_POSITION_CHANGED = 35,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -638,6 +679,10 @@ enum sarrus_operation
      * Move actuators outside their limits slowly back inside, then remove the power.
      */
     SARRUS_OPERATION_RETURN = 4,
+    /**
+     * Believe the positions of motors that changed while nobody saw them.
+     */
+    SARRUS_OPERATION_CONFIRM = 5,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -707,6 +752,18 @@ enum sarrus_flag
      * An effort that pushes outwards beyond a position limit was taken away.
      */
     SARRUS_FLAG_OUTWARD_LIMITED = (1 << 12),
+    /**
+     * The configuration waives the commissioning of the robot.
+     */
+    SARRUS_FLAG_UNCOMMISSIONED = (1 << 13),
+    /**
+     * Nothing tells a frozen encoder from a joint at rest.
+     */
+    SARRUS_FLAG_FROZEN_UNDETECTABLE = (1 << 14),
+    /**
+     * The motor reports another position than before nobody saw it.
+     */
+    SARRUS_FLAG_POSITION_CHANGED = (1 << 15),
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -936,9 +993,21 @@ typedef struct sarrus_query {
      */
     const double *projection_tolerance;
     /**
+     * The link that takes the root's place for frames; NULL for the root.
+     */
+    const char *relative_to;
+    /**
+     * A sarrus_axes: axes and reference point of twists, accelerations and Jacobians of frames.
+     */
+    uint32_t axes;
+    /**
+     * Zero.
+     */
+    uint32_t padding;
+    /**
      * Zeros, for members of later versions; other values are refused.
      */
-    uint64_t reserved[8];
+    uint64_t reserved[6];
 } sarrus_query;
 
 /**

@@ -85,6 +85,9 @@ struct query {
     std::uint32_t options = 0;
     std::optional<double> loop_tolerance = {};
     std::optional<double> projection_tolerance = {};
+    sarrus_axes axes = SARRUS_AXES_MIXED;
+    /* The link that takes the root's place for frames; nullptr for the root. */
+    const char *relative_to = nullptr;
 };
 
 /* How a robot is loaded. */
@@ -237,6 +240,8 @@ class robot {
         plain.loop_tolerance = query.loop_tolerance ? &*query.loop_tolerance : nullptr;
         plain.projection_tolerance =
             query.projection_tolerance ? &*query.projection_tolerance : nullptr;
+        plain.axes = query.axes;
+        plain.relative_to = query.relative_to;
         sarrus_plan *made = nullptr;
         const sarrus_status status = sarrus_robot_prepare(handle_.get(), &plain, &made);
         return {status, plan(made)};

@@ -93,6 +93,12 @@ pub enum Reason {
     LoopResidual = 31,
     /// Reported efforts contradict the inverse dynamics of the model.
     ModelEffort = 32,
+    /// An actuator moves, and power is given at rest only.
+    Moving = 33,
+    /// The configuration names a robot, and no record of its commissioning fits.
+    NotCommissioned = 34,
+    /// A motor reports another position than before nobody saw it: an operator confirms it.
+    PositionChanged = 35,
 }
 
 /// An operation that an operator requests from the bridge.
@@ -107,6 +113,8 @@ pub enum Operation {
     Reset = 3,
     /// Move actuators outside their limits slowly back inside, then remove the power.
     Return = 4,
+    /// Believe the positions of motors that changed while nobody saw them.
+    Confirm = 5,
 }
 
 /// State of single actuators, as bits.
@@ -139,6 +147,12 @@ pub enum Flag {
     Stopping = 1 << 11,
     /// An effort that pushes outwards beyond a position limit was taken away.
     OutwardLimited = 1 << 12,
+    /// The configuration waives the commissioning of the robot.
+    Uncommissioned = 1 << 13,
+    /// Nothing tells a frozen encoder from a joint at rest.
+    FrozenUndetectable = 1 << 14,
+    /// The motor reports another position than before nobody saw it.
+    PositionChanged = 1 << 15,
 }
 
 /// One command for all actuators of a robot, in the order of u. An actuator follows

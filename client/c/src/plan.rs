@@ -27,6 +27,18 @@ pub enum Request {
     Map = 4,
 }
 
+/// Axes and reference point of the twists, accelerations and Jacobians of frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Axes {
+    /// Root axes, at the frame's origin.
+    Mixed = 0,
+    /// Root axes, at the root's origin; accelerations stay those of the frame's origin.
+    World = 1,
+    /// The frame's axes, at its origin.
+    Local = 2,
+}
+
 /// Additions to the requests and answers of a query, as bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
@@ -75,8 +87,14 @@ pub struct Query {
     /// How far an answer may be from the q or qd that was given before it has the warning
     /// input_projected; NULL for 1e-6.
     pub projection_tolerance: *const f64,
+    /// The link that takes the root's place for frames; NULL for the root.
+    pub relative_to: *const c_char,
+    /// A sarrus_axes: axes and reference point of twists, accelerations and Jacobians of frames.
+    pub axes: u32,
+    /// Zero.
+    pub padding: u32,
     /// Zeros, for members of later versions; other values are refused.
-    pub reserved: [u64; 8],
+    pub reserved: [u64; 6],
 }
 
 /// A prepared query of one robot, with the layouts of its input and output. It belongs to the robot
@@ -146,10 +164,19 @@ pub unsafe extern "C" fn sarrus_robot_prepare(
         }
         names!(given: n_given, want: n_want, frames: n_frames);
         names!(wrenches: n_wrenches, joints: n_joints);
-        if let Some(word) = query.reserved.iter().find(|word| **word != 0) {
+        let padding = u64::from(query.padding);
+        if let Some(word) = query.reserved.iter().chain([&padding]).find(|word| **word != 0) {
             return Err(Failure::Number("reserved", *word as u32));
         }
         let options = query_options(query.options)?;
+        let axes = sarrus_client::Axes::from_code(query.axes)
+            .ok_or(Failure::Number("axes", query.axes))?;
+        builder = builder.axes(axes);
+        if !query.relative_to.is_null() {
+            // SAFETY: the header states the requirements on the texts.
+            let link = unsafe { texts("relative_to", &query.relative_to, 1)? };
+            builder = link.iter().fold(builder, |builder, link| builder.relative_to(link));
+        }
         if options.contains(sarrus_client::QueryOptions::CHECKSUM) {
             builder = builder.checksum();
         }

@@ -265,7 +265,7 @@ pub(crate) fn operation_of(name: &str) -> PyResult<Operation> {
     let known = Operation::ALL.iter().find(|known| known.name() == name);
     known.copied().ok_or_else(|| {
         PyValueError::new_err(format!(
-            "no operation `{name}`, expected arm, disarm, reset or return"
+            "no operation `{name}`, expected arm, disarm, reset, return or confirm"
         ))
     })
 }

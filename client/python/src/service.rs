@@ -71,9 +71,11 @@ pub(crate) struct PyController {
     end: Option<End>,
     node: Option<DomainNode>,
     domain: Domain,
-    /// Of the last command, and of the bridge's states.
+    /// Of the last command.
     sequence: AtomicU64,
-    fingerprint: OnceLock<u64>,
+    /// Of the robot that commands are computed with, and of the bridge's.
+    fingerprint: Option<u64>,
+    of_bridge: OnceLock<u64>,
 }
 
 enum End {
@@ -83,11 +85,13 @@ enum End {
 
 #[pymethods]
 impl PyController {
-    /// Opens the services of a bridge; with `watch` it can command nothing. A bridge that does not
-    /// run or has a controller is an `OSError`.
+    /// Opens the services of a bridge; with `watch` it can command nothing. `fingerprint` is that
+    /// of the robot that commands are computed with, `robot.fingerprint`; a bridge with a robot
+    /// refuses commands for another one. A bridge that does not run or has a controller is an
+    /// `OSError`.
     #[new]
-    #[pyo3(signature = (name = "default", *, watch = false))]
-    fn new(name: &str, watch: bool) -> PyResult<PyController> {
+    #[pyo3(signature = (name = "default", *, fingerprint = None, watch = false))]
+    fn new(name: &str, fingerprint: Option<u64>, watch: bool) -> PyResult<PyController> {
         let domain = Domain::of_user().map_err(runtime_error)?;
         let name = ServerName::new(name).map_err(runtime_error)?;
         let node = domain.node().map_err(runtime_error)?;
@@ -97,16 +101,23 @@ impl PyController {
             End::Controller(ControllerEnd::open(&node, &name).map_err(runtime_error)?)
         };
         let sequence = AtomicU64::new(0);
-        let fingerprint = OnceLock::new();
-        Ok(PyController { end: Some(end), node: Some(node), domain, sequence, fingerprint })
+        let of_bridge = OnceLock::new();
+        Ok(PyController {
+            end: Some(end),
+            node: Some(node),
+            domain,
+            sequence,
+            fingerprint,
+            of_bridge,
+        })
     }
 
     /// Sends a command for all actuators; false where it could not be sent.
     ///
-    /// Defaults of the arguments: the next sequence, the monotonic time, the fingerprint of the
-    /// bridge's last `state`, and zeros, but for the position of a stiffness. `stamp_ns` is the
-    /// time at which the command was computed, `fingerprint` that of the model which it was
-    /// computed with.
+    /// Defaults of the arguments: the next sequence, the monotonic time, the controller's
+    /// fingerprint, and zeros, but for the position of a stiffness. `stamp_ns` is the time at which
+    /// the command was computed. Without any fingerprint the command is for a bridge without a
+    /// robot; for another one that is a `ValueError`.
     #[pyo3(signature = (
         sequence = None, stamp_ns = None, fingerprint = None, position = None, velocity = None,
         effort = None, stiffness = None, damping = None
@@ -134,8 +145,15 @@ impl PyController {
         let numbers = given.map(|numbers| numbers.unwrap_or_else(|| vec![0.0; n]));
         let sequence = sequence.unwrap_or_else(|| self.sequence.load(Relaxed) + 1);
         let stamp_ns = stamp_ns.unwrap_or_else(monotonic_ns);
-        let fingerprint = match (fingerprint, self.fingerprint.get()) {
-            (Some(fingerprint), _) | (None, Some(&fingerprint)) => fingerprint,
+        let fingerprint = match (fingerprint.or(self.fingerprint), self.of_bridge.get()) {
+            (Some(fingerprint), _) => fingerprint,
+            (None, Some(0)) => 0,
+            (None, Some(robot)) => {
+                return Err(PyValueError::new_err(format!(
+                    "the bridge has the robot {robot:016x}: give the `fingerprint` of the robot \
+                     that the command was computed with, such as `robot.fingerprint`"
+                )));
+            }
             (None, None) => {
                 return Err(PyValueError::new_err(
                     "the fingerprint is not known before the first `state`; ask for that, or give \
@@ -170,7 +188,7 @@ impl PyController {
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(state) = self.observer().and_then(ObserverEnd::state) else { return Ok(None) };
         // a bridge keeps its model as long as it lives
-        let _ = self.fingerprint.set(state.fingerprint);
+        let _ = self.of_bridge.set(state.fingerprint);
         state_fields(py, &state).map(Some)
     }
 

@@ -6,7 +6,7 @@ import time
 import unittest
 from pathlib import Path
 
-from sarrus import _native
+from sarrus import Robot, _native
 from sarrus.can import Controller
 
 ROBOT = """
@@ -65,6 +65,28 @@ class Commands(unittest.TestCase):
         self.assertEqual(self.taken(), (10, 4))
         self.controller.command(damping=[1.0, 1.0])
         self.assertEqual(self.taken(), (11, 5))
+
+    def test_a_bridge_with_a_robot_wants_the_fingerprint_of_the_commands_own(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder, "robot.yml")
+            motor = MOTOR.format(id=1, reply=17).replace("motor1", "ElbowAct")
+            path.write_text("robot: lambda\ncommissioning: none" + ROBOT + motor)
+            bridge = _native.Bridge(_native.Configuration.load(path))
+        for own, counted in ((Robot.bundled("lambda").fingerprint, "accepted"),
+                             (Robot.bundled("torso").fingerprint, "wrong_model")):
+            name = f"controller-{os.getpid()}-{counted}"
+            service = _native.Service(name)
+            with_own = Controller(name, fingerprint=own)
+            without = Controller(name, watch=True)
+            service.publish(bridge)
+            without.state()
+            with self.assertRaisesRegex(ValueError, "give the `fingerprint` of the robot"):
+                without.command(position=[0.0])
+            with_own.command(position=[0.0])
+            service.take(time.monotonic_ns(), bridge)
+            self.assertEqual(bridge.counters()[counted], 1)
+            for end in (with_own, without, service):
+                end.close()
 
     def test_what_is_given_is_not_replaced(self):
         self.state()

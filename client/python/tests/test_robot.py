@@ -74,6 +74,34 @@ class Answers(unittest.TestCase):
         with self.assertRaisesRegex(sarrus.QueryError, "columns are independent"):
             robot.jacobian(link, y, columns="u")
 
+    def test_the_sums_over_the_links_fit_each_other(self):
+        robot = sarrus.Robot.bundled("rh5v2_upper_body")
+        random = np.random.default_rng(3)
+        y, yd = 0.1 * random.standard_normal((2, len(robot.independents)))
+        want = ["momentum", "centroidal", "com_jacobian", "energy"]
+        sums = robot.query("kinematics", ["y", "yd"], want)(y=y, yd=yd)
+        np.testing.assert_allclose(sums.centroidal @ yd, sums.momentum, atol=1e-12)
+        mass = sums.momentum[3:] / (sums.com_jacobian @ yd)
+        np.testing.assert_allclose(mass, mass[0], rtol=1e-9)
+        mass_matrix = robot.query("inverse-dynamics", ["y"], ["M_y"])(y=y).M_y
+        self.assertAlmostEqual(sums.energy[0], yd @ mass_matrix @ yd / 2, 12)
+
+    def test_frames_are_seen_in_other_axes_and_from_a_link(self):
+        robot = sarrus.Robot.bundled("rh5v2_upper_body")
+        random = np.random.default_rng(4)
+        y, yd = 0.1 * random.standard_normal((2, len(robot.independents)))
+        link, other = robot.links[-1], robot.links[5]
+        want = ["frame_twist", "jacobian_independent"]
+        for options in ({}, {"axes": "local"}, {"axes": "world", "relative_to": other}):
+            query = robot.query("kinematics", ["y", "yd"], want, frames=[link], **options)
+            seen = query(y=y, yd=yd)
+            jacobian, twist = seen.jacobian_independent[0], seen.frame_twist[0]
+            np.testing.assert_allclose(jacobian @ yd, twist, atol=1e-12)
+        with self.assertRaisesRegex(ValueError, "expected mixed, world or local"):
+            robot.query("kinematics", ["y"], want, frames=[link], axes="body")
+        with self.assertRaisesRegex(sarrus.QueryError, "is no link"):
+            robot.query("kinematics", ["y"], want, frames=[link], relative_to="hand")
+
     def test_motion_and_forces_come_back_from_the_actuators(self):
         robot = sarrus.Robot.bundled("torso")
         y, yd, ydd, tau_y = np.array([[0.1, -0.2], [0.5, 0.3], [1.0, -2.0], [3.0, 4.0]])

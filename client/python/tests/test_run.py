@@ -26,7 +26,7 @@ MOTOR = """
   sign: 1
   gear: 1
   offset: 0
-  limits: {{effort: 5, velocity: 5}}
+  limits: {{position: [-9, 9], effort: 5, velocity: 5}}
   damping: 0.1
   watchdog_ms: 100
   watchdog: believed

@@ -48,7 +48,7 @@ pub use sarrus_models::{LoadError, Lock, Options, Source};
 pub use sarrus_proto::control::Holder;
 pub use sarrus_proto::message::{ClientStatistics, Statistics};
 pub use sarrus_proto::{
-    Answer, Domain, FailedState, Field, FieldSet, Layout, ModelInfo, Query, QueryError,
+    Answer, Axes, Domain, FailedState, Field, FieldSet, Layout, ModelInfo, Query, QueryError,
     QueryOptions, Request, Status, Warnings,
 };
 pub use sarrus_proto::{actuators, watch};

@@ -3,8 +3,8 @@
 use std::fmt;
 
 use sarrus_models::{matching_joints, nearest};
+use sarrus_proto::{Axes, QueryOptions, Request};
 use sarrus_proto::{Field, FieldSet, MAX_FRAMES, MAX_WRENCHES, Query, QueryError};
-use sarrus_proto::{QueryOptions, Request};
 
 use crate::{Error, PlanId, Robot};
 
@@ -117,6 +117,21 @@ impl<'a> QueryBuilder<'a> {
     pub fn frames<L: AsRef<str>>(mut self, links: impl IntoIterator<Item = L>) -> Self {
         let links = self.links(links, "frames", MAX_FRAMES);
         self.query = self.query.with_frames(&links);
+        self
+    }
+
+    /// Axes and reference point of twists, accelerations and Jacobians of frames; root axes at the
+    /// frame's origin by default.
+    pub fn axes(mut self, axes: Axes) -> Self {
+        self.query = self.query.with_axes(axes);
+        self
+    }
+
+    /// The link that takes the root's place for frames: poses are in its frame, motions are those
+    /// that it sees, and Jacobians theirs.
+    pub fn relative_to(mut self, link: impl AsRef<str>) -> Self {
+        let found = self.links([link], "links of reference", 1);
+        self.query = found.first().map_or(self.query, |link| self.query.relative_to(*link));
         self
     }
 

@@ -17,7 +17,7 @@ use crate::report::{Diagnostics, Span, quoted};
 use crate::text::Text;
 use crate::urdf::Urdf;
 use crate::yaml::Named;
-use kind::{KNOWN, Letters, freedoms, letters};
+use kind::{KNOWN, Known, Letters, freedoms, letters};
 
 /// Most rows of all loops together: their matrices are dense.
 pub(crate) const MOST_ROWS: usize = 1024;
@@ -247,7 +247,12 @@ impl<'a> Check<'a, '_> {
                 let found = format!("{written} with {}", counted(in_tree, "spanning-tree joint"));
                 let expected =
                     known.tree.iter().map(usize::to_string).collect::<Vec<_>>().join(" or ");
-                let help = "correct jointnames_spanningtree or use NUMERICAL";
+                let has = |of: &&Known| {
+                    of.tree.contains(&in_tree) && of.independent == Some(in_independent)
+                };
+                let fits = KNOWN.iter().filter(has).map(|of| of.name).chain(["NUMERICAL"]);
+                let fits: Vec<&str> = fits.collect();
+                let help = format!("correct jointnames_spanningtree or use {}", fits.join(" or "));
                 self.diagnostics.error(span, found, expected, help);
             }
             if let Some(count) = known.independent.filter(|count| *count != in_independent) {

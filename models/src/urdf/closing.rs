@@ -19,7 +19,7 @@ use super::origin::placement;
 use super::sdf;
 use super::xml::{Reader, Shape, child, drake};
 use crate::cut::CutKind;
-use crate::report::{Span, quoted};
+use crate::report::{Diagnostics, Span, quoted};
 
 /// A name and its position.
 pub(super) type Named = (String, Span);
@@ -281,6 +281,16 @@ pub(super) fn passive<'t>(reader: &mut Reader<'t, '_>, joint: Node<'_, 't>, name
     }
 }
 
+/// Reports the actuators of closing joints.
+pub(super) fn driven(closings: &[Closing], actuated: &BTreeSet<String>, of: &mut Diagnostics) {
+    for closing in closings.iter().filter(|closing| actuated.contains(&closing.name)) {
+        let joint = quoted(&closing.name);
+        let found = format!("the closing joint {joint} has an actuator, which a cut cannot have");
+        let help = "cut the loop at another joint, so that this one is in the tree";
+        of.dynamics(closing.span, found, "a joint of the tree", help);
+    }
+}
+
 /// Reports a type without a cut joint.
 pub(super) fn unknown(
     reader: &mut Reader<'_, '_>,
@@ -290,15 +300,15 @@ pub(super) fn unknown(
     links: [&str; 2],
 ) {
     let found = format!("the loop {} of type {}", quoted(name), quoted(written));
-    let expected =
-        "revolute, continuous, spherical, ball, fixed, prismatic, cylindrical, universal";
+    const TYPES: &str = "revolute continuous spherical ball fixed prismatic cylindrical universal";
+    let expected: Vec<&str> = TYPES.split(' ').filter(|of| *of != written).collect();
     let help = match written {
         "screw" | "gearbox" => "write what ties its joints as <mimic joint multiplier/> into the \
             one that follows"
             .to_owned(),
         _ => to_write(name, links, None),
     };
-    reader.diagnostics.error(at, found, expected, help);
+    reader.diagnostics.error(at, found, expected.join(", "), help);
 }
 
 /// The lines of the submechanism file that replace a loop that is not read.

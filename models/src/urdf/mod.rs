@@ -122,6 +122,7 @@ impl Urdf {
             urdf.closings.extend(closing::read(&mut reader, node));
         }
         urdf.name_closings(reader.diagnostics);
+        closing::driven(&urdf.closings, &urdf.actuated, reader.diagnostics);
         let mut extras = Extras::default();
         root.children().for_each(|node| extras.read(&mut reader, node));
         let mut couplings: Vec<Gear> = Vec::new();

@@ -15,9 +15,17 @@ const COARSE: f64 = 1e-3;
 /// Reads an origin, of a joint or of an inertial; `None` after an error.
 pub(super) fn origin<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Placement> {
     reader.children(node, &ORIGIN);
-    let placement = placement(reader, node);
+    placement(reader, node)
+}
+
+/// `xyz` and `rpy` or `quat_xyzw` of an element, zero without; `None` after an error.
+pub(super) fn placement<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Placement> {
+    let [xyz, rpy] = ["xyz", "rpy"].map(|name| match node.has_attribute(name) {
+        true => reader.numbers::<3>(node, name),
+        false => Some([0.0; 3]),
+    });
     if !node.has_attribute("quat_xyzw") {
-        return placement;
+        return Some(Placement { xyz: xyz?, rpy: rpy? });
     }
     let quaternion = reader.numbers::<4>(node, "quat_xyzw")?;
     let span = reader.span(node);
@@ -28,20 +36,11 @@ pub(super) fn origin<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Opt
         return None;
     }
     if node.has_attribute("rpy") {
-        let found = "`origin` has both `rpy` and `quat_xyzw`";
+        let found = format!("`{}` has both `rpy` and `quat_xyzw`", node.tag_name().name());
         reader.diagnostics.error(span, found, "one of them", "remove the other");
     }
     let rpy = turned(reader, node, quaternion)?;
-    placement.map(|placement| Placement { rpy, ..placement })
-}
-
-/// `xyz` and `rpy` of an element, zero without; `None` after an error.
-pub(super) fn placement<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Placement> {
-    let [xyz, rpy] = ["xyz", "rpy"].map(|name| match node.has_attribute(name) {
-        true => reader.numbers::<3>(node, name),
-        false => Some([0.0; 3]),
-    });
-    Some(Placement { xyz: xyz?, rpy: rpy? })
+    Some(Placement { xyz: xyz?, rpy })
 }
 
 /// Roll, pitch and yaw of a quaternion x, y, z, w near unit length; `None` after an error.

@@ -185,6 +185,47 @@ fn the_independents_of_a_loop_come_from_its_actuators_or_from_urdf_plus() {
 }
 
 #[test]
+fn the_origin_of_a_loop_may_have_a_quaternion() {
+    let condition = |inside: &str| {
+        let urdf = four_bar(&format!("{inside}{MOTOR}"));
+        let urdf = urdf.replace("<robot ", "<robot version=\"1.1\" ");
+        good(&urdf, None).compiled.model.closures_at_zero()[0].cond_Kd
+    };
+    for (program, plain) in [DIALECTS[1], DIALECTS[2], DIALECTS[4]] {
+        // a quarter turn about x, in which y is −z
+        let quaternion = "quat_xyzw=\"0.7071067811865476 0 0 0.7071067811865476\"";
+        let turned = plain.replace(" rpy=\"0 0 0\"", "");
+        let turned = turned.replace("xyz=\"1 0 0\"", &format!("xyz=\"1 0 0\" {quaternion}"));
+        let turned = turned.replace("xyz=\"-0.2 0 1\"", &format!("xyz=\"-0.2 0 1\" {quaternion}"));
+        let turned = turned.replace("axis xyz=\"0 1 0\"", "axis xyz=\"0 0 -1\"");
+        assert!((condition(&turned) / condition(plain) - 1.0).abs() < 1e-9, "{program}");
+    }
+    let gazebo = four_bar(&DIALECTS[0].1.replace("\"revolute\"", "\"cylindrical\""));
+    let reported = reported_of(gazebo.as_bytes(), None, false);
+    assert!(reported.contains("of type `cylindrical`, expected revolute"), "{reported}");
+    assert!(!reported.contains("prismatic, cylindrical"), "{reported}");
+}
+
+#[test]
+fn an_actuator_of_a_closing_joint_is_reported() {
+    let motor = |of: &str| {
+        format!(
+            "{MOTOR}<transmission name=\"second\"><joint name=\"{of}\"/><actuator name=\"m\"/>\
+             </transmission>"
+        )
+    };
+    for (name, dialect) in [DIALECTS[0], DIALECTS[1]] {
+        let on = |joint: &str| four_bar(&format!("{dialect}{}", motor(joint)));
+        let found = "the closing joint `pin` has an actuator, which a cut cannot have";
+        let reported = reported_of(on("pin").as_bytes(), None, false);
+        assert!(reported.contains(found), "{name}: {reported}");
+        let lenient = reported_of(on("pin").as_bytes(), None, true);
+        assert!(lenient.contains(found), "{name}: {lenient}");
+        assert!(!reported_of(on("rocker_joint").as_bytes(), None, false).contains(found));
+    }
+}
+
+#[test]
 fn a_loop_that_says_too_little_is_an_error_with_the_lines_to_write() {
     let gazebo = DIALECTS[0].1;
     for (inside, expected) in [

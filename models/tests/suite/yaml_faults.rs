@@ -214,7 +214,7 @@ faults! { yaml:
     a_lambda_has_three_joints_and_one_of_them_independent:
         "type: NUMERICAL" => "type: 2SPU+1U",
         "submechanisms.yml:3:9: `2SPU+1U` with 3 spanning-tree joints, expected 8, correct \
-         jointnames_spanningtree or use NUMERICAL",
+         jointnames_spanningtree or use RRPR or rrPr or FOURBAR or SLIDERCRANK or NUMERICAL",
         "submechanisms.yml:3:9: `2SPU+1U` with 1 independent joint, expected 2, correct \
          jointnames_independent";
     a_serial_type_has_every_joint_independent_and_no_loop:

@@ -354,5 +354,6 @@ fn least_step<T: Real>(cluster: &Cluster<T>, ws: &mut Workspace<T>) -> Result<()
             A[i * n + first + a] = x
         });
     }
-    least_norm(A, &mut ws.dense_rhs, &mut ws.dense_spare, m, n).ok_or(Status::SingularClosure)
+    let solved = least_norm(A, &mut ws.dense_rhs, &mut ws.dense_spare, m, n);
+    solved.map(|_| ()).ok_or(Status::SingularClosure)
 }

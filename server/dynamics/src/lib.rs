@@ -78,7 +78,7 @@ pub use plan::{
 };
 pub use reduction::{Lock, Reduced, locked, restricted};
 pub use sarrus_proto::{
-    Answer, ClosureInfo, ClosureKind, FailedState, Field, FieldSet, JointLimits, Layout, ModelInfo,
-    Query, QueryError, QueryOptions, Request, Sizes, Slot, Status, Warnings,
+    Answer, Axes, ClosureInfo, ClosureKind, FailedState, Field, FieldSet, JointLimits, Layout,
+    ModelInfo, Query, QueryError, QueryOptions, Request, Sizes, Slot, Status, Warnings,
 };
 pub use workspace::Workspace;

@@ -180,6 +180,7 @@ pub(crate) fn query_text(query: &Query) -> String {
     let bounds = [query.loop_tolerance, query.projection_tolerance].map(|tolerance| tolerance.0);
     let mut text = format!("{:x} {:x} {:x}", query.request, query.given.0, query.want.0);
     bounds.iter().for_each(|bits| text += &format!(" {bits:x}"));
+    text += &format!(" {:x} {:x}", query.axes, query.relative_to);
     text += " frames";
     query.frames().iter().for_each(|link| text += &format!(" {link:x}"));
     text += " wrenches";
@@ -199,7 +200,9 @@ fn query_of(text: &str) -> Option<Query> {
         text.split_whitespace().map(|word| u16::from_str_radix(word, 16).ok()).collect()
     };
     let numbers: Option<Vec<u128>> = numbers.split_whitespace().map(wide).collect();
-    let [request, given, want, loop_tolerance, projection_tolerance] = *numbers?.as_slice() else {
+    let [request, given, want, loop_tolerance, projection_tolerance, axes, relative_to] =
+        *numbers?.as_slice()
+    else {
         return None;
     };
     let request = Request::from_code(request.try_into().ok()?)?;
@@ -214,6 +217,7 @@ fn query_of(text: &str) -> Option<Query> {
         *query.joints.get_mut(k)? = [*run.first()?, *run.get(1)?];
         query.n_joint_runs += 1;
     }
+    (query.axes, query.relative_to) = (axes.try_into().ok()?, relative_to.try_into().ok()?);
     query.loop_tolerance = Tolerance(loop_tolerance.try_into().ok()?);
     query.projection_tolerance = Tolerance(projection_tolerance.try_into().ok()?);
     (query_text(&query) == text).then_some(query)
@@ -224,7 +228,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
 
     use sarrus_dynamics::Field;
-    use sarrus_proto::QueryOptions;
+    use sarrus_proto::{Axes, QueryOptions};
 
     use super::*;
 
@@ -235,7 +239,9 @@ mod tests {
             .with_frames(&[3, 17])
             .with_wrenches(&[5])
             .with_joints([0, 1, 2, 7, 9])
-            .with_loop_tolerance(1e-4);
+            .with_loop_tolerance(1e-4)
+            .with_axes(Axes::Local)
+            .relative_to(4);
         assert_eq!(query_of(&query_text(&query)), Some(query));
         let checked = query.with_options(QueryOptions::CHECKSUM);
         assert_eq!(bare_query(&checked), query);

@@ -222,7 +222,7 @@ fn upper_body(folder: &Path, times: [u64; 3]) -> String {
     let [damping_ms, disable_ms, watchdog_ms] = times;
     let feedback_ms = disable_ms * 7 / 8;
     let mut text = format!(
-        "robot: rh5v2_upper_body\nrate_hz: 250\nramp_ms: 200\n\
+        "robot: rh5v2_upper_body\ncommissioning: none\nrate_hz: 250\nramp_ms: 200\n\
          monitors: {{late_ms: off, second_answer: off}}\n\
          timeouts: {{damping_ms: {damping_ms}, disable_ms: {disable_ms}, feedback_ms: \
          {feedback_ms}, arming_ms: 60000}}\nbuses:\n"
@@ -243,12 +243,14 @@ fn upper_body(folder: &Path, times: [u64; 3]) -> String {
         let id = place + 1;
         let sign = sign(place);
         let gear = gear(actuator);
+        let most = if actuator.contains("Act") { 0.09 } else { 1.4 };
         text += &format!(
             "- actuator: {actuator}\n  bus: {bus}\n  drive: {{protocol: mit, variant: damiao, id: \
                 {id}, reply_id: {}, position_range: 12.5, \
              velocity_range: 30, torque_range: 10, stiffness_range: 50, damping_range: 5}}\n  \
              sign: {sign}\n  gear: {gear}\n  offset: 0\n  \
-             limits: {{effort: 500, velocity: 5}}\n  damping: 1\n  watchdog_ms: {watchdog_ms}\n",
+             limits: {{position: [-{most}, {most}], effort: 500, velocity: 5}}\n  damping: 1\n  \
+             watchdog_ms: {watchdog_ms}\n",
             id + 0x100
         );
     }

@@ -182,7 +182,7 @@ fn a_limit_that_stops_a_motion_is_named_and_not_the_motor_and_so_are_malformed_a
     let motors = stage.motors("left");
     let text = std::fs::read_to_string(&stage.configuration).unwrap();
     let limits = "limits: {position: [-0.05, 0.05], velocity: 5, effort: 500}";
-    let text = text.replace("limits: {effort: 500, velocity: 5}", limits);
+    let text = text.replace("limits: {position: [-0.09, 0.09], effort: 500, velocity: 5}", limits);
     std::fs::write(&stage.configuration, &text).unwrap();
     let move_by = |distance: &str, stiffness: &str, seconds: &str| {
         let (code, out, err) = can(
@@ -230,8 +230,8 @@ fn the_controller_of_the_readme_holds_the_robot_where_it_is() {
         std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../client/python/README.md"))
             .unwrap();
     let mut scripts = readme.split("```python\n").filter_map(|rest| rest.split("```").next());
-    let script = scripts.find(|script| script.contains("Controller()")).unwrap();
-    let script = script.replace("Controller()", "Controller(\"end_to_end\")");
+    let script = scripts.find(|script| script.contains("Controller(")).unwrap();
+    let script = script.replace("Controller(", "Controller(\"end_to_end\", ");
     let _controller =
         Process::start("controller", stage.at_home(environment().command(&["-c", &script])));
     let mut all = |desired: &dyn Fn(&Value) -> bool| {

@@ -56,7 +56,7 @@ fn configuration() -> Configuration {
             "- actuator: {name}\n  bus: {name}\n  drive: {{protocol: {name}, {keys}}}\n  sign: \
                 -1\n  gear: 2\n  offset: 0.1\n"
         );
-        text += "  limits: {effort: 2, velocity: 5}\n  damping: 0.1\n  watchdog_ms: 100\n";
+        text += "  limits: {position: [-9, 9], effort: 2, velocity: 5}\n  damping: 0.1\n  watchdog_ms: 100\n";
         if matches!(name, "vesc" | "ak_servo" | "dbc") {
             text += "  watchdog: believed\n";
         }

@@ -135,6 +135,46 @@ fn frames_come_by_link_in_the_order_asked_without_being_wanted() {
 }
 
 #[test]
+fn quantities_of_the_links_have_their_shapes_and_names() {
+    let line = r#"{"y":[0.1,0.2],"yd":[1,-2],"frames":["L"],"want":["com","com_jacobian","com_bias","momentum","centroidal","energy","Jd_yd"]}"#;
+    let answer = one("kinematics", "torso", &line.replace('L', &torso_link()));
+    for (name, n) in [("com", 3), ("com_bias", 3), ("momentum", 6)] {
+        assert_eq!(answer[name].as_array().unwrap().len(), n, "{name}");
+    }
+    for (name, size) in [("com_jacobian", (3, 2)), ("centroidal", (6, 2)), ("Jd_yd", (1, 6))] {
+        assert_eq!(shape(&answer[name]), size, "{name}");
+    }
+    assert_eq!(keys(&answer["energy"]), ["kinetic", "potential"]);
+    assert!(answer["energy"]["kinetic"].as_f64().unwrap() > 0.0);
+    let without = ask("kinematics", "torso", &[r#"{"y":[0,0],"want":["Jd_yd"]}"#]).json();
+    let words = without[0]["error"].as_str().unwrap();
+    assert!(words.contains("`Jd_yd` is wanted of no link"), "{words}");
+}
+
+#[test]
+fn frames_have_the_axes_and_the_reference_that_a_line_names() {
+    let of = |more: &str| {
+        let line = r#"{"y":[0.3],"yd":[1],"frames":["ElbowAct_Link"],"want":["frames"]MORE}"#;
+        one("kinematics", "lambda", &line.replace("MORE", more))["frames"]["ElbowAct_Link"].clone()
+    };
+    let plain = of("");
+    assert_eq!(of(r#","axes":"mixed""#), plain);
+    let still = of(r#","relative_to":"ElbowAct_Link""#);
+    assert!(numbers(&still["p"]).iter().all(|x| x.abs() < 1e-15), "{still}");
+    assert_eq!(numbers(&still["twist"]), [0.0; 6]);
+    let [local, world] = ["local", "world"].map(|axes| of(&format!(r#","axes":"{axes}""#)));
+    let size = |x: &Value| numbers(x)[..3].iter().map(|x| x * x).sum::<f64>().sqrt();
+    assert!((size(&local["twist"]) - size(&plain["twist"])).abs() < 1e-14);
+    assert_ne!(local["twist"], plain["twist"]);
+    assert_eq!(numbers(&world["twist"])[..3], numbers(&plain["twist"])[..3]);
+    for more in [r#","axes":"body""#, r#","axes":1"#, r#","relative_to":"Elbow""#] {
+        let line = format!(r#"{{"y":[0.3],"frames":["ElbowAct_Link"]{more}}}"#);
+        let answer = ask("kinematics", "lambda", &[&line]).json().remove(0);
+        assert_eq!(answer["status"], "bad_request", "{more}");
+    }
+}
+
+#[test]
 fn jacobians_come_by_link_and_give_the_twist() {
     let line = r#"{"y":[0.3],"yd":[2],"frames":["ElbowAct_Link"],"want":["jacobians","qd","ud"]}"#;
     let answer = one("kinematics", "lambda", line);

@@ -77,6 +77,19 @@ fn zero(motor: &MotorConfig) -> Vec<String> {
     frames.frames().iter().map(ToString::to_string).collect()
 }
 
+/// By what an encoder that freezes while it holds is found, besides its own noise.
+fn frozen(motor: &MotorConfig) -> &'static str {
+    if motor.monitors.frozen == f64::INFINITY {
+        "frozen_undetectable"
+    } else if motor.drive.counts() {
+        "counter"
+    } else if motor.dither > 0.0 {
+        "dither"
+    } else {
+        "frozen_undetectable"
+    }
+}
+
 fn text(configuration: &Configuration) -> String {
     let mut out = String::new();
     let robot = configuration.robot.as_deref().unwrap_or("no model");
@@ -115,6 +128,7 @@ fn text(configuration: &Configuration) -> String {
             "offset",
             "effort",
             "watchdog",
+            "frozen encoder",
             "stops together with",
             "command of zeros",
         ]
@@ -141,6 +155,7 @@ fn text(configuration: &Configuration) -> String {
             if motor.is_calibrated { motor.mapping.offset.to_string() } else { "none".to_owned() },
             motor.limits.effort.to_string(),
             format!("{} ms{believed}", motor.common.watchdog_ms),
+            frozen(motor).to_owned(),
             if partners.is_empty() { "-".to_owned() } else { partners },
             zero(motor).join(" "),
         ]);
@@ -187,7 +202,7 @@ fn object(configuration: &Configuration) -> Value {
                "sign": motor.mapping.sign, "gear": motor.mapping.gear,
                "offset": motor.is_calibrated.then_some(motor.mapping.offset),
                "torque_constant": motor.mapping.torque_constant,
-               "watchdog_ms": motor.common.watchdog_ms,
+               "watchdog_ms": motor.common.watchdog_ms, "frozen": frozen(motor),
                "mechanism": configuration.mechanisms.get(motor.actuator), "zero": zero(motor)})
         })
         .collect();

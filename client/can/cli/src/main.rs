@@ -3,6 +3,7 @@
 #![forbid(unsafe_code)]
 
 mod check;
+mod commission;
 mod doctor;
 mod listen;
 mod operate;
@@ -56,6 +57,15 @@ enum Command {
     /// Move actuators that are outside their limits back inside, slowly and without a controller;
     /// the motors have no power before and after it.
     Return(operate::Operate),
+    /// Believe the positions of motors that are elsewhere than where they were last seen, once an
+    /// operator has looked.
+    Confirm(operate::Operate),
+    /// Move each motor a little, compare it with the robot's model, and write the record without
+    /// which a robot is not armed.
+    ///
+    /// Prints a table and the record's path. Ends with 0 where all is as in the model, 1 for a
+    /// finding or a faulty configuration, 2 for wrong flags and failures at start-up.
+    Commission(commission::Commission),
     /// Watch a running bridge: states, times, counts.
     Top(top::Top),
     /// Run the rules on a recorded input, without buses.
@@ -83,6 +93,8 @@ fn main() -> ExitCode {
         Command::Disarm(operate) => Ok(operate.run(Operation::Disarm)),
         Command::Reset(operate) => Ok(operate.run(Operation::Reset)),
         Command::Return(operate) => Ok(operate.run(Operation::Return)),
+        Command::Confirm(operate) => Ok(operate.run(Operation::Confirm)),
+        Command::Commission(commission) => commission.run(),
         Command::Top(top) => Ok(top.run()),
         Command::Replay(replay) => replay.run(),
         Command::Listen(listen) => Ok(listen::run(&listen)),

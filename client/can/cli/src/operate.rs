@@ -1,4 +1,5 @@
-//! `sarrus-can arm`, `disarm`, `reset` and `return`: an operator's requests to a running bridge.
+//! `sarrus-can arm`, `disarm`, `reset`, `return` and `confirm`: an operator's requests to a running
+//! bridge.
 
 use std::io::{self, Write};
 use std::process::ExitCode;
@@ -12,7 +13,7 @@ use sarrus_client::watch::BridgeStatistics;
 
 use crate::top::{meanings, of, reason_name, state_name};
 
-/// Flags of the three.
+/// Flags of all of them.
 #[derive(Args)]
 pub(crate) struct Operate {
     /// Name of the bridge
@@ -106,6 +107,7 @@ impl Operate {
                     Operation::Disarm if now.enabled + now.arming + now.stopping == 0 => {
                         return Ok(());
                     }
+                    Operation::Confirm if now.elsewhere == 0 => return Ok(()),
                     Operation::Reset if now.fault == 0 => return Ok(()),
                     Operation::Return if begun && now.arming + now.stopping == 0 => {
                         let is_back = now.reason == Reason::Disarmed as u32 && now != before;
@@ -207,6 +209,7 @@ fn goal(operation: Operation) -> &'static str {
         Operation::Arm => "enabled",
         Operation::Disarm => "disarmed",
         Operation::Return => "inside the limits",
+        Operation::Confirm => "confirmed",
         _ => "reset",
     }
 }
@@ -219,6 +222,8 @@ struct StateCounts {
     arming: usize,
     stopping: usize,
     fault: usize,
+    /// Those that are elsewhere than where they were last seen.
+    elsewhere: usize,
     state: u32,
     reason: u32,
 }
@@ -241,6 +246,14 @@ impl StateCounts {
             arming: count(MechanismState::Arming),
             stopping: count(MechanismState::Stopping),
             fault: count(MechanismState::Fault),
+            elsewhere: state
+                .flags
+                .iter()
+                .take(state.n_u as usize)
+                .enumerate()
+                .filter(|(place, _)| actuator.is_none_or(|meant| meant == *place))
+                .filter(|(_, flags)| **flags & flag::POSITION_CHANGED != 0)
+                .count(),
             state: actuator.map_or(state.state, |place| of(&state.states, place)),
             reason: actuator.map_or(state.reason, |place| of(&state.reasons, place)),
         }

@@ -36,6 +36,9 @@ const ENDS: [i32; 13] = [
     Signal::POWER.as_raw(),
 ];
 
+/// Usual priority of the threads under SCHED_FIFO.
+pub(crate) const PRIORITY: u8 = 60;
+
 /// Flags of `run`.
 #[derive(Args)]
 pub(crate) struct Run {
@@ -48,7 +51,7 @@ pub(crate) struct Run {
     #[arg(long)]
     outlive_parent: bool,
     /// Priority of the threads under SCHED_FIFO, where that is permitted
-    #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u8).range(1..=98))]
+    #[arg(long, default_value_t = PRIORITY, value_parser = clap::value_parser!(u8).range(1..=98))]
     priority: u8,
     /// Folder for the log of each fault, which `replay` reads; without it `sarrus/faults` where
     /// programs keep their state
@@ -83,11 +86,7 @@ impl Run {
         parent: Option<Pid>,
     ) -> Result<(), Box<dyn std::error::Error>> {
         let stop = Arc::new(AtomicBool::new(false));
-        for signal in ENDS {
-            signal_hook::flag::register(signal, stop.clone())?;
-        }
-        // a log beyond the limit of a file's size: the write reports it
-        signal_hook::flag::register(SIGXFSZ, Arc::default())?;
+        end_by_signals(&stop)?;
         let settings = Settings {
             name: self.name.clone(),
             priority: Some(self.priority),
@@ -111,6 +110,16 @@ impl Run {
         }
         running.end().map(drop)
     }
+}
+
+/// Sets a flag at every signal that would end or stop this program.
+pub(crate) fn end_by_signals(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
+    for signal in ENDS {
+        signal_hook::flag::register(signal, stop.clone())?;
+    }
+    // a log beyond the limit of a file's size: the write reports it
+    signal_hook::flag::register(SIGXFSZ, Arc::default())?;
+    Ok(())
 }
 
 /// Prints the line that reports readiness. A closed stdout changes nothing.

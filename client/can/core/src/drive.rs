@@ -260,6 +260,24 @@ impl Shared {
     }
 }
 
+/// How a motor's measurements go with the frames of a cycle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pairing {
+    /// It measures without being asked.
+    Unasked,
+    /// It is set up, and its answers are of other kinds: the age of a measurement is unknown.
+    SettingUp,
+    /// It answers the frames of a cycle with one measurement.
+    Paired,
+}
+
+impl Pairing {
+    /// Of a motor that answers, once it is set up.
+    pub(crate) fn once(is_set_up: bool) -> Pairing {
+        if is_set_up { Pairing::Paired } else { Pairing::SettingUp }
+    }
+}
+
 /// The bridge's half of the talk with one motor. Nothing here allocates, panics or reads a clock.
 pub trait Drive: Send + core::fmt::Debug {
     /// Frames of one cycle at time `now_ns` (monotonic); in every cycle at least one that the motor
@@ -325,11 +343,9 @@ pub trait Drive: Send + core::fmt::Debug {
         None
     }
 
-    /// Whether the motor answers the frames of a cycle with one measurement: its requests and
-    /// replies can be paired. Not while it is set up, where answers are of other kinds, and never
-    /// for motors that measure without being asked.
-    fn is_paired(&self) -> bool {
-        false
+    /// How its measurements go with the frames of a cycle.
+    fn pairing(&self) -> Pairing {
+        Pairing::Unasked
     }
 
     /// How long an answer took that can be paired with its question, where measurements come
@@ -337,6 +353,12 @@ pub trait Drive: Send + core::fmt::Debug {
     /// there was none yet `[ns]`. `None` where it cannot be measured.
     fn round_trip_ns(&self, _now_ns: u64) -> Option<u64> {
         None
+    }
+
+    /// Whether measurements carry a counter, without whose step they are none: a sensor that stands
+    /// still is told from a joint that does.
+    fn counts(&self) -> bool {
+        false
     }
 
     /// Replies of the motor in one cycle while it is on.

@@ -255,7 +255,8 @@ mod tests {
     fn configuration() -> Configuration {
         let yaml = "rate_hz: 500\nbuses:\n- {name: x, channel: can0}\nmotors:\n- {actuator: a, \
             bus: x, drive: {protocol: cybergear, id: 1, \
-                    position_range: 12.5}, offset: 0, limits: {effort: 1}, watchdog_ms: 50}\n";
+                    position_range: 12.5}, offset: 0, limits: {position: [-9, 9], \
+                    velocity: 5, effort: 1}, watchdog_ms: 50}\n";
         let surroundings = Surroundings {
             file: &|_| Err("absent".into()),
             robot: &|_| Err(LoadError::Open { file: "robot".into(), reason: "absent".into() }),

@@ -61,6 +61,16 @@ impl ActuatorMeasurement {
 }
 
 impl Mapping {
+    /// Where the motor's own shaft is `[rad]`.
+    pub(crate) fn at_motor(&self, position: f64) -> f64 {
+        self.sign * self.gear * (position - self.offset)
+    }
+
+    /// Where the actuator is `[rad, m]`.
+    pub(crate) fn at_actuator(&self, at_motor: f64) -> f64 {
+        self.sign / self.gear * at_motor + self.offset
+    }
+
     /// The motor's set-point for one of the actuator.
     pub fn to_motor(&self, setpoint: &ActuatorSetpoint) -> Setpoint {
         let Mapping { sign, gear, offset, torque_constant } = *self;

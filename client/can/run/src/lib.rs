@@ -14,6 +14,7 @@
 pub mod bus;
 mod bus_thread;
 mod journal;
+mod positions;
 pub mod realtime;
 mod rules;
 mod running;

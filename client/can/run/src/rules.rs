@@ -13,6 +13,7 @@ use sarrus_proto::watch::Times;
 use crate::bus::Heard;
 use crate::bus_thread::BusEnd;
 use crate::journal::Journal;
+use crate::positions::Noted;
 use sarrus_client::now_ns;
 
 /// Counts and times of a bridge that has ended.
@@ -37,6 +38,8 @@ pub(crate) struct Rules {
     pub(crate) telemetry: Telemetry,
     pub(crate) services: BridgeEnd,
     pub(crate) journal: Journal,
+    /// Where positions are noted; `None` without a file for them.
+    pub(crate) positions: Option<Noted>,
     pub(crate) stop: Arc<AtomicBool>,
     /// Deadlines that passed during a cycle and were left out.
     pub(crate) missed: u64,
@@ -109,6 +112,7 @@ impl Rules {
         }
         self.bridge.cycle(now);
         self.journal.cycle(now, &mut self.bridge);
+        self.positions.iter().for_each(|positions| positions.note(&self.bridge));
         let number = self.bridge.counters().cycles;
         for (bus, end) in self.ends.iter_mut().enumerate() {
             let dropped = end.send(number, self.bridge.frames(bus));

@@ -19,6 +19,7 @@ use sarrus_proto::{Domain, DomainNode, ServerName};
 use crate::bus::Bus;
 use crate::bus_thread::BusThread;
 use crate::journal::{JournalWriter, journal};
+use crate::positions::Positions;
 use crate::realtime;
 use crate::rules::{Report, Rules};
 use crate::stderr::say;
@@ -44,6 +45,7 @@ pub struct Prepared {
     rules: Rules,
     buses: Vec<BusThread>,
     writer: JournalWriter,
+    positions: Option<Positions>,
     domain: Domain,
     node: DomainNode,
 }
@@ -65,7 +67,10 @@ pub fn prepare(
 
     let loads = bus_load::loads(&configuration);
     let fingerprint = configuration.fingerprint;
+    let usual = FaultFiles::usual_folder(|name| std::env::var_os(name));
+    let positions = Positions::new(&usual.with_file_name("positions"), &configuration);
     let mut bridge = Bridge::new(configuration);
+    positions.iter().for_each(|positions| positions.remember(&mut bridge));
     let mut buses = Vec::new();
     let mut ends = Vec::new();
     for (number, config) in bridge.configuration().buses.iter().enumerate() {
@@ -75,8 +80,7 @@ pub fn prepare(
         ends.push(end);
     }
     // a bus that cannot be opened leaves an earlier log as it is
-    let usual = || FaultFiles::usual_folder(|name| std::env::var_os(name));
-    let folder = settings.fault_log.clone().unwrap_or_else(usual);
+    let folder = settings.fault_log.clone().unwrap_or(usual);
     let files = FaultFiles::new(folder, name.as_str());
     let log = settings.log.as_deref();
     let (journal, writer) = journal(Some(files), log, &mut bridge).map_err(|error| {
@@ -87,8 +91,10 @@ pub fn prepare(
     if settings.priority.is_some() {
         realtime::lock_memory().into_iter().for_each(|note| say(format_args!("{note}")));
     }
-    let rules = Rules { ends, bridge, telemetry, services, journal, stop, missed: 0 };
-    Ok(Prepared { settings, fingerprint, rules, buses, writer, domain, node })
+    let noted = positions.as_ref().map(Positions::noted);
+    let rules =
+        Rules { ends, bridge, telemetry, services, journal, positions: noted, stop, missed: 0 };
+    Ok(Prepared { settings, fingerprint, rules, buses, writer, positions, domain, node })
 }
 
 impl Prepared {
@@ -103,11 +109,16 @@ impl Prepared {
     /// # Errors
     /// The system gives no thread; the motors were commanded off.
     pub fn start(self) -> io::Result<Running> {
-        let Prepared { settings, mut rules, buses, writer, domain, node, .. } = self;
+        let Prepared { settings, mut rules, buses, writer, positions, domain, node, .. } = self;
         let priority = settings.priority;
         let stop = rules.stop.clone();
         let named = |name: &str| thread::Builder::new().name(name.to_owned());
         let writer = named("log").spawn(move || writer.run())?;
+        let is_over = Arc::new(AtomicBool::new(false));
+        let over = is_over.clone();
+        let positions = positions
+            .map(|positions| named("positions").spawn(move || positions.run(&over)))
+            .transpose()?;
         let buses = buses
             .into_iter()
             .map(|bus| named("bus").spawn(move || bus.run(priority)))
@@ -118,7 +129,7 @@ impl Prepared {
             rules.end()
         })?;
         let log = settings.log;
-        Ok(Running { stop, rules, buses, writer, log, domain, node })
+        Ok(Running { stop, rules, buses, writer, positions, is_over, log, domain, node })
     }
 }
 
@@ -128,6 +139,9 @@ pub struct Running {
     rules: JoinHandle<Report>,
     buses: Vec<JoinHandle<()>>,
     writer: JoinHandle<io::Result<u64>>,
+    positions: Option<JoinHandle<()>>,
+    /// The cycle has ended.
+    is_over: Arc<AtomicBool>,
     log: Option<PathBuf>,
     domain: Domain,
     node: DomainNode,
@@ -155,6 +169,10 @@ impl Running {
             if bus.join().is_err() {
                 faults.push("the thread of a bus broke down".to_owned());
             }
+        }
+        self.is_over.store(true, Ordering::Relaxed);
+        if self.positions.is_some_and(|positions| positions.join().is_err()) {
+            faults.push("the thread of the positions broke down".to_owned());
         }
         let lost = cycled.as_ref().map_or(0, |report| report.lost);
         match (self.writer.join(), &self.log) {

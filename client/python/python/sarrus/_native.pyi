@@ -144,6 +144,8 @@ class Robot:
         search: bool = False,
         loop_tolerance: float | None = None,
         projection_tolerance: float | None = None,
+        axes: str = "mixed",
+        relative_to: str | None = None,
     ) -> Query: ...
     @property
     def origin(self) -> Origin: ...
@@ -291,7 +293,9 @@ class Service:
     def close(self) -> None: ...
 
 class Controller:
-    def __init__(self, name: str = "default", *, watch: bool = False) -> None: ...
+    def __init__(
+        self, name: str = "default", *, fingerprint: int | None = None, watch: bool = False
+    ) -> None: ...
     def command(
         self,
         sequence: int | None = None,

@@ -15,6 +15,7 @@ from sarrus.status import Status, Warnings
 Array = npt.NDArray[np.float64]
 Progress = Callable[[int, int], object]
 RequestName = Literal["kinematics", "inverse-dynamics", "forward-dynamics", "map"]
+AxesName = Literal["mixed", "world", "local"]
 
 
 class Answer(dict[str, Any]):

@@ -15,7 +15,7 @@ from sarrus import _native
 from sarrus.described import DescribedRobot
 from sarrus.errors import LoadError, QueryError, StateWarning
 from sarrus.options import GRAVITY, contents, parts
-from sarrus.query import Answer, Array, Progress, Query, RequestName
+from sarrus.query import Answer, Array, AxesName, Progress, Query, RequestName
 from sarrus.results import Actuators, Frames, Independents, State
 from sarrus.simulation import Constant, Gains, Method, Simulation, Table
 from sarrus.status import Status, Warnings
@@ -135,12 +135,17 @@ class Robot(DescribedRobot):
         search: bool = False,
         loop_tolerance: float | None = None,
         projection_tolerance: float | None = None,
+        axes: AxesName = "mixed",
+        relative_to: str | None = None,
     ) -> Query:
         """Prepare a query of any fields, by the names of `sarrus ask`.
 
         `given` and `want` are names of fields, such as `y` and `tau_u`; the default of `want`
         depends on the request. `frames` and `wrenches` are names of links, `joints` names or
-        patterns (`AL*`) of the wanted rows. A `QueryError` has every unknown name. The work of a
+        patterns (`AL*`) of the wanted rows. Twists, accelerations and Jacobians of frames are in
+        root axes at the frame's origin (`axes="mixed"`), in root axes at the root's origin
+        ("world") or in the frame's axes ("local"); the link `relative_to` takes the root's
+        place. A `QueryError` has every unknown name. The work of a
         state is bounded; with `search` loops are followed, and `nearest_y` is sought, as long as
         it takes.
 
@@ -162,6 +167,8 @@ class Robot(DescribedRobot):
                 search,
                 loop_tolerance,
                 projection_tolerance,
+                axes,
+                relative_to,
             )
         )
 

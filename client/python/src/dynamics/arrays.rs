@@ -27,7 +27,8 @@ pub(super) fn shape(slot: &Slot) -> Vec<usize> {
     match field {
         Residual | Iterations | CondKd | CondGu | SigmaMin | CondMy | Projection => vec![],
         JacobianTree | JacobianIndependent | JacobianActuator => vec![rows / 6, 6, columns],
-        G | GU | K | MY | Limits | FramePose | FrameTwist | FrameAcc | Wrenches => {
+        G | GU | K | MY | Limits | FramePose | FrameTwist | FrameAcc | Wrenches | ComJacobian
+        | Centroidal | JdYd => {
             vec![rows, columns]
         }
         _ => vec![rows],

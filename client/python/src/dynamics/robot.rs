@@ -9,7 +9,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
-use sarrus_client::{Field, Request, Status, Warnings};
+use sarrus_client::{Axes, Field, Request, Status, Warnings};
 
 use super::arrays::zeros;
 use super::asked::{Answered, Asked, BatchOptions, Marked};
@@ -106,7 +106,8 @@ impl PyRobot {
     /// exception.
     #[pyo3(name = "_prepare", signature = (
         request, given, want = None, frames = vec![], joints = None, wrenches = vec![],
-        checksum = false, search = false, loop_tolerance = None, projection_tolerance = None
+        checksum = false, search = false, loop_tolerance = None, projection_tolerance = None,
+        axes = "mixed", relative_to = None
     ))]
     fn prepare(
         &self,
@@ -121,6 +122,8 @@ impl PyRobot {
         search: bool,
         loop_tolerance: Option<f64>,
         projection_tolerance: Option<f64>,
+        axes: &str,
+        relative_to: Option<String>,
     ) -> PyResult<PyQuery> {
         let known = Request::ALL.iter().copied().find(|known| known.name() == request);
         let known = known.ok_or_else(|| {
@@ -128,8 +131,15 @@ impl PyRobot {
             let names = names.join(", ");
             PyValueError::new_err(format!("no request `{request}`, expected one of {names}"))
         })?;
+        let known_axes = Axes::ALL.iter().copied().find(|known| known.name() == axes);
+        let axes = known_axes.ok_or_else(|| {
+            PyValueError::new_err(format!("no axes `{axes}`, expected mixed, world or local"))
+        })?;
         let asked = Asked::new(py, &self.shared, known, move |mut query| {
-            query = query.given(given);
+            query = query.given(given).axes(axes);
+            if let Some(link) = relative_to {
+                query = query.relative_to(link);
+            }
             if let Some(want) = want {
                 query = query.want(want);
             }

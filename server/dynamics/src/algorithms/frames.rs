@@ -73,7 +73,11 @@ pub(crate) fn rates<T: Real>(
 
 /// Position and quaternion x, y, z, w of a frame.
 pub(crate) fn frame_pose<T: Real>(frame: &Frame<T>, world: &[Pose<T>]) -> [T; 7] {
-    let pose = in_root(frame, world);
+    pose_numbers(&in_root(frame, world))
+}
+
+/// Position and quaternion x, y, z, w.
+pub(crate) fn pose_numbers<T: Real>(pose: &Pose<T>) -> [T; 7] {
     let [x, y, z, w] = to_quaternion(&pose.R);
     [pose.p[0], pose.p[1], pose.p[2], x, y, z, w]
 }
@@ -108,17 +112,24 @@ pub(crate) fn frame_acceleration<T: Real>(
     pack(&R.apply(alpha), &R.apply(a))
 }
 
-/// Columns of a frame's Jacobian over the tree velocities: calls `each(internal velocity, column)`
-/// for the joints that carry it.
+/// Columns of the Jacobian over the tree velocities of a frame against a body, 0 for the root:
+/// calls `each(internal velocity, column)` for the joints between them.
 pub(crate) fn frame_jacobian<T: Real>(
     model: &Model<T>,
     frame: &Frame<T>,
+    against: usize,
     world: &[Pose<T>],
     mut each: impl FnMut(usize, [T; 6]),
 ) {
     let point = in_root(frame, world).p;
-    let mut i = frame.body;
-    while i != 0 {
+    // parents have smaller numbers: both paths end where they meet
+    let (mut carries, mut against) = (frame.body, against);
+    while carries != against {
+        let moves = carries > against;
+        let i = carries.max(against);
+        let mut each = |v: usize, column: [T; 6]| {
+            each(v, if moves { column } else { column.map(|x| -x) });
+        };
         let body = &model.bodies[i];
         let pose = &world[i];
         let arm = point - pose.p;
@@ -138,7 +149,7 @@ pub(crate) fn frame_jacobian<T: Real>(
                 }
             }
         }
-        i = body.parent;
+        *(if moves { &mut carries } else { &mut against }) = body.parent;
     }
 }
 
@@ -155,12 +166,14 @@ pub(crate) fn frame_wrench<T: Real>(
     (n.add_cross(frame.x_body_frame.p, f), f)
 }
 
-fn in_root<T: Real>(frame: &Frame<T>, world: &[Pose<T>]) -> Pose<T> {
+/// Pose of a frame in the root.
+pub(crate) fn in_root<T: Real>(frame: &Frame<T>, world: &[Pose<T>]) -> Pose<T> {
     let x = Pose { R: frame.x_body_frame.R, p: frame.x_body_frame.p };
     let body = &world[frame.body];
     Pose { R: body.R.times(x.R), p: body.point(&x.p) }
 }
 
-fn pack<T: Real>(a: &Vector3<T>, b: &Vector3<T>) -> [T; 6] {
+/// [a; b].
+pub(crate) fn pack<T: Real>(a: &Vector3<T>, b: &Vector3<T>) -> [T; 6] {
     [a[0], a[1], a[2], b[0], b[1], b[2]]
 }

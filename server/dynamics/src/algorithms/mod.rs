@@ -1,5 +1,6 @@
 //! Recursions over the spanning tree: one algorithm, one file.
 
+mod centroidal;
 mod cluster_aba;
 mod cluster_columns;
 mod crba;
@@ -8,11 +9,12 @@ mod mass_matrix;
 mod rnea;
 mod terms;
 
+pub(crate) use centroidal::Links;
 pub(crate) use cluster_aba::embedded_solve;
 pub(crate) use crba::{own_inertias, projected_solve, reduced_mass_matrix};
 pub(crate) use frames::{
-    frame_acceleration, frame_jacobian, frame_pose, frame_twist, frame_wrench, rates, velocities,
-    world_poses,
+    frame_acceleration, frame_jacobian, frame_pose, frame_twist, frame_wrench, in_root, pack,
+    pose_numbers, rates, velocities, world_poses,
 };
 pub(crate) use mass_matrix::tree_mass_matrix;
 pub(crate) use rnea::{TreeMotion, joint_poses, newton_euler, rest_forces};

@@ -292,16 +292,18 @@ pub(crate) fn determinant_sign<T: Real>(A: &mut [T], m: usize) -> T {
 }
 
 /// Least-squares solution of least norm of A x = b, A m×n row-major, by the normal equations of the
-/// smaller side (one step of refinement); x (n) into `x`. `None` where A has not full rank.
+/// smaller side (one step of refinement); x (n) into `x`. `None` where A has not full rank. The
+/// measures are those of the normal equations.
 pub(crate) fn least_norm<T: Real>(
     A: &mut [T],
     b: &mut [T],
     x: &mut [T],
     m: usize,
     n: usize,
-) -> Option<()> {
+) -> Option<Solved<T>> {
+    let mut solved = Solved { sign: T::ONE, least: T::ONE };
     if n == 0 {
-        return Some(());
+        return Some(solved);
     }
     let wide = n > m;
     let s = m.min(n);
@@ -334,7 +336,7 @@ pub(crate) fn least_norm<T: Real>(
                 (0..m).fold(T::ZERO, |sum, k| A[k * n + i].mul_add(residual[k], sum))
             };
         }
-        solve_pivoted(square, rhs, s, 1)?;
+        solved = solve_above(square, rhs, s, 1, 8.0)?;
         for k in 0..n {
             solution[k] += if wide {
                 (0..m).fold(T::ZERO, |sum, i| A[i * n + k].mul_add(rhs[i], sum))
@@ -343,5 +345,5 @@ pub(crate) fn least_norm<T: Real>(
             };
         }
     }
-    solution.iter().all(|x| x.is_finite()).then_some(())
+    solution.iter().all(|x| x.is_finite()).then_some(solved)
 }

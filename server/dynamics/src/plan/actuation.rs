@@ -56,8 +56,10 @@ pub(super) fn to_actuators<T: Real>(
             }
         } else {
             actuator_matrix(cluster, ws);
-            least_norm(&mut ws.dense, &mut ws.dense_rhs, &mut ws.dense_spare, m, n_u)
+            let solved = least_norm(&mut ws.dense, &mut ws.dense_rhs, &mut ws.dense_spare, m, n_u)
                 .ok_or(Status::SingularActuation)?;
+            // the pivots of the normal equations are squares, and so is the growth of roundings
+            control = lesser(control, solved.least * authority(cluster, ws));
             for (r, (u, _)) in cluster.active.iter().enumerate() {
                 ws.tau_u[*u] = ws.dense_spare[r];
             }
@@ -71,6 +73,19 @@ pub(super) fn to_actuators<T: Real>(
         }
     }
     Ok((T::ONE / control).to_branch_value(BranchValue::Growth))
+}
+
+/// The largest scaled entry of G_u, at most 1; 1 without actuators.
+fn authority<T: Real>(cluster: &Cluster<T>, ws: &Workspace<T>) -> T {
+    let unit = |j| T::from_f64(column_unit(cluster, j));
+    let G = cluster.G(&ws.G);
+    let mut most = if cluster.active.is_empty() { T::ONE } else { T::ZERO };
+    for &(_, j) in &cluster.active {
+        for (k, &i) in cluster.independent.iter().enumerate() {
+            most = most.larger((G[(j, k)] * unit(i) / unit(j)).abs());
+        }
+    }
+    lesser(T::ONE, most)
 }
 
 /// The lesser one; `a` where `b` is not a number.

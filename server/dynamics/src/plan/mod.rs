@@ -7,6 +7,7 @@ mod diagnostics;
 mod forces;
 mod kkt;
 mod limits;
+mod links;
 mod needed;
 mod outline;
 mod output;
@@ -14,6 +15,7 @@ mod run;
 mod scratch;
 mod state;
 mod steps;
+mod view;
 
 pub use batch::{Batch, BatchWorkspace, MOST_ROWS, PackedRows, STRAIGHT_FIELDS};
 pub use closed::ClosedNumbers;
@@ -120,7 +122,10 @@ impl Plan {
             fingerprint: model.meta.fingerprint,
             steps,
             method,
-            frame_bodies: supports(model, &frames),
+            frame_bodies: match steps.links {
+                true => (1..model.bodies.len()).collect(),
+                false => supports(model, &posed_links(query)),
+            },
             wrench_bodies: supports(model, &loaded),
             frames,
             wrench_links,
@@ -170,6 +175,12 @@ impl Plan {
     fn wants_any(&self, fields: &[Field]) -> bool {
         self.query.want.0 & FieldSet::of(fields).0 != 0
     }
+}
+
+/// The links whose poses in the root frames need.
+fn posed_links(query: &Query) -> Vec<usize> {
+    let frames = query.frames().iter().map(|link| usize::from(*link));
+    frames.chain(query.reference()).collect()
 }
 
 /// The bodies that carry the given links, parents first.

@@ -11,7 +11,7 @@ use sarrus_proto::{Field, Query, Request, Rows};
 
 use crate::model::{Limit, Method, Model, Roots, Scope};
 use crate::plan::Steps;
-use crate::plan::{Space, supports};
+use crate::plan::{Space, posed_links, supports};
 
 /// Fields of all loops, or of all independents.
 pub(super) const OF_THE_ROBOT: [Field; 13] = [
@@ -28,6 +28,15 @@ pub(super) const OF_THE_ROBOT: [Field; 13] = [
     Field::Uncontrolled,
     Field::NearestY,
     Field::CondMy,
+];
+/// Fields of all links.
+pub(super) const OF_THE_LINKS: [Field; 6] = [
+    Field::Com,
+    Field::ComJacobian,
+    Field::ComBias,
+    Field::Momentum,
+    Field::Centroidal,
+    Field::Energy,
 ];
 /// Forces, and the quantities in their rows.
 const FORCES: [Field; 6] =
@@ -140,10 +149,14 @@ fn roots<C>(
     let want = query.want;
     let all = || (0..model.clusters.len()).collect::<Vec<usize>>();
     let has_rows = want.iter().any(|field| field.has_joint_rows());
-    let links: Vec<usize> = query.frames().iter().map(|link| usize::from(*link)).collect();
-    let frames = if steps.frames { supports(model, &links) } else { Vec::new() };
+    let frames = match (steps.links, steps.frames) {
+        (true, _) => (1..model.bodies.len()).collect(),
+        (_, true) => supports(model, &posed_links(query)),
+        _ => Vec::new(),
+    };
     // figures of the robot, or nothing but the status
     let whole = want.has_any(&OF_THE_ROBOT)
+        || steps.links
         || !has_rows && !steps.frames
         || request == Request::ForwardDynamics && method == Method::Kkt;
     let mut rows: Vec<usize> = picked.iter().map(|v| model.cluster_of_v[*v]).collect();

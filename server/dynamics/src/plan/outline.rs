@@ -65,6 +65,7 @@ impl Plan {
             ),
             (steps.frames, "frames in the root"),
             (steps.frames && steps.frame_velocities && moves, "twists of frames"),
+            (steps.links, "sums over the links"),
             (steps.conditions, "conditions of the loops"),
         ];
         Outline {

@@ -6,9 +6,10 @@ use crate::algorithms;
 use crate::linalg::solve_sound;
 use crate::mechanism::Frame;
 use crate::model::Model;
-use crate::plan::Plan;
 use crate::plan::diagnostics::singular;
+use crate::plan::needed::OF_THE_LINKS;
 use crate::plan::run::RunReport;
+use crate::plan::{Plan, links};
 use crate::scalar::{Real, all_finite};
 use crate::workspace::Workspace;
 
@@ -22,7 +23,7 @@ impl Plan {
         report: &RunReport<T>,
         output: &mut [T],
     ) -> Status {
-        if self.steps.frames {
+        if self.steps.frames || self.steps.links {
             algorithms::world_poses(model, &self.frame_bodies, &ws.motion, &mut ws.world);
             if self.steps.frame_velocities {
                 algorithms::velocities(model, &self.frame_bodies, &ws.qd, &mut ws.motion);
@@ -178,27 +179,36 @@ impl Plan {
                 }
             }
             Field::FramePose => self.each_frame(model, out, 7, |frame, out| {
-                out.copy_from_slice(&algorithms::frame_pose(frame, &ws.world))
+                out.copy_from_slice(&self.view(model).pose(frame, &ws.world))
             }),
             Field::FrameTwist => {
                 self.each_frame(model, out, 6, |frame, out| {
-                    out.copy_from_slice(&algorithms::frame_twist(frame, &ws.world, &ws.motion))
+                    out.copy_from_slice(&self.view(model).twist(frame, &ws.world, &ws.motion))
                 });
             }
             Field::FrameAcc => {
                 algorithms::rates(model, &self.frame_bodies, &ws.qd, &ws.qdd, &mut ws.motion);
                 self.each_frame(model, out, 6, |frame, out| {
-                    out.copy_from_slice(&algorithms::frame_acceleration(
-                        frame, &ws.world, &ws.motion,
-                    ))
+                    let view = self.view(model);
+                    out.copy_from_slice(&view.acceleration(frame, &ws.world, &ws.motion))
                 });
             }
+            Field::JdYd => {
+                algorithms::rates(model, &self.frame_bodies, &ws.qd, &ws.g, &mut ws.motion);
+                self.each_frame(model, out, 6, |frame, out| {
+                    let view = self.view(model);
+                    out.copy_from_slice(&view.twist_rate(frame, &ws.world, &ws.motion))
+                });
+            }
+            field if OF_THE_LINKS.contains(&field) => {
+                return links::write(model, ws, &self.frame_bodies, field, out);
+            }
             Field::JacobianTree => self.each_frame(model, out, 6 * order.v.len(), |frame, out| {
-                tree_jacobian(model, ws, frame, out)
+                self.tree_jacobian(model, ws, frame, out)
             }),
             Field::JacobianIndependent => {
                 self.each_frame(model, out, 6 * order.vy.len(), |frame, out| {
-                    independent_jacobian(model, ws, frame, out, &order.vy_external)
+                    self.independent_jacobian(model, ws, frame, out, &order.vy_external)
                 });
             }
             Field::Limits => self.write_limits(ws, out),
@@ -234,7 +244,7 @@ impl Plan {
         for (link, out) in self.frames.iter().zip(out.chunks_exact_mut((6 * n_u).max(1))) {
             let frame = &model.frames[*link];
             let mut spare = core::mem::take(&mut ws.jacobian);
-            independent_jacobian(model, ws, frame, &mut spare, &model.order.vy_internal);
+            self.independent_jacobian(model, ws, frame, &mut spare, &model.order.vy_internal);
             let mut status = Status::Ok;
             for cluster in &model.clusters {
                 let m = cluster.n_vy;
@@ -287,34 +297,44 @@ fn write_G<T: Real>(model: &Model<T>, ws: &Workspace<T>, out: &mut [T], velociti
     }
 }
 
-/// Jacobian over the tree velocities (6 × n_v).
-fn tree_jacobian<T: Real>(model: &Model<T>, ws: &Workspace<T>, frame: &Frame<T>, out: &mut [T]) {
-    let n_v = model.sizes().n_v;
-    out.fill(T::ZERO);
-    algorithms::frame_jacobian(model, frame, &ws.world, |v, column| {
-        for row in 0..6 {
-            out[row * n_v + model.order.v_external[v]] = column[row];
-        }
-    });
-}
-
-/// Jacobian over the independent velocities (6 × n_vy), J G, with the columns in the given order.
-fn independent_jacobian<T: Real>(
-    model: &Model<T>,
-    ws: &Workspace<T>,
-    frame: &Frame<T>,
-    out: &mut [T],
-    order: &[usize],
-) {
-    let n_vy = model.sizes().n_vy;
-    out.fill(T::ZERO);
-    algorithms::frame_jacobian(model, frame, &ws.world, |v, column| {
-        let cluster = &model.clusters[model.cluster_of_v[v]];
-        for (k, g) in cluster.G(&ws.G).row(v - cluster.v).iter().enumerate() {
+impl Plan {
+    /// Jacobian over the tree velocities (6 × n_v).
+    fn tree_jacobian<T: Real>(
+        &self,
+        model: &Model<T>,
+        ws: &Workspace<T>,
+        frame: &Frame<T>,
+        out: &mut [T],
+    ) {
+        let n_v = model.sizes().n_v;
+        out.fill(T::ZERO);
+        self.view(model).columns(model, frame, &ws.world, |v, column| {
             for row in 0..6 {
-                let entry = &mut out[row * n_vy + order[cluster.vy + k]];
-                *entry = column[row].mul_add(*g, *entry);
+                out[row * n_v + model.order.v_external[v]] = column[row];
             }
-        }
-    });
+        });
+    }
+
+    /// Jacobian over the independent velocities (6 × n_vy), J G, with the columns in the given
+    /// order.
+    fn independent_jacobian<T: Real>(
+        &self,
+        model: &Model<T>,
+        ws: &Workspace<T>,
+        frame: &Frame<T>,
+        out: &mut [T],
+        order: &[usize],
+    ) {
+        let n_vy = model.sizes().n_vy;
+        out.fill(T::ZERO);
+        self.view(model).columns(model, frame, &ws.world, |v, column| {
+            let cluster = &model.clusters[model.cluster_of_v[v]];
+            for (k, g) in cluster.G(&ws.G).row(v - cluster.v).iter().enumerate() {
+                for row in 0..6 {
+                    let entry = &mut out[row * n_vy + order[cluster.vy + k]];
+                    *entry = column[row].mul_add(*g, *entry);
+                }
+            }
+        });
+    }
 }

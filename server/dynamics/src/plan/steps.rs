@@ -1,21 +1,21 @@
 //! The steps of a plan, by the fields that a query gives and wants.
 
 use sarrus_proto::Field::{self, *};
-use sarrus_proto::{Query, Request};
+use sarrus_proto::{Axes, Query, Request};
 
 use crate::closure::Level;
 use crate::model::Method;
 use crate::plan::needed;
 
 // wanted fields by the quantity that they read
-const FRAMES: [Field; 6] =
-    [FramePose, FrameTwist, FrameAcc, JacobianTree, JacobianIndependent, JacobianActuator];
-const VELOCITIES: [Field; 6] = [Qd, Yd, Ud, FrameTwist, FrameAcc, KBias];
+const FRAMES: [Field; 7] =
+    [FramePose, FrameTwist, FrameAcc, JacobianTree, JacobianIndependent, JacobianActuator, JdYd];
+const VELOCITIES: [Field; 8] = [Qd, Yd, Ud, FrameTwist, FrameAcc, KBias, Momentum, Energy];
 const ACCELERATIONS: [Field; 4] = [Qdd, Ydd, Udd, FrameAcc];
 const TREE_ACCELERATIONS: [Field; 3] = [Qdd, Udd, FrameAcc];
-const BIASES: [Field; 2] = [GBias, GUBias];
-const LOOP_JACOBIANS: [Field; 6] =
-    [G, GU, CondGu, Uncontrolled, JacobianIndependent, JacobianActuator];
+const BIASES: [Field; 4] = [GBias, GUBias, ComBias, JdYd];
+const LOOP_JACOBIANS: [Field; 8] =
+    [G, GU, CondGu, Uncontrolled, JacobianIndependent, JacobianActuator, ComJacobian, Centroidal];
 const FORCES: [Field; 5] = [TauY, TauU, TauQ, TauUnactuated, Lambda];
 const MASS_MATRICES: [Field; 2] = [MY, CondMy];
 
@@ -52,6 +52,8 @@ pub(super) struct Steps {
     pub(super) poses: bool,
     pub(super) frames: bool,
     pub(super) frame_velocities: bool,
+    /// Sums over all links.
+    pub(super) links: bool,
     pub(super) newton_euler: bool,
     /// The robot is at rest, and so are its bias forces: gravity and springs alone.
     pub(super) rest: bool,
@@ -71,6 +73,8 @@ impl Steps {
         let rest = velocity.is_none() && acceleration.is_none();
         let frames = query.n_frames > 0 && want.has_any(&FRAMES);
         let conditions = want.has_any(&needed::OF_THE_ROBOT);
+        let is_seen = query.axes != Axes::Mixed as u32 || query.reference().is_some();
+        let links = want.has_any(&needed::OF_THE_LINKS);
         let reads_acceleration = want.has_any(&TREE_ACCELERATIONS);
         let newton_euler = forward || dynamics && want.has_any(&FORCES);
         let mass_matrix = want.has_any(&MASS_MATRICES) || forward && method == Method::Projection;
@@ -87,9 +91,11 @@ impl Steps {
                 || want.has_any(&BIASES),
             given_acceleration: !rest && !forward && (newton_euler || reads_acceleration),
             found_acceleration: reads_acceleration || want.has(Lambda),
-            poses: frames || dynamics && (newton_euler || mass_matrix || want.has(CY)),
+            poses: frames || links || dynamics && (newton_euler || mass_matrix || want.has(CY)),
             frames,
-            frame_velocities: want.has(FrameTwist),
+            frame_velocities: want.has_any(&[FrameTwist, Momentum, Energy])
+                || is_seen && want.has_any(&[FrameAcc, JdYd]),
+            links,
             newton_euler,
             rest,
             bias_at_rest: velocity.is_none(),

@@ -135,14 +135,14 @@ fn names(kernel: &Kernel, slot: &Slot, is_wanted: bool) -> String {
         U | Ud | Udd | TauU | GU | GUBias => joints(&info.active, &picked.u),
         Wrenches => links(query.wrench_links(), "each its moment, then its force"),
         FramePose => frames("each its position, then its quaternion x y z w"),
-        FrameTwist | FrameAcc => frames("each angular, then linear"),
+        FrameTwist | FrameAcc | JdYd => frames("each angular, then linear"),
         JacobianTree | JacobianIndependent | JacobianActuator => {
             frames("each six rows, angular, then linear")
         }
         _ => return String::new(),
     };
     let columns = match slot.field {
-        G | GU | MY | JacobianIndependent => &info.independent,
+        G | GU | MY | JacobianIndependent | ComJacobian | Centroidal => &info.independent,
         JacobianTree => &info.tree,
         JacobianActuator => &info.active,
         _ => return format!(": {}", comment(&rows)),

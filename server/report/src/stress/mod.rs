@@ -24,7 +24,7 @@ use self::families::simulated::{
 };
 use self::families::{
     chains, change_points, cranks_that_turn, dead_points_in_series, faulty_files, idle_freedoms,
-    inconsistent_input, invalid_numbers, light_behind_heavy, loops_that_cannot_close,
+    inconsistent_input, invalid_numbers, light_behind_heavy, loops_that_cannot_close, lost_control,
 };
 use self::harness::Cases;
 use self::sweep::Family;
@@ -35,7 +35,7 @@ use crate::measure::progress::Progress;
 use crate::page::Section;
 
 /// Families in the order of the page: their names, and their parameters with the units.
-const FAMILIES: [Family; 40] = [
+const FAMILIES: [Family; 41] = [
     Family("mass ratio", "heavy mass over light mass", Swept(&MASS_RATIOS)),
     Family("massless links", "share of the mass that is left", Swept(&MASSLESS_LINKS)),
     Family("length scale", "factor of all lengths", Changed(sizes, LENGTHS)),
@@ -106,6 +106,11 @@ const FAMILIES: [Family; 40] = [
         "light behind heavy",
         "heavy mass over light mass",
         Drawn([60, 1000], &light_behind_heavy::WORST, light_behind_heavy::one),
+    ),
+    Family(
+        "actuators that lose control",
+        "rad from the pose without control",
+        Own(lost_control::run),
     ),
     Family("change points", "rad of a step", Drawn([40, 400], &[], change_points::one)),
 ];

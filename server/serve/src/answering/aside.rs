@@ -5,11 +5,15 @@
 //! A request that waits for such a thread stays pending, and each sweep looks for its answer.
 //! Clients wait in a queue; one that stops looking loses its place or answer after [`PATIENCE`]
 //! sweeps.
+//!
+//! The queue shares the thread's time: a state is due when the times of its client's earlier states
+//! have passed (start-time fair queueing, Goyal, Vin and Cheng 1996). So a client that rarely has
+//! such a state waits for the one that is computed, not for one of each other client.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::thread;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 use sarrus_dynamics::{Model, Plan, Workspace};
@@ -42,6 +46,8 @@ struct Job {
     n_in: usize,
     n_out: usize,
     answer: Answer,
+    /// The time of the computation.
+    took: Duration,
 }
 
 /// The answering thread's end.
@@ -52,8 +58,12 @@ pub(crate) struct Aside {
     job: Option<Box<Job>>,
     /// The state that is computed, or whose answer is in the job.
     current: Option<Key>,
-    /// States that wait for the thread, the first one next.
-    queue: Vec<Key>,
+    /// States that wait for the thread, with the times when they are due, the first one next.
+    queue: Vec<(Key, Duration)>,
+    /// Of the last state that the thread was given: its client, and when it was due.
+    last: (usize, Duration),
+    /// When the next state of each client is due at the earliest.
+    due: Vec<Duration>,
     /// Sweeps since the client that is awaited has last looked.
     sweeps: u32,
 }
@@ -97,10 +107,12 @@ impl Aside {
             n_in: 0,
             n_out: 0,
             answer: Answer { status: Status::UnknownRequest, warnings: Warnings::NONE },
+            took: Duration::ZERO,
         });
         // a client has a request and a batch at once
         let queue = Vec::with_capacity(2 * clients);
-        Ok(Aside { to, from, job: Some(job), current: None, queue, sweeps: 0 })
+        let (last, due) = ((0, Duration::ZERO), vec![Duration::ZERO; clients]);
+        Ok(Aside { to, from, job: Some(job), current: None, queue, last, due, sweeps: 0 })
     }
 
     /// Looks for a state: its answer, or its place in the queue, from which the thread takes it.
@@ -115,12 +127,16 @@ impl Aside {
     #[cold]
     fn look_closely(&mut self, key: Key, plan: &Arc<Plan>, input: &[f64]) -> Look<'_> {
         if let Ok(job) = self.from.pop() {
+            let (place, start) = self.last;
+            if let Some(due) = self.due.get_mut(place) {
+                *due = start.saturating_add(job.took);
+            }
             self.job = Some(job);
             self.sweeps = 0;
         }
         // a client that asks for something else has given its older state up
         let is_older = |other: &Key| other.is_of(key) && *other != key;
-        self.queue.retain(|other| !is_older(other));
+        self.queue.retain(|(other, _)| !is_older(other));
         if self.job.is_some() && self.current.as_ref().is_some_and(is_older) {
             self.current = None;
         }
@@ -137,12 +153,12 @@ impl Aside {
                 false => Look::Nothing,
             };
         }
-        if !self.queue.contains(&key) {
+        let Some(place) = self.queue.iter().position(|(other, _)| *other == key) else {
             return Look::Nothing;
-        }
-        if self.current.is_none() && self.queue.first() == Some(&key) {
-            self.queue.remove(0);
-            self.start_job(key, plan, input);
+        };
+        if self.current.is_none() && place == 0 {
+            let (_, due) = self.queue.remove(0);
+            self.start_job((key, due), plan, input);
         }
         Look::Waits
     }
@@ -150,7 +166,7 @@ impl Aside {
     /// The state whose client has to come: for its answer, or as the next one.
     fn awaited(&self) -> Option<Key> {
         let is_home = self.job.is_some();
-        self.current.or(self.queue.first().copied()).filter(|_| is_home)
+        self.current.or(self.queue.first().map(|(key, _)| *key)).filter(|_| is_home)
     }
 
     /// Drops the answer, or the first in the queue, that nobody has come for; true if a client has
@@ -173,17 +189,21 @@ impl Aside {
     /// Hands a state to the thread, or puts it into the queue.
     #[cold]
     pub(crate) fn submit(&mut self, key: Key, plan: &Arc<Plan>, input: &[f64]) {
+        let own = self.due.get(key.place).copied().unwrap_or_default();
+        let due = own.max(self.last.1);
         if self.current.is_none() && self.queue.is_empty() {
-            self.start_job(key, plan, input);
+            self.start_job((key, due), plan, input);
         } else if self.queue.len() < self.queue.capacity() {
-            self.queue.push(key);
+            let place = self.queue.partition_point(|(_, other)| *other <= due);
+            self.queue.insert(place, (key, due));
         }
         // beyond that there are more states than clients: it is computed again in its next turn
     }
 
     /// Hands a state to the thread, which computes none.
-    fn start_job(&mut self, key: Key, plan: &Arc<Plan>, input: &[f64]) {
+    fn start_job(&mut self, (key, due): (Key, Duration), plan: &Arc<Plan>, input: &[f64]) {
         let Some(mut job) = self.job.take() else { return };
+        self.last = (key.place, due);
         job.plan = Some(plan.clone());
         (job.n_in, job.n_out) = (input.len(), plan.want().len());
         job.input[..input.len()].copy_from_slice(input);
@@ -213,6 +233,7 @@ fn compute_jobs(
             thread::sleep(if last.elapsed() < QUIET { NAP } else { LONG_NAP });
             continue;
         };
+        let start = Instant::now();
         if let Some(plan) = job.plan.take() {
             let Job { input, output, n_in, n_out, .. } = &mut *job;
             let (input, output) = (&input[..*n_in], &mut output[..*n_out]);
@@ -224,8 +245,48 @@ fn compute_jobs(
             });
         }
         last = Instant::now();
+        job.took = last - start;
         if done.push(job).is_err() {
             return;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sarrus_models::{Options, Source, load};
+    use sarrus_proto::{Field, Query, Request};
+
+    /// A client that asks again at once does not pass one that comes later with its first state.
+    #[test]
+    fn the_times_of_earlier_states_decide_who_is_next() {
+        let source = Source::Bundled("delta".into());
+        let model = Arc::new(load(&source, &Options::default()).unwrap().compiled.model);
+        let query = Query::new(Request::Kinematics, Field::Y.into(), Field::Q.into());
+        let plan = Arc::new(Plan::new(&model, &query).unwrap());
+        let mut aside = Aside::start(&model, "aside", 5, || {}).unwrap();
+        let input = [-1.0, 0.5, -0.8];
+        let key = |place: usize, sequence| Key { place, plan: PlanNumber(0), sequence, row: None };
+        let mut waiting = vec![key(1, 1), key(2, 1), key(3, 1)];
+        for key in &waiting {
+            aside.submit(*key, &plan, &input);
+        }
+        let mut order = Vec::new();
+        while !waiting.is_empty() {
+            for state in waiting.clone() {
+                if let Look::Waits = aside.look(state, &plan, &input) {
+                    continue;
+                }
+                waiting.retain(|other| *other != state);
+                order.push(state.place);
+                if order.len() == 1 {
+                    waiting.extend([key(1, 2), key(4, 1)]);
+                    aside.submit(key(1, 2), &plan, &input);
+                    aside.submit(key(4, 1), &plan, &input);
+                }
+            }
+        }
+        assert_eq!(order, [1, 2, 3, 4, 1]);
     }
 }

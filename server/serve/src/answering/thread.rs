@@ -1,8 +1,9 @@
 //! The thread that answers.
 //!
-//! A sweep answers at most one pending request of each client: no client can starve another, and no
-//! request is overwritten, because a client has one pending request. A state that needs more than a
-//! turn is computed on a thread beside this one ([`crate::answering::aside`]). After start-up the
+//! A sweep looks at each client once, and again at those of cheap states after each turn that did
+//! not suffice: no client can starve another, and no request is overwritten, because a client has
+//! one pending request. A state that needs more than a turn is computed on a thread beside this one
+//! ([`crate::answering::aside`]). After start-up the
 //! loop never blocks, writes no log, reads no clock but the processor's counter (and the system's
 //! for a heartbeat and for a request with a stamp), and in busy mode makes no system call. The
 //! upkeep thread maps and unmaps the segments of clients.
@@ -93,6 +94,15 @@ pub(crate) struct Shared {
     pub(crate) stopping: AtomicBool,
 }
 
+/// What a look at a client found.
+#[derive(PartialEq, Eq)]
+enum Polled {
+    Nothing,
+    Answered,
+    /// A state that needs more than a turn.
+    CutShort,
+}
+
 /// The answering thread's state.
 pub(crate) struct AnsweringThread {
     pub(crate) engine: Engine,
@@ -100,6 +110,8 @@ pub(crate) struct AnsweringThread {
     pub(crate) ends: Vec<Retired>,
     /// The end with the next turn for a tile of a batch.
     pub(crate) next: usize,
+    /// Of each place: the client's last state needed more than a turn.
+    pub(crate) costly: Box<[bool]>,
     /// When the last heartbeat was, and their interval `[tick]`.
     pub(crate) last_beat: u64,
     pub(crate) beat: u64,
@@ -160,40 +172,13 @@ impl AnsweringThread {
         }
     }
 
-    /// Polls each client once, answers the pending requests and one tile of a batch; the number of
-    /// answers.
+    /// Gives each client a turn, then answers one tile of a batch; the number of answers.
     fn sweep(&mut self, stopping: bool) -> usize {
         let mut answered = 0;
         let mut index = 0;
-        loop {
-            let AnsweringThread { engine, ends, shared, clock, .. } = self;
-            let Some((place, end)) = ends.get_mut(index) else { break };
+        while index < self.ends.len() {
+            answered += self.turn(index, stopping);
             index += 1;
-            // the transport panics if a client has overwritten its records
-            let look = catch_unwind(AssertUnwindSafe(|| match end {
-                End::Lane(lane, last) => poll_lane(lane, last, *place, engine, clock, stopping),
-                End::Service(port, pending) => {
-                    poll_service((port.as_mut(), pending), *place, engine, clock, stopping)
-                }
-                End::Batches(_) | End::Broken => None,
-            }));
-            let turn = match look {
-                Ok(Some(turn)) => turn,
-                Ok(None) => continue,
-                Err(_) => {
-                    self.give_up(index - 1);
-                    continue;
-                }
-            };
-            if turn.late {
-                shared.counters.record_late(*place);
-            }
-            let now = clock.raw();
-            shared.counters.record(turn.transport, turn.status, now.wrapping_sub(turn.start));
-            shared.counters.set_by_kernel(engine.by_kernel);
-            engine.sent();
-            answered += 1;
-            self.serve_between(now);
         }
         let has_tile = self.answer_tile(stopping);
         answered += usize::from(has_tile);
@@ -202,6 +187,66 @@ impl AnsweringThread {
         }
         self.awaits = self.engine.end_sweep();
         answered
+    }
+
+    /// Gives a client a turn; where that did not suffice, polls the clients of cheaper states: they
+    /// wait for one such turn, not for one of each other client. The number of answers.
+    #[inline]
+    fn turn(&mut self, index: usize, stopping: bool) -> usize {
+        let look = self.poll(index, stopping);
+        if look != Polled::CutShort {
+            return usize::from(look == Polled::Answered);
+        }
+        let mut answered = 0;
+        for other in 0..self.ends.len() {
+            let place = self.ends.get(other).map(|(place, _)| *place);
+            if place.is_some_and(|place| self.costly.get(place) == Some(&false)) {
+                answered += usize::from(self.poll(other, stopping) == Polled::Answered);
+            }
+        }
+        answered
+    }
+
+    /// Polls a client and answers its pending request.
+    #[inline]
+    fn poll(&mut self, index: usize, stopping: bool) -> Polled {
+        let AnsweringThread { engine, ends, shared, clock, costly, .. } = self;
+        let Some((place, end)) = ends.get_mut(index) else { return Polled::Nothing };
+        // the transport panics if a client has overwritten its records
+        let look = catch_unwind(AssertUnwindSafe(|| match end {
+            End::Lane(lane, last) => poll_lane(lane, last, *place, engine, clock, stopping),
+            End::Service(port, pending) => {
+                poll_service((port.as_mut(), pending), *place, engine, clock, stopping)
+            }
+            End::Batches(_) | End::Broken => None,
+        }));
+        let Ok(turn) = look else {
+            self.give_up(index);
+            return Polled::Nothing;
+        };
+        let is_cut_short = std::mem::take(&mut engine.cut_short);
+        let Some(turn) = turn else {
+            if !is_cut_short {
+                return Polled::Nothing;
+            }
+            if let Some(costly) = costly.get_mut(*place) {
+                *costly = true;
+            }
+            self.serve_between(self.clock.raw());
+            return Polled::CutShort;
+        };
+        if turn.late {
+            shared.counters.record_late(*place);
+        }
+        if let Some(costly) = costly.get_mut(*place) {
+            *costly &= turn.has_waited;
+        }
+        let now = clock.raw();
+        shared.counters.record(turn.transport, turn.status, now.wrapping_sub(turn.start));
+        shared.counters.set_by_kernel(engine.by_kernel);
+        engine.sent();
+        self.serve_between(now);
+        Polled::Answered
     }
 
     /// Heartbeat and orders between two answers, when they are due.
@@ -311,6 +356,7 @@ fn poll_lane(
     if head.sequence == last.sequence {
         return None;
     }
+    let has_waited = pending.is_some();
     let start = pending.unwrap_or_else(|| clock.raw());
     engine.found(start, Client::Lane(place as u32));
     let timing = RequestTiming::new(clock, &head, start);
@@ -323,7 +369,7 @@ fn poll_lane(
     let answer = answer?;
     last.sequence = head.sequence;
     lane.outbox.publish(answer);
-    Some(Turn::of(Transport::Lane, &head, &answer, start))
+    Some(Turn::of(Transport::Lane, &head, &answer, (start, has_waited)))
 }
 
 /// Polls a service.
@@ -352,13 +398,14 @@ fn poll_service(
             true => refuse(&head, Status::ShuttingDown, output, &timing),
         };
         *pending = None;
-        turn = Some(Turn::of(transport, &head, &answer, start));
+        turn = Some(Turn::of(transport, &head, &answer, (start, before.is_some())));
         Some(answer)
     });
     // a request for whose answer there was no memory is counted too
     let status = Status::Overloaded as u32;
     is_found.then(|| {
-        turn.unwrap_or_else(|| Turn { transport, status, late: false, start: clock.raw() })
+        let start = clock.raw();
+        turn.unwrap_or(Turn { transport, status, late: false, start, has_waited: false })
     })
 }
 
@@ -369,13 +416,20 @@ struct Turn {
     late: bool,
     /// When its request was found.
     start: u64,
+    /// Another thread computed its state.
+    has_waited: bool,
 }
 
 impl Turn {
     #[inline]
-    fn of(transport: Transport, request: &RequestHead, answer: &ResponseHead, start: u64) -> Turn {
+    fn of(
+        transport: Transport,
+        request: &RequestHead,
+        answer: &ResponseHead,
+        (start, has_waited): (u64, bool),
+    ) -> Turn {
         let late = answer.status == Status::Late as u32 || is_late(request, answer);
-        Turn { transport, status: answer.status, late, start }
+        Turn { transport, status: answer.status, late, start, has_waited }
     }
 }
 

@@ -26,7 +26,7 @@ pub(super) const SEGMENT: u64 = u64::from_le_bytes(*b"sarrusSG");
 /// Upper half of the first word of a frame.
 pub(super) const FRAME: u32 = u32::from_le_bytes(*b"saFR");
 /// Version of this layout.
-pub(super) const FORMAT: u64 = 5;
+pub(super) const FORMAT: u64 = 6;
 /// Bytes of a word.
 pub(super) const WORD: usize = 8;
 /// Bytes of the header; the robot is padded to a multiple of it.
@@ -38,9 +38,9 @@ pub(super) const SEGMENT_HEAD: usize = 4;
 /// Words before the body of a frame.
 pub(super) const FRAME_HEAD: usize = 4;
 /// Words of a body that has no links, joints or numbers.
-pub(super) const BODY_HEAD: usize = 14;
+pub(super) const BODY_HEAD: usize = 15;
 /// Words of a query that has neither links nor joints.
-pub(super) const QUERY_HEAD: usize = 8;
+pub(super) const QUERY_HEAD: usize = 9;
 /// The most words of a body before its numbers: three lists, each filled up to a word.
 pub(super) const MAX_BODY_HEAD: usize =
     BODY_HEAD + (MAX_FRAMES + MAX_WRENCHES + 2 * MAX_JOINT_RUNS).div_ceil(LINKS) + 2;
@@ -139,6 +139,7 @@ pub(super) fn write_query(query: &Query, words: &mut [u64]) -> usize {
         query.loop_tolerance.0,
         query.projection_tolerance.0,
         query.options.0,
+        join(query.axes, query.relative_to),
     ];
     let links = frames.chunks(LINKS).chain(wrenches.chunks(LINKS)).chain(runs.chunks(LINKS));
     let links = links.map(packed);
@@ -147,7 +148,7 @@ pub(super) fn write_query(query: &Query, words: &mut [u64]) -> usize {
 
 /// Reads a query (`None` where no plan ran) and its number of words; `None` for malformed words.
 pub(super) fn read_query(words: &[u64]) -> Option<(Option<Query>, usize)> {
-    let &[first, given, given_above, want, want_above, open, projection, options, ..] = words
+    let &[first, given, given_above, want, want_above, open, projection, options, seen, ..] = words
     else {
         return None;
     };
@@ -172,12 +173,15 @@ pub(super) fn read_query(words: &[u64]) -> Option<(Option<Query>, usize)> {
     let wrenches = links(n_wrenches)?;
     let ends = links(n_ends)?;
     let request = Request::from_code(request)?;
+    let (axes, relative_to) = halves(seen);
     let [given, want] = [[given, given_above], [want, want_above]].map(FieldSet::from);
     let mut query = Query {
         loop_tolerance: Tolerance(open),
         projection_tolerance: Tolerance(projection),
         options: QueryOptions(options),
         n_joint_runs: (n_ends / 2) as u32,
+        axes,
+        relative_to,
         ..Query::new(request, given, want).with_frames(&frames)
     };
     query.joints.iter_mut().zip(ends.chunks_exact(2)).for_each(|(run, ends)| {

@@ -234,6 +234,7 @@ fn answering_thread(
         engine: Engine::new(model.clone(), plan_orders_out, retired_plans_in),
         ends: Vec::with_capacity(2 * n_places),
         next: 0,
+        costly: vec![false; n_places].into(),
         last_beat: 0,
         beat: 0,
         awaits: false,

@@ -143,7 +143,21 @@ fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], model: &ModelInfo, que
         Field::LambdaDeterminate => list(out, numbers.iter(), |out, x| write(out, &(*x == 1.0))),
         Field::GoodIndependents => list(out, chosen(numbers, &model.tree), write),
         Field::Limits => write(out, &exceeded(numbers, model, &Rows::of(query, model).v)),
-        Field::G | Field::GU | Field::K | Field::MY => rows(out, slot.rows, slot.columns, numbers),
+        Field::Energy => {
+            out.push(b'{');
+            for (k, (name, x)) in ["kinetic", "potential"].iter().zip(numbers).enumerate() {
+                key(out, name, k == 0);
+                number(out, x);
+            }
+            out.push(b'}');
+        }
+        Field::G
+        | Field::GU
+        | Field::K
+        | Field::MY
+        | Field::ComJacobian
+        | Field::Centroidal
+        | Field::JdYd => rows(out, slot.rows, slot.columns, numbers),
         _ => list(out, numbers.iter(), number),
     }
 }

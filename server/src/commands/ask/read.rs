@@ -2,7 +2,9 @@
 
 use std::time::Duration;
 
-use sarrus_client::{Field, FieldSet, ModelInfo, Query, QueryError, QueryOptions, Request, Status};
+use sarrus_client::{
+    Axes, Field, FieldSet, ModelInfo, Query, QueryError, QueryOptions, Request, Status,
+};
 use sarrus_models::{matching_joints, nearest_first};
 
 use sarrus_proto::Tolerance;
@@ -34,6 +36,8 @@ pub(super) fn read(
         wrenches: Vec::new(),
         tolerances,
         options: QueryOptions::NONE,
+        axes: Axes::Mixed,
+        relative_to: None,
         deadline: None,
         given: Vec::new(),
         doubt: None,
@@ -60,6 +64,13 @@ fn search(value: Value<'_>) -> Result<QueryOptions, Problem> {
     }
 }
 
+/// The axes of frames.
+fn axes(value: Value<'_>) -> Result<Axes, Problem> {
+    let name = value.string();
+    let known = Axes::ALL.iter().copied().find(|axes| Some(axes.name()) == name.as_deref());
+    known.ok_or_else(|| value.is_no("axes as \"mixed\", \"world\" or \"local\""))
+}
+
 /// Microseconds from 1 on.
 fn deadline(value: Value<'_>) -> Result<Duration, Problem> {
     let number = value.number().filter(|x| (1.0..=1e9).contains(x) && x.fract() == 0.0);
@@ -79,6 +90,8 @@ struct Reader<'a> {
     wrenches: Vec<(u16, Vec<f64>)>,
     tolerances: [Tolerance; 2],
     options: QueryOptions,
+    axes: Axes,
+    relative_to: Option<u16>,
     deadline: Option<Duration>,
     given: Vec<Given>,
     doubt: Option<Problem>,
@@ -99,6 +112,12 @@ impl Reader<'_> {
             "loop_tolerance" => self.tolerances[0] = tolerance(&name, value)?,
             "projection_tolerance" => self.tolerances[1] = tolerance(&name, value)?,
             "search" => self.options = search(value)?,
+            "axes" => self.axes = axes(value)?,
+            "relative_to" => {
+                let expected = "relative_to as the name of a link";
+                let name = value.string().ok_or_else(|| value.is_no(expected))?;
+                self.relative_to = Some(self.link(&name, value)?);
+            }
             "deadline_us" => self.deadline = Some(deadline(value)?),
             _ => match INPUTS.into_iter().find(|field| field.name() == name) {
                 Some(field) => {
@@ -110,7 +129,7 @@ impl Reader<'_> {
                     let known: Vec<&str> = INPUTS.iter().map(|field| field.name()).collect();
                     let known = format!(
                         "{}, wrenches, frames, joints, want, loop_tolerance, projection_tolerance, \
-                         search, deadline_us",
+                         axes, relative_to, search, deadline_us",
                         known.join(", ")
                     );
                     return Err(key.fault(format!(
@@ -237,8 +256,9 @@ impl Reader<'_> {
                 .map(|field| (Output::Field(field), root.offset))
                 .collect(),
         };
-        let of_frames =
-            |(output, _): &&(Output, usize)| matches!(output, Output::Frames | Output::Jacobians);
+        let of_frames = |(output, _): &&(Output, usize)| {
+            matches!(output, Output::Frames | Output::Jacobians | Output::Field(Field::JdYd))
+        };
         match outputs.iter().find(of_frames) {
             Some((output, offset)) if self.frames.is_none() => {
                 let words = format!(
@@ -262,7 +282,8 @@ impl Reader<'_> {
             .fold(FieldSet::EMPTY, |set, (output, _)| FieldSet(set.0 | output.fields().0));
         let [loop_tolerance, projection_tolerance] = self.tolerances;
         let query = Query::new(request, given, want).with_options(self.options);
-        let query = Query { loop_tolerance, projection_tolerance, ..query };
+        let query = Query { loop_tolerance, projection_tolerance, ..query }.with_axes(self.axes);
+        let query = self.relative_to.map_or(query, |link| query.relative_to(link));
         let mut query = query.with_joints(self.joints);
         let frames = self.frames.unwrap_or_default();
         query = query.with_frames(&frames.iter().map(|(_, link)| *link).collect::<Vec<u16>>());

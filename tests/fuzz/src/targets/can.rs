@@ -46,7 +46,7 @@ pub(super) const CONFIGURATION: Target = Target {
         "offset: 0",
         "sign: -1",
         "gear: 10",
-        "limits: {position: [-1, 1], effort: 1}",
+        "limits: {position: [-1, 1], velocity: 1, effort: 1}",
         "watchdog_ms: 50",
         "watchdog: believed",
         "damping: 1",

@@ -22,12 +22,12 @@ const START: &str = include_str!("start.sh");
 const TOOLS: [&str; 8] =
     ["linux.uml", "busybox", "cansend", "candump", "cangen", "slcand", "ip", "cc"];
 
-const MIT: &str = "offset: 0, limits: {effort: 10, velocity: 5}, watchdog_ms: WATCHDOG, watchdog: \
+const MIT: &str = "offset: 0, limits: {position: [-9, 9], effort: 10, velocity: 5}, watchdog_ms: WATCHDOG, watchdog: \
     believed, drive: {protocol: mit, \
     variant: robstride, id: 3, reply_id: 19, position_range: 12.5, velocity_range: 30, \
     torque_range: 10, stiffness_range: 500, \
     damping_range: 5}";
-const MOTEUS: &str = "offset: 0, limits: {effort: 1, velocity: 5}, watchdog_ms: 1000, drive: \
+const MOTEUS: &str = "offset: 0, limits: {position: [-9, 9], effort: 1, velocity: 5}, watchdog_ms: 1000, drive: \
     {protocol: moteus, id: 1}";
 /// Script of a bridge on a bus that goes away.
 const BRIDGE: &str = include_str!("bridge.sh");

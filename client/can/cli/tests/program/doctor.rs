@@ -34,8 +34,6 @@ fn check_warns_of_each_absurd_value() {
         ("", "", "timeouts: {disable_ms: 60000}\n", "`disable_ms` is 60000 ms"),
         ("", "", "timeouts: {feedback_ms: 5000}\n", "`feedback_ms` is 5000 ms"),
         ("", "", "ramp_ms: 0\n", "`ramp_ms` is 0"),
-        ("position: [-3, 3], ", "", "", "has no limits of position"),
-        ("velocity: 5, ", "", "", "has no limit of velocity"),
         ("damping: 0.1, ", "damping: 0, ", "", "has a `damping` of 0"),
         ("effort: 2", "effort: 1e6", "", "limit of effort of `elbow` is 1000000"),
         ("velocity: 5", "velocity: 500", "", "limit of velocity of `elbow` is 500"),
@@ -44,6 +42,24 @@ fn check_warns_of_each_absurd_value() {
         let err = warnings(&GOOD.replacen(from, to, 1), top);
         let lines: Vec<&str> = err.lines().collect();
         assert!(lines.len() == 1 && lines[0].contains(word), "{word}:\n{err}");
+    }
+}
+
+#[test]
+fn check_refuses_a_motor_that_lacks_a_limit() {
+    let folder = Folder::new();
+    for (without, found) in [
+        ("position: [-3, 3], ", "`limits` has no `position`"),
+        ("velocity: 5, ", "`limits` has no `velocity`"),
+        (", effort: 2", "`limits` has no `effort`"),
+        ("limits: {position: [-3, 3], velocity: 5, effort: 2}, ", "the motor has no `limits`"),
+    ] {
+        assert!(GOOD.contains(without), "{without}");
+        let path = folder.configuration(&[&GOOD.replacen(without, "", 1)]);
+        let (code, _, err) = sarrus_can(&["check", path.to_str().unwrap()]);
+        assert_eq!(code, Some(1), "{err}");
+        let lines: Vec<&str> = err.lines().collect();
+        assert!(lines.len() == 2 && lines[0].contains(found), "{found}:\n{err}");
     }
 }
 

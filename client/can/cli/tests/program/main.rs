@@ -8,6 +8,7 @@
 )]
 
 mod allowance;
+mod commission;
 mod doctor;
 mod simulated;
 

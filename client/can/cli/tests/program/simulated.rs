@@ -9,7 +9,7 @@ use super::allowance::{slowness, wait_for};
 use super::{Folder, Host, Program};
 
 const MOTOR: &str = "{actuator: elbow, bus: arm, sign: -1, gear: 10, offset: 0.5, watchdog_ms: \
-    1000, watchdog: believed, limits: {effort: 10}, \
+    1000, watchdog: believed, limits: {position: [-9, 9], velocity: 50, effort: 10}, \
     drive: {protocol: mit, variant: mini_cheetah, id: 3, reply_id: 19, position_range: 12.5, \
     velocity_range: 30, torque_range: 10, \
     stiffness_range: 500, damping_range: 5}}";

@@ -25,6 +25,8 @@ pub(super) enum Course {
     QuickStop,
     /// A slow return inside the limits.
     Return,
+    /// A slow way to where it may rest without power.
+    Rest,
 }
 
 impl Course {

@@ -16,6 +16,9 @@ const STILL: f64 = 0.1;
 /// Lowering ends after the mechanism is still for this time `[ns]`.
 const STILL_NS: u64 = 300_000_000;
 
+/// The way to a rest pose takes no longer `[ns]`.
+const REST_NS: u64 = 20_000_000_000;
+
 /// A return inside the limits that takes longer has failed `[ns]`.
 const RETURN_NS: u64 = 60_000_000_000;
 
@@ -49,6 +52,8 @@ pub(super) struct Members {
     pub(super) moves: bool,
     /// One is outside its limits.
     pub(super) is_outside: bool,
+    /// All are where they may rest.
+    pub(super) all_resting: bool,
 }
 
 /// A change of phase that the motors take part in.
@@ -83,12 +88,14 @@ pub(super) struct Mechanism {
     moved_ns: u64,
     /// An operator disarmed it while it was stopped, or by that.
     is_disarmed: bool,
+    /// All of its motors have a place where they may rest without power.
+    has_rest: bool,
     /// It has power to come back inside its limits, and follows no commands.
     returns: bool,
 }
 
 impl Mechanism {
-    pub(super) fn new(motors: Vec<usize>, stop: MechanismStop) -> Mechanism {
+    pub(super) fn new(motors: Vec<usize>, stop: MechanismStop, has_rest: bool) -> Mechanism {
         Mechanism {
             state: MechanismState::Disabled,
             reason: Reason::None,
@@ -101,6 +108,7 @@ impl Mechanism {
             moved_ns: 0,
             is_disarmed: false,
             returns: false,
+            has_rest,
         }
     }
 
@@ -179,6 +187,7 @@ impl Mechanism {
             Phase::Stopping(_) if self.stop.function == StopFunction::QuickStop => {
                 Some(Course::QuickStop)
             }
+            Phase::Stopping(Some(since)) if self.rests(now_ns, since) => Some(Course::Rest),
             Phase::Stopping(Some(since)) if self.lowers(now_ns, since) => {
                 Some(Course::Lower(self.stop.lower_velocity))
             }
@@ -269,6 +278,14 @@ impl Mechanism {
     /// A stop by lowering goes down from when it stood still.
     fn lowers(&self, now_ns: u64, since: u64) -> bool {
         self.stop.function == StopFunction::Lower
+            && now_ns.saturating_sub(since) >= self.stop.stop_ns
+    }
+
+    /// A hot mechanism goes to its rest pose, if it has one, from when it stood still.
+    fn rests(&self, now_ns: u64, since: u64) -> bool {
+        self.has_rest
+            && self.reason == Reason::OverTemperature
+            && self.stop.function != StopFunction::QuickStop
             && now_ns.saturating_sub(since) >= self.stop.stop_ns
     }
 
@@ -363,7 +380,10 @@ impl Mechanism {
                     self.moved_ns = now_ns;
                 }
                 let MechanismStop { function, stop_ns, hold_ns, .. } = self.stop;
+                let rests = self.rests(now_ns, since);
+                let hold_ns = if rests { hold_ns.max(REST_NS) } else { hold_ns };
                 if now_ns.saturating_sub(since) >= stop_ns + hold_ns
+                    || rests && members.all_resting
                     || now_ns.saturating_sub(self.moved_ns) > STILL_NS
                     || function == StopFunction::QuickStop && members.all_off
                 {
@@ -382,5 +402,6 @@ state_of_enum!(Phase {
     Off, Waiting, Starting, Following(u64), Damped(u64), Stopping(Option<u64>)
 });
 state!(Mechanism {
-    state, reason, phase, armed_ns, end, moved_ns, is_disarmed, returns; motors, given, stop
+    state, reason, phase, armed_ns, end, moved_ns, is_disarmed, returns;
+    motors, given, stop, has_rest
 });

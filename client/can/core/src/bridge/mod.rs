@@ -21,6 +21,7 @@ mod motor;
 mod operate;
 mod reaction;
 mod report;
+mod rest;
 mod setpoint;
 mod snapshot;
 mod stop;
@@ -28,15 +29,16 @@ mod stop;
 mod tests;
 mod transitions;
 mod verdict;
+mod whereabouts;
 
 pub use counters::{BusCounters, Counters};
 pub use sarrus_proto::counts::CommandVerdict;
 
 pub use crate::event::{BusEvent, BusState};
 
-use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Reason};
+use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Reason, flag};
 
-use crate::config::Configuration;
+use crate::config::{Commissioning, Configuration};
 use crate::drive::{DriveCommand, Receipt};
 use crate::frame::{Frame, FrameQueue};
 use bus::{Bus, FRAMES_PER_MOTOR};
@@ -93,7 +95,12 @@ impl Bridge {
             .into_iter()
             .map(|motor| {
                 let mechanism = configuration.mechanisms.get(motor.actuator).copied();
-                Motor::new(motor, mechanism.unwrap_or(usize::MAX), period_ns, feedback_ns)
+                let number = mechanism.unwrap_or(usize::MAX);
+                let mut motor = Motor::new(motor, number, period_ns, feedback_ns);
+                if configuration.commissioning == Commissioning::Waived {
+                    motor.lasting |= flag::UNCOMMISSIONED;
+                }
+                motor
             })
             .collect();
         let of_mechanism = |number: usize| {
@@ -103,7 +110,9 @@ impl Bridge {
         let mechanisms = (0..configuration.n_mechanisms())
             .map(|number| {
                 let stop = configuration.stops.get(number).copied().unwrap_or_default();
-                Mechanism::new(of_mechanism(number), stop)
+                let of_number = motors.iter().filter(|motor| motor.mechanism == number);
+                let has_rest = of_number.into_iter().all(|motor| motor.config.rest.is_some());
+                Mechanism::new(of_mechanism(number), stop, has_rest)
             })
             .collect();
         let reset_ns = vec![None; configuration.n_mechanisms()];

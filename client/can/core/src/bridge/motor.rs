@@ -1,14 +1,16 @@
 //! One motor and its state in the bridge.
 
-use sarrus_proto::actuators::Reason;
+use sarrus_proto::actuators::{Reason, flag};
 
 use super::chatter::Chatter;
 use super::course::Reference;
-use super::monitors::Monitors;
+use super::monitors::{Monitors, Noise, position};
+use super::rest::Rest;
+use super::whereabouts::Whereabouts;
 use crate::config::MotorConfig;
-use crate::drive::{DriveState, Measurement, Mode, Watchdog};
+use crate::drive::{DriveState, Measurement, Mode, Pairing, Watchdog};
 use crate::event::BusState;
-use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint, Mapping};
+use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint};
 use crate::protocol::fault;
 use crate::state::{State, Words, state};
 
@@ -56,6 +58,19 @@ pub(super) struct Motor {
     /// The largest damping that it can be given `[N m s/rad, N s/m]`.
     pub(super) most_damping: f64,
     pub(super) stop: Reference,
+    /// Deceleration of a stop, and its delay `[rad/s², m/s², s]`.
+    pub(super) braking: [f64; 2],
+    /// The positions from which it can stop at any allowed speed.
+    pub(super) free: [f64; 2],
+    pub(super) noise: Noise,
+    /// The phase of its dither, in turns, and whether its last set-point swung by all of it.
+    pub(super) phase: f64,
+    pub(super) is_dithered: bool,
+    /// How long it has been at rest, without power, and where it was trusted.
+    pub(super) rest: Rest,
+    pub(super) whereabouts: Whereabouts,
+    /// Flags that it always has.
+    pub(super) lasting: u32,
     pub(super) chatter: Chatter,
     pub(super) monitors: Monitors,
     /// The last measurement that the monitors saw, when it came `[ns]`, and how much older it may
@@ -77,20 +92,12 @@ impl Motor {
         period_ns: u64,
         feedback_ns: u64,
     ) -> Motor {
-        // no more than the motor has, which the spring goes with
-        let most_damping = match config.common.mode {
-            Mode::Impedance => {
-                let Mapping { gear, torque_constant, .. } = config.mapping;
-                let [_, largest] = config.drive.largest_gains();
-                largest * gear * gear * torque_constant
-            }
-            _ => f64::INFINITY,
-        };
-        let stop_damping = match config.common.mode {
-            // whose damper has the rate of the bridge, and is no better for being stronger
-            Mode::Torque if config.damping > 0.0 => config.damping,
-            _ => config.damping.max(config.limits.damping()).min(most_damping),
-        };
+        let most_damping = config.most_damping();
+        let stop_damping = config.stop_damping();
+        let braking = [config.braking(), position::delay(period_ns)];
+        let free = position::free(&config.limits, braking);
+        let is_told = config.drive.counts() || config.dither > 0.0;
+        let is_blind = !is_told || config.monitors.frozen == f64::INFINITY;
         Motor {
             monitors: Monitors::new(&config, period_ns, feedback_ns),
             drive: config.drive.state(),
@@ -115,6 +122,14 @@ impl Motor {
             stop_damping,
             most_damping,
             stop: Reference::default(),
+            braking,
+            free,
+            noise: Noise::default(),
+            phase: 0.0,
+            is_dithered: false,
+            rest: Rest::default(),
+            whereabouts: Whereabouts::default(),
+            lasting: if is_blind { flag::FROZEN_UNDETECTABLE } else { 0 },
             chatter: Chatter::default(),
             before: ActuatorMeasurement::NONE,
             seen_ns: None,
@@ -147,7 +162,7 @@ impl Motor {
             Some(_) => self.velocity,
             None => 0.0,
         };
-        let is_paired = self.config.drive.is_paired();
+        let is_paired = self.is_paired();
         if let Some(last) = self.measured_ns {
             let elapsed = now_ns.saturating_sub(last) as f64 * 1e-9;
             self.monitors.punctual.take(elapsed, is_paired);
@@ -193,8 +208,21 @@ impl Motor {
         if self.is_known && self.is_silent {
             self.is_known = false;
             self.monitors.age.forget();
+            self.rest = Rest::default();
             self.config.drive.forget();
             self.ask_drive();
+        }
+    }
+
+    /// Its drive answers each request with one measurement.
+    pub(super) fn is_paired(&self) -> bool {
+        self.config.drive.pairing() == Pairing::Paired
+    }
+
+    /// An operator confirms its position.
+    pub(super) fn confirm(&mut self) {
+        if let Some(measured_ns) = self.measured_ns {
+            self.whereabouts.trust(measured_ns, &self.measured);
         }
     }
 
@@ -238,6 +266,7 @@ impl Motor {
     pub(super) fn never_ready(&self, returns: bool) -> Option<Reason> {
         match self.config.drive.state().watchdog {
             _ if !self.config.is_calibrated => Some(Reason::NotCalibrated),
+            _ if self.whereabouts.is_elsewhere => Some(Reason::PositionChanged),
             _ if self.is_beyond() && !returns => Some(Reason::OutsideLimits),
             Watchdog::Unreadable => self.config.missing_watchdog(),
             _ => None,
@@ -255,22 +284,30 @@ impl Motor {
         if let Some(reason) = self.config.wrong_watchdog(self.drive.watchdog) {
             return Some(reason);
         }
-        if self.config.drive.is_paired() && self.monitors.age.is_unknown() {
-            return Some(Reason::FeedbackLate);
+        if self.whereabouts.is_elsewhere {
+            return Some(Reason::PositionChanged);
+        }
+        match self.config.drive.pairing() {
+            // settings that are read and written hide the age of measurements
+            Pairing::SettingUp => return Some(Reason::FeedbackLate),
+            Pairing::Paired if self.monitors.age.is_unknown() => return Some(Reason::FeedbackLate),
+            Pairing::Paired | Pairing::Unasked => {}
         }
         let round_trip_ns = self.config.drive.round_trip_ns(now_ns);
         if round_trip_ns.is_some_and(|taken_ns| self.monitors.age.is_beyond(taken_ns)) {
             return Some(Reason::FeedbackLate);
         }
-        self.monitors.check_bus(now_ns, BusState::Active)
+        let of_bus = self.monitors.check_bus(now_ns, BusState::Active);
+        of_bus.or_else(|| (!self.rest.is_long_enough()).then_some(Reason::Moving))
     }
 }
 
 state!(Motor {
     config, drive, is_silent, measured, velocity, measured_ns, own_late_ns, is_malformed, is_known,
-    sent_ns, flags, hold, deflection, last_position, last_effort, last_total, gravity, stop,
-    chatter, monitors, before, seen_ns, late_before, asked, stiffness;
-    mechanism, is_synchronous, stop_damping, most_damping
+    sent_ns, flags, hold, deflection, last_position, last_effort, last_total, gravity, stop, noise,
+    phase, is_dithered, rest, whereabouts, lasting, chatter, monitors, before, seen_ns, late_before,
+    asked, stiffness;
+    mechanism, is_synchronous, stop_damping, most_damping, braking, free
 });
 
 /// The drive alone changes.

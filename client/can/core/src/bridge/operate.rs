@@ -1,7 +1,7 @@
 //! Requests of operators for one mechanism or all: arm, disarm, return inside the limits, reset
 //! after a fault.
 
-use sarrus_proto::actuators::{Operation, OperatorRequest};
+use sarrus_proto::actuators::{Operation, OperatorRequest, Reason};
 
 use super::Bridge;
 use super::motor::Motor;
@@ -57,6 +57,8 @@ impl Bridge {
         if operation == Operation::Arm {
             self.armed_at = self.command.stamp_ns;
         }
+        let uncommissioned =
+            self.configuration.commissioning.is_missing().then_some(Reason::NotCommissioned);
         let Bridge { motors, mechanisms, reset_ns, .. } = self;
         for (number, mechanism) in mechanisms.iter_mut().enumerate() {
             if meant.is_some_and(|meant| meant != number) {
@@ -67,7 +69,8 @@ impl Bridge {
                 Operation::Arm | Operation::Return => {
                     let returns = operation == Operation::Return;
                     let never_ready = |motor: &Motor| motor.never_ready(returns);
-                    let unready = mechanism.motors(motors).find_map(never_ready);
+                    let unready =
+                        uncommissioned.or_else(|| mechanism.motors(motors).find_map(never_ready));
                     let is_outside = mechanism.motors(motors).any(Motor::is_outside);
                     let begins = match returns {
                         true => is_outside && mechanism.come_back(now_ns, unready),
@@ -76,6 +79,9 @@ impl Bridge {
                     if begins {
                         mechanism.each_motor(motors, |motor| motor.config.drive.prepare());
                     }
+                }
+                Operation::Confirm if !mechanism.is_live() => {
+                    mechanism.each_motor(motors, Motor::confirm);
                 }
                 // a second time takes the power away at once
                 Operation::Disarm => mechanism.disarm(),

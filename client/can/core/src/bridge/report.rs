@@ -5,6 +5,7 @@ use sarrus_proto::actuators::{MAX_ACTUATORS, MechanismState, Reason, flag};
 use super::Bridge;
 use super::course::Course;
 use crate::drive::Power;
+use crate::mapping::ActuatorMeasurement;
 
 impl Bridge {
     /// The state after a cycle.
@@ -29,6 +30,7 @@ impl Bridge {
             let course = mechanism.and_then(|mechanism| mechanism.given);
             let is_ramping = matches!(course, Some(Course::Follow(ramp)) if ramp < 1.0);
             let flags = motor.flags
+                | motor.lasting
                 | bit(course == Some(Course::Damp), flag::DAMPED)
                 | bit(course.is_some_and(Course::is_stop), flag::STOPPING)
                 | bit(is_ramping, flag::RAMPING)
@@ -42,6 +44,32 @@ impl Bridge {
             put(&mut state.velocity, actuator, motor.measured.velocity);
             put(&mut state.effort, actuator, motor.measured.effort);
             put(&mut state.temperature, actuator, motor.measured.temperature);
+        }
+    }
+}
+
+impl Bridge {
+    /// Where each motor was last trusted, at its own shaft, by actuator, for the bridge's next
+    /// start `[rad]`.
+    pub fn positions(&self) -> impl Iterator<Item = (usize, f64)> {
+        self.motors.iter().filter_map(|motor| {
+            // with power the newest measurement is the monitors' business
+            let position = match motor.seen_ns {
+                Some(_) => motor.measured.position,
+                None => motor.whereabouts.position()?,
+            };
+            Some((motor.config.actuator, motor.config.mapping.at_motor(position)))
+        })
+    }
+
+    /// Takes the position at which a motor was trusted before this start `[rad]`.
+    pub fn remember(&mut self, actuator: usize, at_motor: f64) {
+        let mut motors = self.motors.iter_mut();
+        if let Some(motor) = motors.find(|motor| motor.config.actuator == actuator) {
+            let position = motor.config.mapping.at_actuator(at_motor);
+            let measured = ActuatorMeasurement { position, ..ActuatorMeasurement::NONE };
+            // as long ago as the monotonic clock can tell
+            motor.whereabouts.trust(0, &measured);
         }
     }
 }

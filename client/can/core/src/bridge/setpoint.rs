@@ -1,12 +1,18 @@
 //! From a command to the set-point of one motor: limits, ramps, damping, stops. One function for
 //! all modes and all paths.
 
+use std::f64::consts::TAU;
+
 use sarrus_proto::actuators::{ActuatorCommand, flag};
 
 use super::course::{Course, RETURN_EFFORT};
+use super::monitors::DITHER;
 use super::motor::Motor;
 use crate::drive::{Mode, Setpoint};
 use crate::mapping::ActuatorSetpoint;
+
+/// Part of a limit's distance in which set-points stop, by their deceleration and by the delay.
+const CALM: f64 = 0.5;
 
 impl Motor {
     /// The set-point of this cycle, on the motor's side. `elapsed` is the time since the last
@@ -25,6 +31,7 @@ impl Motor {
             Course::QuickStop => self.braking(0.0, 0.0, elapsed),
             Course::Lower(speed) => self.lowering(speed, elapsed),
             Course::Return => self.returning(elapsed),
+            Course::Rest => self.resting(elapsed),
         };
         // a motor that does not report its velocity counts as still while it follows
         let velocity = match course {
@@ -47,20 +54,51 @@ impl Motor {
                 ..setpoint
             };
         }
-        if let Course::Follow(_) = course {
+        let mut swing = 0.0;
+        if let Course::Follow(ramp) = course {
             let change = self.config.limits.effort_rate * elapsed;
             let least = self.last_effort - change;
             let most = self.last_effort + change;
             setpoint.effort = self.limited(setpoint.effort, least, most, flag::RATE_LIMITED);
+            if self.config.dither > 0.0 {
+                swing = ramp * self.swing(elapsed);
+                match self.config.common.mode {
+                    Mode::Position => setpoint.position += swing,
+                    _ => setpoint.effort += swing,
+                }
+            }
         }
         self.stiffness = stiffness;
         let setpoint = self.within_limits(setpoint, velocity);
         let part = if course == Course::Return { RETURN_EFFORT } else { 1.0 };
         let setpoint = self.within_effort(setpoint, velocity, part);
         (self.last_position, self.last_effort) = (setpoint.position, setpoint.effort);
+        if self.config.dither > 0.0 {
+            self.is_dithered = course == Course::Follow(1.0);
+            match self.config.common.mode {
+                Mode::Position => self.last_position -= swing,
+                _ => self.last_effort -= swing,
+            }
+        }
         let [last, _] = self.asked;
         self.asked = [self.monitors.given(setpoint), last];
         self.config.mapping.to_motor(&setpoint)
+    }
+
+    /// The greatest speeds of set-points, back and ahead, at which they stop before the limits.
+    fn stopping_speeds(&self, most: f64) -> [f64; 2] {
+        let limits = &self.config.limits;
+        let [braking, delay] = self.braking;
+        [self.last_position - limits.lower, limits.upper - self.last_position].map(|room| {
+            let room = room.max(0.0);
+            (CALM * braking * 2.0 * room).sqrt().min(CALM * room / delay).min(most)
+        })
+    }
+
+    /// The dither: slow enough for a joint, and fast enough to find a frozen encoder soon.
+    fn swing(&mut self, elapsed: f64) -> f64 {
+        self.phase = (self.phase + elapsed / DITHER).fract();
+        self.config.dither * (TAU * self.phase).sin()
     }
 
     /// Stays where it is by damping alone: as a velocity of zero where the motor follows
@@ -94,23 +132,28 @@ impl Motor {
         // within the limits of the actuator
         let position =
             self.limited(desired.position, limits.lower, limits.upper, flag::POSITION_LIMITED);
-        let velocity = self.limited(
-            desired.velocity,
-            -limits.velocity,
-            limits.velocity,
-            flag::VELOCITY_LIMITED,
-        );
+        // a hot motor is slow, and near a limit nothing is faster than the brake can stop
+        let derated = self.monitors.derated();
+        if derated < 1.0 {
+            self.flags |= flag::DERATED;
+        }
+        let most = derated * limits.velocity;
+        let [low, high] = self.free;
+        let [back, ahead] = match self.last_position < low || self.last_position > high {
+            true => self.stopping_speeds(most),
+            false => [most, most],
+        };
+        let velocity = self.limited(desired.velocity, -back, ahead, flag::VELOCITY_LIMITED);
         let effort =
             self.limited(desired.effort, -limits.effort, limits.effort, flag::EFFORT_LIMITED);
 
         // on the way from the measured position to the commanded one, no faster than the actuator
         // may move
         let position = self.hold + ramp * (position - self.hold);
-        let way = limits.velocity * elapsed;
         let position = self.limited(
             position,
-            self.last_position - way,
-            self.last_position + way,
+            self.last_position - back * elapsed,
+            self.last_position + ahead * elapsed,
             flag::VELOCITY_LIMITED,
         );
 
@@ -168,11 +211,7 @@ impl Motor {
         velocity: f64,
         part: f64,
     ) -> ActuatorSetpoint {
-        let derated = self.monitors.derated();
-        if derated < 1.0 {
-            self.flags |= flag::DERATED;
-        }
-        let most = part * derated * self.config.limits.effort;
+        let most = part * self.config.limits.effort;
         let total = setpoint.effort + self.by_gains(&setpoint, velocity);
         self.last_total = total.max(-most).min(most);
         if total.abs() <= most {

@@ -96,12 +96,35 @@ impl Motor {
     /// and no farther ahead than where it has the effort of that way.
     pub(super) fn returning(&mut self, elapsed: f64) -> ActuatorSetpoint {
         let limits = self.config.limits;
+        let reach = self.reach(RETURN_EFFORT);
+        let inside = (RETURN_INSIDE * (limits.upper - limits.lower)).min(reach);
+        let target = self.place().max(limits.lower + inside).min(limits.upper - inside);
+        self.approaching(target, reach, elapsed)
+    }
+
+    /// The set-point of the way to the rest pose, as on the way back.
+    pub(super) fn resting(&mut self, elapsed: f64) -> ActuatorSetpoint {
+        let target = self.config.rest.unwrap_or(self.stop.position);
+        let setpoint = self.approaching(target, self.reach(1.0), elapsed);
+        ActuatorSetpoint { effort: setpoint.effort + self.stop.load, ..setpoint }
+    }
+
+    /// Whether it lies where it may rest.
+    pub(super) fn is_resting(&self) -> bool {
+        let margin = self.monitors.margin(&self.config.limits);
+        self.config.rest.is_none_or(|rest| (self.place() - rest).abs() <= margin)
+    }
+
+    /// Where the spring has this part of the greatest effort.
+    fn reach(&self, part: f64) -> f64 {
+        part * self.config.limits.effort / (STIFFNESS * self.stop_damping)
+    }
+
+    fn approaching(&mut self, target: f64, reach: f64, elapsed: f64) -> ActuatorSetpoint {
+        let limits = self.config.limits;
         let damping = self.stop_damping;
         let stiffness = STIFFNESS * damping;
         let place = self.place();
-        let reach = RETURN_EFFORT * limits.effort / stiffness;
-        let inside = (RETURN_INSIDE * (limits.upper - limits.lower)).min(reach);
-        let target = place.max(limits.lower + inside).min(limits.upper - inside);
         let speed = (target - self.last_position).signum() * RETURN_SPEED * limits.speed();
         let way = (target - self.last_position).abs().min(speed.abs() * elapsed) * speed.signum();
         let position = (self.last_position + way).max(place - reach).min(place + reach);

@@ -123,14 +123,17 @@ impl Bridge {
             runs_away: false,
             moves: false,
             is_outside: false,
+            all_resting: true,
         };
         let still = mechanism.still();
+        let is_stopping = mechanism.is_stopping();
         for motor in mechanism.motors(&self.motors) {
             let is_on = motor.drive.power == Power::On;
             members.all_on &= is_on;
             members.all_off &= !is_on;
             members.runs_away |= motor.runs_away();
             members.is_outside |= motor.is_outside();
+            members.all_resting &= !is_stopping || motor.is_resting();
             members.moves |= motor.velocity.abs() > still;
         }
         let change = mechanism.follow(

@@ -89,7 +89,8 @@ mod tests {
             let text = format!(
                 "rate_hz: 250\nbuses: [{{name: a, interface: slcan, channel: \
                     '{channel}'}}]\nmotors: [{{actuator: elbow, bus: a, watchdog_ms: 50, \
-                 limits: {{effort: 1}}, offset: 0, drive: {{protocol: cybergear, id: 1, \
+                 limits: {{position: [-1, 1], velocity: 1, effort: 1}}, offset: 0, drive: \
+                 {{protocol: cybergear, id: 1, \
                  position_range: 12.5}}}}]\n"
             );
             let surroundings =
@@ -114,7 +115,8 @@ mod tests {
             let text = format!(
                 "rate_hz: 500\nbuses: [{{name: a, channel: can0}}]\nmotors: [{{actuator: elbow, \
                     bus: a, watchdog_ms: {watchdog_ms}, \
-                 limits: {{effort: 1}}, drive: {{protocol: cia402, node: 5, rated_torque: 1, \
+                 limits: {{position: [-1, 1], velocity: 1, effort: 1}}, drive: {{protocol: \
+                 cia402, node: 5, rated_torque: 1, \
                  counts_per_turn: 1000}}}}]\n"
             );
             let surroundings =

@@ -39,6 +39,7 @@ impl<'a> Motors<'a> {
             }
             self.identifiers(read, &mut owners, diagnostics);
             self.trust(read, diagnostics);
+            self.beside(read, diagnostics);
         }
         self.shared_identifiers(&owners, diagnostics);
         if self.has_model {
@@ -85,6 +86,30 @@ impl<'a> Motors<'a> {
             let help = "set it with the maker's tool, then write `watchdog: believed`; without it \
                 nothing can be armed";
             diagnostics.warning(read.place, found, "a watchdog that is known to be on", help);
+        }
+    }
+
+    /// A dither that does nothing or too much, and a rest pose outside the limits.
+    fn beside(&self, read: &Read, diagnostics: &mut Diagnostics) {
+        let MotorConfig { common, dither, rest, limits, .. } = &read.motor;
+        let name = self.name(read);
+        let two_codes = 2.0 * read.motor.drive.steps().position / read.motor.mapping.gear;
+        let [least, most] = match common.mode {
+            Mode::Position => [two_codes, 0.05 * (limits.upper - limits.lower)],
+            Mode::Velocity => [f64::INFINITY; 2],
+            Mode::Impedance | Mode::Torque => [0.0, 0.2 * limits.effort],
+        };
+        if *dither > 0.0 && !(least..=most).contains(dither) {
+            let found = format!("the `dither` of {name} is {dither}");
+            let expected = match common.mode {
+                Mode::Velocity => "none: the mode velocity has no dither".to_owned(),
+                _ => format!("a number from {least} to {most}"),
+            };
+            diagnostics.error(read.place, found, expected, "correct it");
+        }
+        if rest.is_some_and(|rest| !(limits.lower..=limits.upper).contains(&rest)) {
+            let found = format!("the `rest` of {name} is outside its limits");
+            diagnostics.error(read.place, found, "a position inside", "correct it");
         }
     }
 

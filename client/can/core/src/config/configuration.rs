@@ -6,8 +6,9 @@ use sarrus_dynamics::Model;
 use sarrus_models::{Diagnostic, LoadError, Loaded, Source};
 use sarrus_proto::actuators::Reason;
 
+use super::commissioned::Commissioning;
 use super::values::{EncoderConfig, MechanismStop, MonitorBounds};
-use crate::drive::{Drive, Watchdog};
+use crate::drive::{Drive, Mode, Watchdog};
 use crate::mapping::Mapping;
 use crate::protocol::{Common, Protocol, Settings};
 
@@ -46,6 +47,10 @@ pub struct Configuration {
     pub motors: Vec<MotorConfig>,
     /// Encoders besides those of the motors.
     pub encoders: Vec<EncoderConfig>,
+    /// Whether the robot's motors were commissioned, and the file of the record beside this one.
+    pub commissioning: Commissioning,
+    /// See `commissioning`.
+    pub record_file: String,
     /// Warnings of the file.
     pub warnings: Vec<Diagnostic>,
 }
@@ -125,11 +130,16 @@ pub struct MotorConfig {
     /// Damping while commands are late `[N m s/rad, N s/m]`; where the file has none it is
     /// [`Limits::damping`].
     pub damping: f64,
+    /// Swing of a dither of its set-points; 0 without one `[N m, N]`, in the mode position `[rad,
+    /// m]`.
+    pub dither: f64,
+    /// Where it may rest without power `[rad, m]`.
+    pub rest: Option<f64>,
     /// Bounds beyond which its measurements are doubted.
     pub monitors: MonitorBounds,
 }
 
-/// Limits of an actuator; infinite where there is none.
+/// Limits of an actuator; infinite for one without a motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Least position `[rad, m]`.
@@ -168,7 +178,37 @@ impl Limits {
     }
 }
 
+/// The heaviest inertia that a stop brakes, for its damping `[s]`.
+const HEAVIEST: f64 = 0.4;
+
 impl MotorConfig {
+    /// The largest damping that the motor can be given, which the spring goes with.
+    pub(crate) fn most_damping(&self) -> f64 {
+        match self.common.mode {
+            Mode::Impedance => {
+                let Mapping { gear, torque_constant, .. } = self.mapping;
+                let [_, largest] = self.drive.largest_gains();
+                largest * gear * gear * torque_constant
+            }
+            _ => f64::INFINITY,
+        }
+    }
+
+    /// The deceleration that a stop has at least, τ_max / J with the heaviest inertia that its
+    /// damping brakes, J = 0.4 s · d, or which the limits' own does `[rad/s², m/s²]`.
+    pub(crate) fn braking(&self) -> f64 {
+        self.limits.effort / (HEAVIEST * self.stop_damping().max(self.limits.damping()))
+    }
+
+    /// The damping with which the motor is stopped.
+    pub fn stop_damping(&self) -> f64 {
+        match self.common.mode {
+            // whose damper has the rate of the bridge, and is no better for being stronger
+            Mode::Torque if self.damping > 0.0 => self.damping,
+            _ => self.damping.max(self.limits.damping()).min(self.most_damping()),
+        }
+    }
+
     /// The fault of the motor's own watchdog, as last reported; with one it must get no power.
     pub fn missing_watchdog(&self) -> Option<Reason> {
         self.wrong_watchdog(self.drive.state().watchdog)
@@ -234,6 +274,8 @@ impl Configuration {
             buses: self.buses.clone(),
             motors: Vec::new(),
             encoders: self.encoders.clone(),
+            commissioning: self.commissioning.clone(),
+            record_file: self.record_file.clone(),
             warnings: self.warnings.clone(),
             ..*self
         }

@@ -10,6 +10,7 @@ pub(super) const TOP: &[Key] = &[
     Key::text("robot", "a bundled robot").optional(),
     Key::text("urdf", "the robot's URDF").optional(),
     Key::text("submechanisms", "the robot's submechanism file").optional(),
+    Key::text("commissioning", "the record of the robot's commissioning, or none").optional(),
     Key::number("rate_hz", 1.0, 4000.0, "cycles in a second"),
     Key::number("ramp_ms", 0.0, 60_000.0, "time in which gains and efforts grow after arming")
         .or("500"),
@@ -100,13 +101,22 @@ pub(super) const MOTOR: &[Key] = &[
     .or("1"),
     Key::number("damping", 0.0, LARGE, "damping while commands are late, N m s/rad or N s/m")
         .optional(),
+    Key::number(
+        "dither",
+        1e-12,
+        LARGE,
+        "swing that moves the joint by two codes or more, N m or N; rad or m in the mode position",
+    )
+    .optional(),
+    Key::number("rest", -LARGE, LARGE, "where it may rest without power when hot, rad or m")
+        .optional(),
     Key::integer("watchdog_ms", 1, 10_000, "the motor's own watchdog in ms"),
     Key::word("watchdog", &["read_back", "believed"], "believed where the protocol cannot read it")
         .or("read_back"),
 ];
 pub(super) const LIMITS: &[Key] = &[
-    Key::number("velocity", 1e-9, LARGE, "greatest speed, rad/s or m/s").optional(),
-    Key::number("effort", 0.0, LARGE, "greatest effort, N m or N").optional(),
+    Key::number("velocity", 1e-9, LARGE, "greatest speed, rad/s or m/s"),
+    Key::number("effort", 0.0, LARGE, "greatest effort, N m or N"),
     Key::number("effort_rate", 1e-9, 1e15, "greatest change of the effort, N m/s or N/s")
         .optional(),
 ];

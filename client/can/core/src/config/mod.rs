@@ -4,6 +4,7 @@
 //! # a bundled robot, or `urdf: FILE` with `submechanisms: FILE`; without either the motors name
 //! # the actuators
 //! robot: rh5v2_upper_body
+//! commissioning: arm.commissioned  # the record that arming demands, or `none`
 //! rate_hz: 500
 //! timeouts: {damping_ms: 20, disable_ms: 100, feedback_ms: 20}
 //! monitors: {temperature: 100}   # from where on measurements are doubted; each may be `off`
@@ -30,6 +31,7 @@
 
 pub mod bus_load;
 mod check;
+mod commissioned;
 mod configuration;
 mod encoders;
 #[cfg(feature = "files")]
@@ -43,6 +45,7 @@ mod reader;
 mod stops;
 mod values;
 
+pub use commissioned::Commissioning;
 pub use configuration::{
     BusConfig, Configuration, Limits, ModelRules, MotorConfig, Stop, Surroundings, Timeouts,
 };

@@ -57,6 +57,8 @@ impl Reader<'_, '_> {
                 watchdog_believed: read.text("watchdog") == "believed",
                 limits,
                 damping: read.number_or("damping", limits.damping()),
+                dither: read.number_or("dither", 0.0),
+                rest: read.has("rest").then(|| read.number("rest")),
                 monitors,
             };
             motors.push((name, Read { motor, place: node.span }));
@@ -72,42 +74,35 @@ impl Reader<'_, '_> {
         self.place(name, known, found, "correct the name")
     }
 
-    /// Limits of a motor's actuator: the file's, and the model's where the file has none.
+    /// Limits of a motor's actuator, all from the file: those of the robot bound them.
     fn limits(&mut self, motor: &Node, read: Option<&Settings>, robot: Option<&Robot>) -> Limits {
+        let Some(node) = motor.get("limits") else {
+            let expected = "`limits: {position: [lower, upper], velocity: …, effort: …}`";
+            let found = "the motor has no `limits`";
+            self.diagnostics.error(motor.span, found, expected, "add them");
+            return Limits::NONE;
+        };
+        let written = self.settings(node, "`limits`", LIMITS, &["position"]);
+        if node.get("position").is_none() {
+            let help = "add it; a joint that turns for ever has the range of its longest run";
+            let found = "`limits` has no `position`";
+            self.diagnostics.error(node.span, found, "`position: [lower, upper]`", help);
+        }
+        let position = yaml::numbers::<2>(node, "`limits`", "position", self.diagnostics);
+        let Some((written, [lower, upper])) = written.zip(position) else { return Limits::NONE };
+        if lower >= upper {
+            let found = format!("the position limits are [{lower}, {upper}]");
+            self.diagnostics.error(node.span, found, "lower < upper", "correct them");
+        }
+        let limits = Limits {
+            lower,
+            upper,
+            velocity: written.number("velocity"),
+            effort: written.number("effort"),
+            effort_rate: written.number_or("effort_rate", f64::INFINITY),
+        };
         let of_model =
             read.zip(robot).and_then(|(read, robot)| robot.limits(read.text("actuator")));
-        let mut limits = of_model.unwrap_or(Limits::NONE);
-        let Some(node) = motor.get("limits") else {
-            if limits.effort == f64::INFINITY {
-                let expected = "at least `limits: {effort: …}`";
-                let found = "the motor has no `limits`";
-                self.diagnostics.error(motor.span, found, expected, "add them");
-            }
-            return limits;
-        };
-        let Some(written) = self.settings(node, "`limits`", LIMITS, &["position"]) else {
-            return limits;
-        };
-        if let Some([lower, upper]) =
-            yaml::numbers::<2>(node, "`limits`", "position", self.diagnostics)
-        {
-            if lower >= upper {
-                let found = format!("the position limits are [{lower}, {upper}]");
-                self.diagnostics.error(node.span, found, "lower < upper", "correct them");
-            }
-            [limits.lower, limits.upper] = [lower, upper];
-        }
-        for (key, limit) in [
-            ("velocity", &mut limits.velocity),
-            ("effort", &mut limits.effort),
-            ("effort_rate", &mut limits.effort_rate),
-        ] {
-            *limit = written.number_or(key, *limit);
-        }
-        if limits.effort == f64::INFINITY {
-            let expected = "the greatest effort of this motor";
-            self.diagnostics.error(node.span, "`limits` has no `effort`", expected, "add it");
-        }
         if let Some(model) = of_model {
             let beyond = limits.lower < model.lower
                 || limits.upper > model.upper

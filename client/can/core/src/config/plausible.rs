@@ -57,8 +57,6 @@ type Check = (bool, String, &'static str, &'static str);
 
 fn checks(motor: &MotorConfig, name: &str, disable_ms: f64) -> Vec<Check> {
     let ms = f64::from(motor.common.watchdog_ms);
-    let limits = motor.limits;
-    let is_unlimited = limits.lower == f64::NEG_INFINITY && limits.upper == f64::INFINITY;
     let has_gains = matches!(motor.common.mode, Mode::Impedance | Mode::Torque);
     let mut checks = vec![
         (
@@ -72,18 +70,6 @@ fn checks(motor: &MotorConfig, name: &str, disable_ms: f64) -> Vec<Check> {
             format!("the watchdog of {name}, {ms} ms, is longer than `disable_ms`, {disable_ms}"),
             "a watchdog no longer than the bridge waits",
             "make `watchdog_ms` shorter",
-        ),
-        (
-            is_unlimited,
-            format!("{name} has no limits of position"),
-            "`limits: {position: [lower, upper]}`",
-            "add them, unless it may turn for ever",
-        ),
-        (
-            limits.velocity == f64::INFINITY,
-            format!("{name} has no limit of velocity"),
-            "`limits: {velocity: …}`",
-            "add it: without it no speed is too high",
         ),
     ];
     checks.extend(ranges(motor, name));
@@ -104,12 +90,10 @@ fn ranges(motor: &MotorConfig, name: &str) -> [Check; 3] {
     let farthest = [limits.lower, limits.upper]
         .map(|limit| ((limit - mapping.offset) * mapping.gear).abs())
         .into_iter()
-        .filter(|limit| limit.is_finite())
         .fold(0.0, f64::max);
-    let speed = Some(limits.velocity * mapping.gear).filter(|speed| speed.is_finite());
     [
         ("position", farthest, position, "rad"),
-        ("velocity", speed.unwrap_or(0.0), velocity, "rad/s"),
+        ("velocity", limits.velocity * mapping.gear, velocity, "rad/s"),
         ("effort", motor.common.torque_limit, torque, "N m"),
     ]
     .map(|(what, limit, range, unit)| {

@@ -7,6 +7,7 @@ use sarrus_models::yaml::{self, Node, Span, Value, quoted};
 use sarrus_models::{Diagnostics, LoadError, Report, Source};
 use sarrus_proto::watch::MAX_BUSES;
 
+use super::commissioned::Commissioning;
 use super::configuration::{BusConfig, Configuration, ModelRules, Stop, Surroundings, Timeouts};
 use super::keys::{BUS, MODEL, TIMEOUTS, TOP};
 use super::reader::{Read, Reader, Robot, nanoseconds};
@@ -28,7 +29,7 @@ impl Configuration {
         let configuration =
             yaml::read(name, bytes, "a configuration of buses and motors", &mut diagnostics)
                 .and_then(|root| {
-                    Reader { surroundings, diagnostics: &mut diagnostics, period_ns: 0 }
+                    Reader { name, surroundings, diagnostics: &mut diagnostics, period_ns: 0 }
                         .configuration(&root)
                 });
         let report = diagnostics.into_report();
@@ -82,7 +83,7 @@ impl Reader<'_, '_> {
             has_model: robot.is_some(),
         };
         let stops = self.stops(root, &top, of);
-        let configuration = Configuration {
+        let mut configuration = Configuration {
             stops,
             robot: robot.as_ref().map(|robot| robot.loaded.compiled.model.name().to_owned()),
             fingerprint: robot
@@ -100,12 +101,51 @@ impl Reader<'_, '_> {
             buses,
             motors: read.into_iter().map(|read| read.motor).collect(),
             encoders,
+            commissioning: Commissioning::Unneeded,
+            record_file: self.record_file(&top),
             warnings: Vec::new(),
         };
+        configuration.commissioning = self.commissioning(&top, &configuration);
         check::whole(&configuration, &places, top.place("rate_hz"), self.diagnostics);
         plausible::ramp(&top, self.diagnostics);
         plausible::motors(&configuration, &places, self.diagnostics);
         Some(configuration)
+    }
+
+    /// The file of the record: the named one, else that of the configuration's name.
+    fn record_file(&self, top: &Settings) -> String {
+        match top.text("commissioning") {
+            "" | "none" => {
+                let path = std::path::Path::new(self.name).with_extension("commissioned");
+                path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+            }
+            file => file.to_owned(),
+        }
+    }
+
+    /// Whether the motors of a robot were commissioned; a warning where they were not.
+    fn commissioning(&mut self, top: &Settings, of: &Configuration) -> Commissioning {
+        if of.robot.is_none() {
+            return Commissioning::Unneeded;
+        }
+        let place = top.place("commissioning");
+        if top.text("commissioning") == "none" {
+            let found = "`commissioning: none`: nothing compared the motors with the robot";
+            let help = "remove it and run `sarrus-can commission`, unless the motors are simulated";
+            self.diagnostics.warning(place, found, "a record of the commissioning", help);
+            return Commissioning::Waived;
+        }
+        let found = match (self.surroundings.file)(&of.record_file) {
+            Ok(record) => of.compare_record(&record),
+            Err(reason) => Commissioning::Missing(reason),
+        };
+        if let Commissioning::Missing(why) = &found {
+            let found =
+                format!("no record of the commissioning: {}: {why}", quoted(&of.record_file));
+            let help = "run `sarrus-can commission`; without it nothing can be armed";
+            self.diagnostics.warning(place, found, "one that fits this configuration", help);
+        }
+        found
     }
 
     fn timeouts(&mut self, root: &Node) -> Option<Timeouts> {

@@ -14,6 +14,8 @@ pub(super) struct Read {
 
 /// Reader of a configuration.
 pub(super) struct Reader<'a, 'f> {
+    /// Name of the file.
+    pub(super) name: &'a str,
     pub(super) surroundings: &'a Surroundings<'a>,
     pub(super) diagnostics: &'f mut Diagnostics,
     pub(super) period_ns: u64,

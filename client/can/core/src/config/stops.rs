@@ -88,11 +88,6 @@ impl Reader<'_, '_> {
                 "a robot, whose model knows what gravity needs",
                 "add `robot` or `urdf`, or use `ss1`",
             )),
-            StopFunction::Lower if lower_velocity.is_infinite() && !members.is_empty() => Some((
-                "`lower` without a speed".to_owned(),
-                "`lower_velocity`, or `velocity` under `limits`",
-                "add one of them",
-            )),
             _ => None,
         };
         if let Some((found, expected, help)) = fault {

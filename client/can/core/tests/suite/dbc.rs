@@ -41,6 +41,24 @@ fn receive(drive: &mut dyn Drive, text: &str) -> Receipt {
 }
 
 #[test]
+fn a_measurement_without_a_step_of_its_counter_is_none() {
+    let count = " SG_ Count : 52|4@1+ (1,0) [0|15] \"\" Host\n SG_ Fault";
+    let file = FILE.replace(" SG_ Fault", count);
+    let yaml = YAML.replace("enabled: State.On", "enabled: State.On, counter: State.Count");
+    let mut drive = try_drive("dbc", &yaml, Common { mode: Mode::Torque, ..COMMON }, &file)
+        .unwrap_or_else(|report| panic!("{report}"));
+    assert!(drive.counts() && !dbc(Mode::Torque).counts());
+    let mut measured = |byte: &str| {
+        let receipt = receive(&mut *drive, &format!("00000401#000000000000{byte}00"));
+        matches!(receipt, Receipt::Measured(_))
+    };
+    assert_eq!(
+        ["10", "10", "20", "20", "20", "10"].map(&mut measured),
+        [true, false, true, false, false, true]
+    );
+}
+
+#[test]
 fn every_value_of_the_switch_has_its_frame() {
     let mut drive = dbc(Mode::Torque);
     let setpoint = Setpoint { torque: -1.5, velocity: 2.0, ..Setpoint::default() };

@@ -18,10 +18,9 @@ fn read(drive: &str, limits: &str, damping: f64) -> Result<Configuration, String
 fn a_mode_whose_torque_nothing_limits_is_refused_with_the_reason() {
     const MODE: &str = "nothing limits the torque of the ODrive's mode position";
     let odrive = |more: &str| format!("{{protocol: odrive, node: 3, mode: position{more}}}");
-    let limits = "{effort: 0.5, velocity: 5}";
+    let limits = "{position: [-3, 3], effort: 0.5, velocity: 5}";
     assert!(read(&odrive(""), limits, 0.0).unwrap_err().contains(MODE));
     let with_constant = odrive(", motor_torque_constant: 0.05");
-    assert!(read(&with_constant, "{effort: 0.5}", 0.0).unwrap_err().contains(MODE));
     let configuration = read(&with_constant, limits, 0.0).unwrap();
     let common = configuration.motors[0].common;
     assert_eq!((common.torque_limit, common.velocity_limit), (0.05, 50.0), "those of the motor");
@@ -39,7 +38,8 @@ fn a_damping_that_becomes_no_code_is_warned_of() {
     let drive = "{protocol: mit, variant: damiao, id: 1, reply_id: 17, position_range: 12.5, \
         velocity_range: 30, torque_range: 10, stiffness_range: 500, damping_range: 5}";
     let warnings = |damping: f64| {
-        let configuration = read(drive, "{effort: 1, velocity: 1}", damping).unwrap();
+        let configuration =
+            read(drive, "{position: [-1, 1], effort: 1, velocity: 1}", damping).unwrap();
         let is_it = |warning: &&_| format!("{warning:?}").contains("is no code of this motor");
         configuration.warnings.iter().filter(is_it).count()
     };

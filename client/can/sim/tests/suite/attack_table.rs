@@ -173,6 +173,18 @@ pub(crate) const ATTACKS: &[(&str, Attack)] = &[
         world.give(PUSH);
         watch(world, 2.0, is_beyond)
     }),
+    ("a limit approached at 4.5 rad/s", |world| {
+        (world.shafts[0].inertia, world.shafts[0].friction) = (0.15, 0.0);
+        watch_with(
+            world,
+            6.0,
+            |world| world.shafts[0].position > 3.06,
+            |world| {
+                let torque = (4.5 - world.shafts[0].velocity).clamp(-1.4, 1.4);
+                world.give(Setpoint { torque, ..Setpoint::default() });
+            },
+        )
+    }),
     ("sensor against the motor", |world| {
         world.shafts[0].encoder = Encoder::Reversed;
         world.give(Setpoint { position: 1.0, stiffness: 5.0, ..PUSH });
@@ -245,7 +257,7 @@ pub(crate) fn is_possible(attack: &str, drive: &str) -> bool {
         "limp under load" | "frozen at rest, then 1.5 N m" => !is_position,
         "runaway, and the motor says that it stands"
         | "runaway under an effort within its limit" => !is_position,
-        "sensor against the motor" => !is_position,
+        "sensor against the motor" | "a limit approached at 4.5 rad/s" => !is_position,
         _ => true,
     }
 }

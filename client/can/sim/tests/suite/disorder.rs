@@ -59,6 +59,8 @@ fn operators_in_a_hurry_get_neither_speed_nor_a_bridge_that_cannot_be_armed() {
             assert!(velocity < 1.05 * 5.0, "{name}: {velocity}");
             assert_ne!(world.state(0).0, MechanismState::Fault, "{name}: {:?}", world.state(0));
         }
+        // nothing is armed before its shaft has come to rest
+        world.shafts[0].friction = 0.2;
         for operation in [Operation::Disarm, Operation::Reset, Operation::Arm] {
             world.operate(operation);
             world.cycles(250);
@@ -114,13 +116,13 @@ fn a_limit_on_one_side_holds_and_the_other_side_is_free() {
 }
 
 const TWO: &str = "rate_hz: 250\nramp_ms: 100\nbuses:\n- {name: bench, interface: none, channel: a}\n\
-    motors:\n- {actuator: first, bus: bench, offset: 0, limits: {effort: 2, velocity: 5}, \
+    motors:\n- {actuator: first, bus: bench, offset: 0, limits: {position: [-9, 9], effort: 2, velocity: 5}, \
     watchdog_ms: 50, damping: 0.1, drive: {protocol: mit, variant: damiao, id: 1, reply_id: 17, \
     position_range: 12.5, velocity_range: 30, torque_range: 10, stiffness_range: 500, \
     damping_range: 5}}\n\
-    - {actuator: second, bus: bench, offset: 0, limits: {effort: 2, velocity: 5}, \
+    - {actuator: second, bus: bench, offset: 0, limits: {position: [-9, 9], effort: 2, velocity: 5}, \
     watchdog_ms: 50, damping: 0.1, drive: {protocol: cybergear, id: 10, position_range: 12.5}}\n\
-    - {actuator: third, bus: bench, offset: 0, limits: {effort: 2, velocity: 5}, watchdog_ms: 50, \
+    - {actuator: third, bus: bench, offset: 0, limits: {position: [-9, 9], effort: 2, velocity: 5}, watchdog_ms: 50, \
     damping: 0.1, drive: {protocol: mit, variant: damiao, id: 2, reply_id: 18, \
     position_range: 12.5, velocity_range: 30, torque_range: 10, stiffness_range: 500, \
     damping_range: 5}}\n";

@@ -80,6 +80,7 @@ fn armed_again(world: &mut World, name: &str) {
         }
     }
     world.cycles(50);
+    world.operate(Operation::Confirm);
     world.operate(Operation::Arm);
     world.cycles(125);
     assert!(world.is_enabled(), "{name}: {:?}", world.state(0));
@@ -146,10 +147,11 @@ fn a_fault_log_of_a_motor_that_is_armed_a_second_time_brings_its_fault() {
 
 const TWO: &str = "rate_hz: 250\nramp_ms: 100\nbuses:\n- {name: left, interface: none, channel: a}\n\
     - {name: right, interface: none, channel: b}\nmotors:\n\
-    - {actuator: shoulder, bus: left, offset: 0, limits: {effort: 2, velocity: 5}, \
-    watchdog_ms: 50, damping: 0.1, drive: {protocol: cybergear, id: 10, position_range: 12.5}}\n\
-    - {actuator: elbow, bus: right, offset: 0, limits: {effort: 2, velocity: 5}, watchdog_ms: 50, \
-    damping: 0.1, drive: {protocol: mit, variant: damiao, id: 4, reply_id: 20, \
+    - {actuator: shoulder, bus: left, offset: 0, limits: {position: [-9, 9], effort: 2, \
+    velocity: 5}, watchdog_ms: 50, damping: 0.1, drive: {protocol: cybergear, id: 10, position_range: 12.5}}\n\
+    - {actuator: elbow, bus: right, offset: 0, limits: {position: [-9, 9], effort: 2, \
+    velocity: 5}, watchdog_ms: 50, damping: 0.1, \
+    drive: {protocol: mit, variant: damiao, id: 4, reply_id: 20, \
     position_range: 12.5, velocity_range: 30, torque_range: 10, stiffness_range: 500, \
     damping_range: 5}}\n";
 

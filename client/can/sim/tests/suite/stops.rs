@@ -199,7 +199,8 @@ fn a_stop_that_a_protocol_or_a_robot_cannot_do_is_refused() {
         let text = format!(
             "rate_hz: 500\n{stop}\nbuses:\n- {{name: bus, channel: bus}}\nmotors:\n- actuator: \
              motor\n  bus: bus\n  drive: {{protocol: cybergear, id: 10, position_range: 12.5}}\n  \
-             offset: 0\n  limits: {{effort: 5}}\n  watchdog_ms: 100\n"
+             offset: 0\n  limits: {{position: [-100, 100], velocity: 50, effort: 5}}\n  \
+             watchdog_ms: 100\n"
         );
         let robot = |_: &_| Err(LoadError::Open { file: "robot".into(), reason: "absent".into() });
         let surroundings = Surroundings { file: &|_| Err("absent".into()), robot: &robot };

@@ -13,6 +13,7 @@ pub(super) mod inconsistent_input;
 pub(super) mod invalid_numbers;
 pub(super) mod light_behind_heavy;
 pub(super) mod loops_that_cannot_close;
+pub(super) mod lost_control;
 pub(super) mod open_loops;
 pub(super) mod poses;
 pub(super) mod simulated;

@@ -57,6 +57,7 @@ impl Stepped {
             engine: Engine::new(Arc::new(model), plan_orders_out, retired_plans),
             ends: Vec::with_capacity(16),
             next: 0,
+            costly: vec![false; 8].into(),
             last_beat: 0,
             beat: 0,
             awaits: false,
@@ -317,18 +318,32 @@ fn a_state_that_needs_more_than_a_turn_delays_nobody_and_has_the_bits_of_the_pla
         assert!(waited > 0, "no state was computed aside");
         assert_eq!(found.map(Option::unwrap), expected);
 
-        // a client that is gone meanwhile holds nobody up
+        // clients of cheap states wait for one such turn, those of costly ones for their own
+        request(&stepped, &mut honest.0, sequence + 1, &good);
         request(&stepped, &mut others[0].0, 2, &long[1]);
-        request(&stepped, &mut others[1].0, 2, &long[2]);
+        request(&stepped, &mut others[1].0, 2, &good);
+        assert_eq!(stepped.hot.turn(1, false), 1);
+        assert_eq!(answer(&stepped, &mut honest.0, sequence + 1).as_ref(), Some(&of_good));
+        assert_eq!(answer(&stepped, &mut others[1].0, 2), None);
+        assert_eq!(stepped.hot.turn(2, false), 1);
+        assert_eq!(answer(&stepped, &mut others[1].0, 2).as_ref(), Some(&of_good));
+        // now that one has a cheap state too
+        request(&stepped, &mut others[1].0, 3, &good);
+        request(&stepped, &mut others[2].0, 2, &long[2]);
+        assert_eq!(stepped.hot.turn(3, false), 1);
+        assert_eq!(answer(&stepped, &mut others[1].0, 3).as_ref(), Some(&of_good));
+
+        // a client that is gone meanwhile holds nobody up
+        request(&stepped, &mut others[1].0, 4, &long[2]);
         stepped.hot.sweep(false);
         for place in [1, 2] {
             assert!(stepped.orders.push(Order::Retire { place }).is_ok());
         }
         stepped.hot.handle_orders();
-        request(&stepped, &mut others[2].0, 2, &long[0]);
+        request(&stepped, &mut others[2].0, 3, &long[0]);
         let last = loop {
             stepped.hot.sweep(false);
-            if let Some(last) = answer(&stepped, &mut others[2].0, 2) {
+            if let Some(last) = answer(&stepped, &mut others[2].0, 3) {
                 break last;
             }
         };

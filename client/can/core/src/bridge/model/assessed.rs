@@ -2,6 +2,7 @@
 
 use sarrus_proto::actuators::Reason;
 
+use super::Measured;
 use super::effort::Contradiction;
 use super::evaluator::Pose;
 use super::linkage::Linkage;
@@ -14,6 +15,8 @@ const RARELY: u64 = 16;
 const MARGIN: f64 = 0.01;
 /// Part of its clearance by which a mechanism may approach a singular pose.
 const NEARER: f64 = 0.7;
+/// Part of the least clearance that a stop may leave.
+const NEAREST: f64 = 0.5;
 /// Assessments without a pose after which the pose counts as lost.
 pub(super) const LOST: u32 = 2;
 
@@ -40,6 +43,12 @@ pub(super) struct Assessed {
     /// Bounds of its independents and of its clearance.
     bounds: Vec<[f64; 2]>,
     least_clearance: f64,
+    /// Velocities of its independents, the time until they have stopped, counted at these
+    /// velocities, and the clearance then.
+    rates: Vec<f64>,
+    ahead: f64,
+    clearance_ahead: f64,
+    clearance_before: f64,
     pub(super) contradiction: Contradiction,
     pub(super) fault: Option<Reason>,
 }
@@ -53,6 +62,10 @@ impl Assessed {
             activity: Activity::Idle,
             bounds: vec![[f64::NEG_INFINITY, f64::INFINITY]; linkage.independents.len()],
             least_clearance: 0.0,
+            rates: vec![0.0; linkage.independents.len()],
+            ahead: 0.0,
+            clearance_ahead: 1.0,
+            clearance_before: f64::NAN,
             contradiction: Contradiction::default(),
             fault: None,
             linkage,
@@ -79,6 +92,32 @@ impl Assessed {
         self.measured.lost <= LOST || assessment.is_multiple_of(RARELY)
     }
 
+    /// Where the mechanism can stop: y + ẏ (t + |u̇| / (2 a)), with the delay t and deceleration a
+    /// of its slowest actuator, and its clearance likewise; `h` seconds after the last assessment.
+    /// The factor is that of the pose.
+    pub(super) fn foresee(
+        &mut self,
+        pose: &Pose,
+        measured: &[Measured],
+        braking: &[[f64; 2]],
+        h: f64,
+    ) {
+        let Assessed { linkage, rates, .. } = self;
+        let mut ahead = 0.0_f64;
+        for &u in &linkage.actuators {
+            let [a, delay] = braking[u];
+            ahead = ahead.max(delay + 0.5 * measured[u].velocity.abs() / a);
+        }
+        linkage.independents_of(pose, |_, u| measured[u].velocity, rates);
+        // velocities that are not reported foresee nothing
+        let is_reported = rates.iter().all(|rate| rate.is_finite());
+        self.ahead = if is_reported { ahead } else { 0.0 };
+        let clearance = self.measured.clearance;
+        let rate = (clearance - self.clearance_before) / h;
+        self.clearance_ahead = if rate < 0.0 { clearance + rate * self.ahead } else { clearance };
+        self.clearance_before = clearance;
+    }
+
     /// Limits and the clearance, as ratchets: without power they are where the mechanism is.
     pub(super) fn assess_limits(&mut self, least_clearance: f64) {
         let is_powered = self.activity > Activity::Idle;
@@ -89,7 +128,13 @@ impl Assessed {
             let range = limits[1] - limits[0];
             let margin = if range.is_finite() { MARGIN * range } else { MARGIN };
             let bounds = &mut self.bounds[i];
-            is_beyond |= is_powered && (y < bounds[0] || y > bounds[1]);
+            let rate = self.rates[i];
+            let stops_at = if self.ahead > 0.0 { y + rate * self.ahead } else { y };
+            is_beyond |= is_powered
+                && (y < bounds[0]
+                    || y > bounds[1]
+                    || rate < 0.0 && stops_at < bounds[0]
+                    || rate > 0.0 && stops_at > bounds[1]);
             let lower = (limits[0] - margin).min(y - margin);
             let upper = (limits[1] + margin).max(y + margin);
             *bounds = if is_powered {
@@ -98,7 +143,9 @@ impl Assessed {
                 [lower, upper]
             };
         }
-        let is_near = is_powered && clearance < self.least_clearance;
+        let is_near = is_powered
+            && (clearance < self.least_clearance
+                || self.clearance_ahead < NEAREST * self.least_clearance);
         let least = least_clearance.min(NEARER * clearance);
         self.least_clearance = if is_powered { self.least_clearance.max(least) } else { least };
         if is_near {
@@ -120,6 +167,11 @@ impl State for Assessed {
             activity,
             bounds,
             least_clearance,
+            // of one assessment
+            rates: _,
+            ahead: _,
+            clearance_ahead: _,
+            clearance_before,
             contradiction,
             fault,
         } = self;
@@ -128,6 +180,7 @@ impl State for Assessed {
         activity.carry(words);
         bounds.carry(words);
         least_clearance.carry(words);
+        clearance_before.carry(words);
         contradiction.carry(words);
         let mut reason = fault.unwrap_or(Reason::None);
         reason.carry(words);

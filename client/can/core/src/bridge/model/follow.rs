@@ -77,6 +77,7 @@ impl RobotModel {
             let tracker = &mut mechanism.measured;
             tracker.lost = if tracker.is_found { 0 } else { tracker.lost.saturating_add(1) };
             if tracker.is_found {
+                mechanism.foresee(&self.pose, &self.measured, &self.braking, h);
                 mechanism.assess_limits(self.rules.clearance);
             } else if tracker.lost >= LOST {
                 mechanism.fault = Some(mechanism.no_pose());

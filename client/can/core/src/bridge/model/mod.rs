@@ -19,6 +19,7 @@ mod tracker;
 
 use sarrus_proto::actuators::Reason;
 
+use super::monitors::position;
 use crate::config::{Configuration, Limits, ModelRules, MotorConfig};
 use crate::state::state;
 pub(super) use assessed::Activity;
@@ -50,6 +51,8 @@ pub(super) struct RobotModel {
     owners: Vec<Option<usize>>,
     coupled: Vec<Vec<usize>>,
     limits: Vec<Limits>,
+    /// Deceleration of a stop of each actuator, and its delay `[rad/s², m/s², s]`.
+    braking: Vec<[f64; 2]>,
     mechanisms: Vec<Assessed>,
     encoders: Vec<Encoder>,
     feedback_ns: u64,
@@ -91,6 +94,12 @@ impl RobotModel {
                 *place = *of_motor;
             }
         }
+        let mut braking = vec![[f64::INFINITY, 0.0]; n_u];
+        for motor in &configuration.motors {
+            if let Some(place) = braking.get_mut(motor.actuator) {
+                *place = [motor.braking(), position::delay(configuration.period_ns())];
+            }
+        }
         let structure = setup::structure(&mut evaluator, &zero, configuration, &limits)?;
         zero.y.copy_from_slice(&structure.home);
         let mechanisms =
@@ -100,6 +109,7 @@ impl RobotModel {
             owners: structure.owners,
             coupled: structure.coupled,
             limits,
+            braking,
             mechanisms: mechanisms.collect(),
             encoders: Vec::new(),
             feedback_ns: configuration.feedback_ns(),
@@ -192,5 +202,5 @@ state!(Measured { position, velocity, effort, setpoint });
 state!(RobotModel {
     mechanisms, encoders, measured, u, target, pose, commanded, y_before, motion, efforts, yd, ydd,
     gravity, known, cycle, last_ns;
-    rules, evaluator, owners, coupled, limits, feedback_ns, home, rates, asked
+    rules, evaluator, owners, coupled, limits, braking, feedback_ns, home, rates, asked
 });

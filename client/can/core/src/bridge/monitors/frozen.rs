@@ -8,13 +8,16 @@
 //!   would have moved it by one and a half codes had it the least acceleration: with its greatest
 //!   effort a joint reaches its greatest speed within [`SLOWEST`]; or
 //! - the code stopped from one measurement to the next after two steps of more than eight codes,
-//!   and the set-point goes on as fast.
+//!   and the set-point goes on as fast; or
+//! - the joint was held for longer than its encoder's own noise, or a dither of its set-points,
+//!   leaves one code.
 //!
 //! A joint that ends a motion is braked by efforts until it is at rest, and may pass part of a code
 //! meanwhile: efforts then count from [`SETTLED`] after the last change of the code on, or from
-//! eight times the interval between the last two changes on. A balanced joint repeats
-//! its code for hours under a constant effort. That raises no alarm, although without noise it
-//! cannot be distinguished from a frozen encoder.
+//! eight times the interval between the last two changes on. A balanced joint repeats its code for
+//! hours under a constant effort. Without noise, dither and a counter of the drive it cannot be
+//! distinguished from a frozen encoder: that raises no alarm, and the state has the flag
+//! `frozen_undetectable`.
 
 use sarrus_proto::actuators::Reason;
 
@@ -57,6 +60,8 @@ pub(super) struct Frozen {
     interval: f64,
     /// The last two steps before the code stopped.
     ways: [f64; 2],
+    /// Time since the last change of the code `[s]`.
+    held: f64,
     moved: Run,
     pushed: Run,
     stopped: Run,
@@ -78,7 +83,7 @@ impl Frozen {
         if way != 0.0 {
             let [_, earlier] = self.ways;
             self.interval = self.still + seen.elapsed;
-            if self.still > 0.0 {
+            if self.held > 0.0 {
                 *self = Frozen { interval: self.interval, ..Frozen::default() };
             }
             (self.low, self.high, self.ways) = (low, high, [earlier, way]);
@@ -96,7 +101,8 @@ impl Frozen {
             false => (self.low.min(low), self.high.max(high)),
         };
         self.still += elapsed;
-        let moved = self.passed.abs() > PASSED * steps.position;
+        self.held += seen.elapsed;
+        let moved = self.passed.abs() > PASSED * steps.position || self.held > seen.longest;
         let change = (self.high - self.low) / limits.effort;
         let pushed = change > bounds.frozen;
         if pushed {
@@ -116,4 +122,17 @@ impl Frozen {
     }
 }
 
-state!(Frozen { passed, still, low, high, speed, way, interval, ways, moved, pushed, stopped });
+state!(Frozen {
+    passed,
+    still,
+    low,
+    high,
+    speed,
+    way,
+    interval,
+    ways,
+    held,
+    moved,
+    pushed,
+    stopped
+});

@@ -11,21 +11,23 @@ mod following;
 mod foreign;
 mod frozen;
 mod jump;
-mod position;
+mod noise;
+pub(super) mod position;
 mod punctual;
 mod temperature;
 mod velocity;
 mod watch;
 
-use crate::state::state;
+pub(super) use noise::{DITHER, Noise};
+pub(super) use punctual::Punctual;
 use sarrus_proto::actuators::Reason;
 
-pub(super) use punctual::Punctual;
-
+use super::rest;
 use crate::config::{Limits, MonitorBounds, MotorConfig};
 use crate::drive::Mode;
 use crate::event::BusState;
 use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint};
+use crate::state::state;
 
 /// Codes by which two equal numbers may differ, with two codes of noise on each.
 const NOISE: f64 = 4.5;
@@ -58,6 +60,12 @@ pub(super) struct Seen<'a> {
     /// The stiffness before spring and effort were made to stay within the limit.
     pub(super) stiffness: f64,
     pub(super) limits: &'a Limits,
+    /// Deceleration of a stop, and its delay `[rad/s², m/s², s]`.
+    pub(super) braking: &'a [f64; 2],
+    /// The positions from which it can stop at any allowed speed.
+    pub(super) free: &'a [f64; 2],
+    /// A position that stays one code for longer is frozen `[s]`.
+    pub(super) longest: f64,
     pub(super) mode: Mode,
     /// It follows commands: neither late ones, nor a stop.
     pub(super) is_following: bool,
@@ -192,7 +200,7 @@ impl Monitors {
         }
     }
 
-    /// The part of the effort's limit that a hot motor keeps, from 0 to 1.
+    /// The part of the speed's limit that a hot motor keeps, from 0 to 1.
     pub(super) fn derated(&self) -> f64 {
         self.rules.temperature.part(&self.bounds)
     }
@@ -210,9 +218,20 @@ impl Monitors {
         }
     }
 
+    /// Distance that a joint at rest keeps to for a tenth of a second, and its speed, with noise.
+    pub(super) fn still(&self, limits: &Limits) -> [f64; 2] {
+        let speed = rest::STILL * limits.speed();
+        [speed * rest::REST + NOISE * self.steps.position, speed + NOISE * self.steps.velocity]
+    }
+
+    /// Distance that counts as none.
+    pub(super) fn margin(&self, limits: &Limits) -> f64 {
+        position::margin(limits, &self.bounds, &self.steps)
+    }
+
     /// Whether a position is so far outside the limits that nothing may be armed there.
     pub(super) fn is_beyond(&self, limits: &Limits, position: f64) -> bool {
-        let margin = position::margin(limits, &self.bounds, &self.steps);
+        let margin = self.margin(limits);
         position > limits.upper + margin || position < limits.lower - margin
     }
 }

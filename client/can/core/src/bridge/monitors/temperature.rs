@@ -1,7 +1,8 @@
-//! A hot motor: less effort from one temperature on, a fault at another.
+//! A hot motor: less speed from one temperature on, a fault at another.
 //!
-//! The effort's limit shrinks linearly from `derate` to nothing at `temperature`. One measurement
-//! alone is no evidence, and a missing one is none.
+//! The limit of the speed shrinks linearly from `derate` to nothing at `temperature`; the effort
+//! that holds a load stays, until the drive's own cut-off. At `temperature` follows a controlled
+//! stop, with all of the effort. One measurement alone is no evidence, and a missing one is none.
 
 use sarrus_proto::actuators::Reason;
 

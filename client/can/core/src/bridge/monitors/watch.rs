@@ -1,9 +1,11 @@
 //! The monitors in each cycle: their input, and the faults that follow from their findings.
 
-use sarrus_proto::actuators::Reason;
+use sarrus_proto::actuators::{Reason, flag};
 
-use super::{Monitors, Seen, effort_of};
+use super::{Monitors, Seen, effort_of, noise};
 use crate::bridge::motor::Motor;
+use crate::bridge::rest::Rest;
+use crate::bridge::whereabouts::Allowed;
 use crate::bridge::{Bridge, BusState};
 use crate::frame::Frame;
 use crate::mapping::ActuatorSetpoint;
@@ -12,13 +14,19 @@ impl Bridge {
     /// Fails motors with doubted measurements; a motor outside its limits does not arm.
     pub(in crate::bridge) fn look_at_measurements(&mut self, now_ns: u64) {
         let period = self.configuration.period_ns() as f64 * 1e-9;
+        let feedback_ns = self.configuration.feedback_ns();
         for i in 0..self.motors.len() {
             let Some(motor) = self.motors.get_mut(i) else { continue };
             let number = motor.mechanism;
             let Some(mechanism) = self.mechanisms.get_mut(number) else { continue };
             if !mechanism.is_powered() {
-                motor.unwatched();
-                if mechanism.is_waiting() && motor.is_beyond() && !mechanism.returns() {
+                motor.unwatched(feedback_ns);
+                let is_elsewhere = motor.whereabouts.is_elsewhere;
+                if mechanism.is_waiting()
+                    && motor.is_beyond()
+                    && !mechanism.returns()
+                    && !is_elsewhere
+                {
                     mechanism.disable(Reason::OutsideLimits);
                 }
                 continue;
@@ -41,6 +49,7 @@ impl Motor {
         if self.measured_ns == self.seen_ns {
             return None;
         }
+        let longest = self.longest();
         let since = self.seen_ns.zip(self.measured_ns);
         let Monitors { bounds, steps, rules, punctual, .. } = &mut self.monitors;
         let found = since.and_then(|(before, measured)| {
@@ -56,20 +65,66 @@ impl Motor {
                 efforts: self.asked.map(|asked| effort_of(&asked, &self.measured)),
                 stiffness: self.stiffness,
                 limits: &self.config.limits,
+                braking: &self.braking,
+                free: &self.free,
+                longest,
                 mode: self.config.common.mode,
                 is_following,
             })
         });
+        if let (Some(Reason::FeedbackJump), Some(before_ns)) = (found, self.seen_ns) {
+            self.whereabouts.jumped(before_ns, &self.before);
+        }
         (self.seen_ns, self.before) = (self.measured_ns, self.measured);
         self.late_before = self.monitors.punctual.late;
         found
     }
 
-    /// Without power nothing is doubted, and with power all rules start again.
-    fn unwatched(&mut self) {
-        if self.seen_ns.take().is_some() {
+    /// Without power only its rest and its place are watched, and with power all rules start again.
+    fn unwatched(&mut self, feedback_ns: u64) {
+        if let Some(seen_ns) = self.seen_ns.take() {
             self.monitors.begin();
+            self.rest = Rest::default();
+            self.whereabouts.leave(seen_ns, &self.before);
             (self.asked, self.stiffness) = ([ActuatorSetpoint::default(); 2], 0.0);
+        }
+        if let Some(measured_ns) = self.measured_ns.filter(|last| *last != self.rest.until_ns) {
+            let still = self.monitors.still(&self.config.limits);
+            self.rest.see(measured_ns, &self.measured, still);
+            let speed = self.monitors.bounds.jump * self.config.limits.velocity;
+            let margin = self.monitors.margin(&self.config.limits);
+            let allowed = Allowed { margin, speed, feedback_ns };
+            self.whereabouts.find(measured_ns, &self.measured, allowed);
+            self.learn();
+        }
+        self.lasting &= !flag::POSITION_CHANGED;
+        if self.whereabouts.is_elsewhere {
+            self.lasting |= flag::POSITION_CHANGED;
+        }
+    }
+
+    /// Learns at rest whether the encoder is noisy.
+    fn learn(&mut self) {
+        if !self.rest.is_long_enough() {
+            return self.noise.begin();
+        }
+        self.noise.learn(self.measured.position, self.monitors.steps.position);
+        let is_blind = self.config.monitors.frozen == f64::INFINITY
+            || !(self.noise.is_noisy() || self.config.dither > 0.0 || self.config.drive.counts());
+        self.lasting = match is_blind {
+            true => self.lasting | flag::FROZEN_UNDETECTABLE,
+            false => self.lasting & !flag::FROZEN_UNDETECTABLE,
+        };
+    }
+
+    /// How long its position may stay one code.
+    fn longest(&self) -> f64 {
+        if self.noise.is_noisy() {
+            noise::NOISY
+        } else if self.is_dithered {
+            noise::DITHERED
+        } else {
+            f64::INFINITY
         }
     }
 
@@ -93,7 +148,7 @@ impl Motor {
         has_power: bool,
         bus_has_power: bool,
     ) -> bool {
-        if !self.config.drive.is_paired() || bus_has_power && self.is_synchronous {
+        if !self.is_paired() || bus_has_power && self.is_synchronous {
             return false;
         }
         let pauses = self.monitors.age.pauses(now_ns, has_power, &mut self.monitors.answers);
@@ -117,7 +172,7 @@ impl Motor {
 
     /// It was asked for a measurement, with so many frames.
     pub(in crate::bridge) fn ask(&mut self, n_frames: usize) {
-        if self.config.drive.is_paired() {
+        if self.is_paired() {
             let Monitors { answers, age, .. } = &mut self.monitors;
             answers.ask(n_frames, self.is_synchronous && !age.explains(answers.open));
         } else {

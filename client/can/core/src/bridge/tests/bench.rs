@@ -7,7 +7,9 @@ use sarrus_models::yaml;
 use sarrus_proto::actuators::{MAX_ACTUATORS, Operation};
 
 use super::super::*;
-use crate::config::{BusConfig, Limits, MechanismStop, MonitorBounds, MotorConfig, Stop, Timeouts};
+use crate::config::{
+    BusConfig, Commissioning, Limits, MechanismStop, MonitorBounds, MotorConfig, Stop, Timeouts,
+};
 use crate::drive::Power;
 use crate::drive::{Drive, DriveState, Measurement, Mode, Reply, Setpoint, Watchdog};
 use crate::frame::Id;
@@ -35,6 +37,8 @@ pub(super) const OFF: MonitorBounds = MonitorBounds {
 };
 
 pub(super) const MS: u64 = 1_000_000;
+/// Steps after which motors count as at rest.
+pub(super) const AT_REST: usize = 110;
 
 /// Commands that a motor was given.
 pub(super) type Given = std::sync::Arc<std::sync::Mutex<Vec<DriveCommand>>>;
@@ -233,6 +237,8 @@ impl Bench {
                 effort_rate: f64::INFINITY,
             },
             damping: 3.0,
+            dither: 0.0,
+            rest: None,
             monitors: OFF,
         };
         let bus = |name: &str| BusConfig {
@@ -263,11 +269,19 @@ impl Bench {
             buses: vec![bus("x"), bus("y")],
             motors: (0..3).map(motor).collect(),
             encoders: Vec::new(),
+            commissioning: Commissioning::Unneeded,
+            record_file: String::new(),
             warnings: Vec::new(),
         };
         change(&mut configuration);
+        let mut bridge = Bridge::new(configuration);
+        // they stop at once: the braking distance has tests of its own
+        for motor in &mut bridge.motors {
+            motor.braking = [1e12, 1e-9];
+            motor.free = [f64::NEG_INFINITY, f64::INFINITY];
+        }
         Bench {
-            bridge: Bridge::new(configuration),
+            bridge,
             given,
             now_ns: 5 * MS,
             sequence: 0,
@@ -354,7 +368,7 @@ impl Bench {
     }
 
     pub(super) fn arm(&mut self) {
-        self.steps(3);
+        self.steps(AT_REST);
         self.bridge.operate(self.now_ns, Operation::Arm);
         self.steps(5);
         assert_eq!(self.states(), [MechanismState::Enabled; 3]);

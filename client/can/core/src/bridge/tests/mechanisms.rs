@@ -1,13 +1,13 @@
 //! Operations of one mechanism of several.
 
-use super::bench::Bench;
+use super::bench::{AT_REST, Bench};
 use super::*;
 
 #[test]
 fn one_mechanism_is_armed_disarmed_and_reset_alone() {
     use MechanismState::{Disabled, Enabled, Fault, Stopping};
     let mut bench = Bench::new(|_| {});
-    bench.steps(3);
+    bench.steps(AT_REST);
     bench.bridge.operate_mechanism(bench.now_ns, Operation::Arm, Some(2));
     bench.steps(5);
     assert_eq!(bench.states(), [Disabled, Disabled, Enabled]);
@@ -18,7 +18,7 @@ fn one_mechanism_is_armed_disarmed_and_reset_alone() {
     bench.bridge.operate_mechanism(bench.now_ns, Operation::Disarm, Some(0));
     bench.step();
     assert_eq!(bench.states(), [Stopping, Stopping, Enabled]);
-    bench.steps(600);
+    bench.steps(700);
     assert_eq!(bench.states(), [Disabled, Disabled, Enabled]);
     // a reset of one leaves the other's fault
     bench.bridge.operate(bench.now_ns, Operation::Arm);
@@ -39,7 +39,7 @@ fn one_mechanism_is_armed_disarmed_and_reset_alone() {
 #[test]
 fn a_request_names_the_actuator_that_it_means_from_one_on() {
     let mut bench = Bench::new(|_| {});
-    bench.steps(3);
+    bench.steps(AT_REST);
     let request = |stamp_ns, operation: Operation, actuator| OperatorRequest {
         stamp_ns,
         operation: operation as u32,
@@ -66,7 +66,7 @@ fn a_request_names_the_actuator_that_it_means_from_one_on() {
 fn one_missing_motor_keeps_only_its_own_mechanism_from_arming() {
     let mut bench = Bench::new(|_| {});
     bench.answers[2] = false;
-    bench.steps(3);
+    bench.steps(AT_REST);
     bench.bridge.operate(bench.now_ns, Operation::Arm);
     bench.steps(5);
     let [first, second, third] = bench.states();
@@ -78,7 +78,7 @@ fn one_missing_motor_keeps_only_its_own_mechanism_from_arming() {
 fn a_robot_that_stops_as_a_whole_is_armed_as_a_whole() {
     let mut bench = Bench::new(|configuration| configuration.stop = Stop::Robot);
     bench.answers[2] = false;
-    bench.steps(3);
+    bench.steps(AT_REST);
     bench.bridge.operate(bench.now_ns, Operation::Arm);
     bench.steps(5);
     assert_eq!(bench.states(), [MechanismState::Arming; 3]);

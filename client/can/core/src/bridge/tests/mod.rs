@@ -11,11 +11,11 @@ mod stops;
 
 use std::sync::atomic::Ordering;
 
-use bench::{Bench, MS};
+use bench::{AT_REST, Bench, MS, Shaft};
 use sarrus_models::LoadError;
 
 use super::*;
-use crate::config::{Limits, Stop, Surroundings};
+use crate::config::{Commissioning, Limits, Stop, Surroundings};
 use crate::drive::{Mode, Setpoint};
 use crate::frame::Id;
 use sarrus_proto::actuators::{MechanismState, Operation, OperatorRequest, flag};
@@ -37,7 +37,7 @@ fn nothing_has_power_before_it_is_armed() {
 #[test]
 fn the_first_setpoint_is_the_measured_position_and_gains_grow() {
     let mut bench = Bench::new(|_| {});
-    bench.steps(3);
+    bench.steps(AT_REST);
     bench.bridge.operate(bench.now_ns, Operation::Arm);
     bench.steps(120);
     let given = bench.given[0].lock().unwrap().clone();
@@ -65,7 +65,7 @@ fn arming_waits_for_every_motor_the_buses_and_a_command() {
     let wait = |prepare: &dyn Fn(&mut Bench), reason: Reason| {
         let mut bench = Bench::new(|_| {});
         prepare(&mut bench);
-        bench.steps(3);
+        bench.steps(AT_REST);
         bench.bridge.operate(bench.now_ns, Operation::Arm);
         bench.steps(5);
         assert_eq!(bench.bridge.state().state, MechanismState::Arming as u32, "{reason:?}");
@@ -87,15 +87,52 @@ fn arming_waits_for_every_motor_the_buses_and_a_command() {
 }
 
 #[test]
+fn nothing_is_armed_in_motion() {
+    for velocity in [0.2, -3.0] {
+        let mut bench = Bench::new(|configuration| {
+            configuration.motors.iter_mut().for_each(|motor| motor.limits.velocity = 5.0);
+        });
+        bench.shafts = Some([Shaft::default(); 3]);
+        bench.steps(AT_REST);
+        bench.shafts.as_mut().unwrap()[2].velocity = velocity;
+        bench.steps(20);
+        bench.bridge.operate(bench.now_ns, Operation::Arm);
+        bench.steps(5);
+        assert_eq!(bench.states()[..2], [MechanismState::Enabled; 2]);
+        assert_eq!((bench.states()[2], bench.reason(2)), (MechanismState::Arming, Reason::Moving));
+        bench.shafts.as_mut().unwrap()[2].velocity = 0.0;
+        bench.steps(AT_REST);
+        assert_eq!(bench.states()[2], MechanismState::Enabled);
+    }
+}
+
+#[test]
 fn a_motor_that_is_not_calibrated_is_never_armed() {
     let mut bench = Bench::new(|configuration| configuration.motors[2].is_calibrated = false);
-    bench.steps(3);
+    bench.steps(AT_REST);
     bench.bridge.operate(bench.now_ns, Operation::Arm);
     bench.step();
     assert_eq!(bench.states()[2], MechanismState::Disabled);
     assert_eq!(bench.reason(2), Reason::NotCalibrated);
     bench.steps(5);
     assert_eq!(bench.states()[..2], [MechanismState::Enabled; 2]);
+}
+
+#[test]
+fn a_robot_without_a_record_is_not_armed_unless_that_is_waived_which_the_state_shows() {
+    let armed = |commissioning: &Commissioning| {
+        let mut bench =
+            Bench::new(|configuration| configuration.commissioning = commissioning.clone());
+        bench.steps(AT_REST);
+        bench.bridge.operate(bench.now_ns, Operation::Arm);
+        bench.steps(5);
+        (bench.states()[0], bench.reason(0), bench.bridge.state().flags[0] & flag::UNCOMMISSIONED)
+    };
+    use MechanismState::{Disabled, Enabled};
+    let missing = Commissioning::Missing("absent".into());
+    assert_eq!(armed(&missing), (Disabled, Reason::NotCommissioned, 0));
+    assert_eq!(armed(&Commissioning::Done), (Enabled, Reason::None, 0));
+    assert_eq!(armed(&Commissioning::Waived), (Enabled, Reason::None, flag::UNCOMMISSIONED));
 }
 
 #[test]
@@ -241,6 +278,7 @@ fn a_motor_whose_watchdog_is_not_as_configured_has_no_power() {
             (MechanismState::Fault, reason, DriveCommand::Off)
         );
         bench.bridge.operate(bench.now_ns, Operation::Reset);
+        bench.steps(AT_REST);
         bench.bridge.operate(bench.now_ns, Operation::Arm);
         bench.steps(3);
         assert_eq!((bench.states()[0], bench.reason(0)), (MechanismState::Arming, reason));
@@ -271,7 +309,7 @@ fn a_fault_stays_until_it_is_reset_and_a_reset_does_not_arm() {
     bench.steps(50);
     assert_eq!(bench.states()[2], MechanismState::Fault);
     bench.bridge.operate(bench.now_ns, Operation::Reset);
-    bench.steps(50);
+    bench.steps(AT_REST);
     assert_eq!(
         bench.states(),
         [MechanismState::Enabled, MechanismState::Enabled, MechanismState::Disabled]
@@ -315,7 +353,7 @@ fn a_mechanism_that_is_armed_does_not_disturb_another_that_follows() {
     let before = bench.setpoint(0);
     bench.fault[2] = 0;
     bench.bridge.operate(bench.now_ns, Operation::Reset);
-    bench.step();
+    bench.steps(AT_REST);
     bench.bridge.operate(bench.now_ns, Operation::Arm);
     for _ in 0..5 {
         bench.step();

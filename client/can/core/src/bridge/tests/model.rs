@@ -81,15 +81,13 @@ fn an_independent_beyond_its_limit_stops_its_mechanism() {
     bench.arm();
     let pitch = bench.independent("BodyPitch");
     while bench.y("BodyPitch") < 0.28 {
-        bench.target[pitch] += 0.001;
+        bench.target[pitch] += 0.0002;
         bench.step();
         assert_eq!(bench.state("BodyActL").1, Reason::None);
     }
     bench.target[pitch] = 0.6;
-    while bench.y("BodyPitch") < 0.3 + 0.02 {
-        bench.step();
-    }
-    bench.until_it_stops("BodyActL", SOON);
+    bench.until_it_stops("BodyActL", 500);
+    assert!(bench.y("BodyPitch") < 0.33, "{}", bench.y("BodyPitch"));
     assert_eq!(bench.state("BodyActR"), (MechanismState::Stopping, Reason::MechanismLimit));
     // another mechanism follows on
     assert_eq!(bench.state("ALElbowAct").0, MechanismState::Enabled);
@@ -141,6 +139,43 @@ fn a_mechanism_that_comes_near_a_singular_pose_is_stopped_and_may_come_back() {
         bench.step();
     }
     assert_eq!(bench.state("ALElbowAct"), (MechanismState::Enabled, Reason::None));
+}
+
+#[test]
+fn a_fast_mechanism_stops_before_its_limit_and_before_a_singular_pose() {
+    for (speed, end) in [(0.4, 0.5), (0.8, 0.5), (1.25, -0.8), (0.8, -0.8)] {
+        let narrow = |urdf: &str| {
+            let (before, after) = urdf.split_once("joint name=\"ALElbow\"").unwrap();
+            format!(
+                "{before}joint name=\"ALElbow\"{}",
+                after.replacen("upper=\"1.5\"", "upper=\"0.5\"", 1)
+            )
+        };
+        let keys = "monitors: {jump: off, velocity: off, position: off, following_ms: off}";
+        let mut bench = RobotBench::new(narrow, keys);
+        let elbow_act = bench.actuator("ALElbowAct");
+        let motors = &mut bench.bridge.motors;
+        let motor = motors.iter_mut().find(|motor| motor.config.actuator == elbow_act).unwrap();
+        motor.config.limits.velocity = 1.0;
+        bench.arm();
+        let elbow = bench.independent("ALElbow");
+        let mut farthest = 0.0_f64;
+        for _ in 0..1500 {
+            bench.target[elbow] += speed * f64::signum(end) * 2e-3;
+            bench.step();
+            farthest = farthest.max(bench.y("ALElbow") * f64::signum(end));
+            if bench.state("ALElbowAct").0 != MechanismState::Enabled {
+                bench.steps(300);
+                break;
+            }
+        }
+        farthest = farthest.max(bench.y("ALElbow") * f64::signum(end));
+        let reason = if end > 0.0 { Reason::MechanismLimit } else { Reason::NearSingular };
+        println!("{speed} rad/s to {end}: {farthest:.3}");
+        assert_eq!(bench.state("ALElbowAct"), (MechanismState::Fault, reason), "{speed} {end}");
+        let most = if end > 0.0 { end + 0.02 } else { 0.78 };
+        assert!(farthest < most, "{speed} {end}: {farthest}");
+    }
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Each rule of the monitors: when it fires, and when it does not.
 
-use super::bench::{Bench, OFF};
+use super::bench::{AT_REST, Bench, OFF};
 use super::*;
 use crate::bridge::monitors::{Monitors, Punctual, Seen, effort_of};
 use crate::config::MonitorBounds;
@@ -13,6 +13,8 @@ struct Line {
     mode: Mode,
     asked: [ActuatorSetpoint; 2],
     stiffness: f64,
+    braking: [f64; 2],
+    longest: f64,
     before: ActuatorMeasurement,
     elapsed: f64,
     late: [f64; 2],
@@ -45,6 +47,8 @@ impl Line {
             mode: Mode::Impedance,
             asked: [NOTHING; 2],
             stiffness: 0.0,
+            braking: [50.0, 0.05],
+            longest: f64::INFINITY,
             before: STILL,
             elapsed: PERIOD,
             late: [0.0; 2],
@@ -70,6 +74,9 @@ impl Line {
             efforts: self.asked.map(|asked| effort_of(&asked, &measured)),
             stiffness: self.stiffness,
             limits: &self.limits,
+            braking: &self.braking,
+            free: &[1.0, -1.0],
+            longest: self.longest,
             mode: self.mode,
             is_following: true,
         });
@@ -309,7 +316,42 @@ fn frames_that_are_late_once_are_neither_a_jump_nor_a_speed() {
 }
 
 #[test]
-fn a_hot_motor_has_less_effort_and_then_none() {
+fn a_joint_that_cannot_stop_before_its_limit_is_stopped_in_time() {
+    let at = |position: f64, velocity: f64| {
+        move |i: f64| ActuatorMeasurement {
+            position: position + velocity * PERIOD * i,
+            velocity,
+            ..STILL
+        }
+    };
+    let first = |position: f64, velocity: f64| Line::new().run(9, at(position, velocity));
+    // 4.5 rad/s need 0.203 rad at 50 rad/s² and 0.225 rad for the delay; nine cycles are 0.162 rad
+    assert_eq!(first(0.35, 4.5), None);
+    assert_eq!(reason(first(0.7, 4.5)), Some(Reason::PositionLimit));
+    assert_eq!(reason(first(-0.7, -4.5)), Some(Reason::PositionLimit));
+    assert_eq!(first(-0.9, 4.5), None, "away from the near limit");
+    // a speed that is hidden
+    let hidden = |i: f64| ActuatorMeasurement { velocity: 0.0, ..at(0.7, 4.5)(i) };
+    let mut line = Line::new();
+    assert!(line.run(9, hidden).is_some());
+    // slowly to the limit itself
+    assert_eq!(first(0.99, 0.1), None);
+}
+
+#[test]
+fn a_held_code_is_frozen_where_noise_or_a_dither_would_change_it() {
+    let held = |longest: f64, n: usize| {
+        let mut line = Line { longest, ..Line::new() };
+        line.ask(ActuatorSetpoint { effort: 1.5, ..NOTHING });
+        let at = |i: f64| ActuatorMeasurement { position: 1e-3 * i.min(9.0), effort: 1.5, ..STILL };
+        line.run(n, at)
+    };
+    assert_eq!(reason(held(0.1, 99)), Some(Reason::FeedbackFrozen));
+    assert_eq!(held(f64::INFINITY, 9999), None);
+}
+
+#[test]
+fn a_hot_motor_is_slow_and_keeps_its_effort() {
     let hot = |temperature: f64| move |_: f64| ActuatorMeasurement { temperature, ..STILL };
     assert_eq!(Line::new().run(9, hot(150.0)), Some((2, Reason::OverTemperature)));
     assert_eq!(Line::new().run(900, hot(f64::NAN)), None);
@@ -318,6 +360,15 @@ fn a_hot_motor_has_less_effort_and_then_none() {
         assert_eq!(line.run(5, hot(temperature)), None);
         assert!((line.bench.bridge.motors[0].monitors.derated() - part).abs() < 1e-12);
     }
+    let mut bench = Bench::armed();
+    bench.steps(200);
+    // it reports 30 °C
+    bench.bridge.motors[0].monitors.bounds =
+        MonitorBounds { derate: 10.0, temperature: 50.0, ..OFF };
+    bench.target = Setpoint { torque: -20.0, velocity: 90.0, ..Setpoint::default() };
+    bench.step();
+    assert_eq!((bench.setpoint(0).torque, bench.setpoint(0).velocity), (-10.0, 50.0));
+    assert_ne!(bench.bridge.state().flags[0] & flag::DERATED, 0);
     // one measurement alone
     let mut line = Line::new();
     let once = |i: f64| hot(if i == 3.0 { 215.0 } else { 40.0 })(i);
@@ -363,6 +414,7 @@ fn a_second_master_is_heard_and_an_echo_is_none() {
     assert_eq!(bench.bridge.bus_counters(0).unwrap().1.foreign, 2);
     // nothing is armed while it is there
     bench.bridge.operate(bench.now_ns, Operation::Reset);
+    bench.steps(AT_REST);
     bench.bridge.operate(bench.now_ns, Operation::Arm);
     bench.steps(3);
     assert_eq!(bench.reason(0), Reason::SecondMaster);
@@ -406,7 +458,7 @@ fn beyond_a_limit_nothing_pushes_outwards() {
 fn outside_the_limits_nothing_is_armed_but_for_the_way_back() {
     let mut bench = Bench::new(|_| {});
     bench.position = 150;
-    bench.steps(3);
+    bench.steps(AT_REST);
     bench.bridge.operate(bench.now_ns, Operation::Arm);
     bench.step();
     assert_eq!(

@@ -399,7 +399,7 @@ impl RobotBench {
 
     /// Arms, and waits until gains have grown.
     pub(super) fn arm(&mut self) {
-        self.steps(20);
+        self.steps(70);
         self.bridge.operate(self.now_ns, Operation::Arm);
         self.steps(100);
         for name in self.names.clone() {

@@ -9,8 +9,8 @@ use super::states::{
     DISABLE_VOLTAGE, ENABLE, FORGET_FAULT, QUICK_STOP, SHUTDOWN, SWITCH_ON, State,
 };
 use crate::drive::{
-    Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
-    Shared,
+    Drive, DriveCommand, DriveState, Measurement, Mode, Pairing, Parameter, Power, Receipt, Reply,
+    Setpoint, Shared,
 };
 use crate::frame::{Frame, FrameQueue, Id};
 use crate::protocol::number::{limited, steps, steps_toward_zero};
@@ -370,8 +370,8 @@ impl Drive for Cia402 {
         self.position_ns
     }
 
-    fn is_paired(&self) -> bool {
-        self.setup.is_done() && self.state.is_some()
+    fn pairing(&self) -> Pairing {
+        Pairing::once(self.setup.is_done() && self.state.is_some())
     }
 
     fn replies(&self) -> Vec<Reply> {

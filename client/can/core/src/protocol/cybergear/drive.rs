@@ -7,7 +7,7 @@ use super::keys::{
     SAVE, SET_ID, SETPOINT, TIMEOUT_PER_MS, WHO, WRITE, ZERO,
 };
 use crate::drive::{
-    Drive, DriveCommand, DriveState, Parameter, Power, Receipt, Reply, Setpoint, Watchdog,
+    Drive, DriveCommand, DriveState, Pairing, Parameter, Power, Receipt, Reply, Setpoint, Watchdog,
 };
 use crate::frame::{Frame, FrameQueue, Id};
 use crate::protocol::codes::{Coded, Codes};
@@ -310,8 +310,8 @@ impl Drive for CyberGear {
         self.coded.codes.largest_gains()
     }
 
-    fn is_paired(&self) -> bool {
-        self.is_done()
+    fn pairing(&self) -> Pairing {
+        Pairing::once(self.is_done())
     }
 
     fn replies(&self) -> Vec<Reply> {

@@ -29,6 +29,10 @@ struct Dbc {
     fault: Option<Reported>,
     enabled: Option<Reported>,
     enabled_value: f64,
+    counter: Option<Reported>,
+    /// The last count, and whether it differs from the one before.
+    count: f64,
+    counts_on: bool,
     stale_ns: u64,
     /// The signals of fault or power have stopped.
     silent: bool,
@@ -56,8 +60,8 @@ pub(super) fn make(settings: &Settings, common: Common, diagnostics: &mut Diagno
     let desired = sent_signals(&mut finder, common);
     check_mode(&mut finder, common);
     let position = finder.reported("measured_position");
-    let [velocity, torque, temperature, fault, enabled] =
-        ["measured_velocity", "measured_torque", "temperature", "fault", "enabled"]
+    let [velocity, torque, temperature, fault, enabled, counter] =
+        ["measured_velocity", "measured_torque", "temperature", "fault", "enabled", "counter"]
             .map(|key| finder.reported(key));
     let units = UNITS.map(|key| settings.number(key));
     if let Some(key) = UNITS.iter().zip(units).find_map(|(key, unit)| (unit == 0.0).then_some(*key))
@@ -87,6 +91,9 @@ pub(super) fn make(settings: &Settings, common: Common, diagnostics: &mut Diagno
         fault,
         enabled,
         enabled_value: settings.number("enabled_value"),
+        counter,
+        count: f64::NAN,
+        counts_on: true,
         stale_ns: settings.integer("stale_ms").unsigned_abs() * 1_000_000,
         silent: false,
         place: f64::NAN,
@@ -172,7 +179,8 @@ impl Dbc {
     }
 
     fn reported(&self) -> impl Iterator<Item = &Reported> {
-        [&self.velocity, &self.torque, &self.temperature, &self.fault, &self.enabled]
+        let Dbc { velocity, torque, temperature, fault, enabled, counter, .. } = self;
+        [velocity, torque, temperature, fault, enabled, counter]
             .into_iter()
             .flatten()
             .chain([&self.position])
@@ -250,6 +258,10 @@ impl Drive for Dbc {
             let is_on = value == self.enabled_value;
             self.powered(is_on);
         }
+        if let Some(count) = take(&mut self.counter, 1.0) {
+            self.counts_on = count != self.count;
+            self.count = count;
+        }
         self.silent = self.is_silent(now_ns);
         let Some(position) = self.position.take(now_ns, frame, position_unit) else {
             return Receipt::Noted;
@@ -257,6 +269,10 @@ impl Drive for Dbc {
         self.not_finite = !position.is_finite();
         if self.not_finite {
             return Receipt::Malformed;
+        }
+        if !self.counts_on {
+            // the sensor stands still: this is its last measurement again
+            return Receipt::Noted;
         }
         self.place = position;
         if self.enabled.is_none() {
@@ -280,8 +296,8 @@ impl Drive for Dbc {
     }
 
     fn forget(&mut self) {
-        let Dbc { position, velocity, torque, temperature, fault, enabled, .. } = self;
-        [velocity, torque, temperature, fault, enabled]
+        let Dbc { position, velocity, torque, temperature, fault, enabled, counter, .. } = self;
+        [velocity, torque, temperature, fault, enabled, counter]
             .into_iter()
             .flatten()
             .chain([position])
@@ -310,6 +326,10 @@ impl Drive for Dbc {
             torque: step(self.torque.as_ref(), torque_unit),
             ..Setpoint::default()
         }
+    }
+
+    fn counts(&self) -> bool {
+        self.counter.is_some()
     }
 
     fn replies(&self) -> Vec<Reply> {
@@ -341,6 +361,9 @@ impl State for Dbc {
             fault,
             enabled,
             enabled_value: _,
+            counter,
+            count,
+            counts_on,
             stale_ns: _,
             silent,
             place,
@@ -350,8 +373,10 @@ impl State for Dbc {
             power_up,
         } = self;
         position.carry(words);
-        let reported = [velocity, torque, temperature, fault, enabled];
+        let reported = [velocity, torque, temperature, fault, enabled, counter];
         reported.into_iter().flatten().for_each(|reported| reported.carry(words));
+        count.carry(words);
+        counts_on.carry(words);
         silent.carry(words);
         place.carry(words);
         code.carry(words);

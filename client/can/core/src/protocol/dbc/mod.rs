@@ -57,6 +57,7 @@ pub(super) const DBC: Protocol = Protocol {
         signal("temperature", Some(""), "signal of the temperature [°C]"),
         signal("fault", Some(""), "signal of the motor's fault, 0 without one"),
         signal("enabled", Some(""), "signal that tells whether the motor has power"),
+        signal("counter", Some(""), "signal that steps with each new measurement of the sensor"),
         number("enabled_value", "1", "its value with power"),
         Key::integer(
             "stale_ms",

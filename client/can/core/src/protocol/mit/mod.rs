@@ -34,8 +34,8 @@ use super::keys::{RANGES, range};
 use super::power_up::{Action, PowerUp, Stage};
 use super::{Common, Key, Made, Protocol, Settings, fault};
 use crate::drive::{
-    Drive, DriveCommand, DriveState, Mode, Parameter, Power, Receipt, Reply, Setpoint, Shared,
-    Watchdog,
+    Drive, DriveCommand, DriveState, Mode, Pairing, Parameter, Power, Receipt, Reply, Setpoint,
+    Shared, Watchdog,
 };
 use crate::frame::{Frame, FrameQueue, Id};
 use crate::state::{State, Words, state};
@@ -329,8 +329,8 @@ impl Drive for Mit {
         self.coded.codes.largest_gains()
     }
 
-    fn is_paired(&self) -> bool {
-        self.registers.is_none_or(|registers| registers.done())
+    fn pairing(&self) -> Pairing {
+        Pairing::once(self.registers.is_none_or(|registers| registers.done()))
     }
 
     fn replies(&self) -> Vec<Reply> {

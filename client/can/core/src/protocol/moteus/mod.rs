@@ -35,8 +35,8 @@ use super::number::{limited, single, steps_toward_zero};
 use super::power_up::{Action, PowerUp, Stage};
 use super::{Common, Key, Made, Protocol, Settings, fault};
 use crate::drive::{
-    Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
-    Watchdog,
+    Drive, DriveCommand, DriveState, Measurement, Mode, Pairing, Parameter, Power, Receipt, Reply,
+    Setpoint, Watchdog,
 };
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
 use crate::state::{State, Words, state};
@@ -334,8 +334,8 @@ impl Drive for Moteus {
         [if kp.is_finite() { kp / TAU } else { f64::INFINITY }, f64::INFINITY]
     }
 
-    fn is_paired(&self) -> bool {
-        true
+    fn pairing(&self) -> Pairing {
+        Pairing::Paired
     }
 
     fn replies(&self) -> Vec<Reply> {
