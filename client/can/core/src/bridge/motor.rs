@@ -22,6 +22,8 @@ pub(super) struct Motor {
     pub(super) mechanism: usize,
     /// Its drive's state when it was last polled in this cycle.
     pub(super) drive: DriveState,
+    /// Its drive answers each request with one measurement, in this cycle.
+    pub(super) is_paired: bool,
     /// It waits for a frame of all motors of its bus.
     pub(super) is_synchronous: bool,
     /// Its last measurement is so old that it counts as silent in this cycle.
@@ -102,6 +104,7 @@ impl Motor {
             monitors: Monitors::new(&config, period_ns, feedback_ns),
             drive: config.drive.state(),
             is_synchronous: config.drive.sync().is_some(),
+            is_paired: false,
             is_silent: true,
             mechanism,
             config,
@@ -162,14 +165,13 @@ impl Motor {
             Some(_) => self.velocity,
             None => 0.0,
         };
-        let is_paired = self.is_paired();
         if let Some(last) = self.measured_ns {
             let elapsed = now_ns.saturating_sub(last) as f64 * 1e-9;
-            self.monitors.punctual.take(elapsed, is_paired);
+            self.monitors.punctual.take(elapsed);
         }
         (self.measured_ns, self.own_late_ns) = (Some(now_ns), 0);
         (self.is_known, self.is_malformed) = (true, false);
-        if is_paired {
+        if self.is_paired {
             self.monitors.age.take(now_ns);
             self.monitors.answers.take();
         }
@@ -212,11 +214,6 @@ impl Motor {
             self.config.drive.forget();
             self.ask_drive();
         }
-    }
-
-    /// Its drive answers each request with one measurement.
-    pub(super) fn is_paired(&self) -> bool {
-        self.config.drive.pairing() == Pairing::Paired
     }
 
     /// An operator confirms its position.
@@ -303,8 +300,8 @@ impl Motor {
 }
 
 state!(Motor {
-    config, drive, is_silent, measured, velocity, measured_ns, own_late_ns, is_malformed, is_known,
-    sent_ns, flags, hold, deflection, last_position, last_effort, last_total, gravity, stop, noise,
+    config, drive, is_paired, is_silent, measured, velocity, measured_ns, own_late_ns,
+    is_malformed, is_known, sent_ns, flags, hold, deflection, last_position, last_effort, last_total, gravity, stop, noise,
     phase, is_dithered, rest, whereabouts, lasting, chatter, monitors, before, seen_ns, late_before,
     asked, stiffness;
     mechanism, is_synchronous, stop_damping, most_damping, braking, free

@@ -178,3 +178,49 @@ fn a_fault_log_brings_its_fault_where_others_failed_and_were_armed_again_before(
     let faults = checked("two", TWO, &world);
     assert_eq!(faults.iter().map(|(_, of, _)| *of).collect::<Vec<_>>(), [0, 0, 0, 0, 1]);
 }
+
+#[test]
+fn a_frozen_encoder_that_noise_or_a_dither_shows_is_found_again_at_its_cycle() {
+    for (name, drive) in drives() {
+        let dither = if drive.contains("mode: position") { 0.01 } else { 0.15 };
+        let dither = format!("  dither: {dither}\n");
+        for (noise, more) in [(2.0, ""), (0.0, dither.as_str())] {
+            // this world gives exact numbers no noise
+            if more.is_empty() && (name.contains("moteus") || name.contains("odrive")) {
+                continue;
+            }
+            let text = World::text(&drive, more);
+            let record = Some(Record::default());
+            let world = World { record, noise, ..World::read(text.clone()) };
+            let mut world = prepared(world, &drive);
+            // learned longer ago than the log is long
+            world.cycles(1000);
+            let position = world.shafts[0].position;
+            world.shafts[0].encoder = Encoder::Frozen { position, velocity_too: true };
+            world.cycles(200);
+            let faults = checked(name, &text, &world);
+            let reasons: Vec<Reason> = faults.iter().map(|(_, _, reason)| *reason).collect();
+            assert_eq!(reasons, [Reason::FeedbackFrozen], "{name} {noise} {more:?}");
+        }
+    }
+}
+
+#[test]
+fn a_motor_that_came_back_elsewhere_before_a_fault_log_begins_is_elsewhere_in_it() {
+    let record = Some(Record::default());
+    let mut world = World { record, ..World::read(TWO.to_owned()) };
+    assert!(world.arm().is_some());
+    world.give(Setpoint { stiffness: 5.0, damping: 0.1, ..Setpoint::default() });
+    world.operate(Operation::Disarm);
+    world.cycles(500);
+    world.shafts[0].position += 1.0;
+    world.cycles(1000);
+    world.operate(Operation::Arm);
+    world.cycles(125);
+    assert_eq!(world.state(0), (MechanismState::Disabled, Reason::PositionChanged));
+    assert_eq!(world.state(1).0, MechanismState::Enabled, "{:?}", world.state(1));
+    world.shafts[1].motor.silence(true);
+    world.cycles(100);
+    let faults = checked("elsewhere", TWO, &world);
+    assert_eq!(faults.iter().map(|(_, of, _)| *of).collect::<Vec<_>>(), [1]);
+}

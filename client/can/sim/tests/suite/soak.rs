@@ -135,6 +135,8 @@ impl Run {
         let load = if some(&mut chance) { chance.within(-0.6, 0.0) } else { 0.0 };
         let speed = chance.within(8.0, 25.0);
         let gains = [shaft.inertia * speed * speed, 1.4 * shaft.inertia * speed];
+        // the bridge learns at rest how noisy an encoder is
+        world.noise = if some(&mut chance) { 0.0 } else { chance.within(0.0, 2.0) };
         let armed = (0..5).any(|_| {
             world.bridge.operate(world.now_ns, Operation::Reset);
             world.arm().is_some()
@@ -151,7 +153,6 @@ impl Run {
             world.jitter_ns =
                 [most_ns, 3e6].map(|most: f64| (most * chance.within(0.0, 1.0)) as u64);
         }
-        world.noise = if some(&mut chance) { 0.0 } else { chance.within(0.0, 2.0) };
         let bursts =
             if some(&mut chance) { [(6 * MS).max(3 * period_ns) / period_ns, 3] } else { [0, 0] };
         let next =

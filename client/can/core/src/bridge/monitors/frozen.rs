@@ -102,7 +102,7 @@ impl Frozen {
         };
         self.still += elapsed;
         self.held += seen.elapsed;
-        let moved = self.passed.abs() > PASSED * steps.position || self.held > seen.longest;
+        let moved = self.passed.abs() > PASSED * steps.position || self.held > seen.dwell;
         let change = (self.high - self.low) / limits.effort;
         let pushed = change > bounds.frozen;
         if pushed {

@@ -65,7 +65,7 @@ pub(super) struct Seen<'a> {
     /// The positions from which it can stop at any allowed speed.
     pub(super) free: &'a [f64; 2],
     /// A position that stays one code for longer is frozen `[s]`.
-    pub(super) longest: f64,
+    pub(super) dwell: f64,
     pub(super) mode: Mode,
     /// It follows commands: neither late ones, nor a stop.
     pub(super) is_following: bool,

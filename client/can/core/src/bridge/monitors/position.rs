@@ -66,7 +66,7 @@ fn is_too_fast(seen: &Seen<'_>) -> bool {
     // a speed that is hidden or not reported shows in the positions
     let way = seen.way();
     let noise = NOISE * steps.position;
-    let by_way = (way.abs() - noise) / (seen.elapsed + seen.period);
+    let by_way = (way.abs() - noise) / (seen.longest() + seen.period);
     let speed = measured.velocity.abs().max(by_way);
     let ahead = if by_way > 0.0 { way } else { measured.velocity };
     let room = match ahead > 0.0 {

@@ -30,17 +30,13 @@ pub(in crate::bridge) struct Punctual {
     n_intervals: f64,
     /// The motor was not asked until nothing was on its way any more, or for other things.
     has_paused: bool,
-    /// It answers each request with a measurement.
-    is_paired: bool,
     /// How much older than its arrival the newest measurement may be `[s]`.
     pub(in crate::bridge) late: f64,
 }
 
 impl Punctual {
     /// A measurement came, this long after the one before `[s]`.
-    pub(in crate::bridge) fn take(&mut self, elapsed: f64, is_paired: bool) {
-        self.has_paused |= is_paired && !self.is_paired;
-        self.is_paired = is_paired;
+    pub(in crate::bridge) fn take(&mut self, elapsed: f64) {
         if self.has_paused {
             // it answers the newest request
             (self.has_paused, self.late) = (false, 0.0);
@@ -58,10 +54,10 @@ impl Punctual {
         }
     }
 
-    /// The motor goes without requests until it is silent.
+    /// The motor goes without requests until it is silent, or answers other ones until now.
     pub(super) fn pause(&mut self) {
         self.has_paused = true;
     }
 }
 
-state!(Punctual { mean, n_intervals, has_paused, is_paired, late });
+state!(Punctual { mean, n_intervals, has_paused, late });

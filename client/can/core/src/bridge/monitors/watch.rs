@@ -7,6 +7,7 @@ use crate::bridge::motor::Motor;
 use crate::bridge::rest::Rest;
 use crate::bridge::whereabouts::Allowed;
 use crate::bridge::{Bridge, BusState};
+use crate::drive::Pairing;
 use crate::frame::Frame;
 use crate::mapping::ActuatorSetpoint;
 
@@ -49,7 +50,7 @@ impl Motor {
         if self.measured_ns == self.seen_ns {
             return None;
         }
-        let longest = self.longest();
+        let dwell = self.dwell();
         let since = self.seen_ns.zip(self.measured_ns);
         let Monitors { bounds, steps, rules, punctual, .. } = &mut self.monitors;
         let found = since.and_then(|(before, measured)| {
@@ -67,7 +68,7 @@ impl Motor {
                 limits: &self.config.limits,
                 braking: &self.braking,
                 free: &self.free,
-                longest,
+                dwell,
                 mode: self.config.common.mode,
                 is_following,
             })
@@ -118,7 +119,7 @@ impl Motor {
     }
 
     /// How long its position may stay one code.
-    fn longest(&self) -> f64 {
+    fn dwell(&self) -> f64 {
         if self.noise.is_noisy() {
             noise::NOISY
         } else if self.is_dithered {
@@ -148,7 +149,12 @@ impl Motor {
         has_power: bool,
         bus_has_power: bool,
     ) -> bool {
-        if !self.is_paired() || bus_has_power && self.is_synchronous {
+        let was_paired = self.is_paired;
+        self.is_paired = self.config.drive.pairing() == Pairing::Paired;
+        if self.is_paired && !was_paired {
+            self.monitors.punctual.pause();
+        }
+        if !self.is_paired || bus_has_power && self.is_synchronous {
             return false;
         }
         let pauses = self.monitors.age.pauses(now_ns, has_power, &mut self.monitors.answers);
@@ -172,7 +178,7 @@ impl Motor {
 
     /// It was asked for a measurement, with so many frames.
     pub(in crate::bridge) fn ask(&mut self, n_frames: usize) {
-        if self.is_paired() {
+        if self.is_paired {
             let Monitors { answers, age, .. } = &mut self.monitors;
             answers.ask(n_frames, self.is_synchronous && !age.explains(answers.open));
         } else {

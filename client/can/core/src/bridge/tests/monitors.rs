@@ -14,7 +14,7 @@ struct Line {
     asked: [ActuatorSetpoint; 2],
     stiffness: f64,
     braking: [f64; 2],
-    longest: f64,
+    dwell: f64,
     before: ActuatorMeasurement,
     elapsed: f64,
     late: [f64; 2],
@@ -48,7 +48,7 @@ impl Line {
             asked: [NOTHING; 2],
             stiffness: 0.0,
             braking: [50.0, 0.05],
-            longest: f64::INFINITY,
+            dwell: f64::INFINITY,
             before: STILL,
             elapsed: PERIOD,
             late: [0.0; 2],
@@ -76,7 +76,7 @@ impl Line {
             limits: &self.limits,
             braking: &self.braking,
             free: &[1.0, -1.0],
-            longest: self.longest,
+            dwell: self.dwell,
             mode: self.mode,
             is_following: true,
         });
@@ -291,7 +291,7 @@ fn frames_that_are_late_once_are_neither_a_jump_nor_a_speed() {
         let taken = PERIOD * f64::from(i);
         let late = if i > 100 && i % 100 < 3 { 3.0 - f64::from(i % 100) } else { 0.0 };
         let arrives = taken + PERIOD * late;
-        punctual.take(arrives - came, true);
+        punctual.take(arrives - came);
         (line.elapsed, line.late) = (arrives - came, [late_before, punctual.late]);
         (came, late_before) = (arrives, punctual.late);
         let measured = ActuatorMeasurement { position: 3.0 * taken, velocity: 3.0, ..STILL };
@@ -299,7 +299,7 @@ fn frames_that_are_late_once_are_neither_a_jump_nor_a_speed() {
     }
     // one that waited while this program did not run, and the next
     for (taken, arrives) in [(8.0, 8.3), (8.301, 8.302)] {
-        punctual.take(arrives - came, true);
+        punctual.take(arrives - came);
         (line.elapsed, line.late) = (arrives - came, [late_before, punctual.late]);
         (came, late_before) = (arrives, punctual.late);
         let measured = ActuatorMeasurement { position: 3.0 * taken, velocity: 3.0, ..STILL };
@@ -334,14 +334,21 @@ fn a_joint_that_cannot_stop_before_its_limit_is_stopped_in_time() {
     let hidden = |i: f64| ActuatorMeasurement { velocity: 0.0, ..at(0.7, 4.5)(i) };
     let mut line = Line::new();
     assert!(line.run(9, hidden).is_some());
+    // 2 rad/s, which five measurements in two cycles do not double where one waited for three
+    let mut line = Line::new();
+    line.before = at(0.62, 2.0)(0.0);
+    (line.elapsed, line.late) = (4.0 * PERIOD, [0.0, 3.0 * PERIOD]);
+    assert_eq!(line.see(at(0.62, 2.0)(1.0)), None);
+    (line.elapsed, line.late) = (PERIOD, [3.0 * PERIOD, 0.0]);
+    assert_eq!(line.see(at(0.62, 2.0)(5.0)), None);
     // slowly to the limit itself
     assert_eq!(first(0.99, 0.1), None);
 }
 
 #[test]
 fn a_held_code_is_frozen_where_noise_or_a_dither_would_change_it() {
-    let held = |longest: f64, n: usize| {
-        let mut line = Line { longest, ..Line::new() };
+    let held = |dwell: f64, n: usize| {
+        let mut line = Line { dwell, ..Line::new() };
         line.ask(ActuatorSetpoint { effort: 1.5, ..NOTHING });
         let at = |i: f64| ActuatorMeasurement { position: 1e-3 * i.min(9.0), effort: 1.5, ..STILL };
         line.run(n, at)
