@@ -301,9 +301,9 @@ impl Motor {
 
 state!(Motor {
     config, drive, is_paired, is_silent, measured, velocity, measured_ns, own_late_ns,
-    is_malformed, is_known, sent_ns, flags, hold, deflection, last_position, last_effort, last_total, gravity, stop, noise,
-    phase, is_dithered, rest, whereabouts, lasting, chatter, monitors, before, seen_ns, late_before,
-    asked, stiffness;
+    is_malformed, is_known, sent_ns, flags, hold, deflection, last_position, last_effort,
+    last_total, gravity, stop, noise, phase, is_dithered, rest, whereabouts, lasting, chatter,
+    monitors, before, seen_ns, late_before, asked, stiffness;
     mechanism, is_synchronous, stop_damping, most_damping, braking, free
 });
 

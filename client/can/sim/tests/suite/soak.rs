@@ -135,7 +135,8 @@ impl Run {
         let load = if some(&mut chance) { chance.within(-0.6, 0.0) } else { 0.0 };
         let speed = chance.within(8.0, 25.0);
         let gains = [shaft.inertia * speed * speed, 1.4 * shaft.inertia * speed];
-        // the bridge learns at rest how noisy an encoder is
+        // the first report says in which turn it is; later the bridge learns how noisy it is
+        world.cycles(100);
         world.noise = if some(&mut chance) { 0.0 } else { chance.within(0.0, 2.0) };
         let armed = (0..5).any(|_| {
             world.bridge.operate(world.now_ns, Operation::Reset);
