@@ -15,7 +15,7 @@ use sarrus_proto::actuators::{MechanismState, Operation, Reason};
 
 use crate::attack_table::drives;
 use crate::closed_loop::{DBC, DBC_FILE};
-use crate::world::{Chance, Encoder, MS, World};
+use crate::world::{Chance, Encoder, MS, Shaft, World};
 
 /// Time of the motion before the attack, and time to find it `[s]`.
 const QUIET_S: f64 = 20.0;
@@ -24,6 +24,10 @@ const FOUND_S: f64 = 10.0;
 const SPEED: f64 = 5.0;
 const EFFORT: f64 = 2.0;
 const PART: f64 = 0.85;
+/// Least deceleration of a stop, SPEED in 0.4 s `[rad/s²]`.
+const BRAKE: f64 = SPEED / 0.4;
+/// Part of the way to a limit for which a stop is true by the codes of position and velocity.
+const CODES: f64 = 0.98;
 
 fn number(name: &str, usual: u64) -> u64 {
     std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(usual)
@@ -113,8 +117,19 @@ struct Run {
     rest_ns: u64,
     /// Longest time for which answers are held back, and for which frames are cut off `[cycles]`.
     bursts: [u64; 2],
-    /// The fastest lately `[rad/s]`.
+    /// The fastest lately `[rad/s]`, and the greatest part of the way to a limit that a stop
+    /// needed.
     fastest: f64,
+    braking: f64,
+}
+
+/// Part of the way to the limit, and a quarter of its margin, that the least brake of the
+/// configuration needs: `position_limit` in the README.
+fn braking(shaft: &Shaft, period_ns: u64) -> f64 {
+    let speed = shaft.velocity.abs();
+    let delay = 0.04 + 4e-9 * period_ns as f64;
+    let room = 3.015 - shaft.position * shaft.velocity.signum();
+    speed * (0.5 * speed / BRAKE + delay) / room
 }
 
 impl Run {
@@ -171,6 +186,7 @@ impl Run {
             rest_ns: armed_ns + 800 * MS,
             bursts,
             fastest: 0.0,
+            braking: 0.0,
         })
     }
 
@@ -205,6 +221,7 @@ impl Run {
         world.cycle();
         let fastest = 0.99 * self.fastest;
         self.fastest = fastest.max(world.shafts[0].velocity.abs());
+        self.braking = (0.999 * self.braking).max(braking(&world.shafts[0], period_ns));
     }
 
     /// Runs until something is found, or for this time; the reason.
@@ -297,7 +314,7 @@ fn nothing_is_found_where_nothing_is_wrong_and_every_attack_is() {
         seconds += (run.world.now_ns - begin_ns) as f64 * 1e-9;
         let about = format!(
             "seed {seed}, {} at {} Hz, loss {:.3}, jitter {:?} µs, noise {:.1}, bursts {:?}, \
-                fastest {:.2} rad/s",
+                fastest {:.2} rad/s, braking {:.3}",
             run.name,
             1_000_000_000 / run.world.period_ns,
             run.world.loss,
@@ -305,10 +322,13 @@ fn nothing_is_found_where_nothing_is_wrong_and_every_attack_is() {
             run.world.noise,
             run.bursts,
             run.fastest,
+            run.braking,
         );
         let is_true = match alarm {
             Some(Reason::VelocityLimit) => run.fastest > 1.05 * SPEED,
-            Some(Reason::PositionLimit) => run.world.shafts[0].position.abs() > 3.03,
+            Some(Reason::PositionLimit) => {
+                run.world.shafts[0].position.abs() > 3.03 || run.braking > CODES
+            }
             _ => false,
         };
         if is_true {
