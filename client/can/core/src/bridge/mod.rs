@@ -39,7 +39,7 @@ pub use crate::event::{BusEvent, BusState};
 use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Reason, flag};
 
 use crate::config::{Commissioning, Configuration};
-use crate::drive::{DriveCommand, Receipt};
+use crate::drive::{DriveCommand, Power, Receipt};
 use crate::frame::{Frame, FrameQueue};
 use bus::{Bus, FRAMES_PER_MOTOR};
 use course::Course;
@@ -312,7 +312,11 @@ impl Bridge {
                 };
                 motor.config.drive.cycle(now_ns, command, &mut bus.queue);
             }
-            motor.ask_drive();
+            // one that keeps its power is asked before the rules of the next cycle
+            let keeps_power = course.is_some_and(|course| course != Course::QuickStop);
+            if !keeps_power || motor.drive.power != Power::On {
+                motor.ask_drive();
+            }
             let mut n_frames = bus.queue.frames().len() - n_before;
             if n_frames > 1 {
                 n_frames -= motor.heartbeats(bus.queue.frames().get(n_before..));
